@@ -1,0 +1,127 @@
+"""A model turned round: the force we want -> the force to ask the rotors for, all of the model's effects considered.
+
+Any model can be the compensator, the one without effects too. A compensator is limited on purpose: it corrects at most
+a band around 1, and its correction fades out beyond the heights of the data that its effects were fitted on.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from pydantic import Field
+
+from quadctl.effects import Conditions
+from quadctl.errors import SettingsError
+from quadctl.frames import rotate, rotate_inverse
+from quadctl.model import Model, StackedEffect, conditions
+from quadctl.numeric import Number
+from quadctl.settings import Settings
+from quadctl.state import Vec3, VehicleState
+
+
+class CompensatorLimits(Settings):
+    """How far a compensator may go."""
+
+    band: float = Field(default=0.3, gt=0.0, lt=1.0)
+    """Thrust is corrected by at most this fraction either way; side forces up to this fraction of the weight."""
+    fade_m: float = Field(default=0.3, gt=0.0)
+    """Beyond the heights of the fit the correction falls to nothing over this distance."""
+
+
+class Compensation(NamedTuple):
+    """What the compensator makes of one tick."""
+
+    thrust_ratio: float
+    """Thrust that the rotors give over the thrust that k rpm^2 promises: divide the command by it."""
+    force_ned_n: Vec3
+    """Force of the effects that is not thrust: subtract it from the wanted force."""
+
+
+NOTHING = Compensation(1.0, (0.0, 0.0, 0.0))
+
+
+class Compensator:
+    """Evaluates a model's effects for the present state of flight."""
+
+    def __init__(self, model: Model, limits: CompensatorLimits | None = None) -> None:
+        self.model = model
+        self.limits = limits or CompensatorLimits()
+        self._trusted_m = [_trusted_heights(item) for item in model.stack]
+
+    def __call__(self, state: VehicleState, ground_down_m: float, thrust_n: float) -> Compensation:
+        """Correction for `state`, the ground being at `ground_down_m` (NED) and the rotors giving about `thrust_n`."""
+        if not self.model.stack:
+            return NOTHING
+        vehicle = self.model.vehicle
+        c = conditions(
+            vehicle,
+            ground_down_m - state.position_ned_m[2],
+            rotate_inverse(state.attitude, state.velocity_ned_m_s),
+            state.attitude,
+            state.time_s,
+            state.battery_v,
+        )
+        total = max(thrust_n, 0.1 * vehicle.weight_n)
+        thrusts: Sequence[Number] = [total / vehicle.n_rotors] * vehicle.n_rotors
+        ratio = 1.0
+        fx = fy = fz = 0.0
+        for item, trusted_m in zip(self.model.stack, self._trusted_m, strict=True):
+            trust = self._trust(c.height_m, trusted_m)
+            thrusts = item.effect.rotor_thrust(thrusts, c, vehicle)
+            before, total = total, sum(thrusts)
+            ratio *= 1.0 + trust * (total / before - 1.0)
+            ex, ey, ez = item.effect.force(total, c, vehicle)
+            fx, fy, fz = fx + trust * ex, fy + trust * ey, fz + trust * ez
+        longest = self.limits.band * vehicle.weight_n
+        length = math.sqrt(fx * fx + fy * fy + fz * fz)
+        shrink = longest / length if length > longest else 1.0
+        force = rotate(c.attitude, (shrink * fx, shrink * fy, shrink * fz))
+        band = self.limits.band
+        return Compensation(min(max(ratio, 1.0 - band), 1.0 + band), force)
+
+    def _trust(self, height_m: float, trusted_m: tuple[float, float]) -> float:
+        """1 inside the heights of an effect's data, falling linearly to 0 beyond them."""
+        outside = max(trusted_m[0] - height_m, height_m - trusted_m[1], 0.0)
+        return max(0.0, 1.0 - outside / self.limits.fade_m)
+
+
+def _trusted_heights(item: StackedEffect) -> tuple[float, float]:
+    """Heights of the rotor plane that the data of a fitted, height-dependent effect cover; else all heights."""
+    if item.fitted is None or item.fitted.height_m is None or "height_over_radius" not in item.effect.depends_on:
+        return -math.inf, math.inf
+    return item.fitted.height_m
+
+
+def check_compensator(model: Model, lowest_m: float, highest_m: float, source: str) -> list[str]:
+    """Refuse a compensator that must not fly; return warnings about one that may but looks unphysical.
+
+    The thrust ratio is evaluated in level hover from `lowest_m` to `highest_m` (height of the rotor plane).
+
+    Raises
+    ------
+    SettingsError
+        The ratio has a pole, is not positive or not finite somewhere in that range.
+    """
+    vehicle = model.vehicle
+    rotors = [vehicle.weight_n / vehicle.n_rotors] * vehicle.n_rotors
+    steps = 200
+    heights = [lowest_m + (highest_m - lowest_m) * i / steps for i in range(steps + 1)]
+    ratios = []
+    for z in heights:
+        c = Conditions(z, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
+        try:
+            ratio = float(sum(model.rotor_thrust(rotors, c))) / vehicle.weight_n  # type: ignore[arg-type]
+        except ZeroDivisionError:
+            ratio = math.inf
+        if not math.isfinite(ratio) or ratio <= 0.0:
+            raise SettingsError(
+                f"{source}: the thrust ratio is {ratio:g} at a rotor height of {z:.2f} m, "
+                f"expected a finite positive number from {lowest_m:g} to {highest_m:g} m: not safe to fly"
+            )
+        ratios.append(ratio)
+    warnings = []
+    if any(b > a + 1e-6 for a, b in zip(ratios, ratios[1:], strict=False)):
+        warnings.append(f"{source}: the thrust ratio rises with height somewhere, no ground effect does")
+    if ratios[0] < 0.999 * ratios[-1]:
+        warnings.append(f"{source}: the thrust ratio is lower near the ground than far from it, no ground effect is")
+    return warnings

@@ -1,0 +1,67 @@
+"""One tick of control, in the order of the signal: setpoint and state in, attitude and throttle out. No clock, no I/O."""
+
+from typing import NamedTuple
+
+from quadctl.compensator import NOTHING, Compensation, Compensator
+from quadctl.control.attitude import attitude_for_force, thrust_along_body
+from quadctl.control.settings import ControllerSettings
+from quadctl.control.throttle import throttle_for_thrust
+from quadctl.control.velocity import VelocityMemory, acceleration_setpoint, velocity_setpoint
+from quadctl.frames import GRAVITY_M_S2
+from quadctl.state import AttitudeTarget, Setpoint, Vec3, VehicleState
+from quadctl.vehicle import Vehicle
+
+
+class Memory(NamedTuple):
+    """What control carries from one tick to the next."""
+
+    velocity: VelocityMemory = VelocityMemory()
+    thrust_n: float = 0.0
+    """Thrust asked of the rotors at the last tick: the compensator's first guess of what they give now."""
+
+
+class ControlOutput(NamedTuple):
+    """The target, and what led to it, for the log."""
+
+    target: AttitudeTarget
+    thrust_n: float
+    """Wanted along the body axis, before compensation."""
+    compensation: Compensation
+    velocity_sp: Vec3
+    acceleration_sp: Vec3
+    memory: Memory
+
+
+def control(
+    setpoint: Setpoint,
+    state: VehicleState,
+    memory: Memory,
+    dt: float,
+    ground_down_m: float,
+    vehicle: Vehicle,
+    settings: ControllerSettings,
+    compensator: Compensator | None = None,
+) -> ControlOutput:
+    """Position P -> velocity PID -> force -> compensation -> attitude and thrust -> throttle."""
+    velocity_sp = velocity_setpoint(setpoint, state.position_ned_m, settings)
+    acceleration, velocity_memory = acceleration_setpoint(
+        velocity_sp, state.velocity_ned_m_s, setpoint.acceleration_ned_m_s2, memory.velocity, dt, settings
+    )
+    # Gravity is fed forward: the integrator must not have to find the weight.
+    m = vehicle.mass_kg
+    wanted: Vec3 = (m * acceleration[0], m * acceleration[1], m * (acceleration[2] - GRAVITY_M_S2))
+    guess = memory.thrust_n or vehicle.weight_n
+    compensation = compensator(state, ground_down_m, guess) if compensator is not None else NOTHING
+    fx, fy, fz = compensation.force_ned_n
+    rotor_force: Vec3 = (wanted[0] - fx, wanted[1] - fy, wanted[2] - fz)
+    attitude = attitude_for_force(rotor_force, setpoint.yaw_rad)
+    rotor_thrust_n = thrust_along_body(rotor_force, state.attitude) / compensation.thrust_ratio
+    throttle = throttle_for_thrust(rotor_thrust_n, vehicle, settings.min_throttle, settings.max_throttle)
+    return ControlOutput(
+        AttitudeTarget(attitude, throttle),
+        thrust_along_body(wanted, state.attitude),
+        compensation,
+        velocity_sp,
+        acceleration,
+        Memory(velocity_memory, rotor_thrust_n),
+    )

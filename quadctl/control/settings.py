@@ -1,0 +1,42 @@
+"""Gains and limits of the controller (config/controller.yaml). Defaults are the thesis' gains, tuned out of ground effect."""
+
+from pydantic import Field, NonNegativeFloat, PositiveFloat, model_validator
+
+from quadctl.settings import Settings
+
+
+class AxisGains(Settings):
+    """Velocity PID of one axis pair: m/s^2 per m/s, per m, per m/s^2."""
+
+    p: NonNegativeFloat
+    i: NonNegativeFloat
+    d: NonNegativeFloat
+
+
+class ControllerSettings(Settings):
+    """Gains, limits and rate of the cascade."""
+
+    rate_hz: float = Field(default=50.0, ge=10.0, le=250.0)
+    position_p: NonNegativeFloat = 0.95
+    """1/s: velocity setpoint per position error."""
+    velocity_horizontal: AxisGains = AxisGains(p=1.4, i=0.4, d=0.2)
+    velocity_vertical: AxisGains = AxisGains(p=4.0, i=2.0, d=0.0)
+    max_horizontal_m_s: PositiveFloat = 12.0
+    max_up_m_s: PositiveFloat = 3.0
+    max_down_m_s: PositiveFloat = 1.0
+    max_tilt_deg: float = Field(default=35.0, gt=0.0, lt=80.0)
+    max_integral_m_s2: PositiveFloat = 4.0
+    """Largest acceleration that the integrator of one axis may ask for."""
+    max_acceleration_up_m_s2: PositiveFloat = 8.0
+    max_acceleration_down_m_s2: float = Field(default=7.0, gt=0.0, lt=9.0)
+    """Below gravity: a vehicle that may not push down keeps thrust, and with it attitude control."""
+    derivative_time_s: PositiveFloat = 0.05
+    """Time constant of the filter on the measured acceleration of the D term."""
+    min_throttle: float = Field(default=0.05, ge=0.0, lt=1.0)
+    max_throttle: float = Field(default=0.9, gt=0.0, le=1.0)
+
+    @model_validator(mode="after")
+    def _ordered(self) -> "ControllerSettings":
+        if self.min_throttle >= self.max_throttle:
+            raise ValueError(f"min_throttle is {self.min_throttle}, expected less than max_throttle {self.max_throttle}")
+        return self

@@ -1,0 +1,135 @@
+"""What an effect is: a frozen dataclass of named, bounded parameters and pure functions of the flight conditions.
+
+The same object predicts (arrays: a whole log), compensates (floats: one control tick) and simulates (floats: one
+physics step). An effect acts in one of two ways, and overrides the matching hook:
+
+- `rotor_thrust`: it changes the thrust that each rotor gives at its speed (ground effect, inflow, ...);
+- `force`: it adds a force on the body that is not along the rotors' axes (drag, a tilted thrust axis, ...).
+"""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar, Self
+
+from quadctl.errors import SettingsError
+from quadctl.frames import Quaternion
+from quadctl.numeric import Number, Vector
+from quadctl.settings import nearest
+from quadctl.vehicle import Vehicle
+
+NO_FORCE: Vector = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Conditions:
+    """What an effect may depend on; every field is one value or an array with one value per sample, shape (n,)."""
+
+    height_m: Number
+    """Height of the rotor plane above the ground."""
+    velocity_body_m_s: Vector
+    """Velocity over ground, FRD."""
+    attitude: Quaternion
+    """Body to world."""
+    time_s: Number = 0.0
+    """Since the start of the log or flight."""
+    battery_v: Number = float("nan")
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """Declaration of one parameter: its bounds are those of physics, not of taste."""
+
+    name: str
+    default: float
+    low: float
+    high: float
+    unit: str
+    meaning: str
+    fitted: bool = True
+    """False: kept at its value unless the user asks for it to be fitted."""
+
+
+def parameter(default: float, low: float, high: float, unit: str, meaning: str, *, fitted: bool = True) -> Any:
+    """A dataclass field that declares a parameter of an effect."""
+    return dataclasses.field(
+        default=default, metadata={"low": low, "high": high, "unit": unit, "meaning": meaning, "fitted": fitted}
+    )
+
+
+@dataclass(frozen=True)
+class Effect:
+    """Base of all effects. Subclasses are frozen dataclasses whose fields are declared with `parameter`."""
+
+    name: ClassVar[str]
+    """`family.variant`, as in model files."""
+    source: ClassVar[str]
+    """Paper and equation."""
+    depends_on: ClassVar[tuple[str, ...]]
+    """Variables of the lab's residual plots that this effect varies with."""
+    physics: ClassVar[str]
+    """One sentence for a person: what happens and why."""
+    told_apart_by: ClassVar[str]
+    """What flight distinguishes it from its look-alikes."""
+    mission: ClassVar[str]
+    """The mission file that shows this effect best."""
+
+    @classmethod
+    def family(cls) -> str:
+        return cls.name.partition(".")[0]
+
+    @classmethod
+    def parameters(cls) -> tuple[Parameter, ...]:
+        return tuple(
+            Parameter(name=field.name, default=float(field.default), **field.metadata)  # type: ignore[arg-type]
+            for field in dataclasses.fields(cls)
+        )
+
+    @classmethod
+    def from_values(cls, values: Mapping[str, Any], source: str) -> Self:
+        """An effect with the parameters of a file; those not named keep their default.
+
+        Raises
+        ------
+        SettingsError
+            A name is not a parameter of this effect, or a value is no number or out of bounds; `source` is named.
+        """
+        declared = {p.name: p for p in cls.parameters()}
+        for name, value in values.items():
+            if name not in declared:
+                expected = f", expected one of: {', '.join(declared)}" if declared else ", expected none"
+                raise SettingsError(
+                    f"{source}: {cls.name} has no parameter '{name}'{nearest(name, declared) or expected}"
+                )
+            bounds = declared[name]
+            number = isinstance(value, int | float) and not isinstance(value, bool)
+            if not number or not bounds.low <= value <= bounds.high:
+                raise SettingsError(
+                    f"{source}: parameter {name} of {cls.name} is {value}, "
+                    f"expected a number from {bounds.low:g} to {bounds.high:g} {bounds.unit}".rstrip()
+                )
+        return cls(**{name: float(value) for name, value in values.items()})
+
+    def values(self) -> dict[str, float]:
+        return {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
+
+    def rotor_thrust(self, thrust_n: Sequence[Number], c: Conditions, vehicle: Vehicle) -> Sequence[Number]:
+        """Thrust of each rotor, N, given what it would be without this effect."""
+        return thrust_n
+
+    def force(self, total_thrust_n: Number, c: Conditions, vehicle: Vehicle) -> Vector:
+        """Further force on the body, FRD, N; `total_thrust_n` is the thrust of all rotors, all effects included."""
+        return NO_FORCE
+
+
+@dataclass(frozen=True)
+class ThrustRatio(Effect):
+    """An effect that multiplies the thrust of all rotors by the same ratio."""
+
+    def ratio(self, c: Conditions, vehicle: Vehicle) -> Number:
+        """Thrust with the effect over thrust without it."""
+        raise TypeError(f"{type(self).__name__} does not say its thrust ratio")
+
+    def rotor_thrust(self, thrust_n: Sequence[Number], c: Conditions, vehicle: Vehicle) -> Sequence[Number]:
+        ratio = self.ratio(c, vehicle)
+        return [ratio * thrust for thrust in thrust_n]

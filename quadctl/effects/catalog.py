@@ -1,0 +1,34 @@
+"""The effects that the project knows, by name. A new effect is one class in one file and one line here."""
+
+from quadctl.effects.base import Effect
+from quadctl.effects.ground_effect import Cheeseman, Exponential, Hayden, Sanchez
+from quadctl.effects.inflow import AxialInflow
+from quadctl.effects.rotor_drag import LinearDrag
+from quadctl.effects.thrust_scale import ConstantScale
+from quadctl.effects.thrust_tilt import FixedTilt
+from quadctl.errors import SettingsError
+from quadctl.settings import nearest
+
+CATALOG: dict[str, type[Effect]] = {
+    effect.name: effect
+    for effect in (ConstantScale, Exponential, Sanchez, Cheeseman, Hayden, LinearDrag, AxialInflow, FixedTilt)
+}
+
+
+def find_effect(word: str, source: str) -> type[Effect]:
+    """The effect called `word`: its full name, its variant alone, or its family (then the family's first variant).
+
+    Raises
+    ------
+    SettingsError
+        No effect has that name; the sentence names `source` and the nearest known name.
+    """
+    if word in CATALOG:
+        return CATALOG[word]
+    for by in (lambda name: name.partition(".")[2], lambda name: name.partition(".")[0]):
+        for name, effect in CATALOG.items():
+            if by(name) == word:
+                return effect
+    known = list(CATALOG) + [name.partition(".")[2] for name in CATALOG] + [name.partition(".")[0] for name in CATALOG]
+    hint = nearest(word, known) or f", expected one of: {', '.join(CATALOG)}"
+    raise SettingsError(f"{source}: there is no effect '{word}'{hint}")

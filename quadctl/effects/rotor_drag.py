@@ -1,0 +1,34 @@
+"""Rotor drag: blade flapping and induced drag give a force against the body's velocity, linear in it."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from quadctl.effects.base import Conditions, Effect, parameter
+from quadctl.numeric import Number, Vector
+from quadctl.vehicle import Vehicle
+
+
+@dataclass(frozen=True)
+class LinearDrag(Effect):
+    """F = -m D v in body axes, D = diag(d_x, d_y, d_z).
+
+    d_z is 0 unless asked for: in near-hover flight it cannot be told from `inflow`, which is its physical cause.
+    """
+
+    name: ClassVar[str] = "rotor_drag.linear"
+    source: ClassVar[str] = "Faessler et al. 2018, IEEE RA-L 3(2), eq. 2-3"
+    depends_on: ClassVar[tuple[str, ...]] = ("speed_forward", "speed_right")
+    physics: ClassVar[str] = (
+        "Blade flapping and the rotors' induced drag push against the flight velocity, in proportion to it."
+    )
+    told_apart_by: ClassVar[str] = "steady runs at several speeds, both ways, so that wind and a tilted thrust cancel"
+    mission: ClassVar[str] = "missions/forward_runs.yaml"
+
+    d_x: float = parameter(0.3, 0.0, 3.0, "1/s", "deceleration per forward velocity")
+    d_y: float = parameter(0.3, 0.0, 3.0, "1/s", "deceleration per sideward velocity")
+    d_z: float = parameter(0.0, 0.0, 3.0, "1/s", "deceleration per velocity along body z", fitted=False)
+
+    def force(self, total_thrust_n: Number, c: Conditions, vehicle: Vehicle) -> Vector:
+        u, v, w = c.velocity_body_m_s
+        m = vehicle.mass_kg
+        return -m * self.d_x * u, -m * self.d_y * v, -m * self.d_z * w

@@ -1,0 +1,27 @@
+"""Thrust coefficient or mass wrong by a factor."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from quadctl.effects.base import Conditions, ThrustRatio, parameter
+from quadctl.numeric import Number
+from quadctl.vehicle import Vehicle
+
+
+@dataclass(frozen=True)
+class ConstantScale(ThrustRatio):
+    """All rotors give `factor` times the thrust that the vehicle file says."""
+
+    name: ClassVar[str] = "thrust_scale.constant"
+    source: ClassVar[str] = "definition; PX4's hover-thrust estimator tracks the same quantity"
+    depends_on: ClassVar[tuple[str, ...]] = ()
+    physics: ClassVar[str] = (
+        "The thrust coefficient (or the mass) in the vehicle file is off by a factor: the error is the same everywhere."
+    )
+    told_apart_by: ClassVar[str] = "being the same at all heights, speeds and voltages"
+    mission: ClassVar[str] = "missions/hover_staircase_high.yaml"
+
+    factor: float = parameter(1.0, 0.5, 2.0, "", "true thrust over the vehicle file's thrust, per mass")
+
+    def ratio(self, c: Conditions, vehicle: Vehicle) -> Number:
+        return self.factor

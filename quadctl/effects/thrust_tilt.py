@@ -1,0 +1,34 @@
+"""Thrust tilt: the thrust axis is not the body axis that the attitude estimate speaks of."""
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+from quadctl.effects.base import Conditions, Effect, parameter
+from quadctl.numeric import Number, Vector
+from quadctl.vehicle import Vehicle
+
+
+@dataclass(frozen=True)
+class FixedTilt(Effect):
+    """The thrust points where that of a vehicle rolled by `roll_deg` and pitched by `pitch_deg` more would point."""
+
+    name: ClassVar[str] = "thrust_tilt.fixed"
+    source: ClassVar[str] = "geometry: R_y(pitch) R_x(roll) (0, 0, -1)"
+    depends_on: ClassVar[tuple[str, ...]] = ()
+    physics: ClassVar[str] = (
+        "The rotors' common axis leans against the attitude estimate's vertical axis: a steady push to one side of the body."
+    )
+    told_apart_by: ClassVar[str] = "hovering at several headings: the push turns with the body, wind does not"
+    mission: ClassVar[str] = "missions/hover_staircase_high.yaml"
+
+    roll_deg: float = parameter(0.0, -8.0, 8.0, "deg", "thrust leans to the right")
+    pitch_deg: float = parameter(0.0, -8.0, 8.0, "deg", "thrust leans backward")
+
+    def force(self, total_thrust_n: Number, c: Conditions, vehicle: Vehicle) -> Vector:
+        roll, pitch = math.radians(self.roll_deg), math.radians(self.pitch_deg)
+        return (
+            -math.cos(roll) * math.sin(pitch) * total_thrust_n,
+            math.sin(roll) * total_thrust_n,
+            (1.0 - math.cos(roll) * math.cos(pitch)) * total_thrust_n,
+        )

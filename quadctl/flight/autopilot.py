@@ -1,0 +1,49 @@
+"""The port to an autopilot: what the flight needs of it, whether it is real, on the wire or in this process."""
+
+from typing import Protocol
+
+from quadctl.state import AttitudeTarget, VehicleState
+
+
+class Autopilot(Protocol):
+    """An autopilot that flies attitude and throttle targets in its offboard mode.
+
+    Requests return when the autopilot has accepted them and raise `FlightError` with its reason when it has not.
+    """
+
+    @property
+    def description(self) -> str:
+        """For the log: what it is and where."""
+        ...
+
+    async def connect(self) -> None:
+        """Open the link and wait for the first heartbeat; raises `LinkError` with one sentence when none comes."""
+        ...
+
+    async def request_telemetry(self) -> None:
+        """Ask for the message rates that control needs."""
+        ...
+
+    def state(self) -> VehicleState:
+        """The latest state, at once; parts that never arrived are nan."""
+        ...
+
+    def send(self, target: AttitudeTarget) -> None:
+        """Put one target on the wire, at once, once: nothing may repeat it."""
+        ...
+
+    async def arm(self) -> None: ...
+
+    async def start_offboard(self) -> None:
+        """Enter the mode that follows our targets; a stream of them must be running."""
+        ...
+
+    async def land(self) -> None:
+        """Enter the autopilot's own land mode."""
+        ...
+
+    async def hold(self) -> None:
+        """Hand over: enter the autopilot's own hold mode."""
+        ...
+
+    async def close(self) -> None: ...

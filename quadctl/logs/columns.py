@@ -1,0 +1,43 @@
+"""Names of the columns of a flight log, in their order in the file (data contracts, section 2)."""
+
+STATE_COLUMNS = (
+    "time_s",
+    "x_m",
+    "y_m",
+    "z_m",
+    "vx_m_s",
+    "vy_m_s",
+    "vz_m_s",
+    "roll_deg",
+    "pitch_deg",
+    "yaw_deg",
+    "roll_rate_rad_s",
+    "pitch_rate_rad_s",
+    "yaw_rate_rad_s",
+)
+COMMAND_COLUMNS = ("thrust_cmd_n", "throttle_cmd", "roll_cmd_deg", "pitch_cmd_deg", "yaw_cmd_deg")
+REFERENCE_COLUMNS = ("x_ref_m", "y_ref_m", "z_ref_m", "vx_ref_m_s", "vy_ref_m_s", "vz_ref_m_s")
+LOOP_COLUMNS = ("telemetry_age_s", "tick_late_s")
+OPTIONAL_COLUMNS = (
+    "ax_m_s2",
+    "ay_m_s2",
+    "az_m_s2",
+    "imu_x_m_s2",
+    "imu_y_m_s2",
+    "imu_z_m_s2",
+    "battery_v",
+    *COMMAND_COLUMNS,
+    *REFERENCE_COLUMNS,
+    "thrust_ratio",
+    *LOOP_COLUMNS,
+)
+PHASE_COLUMN = "phase"
+
+
+def rpm_columns(n_rotors: int) -> list[str]:
+    return [f"motor{i + 1}_rpm" for i in range(n_rotors)]
+
+
+def motor_columns(n_rotors: int, quantity: str) -> list[str]:
+    """`quantity` is `voltage_v` or `current_a`."""
+    return [f"motor{i + 1}_{quantity}" for i in range(n_rotors)]

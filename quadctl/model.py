@@ -1,0 +1,166 @@
+"""A flight model is a vehicle and a list of effects: load it, predict with it, save it (data contracts, section 4)."""
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import yaml
+from pydantic import Field
+
+from quadctl.effects import Conditions, Effect, find_effect
+from quadctl.errors import SettingsError
+from quadctl.frames import GRAVITY_M_S2, Quaternion, rotate
+from quadctl.numeric import Number, Vector
+from quadctl.settings import Settings, read_yaml, validate
+from quadctl.vehicle import Vehicle
+
+
+class Provenance(Settings):
+    """Where the parameters of an effect come from: written by `add`, read by people and by the compensator's limits."""
+
+    logs: list[str] = []
+    rmse_before: float | None = None
+    rmse_after: float | None = None
+    held_out: bool = False
+    ci95: dict[str, tuple[float, float]] = {}
+    height_m: tuple[float, float] | None = None
+    """Range of the rotor plane's height in the data of the fit."""
+    software: str | None = None
+
+
+@dataclass(frozen=True)
+class StackedEffect:
+    """One effect of a model, with its provenance where it was fitted."""
+
+    effect: Effect
+    fitted: Provenance | None = None
+
+
+@dataclass(frozen=True)
+class Model:
+    """A vehicle and its effects, in the order in which they were added; no effects: the rigid body."""
+
+    vehicle: Vehicle
+    stack: tuple[StackedEffect, ...] = ()
+    name: str = "rigid body"
+    vehicle_path: Path | None = field(default=None, compare=False)
+    """The file that the vehicle was read from, so that a saved model can refer to it."""
+
+    @cached_property
+    def effects(self) -> tuple[Effect, ...]:
+        return tuple(item.effect for item in self.stack)
+
+    def plus(self, effect: Effect, fitted: Provenance | None = None) -> "Model":
+        return replace(self, stack=(*self.stack, StackedEffect(effect, fitted)))
+
+    def with_effects(self, effects: Sequence[Effect]) -> "Model":
+        """The same stack with other parameters; `effects` in the stack's order."""
+        stack = tuple(StackedEffect(new, old.fitted) for new, old in zip(effects, self.stack, strict=True))
+        return replace(self, stack=stack)
+
+    def rotor_thrust(self, nominal_n: Sequence[Number], c: Conditions) -> Sequence[Number]:
+        """Thrust of each rotor, N, all effects included, from the nominal k rpm^2 of each."""
+        thrust = nominal_n
+        for effect in self.effects_on_thrust:
+            thrust = effect.rotor_thrust(thrust, c, self.vehicle)
+        return thrust
+
+    def body_force(self, nominal_n: Sequence[Number], c: Conditions) -> Vector:
+        """Force on the body without weight, FRD, N, from the nominal thrust of each rotor."""
+        thrust = self.rotor_thrust(nominal_n, c)
+        fx: Number = 0.0
+        fy: Number = 0.0
+        fz: Number = 0.0
+        for rotor, t in zip(self.vehicle.rotors, thrust, strict=True):
+            ax, ay, az = rotor.axis
+            fx, fy, fz = fx + ax * t, fy + ay * t, fz + az * t
+        total = sum(thrust)
+        for effect in self.effects_on_body:
+            ex, ey, ez = effect.force(total, c, self.vehicle)
+            fx, fy, fz = fx + ex, fy + ey, fz + ez
+        return fx, fy, fz
+
+    def acceleration_ned(self, nominal_n: Sequence[Number], c: Conditions) -> Vector:
+        """Kinematic acceleration, NED, m/s^2: what an ideal observer on the ground would measure."""
+        fx, fy, fz = rotate(c.attitude, self.body_force(nominal_n, c))
+        m = self.vehicle.mass_kg
+        return fx / m, fy / m, fz / m + GRAVITY_M_S2
+
+    @cached_property
+    def effects_on_thrust(self) -> tuple[Effect, ...]:
+        return tuple(e for e in self.effects if type(e).rotor_thrust is not Effect.rotor_thrust)
+
+    @cached_property
+    def effects_on_body(self) -> tuple[Effect, ...]:
+        return tuple(e for e in self.effects if type(e).force is not Effect.force)
+
+
+def conditions(
+    vehicle: Vehicle,
+    z_up_m: Number,
+    velocity_body_m_s: Vector,
+    attitude: Quaternion,
+    time_s: Number = 0.0,
+    battery_v: Number = float("nan"),
+) -> Conditions:
+    """Conditions of a vehicle whose logged position is `z_up_m` above the ground."""
+    return Conditions(z_up_m + vehicle.rotor_height_m, velocity_body_m_s, attitude, time_s, battery_v)
+
+
+class _EffectEntry(Settings):
+    effect: str
+    parameters: dict[str, Any] = {}
+    fitted: Provenance | None = None
+
+
+class _ModelFile(Settings):
+    vehicle: str | Vehicle
+    effects: list[_EffectEntry] = Field(default_factory=list)
+
+
+def load_model(path: Path | str) -> Model:
+    """Read a model file, or a bare vehicle file as the rigid-body model.
+
+    Raises
+    ------
+    SettingsError
+        One sentence that names file, field, value and what was expected.
+    """
+    path = Path(path)
+    data = read_yaml(path)
+    if "vehicle" not in data and "effects" not in data:
+        return Model(validate(data, Vehicle, str(path)), name=path.stem, vehicle_path=path)
+    entry = validate(data, _ModelFile, str(path))
+    if isinstance(entry.vehicle, str):
+        vehicle_path = path.parent / entry.vehicle
+        vehicle = validate(read_yaml(vehicle_path), Vehicle, str(vehicle_path))
+    else:
+        vehicle_path, vehicle = None, entry.vehicle
+    stack = tuple(
+        StackedEffect(find_effect(e.effect, str(path)).from_values(e.parameters, str(path)), e.fitted)
+        for e in entry.effects
+    )
+    return Model(vehicle, stack, name=path.stem, vehicle_path=vehicle_path)
+
+
+def save_model(model: Model, path: Path | str) -> None:
+    """Write `model` so that `load_model` gives it back; the vehicle is referred to where it came from a file."""
+    path = Path(path)
+    vehicle: Any = model.vehicle.model_dump(mode="json", exclude_none=True)
+    if model.vehicle_path is not None:
+        vehicle = os.path.relpath(model.vehicle_path.resolve(), path.resolve().parent)
+    effects = []
+    for item in model.stack:
+        entry: dict[str, Any] = {"effect": item.effect.name, "parameters": item.effect.values()}
+        if item.fitted is not None:
+            entry["fitted"] = item.fitted.model_dump(mode="json", exclude_none=True)
+        effects.append(entry)
+    text = yaml.safe_dump({"vehicle": vehicle, "effects": effects}, sort_keys=False)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise SettingsError(f"{path}: cannot be written ({error.strerror})") from None

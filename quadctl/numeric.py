@@ -1,0 +1,43 @@
+"""Elementary functions of one number or of an array.
+
+The control loop calls the physics 50 times a second with floats and must not allocate numpy scalars; the lab calls the
+same functions once with a whole log. `math` serves the first and numpy the second.
+"""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Number = float | NDArray[np.float64]
+"""One value, or one value per sample, shape (n,)."""
+
+Vector = tuple[Number, Number, Number]
+"""Three components, each a `Number`."""
+
+
+def _either(scalar: Callable[..., float], array: Callable[..., Any]) -> Callable[..., Any]:
+    def function(*arguments: Any) -> Any:
+        for argument in arguments:
+            if isinstance(argument, np.ndarray):
+                return array(*arguments)
+        return scalar(*arguments)
+
+    return function
+
+
+exp = _either(math.exp, np.exp)
+sqrt = _either(math.sqrt, np.sqrt)
+sin = _either(math.sin, np.sin)
+cos = _either(math.cos, np.cos)
+asin = _either(math.asin, np.arcsin)
+atan2 = _either(math.atan2, np.arctan2)
+minimum = _either(min, np.minimum)
+maximum = _either(max, np.maximum)
+
+
+def clip(value: Any, low: float, high: float) -> Any:
+    """`value`, but no less than `low` and no more than `high`."""
+    return minimum(maximum(value, low), high)

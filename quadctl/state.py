@@ -1,0 +1,67 @@
+"""What the controller knows about the vehicle and what it asks for: the types that pass between the rooms."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+Vec3 = tuple[float, float, float]
+Quat = tuple[float, float, float, float]
+
+NAN = float("nan")
+NO_VECTOR: Vec3 = (NAN, NAN, NAN)
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleState:
+    """One snapshot of the vehicle, NED/FRD, as the autopilot's telemetry last told it."""
+
+    time_s: float
+    """Clock of this process (monotonic) or of the simulation, when the snapshot was taken."""
+    position_ned_m: Vec3 = NO_VECTOR
+    velocity_ned_m_s: Vec3 = NO_VECTOR
+    attitude: Quat = (NAN, NAN, NAN, NAN)
+    rates_rad_s: Vec3 = NO_VECTOR
+    rotor_rpm: tuple[float, ...] = ()
+    motor_voltage_v: tuple[float, ...] = ()
+    motor_current_a: tuple[float, ...] = ()
+    battery_v: float = NAN
+    armed: bool = False
+    landed: bool = True
+    mode: str = ""
+    """Flight mode by the autopilot's own name, e.g. OFFBOARD, LAND, HOLD."""
+    connected: bool = False
+    """Heartbeats arrive."""
+    received_s: Mapping[str, float] = field(default_factory=dict)
+    """When each part last arrived, same clock as `time_s`: position, attitude, rates, rpm, battery, heartbeat."""
+
+    def age_s(self, part: str) -> float:
+        """Time since `part` last arrived; infinite when it never did."""
+        return self.time_s - self.received_s.get(part, -math.inf)
+
+    @property
+    def control_age_s(self) -> float:
+        """Age of the oldest part that control stands on."""
+        return max(self.age_s("position"), self.age_s("attitude"))
+
+    @property
+    def finite(self) -> bool:
+        """All that control stands on is a number."""
+        return all(map(math.isfinite, (*self.position_ned_m, *self.velocity_ned_m_s, *self.attitude)))
+
+
+@dataclass(frozen=True, slots=True)
+class Setpoint:
+    """The reference at one instant, NED. A component of the position that is nan is flown by velocity alone."""
+
+    position_ned_m: Vec3
+    velocity_ned_m_s: Vec3 = (0.0, 0.0, 0.0)
+    acceleration_ned_m_s2: Vec3 = (0.0, 0.0, 0.0)
+    yaw_rad: float = 0.0
+
+
+class AttitudeTarget(NamedTuple):
+    """What goes to the autopilot: attitude (body to world) and throttle 0..1."""
+
+    attitude: Quat
+    throttle: float

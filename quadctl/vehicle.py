@@ -1,0 +1,124 @@
+"""The vehicle: mass, rotors, geometry, thrust and throttle curves (the vehicle file of the data contracts, section 3)."""
+
+import math
+from functools import cached_property
+from pathlib import Path
+from typing import Literal
+
+from pydantic import Field, NonNegativeFloat, PositiveFloat, field_validator
+
+from quadctl.frames import GRAVITY_M_S2
+from quadctl.settings import Settings, load
+
+Triple = tuple[float, float, float]
+
+
+class Rotor(Settings):
+    """What all rotors have in common."""
+
+    radius_m: float = Field(gt=0.0, lt=5.0)
+    thrust_n_per_rpm2: PositiveFloat
+    torque_to_thrust_m: NonNegativeFloat = 0.016
+    time_constant_s: float = Field(default=0.04, ge=0.0, lt=2.0)
+
+
+class RotorPlace(Settings):
+    """Where one rotor is (FRD, metres from the centre of mass), which way it turns seen from above, how it is tilted."""
+
+    position_m: Triple
+    spin: Literal["cw", "ccw"]
+    cant_deg: float = Field(default=0.0, gt=-90.0, lt=90.0)
+    dihedral_deg: float = Field(default=0.0, gt=-90.0, lt=90.0)
+
+    @cached_property
+    def axis(self) -> Triple:
+        """Unit vector of the thrust, FRD: (0, 0, -1) for an upright rotor.
+
+        Cant turns the axis about the rotor's arm, dihedral leans it toward the centre of the vehicle.
+        """
+        azimuth = math.atan2(self.position_m[1], self.position_m[0])
+        cant, dihedral = math.radians(self.cant_deg), math.radians(self.dihedral_deg)
+        inward = math.cos(cant) * math.sin(dihedral)
+        sideways = math.sin(cant)
+        return (
+            -inward * math.cos(azimuth) - sideways * math.sin(azimuth),
+            -inward * math.sin(azimuth) + sideways * math.cos(azimuth),
+            -math.cos(cant) * math.cos(dihedral),
+        )
+
+
+class ThrottleCurve(Settings):
+    """throttle = offset + per_newton * total thrust, throttle in 0..1."""
+
+    per_newton: PositiveFloat
+    offset: float = Field(default=0.0, ge=-1.0, lt=1.0)
+    max_thrust_per_rotor_n: PositiveFloat
+
+
+class Vehicle(Settings):
+    """A multirotor, as in its YAML file. Immutable."""
+
+    name: str
+    mass_kg: float = Field(gt=0.0, lt=1000.0)
+    inertia_kg_m2: Triple | None = None
+    rotor: Rotor
+    rotors: tuple[RotorPlace, ...] = Field(min_length=3)
+    rotor_height_m: float = Field(default=0.0, gt=-5.0, lt=5.0)
+    throttle: ThrottleCurve
+    ceiling_m: PositiveFloat | None = None
+    air_density_kg_m3: PositiveFloat = 1.225
+
+    @field_validator("inertia_kg_m2")
+    @classmethod
+    def _positive_inertia(cls, value: Triple | None) -> Triple | None:
+        if value is not None and min(value) <= 0.0:
+            raise ValueError(f"is {list(value)}, expected three numbers greater than 0")
+        return value
+
+    @property
+    def n_rotors(self) -> int:
+        return len(self.rotors)
+
+    @cached_property
+    def weight_n(self) -> float:
+        return self.mass_kg * GRAVITY_M_S2
+
+    @cached_property
+    def max_thrust_n(self) -> float:
+        """Of all rotors together."""
+        return self.throttle.max_thrust_per_rotor_n * self.n_rotors
+
+    @cached_property
+    def hover_induced_velocity_m_s(self) -> float:
+        """v_h = sqrt(T / (2 rho pi R^2)) with the thrust of one rotor in hover (momentum theory)."""
+        disk_m2 = math.pi * self.rotor.radius_m**2
+        return math.sqrt(self.weight_n / self.n_rotors / (2.0 * self.air_density_kg_m3 * disk_m2))
+
+    @cached_property
+    def adjacent_distance_m(self) -> float:
+        """d: distance between the axes of neighbouring rotors (the smallest between any two)."""
+        return min(self._distances_m)
+
+    @cached_property
+    def opposite_distance_m(self) -> float:
+        """b: distance between the axes of opposite rotors (the largest between any two)."""
+        return max(self._distances_m)
+
+    @cached_property
+    def _distances_m(self) -> list[float]:
+        places = [r.position_m for r in self.rotors]
+        return [math.hypot(p[0] - q[0], p[1] - q[1]) for i, p in enumerate(places) for q in places[:i]]
+
+    @cached_property
+    def principal_inertia_kg_m2(self) -> Triple:
+        """The file's inertia, or that of a vehicle of this mass whose parts sit, on average, at half the arm length."""
+        if self.inertia_kg_m2 is not None:
+            return self.inertia_kg_m2
+        radius_m = 0.25 * self.opposite_distance_m
+        flat = 0.5 * self.mass_kg * radius_m**2
+        return flat, flat, 2.0 * flat
+
+
+def load_vehicle(path: Path | str) -> Vehicle:
+    """Read a vehicle file; raises SettingsError with one sentence when it cannot be used."""
+    return load(path, Vehicle)
