@@ -4,6 +4,7 @@ Any model can be the compensator, the one without effects too. A compensator is 
 a band around 1, and its correction fades out beyond the heights of the data that its effects were fitted on.
 """
 
+import itertools
 import math
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -110,7 +111,7 @@ def check_compensator(model: Model, lowest_m: float, highest_m: float, source: s
     for z in heights:
         c = Conditions(z, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
         try:
-            ratio = float(sum(model.rotor_thrust(rotors, c))) / vehicle.weight_n  # type: ignore[arg-type]
+            ratio = float(sum(model.rotor_thrust(rotors, c))) / vehicle.weight_n
         except ZeroDivisionError:
             ratio = math.inf
         if not math.isfinite(ratio) or ratio <= 0.0:
@@ -120,7 +121,7 @@ def check_compensator(model: Model, lowest_m: float, highest_m: float, source: s
             )
         ratios.append(ratio)
     warnings = []
-    if any(b > a + 1e-6 for a, b in zip(ratios, ratios[1:], strict=False)):
+    if any(b > a + 1e-6 for a, b in itertools.pairwise(ratios)):
         warnings.append(f"{source}: the thrust ratio rises with height somewhere, no ground effect does")
     if ratios[0] < 0.999 * ratios[-1]:
         warnings.append(f"{source}: the thrust ratio is lower near the ground than far from it, no ground effect is")

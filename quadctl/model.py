@@ -19,13 +19,13 @@ from quadctl.vehicle import Vehicle
 
 
 class Provenance(Settings):
-    """Where the parameters of an effect come from: written by `add`, read by people and by the compensator's limits."""
+    """Where the parameters of an effect come from: written by `add`, read by people and the compensator."""
 
-    logs: list[str] = []
+    logs: tuple[str, ...] = ()
     rmse_before: float | None = None
     rmse_after: float | None = None
     held_out: bool = False
-    ci95: dict[str, tuple[float, float]] = {}
+    ci95: dict[str, tuple[float, float]] = Field(default_factory=dict)
     height_m: tuple[float, float] | None = None
     """Range of the rotor plane's height in the data of the fit."""
     software: str | None = None
@@ -112,7 +112,7 @@ def conditions(
 
 class _EffectEntry(Settings):
     effect: str
-    parameters: dict[str, Any] = {}
+    parameters: dict[str, Any] = Field(default_factory=dict)
     fitted: Provenance | None = None
 
 

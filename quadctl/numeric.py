@@ -6,15 +6,14 @@ same functions once with a whole log. `math` serves the first and numpy the seco
 
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
-Number = float | NDArray[np.float64]
-"""One value, or one value per sample, shape (n,)."""
+Number: TypeAlias = Any
+"""One float, or an array of floats with one value per sample, shape (n,). A type checker cannot follow which."""
 
-Vector = tuple[Number, Number, Number]
+Vector: TypeAlias = tuple[Number, Number, Number]
 """Three components, each a `Number`."""
 
 

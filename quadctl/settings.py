@@ -13,7 +13,7 @@ from quadctl.errors import SettingsError
 
 
 class Settings(BaseModel):
-    """Base of everything that is read from YAML: unknown keys and non-finite numbers are refused, values never change."""
+    """Base of all that is read from YAML: unknown keys and non-finite numbers are refused, values never change."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
@@ -82,7 +82,7 @@ class _StrictLoader(yaml.SafeLoader):
 
 
 def nearest(word: str, known: typing.Iterable[str]) -> str:
-    """" (did you mean 'x'?)", or nothing when no known word is near."""
+    """ " (did you mean 'x'?)", or nothing when no known word is near."""
     matches = difflib.get_close_matches(word, list(known), n=1, cutoff=0.5)
     return f" (did you mean '{matches[0]}'?)" if matches else ""
 

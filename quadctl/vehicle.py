@@ -1,4 +1,4 @@
-"""The vehicle: mass, rotors, geometry, thrust and throttle curves (the vehicle file of the data contracts, section 3)."""
+"""The vehicle, as in its YAML file: mass, rotors, geometry, thrust and throttle curves."""
 
 import math
 from functools import cached_property
@@ -23,7 +23,7 @@ class Rotor(Settings):
 
 
 class RotorPlace(Settings):
-    """Where one rotor is (FRD, metres from the centre of mass), which way it turns seen from above, how it is tilted."""
+    """Where one rotor is (FRD, from the centre of mass), which way it turns seen from above, how it is tilted."""
 
     position_m: Triple
     spin: Literal["cw", "ccw"]

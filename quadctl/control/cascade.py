@@ -1,4 +1,4 @@
-"""One tick of control, in the order of the signal: setpoint and state in, attitude and throttle out. No clock, no I/O."""
+"""One tick of control, in the order of the signal: state and setpoint in, attitude and throttle out. No I/O."""
 
 from typing import NamedTuple
 

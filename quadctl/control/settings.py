@@ -1,4 +1,4 @@
-"""Gains and limits of the controller (config/controller.yaml). Defaults are the thesis' gains, tuned out of ground effect."""
+"""Gains and limits of the controller. Defaults are the thesis' gains, which were tuned out of ground effect."""
 
 from pydantic import Field, NonNegativeFloat, PositiveFloat, model_validator
 
@@ -38,5 +38,5 @@ class ControllerSettings(Settings):
     @model_validator(mode="after")
     def _ordered(self) -> "ControllerSettings":
         if self.min_throttle >= self.max_throttle:
-            raise ValueError(f"min_throttle is {self.min_throttle}, expected less than max_throttle {self.max_throttle}")
+            raise ValueError(f"min_throttle is {self.min_throttle}, expected less than max_throttle")
         return self

@@ -25,10 +25,10 @@ def find_effect(word: str, source: str) -> type[Effect]:
     """
     if word in CATALOG:
         return CATALOG[word]
-    for by in (lambda name: name.partition(".")[2], lambda name: name.partition(".")[0]):
+    for part in (2, 0):  # the variant, then the family
         for name, effect in CATALOG.items():
-            if by(name) == word:
+            if name.partition(".")[part] == word:
                 return effect
-    known = list(CATALOG) + [name.partition(".")[2] for name in CATALOG] + [name.partition(".")[0] for name in CATALOG]
+    known = [*CATALOG, *(part for name in CATALOG for part in name.split("."))]
     hint = nearest(word, known) or f", expected one of: {', '.join(CATALOG)}"
     raise SettingsError(f"{source}: there is no effect '{word}'{hint}")

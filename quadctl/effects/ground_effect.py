@@ -22,7 +22,7 @@ class GroundEffect(ThrustRatio):
 
     depends_on: ClassVar[tuple[str, ...]] = ("height_over_radius",)
     physics: ClassVar[str] = (
-        "Near the ground the rotors' downwash is dammed up: the same rotor speed gives more thrust, the more so the lower."
+        "Near the ground the rotors' downwash is dammed up: the lower, the more thrust the same rotor speed gives."
     )
     told_apart_by: ClassVar[str] = "hovering at many heights, the lowest within one rotor radius of the ground"
     mission: ClassVar[str] = "missions/hover_staircase.yaml"
@@ -48,7 +48,7 @@ class Cheeseman(GroundEffect):
 
 @dataclass(frozen=True)
 class Hayden(GroundEffect):
-    """K = (0.9926 + 0.03794 / (z/2R)^2)^(2/3): fitted to helicopter flight tests; tends to 0.995, not to 1, far away."""
+    """K = (0.9926 + 0.03794 / (z/2R)^2)^(2/3), from helicopter flight tests; tends to 0.995, not to 1, far away."""
 
     name: ClassVar[str] = "ground_effect.hayden"
     source: ClassVar[str] = "Hayden 1976, The effect of the ground on helicopter hovering power required"

@@ -23,7 +23,7 @@ class AxialInflow(ThrustRatio):
     source: ClassVar[str] = "Leishman, Principles of Helicopter Aerodynamics, 2nd ed., sec. 3.3 (linearised)"
     depends_on: ClassVar[tuple[str, ...]] = ("climb_rate",)
     physics: ClassVar[str] = (
-        "In a climb the blades meet air from above at a smaller angle of attack: the same rotor speed gives less thrust."
+        "In a climb the blades meet the air at a smaller angle of attack: the same rotor speed gives less thrust."
     )
     told_apart_by: ClassVar[str] = "climbs and descents at several rates, away from the ground"
     mission: ClassVar[str] = "missions/vertical_runs.yaml"

@@ -17,7 +17,7 @@ class FixedTilt(Effect):
     source: ClassVar[str] = "geometry: R_y(pitch) R_x(roll) (0, 0, -1)"
     depends_on: ClassVar[tuple[str, ...]] = ()
     physics: ClassVar[str] = (
-        "The rotors' common axis leans against the attitude estimate's vertical axis: a steady push to one side of the body."
+        "The rotors' common axis leans against the attitude estimate's: a steady push to one side of the body."
     )
     told_apart_by: ClassVar[str] = "hovering at several headings: the push turns with the body, wind does not"
     mission: ClassVar[str] = "missions/hover_staircase_high.yaml"
