@@ -40,7 +40,8 @@ def thrust_along_body(force_ned: Vec3, attitude: Quat) -> float:
     the wrong way is not given.
     """
     axis = rotate(attitude, (0.0, 0.0, -1.0))
-    return max(0.0, force_ned[0] * axis[0] + force_ned[1] * axis[1] + force_ned[2] * axis[2])
+    along: float = force_ned[0] * axis[0] + force_ned[1] * axis[1] + force_ned[2] * axis[2]
+    return max(0.0, along)
 
 
 def _quaternion_from_axes(x: Vec3, y: Vec3, z: Vec3) -> Quat:
