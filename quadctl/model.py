@@ -110,7 +110,9 @@ def conditions(
     return Conditions(z_up_m + vehicle.rotor_height_m, velocity_body_m_s, attitude, time_s, battery_v)
 
 
-class _EffectEntry(Settings):
+class EffectEntry(Settings):
+    """One effect as a file names it."""
+
     effect: str
     parameters: dict[str, Any] = Field(default_factory=dict)
     fitted: Provenance | None = None
@@ -118,7 +120,7 @@ class _EffectEntry(Settings):
 
 class _ModelFile(Settings):
     vehicle: str | Vehicle
-    effects: list[_EffectEntry] = Field(default_factory=list)
+    effects: list[EffectEntry] = Field(default_factory=list)
 
 
 def load_model(path: Path | str) -> Model:

@@ -1,0 +1,204 @@
+"""The simulated autopilot: PX4's rules of arming, modes and failsafes around inner loops, estimator and body.
+
+It lives in simulated time: `step(until_s)` advances it. `lockstep.py` drives it as fast as the machine can,
+`mavlink_px4.py` in real time over MAVLink.
+"""
+
+import math
+
+from quadctl.frames import GRAVITY_M_S2, multiply, quaternion_from_euler, rotate
+from quadctl.state import AttitudeTarget, Quat, Vec3, VehicleState
+from quadctl.vehicle import Vehicle
+from sitl.body import STEP_S, SimulatedBody
+from sitl.estimator import Estimator
+from sitl.hidden import HiddenTruth, true_model
+from sitl.inner_loops import InnerLoops, level_with_yaw
+
+MODES = ("HOLD", "OFFBOARD", "LAND", "RTL", "POSCTL")
+STREAM_AGE_S = 0.5
+"""PX4 wants setpoints at 2 Hz or more before it enters offboard."""
+LEVEL: Quat = (1.0, 0.0, 0.0, 0.0)
+
+
+class SimulatedAutopilot:
+    """A PX4-like autopilot on a simulated vehicle, at rest on the ground at the origin, disarmed, in HOLD."""
+
+    def __init__(self, vehicle: Vehicle, truth: HiddenTruth | None = None, seed: int = 0, source: str = "") -> None:
+        truth = truth or HiddenTruth()
+        self.vehicle = vehicle
+        self.body = SimulatedBody(true_model(vehicle, truth, source))
+        self.estimator = Estimator(truth.noise, truth.telemetry, seed)
+        self.loops = InnerLoops(vehicle)
+        self.mode = "HOLD"
+        self.armed = False
+        self.landed = True
+        self.parameters: dict[str, float] = {
+            "COM_OF_LOSS_T": 1.0,
+            "COM_OBL_RC_ACT": 3.0,
+            "COM_DISARM_LAND": 2.0,
+            "COM_DISARM_PRFLT": 10.0,
+            "MPC_LAND_SPEED": 0.7,
+            "MPC_THR_HOVER": 0.5,
+        }
+        self.target = AttitudeTarget(LEVEL, 0.0)
+        self._own_target = AttitudeTarget(LEVEL, 0.0)
+        self.outputs = [0.0] * vehicle.n_rotors
+        self._rate_sp: Vec3 = (0.0, 0.0, 0.0)
+        self._target_s = -math.inf
+        self._armed_s = -math.inf
+        self._on_ground_s = 0.0
+        self._flown = False
+        self._anchor: Vec3 = (0.0, 0.0, 0.0)
+        self._steps = 0
+        self.estimator.observe(self.body.motion())
+
+    @property
+    def time_s(self) -> float:
+        return self._steps * STEP_S
+
+    # --- requests ----------------------------------------------------------------------------------------------
+
+    def set_attitude_target(self, target: AttitudeTarget) -> None:
+        """A setpoint arrives now."""
+        self.target = target
+        self._target_s = self.time_s
+
+    def request_arm(self) -> str | None:
+        """Arm; None when accepted, else the reason for the refusal."""
+        if self.mode == "OFFBOARD" and not self._streaming:
+            return "no offboard setpoints are arriving"
+        if not self.armed:
+            self.armed, self._armed_s, self._flown = True, self.time_s, False
+            self.loops.reset()
+        return None
+
+    def request_disarm(self) -> str | None:
+        if self.armed and not self.landed:
+            return "the vehicle is not landed"
+        self._disarm()
+        return None
+
+    def request_mode(self, mode: str) -> str | None:
+        if mode not in MODES:
+            return f"there is no mode {mode}"
+        if mode == "OFFBOARD" and not self._streaming:
+            return "no offboard setpoints are arriving"
+        self._enter(mode)
+        return None
+
+    # --- time --------------------------------------------------------------------------------------------------
+
+    def step(self, until_s: float) -> None:
+        """Advance to `until_s` in steps of the physics."""
+        steps = round(until_s / STEP_S)
+        while self._steps < steps:
+            self._obey_rules()
+            if self._steps % 2 == 0:  # attitude loop at 250 Hz, rate loop at 500 Hz
+                self._attitude_loop()
+            airborne = not self.body.in_contact
+            self.outputs = self.loops.motor_outputs(
+                self._rate_sp, self.body.rates, self._active.throttle if self.armed else 0.0, STEP_S, airborne
+            )
+            self.body.step(self.outputs, self.armed)
+            self._steps += 1
+            self.body.time_s = self.time_s
+            self.estimator.observe(self.body.motion())
+
+    def estimate(self) -> VehicleState:
+        """What the estimator says now."""
+        e = self.estimator
+        now = self.time_s
+        return VehicleState(
+            time_s=now,
+            position_ned_m=e.position,
+            velocity_ned_m_s=e.velocity,
+            attitude=e.attitude,
+            rates_rad_s=e.rates,
+            rotor_rpm=e.rotor_rpm,
+            battery_v=self.body.battery.voltage_v,
+            armed=self.armed,
+            landed=self.landed,
+            mode=self.mode,
+            connected=True,
+            received_s={
+                "position": e.updated_s,
+                "attitude": e.updated_s,
+                "rates": e.updated_s,
+                "rpm": e.rpm_updated_s,
+                "battery": now,
+                "heartbeat": now,
+            },
+        )
+
+    # --- inside ------------------------------------------------------------------------------------------------
+
+    @property
+    def _streaming(self) -> bool:
+        return self.time_s - self._target_s < STREAM_AGE_S
+
+    @property
+    def _active(self) -> AttitudeTarget:
+        """The companion's target in OFFBOARD, the autopilot's own otherwise."""
+        return self.target if self.mode == "OFFBOARD" else self._own_target
+
+    def _attitude_loop(self) -> None:
+        if self.mode != "OFFBOARD":
+            self._own_target = self._position_control()
+        self._rate_sp = self.loops.rate_setpoint(self._active.attitude, self.body.attitude)
+
+    def _obey_rules(self) -> None:
+        now = self.time_s
+        pushing = self._active.throttle > 0.6 * self._hover_throttle
+        if not self.body.in_contact or pushing:
+            self._on_ground_s = now
+            if not self.body.in_contact and self.body.position[2] < -0.1:
+                self._flown, self.landed = True, False
+        elif now - self._on_ground_s > 0.3:
+            self.landed = True
+        if self.mode == "OFFBOARD" and now - self._target_s > self.parameters["COM_OF_LOSS_T"]:
+            self._enter("RTL")
+        if self.armed and self.landed:
+            wait = self.parameters["COM_DISARM_LAND" if self._flown else "COM_DISARM_PRFLT"]
+            since = max(self._on_ground_s, self._armed_s)
+            if now - since > wait:
+                self._disarm()
+
+    def _enter(self, mode: str) -> None:
+        if mode != self.mode:
+            self.mode = mode
+            home = mode == "RTL"
+            x, y, z = self.body.position
+            self._anchor = (0.0, 0.0, z) if home else (x, y, z)
+
+    def _disarm(self) -> None:
+        self.armed = False
+        self._on_ground_s = self.time_s
+        if self.mode in ("LAND", "RTL"):
+            self.mode = "HOLD"
+
+    @property
+    def _hover_throttle(self) -> float:
+        return self.vehicle.throttle.offset + self.vehicle.throttle.per_newton * self.vehicle.weight_n
+
+    def _position_control(self) -> AttitudeTarget:
+        """The autopilot's own modes: hold the anchor, or come down on it; PD on the true state, gentle."""
+        level = level_with_yaw(self.body.attitude)
+        if not self.armed or (self.mode == "HOLD" and self.landed):
+            return AttitudeTarget(level, 0.0)
+        x, y, z = self.body.position
+        vx, vy, vz = self.body.velocity
+        ax, ay, az = self._anchor
+        landing = self.mode == "LAND" or (self.mode == "RTL" and math.hypot(x - ax, y - ay) < 0.3)
+        sink = self.parameters["MPC_LAND_SPEED"] if landing else min(max(az - z, -1.0), 1.0)
+        if landing and self.body.in_contact:
+            return AttitudeTarget(level, 0.0)
+        north = min(max(1.2 * (ax - x) - 1.6 * vx, -3.0), 3.0)
+        east = min(max(1.2 * (ay - y) - 1.6 * vy, -3.0), 3.0)
+        yaw = 2.0 * math.atan2(level[3], level[0])
+        forward, right = math.cos(yaw) * north + math.sin(yaw) * east, math.cos(yaw) * east - math.sin(yaw) * north
+        pitch, roll = -math.atan2(forward, GRAVITY_M_S2), math.atan2(right, GRAVITY_M_S2)
+        attitude = multiply(level, quaternion_from_euler(roll, pitch, 0.0))
+        up = rotate(attitude, (0.0, 0.0, -1.0))[2]
+        thrust = self.vehicle.mass_kg * (GRAVITY_M_S2 - 3.0 * (sink - vz)) / max(-up, 0.5)
+        curve = self.vehicle.throttle
+        return AttitudeTarget(attitude, min(max(curve.offset + curve.per_newton * thrust, 0.1), 0.9))

@@ -1,0 +1,187 @@
+"""The simulated vehicle: rigid body, rotors with lag, battery, ground. Motor outputs 0..1 in, motion out.
+
+Plain floats, because at 500 Hz a step must take some microseconds. Effects are those of a `Model`, the same code that
+predicts and compensates.
+"""
+
+import math
+from typing import NamedTuple
+
+from quadctl.frames import rotate, rotate_inverse
+from quadctl.model import Model, conditions
+from quadctl.state import Quat, Vec3
+
+STEP_S = 0.002
+"""Physics step: 500 Hz."""
+
+REST_HEIGHT_M = 0.05
+"""Height of the logged body point when the vehicle stands on its legs."""
+
+IDLE_RPM = 1000.0
+"""Of an armed motor at zero output."""
+
+
+class Motion(NamedTuple):
+    """True state at one instant, NED/FRD."""
+
+    time_s: float
+    position_ned_m: Vec3
+    velocity_ned_m_s: Vec3
+    attitude: Quat
+    rates_rad_s: Vec3
+    rotor_rpm: tuple[float, ...]
+
+
+class Battery:
+    """Four-cell pack: open-circuit voltage falls with the charge drawn, terminal voltage with the current too."""
+
+    FULL_V, EMPTY_V, CHARGE_C, RESISTANCE_OHM = 16.8, 14.0, 5000 * 3.6, 0.02
+    AMPERE_PER_WATT = 1.0 / 15.5
+    REFERENCE_V = 16.0
+    """Voltage at which a motor output gives the thrust of the vehicle file's throttle curve."""
+
+    def __init__(self) -> None:
+        self.drawn_c = 0.0
+        self.current_a = 0.0
+
+    @property
+    def voltage_v(self) -> float:
+        open_v = self.FULL_V - (self.FULL_V - self.EMPTY_V) * min(self.drawn_c / self.CHARGE_C, 1.0)
+        return open_v - self.RESISTANCE_OHM * self.current_a
+
+    def draw(self, power_w: float, dt: float) -> None:
+        self.current_a = power_w * self.AMPERE_PER_WATT
+        self.drawn_c += self.current_a * dt
+
+
+class SimulatedBody:
+    """A vehicle in the world of `truth`, standing on the ground at the origin."""
+
+    def __init__(self, truth: Model, yaw_rad: float = 0.0) -> None:
+        self.truth = truth
+        vehicle = truth.vehicle
+        self.vehicle = vehicle
+        self.time_s = 0.0
+        self.position: Vec3 = (0.0, 0.0, -REST_HEIGHT_M)
+        self.velocity: Vec3 = (0.0, 0.0, 0.0)
+        self.attitude: Quat = (math.cos(0.5 * yaw_rad), 0.0, 0.0, math.sin(0.5 * yaw_rad))
+        self.rates: Vec3 = (0.0, 0.0, 0.0)
+        self.rpm = [0.0] * vehicle.n_rotors
+        self.battery = Battery()
+        self.in_contact = True
+        self._inertia = vehicle.principal_inertia_kg_m2
+        self._geometry = [
+            (*rotor.position_m, *rotor.axis, _reaction(rotor.spin, vehicle.rotor.torque_to_thrust_m))
+            for rotor in vehicle.rotors
+        ]
+        lag = vehicle.rotor.time_constant_s
+        self._rotor_share = 1.0 if lag < 1e-6 else 1.0 - math.exp(-STEP_S / lag)
+
+    def motion(self) -> Motion:
+        return Motion(self.time_s, self.position, self.velocity, self.attitude, self.rates, tuple(self.rpm))
+
+    def step(self, outputs: list[float], armed: bool) -> None:
+        """Advance by STEP_S; `outputs` are the motor outputs, 0..1."""
+        self._turn_rotors(outputs, armed)
+        force_body, torque = self._force_and_torque()
+        fx, fy, fz = rotate(self.attitude, force_body)
+        fz += self.vehicle.weight_n
+        contact = self._contact_force()
+        self.in_contact = contact is not None
+        if contact is not None:
+            fx, fy, fz = fx + contact[0], fy + contact[1], fz + contact[2]
+            torque = self._levelled(torque)
+        m, dt = self.vehicle.mass_kg, STEP_S
+        vx, vy, vz = self.velocity
+        # Semi-implicit Euler: velocity first, then position with the new velocity; stable with the ground's spring.
+        vx, vy, vz = vx + fx / m * dt, vy + fy / m * dt, vz + fz / m * dt
+        x, y, z = self.position
+        self.velocity = (vx, vy, vz)
+        self.position = (x + vx * dt, y + vy * dt, z + vz * dt)
+        self._turn_body(torque)
+        self.time_s += dt
+
+    def _turn_rotors(self, outputs: list[float], armed: bool) -> None:
+        vehicle, curve, rpm = self.vehicle, self.vehicle.throttle, self.rpm
+        k, n, share = vehicle.rotor.thrust_n_per_rpm2, vehicle.n_rotors, self._rotor_share
+        # Rotor speed follows the voltage: half of a change shows, the rest is the load line of the motor.
+        scale = 1.0 + 0.5 * (self.battery.voltage_v / Battery.REFERENCE_V - 1.0)
+        power = 0.0
+        for i, output in enumerate(outputs):
+            thrust = (output - curve.offset) / (curve.per_newton * n)
+            wanted = max(IDLE_RPM, math.sqrt(thrust / k) * scale if thrust > 0.0 else 0.0) if armed else 0.0
+            rpm[i] += share * (wanted - rpm[i])
+            power += rpm[i] ** 3
+        self.battery.draw(power * k * vehicle.rotor.torque_to_thrust_m * (math.pi / 30.0) * 1.6, STEP_S)
+
+    def _force_and_torque(self) -> tuple[Vec3, Vec3]:
+        vehicle, truth = self.vehicle, self.truth
+        k = vehicle.rotor.thrust_n_per_rpm2
+        thrusts = [k * rpm * rpm for rpm in self.rpm]
+        fx = fy = fz = tx = ty = tz = 0.0
+        if truth.stack:
+            velocity_body = rotate_inverse(self.attitude, self.velocity)
+            c = conditions(
+                vehicle, -self.position[2], velocity_body, self.attitude, self.time_s, self.battery.voltage_v
+            )
+            thrusts = list(truth.rotor_thrust(thrusts, c))
+            total = sum(thrusts)
+            for effect in truth.effects_on_body:
+                ex, ey, ez = effect.force(total, c, vehicle)
+                fx, fy, fz = fx + ex, fy + ey, fz + ez
+        for (px, py, pz, ax, ay, az, reaction), thrust in zip(self._geometry, thrusts, strict=True):
+            rx, ry, rz = ax * thrust, ay * thrust, az * thrust
+            fx, fy, fz = fx + rx, fy + ry, fz + rz
+            tx += py * rz - pz * ry + reaction * rx
+            ty += pz * rx - px * rz + reaction * ry
+            tz += px * ry - py * rx + reaction * rz
+        return (fx, fy, fz), (tx, ty, tz)
+
+    def _contact_force(self) -> Vec3 | None:
+        """Spring, damper and friction of the legs; None in the air."""
+        depth = self.position[2] + REST_HEIGHT_M
+        if depth <= 0.0:
+            return None
+        m = self.vehicle.mass_kg
+        vx, vy, vz = self.velocity
+        push = max(0.0, m * (3000.0 * depth + 60.0 * vz))
+        grip = 20.0 * m * min(1.0, push / self.vehicle.weight_n)
+        return -grip * vx, -grip * vy, -push
+
+    def _levelled(self, torque: Vec3) -> Vec3:
+        """The legs hold the vehicle level."""
+        roll_axis, pitch_axis, _ = rotate_inverse(self.attitude, (0.0, 0.0, 1.0))
+        ix, iy, iz = self._inertia
+        p, q, r = self.rates
+        return (
+            torque[0] - ix * (300.0 * pitch_axis + 30.0 * p),
+            torque[1] + iy * (300.0 * roll_axis - 30.0 * q),
+            torque[2] - iz * 10.0 * r,
+        )
+
+    def _turn_body(self, torque: Vec3) -> None:
+        ix, iy, iz = self._inertia
+        p, q, r = self.rates
+        dt = STEP_S
+        p, q, r = (
+            p + dt * (torque[0] - (iz - iy) * q * r) / ix,
+            q + dt * (torque[1] - (ix - iz) * r * p) / iy,
+            r + dt * (torque[2] - (iy - ix) * p * q) / iz,
+        )
+        self.rates = (p, q, r)
+        w, x, y, z = self.attitude
+        h = 0.5 * dt
+        w, x, y, z = (
+            w - h * (x * p + y * q + z * r),
+            x + h * (w * p + y * r - z * q),
+            y + h * (w * q + z * p - x * r),
+            z + h * (w * r + x * q - y * p),
+        )
+        norm = 1.0 / math.sqrt(w * w + x * x + y * y + z * z)
+        self.attitude = (w * norm, x * norm, y * norm, z * norm)
+
+
+def _reaction(spin: str, torque_to_thrust_m: float) -> float:
+    """Drag torque about the thrust axis per thrust: a rotor turning counter-clockwise from above turns the body
+    clockwise, i.e. positive about down, which is against its thrust axis."""
+    return -torque_to_thrust_m if spin == "ccw" else torque_to_thrust_m

@@ -1,0 +1,80 @@
+"""The truth that a simulated flight hides: physics and noise that only the simulator reads.
+
+Besides the catalogue's effects, the truth may hold effects of other functional forms, so that an analysis is tested on
+a world that does not share its code.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+from pydantic import Field, NonNegativeFloat
+
+from quadctl.effects import Conditions, Effect, ThrustRatio, find_effect, parameter
+from quadctl.model import EffectEntry, Model, StackedEffect
+from quadctl.numeric import Number, maximum
+from quadctl.settings import Settings, load
+from quadctl.vehicle import Vehicle
+
+
+class Noise(Settings):
+    """Standard deviations of the autopilot's estimate, white from one update to the next."""
+
+    position_m: NonNegativeFloat = 0.0005
+    velocity_m_s: NonNegativeFloat = 0.01
+    attitude_deg: NonNegativeFloat = 0.1
+    rates_rad_s: NonNegativeFloat = 0.01
+    rpm: NonNegativeFloat = 20.0
+    battery_v: NonNegativeFloat = 0.01
+
+
+class Telemetry(Settings):
+    """How old and how frequent the estimate is, as seen in public flight logs."""
+
+    delay_s: float = Field(default=0.02, ge=0.0, le=0.5)
+    """Age of position, velocity and attitude."""
+    rpm_delay_s: float = Field(default=0.03, ge=0.0, le=0.5)
+    rpm_rate_hz: float = Field(default=25.0, gt=0.0, le=100.0)
+
+
+class HiddenTruth(Settings):
+    """What `simulate --hidden FILE` reads."""
+
+    effects: list[EffectEntry] = Field(default_factory=list)
+    noise: Noise = Noise()
+    telemetry: Telemetry = Telemetry()
+
+
+@dataclass(frozen=True)
+class GroundCushion(ThrustRatio):
+    """K = 1 + gain / (1 + (z / (width R))^2)^(3/2): the pressure of a cushion seen from its axis.
+
+    Not in the catalogue on purpose: it falls off as z^-3 far away and is flat at the ground.
+    """
+
+    name: ClassVar[str] = "hidden.ground_cushion"
+    depends_on: ClassVar[tuple[str, ...]] = ("height_over_radius",)
+
+    gain: float = parameter(0.25, 0.0, 1.0, "", "gain in thrust at height 0")
+    width: float = parameter(1.8, 0.2, 10.0, "", "height, in rotor radii, at which it has faded to a third")
+
+    def ratio(self, c: Conditions, vehicle: Vehicle) -> Number:
+        z = maximum(c.height_m, 0.0) / (self.width * vehicle.rotor.radius_m)
+        return 1.0 + self.gain / (1.0 + z * z) ** 1.5
+
+
+HIDDEN_EFFECTS: dict[str, type[Effect]] = {GroundCushion.name: GroundCushion}
+
+
+def load_hidden(path: Path | str | None) -> HiddenTruth:
+    """The truth of a file, or none but noise."""
+    return HiddenTruth() if path is None else load(path, HiddenTruth)
+
+
+def true_model(vehicle: Vehicle, truth: HiddenTruth, source: str) -> Model:
+    """The model that the simulated world obeys."""
+    stack = []
+    for entry in truth.effects:
+        kind = HIDDEN_EFFECTS.get(entry.effect) or find_effect(entry.effect, source)
+        stack.append(StackedEffect(kind.from_values(entry.parameters, source)))
+    return Model(vehicle, tuple(stack), name="truth")
