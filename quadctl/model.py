@@ -142,8 +142,8 @@ def load_model(path: Path | str) -> Model:
     else:
         vehicle_path, vehicle = None, entry.vehicle
     stack = tuple(
-        StackedEffect(find_effect(e.effect, str(path)).from_values(e.parameters, str(path)), e.fitted)
-        for e in entry.effects
+        StackedEffect(find_effect(e.effect, source).from_values(e.parameters, source), e.fitted)
+        for e, source in ((e, f"{path}: effects[{i}]") for i, e in enumerate(entry.effects, start=1))
     )
     return Model(vehicle, stack, name=path.stem, vehicle_path=vehicle_path)
 

@@ -1,10 +1,12 @@
 """YAML files to validated settings; every error names the file, the field, the value and what was expected."""
 
 import difflib
+import re
 import types
 import typing
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Self, TypeVar
 
 import yaml
 from pydantic import BaseModel, ConfigDict, ValidationError
@@ -16,6 +18,13 @@ class Settings(BaseModel):
     """Base of all that is read from YAML: unknown keys and non-finite numbers are refused, values never change."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """As pydantic's, but what the original had computed and cached does not outlive an update."""
+        copy = super().model_copy(update=update, deep=deep)
+        for name in copy.__dict__.keys() - type(self).model_fields.keys():
+            del copy.__dict__[name]
+        return copy
 
 
 S = TypeVar("S", bound=BaseModel)
@@ -41,7 +50,7 @@ def read_yaml(path: Path) -> dict[str, Any]:
         raise SettingsError(f"{path}: cannot be read ({error.strerror})") from None
     try:
         data = yaml.load(text, Loader=_StrictLoader)
-    except yaml.YAMLError as error:
+    except (yaml.YAMLError, ValueError) as error:  # ValueError: what looks like a date or a whole number but is none
         raise SettingsError(f"{path}{_yaml_problem(error)}") from None
     except RecursionError:
         raise SettingsError(f"{path}: is nested too deeply to be settings") from None
@@ -62,23 +71,31 @@ def validate(data: Any, kind: type[S], source: str) -> S:
     try:
         return kind.model_validate(data)
     except ValidationError as error:
-        raise SettingsError(f"{source}: {_first_problem(error, kind)}") from None
+        raise SettingsError(f"{source}: {_first_problem(error, kind, data)}") from None
 
 
 class _StrictLoader(yaml.SafeLoader):
-    """YAML's SafeLoader, except that a key given twice is an error and not a silent choice of the last."""
+    """YAML's SafeLoader, but a key given twice is an error, not a silent choice of the last; keys are text; 1e-7 is a
+    number although it has no point."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         seen = set()
         for key_node, _ in node.value:
-            key = self.construct_object(key_node, deep=True)
-            if isinstance(key, str) and key in seen:
-                raise yaml.constructor.ConstructorError(
-                    None, None, f"the key '{key}' is given twice", key_node.start_mark
-                )
-            if isinstance(key, str):
-                seen.add(key)
+            problem = None
+            if key_node.tag not in _KEY_TAGS:
+                problem = "this key is not text, put it in quotes"
+            elif key_node.value in seen:
+                problem = f"the key '{key_node.value}' is given twice"
+            if problem:
+                raise yaml.constructor.ConstructorError(None, None, problem, key_node.start_mark)
+            seen.add(key_node.value)
         return super().construct_mapping(node, deep)
+
+
+_KEY_TAGS = ("tag:yaml.org,2002:str", "tag:yaml.org,2002:merge")
+_StrictLoader.add_implicit_resolver(
+    "tag:yaml.org,2002:float", re.compile(r"[-+]?[0-9]+(\.[0-9]*)?[eE][-+]?[0-9]+$"), list("-+0123456789")
+)
 
 
 def nearest(word: str, known: typing.Iterable[str]) -> str:
@@ -87,18 +104,21 @@ def nearest(word: str, known: typing.Iterable[str]) -> str:
     return f" (did you mean '{matches[0]}'?)" if matches else ""
 
 
-def _yaml_problem(error: yaml.YAMLError) -> str:
+def _yaml_problem(error: Exception) -> str:
     mark = getattr(error, "problem_mark", None)
-    problem = getattr(error, "problem", None) or str(error)
+    problem = getattr(error, "problem", None) or str(error).partition("\n")[0]
     where = f", line {mark.line + 1}, column {mark.column + 1}" if mark else ""
     return f"{where}: is not valid YAML: {problem}"
 
 
-def _first_problem(error: ValidationError, kind: type[BaseModel]) -> str:
+def _first_problem(error: ValidationError, kind: type[BaseModel], data: Any) -> str:
     problems = error.errors(include_url=False)
-    # An unknown key is usually the cause of a missing one: say it first.
-    problem = next((p for p in problems if p["type"] == "extra_forbidden"), problems[0])
-    location = [part for part in problem["loc"] if not _is_union_tag(part)]
+    locations = [_location(problem, data) for problem in problems]
+    # Of the alternatives that a field has, the one that fits best is meant: its problem lies deepest. But an unknown
+    # key is usually the cause of a missing one: say it first.
+    deepest = max(range(len(problems)), key=lambda i: len(locations[i]))
+    worst = next((i for i, p in enumerate(problems) if p["type"] == "extra_forbidden"), deepest)
+    problem, location = problems[worst], locations[worst]
     field = _field_name(location)
     if problem["type"] == "extra_forbidden":
         known = sorted(_known_keys(kind, location[:-1]))
@@ -108,12 +128,39 @@ def _first_problem(error: ValidationError, kind: type[BaseModel]) -> str:
         return f"{field} is missing"
     if problem["type"] == "value_error":
         return f"{field + ': ' if field else ''}{problem['ctx']['error']}"
-    expectation = problem["msg"].removeprefix("Input should be ").removeprefix("a valid ")
+    expectation = _EXPECTATIONS.get(problem["type"], problem["msg"].removeprefix("Input should be "))
+    expectation = expectation.format(**problem.get("ctx", {}))
     return f"{field or 'the file'} is {_shown(problem['input'])}, expected {expectation}"
 
 
-def _is_union_tag(part: int | str) -> bool:
-    return isinstance(part, str) and ("[" in part or part[:1].isupper())
+_EXPECTATIONS = {
+    "model_type": "keys and values",
+    "dict_type": "keys and values",
+    "list_type": "a list",
+    "tuple_type": "a list",
+    "string_type": "text",
+    "float_type": "a number",
+    "float_parsing": "a number",
+    "int_type": "a whole number",
+    "int_parsing": "a whole number",
+    "int_from_float": "a whole number",
+    "bool_type": "true or false",
+    "bool_parsing": "true or false",
+    "too_short": "at least {min_length} entries, not {actual_length}",
+    "too_long": "at most {max_length} entries, not {actual_length}",
+}
+"""pydantic's kinds of problem in the words of someone who edits YAML; it says the others well enough itself."""
+
+
+def _location(problem: Mapping[str, Any], data: Any) -> list[int | str]:
+    """Where in `data` the problem is; pydantic also names the alternatives of a field's type, which no user knows."""
+    location = []
+    for part in problem["loc"]:
+        inside = isinstance(data, list | tuple) and isinstance(part, int) and part < len(data)
+        if inside or (isinstance(data, dict) and part in data):
+            data = data[part]
+            location.append(part)
+    return [*location, problem["loc"][-1]] if problem["type"] == "missing" else location
 
 
 def _field_name(location: list[int | str]) -> str:
@@ -148,5 +195,7 @@ def _settings_classes(annotation: Any) -> list[type[BaseModel]]:
 
 
 def _shown(value: Any) -> str:
+    if value is None:
+        return "empty"
     text = repr(value) if isinstance(value, str) else str(value)
     return text if len(text) <= 60 else text[:57] + "..."

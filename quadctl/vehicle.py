@@ -5,7 +5,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
-from pydantic import Field, NonNegativeFloat, PositiveFloat, field_validator
+from pydantic import Field, NonNegativeFloat, PositiveFloat
 
 from quadctl.frames import GRAVITY_M_S2
 from quadctl.settings import Settings, load
@@ -34,7 +34,8 @@ class RotorPlace(Settings):
     def axis(self) -> Triple:
         """Unit vector of the thrust, FRD: (0, 0, -1) for an upright rotor.
 
-        Cant turns the axis about the rotor's arm, dihedral leans it toward the centre of the vehicle.
+        Cant turns the axis right-handed about the rotor's outward arm (a rotor in front leans right), dihedral leans it
+        toward the centre of the vehicle.
         """
         azimuth = math.atan2(self.position_m[1], self.position_m[0])
         cant, dihedral = math.radians(self.cant_deg), math.radians(self.dihedral_deg)
@@ -60,20 +61,13 @@ class Vehicle(Settings):
 
     name: str
     mass_kg: float = Field(gt=0.0, lt=1000.0)
-    inertia_kg_m2: Triple | None = None
+    inertia_kg_m2: tuple[PositiveFloat, PositiveFloat, PositiveFloat] | None = None
     rotor: Rotor
     rotors: tuple[RotorPlace, ...] = Field(min_length=3)
     rotor_height_m: float = Field(default=0.0, gt=-5.0, lt=5.0)
     throttle: ThrottleCurve
     ceiling_m: PositiveFloat | None = None
     air_density_kg_m3: PositiveFloat = 1.225
-
-    @field_validator("inertia_kg_m2")
-    @classmethod
-    def _positive_inertia(cls, value: Triple | None) -> Triple | None:
-        if value is not None and min(value) <= 0.0:
-            raise ValueError(f"is {list(value)}, expected three numbers greater than 0")
-        return value
 
     @property
     def n_rotors(self) -> int:

@@ -1,0 +1,67 @@
+"""What a person sees during a flight: phase, progress, height, tracking error, lateness. Drawn on a thread of its own,
+because a terminal can block (a slow ssh link, Ctrl-S) and the loop must not."""
+
+import math
+import threading
+from types import TracebackType
+
+from rich.console import Console
+from rich.live import Live
+from rich.progress_bar import ProgressBar
+from rich.table import Table
+
+from quadctl.flight.pilot import Pilot, Tick
+
+REFRESH_S = 0.25
+
+
+class Display:
+    """A listener of the loop that keeps the last tick, and a thread that draws it."""
+
+    def __init__(self, pilot: Pilot, console: Console) -> None:
+        self._pilot = pilot
+        self._console = console
+        self._tick: Tick | None = None
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._draw, name="display", daemon=True)
+
+    def __call__(self, tick: Tick) -> None:
+        self._tick = tick
+
+    def __enter__(self) -> "Display":
+        self._thread.start()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, tb: TracebackType | None) -> None:
+        self._stop.set()
+        self._thread.join(timeout=2.0)
+
+    def _draw(self) -> None:
+        with Live(console=self._console, auto_refresh=False, transient=True) as live:
+            while not self._stop.wait(REFRESH_S):
+                if self._tick is not None:
+                    live.update(picture(self._tick, self._pilot), refresh=True)
+
+
+def picture(tick: Tick, pilot: Pilot) -> Table:
+    """The state of the flight as a table of two columns."""
+    table = Table.grid(padding=(0, 2))
+    table.add_column(style="bold")
+    table.add_column()
+    state = tick.state
+    height = tick.ground_down_m - state.position_ned_m[2]
+    total = pilot.mission.duration_s
+    table.add_row("mission", f"{pilot.mission.name}: {tick.stage.value}, phase [cyan]{tick.phase}[/]")
+    table.add_row("progress", ProgressBar(total=total, completed=min(pilot.flight_s, total), width=40))
+    table.add_row("", f"{pilot.flight_s:.0f} of {total:.0f} s")
+    if tick.setpoint is not None:
+        error = math.dist(tick.setpoint.position_ned_m, state.position_ned_m)
+        wanted = tick.ground_down_m - tick.setpoint.position_ned_m[2]
+        table.add_row("height", f"{height:6.3f} m, wanted {wanted:6.3f} m, error in position {100 * error:.1f} cm")
+    else:
+        table.add_row("height", f"{height:6.3f} m")
+    rpm = " ".join(f"{r:.0f}" for r in state.rotor_rpm) or "none reported"
+    table.add_row("rotors", f"{rpm} rpm, battery {state.battery_v:.2f} V")
+    table.add_row("autopilot", f"{state.mode or 'no mode'}, {'armed' if state.armed else 'disarmed'}")
+    table.add_row("ticks", f"late {1e3 * tick.late_s:.2f} ms, state {1e3 * state.control_age_s:.0f} ms old")
+    return table

@@ -1,0 +1,85 @@
+"""Guards: what must be true for us to go on commanding. A pure function of the state; the first breach decides.
+
+Each breach has one answer. LAND: the autopilot's land mode, from our last good state. HAND_OVER: our setpoints stop at
+once and the autopilot is asked to land by its own means; where even that does not arrive, the silence triggers its own
+failsafe. RELEASE: somebody else flies now; we stop and keep recording.
+"""
+
+import enum
+import math
+from typing import NamedTuple
+
+from pydantic import Field
+
+from quadctl.frames import tilt
+from quadctl.missions import MissionLimits
+from quadctl.settings import Settings
+from quadctl.state import VehicleState
+
+
+class Answer(enum.Enum):
+    LAND = "land"
+    HAND_OVER = "hand over"
+    RELEASE = "release"
+
+
+class Breach(NamedTuple):
+    answer: Answer
+    reason: str
+
+
+class GuardLimits(Settings):
+    """Limits of the guards, in YAML under `guards`."""
+
+    max_state_age_s: float = Field(default=0.2, gt=0.0, le=1.0)
+    max_tilt_deg: float = Field(default=50.0, gt=0.0, lt=90.0)
+    max_speed_m_s: float = Field(default=8.0, gt=0.0, le=50.0)
+    max_tick_late_s: float = Field(default=0.2, gt=0.0, le=1.0)
+    """A loop that wakes up later than this has been stalled: it hands over instead of going on."""
+    min_battery_v: float = Field(default=0.0, ge=0.0)
+    """0: not guarded."""
+
+
+def inspect(
+    state: VehicleState,
+    flight_s: float,
+    mission_s: float,
+    height_m: float,
+    distance_m: float,
+    limits: GuardLimits,
+    mission: MissionLimits,
+) -> Breach | None:
+    """The first reason not to go on, or None.
+
+    `flight_s` is the time since lift-off, `mission_s` how long the mission lasts, `height_m` the vehicle's height above
+    the ground and `distance_m` its horizontal distance from the take-off point.
+    """
+    if not state.connected:
+        return Breach(Answer.HAND_OVER, "the autopilot's heartbeat is lost")
+    if not state.armed:
+        return Breach(Answer.RELEASE, "the vehicle was disarmed")
+    if state.mode != "OFFBOARD":
+        return Breach(Answer.RELEASE, f"the autopilot left offboard for {state.mode or 'an unknown mode'}")
+    if state.control_age_s > limits.max_state_age_s:
+        return Breach(
+            Answer.HAND_OVER, f"the state is {state.control_age_s:.2f} s old, allowed are {limits.max_state_age_s:g} s"
+        )
+    if not state.finite:
+        return Breach(Answer.HAND_OVER, "the state holds a value that is not a number")
+    tilt_deg = math.degrees(tilt(state.attitude))
+    if tilt_deg > limits.max_tilt_deg:
+        return Breach(Answer.HAND_OVER, f"the tilt is {tilt_deg:.0f} deg, allowed are {limits.max_tilt_deg:g} deg")
+    speed = math.sqrt(sum(v * v for v in state.velocity_ned_m_s))
+    if speed > limits.max_speed_m_s:
+        return Breach(Answer.LAND, f"the speed is {speed:.1f} m/s, allowed are {limits.max_speed_m_s:g} m/s")
+    ceiling_m = mission.max_z_m + mission.margin_m
+    if height_m > ceiling_m:
+        return Breach(Answer.LAND, f"the height is {height_m:.2f} m, allowed are {ceiling_m:g} m")
+    fence_m = mission.max_distance_m + mission.margin_m
+    if distance_m > fence_m:
+        return Breach(Answer.LAND, f"the vehicle is {distance_m:.2f} m from take-off, allowed are {fence_m:g} m")
+    if flight_s > mission_s + 5.0:
+        return Breach(Answer.LAND, f"the flight lasts {flight_s:.0f} s, the mission {mission_s:.0f} s")
+    if state.battery_v < limits.min_battery_v:
+        return Breach(Answer.LAND, f"the battery is at {state.battery_v:.2f} V, allowed are {limits.min_battery_v:g} V")
+    return None

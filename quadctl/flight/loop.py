@@ -1,0 +1,89 @@
+"""The real-time loop: ticks on absolute deadlines, one task, nothing in it that can block.
+
+A tick reads the latest state, lets the pilot decide, puts the target on the wire and gives a copy to the listeners
+(recorder, display, tally), which return at once. Requests such as arming wait for the autopilot in tasks of their own.
+The link repeats nothing by itself, so a loop that stalls falls silent, and the autopilot's failsafe acts.
+"""
+
+import asyncio
+import contextlib
+import gc
+import selectors
+import signal
+import time
+from collections.abc import Callable, Coroutine, Iterator, Sequence
+from typing import Any, TypeVar
+
+from quadctl.errors import FlightError
+from quadctl.flight.autopilot import Autopilot
+from quadctl.flight.pilot import Pilot, Request, Tick
+
+Listener = Callable[[Tick], None]
+T = TypeVar("T")
+
+
+async def fly(autopilot: Autopilot, pilot: Pilot, rate_hz: float, listeners: Sequence[Listener]) -> None:
+    """Fly the pilot's mission on a connected autopilot, until the motors are off or the pilot gives up."""
+    tasks: set[asyncio.Task[None]] = set()
+    period_s = 1.0 / rate_hz
+    deadline = time.monotonic()
+    try:
+        while not pilot.done:
+            late_s = max(0.0, time.monotonic() - deadline)
+            tick = pilot.tick(autopilot.state(), late_s)
+            if tick.target is not None:
+                autopilot.send(tick.target)
+            for request in tick.requests:
+                task = asyncio.create_task(_carry_out(request, autopilot, pilot))
+                tasks.add(task)
+                task.add_done_callback(tasks.discard)
+            for listener in listeners:
+                listener(tick)
+            # Absolute deadlines; those that have passed are given up, not caught up.
+            now = time.monotonic()
+            deadline += period_s * max(1, int((now - deadline) / period_s) + 1)
+            await asyncio.sleep(deadline - now)
+    finally:
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+
+async def _carry_out(request: Request, autopilot: Autopilot, pilot: Pilot) -> None:
+    try:
+        if request is Request.OFFBOARD:
+            await autopilot.start_offboard()
+        elif request is Request.ARM:
+            # Offboard first: armed in another mode, the vehicle would follow that mode's idea of a take-off.
+            await autopilot.arm()
+        else:
+            await autopilot.land()
+    except FlightError as error:
+        pilot.request_failed(request, str(error))
+
+
+@contextlib.contextmanager
+def landing_on_signals(pilot: Pilot) -> Iterator[None]:
+    """Ctrl-C and SIGTERM make the pilot land."""
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, pilot.ask_to_land, f"asked to land by {signal.Signals(number).name}")
+    try:
+        yield
+    finally:
+        for number in (signal.SIGINT, signal.SIGTERM):
+            loop.remove_signal_handler(number)
+
+
+def run(main: Coroutine[Any, Any, T]) -> T:
+    """Run a flight's coroutine with little jitter: a selector with microsecond time-outs, no garbage collection pauses.
+
+    epoll rounds time-outs up to milliseconds, select does not; frozen objects are never scanned again.
+    """
+    gc.collect()
+    gc.freeze()
+    try:
+        with asyncio.Runner(loop_factory=lambda: asyncio.SelectorEventLoop(selectors.SelectSelector())) as runner:
+            return runner.run(main)
+    finally:
+        gc.unfreeze()

@@ -1,0 +1,70 @@
+"""What is left of a flight when it is over: how it ended, its log, how well it tracked, how late the ticks were."""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+from quadctl.flight.pilot import Pilot, Stage, Tick
+
+COMPLETED = "completed"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Printed by `fly` and `simulate`, and their `--json`."""
+
+    mission: str
+    ended: str
+    completed: bool
+    log: str
+    phases: list[str]
+    flight_s: float
+    ticks: int
+    tracking_rmse_m: dict[str, float]
+    """Of the position against its reference: north, east, up."""
+    late_ms: dict[str, float]
+    """Tick lateness: p50, p99, max. All 0 in lockstep."""
+    late_ticks: int
+    """Ticks more than half a period late."""
+
+
+class Tally:
+    """Collects an `Outcome` tick by tick."""
+
+    def __init__(self, period_s: float) -> None:
+        self._period_s = period_s
+        self._squares = [0.0, 0.0, 0.0]
+        self._tracked = 0
+        self._late_s: list[float] = []
+
+    def __call__(self, tick: Tick) -> None:
+        self._late_s.append(tick.late_s)
+        if tick.stage is Stage.FLY and tick.setpoint is not None:
+            self._tracked += 1
+            for i in range(3):
+                self._squares[i] += (tick.state.position_ned_m[i] - tick.setpoint.position_ned_m[i]) ** 2
+
+    @property
+    def late_ms(self) -> dict[str, float]:
+        late = sorted(self._late_s) or [0.0]
+        return {
+            "p50": 1e3 * late[len(late) // 2],
+            "p99": 1e3 * late[min(len(late) - 1, int(0.99 * len(late)))],
+            "max": 1e3 * late[-1],
+        }
+
+    def outcome(self, pilot: Pilot, log: Path) -> Outcome:
+        n = max(self._tracked, 1)
+        rmse = [math.sqrt(total / n) for total in self._squares]
+        return Outcome(
+            mission=pilot.mission.name,
+            ended=pilot.ended,
+            completed=pilot.ended == COMPLETED,
+            log=str(log),
+            phases=list(pilot.phases_flown),
+            flight_s=pilot.flight_s,
+            ticks=len(self._late_s),
+            tracking_rmse_m=dict(zip(("north", "east", "up"), rmse, strict=True)),
+            late_ms=self.late_ms,
+            late_ticks=sum(late > 0.5 * self._period_s for late in self._late_s),
+        )

@@ -1,0 +1,322 @@
+"""The pilot: what to do at each tick of a flight, from the first message to the disarmed motors.
+
+A state machine without clock and without I/O: the real-time loop and the lockstep simulation call `tick` with the
+state and carry out what it asks for. So both fly the very same flight.
+"""
+
+import enum
+import math
+from typing import NamedTuple
+
+from quadctl.compensator import Compensator
+from quadctl.control import ControlOutput, Memory, control
+from quadctl.flight.guards import Answer, Breach, inspect
+from quadctl.flight.settings import FlightSettings
+from quadctl.frames import euler_from_quaternion
+from quadctl.missions import Mission
+from quadctl.model import Model
+from quadctl.state import AttitudeTarget, Quat, Setpoint, Vec3, VehicleState
+
+READY_TIMEOUT_S = 15.0
+START_TIMEOUT_S = 8.0
+LAND_MODE_TIMEOUT_S = 2.0
+LAND_TIMEOUT_S = 60.0
+STREAM_FIRST_S = 1.0
+"""Idle setpoints before offboard is asked for: autopilots want a stream first."""
+SPOOL_UP_S = 1.0
+"""Throttle rises from idle to half of hover while the vehicle still stands."""
+
+
+class Stage(enum.Enum):
+    """Where the flight is."""
+
+    WAIT = "waiting for telemetry"
+    STREAM = "streaming idle setpoints"
+    START = "offboard and arming"
+    SPOOL_UP = "spooling up"
+    FLY = "flying"
+    LAND = "landing"
+    RELEASED = "released"
+    DONE = "done"
+
+
+class Request(enum.Enum):
+    """What the pilot wants the autopilot to do; carried out beside the loop."""
+
+    OFFBOARD = "offboard"
+    ARM = "arm"
+    LAND = "land"
+
+
+class Tick(NamedTuple):
+    """What one tick decided."""
+
+    time_s: float
+    stage: Stage
+    phase: str
+    target: AttitudeTarget | None
+    """To be sent now; None: silence."""
+    requests: tuple[Request, ...]
+    state: VehicleState
+    setpoint: Setpoint | None
+    output: ControlOutput | None
+    ground_down_m: float
+    late_s: float
+
+
+class Pilot:
+    """Flies one mission once."""
+
+    def __init__(self, mission: Mission, body: Model, settings: FlightSettings, compensator: Compensator) -> None:
+        self.mission = mission
+        self.vehicle = body.vehicle
+        self.settings = settings
+        self.compensator = compensator
+        self.stage = Stage.WAIT
+        self.ended = ""
+        """How the flight ended: `completed`, or the reason why it did not."""
+        self.phases_flown: list[str] = []
+        self.flight_s = 0.0
+        self._began_s: float | None = None
+        self._stage_s = 0.0
+        self._last_s = 0.0
+        self._home: Vec3 = (0.0, 0.0, 0.0)
+        self._ground_down_m = 0.0
+        self._yaw_rad = 0.0
+        self._memory = Memory()
+        self._hold: Setpoint | None = None
+        self._want_land: str | None = None
+        self._refusal: str | None = None
+        self._silent = False
+
+    @property
+    def done(self) -> bool:
+        return self.stage is Stage.DONE
+
+    def ask_to_land(self, reason: str) -> None:
+        """Land at the next tick (Ctrl-C, SIGTERM, a button)."""
+        self._want_land = reason
+
+    def request_failed(self, request: Request, reason: str) -> None:
+        """The autopilot refused. Before the flight that ends it; a refused landing is answered by silence."""
+        if request is Request.LAND:
+            self._silent = True
+        else:
+            self._refusal = f"the autopilot refused to {request.value}: {reason}"
+
+    def tick(self, state: VehicleState, late_s: float) -> Tick:
+        """Decide what to do now. `late_s`: how late this tick is."""
+        now = state.time_s
+        if self._began_s is None:
+            self._began_s = self._stage_s = self._last_s = now
+        dt = max(now - self._last_s, 0.0)
+        self._last_s = now
+        step = {
+            Stage.WAIT: self._wait,
+            Stage.STREAM: self._stream,
+            Stage.START: self._start,
+            Stage.SPOOL_UP: self._spool_up,
+            Stage.FLY: self._fly,
+            Stage.LAND: self._land,
+            Stage.RELEASED: self._released,
+            Stage.DONE: self._idle,
+        }[self.stage]
+        target, requests, setpoint, output = step(state, now, dt, late_s)
+        phase = self.phases_flown[-1] if self.stage is Stage.FLY and self.phases_flown else self.stage.name.lower()
+        return Tick(
+            now - self._began_s,
+            self.stage,
+            phase,
+            target,
+            requests,
+            state,
+            setpoint,
+            output,
+            self._ground_down_m,
+            late_s,
+        )
+
+    # --- stages: (state, now, dt, late) -> (target, requests, setpoint, output) ----------------------------------
+
+    def _wait(self, state: VehicleState, now: float, dt: float, late_s: float) -> "_Decision":
+        fresh = state.connected and state.finite and state.control_age_s < self.settings.guards.max_state_age_s
+        if self._want_land:
+            self._end(self._want_land)
+        elif fresh and not state.armed:
+            self._remember_home(state)
+            self._enter(Stage.STREAM, now)
+        elif fresh:
+            self._end("the vehicle is armed already, expected it to stand disarmed on the ground")
+        elif now - self._stage_s > READY_TIMEOUT_S:
+            missing = [part for part in ("position", "attitude") if state.age_s(part) > 1.0]
+            self._end(f"no usable {' and '.join(missing) or 'state'} came from the autopilot")
+        return _NOTHING
+
+    def _stream(self, state: VehicleState, now: float, dt: float, late_s: float) -> "_Decision":
+        if self._want_land:
+            self._end(self._want_land)
+            return _NOTHING
+        if now - self._stage_s < STREAM_FIRST_S:
+            return _Decision(self._idle_target(state))
+        self._enter(Stage.START, now)
+        return _Decision(self._idle_target(state), (Request.OFFBOARD, Request.ARM))
+
+    def _start(self, state: VehicleState, now: float, dt: float, late_s: float) -> "_Decision":
+        problem = self._want_land or self._refusal
+        if problem is None and now - self._stage_s > START_TIMEOUT_S:
+            problem = (
+                f"the autopilot did not get ready in {START_TIMEOUT_S:g} s: "
+                f"armed is {state.armed}, mode is {state.mode or 'unknown'}, expected OFFBOARD"
+            )
+        if problem is not None:  # it may be armed by now: see to it that it is disarmed
+            self._silent = True
+            return self._begin_landing(problem, state, now)
+        if state.armed and state.mode == "OFFBOARD":
+            self._remember_home(state)
+            self._enter(Stage.SPOOL_UP, now)
+        return _Decision(self._idle_target(state))
+
+    def _spool_up(self, state: VehicleState, now: float, dt: float, late_s: float) -> "_Decision":
+        breach = self._inspect(state, late_s, dt)
+        if breach is not None:
+            return self._answer(breach, state, now)
+        share = (now - self._stage_s) / SPOOL_UP_S
+        if share >= 1.0:
+            self._enter(Stage.FLY, now)
+            self._memory = Memory()
+            return self._fly(state, now, 0.0, late_s)
+        curve = self.vehicle.throttle
+        hover = curve.offset + curve.per_newton * self.vehicle.weight_n
+        return _Decision(AttitudeTarget(_heading(self._yaw_rad), 0.5 * share * hover))
+
+    def _fly(self, state: VehicleState, now: float, dt: float, late_s: float) -> "_Decision":
+        self.flight_s = now - self._stage_s
+        breach = self._inspect(state, late_s, dt)
+        if breach is not None:
+            return self._answer(breach, state, now)
+        phase = self.mission.phase_at(self.flight_s)
+        if not self.phases_flown or self.phases_flown[-1] != phase.name:
+            self.phases_flown.append(phase.name)
+        if self.flight_s >= self.mission.duration_s:
+            return self._begin_landing("completed", state, now)
+        setpoint = self._setpoint(self.flight_s)
+        output = self._control(setpoint, state, dt)
+        return _Decision(output.target, (), setpoint, output)
+
+    def _land(self, state: VehicleState, now: float, dt: float, late_s: float) -> "_Decision":
+        """The autopilot lands. Until it has taken the mode we hold our place, while our state is good, not for long."""
+        if not state.armed:
+            self._enter(Stage.DONE, now)
+            return _NOTHING
+        if now - self._stage_s > LAND_TIMEOUT_S:
+            self._end(f"{self.ended}; the autopilot did not land and disarm in {LAND_TIMEOUT_S:g} s")
+            return _NOTHING
+        waiting = state.mode == "OFFBOARD" and now - self._stage_s < LAND_MODE_TIMEOUT_S
+        if waiting and not self._silent and self._hold is not None and self._inspect(state, late_s, dt) is None:
+            output = self._control(self._hold, state, dt)
+            return _Decision(output.target, (), self._hold, output)
+        self._silent = True
+        return _NOTHING
+
+    def _released(self, state: VehicleState, now: float, dt: float, late_s: float) -> "_Decision":
+        """Somebody else flies: record until the vehicle is disarmed, never take the mode back."""
+        if not state.armed or not state.connected or self._want_land:
+            self._enter(Stage.DONE, now)
+        return _NOTHING
+
+    def _idle(self, state: VehicleState, now: float, dt: float, late_s: float) -> "_Decision":
+        return _NOTHING
+
+    # --- inside --------------------------------------------------------------------------------------------------
+
+    def _inspect(self, state: VehicleState, late_s: float, dt: float) -> Breach | None:
+        stalled_s = max(late_s, dt - 1.0 / self.settings.controller.rate_hz)
+        if stalled_s > self.settings.guards.max_tick_late_s:
+            return Breach(Answer.HAND_OVER, f"the control loop stalled for {stalled_s:.2f} s")
+        north, east, down = state.position_ned_m
+        breach = inspect(
+            state,
+            self.flight_s,
+            self.mission.duration_s,
+            self._ground_down_m - down,
+            math.hypot(north - self._home[0], east - self._home[1]),
+            self.settings.guards,
+            self.mission.limits,
+        )
+        if breach is None and self._want_land and self.stage is not Stage.LAND:
+            return Breach(Answer.LAND, self._want_land)
+        return breach
+
+    def _answer(self, breach: Breach, state: VehicleState, now: float) -> "_Decision":
+        if breach.answer is Answer.RELEASE:
+            self.ended = breach.reason
+            self._enter(Stage.RELEASED, now)
+            return _NOTHING
+        self._silent = breach.answer is Answer.HAND_OVER
+        return self._begin_landing(breach.reason, state, now)
+
+    def _begin_landing(self, reason: str, state: VehicleState, now: float) -> "_Decision":
+        self.ended = reason
+        self._hold = Setpoint(state.position_ned_m, yaw_rad=self._yaw_rad)
+        self._enter(Stage.LAND, now)
+        if self._silent:
+            return _Decision(None, (Request.LAND,))
+        output = self._control(self._hold, state, 0.0)
+        return _Decision(output.target, (Request.LAND,), self._hold, output)
+
+    def _control(self, setpoint: Setpoint, state: VehicleState, dt: float) -> ControlOutput:
+        output = control(
+            setpoint,
+            state,
+            self._memory,
+            dt,
+            self._ground_down_m,
+            self.vehicle,
+            self.settings.controller,
+            self.compensator,
+        )
+        self._memory = output.memory
+        return output
+
+    def _setpoint(self, t_s: float) -> Setpoint:
+        position, velocity, acceleration = self.mission.reference(t_s)
+        north, east, _ = self._home
+        return Setpoint(
+            (north + position[0], east + position[1], self._ground_down_m - position[2]),
+            (velocity[0], velocity[1], -velocity[2]),
+            (acceleration[0], acceleration[1], -acceleration[2]),
+            self._yaw_rad,
+        )
+
+    def _remember_home(self, state: VehicleState) -> None:
+        self._home = state.position_ned_m
+        if self.settings.height_datum == "takeoff":
+            self._ground_down_m = self._home[2] + self.settings.rest_height_m
+        heading = euler_from_quaternion(state.attitude)[2]
+        self._yaw_rad = heading if self.mission.yaw_rad is None else self.mission.yaw_rad
+
+    def _idle_target(self, state: VehicleState) -> AttitudeTarget:
+        """No thrust, the heading we stand in."""
+        return AttitudeTarget(_heading(euler_from_quaternion(state.attitude)[2]), 0.0)
+
+    def _enter(self, stage: Stage, now: float) -> None:
+        self.stage = stage
+        self._stage_s = now
+
+    def _end(self, reason: str) -> None:
+        self.ended = reason
+        self.stage = Stage.DONE
+
+
+class _Decision(NamedTuple):
+    target: AttitudeTarget | None = None
+    requests: tuple[Request, ...] = ()
+    setpoint: Setpoint | None = None
+    output: ControlOutput | None = None
+
+
+_NOTHING = _Decision()
+
+
+def _heading(yaw_rad: float) -> Quat:
+    return math.cos(0.5 * yaw_rad), 0.0, 0.0, math.sin(0.5 * yaw_rad)

@@ -1,0 +1,108 @@
+"""A flight log in memory: one table with the columns of the data contracts, whatever file it came from."""
+
+import difflib
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from quadctl.errors import LogError
+from quadctl.logs.columns import rpm_columns
+
+Floats: TypeAlias = NDArray[np.float64]
+
+POSITION = ("x_m", "y_m", "z_m")
+VELOCITY = ("vx_m_s", "vy_m_s", "vz_m_s")
+ATTITUDE = ("roll_deg", "pitch_deg", "yaw_deg")
+RATES = ("roll_rate_rad_s", "pitch_rate_rad_s", "yaw_rate_rad_s")
+
+
+@dataclass(frozen=True, eq=False)
+class FlightLog:
+    """One flight. Units and frames are those of the file: metres and degrees, north, east, up; rates in body FRD.
+
+    A missing value is NaN. Values are as logged: a channel that is slower than the rows is held between its updates.
+    """
+
+    name: str
+    """Name of the file, with its extension."""
+    path: Path | None
+    columns: dict[str, Floats]
+    """Each of shape (n,), by the names of `quadctl.logs.columns`."""
+    phase: NDArray[np.str_] | None = None
+    """Name of the mission phase, shape (n,), "" where there is none."""
+    meta: dict[str, Any] = field(default_factory=dict)
+    """What the sidecar file says of the flight."""
+    notes: list[str] = field(default_factory=list)
+    """What was left out of the file or read in a way that needs saying, one sentence each."""
+
+    def __post_init__(self) -> None:
+        if "time_s" not in self.columns:
+            raise LogError(f"{self.name}: a flight log without time_s was made, expected at least that column")
+        for name, values in self.columns.items():
+            self._require_length(name, len(values))
+        if self.phase is not None:
+            self._require_length("phase", len(self.phase))
+
+    def _require_length(self, name: str, length: int) -> None:
+        if length != len(self):
+            raise LogError(f"{self.name}: column '{name}' has {length} values, expected {len(self)} as time_s has")
+
+    def __len__(self) -> int:
+        return len(self.columns["time_s"])
+
+    def __getitem__(self, name: str) -> Floats:
+        """The values of one column, shape (n,).
+
+        Raises
+        ------
+        LogError
+            The log has no such column.
+        """
+        try:
+            return self.columns[name]
+        except KeyError:
+            hint = did_you_mean(name, list(self.columns))
+            raise LogError(f"{self.name}: has no column '{name}'{hint}") from None
+
+    def has(self, name: str) -> bool:
+        """Whether the column is there and holds at least one finite value."""
+        return name in self.columns and bool(np.isfinite(self.columns[name]).any())
+
+    @property
+    def time_s(self) -> Floats:
+        return self.columns["time_s"]
+
+    @property
+    def n_rotors(self) -> int:
+        """Number of rotors with a speed column; 0 when the log has no rotor speeds."""
+        n = 0
+        while rpm_columns(n + 1)[-1] in self.columns:
+            n += 1
+        return n
+
+    def updates(self, *names: str) -> NDArray[np.intp]:
+        """Indices of the rows in which a channel got a new value.
+
+        Several names are one channel whose parts arrive together (`log.updates(*POSITION)`): a row counts when any part
+        changed. A row in which a part is not finite holds no update; the first finite row does.
+        """
+        values = np.column_stack([self[name] for name in names])
+        rows = np.flatnonzero(np.isfinite(values).all(axis=1))
+        known = values[rows]
+        new = np.ones(len(rows), dtype=bool)
+        new[1:] = (known[1:] != known[:-1]).any(axis=1)
+        return rows[new]
+
+    def rows(self, selection: slice | NDArray[Any]) -> "FlightLog":
+        """The same log with the selected rows only (a slice, a mask or indices)."""
+        columns = {name: values[selection] for name, values in self.columns.items()}
+        return replace(self, columns=columns, phase=None if self.phase is None else self.phase[selection])
+
+
+def did_you_mean(word: str, known: list[str]) -> str:
+    """ " (did you mean 'x_m'?)", or nothing when no known name is near."""
+    matches = difflib.get_close_matches(word, known, n=1, cutoff=0.5)
+    return f" (did you mean '{matches[0]}'?)" if matches else ""

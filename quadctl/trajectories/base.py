@@ -1,0 +1,35 @@
+"""What a trajectory is: settings of one mission phase and a pure function of time that gives the reference."""
+
+from typing import ClassVar, NamedTuple, Self
+
+from quadctl.settings import Settings
+from quadctl.state import Vec3
+
+
+class Reference(NamedTuple):
+    """Where to be, in the mission's frame: north, east from the take-off point, up from the ground."""
+
+    position_m: Vec3
+    velocity_m_s: Vec3 = (0.0, 0.0, 0.0)
+    acceleration_m_s2: Vec3 = (0.0, 0.0, 0.0)
+
+
+class Trajectory(Settings):
+    """Base of all trajectories. A subclass is one file: its fields are the keys of a phase in a mission file."""
+
+    kind: ClassVar[str]
+
+    def duration_s(self, start_m: Vec3) -> float:
+        """How long it takes from `start_m`."""
+        raise TypeError(f"{type(self).__name__} does not say its duration")
+
+    def reference(self, t_s: float, start_m: Vec3) -> Reference:
+        """Reference at `t_s` since the phase began at `start_m`; beyond the duration the last one holds."""
+        raise TypeError(f"{type(self).__name__} does not say its reference")
+
+    def lifted(self, up_m: float) -> Self:
+        """The same trajectory with its absolute heights raised by `up_m`; relative ones have nothing to raise."""
+        return self
+
+    def end_m(self, start_m: Vec3) -> Vec3:
+        return self.reference(self.duration_s(start_m), start_m).position_m

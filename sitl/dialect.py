@@ -1,0 +1,52 @@
+"""MAVLink messages that PX4 sends and pymavlink's bundled dialects do not know yet."""
+
+import struct
+from collections.abc import Sequence
+from typing import Any, ClassVar
+
+from pymavlink.dialects.v20 import common  # type: ignore[import-untyped]
+
+ESC_STATUS_ID = 291
+
+
+class EscStatus(common.MAVLink_message):  # type: ignore[misc]
+    """ESC_STATUS: speed, voltage and current of up to four motors; `index` is the first motor's number from 0."""
+
+    id = ESC_STATUS_ID
+    msgname = "ESC_STATUS"
+    name = "ESC_STATUS"
+    fieldnames: ClassVar[list[str]] = ["index", "time_usec", "rpm", "voltage", "current"]
+    ordered_fieldnames: ClassVar[list[str]] = ["time_usec", "rpm", "voltage", "current", "index"]
+    fieldtypes: ClassVar[list[str]] = ["uint8_t", "uint64_t", "int32_t", "float", "float"]
+    fieldunits_by_name: ClassVar[dict[str, str]] = {"time_usec": "us", "rpm": "rpm", "voltage": "V", "current": "A"}
+    native_format = bytearray(b"<QiffB")
+    orders: ClassVar[list[int]] = [4, 0, 1, 2, 3]
+    lengths: ClassVar[list[int]] = [1, 4, 4, 4, 1]
+    array_lengths: ClassVar[list[int]] = [0, 4, 4, 4, 0]
+    crc_extra = 10
+    unpacker = struct.Struct("<Q4i4f4fB")
+    instance_field = "index"
+    instance_offset = 56
+
+    def __init__(
+        self, index: int, time_usec: int, rpm: Sequence[int], voltage: Sequence[float], current: Sequence[float]
+    ) -> None:
+        super().__init__(self.id, self.msgname)
+        self._fieldnames = self.fieldnames
+        self._instance_field = self.instance_field
+        self._instance_offset = self.instance_offset
+        self.index = index
+        self.time_usec = time_usec
+        self.rpm = rpm
+        self.voltage = voltage
+        self.current = current
+
+    def pack(self, mav: Any, force_mavlink1: bool = False) -> bytes:
+        payload = self.unpacker.pack(self.time_usec, *self.rpm, *self.voltage, *self.current, self.index)
+        packed: bytes = self._pack(mav, self.crc_extra, payload, force_mavlink1=force_mavlink1)
+        return packed
+
+
+def register(dialect: Any = common) -> None:
+    """Let a pymavlink dialect module parse the messages of this file; once more does no harm."""
+    dialect.mavlink_map.setdefault(ESC_STATUS_ID, EscStatus)
