@@ -66,11 +66,13 @@ class Compensator:
         thrusts: Sequence[Number] = [total / vehicle.n_rotors] * vehicle.n_rotors
         ratio = 1.0
         fx = fy = fz = 0.0
-        for item, trusted_m in zip(self.model.stack, self._trusted_m, strict=True):
-            trust = self._trust(c.height_m, trusted_m)
+        trusts = [self._trust(c.height_m, trusted_m) for trusted_m in self._trusted_m]
+        for item, trust in zip(self.model.stack, trusts, strict=True):
             thrusts = item.effect.rotor_thrust(thrusts, c, vehicle)
             before, total = total, sum(thrusts)
             ratio *= 1.0 + trust * (total / before - 1.0)
+        # As in the model, forces stand on the thrust with all effects included, whatever their order.
+        for item, trust in zip(self.model.stack, trusts, strict=True):
             ex, ey, ez = item.effect.force(total, c, vehicle)
             fx, fy, fz = fx + trust * ex, fy + trust * ey, fz + trust * ez
         longest = self.limits.band * vehicle.weight_n
@@ -112,8 +114,8 @@ def check_compensator(model: Model, lowest_m: float, highest_m: float, source: s
         c = Conditions(z, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
         try:
             ratio = float(sum(model.rotor_thrust(rotors, c))) / vehicle.weight_n
-        except ZeroDivisionError:
-            ratio = math.inf
+        except (ArithmeticError, ValueError):  # division by zero, overflow, a root of a negative number
+            ratio = math.nan
         if not math.isfinite(ratio) or ratio <= 0.0:
             raise SettingsError(
                 f"{source}: the thrust ratio is {ratio:g} at a rotor height of {z:.2f} m, "

@@ -128,8 +128,8 @@ def _first_problem(error: ValidationError, kind: type[BaseModel], data: Any) -> 
         return f"{field} is missing"
     if problem["type"] == "value_error":
         return f"{field + ': ' if field else ''}{problem['ctx']['error']}"
-    expectation = _EXPECTATIONS.get(problem["type"], problem["msg"].removeprefix("Input should be "))
-    expectation = expectation.format(**problem.get("ctx", {}))
+    words = _EXPECTATIONS.get(problem["type"])
+    expectation = words.format(**problem.get("ctx", {})) if words else problem["msg"].removeprefix("Input should be ")
     return f"{field or 'the file'} is {_shown(problem['input'])}, expected {expectation}"
 
 

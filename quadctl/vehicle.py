@@ -83,6 +83,11 @@ class Vehicle(Settings):
         return self.throttle.max_thrust_per_rotor_n * self.n_rotors
 
     @cached_property
+    def axial_share(self) -> float:
+        """Force along the body's thrust axis over the sum of the rotors' thrusts: 1 when all rotors are upright."""
+        return -sum(rotor.axis[2] for rotor in self.rotors) / self.n_rotors
+
+    @cached_property
     def hover_induced_velocity_m_s(self) -> float:
         """v_h = sqrt(T / (2 rho pi R^2)) with the thrust of one rotor in hover (momentum theory)."""
         disk_m2 = math.pi * self.rotor.radius_m**2

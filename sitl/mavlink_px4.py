@@ -55,18 +55,15 @@ class Faults:
     """Nothing is sent any more."""
     deaf: bool = False
     """Nothing that arrives is read."""
-    no_heartbeat: bool = False
+    withheld: frozenset[str] = frozenset()
+    """Names of messages that are not sent, and refused when asked for."""
     nan_position: bool = False
-    no_rpm: bool = False
-    """ESC_STATUS is refused and never sent."""
     refuse_arming: str = ""
     """The reason to give, if any."""
 
-    def lets_out(self, message: Message) -> bool:
-        """Whether this message reaches the wire."""
-        name = message.get_type()
-        lost = self.silent or (self.no_heartbeat and name == "HEARTBEAT") or (self.no_rpm and name == "ESC_STATUS")
-        return not lost
+    def lets_out(self, name: str) -> bool:
+        """Whether a message of this name reaches the wire."""
+        return not self.silent and name not in self.withheld
 
     def distort(self, estimate: VehicleState) -> VehicleState:
         """The estimate as it goes out."""
@@ -119,7 +116,9 @@ class MavlinkPx4:
     The vehicle belongs to the thread of this object while it runs; others may read its plain attributes.
     """
 
-    def __init__(self, autopilot: SimulatedAutopilot, port: int = 14540, host: str = "127.0.0.1") -> None:
+    def __init__(
+        self, autopilot: SimulatedAutopilot, port: int = 14540, host: str = "127.0.0.1", heartbeat_hz: float = 1.0
+    ) -> None:
         dialect.register(mavlink)
         self.autopilot = autopilot
         self.faults = Faults()
@@ -130,7 +129,7 @@ class MavlinkPx4:
         self._socket: socket.socket | None = None
         self._mav = mavlink.MAVLink(None, srcSystem=1, srcComponent=mavlink.MAV_COMP_ID_AUTOPILOT1)
         self._mav.robust_parsing = True
-        self._streams = self._px4_streams()
+        self._streams = _px4_streams(heartbeat_hz)
         self._news = threading.Condition()
         self._stopping = threading.Event()
         self._thread: threading.Thread | None = None
@@ -232,7 +231,7 @@ class MavlinkPx4:
 
     def _send(self, message: Message) -> None:
         assert self._socket is not None
-        if self.faults.lets_out(message):
+        if self.faults.lets_out(message.get_type()):
             data = message.pack(self._mav)
             self._mav.seq = (self._mav.seq + 1) % 256
             try:
@@ -246,20 +245,6 @@ class MavlinkPx4:
             if stream.take(estimate):
                 for message in stream.build(estimate):
                     self._send(message)
-
-    def _px4_streams(self) -> dict[int, _Stream]:
-        """PX4's defaults on the onboard link."""
-        return {
-            mavlink.MAVLINK_MSG_ID_HEARTBEAT: _Stream(_heartbeat, 1.0, "heartbeat"),
-            mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: _Stream(_local_position, 30.0, "position"),
-            mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION: _Stream(_attitude_quaternion, 50.0, "attitude"),
-            mavlink.MAVLINK_MSG_ID_ATTITUDE: _Stream(_attitude, 100.0, "attitude"),
-            dialect.ESC_STATUS_ID: _Stream(_esc_status, 10.0, "rpm"),
-            mavlink.MAVLINK_MSG_ID_SYS_STATUS: _Stream(_sys_status, 5.0, "battery"),
-            mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: _Stream(_battery_status, 0.5, "battery"),
-            mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: _Stream(_extended_sys_state, 5.0, "heartbeat"),
-            mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION: _Stream(_autopilot_version, 0.0, "heartbeat"),
-        }
 
     # --- in ----------------------------------------------------------------------------------------------------
 
@@ -307,10 +292,10 @@ class MavlinkPx4:
 
     def _set_message_interval(self, command: Message) -> int:
         message_id = int(command.param1)
-        refused = message_id not in self._streams or (self.faults.no_rpm and message_id == dialect.ESC_STATUS_ID)
-        if refused:
+        stream = self._streams.get(message_id)
+        if stream is None or not self.faults.lets_out(mavlink.mavlink_map[message_id].msgname):
             return int(mavlink.MAV_RESULT_FAILED)
-        self._streams[message_id].set_interval(command.param2, self.autopilot.time_s)
+        stream.set_interval(command.param2, self.autopilot.time_s)
         return int(mavlink.MAV_RESULT_ACCEPTED)
 
     def _request_message(self, command: Message) -> int:
@@ -448,3 +433,18 @@ def _autopilot_version(_: VehicleState) -> Iterator[Message]:
     )
     none = [0] * 8
     yield mavlink.MAVLink_autopilot_version_message(capabilities, PX4_VERSION, 0, 0, 0, none, none, none, 0, 0, 1)
+
+
+def _px4_streams(heartbeat_hz: float) -> dict[int, _Stream]:
+    """By message id, with PX4's default rates on the onboard link."""
+    return {
+        mavlink.MAVLINK_MSG_ID_HEARTBEAT: _Stream(_heartbeat, heartbeat_hz, "heartbeat"),
+        mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: _Stream(_local_position, 30.0, "position"),
+        mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION: _Stream(_attitude_quaternion, 50.0, "attitude"),
+        mavlink.MAVLINK_MSG_ID_ATTITUDE: _Stream(_attitude, 100.0, "attitude"),
+        dialect.ESC_STATUS_ID: _Stream(_esc_status, 10.0, "rpm"),
+        mavlink.MAVLINK_MSG_ID_SYS_STATUS: _Stream(_sys_status, 5.0, "battery"),
+        mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: _Stream(_battery_status, 0.5, "battery"),
+        mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: _Stream(_extended_sys_state, 5.0, "heartbeat"),
+        mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION: _Stream(_autopilot_version, 0.0, "heartbeat"),
+    }

@@ -33,6 +33,15 @@ def attitude_for_force(force_ned: Vec3, yaw_rad: float) -> Quat:
     return _quaternion_from_axes((xx, xy, xz), (yx, yy, yz), (zx, zy, zz))
 
 
+def limit_tilt(force_ned: Vec3, max_tilt_rad: float) -> Vec3:
+    """`force_ned` with its horizontal part shortened to lean at most `max_tilt_rad` from up; never pointing down."""
+    fx, fy, fz = force_ned
+    up = max(0.0, -fz)
+    length, longest = math.hypot(fx, fy), math.tan(max_tilt_rad) * up
+    shrink = longest / length if length > longest else 1.0
+    return shrink * fx, shrink * fy, -up
+
+
 def thrust_along_body(force_ned: Vec3, attitude: Quat) -> float:
     """Thrust, N, whose part along the wanted force is right although the vehicle has not yet turned there; >= 0.
 

@@ -1,9 +1,10 @@
 """One tick of control, in the order of the signal: state and setpoint in, attitude and throttle out. No I/O."""
 
+import math
 from typing import NamedTuple
 
 from quadctl.compensator import NOTHING, Compensation, Compensator
-from quadctl.control.attitude import attitude_for_force, thrust_along_body
+from quadctl.control.attitude import attitude_for_force, limit_tilt, thrust_along_body
 from quadctl.control.settings import ControllerSettings
 from quadctl.control.throttle import throttle_for_thrust
 from quadctl.control.velocity import VelocityMemory, acceleration_setpoint, velocity_setpoint
@@ -53,9 +54,10 @@ def control(
     guess = memory.thrust_n or vehicle.weight_n
     compensation = compensator(state, ground_down_m, guess) if compensator is not None else NOTHING
     fx, fy, fz = compensation.force_ned_n
-    rotor_force: Vec3 = (wanted[0] - fx, wanted[1] - fy, wanted[2] - fz)
+    # The acceleration was limited, but what compensation adds may lean further, or even point down.
+    rotor_force = limit_tilt((wanted[0] - fx, wanted[1] - fy, wanted[2] - fz), math.radians(settings.max_tilt_deg))
     attitude = attitude_for_force(rotor_force, setpoint.yaw_rad)
-    rotor_thrust_n = thrust_along_body(rotor_force, state.attitude) / compensation.thrust_ratio
+    rotor_thrust_n = thrust_along_body(rotor_force, state.attitude) / (compensation.thrust_ratio * vehicle.axial_share)
     throttle = throttle_for_thrust(rotor_thrust_n, vehicle, settings.min_throttle, settings.max_throttle)
     return ControlOutput(
         AttitudeTarget(attitude, throttle),

@@ -6,6 +6,7 @@ the last target by itself, so that the autopilot would not notice a companion th
 
 import asyncio
 import json
+import logging
 import math
 import re
 import time
@@ -15,6 +16,7 @@ from typing import TypeVar
 
 from mavsdk.component_type import ComponentType  # type: ignore[import-untyped]
 from mavsdk.exceptions import ConnectionError as MavsdkConnectionError  # type: ignore[import-untyped]
+from mavsdk.logging import LogLevel, log_subscribe  # type: ignore[import-untyped]
 from mavsdk.mavsdk import Configuration, Mavsdk  # type: ignore[import-untyped]
 from mavsdk.plugins.mavlink_direct import (  # type: ignore[import-untyped]
     MavlinkDirect,
@@ -65,6 +67,7 @@ class MavsdkAutopilot:
 
     async def connect(self) -> None:
         """Open the link and wait for a heartbeat; raises LinkError when none comes."""
+        log_subscribe(_log)
         configuration = Configuration.create_with_component_type(ComponentType.COMPANION_COMPUTER)
         mavsdk = self._mavsdk = Mavsdk(configuration)
         try:
@@ -84,9 +87,10 @@ class MavsdkAutopilot:
             self._direct.subscribe_message(name, self._receive)
         if not await self._await(lambda: self._telemetry.autopilot != 0, HEARTBEAT_WAIT_S):
             raise LinkError(f"The autopilot at {self._url} went silent after its first heartbeat: check the link.")
-        if self._telemetry.autopilot != px4.MAV_AUTOPILOT_PX4:
+        kind = self._telemetry.autopilot
+        if kind != px4.MAV_AUTOPILOT_PX4:
             raise LinkError(
-                f"The autopilot at {self._url} is not PX4: its heartbeat says MAV_AUTOPILOT {self._telemetry.autopilot}, "
+                f"The autopilot at {self._url} is not PX4: its heartbeat says MAV_AUTOPILOT {kind}, "
                 f"expected {px4.MAV_AUTOPILOT_PX4}."
             )
 
@@ -242,6 +246,13 @@ class MavsdkAutopilot:
         if self._mavsdk is not None:
             self._mavsdk.destroy()
             self._mavsdk = None
+
+
+def _log(level: LogLevel, text: str, *_: object) -> bool:
+    """MAVSDK's own log goes to `logging`: written to the terminal by C++ it would tear the display apart."""
+    severity = {LogLevel.WARN: logging.WARNING, LogLevel.ERROR: logging.ERROR}.get(level, logging.DEBUG)
+    logging.getLogger("mavsdk").log(severity, text)
+    return True
 
 
 def _checked(url: str) -> str:

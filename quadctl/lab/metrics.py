@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from rich import box
+from rich.markup import escape
 from rich.table import Table
 
 from quadctl.errors import LogError
@@ -262,9 +263,7 @@ def metrics(
     tracks = [tracking(log, window, axis, setpoint_m) for log in logs]
     if references and reference_setpoint_m is None and not all(log.has(f"{axis}_ref_m") for log in references):
         reference_setpoint_m = settled_setpoint_m(references, window, axis)
-        notes.append(
-            f"the reference flights have no reference column, and settled at {reference_setpoint_m:.2f} m: that is taken"
-        )
+        notes.append(f"the reference flights have no reference column, and settled at {reference_setpoint_m:.2f} m")
     reference_tracks = [tracking(log, window, axis, reference_setpoint_m) for log in references]
 
     measured = [(track, False) for track in tracks] + [(track, True) for track in reference_tracks]
@@ -372,24 +371,25 @@ _HEADINGS = {
 
 
 def render(result: MetricsTable) -> Table:
-    """The metrics as a table: one line per flight, then means and standard deviations of flights flown more than once."""
+    """The metrics as a table: one line per flight, then mean and deviation of flights flown more than once."""
     columns = [value for value in VALUES if any(getattr(flight, value) is not None for flight in result.flights)]
     table = Table(
-        title=f"Tracking of {result.axis}, {result.window}: integrals in m s, errors in m",
-        caption="; ".join(result.notes) or None,
+        title=escape(f"Tracking of {result.axis}, {result.window}: integrals in m s, errors in m"),
+        caption=escape("; ".join(result.notes)) or None,
         box=box.SIMPLE_HEAD,
+        pad_edge=False,
     )
     table.add_column("flight", overflow="fold")
     for value in columns:
         table.add_column(_HEADINGS[value], justify="right", no_wrap=True)
     for flight in result.flights:
         name = Path(flight.flight).stem + (" (reference)" if flight.is_reference else "")
-        table.add_row(name, *(_number(getattr(flight, value)) for value in columns))
+        table.add_row(escape(name), *(_number(getattr(flight, value)) for value in columns))
     for group in result.groups:
         if group.n_runs > 1:
             table.add_section()
             for name, values in _lines_of(group):
-                table.add_row(name, *(_number(values.get(value)) for value in columns))
+                table.add_row(escape(name), *(_number(values.get(value)) for value in columns))
     return table
 
 

@@ -101,7 +101,7 @@ def _read_lines(path: Path) -> _Lines:
     data = _read_bytes(path)
     if not data.strip():
         raise LogError(f"{path}: is empty, expected a CSV flight log")
-    if b"\0" in data[:1024]:
+    if b"\0" in data.partition(b"\n")[0]:
         raise LogError(f"{path}: is not a text file, expected a CSV flight log")
     # Bytes that are no text, as a power cut leaves them, damage their line and not the file.
     *lines, rest = data.decode("utf-8-sig", errors="replace").split("\n")
@@ -290,9 +290,11 @@ def _numbers(path: Path, name: str, text: pl.Series, number: NDArray[np.int64], 
     wrong = np.flatnonzero((values.is_null() & (text.fill_null("") != "")).to_numpy())
     if len(wrong) > len(text) / 2:
         first = wrong[0]
-        raise LogError(f"{path}, line {number[first]}: column '{name}' holds {text[int(first)]!r}, expected a number")
+        raise LogError(
+            f"{path}, line {number[first]}: column '{name}' holds {_shown(text[int(first)])}, expected a number"
+        )
     for row in wrong:
-        damage.setdefault(int(number[row]), f"{name} is {text[int(row)]!r} instead of a number")
+        damage.setdefault(int(number[row]), f"{name} is {_shown(text[int(row)])} instead of a number")
     return values.fill_null(float("nan"))
 
 
@@ -376,6 +378,10 @@ def _longest_run(rows: NDArray[np.intp]) -> int:
     """Length of the longest run of consecutive numbers in `rows`, which is sorted and not empty."""
     breaks = np.flatnonzero(np.diff(rows) > 1)
     return int(np.diff(np.concatenate([[-1], breaks, [len(rows) - 1]])).max())
+
+
+def _shown(text: str) -> str:
+    return repr(text if len(text) <= 40 else text[:37] + "...")
 
 
 def _count(n: int, what: str) -> str:

@@ -1,0 +1,88 @@
+"""Compare a model with flights: how large is the error, how small could it be, where does the model fail?"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from quadctl.lab.data import AXES, Dataset, rmse
+from quadctl.lab.flexible import flexible_residual, noise_floor
+from quadctl.lab.locate import Failure, Profile, failures, profiles
+from quadctl.lab.prepare import Floats
+from quadctl.model import Model
+
+SHOWN_FAILURES = 6
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """A model against a dataset; errors in m/s^2 of kinematic acceleration, measured minus predicted."""
+
+    model: Model
+    dataset: Dataset
+    residual: Floats
+    """Shape (n, 3)."""
+    rmse: dict[str, float]
+    noise_floor: dict[str, float]
+    """Held-out error of a flexible regression on all logged variables: no model of them gets far below it."""
+    explained: float
+    """1 - residual power / power of the measured acceleration about its mean; negative: worse than saying nothing."""
+    fails_where: list[Failure]
+    profiles: list[Profile]
+
+    def to_dict(self) -> dict[str, Any]:
+        return {
+            "model": self.model.name,
+            "n_samples": len(self.residual),
+            "flights": self.dataset.names,
+            "bandwidth_hz": [round(flight.bandwidth_hz, 3) for flight in self.dataset.flights],
+            "rmse": self.rmse,
+            "noise_floor": self.noise_floor,
+            "explained": self.explained,
+            "fails_where": [failure.to_dict() for failure in self.fails_where],
+            "notes": [f"{flight.name}: {note}" for flight in self.dataset.flights for note in flight.notes],
+        }
+
+    def __rich__(self) -> RenderableType:
+        table = Table(title=f"{self.model.name} against {', '.join(self.dataset.names)}", title_justify="left")
+        table.add_column("m/s^2")
+        for axis in (*AXES, "total"):
+            table.add_column(axis, justify="right")
+        for name, row in (("error (RMSE)", self.rmse), ("noise floor", self.noise_floor)):
+            table.add_row(name, *(f"{row[axis]:.4f}" for axis in (*AXES, "total")))
+        widths = ", ".join(sorted({f"{flight.bandwidth_hz:.1f}" for flight in self.dataset.flights}))
+        lines = [
+            f"{len(self.residual)} samples, filtered to {widths} Hz; "
+            f"the model explains {self.explained:.1%} of the acceleration's variance."
+        ]
+        if self.fails_where:
+            lines.append("It fails where:")
+            lines += [
+                f"  - {failure.text} ({abs(failure.sigma):.0f} sigma)" for failure in self.fails_where[:SHOWN_FAILURES]
+            ]
+            if len(self.fails_where) > SHOWN_FAILURES:
+                lines.append(f"  - and {len(self.fails_where) - SHOWN_FAILURES} more ranges (see --json or --html)")
+        else:
+            lines.append("It fails nowhere beyond the noise.")
+        return Group(table, Text("\n".join(lines)))
+
+
+def compare(model: Model, dataset: Dataset) -> Comparison:
+    """Evaluate `model` on `dataset` as it stands; nothing is fitted."""
+    residual = dataset.residual(model)
+    noise = noise_floor(residual, flexible_residual(residual, dataset))
+    seen = profiles(residual, noise, dataset)
+    measured = dataset.measured - dataset.measured.mean(axis=0)
+    return Comparison(
+        model=model,
+        dataset=dataset,
+        residual=residual,
+        rmse=rmse(residual),
+        noise_floor=rmse(noise),
+        explained=float(1.0 - np.sum(residual**2) / np.sum(measured**2)),
+        fails_where=failures(residual, noise, dataset, seen),
+        profiles=seen,
+    )

@@ -1,0 +1,135 @@
+"""Prepared flights as one set of samples: stacked residuals, folds for held-out errors, noise that respects time."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from quadctl.frames import ned_from_neu
+from quadctl.lab.prepare import Flight, Floats, prepare
+from quadctl.logs.flight_log import FlightLog
+from quadctl.model import Model
+from quadctl.vehicle import Vehicle
+
+AXES = ("north", "east", "up")
+HoldOut = Literal["blocks", "flights"]
+FOLDS = 5
+MAX_LAG_S = 3.0
+"""Beyond this, residuals of a flight are taken as uncorrelated."""
+
+
+@dataclass(frozen=True, eq=False)
+class Dataset:
+    """Flights of one vehicle, and how part of them is held out.
+
+    With `hold_out="blocks"` every flight is cut into blocks of `BLOCK_S`, dealt to the folds in turn; with "flights"
+    whole flights are the folds. Each fold is predicted by a fit that has seen only the others.
+    """
+
+    flights: tuple[Flight, ...]
+    hold_out: HoldOut = "blocks"
+
+    @cached_property
+    def measured(self) -> Floats:
+        """Kinematic acceleration, north, east, up, m/s^2, shape (n, 3)."""
+        return np.concatenate([flight.measured for flight in self.flights])
+
+    @cached_property
+    def flight_index(self) -> NDArray[np.int64]:
+        return np.repeat(np.arange(len(self.flights)), [len(flight.time_s) for flight in self.flights])
+
+    @cached_property
+    def block(self) -> NDArray[np.int64]:
+        """Number of the block of each sample, unique over all flights."""
+        numbers, offset = [], 0
+        for flight in self.flights:
+            numbers.append(flight.block + offset)
+            offset += int(flight.block.max()) + 1
+        return np.concatenate(numbers)
+
+    @cached_property
+    def fold(self) -> NDArray[np.int64]:
+        """Number of the fold that holds each sample out."""
+        if self.hold_out == "flights" and len(self.flights) > 1:
+            return self.flight_index
+        return self.block % FOLDS
+
+    @property
+    def folds(self) -> list[int]:
+        return [int(number) for number in np.unique(self.fold)]
+
+    def predicted(self, model: Model) -> Floats:
+        """What `model` says the filtered acceleration should have been, shape (n, 3)."""
+        return np.concatenate([predict(model, flight) for flight in self.flights])
+
+    def residual(self, model: Model) -> Floats:
+        """Measured minus predicted, shape (n, 3)."""
+        return self.measured - self.predicted(model)
+
+    def variable(self, name: str) -> Floats | None:
+        """A variable of all samples, or None where a flight lacks it."""
+        if any(name not in flight.variables for flight in self.flights):
+            return None
+        return np.concatenate([flight.variables[name] for flight in self.flights])
+
+    @property
+    def names(self) -> list[str]:
+        return [flight.name for flight in self.flights]
+
+    @cached_property
+    def heights_m(self) -> tuple[float, float]:
+        """Range of the rotor plane's height."""
+        z = [flight.filtered(flight.conditions.height_m) for flight in self.flights]
+        return float(min(h.min() for h in z)), float(max(h.max() for h in z))
+
+
+def load_dataset(logs: Sequence[FlightLog], vehicle: Vehicle, hold_out: HoldOut = "blocks") -> Dataset:
+    """Prepare `logs`, flown by `vehicle`.
+
+    Raises
+    ------
+    LogError
+        The first reason why one of them cannot be analysed.
+    """
+    flights = [prepare(log, vehicle) for log in logs]
+    return Dataset(tuple(flights), hold_out)
+
+
+def predict(model: Model, flight: Flight) -> Floats:
+    """Filtered acceleration of one flight by `model`, north, east, up, shape (n, 3)."""
+    acceleration = ned_from_neu(model.acceleration_ned(flight.nominal_n, flight.conditions))
+    return np.column_stack([flight.filtered(component) for component in acceleration])
+
+
+def rmse(residual: Floats) -> dict[str, float]:
+    """Root mean square per axis; `total` is the root of the sum of the three squares."""
+    squares = np.mean(residual**2, axis=0)
+    per_axis = {axis: float(np.sqrt(value)) for axis, value in zip(AXES, squares, strict=True)}
+    return {**per_axis, "total": float(np.sqrt(squares.sum()))}
+
+
+def autocovariance(values: Floats, dataset: Dataset) -> list[Floats]:
+    """Autocovariance of one residual axis over lags of whole samples, per flight, about zero mean of the flight."""
+    found = []
+    for i, flight in enumerate(dataset.flights):
+        x = values[dataset.flight_index == i]
+        x = x - x.mean()
+        step = float(np.median(np.diff(flight.time_s)))
+        lags = min(len(x) - 1, max(1, round(MAX_LAG_S / step)))
+        found.append(np.array([x[: len(x) - lag] @ x[lag:] / len(x) for lag in range(lags + 1)]))
+    return found
+
+
+def variance_of_sum(weights: Floats, noise: Floats, dataset: Dataset) -> float:
+    """Variance of sum(weights * noise) when the noise is correlated in time as `noise` is (Bartlett weights)."""
+    total = 0.0
+    for i, gamma in enumerate(autocovariance(noise, dataset)):
+        w = weights[dataset.flight_index == i]
+        lags = len(gamma) - 1
+        total += gamma[0] * float(w @ w)
+        for lag in range(1, lags + 1):
+            total += 2.0 * (1.0 - lag / (lags + 1)) * gamma[lag] * float(w[:-lag] @ w[lag:])
+    return max(total, 1e-30)

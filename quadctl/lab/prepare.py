@@ -1,0 +1,366 @@
+"""A flight log becomes what an analysis needs: the flight itself, on an even clock, with one filter for all signals.
+
+Logs hold values between updates, each channel at its own rate and age. So every channel is taken at its updates only,
+joined by straight lines, and compared after the same low-pass filter has gone over the measured and the predicted
+acceleration. The bandwidth of that filter is what the slowest channel can carry; it is stated with every result.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+
+from quadctl.effects import Conditions
+from quadctl.errors import LogError
+from quadctl.frames import euler_from_quaternion, quaternion_from_euler, rotate_inverse
+from quadctl.logs.columns import motor_columns, rpm_columns
+from quadctl.logs.flight_log import ATTITUDE, POSITION, VELOCITY, FlightLog
+from quadctl.vehicle import Vehicle
+
+Floats: TypeAlias = NDArray[np.float64]
+Mask: TypeAlias = NDArray[np.bool_]
+
+MAX_BANDWIDTH_HZ = 3.0
+BANDWIDTH_PER_UPDATE_RATE = 0.35
+"""Of the slowest channel: well below half its rate, where its samples could not be told from an alias."""
+TRIM_START_S, TRIM_END_S = 2.0, 1.0
+"""Take-off transient and touchdown are not flight."""
+MIN_CLEARANCE_M = 0.02
+"""Above the height at rest: less is contact with the ground."""
+MIN_FLIGHT_S = 10.0
+BLOCK_S = 5.0
+"""Length of the blocks of time that are held out, shuffled and resampled as one."""
+DELAYS_S = np.arange(-0.10, 0.3001, 0.01)
+
+
+@dataclass(frozen=True, eq=False)
+class Flight:
+    """One prepared flight. `grid` signals are raw on an even clock, `samples` are filtered and nearly independent."""
+
+    name: str
+    vehicle: Vehicle
+    grid_s: Floats
+    """Even clock, shape (m,)."""
+    conditions: Conditions
+    """On the grid."""
+    nominal_n: list[Floats]
+    """k rpm^2 of each rotor on the grid, N."""
+    smooth: csr_matrix
+    """Filter and sampling in one: (n, m), applied to any signal on the grid."""
+    time_s: Floats
+    """Of the samples, shape (n,)."""
+    measured: Floats
+    """Filtered kinematic acceleration, north, east, up, shape (n, 3)."""
+    block: NDArray[np.int64]
+    """Number of the block of time that each sample belongs to, shape (n,)."""
+    bandwidth_hz: float
+    thrust_source: str
+    delay_s: float
+    """By which the rotor signal was shifted: it is logged that much later (+) than the force it makes."""
+    notes: list[str] = field(default_factory=list)
+
+    def filtered(self, signal: Any) -> Floats:
+        """A signal on the grid, filtered, at the samples."""
+        return np.asarray(self.smooth @ np.broadcast_to(np.asarray(signal, dtype=float), self.grid_s.shape))
+
+    @cached_property
+    def variables(self) -> dict[str, Floats]:
+        """What residuals are looked at over, at the samples."""
+        c = self.conditions
+        roll, pitch, _ = euler_from_quaternion(c.attitude)
+        u, v, w = (self.filtered(component) for component in c.velocity_body_m_s)
+        found = {
+            "height_over_radius": self.filtered(c.height_m) / self.vehicle.rotor.radius_m,
+            "climb_rate": -w,
+            "speed_forward": u,
+            "speed_right": v,
+            "roll": np.degrees(self.filtered(roll)),
+            "pitch": np.degrees(self.filtered(pitch)),
+            "thrust": self.filtered(sum(self.nominal_n)),
+            "time": self.time_s,
+        }
+        battery = self.filtered(c.battery_v)
+        if np.isfinite(battery).all():
+            found["battery"] = battery
+        return found
+
+
+VARIABLE_UNITS = {
+    "height_over_radius": "rotor radii",
+    "climb_rate": "m/s",
+    "speed_forward": "m/s",
+    "speed_right": "m/s",
+    "roll": "deg",
+    "pitch": "deg",
+    "thrust": "N",
+    "time": "s",
+    "battery": "V",
+}
+VARIABLE_NAMES = {
+    "height_over_radius": "rotor height",
+    "climb_rate": "climb rate",
+    "speed_forward": "forward speed",
+    "speed_right": "sideward speed",
+    "roll": "roll",
+    "pitch": "pitch",
+    "thrust": "thrust",
+    "time": "time",
+    "battery": "battery voltage",
+}
+
+
+def prepare(log: FlightLog, vehicle: Vehicle) -> Flight:
+    """Make `log`, flown by `vehicle`, ready for analysis.
+
+    Raises
+    ------
+    LogError
+        The log lacks a signal, belongs to another vehicle, or holds no flight.
+    """
+    _require_columns(log)
+    notes = list(log.notes)
+    signals = _signals(log, vehicle)
+    segments = _flight_segments(log, signals, vehicle, notes)
+    slowest = min(channel.rate_hz(segments) for channel in signals.timed)
+    bandwidth = min(MAX_BANDWIDTH_HZ, BANDWIDTH_PER_UPDATE_RATE * slowest)
+    if bandwidth < 0.2:
+        raise LogError(f"{log.name}: its slowest channel has {slowest:.2f} updates per second, expected at least 0.6")
+    sigma = math.sqrt(math.log(2.0)) / (2.0 * math.pi * bandwidth)
+    step = min(0.02, sigma / 2.5)
+    begin, end = segments[0][0], segments[-1][1]
+    grid = np.arange(begin, end, step)
+    segments = _without_gaps(segments, signals, max(8.0 / slowest, 1.0), notes, log.name)
+    time, smooth = _filter(grid, segments, sigma)
+    if len(time) < 40 or sum(b - a for a, b in segments) < MIN_FLIGHT_S:
+        seconds = sum(b - a for a, b in segments)
+        raise LogError(f"{log.name}: holds {seconds:.0f} s of usable flight, expected at least {MIN_FLIGHT_S:.0f} s")
+    flight = _assemble(log.name, vehicle, signals, grid, smooth, time, bandwidth, notes)
+    delay = _estimated_delay(flight, signals, grid)
+    if delay != 0.0:
+        nominal = [channel.at(grid + delay) for channel in signals.rotor]
+        flight = replace(flight, nominal_n=nominal, delay_s=delay)
+    return flight
+
+
+def prepare_all(logs: Sequence[FlightLog], vehicle: Vehicle) -> list[Flight]:
+    """All logs, or the first reason why one cannot be analysed."""
+    return [prepare(log, vehicle) for log in logs]
+
+
+@dataclass(frozen=True)
+class _Channel:
+    """A signal at its own updates."""
+
+    time_s: Floats
+    value: Floats
+
+    def at(self, grid_s: Floats) -> Floats:
+        return np.interp(grid_s, self.time_s, self.value)
+
+    def rate_hz(self, segments: Sequence[tuple[float, float]]) -> float:
+        inside = sum(np.count_nonzero((self.time_s >= a) & (self.time_s <= b)) for a, b in segments)
+        return float(inside / max(sum(b - a for a, b in segments), 1e-9))
+
+
+@dataclass(frozen=True)
+class _Signals:
+    position: list[_Channel]
+    velocity: list[_Channel]
+    attitude: list[_Channel]
+    """Roll, pitch, yaw, radians, unwrapped."""
+    rotor: list[_Channel]
+    """Nominal thrust of each rotor, N."""
+    battery: _Channel | None
+    thrust_source: str
+
+    @property
+    def timed(self) -> list[_Channel]:
+        """One channel of each group, for rates and gaps."""
+        return [self.position[0], self.velocity[0], self.attitude[0], self.rotor[0]]
+
+
+def _require_columns(log: FlightLog) -> None:
+    for name in (*POSITION, *VELOCITY, *ATTITUDE):
+        if not log.has(name):
+            raise LogError(f"{log.name}: holds no values of {name}, which an analysis needs")
+
+
+def _signals(log: FlightLog, vehicle: Vehicle) -> _Signals:
+    def channels(names: Sequence[str], scale: float = 1.0, unwrap: bool = False) -> list[_Channel]:
+        rows = log.updates(*names)
+        found = []
+        for name in names:
+            value = scale * log[name][rows]
+            found.append(_Channel(log.time_s[rows], np.unwrap(value) if unwrap else value))
+        return found
+
+    rotor, source = _rotor_signals(log, vehicle)
+    battery = None
+    voltage = [n for n in ("battery_v", *motor_columns(vehicle.n_rotors, "voltage_v")) if log.has(n)]
+    if voltage:
+        rows = log.updates(voltage[0])
+        battery = _Channel(log.time_s[rows], log[voltage[0]][rows])
+    return _Signals(
+        channels(POSITION),
+        channels(VELOCITY),
+        channels(ATTITUDE, math.pi / 180.0, unwrap=True),
+        rotor,
+        battery,
+        source,
+    )
+
+
+def _rotor_signals(log: FlightLog, vehicle: Vehicle) -> tuple[list[_Channel], str]:
+    """Nominal thrust of each rotor: from rpm, else from the throttle by the vehicle file's line."""
+    if log.n_rotors and log.has("motor1_rpm"):
+        if log.n_rotors != vehicle.n_rotors:
+            raise LogError(
+                f"{log.name}: has the speeds of {log.n_rotors} rotors, "
+                f"expected {vehicle.n_rotors} as the vehicle '{vehicle.name}' has"
+            )
+        names = rpm_columns(vehicle.n_rotors)
+        rows = log.updates(*names)
+        k = vehicle.rotor.thrust_n_per_rpm2
+        return [_Channel(log.time_s[rows], k * log[name][rows] ** 2) for name in names], "rotor speed"
+    if log.has("throttle_cmd"):
+        rows = log.updates("throttle_cmd")
+        curve = vehicle.throttle
+        total = np.maximum(log["throttle_cmd"][rows] - curve.offset, 0.0) / curve.per_newton
+        # The rotors follow the command with their lag: to first order, the force is that much later.
+        channel = _Channel(log.time_s[rows] + vehicle.rotor.time_constant_s, total / vehicle.n_rotors)
+        return [channel] * vehicle.n_rotors, "throttle command"
+    raise LogError(f"{log.name}: holds neither rotor speeds nor throttle_cmd, expected one of them to know the thrust")
+
+
+def _flight_segments(
+    log: FlightLog, signals: _Signals, vehicle: Vehicle, notes: list[str]
+) -> list[tuple[float, float]]:
+    """Intervals of time in which the vehicle flies: clear of the ground, rotors at work, ends trimmed."""
+    time = log.time_s
+    z = signals.position[2].at(time)
+    total = np.sum([channel.at(time) for channel in signals.rotor], axis=0)
+    working = total > 0.4 * vehicle.weight_n
+    # A log that begins and ends in the air says nothing about the height at rest.
+    rest = float(np.nanmedian(z[~working])) if (~working).any() else -math.inf
+    flying = working & (z > rest + MIN_CLEARANCE_M)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], flying.astype(np.int8), [0]])))
+    found = []
+    for first, last in zip(edges[::2], edges[1::2], strict=True):
+        begin, end = float(time[first]) + TRIM_START_S, float(time[last - 1]) - TRIM_END_S
+        if end - begin > 2.0:
+            found.append((begin, end))
+    if not found:
+        rise = float(np.nanmax(z) - np.nanmin(z))
+        raise LogError(
+            f"{log.name}: never leaves the ground (it rises {rise:.2f} m and its rotors give at most "
+            f"{float(np.nanmax(total)):.1f} N of {vehicle.weight_n:.1f} N), expected a flight"
+        )
+    kept = sum(b - a for a, b in found)
+    notes.append(
+        f"{kept:.0f} s of {time[-1] - time[0]:.0f} s are flight; the ground, take-off and landing are left out"
+    )
+    return found
+
+
+def _without_gaps(
+    segments: list[tuple[float, float]], signals: _Signals, longest_s: float, notes: list[str], name: str
+) -> list[tuple[float, float]]:
+    """Cut out the times in which a channel brought nothing new for longer than `longest_s`."""
+    lost = 0.0
+    for channel in signals.timed:
+        gaps = np.flatnonzero(np.diff(channel.time_s) > longest_s)
+        for a, b in zip(channel.time_s[gaps], channel.time_s[gaps + 1], strict=True):
+            lost += sum(max(0.0, min(b, end) - max(a, begin)) for begin, end in segments)
+            segments = [
+                piece
+                for begin, end in segments
+                for piece in ((begin, min(end, a)), (max(begin, b), end))
+                if piece[1] - piece[0] > 0.0
+            ]
+    if lost > 0.0:
+        notes.append(f"{lost:.1f} s without new values (gaps over {longest_s:.1f} s) are left out")
+    if not segments:
+        raise LogError(f"{name}: no stretch of the flight has new values at least every {longest_s:.1f} s")
+    return segments
+
+
+def _filter(grid: Floats, segments: Sequence[tuple[float, float]], sigma: float) -> tuple[Floats, csr_matrix]:
+    """Sample times 2 sigma apart, and the Gaussian filter that takes a signal on the grid to them."""
+    reach = 3.0 * sigma
+    times = [np.arange(a + reach, b - reach, 2.0 * sigma) for a, b in segments if b - a > 2.0 * reach]
+    time = np.concatenate(times) if times else np.empty(0)
+    step = grid[1] - grid[0]
+    half = math.ceil(reach / step)
+    centre = np.clip(np.rint((time - grid[0]) / step).astype(int), half, len(grid) - 1 - half)
+    columns = centre[:, None] + np.arange(-half, half + 1)
+    weights = np.exp(-0.5 * ((grid[columns] - time[:, None]) / sigma) ** 2)
+    weights /= weights.sum(axis=1, keepdims=True)
+    rows = np.repeat(np.arange(len(time)), columns.shape[1])
+    return time, csr_matrix((weights.ravel(), (rows, columns.ravel())), shape=(len(time), len(grid)))
+
+
+def _assemble(
+    name: str,
+    vehicle: Vehicle,
+    signals: _Signals,
+    grid: Floats,
+    smooth: csr_matrix,
+    time: Floats,
+    bandwidth: float,
+    notes: list[str],
+) -> Flight:
+    roll, pitch, yaw = (channel.at(grid) for channel in signals.attitude)
+    attitude = quaternion_from_euler(roll, pitch, yaw)
+    north, east, up = (channel.at(grid) for channel in signals.velocity)
+    velocity_body = rotate_inverse(attitude, (north, east, -up))
+    battery = signals.battery.at(grid) if signals.battery else np.full_like(grid, np.nan)
+    height = signals.position[2].at(grid) + vehicle.rotor_height_m
+    step = grid[1] - grid[0]
+    measured = np.column_stack([smooth @ np.gradient(v, step) for v in (north, east, up)])
+    return Flight(
+        name=name,
+        vehicle=vehicle,
+        grid_s=grid,
+        conditions=Conditions(height, velocity_body, attitude, grid, battery),
+        nominal_n=[channel.at(grid) for channel in signals.rotor],
+        smooth=smooth,
+        time_s=time,
+        measured=measured,
+        block=((time - time[0]) // BLOCK_S).astype(np.int64) if len(time) else np.empty(0, dtype=np.int64),
+        bandwidth_hz=bandwidth,
+        thrust_source=signals.thrust_source,
+        delay_s=0.0,
+        notes=notes,
+    )
+
+
+def _estimated_delay(flight: Flight, signals: _Signals, grid: Floats) -> float:
+    """How much later the rotor signal is logged than the force it makes, from quick vertical changes.
+
+    The shift at which the change in thrust explains the change in vertical acceleration best; 0 where the flight has
+    too little of both to tell (no shift explains a tenth of it).
+    """
+    up = flight.measured[:, 2]
+    quick_up = _detrended(up, flight.time_s)
+    if not np.any(quick_up):
+        return 0.0
+    scores = []
+    for delay in DELAYS_S:
+        thrust = flight.filtered(sum(channel.at(grid + delay) for channel in signals.rotor))
+        quick = _detrended(thrust, flight.time_s)
+        power = float(np.sqrt(quick @ quick * (quick_up @ quick_up)))
+        scores.append(float(quick @ quick_up) / power if power > 0.0 else 0.0)
+    best = int(np.argmax(scores))
+    return float(round(DELAYS_S[best], 3)) if scores[best] > math.sqrt(0.1) else 0.0
+
+
+def _detrended(values: Floats, time_s: Floats, window_s: float = 3.0) -> Floats:
+    """What is left after a running mean over `window_s`."""
+    n = max(3, round(window_s / float(np.median(np.diff(time_s)))) | 1)
+    padded = np.pad(values, n // 2, mode="edge")
+    return values - np.convolve(padded, np.full(n, 1.0 / n), mode="valid")

@@ -1,0 +1,23 @@
+"""What all tests share."""
+
+from pathlib import Path
+
+import pytest
+from hypothesis import settings
+
+from quadctl.vehicle import Vehicle, load_vehicle
+
+# No deadline: how long one example takes says more about the machine than about the code.
+settings.register_profile("quadctl", deadline=None, max_examples=60)
+settings.load_profile("quadctl")
+
+
+@pytest.fixture(scope="session")
+def raptor_path() -> Path:
+    return Path(__file__).parents[1] / "config" / "vehicles" / "raptor.yaml"
+
+
+@pytest.fixture(scope="session")
+def raptor(raptor_path: Path) -> Vehicle:
+    """1.5 kg, four upright rotors of 0.12 m radius at (+-0.124, +-0.124) m, 1.205 kg/m^3."""
+    return load_vehicle(raptor_path)
