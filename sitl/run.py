@@ -1,19 +1,45 @@
 """The one entrance to the simulator: a flight in lockstep, or a mock autopilot on the wire."""
 
+import multiprocessing
+import signal
+import socket
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from multiprocessing.connection import Connection
 from pathlib import Path
 
+from quadctl.errors import FlightError
+from quadctl.flight.outcome import Outcome, Tally
 from quadctl.flight.pilot import Pilot, Request, Tick
+from quadctl.flight.session import FlightPlan
 from quadctl.vehicle import Vehicle
 from sitl.autopilot import SimulatedAutopilot
-from sitl.hidden import load_hidden
+from sitl.hidden import HiddenTruth, load_hidden, true_model
 from sitl.mavlink_px4 import MavlinkPx4
 
+START_TIMEOUT_S = 20.0
 
-def simulated_autopilot(vehicle: Vehicle, hidden: Path | None, seed: int) -> SimulatedAutopilot:
-    """An autopilot on a simulated vehicle whose world hides what the file `hidden` says."""
-    return SimulatedAutopilot(vehicle, load_hidden(hidden), seed, str(hidden or "no hidden truth"))
+
+def simulate(plan: FlightPlan, log_dir: Path, hidden: Path | None, seed: int) -> Outcome:
+    """Fly a plan in lockstep in a world that hides what the file `hidden` says.
+
+    Raises
+    ------
+    SettingsError
+        The file `hidden` cannot be used.
+    FlightError
+        The log cannot be written.
+    """
+    autopilot = _simulated(plan.body.vehicle, load_hidden(hidden), seed, hidden)
+    pilot = plan.pilot()
+    rate_hz = plan.settings.controller.rate_hz
+    recorder = plan.recorder(log_dir, f"simulated PX4 in lockstep, seed {seed}")
+    tally = Tally(1.0 / rate_hz)
+    try:
+        fly_lockstep(autopilot, pilot, rate_hz, [recorder, tally])
+    finally:
+        recorder.close(pilot.ended or "broken off")
+    return tally.outcome(pilot, recorder.path, recorder.problem)
 
 
 def fly_lockstep(
@@ -40,7 +66,47 @@ def _carry_out(request: Request, autopilot: SimulatedAutopilot, pilot: Pilot) ->
 
 
 @contextmanager
-def mock_px4(autopilot: SimulatedAutopilot, port: int) -> Iterator[str]:
-    """The simulated autopilot on the wire in real time; gives the URL at which it is found."""
-    with MavlinkPx4(autopilot, port=port):
+def mock_px4_process(vehicle: Vehicle, hidden: Path | None, seed: int) -> Iterator[str]:
+    """A simulated PX4 on the wire, in real time; gives the URL at which it is found.
+
+    It has a process of its own, as a real autopilot has a computer of its own: the flight's loop must not share an
+    interpreter with the physics.
+    """
+    truth = load_hidden(hidden)
+    true_model(vehicle, truth, str(hidden))  # complain here, not in the child
+    port = _free_port()
+    context = multiprocessing.get_context("spawn")
+    here, there = context.Pipe()
+    process = context.Process(target=_serve, args=(vehicle, truth, seed, port, there), daemon=True)
+    process.start()
+    there.close()
+    try:
+        if not here.poll(START_TIMEOUT_S) or here.recv() != "ready":
+            raise FlightError("the simulated autopilot did not start")
         yield f"udpin://127.0.0.1:{port}"
+    finally:
+        here.close()
+        process.join(timeout=5.0)
+        process.terminate()
+
+
+def _serve(vehicle: Vehicle, truth: HiddenTruth, seed: int, port: int, parent: Connection) -> None:
+    """In the child: fly until the parent closes its end of the pipe. Ctrl-C is for the parent, which lands first."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    with MavlinkPx4(_simulated(vehicle, truth, seed, None), port=port):
+        parent.send("ready")
+        try:
+            parent.recv()
+        except EOFError:
+            return
+
+
+def _simulated(vehicle: Vehicle, truth: HiddenTruth, seed: int, source: Path | None) -> SimulatedAutopilot:
+    return SimulatedAutopilot(vehicle, truth, seed, str(source or "hidden truth"))
+
+
+def _free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port

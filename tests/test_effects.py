@@ -1,10 +1,13 @@
-"""Every formula against values worked out by hand for the RAPTOR: R = 0.12 m, d = 0.248 m, b = d sqrt(2), v_h = 5.80779 m/s."""
+"""Every formula against values worked out by hand for the RAPTOR.
+
+R = 0.12 m, d = 0.248 m, b = d sqrt(2), v_h = 5.807795 m/s, m = 1.5 kg.
+"""
 
 from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import given
 from hypothesis import strategies as st
 
 from quadctl.effects import CATALOG, Conditions, Effect, ThrustRatio, find_effect
@@ -214,10 +217,9 @@ def test_values_of_a_file_make_the_same_effect(kind: type[Effect], data: st.Data
     assert kind.from_values(effect.values(), "model.yaml") == effect
 
 
-@pytest.mark.parametrize("kind", list(CATALOG.values()))
+@pytest.mark.parametrize("kind", [kind for kind in CATALOG.values() if kind.parameters()])
 @given(data=st.data())
 def test_values_out_of_bounds_are_refused(kind: type[Effect], data: st.DataObject) -> None:
-    assume(kind.parameters())
     parameter = data.draw(st.sampled_from(kind.parameters()))
     value = data.draw(
         st.floats(max_value=parameter.low, exclude_max=True)

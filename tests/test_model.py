@@ -186,5 +186,5 @@ def test_effects_may_be_named_in_short(tmp_path: Path, raptor_path: Path) -> Non
 
 def test_a_model_that_cannot_be_written(tmp_path: Path, raptor: Vehicle) -> None:
     (tmp_path / "file").write_text("")
-    with pytest.raises(SettingsError, match=r"model\.yaml: cannot be written \(Not a directory\)"):
+    with pytest.raises(SettingsError, match=r"model\.yaml: cannot be written \(.+\)$"):
         save_model(Model(raptor), tmp_path / "file" / "model.yaml")

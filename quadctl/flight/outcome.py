@@ -26,6 +26,28 @@ class Outcome:
     """Tick lateness: p50, p99, max. All 0 in lockstep."""
     late_ticks: int
     """Ticks more than half a period late."""
+    problem: str | None = None
+    """What went wrong beside the flight, such as a full disk."""
+
+    def lines(self) -> list[str]:
+        """For the terminal."""
+        rmse = self.tracking_rmse_m
+        found = [
+            f"{self.mission}: {self.ended} after {self.flight_s:.1f} s of flight",
+            f"phases: {', '.join(self.phases) or 'none'}",
+            f"tracking error (RMSE): north {100 * rmse['north']:.1f}, east {100 * rmse['east']:.1f}, "
+            f"up {100 * rmse['up']:.1f} cm",
+        ]
+        if self.late_ms["max"] > 0.0:
+            late = self.late_ms
+            found.append(
+                f"{self.ticks} ticks, late by {late['p50']:.2f} ms (median), {late['p99']:.2f} ms (p99), "
+                f"{late['max']:.2f} ms (worst)"
+            )
+        if self.problem:
+            found.append(self.problem)
+        found.append(f"log: {self.log}")
+        return found
 
 
 class Tally:
@@ -53,7 +75,7 @@ class Tally:
             "max": 1e3 * late[-1],
         }
 
-    def outcome(self, pilot: Pilot, log: Path) -> Outcome:
+    def outcome(self, pilot: Pilot, log: Path, problem: str | None = None) -> Outcome:
         n = max(self._tracked, 1)
         rmse = [math.sqrt(total / n) for total in self._squares]
         return Outcome(
@@ -67,4 +89,5 @@ class Tally:
             tracking_rmse_m=dict(zip(("north", "east", "up"), rmse, strict=True)),
             late_ms=self.late_ms,
             late_ticks=sum(late > 0.5 * self._period_s for late in self._late_s),
+            problem=problem,
         )

@@ -1,4 +1,4 @@
-"""Add an effect to a model: refit the whole stack, say how sure its parameters are, judge it on data it has not seen."""
+"""Add an effect to a model: refit the stack, say how sure its parameters are, judge it on data it has not seen."""
 
 from dataclasses import dataclass
 from typing import Any

@@ -56,7 +56,11 @@ class Comparison:
         widths = ", ".join(sorted({f"{flight.bandwidth_hz:.1f}" for flight in self.dataset.flights}))
         lines = [
             f"{len(self.residual)} samples, filtered to {widths} Hz; "
-            f"the model explains {self.explained:.1%} of the acceleration's variance."
+            + (
+                f"the model explains {self.explained:.1%} of the acceleration's variance."
+                if self.explained > 0.0
+                else "the model predicts worse than assuming no acceleration at all."
+            )
         ]
         if self.fails_where:
             lines.append("It fails where:")

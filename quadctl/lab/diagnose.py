@@ -71,7 +71,7 @@ class Candidate:
     def text(self) -> str:
         axis = max(AXES, key=lambda a: 1.0 - self.after[a] / self.before[a])
         verdict = (
-            f"It takes {self.held_out_drop:.0%} off the error on unseen data, {self.largest_drop:.0%} on the {axis} axis."
+            f"It takes {self.held_out_drop:.0%} off the unseen data's error, {self.largest_drop:.0%} on the {axis} axis."
             if self.supported
             else "The unseen data do not support it."
         )

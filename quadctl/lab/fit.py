@@ -150,7 +150,8 @@ class Fitter:
             # The tiny ridge decides only directions that the data do not see at all.
             a += 1e-9 * (np.trace(a) / p + 1e-12) * np.eye(p)
             draws[i] = np.clip(values + unit * np.linalg.solve(a, b), self._low, self._high)
-        draws[:, unseen] = random.uniform(self._low, self._high, size=draws.shape)[:, unseen]
+        either = random.integers(0, 2, size=draws.shape)
+        draws[:, unseen] = np.where(either, self._high, self._low)[:, unseen]  # anything that is possible
         return draws
 
 

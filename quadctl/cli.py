@@ -1,0 +1,278 @@
+"""The commands: parse, call, print. What they do is elsewhere."""
+
+import json
+import sys
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated, Any, NoReturn
+
+import click
+import typer
+from rich.console import Console
+
+from quadctl.errors import FlightError, QuadctlError
+
+app = typer.Typer(
+    name="quadctl",
+    help="Fly a multirotor from a companion computer, and find out which physics its model is missing.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+console = Console()
+
+ModelArgument = Annotated[Path, typer.Argument(metavar="MODEL.yaml", help="Model file, or a bare vehicle file.")]
+LogArguments = Annotated[list[Path], typer.Argument(metavar="LOG...", help="Flight logs (CSV).")]
+JsonOption = Annotated[Path | None, typer.Option("--json", metavar="OUT", help="Write the result as JSON.")]
+HtmlOption = Annotated[Path | None, typer.Option("--html", metavar="OUT", help="Write a report with plots.")]
+HoldOutOption = Annotated[
+    str,
+    typer.Option(
+        "--hold-out",
+        metavar="blocks|flights",
+        help="What a fit does not see: blocks of time of every flight, or flights.",
+    ),
+]
+MissionArgument = Annotated[Path, typer.Argument(metavar="MISSION.yaml")]
+ModelOption = Annotated[
+    str | None,
+    typer.Option("--model", metavar="MODEL", help="Compensator: none, cheeseman, hayden, sanchez, or a model file."),
+]
+ConfigOption = Annotated[
+    Path | None, typer.Option("--config", metavar="FILE", help="Flight configuration [default: config/flight.yaml].")
+]
+LogDirOption = Annotated[Path, typer.Option("--log-dir", metavar="DIR", help="Where the log goes.")]
+HiddenOption = Annotated[
+    Path | None, typer.Option("--hidden", metavar="FILE", help="What the simulated world hides from us.")
+]
+SeedOption = Annotated[int, typer.Option("--seed", metavar="N", help="Same seed, same flight.")]
+OffsetOption = Annotated[
+    float | None, typer.Option("--offset-up", metavar="M", help="Fly the mission so much higher than its file says.")
+]
+
+
+@app.command()
+def compare(
+    model: ModelArgument,
+    logs: LogArguments,
+    json_out: JsonOption = None,
+    html: HtmlOption = None,
+) -> None:
+    """How wrong is a model, where, and how small could the error be?"""
+    from quadctl.lab.compare import compare as run
+    from quadctl.lab.report import write_report
+
+    loaded, data = _model_and_data(model, logs, "blocks")
+    result = run(loaded, data)
+    console.print(result)
+    _write_json(json_out, result.to_dict())
+    if html is not None:
+        write_report(html, comparison=result)
+        console.print(f"Report: {html}")
+
+
+@app.command()
+def diagnose(
+    model: ModelArgument,
+    logs: LogArguments,
+    json_out: JsonOption = None,
+    html: HtmlOption = None,
+    hold_out: HoldOutOption = "blocks",
+) -> None:
+    """Which physical effect is missing from a model?"""
+    from quadctl.lab.compare import compare as run_compare
+    from quadctl.lab.diagnose import diagnose as run
+    from quadctl.lab.report import write_report
+
+    loaded, data = _model_and_data(model, logs, hold_out)
+    with console.status("diagnosing") as status:
+        result = run(loaded, data, progress=status.update)
+    console.print(result)
+    _write_json(json_out, result.to_dict())
+    if html is not None:
+        write_report(html, comparison=run_compare(loaded, data), diagnosis=result)
+        console.print(f"Report: {html}")
+
+
+@app.command()
+def add(
+    effect: Annotated[str, typer.Argument(metavar="EFFECT", help="Name of an effect, e.g. ground_effect.exponential.")],
+    model: ModelArgument,
+    logs: LogArguments,
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="NEW.yaml", help="The new model file.")],
+    json_out: JsonOption = None,
+    html: HtmlOption = None,
+    hold_out: HoldOutOption = "blocks",
+) -> None:
+    """Add an effect to a model: fit it, and see the error on data that the fit did not see."""
+    from quadctl.effects import find_effect
+    from quadctl.lab.add import add as run
+    from quadctl.lab.compare import compare as run_compare
+    from quadctl.lab.report import write_report
+    from quadctl.model import save_model
+
+    kind = find_effect(effect, "EFFECT")
+    loaded, data = _model_and_data(model, logs, hold_out)
+    result = run(kind, loaded, data)
+    save_model(result.model, output)
+    console.print(result)
+    console.print(f"Saved: {output}")
+    _write_json(json_out, result.to_dict())
+    if html is not None:
+        write_report(html, comparison=run_compare(loaded, data), addition=result)
+        console.print(f"Report: {html}")
+
+
+@app.command()
+def metrics(
+    logs: LogArguments,
+    reference: Annotated[
+        list[Path] | None,
+        typer.Option("--reference", metavar="LOG", help="The same flight out of ground effect (may be repeated)."),
+    ] = None,
+    setpoint: Annotated[
+        float | None, typer.Option("--setpoint", metavar="Z", help="Where the log has none, m.")
+    ] = None,
+    begin: Annotated[float | None, typer.Option("--from", metavar="T", help="Begin of the window, s.")] = None,
+    end: Annotated[float | None, typer.Option("--to", metavar="T", help="End of the window, s.")] = None,
+    phase: Annotated[str | None, typer.Option("--phase", metavar="NAME", help="Mission phase to measure.")] = None,
+    json_out: JsonOption = None,
+) -> None:
+    """Tracking errors: M_A, M_B (signed and absolute), MAE, RMSE."""
+    from quadctl.lab.metrics import Window, render
+    from quadctl.lab.metrics import metrics as run
+    from quadctl.logs.read import read_logs
+
+    result = run(
+        read_logs(logs),
+        read_logs(reference or []),
+        window=Window(from_s=begin, to_s=end, phase=phase),
+        setpoint_m=setpoint,
+    )
+    console.print(render(result))
+    _write_json(json_out, result.to_dict())
+
+
+@app.command()
+def simulate(
+    mission: MissionArgument,
+    model: ModelOption = None,
+    hidden: HiddenOption = None,
+    seed: SeedOption = 0,
+    log_dir: LogDirOption = Path("logs"),
+    config: ConfigOption = None,
+    offset_up: OffsetOption = None,
+    json_out: JsonOption = None,
+) -> None:
+    """Fly a mission in simulated time, as fast as the machine can, reproducible from a seed."""
+    from quadctl.flight.session import prepare_flight
+
+    plan = prepare_flight(mission, config, model, offset_up)
+    _print_warnings(plan.warnings)
+    _finish(_simulator().simulate(plan, log_dir, hidden, seed), json_out)
+
+
+@app.command()
+def fly(
+    mission: MissionArgument,
+    link: Annotated[
+        str | None, typer.Option("--link", metavar="URL", help="udpin://..., serial:///dev/...:BAUD")
+    ] = None,
+    sitl: Annotated[bool, typer.Option("--sitl", help="Fly a simulated PX4 over MAVLink, in real time.")] = False,
+    model: ModelOption = None,
+    hidden: HiddenOption = None,
+    seed: SeedOption = 0,
+    log_dir: LogDirOption = Path("logs"),
+    config: ConfigOption = None,
+    offset_up: OffsetOption = None,
+    json_out: JsonOption = None,
+) -> None:
+    """Fly a mission on an autopilot. Ctrl-C lands."""
+    from quadctl.flight.session import fly_real_time, prepare_flight
+
+    if sitl and link is not None:
+        raise typer.BadParameter("give --link or --sitl, not both")
+    if not sitl and (hidden is not None or seed):
+        raise typer.BadParameter("--hidden and --seed are for the simulated autopilot: they need --sitl")
+    plan = prepare_flight(mission, config, model, offset_up)
+    _print_warnings(plan.warnings)
+    if not sitl:
+        _finish(fly_real_time(plan, link or plan.settings.link.url, log_dir, console), json_out)
+        return
+    with _simulator().mock_px4_process(plan.body.vehicle, hidden, seed) as url:
+        _finish(fly_real_time(plan, url, log_dir, console), json_out)
+
+
+@app.command()
+def demo(
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where logs, models and the report go.")] = Path(
+        "demo"
+    ),
+    real_time: Annotated[bool, typer.Option(help="Include a short flight over MAVLink in real time.")] = True,
+) -> None:
+    """The whole circle without hardware: fly, compare, diagnose, add, fly again."""
+    from quadctl.demo import run
+
+    run(out, console, _simulator(), real_time)
+
+
+def _finish(outcome: Any, json_out: Path | None) -> None:
+    """Print how a flight went; exit status 1 when it was not completed."""
+    console.print("\n".join(outcome.lines()), soft_wrap=True, markup=False, highlight=False)
+    _write_json(json_out, asdict(outcome))
+    if not outcome.completed:
+        raise FlightError(f"the flight was not completed: {outcome.ended}")
+
+
+def _print_warnings(warnings: Sequence[str]) -> None:
+    for warning in warnings:
+        console.print(f"warning: {warning}", style="yellow", soft_wrap=True, markup=False, highlight=False)
+
+
+def _write_json(path: Path | None, result: dict[str, Any]) -> None:
+    if path is None:
+        return
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(json.dumps(result, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise QuadctlError(f"{path}: cannot be written ({error.strerror})") from None
+
+
+def _simulator() -> Any:
+    """The one way from the commands to the simulator."""
+    import sitl.run
+
+    return sitl.run
+
+
+def _model_and_data(model: Path, logs: list[Path], hold_out: str) -> tuple[Any, Any]:
+    from quadctl.lab.data import load_dataset
+    from quadctl.logs.read import read_logs
+    from quadctl.model import load_model
+
+    if hold_out not in ("blocks", "flights"):
+        raise typer.BadParameter(f"--hold-out is '{hold_out}', expected blocks or flights")
+    loaded = load_model(model)
+    return loaded, load_dataset(read_logs(logs), loaded.vehicle, hold_out)  # type: ignore[arg-type]
+
+
+def main() -> NoReturn:
+    """Entry point: errors that the user can mend are one sentence and exit status 1."""
+    try:
+        app(standalone_mode=False)
+    except QuadctlError as error:
+        _fail(str(error), 1)
+    except click.exceptions.Abort:
+        _fail("interrupted", 1)
+    except click.ClickException as error:
+        error.show()
+        sys.exit(error.exit_code)
+    sys.exit(0)
+
+
+def _fail(sentence: str, status: int) -> NoReturn:
+    Console(stderr=True, soft_wrap=True, markup=False, highlight=False).print(f"quadctl: {sentence}")
+    sys.exit(status)

@@ -1,0 +1,167 @@
+"""The whole circle without hardware, as a user would walk it, told step by step on the terminal.
+
+A simulated vehicle lives in a world with a ground effect that the catalogue does not hold. It flies data-collection
+missions; the rigid body is compared with them; what is missing is found and added; the error on a flight that no fit
+has seen falls; and step responses show what the found model is worth as a compensator.
+"""
+
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import NamedTuple, Protocol
+
+import yaml
+from rich.console import Console
+
+from quadctl.errors import QuadctlError
+from quadctl.flight.outcome import Outcome
+from quadctl.flight.session import FlightPlan, fly_real_time, prepare_flight
+from quadctl.lab.add import Addition, add
+from quadctl.lab.compare import compare
+from quadctl.lab.data import Dataset, load_dataset
+from quadctl.lab.diagnose import Diagnosis, diagnose
+from quadctl.lab.metrics import MetricsTable, Window, metrics, render
+from quadctl.lab.report import step_responses, write_report
+from quadctl.logs.flight_log import FlightLog
+from quadctl.logs.read import read_log
+from quadctl.model import Model, load_model, save_model
+from quadctl.vehicle import Vehicle
+
+HIDDEN = {
+    "effects": [{"effect": "hidden.ground_cushion", "parameters": {"gain": 0.25, "width": 1.8}}],
+    "noise": {"position_m": 0.0005, "velocity_m_s": 0.01, "attitude_deg": 0.1, "rpm": 20},
+}
+TEXTBOOK = "hayden"
+MISSIONS = Path("missions")
+VEHICLE = Path("config/vehicles/raptor.yaml")
+
+
+class Simulator(Protocol):
+    """What the demo needs of the simulator."""
+
+    def simulate(self, plan: FlightPlan, log_dir: Path, hidden: Path | None, seed: int) -> Outcome: ...
+
+    def mock_px4_process(self, vehicle: Vehicle, hidden: Path | None, seed: int) -> AbstractContextManager[str]: ...
+
+
+class Demo(NamedTuple):
+    """Where things are."""
+
+    out: Path
+    hidden: Path
+    simulator: Simulator
+    console: Console
+
+    def fly(self, mission: str, model: str, seed: int) -> FlightLog:
+        plan = prepare_flight(MISSIONS / f"{mission}.yaml", None, model, None)
+        outcome = self.simulator.simulate(plan, self.out / "logs", self.hidden, seed)
+        if not outcome.completed:
+            raise QuadctlError(f"the simulated flight of {mission} was not completed: {outcome.ended}")
+        self.say(f"  flew {mission} with compensator '{plan.compensator.name}': {outcome.log}")
+        return read_log(outcome.log)
+
+    def say(self, text: str) -> None:
+        self.console.print(text, soft_wrap=True, highlight=False)
+
+
+def run(out: Path, console: Console, simulator: Simulator, real_time: bool) -> None:
+    """Walk the circle; logs, models and the report go to `out`.
+
+    Raises
+    ------
+    QuadctlError
+        A step did not do what it should.
+    """
+    demo = Demo(out, _write_hidden(out), simulator, console)
+    demo.say("[bold]1. Fly[/]: three hover staircases in a world whose ground effect nobody has told us.")
+    logs = [demo.fly("hover_staircase", "none", seed) for seed in (1, 2, 3)]
+
+    rigid = load_model(VEHICLE)
+    seen, unseen = load_dataset(logs[:2], rigid.vehicle, "flights"), load_dataset(logs[2:], rigid.vehicle)
+    demo.say("\n[bold]2. Compare[/]: the rigid body against the first two flights.")
+    before = compare(rigid, seen)
+    console.print(before)
+
+    demo.say("\n[bold]3. Diagnose[/]: which effect is missing?")
+    diagnosis = diagnose(rigid, seen)
+    console.print(diagnosis)
+
+    demo.say("\n[bold]4. Add[/]: what was found, fitted to the first two flights.")
+    addition = _add_all(rigid, diagnosis, seen)
+    console.print(addition)
+    found = out / "found.yaml"
+    save_model(addition.model, found)
+    demo.say(f"Saved: {found}")
+
+    demo.say("\n[bold]5. Judge[/]: the third flight, which no fit has seen.")
+    old, new = compare(rigid, unseen), compare(addition.model, unseen)
+    drop = 1.0 - new.rmse["total"] / old.rmse["total"]
+    demo.say(
+        f"Error on the unseen flight: {old.rmse['total']:.4f} -> [bold]{new.rmse['total']:.4f} m/s^2[/] "
+        f"({drop:.0%} less; noise floor {new.noise_floor['total']:.4f})"
+    )
+
+    demo.say("\n[bold]6. Fly again[/]: step responses into the ground effect.")
+    steps = _fly_steps(demo, found)
+    console.print(render(steps.table))
+
+    if real_time:
+        demo.say("\n[bold]7. Over MAVLink[/]: a short flight in real time on a simulated PX4, compensated.")
+        _fly_mavlink(demo, found)
+
+    report = out / "report.html"
+    write_report(
+        report,
+        comparison=before,
+        diagnosis=diagnosis,
+        addition=addition,
+        before_unseen=old,
+        after=new,
+        steps=step_responses(steps.logs, steps.table),
+    )
+    demo.say(f"\nReport: [bold]{report}[/]")
+
+
+class Steps(NamedTuple):
+    """Step responses by compensator, and their metrics."""
+
+    logs: dict[str, FlightLog]
+    table: MetricsTable
+
+
+def _write_hidden(out: Path) -> Path:
+    path = out / "hidden.yaml"
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        path.write_text(
+            "# What the simulated world hides; nothing but the simulator reads it.\n" + yaml.safe_dump(HIDDEN)
+        )
+    except OSError as error:
+        raise QuadctlError(f"{path}: cannot be written ({error.strerror})") from None
+    return path
+
+
+def _add_all(rigid: Model, diagnosis: Diagnosis, data: Dataset) -> Addition:
+    """Add the missing effects in the order of the diagnosis."""
+    effects = {item.effect.family(): type(item.effect) for item in diagnosis.best.stack}
+    addition: Addition | None = None
+    for family in diagnosis.missing:
+        addition = add(effects[family], addition.model if addition else rigid, data)
+    if addition is None:
+        raise QuadctlError("the diagnosis found nothing missing, expected the hidden ground effect")
+    return addition
+
+
+def _fly_steps(demo: Demo, found: Path) -> Steps:
+    high = demo.fly("step_response_high", "none", 10)
+    logs = {name: demo.fly("step_response", name, 11) for name in ("none", TEXTBOOK, str(found))}
+    table = metrics(list(logs.values()), [high], window=Window(phase="step"))
+    return Steps({**logs, "out of ground effect": high}, table)
+
+
+def _fly_mavlink(demo: Demo, found: Path) -> None:
+    plan = prepare_flight(MISSIONS / "short_hop.yaml", None, str(found), None)
+    with demo.simulator.mock_px4_process(plan.body.vehicle, demo.hidden, 20) as url:
+        outcome = fly_real_time(plan, url, demo.out / "logs", demo.console)
+    demo.say("\n".join(outcome.lines()))
+    if not outcome.completed:
+        raise QuadctlError(f"the flight over MAVLink was not completed: {outcome.ended}")

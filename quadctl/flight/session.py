@@ -1,0 +1,99 @@
+"""One flight from its files to its outcome: read and check everything before anything moves, then fly, then report."""
+
+from collections.abc import Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from rich.console import Console
+
+from quadctl.compensator import Compensator, check_compensator
+from quadctl.flight.autopilot import Autopilot
+from quadctl.flight.display import Display
+from quadctl.flight.loop import fly, landing_on_signals, run
+from quadctl.flight.mavsdk_autopilot import MavsdkAutopilot
+from quadctl.flight.outcome import Outcome, Tally
+from quadctl.flight.pilot import Pilot
+from quadctl.flight.recorder import Recorder
+from quadctl.flight.settings import FlightSettings, choose_models, find_config, load_flight_settings
+from quadctl.missions import Mission, load_mission
+from quadctl.model import Model
+
+
+class FlightPlan(NamedTuple):
+    """Everything that a flight is made of, checked."""
+
+    mission: Mission
+    settings: FlightSettings
+    body: Model
+    compensator: Model
+    warnings: Sequence[str]
+
+    def pilot(self) -> Pilot:
+        compensator = Compensator(self.compensator, self.settings.compensator_limits)
+        return Pilot(self.mission, self.body, self.settings, compensator)
+
+    def recorder(self, log_dir: Path, autopilot: str) -> Recorder:
+        vehicle = self.body.vehicle
+        meta: dict[str, Any] = {
+            "mission": self.mission.name,
+            "offset_up_m": self.mission.offset_up_m,
+            "autopilot": autopilot,
+            "compensator": self.compensator.name,
+            "model": [{"effect": e.name, "parameters": e.values()} for e in self.compensator.effects],
+            "vehicle": vehicle.model_dump(mode="json", exclude_none=True),
+            "controller": self.settings.controller.model_dump(mode="json"),
+        }
+        return Recorder(log_dir, self.mission.name, vehicle.n_rotors, meta)
+
+
+def prepare_flight(mission: Path, config: Path | None, model: str | None, offset_up_m: float | None) -> FlightPlan:
+    """Read mission, configuration and model, and refuse what must not fly.
+
+    Raises
+    ------
+    SettingsError
+        One sentence that names the file, the field, the value and what was expected.
+    """
+    loaded = load_mission(mission, offset_up_m)
+    config_path = find_config(config, mission)
+    settings = load_flight_settings(config_path)
+    models = choose_models(settings, config_path, model)
+    vehicle = models.body.vehicle
+    lowest = max(loaded.limits.min_z_m + vehicle.rotor_height_m, 0.01)
+    highest = loaded.limits.max_z_m + vehicle.rotor_height_m
+    warnings = check_compensator(models.compensator, lowest, highest, models.compensator.name)
+    return FlightPlan(loaded, settings, models.body, models.compensator, warnings)
+
+
+def fly_real_time(plan: FlightPlan, url: str, log_dir: Path, console: Console) -> Outcome:
+    """Fly on the autopilot at `url`, with a display on `console`.
+
+    Raises
+    ------
+    LinkError
+        No autopilot answers at `url`.
+    FlightError
+        The log cannot be written, or the autopilot refuses what a flight needs.
+    """
+    autopilot = MavsdkAutopilot(url, plan.body.vehicle.n_rotors, plan.settings.link.timeout_s)
+    return run(_fly(plan, autopilot, log_dir, console))
+
+
+async def _fly(plan: FlightPlan, autopilot: Autopilot, log_dir: Path, console: Console) -> Outcome:
+    rate_hz = plan.settings.controller.rate_hz
+    try:
+        with console.status("waiting for the autopilot"):
+            await autopilot.connect()
+            await autopilot.request_telemetry()
+        pilot = plan.pilot()
+        recorder = plan.recorder(log_dir, autopilot.description)
+        tally = Tally(1.0 / rate_hz)
+        with ExitStack() as stack:
+            stack.callback(lambda: recorder.close(pilot.ended or "broken off"))
+            stack.enter_context(landing_on_signals(pilot))
+            display = stack.enter_context(Display(pilot, console))
+            await fly(autopilot, pilot, rate_hz, [recorder, tally, display])
+        return tally.outcome(pilot, recorder.path, recorder.problem)
+    finally:
+        await autopilot.close()
