@@ -23,6 +23,9 @@ app = typer.Typer(
 )
 console = Console()
 
+LAB_PACKAGES = ("scipy", "polars", "matplotlib", "jinja2")
+"""Of the extra `lab`: not on the companion computer."""
+
 ModelArgument = Annotated[Path, typer.Argument(metavar="MODEL.yaml", help="Model file, or a bare vehicle file.")]
 LogArguments = Annotated[list[Path], typer.Argument(metavar="LOG...", help="Flight logs (CSV).")]
 JsonOption = Annotated[Path | None, typer.Option("--json", metavar="OUT", help="Write the result as JSON.")]
@@ -265,6 +268,10 @@ def main() -> NoReturn:
         app(standalone_mode=False)
     except QuadctlError as error:
         _fail(str(error), 1)
+    except ModuleNotFoundError as error:
+        if error.name is None or error.name.partition(".")[0] not in LAB_PACKAGES:
+            raise
+        _fail(f"this command needs {error.name}, which the lean install leaves out: pip install 'quadctl[lab]'", 1)
     except click.exceptions.Abort:
         _fail("interrupted", 1)
     except click.ClickException as error:
