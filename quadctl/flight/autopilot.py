@@ -11,6 +11,9 @@ class Autopilot(Protocol):
     Requests return when the autopilot has accepted them and raise `FlightError` with its reason when it has not.
     """
 
+    warnings: list[str]
+    """What the autopilot cannot give and the flight can do without, one sentence each."""
+
     @property
     def description(self) -> str:
         """For the log: what it is and where."""

@@ -21,6 +21,8 @@ from quadctl.flight.pilot import Pilot, Request, Tick
 Listener = Callable[[Tick], None]
 T = TypeVar("T")
 
+LAST_WORD_S = 3.0
+
 
 async def fly(autopilot: Autopilot, pilot: Pilot, rate_hz: float, listeners: Sequence[Listener]) -> None:
     """Fly the pilot's mission on a connected autopilot, until the motors are off or the pilot gives up."""
@@ -32,7 +34,10 @@ async def fly(autopilot: Autopilot, pilot: Pilot, rate_hz: float, listeners: Seq
             late_s = max(0.0, time.monotonic() - deadline)
             tick = pilot.tick(autopilot.state(), late_s)
             if tick.target is not None:
-                autopilot.send(tick.target)
+                try:
+                    autopilot.send(tick.target)
+                except FlightError as error:
+                    pilot.fail(str(error))
             for request in tick.requests:
                 task = asyncio.create_task(_carry_out(request, autopilot, pilot))
                 tasks.add(task)
@@ -43,6 +48,11 @@ async def fly(autopilot: Autopilot, pilot: Pilot, rate_hz: float, listeners: Seq
             now = time.monotonic()
             deadline += period_s * max(1, int((now - deadline) / period_s) + 1)
             await asyncio.sleep(deadline - now)
+    except BaseException:
+        # A defect of ours: no more targets, and the autopilot lands if it still hears us.
+        with contextlib.suppress(FlightError, TimeoutError):
+            await asyncio.wait_for(autopilot.land(), LAST_WORD_S)
+        raise
     finally:
         for task in tasks:
             task.cancel()
@@ -54,7 +64,6 @@ async def _carry_out(request: Request, autopilot: Autopilot, pilot: Pilot) -> No
         if request is Request.OFFBOARD:
             await autopilot.start_offboard()
         elif request is Request.ARM:
-            # Offboard first: armed in another mode, the vehicle would follow that mode's idea of a take-off.
             await autopilot.arm()
         else:
             await autopilot.land()

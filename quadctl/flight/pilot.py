@@ -87,6 +87,8 @@ class Pilot:
         self._hold: Setpoint | None = None
         self._want_land: str | None = None
         self._refusal: str | None = None
+        self._failure: str | None = None
+        self._arm_asked = False
         self._silent = False
 
     @property
@@ -103,6 +105,10 @@ class Pilot:
             self._silent = True
         else:
             self._refusal = f"the autopilot refused to {request.value}: {reason}"
+
+    def fail(self, reason: str) -> None:
+        """A target could not be sent: no more targets, let the autopilot land."""
+        self._failure = reason
 
     def tick(self, state: VehicleState, late_s: float) -> Tick:
         """Decide what to do now. `late_s`: how late this tick is."""
@@ -159,10 +165,10 @@ class Pilot:
         if now - self._stage_s < STREAM_FIRST_S:
             return _Decision(self._idle_target(state))
         self._enter(Stage.START, now)
-        return _Decision(self._idle_target(state), (Request.OFFBOARD, Request.ARM))
+        return _Decision(self._idle_target(state), (Request.OFFBOARD,))
 
     def _start(self, state: VehicleState, now: float, dt: float, late_s: float) -> "_Decision":
-        problem = self._want_land or self._refusal
+        problem = self._want_land or self._refusal or self._failure
         if problem is None and now - self._stage_s > START_TIMEOUT_S:
             problem = (
                 f"the autopilot did not get ready in {START_TIMEOUT_S:g} s: "
@@ -171,10 +177,15 @@ class Pilot:
         if problem is not None:  # it may be armed by now: see to it that it is disarmed
             self._silent = True
             return self._begin_landing(problem, state, now)
+        requests: tuple[Request, ...] = ()
         if state.armed and state.mode == "OFFBOARD":
             self._remember_home(state)
             self._enter(Stage.SPOOL_UP, now)
-        return _Decision(self._idle_target(state))
+        elif state.mode == "OFFBOARD" and not self._arm_asked:
+            # Not before: armed in another mode, the vehicle would follow that mode's idea of a take-off.
+            self._arm_asked = True
+            requests = (Request.ARM,)
+        return _Decision(self._idle_target(state), requests)
 
     def _spool_up(self, state: VehicleState, now: float, dt: float, late_s: float) -> "_Decision":
         breach = self._inspect(state, late_s, dt)
@@ -230,6 +241,8 @@ class Pilot:
     # --- inside --------------------------------------------------------------------------------------------------
 
     def _inspect(self, state: VehicleState, late_s: float, dt: float) -> Breach | None:
+        if self._failure is not None:
+            return Breach(Answer.HAND_OVER, self._failure)
         stalled_s = max(late_s, dt - 1.0 / self.settings.controller.rate_hz)
         if stalled_s > self.settings.guards.max_tick_late_s:
             return Breach(Answer.HAND_OVER, f"the control loop stalled for {stalled_s:.2f} s")

@@ -86,6 +86,8 @@ async def _fly(plan: FlightPlan, autopilot: Autopilot, log_dir: Path, console: C
         with console.status("waiting for the autopilot"):
             await autopilot.connect()
             await autopilot.request_telemetry()
+        for warning in autopilot.warnings:
+            console.print(f"warning: {warning}", style="yellow", soft_wrap=True, markup=False, highlight=False)
         pilot = plan.pilot()
         recorder = plan.recorder(log_dir, autopilot.description)
         tally = Tally(1.0 / rate_hz)

@@ -24,7 +24,7 @@ from quadctl.model import Model
 SIGNIFICANT = 0.01
 """After multiplication with the number of candidates tried (Bonferroni)."""
 MATERIAL = 0.05
-"""A family is called missing only when it takes this share off the held-out error of one axis: less is within what
+"""A family is called missing only when It takes this share off the held-out error of one axis: less is within what
 unknown trims and coefficients of any real vehicle do."""
 ALIKE = 0.05
 """Candidates whose held-out errors differ with a larger p-value cannot be told apart by these data."""
@@ -71,7 +71,7 @@ class Candidate:
     def text(self) -> str:
         axis = max(AXES, key=lambda a: 1.0 - self.after[a] / self.before[a])
         verdict = (
-            f"It takes {self.held_out_drop:.0%} off the unseen data's error, {self.largest_drop:.0%} on the {axis} axis."
+            f"It takes {self.held_out_drop:.0%} off the unseen error, {self.largest_drop:.0%} on the {axis} axis."
             if self.supported
             else "The unseen data do not support it."
         )
@@ -115,8 +115,8 @@ class Diagnosis:
     """The model with all missing effects, fitted on all data."""
     confounded: list[list[str]] = field(default_factory=list)
     suggested_mission: str | None = None
-    left_p_value: float = 1.0
-    """That the variables explain nothing of what is left after all missing effects are in."""
+    unexplained: bool = False
+    """After all missing effects are in, the logged variables still explain a part of the error that is worth it."""
 
     def to_dict(self) -> dict[str, Any]:
         return {
@@ -127,7 +127,7 @@ class Diagnosis:
             "suggested_mission": self.suggested_mission,
             "symbolic": None,
             "ladder": [{"family": s.family, "effect": s.effect, "rmse": s.rmse} for s in self.steps],
-            "left_p_value": self.left_p_value,
+            "unexplained": self.unexplained,
         }
 
     def __rich__(self) -> RenderableType:
@@ -160,7 +160,7 @@ class Diagnosis:
                 total = step.rmse["total"]
                 lines.append(f"  {step.effect}: {before:.4f} -> {total:.4f}")
                 before = total
-            if self.left_p_value < SIGNIFICANT:
+            if self.unexplained:
                 lines.append("Even so, something is left that the variables explain and these effects do not.")
         lines += [f"These data cannot tell apart: {' and '.join(pair)}." for pair in self.confounded]
         if self.suggested_mission:
@@ -206,7 +206,8 @@ def diagnose(
     current, residual, missing, steps = _without_superfluous(model, current, residual, missing, steps, dataset)
     flexible = flexible_residual(residual, dataset)
     left = improvement_p_value(residual, flexible, dataset)
-    verdict: Verdict = "missing" if missing else "unexplained" if _matters(residual, flexible, left) else "none"
+    unexplained = _matters(residual, flexible, left)
+    verdict: Verdict = "missing" if missing else "unexplained" if unexplained else "none"
     return Diagnosis(
         model=model,
         dataset=dataset,
@@ -217,7 +218,7 @@ def diagnose(
         best=current,
         confounded=confounded,
         suggested_mission=_suggestion(ranking, missing, confounded),
-        left_p_value=left,
+        unexplained=unexplained,
     )
 
 
