@@ -135,11 +135,11 @@ def prepare(log: FlightLog, vehicle: Vehicle) -> Flight:
     begin, end = segments[0][0], segments[-1][1]
     grid = np.arange(begin, end, step)
     segments = _without_gaps(segments, signals, max(8.0 / slowest, 1.0), notes, log.name)
-    time, smooth = _filter(grid, segments, sigma)
+    time, smooth, derivative = _filter(grid, segments, sigma)
     if len(time) < 40 or sum(b - a for a, b in segments) < MIN_FLIGHT_S:
         seconds = sum(b - a for a, b in segments)
         raise LogError(f"{log.name}: holds {seconds:.0f} s of usable flight, expected at least {MIN_FLIGHT_S:.0f} s")
-    flight = _assemble(log.name, vehicle, signals, grid, smooth, time, bandwidth, notes)
+    flight = _assemble(log.name, vehicle, signals, grid, smooth, derivative, time, bandwidth, notes)
     delay = _estimated_delay(flight, signals, grid)
     if delay != 0.0:
         nominal = [channel.at(grid + delay) for channel in signals.rotor]
@@ -289,19 +289,28 @@ def _without_gaps(
     return segments
 
 
-def _filter(grid: Floats, segments: Sequence[tuple[float, float]], sigma: float) -> tuple[Floats, csr_matrix]:
-    """Sample times 2 sigma apart, and the Gaussian filter that takes a signal on the grid to them."""
+def _filter(
+    grid: Floats, segments: Sequence[tuple[float, float]], sigma: float
+) -> tuple[Floats, csr_matrix, csr_matrix]:
+    """Sample times 2 sigma apart, the Gaussian filter that takes a signal on the grid to them, and its derivative.
+
+    The derivative is taken by the filter's own slope, so that a velocity comes out as the filtered acceleration with the
+    very response that the prediction gets.
+    """
     reach = 3.0 * sigma
     times = [np.arange(a + reach, b - reach, 2.0 * sigma) for a, b in segments if b - a > 2.0 * reach]
     time = np.concatenate(times) if times else np.empty(0)
-    step = grid[1] - grid[0]
-    half = math.ceil(reach / step)
-    centre = np.clip(np.rint((time - grid[0]) / step).astype(int), half, len(grid) - 1 - half)
+    half = math.ceil(reach / (grid[1] - grid[0]))
+    centre = np.clip(np.rint((time - grid[0]) / (grid[1] - grid[0])).astype(int), half, len(grid) - 1 - half)
     columns = centre[:, None] + np.arange(-half, half + 1)
-    weights = np.exp(-0.5 * ((grid[columns] - time[:, None]) / sigma) ** 2)
+    offset = grid[columns] - time[:, None]
+    weights = np.exp(-0.5 * (offset / sigma) ** 2)
     weights /= weights.sum(axis=1, keepdims=True)
-    rows = np.repeat(np.arange(len(time)), columns.shape[1])
-    return time, csr_matrix((weights.ravel(), (rows, columns.ravel())), shape=(len(time), len(grid)))
+    slopes = weights * (offset - (weights * offset).sum(axis=1, keepdims=True))
+    slopes /= (slopes * offset).sum(axis=1, keepdims=True)
+    where = (np.repeat(np.arange(len(time)), columns.shape[1]), columns.ravel())
+    shape = (len(time), len(grid))
+    return time, csr_matrix((weights.ravel(), where), shape=shape), csr_matrix((slopes.ravel(), where), shape=shape)
 
 
 def _assemble(
@@ -310,6 +319,7 @@ def _assemble(
     signals: _Signals,
     grid: Floats,
     smooth: csr_matrix,
+    derivative: csr_matrix,
     time: Floats,
     bandwidth: float,
     notes: list[str],
@@ -320,8 +330,7 @@ def _assemble(
     velocity_body = rotate_inverse(attitude, (north, east, -up))
     battery = signals.battery.at(grid) if signals.battery else np.full_like(grid, np.nan)
     height = signals.position[2].at(grid) + vehicle.rotor_height_m
-    step = grid[1] - grid[0]
-    measured = np.column_stack([smooth @ np.gradient(v, step) for v in (north, east, up)])
+    measured = np.column_stack([derivative @ v for v in (north, east, up)])
     return Flight(
         name=name,
         vehicle=vehicle,
