@@ -6,12 +6,11 @@ make bench
 import os
 import platform
 
-from rich.console import Console
-from rich.table import Table
-
 import control_loop
 import lab
 import simulator
+from rich.console import Console
+from rich.table import Table
 
 
 def main() -> None:

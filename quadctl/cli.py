@@ -7,15 +7,14 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
 
-import click
 import typer
 from rich.console import Console
 
+from quadctl import __version__
 from quadctl.errors import FlightError, QuadctlError
 
 app = typer.Typer(
     name="quadctl",
-    help="Fly a multirotor from a companion computer, and find out which physics its model is missing.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -54,6 +53,21 @@ SeedOption = Annotated[int, typer.Option("--seed", metavar="N", help="Same seed,
 OffsetOption = Annotated[
     float | None, typer.Option("--offset-up", metavar="M", help="Fly the mission so much higher than its file says.")
 ]
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        console.print(f"quadctl {__version__}", highlight=False)
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit.")
+    ] = False,
+) -> None:
+    """Fly a multirotor from a companion computer, and find out which physics its model is missing."""
 
 
 @app.command()
@@ -265,18 +279,15 @@ def _model_and_data(model: Path, logs: list[Path], hold_out: str) -> tuple[Any, 
 def main() -> NoReturn:
     """Entry point: errors that the user can mend are one sentence and exit status 1."""
     try:
-        app(standalone_mode=False)
+        app()
     except QuadctlError as error:
         _fail(str(error), 1)
     except ModuleNotFoundError as error:
         if error.name is None or error.name.partition(".")[0] not in LAB_PACKAGES:
             raise
         _fail(f"this command needs {error.name}, which the lean install leaves out: pip install 'quadctl[lab]'", 1)
-    except click.exceptions.Abort:
+    except KeyboardInterrupt:
         _fail("interrupted", 1)
-    except click.ClickException as error:
-        error.show()
-        sys.exit(error.exit_code)
     sys.exit(0)
 
 

@@ -1,6 +1,8 @@
 """A mission file to phases of trajectories with limits; the reference at any time is a pure function of the mission."""
 
+import bisect
 import math
+import re
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,16 +15,18 @@ from quadctl.trajectories import Reference, Trajectory, find_trajectory
 
 START_M: Vec3 = (0.0, 0.0, 0.0)
 CHECK_STEP_S = 0.05
+_NAME = re.compile(r"[\w.+-]+( [\w.+-]+)*")
+"""Of a phase or a mission: it goes into a CSV without quotes, and into the name of a file."""
 
 
 class MissionLimits(Settings):
     """The mission's reference must stay inside these; a flight that leaves them by more than `margin_m` lands."""
 
-    min_z_m: float = 0.05
+    min_z_m: float = Field(default=0.05, ge=0.0)
     max_z_m: float = Field(gt=0.0)
     max_distance_m: float = Field(default=5.0, gt=0.0)
     """Horizontal, from the take-off point."""
-    max_duration_s: float = Field(default=900.0, gt=0.0)
+    max_duration_s: float = Field(default=900.0, gt=0.0, le=36000.0)
     margin_m: float = Field(default=0.5, gt=0.0)
 
 
@@ -53,10 +57,8 @@ class Mission(NamedTuple):
 
     def phase_at(self, t_s: float) -> Phase:
         """The phase at `t_s` since lift-off; the last one after the end."""
-        for phase in self.phases:
-            if t_s < phase.end_s:
-                return phase
-        return self.phases[-1]
+        index = bisect.bisect_right(self.phases, t_s, key=lambda phase: phase.end_s)
+        return self.phases[min(index, len(self.phases) - 1)]
 
     def reference(self, t_s: float) -> Reference:
         phase = self.phase_at(t_s)
@@ -78,7 +80,7 @@ def load_mission(path: Path | str, offset_up_m: float | None = None) -> Mission:
     """Read a mission file and lay it out.
 
     `extends: OTHER.yaml` takes everything from another file except the keys given here; `offset_up_m` lifts the whole
-    mission (all heights and the limits), so that the same flight is flown out of ground effect.
+    mission (all heights, and the limit above them), so that the same flight is flown out of ground effect.
 
     Raises
     ------
@@ -90,6 +92,8 @@ def load_mission(path: Path | str, offset_up_m: float | None = None) -> Mission:
     if offset_up_m is not None:
         data["offset_up_m"] = offset_up_m
     entry = validate(data, _MissionFile, str(path))
+    if entry.name is not None:
+        _check_name(entry.name, f"{path}: name")
     trajectories = [_phase_trajectory(raw, i, path) for i, raw in enumerate(entry.phases)]
     lift = entry.offset_up_m
     phases: list[Phase] = []
@@ -123,10 +127,15 @@ def _phase_trajectory(raw: dict[str, Any], index: int, path: Path) -> tuple[str,
     kind = settings.pop("kind", None)
     if not isinstance(kind, str):
         raise SettingsError(f"{source}.kind is {kind!r}, expected the name of a trajectory")
-    name = settings.pop("name", kind)
-    if not isinstance(name, str) or not name or "," in name:
-        raise SettingsError(f"{source}.name is {name!r}, expected a word without a comma")
-    return name, validate(settings, find_trajectory(kind, source), source)
+    trajectory = find_trajectory(kind, source)
+    name = _check_name(settings.pop("name", kind), f"{source}.name")
+    return name, validate(settings, trajectory, source)
+
+
+def _check_name(name: Any, source: str) -> str:
+    if not isinstance(name, str) or not _NAME.fullmatch(name):
+        raise SettingsError(f"{source} is {name!r}, expected words of letters, digits and . + - _")
+    return name
 
 
 def _check_limits(mission: Mission, path: Path) -> None:
@@ -144,7 +153,8 @@ def _check_limits(mission: Mission, path: Path) -> None:
             where = f"{path}: phase '{phase.name}' goes to"
             if z > limits.max_z_m + 1e-9:
                 raise SettingsError(f"{where} z = {z:.2f} m, expected at most limits.max_z_m = {limits.max_z_m:g}")
-            if z < limits.min_z_m - 1e-9 and phase is not mission.phases[0]:
+            rising = phase is mission.phases[0] and i < steps  # from the ground
+            if z < limits.min_z_m - 1e-9 and not rising:
                 raise SettingsError(f"{where} z = {z:.2f} m, expected at least limits.min_z_m = {limits.min_z_m:g}")
             if math.hypot(x, y) > limits.max_distance_m + 1e-9:
                 raise SettingsError(

@@ -1,6 +1,6 @@
 """The simulated autopilot: PX4's rules of arming, modes and failsafes around inner loops, estimator and body.
 
-It lives in simulated time: `step(until_s)` advances it. `lockstep.py` drives it as fast as the machine can,
+It lives in simulated time: `step(until_s)` advances it. `run.py` drives it as fast as the machine can,
 `mavlink_px4.py` in real time over MAVLink.
 """
 
@@ -115,7 +115,7 @@ class SimulatedAutopilot:
             attitude=e.attitude,
             rates_rad_s=e.rates,
             rotor_rpm=e.rotor_rpm,
-            battery_v=self.body.battery.voltage_v,
+            battery_v=e.battery_v,
             armed=self.armed,
             landed=self.landed,
             mode=self.mode,
@@ -125,7 +125,7 @@ class SimulatedAutopilot:
                 "attitude": e.updated_s,
                 "rates": e.updated_s,
                 "rpm": e.rpm_updated_s,
-                "battery": now,
+                "battery": e.rpm_updated_s,
                 "heartbeat": now,
             },
         )

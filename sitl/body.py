@@ -30,6 +30,7 @@ class Motion(NamedTuple):
     attitude: Quat
     rates_rad_s: Vec3
     rotor_rpm: tuple[float, ...]
+    battery_v: float
 
 
 class Battery:
@@ -78,7 +79,8 @@ class SimulatedBody:
         self._rotor_share = 1.0 if lag < 1e-6 else 1.0 - math.exp(-STEP_S / lag)
 
     def motion(self) -> Motion:
-        return Motion(self.time_s, self.position, self.velocity, self.attitude, self.rates, tuple(self.rpm))
+        rpm, volts = tuple(self.rpm), self.battery.voltage_v
+        return Motion(self.time_s, self.position, self.velocity, self.attitude, self.rates, rpm, volts)
 
     def step(self, outputs: list[float], armed: bool) -> None:
         """Advance by STEP_S; `outputs` are the motor outputs, 0..1."""

@@ -14,7 +14,10 @@ UPDATE_S = 0.01
 
 
 class Estimator:
-    """Feeds on the true motion of every physics step, gives the estimate of the latest update."""
+    """Feeds on the true motion of every physics step, gives the estimate of the latest update.
+
+    The power side (rotor speeds, battery) has a rate and a delay of its own.
+    """
 
     def __init__(self, noise: Noise, telemetry: Telemetry, seed: int) -> None:
         self._noise = noise
@@ -30,6 +33,7 @@ class Estimator:
         self.attitude: Quat = (NAN, NAN, NAN, NAN)
         self.rates: Vec3 = (NAN, NAN, NAN)
         self.rotor_rpm: tuple[float, ...] = ()
+        self.battery_v = NAN
 
     def observe(self, motion: Motion) -> None:
         """Take in the true motion; update what is due."""
@@ -46,6 +50,7 @@ class Estimator:
             late = self._at(now - self._telemetry.rpm_delay_s)
             self.rotor_rpm = tuple(max(0.0, round(r + self._gauss(self._noise.rpm))) for r in late.rotor_rpm)
             self.rpm_updated_s = now
+            self.battery_v = late.battery_v + self._gauss(self._noise.battery_v)
 
     def _at(self, time_s: float) -> Motion:
         """True motion at `time_s`, to the physics step before."""

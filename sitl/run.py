@@ -62,7 +62,7 @@ def fly_lockstep(
 def _carry_out(request: Request, autopilot: SimulatedAutopilot, pilot: Pilot) -> None:
     refusal = autopilot.request_arm() if request is Request.ARM else autopilot.request_mode(request.name)
     if refusal is not None:
-        pilot.request_failed(request, refusal)
+        pilot.request_failed(request, f"the simulated autopilot refused to {request.value}: {refusal}")
 
 
 @contextmanager
@@ -81,13 +81,20 @@ def mock_px4_process(vehicle: Vehicle, hidden: Path | None, seed: int) -> Iterat
     process.start()
     there.close()
     try:
-        if not here.poll(START_TIMEOUT_S) or here.recv() != "ready":
+        if not _says_ready(here):
             raise FlightError("the simulated autopilot did not start")
         yield f"udpin://127.0.0.1:{port}"
     finally:
         here.close()
         process.join(timeout=5.0)
         process.terminate()
+
+
+def _says_ready(child: Connection) -> bool:
+    try:
+        return child.poll(START_TIMEOUT_S) and child.recv() == "ready"
+    except EOFError:  # it died
+        return False
 
 
 def _serve(vehicle: Vehicle, truth: HiddenTruth, seed: int, port: int, parent: Connection) -> None:

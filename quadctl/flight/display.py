@@ -7,6 +7,7 @@ from types import TracebackType
 
 from rich.console import Console
 from rich.live import Live
+from rich.markup import escape
 from rich.progress_bar import ProgressBar
 from rich.table import Table
 
@@ -51,7 +52,7 @@ def picture(tick: Tick, pilot: Pilot) -> Table:
     state = tick.state
     height = tick.ground_down_m - state.position_ned_m[2]
     total = pilot.mission.duration_s
-    table.add_row("mission", f"{pilot.mission.name}: {tick.stage.value}, phase [cyan]{tick.phase}[/]")
+    table.add_row("mission", f"{escape(pilot.mission.name)}: {tick.stage.value}, phase [cyan]{tick.phase}[/]")
     table.add_row("progress", ProgressBar(total=total, completed=min(pilot.flight_s, total), width=40))
     table.add_row("", f"{pilot.flight_s:.0f} of {total:.0f} s")
     if tick.setpoint is not None:
@@ -62,6 +63,6 @@ def picture(tick: Tick, pilot: Pilot) -> Table:
         table.add_row("height", f"{height:6.3f} m")
     rpm = " ".join(f"{r:.0f}" for r in state.rotor_rpm) or "none reported"
     table.add_row("rotors", f"{rpm} rpm, battery {state.battery_v:.2f} V")
-    table.add_row("autopilot", f"{state.mode or 'no mode'}, {'armed' if state.armed else 'disarmed'}")
+    table.add_row("autopilot", f"{escape(state.mode) or 'no mode'}, {'armed' if state.armed else 'disarmed'}")
     table.add_row("ticks", f"late {1e3 * tick.late_s:.2f} ms, state {1e3 * state.control_age_s:.0f} ms old")
     return table

@@ -40,6 +40,28 @@ class GuardLimits(Settings):
     """0: not guarded."""
 
 
+UNIT_TOLERANCE = 0.01
+"""Of an attitude quaternion's norm. One of zeros is a number, but no attitude."""
+
+
+def defect(state: VehicleState, limits: GuardLimits) -> str | None:
+    """Why control must not stand on this state, in words, or None."""
+    if not state.connected:
+        return "the autopilot's heartbeat is lost"
+    for part in ("position", "attitude"):
+        age_s = state.age_s(part)
+        if age_s > limits.max_state_age_s:
+            age = (
+                f"is {age_s:.2f} s old, allowed are {limits.max_state_age_s:g} s" if age_s < math.inf else "never came"
+            )
+            return f"the {part} {age}"
+    if not state.finite:
+        return "the state holds a value that is not a number"
+    if abs(math.hypot(*state.attitude) - 1.0) > UNIT_TOLERANCE:
+        return f"the attitude is no unit quaternion, its norm is {math.hypot(*state.attitude):.3g}"
+    return None
+
+
 def inspect(
     state: VehicleState,
     flight_s: float,
@@ -54,18 +76,14 @@ def inspect(
     `flight_s` is the time since lift-off, `mission_s` how long the mission lasts, `height_m` the vehicle's height above
     the ground and `distance_m` its horizontal distance from the take-off point.
     """
-    if not state.connected:
-        return Breach(Answer.HAND_OVER, "the autopilot's heartbeat is lost")
+    # First who flies: what else is wrong is no longer our business, least of all to take the mode back for it.
     if not state.armed:
         return Breach(Answer.RELEASE, "the vehicle was disarmed")
     if state.mode != "OFFBOARD":
         return Breach(Answer.RELEASE, f"the autopilot left offboard for {state.mode or 'an unknown mode'}")
-    if state.control_age_s > limits.max_state_age_s:
-        return Breach(
-            Answer.HAND_OVER, f"the state is {state.control_age_s:.2f} s old, allowed are {limits.max_state_age_s:g} s"
-        )
-    if not state.finite:
-        return Breach(Answer.HAND_OVER, "the state holds a value that is not a number")
+    problem = defect(state, limits)
+    if problem is not None:
+        return Breach(Answer.HAND_OVER, problem)
     tilt_deg = math.degrees(tilt(state.attitude))
     if tilt_deg > limits.max_tilt_deg:
         return Breach(Answer.HAND_OVER, f"the tilt is {tilt_deg:.0f} deg, allowed are {limits.max_tilt_deg:g} deg")
@@ -80,6 +98,6 @@ def inspect(
         return Breach(Answer.LAND, f"the vehicle is {distance_m:.2f} m from take-off, allowed are {fence_m:g} m")
     if flight_s > mission_s + 5.0:
         return Breach(Answer.LAND, f"the flight lasts {flight_s:.0f} s, the mission {mission_s:.0f} s")
-    if state.battery_v < limits.min_battery_v:
+    if limits.min_battery_v > 0.0 and not state.battery_v >= limits.min_battery_v:  # an unknown voltage is a breach
         return Breach(Answer.LAND, f"the battery is at {state.battery_v:.2f} V, allowed are {limits.min_battery_v:g} V")
     return None

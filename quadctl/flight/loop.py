@@ -16,12 +16,13 @@ from typing import Any, TypeVar
 
 from quadctl.errors import FlightError
 from quadctl.flight.autopilot import Autopilot
-from quadctl.flight.pilot import Pilot, Request, Tick
+from quadctl.flight.pilot import Pilot, Request, Stage, Tick
 
 Listener = Callable[[Tick], None]
 T = TypeVar("T")
 
 LAST_WORD_S = 3.0
+LANDING_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 async def fly(autopilot: Autopilot, pilot: Pilot, rate_hz: float, listeners: Sequence[Listener]) -> None:
@@ -49,9 +50,10 @@ async def fly(autopilot: Autopilot, pilot: Pilot, rate_hz: float, listeners: Seq
             deadline += period_s * max(1, int((now - deadline) / period_s) + 1)
             await asyncio.sleep(deadline - now)
     except BaseException:
-        # A defect of ours: no more targets, and the autopilot lands if it still hears us.
-        with contextlib.suppress(FlightError, TimeoutError):
-            await asyncio.wait_for(autopilot.land(), LAST_WORD_S)
+        # A defect of ours: no more targets, and the autopilot lands if it still hears us and nobody else flies it.
+        if pilot.stage is not Stage.RELEASED:
+            with contextlib.suppress(FlightError, TimeoutError):
+                await asyncio.wait_for(autopilot.land(), LAST_WORD_S)
         raise
     finally:
         for task in tasks:
@@ -73,14 +75,14 @@ async def _carry_out(request: Request, autopilot: Autopilot, pilot: Pilot) -> No
 
 @contextlib.contextmanager
 def landing_on_signals(pilot: Pilot) -> Iterator[None]:
-    """Ctrl-C and SIGTERM make the pilot land."""
+    """Ctrl-C, SIGTERM and a terminal that goes away (ssh over a radio link) make the pilot land."""
     loop = asyncio.get_running_loop()
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in LANDING_SIGNALS:
         loop.add_signal_handler(number, pilot.ask_to_land, f"asked to land by {signal.Signals(number).name}")
     try:
         yield
     finally:
-        for number in (signal.SIGINT, signal.SIGTERM):
+        for number in LANDING_SIGNALS:
             loop.remove_signal_handler(number)
 
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from quadctl.compensator import Compensator
 from quadctl.control import ControlOutput, Memory, control
-from quadctl.flight.guards import Answer, Breach, inspect
+from quadctl.flight.guards import Answer, Breach, defect, inspect
 from quadctl.flight.settings import FlightSettings
 from quadctl.frames import euler_from_quaternion
 from quadctl.missions import Mission
@@ -21,6 +21,8 @@ READY_TIMEOUT_S = 15.0
 START_TIMEOUT_S = 8.0
 LAND_MODE_TIMEOUT_S = 2.0
 LAND_TIMEOUT_S = 60.0
+ARM_SETTLE_S = 2.0
+"""An arming that was asked for may still come so long after it was given up."""
 STREAM_FIRST_S = 1.0
 """Idle setpoints before offboard is asked for: autopilots want a stream first."""
 SPOOL_UP_S = 1.0
@@ -43,7 +45,7 @@ class Stage(enum.Enum):
 class Request(enum.Enum):
     """What the pilot wants the autopilot to do; carried out beside the loop."""
 
-    OFFBOARD = "offboard"
+    OFFBOARD = "enter offboard"
     ARM = "arm"
     LAND = "land"
 
@@ -82,6 +84,7 @@ class Pilot:
         self._last_s = 0.0
         self._home: Vec3 = (0.0, 0.0, 0.0)
         self._ground_down_m = 0.0
+        self._heading_rad = 0.0
         self._yaw_rad = 0.0
         self._memory = Memory()
         self._hold: Setpoint | None = None
@@ -89,6 +92,8 @@ class Pilot:
         self._refusal: str | None = None
         self._failure: str | None = None
         self._arm_asked = False
+        self._offboard_seen = False
+        self._armed_seen = False
         self._silent = False
 
     @property
@@ -101,10 +106,12 @@ class Pilot:
 
     def request_failed(self, request: Request, reason: str) -> None:
         """The autopilot refused. Before the flight that ends it; a refused landing is answered by silence."""
-        if request is Request.LAND:
+        if request is not Request.LAND:
+            self._refusal = reason
+        elif self.stage is Stage.LAND:
             self._silent = True
-        else:
-            self._refusal = f"the autopilot refused to {request.value}: {reason}"
+            if self._armed_seen:
+                self.ended = f"{self.ended}; {reason}"
 
     def fail(self, reason: str) -> None:
         """A target could not be sent: no more targets, let the autopilot land."""
@@ -117,6 +124,7 @@ class Pilot:
             self._began_s = self._stage_s = self._last_s = now
         dt = max(now - self._last_s, 0.0)
         self._last_s = now
+        self._armed_seen = self._armed_seen or state.armed
         step = {
             Stage.WAIT: self._wait,
             Stage.STREAM: self._stream,
@@ -128,6 +136,13 @@ class Pilot:
             Stage.DONE: self._idle,
         }[self.stage]
         target, requests, setpoint, output = step(state, now, dt, late_s)
+        if target is not None and not all(map(math.isfinite, (*target.attitude, target.throttle))):
+            # Whatever a compensator makes of a state that is good, it does not reach the motors.
+            self._failure = "control gave a value that is not a number"
+            if self.stage is Stage.LAND:
+                target, self._silent = None, True
+            else:
+                target, requests, setpoint, output = self._answer(Breach(Answer.HAND_OVER, self._failure), state, now)
         phase = self.phases_flown[-1] if self.stage is Stage.FLY and self.phases_flown else self.stage.name.lower()
         return Tick(
             now - self._began_s,
@@ -145,47 +160,53 @@ class Pilot:
     # --- stages: (state, now, dt, late) -> (target, requests, setpoint, output) ----------------------------------
 
     def _wait(self, state: VehicleState, now: float, dt: float, late_s: float) -> "_Decision":
-        fresh = state.connected and state.finite and state.control_age_s < self.settings.guards.max_state_age_s
+        problem = self._defect(state)
         if self._want_land:
             self._end(self._want_land)
-        elif fresh and not state.armed:
+        elif problem is None and state.armed:
+            self._end("the vehicle is armed already, expected it to stand disarmed on the ground")
+        elif problem is None:
             self._remember_home(state)
             self._enter(Stage.STREAM, now)
-        elif fresh:
-            self._end("the vehicle is armed already, expected it to stand disarmed on the ground")
         elif now - self._stage_s > READY_TIMEOUT_S:
-            missing = [part for part in ("position", "attitude") if state.age_s(part) > 1.0]
-            self._end(f"no usable {' and '.join(missing) or 'state'} came from the autopilot")
+            self._end(f"no usable state came from the autopilot in {READY_TIMEOUT_S:g} s: {problem}")
         return _NOTHING
 
     def _stream(self, state: VehicleState, now: float, dt: float, late_s: float) -> "_Decision":
-        if self._want_land:
-            self._end(self._want_land)
+        problem = "somebody else armed the vehicle" if state.armed else self._objection(state)
+        if problem is not None:  # nothing has been asked for yet, so there is nothing to undo
+            self._end(problem)
             return _NOTHING
         if now - self._stage_s < STREAM_FIRST_S:
-            return _Decision(self._idle_target(state))
+            return _Decision(self._idle_target())
         self._enter(Stage.START, now)
-        return _Decision(self._idle_target(state), (Request.OFFBOARD,))
+        return _Decision(self._idle_target(), (Request.OFFBOARD,))
 
     def _start(self, state: VehicleState, now: float, dt: float, late_s: float) -> "_Decision":
-        problem = self._want_land or self._refusal or self._failure
+        in_offboard = state.mode == "OFFBOARD"
+        if not in_offboard and (self._offboard_seen or state.armed):
+            return self._answer(Breach(Answer.RELEASE, f"the autopilot went to {state.mode or 'an unknown mode'}"), state, now)
+        self._offboard_seen = in_offboard
+        problem = self._objection(state)
         if problem is None and now - self._stage_s > START_TIMEOUT_S:
             problem = (
                 f"the autopilot did not get ready in {START_TIMEOUT_S:g} s: "
                 f"armed is {state.armed}, mode is {state.mode or 'unknown'}, expected OFFBOARD"
             )
+        if problem is not None and not (state.armed or self._arm_asked):
+            self._end(problem)
+            return _NOTHING
         if problem is not None:  # it may be armed by now: see to it that it is disarmed
-            self._silent = True
-            return self._begin_landing(problem, state, now)
+            return self._answer(Breach(Answer.HAND_OVER, problem), state, now)
         requests: tuple[Request, ...] = ()
-        if state.armed and state.mode == "OFFBOARD":
+        if state.armed:
             self._remember_home(state)
             self._enter(Stage.SPOOL_UP, now)
-        elif state.mode == "OFFBOARD" and not self._arm_asked:
+        elif in_offboard and not self._arm_asked:
             # Not before: armed in another mode, the vehicle would follow that mode's idea of a take-off.
             self._arm_asked = True
             requests = (Request.ARM,)
-        return _Decision(self._idle_target(state), requests)
+        return _Decision(self._idle_target(), requests)
 
     def _spool_up(self, state: VehicleState, now: float, dt: float, late_s: float) -> "_Decision":
         breach = self._inspect(state, late_s, dt)
@@ -198,7 +219,7 @@ class Pilot:
             return self._fly(state, now, 0.0, late_s)
         curve = self.vehicle.throttle
         hover = curve.offset + curve.per_newton * self.vehicle.weight_n
-        return _Decision(AttitudeTarget(_heading(self._yaw_rad), 0.5 * share * hover))
+        return _Decision(AttitudeTarget(_heading(self._heading_rad), 0.5 * share * hover))
 
     def _fly(self, state: VehicleState, now: float, dt: float, late_s: float) -> "_Decision":
         self.flight_s = now - self._stage_s
@@ -216,14 +237,16 @@ class Pilot:
 
     def _land(self, state: VehicleState, now: float, dt: float, late_s: float) -> "_Decision":
         """The autopilot lands. Until it has taken the mode we hold our place, while our state is good, not for long."""
-        if not state.armed:
+        if self._over(state, now):
             self._enter(Stage.DONE, now)
             return _NOTHING
         if now - self._stage_s > LAND_TIMEOUT_S:
             self._end(f"{self.ended}; the autopilot did not land and disarm in {LAND_TIMEOUT_S:g} s")
             return _NOTHING
-        waiting = state.mode == "OFFBOARD" and now - self._stage_s < LAND_MODE_TIMEOUT_S
-        if waiting and not self._silent and self._hold is not None and self._inspect(state, late_s, dt) is None:
+        breach = self._inspect(state, late_s, dt)
+        good = breach is None or breach.answer is Answer.LAND
+        waiting = good and now - self._stage_s < LAND_MODE_TIMEOUT_S
+        if waiting and not self._silent and self._hold is not None:
             output = self._control(self._hold, state, dt)
             return _Decision(output.target, (), self._hold, output)
         self._silent = True
@@ -231,7 +254,7 @@ class Pilot:
 
     def _released(self, state: VehicleState, now: float, dt: float, late_s: float) -> "_Decision":
         """Somebody else flies: record until the vehicle is disarmed, never take the mode back."""
-        if not state.armed or not state.connected or self._want_land:
+        if self._over(state, now) or not state.connected or self._want_land:
             self._enter(Stage.DONE, now)
         return _NOTHING
 
@@ -240,12 +263,23 @@ class Pilot:
 
     # --- inside --------------------------------------------------------------------------------------------------
 
+    def _defect(self, state: VehicleState) -> str | None:
+        """Why the flight cannot stand on this state, or None."""
+        guards = self.settings.guards
+        if guards.min_battery_v > 0.0 and not state.battery_v >= guards.min_battery_v:
+            return f"the battery is at {state.battery_v:.2f} V, expected {guards.min_battery_v:g} V or more"
+        return defect(state, guards)
+
+    def _objection(self, state: VehicleState) -> str | None:
+        """Why the flight must not begin, or None."""
+        return self._want_land or self._refusal or self._failure or self._defect(state)
+
+    def _over(self, state: VehicleState, now: float) -> bool:
+        """The motors are off, and no arming of ours is under way that could still turn them on."""
+        under_way = self._arm_asked and not self._armed_seen and now - self._stage_s < ARM_SETTLE_S
+        return not state.armed and not under_way
+
     def _inspect(self, state: VehicleState, late_s: float, dt: float) -> Breach | None:
-        if self._failure is not None:
-            return Breach(Answer.HAND_OVER, self._failure)
-        stalled_s = max(late_s, dt - 1.0 / self.settings.controller.rate_hz)
-        if stalled_s > self.settings.guards.max_tick_late_s:
-            return Breach(Answer.HAND_OVER, f"the control loop stalled for {stalled_s:.2f} s")
         north, east, down = state.position_ned_m
         breach = inspect(
             state,
@@ -256,6 +290,13 @@ class Pilot:
             self.settings.guards,
             self.mission.limits,
         )
+        if breach is not None and breach.answer is Answer.RELEASE:  # goes before our own troubles
+            return breach
+        if self._failure is not None:
+            return Breach(Answer.HAND_OVER, self._failure)
+        stalled_s = max(late_s, dt - 1.0 / self.settings.controller.rate_hz)
+        if stalled_s > self.settings.guards.max_tick_late_s:
+            return Breach(Answer.HAND_OVER, f"the control loop stalled for {stalled_s:.2f} s")
         if breach is None and self._want_land and self.stage is not Stage.LAND:
             return Breach(Answer.LAND, self._want_land)
         return breach
@@ -263,6 +304,7 @@ class Pilot:
     def _answer(self, breach: Breach, state: VehicleState, now: float) -> "_Decision":
         if breach.answer is Answer.RELEASE:
             self.ended = breach.reason
+            self._want_land = None  # it cannot be done any more; a later one ends the recording
             self._enter(Stage.RELEASED, now)
             return _NOTHING
         self._silent = breach.answer is Answer.HAND_OVER
@@ -305,12 +347,12 @@ class Pilot:
         self._home = state.position_ned_m
         if self.settings.height_datum == "takeoff":
             self._ground_down_m = self._home[2] + self.settings.rest_height_m
-        heading = euler_from_quaternion(state.attitude)[2]
-        self._yaw_rad = heading if self.mission.yaw_rad is None else self.mission.yaw_rad
+        self._heading_rad = euler_from_quaternion(state.attitude)[2]
+        self._yaw_rad = self._heading_rad if self.mission.yaw_rad is None else self.mission.yaw_rad
 
-    def _idle_target(self, state: VehicleState) -> AttitudeTarget:
+    def _idle_target(self) -> AttitudeTarget:
         """No thrust, the heading we stand in."""
-        return AttitudeTarget(_heading(euler_from_quaternion(state.attitude)[2]), 0.0)
+        return AttitudeTarget(_heading(self._heading_rad), 0.0)
 
     def _enter(self, stage: Stage, now: float) -> None:
         self.stage = stage

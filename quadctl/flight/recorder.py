@@ -12,7 +12,7 @@ import time
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 import yaml
 
@@ -32,6 +32,7 @@ from quadctl.logs.columns import (
 from quadctl.state import NAN
 
 SYNC_EVERY_S = 0.5
+CLOSE_TIMEOUT_S = 10.0
 _NO_EULER = (NAN, NAN, NAN)
 
 
@@ -64,7 +65,7 @@ def row(tick: Tick, n_rotors: int) -> list[float | str]:
         vn,
         ve,
         -vd,
-        *(_degrees(euler_from_quaternion(s.attitude)) if s.finite else _NO_EULER),
+        *_degrees(euler_from_quaternion(s.attitude)),
         *s.rates_rad_s,
         *_padded(s.rotor_rpm, n_rotors),
         *_padded(s.motor_voltage_v, n_rotors),
@@ -80,8 +81,7 @@ def row(tick: Tick, n_rotors: int) -> list[float | str]:
         values += [x, y, tick.ground_down_m - z, u, v, -w]
     else:
         values += [NAN] * 6
-    age = s.control_age_s
-    return [*values, age if math.isfinite(age) else NAN, tick.late_s, tick.phase]
+    return [*values, s.control_age_s, tick.late_s, tick.phase]
 
 
 class Recorder:
@@ -108,10 +108,11 @@ class Recorder:
             self.path, self._file = _new_file(directory, mission)
             self.meta_path = self.path.with_suffix(".meta.yaml")
             self._write_meta("in flight")
+            self._file.write(",".join(header(n_rotors)) + "\n")
+            self._file.flush()
         except OSError as error:
             raise FlightError(f"{directory}: cannot be written for the flight log ({error.strerror})") from None
         self._queue: queue.SimpleQueue[Tick | None] = queue.SimpleQueue()
-        self._file.write(",".join(header(n_rotors)) + "\n")
         self._thread = threading.Thread(target=self._write, name="recorder", daemon=True)
         self._thread.start()
 
@@ -122,7 +123,9 @@ class Recorder:
     def close(self, ended: str) -> None:
         """Write what is left and say in the meta file how the flight ended."""
         self._queue.put(None)
-        self._thread.join(timeout=10.0)
+        self._thread.join(timeout=CLOSE_TIMEOUT_S)
+        if self._thread.is_alive():
+            self.problem = f"{self.path}: the log is incomplete (the disk does not answer)"
         try:
             self._write_meta(ended)
         except OSError as error:
@@ -131,8 +134,9 @@ class Recorder:
     def _write(self) -> None:
         try:
             self._drain()
-        except OSError as error:
-            self.problem = f"{self.path}: the log is incomplete ({error.strerror})"
+        except Exception as error:  # whatever it is, it must not end the thread with the queue filling up
+            reason = error.strerror if isinstance(error, OSError) else repr(error)
+            self.problem = f"{self.path}: the log is incomplete ({reason})"
             while self._queue.get() is not None:  # the flight goes on, unrecorded
                 pass
 
@@ -143,24 +147,37 @@ class Recorder:
                 try:
                     tick = self._queue.get(timeout=SYNC_EVERY_S)
                 except queue.Empty:
-                    file.flush()
+                    _sync(file)
                     continue
                 if tick is None:
                     break
                 file.write(",".join(map(_text, row(tick, self._n_rotors))) + "\n")
                 if time.monotonic() - synced > SYNC_EVERY_S:
-                    file.flush()
-                    os.fsync(file.fileno())
+                    _sync(file)
                     synced = time.monotonic()
-            file.flush()
-            os.fsync(file.fileno())
+            _sync(file)
 
     def _write_meta(self, ended: str) -> None:
+        """In one step: a full disk or a power cut leaves the old file, not half of a new one."""
         text = yaml.safe_dump({**self._meta, "ended": ended}, sort_keys=False)
-        self.meta_path.write_text(text, encoding="utf-8")
+        new = self.meta_path.with_suffix(".new")
+        try:
+            with new.open("w", encoding="utf-8") as file:
+                file.write(text)
+                _sync(file)
+            new.replace(self.meta_path)
+        except OSError:
+            new.unlink(missing_ok=True)
+            raise
 
 
-def _new_file(directory: Path, mission: str) -> tuple[Path, Any]:
+def _sync(file: TextIO) -> None:
+    """On the disk, not only on its way there."""
+    file.flush()
+    os.fsync(file.fileno())
+
+
+def _new_file(directory: Path, mission: str) -> tuple[Path, TextIO]:
     stamp = datetime.now(UTC).strftime("%Y%m%d_%H%M%S")
     for attempt in range(1000):
         suffix = f"_{attempt + 1}" if attempt else ""
@@ -173,7 +190,9 @@ def _new_file(directory: Path, mission: str) -> tuple[Path, Any]:
 
 
 def _text(value: float | str) -> str:
-    return value if isinstance(value, str) else f"{value:.7g}"
+    if isinstance(value, str):
+        return value
+    return f"{value:.7g}" if math.isfinite(value) else "nan"
 
 
 def _degrees(angles: tuple[float, float, float]) -> tuple[float, float, float]:

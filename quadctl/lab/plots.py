@@ -33,7 +33,7 @@ from quadctl.lab.prepare import VARIABLE_NAMES, VARIABLE_UNITS, Flight, Floats
 from quadctl.model import Model
 
 WIDE_PX, PANEL_PX, NARROW_PX = 980, 440, 360
-MAX_DRAWN = 6000
+MAX_DRAWN = 4000
 """Longer lines are drawn as pixels, and of longer clouds only so many points: a page must stay light."""
 CURVE_DRAWS = 60
 RATIO_BINS = 14
@@ -76,6 +76,8 @@ _STYLE: dict[Any, Any] = {
     "text.parse_math": False,  # a dollar sign in the name of a file is a dollar sign
 }
 _GROUP_ID = re.compile(r' id="[a-zA-Z0-9.]+_[0-9]+"')
+_PATH = re.compile(r' d="[^"]*"')
+_LONG_NUMBER = re.compile(r"-?\d+\.\d{3,}")
 _P = ParamSpec("_P")
 
 
@@ -103,7 +105,13 @@ def to_svg(figure: Figure, name: str) -> str:
     view = re.search(r'viewBox="0 0 ([\d.]+) [\d.]+"', head)
     width = f"{float(view[1]):.0f}px" if view else "100%"
     head = f'<svg {view[0] if view else ""} style="max-width:calc({width}*1.15)" aria-hidden="true"'
-    return f"{head}>{_GROUP_ID.sub('', body)}"
+    body = _PATH.sub(lambda path: _LONG_NUMBER.sub(_rounded, path[0]).replace("\n", ""), _GROUP_ID.sub("", body))
+    return f"{head}>{body}"
+
+
+def _rounded(digits: re.Match[str]) -> str:
+    """A hundredth of a pixel is more than anyone sees."""
+    return f"{float(digits[0]):.2f}"
 
 
 # --- the model against the measurement --------------------------------------------------------------------------------

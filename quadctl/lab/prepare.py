@@ -294,8 +294,8 @@ def _filter(
 ) -> tuple[Floats, csr_matrix, csr_matrix]:
     """Sample times 2 sigma apart, the Gaussian filter that takes a signal on the grid to them, and its derivative.
 
-    The derivative is taken by the filter's own slope, so that a velocity comes out as the filtered acceleration with the
-    very response that the prediction gets.
+    The derivative is taken by the filter's own slope, so that a velocity comes out as the filtered acceleration, with
+    the very response that the prediction gets.
     """
     reach = 3.0 * sigma
     times = [np.arange(a + reach, b - reach, 2.0 * sigma) for a, b in segments if b - a > 2.0 * reach]

@@ -25,7 +25,7 @@ from quadctl.frames import GRAVITY_M_S2
 from quadctl.lab import plots
 from quadctl.lab.add import Addition
 from quadctl.lab.compare import Comparison
-from quadctl.lab.data import AXES, FOLDS, Dataset, predict
+from quadctl.lab.data import AXES, FOLDS, Dataset, predict, rmse
 from quadctl.lab.diagnose import MATERIAL, SIGNIFICANT, Candidate, Diagnosis
 from quadctl.lab.metrics import FlightMetrics, MetricsTable, Tracking, Window, tracking
 from quadctl.lab.prepare import BLOCK_S, VARIABLE_NAMES, VARIABLE_UNITS, Flight, Floats
@@ -373,8 +373,8 @@ def _over_variables(r: Results) -> Section:
     c = r.comparison
     shown = c.profiles[:SHOWN_PANELS]
     text = [
-        "Dots are means over equal numbers of samples with their 95 % error bars (autocorrelation included); grey is every "
-        "sample. A model that lacks nothing has all dots on the zero line. The most telling variables come first."
+        "Dots are means over equal numbers of samples with their 95 % error bars (autocorrelation included); grey is "
+        "every sample. A model that lacks nothing has all dots on the zero line. The most telling variables come first."
     ]
     if shown:
         best = shown[0]
@@ -387,8 +387,8 @@ def _over_variables(r: Results) -> Section:
         _figure(
             plots.residual_over_variable(c, profile),
             f"profile-{i}",
-            f"{profile.axis} over {VARIABLE_NAMES[profile.variable]}: {_percent(profile.share)} of the axis' error power, "
-            f"p {plots.p_in_words(profile.p_value)}.",
+            f"{_sentence(profile.axis)} over {VARIABLE_NAMES[profile.variable]}: {_percent(profile.share)} of the "
+            f"axis' error power, p {plots.p_in_words(profile.p_value)}.",
         )
         for i, profile in enumerate(shown)
     ]
@@ -459,22 +459,21 @@ def _diagnosis_text(d: Diagnosis, floor: float) -> list[str]:
     ]
     if d.verdict == "missing":
         first, last = d.steps[0].rmse["total"], d.steps[-1].rmse["total"]
+        them = "it" if len(d.steps) == 2 else "them"
         families = _listed([f"{_plain(step.family)} ({step.effect})" for step in d.steps[1:]])
         text.append(
-            f"Missing, in the order of adding: {families}. Together they take the held-out error from {quantity(first)} "
-            f"to {quantity(last)}, {_percent(1.0 - last / first)} less; the noise floor is {quantity(floor)}."
+            f"Missing, in the order of adding: {families}. With {them} in, the held-out error goes "
+            f"from {quantity(first)} to {quantity(last)}, {_percent(1.0 - last / first)} less; the noise floor is "
+            f"{quantity(floor)}."
         )
-        if d.left_p_value < SIGNIFICANT:
-            text.append(
-                "Even so, something is left that the logged variables explain and these effects do not "
-                f"(p {plots.p_in_words(d.left_p_value)})."
-            )
+        if d.unexplained:
+            text.append("Even so, something is left that the logged variables explain and these effects do not.")
     elif d.verdict == "none":
         text.append("No effect earns its place on unseen data: nothing significant is missing, what is left is noise.")
     else:
         text.append(
-            "No effect earns its place on unseen data, yet the logged variables explain part of what is left "
-            f"(p {plots.p_in_words(d.left_p_value)}): something is there that the catalogue does not hold."
+            "No effect earns its place on unseen data, yet the logged variables explain part of what is left: "
+            "something is there that the catalogue does not hold."
         )
     return text
 
@@ -482,7 +481,9 @@ def _diagnosis_text(d: Diagnosis, floor: float) -> list[str]:
 def _verdict_table(d: Diagnosis) -> Table:
     passed = [c.effect.name for c in d.ranking if c.supported]
     finding = f"supported alone: {_listed(passed)}" if passed else "no effect is supported"
-    left = f"explained by the logged variables: p {plots.p_in_words(d.left_p_value)}"
+    left = (
+        f"of what is left, the variables explain {'a part that matters' if d.unexplained else 'nothing that matters'}"
+    )
     test = f"an effect has p < {SIGNIFICANT:g} and takes more than {MATERIAL:.0%} off one axis, on unseen data"
     rows = {
         "missing": [Cell("missing", test), Cell(finding)],
@@ -554,10 +555,11 @@ def _before_and_after(r: Results) -> Section | None:
         )
     elif r.diagnosis is not None and len(r.diagnosis.steps) > 1:
         first, last = r.diagnosis.steps[0].rmse, r.diagnosis.steps[-1].rmse
+        change = _change(1.0 - last["total"] / first["total"])
         caption = "The flights of the fit, held-out parts: without and with all that was found missing."
         text.append(
             f"On {_held_out(r.diagnosis.dataset)}, what was found missing takes the error from "
-            f"{quantity(first['total'])} to {quantity(last['total'])} ({_change(1.0 - last['total'] / first['total'])})."
+            f"{quantity(first['total'])} to {quantity(last['total'])} ({change})."
         )
         figures.append(_figure(plots.before_after(first, last, r.comparison.noise_floor), "held-out", caption))
     if r.after is not None:
@@ -689,11 +691,12 @@ def _steps_in_words(steps: StepResponses) -> list[str]:
         f"{1000.0 * last.rmse_m:.1f} mm RMSE."
     ]
     if first.m_b_absolute and first.m_b_signed and last.m_b_absolute is not None and last.m_b_signed is not None:
+        absolute = _change(1.0 - last.m_b_absolute / first.m_b_absolute)
+        signed = _change(1.0 - abs(last.m_b_signed) / abs(first.m_b_signed))
         text.append(
-            f"What the ground does to the flight (M_B) changes by {_change(1.0 - last.m_b_absolute / first.m_b_absolute)} "
-            f"in the absolute integral ({first.m_b_absolute:.3f} to {last.m_b_absolute:.3f} m s) and by "
-            f"{_change(1.0 - abs(last.m_b_signed) / abs(first.m_b_signed))} in the size of the signed one "
-            f"({_plus(first.m_b_signed)} to {_plus(last.m_b_signed)} m s)."
+            f"What the ground does to the flight, M_B, goes from {first.m_b_absolute:.3f} to {last.m_b_absolute:.3f} "
+            f"m s in the absolute integral ({absolute}) and from {_plus(first.m_b_signed)} to {_plus(last.m_b_signed)} m s "
+            f"in the signed one ({signed} in size)."
         )
     return text
 
@@ -714,7 +717,7 @@ def _metrics_table(steps: StepResponses) -> Table:
         cells = []
         for value in columns.values():
             v = getattr(flight, value)
-            cells.append(Cell("–" if v is None else _plus(v) if value in signed else f"{v:.3f}"))
+            cells.append(Cell("none" if v is None else _plus(v) if value in signed else f"{v:.3f}"))
         rows.append([Cell(name, f"{flight.flight}{' (reference flight)' if flight.is_reference else ''}"), *cells])
     return Table(["compensator", *columns], rows)
 
@@ -768,8 +771,6 @@ def _unseen_residuals(r: Results) -> tuple[Floats, Floats]:
 
 
 def _unseen_before(r: Results) -> dict[str, float]:
-    from quadctl.lab.data import rmse
-
     return rmse(_unseen_residuals(r)[0])
 
 
@@ -805,7 +806,7 @@ def _percent(share: float) -> str:
 
 
 def _change(drop: float) -> str:
-    """`−63 %` for a drop of 0.63."""
+    """`-63 %`, with a true minus sign, for a drop of 0.63."""
     return f"{-100.0 * drop:+.0f} %".replace("-", "\u2212")
 
 

@@ -15,7 +15,7 @@ class Staircase(Trajectory):
     kind: ClassVar[str] = "staircase"
 
     to_z_m: float = Field(gt=0.0, le=1000.0)
-    step_m: float = Field(gt=0.0, le=100.0)
+    step_m: float = Field(ge=0.001, le=100.0)
     hold_s: float = Field(gt=0.0, le=3600.0)
 
     def lifted(self, up_m: float) -> Self:
