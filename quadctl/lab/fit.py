@@ -174,7 +174,7 @@ def remarks(free: Sequence[Free], values: Floats, ci: Sequence[tuple[float, floa
     for f, value, (low, high) in zip(free, values, ci, strict=True):
         p = f.parameter
         span = p.high - p.low
-        if min(value - p.low, p.high - value) < 1e-3 * span and p.low < value:
+        if p.high - value < 1e-3 * span:
             found.append(f"{p.name} is at its upper bound {p.high:g}: the form does not fit, or the data do not tell")
         elif value - p.low < 1e-3 * span and p.low != 0.0:
             found.append(f"{p.name} is at its lower bound {p.low:g}: the form does not fit, or the data do not tell")

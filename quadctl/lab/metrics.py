@@ -382,8 +382,10 @@ def render(result: MetricsTable) -> Table:
     table.add_column("flight", overflow="fold")
     for value in columns:
         table.add_column(_HEADINGS[value], justify="right", no_wrap=True)
+    alone = {group.group for group in result.groups if group.n_runs == 1}
     for flight in result.flights:
-        name = Path(flight.flight).stem + (" (reference)" if flight.is_reference else "")
+        name = flight.group if flight.group in alone else Path(flight.flight).stem
+        name += " (reference)" if flight.is_reference else ""
         table.add_row(escape(name), *(_number(getattr(flight, value)) for value in columns))
     for group in result.groups:
         if group.n_runs > 1:
