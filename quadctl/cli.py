@@ -22,6 +22,9 @@ app = typer.Typer(
 )
 console = Console()
 
+INTERRUPTED = 130
+"""Exit status with which typer ends on Ctrl-C."""
+
 LAB_PACKAGES = ("scipy", "polars", "matplotlib", "jinja2")
 """Of the extra `lab`: not on the companion computer."""
 
@@ -286,8 +289,10 @@ def main() -> NoReturn:
         if error.name is None or error.name.partition(".")[0] not in LAB_PACKAGES:
             raise
         _fail(f"this command needs {error.name}, which the lean install leaves out: pip install 'quadctl[lab]'", 1)
-    except KeyboardInterrupt:
-        _fail("interrupted", 1)
+    except SystemExit as ended:
+        if ended.code == INTERRUPTED:
+            _fail("interrupted", 1)
+        raise
     sys.exit(0)
 
 

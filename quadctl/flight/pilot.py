@@ -185,7 +185,9 @@ class Pilot:
     def _start(self, state: VehicleState, now: float, dt: float, late_s: float) -> "_Decision":
         in_offboard = state.mode == "OFFBOARD"
         if not in_offboard and (self._offboard_seen or state.armed):
-            return self._answer(Breach(Answer.RELEASE, f"the autopilot went to {state.mode or 'an unknown mode'}"), state, now)
+            return self._answer(
+                Breach(Answer.RELEASE, f"the autopilot went to {state.mode or 'an unknown mode'}"), state, now
+            )
         self._offboard_seen = in_offboard
         problem = self._objection(state)
         if problem is None and now - self._stage_s > START_TIMEOUT_S:

@@ -113,6 +113,8 @@ class Recorder:
         except OSError as error:
             raise FlightError(f"{directory}: cannot be written for the flight log ({error.strerror})") from None
         self._queue: queue.SimpleQueue[Tick | None] = queue.SimpleQueue()
+        self._closing = False
+        """The writer has taken the last word from the queue."""
         self._thread = threading.Thread(target=self._write, name="recorder", daemon=True)
         self._thread.start()
 
@@ -137,8 +139,8 @@ class Recorder:
         except Exception as error:  # whatever it is, it must not end the thread with the queue filling up
             reason = error.strerror if isinstance(error, OSError) else repr(error)
             self.problem = f"{self.path}: the log is incomplete ({reason})"
-            while self._queue.get() is not None:  # the flight goes on, unrecorded
-                pass
+            while not self._closing:  # the flight goes on, unrecorded
+                self._closing = self._queue.get() is None
 
     def _drain(self) -> None:
         synced = time.monotonic()
@@ -150,6 +152,7 @@ class Recorder:
                     _sync(file)
                     continue
                 if tick is None:
+                    self._closing = True
                     break
                 file.write(",".join(map(_text, row(tick, self._n_rotors))) + "\n")
                 if time.monotonic() - synced > SYNC_EVERY_S:

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 from rich.console import Console
 
 from quadctl.compensator import Compensator, check_compensator
+from quadctl.errors import FlightError
 from quadctl.flight.autopilot import Autopilot
 from quadctl.flight.display import Display
 from quadctl.flight.loop import fly, landing_on_signals, run
@@ -74,10 +75,13 @@ def fly_real_time(plan: FlightPlan, url: str, log_dir: Path, console: Console) -
     LinkError
         No autopilot answers at `url`.
     FlightError
-        The log cannot be written, or the autopilot refuses what a flight needs.
+        The log cannot be written, the autopilot refuses what a flight needs, or Ctrl-C came before the flight.
     """
     autopilot = MavsdkAutopilot(url, plan.body.vehicle.n_rotors, plan.settings.link.timeout_s)
-    return run(_fly(plan, autopilot, log_dir, console))
+    try:
+        return run(_fly(plan, autopilot, log_dir, console))
+    except KeyboardInterrupt:  # in flight, Ctrl-C is a wish to land
+        raise FlightError("interrupted while the link was being opened or closed") from None
 
 
 async def _fly(plan: FlightPlan, autopilot: Autopilot, log_dir: Path, console: Console) -> Outcome:

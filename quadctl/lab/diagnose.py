@@ -262,10 +262,12 @@ def _try(
 def _choose(supported: list[Candidate], dataset: Dataset) -> tuple[Candidate, list[str]]:
     """The best candidate, and the other families that do as well.
 
-    Of candidates that do as well as the best, to the percent and to what these data can tell, the simplest is taken.
+    Each family stands with its best variant. Of families that do as well as the best, to the percent and to what these
+    data can tell, the one with the fewest parameters is taken.
     """
     best = supported[0]
-    alike = [c for c in supported if c is best or difference_p_value(best.residual, c.residual, dataset) > ALIKE]
+    leaders = [c for i, c in enumerate(supported) if c.family not in {other.family for other in supported[:i]}]
+    alike = [c for c in leaders if c is best or difference_p_value(best.residual, c.residual, dataset) > ALIKE]
     as_good = [c for c in alike if c.after["total"] < 1.01 * best.after["total"]]
     chosen = min(as_good, key=lambda c: (len(free_parameters(c.model)), c.after["total"]))
     return chosen, sorted({c.family for c in alike} - {chosen.family})

@@ -87,6 +87,7 @@ def failures(residual: Floats, noise: Floats, dataset: Dataset, tried: list[Prof
         offset = _offset(residual[:, a], noise[:, a], axis, dataset)
         if offset is not None:
             found.append(offset)
+    found.sort(key=lambda failure: -abs(failure.mean_residual))
     for profile in tried:
         if profile.p_value < 1e-3 / len(tried):
             a = AXES.index(profile.axis)

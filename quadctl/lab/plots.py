@@ -7,7 +7,7 @@ was there before is vermilion, what an added effect makes of it is blue, what no
 
 import io
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import wraps
 from itertools import pairwise
@@ -25,7 +25,7 @@ from quadctl.frames import GRAVITY_M_S2, euler_from_quaternion
 from quadctl.lab.add import Addition
 from quadctl.lab.compare import Comparison
 from quadctl.lab.data import AXES, Dataset, variance_of_sum
-from quadctl.lab.diagnose import Candidate, Diagnosis
+from quadctl.lab.diagnose import Diagnosis
 from quadctl.lab.fit import free_parameters, with_values
 from quadctl.lab.locate import Profile
 from quadctl.lab.metrics import Tracking
@@ -35,7 +35,8 @@ from quadctl.model import Model
 WIDE_PX, PANEL_PX, NARROW_PX = 980, 440, 360
 MAX_DRAWN = 4000
 """Longer lines are drawn as pixels, and of longer clouds only so many points: a page must stay light."""
-CURVE_DRAWS = 60
+RATIO_DRAWS, CURVE_DRAWS = 400, 60
+"""Bootstrap draws behind a band: of a formula over height, and of a whole prediction."""
 RATIO_BINS = 14
 HIGHEST_HEIGHT_OVER_RADIUS = 10.0
 """Above it nothing happens that a ground-effect plot should give room to."""
@@ -46,6 +47,7 @@ _ACROSS = {"speed_forward": "forward", "speed_right": "right"}
 BLACK, ORANGE, SKY, GREEN, BLUE, VERMILION, PURPLE, GREY = (
     *("#222222", "#E69F00", "#56B4E9", "#009E73", "#0072B2", "#D55E00", "#CC79A7", "#8A8A8A"),
 )
+LIGHT = "#C4C4C4"
 BEFORE, AFTER, FLOOR = VERMILION, BLUE, GREEN
 FLIGHT_COLOURS = (VERMILION, ORANGE, BLUE, GREEN, PURPLE, SKY)
 TEXTBOOK = {"cheeseman": (ORANGE, "--"), "hayden": (PURPLE, "-."), "sanchez": (GREEN, ":")}
@@ -97,7 +99,7 @@ def to_svg(figure: Figure, name: str) -> str:
     out = io.StringIO()
     with mpl.rc_context({**_STYLE, "svg.hashsalt": name}):
         nothing = dict.fromkeys(("Date", "Creator", "Format", "Type"))
-        figure.savefig(out, format="svg", metadata=nothing, dpi=144)
+        figure.savefig(out, format="svg", metadata=nothing, dpi=120)
     svg = out.getvalue()
     svg = svg[svg.index("<svg") :].strip()
     # A page knows these namespaces; the size is the page's affair; the ids of matplotlib's groups repeat per figure.
@@ -105,13 +107,15 @@ def to_svg(figure: Figure, name: str) -> str:
     view = re.search(r'viewBox="0 0 ([\d.]+) [\d.]+"', head)
     width = f"{float(view[1]):.0f}px" if view else "100%"
     head = f'<svg {view[0] if view else ""} style="max-width:calc({width}*1.15)" aria-hidden="true"'
-    body = _PATH.sub(lambda path: _LONG_NUMBER.sub(_rounded, path[0]).replace("\n", ""), _GROUP_ID.sub("", body))
+    body = _PATH.sub(
+        lambda path: _LONG_NUMBER.sub(_rounded, path[0]).replace("\n", "").replace("L ", "L"), _GROUP_ID.sub("", body)
+    )
     return f"{head}>{body}"
 
 
 def _rounded(digits: re.Match[str]) -> str:
-    """A hundredth of a pixel is more than anyone sees."""
-    return f"{float(digits[0]):.2f}"
+    """A tenth of a pixel is more than anyone sees."""
+    return f"{float(digits[0]):.1f}"
 
 
 # --- the model against the measurement --------------------------------------------------------------------------------
@@ -124,7 +128,7 @@ def acceleration_over_time(
     """Measured acceleration of one flight and what one or two models predict, shape (n, 3) each; the height below."""
     figure = Figure(figsize=(width_px / 72, 6.6))
     axes = figure.subplots(4, 1, sharex=True, height_ratios=[2.4, 1.0, 1.0, 0.8])
-    pixels = len(flight.time_s) > MAX_DRAWN
+    pixels = len(flight.time_s) > MAX_DRAWN or width_px < WIDE_PX
     # A gap in time is a gap in the line.
     gaps = np.flatnonzero(np.diff(flight.time_s) > 3.0 * np.median(np.diff(flight.time_s))) + 1
     time = np.insert(flight.time_s, gaps, np.nan)
@@ -154,7 +158,7 @@ def acceleration_over_time(
 
 @_figure
 def residual_over_variable(comparison: Comparison, profile: Profile) -> Figure:
-    """Binned means of the residual with 95 % error bars over a faint cloud of all samples."""
+    """Binned means of the residual with 95% error bars over a faint cloud of all samples."""
     figure, ax = _panel()
     x = comparison.dataset.variable(profile.variable)
     values = comparison.residual[:, AXES.index(profile.axis)]
@@ -173,25 +177,29 @@ def residual_over_variable(comparison: Comparison, profile: Profile) -> Figure:
 # --- what is missing --------------------------------------------------------------------------------------------------
 
 
+def chosen(diagnosis: Diagnosis) -> set[str]:
+    """Names of the effects that are missing."""
+    return {step.effect for step in diagnosis.steps[1:]}
+
+
 @_figure
-def ranking(candidates: Sequence[Candidate], floor_total: float) -> Figure:
+def ranking(diagnosis: Diagnosis, floor_total: float) -> Figure:
     """Drop of the held-out error with each candidate alone on top of the model, and the drop that the noise allows."""
-    figure = Figure(figsize=(PANEL_PX / 72, 0.9 + 0.36 * (len(candidates) + 1)))
-    ax = figure.subplots()
-    rows = np.arange(len(candidates) + 1)
-    drops = np.array([*(100.0 * c.held_out_drop for c in candidates), 0.0])
-    low = max(-20.0, min(0.0, float(drops.min())) - 2.0)
-    colours = [AFTER if c.supported else "#BBBBBB" for c in candidates] + ["#BBBBBB"]
-    ax.barh(rows, np.maximum(drops, low), color=colours, height=0.66)
-    possible = 100.0 * (1.0 - floor_total / candidates[0].before["total"]) if candidates else 0.0
-    ax.axvline(possible, color=FLOOR, linestyle="--", linewidth=1.4, label="all that the logged variables explain")
+    candidates = diagnosis.ranking
+    figure, ax = _panel(0.9 + 0.36 * (len(candidates) + 1))
+    drops = [*(100.0 * c.held_out_drop for c in candidates), 0.0]
+    low = max(-20.0, min(0.0, *drops) - 2.0)
+    colours = [AFTER if c.effect.name in chosen(diagnosis) else SKY if c.supported else LIGHT for c in candidates]
+    possible = 100.0 * (1.0 - floor_total / diagnosis.steps[0].rmse["total"])
+    ax.axvline(possible, color=FLOOR, linestyle="--", label="all that the logged variables explain")
     ax.axvline(0.0, color=BLACK, linewidth=0.8)
-    notes = [f"{_signed(c.held_out_drop)}, p {p_in_words(c.p_value)}" for c in candidates] + ["the model as it is"]
-    for row, (drop, note) in enumerate(zip(drops, notes, strict=True)):
-        ax.text(max(drop, 0.0) + 1.0, row, note, va="center", fontsize=10.0, color="#333333")
-    ax.set_yticks(rows, [*(c.effect.name for c in candidates), "none"])
-    ax.set_xlim(low, max(possible, float(drops.max()), 5.0) * 1.05 + 38.0)
-    ax.set_ylim(len(rows) - 0.5, -0.6)
+    ax.barh(range(len(drops)), np.maximum(drops, low), color=[*colours, LIGHT], height=0.66)
+    notes = [f"{change_in_words(c.held_out_drop)}, p {p_in_words(c.p_value)}" for c in candidates]
+    for row, (drop, note) in enumerate(zip(drops, [*notes, "the model as it is"], strict=True)):
+        _beside(ax, max(drop, 0.0), row, note)
+    ax.set_yticks(range(len(drops)), [*(c.effect.name for c in candidates), "none"])
+    ax.set_xlim(low, max(possible, 5.0, *drops) * 1.05 + 38.0)
+    ax.set_ylim(len(drops) - 0.5, -0.6)
     ax.grid(axis="y", visible=False)
     ax.set_xlabel("drop of the held-out error / %")
     figure.legend(loc="outside upper left")
@@ -207,7 +215,7 @@ def ladder(diagnosis: Diagnosis, floor_total: float) -> Figure:
     rows = np.arange(len(totals))
     ax.barh(rows, totals, color=[BEFORE] + [AFTER] * (len(totals) - 1), height=0.62)
     for row, total in enumerate(totals):
-        ax.text(total + 0.015 * max(totals), row, f"{total:.3g}", va="center", fontsize=10.0)
+        _beside(ax, total, row, f"{total:#.3g}")
     ax.axvline(floor_total, color=FLOOR, linestyle="--", label="noise floor")
     ax.set_yticks(rows, names)
     ax.set_ylim(len(rows) - 0.5, -0.6)
@@ -227,8 +235,9 @@ def before_after(before: Mapping[str, float], after: Mapping[str, float], floor:
     for offset, values, colour, label in ((-0.2, before, BEFORE, "before"), (0.2, after, AFTER, "after")):
         heights = [values[name] for name in names]
         ax.bar(x + offset, heights, 0.38, color=colour, label=label)
-        for place, height in zip(x + offset, heights, strict=True):
-            ax.annotate(f"{height:.2g}", (place, height), (0, 2), textcoords="offset points", ha="center", fontsize=9.5)
+        tops = heights if floor is None else [max(h, floor[name]) for h, name in zip(heights, names, strict=True)]
+        for place, height, top in zip(x + offset, heights, tops, strict=True):
+            ax.annotate(f"{height:#.2g}", (place, top), (0, 2), textcoords="offset points", ha="center", fontsize=9.5)
     if floor is not None:
         ax.hlines([floor[name] for name in names], x - 0.42, x + 0.42, color=FLOOR, linewidth=2.2, label="noise floor")
     ax.set_xticks(x, names)
@@ -260,7 +269,7 @@ class RatioCurve:
     ratio: Floats
     low: Floats
     high: Floats
-    """95 % band from the bootstrap draws."""
+    """95% band from the bootstrap draws."""
     measured: Binned
     """Measured over predicted specific force along up, the prediction without this effect."""
     data_range: tuple[float, float]
@@ -274,7 +283,8 @@ def ratio_curve(addition: Addition, index: int) -> RatioCurve:
     low, high = (h / radius for h in dataset.heights_m)
     end = min(1.15 * high, max(HIGHEST_HEIGHT_OVER_RADIUS, 1.15 * low))
     x = np.linspace(max(LOWEST_HEIGHT_OVER_RADIUS, min(0.75 * low, 1.0)), end, 160)
-    draws = [_ratio(model.effects[index], x * radius, addition.model) for model in _drawn_models(addition, index)]
+    models = _drawn_models(addition, index, RATIO_DRAWS)
+    draws = [_ratio(model.effects[index], x * radius, addition.model) for model in models]
     band = np.percentile(draws, [2.5, 97.5], axis=0)
 
     expected = dataset.predicted(_without(addition.model, index))[:, 2] + GRAVITY_M_S2
@@ -294,20 +304,22 @@ def ratio_curve(addition: Addition, index: int) -> RatioCurve:
 
 @_figure
 def thrust_ratio(addition: Addition, index: int, width_px: float = WIDE_PX) -> Figure:
-    """Fitted thrust ratio over height with its 95 % band, the measured ratio in bins, the textbook's curves faint."""
+    """Fitted thrust ratio over height with its 95% band, the measured ratio in bins, the textbook's curves faint."""
     curve = ratio_curve(addition, index)
     radius = addition.model.vehicle.rotor.radius_m
     x = curve.height_over_radius
     figure = Figure(figsize=(width_px / 72, 5.4))
     ax = figure.subplots()
-    ax.axvspan(max(curve.data_range[0], x[0]), min(curve.data_range[1], x[-1]), color="#F1F4F8", label="heights flown")
+    ax.axvspan(max(curve.data_range[0], x[0]), min(curve.data_range[1], x[-1]), color="#EEF2F7")
     for variant, (colour, dashes) in TEXTBOOK.items():
         textbook = CATALOG[f"ground_effect.{variant}"]()
+        if textbook == addition.model.effects[index]:
+            continue
         ratio = _ratio(textbook, x * radius, addition.model)
         ax.plot(x, ratio, dashes, color=colour, linewidth=1.3, alpha=0.75, label=f"{variant}, textbook")
-    ax.fill_between(x, curve.low, curve.high, color=AFTER, alpha=0.22, linewidth=0.0, label="95 % band")
+    ax.fill_between(x, curve.low, curve.high, color=AFTER, alpha=0.22, linewidth=0.0, label="95% band")
     ax.plot(x, curve.ratio, color=AFTER, linewidth=2.2, label=f"{addition.model.effects[index].name}, fitted")
-    _points(ax, curve.measured.x, curve.measured.mean, curve.measured.error, BLACK, "measured, mean ± 95 %")
+    _points(ax, curve.measured.x, curve.measured.mean, curve.measured.error, BLACK, "measured, mean ± 95%")
     ax.axhline(1.0, color=BLACK, linewidth=0.8)
     top = max(float(curve.high.max()), float(np.max(curve.measured.mean + 2.0 * curve.measured.error)))
     ax.set_ylim(min(0.98, float(np.min(curve.measured.mean)) - 0.01), 1.0 + 1.35 * (top - 1.0) + 0.01)
@@ -327,6 +339,8 @@ class EffectCurve:
     x: Floats
     before: Floats
     """Residual without the effect, m/s^2, shape (n,)."""
+    after: Floats
+    """The same with it."""
     binned_before: Binned
     binned_after: Binned
     fitted: Binned
@@ -345,7 +359,7 @@ def effect_curves(addition: Addition, index: int) -> list[EffectCurve]:
     before = _in_heading(dataset.measured - without, heading)
     after = _in_heading(dataset.measured - full, heading)
     push = _in_heading(full - without, heading)
-    draws = [_in_heading(dataset.predicted(m) - without, heading) for m in _drawn_models(addition, index)]
+    draws = [_in_heading(dataset.predicted(m) - without, heading) for m in _drawn_models(addition, index, CURVE_DRAWS)]
 
     variables = [name for name in effect.depends_on if dataset.variable(name) is not None]
     pairs = [(name, _ACROSS.get(name, "up")) for name in variables] or [("time", c) for c in _pushed(push)]
@@ -361,6 +375,7 @@ def effect_curves(addition: Addition, index: int) -> list[EffectCurve]:
                 component,
                 x,
                 before[:, a],
+                after[:, a],
                 binned(x, before[:, a], after[:, a], dataset),
                 binned(x, after[:, a], after[:, a], dataset),
                 Binned(fitted.x, fitted.mean, spread),
@@ -374,12 +389,12 @@ def effect_over_variable(curve: EffectCurve) -> Figure:
     """Residual before and after an effect is in, over the effect's own variable, and what the effect adds."""
     figure, ax = _panel(4.4)
     _cloud(ax, curve.x, curve.before, GREY)
-    _limits(ax, curve.before)
+    _limits(ax, np.concatenate([curve.before, curve.after]))
     ax.set_xlim(*_inner_range(curve.x))
     ax.axhline(0.0, color=BLACK, linewidth=0.8)
     low, high = curve.fitted.mean - 1.96 * curve.fitted.error, curve.fitted.mean + 1.96 * curve.fitted.error
     ax.fill_between(curve.fitted.x, low, high, color=AFTER, alpha=0.22, linewidth=0.0)
-    ax.plot(curve.fitted.x, curve.fitted.mean, color=AFTER, linewidth=2.0, label="fitted effect, 95 % band")
+    ax.plot(curve.fitted.x, curve.fitted.mean, color=AFTER, linewidth=2.0, label="fitted effect, 95% band")
     _points(ax, curve.binned_before.x, curve.binned_before.mean, curve.binned_before.error, BEFORE, "without it")
     _points(ax, curve.binned_after.x, curve.binned_after.mean, curve.binned_after.error, AFTER, "with it", "s")
     ax.set_xlabel(label_of(curve.variable))
@@ -430,7 +445,7 @@ def _draw_steps(ax: Axes, tracks: Mapping[str, Tracking]) -> None:
 
 
 def _step_line(i: int) -> dict[str, Any]:
-    return {"color": FLIGHT_COLOURS[i % len(FLIGHT_COLOURS)], "linewidth": 1.5}
+    return {"color": FLIGHT_COLOURS[i % len(FLIGHT_COLOURS)], "linewidth": 1.5, "zorder": 3.0 - 0.01 * i}
 
 
 # --- what the figures share -------------------------------------------------------------------------------------------
@@ -444,6 +459,12 @@ def label_of(variable: str) -> str:
 def p_in_words(p: float) -> str:
     """`< 0.0001`, `0.003`, `0.62`"""
     return "< 0.0001" if p < 1e-4 else f"{p:.1g}" if p < 0.01 else f"{p:.2f}"
+
+
+def change_in_words(drop: float) -> str:
+    """The change of an error whose drop is given, with a true minus sign; `0%` where it rounds to none."""
+    percent = round(-100.0 * drop)
+    return f"{percent:+d}%".replace("-", "\u2212") if percent else "0%"
 
 
 def binned(
@@ -465,11 +486,11 @@ def binned(
     return Binned(np.array(centre), np.array(mean), np.array(error))
 
 
-def _drawn_models(addition: Addition, index: int) -> list[Model]:
+def _drawn_models(addition: Addition, index: int, number: int) -> list[Model]:
     """The model with the parameters of one effect as some of the bootstrap draws have them."""
     free = free_parameters(addition.model)
     own = [i for i, f in enumerate(free) if f.effect == index]
-    draws = addition.draws[: max(CURVE_DRAWS, 1)]
+    draws = addition.draws[:number]
     return [with_values(addition.model, [free[i] for i in own], draw[own]) for draw in draws]
 
 
@@ -515,6 +536,14 @@ def _panel(height_in: float = 4.0, width_px: float = PANEL_PX) -> tuple[Figure, 
     return figure, figure.subplots()
 
 
+def _beside(ax: Axes, x: float, row: int, text: str) -> None:
+    """A note to the right of the end of a bar."""
+    white = {"facecolor": "white", "edgecolor": "none", "pad": 1.0}
+    ax.annotate(
+        text, (x, row), (5, 0), textcoords="offset points", va="center", fontsize=10.0, color="#333333", bbox=white
+    )
+
+
 def _label(name: str) -> str:
     """matplotlib leaves out labels that begin with an underscore."""
     return f"\u200b{name}" if name.startswith("_") else name
@@ -539,15 +568,16 @@ def _cloud(ax: Axes, x: Floats, y: Floats, colour: str) -> None:
 def _points(
     ax: Axes, x: Floats, mean: Floats, error: Floats, colour: str, label: str | None = None, marker: str = "o"
 ) -> None:
-    """Means with 95 % error bars."""
+    """Means with 95% error bars."""
     ax.errorbar(
         x, mean, 1.96 * error, fmt=marker, color=colour, label=label, markersize=5, linewidth=1.4, capsize=2, zorder=4
     )
 
 
 def _limits(ax: Axes, values: Floats, whole: bool = False) -> None:
-    """Room for all but the wildest values."""
+    """Room for zero and all but the wildest values."""
     low, high = np.quantile(values, [0.0, 1.0] if whole else [0.002, 0.998])
+    low, high = min(low, 0.0), max(high, 0.0)
     room = 0.08 * max(float(high - low), 1e-3)
     ax.set_ylim(float(low) - room, float(high) + room)
 
@@ -560,8 +590,3 @@ def _inner_range(x: Floats) -> tuple[float, float]:
 
 def _pairs(edges: Floats) -> list[tuple[float, float]]:
     return [(float(a), float(b)) for a, b in pairwise(edges)]
-
-
-def _signed(drop: float) -> str:
-    """The change of an error whose drop is given, with a true minus sign."""
-    return f"{-drop:+.0%}".replace("-", "\u2212")

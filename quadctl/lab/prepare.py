@@ -30,6 +30,8 @@ BANDWIDTH_PER_UPDATE_RATE = 0.35
 """Of the slowest channel: well below half its rate, where its samples could not be told from an alias."""
 TRIM_START_S, TRIM_END_S = 2.0, 1.0
 """Take-off transient and touchdown are not flight."""
+GROUND_PHASES = ("wait", "stream", "start", "spool_up", "land", "released", "done")
+"""Phases of our own logs in which nobody flies a mission."""
 MIN_CLEARANCE_M = 0.02
 """Above the height at rest: less is contact with the ground."""
 MIN_FLIGHT_S = 10.0
@@ -245,8 +247,11 @@ def _flight_segments(
     z = signals.position[2].at(time)
     total = np.sum([channel.at(time) for channel in signals.rotor], axis=0)
     working = total > 0.4 * vehicle.weight_n
+    if log.phase is not None:
+        working &= ~np.isin(log.phase, GROUND_PHASES)
+    still = total < 0.4 * vehicle.weight_n
     # A log that begins and ends in the air says nothing about the height at rest.
-    rest = float(np.nanmedian(z[~working])) if (~working).any() else -math.inf
+    rest = float(np.nanmedian(z[still])) if still.any() else -math.inf
     flying = working & (z > rest + MIN_CLEARANCE_M)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], flying.astype(np.int8), [0]])))
     found = []

@@ -27,11 +27,12 @@ from quadctl.lab.add import Addition
 from quadctl.lab.compare import Comparison
 from quadctl.lab.data import AXES, FOLDS, Dataset, predict, rmse
 from quadctl.lab.diagnose import MATERIAL, SIGNIFICANT, Candidate, Diagnosis
+from quadctl.lab.locate import Failure
 from quadctl.lab.metrics import FlightMetrics, MetricsTable, Tracking, Window, tracking
 from quadctl.lab.prepare import BLOCK_S, VARIABLE_NAMES, VARIABLE_UNITS, Flight, Floats
 from quadctl.logs.flight_log import FlightLog
 
-SHOWN_FLIGHTS, SHOWN_PANELS, SHOWN_FAILURES, SHOWN_CANDIDATES = 3, 6, 12, 8
+SHOWN_FLIGHTS, SHOWN_PANELS, SHOWN_FAILURES, SHOWN_CANDIDATES = 2, 6, 12, 8
 RESAMPLES = 1000
 UNIT = "m/s²"
 
@@ -229,14 +230,14 @@ def _main_number(r: Results) -> tuple[float, float | None, str]:
     """Error before, after, and on which data: the strictest there is."""
     if r.after is not None:
         flights = _flights_in_words(r.after.dataset.names)
-        return _unseen_before(r)["total"], r.after.rmse["total"], f"error on {flights}, which no fit has seen"
+        return _unseen_before(r)["total"], r.after.rmse["total"], f"on {flights}, which no fit has seen"
     if r.diagnosis is not None and len(r.diagnosis.steps) > 1:
         steps = r.diagnosis.steps
-        return steps[0].rmse["total"], steps[-1].rmse["total"], f"error on {_held_out(r.diagnosis.dataset)}"
+        return steps[0].rmse["total"], steps[-1].rmse["total"], f"on {_held_out(r.diagnosis.dataset)}"
     if r.addition is not None:
         a = r.addition
-        return a.before["total"], a.after["total"], f"error on {_held_out(a.dataset)}"
-    return r.comparison.rmse["total"], None, f"error on {_flights_in_words(r.comparison.dataset.names)}"
+        return a.before["total"], a.after["total"], f"on {_held_out(a.dataset)}"
+    return r.comparison.rmse["total"], None, f"on {_flights_in_words(r.comparison.dataset.names)}"
 
 
 def _verdict(r: Results) -> list[str]:
@@ -254,7 +255,7 @@ def _verdict(r: Results) -> list[str]:
         return [f"{added} takes {_percent(r.addition.held_out_drop)} off the error on unseen data."]
     if not r.comparison.fails_where:
         return [f"{name} fails nowhere beyond the noise."]
-    return [f"The largest pattern: {r.comparison.fails_where[0].text}."]
+    return [f"{_failure_in_words(_most_telling(r.comparison)[0])}."]
 
 
 def _what_is_left(r: Results) -> list[str]:
@@ -264,7 +265,7 @@ def _what_is_left(r: Results) -> list[str]:
         floor = r.after.noise_floor["total"]
         return [
             f"The error on the unseen data falls by {_percent(1.0 - _total(new) / _total(old))} "
-            f"(95 % interval {_percent(low)} to {_percent(high)}).",
+            f"(95% interval {_percent(low)} to {_percent(high)}).",
             f"What is left is {r.after.rmse['total'] / floor:.2f} times the noise floor of {quantity(floor)}.",
         ]
     floor = r.comparison.noise_floor["total"]
@@ -273,7 +274,7 @@ def _what_is_left(r: Results) -> list[str]:
         return [f"With all of it in, what is left is {left / floor:.2f} times the noise floor of {quantity(floor)}."]
     low, high = rmse_interval(r.comparison.residual, r.comparison.dataset)
     return [
-        f"The model's error is {quantity(r.comparison.rmse['total'])} (95 % interval {low:.3g} to {high:.3g}); "
+        f"The model's error is {quantity(r.comparison.rmse['total'])} (95% interval {low:.3g} to {high:.3g}); "
         f"no model of the logged variables would get far below {quantity(floor)}, the noise floor."
     ]
 
@@ -283,8 +284,9 @@ def _tiles(r: Results) -> list[Tile]:
     tiles = [
         Tile(quantity(c.rmse["total"]), f"error of {c.model.name} on the flights analysed"),
         Tile(quantity(c.noise_floor["total"]), "noise floor of the same flights"),
-        Tile(f"{c.explained:.0%}" if c.explained > 0.0 else "none", "of the acceleration's variance is predicted"),
     ]
+    if c.explained > 0.0:
+        tiles.append(Tile(_percent(c.explained), f"of the acceleration's variance is predicted by {c.model.name}"))
     if r.steps is not None and (pair := _first_and_last(r.steps)) is not None:
         (_, first), (_, last) = pair
         if first.m_b_absolute and last.m_b_absolute is not None:
@@ -304,12 +306,13 @@ def _flights(r: Results) -> Section:
         f"{_count(len(dataset.flights), 'flight')} with {duration:.0f} s in the air and {len(dataset.measured)} "
         f"nearly independent samples, filtered to {_listed(widths)} Hz: what the slowest logged channel can carry. "
         "Measured and predicted acceleration have gone through the same filter.",
-        f"Held-out errors below are on {_held_out(dataset)}.",
+        f"Held-out errors below are on {_held_out(dataset)}. The rotor delay is how much later the rotor signal is "
+        "logged than the force it makes; it is taken out. Below the table: what was left out of the logs, and why.",
     ]
     rows = [[Cell(f.name), *_flight_cells(f)] for f in dataset.flights]
     if r.after is not None:
         rows += [[Cell(f.name, "unseen: no fit has used it"), *_flight_cells(f)] for f in r.after.dataset.flights]
-    head = ["flight", "thrust from", "in the air / s", "samples", "bandwidth / Hz", "rotor signal late by / ms"]
+    head = ["flight", "thrust from", "in the air / s", "samples", "bandwidth / Hz", "rotor delay / ms"]
     shown = [*dataset.flights, *(r.after.dataset.flights if r.after else ())]
     return Section(
         anchor="flights",
@@ -338,7 +341,7 @@ def _over_time(r: Results) -> Section:
     low, high = rmse_interval(c.residual, c.dataset)
     text = [
         f"Where the coloured line leaves the black one, {c.model.name} is wrong: by {quantity(c.rmse['total'])} on the "
-        f"whole (RMSE over all axes, 95 % interval {low:.3g} to {high:.3g}), most on the {worst} axis "
+        f"whole (RMSE over all axes, 95% interval {low:.3g} to {high:.3g}), most on the {worst} axis "
         f"({quantity(c.rmse[worst])}).",
         f"{_variance_in_words(c)} The noise floor is {quantity(c.noise_floor['total'])}: "
         "less than that is chance, or something that the log does not hold.",
@@ -371,9 +374,10 @@ def _time_figures(c: Comparison, models: Mapping[str, Comparison], name: str) ->
 
 def _over_variables(r: Results) -> Section:
     c = r.comparison
-    shown = c.profiles[:SHOWN_PANELS]
+    telling = [p for p in c.profiles if p.share > MATERIAL and p.p_value < SIGNIFICANT]
+    shown = (telling or c.profiles[:2])[:SHOWN_PANELS]
     text = [
-        "Dots are means over equal numbers of samples with their 95 % error bars (autocorrelation included); grey is "
+        "Dots are means over equal numbers of samples with their 95% error bars (autocorrelation included); grey is "
         "every sample. A model that lacks nothing has all dots on the zero line. The most telling variables come first."
     ]
     if shown:
@@ -400,11 +404,11 @@ def _where_it_fails(r: Results) -> Section:
     title = "Where the model fails"
     if not c.fails_where:
         return Section("fails", title, [f"{c.model.name} fails nowhere beyond the noise."])
-    shown = c.fails_where[:SHOWN_FAILURES]
+    shown = _most_telling(c)[:SHOWN_FAILURES]
     rows = [
         [
-            Cell(_sentence(f.text)),
-            Cell(f"{f.mean_residual:+.3g}".replace("-", "\u2212")),
+            Cell(_failure_in_words(f)),
+            Cell(_plus(f.mean_residual)),
             Cell(f"{abs(f.sigma):.0f}"),
             Cell(str(f.n)),
         ]
@@ -412,8 +416,9 @@ def _where_it_fails(r: Results) -> Section:
     ]
     text = [
         f"{_count(len(c.fails_where), 'range')} in which the residual's mean is off by more than its noise explains; "
-        f"on the up axis, thrust is a share of the weight (1 % is {0.01 * GRAVITY_M_S2:.2f} {UNIT}). "
-        "Ranges of different variables may well be the same thing seen from two sides."
+        f"on the up axis, thrust is a share of the weight (1% is {0.01 * GRAVITY_M_S2:.2f} {UNIT}). "
+        "Ranges of different variables may well be the same thing seen from two sides. Those that hold most of the "
+        "squared error come first."
     ]
     more = len(c.fails_where) - len(shown)
     return Section(
@@ -425,6 +430,15 @@ def _where_it_fails(r: Results) -> Section:
     )
 
 
+def _most_telling(c: Comparison) -> list[Failure]:
+    """Ranges that hold most of the squared error first."""
+    return sorted(c.fails_where, key=lambda failure: -failure.n * failure.mean_residual**2)
+
+
+def _failure_in_words(failure: Failure) -> str:
+    return _sentence(failure.text).replace("m/s^2", UNIT)
+
+
 def _missing(r: Results) -> Section | None:
     d = r.diagnosis
     if d is None:
@@ -434,10 +448,11 @@ def _missing(r: Results) -> Section | None:
     if d.ranking:
         figures.append(
             _figure(
-                plots.ranking(d.ranking, floor),
+                plots.ranking(d, floor),
                 "ranking",
-                "Each candidate alone on top of the model: error drop on held-out parts of the flights analysed. "
-                "Blue: supported by data that its fit did not see.",
+                "Each candidate alone on top of the model: error drop on held-out parts of the flights analysed. Dark "
+                "blue: missing (some help only once others are in); light blue: supported alone, not needed once those "
+                "are in; grey: not supported.",
             )
         )
     if len(d.steps) > 1:
@@ -479,17 +494,15 @@ def _diagnosis_text(d: Diagnosis, floor: float) -> list[str]:
 
 
 def _verdict_table(d: Diagnosis) -> Table:
-    passed = [c.effect.name for c in d.ranking if c.supported]
-    finding = f"supported alone: {_listed(passed)}" if passed else "no effect is supported"
-    left = (
-        f"of what is left, the variables explain {'a part that matters' if d.unexplained else 'nothing that matters'}"
-    )
+    finding = f"yes: {_listed([step.effect for step in d.steps[1:]])}" if d.missing else "no effect does"
+    explained = "explain a part that matters" if d.unexplained else "explain nothing that matters"
+    left = f"the variables {explained} of what {'these leave' if d.missing else 'the model leaves'}"
     test = f"an effect has p < {SIGNIFICANT:g} and takes more than {MATERIAL:.0%} off one axis, on unseen data"
     rows = {
         "missing": [Cell("missing", test), Cell(finding)],
-        "none": [Cell("none", "no effect does, and the variables explain nothing of what is left"), Cell(left)],
+        "none": [Cell("none", "no effect does, and the logged variables explain nothing of what is left"), Cell(left)],
         "unexplained": [
-            Cell("unexplained", "no effect does, but the variables explain some of what is left"),
+            Cell("unexplained", "no effect does, yet the variables explain some of what is left"),
             Cell(left),
         ],
     }
@@ -499,9 +512,10 @@ def _verdict_table(d: Diagnosis) -> Table:
 
 def _ranking_table(d: Diagnosis) -> Table:
     shown = [c for i, c in enumerate(d.ranking) if i < SHOWN_CANDIDATES or c.supported]
+    first_of_family = {c.family: c for c in reversed(shown)}
     rows = [
         [
-            Cell(c.effect.name, _candidate_note(c)),
+            Cell(c.effect.name, _candidate_note(c, with_physics=c is first_of_family[c.family])),
             Cell(_parameters(c.effect, c.ci95)),
             Cell(f"{number(c.before['total'])} → {number(c.after['total'])}"),
             Cell(_change(c.held_out_drop)),
@@ -509,14 +523,14 @@ def _ranking_table(d: Diagnosis) -> Table:
         ]
         for c in shown
     ]
-    marked = frozenset(i for i, c in enumerate(shown) if c.supported)
-    head = ["effect", "parameters [95 % interval]", f"held-out error / {UNIT}", "change", "p"]
+    marked = frozenset(i for i, c in enumerate(shown) if c.effect.name in plots.chosen(d))
+    head = ["effect", "parameters [95% interval]", f"held-out error / {UNIT}", "change", "p"]
     return Table(head, rows, words=2, marked=marked)
 
 
-def _candidate_note(c: Candidate) -> str:
-    remarks = "".join(f" {_sentence(remark)}." for remark in c.remarks)
-    return f"{c.effect.physics}{remarks}"
+def _candidate_note(c: Candidate, with_physics: bool) -> str:
+    said = [c.effect.physics] if with_physics else []
+    return " ".join([*said, *(f"Note: {remark}." for remark in c.remarks)])
 
 
 def _look_alikes(d: Diagnosis) -> list[str]:
@@ -538,30 +552,15 @@ def _look_alikes(d: Diagnosis) -> list[str]:
 
 def _before_and_after(r: Results) -> Section | None:
     figures, text = [], []
-    if r.addition is not None:
-        a = r.addition
-        added = a.model.effects[-1].name
+    for name, (what, dataset, before, after) in _held_out_results(r).items():
+        change = _change(1.0 - after["total"] / before["total"])
         text.append(
-            f"On {_held_out(a.dataset)}, {added} takes the error from {quantity(a.before['total'])} to "
-            f"{quantity(a.after['total'])} ({_change(a.held_out_drop)})."
+            f"On {_held_out(dataset)}, the error goes from {quantity(before['total'])} to {quantity(after['total'])} "
+            f"({change}) with {what} in."
         )
-        same = a.dataset is r.comparison.dataset
-        figures.append(
-            _figure(
-                plots.before_after(a.before, a.after, r.comparison.noise_floor if same else None),
-                "held-out",
-                f"The flights of the fit, held-out parts: without and with {added}.",
-            )
-        )
-    elif r.diagnosis is not None and len(r.diagnosis.steps) > 1:
-        first, last = r.diagnosis.steps[0].rmse, r.diagnosis.steps[-1].rmse
-        change = _change(1.0 - last["total"] / first["total"])
-        caption = "The flights of the fit, held-out parts: without and with all that was found missing."
-        text.append(
-            f"On {_held_out(r.diagnosis.dataset)}, what was found missing takes the error from "
-            f"{quantity(first['total'])} to {quantity(last['total'])} ({change})."
-        )
-        figures.append(_figure(plots.before_after(first, last, r.comparison.noise_floor), "held-out", caption))
+        floor = r.comparison.noise_floor if dataset.names == r.comparison.dataset.names else None
+        caption = f"The flights of the fit, held-out parts: without and with {what}."
+        figures.append(_figure(plots.before_after(before, after, floor), name, caption))
     if r.after is not None:
         old, new = _unseen_residuals(r)
         low, high = _drop_interval(old, new, r.after.dataset)
@@ -570,11 +569,12 @@ def _before_and_after(r: Results) -> Section | None:
         text.append(
             f"On {flights}, which no fit has seen, the error goes from {quantity(before['total'])} to "
             f"{quantity(r.after.rmse['total'])}: {_percent(1.0 - r.after.rmse['total'] / before['total'])} less "
-            f"(95 % interval {_percent(low)} to {_percent(high)})."
+            f"(95% interval {_percent(low)} to {_percent(high)})."
         )
         places = len(r.after.fails_where)
         text.append(
-            f"There the improved model still fails in {_count(places, 'range')}; first: {r.after.fails_where[0].text}."
+            f"There the improved model still fails in {_count(places, 'range')}. "
+            f"{_failure_in_words(_most_telling(r.after)[0])}."
             if places
             else "There the improved model fails nowhere beyond the noise."
         )
@@ -588,6 +588,25 @@ def _before_and_after(r: Results) -> Section | None:
     if not figures:
         return None
     return Section("before-after", "Error before and after, on data that the fit has not seen", text, figures)
+
+
+class _HeldOut(NamedTuple):
+    what: str
+    dataset: Dataset
+    before: dict[str, float]
+    after: dict[str, float]
+
+
+def _held_out_results(r: Results) -> dict[str, _HeldOut]:
+    """All that was found missing, and what was added last where that is only a part of it."""
+    found = {}
+    d, a = r.diagnosis, r.addition
+    if d is not None and len(d.steps) > 1:
+        what = _listed([step.effect for step in d.steps[1:]])
+        found["found"] = _HeldOut(what, d.dataset, d.steps[0].rmse, d.steps[-1].rmse)
+    if a is not None and (not found or a.model.effects[-1].name != found["found"].what):
+        found["added"] = _HeldOut(a.model.effects[-1].name, a.dataset, a.before, a.after)
+    return found
 
 
 def _fitted_effects(r: Results) -> Section | None:
@@ -606,18 +625,19 @@ def _fitted_effects(r: Results) -> Section | None:
             figures.append(figure)
         else:
             figures += _other_effect(a, index)
+    figures.sort(key=lambda figure: not figure.whole_width)
     if any(not isinstance(effect, GroundEffect) for effect in a.model.effects):
         text.append(
             "For effects that are not a ratio over height: the residual without the effect, with it, and what it adds "
-            "(band: 95 % of its parameters' bootstrap draws); forward and right are those of the vehicle's heading."
+            "(band: 95% of its parameters' bootstrap draws); forward and right are those of the vehicle's heading."
         )
     return Section(
         "effects",
         "The fitted effect" if len(order) == 1 else "The fitted effects",
         text,
         figures,
-        points=[f"{_sentence(remark)}." for remark in a.remarks],
-        tables=[Table(["effect", "parameters [95 % interval]"], rows, words=2)],
+        points=[f"Note: {remark}." for remark in a.remarks],
+        tables=[Table(["effect", "parameters [95% interval]"], rows, words=2)],
     )
 
 
@@ -627,9 +647,10 @@ def _ground_effect(a: Addition, index: int) -> tuple[list[str], Figure]:
     ratio, low, high = (
         float(np.interp(lowest, curve.height_over_radius, y)) for y in (curve.ratio, curve.low, curve.high)
     )
+    sure = f"95% interval {low:.3f} to {high:.3f}" if high > low else "the form has no free parameter"
     text = [
         f"At the lowest height flown, {lowest:.2f} rotor radii, the rotors give {ratio:.3f} times the thrust they give "
-        f"far from the ground (95 % interval {low:.3f} to {high:.3f}).",
+        f"far from the ground ({sure}).",
         "Dots are the measured thrust over what the model without this effect predicts: no form was assumed for them, "
         "so where they leave the curve, the fitted form is wrong.",
     ]
@@ -686,18 +707,19 @@ def _steps_in_words(steps: StepResponses) -> list[str]:
     if pair is None:
         return []
     (first_name, first), (last_name, last) = pair
-    text = [
-        f"From '{first_name}' to '{last_name}' the tracking error goes from {1000.0 * first.rmse_m:.1f} to "
-        f"{1000.0 * last.rmse_m:.1f} mm RMSE."
-    ]
+    text = []
     if first.m_b_absolute and first.m_b_signed and last.m_b_absolute is not None and last.m_b_signed is not None:
         absolute = _change(1.0 - last.m_b_absolute / first.m_b_absolute)
         signed = _change(1.0 - abs(last.m_b_signed) / abs(first.m_b_signed))
         text.append(
-            f"What the ground does to the flight, M_B, goes from {first.m_b_absolute:.3f} to {last.m_b_absolute:.3f} "
-            f"m s in the absolute integral ({absolute}) and from {_plus(first.m_b_signed)} to {_plus(last.m_b_signed)} m s "
-            f"in the signed one ({signed} in size)."
+            f"From compensator '{first_name}' to '{last_name}', what the ground does to the flight (M_B) goes from "
+            f"{first.m_b_absolute:.3f} to {last.m_b_absolute:.3f} m s in the absolute integral ({absolute}) and from "
+            f"{_plus(first.m_b_signed)} to {_plus(last.m_b_signed)} m s in the signed one ({signed} in size)."
         )
+    text.append(
+        f"The tracking error goes from {1000.0 * first.rmse_m:.1f} to {1000.0 * last.rmse_m:.1f} mm (RMSE); that "
+        "includes the step itself, which no compensator makes shorter."
+    )
     return text
 
 
@@ -719,7 +741,8 @@ def _metrics_table(steps: StepResponses) -> Table:
             v = getattr(flight, value)
             cells.append(Cell("none" if v is None else _plus(v) if value in signed else f"{v:.3f}"))
         rows.append([Cell(name, f"{flight.flight}{' (reference flight)' if flight.is_reference else ''}"), *cells])
-    return Table(["compensator", *columns], rows)
+    unbroken = [name.replace("/ ", "/\u00a0").replace("m s", "m\u00a0s") for name in columns]
+    return Table(["compensator", *unbroken], rows)
 
 
 _SECTIONS = (
@@ -738,14 +761,14 @@ _SECTIONS = (
 
 
 def rmse_interval(residual: Floats, dataset: Dataset) -> tuple[float, float]:
-    """95 % interval of the total RMSE, from resampled blocks of time."""
+    """95% interval of the total RMSE, from resampled blocks of time."""
     squares, counts = _resampled(residual, dataset)
     low, high = np.percentile(np.sqrt(squares / counts), [2.5, 97.5])
     return float(low), float(high)
 
 
 def _drop_interval(old: Floats, new: Floats, dataset: Dataset) -> tuple[float, float]:
-    """95 % interval of the drop in total RMSE, both from the same resampled blocks."""
+    """95% interval of the drop in total RMSE, both from the same resampled blocks."""
     before, _ = _resampled(old, dataset)
     after, _ = _resampled(new, dataset)
     low, high = np.percentile(1.0 - np.sqrt(after / before), [2.5, 97.5])
@@ -802,12 +825,12 @@ def quantity(value: float) -> str:
 
 
 def _percent(share: float) -> str:
-    return f"{100.0 * share:.0f} %".replace("-", "\u2212")
+    return f"{share:.0%}".replace("-", "\u2212")
 
 
 def _change(drop: float) -> str:
-    """`-63 %`, with a true minus sign, for a drop of 0.63."""
-    return f"{-100.0 * drop:+.0f} %".replace("-", "\u2212")
+    """`-63%`, with a true minus sign, for a drop of 0.63."""
+    return plots.change_in_words(drop)
 
 
 def _plus(value: float) -> str:
@@ -815,13 +838,18 @@ def _plus(value: float) -> str:
 
 
 def _parameters(effect: Effect, ci95: Mapping[str, tuple[float, float]]) -> str:
-    """`a = 0.114 [0.100, 0.120], b = 5.4 1/m [5.0, 5.8]`"""
-    units = {p.name: p.unit for p in effect.parameters()}
-    parts = []
-    for name, (low, high) in ci95.items():
-        unit = f" {units[name]}" if units[name] else ""
-        parts.append(f"{name} = {effect.values()[name]:.4g}{unit} [{low:.3g}, {high:.3g}]".replace("-", "\u2212"))
+    """`a = 0.114 [0.1, 0.12], b = 5.4 1/m [5, 5.8]`"""
+    values, units = effect.values(), {p.name: f" {p.unit}" if p.unit else "" for p in effect.parameters()}
+    parts = [
+        f"{name} = {_parameter(values[name])}{units[name]} [{_parameter(low)}, {_parameter(high)}]"
+        for name, (low, high) in ci95.items()
+    ]
     return ", ".join(parts) or "no free parameters"
+
+
+def _parameter(value: float) -> str:
+    """Less than a millionth is a zero that the solver has not quite reached."""
+    return f"{value if abs(value) > 1e-6 else 0.0:.4g}".replace("-", "\u2212")
 
 
 def _held_out(dataset: Dataset) -> str:
