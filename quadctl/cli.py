@@ -25,11 +25,11 @@ console = Console()
 INTERRUPTED = 130
 """Exit status with which typer ends on Ctrl-C."""
 
-LAB_PACKAGES = ("scipy", "polars", "matplotlib", "jinja2")
+LAB_PACKAGES = ("scipy", "polars", "matplotlib", "jinja2", "pyulog", "mcap")
 """Of the extra `lab`: not on the companion computer."""
 
 ModelArgument = Annotated[Path, typer.Argument(metavar="MODEL.yaml", help="Model file, or a bare vehicle file.")]
-LogArguments = Annotated[list[Path], typer.Argument(metavar="LOG...", help="Flight logs (CSV).")]
+LogArguments = Annotated[list[Path], typer.Argument(metavar="LOG...", help="Flight logs: .csv, .ulg, .bin, .tlog.")]
 JsonOption = Annotated[Path | None, typer.Option("--json", metavar="OUT", help="Write the result as JSON.")]
 HtmlOption = Annotated[Path | None, typer.Option("--html", metavar="OUT", help="Write a report with plots.")]
 HoldOutOption = Annotated[
@@ -173,6 +173,27 @@ def metrics(
     )
     console.print(render(result))
     _write_json(json_out, result.to_dict())
+
+
+@app.command("logs")
+def inspect_logs(
+    logs: LogArguments,
+    to: Annotated[str | None, typer.Option("--to", metavar="csv|parquet|mcap", help="Convert each log too.")] = None,
+    output: Annotated[Path | None, typer.Option("-o", "--output", metavar="DIR", help="Where to.")] = None,
+    json_out: JsonOption = None,
+) -> None:
+    """What is in flight logs: true update rates, gaps, clock, and whether they can be analysed."""
+    from quadctl.logs.convert import convert
+    from quadctl.logs.quality import quality
+    from quadctl.logs.read import read_logs
+
+    reports = []
+    for log in read_logs(logs):
+        reports.append(quality(log))
+        console.print(reports[-1])
+        if to is not None:
+            console.print(f"Written: {convert(log, to, output)}", soft_wrap=True, markup=False, highlight=False)
+    _write_json(json_out, {"logs": [report.to_dict() for report in reports]})
 
 
 @app.command()

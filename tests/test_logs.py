@@ -313,21 +313,6 @@ class TestNotALog:
 
 
 class TestReadLog:
-    @pytest.mark.parametrize(
-        ("name", "content", "kind"),
-        [
-            ("a.ulg", b"x", "PX4 ULog"),
-            ("a.BIN", b"x", "ArduPilot DataFlash"),
-            ("a.tlog", b"x", "MAVLink telemetry"),
-            ("renamed.csv", b"ULog\x01\x12\x35\x01rest", "PX4 ULog"),
-            ("renamed.log", b"\xa3\x95\x80rest", "ArduPilot DataFlash"),
-        ],
-    )
-    def test_other_formats_are_named_as_such(self, tmp_path: Path, name: str, content: bytes, kind: str) -> None:
-        (tmp_path / name).write_bytes(content)
-        with pytest.raises(LogError, match=rf"{name}: is an? {kind}.* not supported yet, expected a CSV log"):
-            read_log(tmp_path / name)
-
     def test_missing_file_of_another_format_is_missing_first(self, tmp_path: Path) -> None:
         with pytest.raises(LogError, match="there is no such file"):
             read_log(tmp_path / "a.ulg")

@@ -32,6 +32,8 @@ OPTIONAL_COLUMNS = (
     *LOOP_COLUMNS,
 )
 PHASE_COLUMN = "phase"
+MOTOR_QUANTITIES = ("rpm", "voltage_v", "current_a", "output")
+"""Of each motor, in their order in the file. `output` is what the autopilot gave the motor, 0..1 of its full range."""
 
 
 def rpm_columns(n_rotors: int) -> list[str]:
@@ -39,5 +41,5 @@ def rpm_columns(n_rotors: int) -> list[str]:
 
 
 def motor_columns(n_rotors: int, quantity: str) -> list[str]:
-    """`quantity` is `voltage_v` or `current_a`."""
+    """`quantity` is one of MOTOR_QUANTITIES."""
     return [f"motor{i + 1}_{quantity}" for i in range(n_rotors)]

@@ -19,7 +19,14 @@ import yaml
 from numpy.typing import NDArray
 
 from quadctl.errors import LogError
-from quadctl.logs.columns import OPTIONAL_COLUMNS, PHASE_COLUMN, STATE_COLUMNS, motor_columns, rpm_columns
+from quadctl.logs.columns import (
+    MOTOR_QUANTITIES,
+    OPTIONAL_COLUMNS,
+    PHASE_COLUMN,
+    STATE_COLUMNS,
+    motor_columns,
+    rpm_columns,
+)
 from quadctl.logs.flight_log import POSITION, FlightLog, Floats, did_you_mean
 
 MAX_STANDSTILL_ROWS = 50
@@ -28,7 +35,7 @@ MAX_STANDSTILL_ROWS = 50
 _Rows: TypeAlias = tuple[pl.DataFrame, NDArray[np.int64]]
 """Values, and the number in the file of the line that each row comes from."""
 
-_MOTOR_COLUMN = re.compile(r"motor([1-9]\d*)_(rpm|voltage_v|current_a)")
+_MOTOR_COLUMN = re.compile(rf"motor([1-9]\d*)_({'|'.join(MOTOR_QUANTITIES)})")
 _COMMANDS_OF_17 = ("roll_cmd_deg", "pitch_cmd_deg", "yaw_cmd_deg", "throttle_cmd")
 _HEADERLESS = (
     "17 columns (state and 4 commands) or 13 + 3 per rotor (state, rpm, voltages, currents: 25 for 4 rotors, 31 for 6)"
@@ -203,8 +210,8 @@ def _is_known(name: str) -> bool:
 
 def _known_columns(n_rotors: int) -> list[str]:
     """All names that a log's header may hold, in their order in the file."""
-    voltages, currents = (motor_columns(n_rotors, quantity) for quantity in ("voltage_v", "current_a"))
-    return [*STATE_COLUMNS, *rpm_columns(n_rotors), *voltages, *currents, *OPTIONAL_COLUMNS, PHASE_COLUMN]
+    motors = [name for quantity in MOTOR_QUANTITIES for name in motor_columns(n_rotors, quantity)]
+    return [*STATE_COLUMNS, *motors, *OPTIONAL_COLUMNS, PHASE_COLUMN]
 
 
 def _column_order(name: str) -> tuple[int, int]:
@@ -212,8 +219,8 @@ def _column_order(name: str) -> tuple[int, int]:
     if name in STATE_COLUMNS:
         return 0, STATE_COLUMNS.index(name)
     if motor := _MOTOR_COLUMN.fullmatch(name):
-        return 1 + ("rpm", "voltage_v", "current_a").index(motor[2]), int(motor[1])
-    return (4, OPTIONAL_COLUMNS.index(name)) if name in OPTIONAL_COLUMNS else (5, 0)
+        return 1 + MOTOR_QUANTITIES.index(motor[2]), int(motor[1])
+    return (8, OPTIONAL_COLUMNS.index(name)) if name in OPTIONAL_COLUMNS else (9, 0)
 
 
 def _is_number(text: str) -> bool:

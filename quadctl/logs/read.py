@@ -1,18 +1,21 @@
 """Read flight logs of any supported format: the one entrance that the lab and the commands use."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
+from typing import TypeAlias
 
 from quadctl.errors import LogError
 from quadctl.logs.csv_log import read_csv
 from quadctl.logs.flight_log import FlightLog
 
-_SUFFIXES = {".ulg": "a PX4 ULog", ".bin": "an ArduPilot DataFlash log", ".tlog": "a MAVLink telemetry log"}
-_MAGIC = {b"ULog\x01\x12\x35": "a PX4 ULog", b"\xa3\x95": "an ArduPilot DataFlash log"}
+_ULOG, _DATAFLASH = b"ULog\x01\x12\x35", b"\xa3\x95"
+_Reader: TypeAlias = Callable[[Path], FlightLog]
 
 
 def read_log(path: Path | str) -> FlightLog:
-    """The flight log in `path`, its format told by content and extension.
+    """The flight log in `path`: CSV, PX4 ULog, ArduPilot DataFlash or MAVLink telemetry log.
+
+    The format is told by the content, and by the extension where the content is damaged.
 
     Raises
     ------
@@ -20,9 +23,7 @@ def read_log(path: Path | str) -> FlightLog:
         One sentence that says which file, where in it, what is wrong and what was expected.
     """
     path = Path(path)
-    if path.is_file() and (kind := _foreign_kind(path)):
-        raise LogError(f"{path}: is {kind}, a format that is not supported yet, expected a CSV log")
-    return read_csv(path)
+    return _reader(path)(path)
 
 
 def read_logs(paths: Iterable[Path | str]) -> list[FlightLog]:
@@ -43,12 +44,23 @@ def read_logs(paths: Iterable[Path | str]) -> list[FlightLog]:
     return logs
 
 
-def _foreign_kind(path: Path) -> str | None:
-    if path.suffix.lower() in _SUFFIXES:
-        return _SUFFIXES[path.suffix.lower()]
+def _reader(path: Path) -> _Reader:
+    from quadctl.logs import dataflash, tlog, ulog  # they load their libraries when they read
+
     try:
         with path.open("rb") as file:
-            head = file.read(8)
+            head = file.read(16)
     except OSError:
-        return None  # read_csv says why it cannot be opened
-    return next((kind for magic, kind in _MAGIC.items() if head.startswith(magic)), None)
+        return read_csv  # which says why it cannot be opened
+    suffix = path.suffix.lower()
+    if not head:
+        return read_csv  # which says that it is empty
+    if head.startswith(_ULOG):
+        return ulog.read_ulog
+    if head.startswith(_DATAFLASH):
+        return dataflash.read_dataflash
+    if suffix == ".tlog" or tlog.is_tlog(head):
+        return tlog.read_tlog
+    if suffix == ".ulg":
+        raise LogError(f"{path}: does not begin as a PX4 ULog does, expected a .ulg file of PX4")
+    return dataflash.read_dataflash if suffix == ".bin" else read_csv

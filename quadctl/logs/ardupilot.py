@@ -1,0 +1,59 @@
+"""What ArduPilot's parameters say of its motor outputs; shared by its two kinds of log."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from quadctl.logs.flight_log import Floats
+
+PARAMETERS = (
+    "FRAME_CLASS",
+    "FRAME_TYPE",
+    "MOT_BAT_VOLT_MAX",
+    "MOT_BAT_VOLT_MIN",
+    "MOT_PWM_MAX",
+    "MOT_PWM_MIN",
+    "MOT_SPIN_MAX",
+    "MOT_SPIN_MIN",
+    "MOT_THST_EXPO",
+    "MOT_THST_HOVER",
+)
+"""What an analysis of motor outputs may want to know, kept in the log's `meta`."""
+PWM_US = (1000.0, 2000.0)
+"""Range of the motor outputs where MOT_PWM_MIN and MOT_PWM_MAX do not say."""
+
+
+def motor_of_servo(servo: int, parameters: Mapping[str, float]) -> int | None:
+    """Number of the motor on output `servo` (both from 1), None when SERVOn_FUNCTION says that there is none.
+
+    Without SERVOn_FUNCTION in the log, the outputs are taken to be the motors, in order.
+    """
+    function = parameters.get(f"SERVO{servo}_FUNCTION")
+    if function is None:
+        return servo
+    if 33 <= function <= 40:
+        return int(function) - 32
+    return int(function) - 73 if 82 <= function <= 85 else None
+
+
+def motor_outputs(pulses_us: Mapping[int, Floats], parameters: Mapping[str, float]) -> dict[str, Floats]:
+    """`motorN_output`, 0..1 of the PWM range, from pulse lengths by number of output, those without pulses left out."""
+    low, high = parameters.get("MOT_PWM_MIN", 0.0), parameters.get("MOT_PWM_MAX", 0.0)
+    if not 0.0 < low < high:
+        low, high = PWM_US
+    found: dict[int, Floats] = {}
+    for servo, pulses in pulses_us.items():
+        motor = motor_of_servo(servo, parameters)
+        if motor is not None and pulses.any():
+            found[motor] = np.clip((pulses - low) / (high - low), 0.0, 1.0)
+    return {f"motor{motor}_output": found[motor] for motor in sorted(found)}
+
+
+def output_note(parameters: Mapping[str, float]) -> str:
+    """What is to be known of motor outputs before thrust is taken from them."""
+    expo = parameters.get("MOT_THST_EXPO")
+    curve = "" if expo is None else f" (MOT_THST_EXPO = {expo:g})"
+    return (
+        "motor outputs are shares of the PWM range, after ArduPilot's thrust linearisation"
+        f"{curve}: not proportional to thrust, as throttle_cmd should be"
+    )

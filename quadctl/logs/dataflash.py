@@ -1,0 +1,281 @@
+"""ArduPilot's DataFlash logs (`.bin`), decoded by pymavlink's table of formats, each kind of message at once.
+
+State comes from the primary EKF core (XKF1, or NKF1 of older firmware), ATT and RATE. A simulator's SIM and SIM2
+messages are not among MESSAGES: their bytes are stepped over and never decoded.
+"""
+
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from quadctl.errors import LogError
+from quadctl.logs.ardupilot import PARAMETERS, motor_of_servo, motor_outputs, output_note
+from quadctl.logs.flight_log import FlightLog, Floats
+from quadctl.logs.merge import Channel, Origin, finite, intervals, merge
+
+MESSAGES = ("PARM", "VER", "XKF1", "XKF4", "NKF1", "NKF4", "ATT", "RATE", "IMU", "RCOU", "ESC", "BAT", "ARM")
+NEEDED = "XKF1 (or NKF1) and ATT"
+
+_HEAD = b"\xa3\x95"
+_FMT = 0x80
+_FMT_BODY = struct.Struct("<BB4s16s64s")
+_TEXT_FIELDS = ("Name", "FWS")
+"""Of the MESSAGES' fields those that are no numbers."""
+_NEEDED_FIELDS = {"PARM": ("Name",), "ESC": ("Instance", "RPM"), "ARM": ("ArmState",)}
+"""Fields, beside the time, without which a message says nothing; any other may be missing."""
+_INSTANCE_FIELDS = ("I", "C", "Inst", "Instance")
+_MAX_OUTPUTS = 14
+
+_Message: TypeAlias = dict[str, NDArray[Any]]
+"""Arrays of shape (n,) by the names of the fields, in the units of ArduPilot's documentation."""
+
+
+def read_dataflash(path: Path) -> FlightLog:
+    """Read an ArduPilot DataFlash log.
+
+    Raises
+    ------
+    LogError
+        The file cannot be read, is no DataFlash log, or holds no position, velocity or attitude.
+    """
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise LogError(f"{path}: cannot be read ({error.strerror})") from None
+    index = _index(data)
+    if not index.formats:
+        raise LogError(
+            f"{path}: describes no message that is needed, expected an ArduPilot DataFlash log with {NEEDED}"
+        )
+    notes = ["the last message is cut short and was left out"] if index.is_cut_short else []
+    if index.n_damaged_bytes:
+        notes.append(f"{index.n_damaged_bytes} damaged bytes left out, the first at byte {index.first_damage}")
+    messages = {name: _decoded(data, form) for name, form in index.formats.items() if form.offsets}
+    parameters = _parameters(messages)
+    meta = {
+        "autopilot": "ArduPilot",
+        "software": _version(messages),
+        "parameters": {name: parameters[name] for name in PARAMETERS if name in parameters},
+    }
+    channels = list(_channels(messages, parameters, notes))
+    return merge(channels, Origin(path, NEEDED, meta, notes, _armed(messages)))
+
+
+# --- bytes ------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class _Format:
+    """One of the MESSAGES, as this file describes it."""
+
+    body: np.dtype[Any]
+    scale: dict[str, float]
+    """By the names of the fields that are logged as scaled integers."""
+    offsets: list[int]
+    """Where the bodies begin in the file."""
+
+
+@dataclass(frozen=True)
+class _Index:
+    formats: dict[str, _Format]
+    """By the names of the MESSAGES."""
+    is_cut_short: bool
+    """Whether the file ends within a message."""
+    n_damaged_bytes: int
+    first_damage: int | None
+
+
+def _index(data: bytes) -> _Index:
+    """Find the messages. Damage is stepped over, to the next header of a message that the file describes."""
+    lengths = {_FMT: 3 + _FMT_BODY.size}
+    formats: dict[str, _Format] = {}
+    wanted: dict[int, list[int]] = {}
+    damaged, first_damage = 0, None
+    at, end, is_cut_short = 0, len(data), False
+    while at + 3 <= end:
+        kind = data[at + 2]
+        length = lengths.get(kind, 0) if data.startswith(_HEAD, at) else 0
+        if length and at + length > end:
+            is_cut_short = True
+            break
+        if not length:
+            if end - at < 512 and not data[at:].strip(b"\0\xff"):
+                break  # what the last page of a flash memory is filled up with
+            first_damage = at if first_damage is None else first_damage
+            after = data.find(_HEAD, at + 1)
+            after = end if after < 0 else after
+            damaged += after - at
+            at = after
+            continue
+        if kind in wanted:
+            wanted[kind].append(at + 3)
+        elif kind == _FMT:
+            of, size, *text = _FMT_BODY.unpack_from(data, at + 3)
+            name, letters, fields = (part.rstrip(b"\0").decode("ascii", "replace") for part in text)
+            lengths.setdefault(of, size)  # the same description may come again
+            if name in MESSAGES and of not in wanted and (made := _format(name, letters, fields.split(","), size)):
+                formats[name] = made
+                wanted[of] = made.offsets
+        at += length
+    return _Index(formats, is_cut_short, damaged, first_damage)
+
+
+def _format(name: str, letters: str, fields: list[str], length: int) -> _Format | None:
+    """How a message is laid out, None when its description is damaged."""
+    from pymavlink.DFReader import FORMAT_TO_STRUCT  # type: ignore[import-untyped]
+
+    try:
+        codes = [FORMAT_TO_STRUCT[letter][0] for letter in letters]
+        kinds = [f"S{code[:-1]}" if code.endswith("s") else f"<{code}" for code in codes]
+        body = np.dtype(list(zip(fields, kinds, strict=True)))
+    except (KeyError, ValueError):
+        return None
+    scale = {field: FORMAT_TO_STRUCT[letter][1] for field, letter in zip(fields, letters, strict=True)}
+    if body.itemsize != length - 3 or not {"TimeUS", *_NEEDED_FIELDS.get(name, ())} <= set(fields):
+        return None
+    if body.names != tuple(fields) or any((body[field].kind == "S") != (field in _TEXT_FIELDS) for field in fields):
+        return None
+    return _Format(body, {field: by for field, by in scale.items() if by is not None}, [])
+
+
+def _decoded(data: bytes, form: _Format) -> _Message:
+    where = np.array(form.offsets)[:, None] + np.arange(form.body.itemsize)
+    table = np.frombuffer(data, dtype=np.uint8)[where].view(form.body)[:, 0]
+    fields = form.body.names or ()
+    return {field: table[field] * form.scale[field] if field in form.scale else table[field] for field in fields}
+
+
+# --- messages ---------------------------------------------------------------------------------------------------------
+
+
+def _channels(messages: dict[str, _Message], parameters: dict[str, float], notes: list[str]) -> Iterator[Channel]:
+    yield from _position(messages)
+    if (att := messages.get("ATT")) is not None:
+        attitude = {
+            "roll_deg": _values(att, "Roll"),
+            "pitch_deg": _values(att, "Pitch"),
+            "yaw_deg": _within_180(_values(att, "Yaw")),
+        }
+        wanted = {
+            "roll_cmd_deg": _values(att, "DesRoll"),
+            "pitch_cmd_deg": _values(att, "DesPitch"),
+            "yaw_cmd_deg": _within_180(_values(att, "DesYaw")),
+        }
+        yield Channel("ATT", _seconds(att), attitude | wanted)
+    if (rate := messages.get("RATE")) is not None:
+        names = {"roll_rate_rad_s": "R", "pitch_rate_rad_s": "P", "yaw_rate_rad_s": "Y"}
+        rates = {column: np.radians(_values(rate, field)) for column, field in names.items()}
+        yield Channel("RATE", _seconds(rate), rates | {"throttle_cmd": _values(rate, "AOut")})
+    if (imu := _instance(messages.get("IMU"), 0)) is not None:
+        names = {"imu_x_m_s2": "AccX", "imu_y_m_s2": "AccY", "imu_z_m_s2": "AccZ"}
+        force = {column: _values(imu, field) for column, field in names.items()}
+        yield Channel("IMU", _seconds(imu), force, makes_rows=False, averaged=True)
+    yield from _motors(messages, parameters, notes)
+    if (battery := _instance(messages.get("BAT"), 0)) is not None:
+        yield Channel("BAT", _seconds(battery), {"battery_v": _values(battery, "Volt")}, makes_rows=False)
+
+
+def _position(messages: dict[str, _Message]) -> Iterator[Channel]:
+    """Position and velocity of the EKF core that flies."""
+    for state, status in (("XKF1", "XKF4"), ("NKF1", "NKF4")):
+        if (all_cores := messages.get(state)) is None:
+            continue
+        primary = _primary_core(messages.get(status))
+        if (core := _instance(all_cores, primary)) is None:
+            continue
+        signs = {"x_m": ("PN", 1.0), "y_m": ("PE", 1.0), "z_m": ("PD", -1.0)}
+        signs |= {"vx_m_s": ("VN", 1.0), "vy_m_s": ("VE", 1.0), "vz_m_s": ("VD", -1.0)}
+        columns = {column: sign * _values(core, field) for column, (field, sign) in signs.items()}
+        yield Channel(f"{state} of core {primary}", _seconds(core), columns)
+        return
+
+
+def _primary_core(status: _Message | None) -> int:
+    """The core that was primary for most of the time."""
+    if status is None or "PI" not in status:
+        return 0
+    return int(np.argmax(np.bincount(np.maximum(status["PI"], 0))))
+
+
+def _motors(messages: dict[str, _Message], parameters: dict[str, float], notes: list[str]) -> Iterator[Channel]:
+    if (esc := messages.get("ESC")) is not None and "Instance" in esc:
+        if np.any(esc["RPM"]):
+            yield from (channel for i in np.unique(esc["Instance"]) if (channel := _esc(esc, int(i), parameters)))
+        else:
+            notes.append("ESC reports no rotor speeds: they are all zero")
+    if (rcou := messages.get("RCOU")) is not None:
+        pulses = {i: _values(rcou, f"C{i}") for i in range(1, _MAX_OUTPUTS + 1) if f"C{i}" in rcou}
+        if columns := motor_outputs(pulses, parameters):
+            notes.append(output_note(parameters))
+            yield Channel("RCOU", _seconds(rcou), columns)
+
+
+def _esc(messages: _Message, instance: int, parameters: dict[str, float]) -> Channel | None:
+    """Speed, voltage and current of one motor; None when it is no motor."""
+    esc = _instance(messages, instance)
+    motor = motor_of_servo(instance + 1, parameters)
+    if esc is None or motor is None:
+        return None
+    columns = {f"motor{motor}_rpm": np.abs(_values(esc, "RPM"))}
+    for quantity, field in (("voltage_v", "Volt"), ("current_a", "Curr")):
+        if np.any(values := _values(esc, field)):
+            columns[f"motor{motor}_{quantity}"] = values
+    return Channel(f"ESC {instance}", _seconds(esc), columns)
+
+
+def _armed(messages: dict[str, _Message]) -> list[tuple[float, float]]:
+    """A log can begin armed: before the first ARM message the state was the other one."""
+    if (arm := messages.get("ARM")) is None or (att := messages.get("ATT")) is None:
+        return []
+    state = arm["ArmState"] != 0
+    time = np.concatenate([_seconds(att)[:1], _seconds(arm), _seconds(att)[-1:]])
+    return intervals(time, np.concatenate([~state[:1], state, state[-1:]]))
+
+
+def _parameters(messages: dict[str, _Message]) -> dict[str, float]:
+    """The last value of each parameter."""
+    if (parm := messages.get("PARM")) is None:
+        return {}
+    names = [name.decode("ascii", "replace") for name in parm["Name"].tolist()]
+    return dict(zip(names, _values(parm, "Value").tolist(), strict=True))
+
+
+def _version(messages: dict[str, _Message]) -> str:
+    if (ver := messages.get("VER")) is None or "FWS" not in ver:
+        return "ArduPilot"
+    return str(ver["FWS"][0].decode("ascii", "replace"))
+
+
+# --- fields -----------------------------------------------------------------------------------------------------------
+
+
+def _instance(message: _Message | None, wanted: int) -> _Message | None:
+    """The messages of one sensor or core; all of them where firmware does not number them."""
+    if message is None:
+        return None
+    field = next((name for name in _INSTANCE_FIELDS if name in message), None)
+    if field is None:
+        return message
+    rows = message[field] == wanted
+    return {name: values[rows] for name, values in message.items()} if rows.any() else None
+
+
+def _values(message: _Message, field: str) -> Floats:
+    """The field; NaN where it is not finite or firmware does not log it."""
+    if field not in message:
+        return np.full(len(message["TimeUS"]), np.nan)
+    return finite(message[field])
+
+
+def _seconds(message: _Message) -> Floats:
+    return 1e-6 * message["TimeUS"].astype(np.float64)
+
+
+def _within_180(degrees: Floats) -> Floats:
+    """Yaw from ArduPilot's 0..360 to the table's -180..180."""
+    return np.where(degrees > 180.0, degrees - 360.0, degrees)

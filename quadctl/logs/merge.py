@@ -1,0 +1,147 @@
+"""Channels that arrive each at its own rate become the one table of a `FlightLog`.
+
+Autopilots log every message on its own clock. A row of the table is made for every update of a channel that says how
+the vehicle moves or what drives it (position, attitude, rates, rotors, throttle); updates less than ROW_TOLERANCE_S
+apart share a row. All values are held until their next update and NaN before the first, never interpolated, so that
+`FlightLog.updates` finds the updates that were logged. Channels that come faster than the rows and are noisy (the IMU)
+are averaged over the time since the row before: each sample counts once.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from quadctl.errors import LogError
+from quadctl.logs.columns import STATE_COLUMNS
+from quadctl.logs.csv_log import increasing
+from quadctl.logs.flight_log import ATTITUDE, POSITION, VELOCITY, FlightLog, Floats
+
+ROW_TOLERANCE_S = 0.002
+"""Two updates closer than this are one row: at most 500 rows a second, and no value is off by more than this."""
+
+
+@dataclass(frozen=True, eq=False)
+class Channel:
+    """Columns that arrive together, at their own updates."""
+
+    source: str
+    """Where in the log they were found, e.g. the name of the message."""
+    time_s: Floats
+    """On the autopilot's clock, shape (n,)."""
+    columns: dict[str, Floats]
+    """By the names of the table's columns, each of shape (n,)."""
+    makes_rows: bool = True
+    averaged: bool = False
+
+    @property
+    def rate_hz(self) -> float:
+        """Mean number of updates per second; 0 when there are not two."""
+        span = float(self.time_s[-1] - self.time_s[0]) if len(self.time_s) > 1 else 0.0
+        return (len(self.time_s) - 1) / span if span > 0.0 else 0.0
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Where the channels come from, for the log's `meta` and its error messages."""
+
+    path: Path
+    needs: str
+    """Names of the messages without which there is no position, velocity or attitude."""
+    meta: dict[str, Any]
+    notes: list[str]
+    armed_s: list[tuple[float, float]]
+    """[(from, to), ...] in which the motors were armed, on the autopilot's clock; empty where the log does not say."""
+
+
+def merge(channels: Iterable[Channel], origin: Origin) -> FlightLog:
+    """The table of all `channels`, as this module's first lines say.
+
+    Raises
+    ------
+    LogError
+        Position, velocity or attitude is missing.
+    """
+    notes = list(origin.notes)
+    kept = [made for channel in channels if len((made := _with_increasing_time(channel, notes)).time_s)]
+    found = {name for channel in kept for name, values in channel.columns.items() if np.isfinite(values).any()}
+    missing = [name for name in (*POSITION, *VELOCITY, *ATTITUDE) if name not in found]
+    if missing:
+        raise LogError(f"{origin.path}: holds no values of {', '.join(missing)}, expected messages {origin.needs}")
+    clock = row_times(np.concatenate([channel.time_s for channel in kept if channel.makes_rows]))
+    columns = {"time_s": np.round(clock - clock[0], 6)}
+    for channel in kept:
+        fill = averaged if channel.averaged else held
+        columns |= {name: fill(clock, channel.time_s, values) for name, values in channel.columns.items()}
+    absent = [name for name in STATE_COLUMNS if name not in columns]
+    columns |= {name: np.full(len(clock), np.nan) for name in absent}
+    if absent:
+        notes.append(f"holds no {', '.join(absent)}")
+    meta = {
+        **origin.meta,
+        "time_zero_s": float(clock[0]),
+        "armed_s": [[round(edge - float(clock[0]), 3) for edge in interval] for interval in origin.armed_s],
+        "sources": {c.source: {"rate_hz": round(c.rate_hz, 2), "columns": list(c.columns)} for c in kept},
+    }
+    return FlightLog(origin.path.name, origin.path, columns, None, meta, notes)
+
+
+def row_times(time_s: Floats) -> Floats:
+    """Times of the rows, increasing: of updates closer than ROW_TOLERANCE_S the first, shape (rows,)."""
+    rows: list[float] = []
+    end = -np.inf
+    for time in np.unique(time_s).tolist():
+        if time > end:
+            rows.append(time)
+            end = time + ROW_TOLERANCE_S
+    return np.array(rows)
+
+
+def held(clock_s: Floats, time_s: Floats, values: Floats) -> Floats:
+    """`values`, updated at `time_s`, as known at each row: the last update, NaN before the first. Shape (rows,)."""
+    last = _updates_so_far(clock_s, time_s)
+    return np.where(last > 0, values[np.maximum(last - 1, 0)], np.nan)
+
+
+def averaged(clock_s: Floats, time_s: Floats, values: Floats) -> Floats:
+    """Mean of the finite `values` since the row before; held where there is none, NaN before the first."""
+    finite = np.isfinite(values)
+    time_s, values = time_s[finite], values[finite]
+    last = _updates_so_far(clock_s, time_s)
+    # The first row has no row before: it takes its latest sample, not the mean of all that came earlier.
+    before = np.concatenate([np.maximum(last[:1] - 1, 0), last[:-1]])
+    new = last > before
+    sums = np.concatenate([[0.0], np.cumsum(values)])
+    means = (sums[last[new]] - sums[before[new]]) / (last[new] - before[new])
+    return held(clock_s, clock_s[new], means)
+
+
+def _updates_so_far(clock_s: Floats, time_s: Floats) -> NDArray[np.intp]:
+    return np.searchsorted(time_s, clock_s + ROW_TOLERANCE_S, side="right")
+
+
+def _with_increasing_time(channel: Channel, notes: list[str]) -> Channel:
+    keep = increasing(channel.time_s)
+    if keep.all():
+        return channel
+    dropped = int(np.count_nonzero(~keep))
+    notes.append(f"{dropped} of {len(keep)} {channel.source} messages left out: their time does not increase")
+    columns = {name: values[keep] for name, values in channel.columns.items()}
+    return Channel(channel.source, channel.time_s[keep], columns, channel.makes_rows, channel.averaged)
+
+
+def finite(values: Any) -> Floats:
+    """`values` as floats, what is not finite made NaN."""
+    with np.errstate(invalid="ignore"):  # damage can look like a signalling NaN
+        array = np.asarray(values, dtype=np.float64)
+    return np.where(np.isfinite(array), array, np.nan)
+
+
+def intervals(time_s: Floats, on: NDArray[np.bool_]) -> list[tuple[float, float]]:
+    """[(from, to), ...] in which a flag that is reported at `time_s` was set."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], on.astype(np.int8), [0]])))
+    last = len(time_s) - 1
+    return [(float(time_s[a]), float(time_s[min(b, last)])) for a, b in zip(edges[::2], edges[1::2], strict=True)]

@@ -1,0 +1,345 @@
+"""What is in a log and how good it is: true update rates, gaps, clock, and whether it can be analysed.
+
+Rows say little: a log holds a slow channel's value from row to row. So everything is counted in updates, the rows in
+which a channel got a new value.
+"""
+
+import re
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from quadctl.logs.columns import MOTOR_QUANTITIES, REFERENCE_COLUMNS
+from quadctl.logs.flight_log import ATTITUDE, POSITION, RATES, VELOCITY, FlightLog
+
+GAP_FACTOR = 5.0
+"""An interval between updates longer than this many median ones is a gap."""
+MIN_RATE_HZ = 0.6
+MIN_FLIGHT_S = 10.0
+MIN_CLEARANCE_M = 0.05
+"""Higher than this above the height at rest is flight."""
+NEEDED = ("position", "velocity", "attitude")
+ROTORS = ("rpm", "motor output", "throttle command")
+"""What thrust can be known from, the best first."""
+MOVING_M = 0.5
+"""A stretch of a second in which the vehicle covers more than this along an axis tells of the clock."""
+MIN_MOVING_STRETCHES = 20
+MIN_CLOCK_ERROR = 0.01
+CLOCK_ERROR_SIGMA = 4.0
+
+_MOTOR_NAMES = {"rpm": "rpm", "voltage_v": "motor voltage", "current_a": "motor current", "output": "motor output"}
+_GROUPS = {
+    "position": POSITION,
+    "velocity": VELOCITY,
+    "attitude": ATTITUDE,
+    "rates": RATES,
+    "acceleration": ("ax_m_s2", "ay_m_s2", "az_m_s2"),
+    "imu": ("imu_x_m_s2", "imu_y_m_s2", "imu_z_m_s2"),
+    "battery": ("battery_v",),
+    "attitude command": ("roll_cmd_deg", "pitch_cmd_deg", "yaw_cmd_deg"),
+    "throttle command": ("throttle_cmd",),
+    "thrust command": ("thrust_cmd_n",),
+    "reference": REFERENCE_COLUMNS,
+}
+
+
+@dataclass(frozen=True)
+class ChannelQuality:
+    """Columns that arrive together."""
+
+    name: str
+    columns: tuple[str, ...]
+    source: str
+    """The autopilot's message and the rate at which it was logged, "" where the log does not say."""
+    n_updates: int
+    rate_hz: float
+    """Mean number of updates per second from the first to the last; 0 when there are not two."""
+    median_interval_s: float
+    longest_gap_s: float
+    longest_gap_at_s: float
+    """When the longest interval without an update begins; NaN when there are not two updates."""
+    n_gaps: int
+    """Intervals between updates longer than GAP_FACTOR median ones."""
+    held_share: float
+    """Of the rows that hold a value, those that repeat the one before."""
+    nan_share: float
+    """Of all rows."""
+
+
+@dataclass(frozen=True)
+class ClockQuality:
+    """The rows' clock."""
+
+    n_rows: int
+    row_interval_s: float
+    """Median."""
+    row_jitter_s: float
+    """Standard deviation of the interval between rows."""
+    longest_row_interval_s: float
+    is_counted: bool
+    """All rows equally far apart, to the digit: counted, not measured."""
+    scale: float
+    """True time per logged time, from position against velocity; NaN where the motion does not tell."""
+    scale_error: float
+    """Standard error of `scale`."""
+
+    @property
+    def runs_wrong(self) -> bool:
+        """Whether `scale` differs from 1 by more than chance."""
+        return abs(self.scale - 1.0) > max(MIN_CLOCK_ERROR, CLOCK_ERROR_SIGMA * self.scale_error)
+
+
+@dataclass(frozen=True)
+class QualityReport:
+    """What is in one log. Prints as a table."""
+
+    name: str
+    duration_s: float
+    flight_s: float
+    """Time in flight, a guess from rotors and height."""
+    channels: tuple[ChannelQuality, ...]
+    clock: ClockQuality
+    thrust_source: str | None
+    """The best of ROTORS that the log holds."""
+    obstacles: tuple[str, ...]
+    """Why it cannot be analysed; none when it can."""
+    notes: tuple[str, ...] = field(default=())
+
+    @property
+    def can_be_analysed(self) -> bool:
+        return not self.obstacles
+
+    def channel(self, name: str) -> ChannelQuality | None:
+        return next((channel for channel in self.channels if channel.name == name), None)
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON: what is not finite becomes None."""
+        found: dict[str, Any] = _finite_or_none({**asdict(self), "can_be_analysed": self.can_be_analysed})
+        return found
+
+    def __rich__(self) -> RenderableType:
+        table = Table(title=f"{self.name}: {self.duration_s:.1f} s, {self.clock.n_rows} rows", title_justify="left")
+        table.add_column("channel", no_wrap=True)
+        for head in ("updates", "Hz", "longest gap", f"> {GAP_FACTOR:g}x", "held", "missing"):
+            table.add_column(head, justify="right", no_wrap=True)
+        for c in self.channels:
+            several = c.n_updates > 1
+            table.add_row(
+                c.name,
+                str(c.n_updates),
+                f"{c.rate_hz:.1f}" if several else "-",
+                f"{c.longest_gap_s:.2f} s at {c.longest_gap_at_s:.0f}" if several else "-",
+                str(c.n_gaps) if several else "-",
+                f"{c.held_share:.0%}",
+                f"{c.nan_share:.1%}",
+            )
+        return Group(table, Text("\n".join(self._lines())))
+
+    def _lines(self) -> list[str]:
+        clock = self.clock
+        lines = [
+            f"Clock: rows {1000.0 * clock.row_interval_s:.1f} ms apart (median; standard deviation "
+            f"{1000.0 * clock.row_jitter_s:.1f} ms, longest {1000.0 * clock.longest_row_interval_s:.0f} ms)"
+            + (", all equal: counted, or simulated, not measured." if clock.is_counted else ".")
+        ]
+        if clock.runs_wrong:
+            percent, error = 100.0 * (clock.scale - 1.0), 100.0 * clock.scale_error
+            lines.append(
+                f"Positions change {abs(percent):.1f} % (+-{error:.1f}) {'more' if percent > 0 else 'less'} than the "
+                f"velocities say: the clock runs {'slow' if percent > 0 else 'fast'} by as much, "
+                "or the velocity is wrong."
+            )
+        lines.append(f"In flight for about {self.flight_s:.0f} s; thrust from {self.thrust_source or 'nothing'}.")
+        sources: dict[str, list[str]] = {}
+        for channel in self.channels:
+            if channel.source:
+                sources.setdefault(channel.source, []).append(channel.name)
+        lines += [f"From {source}: {', '.join(names)}." for source, names in sources.items()]
+        lines += [f"Note: {note}." for note in self.notes]
+        if self.can_be_analysed:
+            return [*lines, "Can be analysed."]
+        return [*lines, "Cannot be analysed:", *(f"  - {obstacle}" for obstacle in self.obstacles)]
+
+
+def quality(log: FlightLog) -> QualityReport:
+    """Look through `log`; nothing is changed and nothing raised."""
+    channels = tuple(_channel(log, name, columns) for name, columns in channel_groups(log).items())
+    present = {channel.name: channel for channel in channels if channel.n_updates}
+    thrust_source = next((name for name in ROTORS if name in present), None)
+    flight_s = _flight_s(log, thrust_source)
+    return QualityReport(
+        name=log.name,
+        duration_s=float(log.time_s[-1] - log.time_s[0]) if len(log) else 0.0,
+        flight_s=flight_s,
+        channels=channels,
+        clock=_clock(log),
+        thrust_source=thrust_source,
+        obstacles=tuple(_obstacles(present, thrust_source, flight_s)),
+        notes=(*log.notes, *_channel_notes(channels, thrust_source)),
+    )
+
+
+def channel_groups(log: FlightLog) -> dict[str, tuple[str, ...]]:
+    """The log's columns by channel: those that arrive together."""
+    groups: dict[str, tuple[str, ...]] = {}
+    for name, columns in _GROUPS.items():
+        groups[name] = tuple(column for column in columns if column in log.columns)
+    for quantity in MOTOR_QUANTITIES:
+        pattern = re.compile(rf"motor\d+_{quantity}")
+        groups[_MOTOR_NAMES[quantity]] = tuple(column for column in log.columns if pattern.fullmatch(column))
+    known = {"time_s", *(column for columns in groups.values() for column in columns)}
+    groups |= {column: (column,) for column in log.columns if column not in known}
+    return {name: columns for name, columns in groups.items() if columns}
+
+
+def _channel(log: FlightLog, name: str, columns: tuple[str, ...]) -> ChannelQuality:
+    rows = updates_of_any(log, columns)
+    time = log.time_s[rows]
+    intervals = np.diff(time)
+    finite = np.logical_or.reduce([np.isfinite(log[column]) for column in columns])
+    n_finite = int(np.count_nonzero(finite))
+    several = len(intervals) > 0
+    median = float(np.median(intervals)) if several else float("nan")
+    longest = int(np.argmax(intervals)) if several else 0
+    return ChannelQuality(
+        name=name,
+        columns=columns,
+        source=_source(log, columns),
+        n_updates=len(rows),
+        rate_hz=len(intervals) / float(time[-1] - time[0]) if several else 0.0,
+        median_interval_s=median,
+        longest_gap_s=float(intervals[longest]) if several else float("nan"),
+        longest_gap_at_s=float(time[longest]) if several else float("nan"),
+        n_gaps=int(np.count_nonzero(intervals > GAP_FACTOR * median)) if several else 0,
+        held_share=1.0 - len(rows) / n_finite if n_finite else 0.0,
+        nan_share=1.0 - n_finite / len(log) if len(log) else 0.0,
+    )
+
+
+def updates_of_any(log: FlightLog, columns: Sequence[str]) -> NDArray[np.intp]:
+    """Rows in which any of the columns got a new value, those without any left out."""
+    values = np.column_stack([log[column] for column in columns])
+    values = values[:, np.isfinite(values).any(axis=0)]
+    rows = np.flatnonzero(np.isfinite(values).any(axis=1)) if values.size else np.empty(0, dtype=np.intp)
+    known = values[rows]
+    new = np.ones(len(rows), dtype=bool)
+    new[1:] = ((known[1:] != known[:-1]) & ~(np.isnan(known[1:]) & np.isnan(known[:-1]))).any(axis=1)
+    return rows[new]
+
+
+def _source(log: FlightLog, columns: Sequence[str]) -> str:
+    """The messages that filled the columns, with the rate at which they were logged, from the reader's `meta`."""
+    sources = log.meta.get("sources")
+    if not isinstance(sources, dict):
+        return ""
+    found = {
+        name: source.get("rate_hz")
+        for name, source in sources.items()
+        if isinstance(source, dict) and set(columns) & set(source.get("columns", ()))
+    }
+    rates = ", ".join(sorted({f"{rate:.1f}" for rate in found.values() if isinstance(rate, float)}))
+    return f"{', '.join(found)} at {rates} Hz" if rates else ", ".join(found)
+
+
+def _clock(log: FlightLog) -> ClockQuality:
+    intervals = np.diff(log.time_s)
+    scale, error = _time_scale(log)
+    if not len(intervals):
+        return ClockQuality(len(log), float("nan"), float("nan"), float("nan"), False, scale, error)
+    median = float(np.median(intervals))
+    return ClockQuality(
+        n_rows=len(log),
+        row_interval_s=median,
+        row_jitter_s=float(np.std(intervals)),
+        longest_row_interval_s=float(intervals.max()),
+        is_counted=len(log) > 10 and bool(np.all(np.abs(intervals - median) < 1e-6)),
+        scale=scale,
+        scale_error=error,
+    )
+
+
+def _time_scale(log: FlightLog) -> tuple[float, float]:
+    """True time per logged time and its standard error: distances covered against integrals of velocity.
+
+    The median over stretches of about a second with motion enough that the noise of the velocity counts for little,
+    and jumps of an estimator for nothing; NaN where a log has too few of them.
+    """
+    unknown = (float("nan"), float("nan"))
+    if not all(log.has(name) for name in (*POSITION, *VELOCITY)):
+        return unknown
+    known = np.logical_and.reduce([np.isfinite(log[name]) for name in (*POSITION, *VELOCITY)])
+    rows = log.updates(*POSITION)
+    rows = rows[known[rows]]
+    if len(rows) < MIN_MOVING_STRETCHES:
+        return unknown
+    per_second = len(rows) / float(log.time_s[rows[-1]] - log.time_s[rows[0]])
+    ends = rows[:: max(1, round(per_second))]
+    steps = np.diff(log.time_s)
+    ratios = []
+    for position, velocity in zip(POSITION, VELOCITY, strict=True):
+        v = np.nan_to_num(log[velocity])
+        integral = np.concatenate([[0.0], np.cumsum(0.5 * (v[1:] + v[:-1]) * steps)])
+        covered, integrated = np.diff(log[position][ends]), np.diff(integral[ends])
+        moving = np.abs(covered + integrated) > 2.0 * MOVING_M
+        ratios.append(covered[moving] / integrated[moving])
+    ratio = np.concatenate(ratios)
+    if len(ratio) < MIN_MOVING_STRETCHES:
+        return unknown
+    scale = float(np.median(ratio))
+    spread = 1.4826 * float(np.median(np.abs(ratio - scale)))
+    return scale, 1.2533 * spread / len(ratio) ** 0.5
+
+
+def _flight_s(log: FlightLog, thrust_source: str | None) -> float:
+    """Seconds with rotors at work, clear of the ground."""
+    if not log.has("z_m") or len(log) < 2:
+        return 0.0
+    z = log["z_m"]
+    working = np.ones(len(log), dtype=bool)
+    if thrust_source is not None:
+        columns = channel_groups(log)[thrust_source]
+        drive = np.nan_to_num(np.column_stack([log[column] for column in columns])).mean(axis=1)
+        working = drive > 0.5 * np.quantile(drive, 0.9)
+    at_rest = z[~working & np.isfinite(z)]
+    # A log that begins and ends in the air says nothing about the height at rest.
+    clear = z > np.median(at_rest) + MIN_CLEARANCE_M if len(at_rest) else np.isfinite(z)
+    return float(np.sum(np.diff(log.time_s)[(working & clear)[1:]]))
+
+
+def _obstacles(present: dict[str, ChannelQuality], thrust_source: str | None, flight_s: float) -> list[str]:
+    missing = [name for name in NEEDED if name not in present]
+    found = [f"it holds no {name}" for name in missing]
+    if thrust_source is None:
+        found.append("it holds neither rotor speeds nor motor outputs nor a throttle command: thrust is unknown")
+    for name in (*NEEDED, *((thrust_source,) if thrust_source else ())):
+        channel = present.get(name)
+        if channel is not None and channel.rate_hz < MIN_RATE_HZ:
+            rate = f"{channel.rate_hz:.2f} updates per second" if channel.n_updates > 1 else "never changes"
+            found.append(f"{name}: {rate}, an analysis needs at least {MIN_RATE_HZ:g} per second")
+    if flight_s < MIN_FLIGHT_S:
+        found.append(f"about {flight_s:.0f} s of flight, an analysis needs at least {MIN_FLIGHT_S:.0f} s")
+    return found
+
+
+def _channel_notes(channels: Sequence[ChannelQuality], thrust_source: str | None) -> list[str]:
+    notes = [f"{channel.name} holds no values" for channel in channels if channel.n_updates == 0]
+    constant = [channel.name for channel in channels if channel.n_updates == 1]
+    if constant:
+        notes.append(f"never change: {', '.join(constant)}")
+    if thrust_source not in (None, "rpm"):
+        notes.append(f"without rotor speeds, thrust is taken from the {thrust_source}")
+    return notes
+
+
+def _finite_or_none(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _finite_or_none(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite_or_none(item) for item in value]
+    return None if isinstance(value, float) and not np.isfinite(value) else value

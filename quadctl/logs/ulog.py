@@ -1,0 +1,232 @@
+"""PX4's ULog (`.ulg`), read with pyulog.
+
+State comes from PX4's estimator (`vehicle_local_position`, `vehicle_attitude`, `vehicle_angular_velocity`), each at the
+time of the sensor sample it stands for; commands and motor outputs at the time they were published. A simulator's
+`*_groundtruth` topics are not among TOPICS and never reach the table.
+"""
+
+import contextlib
+import io
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from quadctl.errors import LogError
+from quadctl.frames import euler_from_quaternion
+from quadctl.logs.columns import motor_columns
+from quadctl.logs.flight_log import ATTITUDE, RATES, FlightLog, Floats
+from quadctl.logs.merge import Channel, Origin, finite, intervals, merge
+
+TOPICS = (
+    "vehicle_local_position",
+    "vehicle_attitude",
+    "vehicle_angular_velocity",
+    "sensor_combined",
+    "vehicle_acceleration",
+    "actuator_motors",
+    "esc_status",
+    "battery_status",
+    "vehicle_attitude_setpoint",
+    "vehicle_thrust_setpoint",
+    "actuator_armed",
+)
+PARAMETERS = ("CA_ROTOR_COUNT", "MPC_THR_HOVER", "THR_MDL_FAC")
+"""What an analysis of motor outputs may want to know, kept in the log's `meta`."""
+NEEDED = "vehicle_local_position and vehicle_attitude"
+
+FIRST_MOTOR_FUNCTION = 101
+"""PX4's output function of motor 1."""
+MAX_MOTORS = 12
+MAX_ESCS = 8
+IMU = ("imu_x_m_s2", "imu_y_m_s2", "imu_z_m_s2")
+ATTITUDE_COMMAND = ("roll_cmd_deg", "pitch_cmd_deg", "yaw_cmd_deg")
+
+_Topic: TypeAlias = dict[str, Any]
+"""Arrays of shape (n,) by the names of the fields."""
+
+
+def read_ulog(path: Path) -> FlightLog:
+    """Read a PX4 ULog.
+
+    Raises
+    ------
+    LogError
+        The file cannot be read, is no ULog, or holds no position, velocity or attitude.
+    """
+    log = _parsed(path)
+    topics: dict[str, _Topic] = {}
+    for data in log.data_list:
+        if len(data.data.get("timestamp", ())):
+            topics.setdefault(data.name, data.data)  # the first instance: PX4's primary
+    notes: list[str] = []
+    if log.file_corruption:
+        notes.append("the file is damaged: what could not be read was left out")
+    if log.dropouts:
+        lost = sum(dropout.duration for dropout in log.dropouts) / 1000.0
+        notes.append(f"PX4's logger lost data {len(log.dropouts)} times, {lost:.2f} s together")
+    meta = {
+        "autopilot": "PX4",
+        "software": _version(log.msg_info_dict),
+        "parameters": {name: float(v) for name in PARAMETERS if (v := log.initial_parameters.get(name)) is not None},
+    }
+    armed = topics.get("actuator_armed")
+    periods = [] if armed is None else intervals(_seconds(armed, "timestamp"), _values(armed, "armed") > 0)
+    channels = list(_channels(topics, notes))
+    return merge(channels, Origin(path, NEEDED, meta, notes, periods))
+
+
+def _parsed(path: Path) -> Any:
+    from pyulog import ULog  # type: ignore[import-untyped]
+
+    try:
+        # It prints what it finds damaged, and leaves a file open that it cannot read.
+        with path.open("rb") as file, contextlib.redirect_stdout(io.StringIO()):
+            return ULog(file, list(TOPICS))
+    except OSError as error:
+        raise LogError(f"{path}: cannot be read ({error.strerror})") from None
+    except Exception as error:  # the parser stumbles over damage in any way that Python can
+        raise LogError(f"{path}: cannot be parsed as a PX4 ULog ({type(error).__name__}: {error})") from None
+
+
+def _version(info: dict[str, Any]) -> str:
+    release = info.get("ver_sw_release")
+    if not isinstance(release, int):
+        return "PX4"
+    return f"PX4 {release >> 24 & 0xFF}.{release >> 16 & 0xFF}.{release >> 8 & 0xFF}"
+
+
+def _channels(topics: dict[str, _Topic], notes: list[str]) -> Iterator[Channel]:
+    if (topic := topics.get("vehicle_local_position")) is not None:
+        yield _local_position(topic, notes)
+    if (topic := topics.get("vehicle_attitude")) is not None:
+        yield Channel("vehicle_attitude", _sampled(topic), _euler(topic, "q", ATTITUDE))
+    yield from _rates_and_imu(topics)
+    yield from _motors(topics, notes)
+    if (topic := topics.get("battery_status")) is not None and "voltage_v" in topic:
+        voltage = {"battery_v": _values(topic, "voltage_v")}
+        yield Channel("battery_status", _seconds(topic, "timestamp"), voltage, makes_rows=False)
+    yield from _commands(topics)
+
+
+def _local_position(topic: _Topic, notes: list[str]) -> Channel:
+    columns = {
+        "x_m": _valid(topic, "x", "xy_valid"),
+        "y_m": _valid(topic, "y", "xy_valid"),
+        "z_m": -_valid(topic, "z", "z_valid"),
+        "vx_m_s": _valid(topic, "vx", "v_xy_valid"),
+        "vy_m_s": _valid(topic, "vy", "v_xy_valid"),
+        "vz_m_s": -_valid(topic, "vz", "v_z_valid"),
+    }
+    if "az" in topic:
+        columns |= {
+            "ax_m_s2": _values(topic, "ax"),
+            "ay_m_s2": _values(topic, "ay"),
+            "az_m_s2": -_values(topic, "az"),
+        }
+    for counter, what in (("xy_reset_counter", "horizontal position"), ("z_reset_counter", "height")):
+        resets = int(np.count_nonzero(np.diff(topic[counter]))) if counter in topic else 0
+        if resets:
+            notes.append(f"PX4's estimator reset its {what} {resets} times: it jumps there")
+    return Channel("vehicle_local_position", _sampled(topic), columns)
+
+
+def _rates_and_imu(topics: dict[str, _Topic]) -> Iterator[Channel]:
+    combined = topics.get("sensor_combined")
+    if (topic := topics.get("vehicle_angular_velocity")) is not None:
+        yield Channel("vehicle_angular_velocity", _sampled(topic), _xyz(topic, "xyz", RATES))
+    elif combined is not None:
+        gyro = _xyz(combined, "gyro_rad", RATES)
+        yield Channel("sensor_combined gyro", _seconds(combined, "timestamp"), gyro, makes_rows=False, averaged=True)
+    if combined is not None:
+        # Relative to the gyro's time stamp, and INT32_MAX where there is no accelerometer sample.
+        relative = _values(combined, "accelerometer_timestamp_relative")
+        known = np.abs(relative) < 1e6
+        time = _seconds(combined, "timestamp")[known] + 1e-6 * relative[known]
+        imu = {name: values[known] for name, values in _xyz(combined, "accelerometer_m_s2", IMU).items()}
+        yield Channel("sensor_combined", time, imu, makes_rows=False, averaged=True)
+    elif (topic := topics.get("vehicle_acceleration")) is not None:
+        imu = _xyz(topic, "xyz", IMU)
+        yield Channel("vehicle_acceleration", _sampled(topic), imu, makes_rows=False, averaged=True)
+
+
+def _motors(topics: dict[str, _Topic], notes: list[str]) -> Iterator[Channel]:
+    rpm = None if (topic := topics.get("esc_status")) is None else _esc_status(topic, notes)
+    if rpm is not None:
+        yield rpm
+    if (topic := topics.get("actuator_motors")) is None:
+        if rpm is None:
+            notes.append("holds neither esc_status nor actuator_motors: thrust is known from the throttle command only")
+        return
+    controls = [_values(topic, f"control[{i}]") for i in range(MAX_MOTORS) if f"control[{i}]" in topic]
+    n_motors = max((i for i, control in enumerate(controls, 1) if np.isfinite(control).any()), default=0)
+    # NaN is PX4's word for a motor that is stopped.
+    outputs = [np.nan_to_num(control, nan=0.0) for control in controls[:n_motors]]
+    columns = dict(zip(motor_columns(n_motors, "output"), outputs, strict=True))
+    yield Channel("actuator_motors", _seconds(topic, "timestamp"), columns)
+
+
+def _esc_status(topic: _Topic, notes: list[str]) -> Channel | None:
+    """Speeds, voltages and currents of the motors; None when all stand still all the time."""
+    columns: dict[str, Floats] = {}
+    n_escs = min(int(np.nan_to_num(_values(topic, "esc_count")).max()), MAX_ESCS)
+    if not any(np.any(topic.get(f"esc[{esc}].esc_rpm", 0)) for esc in range(n_escs)):
+        notes.append("esc_status reports no rotor speeds: they are all zero")
+        return None
+    for esc in range(n_escs):
+        function = int(np.max(topic.get(f"esc[{esc}].actuator_function", 0)))
+        is_motor = FIRST_MOTOR_FUNCTION <= function < FIRST_MOTOR_FUNCTION + MAX_MOTORS
+        motor = 1 + (function - FIRST_MOTOR_FUNCTION if is_motor else esc)
+        columns[f"motor{motor}_rpm"] = np.abs(_values(topic, f"esc[{esc}].esc_rpm"))
+        for quantity in ("voltage_v", "current_a"):
+            field = f"esc[{esc}].esc_{quantity[:-2]}"
+            if field in topic and np.any(topic[field]):
+                columns[f"motor{motor}_{quantity}"] = _values(topic, field)
+    return Channel("esc_status", _seconds(topic, "timestamp"), columns)
+
+
+def _commands(topics: dict[str, _Topic]) -> Iterator[Channel]:
+    attitude, thrust = topics.get("vehicle_attitude_setpoint"), topics.get("vehicle_thrust_setpoint")
+    if attitude is not None:
+        columns = _euler(attitude, "q_d", ATTITUDE_COMMAND)
+        if thrust is None and "thrust_body[2]" in attitude:
+            columns["throttle_cmd"] = -_values(attitude, "thrust_body[2]")
+        yield Channel("vehicle_attitude_setpoint", _seconds(attitude, "timestamp"), columns)
+    if thrust is not None:
+        throttle = {"throttle_cmd": -_values(thrust, "xyz[2]")}
+        yield Channel("vehicle_thrust_setpoint", _seconds(thrust, "timestamp"), throttle)
+
+
+# --- fields -----------------------------------------------------------------------------------------------------------
+
+
+def _values(topic: _Topic, field: str) -> Floats:
+    """The field; NaN where it is not finite or firmware does not log it."""
+    return finite(topic[field]) if field in topic else np.full(len(topic["timestamp"]), np.nan)
+
+
+def _valid(topic: _Topic, field: str, flag: str) -> Floats:
+    """The field, NaN where PX4 says that it is not valid."""
+    values = _values(topic, field)
+    return np.where(topic[flag].astype(bool), values, np.nan) if flag in topic else values
+
+
+def _xyz(topic: _Topic, field: str, names: tuple[str, str, str]) -> dict[str, Floats]:
+    return {name: _values(topic, f"{field}[{i}]") for i, name in enumerate(names)}
+
+
+def _euler(topic: _Topic, field: str, names: tuple[str, str, str]) -> dict[str, Floats]:
+    w, x, y, z = (_values(topic, f"{field}[{i}]") for i in range(4))
+    angles = euler_from_quaternion((w, x, y, z))
+    return {name: np.degrees(angle) for name, angle in zip(names, angles, strict=True)}
+
+
+def _seconds(topic: _Topic, field: str) -> Floats:
+    return 1e-6 * np.asarray(topic[field], dtype=np.float64)
+
+
+def _sampled(topic: _Topic) -> Floats:
+    """Time of the sensor sample; older firmware has none, or zero."""
+    has_sample_time = "timestamp_sample" in topic and np.all(topic["timestamp_sample"] > 0)
+    return _seconds(topic, "timestamp_sample" if has_sample_time else "timestamp")
