@@ -18,6 +18,7 @@ from quadctl.lab.compare import compare
 from quadctl.lab.data import Dataset, autocovariance, load_dataset, rmse, variance_of_sum
 from quadctl.lab.diagnose import diagnose
 from quadctl.lab.fit import Fitter, intervals
+from quadctl.lab.nuisance import MOST
 from quadctl.lab.prepare import BLOCK_S, prepare
 from quadctl.lab.significance import difference_p_value, improvement_p_value
 from quadctl.logs.flight_log import FlightLog
@@ -187,7 +188,7 @@ class TestFit:
     def test_the_parameters_of_an_obedient_flight_are_found(self, raptor: Vehicle) -> None:
         truth = Model(raptor).plus(ConstantScale(0.93)).plus(Exponential(a=0.3, b=6.0))
         data = load_dataset([obedient(truth, 120.0)], raptor)
-        fitted = Fitter(Model(raptor).plus(ConstantScale()).plus(Exponential()), data).fit()
+        fitted = Fitter(Model(raptor).plus(ConstantScale()).plus(Exponential()), data).fit().model
         assert fitted.effects[0].values()["factor"] == pytest.approx(0.93, abs=1e-3)
         assert fitted.effects[1].values()["a"] == pytest.approx(0.3, rel=0.02)
         assert fitted.effects[1].values()["b"] == pytest.approx(6.0, rel=0.02)
@@ -196,7 +197,7 @@ class TestFit:
         truth = Model(raptor).plus(ConstantScale(0.93))
         data = load_dataset([obedient(truth, noise_m_s=0.005)], raptor)
         data.measured[100:103, 2] += 30.0
-        fitted = Fitter(Model(raptor).plus(ConstantScale()), data).fit()
+        fitted = Fitter(Model(raptor).plus(ConstantScale()), data).fit().model
         assert fitted.effects[0].values()["factor"] == pytest.approx(0.93, abs=3e-3)
 
     def test_a_fit_sees_only_what_it_may(self, raptor: Vehicle) -> None:
@@ -205,9 +206,9 @@ class TestFit:
         data = load_dataset([obedient(truth, noise_m_s=0.005)], raptor)
         fitter = Fitter(Model(raptor).plus(ConstantScale()), data)
         held = data.fold == 2
-        clean = fitter.fit(~held).effects[0].values()["factor"]
+        clean = fitter.fit(~held).model.effects[0].values()["factor"]
         data.measured[held] += 5.0
-        assert fitter.fit(~held).effects[0].values()["factor"] == pytest.approx(clean, abs=1e-9)
+        assert fitter.fit(~held).model.effects[0].values()["factor"] == pytest.approx(clean, abs=1e-9)
 
     def test_intervals_hold_the_truth_about_as_often_as_they_say(self, raptor: Vehicle) -> None:
         truth = Model(raptor).plus(ConstantScale(0.95))
@@ -375,3 +376,38 @@ def _correlated(n: int, rho: float, seed: int) -> np.ndarray:
 def test_a_dataset_knows_the_heights_it_covers(rigid: Model) -> None:
     low, high = Dataset((prepare(obedient(rigid), rigid.vehicle),)).heights_m
     assert 0.1 < low < 0.25 and 0.95 < high < 1.1
+
+
+class TestNuisances:
+    def test_a_trim_of_the_size_that_real_vehicles_have_is_not_called_missing(self, raptor: Vehicle) -> None:
+        truth = Model(raptor).plus(ConstantScale(1.005))
+        data = load_dataset([obedient(truth, 120.0, noise_m_s=0.005)], raptor)
+        assert diagnose(Model(raptor), data).missing == []
+
+    def test_a_larger_one_is(self, raptor: Vehicle) -> None:
+        truth = Model(raptor).plus(ConstantScale(1.03))
+        data = load_dataset([obedient(truth, 120.0, noise_m_s=0.005)], raptor)
+        assert diagnose(Model(raptor), data).missing == ["thrust_scale"]
+
+    def test_they_are_held_to_what_is_believed(self, raptor: Vehicle) -> None:
+        data = load_dataset([obedient(Model(raptor).plus(ConstantScale(0.8)), 60.0, noise_m_s=0.005)], raptor)
+        fitted = Fitter(Model(raptor), data).fit()
+        assert np.all(np.abs(fitted.nuisances) <= MOST + 1e-12)
+        assert fitted.nuisances[0, 0] == pytest.approx(-0.01, abs=1e-4)
+
+    def test_each_flight_has_its_own(self, raptor: Vehicle) -> None:
+        logs = [
+            obedient(Model(raptor).plus(ConstantScale(factor)), 60.0, noise_m_s=0.005, name=f"{factor}.csv")
+            for factor in (0.994, 1.006)
+        ]
+        fitted = Fitter(Model(raptor), load_dataset(logs, raptor)).fit()
+        assert fitted.nuisances[:, 0] == pytest.approx([-0.006, 0.006], abs=1e-3)
+
+    def test_a_height_that_is_off_by_a_centimetre_does_not_bend_the_ground_effect(self, raptor: Vehicle) -> None:
+        truth = Model(raptor).plus(Exponential(a=0.3, b=6.0))
+        log = obedient(truth, 120.0, noise_m_s=0.005)
+        off = dataclasses.replace(log, columns={**log.columns, "z_m": log["z_m"] + 0.01})
+        both = load_dataset([dataclasses.replace(off, name="off.csv"), log], raptor)
+        fitted = Fitter(Model(raptor).plus(Exponential()), both).fit()
+        # Only the difference between the flights can be seen: an offset common to all is a change of a.
+        assert fitted.nuisances[1, 3] - fitted.nuisances[0, 3] == pytest.approx(0.01, abs=2e-3)

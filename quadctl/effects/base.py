@@ -113,6 +113,10 @@ class Effect:
     def values(self) -> dict[str, float]:
         return {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
 
+    def negligible(self) -> bool:
+        """No more than what coefficients and trims of any real vehicle are off by: then it is not called missing."""
+        return False
+
     def rotor_thrust(self, thrust_n: Sequence[Number], c: Conditions, vehicle: Vehicle) -> Sequence[Number]:
         """Thrust of each rotor, N, given what it would be without this effect."""
         return thrust_n

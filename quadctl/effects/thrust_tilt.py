@@ -25,6 +25,9 @@ class FixedTilt(Effect):
     roll_deg: float = parameter(0.0, -8.0, 8.0, "deg", "thrust leans to the right")
     pitch_deg: float = parameter(0.0, -8.0, 8.0, "deg", "thrust leans backward")
 
+    def negligible(self) -> bool:
+        return math.hypot(self.roll_deg, self.pitch_deg) < 0.3
+
     def force(self, total_thrust_n: Number, c: Conditions, vehicle: Vehicle) -> Vector:
         roll, pitch = math.radians(self.roll_deg), math.radians(self.pitch_deg)
         return (

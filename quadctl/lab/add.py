@@ -88,9 +88,9 @@ def add(effect: type[Effect], model: Model, dataset: Dataset) -> Addition:
     draws = fitter.bootstrap(fitted)
     ci = intervals(fitter.free, draws)
     stack = []
-    for i, item in enumerate(fitted.stack):
+    for i, item in enumerate(fitted.model.stack):
         own = {f.parameter.name: c for f, c in zip(fitter.free, ci, strict=True) if f.effect == i}
-        last = i == len(fitted.stack) - 1
+        last = i == len(fitted.model.stack) - 1
         old = item.fitted or Provenance()
         fresh = Provenance(
             logs=tuple(dataset.names),
@@ -103,5 +103,5 @@ def add(effect: type[Effect], model: Model, dataset: Dataset) -> Addition:
         )
         stack.append(StackedEffect(item.effect, fresh))
     result = Model(model.vehicle, tuple(stack), model.name, model.vehicle_path)
-    notes = remarks(fitter.free, values_of(fitted, fitter.free), ci)
+    notes = remarks(fitter.free, values_of(fitted.model, fitter.free), ci)
     return Addition(model, result, dataset, before, after, draws, notes)

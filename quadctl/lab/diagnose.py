@@ -65,7 +65,8 @@ class Candidate:
 
     @property
     def supported(self) -> bool:
-        return self.p_value < SIGNIFICANT and self.held_out_drop > 0.0 and self.largest_drop > MATERIAL
+        helps = self.held_out_drop > 0.0 and self.largest_drop > MATERIAL
+        return helps and self.p_value < SIGNIFICANT and not self.effect.negligible()
 
     @property
     def text(self) -> str:
@@ -73,6 +74,8 @@ class Candidate:
         verdict = (
             f"It takes {self.held_out_drop:.0%} off the unseen error, {self.largest_drop:.0%} on the {axis} axis."
             if self.supported
+            else "It is within the trims of any real vehicle."
+            if self.effect.negligible() and self.p_value < SIGNIFICANT
             else "The unseen data do not support it."
         )
         return " ".join([self.effect.physics, verdict, *(f"Note: {remark}." for remark in self.remarks)])
@@ -226,7 +229,7 @@ def _refitted(model: Model, dataset: Dataset) -> tuple[Model, Floats]:
     """The model fitted on all data, and its held-out residual."""
     fitter = Fitter(model, dataset)
     fitted = fitter.fit()
-    return fitted, dataset.measured - fitter.held_out(fitted)
+    return fitted.model, dataset.measured - fitter.held_out(fitted)
 
 
 def _try(
@@ -243,13 +246,14 @@ def _try(
     fitted = fitter.fit()
     after = dataset.measured - fitter.held_out(fitted)
     p = improvement_p_value(residual, residual - after, dataset)
-    last = len(fitted.effects) - 1
+    effects = fitted.model.effects
+    last = len(effects) - 1
     ci = intervals(fitter.free, fitter.bootstrap(fitted))
     own = [(f, c) for f, c in zip(fitter.free, ci, strict=True) if f.effect == last]
-    values = values_of(fitted, [f for f, _ in own])
+    values = values_of(fitted.model, [f for f, _ in own])
     return Candidate(
-        effect=fitted.effects[last],
-        model=fitted,
+        effect=effects[last],
+        model=fitted.model,
         ci95={f.parameter.name: c for f, c in own},
         before=rmse(residual),
         after=rmse(after),
@@ -307,5 +311,5 @@ def parameters_in_words(effect: Effect, ci95: dict[str, tuple[float, float]]) ->
     """`a = 0.114 [0.10, 0.12], b = 5.4 [5.0, 5.8]`; fixed parameters are left out."""
     values = effect.values()
     return (
-        ", ".join(f"{name} = {values[name]:.4g} [{low:.3g}, {high:.3g}]" for name, (low, high) in ci95.items()) or "-"
+        ", ".join(f"{name} = {values[name]:.4g} [{low:.4g}, {high:.4g}]" for name, (low, high) in ci95.items()) or "-"
     )

@@ -4,13 +4,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
+from threadpoolctl import ThreadpoolController  # type: ignore[import-untyped]
 
 from quadctl.effects import Effect, Parameter
-from quadctl.lab.data import Dataset
-from quadctl.lab.prepare import Floats
+from quadctl.lab.data import Dataset, predict
+from quadctl.lab.nuisance import KINDS, MOST, USUAL, disturbed, sensitivity
+from quadctl.lab.prepare import Floats, Mask
 from quadctl.model import Model
+
+_BLAS = ThreadpoolController().select(user_api="blas")
+"""The matrices of a fit are small: several BLAS threads on them only wait for each other (ten times slower here)."""
 
 BOOTSTRAPS = 1000
 HUBER_SIGMAS = 3.0
@@ -46,113 +50,173 @@ def with_values(model: Model, free: Sequence[Free], values: Floats) -> Model:
     return model.with_effects(effects)
 
 
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """A fitted model and the nuisances of the flights it was fitted on, shape (flights, kinds)."""
+
+    model: Model
+    nuisances: Floats
+
+    def predicted(self, dataset: Dataset) -> Floats:
+        """Prediction of every sample, nuisances included, shape (n, 3)."""
+        flights = zip(dataset.flights, self.nuisances, strict=True)
+        return np.concatenate([predict(self.model, disturbed(flight, nuisance)) for flight, nuisance in flights])
+
+
 class Fitter:
-    """Fits one form of model to parts of one dataset."""
+    """Fits one form of model, and the nuisances of each flight, to parts of one dataset.
+
+    The fit minimises the robust sum of squares of the residual, in units of its noise, plus the squares of the
+    nuisances in units of their usual size.
+    """
 
     def __init__(self, model: Model, dataset: Dataset) -> None:
         self.dataset = dataset
         self.model = model
         self.free = free_parameters(model)
-        self._low = np.array([f.parameter.low for f in self.free])
-        self._high = np.array([f.parameter.high for f in self.free])
+        count = len(dataset.flights)
+        self._low = np.concatenate([[f.parameter.low for f in self.free], np.tile(-MOST, count)])
+        self._high = np.concatenate([[f.parameter.high for f in self.free], np.tile(MOST, count)])
+        self._usual = np.tile(USUAL, count)
 
-    def fit(self, used: NDArray[np.bool_] | None = None) -> Model:
-        """Fit on the samples `used` (all by default), from the model's present parameters.
+    def fit(self, used: Mask | None = None, start: Fitted | None = None) -> Fitted:
+        """Fit on the samples `used` (all by default), from the model's present parameters or from an earlier fit.
 
-        Two passes: the first brings the residual near noise, the second weighs it by that noise.
+        From the model's parameters in two passes: the first brings the residual near noise, the second weighs it by
+        that noise.
         """
-        if not self.free:
-            return self.model
-        model = self.model
-        for _ in range(2):
-            scale = noise_scale(self._residual(model, used))
-            model = self._least_squares(model, scale, used)
-        return model
+        fitted = start or Fitted(self.model, np.zeros((len(self.dataset.flights), len(KINDS))))
+        rows = np.ones(len(self.dataset.measured), dtype=bool) if used is None else used
+        for _ in range(2 if start is None else 1):
+            residual = (self.dataset.measured - fitted.predicted(self.dataset))[rows]
+            fitted = self._least_squares(fitted, noise_scale(residual), rows)
+        return fitted
 
-    def _least_squares(self, model: Model, scale: Floats, used: NDArray[np.bool_] | None) -> Model:
-        def weighted(values: Floats) -> Floats:
-            return (self._residual(with_values(model, self.free, values), used) / scale).ravel()
+    def held_out(self, fitted: Fitted) -> Floats:
+        """Prediction of every sample by a fit that has not seen its fold, shape (n, 3); starts from `fitted`.
 
-        inside = 1e-6 * (self._high - self._low)
-        result = least_squares(
-            weighted,
-            np.clip(values_of(model, self.free), self._low + inside, self._high - inside),
-            bounds=(self._low, self._high),
-            x_scale=0.1 * (self._high - self._low),
-            loss="soft_l1",
-            f_scale=HUBER_SIGMAS,
-            diff_step=np.array(1e-4),
-            max_nfev=60,
-            xtol=1e-6,
-            ftol=1e-7,
-        )
-        return with_values(model, self.free, result.x)
-
-    def _residual(self, model: Model, used: NDArray[np.bool_] | None) -> Floats:
-        residual = self.dataset.residual(model)
-        return residual if used is None else residual[used]
-
-    def held_out(self, fitted: Model) -> Floats:
-        """Prediction of every sample by a fit that has not seen its fold, shape (n, 3); starts from `fitted`."""
+        The nuisances of a flight that is held out as a whole are not known: they stay where nothing pulls them, at 0.
+        """
         predicted = np.empty_like(self.dataset.measured)
-        fitter = Fitter(fitted, self.dataset)
         for number in self.dataset.folds:
             held = self.dataset.fold == number
-            model = fitter.fit(~held)
-            predicted[held] = self.dataset.predicted(model)[held]
+            predicted[held] = self.fit(~held, fitted).predicted(self.dataset)[held]
         return predicted
 
-    def jacobian(self, fitted: Model) -> Floats:
-        """d prediction / d parameter at `fitted`, shape (n, 3, p)."""
-        values = values_of(fitted, self.free)
-        columns = []
-        for i in range(len(self.free)):
-            step = 1e-4 * (self._high[i] - self._low[i])
-            ends = []
-            for sign in (-1.0, 1.0):
-                moved = values.copy()
-                moved[i] = np.clip(values[i] + sign * step, self._low[i], self._high[i])
-                ends.append((moved[i], self.dataset.predicted(with_values(fitted, self.free, moved))))
-            (a, below), (b, above) = ends
-            columns.append((above - below) / (b - a))
-        return np.stack(columns, axis=-1)
-
-    def bootstrap(self, fitted: Model, seed: int = 0) -> Floats:
-        """Parameters of `BOOTSTRAPS` refits on resampled blocks of time, shape (draws, p), within their bounds.
+    def bootstrap(self, fitted: Fitted, seed: int = 0) -> Floats:
+        """Free parameters of `BOOTSTRAPS` refits on resampled blocks of time, shape (draws, p), within their bounds.
 
         Each draw is one Gauss-Newton step from the optimum with the blocks' new weights, which is the refit to first
-        order, with the robust weights of the fit.
+        order, with the robust weights of the fit and the nuisances free.
         """
-        if not self.free:
+        n_free = len(self.free)
+        if not n_free:
             return np.empty((BOOTSTRAPS, 0))
-        residual = self.dataset.residual(fitted)
+        residual = self.dataset.measured - fitted.predicted(self.dataset)
         scale = noise_scale(residual)
         e = residual / scale
-        j = self.jacobian(fitted) / scale[None, :, None]
+        parameters = self._parameter_slopes(values_of(fitted.model, self.free))
+        j = np.concatenate([parameters, self._nuisance_slopes(fitted.model)], axis=-1) / scale[None, :, None]
         robust = 1.0 / np.sqrt(1.0 + (e / HUBER_SIGMAS) ** 2)
         blocks = self.dataset.block
         count = int(blocks.max()) + 1
-        p = len(self.free)
+        p = j.shape[-1]
         gradient = np.zeros((count, p))
         normal = np.zeros((count, p, p))
         np.add.at(gradient, blocks, np.einsum("nap,na->np", j, robust * e))
         np.add.at(normal, blocks, np.einsum("nap,naq,na->npq", j, j, robust))
         present = np.flatnonzero(np.bincount(blocks, minlength=count))
         random = np.random.default_rng(seed)
-        values = values_of(fitted, self.free)
+        values = self._values(fitted)
         unit = self._high - self._low
-        draws = np.empty((BOOTSTRAPS, p))
-        unseen = np.einsum("nap,nap->p", j, j) * unit**2 < UNSEEN
-        for i in range(BOOTSTRAPS):
-            weight = np.bincount(random.choice(present, len(present)), minlength=count).astype(float)
-            a = np.tensordot(weight, normal, axes=1) * np.outer(unit, unit)
-            b = weight @ gradient * unit
-            # The tiny ridge decides only directions that the data do not see at all.
-            a += 1e-9 * (np.trace(a) / p + 1e-12) * np.eye(p)
-            draws[i] = np.clip(values + unit * np.linalg.solve(a, b), self._low, self._high)
+        prior = np.concatenate([np.zeros(n_free), 1.0 / self._usual**2])
+        draws = np.empty((BOOTSTRAPS, n_free))
+        with _BLAS.limit(limits=1):
+            for i in range(BOOTSTRAPS):
+                weight = np.bincount(random.choice(present, len(present)), minlength=count).astype(float)
+                a = (np.tensordot(weight, normal, axes=1) + np.diag(prior)) * np.outer(unit, unit)
+                b = (weight @ gradient - prior * values) * unit
+                # The tiny ridge decides only directions that the data do not see at all.
+                a += 1e-9 * (np.trace(a) / p + 1e-12) * np.eye(p)
+                draws[i] = np.clip(values + unit * np.linalg.solve(a, b), self._low, self._high)[:n_free]
+        unseen = (np.einsum("nap,nap->p", j, j) * unit**2 < UNSEEN)[:n_free]
         either = random.integers(0, 2, size=draws.shape)
-        draws[:, unseen] = np.where(either, self._high, self._low)[:, unseen]  # anything that is possible
+        # A parameter that is not seen may be anything that is possible.
+        draws[:, unseen] = np.where(either, self._high[:n_free], self._low[:n_free])[:, unseen]
         return draws
+
+    def _least_squares(self, start: Fitted, scale: Floats, rows: Mask) -> Fitted:
+        n_free = len(self.free)
+        slopes = self._nuisance_slopes(start.model)
+        prior = np.zeros((len(self._usual), n_free + len(self._usual)))
+        prior[:, n_free:] = np.diag(1.0 / self._usual)
+
+        def residual(values: Floats) -> Floats:
+            predicted = self.dataset.predicted(self._model(values)) + slopes @ values[n_free:]
+            return np.asarray((self.dataset.measured - predicted)[rows] / scale)
+
+        def cost(values: Floats) -> Floats:
+            # The loss is applied to the samples alone: a prior's term is never an outlier.
+            return np.concatenate([_soft(residual(values)).ravel(), values[n_free:] / self._usual])
+
+        def slope(values: Floats) -> Floats:
+            j = np.concatenate([self._parameter_slopes(values[:n_free]), slopes], axis=-1)[rows] / scale[:, None]
+            j *= -_soft_slope(residual(values))[..., None]
+            return np.concatenate([j.reshape(-1, j.shape[-1]), prior])
+
+        inside = 1e-6 * (self._high - self._low)
+        with _BLAS.limit(limits=1):
+            result = least_squares(
+                cost,
+                np.clip(self._values(start), self._low + inside, self._high - inside),
+                jac=slope,
+                bounds=(self._low, self._high),
+                x_scale=0.1 * (self._high - self._low),
+                max_nfev=60,
+                xtol=1e-6,
+                ftol=1e-7,
+            )
+        return Fitted(self._model(result.x), result.x[n_free:].reshape(-1, len(KINDS)))
+
+    def _values(self, fitted: Fitted) -> Floats:
+        return np.concatenate([values_of(fitted.model, self.free), fitted.nuisances.ravel()])
+
+    def _model(self, values: Floats) -> Model:
+        return with_values(self.model, self.free, values[: len(self.free)])
+
+    def _parameter_slopes(self, values: Floats) -> Floats:
+        """d prediction / d free parameter, shape (n, 3, p), by differences that stay within the bounds."""
+        found = np.empty((*self.dataset.measured.shape, len(self.free)))
+        if not self.free:
+            return found
+        here = self.dataset.predicted(self._model(values))
+        for i in range(len(self.free)):
+            step = 1e-4 * (self._high[i] - self._low[i])
+            step = step if values[i] + step <= self._high[i] else -step
+            moved = values.copy()
+            moved[i] += step
+            found[..., i] = (self.dataset.predicted(self._model(moved)) - here) / step
+        return found
+
+    def _nuisance_slopes(self, model: Model) -> Floats:
+        """d prediction / d nuisance, shape (n, 3, flights * kinds): a nuisance moves only its own flight."""
+        count = len(self.dataset.flights)
+        found = np.zeros((*self.dataset.measured.shape, count, len(KINDS)))
+        for i, flight in enumerate(self.dataset.flights):
+            found[self.dataset.flight_index == i, :, i] = sensitivity(model, flight)
+        return found.reshape(*self.dataset.measured.shape, count * len(KINDS))
+
+
+def _soft(residual: Floats) -> Floats:
+    """Residuals whose squares are the soft-L1 loss of `residual`: near the same when small, its root when large."""
+    ratio = (residual / HUBER_SIGMAS) ** 2
+    return np.asarray(np.sign(residual) * HUBER_SIGMAS * np.sqrt(2.0 * (np.sqrt(1.0 + ratio) - 1.0)))
+
+
+def _soft_slope(residual: Floats) -> Floats:
+    """d _soft / d residual."""
+    root = np.sqrt(1.0 + (residual / HUBER_SIGMAS) ** 2)
+    return np.asarray(np.sqrt((root + 1.0) / 2.0) / root)
 
 
 def noise_scale(residual: Floats) -> Floats:
