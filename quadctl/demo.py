@@ -15,15 +15,14 @@ from rich.console import Console
 from quadctl.errors import QuadctlError
 from quadctl.flight.outcome import Outcome
 from quadctl.flight.session import FlightPlan, fly_real_time, prepare_flight
-from quadctl.lab.add import Addition, add
 from quadctl.lab.compare import compare
-from quadctl.lab.data import Dataset, load_dataset
-from quadctl.lab.diagnose import Diagnosis, diagnose
+from quadctl.lab.data import load_dataset
+from quadctl.lab.discover import discover
 from quadctl.lab.metrics import MetricsTable, Window, metrics, render
 from quadctl.lab.report import step_responses, write_report
 from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.read import read_log
-from quadctl.model import Model, load_model, save_model
+from quadctl.model import load_model, save_model
 from quadctl.vehicle import Vehicle
 
 HIDDEN = {
@@ -77,23 +76,22 @@ def run(out: Path, console: Console, simulator: Simulator, real_time: bool) -> N
 
     rigid = load_model(VEHICLE)
     seen, unseen = load_dataset(logs[:2], rigid.vehicle, "flights"), load_dataset(logs[2:], rigid.vehicle)
+    with console.status("comparing, diagnosing, adding"):
+        discovery = discover(rigid, seen)
     demo.say("\n[bold]2. Compare[/]: the rigid body against the first two flights.")
-    before = compare(rigid, seen)
-    console.print(before)
-
+    console.print(discovery.before)
     demo.say("\n[bold]3. Diagnose[/]: which effect is missing?")
-    diagnosis = diagnose(rigid, seen)
-    console.print(diagnosis)
-
+    console.print(discovery.diagnosis)
+    if not discovery.additions:
+        raise QuadctlError("the diagnosis found nothing missing, expected the hidden ground effect")
     demo.say("\n[bold]4. Add[/]: what was found, fitted to the first two flights.")
-    addition = _add_all(rigid, diagnosis, seen)
-    console.print(addition)
+    console.print(discovery.additions[-1])
     found = out / "found.yaml"
-    save_model(addition.model, found)
+    save_model(discovery.model, found)
     demo.say(f"Saved: {found}")
 
     demo.say("\n[bold]5. Judge[/]: the third flight, which no fit has seen.")
-    old, new = compare(rigid, unseen), compare(addition.model, unseen)
+    old, new = compare(rigid, unseen), compare(discovery.model, unseen)
     drop = 1.0 - new.rmse["total"] / old.rmse["total"]
     demo.say(
         f"Error on the unseen flight: {old.rmse['total']:.4f} -> [bold]{new.rmse['total']:.4f} m/s^2[/] "
@@ -111,9 +109,9 @@ def run(out: Path, console: Console, simulator: Simulator, real_time: bool) -> N
     report = out / "report.html"
     write_report(
         report,
-        comparison=before,
-        diagnosis=diagnosis,
-        addition=addition,
+        comparison=discovery.before,
+        diagnosis=discovery.diagnosis,
+        addition=discovery.additions[-1],
         before_unseen=old,
         after=new,
         steps=step_responses(steps.logs, steps.table),
@@ -138,17 +136,6 @@ def _write_hidden(out: Path) -> Path:
     except OSError as error:
         raise QuadctlError(f"{path}: cannot be written ({error.strerror})") from None
     return path
-
-
-def _add_all(rigid: Model, diagnosis: Diagnosis, data: Dataset) -> Addition:
-    """Add the missing effects in the order of the diagnosis."""
-    effects = {item.effect.family(): type(item.effect) for item in diagnosis.best.stack}
-    addition: Addition | None = None
-    for family in diagnosis.missing:
-        addition = add(effects[family], addition.model if addition else rigid, data)
-    if addition is None:
-        raise QuadctlError("the diagnosis found nothing missing, expected the hidden ground effect")
-    return addition
 
 
 def _fly_steps(demo: Demo, found: Path) -> Steps:

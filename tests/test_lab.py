@@ -17,6 +17,7 @@ from quadctl.lab.add import add
 from quadctl.lab.compare import compare
 from quadctl.lab.data import Dataset, autocovariance, load_dataset, rmse, variance_of_sum
 from quadctl.lab.diagnose import diagnose
+from quadctl.lab.discover import discover
 from quadctl.lab.fit import Fitter, intervals
 from quadctl.lab.nuisance import MOST
 from quadctl.lab.prepare import BLOCK_S, prepare
@@ -376,6 +377,28 @@ def _correlated(n: int, rho: float, seed: int) -> np.ndarray:
 def test_a_dataset_knows_the_heights_it_covers(rigid: Model) -> None:
     low, high = Dataset((prepare(obedient(rigid), rigid.vehicle),)).heights_m
     assert 0.1 < low < 0.25 and 0.95 < high < 1.1
+
+
+class TestDiscover:
+    def test_it_walks_the_circle_until_nothing_is_left(self, tmp_path: Path, rigid: Model) -> None:
+        hidden = [("rotor_drag.linear", {"d_x": 0.3, "d_y": 0.25}), ("thrust_scale.constant", {"factor": 0.93})]
+        data = load_dataset([simulated("forward_runs", hidden, 6, tmp_path)], rigid.vehicle)
+        found = discover(rigid, data)
+        assert [type(effect) for effect in found.model.effects] == [ConstantScale, LinearDrag]
+        errors = [step.rmse["total"] for step in found.diagnosis.steps]
+        assert errors == sorted(errors, reverse=True)
+        assert [step.family for step in found.diagnosis.steps] == ["", *found.diagnosis.missing]
+        assert diagnose(found.model, data).missing == []
+
+
+class TestSpans:
+    def test_an_effect_is_not_tried_where_the_data_cannot_tell_it_from_others(
+        self, staircases: list[FlightLog], rigid: Model
+    ) -> None:
+        """A hover at one heading says nothing of wind: the result says so instead of guessing."""
+        result = diagnose(rigid, load_dataset(staircases[:1], rigid.vehicle))
+        assert "wind" not in {candidate.family for candidate in result.ranking}
+        assert any("wind.steady" in reason and "heading over 60 deg" in reason for reason in result.untried)
 
 
 class TestNuisances:

@@ -75,6 +75,12 @@ class Dataset:
             return None
         return np.concatenate([flight.variables[name] for flight in self.flights])
 
+    def span(self, name: str) -> float:
+        """How far a variable ranges over all flights (see `Flight.span`); 0 where it is not logged."""
+        ends = np.array([flight.span(name) for flight in self.flights])
+        reach = float(ends[:, 1].max() - ends[:, 0].min())
+        return reach if np.isfinite(reach) else 0.0
+
     @property
     def names(self) -> list[str]:
         return [flight.name for flight in self.flights]

@@ -17,7 +17,7 @@ from quadctl.effects import CATALOG, Effect
 from quadctl.lab.data import AXES, Dataset, rmse
 from quadctl.lab.fit import Fitter, free_parameters, intervals, remarks, values_of
 from quadctl.lab.flexible import flexible_residual
-from quadctl.lab.prepare import Floats
+from quadctl.lab.prepare import SPAN_UNITS, Floats
 from quadctl.lab.significance import difference_p_value, improvement_p_value
 from quadctl.model import Model
 
@@ -66,7 +66,8 @@ class Candidate:
     @property
     def supported(self) -> bool:
         helps = self.held_out_drop > 0.0 and self.largest_drop > MATERIAL
-        return helps and self.p_value < SIGNIFICANT and not self.effect.negligible()
+        within = not any("bound" in remark for remark in self.remarks)  # else the form is a stand-in for another
+        return helps and self.p_value < SIGNIFICANT and within and not self.effect.negligible()
 
     @property
     def text(self) -> str:
@@ -118,6 +119,8 @@ class Diagnosis:
     """The model with all missing effects, fitted on all data."""
     confounded: list[list[str]] = field(default_factory=list)
     suggested_mission: str | None = None
+    untried: list[str] = field(default_factory=list)
+    """Effects that these data could not tell from their look-alikes, and why."""
     unexplained: bool = False
     """After all missing effects are in, the logged variables still explain a part of the error that is worth it."""
 
@@ -131,6 +134,7 @@ class Diagnosis:
             "symbolic": None,
             "ladder": [{"family": s.family, "effect": s.effect, "rmse": s.rmse} for s in self.steps],
             "unexplained": self.unexplained,
+            "untried": self.untried,
         }
 
     def __rich__(self) -> RenderableType:
@@ -166,6 +170,7 @@ class Diagnosis:
             if self.unexplained:
                 lines.append("Even so, something is left that the variables explain and these effects do not.")
         lines += [f"These data cannot tell apart: {' and '.join(pair)}." for pair in self.confounded]
+        lines += [f"Not tried: {reason}." for reason in self.untried]
         if self.suggested_mission:
             lines.append(f"To tell more, fly {self.suggested_mission}.")
         return lines
@@ -184,7 +189,15 @@ def diagnose(
     """
     pool = list(candidates if candidates is not None else CATALOG.values())
     present = {effect.family() for effect in model.effects}
-    pool = [effect for effect in pool if effect.family() not in present]
+    pool = [effect for effect in pool if effect.family() not in present and effect.applies_to(model.vehicle)]
+    untried = [
+        f"{effect.name} (to be told from others it takes {variable} over {span:g} {SPAN_UNITS[variable]}, "
+        f"these data have {dataset.span(variable):.2g})"
+        for effect in pool
+        for variable, span in effect.needs.items()
+        if dataset.span(variable) < span
+    ]
+    pool = [e for e in pool if all(dataset.span(variable) >= span for variable, span in e.needs.items())]
     current, residual = _refitted(model, dataset)
     steps = [Step("", model.name, rmse(residual))]
     ranking: list[Candidate] = []
@@ -222,6 +235,7 @@ def diagnose(
         confounded=confounded,
         suggested_mission=_suggestion(ranking, missing, confounded),
         unexplained=unexplained,
+        untried=untried,
     )
 
 

@@ -130,7 +130,9 @@ class Fitter:
         values = self._values(fitted)
         unit = self._high - self._low
         prior = np.concatenate([np.zeros(n_free), 1.0 / self._usual**2])
-        draws = np.empty((BOOTSTRAPS, n_free))
+        # What the fit has pushed against a bound stays there, as it would in a refit.
+        moves = np.flatnonzero((values - self._low > 1e-3 * unit) & (self._high - values > 1e-3 * unit))
+        draws = np.tile(values, (BOOTSTRAPS, 1))
         with _BLAS.limit(limits=1):
             for i in range(BOOTSTRAPS):
                 weight = np.bincount(random.choice(present, len(present)), minlength=count).astype(float)
@@ -138,7 +140,8 @@ class Fitter:
                 b = (weight @ gradient - prior * values) * unit
                 # The tiny ridge decides only directions that the data do not see at all.
                 a += 1e-9 * (np.trace(a) / p + 1e-12) * np.eye(p)
-                draws[i] = np.clip(values + unit * np.linalg.solve(a, b), self._low, self._high)[:n_free]
+                draws[i, moves] += unit[moves] * np.linalg.solve(a[np.ix_(moves, moves)], b[moves])
+        draws = np.clip(draws, self._low, self._high)[:, :n_free]
         unseen = (np.einsum("nap,nap->p", j, j) * unit**2 < UNSEEN)[:n_free]
         either = random.integers(0, 2, size=draws.shape)
         # A parameter that is not seen may be anything that is possible.
@@ -176,7 +179,9 @@ class Fitter:
                 xtol=1e-6,
                 ftol=1e-7,
             )
-        return Fitted(self._model(result.x), result.x[n_free:].reshape(-1, len(KINDS)))
+        values = np.where(result.x - self._low < 2.0 * inside, self._low, result.x)
+        values = np.where(self._high - values < 2.0 * inside, self._high, values)
+        return Fitted(self._model(values), values[n_free:].reshape(-1, len(KINDS)))
 
     def _values(self, fitted: Fitted) -> Floats:
         return np.concatenate([values_of(fitted.model, self.free), fitted.nuisances.ravel()])

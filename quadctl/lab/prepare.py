@@ -91,6 +91,18 @@ class Flight:
             found["battery"] = battery
         return found
 
+    def span(self, name: str) -> tuple[float, float]:
+        """5th and 95th percentile of a variable, or of `heading` (deg) or horizontal `speed` (m/s); nan: not logged."""
+        u, v, _ = self.conditions.velocity_body_m_s
+        if name == "heading":
+            values = np.degrees(np.unwrap(euler_from_quaternion(self.conditions.attitude)[2]))
+        elif name == "speed":
+            values = np.hypot(u, v)
+        else:
+            values = self.variables.get(name, np.array([np.nan]))
+        low, high = np.percentile(values, [5.0, 95.0])
+        return float(low), float(high)
+
 
 VARIABLE_UNITS = {
     "height_over_radius": "rotor radii",
@@ -103,6 +115,7 @@ VARIABLE_UNITS = {
     "time": "s",
     "battery": "V",
 }
+SPAN_UNITS = {**VARIABLE_UNITS, "heading": "deg", "speed": "m/s"}
 VARIABLE_NAMES = {
     "height_over_radius": "rotor height",
     "climb_rate": "climb rate",

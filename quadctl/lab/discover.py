@@ -1,0 +1,62 @@
+"""Discover: compare, diagnose, add, until nothing significant is left; the ladder of held-out errors on the way."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from quadctl.lab.add import Addition, add
+from quadctl.lab.compare import Comparison, compare
+from quadctl.lab.data import AXES, Dataset
+from quadctl.lab.diagnose import Diagnosis, diagnose
+from quadctl.model import Model
+
+
+@dataclass(frozen=True, eq=False)
+class Discovery:
+    """Where the walk began, what was found, and the model it ended with."""
+
+    before: Comparison
+    diagnosis: Diagnosis
+    additions: list[Addition]
+    """One for each missing family, in the order of adding."""
+
+    @property
+    def model(self) -> Model:
+        """The model with all that was found, or the one that it began with."""
+        return self.additions[-1].model if self.additions else self.diagnosis.model
+
+    def to_dict(self) -> dict[str, Any]:
+        return {
+            "before": self.before.to_dict(),
+            "diagnosis": self.diagnosis.to_dict(),
+            "additions": [addition.to_dict() for addition in self.additions],
+        }
+
+    def __rich__(self) -> RenderableType:
+        table = Table(title="Error ladder, on data the fits did not see", title_justify="left")
+        table.add_column("m/s^2")
+        for axis in (*AXES, "total"):
+            table.add_column(axis, justify="right")
+        for step in self.diagnosis.steps:
+            name = f"+ {step.effect}" if step.family else step.effect
+            table.add_row(name, *(f"{step.rmse[axis]:.4f}" for axis in (*AXES, "total")))
+        floor = self.before.noise_floor
+        table.add_row("noise floor", *(f"{floor[axis]:.4f}" for axis in (*AXES, "total")), style="dim")
+        return Group(table, Text("\n".join(self.diagnosis.lines())))
+
+
+def discover(model: Model, dataset: Dataset, progress: Callable[[str], None] = lambda text: None) -> Discovery:
+    """Add to `model` whatever is missing, one family at a time."""
+    progress("comparing")
+    before = compare(model, dataset)
+    diagnosis = diagnose(model, dataset, progress=progress)
+    kinds = {effect.family(): type(effect) for effect in diagnosis.best.effects}
+    additions: list[Addition] = []
+    for family in diagnosis.missing:
+        progress(f"adding {kinds[family].name}")
+        additions.append(add(kinds[family], additions[-1].model if additions else model, dataset))
+    return Discovery(before, diagnosis, additions)
