@@ -1,6 +1,7 @@
 """The commands: parse, call, print. What they do is elsewhere."""
 
 import json
+import os
 import sys
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -11,7 +12,7 @@ import typer
 from rich.console import Console
 
 from quadctl import __version__
-from quadctl.errors import FlightError, QuadctlError
+from quadctl.errors import FlightError, LogError, QuadctlError
 
 app = typer.Typer(
     name="quadctl",
@@ -22,11 +23,17 @@ app = typer.Typer(
 )
 console = Console()
 
+MAX_NUMBER = 1e9
+"""Of a height or a time on the command line, m or s."""
+
 INTERRUPTED = 130
 """Exit status with which typer ends on Ctrl-C."""
 
 LAB_PACKAGES = ("scipy", "polars", "matplotlib", "jinja2", "pyulog", "mcap")
 """Of the extra `lab`: not on the companion computer."""
+
+LOG_SUFFIXES = (".csv", ".ulg", ".bin", ".tlog")
+"""Of flight logs: a flight cannot be flown again, so no result is ever written to such a file."""
 
 ModelArgument = Annotated[Path, typer.Argument(metavar="MODEL.yaml", help="Model file, or a bare vehicle file.")]
 LogArguments = Annotated[list[Path], typer.Argument(metavar="LOG...", help="Flight logs: .csv, .ulg, .bin, .tlog.")]
@@ -43,7 +50,7 @@ HoldOutOption = Annotated[
 MissionArgument = Annotated[Path, typer.Argument(metavar="MISSION.yaml")]
 ModelOption = Annotated[
     str | None,
-    typer.Option("--model", metavar="MODEL", help="Compensator: none, cheeseman, hayden, sanchez, or a model file."),
+    typer.Option("--model", metavar="MODEL", help="Compensator: none, an effect such as hayden, or a model file."),
 ]
 ConfigOption = Annotated[
     Path | None, typer.Option("--config", metavar="FILE", help="Flight configuration [default: config/flight.yaml].")
@@ -52,7 +59,7 @@ LogDirOption = Annotated[Path, typer.Option("--log-dir", metavar="DIR", help="Wh
 HiddenOption = Annotated[
     Path | None, typer.Option("--hidden", metavar="FILE", help="What the simulated world hides from us.")
 ]
-SeedOption = Annotated[int, typer.Option("--seed", metavar="N", help="Same seed, same flight.")]
+SeedOption = Annotated[int, typer.Option("--seed", metavar="N", min=0, help="Same seed, same flight.")]
 OffsetOption = Annotated[
     float | None, typer.Option("--offset-up", metavar="M", help="Fly the mission so much higher than its file says.")
 ]
@@ -84,9 +91,11 @@ def compare(
     from quadctl.lab.compare import compare as run
     from quadctl.lab.report import write_report
 
+    _check_outputs([model, *logs], json_out, html)
     loaded, data = _model_and_data(model, logs, "blocks")
     result = run(loaded, data)
     console.print(result)
+    _print_notes(data)
     _write_json(json_out, result.to_dict())
     if html is not None:
         write_report(html, comparison=result)
@@ -106,10 +115,12 @@ def diagnose(
     from quadctl.lab.diagnose import diagnose as run
     from quadctl.lab.report import write_report
 
+    _check_outputs([model, *logs], json_out, html)
     loaded, data = _model_and_data(model, logs, hold_out)
     with console.status("diagnosing") as status:
         result = run(loaded, data, progress=status.update)
     console.print(result)
+    _print_notes(data)
     _write_json(json_out, result.to_dict())
     if html is not None:
         write_report(html, comparison=run_compare(loaded, data), diagnosis=result)
@@ -133,16 +144,45 @@ def add(
     from quadctl.lab.report import write_report
     from quadctl.model import save_model
 
+    _check_outputs([model, *logs], output, json_out, html)
     kind = find_effect(effect, "EFFECT")
     loaded, data = _model_and_data(model, logs, hold_out)
     result = run(kind, loaded, data)
     save_model(result.model, output)
     console.print(result)
+    _print_notes(data)
     console.print(f"Saved: {output}")
     _write_json(json_out, result.to_dict())
     if html is not None:
         write_report(html, comparison=run_compare(loaded, data), addition=result)
         console.print(f"Report: {html}")
+
+
+@app.command()
+def discover(
+    model: ModelArgument,
+    logs: LogArguments,
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="NEW.yaml", help="The model with what was found.")],
+    json_out: JsonOption = None,
+    html: HtmlOption = None,
+    hold_out: HoldOutOption = "blocks",
+) -> None:
+    """Compare, diagnose and add in one go, until nothing significant is missing."""
+    from quadctl.lab.discover import discover as run
+    from quadctl.lab.report import write_report
+    from quadctl.model import save_model
+
+    loaded, data = _model_and_data(model, logs, hold_out)
+    with console.status("discovering") as status:
+        result = run(loaded, data, progress=status.update)
+    save_model(result.model, output)
+    console.print(result)
+    console.print(f"Saved: {output}", soft_wrap=True, markup=False, highlight=False)
+    _write_json(json_out, result.to_dict())
+    if html is not None:
+        last = result.additions[-1] if result.additions else None
+        write_report(html, comparison=result.before, diagnosis=result.diagnosis, addition=last)
+        console.print(f"Report: {html}", soft_wrap=True, markup=False, highlight=False)
 
 
 @app.command()
@@ -165,6 +205,12 @@ def metrics(
     from quadctl.lab.metrics import metrics as run
     from quadctl.logs.read import read_logs
 
+    _check_outputs([*logs, *(reference or [])], json_out)
+    for name, value in (("--setpoint", setpoint), ("--from", begin), ("--to", end)):
+        if value is not None and not abs(value) < MAX_NUMBER:
+            raise typer.BadParameter(
+                f"{name} is {value:g}, expected a number between -{MAX_NUMBER:g} and {MAX_NUMBER:g}"
+            )
     result = run(
         read_logs(logs),
         read_logs(reference or []),
@@ -187,6 +233,7 @@ def inspect_logs(
     from quadctl.logs.quality import quality
     from quadctl.logs.read import read_logs
 
+    _check_outputs(logs, json_out)
     reports = []
     for log in read_logs(logs):
         reports.append(quality(log))
@@ -210,6 +257,7 @@ def simulate(
     """Fly a mission in simulated time, as fast as the machine can, reproducible from a seed."""
     from quadctl.flight.session import prepare_flight
 
+    _check_outputs([mission, config, hidden], json_out)
     plan = prepare_flight(mission, config, model, offset_up)
     _print_warnings(plan.warnings)
     _finish(_simulator().simulate(plan, log_dir, hidden, seed), json_out)
@@ -237,10 +285,11 @@ def fly(
         raise typer.BadParameter("give --link or --sitl, not both")
     if not sitl and (hidden is not None or seed):
         raise typer.BadParameter("--hidden and --seed are for the simulated autopilot: they need --sitl")
+    _check_outputs([mission, config, hidden], json_out)
     plan = prepare_flight(mission, config, model, offset_up)
     _print_warnings(plan.warnings)
     if not sitl:
-        _finish(fly_real_time(plan, link or plan.settings.link.url, log_dir, console), json_out)
+        _finish(fly_real_time(plan, plan.settings.link.url if link is None else link, log_dir, console), json_out)
         return
     with _simulator().mock_px4_process(plan.body.vehicle, hidden, seed) as url:
         _finish(fly_real_time(plan, url, log_dir, console), json_out)
@@ -272,6 +321,35 @@ def _print_warnings(warnings: Sequence[str]) -> None:
         console.print(f"warning: {warning}", style="yellow", soft_wrap=True, markup=False, highlight=False)
 
 
+def _print_notes(dataset: Any) -> None:
+    """What was left out of the logs, and why: a result on half of a file must not look like one on all of it."""
+    for flight in dataset.flights:
+        for note in flight.notes:
+            console.print(f"{flight.name}: {note}", soft_wrap=True, markup=False, highlight=False)
+
+
+def _check_outputs(inputs: Sequence[Path | None], *outputs: Path | None) -> None:
+    """Refuse an output file that would destroy something, or that cannot be one, before any work is done.
+
+    Raises
+    ------
+    QuadctlError
+        An output is a directory, named like a flight log, one of the inputs, or the same as another output.
+    """
+    taken = {os.path.realpath(path): "is read by this command" for path in inputs if path is not None}
+    for path in outputs:
+        if path is None:
+            continue
+        if path.is_dir():
+            raise QuadctlError(f"{path}: is a directory, expected the name of a file to write")
+        if path.suffix.lower() in LOG_SUFFIXES:
+            raise QuadctlError(f"{path}: is the name of a flight log, expected another file to write the result to")
+        place = os.path.realpath(path)
+        if place in taken:
+            raise QuadctlError(f"{path}: {taken[place]}, expected another file to write the result to")
+        taken[place] = "is written by this command already"
+
+
 def _write_json(path: Path | None, result: dict[str, Any]) -> None:
     if path is None:
         return
@@ -291,13 +369,21 @@ def _simulator() -> Any:
 
 def _model_and_data(model: Path, logs: list[Path], hold_out: str) -> tuple[Any, Any]:
     from quadctl.lab.data import load_dataset
+    from quadctl.logs.quality import contradictions
     from quadctl.logs.read import read_logs
     from quadctl.model import load_model
 
     if hold_out not in ("blocks", "flights"):
         raise typer.BadParameter(f"--hold-out is '{hold_out}', expected blocks or flights")
+    if hold_out == "flights" and len(logs) < 2:
+        raise typer.BadParameter("--hold-out is flights with 1 log, expected at least 2 logs, or blocks")
     loaded = load_model(model)
-    return loaded, load_dataset(read_logs(logs), loaded.vehicle, hold_out)  # type: ignore[arg-type]
+    read = read_logs(logs)
+    dataset = load_dataset(read, loaded.vehicle, hold_out)  # type: ignore[arg-type]
+    for log in read:
+        for problem in contradictions(log):
+            raise LogError(f"{log.name}: {problem}")
+    return loaded, dataset
 
 
 def main() -> NoReturn:
@@ -310,6 +396,12 @@ def main() -> NoReturn:
         if error.name is None or error.name.partition(".")[0] not in LAB_PACKAGES:
             raise
         _fail(f"this command needs {error.name}, which the lean install leaves out: pip install 'quadctl[lab]'", 1)
+    except MemoryError:
+        _fail("there is not enough memory for a file of this size", 1)
+    except OSError as error:
+        # Whoever opens a file says which one; what is left is the output, such as a full disk behind `> file`.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _fail(f"{error.filename or 'the output'}: {error.strerror or error}", 1)
     except SystemExit as ended:
         if ended.code == INTERRUPTED:
             _fail("interrupted", 1)

@@ -17,6 +17,7 @@ START_M: Vec3 = (0.0, 0.0, 0.0)
 CHECK_STEP_S = 0.05
 _NAME = re.compile(r"[\w.+-]+( [\w.+-]+)*")
 """Of a phase or a mission: it goes into a CSV without quotes, and into the name of a file."""
+MAX_NAME_LENGTH = 100
 
 
 class MissionLimits(Settings):
@@ -135,15 +136,18 @@ def _phase_trajectory(raw: dict[str, Any], index: int, path: Path) -> tuple[str,
 def _check_name(name: Any, source: str) -> str:
     if not isinstance(name, str) or not _NAME.fullmatch(name):
         raise SettingsError(f"{source} is {name!r}, expected words of letters, digits and . + - _")
+    if len(name) > MAX_NAME_LENGTH:
+        raise SettingsError(f"{source} has {len(name)} characters, expected at most {MAX_NAME_LENGTH}")
     return name
 
 
 def _check_limits(mission: Mission, path: Path) -> None:
     limits = mission.limits
+    lifted = f" (the mission is lifted by offset_up_m = {mission.offset_up_m:g})" if mission.offset_up_m else ""
     if mission.duration_s > limits.max_duration_s:
         raise SettingsError(
             f"{path}: the mission lasts {mission.duration_s:.0f} s, "
-            f"expected at most limits.max_duration_s = {limits.max_duration_s:g}"
+            f"expected at most limits.max_duration_s = {limits.max_duration_s:g}{lifted}"
         )
     for phase in mission.phases:
         steps = max(1, math.ceil((phase.end_s - phase.start_s) / CHECK_STEP_S))
@@ -152,10 +156,14 @@ def _check_limits(mission: Mission, path: Path) -> None:
             x, y, z = phase.trajectory.reference(t - phase.start_s, phase.start_m).position_m
             where = f"{path}: phase '{phase.name}' goes to"
             if z > limits.max_z_m + 1e-9:
-                raise SettingsError(f"{where} z = {z:.2f} m, expected at most limits.max_z_m = {limits.max_z_m:g}")
+                raise SettingsError(
+                    f"{where} z = {z:.2f} m, expected at most limits.max_z_m = {limits.max_z_m:g}{lifted}"
+                )
             rising = phase is mission.phases[0] and i < steps  # from the ground
             if z < limits.min_z_m - 1e-9 and not rising:
-                raise SettingsError(f"{where} z = {z:.2f} m, expected at least limits.min_z_m = {limits.min_z_m:g}")
+                raise SettingsError(
+                    f"{where} z = {z:.2f} m, expected at least limits.min_z_m = {limits.min_z_m:g}{lifted}"
+                )
             if math.hypot(x, y) > limits.max_distance_m + 1e-9:
                 raise SettingsError(
                     f"{where} {math.hypot(x, y):.2f} m from the take-off point, "

@@ -145,6 +145,10 @@ def load_model(path: Path | str) -> Model:
         StackedEffect(find_effect(e.effect, source).from_values(e.parameters, source), e.fitted)
         for e, source in ((e, f"{path}: effects[{i}]") for i, e in enumerate(entry.effects, start=1))
     )
+    families = [item.effect.family() for item in stack]
+    for i, family in enumerate(families):
+        if family in families[:i]:
+            raise SettingsError(f"{path}: effects[{i + 1}] is a second {family}, expected each family once")
     return Model(vehicle, stack, name=path.stem, vehicle_path=vehicle_path)
 
 

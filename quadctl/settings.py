@@ -2,6 +2,7 @@
 
 import difflib
 import re
+import reprlib
 import types
 import typing
 from collections.abc import Mapping
@@ -9,7 +10,8 @@ from pathlib import Path
 from typing import Any, Self, TypeVar
 
 import yaml
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, ValidationError, ValidationInfo, field_validator
+from pydantic_core import PydanticKnownError
 
 from quadctl.errors import SettingsError
 
@@ -19,6 +21,14 @@ class Settings(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
+    @field_validator("*", mode="before")
+    @classmethod
+    def _no_truth_for_a_number(cls, value: Any, info: ValidationInfo) -> Any:
+        """`mass_kg: yes` is not one kilogram, as pydantic has it."""
+        if _holds_bool(value) and _is_numeric(cls.model_fields[str(info.field_name)].annotation):
+            raise PydanticKnownError("float_type")
+        return value
+
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
         """As pydantic's, but what the original had computed and cached does not outlive an update."""
         copy = super().model_copy(update=update, deep=deep)
@@ -26,6 +36,9 @@ class Settings(BaseModel):
             del copy.__dict__[name]
         return copy
 
+
+MAX_YAML_BYTES = 1_000_000
+"""More is no settings file, but for example a flight log in its place, on which YAML would take minutes."""
 
 S = TypeVar("S", bound=BaseModel)
 
@@ -39,6 +52,10 @@ def read_yaml(path: Path) -> dict[str, Any]:
         The file is missing, empty, not text, not YAML, or not a mapping.
     """
     try:
+        if path.exists() and not (path.is_file() or path.is_dir()):
+            raise SettingsError(f"{path}: is a device or a pipe, expected a YAML file")
+        if path.is_file() and path.stat().st_size > MAX_YAML_BYTES:
+            raise SettingsError(f"{path}: is larger than {MAX_YAML_BYTES / 1e6:g} MB, expected settings in YAML")
         text = path.read_text(encoding="utf-8")
     except FileNotFoundError:
         raise SettingsError(f"{path}: there is no such file") from None
@@ -96,6 +113,17 @@ _KEY_TAGS = ("tag:yaml.org,2002:str", "tag:yaml.org,2002:merge")
 _StrictLoader.add_implicit_resolver(
     "tag:yaml.org,2002:float", re.compile(r"[-+]?[0-9]+(\.[0-9]*)?[eE][-+]?[0-9]+$"), list("-+0123456789")
 )
+
+
+def _holds_bool(value: Any) -> bool:
+    return isinstance(value, bool) or (isinstance(value, list) and any(isinstance(item, bool) for item in value))
+
+
+def _is_numeric(annotation: Any) -> bool:
+    """Whether a field of this type holds numbers, alone or in a list."""
+    if isinstance(annotation, type) and not typing.get_args(annotation):
+        return annotation in (int, float)
+    return any(_is_numeric(argument) for argument in typing.get_args(annotation))
 
 
 def nearest(word: str, known: typing.Iterable[str]) -> str:
@@ -194,8 +222,14 @@ def _settings_classes(annotation: Any) -> list[type[BaseModel]]:
     return []
 
 
+_BRIEF = reprlib.Repr()  # aliases within aliases make a short file a huge value
+_BRIEF.maxlevel = 3
+
+
 def _shown(value: Any) -> str:
     if value is None:
         return "empty"
-    text = repr(value) if isinstance(value, str) else str(value)
+    text = (
+        repr(value) if isinstance(value, str) else _BRIEF.repr(value) if isinstance(value, list | dict) else str(value)
+    )
     return text if len(text) <= 60 else text[:57] + "..."

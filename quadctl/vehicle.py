@@ -3,14 +3,18 @@
 import math
 from functools import cached_property
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import Field, NonNegativeFloat, PositiveFloat
+from pydantic import Field, NonNegativeFloat, PositiveFloat, model_validator
 
 from quadctl.frames import GRAVITY_M_S2
 from quadctl.settings import Settings, load
 
 Triple = tuple[float, float, float]
+_Arm = Annotated[float, Field(gt=-20.0, lt=20.0)]
+
+MIN_THRUST_COEFFICIENT, MAX_THRUST_COEFFICIENT = 1e-3, 0.2
+"""C_T = T / (rho A (omega R)^2); real propellers have 0.005 to 0.03, so what lies outside is a wrong unit."""
 
 
 class Rotor(Settings):
@@ -25,7 +29,7 @@ class Rotor(Settings):
 class RotorPlace(Settings):
     """Where one rotor is (FRD, from the centre of mass), which way it turns seen from above, how it is tilted."""
 
-    position_m: Triple
+    position_m: tuple[_Arm, _Arm, _Arm]
     spin: Literal["cw", "ccw"]
     cant_deg: float = Field(default=0.0, gt=-90.0, lt=90.0)
     dihedral_deg: float = Field(default=0.0, gt=-90.0, lt=90.0)
@@ -68,6 +72,14 @@ class Vehicle(Settings):
     throttle: ThrottleCurve
     ceiling_m: PositiveFloat | None = None
     air_density_kg_m3: PositiveFloat = 1.225
+
+    @model_validator(mode="after")
+    def _can_fly(self) -> Self:
+        """Numbers that are each possible, but not together: nearly always a wrong unit or a copied line."""
+        problem = _geometry_problem(self.rotors) or _thrust_problem(self) or _inertia_problem(self.inertia_kg_m2)
+        if problem:
+            raise ValueError(problem)
+        return self
 
     @property
     def n_rotors(self) -> int:
@@ -116,6 +128,52 @@ class Vehicle(Settings):
         radius_m = 0.25 * self.opposite_distance_m
         flat = 0.5 * self.mass_kg * radius_m**2
         return flat, flat, 2.0 * flat
+
+
+def _geometry_problem(rotors: tuple[RotorPlace, ...]) -> str | None:
+    for i, rotor in enumerate(rotors):
+        for j, other in enumerate(rotors[:i]):
+            if math.dist(rotor.position_m, other.position_m) < 1e-3:
+                return f"rotors[{i + 1}] is at the place of rotors[{j + 1}], expected places of their own"
+    x0, y0, _ = rotors[0].position_m
+    arms = [(r.position_m[0] - x0, r.position_m[1] - y0) for r in rotors[1:]]
+    along = max(arms, key=lambda arm: math.hypot(*arm))
+    if all(abs(along[0] * y - along[1] * x) < 1e-3 * math.hypot(*along) for x, y in arms):
+        return "rotors are all on one line, about which nothing holds the vehicle, expected them around its centre"
+    if len(rotors) > 3 and len({r.spin for r in rotors}) == 1 and not any(r.cant_deg for r in rotors):
+        return f"rotors all turn {rotors[0].spin}, which turns the vehicle, expected some cw and some ccw"
+    return None
+
+
+def _thrust_problem(vehicle: Vehicle) -> str | None:
+    if vehicle.max_thrust_n <= vehicle.weight_n:
+        return (
+            f"throttle.max_thrust_per_rotor_n is {vehicle.throttle.max_thrust_per_rotor_n:g}, expected more than "
+            f"{vehicle.weight_n / vehicle.n_rotors:.3g} N, a rotor's share of the weight"
+        )
+    hover = vehicle.throttle.offset + vehicle.throttle.per_newton * vehicle.weight_n
+    if not 0.0 < hover < 1.0:
+        return f"throttle is {hover:.3g} in hover (offset + per_newton * weight), expected between 0 and 1"
+    rotor = vehicle.rotor
+    tip_m_s_per_rpm = math.pi / 30.0 * rotor.radius_m
+    per_coefficient = vehicle.air_density_kg_m3 * math.pi * rotor.radius_m**2 * tip_m_s_per_rpm**2
+    coefficient = rotor.thrust_n_per_rpm2 / per_coefficient
+    if not MIN_THRUST_COEFFICIENT < coefficient < MAX_THRUST_COEFFICIENT:
+        return (
+            f"rotor.thrust_n_per_rpm2 is {rotor.thrust_n_per_rpm2:g}, expected "
+            f"{MIN_THRUST_COEFFICIENT * per_coefficient:.2g} to {MAX_THRUST_COEFFICIENT * per_coefficient:.2g} "
+            f"with radius_m = {rotor.radius_m:g} and air_density_kg_m3 = {vehicle.air_density_kg_m3:g}"
+        )
+    return None
+
+
+def _inertia_problem(inertia_kg_m2: Triple | None) -> str | None:
+    if inertia_kg_m2 is None:
+        return None
+    *rest, largest = sorted(inertia_kg_m2)
+    if largest > sum(rest) * (1.0 + 1e-6):
+        return f"inertia_kg_m2 holds {largest:g}, expected at most the sum of the other two, as in any body"
+    return None
 
 
 def load_vehicle(path: Path | str) -> Vehicle:

@@ -11,9 +11,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from quadctl.effects import CATALOG, Conditions, Effect, ThrustRatio, find_effect
+from quadctl.effects.body_drag import QuadraticDrag
+from quadctl.effects.ceiling_effect import MomentumCeiling
 from quadctl.effects.ground_effect import Cheeseman, Exponential, GroundEffect, Hayden, Sanchez
 from quadctl.effects.inflow import AxialInflow
 from quadctl.effects.rotor_drag import LinearDrag
+from quadctl.effects.tether import HangingTether
 from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.effects.thrust_tilt import FixedTilt
 from quadctl.errors import SettingsError
@@ -250,3 +253,48 @@ def test_a_family_stands_for_its_first_variant() -> None:
 
 def test_parameters_not_named_keep_their_default() -> None:
     assert Exponential.from_values({"a": 0.2}, "model.yaml") == Exponential(a=0.2, b=5.388, c=1.0)
+
+
+# --- ceiling, body drag, tether ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("gain", "z_m", "ratio"),
+    [
+        # The ceiling is at 2.6 m, R = 0.12 m: K = 1/2 + 1/2 sqrt(1 + gain / 8 (R/D)^2)
+        (1.0, 2.48, 1.0303301),  # D = R: sqrt(1 + 1/8) = 1.0606602
+        (1.0, 2.54, 1.1123724),  # D = R/2: sqrt(1 + 4/8) = 1.2247449
+        (4.0, 2.54, 1.3660254),  # sqrt(1 + 4 * 4/8) = sqrt(3) = 1.7320508
+        (0.0, 2.54, 1.0),
+        (1.0, 2.60, 1.5155048),  # never nearer than R/5: sqrt(1 + 25/8) = 2.0310096
+    ],
+)
+def test_ceiling_effect(raptor: Vehicle, gain: float, z_m: float, ratio: float) -> None:
+    assert MomentumCeiling(gain).ratio(at_height(z_m), raptor) == pytest.approx(ratio, abs=1e-7)
+
+
+def test_without_a_ceiling_there_is_no_ceiling_effect(raptor: Vehicle) -> None:
+    outdoors = raptor.model_copy(update={"ceiling_m": None})
+    assert MomentumCeiling.applies_to(raptor)
+    assert not MomentumCeiling.applies_to(outdoors)
+    assert MomentumCeiling(5.0).ratio(at_height(2.5), outdoors) == 1.0
+
+
+def test_body_drag_grows_with_the_square_of_the_speed_and_points_against_it(raptor: Vehicle) -> None:
+    drag = QuadraticDrag(area_x_m2=0.02, area_y_m2=0.04, area_z_m2=0.06)
+    # 1/2 * 1.205 * 0.02 * 4 = 0.0482 N at 2 m/s forward
+    assert drag.force(15.0, at_velocity(2.0, 0.0, 0.0), raptor) == pytest.approx((-0.0482, 0.0, 0.0))
+    assert drag.force(15.0, at_velocity(4.0, 0.0, 0.0), raptor) == pytest.approx((-0.1928, 0.0, 0.0))
+    # |v| = 5: -1/2 * 1.205 * 5 * (0.02 * 3, 0.04 * -4, 0) = (-0.18075, 0.482, 0)
+    assert drag.force(15.0, at_velocity(3.0, -4.0, 0.0), raptor) == pytest.approx((-0.18075, 0.482, 0.0))
+    # climbing is -z: the force is +z, down. 1/2 * 1.205 * 0.06 = 0.03615
+    assert drag.force(15.0, at_velocity(0.0, 0.0, -1.0), raptor) == pytest.approx((0.0, 0.0, 0.03615))
+
+
+def test_a_tether_pulls_down_whatever_the_attitude(raptor: Vehicle) -> None:
+    tether = HangingTether(weight_n_per_m=0.5, slack_m=0.2)
+    tilted = quaternion_from_euler(0.3, -0.5, 1.0)
+    c = Conditions(height_m=1.2, velocity_body_m_s=(0.0, 0.0, 0.0), attitude=tilted)
+    assert rotate(tilted, tether.force(15.0, c, raptor)) == pytest.approx((0.0, 0.0, 0.5))  # 0.5 N/m of 1 m lifted
+    below = Conditions(height_m=0.1, velocity_body_m_s=(0.0, 0.0, 0.0), attitude=tilted)
+    assert tether.force(15.0, below, raptor) == pytest.approx((0.0, 0.0, 0.0))

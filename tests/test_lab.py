@@ -395,10 +395,10 @@ class TestSpans:
     def test_an_effect_is_not_tried_where_the_data_cannot_tell_it_from_others(
         self, staircases: list[FlightLog], rigid: Model
     ) -> None:
-        """A hover at one heading says nothing of wind: the result says so instead of guessing."""
+        """A hover says nothing of drag with the square of the speed: the result says so, it does not guess."""
         result = diagnose(rigid, load_dataset(staircases[:1], rigid.vehicle))
-        assert "wind" not in {candidate.family for candidate in result.ranking}
-        assert any("wind.steady" in reason and "heading over 60 deg" in reason for reason in result.untried)
+        assert "body_drag" not in {candidate.family for candidate in result.ranking}
+        assert any("body_drag.quadratic" in reason and "speed over 1 m/s" in reason for reason in result.untried)
 
 
 class TestNuisances:

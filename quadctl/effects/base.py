@@ -73,10 +73,19 @@ class Effect:
     """What flight distinguishes it from its look-alikes."""
     mission: ClassVar[str]
     """The mission file that shows this effect best."""
+    replaces: ClassVar[tuple[str, ...]] = ()
+    """Nuisances of single flights (`lab.nuisance`) that this effect stands for: they are not fitted beside it."""
+    needs: ClassVar[dict[str, float]] = {}
+    """Variables, and the span of each that data must have for this effect to be told from its look-alikes."""
 
     @classmethod
     def family(cls) -> str:
         return cls.name.partition(".")[0]
+
+    @classmethod
+    def applies_to(cls, vehicle: Vehicle) -> bool:
+        """Whether the effect can be there at all; the lab does not try it otherwise."""
+        return True
 
     @classmethod
     def parameters(cls) -> tuple[Parameter, ...]:

@@ -1,9 +1,12 @@
 """The effects that the project knows, by name. A new effect is one class in one file and one line here."""
 
 from quadctl.effects.base import Effect
+from quadctl.effects.body_drag import QuadraticDrag
+from quadctl.effects.ceiling_effect import MomentumCeiling
 from quadctl.effects.ground_effect import Cheeseman, Exponential, Hayden, Sanchez
 from quadctl.effects.inflow import AxialInflow
 from quadctl.effects.rotor_drag import LinearDrag
+from quadctl.effects.tether import HangingTether
 from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.effects.thrust_tilt import FixedTilt
 from quadctl.errors import SettingsError
@@ -11,7 +14,19 @@ from quadctl.settings import nearest
 
 CATALOG: dict[str, type[Effect]] = {
     effect.name: effect
-    for effect in (ConstantScale, Exponential, Sanchez, Cheeseman, Hayden, LinearDrag, AxialInflow, FixedTilt)
+    for effect in (
+        ConstantScale,
+        Exponential,
+        Sanchez,
+        Cheeseman,
+        Hayden,
+        MomentumCeiling,
+        LinearDrag,
+        QuadraticDrag,
+        AxialInflow,
+        FixedTilt,
+        HangingTether,
+    )
 }
 
 

@@ -21,6 +21,7 @@ class FixedTilt(Effect):
     )
     told_apart_by: ClassVar[str] = "hovering at several headings: the push turns with the body, wind does not"
     mission: ClassVar[str] = "missions/hover_staircase_high.yaml"
+    replaces: ClassVar[tuple[str, ...]] = ("roll_rad", "pitch_rad")
 
     roll_deg: float = parameter(0.0, -8.0, 8.0, "deg", "thrust leans to the right")
     pitch_deg: float = parameter(0.0, -8.0, 8.0, "deg", "thrust leans backward")

@@ -1,8 +1,8 @@
 """What is missing? Every effect of the catalogue is tried on top of the model and judged on data its fit did not see.
 
-The ranking shows each candidate alone on top of the model. `missing` is built step by step: the best significant
-candidate is added, all parameters are refitted together, and the rest are tried again, until nothing significant is
-left; then each family that has become superfluous once the others are in is taken out again.
+`missing` is built step by step: the best significant candidate is added, all parameters are refitted together, and the
+rest are tried again, until nothing significant is left; then each family that has become superfluous once the others
+are in is taken out again.
 """
 
 from collections.abc import Callable, Iterable
@@ -112,6 +112,8 @@ class Diagnosis:
     dataset: Dataset
     verdict: Verdict
     ranking: list[Candidate]
+    """First what is missing, each on top of those before it; then the others, each on top of what had been found when
+    it was tried last."""
     missing: list[str]
     steps: list[Step]
     """The error ladder: the model as it is, then each missing family in the order of adding."""
@@ -138,18 +140,19 @@ class Diagnosis:
         }
 
     def __rich__(self) -> RenderableType:
-        table = Table(title="What could be missing, each alone on top of the model", title_justify="left")
-        for name in ("effect", "parameters [95 %]"):
-            table.add_column(name)
-        for name in ("held-out error", "drop", "p"):
-            table.add_column(name, justify="right")
+        table = Table(title="What could be missing: what was found first, the rest on top of it", title_justify="left")
+        table.add_column("effect", no_wrap=True)
+        table.add_column("parameters [95 %]")
+        table.add_column("held-out error", justify="right")
+        table.add_column("change", justify="right", no_wrap=True)
+        table.add_column("p", justify="right", no_wrap=True)
         for c in self.ranking:
             table.add_row(
                 f"[bold]{c.effect.name}[/]" if c.supported else c.effect.name,
                 parameters_in_words(c.effect, c.ci95),
-                f"{c.before['total']:.4f} -> {c.after['total']:.4f}",
-                f"{c.held_out_drop:+.1%}",
-                f"{c.p_value:.2g}",
+                f"{c.before['total']:.3f} -> {c.after['total']:.3f}",
+                f"{-c.held_out_drop:+.1%}",
+                "< 1e-4" if c.p_value < 1e-4 else f"{c.p_value:.2g}",
             )
         return Group(table, Text("\n".join(self.lines())))
 
@@ -190,25 +193,26 @@ def diagnose(
     pool = list(candidates if candidates is not None else CATALOG.values())
     present = {effect.family() for effect in model.effects}
     pool = [effect for effect in pool if effect.family() not in present and effect.applies_to(model.vehicle)]
+    unfit = [e for e in pool if any(dataset.span(variable) < span for variable, span in e.needs.items())]
     untried = [
         f"{effect.name} (to be told from others it takes {variable} over {span:g} {SPAN_UNITS[variable]}, "
         f"these data have {dataset.span(variable):.2g})"
-        for effect in pool
+        for effect in unfit
         for variable, span in effect.needs.items()
         if dataset.span(variable) < span
     ]
-    pool = [e for e in pool if all(dataset.span(variable) >= span for variable, span in e.needs.items())]
+    pool = [effect for effect in pool if effect not in unfit]
     current, residual = _refitted(model, dataset)
     steps = [Step("", model.name, rmse(residual))]
-    ranking: list[Candidate] = []
+    chosen_ones: list[Candidate] = []
+    latest: dict[str, Candidate] = {}
     confounded: list[list[str]] = []
     alike: list[str] = []
     missing: list[str] = []
     while pool:
         tried = [_try(effect, current, residual, dataset, len(pool), progress) for effect in pool]
         tried.sort(key=lambda candidate: candidate.after["total"])
-        if not ranking:
-            ranking = tried
+        latest |= {candidate.effect.name: candidate for candidate in tried}
         supported = [candidate for candidate in tried if candidate.supported]
         # Look-alikes are those that did as well as the one chosen and are not needed once it is in.
         confounded += [[missing[-1], other] for other in alike if other not in {c.family for c in supported}]
@@ -217,6 +221,7 @@ def diagnose(
         chosen, alike = _choose(supported, dataset)
         current, residual = chosen.model, chosen.residual
         missing.append(chosen.family)
+        chosen_ones.append(chosen)
         steps.append(Step(chosen.family, chosen.effect.name, rmse(residual)))
         pool = [effect for effect in pool if effect.family() != chosen.family]
     current, residual, missing, steps = _without_superfluous(model, current, residual, missing, steps, dataset)
@@ -224,16 +229,18 @@ def diagnose(
     left = improvement_p_value(residual, flexible, dataset)
     unexplained = _matters(residual, flexible, left)
     verdict: Verdict = "missing" if missing else "unexplained" if unexplained else "none"
+    first = [candidate for candidate in chosen_ones if candidate.family in missing]
+    others = [candidate for candidate in latest.values() if candidate not in first]
     return Diagnosis(
         model=model,
         dataset=dataset,
         verdict=verdict,
-        ranking=sorted(ranking, key=lambda c: (c.family not in missing[:1], not c.supported, c.after["total"])),
+        ranking=[*first, *sorted(others, key=lambda c: -c.held_out_drop)],
         missing=missing,
         steps=steps,
         best=current,
         confounded=confounded,
-        suggested_mission=_suggestion(ranking, missing, confounded),
+        suggested_mission=_suggestion(latest, confounded, unfit),
         unexplained=unexplained,
         untried=untried,
     )
@@ -314,11 +321,11 @@ def _matters(residual: Floats, flexible: Floats, p_value: float) -> bool:
     return p_value < SIGNIFICANT and max(1.0 - after[axis] / before[axis] for axis in AXES) > MATERIAL
 
 
-def _suggestion(ranking: list[Candidate], missing: list[str], confounded: list[list[str]]) -> str | None:
-    """The mission that shows best what these data leave open: look-alikes first, then what is missing."""
-    by_family = {c.family: c.effect for c in reversed(ranking)}
-    wanted = [family for pair in confounded for family in reversed(pair)] + missing
-    return next((by_family[family].mission for family in wanted if family in by_family), None)
+def _suggestion(tried: dict[str, Candidate], confounded: list[list[str]], unfit: list[type[Effect]]) -> str | None:
+    """The mission that shows best what these data leave open: look-alikes first, then what could not be tried."""
+    by_family = {candidate.family: candidate.effect.mission for candidate in reversed(tried.values())}
+    missions = [by_family[pair[-1]] for pair in confounded] + [effect.mission for effect in unfit]
+    return missions[0] if missions else None
 
 
 def parameters_in_words(effect: Effect, ci95: dict[str, tuple[float, float]]) -> str:

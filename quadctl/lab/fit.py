@@ -9,7 +9,7 @@ from threadpoolctl import ThreadpoolController  # type: ignore[import-untyped]
 
 from quadctl.effects import Effect, Parameter
 from quadctl.lab.data import Dataset, predict
-from quadctl.lab.nuisance import KINDS, MOST, USUAL, disturbed, sensitivity
+from quadctl.lab.nuisance import KINDS, MOST, disturbed, sensitivity
 from quadctl.lab.prepare import Floats, Mask
 from quadctl.model import Model
 
@@ -17,6 +17,7 @@ _BLAS = ThreadpoolController().select(user_api="blas")
 """The matrices of a fit are small: several BLAS threads on them only wait for each other (ten times slower here)."""
 
 BOOTSTRAPS = 1000
+MAX_PASSES = 8
 HUBER_SIGMAS = 3.0
 """Residuals beyond this many (robust) standard deviations count linearly, not squared."""
 
@@ -77,19 +78,23 @@ class Fitter:
         count = len(dataset.flights)
         self._low = np.concatenate([[f.parameter.low for f in self.free], np.tile(-MOST, count)])
         self._high = np.concatenate([[f.parameter.high for f in self.free], np.tile(MOST, count)])
-        self._usual = np.tile(USUAL, count)
+        replaced = {name for effect in model.effects for name in effect.replaces}
+        # A nuisance that an effect of the model stands for is held at 0: the two could not be told apart.
+        self._usual = np.tile([1e-4 * k.usual if k.name in replaced else k.usual for k in KINDS], count)
 
     def fit(self, used: Mask | None = None, start: Fitted | None = None) -> Fitted:
         """Fit on the samples `used` (all by default), from the model's present parameters or from an earlier fit.
 
-        From the model's parameters in two passes: the first brings the residual near noise, the second weighs it by
-        that noise.
+        The scale of the noise, which says what an outlier is, and the fit are found in turns until the scale stays.
         """
         fitted = start or Fitted(self.model, np.zeros((len(self.dataset.flights), len(KINDS))))
         rows = np.ones(len(self.dataset.measured), dtype=bool) if used is None else used
-        for _ in range(2 if start is None else 1):
-            residual = (self.dataset.measured - fitted.predicted(self.dataset))[rows]
-            fitted = self._least_squares(fitted, noise_scale(residual), rows)
+        scale = noise_scale((self.dataset.measured - fitted.predicted(self.dataset))[rows])
+        for _ in range(MAX_PASSES):
+            fitted = self._least_squares(fitted, scale, rows)
+            last, scale = scale, noise_scale((self.dataset.measured - fitted.predicted(self.dataset))[rows])
+            if np.all(np.abs(scale / last - 1.0) < 0.05):
+                break
         return fitted
 
     def held_out(self, fitted: Fitted) -> Floats:
@@ -176,8 +181,8 @@ class Fitter:
                 bounds=(self._low, self._high),
                 x_scale=0.1 * (self._high - self._low),
                 max_nfev=60,
-                xtol=1e-6,
-                ftol=1e-7,
+                xtol=1e-7,
+                ftol=1e-8,
             )
         values = np.where(result.x - self._low < 2.0 * inside, self._low, result.x)
         values = np.where(self._high - values < 2.0 * inside, self._high, values)

@@ -170,10 +170,10 @@ def _range_in_words(variable: str, limits: tuple[float, float], at_edge: tuple[b
     name, unit = VARIABLE_NAMES[variable], VARIABLE_UNITS[variable]
     low, high = limits
     if at_edge[0] and not at_edge[1]:
-        return f"at a {name} below {high:.3g} {unit}"
+        return f"at a {name} below {high:.4g} {unit}"
     if at_edge[1] and not at_edge[0]:
-        return f"at a {name} above {low:.3g} {unit}"
-    return f"at a {name} from {low:.2g} to {high:.3g} {unit}"
+        return f"at a {name} above {low:.4g} {unit}"
+    return f"at a {name} from {low:.4g} to {high:.4g} {unit}"
 
 
 def _push(axis: str, mean: float) -> str:

@@ -378,6 +378,7 @@ def render(result: MetricsTable) -> Table:
         caption=escape("; ".join(result.notes)) or None,
         box=box.SIMPLE_HEAD,
         pad_edge=False,
+        padding=(0, 1, 0, 0),
     )
     table.add_column("flight", overflow="fold")
     for value in columns:

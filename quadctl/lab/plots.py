@@ -184,7 +184,7 @@ def chosen(diagnosis: Diagnosis) -> set[str]:
 
 @_figure
 def ranking(diagnosis: Diagnosis, floor_total: float) -> Figure:
-    """Drop of the held-out error with each candidate alone on top of the model, and the drop that the noise allows."""
+    """Drop of the held-out error with each candidate of the ranking, and the drop that the noise allows."""
     candidates = diagnosis.ranking
     figure, ax = _panel(0.9 + 0.36 * (len(candidates) + 1))
     drops = [*(100.0 * c.held_out_drop for c in candidates), 0.0]

@@ -231,7 +231,7 @@ def _signals(log: FlightLog, vehicle: Vehicle) -> _Signals:
 
 
 def _rotor_signals(log: FlightLog, vehicle: Vehicle) -> tuple[list[_Channel], str]:
-    """Nominal thrust of each rotor: from rpm, else from the throttle by the vehicle file's line."""
+    """Nominal thrust of each rotor: from rpm, else from motor outputs, else from the throttle, by the file's line."""
     if log.n_rotors and log.has("motor1_rpm"):
         if log.n_rotors != vehicle.n_rotors:
             raise LogError(
@@ -242,14 +242,23 @@ def _rotor_signals(log: FlightLog, vehicle: Vehicle) -> tuple[list[_Channel], st
         rows = log.updates(*names)
         k = vehicle.rotor.thrust_n_per_rpm2
         return [_Channel(log.time_s[rows], k * log[name][rows] ** 2) for name in names], "rotor speed"
+    # The rotors follow a command with their lag: to first order, the force is that much later.
+    lag_s, curve, n = vehicle.rotor.time_constant_s, vehicle.throttle, vehicle.n_rotors
+    outputs = motor_columns(n, "output")
+    if all(log.has(name) for name in outputs):
+        if log.has(motor_columns(n + 1, "output")[-1]):
+            raise LogError(f"{log.name}: has the outputs of more than {n} motors, the vehicle '{vehicle.name}' has {n}")
+        rows = log.updates(*outputs)
+        found = [np.maximum(log[name][rows] - curve.offset, 0.0) / (curve.per_newton * n) for name in outputs]
+        return [_Channel(log.time_s[rows] + lag_s, thrust) for thrust in found], "motor output"
     if log.has("throttle_cmd"):
         rows = log.updates("throttle_cmd")
-        curve = vehicle.throttle
-        total = np.maximum(log["throttle_cmd"][rows] - curve.offset, 0.0) / curve.per_newton
-        # The rotors follow the command with their lag: to first order, the force is that much later.
-        channel = _Channel(log.time_s[rows] + vehicle.rotor.time_constant_s, total / vehicle.n_rotors)
-        return [channel] * vehicle.n_rotors, "throttle command"
-    raise LogError(f"{log.name}: holds neither rotor speeds nor throttle_cmd, expected one of them to know the thrust")
+        each = np.maximum(log["throttle_cmd"][rows] - curve.offset, 0.0) / (curve.per_newton * n)
+        return [_Channel(log.time_s[rows] + lag_s, each)] * n, "throttle command"
+    raise LogError(
+        f"{log.name}: holds neither rotor speeds nor throttle_cmd nor motor outputs, "
+        "expected one of them to know the thrust"
+    )
 
 
 def _flight_segments(
@@ -275,8 +284,9 @@ def _flight_segments(
     if not found:
         rise = float(np.nanmax(z) - np.nanmin(z))
         raise LogError(
-            f"{log.name}: never leaves the ground (it rises {rise:.2f} m and its rotors give at most "
-            f"{float(np.nanmax(total)):.1f} N of {vehicle.weight_n:.1f} N), expected a flight"
+            f"{log.name}: never leaves the ground for more than {TRIM_START_S + TRIM_END_S:g} s: z ranges over "
+            f"{rise:.2f} m (is it up?) and the rotors give at most {float(np.nanmax(total)):.1f} N of the vehicle's "
+            f"{vehicle.weight_n:.1f} N"
         )
     kept = sum(b - a for a, b in found)
     notes.append(

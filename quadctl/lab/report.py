@@ -450,9 +450,9 @@ def _missing(r: Results) -> Section | None:
             _figure(
                 plots.ranking(d, floor),
                 "ranking",
-                "Each candidate alone on top of the model: error drop on held-out parts of the flights analysed. Dark "
-                "blue: missing (some help only once others are in); light blue: supported alone, not needed once those "
-                "are in; grey: not supported.",
+                "Error drop on held-out parts of the flights analysed: what is missing, each on top of those before "
+                "it, then the rest on top of what was found. Dark blue: missing; light blue: did well too, but is not "
+                "needed; grey: not supported.",
             )
         )
     if len(d.steps) > 1:

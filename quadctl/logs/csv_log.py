@@ -32,6 +32,9 @@ from quadctl.logs.flight_log import POSITION, FlightLog, Floats, did_you_mean
 MAX_STANDSTILL_ROWS = 50
 """More consecutive rows than this without time going on are no glitch: two flights in one file, or no clock."""
 
+MAX_RPM, MAX_VALUE = 3e5, 1e12
+"""What no rotor, and nothing else in a log (time in microseconds included), ever reaches: a damaged value."""
+
 _Rows: TypeAlias = tuple[pl.DataFrame, NDArray[np.int64]]
 """Values, and the number in the file of the line that each row comes from."""
 
@@ -306,12 +309,16 @@ def _numbers(path: Path, name: str, text: pl.Series, number: NDArray[np.int64], 
 
 
 def _finite(values: pl.Series, notes: list[str]) -> Floats:
-    """The values as an array of its own, an infinite one made a missing one."""
+    """The values as an array of its own, an infinite or impossible one made a missing one."""
     array = np.array(values.to_numpy(), dtype=np.float64)
     infinite = np.isinf(array)
-    if infinite.any():
-        notes.append(f"{_count(int(infinite.sum()), 'infinite value')} of {values.name} read as missing")
-        array[infinite] = np.nan
+    largest = MAX_RPM if values.name.endswith("_rpm") else MAX_VALUE
+    impossible = (np.abs(array) > largest) & ~infinite
+    for which, kind in ((infinite, "infinite value"), (impossible, "impossible value")):
+        if which.any():
+            limit = "" if which is infinite else f" (beyond {largest:g})"
+            notes.append(f"{_count(int(which.sum()), kind)} of {values.name}{limit} read as missing")
+            array[which] = np.nan
     return array
 
 

@@ -24,6 +24,10 @@ MIN_RATE_HZ = 0.6
 MIN_FLIGHT_S = 10.0
 MIN_CLEARANCE_M = 0.05
 """Higher than this above the height at rest is flight."""
+MAX_SCALE = 2.0
+"""Positions and velocities that differ by more are not in the units that they are said to be in."""
+SILENT_ROTOR_SHARE = 0.1
+"""Of the middle rotor's speed: slower than this for most of a log, its sensor is dead."""
 NEEDED = ("position", "velocity", "attitude")
 ROTORS = ("rpm", "motor output", "throttle command")
 """What thrust can be known from, the best first."""
@@ -180,7 +184,7 @@ def quality(log: FlightLog) -> QualityReport:
         channels=channels,
         clock=_clock(log),
         thrust_source=thrust_source,
-        obstacles=tuple(_obstacles(present, thrust_source, flight_s)),
+        obstacles=(*_obstacles(present, thrust_source, flight_s), *contradictions(log)),
         notes=(*log.notes, *_channel_notes(channels, thrust_source)),
     )
 
@@ -324,6 +328,24 @@ def _obstacles(present: dict[str, ChannelQuality], thrust_source: str | None, fl
             found.append(f"{name}: {rate}, an analysis needs at least {MIN_RATE_HZ:g} per second")
     if flight_s < MIN_FLIGHT_S:
         found.append(f"about {flight_s:.0f} s of flight, an analysis needs at least {MIN_FLIGHT_S:.0f} s")
+    return found
+
+
+def contradictions(log: FlightLog) -> list[str]:
+    """Values that cannot all be true: an analysis of them would be nonsense without a word of doubt."""
+    found = []
+    scale, _ = _time_scale(log)
+    if scale < 1.0 / MAX_SCALE or scale > MAX_SCALE:
+        found.append(
+            f"positions change {scale:.3g} times as much as the velocities say, expected once: "
+            "is time in seconds, position in metres, z up?"
+        )
+    rpm = {
+        name: float(np.nanmedian(np.abs(log[name]))) for name in log.columns if name.endswith("_rpm") and log.has(name)
+    }
+    for name, median in rpm.items():
+        if median < SILENT_ROTOR_SHARE * float(np.median(list(rpm.values()))):
+            found.append(f"{name} is {median:.0f} for most of the log while other rotors turn, expected all of them to")
     return found
 
 

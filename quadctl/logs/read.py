@@ -1,5 +1,7 @@
 """Read flight logs of any supported format: the one entrance that the lab and the commands use."""
 
+import os
+import stat
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TypeAlias
@@ -23,6 +25,7 @@ def read_log(path: Path | str) -> FlightLog:
         One sentence that says which file, where in it, what is wrong and what was expected.
     """
     path = Path(path)
+    _require_file(path)
     return _reader(path)(path)
 
 
@@ -35,13 +38,24 @@ def read_logs(paths: Iterable[Path | str]) -> list[FlightLog]:
         One of them cannot be read, or is given twice: the same flight in training and test data proves nothing.
     """
     logs: list[FlightLog] = []
-    seen: set[Path] = set()
+    seen: set[str] = set()
     for path in map(Path, paths):
-        if path.resolve() in seen:
+        place = os.path.realpath(path)  # not Path.resolve(), which fails where symbolic links lead in a circle
+        if place in seen:
             raise LogError(f"{path}: is given twice, expected each flight once")
-        seen.add(path.resolve())
+        seen.add(place)
         logs.append(read_log(path))
     return logs
+
+
+def _require_file(path: Path) -> None:
+    """Refuse what may never end, or can be read only once; the readers say what else is wrong with a path."""
+    try:
+        mode = path.stat().st_mode
+    except OSError:
+        return
+    if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):
+        raise LogError(f"{path}: is a device or a pipe, expected a file that holds a flight log")
 
 
 def _reader(path: Path) -> _Reader:

@@ -1,0 +1,30 @@
+"""Body drag: the pressure drag of frame and payload, quadratic in velocity."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from quadctl.effects.base import Conditions, Effect, parameter
+from quadctl.numeric import Vector, sqrt
+from quadctl.vehicle import Vehicle
+
+
+@dataclass(frozen=True)
+class QuadraticDrag(Effect):
+    """F = -1/2 rho |v| (A_x u, A_y v, A_z w) in body axes, A being drag areas (coefficient times frontal area)."""
+
+    name: ClassVar[str] = "body_drag.quadratic"
+    source: ClassVar[str] = "definition of the drag coefficient; Hattenberger et al. 2022 for multirotors"
+    depends_on: ClassVar[tuple[str, ...]] = ("speed_forward", "speed_right")
+    physics: ClassVar[str] = "The frame's pressure drag pushes against the flight velocity and grows with its square."
+    told_apart_by: ClassVar[str] = "runs at several speeds: linear drag doubles with the speed, this one grows fourfold"
+    mission: ClassVar[str] = "missions/forward_runs.yaml"
+    needs: ClassVar[dict[str, float]] = {"speed": 1.0}
+
+    area_x_m2: float = parameter(0.02, 0.0, 1.0, "m^2", "drag area seen from the front")
+    area_y_m2: float = parameter(0.02, 0.0, 1.0, "m^2", "drag area seen from the side")
+    area_z_m2: float = parameter(0.0, 0.0, 1.0, "m^2", "drag area seen from above", fitted=False)
+
+    def force(self, total_thrust_n: float, c: Conditions, vehicle: Vehicle) -> Vector:
+        u, v, w = c.velocity_body_m_s
+        half = -0.5 * vehicle.air_density_kg_m3 * sqrt(u * u + v * v + w * w)
+        return half * self.area_x_m2 * u, half * self.area_y_m2 * v, half * self.area_z_m2 * w

@@ -1,0 +1,28 @@
+"""Tether: a cable hangs below the vehicle, and the higher it flies the more of it must be carried."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from quadctl.effects.base import Conditions, Effect, parameter
+from quadctl.frames import rotate_inverse
+from quadctl.numeric import Vector, maximum
+from quadctl.vehicle import Vehicle
+
+
+@dataclass(frozen=True)
+class HangingTether(Effect):
+    """A downward force of `weight_n_per_m` per metre of height of the rotor plane above `slack_m`."""
+
+    name: ClassVar[str] = "tether.hanging"
+    source: ClassVar[str] = "weight of the lifted part of a cable"
+    depends_on: ClassVar[tuple[str, ...]] = ("height_over_radius",)
+    physics: ClassVar[str] = "A cable hangs below the vehicle: the higher it flies, the more of it must be carried."
+    told_apart_by: ClassVar[str] = "growing with height without end, where a ground effect fades"
+    mission: ClassVar[str] = "missions/hover_staircase_high.yaml"
+
+    weight_n_per_m: float = parameter(0.2, 0.0, 20.0, "N/m", "weight of the cable per length")
+    slack_m: float = parameter(0.0, 0.0, 50.0, "m", "height below which it carries itself", fitted=False)
+
+    def force(self, total_thrust_n: float, c: Conditions, vehicle: Vehicle) -> Vector:
+        lifted = maximum(c.height_m - self.slack_m, 0.0)
+        return rotate_inverse(c.attitude, (0.0 * lifted, 0.0 * lifted, self.weight_n_per_m * lifted))
