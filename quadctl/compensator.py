@@ -7,6 +7,7 @@ a band around 1, and its correction fades out beyond the heights of the data tha
 import itertools
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 from pydantic import Field
@@ -98,33 +99,47 @@ def _trusted_heights(item: StackedEffect) -> tuple[float, float]:
 def check_compensator(model: Model, lowest_m: float, highest_m: float, source: str) -> list[str]:
     """Refuse a compensator that must not fly; return warnings about one that may but looks unphysical.
 
-    The thrust ratio is evaluated in level hover from `lowest_m` to `highest_m` (height of the rotor plane).
+    The thrust ratio is evaluated in level hover from `lowest_m` to `highest_m` (height of the rotor plane). That it
+    is below 1 near the ground is a warning, as a weak rotor or a fit's noise can make it so; an effect that is known
+    to be wrong in flight says so itself (`not_for_flight`) and is refused.
 
     Raises
     ------
     SettingsError
-        The ratio has a pole, is not positive or not finite somewhere in that range.
+        The ratio has a pole, is not positive or not finite somewhere in that range, or an effect is not for flight.
     """
-    vehicle = model.vehicle
-    rotors = [vehicle.weight_n / vehicle.n_rotors] * vehicle.n_rotors
+    for effect in model.effects:
+        if effect.not_for_flight:
+            raise SettingsError(
+                f"{source}: {effect.name} cannot be compensated ({effect.not_for_flight}), "
+                f"expected a model without it: not safe to fly"
+            )
     steps = 200
     heights = [lowest_m + (highest_m - lowest_m) * i / steps for i in range(steps + 1)]
-    ratios = []
     for z in heights:
-        c = Conditions(z, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
-        try:
-            ratio = float(sum(model.rotor_thrust(rotors, c))) / vehicle.weight_n
-        except (ArithmeticError, ValueError):  # division by zero, overflow, a root of a negative number
-            ratio = math.nan
+        ratio = _hover_ratio(model, z)
         if not math.isfinite(ratio) or ratio <= 0.0:
             raise SettingsError(
                 f"{source}: the thrust ratio is {ratio:g} at a rotor height of {z:.2f} m, "
                 f"expected a finite positive number from {lowest_m:g} to {highest_m:g} m: not safe to fly"
             )
-        ratios.append(ratio)
+    # Below a ceiling thrust does rise with height; the ground's part is judged without it.
+    open_sky = replace(model, stack=tuple(i for i in model.stack if i.effect.family() != "ceiling_effect"))
+    ratios = [_hover_ratio(open_sky, z) for z in heights]
     warnings = []
     if any(b > a + 1e-6 for a, b in itertools.pairwise(ratios)):
         warnings.append(f"{source}: the thrust ratio rises with height somewhere, no ground effect does")
     if ratios[0] < 0.999 * ratios[-1]:
         warnings.append(f"{source}: the thrust ratio is lower near the ground than far from it, no ground effect is")
     return warnings
+
+
+def _hover_ratio(model: Model, height_m: float) -> float:
+    """Thrust over nominal thrust in level hover with the rotor plane at `height_m`; nan where it has no value."""
+    vehicle = model.vehicle
+    rotors = [vehicle.weight_n / vehicle.n_rotors] * vehicle.n_rotors
+    c = Conditions(height_m, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
+    try:
+        return float(sum(model.rotor_thrust(rotors, c))) / vehicle.weight_n
+    except (ArithmeticError, ValueError):  # division by zero, overflow, a root of a negative number
+        return math.nan

@@ -78,6 +78,11 @@ class Effect:
     needs: ClassVar[dict[str, float]] = {}
     """Variables, and the span of each that data must have for this effect to be told from its look-alikes."""
 
+    candidate: ClassVar[bool] = True
+    """False: the lab does not propose it by itself; a model file may still name it."""
+    not_for_flight: ClassVar[str] = ""
+    """Why a compensator must not hold this effect; empty: it may."""
+
     @classmethod
     def family(cls) -> str:
         return cls.name.partition(".")[0]

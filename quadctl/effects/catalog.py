@@ -3,7 +3,18 @@
 from quadctl.effects.base import Effect
 from quadctl.effects.body_drag import QuadraticDrag
 from quadctl.effects.ceiling_effect import MomentumCeiling
-from quadctl.effects.ground_effect import Cheeseman, Exponential, Hayden, Sanchez
+from quadctl.effects.ground_effect import (
+    Cheeseman,
+    CheesemanForward,
+    Danjun,
+    Exponential,
+    Hayden,
+    Kan,
+    Nobahari,
+    Sanchez,
+    Surface,
+)
+from quadctl.effects.ground_effect_hexarotor import Hexarotor, HexarotorTilted
 from quadctl.effects.inflow import AxialInflow
 from quadctl.effects.rotor_drag import LinearDrag
 from quadctl.effects.tether import HangingTether
@@ -20,6 +31,13 @@ CATALOG: dict[str, type[Effect]] = {
         Sanchez,
         Cheeseman,
         Hayden,
+        Danjun,
+        CheesemanForward,
+        Hexarotor,
+        HexarotorTilted,
+        Surface,
+        Nobahari,
+        Kan,
         MomentumCeiling,
         LinearDrag,
         QuadraticDrag,

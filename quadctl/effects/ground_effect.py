@@ -3,13 +3,17 @@
 Each variant gives K = T_IGE / T_OGE over the height z of the rotor plane above the ground, R being the rotor radius,
 d the distance between neighbouring rotor axes and b that between opposite ones. The textbook forms have a pole near
 the ground; they are evaluated no lower than `LOWEST_HEIGHT_OVER_RADIUS` rotor radii, which is also where the
-experiments behind them end.
+experiments behind them end. A pole above that height is left where it is, for the check before flight to find.
 """
 
+import math
 from dataclasses import dataclass
 from typing import ClassVar
 
+import numpy as np
+
 from quadctl.effects.base import Conditions, ThrustRatio, parameter
+from quadctl.frames import rotate
 from quadctl.numeric import Number, exp, maximum
 from quadctl.vehicle import Vehicle
 
@@ -17,8 +21,8 @@ LOWEST_HEIGHT_OVER_RADIUS = 0.5
 
 
 @dataclass(frozen=True)
-class GroundEffect(ThrustRatio):
-    """What the variants share: they depend on height alone."""
+class NearGround(ThrustRatio):
+    """What all variants share."""
 
     depends_on: ClassVar[tuple[str, ...]] = ("height_over_radius",)
     physics: ClassVar[str] = (
@@ -27,12 +31,28 @@ class GroundEffect(ThrustRatio):
     told_apart_by: ClassVar[str] = "hovering at many heights, the lowest within one rotor radius of the ground"
     mission: ClassVar[str] = "missions/hover_staircase.yaml"
 
+
+@dataclass(frozen=True)
+class GroundEffect(NearGround):
+    """The variants that depend on height alone and are physical: never rising with height."""
+
     def ratio(self, c: Conditions, vehicle: Vehicle) -> Number:
-        return self.at_height(maximum(c.height_m, LOWEST_HEIGHT_OVER_RADIUS * vehicle.rotor.radius_m), vehicle)
+        return self.at_height(clamped_height(c, vehicle), vehicle)
 
     def at_height(self, z: Number, vehicle: Vehicle) -> Number:
         """K at the height `z` of the rotor plane, metres, not below the validity limit."""
         raise TypeError(f"{type(self).__name__} does not say its thrust ratio over height")
+
+
+def clamped_height(c: Conditions, vehicle: Vehicle) -> Number:
+    """Height of the rotor plane, metres, no lower than the textbook forms are evaluated."""
+    return maximum(c.height_m, LOWEST_HEIGHT_OVER_RADIUS * vehicle.rotor.radius_m)
+
+
+def horizontal_speed_squared(c: Conditions) -> Number:
+    """Square of the speed over ground, m^2/s^2, whatever the attitude."""
+    north, east, _ = rotate(c.attitude, c.velocity_body_m_s)
+    return north * north + east * east
 
 
 @dataclass(frozen=True)
@@ -44,6 +64,74 @@ class Cheeseman(GroundEffect):
 
     def at_height(self, z: Number, vehicle: Vehicle) -> Number:
         return 1.0 / (1.0 - (vehicle.rotor.radius_m / (4.0 * z)) ** 2)
+
+
+@dataclass(frozen=True)
+class CheesemanForward(NearGround):
+    """K = 1 / (1 - (R/4z)^2 / (1 + (V/v_h)^2)): forward flight carries the wake away before it is dammed up.
+
+    V is the horizontal speed, v_h the induced velocity in hover; at V = 0 this is `cheeseman`. The thesis (eq. 4)
+    prints the factor 1 / (1 + (V/v_h)^2) with one more square, which neither the source nor the thesis' code has.
+    """
+
+    name: ClassVar[str] = "ground_effect.cheeseman_forward"
+    source: ClassVar[str] = "Cheeseman & Bennett 1955, ARC R&M 3021"
+    depends_on: ClassVar[tuple[str, ...]] = ("height_over_radius", "speed_forward", "speed_right")
+    physics: ClassVar[str] = (
+        "Near the ground the downwash is dammed up and thrust grows; in forward flight the vehicle leaves it behind."
+    )
+    told_apart_by: ClassVar[str] = "low runs at several speeds: the gain near the ground fades with the speed"
+    mission: ClassVar[str] = "missions/forward_runs.yaml"
+    needs: ClassVar[dict[str, float]] = {"speed": 1.0}
+
+    def ratio(self, c: Conditions, vehicle: Vehicle) -> Number:
+        own = (vehicle.rotor.radius_m / (4.0 * clamped_height(c, vehicle))) ** 2
+        return 1.0 / (1.0 - own / (1.0 + horizontal_speed_squared(c) / vehicle.hover_induced_velocity_m_s**2))
+
+
+@dataclass(frozen=True)
+class Nobahari(NearGround):
+    """K = 1 / (1 - (R_eq/4z)^2), R_eq = 2.5 R: Cheeseman for one equivalent rotor in the place of a quadrotor's four.
+
+    Very strong: 1.64 at one rotor radius, and a pole at z = R_eq/4 = 0.625 R, below which it is negative. The check
+    before flight refuses it wherever the flight may come that low. It has no parameter that data could soften, so the
+    lab does not propose it.
+    """
+
+    name: ClassVar[str] = "ground_effect.nobahari"
+    source: ClassVar[str] = "Nobahari: Cheeseman & Bennett 1955 with an equivalent radius"
+    candidate: ClassVar[bool] = False
+
+    EQUIVALENT_RADII: ClassVar[float] = 2.5
+
+    def ratio(self, c: Conditions, vehicle: Vehicle) -> Number:
+        r = self.EQUIVALENT_RADII * vehicle.rotor.radius_m
+        return inverse(1.0 - (r / (4.0 * clamped_height(c, vehicle))) ** 2)
+
+
+def inverse(value: Number) -> Number:
+    """1 / value, infinite at 0 for one number as for an array."""
+    if isinstance(value, np.ndarray):
+        with np.errstate(divide="ignore"):
+            return 1.0 / value
+    return 1.0 / value if value else math.inf
+
+
+@dataclass(frozen=True)
+class Danjun(GroundEffect):
+    """K = 1 / (1 - rho (R/4z)^2): Cheeseman with a weight that is fitted; rho = 1 gives `cheeseman`.
+
+    Dena et al. (eq. 13) print the inverse, which would lose thrust near the ground. The pole is at z = sqrt(rho) R/4;
+    rho stays below 4, so that it is below the lowest height at which this form is evaluated.
+    """
+
+    name: ClassVar[str] = "ground_effect.danjun"
+    source: ClassVar[str] = "Danjun et al. 2015; Dena et al. eq. 13 (printed inverted), rho = 3.6490"
+
+    rho: float = parameter(3.649, 0.0, 3.9, "", "weight of the image source")
+
+    def at_height(self, z: Number, vehicle: Vehicle) -> Number:
+        return 1.0 / (1.0 - self.rho * (vehicle.rotor.radius_m / (4.0 * z)) ** 2)
 
 
 @dataclass(frozen=True)
@@ -68,13 +156,39 @@ class Sanchez(GroundEffect):
     k_b: float = parameter(2.0, 0.0, 6.0, "", "weight of the fountain on the body (2 in the thesis, 0.4509 in Dena)")
 
     def at_height(self, z: Number, vehicle: Vehicle) -> Number:
-        r, d, b = vehicle.rotor.radius_m, vehicle.adjacent_distance_m, vehicle.opposite_distance_m
-        z4 = 4.0 * z * z
-        own = (r / (4.0 * z)) ** 2
-        neighbours = r * r * z / (d * d + z4) ** 1.5
-        opposite = 0.5 * r * r * z / (2.0 * d * d + z4) ** 1.5
-        fountain = 2.0 * r * r * z * self.k_b / (b * b + z4) ** 1.5
-        return 1.0 / (1.0 - own - neighbours - opposite - fountain)
+        return quadrotor_ratio(z, vehicle, self.k_b)
+
+
+@dataclass(frozen=True)
+class Surface(GroundEffect):
+    """`sanchez` with k_b + k_s in the place of k_b: how much of the fountain the surface sends back.
+
+    In flights over one surface k_s cannot be told from k_b, so the lab proposes `sanchez` instead; `add` fits k_s for a
+    surface. The paper prints no k_s (turf, dirt, dry soil, irregular dry soil), so the default is none. Its equations
+    14 and 20 are typeset with terms outside the fraction; all belong in the denominator. k_b + k_s is taken as no less
+    than 0: a surface may swallow the fountain, but it does not pull.
+    """
+
+    name: ClassVar[str] = "ground_effect.surface"
+    source: ClassVar[str] = "Dena et al. eq. 20"
+    candidate: ClassVar[bool] = False
+
+    k_b: float = parameter(0.4509, 0.0, 6.0, "", "weight of the fountain on the body", fitted=False)
+    k_s: float = parameter(0.0, -6.0, 6.0, "", "what the surface adds to it")
+
+    def at_height(self, z: Number, vehicle: Vehicle) -> Number:
+        return quadrotor_ratio(z, vehicle, max(self.k_b + self.k_s, 0.0))
+
+
+def quadrotor_ratio(z: Number, vehicle: Vehicle, fountain_weight: float) -> Number:
+    """K of image sources below four rotors in a square and of the fountain between them."""
+    r, d, b = vehicle.rotor.radius_m, vehicle.adjacent_distance_m, vehicle.opposite_distance_m
+    z4 = 4.0 * z * z
+    own = (r / (4.0 * z)) ** 2
+    neighbours = r * r * z / (d * d + z4) ** 1.5
+    opposite = 0.5 * r * r * z / (2.0 * d * d + z4) ** 1.5
+    fountain = 2.0 * r * r * z * fountain_weight / (b * b + z4) ** 1.5
+    return 1.0 / (1.0 - own - neighbours - opposite - fountain)
 
 
 @dataclass(frozen=True)
@@ -94,3 +208,24 @@ class Exponential(GroundEffect):
 
     def at_height(self, z: Number, vehicle: Vehicle) -> Number:
         return self.c + self.a * exp(-self.b * z)
+
+
+@dataclass(frozen=True)
+class Kan(NearGround):
+    """K = (1 - 3R/25z) / (1 + (3V/50v_h)^3), as printed: less thrust near the ground, where there is more.
+
+    Kept to reproduce what was published. At one rotor radius it gives 0.88, so that a compensator would add thrust
+    where the ground does so already; hence it must not fly, and the lab does not propose it.
+    """
+
+    name: ClassVar[str] = "ground_effect.kan"
+    source: ClassVar[str] = "Kan et al. 2019 as printed in Appius, thesis"
+    depends_on: ClassVar[tuple[str, ...]] = ("height_over_radius", "speed_forward", "speed_right")
+    physics: ClassVar[str] = "As printed, thrust falls near the ground and in forward flight, against all measurements."
+    candidate: ClassVar[bool] = False
+    not_for_flight: ClassVar[str] = "as printed it takes thrust away near the ground, where there is more"
+
+    def ratio(self, c: Conditions, vehicle: Vehicle) -> Number:
+        hover = 1.0 - 3.0 * vehicle.rotor.radius_m / (25.0 * clamped_height(c, vehicle))
+        squared = (3.0 / (50.0 * vehicle.hover_induced_velocity_m_s)) ** 2 * horizontal_speed_squared(c)
+        return hover / (1.0 + squared**1.5)

@@ -4,16 +4,16 @@ from dataclasses import dataclass
 from typing import Any
 
 from rich.console import Group, RenderableType
-from rich.table import Table
 from rich.text import Text
 
 from quadctl import __version__
 from quadctl.effects import Effect
 from quadctl.errors import SettingsError
-from quadctl.lab.data import AXES, Dataset, rmse
+from quadctl.lab.data import Dataset, rmse
 from quadctl.lab.diagnose import parameters_in_words
 from quadctl.lab.fit import Fitter, intervals, remarks, values_of
 from quadctl.lab.prepare import Floats
+from quadctl.lab.tables import errors_table
 from quadctl.model import Model, Provenance, StackedEffect
 
 
@@ -54,12 +54,8 @@ class Addition:
 
     def __rich__(self) -> RenderableType:
         added = self.model.stack[-1].effect.name
-        table = Table(title=f"Error on data the fit did not see, with {added}", title_justify="left")
-        table.add_column("m/s^2")
-        for axis in (*AXES, "total"):
-            table.add_column(axis, justify="right")
-        for name, row in (("before", self.before), ("after", self.after)):
-            table.add_row(name, *(f"{row[axis]:.4f}" for axis in (*AXES, "total")))
+        title = f"Error on data the fit did not see, with {added}"
+        table = errors_table(title, (("before", self.before), ("after", self.after)))
         lines = [f"The held-out error changes by {-self.held_out_drop:+.1%}. The model now holds:"]
         for item in self.model.stack:
             words = parameters_in_words(item.effect, item.fitted.ci95 if item.fitted else {})

@@ -5,13 +5,13 @@ from typing import Any
 
 import numpy as np
 from rich.console import Group, RenderableType
-from rich.table import Table
 from rich.text import Text
 
-from quadctl.lab.data import AXES, Dataset, rmse
+from quadctl.lab.data import Dataset, rmse
 from quadctl.lab.flexible import flexible_residual, noise_floor
 from quadctl.lab.locate import Failure, Profile, failures, profiles
 from quadctl.lab.prepare import Floats
+from quadctl.lab.tables import errors_table
 from quadctl.model import Model
 
 SHOWN_FAILURES = 6
@@ -47,12 +47,8 @@ class Comparison:
         }
 
     def __rich__(self) -> RenderableType:
-        table = Table(title=f"{self.model.name} against {', '.join(self.dataset.names)}", title_justify="left")
-        table.add_column("m/s^2")
-        for axis in (*AXES, "total"):
-            table.add_column(axis, justify="right")
-        for name, row in (("error (RMSE)", self.rmse), ("noise floor", self.noise_floor)):
-            table.add_row(name, *(f"{row[axis]:.4f}" for axis in (*AXES, "total")))
+        title = f"{self.model.name} against {', '.join(self.dataset.names)}"
+        table = errors_table(title, (("error (RMSE)", self.rmse), ("noise floor", self.noise_floor)))
         widths = ", ".join(sorted({f"{flight.bandwidth_hz:.1f}" for flight in self.dataset.flights}))
         lines = [
             f"{len(self.residual)} samples, filtered to {widths} Hz; "

@@ -192,7 +192,7 @@ def diagnose(
     """
     pool = list(candidates if candidates is not None else CATALOG.values())
     present = {effect.family() for effect in model.effects}
-    pool = [effect for effect in pool if effect.family() not in present and effect.applies_to(model.vehicle)]
+    pool = [e for e in pool if e.family() not in present and e.candidate and e.applies_to(model.vehicle)]
     unfit = [e for e in pool if any(dataset.span(variable) < span for variable, span in e.needs.items())]
     untried = [
         f"{effect.name} (to be told from others it takes {variable} over {span:g} {SPAN_UNITS[variable]}, "

@@ -5,13 +5,13 @@ from dataclasses import dataclass
 from typing import Any
 
 from rich.console import Group, RenderableType
-from rich.table import Table
 from rich.text import Text
 
 from quadctl.lab.add import Addition, add
 from quadctl.lab.compare import Comparison, compare
-from quadctl.lab.data import AXES, Dataset
+from quadctl.lab.data import Dataset
 from quadctl.lab.diagnose import Diagnosis, diagnose
+from quadctl.lab.tables import errors_table
 from quadctl.model import Model
 
 
@@ -37,15 +37,9 @@ class Discovery:
         }
 
     def __rich__(self) -> RenderableType:
-        table = Table(title="Error ladder, on data the fits did not see", title_justify="left")
-        table.add_column("m/s^2")
-        for axis in (*AXES, "total"):
-            table.add_column(axis, justify="right")
-        for step in self.diagnosis.steps:
-            name = f"+ {step.effect}" if step.family else step.effect
-            table.add_row(name, *(f"{step.rmse[axis]:.4f}" for axis in (*AXES, "total")))
-        floor = self.before.noise_floor
-        table.add_row("noise floor", *(f"{floor[axis]:.4f}" for axis in (*AXES, "total")), style="dim")
+        ladder = [(f"+ {step.effect}" if step.family else step.effect, step.rmse) for step in self.diagnosis.steps]
+        floor = ("noise floor", self.before.noise_floor)
+        table = errors_table("Error ladder, on data the fits did not see", [*ladder, floor])
         return Group(table, Text("\n".join(self.diagnosis.lines())))
 
 
