@@ -8,6 +8,9 @@ from scipy import stats
 from quadctl.lab.data import Dataset, variance_of_sum
 from quadctl.lab.prepare import Floats
 
+NO_CHANGE = 1e-3
+"""A change of the prediction that is smaller than this share of the residual comes from where a fit stopped."""
+
 
 def improvement_p_value(before: Floats, predicted_change: Floats, dataset: Dataset) -> float:
     """One-sided p-value that a model's change of the prediction points along the error it should explain.
@@ -21,7 +24,7 @@ def improvement_p_value(before: Floats, predicted_change: Floats, dataset: Datas
     after = before - predicted_change
     for axis in range(3):
         change = predicted_change[:, axis]
-        if np.abs(change).max() < 1e-12:
+        if np.mean(change**2) < NO_CHANGE**2 * _power(after[:, axis]):
             continue
         score += float(change @ before[:, axis]) / _power(after[:, axis])
         variance += variance_of_sum(change, after[:, axis], dataset) / _power(after[:, axis]) ** 2
