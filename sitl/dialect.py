@@ -4,7 +4,7 @@ import struct
 from collections.abc import Sequence
 from typing import Any, ClassVar
 
-from pymavlink.dialects.v20 import common  # type: ignore[import-untyped]
+from pymavlink.dialects.v20 import common
 
 ESC_STATUS_ID = 291
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from types import TracebackType
 from typing import Any, NamedTuple
 
-from pymavlink.dialects.v20 import common as mavlink  # type: ignore[import-untyped]
+from pymavlink.dialects.v20 import common as mavlink
 
 from quadctl.frames import euler_from_quaternion
 from quadctl.state import NO_VECTOR, AttitudeTarget, VehicleState

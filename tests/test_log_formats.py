@@ -8,9 +8,9 @@ from typing import TypeAlias
 
 import numpy as np
 import pytest
-from pymavlink.DFReader import DFReader_binary  # type: ignore[import-untyped]
-from pymavlink.dialects.v20 import ardupilotmega as mavlink  # type: ignore[import-untyped]
-from pyulog import ULog  # type: ignore[import-untyped]
+from pymavlink.DFReader import DFReader_binary
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from pyulog import ULog
 
 from quadctl.errors import LogError
 from quadctl.logs import dataflash, tlog, ulog

@@ -14,10 +14,10 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from mavsdk.component_type import ComponentType  # type: ignore[import-untyped]
-from mavsdk.mavsdk import Configuration, Mavsdk  # type: ignore[import-untyped]
-from mavsdk.plugins.param import Param  # type: ignore[import-untyped]
-from pymavlink.dialects.v20 import common as mavlink  # type: ignore[import-untyped]
+from mavsdk.component_type import ComponentType
+from mavsdk.mavsdk import Configuration, Mavsdk
+from mavsdk.plugins.param import Param
+from pymavlink.dialects.v20 import common as mavlink
 
 from quadctl.errors import FlightError, LinkError
 from quadctl.flight import px4

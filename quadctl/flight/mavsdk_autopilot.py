@@ -14,17 +14,17 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
 
-from mavsdk.component_type import ComponentType  # type: ignore[import-untyped]
-from mavsdk.exceptions import ConnectionError as MavsdkConnectionError  # type: ignore[import-untyped]
-from mavsdk.logging import LogLevel, log_subscribe  # type: ignore[import-untyped]
-from mavsdk.mavsdk import Configuration, Mavsdk  # type: ignore[import-untyped]
-from mavsdk.plugins.mavlink_direct import (  # type: ignore[import-untyped]
+from mavsdk.component_type import ComponentType
+from mavsdk.exceptions import ConnectionError as MavsdkConnectionError
+from mavsdk.logging import LogLevel, log_subscribe
+from mavsdk.mavsdk import Configuration, Mavsdk
+from mavsdk.plugins.mavlink_direct import (
     MavlinkDirect,
     MavlinkDirectError,
     MavlinkDirectResult,
     MavlinkMessage,
 )
-from mavsdk.system import System  # type: ignore[import-untyped]
+from mavsdk.system import System
 
 from quadctl.errors import FlightError, LinkError
 from quadctl.flight import px4

@@ -127,7 +127,7 @@ def _index(data: bytes) -> _Index:
 
 def _format(name: str, letters: str, fields: list[str], length: int) -> _Format | None:
     """How a message is laid out, None when its description is damaged."""
-    from pymavlink.DFReader import FORMAT_TO_STRUCT  # type: ignore[import-untyped]
+    from pymavlink.DFReader import FORMAT_TO_STRUCT
 
     try:
         codes = [FORMAT_TO_STRUCT[letter][0] for letter in letters]

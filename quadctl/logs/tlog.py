@@ -126,7 +126,7 @@ def read_tlog(path: Path) -> FlightLog:
 
 def _records(path: Path, data: bytes, notes: list[str]) -> dict[_Sender, list[_Record]]:
     """The wanted messages in their order in the file, by sender."""
-    from pymavlink.dialects.v20 import ardupilotmega  # type: ignore[import-untyped]
+    from pymavlink.dialects.v20 import ardupilotmega
 
     decoder = ardupilotmega.MAVLink(None)
     found: dict[_Sender, list[_Record]] = defaultdict(list)

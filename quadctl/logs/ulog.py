@@ -78,7 +78,7 @@ def read_ulog(path: Path) -> FlightLog:
 
 
 def _parsed(path: Path) -> Any:
-    from pyulog import ULog  # type: ignore[import-untyped]
+    from pyulog import ULog
 
     try:
         # It prints what it finds damaged, and leaves a file open that it cannot read.
