@@ -11,7 +11,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from flights import obedient, simulated
-from quadctl.effects.ground_effect import Exponential
+from quadctl.effects.ground_effect import CheesemanForward, Exponential
 from quadctl.effects.rotor_drag import LinearDrag
 from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.errors import LogError, SettingsError
@@ -341,6 +341,10 @@ class TestFigures:
         assert np.abs(curve.measured.mean - fitted).max() < 0.01
         assert curve.measured.mean[0] > 1.1
         assert (np.diff(curve.measured.x) > 0.0).all()
+
+    def test_a_form_that_knows_of_forward_speed_has_its_curve_too(self, made: Comparison) -> None:
+        html = render_report(Results(made, None, add(CheesemanForward, made.model, made.dataset), None, None, None))
+        assert "thrust ratio over height" in html
 
     def test_an_effect_is_seen_in_the_residual_without_it_and_gone_with_it(self, raptor: Vehicle) -> None:
         addition = _fitted_drag(raptor)

@@ -20,7 +20,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from quadctl.effects import CATALOG, Conditions, Effect
-from quadctl.effects.ground_effect import LOWEST_HEIGHT_OVER_RADIUS, GroundEffect
+from quadctl.effects.ground_effect import LOWEST_HEIGHT_OVER_RADIUS, NearGround
 from quadctl.frames import GRAVITY_M_S2, euler_from_quaternion
 from quadctl.lab.add import Addition
 from quadctl.lab.compare import Comparison
@@ -499,7 +499,7 @@ def _without(model: Model, index: int) -> Model:
 
 
 def _ratio(effect: Effect, height_m: Floats, model: Model) -> Floats:
-    if not isinstance(effect, GroundEffect):
+    if not isinstance(effect, NearGround):
         raise TypeError(f"{effect.name} has no thrust ratio over height")
     conditions = Conditions(height_m, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
     return np.asarray(effect.ratio(conditions, model.vehicle) + 0.0 * height_m)

@@ -19,7 +19,7 @@ from matplotlib.figure import Figure as Drawing
 
 from quadctl import __version__
 from quadctl.effects import Effect
-from quadctl.effects.ground_effect import GroundEffect
+from quadctl.effects.ground_effect import NearGround
 from quadctl.errors import LogError, SettingsError
 from quadctl.frames import GRAVITY_M_S2
 from quadctl.lab import plots
@@ -619,14 +619,14 @@ def _fitted_effects(r: Results) -> Section | None:
         item = a.model.stack[index]
         ci95 = item.fitted.ci95 if item.fitted else {}
         rows.append([Cell(item.effect.name, item.effect.source), Cell(_parameters(item.effect, ci95))])
-        if isinstance(item.effect, GroundEffect):
+        if isinstance(item.effect, NearGround):
             sentences, figure = _ground_effect(a, index)
             text += sentences
             figures.append(figure)
         else:
             figures += _other_effect(a, index)
     figures.sort(key=lambda figure: not figure.whole_width)
-    if any(not isinstance(effect, GroundEffect) for effect in a.model.effects):
+    if any(not isinstance(effect, NearGround) for effect in a.model.effects):
         text.append(
             "For effects that are not a ratio over height: the residual without the effect, with it, and what it adds "
             "(band: 95% of its parameters' bootstrap draws); forward and right are those of the vehicle's heading."
