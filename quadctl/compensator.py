@@ -62,7 +62,9 @@ class Compensator:
             state.attitude,
             state.time_s,
             state.battery_v,
+            (state.position_ned_m[0], state.position_ned_m[1]),
         )
+        c = self.model.in_air(c)
         total = max(thrust_n, 0.1 * vehicle.weight_n)
         thrusts: Sequence[Number] = [total / vehicle.n_rotors] * vehicle.n_rotors
         ratio = 1.0
@@ -74,6 +76,8 @@ class Compensator:
             ratio *= 1.0 + trust * (total / before - 1.0)
         # As in the model, forces stand on the thrust with all effects included, whatever their order.
         for item, trust in zip(self.model.stack, trusts, strict=True):
+            if item.effect not in self.model.effects_on_body:
+                continue
             ex, ey, ez = item.effect.force(total, c, vehicle)
             fx, fy, fz = fx + trust * ex, fy + trust * ey, fz + trust * ez
         longest = self.limits.band * vehicle.weight_n

@@ -10,9 +10,9 @@ from typing import Any
 import yaml
 from pydantic import Field
 
-from quadctl.effects import Conditions, Effect, find_effect
+from quadctl.effects import Conditions, Effect, catalog_with, find_effect
 from quadctl.errors import SettingsError
-from quadctl.frames import GRAVITY_M_S2, Quaternion, rotate
+from quadctl.frames import GRAVITY_M_S2, Quaternion, rotate, rotate_inverse
 from quadctl.numeric import Number, Vector
 from quadctl.settings import Settings, read_yaml, validate
 from quadctl.vehicle import Vehicle
@@ -48,6 +48,8 @@ class Model:
     name: str = "rigid body"
     vehicle_path: Path | None = field(default=None, compare=False)
     """The file that the vehicle was read from, so that a saved model can refer to it."""
+    effect_files: tuple[Path, ...] = field(default=(), compare=False)
+    """The user's Python files whose effects the model may hold."""
 
     @cached_property
     def effects(self) -> tuple[Effect, ...]:
@@ -61,27 +63,60 @@ class Model:
         stack = tuple(StackedEffect(new, old.fitted) for new, old in zip(effects, self.stack, strict=True))
         return replace(self, stack=stack)
 
+    def in_air(self, c: Conditions) -> Conditions:
+        """The same conditions with the velocity relative to the air, as the effects want them."""
+        for effect in self.effects_on_air:
+            north, east, down = effect.wind_ned_m_s(c)
+            air = rotate_inverse(c.attitude, (north, east, down))
+            u, v, w = c.velocity_body_m_s
+            c = replace(c, velocity_body_m_s=(u - air[0], v - air[1], w - air[2]))
+        return c
+
     def rotor_thrust(self, nominal_n: Sequence[Number], c: Conditions) -> Sequence[Number]:
-        """Thrust of each rotor, N, all effects included, from the nominal k rpm^2 of each."""
+        """Thrust of each rotor, N, all effects included, from the nominal k rpm^2 of each; `c` as `in_air` gives it."""
         thrust = nominal_n
         for effect in self.effects_on_thrust:
             thrust = effect.rotor_thrust(thrust, c, self.vehicle)
         return thrust
 
-    def body_force(self, nominal_n: Sequence[Number], c: Conditions) -> Vector:
-        """Force on the body without weight, FRD, N, from the nominal thrust of each rotor."""
-        thrust = self.rotor_thrust(nominal_n, c)
+    def side_force(self, total_thrust_n: Number, c: Conditions) -> Vector:
+        """Force of the effects that is not the rotors' thrust, FRD, N; `c` as `in_air` gives it."""
         fx: Number = 0.0
         fy: Number = 0.0
         fz: Number = 0.0
+        for effect in self.effects_on_body:
+            ex, ey, ez = effect.force(total_thrust_n, c, self.vehicle)
+            fx, fy, fz = fx + ex, fy + ey, fz + ez
+        return fx, fy, fz
+
+    def side_torque(self, thrust_n: Sequence[Number], c: Conditions) -> Vector:
+        """Moment of the effects that is not the rotors', FRD, N m; `c` as `in_air` gives it."""
+        tx: Number = 0.0
+        ty: Number = 0.0
+        tz: Number = 0.0
+        for effect in self.effects_on_turning:
+            ex, ey, ez = effect.torque(thrust_n, c, self.vehicle)
+            tx, ty, tz = tx + ex, ty + ey, tz + ez
+        return tx, ty, tz
+
+    def body_force(self, nominal_n: Sequence[Number], c: Conditions) -> Vector:
+        """Force on the body without weight, FRD, N, from the nominal thrust of each rotor."""
+        c = self.in_air(c)
+        thrust = self.rotor_thrust(nominal_n, c)
+        fx, fy, fz = self.side_force(sum(thrust), c)
         for rotor, t in zip(self.vehicle.rotors, thrust, strict=True):
             ax, ay, az = rotor.axis
             fx, fy, fz = fx + ax * t, fy + ay * t, fz + az * t
-        total = sum(thrust)
-        for effect in self.effects_on_body:
-            ex, ey, ez = effect.force(total, c, self.vehicle)
-            fx, fy, fz = fx + ex, fy + ey, fz + ez
         return fx, fy, fz
+
+    def body_torque(self, nominal_n: Sequence[Number], c: Conditions) -> Vector:
+        """Moment on the body, FRD, N m, from the nominal thrust of each rotor."""
+        c = self.in_air(c)
+        thrust = self.rotor_thrust(nominal_n, c)
+        tx, ty, tz = self.side_torque(thrust, c)
+        for (mx, my, mz), t in zip(self.vehicle.moment_arms_m, thrust, strict=True):
+            tx, ty, tz = tx + mx * t, ty + my * t, tz + mz * t
+        return tx, ty, tz
 
     def acceleration_ned(self, nominal_n: Sequence[Number], c: Conditions) -> Vector:
         """Kinematic acceleration, NED, m/s^2: what an ideal observer on the ground would measure."""
@@ -89,13 +124,31 @@ class Model:
         m = self.vehicle.mass_kg
         return fx / m, fy / m, fz / m + GRAVITY_M_S2
 
+    def turning(self) -> "Model":
+        """The model with only those effects that the balance of moments can show."""
+        return replace(self, stack=tuple(item for item in self.stack if item.effect.turns))
+
     @cached_property
     def effects_on_thrust(self) -> tuple[Effect, ...]:
         return tuple(e for e in self.effects if type(e).rotor_thrust is not Effect.rotor_thrust)
 
     @cached_property
     def effects_on_body(self) -> tuple[Effect, ...]:
-        return tuple(e for e in self.effects if type(e).force is not Effect.force)
+        return tuple(e for e in self._speaking if type(e).force is not Effect.force)
+
+    @cached_property
+    def effects_on_turning(self) -> tuple[Effect, ...]:
+        return tuple(e for e in self._speaking if type(e).torque is not Effect.torque)
+
+    @cached_property
+    def effects_on_air(self) -> tuple[Effect, ...]:
+        return tuple(e for e in self.effects if type(e).wind_ned_m_s is not Effect.wind_ned_m_s)
+
+    @cached_property
+    def _speaking(self) -> tuple[Effect, ...]:
+        """Those that do not stand back for another of the stack."""
+        present = {effect.family() for effect in self.effects}
+        return tuple(effect for effect in self.effects if not present & set(effect.stands_back_for))
 
 
 def conditions(
@@ -105,9 +158,10 @@ def conditions(
     attitude: Quaternion,
     time_s: Number = 0.0,
     battery_v: Number = float("nan"),
+    position_ne_m: tuple[Number, Number] = (0.0, 0.0),
 ) -> Conditions:
     """Conditions of a vehicle whose logged position is `z_up_m` above the ground."""
-    return Conditions(z_up_m + vehicle.rotor_height_m, velocity_body_m_s, attitude, time_s, battery_v)
+    return Conditions(z_up_m + vehicle.rotor_height_m, velocity_body_m_s, attitude, time_s, battery_v, position_ne_m)
 
 
 class EffectEntry(Settings):
@@ -120,6 +174,8 @@ class EffectEntry(Settings):
 
 class _ModelFile(Settings):
     vehicle: str | Vehicle
+    effect_files: list[str] = Field(default_factory=list)
+    """Python files with a user's own effects, relative to this file."""
     effects: list[EffectEntry] = Field(default_factory=list)
 
 
@@ -141,15 +197,17 @@ def load_model(path: Path | str) -> Model:
         vehicle = validate(read_yaml(vehicle_path), Vehicle, str(vehicle_path))
     else:
         vehicle_path, vehicle = None, entry.vehicle
+    files = tuple(path.parent / file for file in entry.effect_files)
+    known = catalog_with(files)
     stack = tuple(
-        StackedEffect(find_effect(e.effect, source).from_values(e.parameters, source), e.fitted)
+        StackedEffect(find_effect(e.effect, source, known).from_values(e.parameters, source), e.fitted)
         for e, source in ((e, f"{path}: effects[{i}]") for i, e in enumerate(entry.effects, start=1))
     )
     families = [item.effect.family() for item in stack]
     for i, family in enumerate(families):
         if family in families[:i]:
             raise SettingsError(f"{path}: effects[{i + 1}] is a second {family}, expected each family once")
-    return Model(vehicle, stack, name=path.stem, vehicle_path=vehicle_path)
+    return Model(vehicle, stack, name=path.stem, vehicle_path=vehicle_path, effect_files=files)
 
 
 def save_model(model: Model, path: Path | str) -> None:
@@ -164,7 +222,9 @@ def save_model(model: Model, path: Path | str) -> None:
         if item.fitted is not None:
             entry["fitted"] = item.fitted.model_dump(mode="json", exclude_none=True)
         effects.append(entry)
-    text = yaml.safe_dump({"vehicle": vehicle, "effects": effects}, sort_keys=False)
+    files = [os.path.relpath(file.resolve(), path.resolve().parent) for file in model.effect_files]
+    own = {"effect_files": files} if files else {}
+    text = yaml.safe_dump({"vehicle": vehicle, **own, "effects": effects}, sort_keys=False)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text, encoding="utf-8")

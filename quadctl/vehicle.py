@@ -100,6 +100,20 @@ class Vehicle(Settings):
         return -sum(rotor.axis[2] for rotor in self.rotors) / self.n_rotors
 
     @cached_property
+    def moment_arms_m(self) -> tuple[Triple, ...]:
+        """Moment about the centre of mass per thrust of each rotor, FRD, N m/N: lever and drag torque.
+
+        A rotor that turns counter-clockwise seen from above drives the body clockwise, i.e. positive about down, which
+        is against its thrust axis.
+        """
+        arms = []
+        for rotor in self.rotors:
+            (px, py, pz), (ax, ay, az) = rotor.position_m, rotor.axis
+            drag = -self.rotor.torque_to_thrust_m if rotor.spin == "ccw" else self.rotor.torque_to_thrust_m
+            arms.append((py * az - pz * ay + drag * ax, pz * ax - px * az + drag * ay, px * ay - py * ax + drag * az))
+        return tuple(arms)
+
+    @cached_property
     def hover_induced_velocity_m_s(self) -> float:
         """v_h = sqrt(T / (2 rho pi R^2)) with the thrust of one rotor in hover (momentum theory)."""
         disk_m2 = math.pi * self.rotor.radius_m**2

@@ -49,6 +49,7 @@ class SimulatedAutopilot:
         self._on_ground_s = 0.0
         self._flown = False
         self._anchor: Vec3 = (0.0, 0.0, 0.0)
+        self._sink_integral_m_s2 = 0.0
         self._steps = 0
         self.estimator.observe(self.body.motion())
 
@@ -192,6 +193,9 @@ class SimulatedAutopilot:
         sink = self.parameters["MPC_LAND_SPEED"] if landing else min(max(az - z, -1.0), 1.0)
         if landing and self.body.in_contact:
             return AttitudeTarget(level, 0.0)
+        # Without an integrator a strong ground effect would carry the vehicle for ever.
+        integral = self._sink_integral_m_s2 + 1.5 * (sink - vz) * 2.0 * STEP_S if landing else 0.0
+        self._sink_integral_m_s2 = min(max(integral, -3.0), 6.0)
         north = min(max(1.2 * (ax - x) - 1.6 * vx, -3.0), 3.0)
         east = min(max(1.2 * (ay - y) - 1.6 * vy, -3.0), 3.0)
         yaw = 2.0 * math.atan2(level[3], level[0])
@@ -199,6 +203,6 @@ class SimulatedAutopilot:
         pitch, roll = -math.atan2(forward, GRAVITY_M_S2), math.atan2(right, GRAVITY_M_S2)
         attitude = multiply(level, quaternion_from_euler(roll, pitch, 0.0))
         up = rotate(attitude, (0.0, 0.0, -1.0))[2]
-        thrust = self.vehicle.mass_kg * (GRAVITY_M_S2 - 3.0 * (sink - vz)) / max(-up, 0.5)
+        thrust = self.vehicle.mass_kg * (GRAVITY_M_S2 - 3.0 * (sink - vz) - self._sink_integral_m_s2) / max(-up, 0.5)
         curve = self.vehicle.throttle
         return AttitudeTarget(attitude, min(max(curve.offset + curve.per_newton * thrust, 0.1), 0.9))

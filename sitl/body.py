@@ -71,10 +71,7 @@ class SimulatedBody:
         self.battery = Battery()
         self.in_contact = True
         self._inertia = vehicle.principal_inertia_kg_m2
-        self._geometry = [
-            (*rotor.position_m, *rotor.axis, _reaction(rotor.spin, vehicle.rotor.torque_to_thrust_m))
-            for rotor in vehicle.rotors
-        ]
+        self._geometry = [(*rotor.axis, *arm) for rotor, arm in zip(vehicle.rotors, vehicle.moment_arms_m, strict=True)]
         lag = vehicle.rotor.time_constant_s
         self._rotor_share = 1.0 if lag < 1e-6 else 1.0 - math.exp(-STEP_S / lag)
 
@@ -122,21 +119,17 @@ class SimulatedBody:
         thrusts = [k * rpm * rpm for rpm in self.rpm]
         fx = fy = fz = tx = ty = tz = 0.0
         if truth.stack:
+            north, east, down = self.position
             velocity_body = rotate_inverse(self.attitude, self.velocity)
-            c = conditions(
-                vehicle, -self.position[2], velocity_body, self.attitude, self.time_s, self.battery.voltage_v
-            )
+            volts = self.battery.voltage_v
+            c = conditions(vehicle, -down, velocity_body, self.attitude, self.time_s, volts, (north, east))
+            c = truth.in_air(c)
             thrusts = list(truth.rotor_thrust(thrusts, c))
-            total = sum(thrusts)
-            for effect in truth.effects_on_body:
-                ex, ey, ez = effect.force(total, c, vehicle)
-                fx, fy, fz = fx + ex, fy + ey, fz + ez
-        for (px, py, pz, ax, ay, az, reaction), thrust in zip(self._geometry, thrusts, strict=True):
-            rx, ry, rz = ax * thrust, ay * thrust, az * thrust
-            fx, fy, fz = fx + rx, fy + ry, fz + rz
-            tx += py * rz - pz * ry + reaction * rx
-            ty += pz * rx - px * rz + reaction * ry
-            tz += px * ry - py * rx + reaction * rz
+            fx, fy, fz = truth.side_force(sum(thrusts), c)
+            tx, ty, tz = truth.side_torque(thrusts, c)
+        for (ax, ay, az, mx, my, mz), thrust in zip(self._geometry, thrusts, strict=True):
+            fx, fy, fz = fx + ax * thrust, fy + ay * thrust, fz + az * thrust
+            tx, ty, tz = tx + mx * thrust, ty + my * thrust, tz + mz * thrust
         return (fx, fy, fz), (tx, ty, tz)
 
     def _contact_force(self) -> Vec3 | None:
@@ -181,9 +174,3 @@ class SimulatedBody:
         )
         norm = 1.0 / math.sqrt(w * w + x * x + y * y + z * z)
         self.attitude = (w * norm, x * norm, y * norm, z * norm)
-
-
-def _reaction(spin: str, torque_to_thrust_m: float) -> float:
-    """Drag torque about the thrust axis per thrust: a rotor turning counter-clockwise from above turns the body
-    clockwise, i.e. positive about down, which is against its thrust axis."""
-    return -torque_to_thrust_m if spin == "ccw" else torque_to_thrust_m

@@ -65,11 +65,8 @@ def allocation(vehicle: Vehicle) -> list[tuple[float, float, float]]:
 
     The fourth row asks for no change in total thrust along the body axis.
     """
-    columns = []
-    for rotor in vehicle.rotors:
-        reaction = vehicle.rotor.torque_to_thrust_m * (-1.0 if rotor.spin == "ccw" else 1.0)
-        arm = np.cross(rotor.position_m, rotor.axis) + reaction * np.array(rotor.axis)
-        columns.append([*arm, -rotor.axis[2]])
+    arms = zip(vehicle.rotors, vehicle.moment_arms_m, strict=True)
+    columns = [[*arm, -rotor.axis[2]] for rotor, arm in arms]
     inverse = np.linalg.pinv(np.array(columns).T)
     return [(float(a), float(b), float(c)) for a, b, c, _ in inverse]
 

@@ -1,10 +1,12 @@
 """What an effect is: a frozen dataclass of named, bounded parameters and pure functions of the flight conditions.
 
 The same object predicts (arrays: a whole log), compensates (floats: one control tick) and simulates (floats: one
-physics step). An effect acts in one of two ways, and overrides the matching hook:
+physics step). An effect overrides the hooks of the ways in which it acts:
 
 - `rotor_thrust`: it changes the thrust that each rotor gives at its speed (ground effect, inflow, ...);
-- `force`: it adds a force on the body that is not along the rotors' axes (drag, a tilted thrust axis, ...).
+- `force`: it adds a force on the body that is not along the rotors' axes (drag, a tilted thrust axis, ...);
+- `torque`: it adds a moment on the body that is not the rotors';
+- `wind_ned_m_s`: it moves the air, which all effects of the air then feel.
 """
 
 import dataclasses
@@ -19,6 +21,8 @@ from quadctl.settings import nearest
 from quadctl.vehicle import Vehicle
 
 NO_FORCE: Vector = (0.0, 0.0, 0.0)
+NO_TORQUE: Vector = (0.0, 0.0, 0.0)
+NO_WIND: Vector = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,12 +32,14 @@ class Conditions:
     height_m: Number
     """Height of the rotor plane above the ground."""
     velocity_body_m_s: Vector
-    """Velocity over ground, FRD."""
+    """Velocity relative to the air, FRD; over ground where no wind is known."""
     attitude: Quaternion
     """Body to world."""
     time_s: Number = 0.0
     """Since the start of the log or flight."""
     battery_v: Number = float("nan")
+    position_ne_m: tuple[Number, Number] = (0.0, 0.0)
+    """North and east."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +53,7 @@ class Parameter:
     unit: str
     meaning: str
     fitted: bool = True
-    """False: kept at its value unless the user asks for it to be fitted."""
+    """False: kept at its value; the effect's `starts` choose it where data can."""
 
 
 def parameter(default: float, low: float, high: float, unit: str, meaning: str, *, fitted: bool = True) -> Any:
@@ -77,6 +83,10 @@ class Effect:
     """Nuisances of single flights (`lab.nuisance`) that this effect stands for: they are not fitted beside it."""
     needs: ClassVar[dict[str, float]] = {}
     """Variables, and the span of each that data must have for this effect to be told from its look-alikes."""
+    turns: ClassVar[bool] = False
+    """Its rotor thrusts or its torque turn the body by what the balance of moments can show."""
+    stands_back_for: ClassVar[tuple[str, ...]] = ()
+    """Families beside which its own force and torque are left out, because they say the same better."""
 
     candidate: ClassVar[bool] = True
     """False: the lab does not propose it by itself; a model file may still name it."""
@@ -91,6 +101,14 @@ class Effect:
     def applies_to(cls, vehicle: Vehicle) -> bool:
         """Whether the effect can be there at all; the lab does not try it otherwise."""
         return True
+
+    @classmethod
+    def starts(cls, flights: Sequence[Conditions], vehicle: Vehicle) -> "Sequence[Effect]":
+        """Where a fit to these flights may begin: several where the error has several valleys.
+
+        Parameters that are not fitted keep the value of the start that explains most.
+        """
+        return [cls()]
 
     @classmethod
     def parameters(cls) -> tuple[Parameter, ...]:
@@ -131,6 +149,10 @@ class Effect:
         """No more than what coefficients and trims of any real vehicle are off by: then it is not called missing."""
         return False
 
+    def believable(self, flights: Sequence[Conditions], vehicle: Vehicle) -> bool:
+        """Whether parameters fitted to these flights are what the effect can be, or the form stands in for another."""
+        return True
+
     def rotor_thrust(self, thrust_n: Sequence[Number], c: Conditions, vehicle: Vehicle) -> Sequence[Number]:
         """Thrust of each rotor, N, given what it would be without this effect."""
         return thrust_n
@@ -138,6 +160,14 @@ class Effect:
     def force(self, total_thrust_n: Number, c: Conditions, vehicle: Vehicle) -> Vector:
         """Further force on the body, FRD, N; `total_thrust_n` is the thrust of all rotors, all effects included."""
         return NO_FORCE
+
+    def torque(self, thrust_n: Sequence[Number], c: Conditions, vehicle: Vehicle) -> Vector:
+        """Further moment on the body, FRD, N m; `thrust_n` is the thrust of each rotor, all effects included."""
+        return NO_TORQUE
+
+    def wind_ned_m_s(self, c: Conditions) -> Vector:
+        """Velocity of the air over ground, NED."""
+        return NO_WIND
 
 
 @dataclass(frozen=True)

@@ -23,8 +23,8 @@ class FixedTilt(Effect):
     mission: ClassVar[str] = "missions/hover_staircase_high.yaml"
     replaces: ClassVar[tuple[str, ...]] = ("roll_rad", "pitch_rad")
 
-    roll_deg: float = parameter(0.0, -8.0, 8.0, "deg", "thrust leans to the right")
-    pitch_deg: float = parameter(0.0, -8.0, 8.0, "deg", "thrust leans backward")
+    roll_deg: float = parameter(0.0, -4.0, 4.0, "deg", "thrust leans to the right")
+    pitch_deg: float = parameter(0.0, -4.0, 4.0, "deg", "thrust leans backward")
 
     def negligible(self) -> bool:
         return math.hypot(self.roll_deg, self.pitch_deg) < 0.3

@@ -1,0 +1,48 @@
+"""Payload: the vehicle's mass changes at some time of the flight."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from quadctl.effects.base import Conditions, Effect, ThrustRatio, parameter
+from quadctl.numeric import Number, step
+from quadctl.vehicle import Vehicle
+
+MARGIN_S = 5.0
+SEARCH_S = 0.5
+"""Distance of the times that a fit may start from."""
+
+
+@dataclass(frozen=True)
+class MassStep(ThrustRatio):
+    """From `time_s` on the mass is `mass_kg` more: the same thrust accelerates m + mass_kg, K = m / (m + mass_kg)."""
+
+    name: ClassVar[str] = "payload.step"
+    source: ClassVar[str] = "Newton's second law"
+    depends_on: ClassVar[tuple[str, ...]] = ("time",)
+    physics: ClassVar[str] = "The mass changes at one moment: something is picked up or dropped."
+    told_apart_by: ClassVar[str] = "a step in time, at whatever height, speed and voltage"
+    mission: ClassVar[str] = "missions/hover_staircase_high.yaml"
+    not_for_flight: ClassVar[str] = "the time of the change belongs to one flight"
+
+    mass_kg: float = parameter(0.1, -20.0, 20.0, "kg", "mass picked up (+) or dropped (-)")
+    time_s: float = parameter(0.0, 0.0, 1e6, "s", "time of the log at which it happens", fitted=False)
+
+    @classmethod
+    def starts(cls, flights: Sequence[Conditions], vehicle: Vehicle) -> Sequence[Effect]:
+        """A small change at every half second but near the ends, where it would be a thrust scale."""
+        begin = min(float(c.time_s[0]) for c in flights)
+        end = max(float(c.time_s[-1]) for c in flights)
+        mass_kg = 0.02 * vehicle.mass_kg
+        times = np.arange(begin + MARGIN_S, end - MARGIN_S, SEARCH_S)
+        return [cls(change, float(t)) for t in times for change in (mass_kg, -mass_kg)] or [cls()]
+
+    def believable(self, flights: Sequence[Conditions], vehicle: Vehicle) -> bool:
+        """No more is dropped than a vehicle that still flies can lose, and no less than a thrust scale drifts by."""
+        return self.mass_kg / vehicle.mass_kg > -0.7 and abs(self.mass_kg) > 0.01 * vehicle.mass_kg
+
+    def ratio(self, c: Conditions, vehicle: Vehicle) -> Number:
+        share = max(self.mass_kg / vehicle.mass_kg, -0.9)
+        return 1.0 / (1.0 + share * step(c.time_s - self.time_s))

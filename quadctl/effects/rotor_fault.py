@@ -1,0 +1,36 @@
+"""Rotor fault: one rotor gives less thrust than its speed promises."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+from quadctl.effects.base import Conditions, Effect, parameter
+from quadctl.numeric import Number
+from quadctl.vehicle import Vehicle
+
+
+@dataclass(frozen=True)
+class WeakRotor(Effect):
+    """Rotor number `rotor` gives 1 - loss of its thrust, and of its drag torque."""
+
+    name: ClassVar[str] = "rotor_fault.weak"
+    source: ClassVar[str] = "loss of effectiveness of one actuator, as in fault-tolerant control (Lanzon et al. 2014)"
+    depends_on: ClassVar[tuple[str, ...]] = ()
+    physics: ClassVar[str] = "One rotor gives less thrust at its speed than the others: a chipped or loose propeller."
+    told_apart_by: ClassVar[str] = "the balance of moments: this rotor turns faster than its neighbours in hover"
+    mission: ClassVar[str] = "missions/hover_staircase_high.yaml"
+    turns: ClassVar[bool] = True
+
+    loss: float = parameter(0.05, 0.0, 0.9, "", "share of the rotor's thrust that is missing")
+    rotor: float = parameter(1.0, 1.0, 64.0, "", "number of the rotor, as motor1, motor2, ...", fitted=False)
+
+    @classmethod
+    def starts(cls, flights: Sequence[Conditions], vehicle: Vehicle) -> Sequence[Effect]:
+        return [cls(rotor=float(number)) for number in range(1, vehicle.n_rotors + 1)]
+
+    def negligible(self) -> bool:
+        return self.loss < 0.03
+
+    def rotor_thrust(self, thrust_n: Sequence[Number], c: Conditions, vehicle: Vehicle) -> Sequence[Number]:
+        weak = round(self.rotor) - 1
+        return [(1.0 - self.loss) * thrust if i == weak else thrust for i, thrust in enumerate(thrust_n)]

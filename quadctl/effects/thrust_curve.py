@@ -1,0 +1,35 @@
+"""Thrust curve: the thrust grows with the rotor speed by another exponent than 2."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+from quadctl.effects.base import Conditions, Effect, parameter
+from quadctl.numeric import Number, maximum
+from quadctl.vehicle import Vehicle
+
+
+@dataclass(frozen=True)
+class PowerCurve(Effect):
+    """T = T_hover (T_nominal / T_hover)^(exponent / 2): k rpm^2 is right in hover and off away from it.
+
+    Blade twist, Reynolds number and compressibility bend the curve; thrust stands find 1.8 to 2.4.
+    """
+
+    name: ClassVar[str] = "thrust_curve.power"
+    source: ClassVar[str] = "thrust-stand data of Appius' thesis, section 3.3: T / rpm^2 rises by 20 % over the range"
+    depends_on: ClassVar[tuple[str, ...]] = ("thrust",)
+    physics: ClassVar[str] = "Thrust does not grow with the square of the rotor speed, but by another exponent."
+    told_apart_by: ClassVar[str] = "strong and quick changes of thrust, away from the ground"
+    mission: ClassVar[str] = "missions/vertical_runs.yaml"
+    needs: ClassVar[dict[str, float]] = {"thrust_share": 0.1}
+
+    exponent: float = parameter(2.0, 1.0, 4.0, "", "2: the vehicle file's law")
+
+    def negligible(self) -> bool:
+        return abs(self.exponent - 2.0) < 0.05
+
+    def rotor_thrust(self, thrust_n: Sequence[Number], c: Conditions, vehicle: Vehicle) -> Sequence[Number]:
+        hover_n = vehicle.weight_n / vehicle.n_rotors
+        power = 0.5 * self.exponent
+        return [hover_n * maximum(thrust / hover_n, 0.0) ** power for thrust in thrust_n]
