@@ -4,7 +4,7 @@ import json
 import os
 import sys
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
 
@@ -12,7 +12,7 @@ import typer
 from rich.console import Console
 
 from quadctl import __version__
-from quadctl.errors import FlightError, LogError, QuadctlError
+from quadctl.errors import FlightError, QuadctlError
 
 app = typer.Typer(
     name="quadctl",
@@ -29,7 +29,7 @@ MAX_NUMBER = 1e9
 INTERRUPTED = 130
 """Exit status with which typer ends on Ctrl-C."""
 
-LAB_PACKAGES = ("scipy", "polars", "matplotlib", "jinja2", "pyulog", "mcap")
+LAB_PACKAGES = ("scipy", "polars", "matplotlib", "jinja2", "pyulog", "mcap", "pysindy")
 """Of the extra `lab`: not on the companion computer."""
 
 LOG_SUFFIXES = (".csv", ".ulg", ".bin", ".tlog")
@@ -129,7 +129,12 @@ def diagnose(
 
 @app.command()
 def add(
-    effect: Annotated[str, typer.Argument(metavar="EFFECT", help="Name of an effect, e.g. ground_effect.exponential.")],
+    effect: Annotated[
+        str,
+        typer.Argument(
+            metavar="EFFECT", help="Name of an effect, e.g. ground_effect.exponential, or FILE.py of your own."
+        ),
+    ],
     model: ModelArgument,
     logs: LogArguments,
     output: Annotated[Path, typer.Option("-o", "--output", metavar="NEW.yaml", help="The new model file.")],
@@ -138,24 +143,82 @@ def add(
     hold_out: HoldOutOption = "blocks",
 ) -> None:
     """Add an effect to a model: fit it, and see the error on data that the fit did not see."""
-    from quadctl.effects import find_effect
+    from quadctl.effects import choose_effect
     from quadctl.lab.add import add as run
     from quadctl.lab.compare import compare as run_compare
     from quadctl.lab.report import write_report
-    from quadctl.model import save_model
+    from quadctl.model import load_model, save_model
 
     _check_outputs([model, *logs], output, json_out, html)
-    kind = find_effect(effect, "EFFECT")
+    kind, files = choose_effect(effect, "EFFECT", load_model(model).effect_files)
     loaded, data = _model_and_data(model, logs, hold_out)
-    result = run(kind, loaded, data)
+    result = run(kind, replace(loaded, effect_files=files), data)
     save_model(result.model, output)
     console.print(result)
     _print_notes(data)
-    console.print(f"Saved: {output}")
+    _print_saved(output)
     _write_json(json_out, result.to_dict())
     if html is not None:
         write_report(html, comparison=run_compare(loaded, data), addition=result)
         console.print(f"Report: {html}")
+
+
+@app.command()
+def fit(
+    model: ModelArgument,
+    logs: LogArguments,
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="NEW.yaml", help="The new model file.")],
+    json_out: JsonOption = None,
+    hold_out: HoldOutOption = "blocks",
+) -> None:
+    """Refit all effects of a model, and see the error on data that the fit did not see."""
+    from quadctl.lab.refit import fit as run
+    from quadctl.model import save_model
+
+    _check_outputs([model, *logs], output, json_out)
+    loaded, data = _model_and_data(model, logs, hold_out)
+    result = run(loaded, data)
+    save_model(result.model, output)
+    console.print(result)
+    _print_notes(data)
+    _print_saved(output)
+    _write_json(json_out, result.to_dict())
+
+
+@app.command()
+def remove(
+    effect: Annotated[str, typer.Argument(metavar="EFFECT", help="Name, family or variant of an effect of the model.")],
+    model: ModelArgument,
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="NEW.yaml", help="The new model file.")],
+    logs: Annotated[
+        list[Path] | None, typer.Argument(metavar="LOG...", help="Flight logs to refit the rest on.")
+    ] = None,
+    json_out: JsonOption = None,
+    hold_out: HoldOutOption = "blocks",
+) -> None:
+    """Take an effect out of a model; with logs, refit the rest and see what it costs on data the fit did not see."""
+    from quadctl.lab.remove import held_effect, without
+    from quadctl.lab.remove import remove as run
+    from quadctl.model import load_model, save_model
+
+    _check_outputs([model, *(logs or [])], output, json_out)
+    if not logs:
+        loaded = load_model(model)
+        taken = held_effect(effect, loaded)
+        save_model(without(taken, loaded), output)
+        kept = "Nothing was refitted: the others keep the parameters that they had beside it."
+        console.print(f"{taken.name} is taken out. {kept}", soft_wrap=True, markup=False, highlight=False)
+        _print_saved(output)
+        _write_json(json_out, {"removed": taken.name, "refitted": False})
+        return
+    held_effect(effect, load_model(model))  # a wrong name is said before the logs are read
+    loaded, data = _model_and_data(model, logs, hold_out)
+    result = run(effect, loaded, data)
+    save_model(result.model, output)
+    console.print(result)
+    _print_notes(data)
+    _print_saved(output)
+    _write_json(json_out, {**result.to_dict(), "refitted": True})
 
 
 @app.command()
@@ -177,7 +240,7 @@ def discover(
         result = run(loaded, data, progress=status.update)
     save_model(result.model, output)
     console.print(result)
-    console.print(f"Saved: {output}", soft_wrap=True, markup=False, highlight=False)
+    _print_saved(output)
     _write_json(json_out, result.to_dict())
     if html is not None:
         last = result.additions[-1] if result.additions else None
@@ -328,6 +391,10 @@ def _print_notes(dataset: Any) -> None:
             console.print(f"{flight.name}: {note}", soft_wrap=True, markup=False, highlight=False)
 
 
+def _print_saved(path: Path) -> None:
+    console.print(f"Saved: {path}", soft_wrap=True, markup=False, highlight=False)
+
+
 def _check_outputs(inputs: Sequence[Path | None], *outputs: Path | None) -> None:
     """Refuse an output file that would destroy something, or that cannot be one, before any work is done.
 
@@ -368,9 +435,7 @@ def _simulator() -> Any:
 
 
 def _model_and_data(model: Path, logs: list[Path], hold_out: str) -> tuple[Any, Any]:
-    from quadctl.lab.data import load_dataset
-    from quadctl.logs.quality import contradictions
-    from quadctl.logs.read import read_logs
+    from quadctl.lab.interface import prepare_flights
     from quadctl.model import load_model
 
     if hold_out not in ("blocks", "flights"):
@@ -378,12 +443,7 @@ def _model_and_data(model: Path, logs: list[Path], hold_out: str) -> tuple[Any, 
     if hold_out == "flights" and len(logs) < 2:
         raise typer.BadParameter("--hold-out is flights with 1 log, expected at least 2 logs, or blocks")
     loaded = load_model(model)
-    read = read_logs(logs)
-    dataset = load_dataset(read, loaded.vehicle, hold_out)  # type: ignore[arg-type]
-    for log in read:
-        for problem in contradictions(log):
-            raise LogError(f"{log.name}: {problem}")
-    return loaded, dataset
+    return loaded, prepare_flights(logs, loaded.vehicle, hold_out)  # type: ignore[arg-type]
 
 
 def main() -> NoReturn:

@@ -143,13 +143,15 @@ def made(raptor: Vehicle) -> Comparison:
 class TestWhatThePageHolds:
     def test_all_sections_in_reading_order(self, page: Page) -> None:
         assert page.sections == [
-            *("flights", "over-time", "variables", "fails"),
+            *("flights", "over-time", "open-loop", "variables", "fails"),
             *("missing", "before-after", "effects", "steps"),
         ]
         assert page.open == []
 
     def test_only_the_comparison_is_required(self, made: Comparison) -> None:
-        assert Page(render_report(Results(made))).sections == ["flights", "over-time", "variables", "fails"]
+        assert Page(render_report(Results(made))).sections == [
+            *("flights", "over-time", "open-loop", "variables", "fails")
+        ]
 
     def test_the_headline_is_the_error_on_unseen_flights_and_the_verdict(self, flown: Flown, page: Page) -> None:
         start, end = page.text.index("Flight model report"), page.text.index("The flights")

@@ -10,15 +10,17 @@ from rich.text import Text
 from quadctl.lab.data import Dataset, rmse
 from quadctl.lab.flexible import flexible_residual, noise_floor
 from quadctl.lab.locate import Failure, Profile, failures, profiles
+from quadctl.lab.openloop import OpenLoop, open_loop, open_loop_in_words, open_loop_table
 from quadctl.lab.prepare import Floats
-from quadctl.lab.tables import errors_table
+from quadctl.lab.tables import Result, errors_table
 from quadctl.model import Model
 
 SHOWN_FAILURES = 6
+TOLD_HORIZON_S = 2.0
 
 
-@dataclass(frozen=True, eq=False)
-class Comparison:
+@dataclass(frozen=True, eq=False, repr=False)
+class Comparison(Result):
     """A model against a dataset; errors in m/s^2 of kinematic acceleration, measured minus predicted."""
 
     model: Model
@@ -32,6 +34,8 @@ class Comparison:
     """1 - residual power / power of the measured acceleration about its mean; negative: worse than saying nothing."""
     fails_where: list[Failure]
     profiles: list[Profile]
+    open_loop: list[OpenLoop]
+    """By horizon; empty where no flight is long enough."""
 
     def to_dict(self) -> dict[str, Any]:
         return {
@@ -42,6 +46,7 @@ class Comparison:
             "rmse": self.rmse,
             "noise_floor": self.noise_floor,
             "explained": self.explained,
+            "open_loop": [errors.to_dict() for errors in self.open_loop],
             "fails_where": [failure.to_dict() for failure in self.fails_where],
             "notes": [f"{flight.name}: {note}" for flight in self.dataset.flights for note in flight.notes],
         }
@@ -67,7 +72,9 @@ class Comparison:
                 lines.append(f"  - and {len(self.fails_where) - SHOWN_FAILURES} more ranges (see --json or --html)")
         else:
             lines.append("It fails nowhere beyond the noise.")
-        return Group(table, Text("\n".join(lines)))
+        lines += [open_loop_in_words(errors) for errors in self.open_loop if errors.horizon_s == TOLD_HORIZON_S]
+        shown = [open_loop_table(self.open_loop)] if self.open_loop else []
+        return Group(table, *shown, Text("\n".join(lines)))
 
 
 def compare(model: Model, dataset: Dataset) -> Comparison:
@@ -75,14 +82,19 @@ def compare(model: Model, dataset: Dataset) -> Comparison:
     residual = dataset.residual(model)
     noise = noise_floor(residual, flexible_residual(residual, dataset))
     seen = profiles(residual, noise, dataset)
-    measured = dataset.measured - dataset.measured.mean(axis=0)
     return Comparison(
         model=model,
         dataset=dataset,
         residual=residual,
         rmse=rmse(residual),
         noise_floor=rmse(noise),
-        explained=float(1.0 - np.sum(residual**2) / np.sum(measured**2)),
+        explained=explained(residual, dataset.measured),
         fails_where=failures(residual, noise, dataset, seen),
         profiles=seen,
+        open_loop=open_loop(model, dataset),
     )
+
+
+def explained(residual: Floats, measured: Floats) -> float:
+    """Share of the variance that a model explains, as R^2: 1 - power of the residual / power about the mean."""
+    return float(1.0 - np.sum(residual**2) / np.sum((measured - measured.mean(axis=0)) ** 2))

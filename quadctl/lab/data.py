@@ -15,6 +15,7 @@ from quadctl.model import Model
 from quadctl.vehicle import Vehicle
 
 AXES = ("north", "east", "up")
+MOMENTS = ("roll", "pitch", "yaw")
 HoldOut = Literal["blocks", "flights"]
 FOLDS = 5
 MAX_LAG_S = 3.0
@@ -38,6 +39,18 @@ class Dataset:
         return np.concatenate([flight.measured for flight in self.flights])
 
     @cached_property
+    def moments(self) -> bool:
+        """Whether the balance of moments is known beside that of forces."""
+        return all(flight.torque is not None for flight in self.flights)
+
+    @cached_property
+    def targets(self) -> Floats:
+        """What fits aim at: `measured`, and where it is known the torque, FRD, N m, as three more columns."""
+        if not self.moments:
+            return self.measured
+        return np.column_stack([self.measured, np.concatenate([flight.torque for flight in self.flights])])
+
+    @cached_property
     def flight_index(self) -> NDArray[np.int64]:
         return np.repeat(np.arange(len(self.flights)), [len(flight.time_s) for flight in self.flights])
 
@@ -53,9 +66,12 @@ class Dataset:
     @cached_property
     def fold(self) -> NDArray[np.int64]:
         """Number of the fold that holds each sample out."""
-        if self.hold_out == "flights" and len(self.flights) > 1:
-            return self.flight_index
-        return self.block % FOLDS
+        return self.flight_index if self.whole_flights else self.block % FOLDS
+
+    @property
+    def whole_flights(self) -> bool:
+        """Whether folds are flights: one flight alone has to be cut into blocks."""
+        return self.hold_out == "flights" and len(self.flights) > 1
 
     @property
     def folds(self) -> list[int]:
@@ -68,6 +84,13 @@ class Dataset:
     def residual(self, model: Model) -> Floats:
         """Measured minus predicted, shape (n, 3)."""
         return self.measured - self.predicted(model)
+
+    def predicted_targets(self, model: Model) -> Floats:
+        """What `model` says the `targets` should have been."""
+        if not self.moments:
+            return self.predicted(model)
+        torque = np.concatenate([predict_torque(model, flight) for flight in self.flights])
+        return np.column_stack([self.predicted(model), torque])
 
     def variable(self, name: str) -> Floats | None:
         """A variable of all samples, or None where a flight lacks it."""
@@ -110,11 +133,29 @@ def predict(model: Model, flight: Flight) -> Floats:
     return np.column_stack([flight.filtered(component) for component in acceleration])
 
 
+def predict_torque(model: Model, flight: Flight) -> Floats:
+    """Filtered torque of one flight by `model`, FRD, N m, shape (n, 3).
+
+    It is that of the effects that the balance of moments can show; the others scale it as a whole, by what is lost in
+    its noise.
+    """
+    turning = model.turning()
+    if not turning.stack:
+        return flight.nominal_torque
+    torque = turning.body_torque(flight.nominal_n, flight.conditions)
+    return np.column_stack([flight.filtered(component) for component in torque])
+
+
 def rmse(residual: Floats) -> dict[str, float]:
-    """Root mean square per axis; `total` is the root of the sum of the three squares."""
+    """Root mean square per axis; `total` is the root of the sum of the squares of the accelerations'.
+
+    With six columns also of the moments, N m, and `turning`, the root of the sum of their squares.
+    """
     squares = np.mean(residual**2, axis=0)
-    per_axis = {axis: float(np.sqrt(value)) for axis, value in zip(AXES, squares, strict=True)}
-    return {**per_axis, "total": float(np.sqrt(squares.sum()))}
+    names = (*AXES, *MOMENTS)[: len(squares)]
+    per_axis = {axis: float(np.sqrt(value)) for axis, value in zip(names, squares, strict=True)}
+    errors = {**per_axis, "total": float(np.sqrt(squares[:3].sum()))}
+    return {**errors, "turning": float(np.sqrt(squares[3:].sum()))} if len(squares) > 3 else errors
 
 
 def autocovariance(values: Floats, dataset: Dataset) -> list[Floats]:

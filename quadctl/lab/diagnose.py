@@ -6,93 +6,38 @@ are in is taken out again.
 """
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
+import numpy as np
 from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from quadctl.effects import CATALOG, Effect
-from quadctl.lab.data import AXES, Dataset, rmse
-from quadctl.lab.fit import Fitter, free_parameters, intervals, remarks, values_of
+from quadctl.effects import Effect, every_effect
+from quadctl.lab.candidate import MATERIAL, SIGNIFICANT, Candidate, believable, parameters_in_words, try_effect
+from quadctl.lab.data import Dataset, rmse
+from quadctl.lab.fit import free_parameters, judged
 from quadctl.lab.flexible import flexible_residual
+from quadctl.lab.formula import Symbolic
 from quadctl.lab.prepare import SPAN_UNITS, Floats
 from quadctl.lab.significance import difference_p_value, improvement_p_value
+from quadctl.lab.starts import Unmodelled
+from quadctl.lab.symbolic import explain
+from quadctl.lab.tables import Result
+from quadctl.lab.threads import one_blas_thread
 from quadctl.model import Model
 
-SIGNIFICANT = 0.01
-"""After multiplication with the number of candidates tried (Bonferroni)."""
-MATERIAL = 0.05
-"""A family is called missing only when It takes this share off the held-out error of one axis: less is within what
-unknown trims and coefficients of any real vehicle do."""
 ALIKE = 0.05
 """Candidates whose held-out errors differ with a larger p-value cannot be told apart by these data."""
+AS_GOOD = 0.01
+"""Of families that cannot be told apart and come within this share of the best error, the simplest is taken."""
+PROMISING = 0.05
+"""Effects whose p-value was larger twice running are tried again only at the end, when all others are in."""
+MOSTLY = 0.5
+"""Where the effects found leave more than this share of what could be explained, they are not what is there."""
 
 Verdict = Literal["missing", "none", "unexplained"]
-
-
-@dataclass(frozen=True, eq=False)
-class Candidate:
-    """One effect tried on top of a model."""
-
-    effect: Effect
-    """With its fitted parameters."""
-    model: Model
-    """The whole stack, refitted."""
-    ci95: dict[str, tuple[float, float]]
-    before: dict[str, float]
-    after: dict[str, float]
-    """Held-out RMSE per axis and total, without and with the effect."""
-    p_value: float
-    """Corrected for autocorrelation and for the number of candidates."""
-    residual: Floats
-    """Held out, with the effect, shape (n, 3)."""
-    remarks: list[str]
-
-    @property
-    def family(self) -> str:
-        return self.effect.family()
-
-    @property
-    def held_out_drop(self) -> float:
-        return 1.0 - self.after["total"] / self.before["total"]
-
-    @property
-    def largest_drop(self) -> float:
-        """On the axis where the effect helps most."""
-        return max(1.0 - self.after[axis] / self.before[axis] for axis in AXES)
-
-    @property
-    def supported(self) -> bool:
-        helps = self.held_out_drop > 0.0 and self.largest_drop > MATERIAL
-        within = not any("bound" in remark for remark in self.remarks)  # else the form is a stand-in for another
-        return helps and self.p_value < SIGNIFICANT and within and not self.effect.negligible()
-
-    @property
-    def text(self) -> str:
-        axis = max(AXES, key=lambda a: 1.0 - self.after[a] / self.before[a])
-        verdict = (
-            f"It takes {self.held_out_drop:.0%} off the unseen error, {self.largest_drop:.0%} on the {axis} axis."
-            if self.supported
-            else "It is within the trims of any real vehicle."
-            if self.effect.negligible() and self.p_value < SIGNIFICANT
-            else "The unseen data do not support it."
-        )
-        return " ".join([self.effect.physics, verdict, *(f"Note: {remark}." for remark in self.remarks)])
-
-    def to_dict(self) -> dict[str, Any]:
-        return {
-            "family": self.family,
-            "effect": self.effect.name,
-            "parameters": self.effect.values(),
-            "ci95": {name: list(ci) for name, ci in self.ci95.items()},
-            "rmse_before": self.before["total"],
-            "rmse_after": self.after["total"],
-            "held_out_drop": self.held_out_drop,
-            "p_value": self.p_value,
-            "text": self.text,
-        }
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,8 +49,8 @@ class Step:
     rmse: dict[str, float]
 
 
-@dataclass(frozen=True, eq=False)
-class Diagnosis:
+@dataclass(frozen=True, eq=False, repr=False)
+class Diagnosis(Result):
     """What `diagnose` found."""
 
     model: Model
@@ -125,6 +70,8 @@ class Diagnosis:
     """Effects that these data could not tell from their look-alikes, and why."""
     unexplained: bool = False
     """After all missing effects are in, the logged variables still explain a part of the error that is worth it."""
+    symbolic: Symbolic | None = None
+    """The sparse expression of what is unexplained."""
 
     def to_dict(self) -> dict[str, Any]:
         return {
@@ -133,7 +80,7 @@ class Diagnosis:
             "missing": self.missing,
             "confounded": self.confounded,
             "suggested_mission": self.suggested_mission,
-            "symbolic": None,
+            "symbolic": self.symbolic.to_dict() if self.symbolic else None,
             "ladder": [{"family": s.family, "effect": s.effect, "rmse": s.rmse} for s in self.steps],
             "unexplained": self.unexplained,
             "untried": self.untried,
@@ -150,11 +97,11 @@ class Diagnosis:
             table.add_row(
                 f"[bold]{c.effect.name}[/]" if c.supported else c.effect.name,
                 parameters_in_words(c.effect, c.ci95),
-                f"{c.before['total']:.3f} -> {c.after['total']:.3f}",
+                f"{c.before[c.measure]:.3f} -> {c.after[c.measure]:.3f}" + (" N m" if c.measure == "turning" else ""),
                 f"{-c.held_out_drop:+.1%}",
                 "< 1e-4" if c.p_value < 1e-4 else f"{c.p_value:.2g}",
             )
-        return Group(table, Text("\n".join(self.lines())))
+        return Group(table, Text("\n".join(self.lines())), *([self.symbolic] if self.symbolic else []))
 
     def lines(self) -> list[str]:
         """The verdict in sentences."""
@@ -179,6 +126,7 @@ class Diagnosis:
         return lines
 
 
+@one_blas_thread
 def diagnose(
     model: Model,
     dataset: Dataset,
@@ -187,101 +135,116 @@ def diagnose(
 ) -> Diagnosis:
     """Rank what could be missing from `model`, judged on the parts of `dataset` that each fit did not see.
 
-    `candidates` are the catalogue's effects by default; families that the model holds already are not tried again.
-    `progress` is told in a few words what is being done.
+    `candidates` are by default the catalogue's effects and those of the model's own files; families that the model
+    holds already are not tried again. `progress` is told in a few words what is being done.
     """
-    pool = list(candidates if candidates is not None else CATALOG.values())
+    pool = list(candidates if candidates is not None else every_effect(model.effect_files).values())
     present = {effect.family() for effect in model.effects}
     pool = [e for e in pool if e.family() not in present and e.candidate and e.applies_to(model.vehicle)]
     unfit = [e for e in pool if any(dataset.span(variable) < span for variable, span in e.needs.items())]
-    untried = [
-        f"{effect.name} (to be told from others it takes {variable} over {span:g} {SPAN_UNITS[variable]}, "
-        f"these data have {dataset.span(variable):.2g})"
-        for effect in unfit
-        for variable, span in effect.needs.items()
-        if dataset.span(variable) < span
-    ]
-    pool = [effect for effect in pool if effect not in unfit]
-    current, residual = _refitted(model, dataset)
-    steps = [Step("", model.name, rmse(residual))]
-    chosen_ones: list[Candidate] = []
-    latest: dict[str, Candidate] = {}
-    confounded: list[list[str]] = []
-    alike: list[str] = []
-    missing: list[str] = []
-    while pool:
-        tried = [_try(effect, current, residual, dataset, len(pool), progress) for effect in pool]
-        tried.sort(key=lambda candidate: candidate.after["total"])
-        latest |= {candidate.effect.name: candidate for candidate in tried}
-        supported = [candidate for candidate in tried if candidate.supported]
-        # Look-alikes are those that did as well as the one chosen and are not needed once it is in.
-        confounded += [[missing[-1], other] for other in alike if other not in {c.family for c in supported}]
-        if not supported:
-            break
-        chosen, alike = _choose(supported, dataset)
-        current, residual = chosen.model, chosen.residual
-        missing.append(chosen.family)
-        chosen_ones.append(chosen)
-        steps.append(Step(chosen.family, chosen.effect.name, rmse(residual)))
-        pool = [effect for effect in pool if effect.family() != chosen.family]
-    current, residual, missing, steps = _without_superfluous(model, current, residual, missing, steps, dataset)
+    search = _Search(model, dataset, [effect for effect in pool if effect not in unfit], progress)
+    search.run()
+    progress("looking at what is left")
+    residual = search.residual[:, :3]
     flexible = flexible_residual(residual, dataset)
-    left = improvement_p_value(residual, flexible, dataset)
-    unexplained = _matters(residual, flexible, left)
-    verdict: Verdict = "missing" if missing else "unexplained" if unexplained else "none"
-    first = [candidate for candidate in chosen_ones if candidate.family in missing]
-    others = [candidate for candidate in latest.values() if candidate not in first]
+    unexplained = _matters(residual, flexible, improvement_p_value(residual, flexible, dataset))
+    if unexplained and search.missing and _share_left(search.first_residual[:, :3], residual, flexible) > MOSTLY:
+        search.forget()
+    missing = search.missing
+    first = [candidate for candidate in search.chosen if candidate.family in missing]
+    others = [candidate for candidate in search.latest.values() if candidate not in first]
     return Diagnosis(
         model=model,
         dataset=dataset,
-        verdict=verdict,
+        verdict="missing" if missing else "unexplained" if unexplained else "none",
         ranking=[*first, *sorted(others, key=lambda c: -c.held_out_drop)],
         missing=missing,
-        steps=steps,
-        best=current,
-        confounded=confounded,
-        suggested_mission=_suggestion(latest, confounded, unfit),
+        steps=search.steps,
+        best=search.current,
+        confounded=search.confounded,
+        suggested_mission=_suggestion(search.latest, search.confounded, unfit),
         unexplained=unexplained,
-        untried=untried,
+        untried=_reasons(unfit, dataset),
+        symbolic=explain(search.residual, dataset) if unexplained else None,
     )
 
 
-def _refitted(model: Model, dataset: Dataset) -> tuple[Model, Floats]:
-    """The model fitted on all data, and its held-out residual."""
-    fitter = Fitter(model, dataset)
-    fitted = fitter.fit()
-    return fitted.model, dataset.measured - fitter.held_out(fitted)
+class _Search:
+    """The walk from a model to one that lacks nothing the data can show."""
 
+    def __init__(
+        self, model: Model, dataset: Dataset, pool: list[type[Effect]], progress: Callable[[str], None]
+    ) -> None:
+        self.start = model
+        self.dataset = dataset
+        self.pool = pool
+        self.progress = progress
+        self.current, self.residual = judged(model, dataset)
+        self.first_residual = self.residual
+        self.steps = [Step("", model.name, rmse(self.residual))]
+        self.missing: list[str] = []
+        self.chosen: list[Candidate] = []
+        """Also those that turned out to be superfluous."""
+        self.latest: dict[str, Candidate] = {}
+        """Each effect as it was tried last, by name."""
+        self._failures: dict[str, int] = {}
+        """How often running each effect was of no use."""
+        self.confounded: list[list[str]] = []
 
-def _try(
-    effect: type[Effect],
-    current: Model,
-    residual: Floats,
-    dataset: Dataset,
-    n_tried: int,
-    progress: Callable[[str], None],
-) -> Candidate:
-    progress(f"trying {effect.name}")
-    extended = current.plus(effect())
-    fitter = Fitter(extended, dataset)
-    fitted = fitter.fit()
-    after = dataset.measured - fitter.held_out(fitted)
-    p = improvement_p_value(residual, residual - after, dataset)
-    effects = fitted.model.effects
-    last = len(effects) - 1
-    ci = intervals(fitter.free, fitter.bootstrap(fitted))
-    own = [(f, c) for f, c in zip(fitter.free, ci, strict=True) if f.effect == last]
-    values = values_of(fitted.model, [f for f, _ in own])
-    return Candidate(
-        effect=effects[last],
-        model=fitted.model,
-        ci95={f.parameter.name: c for f, c in own},
-        before=rmse(residual),
-        after=rmse(after),
-        p_value=min(1.0, p * n_tried),
-        residual=after,
-        remarks=remarks([f for f, _ in own], values, [c for _, c in own]),
-    )
+    def run(self) -> None:
+        """Add what is missing, take out what has become superfluous."""
+        alike: list[str] = []
+        while supported := self._supported():
+            # Look-alikes are those that did as well as the one chosen and are not needed once it is in.
+            self._note(alike, {candidate.family for candidate in supported})
+            chosen, alike = _choose(supported, self.dataset)
+            self._take(chosen)
+        self._note(alike, set())
+        for family in self.missing[:-1]:
+            self._drop_if_superfluous(family)
+
+    def forget(self) -> None:
+        """Back to the beginning: what was found is not what is there."""
+        self.current, self.residual = judged(self.start, self.dataset)
+        self.steps, self.missing, self.confounded = self.steps[:1], [], []
+
+    def _supported(self) -> list[Candidate]:
+        """The candidates that the data support on top of the current model, the best first."""
+        pool = [effect for effect in self.pool if effect.family() not in self.missing]
+        left = Unmodelled(self.current, self.residual, self.dataset)
+        promising = [effect for effect in pool if self._failures.get(effect.name, 0) < 2]
+        for effects in (promising, [effect for effect in pool if effect not in promising]):
+            for effect in effects:
+                self.progress(f"trying {effect.name}")
+                self.latest[effect.name] = tried = try_effect(effect, left, len(self.pool))
+                failures = self._failures.get(effect.name, 0)
+                self._failures[effect.name] = failures + 1 if tried.p_value > PROMISING else 0
+            supported = [self.latest[e.name] for e in effects if self.latest[e.name].supported]
+            if supported:
+                return sorted(supported, key=lambda candidate: candidate.score)
+        return []
+
+    def _take(self, chosen: Candidate) -> None:
+        self.current, self.residual = chosen.model, chosen.residual
+        self.missing.append(chosen.family)
+        self.chosen.append(chosen)
+        self.steps.append(Step(chosen.family, chosen.effect.name, rmse(self.residual)))
+
+    def _note(self, alike: list[str], still_needed: set[str]) -> None:
+        self.confounded += [[self.missing[-1], other] for other in alike if other not in still_needed]
+
+    def _drop_if_superfluous(self, family: str) -> None:
+        """Take a family out again where it is no longer needed now that the others are in."""
+        kept = tuple(item for item in self.current.stack if item.effect.family() != family)
+        smaller, without = judged(replace(self.start, stack=kept), self.dataset)
+        p_value = improvement_p_value(without, without - self.residual, self.dataset)
+        needed = p_value < SIGNIFICANT and _largest_gain(without, self.residual) > MATERIAL
+        if needed or not believable(smaller, self.dataset):
+            return
+        self.current, self.residual = smaller, without
+        self.missing = [name for name in self.missing if name != family]
+        last = Step(self.steps[-1].family, self.steps[-1].effect, rmse(without))
+        self.steps = [*(step for step in self.steps[:-1] if step.family != family), last]
 
 
 def _choose(supported: list[Candidate], dataset: Dataset) -> tuple[Candidate, list[str]]:
@@ -293,32 +256,19 @@ def _choose(supported: list[Candidate], dataset: Dataset) -> tuple[Candidate, li
     best = supported[0]
     leaders = [c for i, c in enumerate(supported) if c.family not in {other.family for other in supported[:i]}]
     alike = [c for c in leaders if c is best or difference_p_value(best.residual, c.residual, dataset) > ALIKE]
-    as_good = [c for c in alike if c.after["total"] < 1.01 * best.after["total"]]
-    chosen = min(as_good, key=lambda c: (len(free_parameters(c.model)), c.after["total"]))
+    as_good = [c for c in alike if c.score < best.score + AS_GOOD]
+    chosen = min(as_good, key=lambda c: (len(free_parameters(c.model)), c.score))
     return chosen, sorted({c.family for c in alike} - {chosen.family})
-
-
-def _without_superfluous(
-    start: Model, current: Model, residual: Floats, missing: list[str], steps: list[Step], dataset: Dataset
-) -> tuple[Model, Floats, list[str], list[Step]]:
-    """Take out what is no longer needed now that the other families are in."""
-    for family in missing[:-1]:
-        kept = tuple(item for item in current.stack if item.effect.family() != family)
-        smaller, without = _refitted(Model(start.vehicle, kept, start.name, start.vehicle_path), dataset)
-        before, after = rmse(without), rmse(residual)
-        gains = max(1.0 - after[axis] / before[axis] for axis in AXES)
-        needed = improvement_p_value(without, without - residual, dataset) < SIGNIFICANT and gains > MATERIAL
-        if not needed:
-            current, residual = smaller, without
-            missing = [name for name in missing if name != family]
-            steps = [*(s for s in steps[:-1] if s.family != family), Step(steps[-1].family, steps[-1].effect, before)]
-    return current, residual, missing, steps
 
 
 def _matters(residual: Floats, flexible: Floats, p_value: float) -> bool:
     """The flexible regression finds structure that is significant and worth explaining."""
-    before, after = rmse(residual), rmse(residual - flexible)
-    return p_value < SIGNIFICANT and max(1.0 - after[axis] / before[axis] for axis in AXES) > MATERIAL
+    return p_value < SIGNIFICANT and _largest_gain(residual, residual - flexible) > MATERIAL
+
+
+def _largest_gain(before: Floats, after: Floats) -> float:
+    """Largest share taken off the RMSE of an axis."""
+    return float(np.max(1.0 - np.sqrt(np.mean(after**2, axis=0) / np.mean(before**2, axis=0))))
 
 
 def _suggestion(tried: dict[str, Candidate], confounded: list[list[str]], unfit: list[type[Effect]]) -> str | None:
@@ -328,9 +278,18 @@ def _suggestion(tried: dict[str, Candidate], confounded: list[list[str]], unfit:
     return missions[0] if missions else None
 
 
-def parameters_in_words(effect: Effect, ci95: dict[str, tuple[float, float]]) -> str:
-    """`a = 0.114 [0.10, 0.12], b = 5.4 [5.0, 5.8]`; fixed parameters are left out."""
-    values = effect.values()
-    return (
-        ", ".join(f"{name} = {values[name]:.4g} [{low:.4g}, {high:.4g}]" for name, (low, high) in ci95.items()) or "-"
-    )
+def _share_left(first: Floats, residual: Floats, flexible: Floats) -> float:
+    """Of what could be explained of the first residual: the share that the effects found leave unexplained."""
+    floor = float(np.sum((residual - flexible) ** 2))
+    return (float(np.sum(residual**2)) - floor) / max(float(np.sum(first**2)) - floor, 1e-12)
+
+
+def _reasons(unfit: list[type[Effect]], dataset: Dataset) -> list[str]:
+    """Why these effects were not tried."""
+    return [
+        f"{effect.name} (to be told from others it takes {variable} over {span:g} {SPAN_UNITS[variable]}, "
+        f"these data have {dataset.span(variable):.2g})"
+        for effect in unfit
+        for variable, span in effect.needs.items()
+        if dataset.span(variable) < span
+    ]

@@ -1,22 +1,23 @@
 """Discover: compare, diagnose, add, until nothing significant is left; the ladder of held-out errors on the way."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
 from rich.console import Group, RenderableType
 from rich.text import Text
 
+from quadctl.effects import Effect
 from quadctl.lab.add import Addition, add
 from quadctl.lab.compare import Comparison, compare
 from quadctl.lab.data import Dataset
 from quadctl.lab.diagnose import Diagnosis, diagnose
-from quadctl.lab.tables import errors_table
+from quadctl.lab.tables import Result, errors_table
 from quadctl.model import Model
 
 
-@dataclass(frozen=True, eq=False)
-class Discovery:
+@dataclass(frozen=True, eq=False, repr=False)
+class Discovery(Result):
     """Where the walk began, what was found, and the model it ended with."""
 
     before: Comparison
@@ -43,11 +44,16 @@ class Discovery:
         return Group(table, Text("\n".join(self.diagnosis.lines())))
 
 
-def discover(model: Model, dataset: Dataset, progress: Callable[[str], None] = lambda text: None) -> Discovery:
-    """Add to `model` whatever is missing, one family at a time."""
+def discover(
+    model: Model,
+    dataset: Dataset,
+    candidates: Iterable[type[Effect]] | None = None,
+    progress: Callable[[str], None] = lambda text: None,
+) -> Discovery:
+    """Add to `model` whatever of the `candidates` (as in `diagnose`) is missing, one family at a time."""
     progress("comparing")
     before = compare(model, dataset)
-    diagnosis = diagnose(model, dataset, progress=progress)
+    diagnosis = diagnose(model, dataset, candidates, progress)
     kinds = {effect.family(): type(effect) for effect in diagnosis.best.effects}
     additions: list[Addition] = []
     for family in diagnosis.missing:

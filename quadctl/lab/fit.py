@@ -2,22 +2,27 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
-from scipy.optimize import least_squares
-from threadpoolctl import ThreadpoolController
+from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
+from scipy.optimize import lsq_linear
 
 from quadctl.effects import Effect, Parameter
-from quadctl.lab.data import Dataset, predict
-from quadctl.lab.nuisance import KINDS, MOST, disturbed, sensitivity
+from quadctl.lab.data import Dataset
+from quadctl.lab.nuisance import KINDS, MOST, predicted_with, sensitivity
 from quadctl.lab.prepare import Floats, Mask
+from quadctl.lab.threads import one_blas_thread
 from quadctl.model import Model
 
-_BLAS = ThreadpoolController().select(user_api="blas")
-"""The matrices of a fit are small: several BLAS threads on them only wait for each other (ten times slower here)."""
-
 BOOTSTRAPS = 1000
-MAX_PASSES = 8
+MAX_STEPS = 40
+MAX_HALVINGS = 6
+LONGEST = 0.3
+"""No step goes further than this share of a parameter's range."""
+CLOSE_ENOUGH = 1e-3
+"""A step that moves the prediction by less than this share of the noise is the last."""
 HUBER_SIGMAS = 3.0
 """Residuals beyond this many (robust) standard deviations count linearly, not squared."""
 
@@ -31,6 +36,13 @@ class Free:
 
     effect: int
     parameter: Parameter
+
+
+def judged(model: Model, dataset: Dataset) -> tuple[Model, Floats]:
+    """`model` fitted to all data, and what fits leave of the parts that they did not see, shape (n, 3 or 6)."""
+    fitter = Fitter(model, dataset)
+    fitted = fitter.fit()
+    return fitted.model, dataset.targets - fitter.held_out(fitted)
 
 
 def free_parameters(model: Model) -> list[Free]:
@@ -59,9 +71,9 @@ class Fitted:
     nuisances: Floats
 
     def predicted(self, dataset: Dataset) -> Floats:
-        """Prediction of every sample, nuisances included, shape (n, 3)."""
+        """Prediction of every sample's targets, nuisances included, shape (n, 3 or 6)."""
         flights = zip(dataset.flights, self.nuisances, strict=True)
-        return np.concatenate([predict(self.model, disturbed(flight, nuisance)) for flight, nuisance in flights])
+        return np.concatenate([predicted_with(self.model, f, nuisance, dataset.moments) for f, nuisance in flights])
 
 
 class Fitter:
@@ -82,32 +94,46 @@ class Fitter:
         # A nuisance that an effect of the model stands for is held at 0: the two could not be told apart.
         self._usual = np.tile([1e-4 * k.usual if k.name in replaced else k.usual for k in KINDS], count)
 
+    @one_blas_thread
     def fit(self, used: Mask | None = None, start: Fitted | None = None) -> Fitted:
         """Fit on the samples `used` (all by default), from the model's present parameters or from an earlier fit.
 
-        The scale of the noise, which says what an outlier is, and the fit are found in turns until the scale stays.
+        Gauss-Newton with bounded linear least squares for each step. The scale of the noise, which says what an outlier
+        is, follows the fit.
         """
         fitted = start or Fitted(self.model, np.zeros((len(self.dataset.flights), len(KINDS))))
-        rows = np.ones(len(self.dataset.measured), dtype=bool) if used is None else used
-        scale = noise_scale((self.dataset.measured - fitted.predicted(self.dataset))[rows])
-        for _ in range(MAX_PASSES):
-            fitted = self._least_squares(fitted, scale, rows)
-            last, scale = scale, noise_scale((self.dataset.measured - fitted.predicted(self.dataset))[rows])
-            if np.all(np.abs(scale / last - 1.0) < 0.05):
+        rows = np.ones(len(self.dataset.targets), dtype=bool) if used is None else used
+        for _ in range(MAX_STEPS):
+            slopes = self._slopes(fitted, rows)
+            step = self._bounded_step(self._values(fitted), slopes)
+            moved = slopes.j[rows] @ step
+            fitted, taken = self._downhill(fitted, step, slopes.scale, rows)
+            if taken == 0.0 or np.sqrt(np.mean((taken * moved) ** 2)) < CLOSE_ENOUGH:
                 break
         return fitted
 
+    @one_blas_thread
     def held_out(self, fitted: Fitted) -> Floats:
-        """Prediction of every sample by a fit that has not seen its fold, shape (n, 3); starts from `fitted`.
+        """Prediction of every sample's targets by a fit that has not seen its fold, shape (n, 3 or 6).
 
-        The nuisances of a flight that is held out as a whole are not known: they stay where nothing pulls them, at 0.
+        `fitted` is the fit to all samples. Without a few blocks the optimum moves little: one Gauss-Newton step from
+        it is the refit to first order. Without a whole flight it may move far, and the fit is done again; the nuisances
+        of that flight are then not known and stay where nothing pulls them, at 0.
         """
-        predicted = np.empty_like(self.dataset.measured)
+        predicted = np.empty_like(self.dataset.targets)
+        slopes = self._slopes(fitted)
         for number in self.dataset.folds:
             held = self.dataset.fold == number
-            predicted[held] = self.fit(~held, fitted).predicted(self.dataset)[held]
+            if self.dataset.whole_flights:
+                refitted = self.fit(~held, fitted)
+            else:
+                normal, gradient = slopes.sums(~held)
+                step = self._step(normal[None], gradient[None], slopes)[0]
+                refitted = self._fitted(np.clip(self._values(fitted) + step, self._low, self._high))
+            predicted[held] = refitted.predicted(self.dataset)[held]
         return predicted
 
+    @one_blas_thread
     def bootstrap(self, fitted: Fitted, seed: int = 0) -> Floats:
         """Free parameters of `BOOTSTRAPS` refits on resampled blocks of time, shape (draws, p), within their bounds.
 
@@ -117,76 +143,98 @@ class Fitter:
         n_free = len(self.free)
         if not n_free:
             return np.empty((BOOTSTRAPS, 0))
-        residual = self.dataset.measured - fitted.predicted(self.dataset)
-        scale = noise_scale(residual)
-        e = residual / scale
-        parameters = self._parameter_slopes(values_of(fitted.model, self.free))
-        j = np.concatenate([parameters, self._nuisance_slopes(fitted.model)], axis=-1) / scale[None, :, None]
-        robust = 1.0 / np.sqrt(1.0 + (e / HUBER_SIGMAS) ** 2)
-        blocks = self.dataset.block
+        slopes = self._slopes(fitted)
+        blocks = np.unique(self.dataset.block, return_inverse=True)[1]
         count = int(blocks.max()) + 1
-        p = j.shape[-1]
-        gradient = np.zeros((count, p))
-        normal = np.zeros((count, p, p))
-        np.add.at(gradient, blocks, np.einsum("nap,na->np", j, robust * e))
-        np.add.at(normal, blocks, np.einsum("nap,naq,na->npq", j, j, robust))
-        present = np.flatnonzero(np.bincount(blocks, minlength=count))
         random = np.random.default_rng(seed)
-        values = self._values(fitted)
+        weight = random.multinomial(count, np.full(count, 1.0 / count), size=BOOTSTRAPS).astype(float)
+        normals, gradients = slopes.sums_per(blocks, count)
+        p = normals.shape[-1]
+        normal = (weight @ normals.reshape(count, p * p)).reshape(BOOTSTRAPS, p, p)
+        steps = self._step(normal, weight @ gradients, slopes)
+        draws = np.clip(self._values(fitted) + steps, self._low, self._high)[:, :n_free]
         unit = self._high - self._low
-        prior = np.concatenate([np.zeros(n_free), 1.0 / self._usual**2])
-        # What the fit has pushed against a bound stays there, as it would in a refit.
-        moves = np.flatnonzero((values - self._low > 1e-3 * unit) & (self._high - values > 1e-3 * unit))
-        draws = np.tile(values, (BOOTSTRAPS, 1))
-        with _BLAS.limit(limits=1):
-            for i in range(BOOTSTRAPS):
-                weight = np.bincount(random.choice(present, len(present)), minlength=count).astype(float)
-                a = (np.tensordot(weight, normal, axes=1) + np.diag(prior)) * np.outer(unit, unit)
-                b = (weight @ gradient - prior * values) * unit
-                # The tiny ridge decides only directions that the data do not see at all.
-                a += 1e-9 * (np.trace(a) / p + 1e-12) * np.eye(p)
-                draws[i, moves] += unit[moves] * np.linalg.solve(a[np.ix_(moves, moves)], b[moves])
-        draws = np.clip(draws, self._low, self._high)[:, :n_free]
-        unseen = (np.einsum("nap,nap->p", j, j) * unit**2 < UNSEEN)[:n_free]
+        unseen = (np.einsum("nap,nap->p", slopes.j, slopes.j) * unit**2 < UNSEEN)[:n_free]
         either = random.integers(0, 2, size=draws.shape)
         # A parameter that is not seen may be anything that is possible.
         draws[:, unseen] = np.where(either, self._high[:n_free], self._low[:n_free])[:, unseen]
         return draws
 
-    def _least_squares(self, start: Fitted, scale: Floats, rows: Mask) -> Fitted:
-        n_free = len(self.free)
-        slopes = self._nuisance_slopes(start.model)
-        prior = np.zeros((len(self._usual), n_free + len(self._usual)))
-        prior[:, n_free:] = np.diag(1.0 / self._usual)
+    def tangent(self, scale: Floats) -> Floats:
+        """Orthonormal basis of what small changes of the parameters and nuisances do to the targets, which are in units
+        of `scale` per axis: shape (n * axes, p)."""
+        parameters = self._parameter_slopes(values_of(self.model, self.free))
+        j = np.concatenate([parameters, self._nuisance_slopes(self.model)], axis=-1) / scale[None, :, None]
+        u, size, _ = np.linalg.svd(j.reshape(-1, j.shape[-1]) * (self._high - self._low), full_matrices=False)
+        return np.asarray(u[:, size > 1e-9 * max(float(size[0]), 1e-9)])
 
-        def residual(values: Floats) -> Floats:
-            predicted = self.dataset.predicted(self._model(values)) + slopes @ values[n_free:]
-            return np.asarray((self.dataset.measured - predicted)[rows] / scale)
+    def _slopes(self, fitted: Fitted, rows: Mask | None = None) -> "_Slopes":
+        rows = np.ones(len(self.dataset.targets), dtype=bool) if rows is None else rows
+        residual = self.dataset.targets - fitted.predicted(self.dataset)
+        scale = noise_scale(residual[rows])
+        parameters = self._parameter_slopes(values_of(fitted.model, self.free))
+        j = np.concatenate([parameters, self._nuisance_slopes(fitted.model)], axis=-1) / scale[None, :, None]
+        values = self._values(fitted)
+        unit = self._high - self._low
+        # What the fit has pushed against a bound stays there, as it would in a refit.
+        moves = np.flatnonzero((values - self._low > 1e-6 * unit) & (self._high - values > 1e-6 * unit))
+        prior = np.concatenate([np.zeros(len(self.free)), 1.0 / self._usual**2])
+        return _Slopes(rows, scale, j, residual / scale, moves, prior, -prior * values)
 
-        def cost(values: Floats) -> Floats:
-            # The loss is applied to the samples alone: a prior's term is never an outlier.
-            return np.concatenate([_soft(residual(values)).ravel(), values[n_free:] / self._usual])
+    def _step(self, normal: Floats, gradient: Floats, slopes: "_Slopes") -> Floats:
+        """Gauss-Newton steps for normal matrices of shape (draws, p, p) and gradients of shape (draws, p)."""
+        a, b = self._with_prior(normal, gradient, slopes)
+        moves = slopes.moves
+        steps = np.zeros_like(b)
+        kept = np.ix_(np.arange(len(a)), moves, moves)
+        steps[:, moves] = np.linalg.solve(a[kept], b[:, moves, None])[..., 0]
+        return np.asarray((self._high - self._low) * steps)
 
-        def slope(values: Floats) -> Floats:
-            j = np.concatenate([self._parameter_slopes(values[:n_free]), slopes], axis=-1)[rows] / scale[:, None]
-            j *= -_soft_slope(residual(values))[..., None]
-            return np.concatenate([j.reshape(-1, j.shape[-1]), prior])
+    def _with_prior(self, normal: Floats, gradient: Floats, slopes: "_Slopes") -> tuple[Floats, Floats]:
+        """Normal matrices and gradients with the prior of the nuisances, in units of the range of each parameter."""
+        unit = self._high - self._low
+        a = (normal + np.diag(slopes.prior)) * np.outer(unit, unit)
+        # The tiny ridge decides only directions that the data do not see at all.
+        ridge = 1e-9 * (np.trace(a, axis1=-2, axis2=-1) / len(unit) + 1e-12)
+        return a + ridge[..., None, None] * np.eye(len(unit)), (gradient + slopes.prior_gradient) * unit
 
-        inside = 1e-6 * (self._high - self._low)
-        with _BLAS.limit(limits=1):
-            result = least_squares(
-                cost,
-                np.clip(self._values(start), self._low + inside, self._high - inside),
-                jac=slope,
-                bounds=(self._low, self._high),
-                x_scale=0.1 * (self._high - self._low),
-                max_nfev=60,
-                xtol=1e-7,
-                ftol=1e-8,
-            )
-        values = np.where(result.x - self._low < 2.0 * inside, self._low, result.x)
-        values = np.where(self._high - values < 2.0 * inside, self._high, values)
-        return Fitted(self._model(values), values[n_free:].reshape(-1, len(KINDS)))
+    def _bounded_step(self, values: Floats, slopes: "_Slopes") -> Floats:
+        """The Gauss-Newton step that stays within the bounds, and within `LONGEST` of the range of each of them."""
+        unit = self._high - self._low
+        normal, gradient = slopes.sums(slopes.rows)
+        a, b = self._with_prior(normal, gradient, slopes)
+        low = np.maximum((self._low - values) / unit, -LONGEST)
+        high = np.minimum((self._high - values) / unit, LONGEST)
+        # min |L' s - L^-1 b| has the normal equations a s = b.
+        factor = np.linalg.cholesky(a)
+        result = lsq_linear(factor.T, solve_triangular(factor, b, lower=True), (low, high + 1e-12), method="bvls")
+        return np.asarray(unit * result.x)
+
+    def _downhill(self, fitted: Fitted, step: Floats, scale: Floats, rows: Mask) -> tuple[Fitted, float]:
+        """The fit after the longest of `step`, its half, its quarter... that lowers the cost, and that share."""
+        before = self._cost(fitted, scale, rows)
+        values = self._values(fitted)
+        share = 1.0
+        for _ in range(MAX_HALVINGS):
+            moved = np.clip(values + share * step, self._low, self._high)
+            candidate = self._fitted(moved)
+            if self._cost(candidate, scale, rows) < before:
+                return candidate, share
+            share *= 0.5
+        return fitted, 0.0
+
+    def misfit(self, fitted: Fitted, scale: Floats) -> float:
+        """What a fit of all samples minimises, for noise of `scale` per axis: to compare fits of other models."""
+        return self._cost(fitted, scale, np.ones(len(self.dataset.targets), dtype=bool))
+
+    def _cost(self, fitted: Fitted, scale: Floats, rows: Mask) -> float:
+        """Soft-L1 loss of the samples in units of their noise; a prior's term is never an outlier."""
+        e = (self.dataset.targets - fitted.predicted(self.dataset))[rows] / scale
+        loss = 2.0 * HUBER_SIGMAS**2 * (np.sqrt(1.0 + (e / HUBER_SIGMAS) ** 2) - 1.0)
+        return float(loss.sum() + np.sum((fitted.nuisances.ravel() / self._usual) ** 2))
+
+    def _fitted(self, values: Floats) -> Fitted:
+        return Fitted(self._model(values), values[len(self.free) :].reshape(-1, len(KINDS)))
 
     def _values(self, fitted: Fitted) -> Floats:
         return np.concatenate([values_of(fitted.model, self.free), fitted.nuisances.ravel()])
@@ -195,43 +243,70 @@ class Fitter:
         return with_values(self.model, self.free, values[: len(self.free)])
 
     def _parameter_slopes(self, values: Floats) -> Floats:
-        """d prediction / d free parameter, shape (n, 3, p), by differences that stay within the bounds."""
-        found = np.empty((*self.dataset.measured.shape, len(self.free)))
+        """d prediction / d free parameter, shape (n, axes, p), by differences that stay within the bounds."""
+        found = np.empty((*self.dataset.targets.shape, len(self.free)))
         if not self.free:
             return found
-        here = self.dataset.predicted(self._model(values))
+        here = self.dataset.predicted_targets(self._model(values))
         for i in range(len(self.free)):
             step = 1e-4 * (self._high[i] - self._low[i])
             step = step if values[i] + step <= self._high[i] else -step
             moved = values.copy()
             moved[i] += step
-            found[..., i] = (self.dataset.predicted(self._model(moved)) - here) / step
+            found[..., i] = (self.dataset.predicted_targets(self._model(moved)) - here) / step
         return found
 
     def _nuisance_slopes(self, model: Model) -> Floats:
-        """d prediction / d nuisance, shape (n, 3, flights * kinds): a nuisance moves only its own flight."""
+        """d prediction / d nuisance, shape (n, axes, flights * kinds): a nuisance moves only its own flight."""
         count = len(self.dataset.flights)
-        found = np.zeros((*self.dataset.measured.shape, count, len(KINDS)))
+        found = np.zeros((*self.dataset.targets.shape, count, len(KINDS)))
         for i, flight in enumerate(self.dataset.flights):
-            found[self.dataset.flight_index == i, :, i] = sensitivity(model, flight)
-        return found.reshape(*self.dataset.measured.shape, count * len(KINDS))
+            found[self.dataset.flight_index == i, :, i] = sensitivity(model, flight, self.dataset.moments)
+        return found.reshape(*self.dataset.targets.shape, count * len(KINDS))
 
 
-def _soft(residual: Floats) -> Floats:
-    """Residuals whose squares are the soft-L1 loss of `residual`: near the same when small, its root when large."""
-    ratio = (residual / HUBER_SIGMAS) ** 2
-    return np.asarray(np.sign(residual) * HUBER_SIGMAS * np.sqrt(2.0 * (np.sqrt(1.0 + ratio) - 1.0)))
+@dataclass(frozen=True, eq=False)
+class _Slopes:
+    """A fit and its neighbourhood, in units of the noise."""
 
+    rows: Mask
+    """Samples that the noise was taken from."""
+    scale: Floats
+    """Of the noise, per axis."""
+    j: Floats
+    """d prediction / d (parameters, nuisances), shape (n, axes, p)."""
+    e: Floats
+    """Residual, shape (n, axes)."""
+    moves: NDArray[np.intp]
+    """Of the p, those that are not at a bound."""
+    prior: Floats
+    prior_gradient: Floats
 
-def _soft_slope(residual: Floats) -> Floats:
-    """d _soft / d residual."""
-    root = np.sqrt(1.0 + (residual / HUBER_SIGMAS) ** 2)
-    return np.asarray(np.sqrt((root + 1.0) / 2.0) / root)
+    @cached_property
+    def robust(self) -> Floats:
+        """Weights of the samples by the soft-L1 loss."""
+        return np.asarray(1.0 / np.sqrt(1.0 + (self.e / HUBER_SIGMAS) ** 2))
+
+    @cached_property
+    def _weighted(self) -> Floats:
+        return self.j * self.robust[..., None]
+
+    def sums(self, rows: Mask) -> tuple[Floats, Floats]:
+        """Normal matrix and gradient of the samples `rows`."""
+        p = self.j.shape[-1]
+        j, w = self.j[rows].reshape(-1, p), self._weighted[rows].reshape(-1, p)
+        return w.T @ j, w.T @ self.e[rows].ravel()
+
+    def sums_per(self, group: NDArray[np.intp], count: int) -> tuple[Floats, Floats]:
+        """The same for every group of samples, shapes (count, p, p) and (count, p)."""
+        found = [self.sums(group == number) for number in range(count)]
+        return np.array([normal for normal, _ in found]), np.array([gradient for _, gradient in found])
 
 
 def noise_scale(residual: Floats) -> Floats:
-    """Robust standard deviation of each axis about zero, shape (3,)."""
-    return np.maximum(1.4826 * np.median(np.abs(residual), axis=0), 1e-3)
+    """Robust standard deviation of each axis about zero, shape (3,) or (6,)."""
+    least = np.array([1e-3] * 3 + [1e-5] * 3)[: residual.shape[1]]
+    return np.asarray(np.maximum(1.4826 * np.median(np.abs(residual), axis=0), least))
 
 
 def intervals(free: Sequence[Free], draws: Floats) -> list[tuple[float, float]]:

@@ -16,11 +16,11 @@ RIDGES = (3.0, 30.0, 300.0)
 def flexible_residual(residual: Floats, dataset: Dataset) -> Floats:
     """What a ridge regression on piecewise linear functions of every variable predicts of `residual`, held out.
 
-    Shape (n, 3). Each fold is predicted from the others; per axis the ridge with the least held-out error is taken.
+    Shape (n, axes). Each fold is predicted from the others; per axis the ridge with the least held-out error is taken.
     """
     features = _features(dataset)
     best = np.zeros_like(residual)
-    for axis in range(3):
+    for axis in range(residual.shape[1]):
         target = residual[:, axis]
         least = np.inf
         for ridge in RIDGES:

@@ -1,8 +1,9 @@
 """Nuisances: what is a little wrong in every real flight and is no physics that a model should hold.
 
 Each flight has its own: the thrust coefficient of its rotors and battery, the trim of its attitude estimate, the datum
-of its height. They are fitted along with the effects, so that they do not masquerade as one, and held to what rotors
-and sensors really do, so that they do not swallow one.
+of its height, a moment from rotors that are not all alike and a centre of mass that is off. They are fitted along with
+the effects, so that they do not masquerade as one, and held to what rotors and sensors really do, so that they do not
+swallow one.
 """
 
 from dataclasses import dataclass, replace
@@ -10,9 +11,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from quadctl.frames import multiply, quaternion_from_euler
-from quadctl.lab.data import predict
+from quadctl.lab.data import predict, predict_torque
 from quadctl.lab.prepare import Flight, Floats
 from quadctl.model import Model
+from quadctl.vehicle import Vehicle
 
 
 @dataclass(frozen=True)
@@ -29,16 +31,23 @@ KINDS = (
     Kind("roll_rad", np.radians(0.2), np.radians(0.35)),
     Kind("pitch_rad", np.radians(0.2), np.radians(0.35)),
     Kind("height_m", 0.007, 0.012),
+    Kind("roll_moment", 0.01, 0.025),
+    Kind("pitch_moment", 0.01, 0.025),
+    Kind("yaw_moment", 0.01, 0.025),
 )
+"""The moments are in units of what all rotors together would turn with if their thrusts added up as independent errors
+do: 0.01 is that of rotors whose coefficients are 1 % off each."""
 USUAL = np.array([kind.usual for kind in KINDS])
 MOST = np.array([kind.most for kind in KINDS])
+FORCES = 4
+"""So many of the kinds act on the acceleration, the others on the moments."""
 
 
 def disturbed(flight: Flight, nuisance: Floats) -> Flight:
     """The flight as it would have been logged without its nuisance: what the prediction has to be made from."""
-    if not nuisance.any():
+    if not nuisance[:FORCES].any():
         return flight
-    scale, roll, pitch, height = (float(value) for value in nuisance)
+    scale, roll, pitch, height = (float(value) for value in nuisance[:FORCES])
     c = flight.conditions
     attitude = multiply(c.attitude, quaternion_from_euler(roll, pitch, 0.0)) if roll or pitch else c.attitude
     return replace(
@@ -48,8 +57,26 @@ def disturbed(flight: Flight, nuisance: Floats) -> Flight:
     )
 
 
-def sensitivity(model: Model, flight: Flight) -> Floats:
-    """d prediction / d nuisance, at no nuisance, shape (n, 3, kinds): so small, they act linearly."""
+def sensitivity(model: Model, flight: Flight, moments: bool) -> Floats:
+    """d prediction / d nuisance, at no nuisance, shape (n, 3 or 6, kinds): so small, they act linearly."""
     plain = predict(model, flight)
-    changes = [(predict(model, disturbed(flight, row)) - plain) / USUAL[i] for i, row in enumerate(np.diag(USUAL))]
-    return np.stack(changes, axis=-1)
+    found = np.zeros((*plain.shape[:-1], 6 if moments else 3, len(KINDS)))
+    for i in range(FORCES):
+        found[:, :3, i] = (predict(model, disturbed(flight, np.diag(USUAL)[i])) - plain) / USUAL[i]
+    if moments:
+        found[:, (3, 4, 5), (FORCES, FORCES + 1, FORCES + 2)] = rotor_moments_n_m(flight.vehicle)
+    return found
+
+
+def predicted_with(model: Model, flight: Flight, nuisance: Floats, moments: bool) -> Floats:
+    """Prediction of one flight's targets with its nuisance, shape (n, 3 or 6)."""
+    acceleration = predict(model, disturbed(flight, nuisance))
+    if not moments:
+        return acceleration
+    torque = predict_torque(model, flight) + nuisance[FORCES:] * rotor_moments_n_m(flight.vehicle)
+    return np.column_stack([acceleration, torque])
+
+
+def rotor_moments_n_m(vehicle: Vehicle) -> Floats:
+    """Root of the summed squares of the moments of the rotors in hover, roll, pitch, yaw, shape (3,)."""
+    return np.asarray(np.linalg.norm(vehicle.moment_arms_m, axis=0) * vehicle.weight_n / vehicle.n_rotors)

@@ -7,8 +7,8 @@ was there before is vermilion, what an added effect makes of it is blue, what no
 
 import io
 import re
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import wraps
 from itertools import pairwise
 from typing import Any, ParamSpec
@@ -29,6 +29,7 @@ from quadctl.lab.diagnose import Diagnosis
 from quadctl.lab.fit import free_parameters, with_values
 from quadctl.lab.locate import Profile
 from quadctl.lab.metrics import Tracking
+from quadctl.lab.openloop import OpenLoop
 from quadctl.lab.prepare import VARIABLE_NAMES, VARIABLE_UNITS, Flight, Floats
 from quadctl.model import Model
 
@@ -171,6 +172,27 @@ def residual_over_variable(comparison: Comparison, profile: Profile) -> Figure:
     ax.axhline(0.0, color=BLACK, linewidth=0.8)
     ax.set_xlabel(label_of(profile.variable))
     ax.set_ylabel(f"residual {profile.axis} / m/s²")
+    return figure
+
+
+@_figure
+def open_loop_errors(models: Mapping[str, Sequence[OpenLoop]]) -> Figure:
+    """Error of the predicted position of one or two models after each horizon, and of holding the velocity."""
+    figure, ax = _panel()
+    held = next(iter(models.values()))
+    curves = {"velocity held": [e.held_position["total"] for e in held]}
+    curves |= {_label(name): [e.position["total"] for e in errors] for name, errors in models.items()}
+    for (name, ends), colour, marker in zip(curves.items(), (GREY, BEFORE, AFTER), "so^", strict=False):
+        x = [e.horizon_s for e in held[: len(ends)]]
+        y = np.array([end.rmse for end in ends])
+        low, high = np.array([end.ci95 or (end.rmse, end.rmse) for end in ends]).T
+        ax.errorbar(x, y, [y - low, high - y], color=colour, marker=marker, label=name, capsize=2, markersize=5)
+    ax.set_yscale("log")
+    ax.yaxis.set_major_formatter("{x:g}")
+    ax.set_xticks([e.horizon_s for e in held])
+    ax.set_xlabel("time simulated / s")
+    ax.set_ylabel("position error (RMSE) / m")
+    _legend_above(ax, columns=3)
     return figure
 
 
@@ -495,7 +517,7 @@ def _drawn_models(addition: Addition, index: int, number: int) -> list[Model]:
 
 
 def _without(model: Model, index: int) -> Model:
-    return Model(model.vehicle, tuple(item for i, item in enumerate(model.stack) if i != index))
+    return replace(model, stack=tuple(item for i, item in enumerate(model.stack) if i != index))
 
 
 def _ratio(effect: Effect, height_m: Floats, model: Model) -> Floats:

@@ -19,7 +19,7 @@ from quadctl.effects import Conditions
 from quadctl.errors import LogError
 from quadctl.frames import euler_from_quaternion, quaternion_from_euler, rotate_inverse
 from quadctl.logs.columns import motor_columns, rpm_columns
-from quadctl.logs.flight_log import ATTITUDE, POSITION, VELOCITY, FlightLog
+from quadctl.logs.flight_log import ATTITUDE, POSITION, RATES, VELOCITY, FlightLog
 from quadctl.vehicle import Vehicle
 
 Floats: TypeAlias = NDArray[np.float64]
@@ -37,7 +37,11 @@ MIN_CLEARANCE_M = 0.02
 MIN_FLIGHT_S = 10.0
 BLOCK_S = 5.0
 """Length of the blocks of time that are held out, shuffled and resampled as one."""
-DELAYS_S = np.arange(-0.10, 0.3001, 0.01)
+THROTTLE = "throttle command"
+"""Where the thrust comes from when nothing is known of single rotors."""
+DELAYS_S = np.arange(-0.04, 0.3001, 0.01)
+"""Of the rotor signal against the velocity. Estimators are up to 40 ms late; a force that comes later still is physics
+(`motor_lag`)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,11 +68,18 @@ class Flight:
     thrust_source: str
     delay_s: float
     """By which the rotor signal was shifted: it is logged that much later (+) than the force it makes."""
+    torque: Floats | None = None
+    """Filtered torque that the body rates tell of, FRD, N m, shape (n, 3); None without rates or single rotors."""
     notes: list[str] = field(default_factory=list)
 
     def filtered(self, signal: Any) -> Floats:
         """A signal on the grid, filtered, at the samples."""
         return np.asarray(self.smooth @ np.broadcast_to(np.asarray(signal, dtype=float), self.grid_s.shape))
+
+    @cached_property
+    def nominal_torque(self) -> Floats:
+        """Filtered torque of the nominal rotor thrusts, FRD, N m, shape (n, 3)."""
+        return np.asarray(self.smooth @ (np.column_stack(self.nominal_n) @ np.array(self.vehicle.moment_arms_m)))
 
     @cached_property
     def variables(self) -> dict[str, Floats]:
@@ -85,6 +96,8 @@ class Flight:
             "pitch": np.degrees(self.filtered(pitch)),
             "thrust": self.filtered(sum(self.nominal_n)),
             "time": self.time_s,
+            "north": self.filtered(c.position_ne_m[0]),
+            "east": self.filtered(c.position_ne_m[1]),
         }
         battery = self.filtered(c.battery_v)
         if np.isfinite(battery).all():
@@ -92,12 +105,14 @@ class Flight:
         return found
 
     def span(self, name: str) -> tuple[float, float]:
-        """5th and 95th percentile of a variable, or of `heading` (deg) or horizontal `speed` (m/s); nan: not logged."""
+        """5th and 95th percentile of a variable, or of another of `SPAN_UNITS`; nan: not logged."""
         u, v, _ = self.conditions.velocity_body_m_s
         if name == "heading":
             values = np.degrees(np.unwrap(euler_from_quaternion(self.conditions.attitude)[2]))
         elif name == "speed":
             values = np.hypot(u, v)
+        elif name == "thrust_share":
+            values = self.variables["thrust"] / self.vehicle.weight_n
         else:
             values = self.variables.get(name, np.array([np.nan]))
         low, high = np.percentile(values, [5.0, 95.0])
@@ -114,8 +129,10 @@ VARIABLE_UNITS = {
     "thrust": "N",
     "time": "s",
     "battery": "V",
+    "north": "m",
+    "east": "m",
 }
-SPAN_UNITS = {**VARIABLE_UNITS, "heading": "deg", "speed": "m/s"}
+SPAN_UNITS = {**VARIABLE_UNITS, "heading": "deg", "speed": "m/s", "thrust_share": "of the weight"}
 VARIABLE_NAMES = {
     "height_over_radius": "rotor height",
     "climb_rate": "climb rate",
@@ -126,6 +143,8 @@ VARIABLE_NAMES = {
     "thrust": "thrust",
     "time": "time",
     "battery": "battery voltage",
+    "north": "position north",
+    "east": "position east",
 }
 
 
@@ -190,6 +209,8 @@ class _Signals:
     """Roll, pitch, yaw, radians, unwrapped."""
     rotor: list[_Channel]
     """Nominal thrust of each rotor, N."""
+    rates: list[_Channel]
+    """Body rates, FRD; empty where they are not logged."""
     battery: _Channel | None
     thrust_source: str
 
@@ -225,6 +246,7 @@ def _signals(log: FlightLog, vehicle: Vehicle) -> _Signals:
         channels(VELOCITY),
         channels(ATTITUDE, math.pi / 180.0, unwrap=True),
         rotor,
+        channels(RATES) if all(log.has(name) for name in RATES) else [],
         battery,
         source,
     )
@@ -254,7 +276,7 @@ def _rotor_signals(log: FlightLog, vehicle: Vehicle) -> tuple[list[_Channel], st
     if log.has("throttle_cmd"):
         rows = log.updates("throttle_cmd")
         each = np.maximum(log["throttle_cmd"][rows] - curve.offset, 0.0) / (curve.per_newton * n)
-        return [_Channel(log.time_s[rows] + lag_s, each)] * n, "throttle command"
+        return [_Channel(log.time_s[rows] + lag_s, each)] * n, THROTTLE
     raise LogError(
         f"{log.name}: holds neither rotor speeds nor throttle_cmd nor motor outputs, "
         "expected one of them to know the thrust"
@@ -268,10 +290,14 @@ def _flight_segments(
     time = log.time_s
     z = signals.position[2].at(time)
     total = np.sum([channel.at(time) for channel in signals.rotor], axis=0)
-    working = total > 0.4 * vehicle.weight_n
+    # For an instant the rotors may be idle in the air too: at the top of a quick climb.
+    idle_s = 1.0
+    around = [np.searchsorted(time, time - idle_s), np.searchsorted(time, time + idle_s, side="right")]
+    count = np.concatenate([[0], np.cumsum(total > 0.4 * vehicle.weight_n)])
+    working = count[around[1]] - count[around[0]] > 0.25 * (around[1] - around[0])
+    still = ~working
     if log.phase is not None:
         working &= ~np.isin(log.phase, GROUND_PHASES)
-    still = total < 0.4 * vehicle.weight_n
     # A log that begins and ends in the air says nothing about the height at rest.
     rest = float(np.nanmedian(z[still])) if still.any() else -math.inf
     flying = working & (z > rest + MIN_CLEARANCE_M)
@@ -358,12 +384,13 @@ def _assemble(
     velocity_body = rotate_inverse(attitude, (north, east, -up))
     battery = signals.battery.at(grid) if signals.battery else np.full_like(grid, np.nan)
     height = signals.position[2].at(grid) + vehicle.rotor_height_m
+    position = (signals.position[0].at(grid), signals.position[1].at(grid))
     measured = np.column_stack([derivative @ v for v in (north, east, up)])
     return Flight(
         name=name,
         vehicle=vehicle,
         grid_s=grid,
-        conditions=Conditions(height, velocity_body, attitude, grid, battery),
+        conditions=Conditions(height, velocity_body, attitude, grid, battery, position),
         nominal_n=[channel.at(grid) for channel in signals.rotor],
         smooth=smooth,
         time_s=time,
@@ -372,8 +399,22 @@ def _assemble(
         bandwidth_hz=bandwidth,
         thrust_source=signals.thrust_source,
         delay_s=0.0,
+        torque=_torque(vehicle, signals, grid, smooth, derivative),
         notes=notes,
     )
+
+
+def _torque(
+    vehicle: Vehicle, signals: _Signals, grid: Floats, smooth: csr_matrix, derivative: csr_matrix
+) -> Floats | None:
+    """Euler's equation I dw/dt + w x I w, filtered, FRD, N m, shape (n, 3), where single rotors and rates are known."""
+    if not signals.rates or signals.thrust_source == THROTTLE:
+        return None
+    p, q, r = (channel.at(grid) for channel in signals.rates)
+    ix, iy, iz = vehicle.principal_inertia_kg_m2
+    turning = ((iz - iy) * q * r, (ix - iz) * r * p, (iy - ix) * p * q)
+    spin_up = (ix * (derivative @ p), iy * (derivative @ q), iz * (derivative @ r))
+    return np.column_stack([a + smooth @ b for a, b in zip(spin_up, turning, strict=True)])
 
 
 def _estimated_delay(flight: Flight, signals: _Signals, grid: Floats) -> float:

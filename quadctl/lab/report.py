@@ -24,16 +24,18 @@ from quadctl.errors import LogError, SettingsError
 from quadctl.frames import GRAVITY_M_S2
 from quadctl.lab import plots
 from quadctl.lab.add import Addition
+from quadctl.lab.candidate import MATERIAL, SIGNIFICANT, Candidate
 from quadctl.lab.compare import Comparison
 from quadctl.lab.data import AXES, FOLDS, Dataset, predict, rmse
-from quadctl.lab.diagnose import MATERIAL, SIGNIFICANT, Candidate, Diagnosis
+from quadctl.lab.diagnose import Diagnosis
 from quadctl.lab.locate import Failure
 from quadctl.lab.metrics import FlightMetrics, MetricsTable, Tracking, Window, tracking
+from quadctl.lab.openloop import OpenLoop, open_loop, open_loop_in_words
 from quadctl.lab.prepare import BLOCK_S, VARIABLE_NAMES, VARIABLE_UNITS, Flight, Floats
+from quadctl.lab.resample import drop_interval, resampled_means
 from quadctl.logs.flight_log import FlightLog
 
 SHOWN_FLIGHTS, SHOWN_PANELS, SHOWN_FAILURES, SHOWN_CANDIDATES = 2, 6, 12, 8
-RESAMPLES = 1000
 UNIT = "m/s²"
 
 
@@ -249,8 +251,8 @@ def _verdict(r: Results) -> list[str]:
             return [f"Something is missing from {name}, and no effect of the catalogue explains it."]
         return [f"Missing from {name}: {_listed([_plain(f) for f in r.diagnosis.missing])}."]
     if r.addition is not None:
-        added = r.addition.model.effects[-1].name
-        if r.addition.held_out_drop <= 0.0:
+        added = r.addition.added.name
+        if r.addition.conclusion:
             return [f"{added} does not help on unseen data: it is better left out."]
         return [f"{added} takes {_percent(r.addition.held_out_drop)} off the error on unseen data."]
     if not r.comparison.fails_where:
@@ -261,7 +263,7 @@ def _verdict(r: Results) -> list[str]:
 def _what_is_left(r: Results) -> list[str]:
     if r.after is not None:
         old, new = _unseen_residuals(r)
-        low, high = _drop_interval(old, new, r.after.dataset)
+        low, high = drop_interval(old, new, r.after.dataset.block)
         floor = r.after.noise_floor["total"]
         return [
             f"The error on the unseen data falls by {_percent(1.0 - _total(new) / _total(old))} "
@@ -370,6 +372,46 @@ def _time_figures(c: Comparison, models: Mapping[str, Comparison], name: str) ->
             )
         )
     return figures
+
+
+def _open_loop(r: Results) -> Section | None:
+    c = r.comparison
+    if not c.open_loop:
+        return None
+    told = c.open_loop[min(1, len(c.open_loop) - 1)]
+    text = [
+        open_loop_in_words(told),
+        "A simulation with the model is started at many instants of the flights and driven by the logged attitude and "
+        "rotor speeds alone; height, velocity and every effect of them are its own. The brackets and error bars are "
+        "95% intervals. To beat is the grey line: no model at all, only the velocity at the start.",
+    ]
+    names = _flights_in_words(c.dataset.names)
+    figures = [_figure(plots.open_loop_errors({c.model.name: c.open_loop}), "open-loop", f"Flights analysed: {names}.")]
+    rows = _open_loop_rows(c.model.name, c.open_loop)
+    if r.after is not None and r.after.open_loop:
+        unseen = r.before_unseen.open_loop if r.before_unseen is not None else open_loop(c.model, r.after.dataset)
+        models = {"before": unseen, "after": r.after.open_loop}
+        names = _flights_in_words(r.after.dataset.names)
+        figures.append(_figure(plots.open_loop_errors(models), "open-loop-unseen", f"Unseen data: {names}."))
+        for name, errors in models.items():
+            rows += _open_loop_rows(f"{name}, unseen data", errors)
+    head = ["model", "after", "horizontal / m", "up / m", "position / m", "velocity / m/s", "velocity held / m"]
+    return Section(
+        "open-loop", "Simulated for seconds: open-loop prediction", text, figures, tables=[Table(head, rows, words=2)]
+    )
+
+
+def _open_loop_rows(name: str, by_horizon: Sequence[OpenLoop]) -> list[list[Cell]]:
+    return [
+        [
+            Cell(name),
+            Cell(f"{e.horizon_s:g} s"),
+            *(Cell(e.position[part].in_words()) for part in ("horizontal", "up", "total")),
+            Cell(e.velocity["total"].in_words()),
+            Cell(e.held_position["total"].in_words()),
+        ]
+        for e in by_horizon
+    ]
 
 
 def _over_variables(r: Results) -> Section:
@@ -563,7 +605,7 @@ def _before_and_after(r: Results) -> Section | None:
         figures.append(_figure(plots.before_after(before, after, floor), name, caption))
     if r.after is not None:
         old, new = _unseen_residuals(r)
-        low, high = _drop_interval(old, new, r.after.dataset)
+        low, high = drop_interval(old, new, r.after.dataset.block)
         flights = _flights_in_words(r.after.dataset.names)
         before = _unseen_before(r)
         text.append(
@@ -748,6 +790,7 @@ def _metrics_table(steps: StepResponses) -> Table:
 _SECTIONS = (
     _flights,
     _over_time,
+    _open_loop,
     _over_variables,
     _where_it_fails,
     _missing,
@@ -762,26 +805,9 @@ _SECTIONS = (
 
 def rmse_interval(residual: Floats, dataset: Dataset) -> tuple[float, float]:
     """95% interval of the total RMSE, from resampled blocks of time."""
-    squares, counts = _resampled(residual, dataset)
-    low, high = np.percentile(np.sqrt(squares / counts), [2.5, 97.5])
+    means = resampled_means(np.sum(residual**2, axis=1, keepdims=True), dataset.block)
+    low, high = np.percentile(np.sqrt(means), [2.5, 97.5])
     return float(low), float(high)
-
-
-def _drop_interval(old: Floats, new: Floats, dataset: Dataset) -> tuple[float, float]:
-    """95% interval of the drop in total RMSE, both from the same resampled blocks."""
-    before, _ = _resampled(old, dataset)
-    after, _ = _resampled(new, dataset)
-    low, high = np.percentile(1.0 - np.sqrt(after / before), [2.5, 97.5])
-    return float(low), float(high)
-
-
-def _resampled(residual: Floats, dataset: Dataset) -> tuple[Floats, Floats]:
-    """Sums of squares and numbers of samples of bootstrap draws of blocks; the same draws for the same dataset."""
-    _, block = np.unique(dataset.block, return_inverse=True)
-    squares = np.bincount(block, np.sum(residual**2, axis=1))
-    counts = np.bincount(block).astype(float)
-    draws = np.random.default_rng(0).integers(0, len(counts), size=(RESAMPLES, len(counts)))
-    return squares[draws].sum(axis=1), counts[draws].sum(axis=1)
 
 
 def _unseen_residuals(r: Results) -> tuple[Floats, Floats]:

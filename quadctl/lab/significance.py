@@ -16,13 +16,13 @@ def improvement_p_value(before: Floats, predicted_change: Floats, dataset: Datas
     """One-sided p-value that a model's change of the prediction points along the error it should explain.
 
     `before` is the residual without the candidate and `predicted_change` what the candidate adds to the prediction,
-    both shape (n, 3), the latter from fits that have not seen the sample. When the candidate is irrelevant their
+    both shape (n, axes), the latter from fits that have not seen the sample. When the candidate is irrelevant their
     products sum to zero on average (Clark & West 2007, J. Econometrics 138, the test for nested models); the variance
     of the sum comes from the autocovariance of what the candidate leaves.
     """
     score, variance = 0.0, 0.0
     after = before - predicted_change
-    for axis in range(3):
+    for axis in range(before.shape[1]):
         change = predicted_change[:, axis]
         if np.mean(change**2) < NO_CHANGE**2 * _power(after[:, axis]):
             continue
@@ -39,7 +39,7 @@ def difference_p_value(better: Floats, other: Floats, dataset: Dataset) -> float
 
     Used between candidates that do not contain each other; axes weigh as their noise in `better`.
     """
-    power = np.array([_power(better[:, axis]) for axis in range(3)])
+    power = np.array([_power(better[:, axis]) for axis in range(better.shape[1])])
     gain = ((other**2 - better**2) / power).sum(axis=1)
     blocks = np.unique(dataset.block, return_inverse=True)[1]
     per_block = np.bincount(blocks, gain)

@@ -1,0 +1,160 @@
+"""One effect tried on top of a model: fitted, judged on data that its fit did not see, supported by them or not."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from quadctl.effects import Effect
+from quadctl.lab.data import AXES, MOMENTS, Dataset, rmse
+from quadctl.lab.fit import Fitted, Fitter, intervals, remarks, values_of
+from quadctl.lab.prepare import Floats
+from quadctl.lab.significance import improvement_p_value
+from quadctl.lab.starts import Unmodelled, best_starts
+from quadctl.model import Model
+
+SIGNIFICANT = 0.01
+"""After multiplication with the number of candidates tried (Bonferroni)."""
+MATERIAL = 0.05
+"""A family is called missing only when it takes this share off the held-out error of one axis: less is within what
+unknown trims and coefficients of any real vehicle do."""
+HARMLESS = 0.01
+"""...and puts no more than this share on any other, as a stand-in for another effect would."""
+IDLE = 0.005
+"""An effect that changes the error of the acceleration by less than this share does nothing to it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """One effect tried on top of a model."""
+
+    effect: Effect
+    """With its fitted parameters."""
+    model: Model
+    """The whole stack, refitted."""
+    ci95: dict[str, tuple[float, float]]
+    before: dict[str, float]
+    after: dict[str, float]
+    """Held-out RMSE per axis and total, without and with the effect."""
+    p_value: float
+    """Corrected for autocorrelation and for the number of candidates."""
+    residual: Floats
+    """Held out, with the effect, shape (n, 3), or (n, 6) with the moments."""
+    remarks: list[str]
+    believable: bool = True
+    """The parameters are what the effect can be; otherwise its form stands in for another."""
+
+    @property
+    def family(self) -> str:
+        return self.effect.family()
+
+    @property
+    def measure(self) -> str:
+        """The error that the effect is about: of the acceleration, or of the moments where it does nothing else."""
+        idle = abs(self.after["total"] / self.before["total"] - 1.0) < IDLE
+        return "turning" if self.effect.turns and idle and "turning" in self.after else "total"
+
+    @property
+    def held_out_drop(self) -> float:
+        return 1.0 - self.after[self.measure] / self.before[self.measure]
+
+    @property
+    def drops(self) -> dict[str, float]:
+        """Share of the unseen error that the effect takes off each axis."""
+        return {a: 1.0 - self.after[a] / self.before[a] for a in (*AXES, *MOMENTS) if a in self.after}
+
+    @property
+    def largest_drop(self) -> float:
+        """On the axis where the effect helps most."""
+        return max(self.drops.values())
+
+    @property
+    def score(self) -> float:
+        return unseen_score(self.residual)
+
+    @property
+    def supported(self) -> bool:
+        helps = self.held_out_drop > 0.0 and self.largest_drop > MATERIAL and min(self.drops.values()) > -HARMLESS
+        within = self.believable and not any("bound" in remark for remark in self.remarks)
+        return helps and self.p_value < SIGNIFICANT and within and not self.effect.negligible()
+
+    @property
+    def text(self) -> str:
+        axis = max(self.drops, key=self.drops.__getitem__)
+        verdict = (
+            f"It takes {self.held_out_drop:.0%} off the unseen error, {self.largest_drop:.0%} on the {axis} axis."
+            if self.supported
+            else "It is within the trims of any real vehicle."
+            if self.effect.negligible() and self.p_value < SIGNIFICANT
+            else "The unseen data do not support it."
+        )
+        return " ".join([self.effect.physics, verdict, *(f"Note: {remark}." for remark in self.remarks)])
+
+    def to_dict(self) -> dict[str, Any]:
+        return {
+            "family": self.family,
+            "effect": self.effect.name,
+            "parameters": self.effect.values(),
+            "ci95": {name: list(ci) for name, ci in self.ci95.items()},
+            "rmse_before": self.before[self.measure],
+            "rmse_after": self.after[self.measure],
+            "held_out_drop": self.held_out_drop,
+            "p_value": self.p_value,
+            "text": self.text,
+        }
+
+
+def try_effect(effect: type[Effect], left: Unmodelled, n_tried: int) -> Candidate:
+    """Fit `effect` on top of the model that `left` is of; `n_tried` candidates are tried on these data."""
+    dataset, residual = left.dataset, left.residual
+    fitter, fitted, independent = fit_on_top(effect, left)
+    after = dataset.targets - fitter.held_out(fitted)
+    last = len(fitted.model.effects) - 1
+    ci = intervals(fitter.free, fitter.bootstrap(fitted))
+    own = [(f, c) for f, c in zip(fitter.free, ci, strict=True) if f.effect == last]
+    values = values_of(fitted.model, [f for f, _ in own])
+    return Candidate(
+        effect=fitted.model.effects[last],
+        model=fitted.model,
+        ci95={f.parameter.name: c for f, c in own},
+        before=rmse(residual),
+        after=rmse(after),
+        p_value=min(1.0, improvement_p_value(residual, residual - after, dataset) * n_tried * independent),
+        residual=after,
+        remarks=remarks([f for f, _ in own], values, [c for _, c in own]),
+        believable=believable(fitted.model, dataset),
+    )
+
+
+def fit_on_top(effect: type[Effect], left: Unmodelled) -> tuple[Fitter, Fitted, int]:
+    """The best fit of the model that `left` is of with `effect`, and how many independent starts it was chosen from."""
+    starts, independent = best_starts(effect, left)
+    fitters = [Fitter(left.model.plus(start), left.dataset) for start in starts]
+    fits = [fitter.fit() for fitter in fitters]
+    misfits = [fitter.misfit(fitted, left.scale) for fitter, fitted in zip(fitters, fits, strict=True)]
+    best = misfits.index(min(misfits))
+    return fitters[best], fits[best], independent
+
+
+def believable(model: Model, dataset: Dataset) -> bool:
+    """Whether all effects of a model fitted to `dataset` have parameters that they can have."""
+    flights = [flight.conditions for flight in dataset.flights]
+    return all(effect.believable(flights, model.vehicle) for effect in model.effects)
+
+
+def unseen_score(residual: Floats) -> float:
+    """Logarithm of the held-out RMSE of the acceleration, plus the mean of those of the moments where they are known.
+
+    Logarithms, so that forces and moments, with units of their own, add up.
+    """
+    power = np.maximum(np.mean(residual**2, axis=0), 1e-12)
+    score = 0.5 * float(np.log(power[:3].sum()))
+    return score + 0.5 * float(np.log(power[3:]).mean()) if len(power) > 3 else score
+
+
+def parameters_in_words(effect: Effect, ci95: dict[str, tuple[float, float]]) -> str:
+    """`a = 0.114 [0.10, 0.12], b = 5.4 [5.0, 5.8]`; fixed parameters are left out."""
+    values = effect.values()
+    return (
+        ", ".join(f"{name} = {values[name]:.4g} [{low:.4g}, {high:.4g}]" for name, (low, high) in ci95.items()) or "-"
+    )

@@ -1,0 +1,124 @@
+"""What a search for formulas gives: laws with their numbers, how sure they are, as text, table and JSON."""
+
+import re
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from quadctl.lab.prepare import Floats
+
+Frame = Literal["world", "body"]
+FRAME_AXES: dict[Frame, tuple[str, str, str]] = {"world": ("north", "east", "up"), "body": ("forward", "right", "top")}
+"""`top` is against body z: along the thrust."""
+
+AS_GOOD = 0.95
+"""A compact form that explains this part of what the sparse expression explains is preferred to it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Formula:
+    """An expression with numbers: acceleration along one axis, m/s^2, over `symbolic_library.VARIABLES`."""
+
+    parts: tuple[str, ...]
+    """Python text of the terms, to be added up, with the coefficients' names in braces."""
+    variables: tuple[str, ...]
+    coefficients: dict[str, float]
+    ci95: dict[str, tuple[float, float]]
+    """By bootstrap over blocks of time."""
+    bounds: dict[str, tuple[float, float]]
+    """Between which a refit to other data may look for each coefficient."""
+    held_out_share: float
+    """Of the axis' squared residual, explained on data that the fit did not see."""
+    predicted: Floats
+    """At the samples, shape (n,)."""
+
+    @property
+    def text(self) -> str:
+        """The expression as a person writes it."""
+        numbers = {k: f"({v:.4g})" if v < 0.0 else f"{v:.4g}" for k, v in self.coefficients.items()}
+        text = " + ".join(self.parts).format(**numbers)
+        text = re.sub(r"\+ \(-([^()]*)\)", r"- \1", text)
+        text = re.sub(r"- \(-([^()]*)\)", r"+ \1", text)
+        return re.sub(r"^\((-[^()]*)\)", r"\1", text)
+
+    def to_dict(self) -> dict[str, Any]:
+        return {
+            "expression": self.text,
+            "variables": list(self.variables),
+            "coefficients": self.coefficients,
+            "ci95": {name: list(ci) for name, ci in self.ci95.items()},
+            "held_out_share": self.held_out_share,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Law:
+    """What was found along one axis."""
+
+    axis: str
+    sparse: Formula
+    compact: Formula
+    """The ansatz on the one variable that carries it best."""
+    p_value: float
+    """That the sparse expression helps on unseen data by chance; corrected for the axes and lengths tried."""
+
+    @property
+    def best(self) -> Formula:
+        """The compact form where it explains about as much on unseen data, else the sparse expression."""
+        as_good = self.compact.held_out_share >= AS_GOOD * self.sparse.held_out_share
+        return self.compact if as_good else self.sparse
+
+    def to_dict(self) -> dict[str, Any]:
+        return {
+            "axis": self.axis,
+            **self.sparse.to_dict(),
+            "p_value": self.p_value,
+            "compact": self.compact.to_dict(),
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Symbolic:
+    """Laws of one frame, the one that explains most first."""
+
+    frame: Frame
+    laws: tuple[Law, ...]
+    ranges: dict[str, tuple[float, float]]
+    """Of the variables, in the data."""
+
+    @property
+    def variables(self) -> list[str]:
+        """All that the laws depend on."""
+        return list(dict.fromkeys(name for law in self.laws for name in law.best.variables))
+
+    def to_dict(self) -> dict[str, Any]:
+        """The JSON field `symbolic` of a diagnosis."""
+        return {
+            "expression": "; ".join(f"{law.axis} = {law.sparse.text}" for law in self.laws),
+            "variables": list(dict.fromkeys(name for law in self.laws for name in law.sparse.variables)),
+            "frame": self.frame,
+            "unit": "m/s^2",
+            "laws": [law.to_dict() for law in self.laws],
+        }
+
+    def __rich__(self) -> RenderableType:
+        table = Table(title=f"What the rest looks like, m/s^2, {self.frame} axes", title_justify="left")
+        table.add_column("axis")
+        table.add_column("expression")
+        table.add_column("coefficients [95 %]")
+        table.add_column("explains", justify="right", no_wrap=True)
+        table.add_column("p", justify="right", no_wrap=True)
+        for law in self.laws:
+            for formula in (law.sparse, law.compact):
+                ci = "\n".join(
+                    f"{name} = {formula.coefficients[name]:.3g} [{low:.3g}, {high:.3g}]"
+                    for name, (low, high) in formula.ci95.items()
+                )
+                p = "" if formula is law.compact else "< 1e-4" if law.p_value < 1e-4 else f"{law.p_value:.2g}"
+                axis = "  compact" if formula is law.compact else law.axis
+                table.add_row(axis, Text(formula.text), ci, f"{formula.held_out_share:.0%}", p)
+        share = "'explains' is the share of the squared error of that axis on data that the fit did not see."
+        return Group(table, Text(share))

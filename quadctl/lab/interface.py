@@ -1,0 +1,179 @@
+"""The lab from Python: the analyses, from whatever a person has at hand: logs, their paths, or a prepared dataset."""
+
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import TypeAlias
+
+from quadctl.effects import Effect, catalog_with, find_effect
+from quadctl.errors import LogError, SettingsError
+from quadctl.lab.add import Addition
+from quadctl.lab.add import add as run_add
+from quadctl.lab.compare import Comparison
+from quadctl.lab.compare import compare as run_compare
+from quadctl.lab.data import Dataset, HoldOut, load_dataset
+from quadctl.lab.diagnose import Diagnosis
+from quadctl.lab.diagnose import diagnose as run_diagnose
+from quadctl.lab.discover import Discovery
+from quadctl.lab.discover import discover as run_discover
+from quadctl.lab.refit import Refit
+from quadctl.lab.refit import fit as run_fit
+from quadctl.lab.remove import Removal
+from quadctl.lab.remove import remove as run_remove
+from quadctl.logs.flight_log import FlightLog
+from quadctl.logs.quality import contradictions
+from quadctl.logs.read import read_logs
+from quadctl.model import Model, load_model
+from quadctl.vehicle import Vehicle
+
+Log: TypeAlias = FlightLog | Path | str
+Flights: TypeAlias = Dataset | Log | Sequence[Log]
+"""One or several flights: logs, paths of logs, or what `prepare_flights` made of them."""
+AnyModel: TypeAlias = Model | Path | str
+"""A model, or the path of a model or vehicle file."""
+
+
+def compare(model: AnyModel, flights: Flights) -> Comparison:
+    """How wrong is `model`, where, and how small could the error be? Nothing is fitted.
+
+    Examples
+    --------
+    >>> from quadctl.lab import compare
+    >>> result = compare("raptor.yaml", "flight.csv")
+    >>> result.rmse["total"] > result.noise_floor["total"]
+    True
+    """
+    model = open_model(model)
+    return run_compare(model, prepare_flights(flights, model.vehicle))
+
+
+def diagnose(
+    model: AnyModel,
+    flights: Flights,
+    candidates: Iterable[type[Effect] | str] | None = None,
+    hold_out: HoldOut = "blocks",
+    progress: Callable[[str], None] = lambda text: None,
+) -> Diagnosis:
+    """Which physical effect is missing from `model`?
+
+    `candidates` are effects or their names; all known ones by default. What a fit does not see are blocks of time of
+    every flight, or flights (`hold_out`).
+
+    Examples
+    --------
+    >>> from quadctl.lab import diagnose
+    >>> diagnose("raptor.yaml", "flight.csv", ["thrust_scale", "ground_effect.exponential"]).missing
+    ['ground_effect']
+    """
+    model = open_model(model)
+    kinds = None if candidates is None else [_kind(candidate, model) for candidate in candidates]
+    return run_diagnose(model, prepare_flights(flights, model.vehicle, hold_out), kinds, progress)
+
+
+def add(effect: type[Effect] | str, model: AnyModel, flights: Flights, hold_out: HoldOut = "blocks") -> Addition:
+    """Add `effect` to `model` and refit all of it.
+
+    Examples
+    --------
+    >>> from quadctl.lab import add
+    >>> result = add("ground_effect.exponential", "raptor.yaml", "flight.csv")
+    >>> result.held_out_drop > 0.5
+    True
+    >>> round(result.model.effects[0].a, 1)
+    0.3
+    """
+    model = open_model(model)
+    return run_add(_kind(effect, model), model, prepare_flights(flights, model.vehicle, hold_out))
+
+
+def fit(model: AnyModel, flights: Flights, hold_out: HoldOut = "blocks") -> Refit:
+    """Refit all parameters of `model` together.
+
+    Examples
+    --------
+    >>> from quadctl.lab import add, fit
+    >>> fitted = add("ground_effect.exponential", "raptor.yaml", "flight.csv").model
+    >>> fit(fitted, "other_flight.csv").after["total"] < 0.2
+    True
+    """
+    model = open_model(model)
+    return run_fit(model, prepare_flights(flights, model.vehicle, hold_out))
+
+
+def remove(effect: str, model: AnyModel, flights: Flights, hold_out: HoldOut = "blocks") -> Removal:
+    """Take `effect` (name, family or variant) out of `model`, and refit what is left.
+
+    Examples
+    --------
+    >>> from quadctl.lab import add, remove
+    >>> fitted = add("ground_effect.exponential", "raptor.yaml", "flight.csv").model
+    >>> remove("ground_effect", fitted, "flight.csv").p_value < 0.001
+    True
+    """
+    model = open_model(model)
+    return run_remove(effect, model, prepare_flights(flights, model.vehicle, hold_out))
+
+
+def discover(
+    model: AnyModel,
+    flights: Flights,
+    candidates: Iterable[type[Effect] | str] | None = None,
+    hold_out: HoldOut = "blocks",
+    progress: Callable[[str], None] = lambda text: None,
+) -> Discovery:
+    """Compare, diagnose and add, until nothing significant is missing.
+
+    Examples
+    --------
+    >>> from quadctl.lab import discover
+    >>> found = discover("raptor.yaml", "flight.csv", ["thrust_scale", "ground_effect.exponential"])
+    >>> [effect.name for effect in found.model.effects]
+    ['ground_effect.exponential']
+    """
+    model = open_model(model)
+    kinds = None if candidates is None else [_kind(candidate, model) for candidate in candidates]
+    return run_discover(model, prepare_flights(flights, model.vehicle, hold_out), kinds, progress)
+
+
+def open_model(model: AnyModel) -> Model:
+    """The model, read where a path is given.
+
+    Raises
+    ------
+    SettingsError
+        The file cannot be read, or is no model.
+    """
+    return model if isinstance(model, Model) else load_model(model)
+
+
+def prepare_flights(flights: Flights, vehicle: Vehicle, hold_out: HoldOut = "blocks") -> Dataset:
+    """The flights, flown by `vehicle`, ready for any analysis: worth keeping where several follow.
+
+    A dataset is given back as it is.
+
+    Raises
+    ------
+    LogError
+        A log cannot be read or analysed, or contradicts itself.
+    SettingsError
+        There is no log, or `hold_out` asks for flights to be held out of one.
+    """
+    if isinstance(flights, Dataset):
+        return flights
+    given = [flights] if isinstance(flights, FlightLog | Path | str) else list(flights)
+    if not given:
+        raise SettingsError("no flight is given, expected at least one log")
+    if hold_out not in ("blocks", "flights"):
+        raise SettingsError(f"hold_out is '{hold_out}', expected blocks or flights")
+    if hold_out == "flights" and len(given) < 2:
+        raise SettingsError("hold_out is flights with 1 log, expected at least 2 logs, or blocks")
+    read = iter(read_logs(log for log in given if not isinstance(log, FlightLog)))
+    logs = [log if isinstance(log, FlightLog) else next(read) for log in given]
+    dataset = load_dataset(logs, vehicle, hold_out)
+    for log in logs:
+        for problem in contradictions(log):
+            raise LogError(f"{log.name}: {problem}")
+    return dataset
+
+
+def _kind(effect: type[Effect] | str, model: Model) -> type[Effect]:
+    return find_effect(effect, "effect", catalog_with(model.effect_files)) if isinstance(effect, str) else effect

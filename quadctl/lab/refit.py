@@ -1,0 +1,183 @@
+"""Refit a model to flights: all parameters together, how sure they are, and the error on data the fit did not see."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, TypeVar
+
+from rich.console import Group, RenderableType
+from rich.text import Text
+
+from quadctl import __version__
+from quadctl.effects import Effect
+from quadctl.errors import SettingsError
+from quadctl.lab.candidate import IDLE, parameters_in_words
+from quadctl.lab.data import Dataset, rmse
+from quadctl.lab.fit import Fitter, free_parameters, intervals, judged, remarks, values_of
+from quadctl.lab.prepare import Floats
+from quadctl.lab.resample import drop_interval
+from quadctl.lab.significance import improvement_p_value
+from quadctl.lab.tables import Result, errors_table
+from quadctl.model import Model, Provenance, StackedEffect
+
+LEAST_MOMENT_N_M = 1e-5
+"""Less is nothing that a log could show."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Refit(Result):
+    """A model before and after a refit, both judged on data that their fits did not see."""
+
+    before_model: Model
+    model: Model
+    dataset: Dataset
+    residual_before: Floats
+    """Held out, of the dataset's targets, shape (n, 3 or 6)."""
+    residual_after: Floats
+    draws: Floats
+    """Bootstrap draws of all free parameters of the stack, shape (draws, p), in the order of `Fitter.free`."""
+    remarks: list[str]
+
+    @cached_property
+    def before(self) -> dict[str, float]:
+        """Held-out RMSE per axis and total, m/s^2."""
+        return rmse(self.residual_before)
+
+    @cached_property
+    def after(self) -> dict[str, float]:
+        return rmse(self.residual_after)
+
+    @property
+    def changed(self) -> Sequence[Effect]:
+        """The effects that the two models differ in."""
+        return self.model.effects
+
+    @property
+    def measure(self) -> str:
+        """The error that the change is about: of the acceleration, or of the moments where it does nothing else."""
+        idle = abs(self.after["total"] / self.before["total"] - 1.0) < IDLE
+        turning = any(effect.turns for effect in self.changed) and self.before.get("turning", 0.0) > LEAST_MOMENT_N_M
+        return "turning" if idle and turning else "total"
+
+    @property
+    def held_out_drop(self) -> float:
+        return 1.0 - self.after[self.measure] / self.before[self.measure]
+
+    @cached_property
+    def drop_ci95(self) -> tuple[float, float]:
+        columns = slice(3, 6) if self.measure == "turning" else slice(0, 3)
+        return drop_interval(self.residual_before[:, columns], self.residual_after[:, columns], self.dataset.block)
+
+    @cached_property
+    def p_value(self) -> float:
+        """Of the hypothesis that the larger of the two models does not help on unseen data."""
+        return improvement_p_value(self.residual_before, self.residual_before - self.residual_after, self.dataset)
+
+    @property
+    def title(self) -> str:
+        return f"Error of {self.model.name} on data the fit did not see, as it stood and refitted"
+
+    @property
+    def conclusion(self) -> str:
+        """What follows where the refit is no gain; empty where it is one."""
+        if self.held_out_drop > 0.0:
+            return ""
+        return "The refit does not help on unseen data: the parameters may as well stay as they were."
+
+    def to_dict(self) -> dict[str, Any]:
+        return {
+            "effects": [
+                {
+                    "effect": item.effect.name,
+                    "parameters": item.effect.values(),
+                    "ci95": {k: list(v) for k, v in item.fitted.ci95.items()} if item.fitted else {},
+                }
+                for item in self.model.stack
+            ],
+            "flights": self.dataset.names,
+            "rmse_before": self.before,
+            "rmse_after": self.after,
+            "held_out_drop": self.held_out_drop,
+            "held_out_drop_ci95": list(self.drop_ci95),
+            "p_value": self.p_value,
+            "held_out": self.dataset.hold_out,
+            "remarks": self.remarks,
+        }
+
+    def __rich__(self) -> RenderableType:
+        table = errors_table(self.title, (("before", self.before), ("after", self.after)))
+        low, high = self.drop_ci95
+        p = "< 1e-4" if self.p_value < 1e-4 else f"= {self.p_value:.2g}"
+        error = "error of the moments" if self.measure == "turning" else "error"
+        lines = [f"The held-out {error} changes by {-self.held_out_drop:+.1%} [{-high:+.1%}, {-low:+.1%}], p {p}."]
+        lines.append("The model now holds:" if self.model.stack else "The model now holds no effect: the rigid body.")
+        for item in self.model.stack:
+            words = parameters_in_words(item.effect, item.fitted.ci95 if item.fitted else {})
+            lines.append(f"  {item.effect.name}: {words}")
+        lines += [f"Note: {remark}." for remark in self.remarks]
+        if self.conclusion:
+            lines.append(self.conclusion)
+        return Group(table, Text("\n".join(lines)))
+
+
+_Refit = TypeVar("_Refit", bound=Refit)
+
+
+def fit(model: Model, dataset: Dataset) -> Refit:
+    """Refit all parameters of `model` together; `before` is the model as it stands, with the flights' nuisances.
+
+    Raises
+    ------
+    SettingsError
+        The model holds no parameter that can be fitted.
+    """
+    if not free_parameters(model):
+        held = ", ".join(effect.name for effect in model.effects) or "no effect"
+        raise SettingsError(f"{model.name}: holds {held}, expected an effect with a parameter to fit")
+    standing = model.with_effects([_standing(effect) for effect in model.effects])
+    _, before = judged(standing, dataset)
+    return refitted(Refit, model, model, dataset, before)
+
+
+def refitted(
+    kind: type[_Refit],
+    before_model: Model,
+    start: Model,
+    dataset: Dataset,
+    residual_before: Floats,
+    keep: int = 0,
+    **further: Any,
+) -> _Refit:
+    """Fit `start`, and judge it against `residual_before`, the held-out residual of `before_model`.
+
+    The first `keep` effects of the stack keep the errors that their own adding had; `further` goes into the result.
+    """
+    fitter = Fitter(start, dataset)
+    fitted = fitter.fit()
+    residual = dataset.targets - fitter.held_out(fitted)
+    draws = fitter.bootstrap(fitted)
+    ci = intervals(fitter.free, draws)
+    before, after = rmse(residual_before)["total"], rmse(residual)["total"]
+    stack = []
+    for i, item in enumerate(fitted.model.stack):
+        old = item.fitted or Provenance()
+        provenance = Provenance(
+            logs=tuple(dataset.names),
+            rmse_before=old.rmse_before if i < keep else before,
+            rmse_after=old.rmse_after if i < keep else after,
+            held_out=True,
+            ci95={f.parameter.name: c for f, c in zip(fitter.free, ci, strict=True) if f.effect == i},
+            height_m=dataset.heights_m,
+            software=f"quadctl {__version__}",
+        )
+        stack.append(StackedEffect(item.effect, provenance))
+    model = replace(start, stack=tuple(stack))
+    notes = remarks(fitter.free, values_of(fitted.model, fitter.free), ci)
+    return kind(before_model, model, dataset, residual_before, residual, draws, notes, **further)
+
+
+def _standing(effect: Effect) -> Effect:
+    """The same effect with parameters that no fit moves."""
+    kind = type(effect)
+    fixed: type[Effect] = type(kind.__name__, (kind,), {"parameters": classmethod(lambda cls: ())})
+    return fixed(**effect.values())

@@ -1,0 +1,68 @@
+"""How sure is a root mean square? Bootstrap over blocks of time, so that neighbouring samples count as alike."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from quadctl.lab.prepare import Floats
+
+RESAMPLES = 1000
+FEWEST_BLOCKS = 4
+"""With fewer, resampling says nothing of how much the next flight may differ."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A root mean square with its 95 % interval; without one where the data are too few."""
+
+    rmse: float
+    ci95: tuple[float, float] | None
+
+    def in_words(self, unit: str = "") -> str:
+        """`0.31 m [0.27, 0.35]`"""
+        if not np.isfinite(self.rmse):
+            return "without bound"
+        value = f"{self.rmse:.3g} {unit}".rstrip()
+        return value if self.ci95 is None else f"{value} [{self.ci95[0]:.3g}, {self.ci95[1]:.3g}]"
+
+    def to_dict(self) -> dict[str, float | list[float] | None]:
+        finite = bool(np.isfinite(self.rmse))
+        return {
+            "rmse": self.rmse if finite else None,
+            "ci95": list(self.ci95) if finite and self.ci95 is not None else None,
+        }
+
+
+def resampled_means(values: Floats, block: NDArray[np.int64]) -> Floats:
+    """Means of `values`, shape (n, k), over bootstrap draws of whole blocks, shape (draws, k).
+
+    `block` holds the number of the block of each sample, shape (n,). The draws are the same for the same blocks, so
+    that means of two quantities over them are paired.
+    """
+    _, place, counts = np.unique(block, return_inverse=True, return_counts=True)
+    sums = np.zeros((len(counts), values.shape[1]))
+    np.add.at(sums, place, values)
+    random = np.random.default_rng(0)
+    means = np.empty((RESAMPLES, values.shape[1]))
+    for draw in means:
+        times = np.bincount(random.integers(0, len(counts), len(counts)), minlength=len(counts))
+        draw[:] = times @ sums / (times @ counts)
+    return means
+
+
+def estimates(squares: Floats, block: NDArray[np.int64]) -> list[Estimate]:
+    """Root mean of each column of squared errors, shape (n, k), with its interval."""
+    roots = np.sqrt(squares.mean(axis=0))
+    if len(np.unique(block)) < FEWEST_BLOCKS or not np.isfinite(roots).all():
+        return [Estimate(float(root), None) for root in roots]
+    low, high = np.sqrt(np.percentile(resampled_means(squares, block), [2.5, 97.5], axis=0))
+    return [Estimate(float(r), (float(a), float(b))) for r, a, b in zip(roots, low, high, strict=True)]
+
+
+def drop_interval(before: Floats, after: Floats, block: NDArray[np.int64]) -> tuple[float, float]:
+    """95 % interval of 1 - RMSE after / RMSE before of paired residuals, shape (n, 3) each, all axes together."""
+    squares = np.column_stack([np.sum(before**2, axis=1), np.sum(after**2, axis=1)])
+    means = resampled_means(squares, block)
+    low, high = np.percentile(1.0 - np.sqrt(means[:, 1] / means[:, 0]), [2.5, 97.5])
+    return float(low), float(high)

@@ -1,0 +1,53 @@
+"""Where a fit of one more effect begins: the error may have several valleys, and some parameters no fit can move."""
+
+import numpy as np
+
+from quadctl.effects import Effect
+from quadctl.lab.data import Dataset
+from quadctl.lab.fit import Fitter, noise_scale
+from quadctl.lab.prepare import Floats
+from quadctl.model import Model
+
+
+class Unmodelled:
+    """What a model leaves of the data, whatever its parameters and the nuisances of the flights.
+
+    `residual` is held out, shape (n, 3 or 6).
+    """
+
+    def __init__(self, model: Model, residual: Floats, dataset: Dataset) -> None:
+        self.model = model
+        self.dataset = dataset
+        self.residual = residual
+        self.scale = noise_scale(residual)
+        self._basis = Fitter(model, dataset).tangent(self.scale)
+        self._predicted = dataset.predicted_targets(model)
+        self._left = self._part(residual)
+
+    def explained_by(self, effect: Effect) -> float:
+        """Squared error, in units of the noise, that a multiple of what `effect` changes can take off."""
+        change = self._part(self.dataset.predicted_targets(self.model.plus(effect)) - self._predicted)
+        along = float(change @ self._left)
+        return along * abs(along) / max(float(change @ change), 1e-12)
+
+    def _part(self, change: Floats) -> Floats:
+        """Of a change of the targets: what no parameter and no nuisance could do. Flat, in units of the noise."""
+        flat = (change / self.scale).ravel()
+        return np.asarray(flat - self._basis @ (self._basis.T @ flat))
+
+
+TIED = 0.02
+"""Starts that explain less than the best by no more than this share are all followed, but no more than `MOST`."""
+MOST = 6
+
+
+def best_starts(effect: type[Effect], left: Unmodelled) -> tuple[list[Effect], int]:
+    """The starts of a fit that explain most of what is left, and how many independent ones they were chosen from."""
+    dataset = left.dataset
+    starts = effect.starts([flight.conditions for flight in dataset.flights], left.model.vehicle)
+    if len(starts) == 1:
+        return list(starts), 1
+    explained = {start: left.explained_by(start) for start in starts}
+    best = sorted(starts, key=lambda start: -explained[start])[:MOST]
+    tied = [start for start in best if explained[start] >= explained[best[0]] - TIED * abs(explained[best[0]])]
+    return tied, min(len(starts), len(np.unique(dataset.block)))

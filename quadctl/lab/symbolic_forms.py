@@ -1,0 +1,102 @@
+"""The compact ansatz: a c plus one shape of one variable, whose few parameters are refitted together.
+
+Appius' a exp(b z) + c and its relatives.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from quadctl.lab.prepare import Floats
+
+Shape = Callable[..., Floats]
+
+
+@dataclass(frozen=True)
+class Form:
+    """a * shape(x, *parameters) + c"""
+
+    template: str
+    """Python text of a * shape with the parameters in braces, `{x}` for the variable."""
+    shape: Shape
+    parameters: tuple[str, ...] = ()
+    """Those of the shape; they enter nonlinearly."""
+    positive: bool = False
+    """Whether it needs a variable that stays above 0."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return ("a", *self.parameters, "c")
+
+    def __call__(self, x: Floats, values: Floats) -> Floats:
+        """Value at `x` for the parameters in the order of `names`."""
+        return np.asarray(values[0] * self.shape(x, *values[1:-1]) + values[-1])
+
+
+FORMS = (
+    Form("{a}*{x}", lambda x: x),
+    Form("{a}*{x}*abs({x})", lambda x: x * np.abs(x)),
+    Form("{a}/{x}**2", lambda x: 1.0 / x**2, positive=True),
+    Form("{a}*exp(-{b}*{x})", lambda x, b: np.exp(-b * x), ("b",)),
+    Form("{a}*exp(-(({x} - {m})/{w})**2)", lambda x, m, w: np.exp(-(((x - m) / w) ** 2)), ("m", "w")),
+    Form("{a}*({x} - {m})/(({x} - {m})**2 + {w}**2)", lambda x, m, w: (x - m) / ((x - m) ** 2 + w**2), ("m", "w")),
+)
+"""In the order of their number of parameters; the last two are a bump and a pull toward, or a push from, a point."""
+
+
+@dataclass(frozen=True, eq=False)
+class FittedForm:
+    """A form with its parameters, in the order of `Form.names`, and their slopes at the samples, shape (n, p)."""
+
+    form: Form
+    values: Floats
+    slopes: Floats
+
+
+def usable_forms(x: Floats) -> list[Form]:
+    return [form for form in FORMS if not form.positive or x.min() > 0.1]
+
+
+def fit_form(form: Form, x: Floats, y: Floats) -> FittedForm:
+    """Least squares of `form` on `y`; of the starts for the shape's parameters, the best on a grid is taken."""
+    low, high = _bounds(form, x)
+    best, least = np.zeros(len(form.names)), np.inf
+    for start in _starts(form, x):
+        columns = np.column_stack([form.shape(x, *start), np.ones_like(x)])
+        (a, c), *_ = np.linalg.lstsq(columns, y, rcond=None)
+        values = np.clip(np.array([a, *start, c]), low, high)
+        error = float(np.sum((y - form(x, values)) ** 2))
+        if error < least:
+            best, least = values, error
+
+    def left(values: Floats) -> Floats:
+        return form(x, values) - y
+
+    result = least_squares(left, best, bounds=(low, high), x_scale=np.maximum(np.abs(best), 1e-6), max_nfev=50)
+    return FittedForm(form, np.asarray(result.x), np.asarray(result.jac))
+
+
+def _starts(form: Form, x: Floats) -> list[tuple[float, ...]]:
+    low, high = np.percentile(x, [1.0, 99.0])
+    reach = float(high - low)
+    if form.parameters == ("b",):
+        return [(sign * rate / reach,) for rate in (1.0, 3.0, 10.0) for sign in (1.0, -1.0)]
+    if form.parameters == ("m", "w"):
+        places = (*np.linspace(low, high, 9), *np.quantile(x, np.linspace(0.1, 0.9, 5)))
+        return [(float(m), part * reach) for m in places for part in (0.08, 0.2, 0.5)]
+    return [()]
+
+
+def _bounds(form: Form, x: Floats) -> tuple[Floats, Floats]:
+    """What the data could show: no sharper than a thirtieth of the range, no bump that lies beside it."""
+    low, high = np.percentile(x, [1.0, 99.0])
+    reach = float(high - low)
+    limits = {
+        "b": (-30.0 / reach, 30.0 / reach),
+        "m": (float(x.min()), float(x.max())),
+        "w": (reach / 30.0, 2.0 * reach),
+    }
+    ends = np.array([limits.get(name, (-np.inf, np.inf)) for name in form.names])
+    return ends[:, 0], ends[:, 1]
