@@ -49,6 +49,7 @@ class Compensator:
         self.model = model
         self.limits = limits or CompensatorLimits()
         self._trusted_m = [_trusted_heights(item) for item in model.stack]
+        self._pushing = [effect if effect in model.effects_on_body else None for effect in model.acting]
 
     def __call__(self, state: VehicleState, ground_down_m: float, thrust_n: float) -> Compensation:
         """Correction for `state`, the ground being at `ground_down_m` (NED) and the rotors giving about `thrust_n`."""
@@ -75,10 +76,10 @@ class Compensator:
             before, total = total, sum(thrusts)
             ratio *= 1.0 + trust * (total / before - 1.0)
         # As in the model, forces stand on the thrust with all effects included, whatever their order.
-        for item, trust in zip(self.model.stack, trusts, strict=True):
-            if item.effect not in self.model.effects_on_body:
+        for effect, trust in zip(self._pushing, trusts, strict=True):
+            if effect is None:
                 continue
-            ex, ey, ez = item.effect.force(total, c, vehicle)
+            ex, ey, ez = effect.force(total, c, vehicle)
             fx, fy, fz = fx + trust * ex, fy + trust * ey, fz + trust * ez
         longest = self.limits.band * vehicle.weight_n
         length = math.sqrt(fx * fx + fy * fy + fz * fz)

@@ -124,6 +124,17 @@ class Model:
         m = self.vehicle.mass_kg
         return fx / m, fy / m, fz / m + GRAVITY_M_S2
 
+    def sensed_ned_m_s2(self, c: Conditions) -> Vector:
+        """What the accelerometer tells beyond the true acceleration, NED."""
+        bx: Number = 0.0
+        by: Number = 0.0
+        bz: Number = 0.0
+        for effect in self.effects:
+            if effect.senses:
+                ex, ey, ez = effect.sensed_m_s2(c)
+                bx, by, bz = bx + ex, by + ey, bz + ez
+        return rotate(c.attitude, (bx, by, bz))
+
     def turning(self) -> "Model":
         """The model with only those effects that the balance of moments can show."""
         return replace(self, stack=tuple(item for item in self.stack if item.effect.turns))
@@ -134,21 +145,21 @@ class Model:
 
     @cached_property
     def effects_on_body(self) -> tuple[Effect, ...]:
-        return tuple(e for e in self._speaking if type(e).force is not Effect.force)
+        return tuple(e for e in self.acting if type(e).force is not Effect.force)
 
     @cached_property
     def effects_on_turning(self) -> tuple[Effect, ...]:
-        return tuple(e for e in self._speaking if type(e).torque is not Effect.torque)
+        return tuple(e for e in self.acting if type(e).torque is not Effect.torque)
 
     @cached_property
     def effects_on_air(self) -> tuple[Effect, ...]:
         return tuple(e for e in self.effects if type(e).wind_ned_m_s is not Effect.wind_ned_m_s)
 
     @cached_property
-    def _speaking(self) -> tuple[Effect, ...]:
-        """Those that do not stand back for another of the stack."""
+    def acting(self) -> tuple[Effect, ...]:
+        """The effects as they act beside each other."""
         present = {effect.family() for effect in self.effects}
-        return tuple(effect for effect in self.effects if not present & set(effect.stands_back_for))
+        return tuple(e.standing_back() if present & set(e.stands_back_for) else e for e in self.effects)
 
 
 def conditions(

@@ -6,7 +6,8 @@ physics step). An effect overrides the hooks of the ways in which it acts:
 - `rotor_thrust`: it changes the thrust that each rotor gives at its speed (ground effect, inflow, ...);
 - `force`: it adds a force on the body that is not along the rotors' axes (drag, a tilted thrust axis, ...);
 - `torque`: it adds a moment on the body that is not the rotors';
-- `wind_ned_m_s`: it moves the air, which all effects of the air then feel.
+- `wind_ned_m_s`: it moves the air, which all effects of the air then feel;
+- `sensed_m_s2`: it makes the accelerometer read what is not there.
 """
 
 import dataclasses
@@ -23,6 +24,7 @@ from quadctl.vehicle import Vehicle
 NO_FORCE: Vector = (0.0, 0.0, 0.0)
 NO_TORQUE: Vector = (0.0, 0.0, 0.0)
 NO_WIND: Vector = (0.0, 0.0, 0.0)
+NO_BIAS: Vector = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,8 +87,10 @@ class Effect:
     """Variables, and the span of each that data must have for this effect to be told from its look-alikes."""
     turns: ClassVar[bool] = False
     """Its rotor thrusts or its torque turn the body by what the balance of moments can show."""
+    senses: ClassVar[bool] = False
+    """It shows where the accelerometer and the change of velocity disagree."""
     stands_back_for: ClassVar[tuple[str, ...]] = ()
-    """Families beside which its own force and torque are left out, because they say the same better."""
+    """Families beside which it is used as `standing_back`, because they say a part of it better."""
 
     candidate: ClassVar[bool] = True
     """False: the lab does not propose it by itself; a model file may still name it."""
@@ -153,6 +157,14 @@ class Effect:
         """Whether parameters fitted to these flights are what the effect can be, or the form stands in for another."""
         return True
 
+    def shows_in(self, vehicle: Vehicle) -> tuple[str, ...]:
+        """Axes of the moments (roll, pitch, yaw) whose error it must lower, all of them, to be what it says it is."""
+        return ()
+
+    def standing_back(self) -> Self:
+        """The same effect beside one that it stands back for: without what that one says better."""
+        return self
+
     def rotor_thrust(self, thrust_n: Sequence[Number], c: Conditions, vehicle: Vehicle) -> Sequence[Number]:
         """Thrust of each rotor, N, given what it would be without this effect."""
         return thrust_n
@@ -168,6 +180,10 @@ class Effect:
     def wind_ned_m_s(self, c: Conditions) -> Vector:
         """Velocity of the air over ground, NED."""
         return NO_WIND
+
+    def sensed_m_s2(self, c: Conditions) -> Vector:
+        """What the accelerometer reads beyond the specific force, FRD."""
+        return NO_BIAS
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ from quadctl.effects.ground_effect import (
 )
 from quadctl.effects.ground_effect_hexarotor import Hexarotor, HexarotorTilted
 from quadctl.effects.ground_torque import Levelling
+from quadctl.effects.imu_bias import ConstantBias
 from quadctl.effects.inflow import AxialInflow
 from quadctl.effects.motor_lag import FirstOrderLag
 from quadctl.effects.payload import MassStep
@@ -66,6 +67,7 @@ CATALOG: dict[str, type[Effect]] = {
         WeakRotor,
         FrontWake,
         Levelling,
+        ConstantBias,
     )
 }
 

@@ -31,6 +31,13 @@ class WeakRotor(Effect):
     def negligible(self) -> bool:
         return self.loss < 0.03
 
+    def shows_in(self, vehicle: Vehicle) -> tuple[str, ...]:
+        """The moments that the rotor has a good share in: one alone may be a centre of mass or a motor that leans."""
+        arms = [abs(arm) for arm in vehicle.moment_arms_m[round(self.rotor) - 1]]
+        most = [max(abs(rotor[axis]) for rotor in vehicle.moment_arms_m) for axis in range(3)]
+        shares = zip(("roll", "pitch", "yaw"), arms, most, strict=True)
+        return tuple(axis for axis, arm, longest in shares if longest > 0.0 and arm > 0.3 * longest)
+
     def rotor_thrust(self, thrust_n: Sequence[Number], c: Conditions, vehicle: Vehicle) -> Sequence[Number]:
         weak = round(self.rotor) - 1
         return [(1.0 - self.loss) * thrust if i == weak else thrust for i, thrust in enumerate(thrust_n)]

@@ -25,7 +25,7 @@ class ConstantScale(ThrustRatio):
     factor: float = parameter(1.0, 0.5, 2.0, "", "true thrust over the vehicle file's thrust, per mass")
 
     def negligible(self) -> bool:
-        return abs(self.factor - 1.0) < 0.01
+        return abs(self.factor - 1.0) < 0.015
 
     def ratio(self, c: Conditions, vehicle: Vehicle) -> Number:
         return self.factor

@@ -2,8 +2,8 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import ClassVar
+from dataclasses import dataclass, replace
+from typing import ClassVar, Self
 
 import numpy as np
 
@@ -25,7 +25,8 @@ class SteadyWind(Effect):
     """A horizontal wind of constant velocity.
 
     The effects of the air that the model holds (drag, inflow, translational lift) feel the velocity relative to the
-    air. Where the model holds no drag, the wind brings one, F = -m drag v_air, by which alone it is felt in hover.
+    air. Where the model holds no drag, the wind brings one, F = -m drag (u, v, 0) in body axes, by which alone it is
+    felt in hover.
     """
 
     name: ClassVar[str] = "wind.steady"
@@ -57,10 +58,14 @@ class SteadyWind(Effect):
         turned = max(float(h.max()) for h in headings) - min(float(h.min()) for h in headings) > TURNED_DEG
         return turned or self.drag * math.hypot(self.north_m_s, self.east_m_s) > TILT_M_S2
 
+    def standing_back(self) -> Self:
+        """Beside a drag: without its own."""
+        return replace(self, drag=0.0)
+
     def wind_ned_m_s(self, c: Conditions) -> Vector:
         return self.north_m_s, self.east_m_s, 0.0
 
     def force(self, total_thrust_n: Number, c: Conditions, vehicle: Vehicle) -> Vector:
-        u, v, w = c.velocity_body_m_s
+        u, v, _ = c.velocity_body_m_s
         push = -vehicle.mass_kg * self.drag
-        return push * u, push * v, push * w
+        return push * u, push * v, 0.0 * u

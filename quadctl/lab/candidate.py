@@ -1,16 +1,18 @@
 """One effect tried on top of a model: fitted, judged on data that its fit did not see, supported by them or not."""
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from quadctl.effects import Effect
-from quadctl.lab.data import AXES, MOMENTS, Dataset, rmse
+from quadctl.lab.data import GROUPS, MOMENTS, Dataset, rmse
 from quadctl.lab.fit import Fitted, Fitter, intervals, remarks, values_of
 from quadctl.lab.prepare import Floats
 from quadctl.lab.significance import improvement_p_value
 from quadctl.lab.starts import Unmodelled, best_starts
+from quadctl.lab.threads import one_blas_thread
 from quadctl.model import Model
 
 SIGNIFICANT = 0.01
@@ -19,7 +21,9 @@ MATERIAL = 0.05
 """A family is called missing only when it takes this share off the held-out error of one axis: less is within what
 unknown trims and coefficients of any real vehicle do."""
 HARMLESS = 0.01
-"""...and puts no more than this share on any other, as a stand-in for another effect would."""
+"""...puts no such share on another axis, and, where it is about moments, no more than this on any of them."""
+NOTHING = 1e-9
+"""An error of a log that was made up, not flown."""
 IDLE = 0.005
 """An effect that changes the error of the acceleration by less than this share does nothing to it."""
 
@@ -39,7 +43,7 @@ class Candidate:
     p_value: float
     """Corrected for autocorrelation and for the number of candidates."""
     residual: Floats
-    """Held out, with the effect, shape (n, 3), or (n, 6) with the moments."""
+    """Held out, with the effect, of the dataset's targets."""
     remarks: list[str]
     believable: bool = True
     """The parameters are what the effect can be; otherwise its form stands in for another."""
@@ -50,9 +54,8 @@ class Candidate:
 
     @property
     def measure(self) -> str:
-        """The error that the effect is about: of the acceleration, or of the moments where it does nothing else."""
-        idle = abs(self.after["total"] / self.before["total"] - 1.0) < IDLE
-        return "turning" if self.effect.turns and idle and "turning" in self.after else "total"
+        """The error that the effect is about: of the acceleration unless it does nothing to it (see `GROUPS`)."""
+        return measure_of([self.effect], self.before, self.after)
 
     @property
     def held_out_drop(self) -> float:
@@ -61,7 +64,8 @@ class Candidate:
     @property
     def drops(self) -> dict[str, float]:
         """Share of the unseen error that the effect takes off each axis."""
-        return {a: 1.0 - self.after[a] / self.before[a] for a in (*AXES, *MOMENTS) if a in self.after}
+        axes = [axis for group, axes in GROUPS.items() if group in self.after for axis in axes]
+        return {axis: 1.0 - self.after[axis] / max(self.before[axis], NOTHING) for axis in axes}
 
     @property
     def largest_drop(self) -> float:
@@ -73,9 +77,16 @@ class Candidate:
         return unseen_score(self.residual)
 
     @property
+    def harmful(self) -> bool:
+        """It makes an axis worse, as a stand-in for another effect does."""
+        strict = MOMENTS if self.effect.turns else ()
+        return any(drop < -(HARMLESS if axis in strict else MATERIAL) for axis, drop in self.drops.items())
+
+    @property
     def supported(self) -> bool:
-        helps = self.held_out_drop > 0.0 and self.largest_drop > MATERIAL and min(self.drops.values()) > -HARMLESS
-        within = self.believable and not any("bound" in remark for remark in self.remarks)
+        helps = self.held_out_drop > 0.0 and self.largest_drop > MATERIAL and not self.harmful
+        shown = all(self.drops.get(axis, 0.0) > HARMLESS for axis in self.effect.shows_in(self.model.vehicle))
+        within = shown and self.believable and not any("bound" in remark for remark in self.remarks)
         return helps and self.p_value < SIGNIFICANT and within and not self.effect.negligible()
 
     @property
@@ -104,6 +115,17 @@ class Candidate:
         }
 
 
+def measure_of(effects: Iterable[Effect], before: Mapping[str, float], after: Mapping[str, float]) -> str:
+    """Which error a change of `effects` is about: of the acceleration unless they do nothing to it."""
+    changed = list(effects)
+    turning, sensing = any(e.turns for e in changed), any(e.senses for e in changed)
+    for group, possible in (("total", True), ("turning", turning), ("sensing", sensing)):
+        if possible and group in after and abs(after[group] / max(before[group], NOTHING) - 1.0) >= IDLE:
+            return group
+    return "total"
+
+
+@one_blas_thread
 def try_effect(effect: type[Effect], left: Unmodelled, n_tried: int) -> Candidate:
     """Fit `effect` on top of the model that `left` is of; `n_tried` candidates are tried on these data."""
     dataset, residual = left.dataset, left.residual
@@ -117,8 +139,8 @@ def try_effect(effect: type[Effect], left: Unmodelled, n_tried: int) -> Candidat
         effect=fitted.model.effects[last],
         model=fitted.model,
         ci95={f.parameter.name: c for f, c in own},
-        before=rmse(residual),
-        after=rmse(after),
+        before=rmse(residual, dataset.groups),
+        after=rmse(after, dataset.groups),
         p_value=min(1.0, improvement_p_value(residual, residual - after, dataset) * n_tried * independent),
         residual=after,
         remarks=remarks([f for f, _ in own], values, [c for _, c in own]),
@@ -139,17 +161,17 @@ def fit_on_top(effect: type[Effect], left: Unmodelled) -> tuple[Fitter, Fitted, 
 def believable(model: Model, dataset: Dataset) -> bool:
     """Whether all effects of a model fitted to `dataset` have parameters that they can have."""
     flights = [flight.conditions for flight in dataset.flights]
-    return all(effect.believable(flights, model.vehicle) for effect in model.effects)
+    return all(effect.believable(flights, model.vehicle) for effect in model.acting)
 
 
 def unseen_score(residual: Floats) -> float:
-    """Logarithm of the held-out RMSE of the acceleration, plus the mean of those of the moments where they are known.
+    """Logarithm of the held-out RMSE of the acceleration, plus the mean logarithms of what else is measured.
 
     Logarithms, so that forces and moments, with units of their own, add up.
     """
     power = np.maximum(np.mean(residual**2, axis=0), 1e-12)
-    score = 0.5 * float(np.log(power[:3].sum()))
-    return score + 0.5 * float(np.log(power[3:]).mean()) if len(power) > 3 else score
+    others = [float(np.log(power[i : i + 3]).mean()) for i in range(3, len(power), 3)]
+    return 0.5 * (float(np.log(power[:3].sum())) + sum(others))
 
 
 def parameters_in_words(effect: Effect, ci95: dict[str, tuple[float, float]]) -> str:

@@ -6,8 +6,10 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
+from joblib import Parallel, delayed
 from numpy.typing import NDArray
 
+from quadctl.errors import LogError
 from quadctl.frames import ned_from_neu
 from quadctl.lab.prepare import Flight, Floats, prepare
 from quadctl.logs.flight_log import FlightLog
@@ -16,10 +18,16 @@ from quadctl.vehicle import Vehicle
 
 AXES = ("north", "east", "up")
 MOMENTS = ("roll", "pitch", "yaw")
+SENSED = ("imu_north", "imu_east", "imu_up")
+GROUPS = {"total": AXES, "turning": MOMENTS, "sensing": SENSED}
+"""What is measured, by the name of the root of the sum of its squares: acceleration, torque, and by how much the
+accelerometer tells another acceleration than the velocity."""
 HoldOut = Literal["blocks", "flights"]
 FOLDS = 5
 MAX_LAG_S = 3.0
 """Beyond this, residuals of a flight are taken as uncorrelated."""
+MAX_FACTOR_BETWEEN_FLIGHTS = 1.6
+"""Of thrust over weight in flight: batteries and payloads explain less."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,16 +47,16 @@ class Dataset:
         return np.concatenate([flight.measured for flight in self.flights])
 
     @cached_property
-    def moments(self) -> bool:
-        """Whether the balance of moments is known beside that of forces."""
-        return all(flight.torque is not None for flight in self.flights)
+    def groups(self) -> tuple[str, ...]:
+        """Of `GROUPS`, those that all flights have."""
+        turning = all(flight.torque is not None for flight in self.flights)
+        sensing = all(flight.imu_error is not None for flight in self.flights)
+        return ("total", *(["turning"] if turning else []), *(["sensing"] if sensing else []))
 
     @cached_property
     def targets(self) -> Floats:
-        """What fits aim at: `measured`, and where it is known the torque, FRD, N m, as three more columns."""
-        if not self.moments:
-            return self.measured
-        return np.column_stack([self.measured, np.concatenate([flight.torque for flight in self.flights])])
+        """What fits aim at: three columns for each of `groups`; the torque FRD, N m, the others north, east, up."""
+        return np.concatenate([np.column_stack(_measured(flight, self.groups)) for flight in self.flights])
 
     @cached_property
     def flight_index(self) -> NDArray[np.int64]:
@@ -87,10 +95,7 @@ class Dataset:
 
     def predicted_targets(self, model: Model) -> Floats:
         """What `model` says the `targets` should have been."""
-        if not self.moments:
-            return self.predicted(model)
-        torque = np.concatenate([predict_torque(model, flight) for flight in self.flights])
-        return np.column_stack([self.predicted(model), torque])
+        return np.concatenate([predict_targets(model, flight, self.groups) for flight in self.flights])
 
     def variable(self, name: str) -> Floats | None:
         """A variable of all samples, or None where a flight lacks it."""
@@ -116,15 +121,29 @@ class Dataset:
 
 
 def load_dataset(logs: Sequence[FlightLog], vehicle: Vehicle, hold_out: HoldOut = "blocks") -> Dataset:
-    """Prepare `logs`, flown by `vehicle`.
+    """Prepare `logs`, flown by `vehicle`; spread as `joblib.parallel_config` says, one after the other without.
 
     Raises
     ------
     LogError
-        The first reason why one of them cannot be analysed.
+        The first reason why one of them cannot be analysed, or why they are of different vehicles.
     """
-    flights = [prepare(log, vehicle) for log in logs]
+    flights = Parallel()(delayed(prepare)(log, vehicle) for log in logs)
+    _require_one_vehicle(flights)
     return Dataset(tuple(flights), hold_out)
+
+
+def _require_one_vehicle(flights: Sequence[Flight]) -> None:
+    """Of one vehicle, the thrust over the weight in flight is about the same by the same kind of signal."""
+    for source in sorted({flight.thrust_source for flight in flights}):
+        of_source = [flight for flight in flights if flight.thrust_source == source]
+        share = {f.name: float(np.median(f.variables["thrust"])) / f.vehicle.weight_n for f in of_source}
+        least, most = min(share, key=share.__getitem__), max(share, key=share.__getitem__)
+        if share[most] > MAX_FACTOR_BETWEEN_FLIGHTS * share[least]:
+            raise LogError(
+                f"{most}: by its {source} the rotors give {share[most]:.2f} times the weight in flight, in {least} "
+                f"{share[least]:.2f} times, expected about the same: were they flown by different vehicles?"
+            )
 
 
 def predict(model: Model, flight: Flight) -> Floats:
@@ -146,16 +165,36 @@ def predict_torque(model: Model, flight: Flight) -> Floats:
     return np.column_stack([flight.filtered(component) for component in torque])
 
 
-def rmse(residual: Floats) -> dict[str, float]:
-    """Root mean square per axis; `total` is the root of the sum of the squares of the accelerations'.
+def predict_imu_error(model: Model, flight: Flight) -> Floats:
+    """Filtered: what the accelerometer tells beyond the acceleration, by `model`, north, east, up, shape (n, 3)."""
+    if not any(effect.senses for effect in model.effects):
+        return np.zeros_like(flight.measured)
+    sensed = ned_from_neu(model.sensed_ned_m_s2(flight.conditions))
+    return np.column_stack([flight.filtered(component) for component in sensed])
 
-    With six columns also of the moments, N m, and `turning`, the root of the sum of their squares.
-    """
+
+PREDICT = {"total": predict, "turning": predict_torque, "sensing": predict_imu_error}
+
+
+def predict_targets(model: Model, flight: Flight, groups: Sequence[str]) -> Floats:
+    """Prediction of what is measured in `groups`, shape (n, 3 * groups)."""
+    return np.column_stack([PREDICT[group](model, flight) for group in groups])
+
+
+def _measured(flight: Flight, groups: Sequence[str]) -> list[Floats]:
+    known = {"total": flight.measured, "turning": flight.torque, "sensing": flight.imu_error}
+    return [values for group in groups if (values := known[group]) is not None]
+
+
+def rmse(residual: Floats, groups: Sequence[str] = ("total",)) -> dict[str, float]:
+    """Root mean square per axis, and of each group the root of the sum of the squares of its axes."""
     squares = np.mean(residual**2, axis=0)
-    names = (*AXES, *MOMENTS)[: len(squares)]
-    per_axis = {axis: float(np.sqrt(value)) for axis, value in zip(names, squares, strict=True)}
-    errors = {**per_axis, "total": float(np.sqrt(squares[:3].sum()))}
-    return {**errors, "turning": float(np.sqrt(squares[3:].sum()))} if len(squares) > 3 else errors
+    errors: dict[str, float] = {}
+    for i, group in enumerate(groups):
+        three = squares[3 * i : 3 * i + 3]
+        errors |= {axis: float(np.sqrt(value)) for axis, value in zip(GROUPS[group], three, strict=True)}
+        errors[group] = float(np.sqrt(three.sum()))
+    return errors
 
 
 def autocovariance(values: Floats, dataset: Dataset) -> list[Floats]:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
+from joblib import Parallel, delayed
 from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
@@ -34,8 +35,12 @@ AS_GOOD = 0.01
 """Of families that cannot be told apart and come within this share of the best error, the simplest is taken."""
 PROMISING = 0.05
 """Effects whose p-value was larger twice running are tried again only at the end, when all others are in."""
+LARGE = 0.2
+"""A share of the error of an axis that no noise lets a regression take off by chance."""
 MOSTLY = 0.5
 """Where the effects found leave more than this share of what could be explained, they are not what is there."""
+
+UNITS = {"total": "", "turning": " N m", "sensing": " (IMU)"}
 
 Verdict = Literal["missing", "none", "unexplained"]
 
@@ -97,7 +102,7 @@ class Diagnosis(Result):
             table.add_row(
                 f"[bold]{c.effect.name}[/]" if c.supported else c.effect.name,
                 parameters_in_words(c.effect, c.ci95),
-                f"{c.before[c.measure]:.3f} -> {c.after[c.measure]:.3f}" + (" N m" if c.measure == "turning" else ""),
+                f"{c.before[c.measure]:.3f} -> {c.after[c.measure]:.3f}" + UNITS[c.measure],
                 f"{-c.held_out_drop:+.1%}",
                 "< 1e-4" if c.p_value < 1e-4 else f"{c.p_value:.2g}",
             )
@@ -147,7 +152,10 @@ def diagnose(
     progress("looking at what is left")
     residual = search.residual[:, :3]
     flexible = flexible_residual(residual, dataset)
-    unexplained = _matters(residual, flexible, improvement_p_value(residual, flexible, dataset))
+    matters = _matters(residual, flexible, improvement_p_value(residual, flexible, dataset))
+    symbolic = explain(search.residual, dataset) if matters else None
+    # Many variables together find a little in noise now and then; what is there also has an expression, or is large.
+    unexplained = matters and (symbolic is not None or _largest_gain(residual, residual - flexible) > LARGE)
     if unexplained and search.missing and _share_left(search.first_residual[:, :3], residual, flexible) > MOSTLY:
         search.forget()
     missing = search.missing
@@ -165,7 +173,7 @@ def diagnose(
         suggested_mission=_suggestion(search.latest, search.confounded, unfit),
         unexplained=unexplained,
         untried=_reasons(unfit, dataset),
-        symbolic=explain(search.residual, dataset) if unexplained else None,
+        symbolic=symbolic,
     )
 
 
@@ -181,7 +189,7 @@ class _Search:
         self.progress = progress
         self.current, self.residual = judged(model, dataset)
         self.first_residual = self.residual
-        self.steps = [Step("", model.name, rmse(self.residual))]
+        self.steps = [Step("", model.name, rmse(self.residual, dataset.groups))]
         self.missing: list[str] = []
         self.chosen: list[Candidate] = []
         """Also those that turned out to be superfluous."""
@@ -214,21 +222,29 @@ class _Search:
         left = Unmodelled(self.current, self.residual, self.dataset)
         promising = [effect for effect in pool if self._failures.get(effect.name, 0) < 2]
         for effects in (promising, [effect for effect in pool if effect not in promising]):
-            for effect in effects:
-                self.progress(f"trying {effect.name}")
-                self.latest[effect.name] = tried = try_effect(effect, left, len(self.pool))
-                failures = self._failures.get(effect.name, 0)
-                self._failures[effect.name] = failures + 1 if tried.p_value > PROMISING else 0
-            supported = [self.latest[e.name] for e in effects if self.latest[e.name].supported]
+            tried = self._try(effects, left)
+            supported = [candidate for candidate in tried if candidate.supported]
             if supported:
                 return sorted(supported, key=lambda candidate: candidate.score)
         return []
+
+    def _try(self, effects: list[type[Effect]], left: Unmodelled) -> list[Candidate]:
+        """Try `effects`, each by itself: spread as `joblib.parallel_config` says, one after the other without."""
+        work = Parallel(return_as="generator")(delayed(try_effect)(effect, left, len(self.pool)) for effect in effects)
+        tried = []
+        for effect, candidate in zip(effects, work, strict=True):
+            self.progress(f"tried {effect.name}")
+            self.latest[effect.name] = candidate
+            failures = self._failures.get(effect.name, 0)
+            self._failures[effect.name] = failures + 1 if candidate.p_value > PROMISING else 0
+            tried.append(candidate)
+        return tried
 
     def _take(self, chosen: Candidate) -> None:
         self.current, self.residual = chosen.model, chosen.residual
         self.missing.append(chosen.family)
         self.chosen.append(chosen)
-        self.steps.append(Step(chosen.family, chosen.effect.name, rmse(self.residual)))
+        self.steps.append(Step(chosen.family, chosen.effect.name, rmse(self.residual, self.dataset.groups)))
 
     def _note(self, alike: list[str], still_needed: set[str]) -> None:
         self.confounded += [[self.missing[-1], other] for other in alike if other not in still_needed]
@@ -243,7 +259,7 @@ class _Search:
             return
         self.current, self.residual = smaller, without
         self.missing = [name for name in self.missing if name != family]
-        last = Step(self.steps[-1].family, self.steps[-1].effect, rmse(without))
+        last = Step(self.steps[-1].family, self.steps[-1].effect, rmse(without, self.dataset.groups))
         self.steps = [*(step for step in self.steps[:-1] if step.family != family), last]
 
 
@@ -268,7 +284,7 @@ def _matters(residual: Floats, flexible: Floats, p_value: float) -> bool:
 
 def _largest_gain(before: Floats, after: Floats) -> float:
     """Largest share taken off the RMSE of an axis."""
-    return float(np.max(1.0 - np.sqrt(np.mean(after**2, axis=0) / np.mean(before**2, axis=0))))
+    return float(np.max(1.0 - np.sqrt(np.mean(after**2, axis=0) / np.maximum(np.mean(before**2, axis=0), 1e-18))))
 
 
 def _suggestion(tried: dict[str, Candidate], confounded: list[list[str]], unfit: list[type[Effect]]) -> str | None:

@@ -26,6 +26,8 @@ CLOSE_ENOUGH = 1e-3
 HUBER_SIGMAS = 3.0
 """Residuals beyond this many (robust) standard deviations count linearly, not squared."""
 
+LEAST_NOISE = 1e-4
+"""The noise of no axis is taken as less than this share of the largest."""
 UNSEEN = 4.0
 """A parameter that changes the sum of squares (in noise units) by less than this over its whole range is not seen."""
 
@@ -73,7 +75,7 @@ class Fitted:
     def predicted(self, dataset: Dataset) -> Floats:
         """Prediction of every sample's targets, nuisances included, shape (n, 3 or 6)."""
         flights = zip(dataset.flights, self.nuisances, strict=True)
-        return np.concatenate([predicted_with(self.model, f, nuisance, dataset.moments) for f, nuisance in flights])
+        return np.concatenate([predicted_with(self.model, f, nuisance, dataset.groups) for f, nuisance in flights])
 
 
 class Fitter:
@@ -138,7 +140,8 @@ class Fitter:
         """Free parameters of `BOOTSTRAPS` refits on resampled blocks of time, shape (draws, p), within their bounds.
 
         Each draw is one Gauss-Newton step from the optimum with the blocks' new weights, which is the refit to first
-        order, with the robust weights of the fit and the nuisances free.
+        order, with the robust weights of the fit. What the data cannot tell of a nuisance is as uncertain as its prior
+        says: each draw has a prior of its own, about another centre.
         """
         n_free = len(self.free)
         if not n_free:
@@ -151,7 +154,9 @@ class Fitter:
         normals, gradients = slopes.sums_per(blocks, count)
         p = normals.shape[-1]
         normal = (weight @ normals.reshape(count, p * p)).reshape(BOOTSTRAPS, p, p)
-        steps = self._step(normal, weight @ gradients, slopes)
+        centres = np.zeros((BOOTSTRAPS, p))
+        centres[:, n_free:] = self._usual * random.standard_normal((BOOTSTRAPS, p - n_free))
+        steps = self._step(normal, weight @ gradients + slopes.prior * centres, slopes)
         draws = np.clip(self._values(fitted) + steps, self._low, self._high)[:, :n_free]
         unit = self._high - self._low
         unseen = (np.einsum("nap,nap->p", slopes.j, slopes.j) * unit**2 < UNSEEN)[:n_free]
@@ -195,8 +200,8 @@ class Fitter:
         unit = self._high - self._low
         a = (normal + np.diag(slopes.prior)) * np.outer(unit, unit)
         # The tiny ridge decides only directions that the data do not see at all.
-        ridge = 1e-9 * (np.trace(a, axis1=-2, axis2=-1) / len(unit) + 1e-12)
-        return a + ridge[..., None, None] * np.eye(len(unit)), (gradient + slopes.prior_gradient) * unit
+        ridge = 1e-9 * np.diagonal(a, axis1=-2, axis2=-1) + 1e-6
+        return a + ridge[..., None] * np.eye(len(unit)), (gradient + slopes.prior_gradient) * unit
 
     def _bounded_step(self, values: Floats, slopes: "_Slopes") -> Floats:
         """The Gauss-Newton step that stays within the bounds, and within `LONGEST` of the range of each of them."""
@@ -261,7 +266,7 @@ class Fitter:
         count = len(self.dataset.flights)
         found = np.zeros((*self.dataset.targets.shape, count, len(KINDS)))
         for i, flight in enumerate(self.dataset.flights):
-            found[self.dataset.flight_index == i, :, i] = sensitivity(model, flight, self.dataset.moments)
+            found[self.dataset.flight_index == i, :, i] = sensitivity(model, flight, self.dataset.groups)
         return found.reshape(*self.dataset.targets.shape, count * len(KINDS))
 
 
@@ -304,9 +309,9 @@ class _Slopes:
 
 
 def noise_scale(residual: Floats) -> Floats:
-    """Robust standard deviation of each axis about zero, shape (3,) or (6,)."""
-    least = np.array([1e-3] * 3 + [1e-5] * 3)[: residual.shape[1]]
-    return np.asarray(np.maximum(1.4826 * np.median(np.abs(residual), axis=0), least))
+    """Robust standard deviation of each axis about zero, shape (axes,)."""
+    deviation = 1.4826 * np.median(np.abs(residual), axis=0)
+    return np.asarray(np.maximum(deviation, LEAST_NOISE * max(float(deviation.max()), 1e-3)))
 
 
 def intervals(free: Sequence[Free], draws: Floats) -> list[tuple[float, float]]:

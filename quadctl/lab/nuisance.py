@@ -6,12 +6,13 @@ the effects, so that they do not masquerade as one, and held to what rotors and 
 swallow one.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from quadctl.frames import multiply, quaternion_from_euler
-from quadctl.lab.data import predict, predict_torque
+from quadctl.lab.data import PREDICT, predict
 from quadctl.lab.prepare import Flight, Floats
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
@@ -27,7 +28,7 @@ class Kind:
 
 
 KINDS = (
-    Kind("thrust_scale", 0.005, 0.01),
+    Kind("thrust_scale", 0.005, 0.015),
     Kind("roll_rad", np.radians(0.2), np.radians(0.35)),
     Kind("pitch_rad", np.radians(0.2), np.radians(0.35)),
     Kind("height_m", 0.007, 0.012),
@@ -57,24 +58,25 @@ def disturbed(flight: Flight, nuisance: Floats) -> Flight:
     )
 
 
-def sensitivity(model: Model, flight: Flight, moments: bool) -> Floats:
-    """d prediction / d nuisance, at no nuisance, shape (n, 3 or 6, kinds): so small, they act linearly."""
+def sensitivity(model: Model, flight: Flight, groups: Sequence[str]) -> Floats:
+    """d prediction / d nuisance, at no nuisance, shape (n, 3 * groups, kinds): so small, they act linearly."""
     plain = predict(model, flight)
-    found = np.zeros((*plain.shape[:-1], 6 if moments else 3, len(KINDS)))
+    found = np.zeros((len(plain), 3 * len(groups), len(KINDS)))
     for i in range(FORCES):
         found[:, :3, i] = (predict(model, disturbed(flight, np.diag(USUAL)[i])) - plain) / USUAL[i]
-    if moments:
-        found[:, (3, 4, 5), (FORCES, FORCES + 1, FORCES + 2)] = rotor_moments_n_m(flight.vehicle)
+    if "turning" in groups:
+        first = 3 * groups.index("turning")
+        for i, moment in enumerate(rotor_moments_n_m(flight.vehicle)):
+            found[:, first + i, FORCES + i] = moment
     return found
 
 
-def predicted_with(model: Model, flight: Flight, nuisance: Floats, moments: bool) -> Floats:
-    """Prediction of one flight's targets with its nuisance, shape (n, 3 or 6)."""
-    acceleration = predict(model, disturbed(flight, nuisance))
-    if not moments:
-        return acceleration
-    torque = predict_torque(model, flight) + nuisance[FORCES:] * rotor_moments_n_m(flight.vehicle)
-    return np.column_stack([acceleration, torque])
+def predicted_with(model: Model, flight: Flight, nuisance: Floats, groups: Sequence[str]) -> Floats:
+    """Prediction of one flight's targets with its nuisance, shape (n, 3 * groups)."""
+    predicted = {group: PREDICT[group](model, flight) for group in groups if group != "total"}
+    if "turning" in predicted:
+        predicted["turning"] = predicted["turning"] + nuisance[FORCES:] * rotor_moments_n_m(flight.vehicle)
+    return np.column_stack([predict(model, disturbed(flight, nuisance)), *predicted.values()])
 
 
 def rotor_moments_n_m(vehicle: Vehicle) -> Floats:

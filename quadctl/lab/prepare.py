@@ -13,32 +13,50 @@ from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import median_filter
 from scipy.sparse import csr_matrix
 
 from quadctl.effects import Conditions
 from quadctl.errors import LogError
-from quadctl.frames import euler_from_quaternion, quaternion_from_euler, rotate_inverse
+from quadctl.frames import (
+    GRAVITY_M_S2,
+    Quaternion,
+    euler_from_quaternion,
+    quaternion_from_euler,
+    rotate,
+    rotate_inverse,
+)
+from quadctl.lab.vehicle_match import motion_problem, sidecar_problem, thrust_problem
 from quadctl.logs.columns import motor_columns, rpm_columns
-from quadctl.logs.flight_log import ATTITUDE, POSITION, RATES, VELOCITY, FlightLog
+from quadctl.logs.contradictions import contradictions
+from quadctl.logs.flight_log import ATTITUDE, IMU, POSITION, RATES, VELOCITY, FlightLog
 from quadctl.vehicle import Vehicle
 
 Floats: TypeAlias = NDArray[np.float64]
 Mask: TypeAlias = NDArray[np.bool_]
 
 MAX_BANDWIDTH_HZ = 3.0
+MIN_UPDATE_RATE_HZ = 2.5
+"""Of the slowest channel: with less, what happens between its updates is taken for a force that nothing explains."""
 BANDWIDTH_PER_UPDATE_RATE = 0.35
 """Of the slowest channel: well below half its rate, where its samples could not be told from an alias."""
 TRIM_START_S, TRIM_END_S = 2.0, 1.0
 """Take-off transient and touchdown are not flight."""
 GROUND_PHASES = ("wait", "stream", "start", "spool_up", "land", "released", "done")
 """Phases of our own logs in which nobody flies a mission."""
+MIN_DESCENT_M = 0.3
+"""Of flight below the height at rest: more is no slope but a z that points down."""
 MIN_CLEARANCE_M = 0.02
 """Above the height at rest: less is contact with the ground."""
-MIN_FLIGHT_S = 10.0
+MIN_FLIGHT_S, MIN_SEGMENT_S = 10.0, 2.0
+LONGEST_ROW_GAP_S = 10.0
+"""Between rows of one flight: after more, the clock has jumped, or another flight begins."""
+MAX_SPEED_JUMP_M_S, SPIKE_WINDOW_S = 15.0, 1.0
+"""From the running median over this window: no multirotor speeds up so."""
 BLOCK_S = 5.0
 """Length of the blocks of time that are held out, shuffled and resampled as one."""
-THROTTLE = "throttle command"
-"""Where the thrust comes from when nothing is known of single rotors."""
+ROTOR_SPEED, THROTTLE = "rotor speed", "throttle command"
+"""Where the thrust comes from, at best, and when nothing is known of single rotors."""
 DELAYS_S = np.arange(-0.04, 0.3001, 0.01)
 """Of the rotor signal against the velocity. Estimators are up to 40 ms late; a force that comes later still is physics
 (`motor_lag`)."""
@@ -70,6 +88,8 @@ class Flight:
     """By which the rotor signal was shifted: it is logged that much later (+) than the force it makes."""
     torque: Floats | None = None
     """Filtered torque that the body rates tell of, FRD, N m, shape (n, 3); None without rates or single rotors."""
+    imu_error: Floats | None = None
+    """Filtered: the accelerometer's acceleration minus `measured`, north, east, up, shape (n, 3); None without one."""
     notes: list[str] = field(default_factory=list)
 
     def filtered(self, signal: Any) -> Floats:
@@ -157,13 +177,21 @@ def prepare(log: FlightLog, vehicle: Vehicle) -> Flight:
         The log lacks a signal, belongs to another vehicle, or holds no flight.
     """
     _require_columns(log)
+    for problem in (*contradictions(log), sidecar_problem(log, vehicle)):
+        _refuse(log.name, problem)
     notes = list(log.notes)
-    signals = _signals(log, vehicle)
+    signals = _signals(log, vehicle, notes)
+    _refuse(log.name, _thrust_problem(log, signals, vehicle))
     segments = _flight_segments(log, signals, vehicle, notes)
-    slowest = min(channel.rate_hz(segments) for channel in signals.timed)
+    rates = {name: channel.rate_hz(segments) for name, channel in signals.timed.items()}
+    name, slowest = min(rates.items(), key=lambda item: item[1])
+    if slowest < MIN_UPDATE_RATE_HZ:
+        changes = f"has {slowest:.2f} updates per second" if slowest > 0.0 else "never changes"
+        raise LogError(
+            f"{log.name}: its slowest channel, {name}, {changes} in flight, expected at least {MIN_UPDATE_RATE_HZ:g} "
+            "updates per second"
+        )
     bandwidth = min(MAX_BANDWIDTH_HZ, BANDWIDTH_PER_UPDATE_RATE * slowest)
-    if bandwidth < 0.2:
-        raise LogError(f"{log.name}: its slowest channel has {slowest:.2f} updates per second, expected at least 0.6")
     sigma = math.sqrt(math.log(2.0)) / (2.0 * math.pi * bandwidth)
     step = min(0.02, sigma / 2.5)
     begin, end = segments[0][0], segments[-1][1]
@@ -178,7 +206,14 @@ def prepare(log: FlightLog, vehicle: Vehicle) -> Flight:
     if delay != 0.0:
         nominal = [channel.at(grid + delay) for channel in signals.rotor]
         flight = replace(flight, nominal_n=nominal, delay_s=delay)
+    thrust = np.column_stack([flight.filtered(nominal) for nominal in flight.nominal_n])
+    _refuse(log.name, motion_problem(flight.measured, thrust, flight.torque, vehicle))
     return flight
+
+
+def _refuse(name: str, problem: str | None) -> None:
+    if problem:
+        raise LogError(f"{name}: {problem}")
 
 
 def prepare_all(logs: Sequence[FlightLog], vehicle: Vehicle) -> list[Flight]:
@@ -211,13 +246,20 @@ class _Signals:
     """Nominal thrust of each rotor, N."""
     rates: list[_Channel]
     """Body rates, FRD; empty where they are not logged."""
+    imu: list[_Channel]
+    """Specific force, FRD; empty where it is not logged."""
     battery: _Channel | None
     thrust_source: str
 
     @property
-    def timed(self) -> list[_Channel]:
-        """One channel of each group, for rates and gaps."""
-        return [self.position[0], self.velocity[0], self.attitude[0], self.rotor[0]]
+    def timed(self) -> dict[str, _Channel]:
+        """One channel of each group, by the group's name, for rates and gaps."""
+        return {
+            "position": self.position[0],
+            "velocity": self.velocity[0],
+            "attitude": self.attitude[0],
+            self.thrust_source: self.rotor[0],
+        }
 
 
 def _require_columns(log: FlightLog) -> None:
@@ -226,9 +268,21 @@ def _require_columns(log: FlightLog) -> None:
             raise LogError(f"{log.name}: holds no values of {name}, which an analysis needs")
 
 
-def _signals(log: FlightLog, vehicle: Vehicle) -> _Signals:
+def _thrust_problem(log: FlightLog, signals: _Signals, vehicle: Vehicle) -> str | None:
+    total = np.sum([channel.at(log.time_s) for channel in signals.rotor], axis=0)
+    return thrust_problem(total, signals.position[2].at(log.time_s), vehicle, signals.thrust_source)
+
+
+def _updates(log: FlightLog, names: Sequence[str]) -> NDArray[np.intp]:
+    rows = log.updates(*names)
+    if not len(rows):
+        raise LogError(f"{log.name}: {', '.join(names)} never hold values in one row, expected them to come together")
+    return rows
+
+
+def _signals(log: FlightLog, vehicle: Vehicle, notes: list[str]) -> _Signals:
     def channels(names: Sequence[str], scale: float = 1.0, unwrap: bool = False) -> list[_Channel]:
-        rows = log.updates(*names)
+        rows = _updates(log, names)
         found = []
         for name in names:
             value = scale * log[name][rows]
@@ -236,6 +290,9 @@ def _signals(log: FlightLog, vehicle: Vehicle) -> _Signals:
         return found
 
     rotor, source = _rotor_signals(log, vehicle)
+    if source != ROTOR_SPEED:
+        notes.append(f"without rotor speeds, thrust is taken from the {source}")
+    rotor = _without_spikes(rotor, vehicle.throttle.max_thrust_per_rotor_n, f"{source}s", notes)
     battery = None
     voltage = [n for n in ("battery_v", *motor_columns(vehicle.n_rotors, "voltage_v")) if log.has(n)]
     if voltage:
@@ -243,13 +300,27 @@ def _signals(log: FlightLog, vehicle: Vehicle) -> _Signals:
         battery = _Channel(log.time_s[rows], log[voltage[0]][rows])
     return _Signals(
         channels(POSITION),
-        channels(VELOCITY),
+        _without_spikes(channels(VELOCITY), MAX_SPEED_JUMP_M_S, "velocities", notes),
         channels(ATTITUDE, math.pi / 180.0, unwrap=True),
         rotor,
         channels(RATES) if all(log.has(name) for name in RATES) else [],
+        channels(IMU) if all(log.has(name) for name in IMU) else [],
         battery,
         source,
     )
+
+
+def _without_spikes(channels: list[_Channel], limit: float, what: str, notes: list[str]) -> list[_Channel]:
+    """Channels of common updates without those in which one of them is further than `limit` from its running median."""
+    time, values = channels[0].time_s, np.array([channel.value for channel in channels])
+    if not np.any(np.abs(np.diff(values)) > limit):
+        return channels
+    per_second = (len(time) - 1) / float(time[-1] - time[0])
+    window = max(5, round(per_second * SPIKE_WINDOW_S) | 1)
+    kept = np.all(np.abs(values - median_filter(values, size=(1, window), mode="nearest")) <= limit, axis=0)
+    if not kept.all():
+        notes.append(f"{np.count_nonzero(~kept)} {what} that leap away and back, as nothing moves, are left out")
+    return [_Channel(time[kept], value) for value in values[:, kept]]
 
 
 def _rotor_signals(log: FlightLog, vehicle: Vehicle) -> tuple[list[_Channel], str]:
@@ -261,16 +332,16 @@ def _rotor_signals(log: FlightLog, vehicle: Vehicle) -> tuple[list[_Channel], st
                 f"expected {vehicle.n_rotors} as the vehicle '{vehicle.name}' has"
             )
         names = rpm_columns(vehicle.n_rotors)
-        rows = log.updates(*names)
+        rows = _updates(log, names)
         k = vehicle.rotor.thrust_n_per_rpm2
-        return [_Channel(log.time_s[rows], k * log[name][rows] ** 2) for name in names], "rotor speed"
+        return [_Channel(log.time_s[rows], k * log[name][rows] ** 2) for name in names], ROTOR_SPEED
     # The rotors follow a command with their lag: to first order, the force is that much later.
     lag_s, curve, n = vehicle.rotor.time_constant_s, vehicle.throttle, vehicle.n_rotors
     outputs = motor_columns(n, "output")
     if all(log.has(name) for name in outputs):
         if log.has(motor_columns(n + 1, "output")[-1]):
             raise LogError(f"{log.name}: has the outputs of more than {n} motors, the vehicle '{vehicle.name}' has {n}")
-        rows = log.updates(*outputs)
+        rows = _updates(log, outputs)
         found = [np.maximum(log[name][rows] - curve.offset, 0.0) / (curve.per_newton * n) for name in outputs]
         return [_Channel(log.time_s[rows] + lag_s, thrust) for thrust in found], "motor output"
     if log.has("throttle_cmd"):
@@ -301,17 +372,25 @@ def _flight_segments(
     # A log that begins and ends in the air says nothing about the height at rest.
     rest = float(np.nanmedian(z[still])) if still.any() else -math.inf
     flying = working & (z > rest + MIN_CLEARANCE_M)
+    flying[1:] &= np.diff(time) < LONGEST_ROW_GAP_S
     edges = np.flatnonzero(np.diff(np.concatenate([[0], flying.astype(np.int8), [0]])))
     found = []
     for first, last in zip(edges[::2], edges[1::2], strict=True):
         begin, end = float(time[first]) + TRIM_START_S, float(time[last - 1]) - TRIM_END_S
-        if end - begin > 2.0:
+        if end - begin > MIN_SEGMENT_S:
             found.append((begin, end))
     if not found:
         rise = float(np.nanmax(z) - np.nanmin(z))
+        lower = rest - float(np.median(z[working])) if working.any() else 0.0
+        if MIN_DESCENT_M < lower < math.inf:
+            raise LogError(
+                f"{log.name}: z_m is {lower:.2f} m lower while the rotors carry the vehicle than at rest, "
+                "expected it higher: are z_m and vz_m_s up?"
+            )
+        shortest_s = TRIM_START_S + TRIM_END_S + MIN_SEGMENT_S
         raise LogError(
-            f"{log.name}: never leaves the ground for more than {TRIM_START_S + TRIM_END_S:g} s: z ranges over "
-            f"{rise:.2f} m (is it up?) and the rotors give at most {float(np.nanmax(total)):.1f} N of the vehicle's "
+            f"{log.name}: never leaves the ground for more than {shortest_s:g} s: z ranges over {rise:.2f} m (is it "
+            f"up?) and the rotors give at most {float(np.nanmax(total)):.1f} N of the vehicle's "
             f"{vehicle.weight_n:.1f} N"
         )
     kept = sum(b - a for a, b in found)
@@ -326,7 +405,7 @@ def _without_gaps(
 ) -> list[tuple[float, float]]:
     """Cut out the times in which a channel brought nothing new for longer than `longest_s`."""
     lost = 0.0
-    for channel in signals.timed:
+    for channel in signals.timed.values():
         gaps = np.flatnonzero(np.diff(channel.time_s) > longest_s)
         for a, b in zip(channel.time_s[gaps], channel.time_s[gaps + 1], strict=True):
             lost += sum(max(0.0, min(b, end) - max(a, begin)) for begin, end in segments)
@@ -400,8 +479,21 @@ def _assemble(
         thrust_source=signals.thrust_source,
         delay_s=0.0,
         torque=_torque(vehicle, signals, grid, smooth, derivative),
+        imu_error=_imu_error(signals, grid, attitude, smooth, measured),
         notes=notes,
     )
+
+
+def _imu_error(
+    signals: _Signals, grid: Floats, attitude: Quaternion, smooth: csr_matrix, measured: Floats
+) -> Floats | None:
+    """The accelerometer's kinematic acceleration minus that of the velocity, filtered, north, east, up."""
+    if not signals.imu:
+        return None
+    x, y, z = (channel.at(grid) for channel in signals.imu)
+    north, east, down = rotate(attitude, (x, y, z))
+    sensed = (north, east, -(down + GRAVITY_M_S2))
+    return np.column_stack([smooth @ component for component in sensed]) - measured
 
 
 def _torque(

@@ -11,7 +11,7 @@ from rich.text import Text
 from quadctl import __version__
 from quadctl.effects import Effect
 from quadctl.errors import SettingsError
-from quadctl.lab.candidate import IDLE, parameters_in_words
+from quadctl.lab.candidate import measure_of, parameters_in_words
 from quadctl.lab.data import Dataset, rmse
 from quadctl.lab.fit import Fitter, free_parameters, intervals, judged, remarks, values_of
 from quadctl.lab.prepare import Floats
@@ -19,9 +19,6 @@ from quadctl.lab.resample import drop_interval
 from quadctl.lab.significance import improvement_p_value
 from quadctl.lab.tables import Result, errors_table
 from quadctl.model import Model, Provenance, StackedEffect
-
-LEAST_MOMENT_N_M = 1e-5
-"""Less is nothing that a log could show."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -41,11 +38,11 @@ class Refit(Result):
     @cached_property
     def before(self) -> dict[str, float]:
         """Held-out RMSE per axis and total, m/s^2."""
-        return rmse(self.residual_before)
+        return rmse(self.residual_before, self.dataset.groups)
 
     @cached_property
     def after(self) -> dict[str, float]:
-        return rmse(self.residual_after)
+        return rmse(self.residual_after, self.dataset.groups)
 
     @property
     def changed(self) -> Sequence[Effect]:
@@ -54,10 +51,8 @@ class Refit(Result):
 
     @property
     def measure(self) -> str:
-        """The error that the change is about: of the acceleration, or of the moments where it does nothing else."""
-        idle = abs(self.after["total"] / self.before["total"] - 1.0) < IDLE
-        turning = any(effect.turns for effect in self.changed) and self.before.get("turning", 0.0) > LEAST_MOMENT_N_M
-        return "turning" if idle and turning else "total"
+        """The error that the change is about: of the acceleration unless it does nothing to it."""
+        return measure_of(self.changed, self.before, self.after)
 
     @property
     def held_out_drop(self) -> float:
@@ -65,7 +60,8 @@ class Refit(Result):
 
     @cached_property
     def drop_ci95(self) -> tuple[float, float]:
-        columns = slice(3, 6) if self.measure == "turning" else slice(0, 3)
+        first = 3 * self.dataset.groups.index(self.measure)
+        columns = slice(first, first + 3)
         return drop_interval(self.residual_before[:, columns], self.residual_after[:, columns], self.dataset.block)
 
     @cached_property
@@ -108,7 +104,7 @@ class Refit(Result):
         table = errors_table(self.title, (("before", self.before), ("after", self.after)))
         low, high = self.drop_ci95
         p = "< 1e-4" if self.p_value < 1e-4 else f"= {self.p_value:.2g}"
-        error = "error of the moments" if self.measure == "turning" else "error"
+        error = {"total": "error", "turning": "error of the moments", "sensing": "error of the IMU"}[self.measure]
         lines = [f"The held-out {error} changes by {-self.held_out_drop:+.1%} [{-high:+.1%}, {-low:+.1%}], p {p}."]
         lines.append("The model now holds:" if self.model.stack else "The model now holds no effect: the rigid body.")
         for item in self.model.stack:
@@ -157,7 +153,7 @@ def refitted(
     residual = dataset.targets - fitter.held_out(fitted)
     draws = fitter.bootstrap(fitted)
     ci = intervals(fitter.free, draws)
-    before, after = rmse(residual_before)["total"], rmse(residual)["total"]
+    before, after = rmse(residual_before, dataset.groups)["total"], rmse(residual, dataset.groups)["total"]
     stack = []
     for i, item in enumerate(fitted.model.stack):
         old = item.fitted or Provenance()

@@ -17,6 +17,7 @@ POSITION = ("x_m", "y_m", "z_m")
 VELOCITY = ("vx_m_s", "vy_m_s", "vz_m_s")
 ATTITUDE = ("roll_deg", "pitch_deg", "yaw_deg")
 RATES = ("roll_rate_rad_s", "pitch_rate_rad_s", "yaw_rate_rad_s")
+IMU = ("imu_x_m_s2", "imu_y_m_s2", "imu_z_m_s2")
 
 
 @dataclass(frozen=True, eq=False)
