@@ -29,7 +29,7 @@ MAX_NUMBER = 1e9
 INTERRUPTED = 130
 """Exit status with which typer ends on Ctrl-C."""
 
-LAB_PACKAGES = ("scipy", "polars", "matplotlib", "jinja2", "pyulog", "mcap", "pysindy")
+LAB_PACKAGES = ("scipy", "joblib", "polars", "matplotlib", "jinja2", "pyulog", "mcap", "pysindy")
 """Of the extra `lab`: not on the companion computer."""
 
 LOG_SUFFIXES = (".csv", ".ulg", ".bin", ".tlog")
@@ -46,6 +46,9 @@ HoldOutOption = Annotated[
         metavar="blocks|flights",
         help="What a fit does not see: blocks of time of every flight, or flights.",
     ),
+]
+JobsOption = Annotated[
+    int, typer.Option("--jobs", metavar="N", min=1, help="Processes that share the work; worth it with many logs.")
 ]
 MissionArgument = Annotated[Path, typer.Argument(metavar="MISSION.yaml")]
 ModelOption = Annotated[
@@ -109,22 +112,59 @@ def diagnose(
     json_out: JsonOption = None,
     html: HtmlOption = None,
     hold_out: HoldOutOption = "blocks",
+    jobs: JobsOption = 1,
+    expression: Annotated[
+        Path | None,
+        typer.Option("--save-expression", metavar="FILE.py", help="Save what is unexplained as an effect of your own."),
+    ] = None,
 ) -> None:
     """Which physical effect is missing from a model?"""
+    from joblib import parallel_config
+
     from quadctl.lab.compare import compare as run_compare
     from quadctl.lab.diagnose import diagnose as run
+    from quadctl.lab.effect_file import as_effect_file
     from quadctl.lab.report import write_report
 
-    _check_outputs([model, *logs], json_out, html)
-    loaded, data = _model_and_data(model, logs, hold_out)
-    with console.status("diagnosing") as status:
-        result = run(loaded, data, progress=status.update)
+    _check_outputs([model, *logs], json_out, html, expression)
+    with parallel_config("loky", n_jobs=jobs):
+        loaded, data = _model_and_data(model, logs, hold_out)
+        with console.status("diagnosing") as status:
+            result = run(loaded, data, progress=status.update)
     console.print(result)
+    if expression is not None and result.symbolic is not None:
+        _write_text(expression, as_effect_file(result.symbolic, "unexplained.found"))
+        console.print(f"Saved: {expression}", soft_wrap=True, markup=False, highlight=False)
     _print_notes(data)
     _write_json(json_out, result.to_dict())
     if html is not None:
         write_report(html, comparison=run_compare(loaded, data), diagnosis=result)
         console.print(f"Report: {html}")
+
+
+@app.command()
+def suggest(
+    model: ModelArgument,
+    logs: LogArguments,
+    missions: Annotated[Path, typer.Option("--missions", metavar="DIR", help="To choose from.")] = Path("missions"),
+    json_out: JsonOption = None,
+    hold_out: HoldOutOption = "blocks",
+) -> None:
+    """Which mission would tell most about what these logs leave open?"""
+    from quadctl.lab.diagnose import diagnose as run_diagnose
+    from quadctl.lab.suggest import suggest as run
+
+    _check_outputs([model, *logs], json_out)
+    loaded, data = _model_and_data(model, logs, hold_out)
+    with console.status("diagnosing") as status:
+        diagnosis = run_diagnose(loaded, data, progress=status.update)
+        status.update("flying the missions in thought")
+        result = run(diagnosis, missions)
+    found = replace(diagnosis, suggested_mission=None)  # its guess is from the effects' names alone
+    console.print("\n".join(found.lines()), soft_wrap=True, markup=False, highlight=False)
+    console.print(result)
+    _print_notes(data)
+    _write_json(json_out, result.to_dict())
 
 
 @app.command()
@@ -229,15 +269,19 @@ def discover(
     json_out: JsonOption = None,
     html: HtmlOption = None,
     hold_out: HoldOutOption = "blocks",
+    jobs: JobsOption = 1,
 ) -> None:
     """Compare, diagnose and add in one go, until nothing significant is missing."""
+    from joblib import parallel_config
+
     from quadctl.lab.discover import discover as run
     from quadctl.lab.report import write_report
     from quadctl.model import save_model
 
-    loaded, data = _model_and_data(model, logs, hold_out)
-    with console.status("discovering") as status:
-        result = run(loaded, data, progress=status.update)
+    with parallel_config("loky", n_jobs=jobs):
+        loaded, data = _model_and_data(model, logs, hold_out)
+        with console.status("discovering") as status:
+            result = run(loaded, data, progress=status.update)
     save_model(result.model, output)
     console.print(result)
     _print_saved(output)
@@ -418,11 +462,14 @@ def _check_outputs(inputs: Sequence[Path | None], *outputs: Path | None) -> None
 
 
 def _write_json(path: Path | None, result: dict[str, Any]) -> None:
-    if path is None:
-        return
+    if path is not None:
+        _write_text(path, json.dumps(result, indent=1, allow_nan=False) + "\n")
+
+
+def _write_text(path: Path, text: str) -> None:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(json.dumps(result, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+        path.write_text(text, encoding="utf-8")
     except OSError as error:
         raise QuadctlError(f"{path}: cannot be written ({error.strerror})") from None
 

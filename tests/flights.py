@@ -12,7 +12,7 @@ from quadctl.flight.session import prepare_flight
 from quadctl.frames import GRAVITY_M_S2
 from quadctl.lab.prepare import Floats
 from quadctl.logs.columns import STATE_COLUMNS, rpm_columns
-from quadctl.logs.flight_log import FlightLog
+from quadctl.logs.flight_log import ATTITUDE, RATES, FlightLog
 from quadctl.logs.read import read_log
 from quadctl.model import Model, conditions
 
@@ -56,7 +56,7 @@ def obedient(
     columns |= {"time_s": t, "z_m": z, "vz_m_s": vz + noise_m_s * random.standard_normal(len(t))}
     for column in ("vx_m_s", "vy_m_s"):
         columns[column] = max(noise_m_s, 1e-6) * random.standard_normal(len(t))
-    for column in ("x_m", "y_m", "roll_deg", "pitch_deg", "yaw_deg"):
+    for column in ("x_m", "y_m", *ATTITUDE, *RATES):
         columns[column] = 1e-6 * random.standard_normal(len(t))
     rpm = np.sqrt(each / vehicle.rotor.thrust_n_per_rpm2)
     columns |= dict.fromkeys(rpm_columns(vehicle.n_rotors), rpm)

@@ -16,9 +16,10 @@ import yaml
 from flights import obedient
 from quadctl import cli
 from quadctl.errors import LogError, SettingsError
+from quadctl.logs.contradictions import contradictions
 from quadctl.logs.csv_log import read_csv, write_csv
 from quadctl.logs.flight_log import FlightLog
-from quadctl.logs.quality import contradictions, quality
+from quadctl.logs.quality import quality
 from quadctl.logs.read import read_log, read_logs
 from quadctl.missions import load_mission
 from quadctl.model import Model
@@ -298,7 +299,7 @@ def test_a_flight_in_the_wrong_units_is_refused(
     assert not contradictions(read_csv(log))
     path = changed(log, millimetres)
     said = refusal(capsys, monkeypatch, "compare", VEHICLE, path)
-    assert re.search(r"changed\.csv: positions change (1e\+03|9\d\d|10\d\d) times as much as the velocities say", said)
+    assert re.search(r"changed\.csv: z_m changes (1e\+03|9\d\d|10\d\d) times as much as vz_m_s says", said)
     assert not quality(read_csv(path)).can_be_analysed
 
 

@@ -13,9 +13,13 @@ from quadctl.compensator import NOTHING, Compensator, CompensatorLimits, check_c
 from quadctl.effects import CATALOG, Conditions, Effect, ThrustRatio
 from quadctl.effects.ground_effect import Cheeseman, Exponential, Hayden, Sanchez
 from quadctl.effects.inflow import AxialInflow
+from quadctl.effects.motor_lag import FirstOrderLag
 from quadctl.effects.rotor_drag import LinearDrag
+from quadctl.effects.rotor_fault import WeakRotor
 from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.effects.thrust_tilt import FixedTilt
+from quadctl.effects.translational_lift import HorizontalLift
+from quadctl.effects.wind import SteadyWind
 from quadctl.errors import SettingsError
 from quadctl.frames import quaternion_from_euler
 from quadctl.model import Model, Provenance, StackedEffect
@@ -91,7 +95,7 @@ def test_commanding_thrust_over_ratio_gives_the_wanted_thrust(
     turned = compensator(raptor, effect, ConstantScale(scale), band=0.9)
     now = state(-height_m, (0.0, 0.0, down_m_s))
     ratio, _ = turned(now, 0.0, wanted_n)
-    c = Conditions(height_m, (0.0, 0.0, down_m_s), LEVEL)
+    c = Conditions(height_m, (0.0, 0.0, down_m_s), LEVEL, now.time_s, now.battery_v)
     assume(0.11 < sum(turned.model.rotor_thrust([1.0] * 4, c)) / 4.0 < 1.89)  # within the band
     given_n = turned.model.rotor_thrust([wanted_n / ratio / 4.0] * 4, c)
     assert sum(given_n) == pytest.approx(wanted_n, rel=1e-12)
@@ -111,6 +115,33 @@ def test_a_force_stands_on_the_whole_thrust_whatever_the_order(raptor: Vehicle, 
     ratio, force = compensator(raptor, *effects)(state(), 0.0, 10.0)
     assert ratio == pytest.approx(1.2)
     assert force == pytest.approx((0.0, 0.8370777, 0.0292314), abs=1e-7)  # 12 (1 - cos 4 deg)
+
+
+def test_in_a_wind_the_drag_is_that_of_the_air(raptor: Vehicle) -> None:
+    # Hover, heading east, air to the north at 2 m/s: 1.5 * 0.4 * 2 = 1.2 N to the north, by the drag's coefficient
+    # (d_y, as the air comes from the right) and not by the wind's own.
+    heading_east: Quat = quaternion_from_euler(0.0, 0.0, math.pi / 2)
+    wind = SteadyWind(2.0, 0.0, drag=0.3)
+    for effects in ((wind, LinearDrag(0.1, 0.4)), (LinearDrag(0.1, 0.4), wind)):
+        _, force = compensator(raptor, *effects)(state(attitude=heading_east), 0.0, WEIGHT_N)
+        assert force == pytest.approx((1.2, 0.0, 0.0), abs=1e-12)
+    _, own = compensator(raptor, wind)(state(attitude=heading_east), 0.0, WEIGHT_N)
+    assert own == pytest.approx((0.9, 0.0, 0.0), abs=1e-12)  # 1.5 * 0.3 * 2
+
+
+def test_in_a_wind_the_lift_is_that_of_the_air(raptor: Vehicle) -> None:
+    # Hover in a wind of v_h = 5.807795 m/s: half of the gain.
+    turned = compensator(raptor, HorizontalLift(0.3), SteadyWind(-5.807795, 0.0))
+    assert turned(state(), 0.0, WEIGHT_N).thrust_ratio == pytest.approx(1.15, abs=1e-6)
+
+
+def test_a_weak_rotor_is_made_up_for_by_all(raptor: Vehicle) -> None:
+    # One of four gives 20 % less: 95 % of the whole.
+    assert compensator(raptor, WeakRotor(0.2, rotor=2.0))(state(), 0.0, WEIGHT_N) == (pytest.approx(0.95), (0, 0, 0))
+
+
+def test_a_lag_cannot_be_turned_round_and_is_left_alone(raptor: Vehicle) -> None:
+    assert compensator(raptor, FirstOrderLag(0.3))(state(), 0.0, 20.0) == NOTHING
 
 
 # --- limits --------------------------------------------------------------------------------------------------------

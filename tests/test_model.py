@@ -8,10 +8,14 @@ import pytest
 import yaml
 
 from quadctl.effects import Conditions
+from quadctl.effects.body_drag import QuadraticDrag
 from quadctl.effects.ground_effect import Exponential, Sanchez
+from quadctl.effects.ground_torque import Levelling
 from quadctl.effects.rotor_drag import LinearDrag
+from quadctl.effects.rotor_fault import WeakRotor
 from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.effects.thrust_tilt import FixedTilt
+from quadctl.effects.wind import SteadyWind
 from quadctl.errors import SettingsError
 from quadctl.frames import quaternion_from_euler
 from quadctl.model import Model, Provenance, StackedEffect, conditions, load_model, save_model
@@ -72,6 +76,67 @@ def test_a_canted_rotor_pushes_along_its_own_axis(raptor: Vehicle) -> None:
     vehicle = raptor.model_copy(update={"rotors": (front, upright, upright)})
     force = Model(vehicle).body_force([2.0, 0.0, 0.0], attitude(0.0, 0.0, 0.0))
     assert force == pytest.approx((0.0, 0.6840403, -1.8793852))
+
+
+# --- moments -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("thrust_n", "moment_n_m"),
+    [
+        ([3.0, 3.0, 3.0, 3.0], (0.0, 0.0, 0.0)),
+        ([3.0, 4.0, 4.0, 3.0], (0.248, 0.0, 0.0)),  # 1 N more on each of the left rotors, 0.124 m: roll right
+        ([4.0, 3.0, 4.0, 3.0], (0.0, 0.248, 0.0)),  # in front: nose up
+        ([4.0, 4.0, 3.0, 3.0], (0.0, 0.0, 0.032)),  # on those that turn ccw, 0.016 m: the body turns cw, to the right
+    ],
+)
+def test_rotors_turn_the_body(raptor: Vehicle, thrust_n: list[float], moment_n_m: Vec3) -> None:
+    assert Model(raptor).body_torque(thrust_n, attitude(0.3, 0.2, 0.1)) == pytest.approx(moment_n_m, abs=1e-12)
+
+
+def test_a_moment_stands_on_the_thrust_with_all_effects(raptor: Vehicle) -> None:
+    # On the ground: -stiffness R roll per newton, 4 * 3 * 1.5 = 18 N: -18 * 0.5 * 0.12 * 0.1
+    c = Conditions(0.0, (0.0, 0.0, 0.0), quaternion_from_euler(0.1, 0.0, 0.0))
+    for order in (1, -1):
+        model = Model(raptor)
+        for effect in (Levelling(0.5), ConstantScale(1.5))[::order]:
+            model = model.plus(effect)
+        assert model.body_torque([3.0] * 4, c) == pytest.approx((-0.108, 0.0, 0.0), abs=1e-12)
+        assert model.side_torque([4.5] * 4, c) == pytest.approx((-0.108, 0.0, 0.0), abs=1e-12)
+
+
+def test_what_turns_is_what_the_moments_can_show(raptor: Vehicle) -> None:
+    model = Model(raptor).plus(ConstantScale(1.1)).plus(WeakRotor()).plus(LinearDrag()).plus(Levelling())
+    assert model.turning().effects == (WeakRotor(), Levelling())
+    assert model.turning().vehicle is model.vehicle
+
+
+# --- air -----------------------------------------------------------------------------------------------------------
+
+
+def test_without_wind_the_air_stands_still(raptor: Vehicle) -> None:
+    c = attitude(0.1, 0.2, 0.3)
+    assert Model(raptor).plus(LinearDrag()).in_air(c) is c
+
+
+def test_velocity_is_that_through_the_air(raptor: Vehicle) -> None:
+    # Heading east, over ground 5 m/s forward; air from the west at 2 m/s and from the south at 1: 3 forward, 1 right
+    c = Conditions(1.0, (5.0, 0.0, 0.5), quaternion_from_euler(0.0, 0.0, 0.5 * math.pi))
+    air = Model(raptor).plus(SteadyWind(north_m_s=1.0, east_m_s=2.0)).in_air(c)
+    assert air.velocity_body_m_s == pytest.approx((3.0, 1.0, 0.5))
+    assert (air.height_m, air.attitude) == (c.height_m, c.attitude)
+
+
+def test_who_stands_back_for_another_family_pushes_nothing_beside_it(raptor: Vehicle) -> None:
+    wind, c = SteadyWind(2.0, 1.0, drag=0.3), attitude(0.0, 0.0, 0.4)
+    alone = Model(raptor).plus(wind)
+    air = alone.in_air(c)
+    for drag in (LinearDrag(), QuadraticDrag()):
+        both = alone.plus(drag)
+        assert both.in_air(c) == air
+        assert both.side_force(14.7, air) == pytest.approx(drag.force(14.7, air, raptor))
+    scaled = alone.plus(ConstantScale())
+    assert scaled.side_force(14.7, air) == pytest.approx(wind.force(14.7, air, raptor))
 
 
 # --- effects together ----------------------------------------------------------------------------------------------

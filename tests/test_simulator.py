@@ -146,6 +146,38 @@ def test_linear_drag_takes_speed_away_exponentially() -> None:
     assert body.velocity[0] == pytest.approx(4.0 / math.e, rel=1e-3)
 
 
+def test_a_wind_carries_what_falls_along() -> None:
+    """d = 0.5 1/s: after 2 s at rest in air that moves north at 3 m/s, 3 (1 - 1/e)."""
+    wind = find_effect("wind", "test").from_values({"north_m_s": 3.0, "east_m_s": 0.0, "drag": 0.5}, "test")
+    body = high_up(truth=Model(RAPTOR).plus(wind))
+    for _ in range(1000):
+        body.step([0.0] * 4, armed=False)
+    assert body.velocity[0] == pytest.approx(3.0 * (1.0 - 1.0 / math.e), rel=2e-3)
+    assert body.velocity[1] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_the_body_obeys_the_moments_of_its_effects() -> None:
+    """Tilted right by 0.1 rad at z = R: -T 0.5 R e^-1 0.1 about x, in hover with T = 14.709975 N, over I_x."""
+    levelling = find_effect("ground_torque", "test").from_values({"stiffness": 0.5, "reach": 1.0}, "test")
+    body = high_up(truth=Model(RAPTOR).plus(levelling))
+    body.position, body.attitude = (0.0, 0.0, -0.12), quaternion_from_euler(0.1, 0.0, 0.0)
+    body.rpm = [HOVER_RPM] * 4
+    body.step(outputs_for([HOVER_RPM] * 4), armed=True)
+    by_hand = -14.709975 * 0.5 * 0.12 * math.exp(-1.0) * 0.1 / 0.0123
+    assert np.array(body.rates) / STEP_S == pytest.approx([by_hand, 0.0, 0.0], abs=1e-3 * abs(by_hand))
+
+
+def test_a_weak_rotor_turns_the_body_toward_itself() -> None:
+    """A tenth of 3.67749 N is missing front right: 0.124 m and 0.016 m of it, over the inertia."""
+    weak = find_effect("rotor_fault", "test").from_values({"loss": 0.1, "rotor": 1}, "test")
+    body = high_up(truth=Model(RAPTOR).plus(weak))
+    body.rpm = [HOVER_RPM] * 4
+    body.step(outputs_for([HOVER_RPM] * 4), armed=True)
+    lost_n = 0.1 * 14.709975 / 4.0
+    by_hand = [0.124 * lost_n / 0.0123, -0.124 * lost_n / 0.0123, -0.016 * lost_n / 0.0224]
+    assert np.array(body.rates) / STEP_S == pytest.approx(by_hand, rel=1e-3)
+
+
 def test_free_tumbling_keeps_its_angular_momentum_and_makes_no_energy() -> None:
     inertia = np.array([0.01, 0.02, 0.028])
     body = high_up(RAPTOR.model_copy(update={"inertia_kg_m2": tuple(inertia)}))

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 from distributed import Client, LocalCluster
-from flights import obedient
 from joblib import parallel_config
 
+from flights import obedient
 from quadctl.effects.ground_effect import Exponential
 from quadctl.effects.inflow import AxialInflow
 from quadctl.effects.tether import HangingTether

@@ -36,6 +36,24 @@ def test_induced_velocity_in_hover(raptor: Vehicle) -> None:
     assert raptor.hover_induced_velocity_m_s == pytest.approx(5.80779, abs=1e-5)
 
 
+def test_moment_arms_by_hand(raptor: Vehicle) -> None:
+    # 1 N up in front and on the right (motor 1) rolls left and pitches up by 0.124 N m; a ccw rotor's drag torque of
+    # 0.016 N m turns the body clockwise, which is positive about down.
+    assert raptor.moment_arms_m == (
+        pytest.approx((-0.124, 0.124, 0.016)),
+        pytest.approx((0.124, -0.124, 0.016)),
+        pytest.approx((0.124, 0.124, -0.016)),
+        pytest.approx((-0.124, -0.124, -0.016)),
+    )
+
+
+def test_a_canted_rotor_has_a_lever_about_the_vertical(raptor: Vehicle) -> None:
+    # Thrust (0, sin 20, -cos 20) at (0.2, 0, 0): lever (0, 0.2 cos 20, 0.2 sin 20); cw: 0.016 along the thrust.
+    vehicle = with_rotors(raptor, [place(0.2, 0.0, cant_deg=20.0), place(-0.1, 0.2), place(-0.1, -0.2)])
+    expected = (0.0, 0.2 * COS_20 + 0.016 * SIN_20, 0.2 * SIN_20 - 0.016 * COS_20)
+    assert vehicle.moment_arms_m[0] == pytest.approx(expected)
+
+
 def test_rotor_distances(raptor: Vehicle) -> None:
     assert raptor.adjacent_distance_m == pytest.approx(0.248)  # 2 * 0.124
     assert raptor.opposite_distance_m == pytest.approx(0.3507250)  # 0.248 * sqrt(2)

@@ -18,7 +18,7 @@ class ConstantBias(Effect):
     Nothing pushes the vehicle: the bias shows only where the accelerometer and the change of velocity disagree.
     """
 
-    name: ClassVar[str] = "imu_bias.constant"
+    name: ClassVar[str] = "imu_bias.offset"
     source: ClassVar[str] = "error model of inertial sensors, as in PX4's EKF2"
     depends_on: ClassVar[tuple[str, ...]] = ()
     physics: ClassVar[str] = "The accelerometer reads a force that is not there: the velocity does not follow it."

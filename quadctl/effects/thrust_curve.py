@@ -13,8 +13,9 @@ from quadctl.vehicle import Vehicle
 class PowerCurve(Effect):
     """T = T_hover (T_nominal / T_hover)^(exponent / 2): k rpm^2 is right in hover and off away from it.
 
-    Blade twist, Reynolds number and compressibility bend the curve; thrust stands find 1.8 to 2.4. Less than that is no
-    thrust curve: rotor speeds that are noisy or late flatten the thrust they promise in the same way.
+    Blade twist, Reynolds number and compressibility bend the curve; thrust stands find 1.8 to 2.4. Rotor speeds or
+    commands that are noisy or late flatten the thrust they promise as an exponent below 2 does, so that the least that
+    counts is more on that side.
     """
 
     name: ClassVar[str] = "thrust_curve.power"
@@ -28,7 +29,7 @@ class PowerCurve(Effect):
     exponent: float = parameter(2.0, 1.8, 2.6, "", "2: the vehicle file's law")
 
     def negligible(self) -> bool:
-        return abs(self.exponent - 2.0) < 0.09
+        return -0.15 < self.exponent - 2.0 < 0.09
 
     def rotor_thrust(self, thrust_n: Sequence[Number], c: Conditions, vehicle: Vehicle) -> Sequence[Number]:
         hover_n = vehicle.weight_n / vehicle.n_rotors

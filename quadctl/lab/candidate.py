@@ -84,10 +84,15 @@ class Candidate:
 
     @property
     def supported(self) -> bool:
-        helps = self.held_out_drop > 0.0 and self.largest_drop > MATERIAL and not self.harmful
+        """The data that its fit did not see say that it is there, and it is more than a trim."""
+        return self.seen and self.largest_drop > MATERIAL and not self.effect.negligible()
+
+    @property
+    def seen(self) -> bool:
+        """It is there, be it only as what is a little off in every vehicle."""
+        helps = self.held_out_drop > 0.0 and not self.harmful and self.p_value < SIGNIFICANT
         shown = all(self.drops.get(axis, 0.0) > HARMLESS for axis in self.effect.shows_in(self.model.vehicle))
-        within = shown and self.believable and not any("bound" in remark for remark in self.remarks)
-        return helps and self.p_value < SIGNIFICANT and within and not self.effect.negligible()
+        return helps and shown and self.believable and not any("bound" in remark for remark in self.remarks)
 
     @property
     def text(self) -> str:

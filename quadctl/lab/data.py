@@ -153,16 +153,15 @@ def predict(model: Model, flight: Flight) -> Floats:
 
 
 def predict_torque(model: Model, flight: Flight) -> Floats:
-    """Filtered torque of one flight by `model`, FRD, N m, shape (n, 3).
+    """Torque of one flight by `model`, filtered and slowly, FRD, N m, shape (n, 3).
 
-    It is that of the effects that the balance of moments can show; the others scale it as a whole, by what is lost in
-    its noise.
+    It is that of the effects that the balance of moments can show: the others scale what is near zero on average.
     """
     turning = model.turning()
     if not turning.stack:
         return flight.nominal_torque
     torque = turning.body_torque(flight.nominal_n, flight.conditions)
-    return np.column_stack([flight.filtered(component) for component in torque])
+    return np.asarray(flight.slowly @ np.column_stack([flight.filtered(component) for component in torque]))
 
 
 def predict_imu_error(model: Model, flight: Flight) -> Floats:
@@ -182,7 +181,7 @@ def predict_targets(model: Model, flight: Flight, groups: Sequence[str]) -> Floa
 
 
 def _measured(flight: Flight, groups: Sequence[str]) -> list[Floats]:
-    known = {"total": flight.measured, "turning": flight.torque, "sensing": flight.imu_error}
+    known = {"total": flight.measured, "turning": flight.moments, "sensing": flight.imu_error}
     return [values for group in groups if (values := known[group]) is not None]
 
 

@@ -35,7 +35,7 @@ AS_GOOD = 0.01
 """Of families that cannot be told apart and come within this share of the best error, the simplest is taken."""
 PROMISING = 0.05
 """Effects whose p-value was larger twice running are tried again only at the end, when all others are in."""
-LARGE = 0.2
+LARGE = 0.1
 """A share of the error of an axis that no noise lets a regression take off by chance."""
 MOSTLY = 0.5
 """Where the effects found leave more than this share of what could be explained, they are not what is there."""
@@ -150,10 +150,13 @@ def diagnose(
     search = _Search(model, dataset, [effect for effect in pool if effect not in unfit], progress)
     search.run()
     progress("looking at what is left")
-    residual = search.residual[:, :3]
+    # What a small effect explains, less than what is called missing, is not unexplained.
+    trims = [candidate for candidate in search.latest.values() if candidate.seen and not candidate.supported]
+    least = min(trims, key=lambda candidate: candidate.score).residual if trims else search.residual
+    residual = least[:, :3]
     flexible = flexible_residual(residual, dataset)
     matters = _matters(residual, flexible, improvement_p_value(residual, flexible, dataset))
-    symbolic = explain(search.residual, dataset) if matters else None
+    symbolic = explain(residual, dataset) if matters else None
     # Many variables together find a little in noise now and then; what is there also has an expression, or is large.
     unexplained = matters and (symbolic is not None or _largest_gain(residual, residual - flexible) > LARGE)
     if unexplained and search.missing and _share_left(search.first_residual[:, :3], residual, flexible) > MOSTLY:

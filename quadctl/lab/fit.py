@@ -1,11 +1,13 @@
 """Fit the parameters of all effects together: robust nonlinear least squares, intervals by block bootstrap."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import stats
 from scipy.linalg import solve_triangular
 from scipy.optimize import lsq_linear
 
@@ -119,19 +121,20 @@ class Fitter:
         """Prediction of every sample's targets by a fit that has not seen its fold, shape (n, 3 or 6).
 
         `fitted` is the fit to all samples. Without a few blocks the optimum moves little: one Gauss-Newton step from
-        it is the refit to first order. Without a whole flight it may move far, and the fit is done again; the nuisances
-        of that flight are then not known and stay where nothing pulls them, at 0.
+        it, no further than it is downhill, is the refit to first order. Without a whole flight it may move far, and the
+        fit is done again; the nuisances of that flight are then not known and stay where nothing pulls them, at 0.
         """
         predicted = np.empty_like(self.dataset.targets)
         slopes = self._slopes(fitted)
         for number in self.dataset.folds:
             held = self.dataset.fold == number
             if self.dataset.whole_flights:
-                refitted = self.fit(~held, fitted)
+                known = np.isin(np.arange(len(self.dataset.flights)), self.dataset.flight_index[~held])
+                refitted = self.fit(~held, Fitted(fitted.model, np.where(known[:, None], fitted.nuisances, 0.0)))
             else:
                 normal, gradient = slopes.sums(~held)
                 step = self._step(normal[None], gradient[None], slopes)[0]
-                refitted = self._fitted(np.clip(self._values(fitted) + step, self._low, self._high))
+                refitted, _ = self._downhill(fitted, step, slopes.scale, ~held)
             predicted[held] = refitted.predicted(self.dataset)[held]
         return predicted
 
@@ -156,10 +159,12 @@ class Fitter:
         normal = (weight @ normals.reshape(count, p * p)).reshape(BOOTSTRAPS, p, p)
         centres = np.zeros((BOOTSTRAPS, p))
         centres[:, n_free:] = self._usual * random.standard_normal((BOOTSTRAPS, p - n_free))
-        steps = self._step(normal, weight @ gradients + slopes.prior * centres, slopes)
-        draws = np.clip(self._values(fitted) + steps, self._low, self._high)[:, :n_free]
-        unit = self._high - self._low
-        unseen = (np.einsum("nap,nap->p", slopes.j, slopes.j) * unit**2 < UNSEEN)[:n_free]
+        # Few blocks know little of their own spread: Student's t for the normal distribution, n - 1 for n.
+        wider = float(stats.t.ppf(0.975, count - 1)) / 1.96 * math.sqrt(count / (count - 1)) if count > 1 else 1.0
+        steps = wider * self._step(normal, weight @ gradients + slopes.prior * centres, slopes)
+        values = self._values(fitted)
+        draws = np.clip(values + steps, self._low, self._high)[:, :n_free]
+        unseen = self._unseen(slopes.j, slice(n_free)) | self._unseen_at_bounds(values[:n_free], draws, slopes.scale)
         either = random.integers(0, 2, size=draws.shape)
         # A parameter that is not seen may be anything that is possible.
         draws[:, unseen] = np.where(either, self._high[:n_free], self._low[:n_free])[:, unseen]
@@ -172,6 +177,24 @@ class Fitter:
         j = np.concatenate([parameters, self._nuisance_slopes(self.model)], axis=-1) / scale[None, :, None]
         u, size, _ = np.linalg.svd(j.reshape(-1, j.shape[-1]) * (self._high - self._low), full_matrices=False)
         return np.asarray(u[:, size > 1e-9 * max(float(size[0]), 1e-9)])
+
+    def _unseen(self, j: Floats, which: slice) -> Mask:
+        """Parameters whose whole range changes the sum of squares by next to nothing; `j` in units of the noise."""
+        unit = (self._high - self._low)[which]
+        return np.asarray(np.einsum("nap,nap->p", j[..., which], j[..., which]) * unit**2 < UNSEEN)
+
+    def _unseen_at_bounds(self, values: Floats, draws: Floats, scale: Floats) -> Mask:
+        """Parameters that are not seen once another is at the bound that its interval reaches (no a, no b)."""
+        n_free = len(self.free)
+        lowest, highest = np.percentile(draws, [2.5, 97.5], axis=0)
+        found = np.zeros(n_free, dtype=bool)
+        for i in range(n_free):
+            at_bound = self._low[i] if lowest[i] <= self._low[i] else self._high[i]
+            if lowest[i] <= self._low[i] or highest[i] >= self._high[i]:
+                moved = np.where(np.arange(n_free) == i, at_bound, values)
+                unseen = self._unseen(self._parameter_slopes(moved) / scale[None, :, None], slice(n_free))
+                found |= unseen & (np.arange(n_free) != i)
+        return found
 
     def _slopes(self, fitted: Fitted, rows: Mask | None = None) -> "_Slopes":
         rows = np.ones(len(self.dataset.targets), dtype=bool) if rows is None else rows

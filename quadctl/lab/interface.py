@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TypeAlias
 
 from quadctl.effects import Effect, catalog_with, find_effect
-from quadctl.errors import LogError, SettingsError
+from quadctl.errors import SettingsError
 from quadctl.lab.add import Addition
 from quadctl.lab.add import add as run_add
 from quadctl.lab.compare import Comparison
@@ -20,7 +20,6 @@ from quadctl.lab.refit import fit as run_fit
 from quadctl.lab.remove import Removal
 from quadctl.lab.remove import remove as run_remove
 from quadctl.logs.flight_log import FlightLog
-from quadctl.logs.quality import contradictions
 from quadctl.logs.read import read_logs
 from quadctl.model import Model, load_model
 from quadctl.vehicle import Vehicle
@@ -168,11 +167,7 @@ def prepare_flights(flights: Flights, vehicle: Vehicle, hold_out: HoldOut = "blo
         raise SettingsError("hold_out is flights with 1 log, expected at least 2 logs, or blocks")
     read = iter(read_logs(log for log in given if not isinstance(log, FlightLog)))
     logs = [log if isinstance(log, FlightLog) else next(read) for log in given]
-    dataset = load_dataset(logs, vehicle, hold_out)
-    for log in logs:
-        for problem in contradictions(log):
-            raise LogError(f"{log.name}: {problem}")
-    return dataset
+    return load_dataset(logs, vehicle, hold_out)
 
 
 def _kind(effect: type[Effect] | str, model: Model) -> type[Effect]:

@@ -42,6 +42,9 @@ BANDWIDTH_PER_UPDATE_RATE = 0.35
 """Of the slowest channel: well below half its rate, where its samples could not be told from an alias."""
 TRIM_START_S, TRIM_END_S = 2.0, 1.0
 """Take-off transient and touchdown are not flight."""
+MOMENTS_S = 0.5
+"""Standard deviation of the filter of the moments: they are compared as they stand over seconds. What turns the vehicle
+this way and that within one is inertia that vehicle files tell by a guess, and rotor speeds that come late."""
 GROUND_PHASES = ("wait", "stream", "start", "spool_up", "land", "released", "done")
 """Phases of our own logs in which nobody flies a mission."""
 MIN_DESCENT_M = 0.3
@@ -97,9 +100,26 @@ class Flight:
         return np.asarray(self.smooth @ np.broadcast_to(np.asarray(signal, dtype=float), self.grid_s.shape))
 
     @cached_property
+    def slowly(self) -> csr_matrix:
+        """The filter of the moments over the samples, (n, n): applied to the measured and the predicted torque."""
+        n = len(self.time_s)
+        reach = math.ceil(3.0 * MOMENTS_S / float(np.median(np.diff(self.time_s))))
+        here = np.arange(n)[:, None] + np.zeros(2 * reach + 1, dtype=int)
+        there = np.clip(np.arange(n)[:, None] + np.arange(-reach, reach + 1), 0, n - 1)
+        weights = np.exp(-0.5 * ((self.time_s[there] - self.time_s[here]) / MOMENTS_S) ** 2)
+        weights /= weights.sum(axis=1, keepdims=True)
+        return csr_matrix((weights.ravel(), (here.ravel(), there.ravel())), shape=(n, n))
+
+    @cached_property
+    def moments(self) -> Floats | None:
+        """`torque`, slowly."""
+        return None if self.torque is None else np.asarray(self.slowly @ self.torque)
+
+    @cached_property
     def nominal_torque(self) -> Floats:
-        """Filtered torque of the nominal rotor thrusts, FRD, N m, shape (n, 3)."""
-        return np.asarray(self.smooth @ (np.column_stack(self.nominal_n) @ np.array(self.vehicle.moment_arms_m)))
+        """Torque of the nominal rotor thrusts, filtered and slowly, FRD, N m, shape (n, 3)."""
+        torque = self.smooth @ (np.column_stack(self.nominal_n) @ np.array(self.vehicle.moment_arms_m))
+        return np.asarray(self.slowly @ torque)
 
     @cached_property
     def variables(self) -> dict[str, Floats]:

@@ -32,12 +32,14 @@ from quadctl.logs.flight_log import POSITION, FlightLog, Floats, did_you_mean
 MAX_STANDSTILL_ROWS = 50
 """More consecutive rows than this without time going on are no glitch: two flights in one file, or no clock."""
 
-MAX_RPM, MAX_VALUE = 3e5, 1e12
-"""What no rotor, and nothing else in a log (time in microseconds included), ever reaches: a damaged value."""
+MAX_RPM, MAX_VALUE, MAX_TIME = 3e5, 1e12, 1e19
+"""What no rotor, nothing else in a log and no clock (nanoseconds since 1970 included) ever reaches: a damaged value."""
 
 _Rows: TypeAlias = tuple[pl.DataFrame, NDArray[np.int64]]
 """Values, and the number in the file of the line that each row comes from."""
 
+_SEPARATORS = {";": "semicolons", "\t": "tabs", " ": "blanks"}
+"""What other programs write where we expect commas."""
 _MOTOR_COLUMN = re.compile(rf"motor([1-9]\d*)_({'|'.join(MOTOR_QUANTITIES)})")
 _COMMANDS_OF_17 = ("roll_cmd_deg", "pitch_cmd_deg", "yaw_cmd_deg", "throttle_cmd")
 _HEADERLESS = (
@@ -113,6 +115,8 @@ def _read_lines(path: Path) -> _Lines:
         raise LogError(f"{path}: is empty, expected a CSV flight log")
     if b"\0" in data.partition(b"\n")[0]:
         raise LogError(f"{path}: is not a text file, expected a CSV flight log")
+    if b"\r" in data and b"\n" not in data:
+        raise LogError(f"{path}: ends its lines by carriage returns alone, expected line feeds")
     # Bytes that are no text, as a power cut leaves them, damage their line and not the file.
     *lines, rest = data.decode("utf-8-sig", errors="replace").split("\n")
     notes = []
@@ -152,6 +156,10 @@ class _Layout:
 
 
 def _layout(path: Path, raw: _Lines) -> _Layout:
+    for separator, name in _SEPARATORS.items():
+        if sum(map(_is_known, raw.text[0].split(separator))) > 1:
+            where = f"{path}, line {raw.number[0]}"
+            raise LogError(f"{where}: separates columns by {name}, expected commas between them and decimal points")
     first = [name.strip() for name in _fields(raw.text[0])]
     if any(map(_is_known, first)) or (sum(map(_is_number, first)) * 2 < len(first) and len(first) > 1):
         return _layout_of_header(path, int(raw.number[0]), first)
@@ -312,7 +320,7 @@ def _finite(values: pl.Series, notes: list[str]) -> Floats:
     """The values as an array of its own, an infinite or impossible one made a missing one."""
     array = np.array(values.to_numpy(), dtype=np.float64)
     infinite = np.isinf(array)
-    largest = MAX_RPM if values.name.endswith("_rpm") else MAX_VALUE
+    largest = MAX_RPM if values.name.endswith("_rpm") else MAX_TIME if values.name == "time_s" else MAX_VALUE
     impossible = (np.abs(array) > largest) & ~infinite
     for which, kind in ((infinite, "infinite value"), (impossible, "impossible value")):
         if which.any():
@@ -345,6 +353,7 @@ def _without_rows_before_first_position(
 
 def _with_increasing_time(path: Path, table: pl.DataFrame, line: NDArray[np.int64], notes: list[str]) -> _Rows:
     time_s = table["time_s"].to_numpy()
+    time_s = np.where(np.abs(time_s) < MAX_TIME, time_s, np.nan)
     keep = increasing(time_s)
     if keep.all():
         return table, line

@@ -16,18 +16,15 @@ from rich.table import Table
 from rich.text import Text
 
 from quadctl.logs.columns import MOTOR_QUANTITIES, REFERENCE_COLUMNS
+from quadctl.logs.contradictions import contradictions
 from quadctl.logs.flight_log import ATTITUDE, POSITION, RATES, VELOCITY, FlightLog
 
 GAP_FACTOR = 5.0
 """An interval between updates longer than this many median ones is a gap."""
-MIN_RATE_HZ = 0.6
+MIN_RATE_HZ = 2.5
 MIN_FLIGHT_S = 10.0
 MIN_CLEARANCE_M = 0.05
 """Higher than this above the height at rest is flight."""
-MAX_SCALE = 2.0
-"""Positions and velocities that differ by more are not in the units that they are said to be in."""
-SILENT_ROTOR_SHARE = 0.1
-"""Of the middle rotor's speed: slower than this for most of a log, its sensor is dead."""
 NEEDED = ("position", "velocity", "attitude")
 ROTORS = ("rpm", "motor output", "throttle command")
 """What thrust can be known from, the best first."""
@@ -184,7 +181,7 @@ def quality(log: FlightLog) -> QualityReport:
         channels=channels,
         clock=_clock(log),
         thrust_source=thrust_source,
-        obstacles=(*_obstacles(present, thrust_source, flight_s), *contradictions(log)),
+        obstacles=(*_obstacles(log, present, thrust_source, flight_s), *contradictions(log)),
         notes=(*log.notes, *_channel_notes(channels, thrust_source)),
     )
 
@@ -291,6 +288,7 @@ def _time_scale(log: FlightLog) -> tuple[float, float]:
         integral = np.concatenate([[0.0], np.cumsum(0.5 * (v[1:] + v[:-1]) * steps)])
         covered, integrated = np.diff(log[position][ends]), np.diff(integral[ends])
         moving = np.abs(covered + integrated) > 2.0 * MOVING_M
+        moving &= integrated != 0.0
         ratios.append(covered[moving] / integrated[moving])
     ratio = np.concatenate(ratios)
     if len(ratio) < MIN_MOVING_STRETCHES:
@@ -316,9 +314,13 @@ def _flight_s(log: FlightLog, thrust_source: str | None) -> float:
     return float(np.sum(np.diff(log.time_s)[(working & clear)[1:]]))
 
 
-def _obstacles(present: dict[str, ChannelQuality], thrust_source: str | None, flight_s: float) -> list[str]:
+def _obstacles(
+    log: FlightLog, present: dict[str, ChannelQuality], thrust_source: str | None, flight_s: float
+) -> list[str]:
     missing = [name for name in NEEDED if name not in present]
     found = [f"it holds no {name}" for name in missing]
+    columns = [column for name in NEEDED if name in present for column in _GROUPS[name]]
+    found += [f"it holds no values of {column}" for column in columns if not log.has(column)]
     if thrust_source is None:
         found.append("it holds neither rotor speeds nor motor outputs nor a throttle command: thrust is unknown")
     for name in (*NEEDED, *((thrust_source,) if thrust_source else ())):
@@ -328,24 +330,6 @@ def _obstacles(present: dict[str, ChannelQuality], thrust_source: str | None, fl
             found.append(f"{name}: {rate}, an analysis needs at least {MIN_RATE_HZ:g} per second")
     if flight_s < MIN_FLIGHT_S:
         found.append(f"about {flight_s:.0f} s of flight, an analysis needs at least {MIN_FLIGHT_S:.0f} s")
-    return found
-
-
-def contradictions(log: FlightLog) -> list[str]:
-    """Values that cannot all be true: an analysis of them would be nonsense without a word of doubt."""
-    found = []
-    scale, _ = _time_scale(log)
-    if scale < 1.0 / MAX_SCALE or scale > MAX_SCALE:
-        found.append(
-            f"positions change {scale:.3g} times as much as the velocities say, expected once: "
-            "is time in seconds, position in metres, z up?"
-        )
-    rpm = {
-        name: float(np.nanmedian(np.abs(log[name]))) for name in log.columns if name.endswith("_rpm") and log.has(name)
-    }
-    for name, median in rpm.items():
-        if median < SILENT_ROTOR_SHARE * float(np.median(list(rpm.values()))):
-            found.append(f"{name} is {median:.0f} for most of the log while other rotors turn, expected all of them to")
     return found
 
 

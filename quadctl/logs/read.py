@@ -11,6 +11,14 @@ from quadctl.logs.csv_log import read_csv
 from quadctl.logs.flight_log import FlightLog
 
 _ULOG, _DATAFLASH = b"ULog\x01\x12\x35", b"\xa3\x95"
+_NO_LOGS = {
+    b"\x1f\x8b": "is compressed by gzip, expected it unpacked",
+    b"PK\x03\x04": "is a zip archive, expected the log in it, unpacked",
+    b"\xff\xfe": "is text in UTF-16, expected UTF-8",
+    b"\xfe\xff": "is text in UTF-16, expected UTF-8",
+}
+"""How files begin that hold a log in a wrapping, or may."""
+_SETTINGS_SUFFIXES = (".yaml", ".yml")
 _Reader: TypeAlias = Callable[[Path], FlightLog]
 
 
@@ -64,11 +72,18 @@ def _reader(path: Path) -> _Reader:
     try:
         with path.open("rb") as file:
             head = file.read(16)
+    except IsADirectoryError:
+        raise LogError(f"{path}: is a directory, expected a flight log") from None
     except OSError:
         return read_csv  # which says why it cannot be opened
     suffix = path.suffix.lower()
     if not head:
-        return read_csv  # which says that it is empty
+        raise LogError(f"{path}: is empty, expected a flight log")
+    for start, what in _NO_LOGS.items():
+        if head.startswith(start):
+            raise LogError(f"{path}: {what}")
+    if suffix in _SETTINGS_SUFFIXES:
+        raise LogError(f"{path}: is named as settings in YAML, expected a flight log: MODEL comes first, then LOG")
     if head.startswith(_ULOG):
         return ulog.read_ulog
     if head.startswith(_DATAFLASH):

@@ -1,0 +1,96 @@
+"""What a flight tells about the parameters of a model, to first order, its nuisances being unknown."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from quadctl.lab.data import predict_targets
+from quadctl.lab.fit import free_parameters, values_of, with_values
+from quadctl.lab.nuisance import KINDS, sensitivity
+from quadctl.lab.prepare import Flight, Floats
+from quadctl.model import Model
+
+STEP = 1e-4
+"""Of the differences that give the slopes, as a share of a parameter's range."""
+HELD = 1e-4
+"""A nuisance that an effect of the model stands for has this share of its usual size (as in a fit)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Information:
+    """A sum of squares over changes d of the free parameters, in units of the noise: power - 2 gradient d + d normal d.
+
+    `normal` has the shape (p, p): it is Fisher's information. `gradient`, shape (p,), and `power` are of what the model
+    would have to imitate. Independent data add up.
+    """
+
+    normal: Floats
+    gradient: Floats
+    power: float = 0.0
+
+    def __add__(self, other: "Information") -> "Information":
+        return Information(self.normal + other.normal, self.gradient + other.gradient, self.power + other.power)
+
+    @property
+    def standard_errors(self) -> Floats:
+        """Of the free parameters (the bound of Cramer and Rao), shape (p,)."""
+        unit = 1.0 / np.sqrt(np.diag(self.normal))  # parameters of very different size
+        covariance = np.linalg.pinv(self.normal * np.outer(unit, unit), hermitian=True)
+        return np.asarray(unit * np.sqrt(np.diag(covariance)))
+
+    @property
+    def left(self) -> float:
+        """Of the power: what no change of the parameters imitates."""
+        if not len(self.gradient):
+            return self.power
+        unit = 1.0 / np.sqrt(np.diag(self.normal))
+        imitated = np.linalg.lstsq(self.normal * np.outer(unit, unit), self.gradient * unit, rcond=None)[0]
+        return max(0.0, self.power - float(self.gradient * unit @ imitated))
+
+
+def prior(model: Model) -> Information:
+    """What is known before any flight: a parameter lies within its bounds, anywhere alike."""
+    ranges = np.array([f.parameter.high - f.parameter.low for f in free_parameters(model)])
+    return Information(np.diag(12.0 / ranges**2).reshape(len(ranges), len(ranges)), np.zeros(len(ranges)))
+
+
+def information(
+    model: Model, flight: Flight, groups: Sequence[str], noise: Floats, difference: Floats | None = None
+) -> Information:
+    """What `flight` tells about the free parameters of `model`, whatever its nuisances within their usual size.
+
+    `noise` is the standard deviation of each axis of the targets of `groups`, shape (axes,), as if the samples were
+    independent. `difference`, shape (n, axes), is what the model would have to imitate.
+    """
+    replaced = {name for effect in model.effects for name in effect.replaces}
+    usual = np.array([HELD * kind.usual if kind.name in replaced else kind.usual for kind in KINDS])
+    # In units of their usual size all nuisances have the prior 1.
+    n = _flat(sensitivity(model, flight, groups), noise) * usual
+    j = _flat(_slopes(model, flight, groups), noise)
+    d = np.zeros(len(j)) if difference is None else (difference / noise).ravel()
+    factor = np.linalg.cholesky(n.T @ n + np.eye(len(usual)))
+    nj, nd = np.linalg.solve(factor, n.T @ j), np.linalg.solve(factor, n.T @ d)
+    return Information(j.T @ j - nj.T @ nj, j.T @ d - nj.T @ nd, float(d @ d - nd @ nd))
+
+
+def _slopes(model: Model, flight: Flight, groups: Sequence[str]) -> Floats:
+    """d prediction / d free parameter, shape (n, axes, p), by differences that stay within the bounds."""
+    free = free_parameters(model)
+    values = values_of(model, free)
+    here = predict_targets(model, flight, groups)
+    found = np.empty((*here.shape, len(free)))
+    for i, f in enumerate(free):
+        step = STEP * (f.parameter.high - f.parameter.low)
+        moved = values.copy()
+        moved[i] += step if values[i] + step <= f.parameter.high else -step
+        found[..., i] = (predict_targets(with_values(model, free, moved), flight, groups) - here) / (
+            moved[i] - values[i]
+        )
+    return found
+
+
+def _flat(slopes: Floats, noise: Floats) -> Floats:
+    """Slopes, shape (n, axes, p), in units of the noise, as (n * axes, p)."""
+    n, axes, p = slopes.shape
+    return np.asarray((slopes / noise[None, :, None]).reshape(n * axes, p))

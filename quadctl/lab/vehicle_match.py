@@ -1,0 +1,141 @@
+"""Was a log flown by the vehicle that it is given with? An analysis by another one's numbers blames physics for it."""
+
+import math
+from typing import Any
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from quadctl.logs.flight_log import FlightLog, Floats
+from quadctl.vehicle import Vehicle
+
+MAX_THRUST_FACTOR = 2.5
+"""Of the rotors' thrust over the weight in flight, both ways: more is another vehicle or unit, not a thrust scale."""
+MIN_HEIGHT_CHANGE_M = 0.3
+"""A log in which height never changes by as much may be one of idle rotors on the ground."""
+MAX_SETTING_DIFFERENCE = 0.1
+"""Relative, between the sidecar's vehicle of another name and the one given: less, and only the name is another."""
+MIN_CORRELATION, STRANGER_CORRELATION = 0.4, 0.15
+"""Of the moments that rotors should make with those that turn the vehicle: in the right order, and in a wrong one."""
+MIN_LIFT_CORRELATION = 0.7
+"""Of thrust with vertical acceleration: from there on, sign and factor are clear."""
+MAX_ACCELERATION_FACTOR = 2.5
+"""Vertical acceleration over what the thrust explains: less may be a thrust scale."""
+
+_SPEED_UNITS = {
+    math.pi / 30.0: "are the rotor speeds in rad/s",
+    1.0 / 60.0: "are the rotor speeds in revolutions per second",
+}
+_POLE_PAIRS = range(3, 29)
+
+
+def sidecar_problem(log: FlightLog, vehicle: Vehicle) -> str | None:
+    """What says that the vehicle in the log's sidecar is another one; None where it is the same or not named."""
+    flown = log.meta.get("vehicle")
+    if not isinstance(flown, dict) or flown.get("name") in (None, vehicle.name):
+        return None
+    rotor = flown.get("rotor")
+    rotor = rotor if isinstance(rotor, dict) else {}
+    rotors = flown.get("rotors")
+    said: dict[str, tuple[Any, float]] = {
+        "mass_kg": (flown.get("mass_kg"), vehicle.mass_kg),
+        "rotor.thrust_n_per_rpm2": (rotor.get("thrust_n_per_rpm2"), vehicle.rotor.thrust_n_per_rpm2),
+        "rotor.radius_m": (rotor.get("radius_m"), vehicle.rotor.radius_m),
+        "number of rotors": (len(rotors) if isinstance(rotors, list) else None, vehicle.n_rotors),
+    }
+    for name, (theirs, ours) in said.items():
+        if isinstance(theirs, int | float) and abs(theirs - ours) > MAX_SETTING_DIFFERENCE * ours:
+            return (
+                f"its sidecar says that '{flown['name']}' flew it ({name} {theirs:g}), "
+                f"expected the vehicle of the model, '{vehicle.name}' ({name} {ours:g})"
+            )
+    return None
+
+
+def thrust_problem(total_n: Floats, z_m: Floats, vehicle: Vehicle, source: str) -> str | None:
+    """What says that the rotors carry another weight; None where they fit or the vehicle stays on the ground.
+
+    `total_n`: nominal thrust of all rotors over the whole log, shape (n,); `z_m`: altitude, shape (n,).
+    """
+    working = total_n > 0.5 * float(np.nanquantile(total_n, 0.9))
+    if not working.any():
+        return None
+    factor = float(np.median(total_n[working])) / vehicle.weight_n
+    rises = float(np.diff(np.nanquantile(z_m[working], [0.02, 0.98]))[0]) > MIN_HEIGHT_CHANGE_M
+    if factor < MAX_THRUST_FACTOR and (factor > 1.0 / MAX_THRUST_FACTOR or not rises):
+        return None
+    return (
+        f"by the {source} and the vehicle '{vehicle.name}' the rotors give {factor * vehicle.weight_n:.3g} N in "
+        f"flight, {factor:.2g} times its weight of {vehicle.weight_n:.3g} N, expected about once: "
+        f"{_reason(factor, source)}"
+    )
+
+
+def _reason(factor: float, source: str) -> str:
+    if source != "rotor speed":
+        return "is the signal between 0 and 1, and are mass_kg and throttle those of the vehicle that flew?"
+    of_speed = math.sqrt(factor)
+    for known, words in _SPEED_UNITS.items():
+        if 0.8 < of_speed / known < 1.25:
+            return f"{words}?"
+    numbers = "are mass_kg and thrust_n_per_rpm2 those of the vehicle that flew"
+    pairs = round(of_speed)
+    return f"{numbers}, or the speeds electrical ({pairs} pole pairs)?" if pairs in _POLE_PAIRS else f"{numbers}?"
+
+
+def motion_problem(measured: Floats, thrust_n: Floats, torque: Floats | None, vehicle: Vehicle) -> str | None:
+    """What says that the vehicle does not move as its rotors drive it; None where it does, or moves too little.
+
+    All filtered alike: `measured`, acceleration north, east, up, m/s^2, shape (n, 3); `thrust_n`, nominal thrust of
+    each rotor, N, shape (n, rotors); `torque`, what the body rates tell of, FRD, N m, shape (n, 3), if known.
+    """
+    return _upside_down(measured[:, 2], thrust_n.sum(axis=1) / vehicle.mass_kg) or (
+        None if torque is None else _motor_order(torque[:, :2], thrust_n, vehicle)
+    )
+
+
+def _upside_down(up: Floats, by_thrust: Floats) -> str | None:
+    """Vertical acceleration against thrust over mass, both of shape (n,): opposite, or in another unit."""
+    if not np.std(by_thrust) or not np.std(up):
+        return None
+    correlation = float(np.corrcoef(by_thrust, up)[0, 1])
+    if correlation < -MIN_LIFT_CORRELATION:
+        return (
+            f"vz_m_s falls when the rotors give more thrust (correlation {correlation:.2f}), "
+            "expected it to rise: are z_m and vz_m_s up?"
+        )
+    factor = float(np.std(up) / np.std(by_thrust))
+    if correlation > MIN_LIFT_CORRELATION and factor > MAX_ACCELERATION_FACTOR:
+        return (
+            f"vz_m_s speeds up {factor:.3g} times as much as the rotors' thrust over mass_kg says, expected about "
+            "once: are z_m and vz_m_s in metres?"
+        )
+    return None
+
+
+def _motor_order(torque: Floats, thrust_n: Floats, vehicle: Vehicle) -> str | None:
+    """Roll and pitch moments of the rotors against those that turn the vehicle, and the order that fits best.
+
+    The order of motors whose moments have the largest covariance with those needed is a linear assignment of speeds
+    to places.
+    """
+    needed = torque - torque.mean(axis=0)
+    thrust = thrust_n - thrust_n.mean(axis=0)
+    arms = np.array(vehicle.moment_arms_m)[:, :2]
+    gain = thrust.T @ (needed / np.maximum(needed.std(axis=0), 1e-12)) @ arms.T
+    speeds, places = linear_sum_assignment(gain, maximize=True)
+    order = speeds[np.argsort(places)]
+    as_logged, best = _correlations(thrust @ arms, needed), _correlations(thrust[:, order] @ arms, needed)
+    if min(best) < MIN_CORRELATION or min(as_logged) > STRANGER_CORRELATION:
+        return None
+    return (
+        "its rotor speeds do not turn the vehicle as it turns (correlation of the roll and pitch moments "
+        f"{as_logged[0]:.2f} and {as_logged[1]:.2f}), but in the order {', '.join(str(i + 1) for i in order)} they do "
+        f"({best[0]:.2f} and {best[1]:.2f}), expected the order of rotors of the vehicle '{vehicle.name}'"
+    )
+
+
+def _correlations(made: Floats, needed: Floats) -> list[float]:
+    """Of the columns; 0 where one of them does not change."""
+    power = np.sqrt((made**2).sum(axis=0) * (needed**2).sum(axis=0))
+    return [float(c) for c in (made * needed).sum(axis=0) / np.maximum(power, 1e-30)]

@@ -1,0 +1,323 @@
+"""Values of a log that cannot all be true: an analysis of them would be nonsense without a word of doubt.
+
+A log says most things twice: how a position changes, and the velocity; how an attitude changes, and the body rates;
+where the vehicle leans, and where it accelerates to. Each pair is compared over short stretches of the flight, the
+liveliest ones above all. What goes together as it should but by another factor is in another unit, by a negative one
+upside down.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from quadctl.frames import GRAVITY_M_S2
+from quadctl.logs.flight_log import ATTITUDE, IMU, POSITION, RATES, VELOCITY, FlightLog, Floats
+
+MAX_FACTOR = 2.0
+"""Things that should be equal and differ by more are not in the units that they are said to be in."""
+MIN_CORRELATION, MAX_SPREAD = 0.8, 0.35
+"""Of two changes, and of their quotient about its median, relative to it: a factor is clear from there on."""
+STRANGER_CORRELATION, TWIN_CORRELATION = 0.5, 0.9
+"""Changes that go together less do not belong together; those that do more are the same thing."""
+MIN_STRETCHES = 8
+LIVELY_SHARE = 0.125
+"""Of all stretches, those with the largest changes."""
+POSITION_STRETCH_S, ATTITUDE_STRETCH_S = 1.0, 0.2
+MIN_MOVE_M, MIN_TURN_RAD, MIN_SPEED_UP_M_S = 0.02, 0.005, 0.15
+"""Median change over the lively stretches from which on sensor noise is no matter."""
+SLOWEST_UPDATE_S = 5.0
+"""Updates further apart are no slow log but another unit of time: stretches are then so many updates long."""
+UPDATES_OF_A_STRETCH = 25
+MIN_ROWS = 100
+"""A shorter log may hold a constant by chance."""
+SILENT_ROTOR_SHARE = 0.1
+"""Of the middle rotor's speed: slower than this for most of a log, its sensor is dead."""
+SPECIFIC_FORCE_RANGE = (0.5, 2.0)
+"""Median of the accelerometer's reading over g: hover is 1."""
+
+_DEGREES = 180.0 / np.pi
+_MOTION_UNITS = {
+    1e-3: "is time_s in milliseconds",
+    1e-6: "is time_s in microseconds",
+    1e-9: "is time_s in nanoseconds",
+    1000.0: "is the position in millimetres",
+    100.0: "is the position in centimetres",
+    3.2808: "is the position in feet",
+    0.3048: "is the velocity in feet per second",
+    0.5144: "is the velocity in knots",
+    0.2778: "is the velocity in km/h",
+    0.01: "is the velocity in cm/s",
+}
+_SPEED_UP_UNITS = {
+    _DEGREES: "are roll_deg and pitch_deg in radians",
+    3.2808: "are position and velocity in feet",
+    100.0: "are position and velocity in centimetres",
+    1000.0: "are position and velocity in millimetres",
+}
+_ACCELERATION_UNITS = {GRAVITY_M_S2: "is the acceleration in g"}
+
+
+def contradictions(log: FlightLog) -> list[str]:
+    """What cannot be true, a sentence each without the log's name; [] when nothing is amiss. Nothing is raised.
+
+    Of the comparisons only the first that fails is told: the others may fail because of it.
+    """
+    comparisons = (
+        _dead_channels,
+        _position_against_velocity,
+        _velocity_against_tilt,
+        _attitude_against_rates,
+        _acceleration_against_velocity,
+    )
+    with np.errstate(over="ignore", invalid="ignore"):  # of numbers that are no measurements
+        return next((found for compare in comparisons if (found := list(compare(log)))), [])
+
+
+# --- one quantity against another -------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class _Agreement:
+    """How changes go with the changes that they should equal, over the liveliest stretches."""
+
+    factor: float
+    """Median quotient."""
+    spread: float
+    """Median deviation of the quotients from it, relative."""
+    correlation: float
+    """Of ranks over the lively stretches, or of the changes over all, whichever is weaker."""
+    size: float
+    """The larger of the two median changes."""
+
+    def is_wrong(self, min_size: float) -> bool:
+        """Whether the factor is clear, and far from one."""
+        clear = abs(self.correlation) > MIN_CORRELATION and self.spread < MAX_SPREAD and self.size > min_size
+        return clear and not 1.0 / MAX_FACTOR < self.factor < MAX_FACTOR
+
+
+_UNKNOWN = _Agreement(float("nan"), float("nan"), 0.0, 0.0)
+
+
+def _agreement(change: Floats, expected: Floats) -> _Agreement:
+    if len(change) < 2 * MIN_STRETCHES:
+        return _UNKNOWN
+    change, expected = change - np.median(change), expected - np.median(expected)
+    if not np.any(change) or not np.any(expected):
+        return _UNKNOWN
+    liveliness = np.abs(change) / np.std(change) + np.abs(expected) / np.std(expected)
+    lively = np.argsort(liveliness)[-max(MIN_STRETCHES, round(LIVELY_SHARE * len(change))) :]
+    lively = lively[expected[lively] != 0.0]
+    if len(lively) < MIN_STRETCHES:
+        return _UNKNOWN
+    quotients = change[lively] / expected[lively]
+    factor = float(np.median(quotients))
+    spread = float(np.median(np.abs(quotients - factor))) / max(abs(factor), 1e-30)
+    among_lively = float(np.corrcoef(_ranks(change[lively]), _ranks(expected[lively]))[0, 1])
+    sizes = [float(np.median(np.abs(values[lively]))) for values in (change, expected)]
+    # A few lively stretches may go together by chance; a few jumps of an estimator may hide what all others tell.
+    bounded = [np.clip(v, -3.0 * size, 3.0 * size) for v, size in zip((change, expected), sizes, strict=True)]
+    among_all = float(np.corrcoef(bounded[0], bounded[1])[0, 1]) if min(sizes) > 0.0 else 0.0
+    return _Agreement(factor, spread, min(among_lively, among_all, key=abs), max(sizes))
+
+
+def _ranks(values: Floats) -> Floats:
+    return np.argsort(np.argsort(values)).astype(np.float64)
+
+
+def _stretches(time_s: Floats, values: Sequence[Floats], length_s: float) -> NDArray[np.intp]:
+    """Rows between stretches of about `length_s`, each one in which `values` were updated; empty where too few are."""
+    steps = np.logical_or.reduce([np.diff(v) != 0.0 for v in values])
+    rows = np.flatnonzero(np.concatenate([[True], steps]))
+    if len(rows) < 2 * MIN_STRETCHES:
+        return np.empty(0, dtype=np.intp)
+    interval_s = float(time_s[rows[-1]] - time_s[rows[0]]) / (len(rows) - 1)
+    length = UPDATES_OF_A_STRETCH if interval_s > SLOWEST_UPDATE_S else max(1, round(length_s / interval_s))
+    return rows[::length]
+
+
+def _integral(time_s: Floats, values: Floats) -> Floats:
+    return np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(time_s))])
+
+
+def _changes(time_s: Floats, level: Floats, slope: Floats, length_s: float) -> tuple[Floats, Floats]:
+    """Changes of `level` over stretches, and of the integral of `slope`, which they should equal."""
+    ends = _stretches(time_s, [level], length_s)
+    return np.diff(level[ends]), np.diff(_integral(time_s, slope)[ends])
+
+
+def _known(log: FlightLog, names: Sequence[str]) -> list[Floats] | None:
+    """Time and the columns, without the rows in which one of them is missing; None without such columns."""
+    if not all(log.has(name) for name in names):
+        return None
+    values = [log.time_s, *(log[name] for name in names)]
+    known = np.logical_and.reduce([np.isfinite(v) for v in values])
+    return [v[known] for v in values] if np.count_nonzero(known) > MIN_STRETCHES else None
+
+
+def _question(factor: float, units: dict[float, str], otherwise: str) -> str:
+    """What may have happened, by the known factor that is nearest."""
+    nearest = min(units, key=lambda known: abs(np.log(factor / known)))
+    return f"{units[nearest]}?" if 0.8 < factor / nearest < 1.25 else otherwise
+
+
+# --- what is compared -------------------------------------------------------------------------------------------------
+
+
+def _position_against_velocity(log: FlightLog) -> Iterator[str]:
+    pairs = list(zip(POSITION, VELOCITY, strict=True))
+    wrong = {}
+    for position, velocity in pairs:
+        if found := _known(log, (position, velocity)):
+            agreement = _agreement(*_changes(found[0], found[1], found[2], POSITION_STRETCH_S))
+            if agreement.is_wrong(MIN_MOVE_M):
+                wrong[position, velocity] = agreement.factor
+    for (position, velocity), factor in wrong.items():
+        sign = f"does one of them point {'down' if position == 'z_m' else 'the other way'}?"
+        question = sign if factor < 0.0 else _question(factor, _MOTION_UNITS, "are both in metres and seconds?")
+        yield f"{position} changes {factor:.3g} times as much as {velocity} says, expected once: {question}"
+    if not wrong and (swapped := _swapped(log)):
+        yield swapped
+
+
+def _swapped(log: FlightLog) -> str | None:
+    found = _known(log, (*POSITION[:2], *VELOCITY[:2]))
+    if found is None:
+        return None
+    time_s, x, y, vx, vy = found
+    if _are_swapped(
+        [_changes(time_s, x, v, POSITION_STRETCH_S) for v in (vx, vy)],
+        [_changes(time_s, y, v, POSITION_STRETCH_S) for v in (vy, vx)],
+        MIN_MOVE_M,
+    ):
+        return "x_m changes as vy_m_s says, or y_m as vx_m_s, and not by their own, expected x north and y east in both"
+    return None
+
+
+def _are_swapped(
+    first: Sequence[tuple[Floats, Floats]], second: Sequence[tuple[Floats, Floats]], min_size: float
+) -> bool:
+    """Whether a change has nothing to do with its own cause and is what the other's cause says: (own, other's)."""
+    for own, other in (first, second):
+        mine, others = _agreement(*own), _agreement(*other)
+        if (
+            abs(others.correlation) > TWIN_CORRELATION
+            and others.spread < MAX_SPREAD
+            and others.size > min_size
+            and 1.0 / MAX_FACTOR < abs(others.factor) < MAX_FACTOR
+            and not abs(mine.correlation) > STRANGER_CORRELATION
+        ):
+            return True
+    return False
+
+
+def _velocity_against_tilt(log: FlightLog) -> Iterator[str]:
+    """A vehicle speeds up to where its thrust leans: g tan(tilt), less drag and wind (which never turn the sign)."""
+    found = _known(log, (*VELOCITY[:2], *ATTITUDE))
+    if found is None:
+        return
+    time_s, north, east, *degrees = found
+    roll, pitch, yaw = np.radians(degrees)
+    ends = _stretches(time_s, [north, east], POSITION_STRETCH_S)
+    if len(ends) < 2 * MIN_STRETCHES or np.any(np.abs(np.cos(roll) * np.cos(pitch)) < 0.1):
+        return
+    heading = np.unwrap(yaw)[ends[:-1]]
+    d_north, d_east = np.diff(north[ends]), np.diff(east[ends])
+    forward = d_north * np.cos(heading) + d_east * np.sin(heading)
+    right = d_east * np.cos(heading) - d_north * np.sin(heading)
+    by_pitch = np.diff(_integral(time_s, -GRAVITY_M_S2 * np.tan(pitch) / np.cos(roll))[ends])
+    by_roll = np.diff(_integral(time_s, GRAVITY_M_S2 * np.tan(roll))[ends])
+    for name, change, expected, where in (
+        ("pitch_deg", forward, by_pitch, "forward"),
+        ("roll_deg", right, by_roll, "to the right"),
+    ):
+        agreement = _agreement(change, expected)
+        if agreement.is_wrong(MIN_SPEED_UP_M_S) and not 0.0 < agreement.factor < 1.0:
+            sign = "is its sign wrong (FRD: nose up and right side down are positive), or the yaw's?"
+            question = _question(agreement.factor, _SPEED_UP_UNITS, "are the velocity in m/s and the angle in degrees?")
+            yield (
+                f"the vehicle speeds up {where} {agreement.factor:.3g} times as much as {name} says, expected about "
+                f"once: {sign if agreement.factor < 0.0 else question}"
+            )
+            return
+    if _are_swapped([(forward, by_pitch), (forward, by_roll)], [(right, by_roll), (right, by_pitch)], MIN_SPEED_UP_M_S):
+        yield (
+            "the vehicle speeds up forward by its roll_deg or to the right by its pitch_deg, expected the other way: "
+            "are roll and pitch, or x and y, swapped, or is yaw_deg wrong?"
+        )
+
+
+def _attitude_against_rates(log: FlightLog) -> Iterator[str]:
+    found = _known(log, (*ATTITUDE, *RATES))
+    if found is None:
+        return
+    time_s, *degrees, p, q, r = found
+    roll, pitch, yaw = np.unwrap(np.radians(degrees), axis=1)
+    if np.any(np.abs(np.cos(pitch)) < 0.1):
+        return
+    about_yaw = q * np.sin(roll) + r * np.cos(roll)
+    slopes = (p + about_yaw * np.tan(pitch), q * np.cos(roll) - r * np.sin(roll), about_yaw / np.cos(pitch))
+    for name, rate, level, slope in zip(ATTITUDE, RATES, (roll, pitch, yaw), slopes, strict=True):
+        agreement = _agreement(*_changes(time_s, level, slope, ATTITUDE_STRETCH_S))
+        if agreement.is_wrong(MIN_TURN_RAD):
+            degrees_or_radians = {1.0 / _DEGREES: "is the rate in degrees per second, or the angle in radians"}
+            sign = "is the sign of one of them wrong?"
+            question = _question(agreement.factor, degrees_or_radians, "are both in their units?")
+            yield (
+                f"{name} changes {agreement.factor:.3g} times as much as {rate} says, expected once: "
+                f"{sign if agreement.factor < 0.0 else question}"
+            )
+            return
+
+
+def _acceleration_against_velocity(log: FlightLog) -> Iterator[str]:
+    for velocity, axis in zip(VELOCITY, "xyz", strict=True):
+        if found := _known(log, (velocity, f"a{axis}_m_s2")):
+            agreement = _agreement(*_changes(found[0], found[1], found[2], POSITION_STRETCH_S))
+            if agreement.is_wrong(MIN_SPEED_UP_M_S):
+                sign = "does one of them point the other way?"
+                question = _question(agreement.factor, _ACCELERATION_UNITS, "is it in m/s^2?")
+                yield (
+                    f"{velocity} changes {agreement.factor:.3g} times as much as a{axis}_m_s2 says, expected once: "
+                    f"{sign if agreement.factor < 0.0 else question}"
+                )
+    if found := _known(log, IMU):
+        size = float(np.median(np.linalg.norm(found[1:], axis=0)))
+        if not SPECIFIC_FORCE_RANGE[0] < size / GRAVITY_M_S2 < SPECIFIC_FORCE_RANGE[1]:
+            yield (
+                f"{', '.join(IMU)} have a median length of {size:.3g} m/s^2, expected about 9.8, "
+                f"as in hover: {_question(GRAVITY_M_S2 / max(size, 1e-9), _ACCELERATION_UNITS, 'are they in m/s^2?')}"
+            )
+        elif float(np.median(found[3])) > SPECIFIC_FORCE_RANGE[0] * GRAVITY_M_S2:
+            yield f"imu_z_m_s2 is {np.median(found[3]):.3g} in the middle, expected about -9.8 in hover: is it FRD?"
+
+
+def _dead_channels(log: FlightLog) -> Iterator[str]:
+    """Channels without values or changes, where others say that there should be some."""
+    for pair in (*zip(POSITION, VELOCITY, strict=True), *zip(ATTITUDE, RATES, strict=True)):
+        for dead, alive in (pair, pair[::-1]):
+            if not (_is_constant(log, dead) and _varies(log, alive)):
+                continue
+            value = log[dead][np.isfinite(log[dead])][0]
+            if value == 0.0 or dead in (*POSITION, *ATTITUDE):  # steady motion at a constant speed or rate may be
+                yield f"{dead} is {value:g} throughout while {alive} changes, expected nan where it is not known"
+    rpm = [f"motor{i + 1}_rpm" for i in range(log.n_rotors)]
+    holding = [name for name in rpm if log.has(name)]
+    medians = {name: float(np.nanmedian(np.abs(log[name]))) for name in holding}
+    for name in rpm:
+        if name not in holding and holding:
+            yield f"{name} holds no values while {holding[0]} does, expected the speeds of all rotors"
+        elif name in holding and medians[name] < SILENT_ROTOR_SHARE * float(np.median(list(medians.values()))):
+            median = f"{medians[name]:.0f} for most of the log"
+            yield f"{name} is {median} while other rotors turn, expected all of them to"
+        elif _is_constant(log, name) and any(_varies(log, other) for other in holding):
+            yield f"{name} is {medians[name]:.0f} throughout while the speeds of other rotors change"
+
+
+def _is_constant(log: FlightLog, name: str) -> bool:
+    return len(log) >= MIN_ROWS and log.has(name) and len(log.updates(name)) == 1
+
+
+def _varies(log: FlightLog, name: str) -> bool:
+    return log.has(name) and len(log.updates(name)) >= MIN_ROWS // 5

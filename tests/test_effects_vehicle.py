@@ -1,0 +1,420 @@
+"""The effects of the vehicle and the air (battery, payload, lag, rotors, wind, moments), against values by hand.
+
+RAPTOR: 1.5 kg, R = 0.12 m, v_h = 5.807795 m/s (v_h^2 = 33.730481), 3.67749375 N per rotor in hover. Its rotors stand at
+(+-0.124, +-0.124) m: motor 1 front right, 2 rear left (both ccw), 3 front left, 4 rear right (both cw).
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from quadctl.compensator import check_compensator
+from quadctl.effects import Conditions, Effect
+from quadctl.effects.battery_sag import LinearSag
+from quadctl.effects.body_drag import QuadraticDrag
+from quadctl.effects.ground_torque import Levelling
+from quadctl.effects.inflow import AxialInflow
+from quadctl.effects.motor_lag import FirstOrderLag
+from quadctl.effects.payload import MassStep
+from quadctl.effects.rotor_drag import LinearDrag
+from quadctl.effects.rotor_fault import WeakRotor
+from quadctl.effects.rotor_interaction import FrontWake
+from quadctl.effects.thrust_curve import PowerCurve
+from quadctl.effects.translational_lift import HorizontalLift
+from quadctl.effects.wind import SteadyWind
+from quadctl.errors import SettingsError
+from quadctl.frames import Quaternion, quaternion_from_euler, rotate
+from quadctl.model import Model
+from quadctl.vehicle import Vehicle
+
+LEVEL: Quaternion = (1.0, 0.0, 0.0, 0.0)
+HOVER_N = 3.67749375
+HEADING_EAST = quaternion_from_euler(0.0, 0.0, 0.5 * math.pi)
+
+
+def at(
+    velocity: Any = (0.0, 0.0, 0.0), attitude: Quaternion = LEVEL, z_m: Any = 1.0, time_s: Any = 0.0, volts: Any = 16.0
+) -> Conditions:
+    return Conditions(z_m, velocity, attitude, time_s, volts)
+
+
+# --- battery sag ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("share", "volts", "ratio"),
+    [
+        # K = 1 + share (V/16 - 1)
+        (0.5, 16.0, 1.0),
+        (0.5, 15.2, 0.975),  # 5 % less voltage: 2.5 % less thrust
+        (0.5, 16.8, 1.025),
+        (2.0, 14.0, 0.75),  # 1 - 2/8
+        (0.0, 10.0, 1.0),
+        (5.0, 8.0, 0.4),  # 1 - 5/2 would pull: cut
+        (5.0, 32.0, 1.6),
+        (2.0, math.nan, 1.0),  # not known: no correction
+    ],
+)
+def test_battery_sag_by_hand(raptor: Vehicle, share: float, volts: float, ratio: float) -> None:
+    assert LinearSag(share, reference_v=16.0).ratio(at(volts=volts), raptor) == pytest.approx(ratio)
+
+
+def test_a_voltage_that_is_missing_for_a_while_changes_nothing_meanwhile(raptor: Vehicle) -> None:
+    volts = np.array([15.2, math.nan, 16.8])
+    assert LinearSag(0.5).ratio(at(volts=volts), raptor) == pytest.approx([0.975, 1.0, 1.025])
+
+
+def test_the_reference_is_the_highest_voltage_seen_or_a_usual_one_of_its_cells(raptor: Vehicle) -> None:
+    flights = [at(volts=np.array([15.1, 14.8])), at(volts=np.array([16.5, 15.0]))]
+    # 16.5 / 3.95 = 4.18: four cells, 4 * (4.2, 4.0, 3.85, 3.7)
+    starts = [start.values()["reference_v"] for start in LinearSag.starts(flights, raptor)]
+    assert starts == pytest.approx([16.5, 16.8, 16.0, 15.4, 14.8])
+    assert LinearSag.starts([at(volts=np.array([math.nan]))], raptor) == [LinearSag()]
+
+
+# --- payload -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("mass_kg", "time_s", "ratio"),
+    [
+        # K = m / (m + mass_kg) from 10 s on
+        (0.5, 9.999, 1.0),
+        (0.5, 10.0, 0.75),  # 1.5 / 2.0
+        (0.5, 100.0, 0.75),
+        (-0.3, 10.0, 1.25),  # 1.5 / 1.2
+        (-20.0, 10.0, 10.0),  # a tenth of the vehicle is always left
+    ],
+)
+def test_payload_by_hand(raptor: Vehicle, mass_kg: float, time_s: float, ratio: float) -> None:
+    assert MassStep(mass_kg, 10.0).ratio(at(time_s=time_s), raptor) == pytest.approx(ratio)
+
+
+@given(mass_kg=st.floats(-1.0, 3.0), thrust_n=st.floats(0.0, 9.0), roll=st.floats(-0.5, 0.5))
+def test_with_a_payload_the_same_thrust_moves_a_larger_mass(
+    raptor: Vehicle, mass_kg: float, thrust_n: float, roll: float
+) -> None:
+    c = at(attitude=quaternion_from_euler(roll, 0.1, 0.7), time_s=11.0)
+    loaded = Model(raptor.model_copy(update={"mass_kg": 1.5 + mass_kg}))
+    with_step = Model(raptor).plus(MassStep(mass_kg, 10.0))
+    assert with_step.acceleration_ned([thrust_n] * 4, c) == pytest.approx(loaded.acceleration_ned([thrust_n] * 4, c))
+
+
+def test_a_payload_is_looked_for_all_over_the_flight_but_at_its_ends(raptor: Vehicle) -> None:
+    starts = [start.values() for start in MassStep.starts([at(time_s=np.arange(0.0, 20.01, 0.1))], raptor)]
+    assert {start["mass_kg"] for start in starts} == {0.03, -0.03}  # 2 % of 1.5 kg
+    assert sorted({start["time_s"] for start in starts}) == pytest.approx(np.arange(5.0, 15.0, 0.5))
+    assert MassStep.starts([at(time_s=np.arange(0.0, 8.0, 0.1))], raptor) == [MassStep()]
+
+
+@pytest.mark.parametrize(
+    ("mass_kg", "believed"),
+    [(0.1, True), (-0.5, True), (-1.1, False), (0.01, False), (-0.01, False)],  # 70 % and 1 % of 1.5 kg
+)
+def test_which_payload_is_believed(raptor: Vehicle, mass_kg: float, believed: bool) -> None:
+    assert MassStep(mass_kg, 10.0).believable([], raptor) is believed
+
+
+# --- translational lift --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("velocity", "ratio"),
+    [
+        # K = 1 + 0.3 x^2 / (1 + x^2), x = V_h / v_h
+        ((0.0, 0.0, 0.0), 1.0),
+        ((5.807795, 0.0, 0.0), 1.15),  # x = 1
+        ((3.0, -4.0, 0.0), 1.1277020),  # x^2 = 25 / 33.730481 = 0.7411694; 0.7411694 / 1.7411694 = 0.4256734
+        ((-3.0, 4.0, 0.0), 1.1277020),  # it has no sign
+        ((0.0, 0.0, 9.0), 1.0),  # the climb rate does not count
+        ((1e5, 0.0, 0.0), 1.3),  # nothing more to gain
+    ],
+)
+def test_translational_lift_by_hand(raptor: Vehicle, velocity: tuple[float, float, float], ratio: float) -> None:
+    assert HorizontalLift(0.3).ratio(at(velocity), raptor) == pytest.approx(ratio, abs=1e-7)
+
+
+# --- wind ----------------------------------------------------------------------------------------------------------
+
+
+def test_a_hover_in_the_wind_is_pushed_with_it(raptor: Vehicle) -> None:
+    # Air moving north at 3 m/s, nose to the east: it comes from the right, so the vehicle moves right through it.
+    model = Model(raptor).plus(SteadyWind(north_m_s=3.0, east_m_s=0.0, drag=0.3))
+    c = model.in_air(at(attitude=HEADING_EAST))
+    assert c.velocity_body_m_s == pytest.approx((0.0, 3.0, 0.0))
+    # -1.5 * 0.3 * 3 = -1.35 N, to the left, which is north: 0.9 m/s^2
+    assert model.side_force(14.7, c) == pytest.approx((0.0, -1.35, 0.0))
+    assert model.acceleration_ned([HOVER_N] * 4, at(attitude=HEADING_EAST)) == pytest.approx((0.9, 0.0, 0.0))
+
+
+def test_who_drifts_with_the_wind_feels_none(raptor: Vehicle) -> None:
+    model = Model(raptor).plus(SteadyWind(2.0, -1.0)).plus(HorizontalLift()).plus(AxialInflow())
+    assert model.acceleration_ned([HOVER_N] * 4, at((2.0, -1.0, 0.0))) == pytest.approx((0.0, 0.0, 0.0), abs=1e-12)
+
+
+@given(north=st.floats(-20.0, 20.0), east=st.floats(-20.0, 20.0), yaw=st.floats(-3.0, 3.0))
+def test_a_wind_pushes_the_same_way_whatever_the_heading(
+    raptor: Vehicle, north: float, east: float, yaw: float
+) -> None:
+    heading = quaternion_from_euler(0.0, 0.0, yaw)
+    model = Model(raptor).plus(SteadyWind(north, east, drag=0.2))
+    push = rotate(heading, model.side_force(14.7, model.in_air(at(attitude=heading))))
+    assert push == pytest.approx((0.3 * north, 0.3 * east, 0.0), abs=1e-9)  # 1.5 * 0.2 per m/s
+
+
+def test_the_drag_of_a_wind_leaves_the_climb_to_the_inflow(raptor: Vehicle) -> None:
+    assert SteadyWind(1.0, 0.0, drag=0.3).force(14.7, at((0.0, 0.0, -4.0)), raptor) == pytest.approx((0.0, 0.0, 0.0))
+
+
+@pytest.mark.parametrize("drag", [LinearDrag(0.4, 0.4), QuadraticDrag(0.02, 0.02, 0.02)])
+@pytest.mark.parametrize("order", [1, -1])
+def test_beside_a_drag_the_wind_moves_the_air_and_leaves_the_force_to_the_drag(
+    raptor: Vehicle, drag: Effect, order: int
+) -> None:
+    model = Model(raptor)
+    for effect in (SteadyWind(3.0, 0.0, drag=0.3), drag)[::order]:
+        model = model.plus(effect)
+    c = model.in_air(at())
+    assert c.velocity_body_m_s == pytest.approx((-3.0, 0.0, 0.0))  # hover, nose to the north: wind from behind
+    alone = drag.force(14.7, at((-3.0, 0.0, 0.0)), raptor)
+    assert alone[0] > 0.0  # pushed forward
+    assert model.side_force(14.7, c) == pytest.approx(alone)
+
+
+def test_the_wind_does_not_stand_back_for_what_is_no_drag(raptor: Vehicle) -> None:
+    model = Model(raptor).plus(HorizontalLift(0.3)).plus(SteadyWind(5.807795, 0.0, drag=0.1))
+    c = model.in_air(at())
+    # It moves the air for the lift too: x = 1. -1.5 * 0.1 * -5.807795 = 0.8711693 N
+    assert model.rotor_thrust([1.0] * 4, c) == pytest.approx([1.15] * 4)
+    assert model.side_force(14.7, c) == pytest.approx((0.8711693, 0.0, 0.0), abs=1e-7)
+
+
+def test_a_wind_is_believed_where_headings_differ_or_where_no_tilt_pushes_as_hard(raptor: Vehicle) -> None:
+    straight = [at(attitude=quaternion_from_euler(*np.zeros((2, 5)), np.radians([0, 10, 20, 10, 0])))]
+    turning = [at(attitude=quaternion_from_euler(*np.zeros((2, 5)), np.radians([0, 90, 180, 270, 360])))]
+    weak, strong = SteadyWind(1.0, 0.0, drag=0.3), SteadyWind(0.0, -2.0, drag=0.3)  # 0.3 and 0.6 m/s^2
+    assert not weak.believable(straight, raptor)
+    assert weak.believable(turning, raptor)
+    assert strong.believable(straight, raptor)
+
+
+# --- thrust curve --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("exponent", "nominal_n", "thrust_n"),
+    [
+        # T_h (T/T_h)^(exponent/2)
+        (2.0, 7.0, 7.0),
+        (2.4, HOVER_N, HOVER_N),  # right in hover, whatever the exponent
+        (2.4, 2.0 * HOVER_N, 8.4486620),  # 2^1.2 = 2.2973967
+        (1.0, 4.0 * HOVER_N, 2.0 * HOVER_N),
+        (4.0, 0.5 * HOVER_N, 0.25 * HOVER_N),
+        (2.4, 0.0, 0.0),
+        (2.4, -0.1, 0.0),  # noise about zero has no root
+    ],
+)
+def test_thrust_curve_by_hand(raptor: Vehicle, exponent: float, nominal_n: float, thrust_n: float) -> None:
+    given_n = PowerCurve(exponent).rotor_thrust([nominal_n] * 4, at(), raptor)
+    assert list(given_n) == pytest.approx([thrust_n] * 4, abs=1e-6)
+
+
+# --- motor lag -----------------------------------------------------------------------------------------------------
+
+CLOCK_S = np.arange(0.0, 1.0, 0.001)
+
+
+def lagged(raptor: Vehicle, tau_s: float, signal: Any) -> Any:
+    """Answer of the first rotor; the others are still."""
+    still = np.zeros_like(signal)
+    thrusts = FirstOrderLag(tau_s).rotor_thrust([signal, still, still, still], at(time_s=CLOCK_S), raptor)
+    assert not np.any(thrusts[1:])
+    return np.asarray(thrusts[0])
+
+
+@pytest.mark.parametrize("tau_s", [0.02, 0.05, 0.1])
+def test_a_lag_answers_a_step_with_1_minus_e_to_the_minus_t_over_tau(raptor: Vehicle, tau_s: float) -> None:
+    rise_s = 0.2995  # joined by straight lines, the signal rises from 0.299 to 0.3 s
+    after = rise_s < CLOCK_S
+    answer = lagged(raptor, tau_s, np.where(after, 1.0, 0.0))
+    expected = 1.0 - np.exp(-np.maximum(CLOCK_S - rise_s, 0.0) / tau_s)
+    assert not np.any(answer[~after])
+    # e^-8 = 3e-4 is where its memory ends
+    assert answer[after] == pytest.approx(expected[after], abs=5e-4)
+    assert np.interp(rise_s + tau_s, CLOCK_S, answer) == pytest.approx(0.632, abs=1e-3)  # 63 % after tau
+
+
+def test_a_steady_climb_of_the_thrust_comes_tau_late(raptor: Vehicle) -> None:
+    answer = lagged(raptor, 0.05, 2.0 * CLOCK_S)
+    late = CLOCK_S > 0.5  # ten time constants on
+    assert answer[late] == pytest.approx(2.0 * (CLOCK_S[late] - 0.05), abs=5e-4)
+
+
+def test_a_lag_leaves_what_is_constant_and_a_lag_of_nothing_leaves_all(raptor: Vehicle) -> None:
+    assert lagged(raptor, 0.3, np.full_like(CLOCK_S, 3.7)) == pytest.approx(np.full_like(CLOCK_S, 3.7))
+    wave = 3.7 + np.sin(40.0 * CLOCK_S)
+    assert lagged(raptor, 0.0, wave) == pytest.approx(wave, abs=0.0)
+    assert lagged(raptor, 1e-5, wave) == pytest.approx(wave, abs=1e-3)  # and it gets there without a jump
+    assert lagged(raptor, 1e-6, wave) == pytest.approx(wave, abs=1e-4)
+
+
+def test_an_instant_has_no_past(raptor: Vehicle) -> None:
+    assert FirstOrderLag(0.2).rotor_thrust([1.0, 2.0, 3.0, 4.0], at(time_s=7.0), raptor) == [1.0, 2.0, 3.0, 4.0]
+
+
+# --- rotor fault ---------------------------------------------------------------------------------------------------
+
+
+def test_a_weak_rotor_gives_less_thrust_and_turns_the_body(raptor: Vehicle) -> None:
+    weak = WeakRotor(loss=0.1, rotor=1.0)
+    assert weak.rotor_thrust([5.0, 6.0, 7.0, 8.0], at(), raptor) == pytest.approx([4.5, 6.0, 7.0, 8.0])
+    # 0.36774938 N are missing front right: it rolls right (0.124 m), pitches nose down, and yaws left, as a ccw rotor
+    # drives the body clockwise: 0.36774938 * (0.124, -0.124, -0.016)
+    moment = Model(raptor).plus(weak).body_torque([HOVER_N] * 4, at())
+    assert moment == pytest.approx((0.0456009, -0.0456009, -0.0058840), abs=1e-7)
+
+
+def test_every_rotor_may_be_the_weak_one(raptor: Vehicle) -> None:
+    starts = WeakRotor.starts([], raptor)
+    assert [start.values()["rotor"] for start in starts] == [1.0, 2.0, 3.0, 4.0]
+    for i, start in enumerate(starts):
+        given_n = start.rotor_thrust([1.0] * 4, at(), raptor)
+        assert given_n[i] == 0.95 and sum(given_n) == pytest.approx(3.95)
+
+
+# --- rotor interaction ---------------------------------------------------------------------------------------------
+
+ONE_ARM = 0.5 * 0.248 * math.sqrt(2.0)  # of the raptor: half the distance between opposite rotors
+SHARE = 0.1 * 0.5 * math.sqrt(2.0)  # at v_h, of rotors 0.124 m behind: 0.1 * 0.124 / 0.1753625 = 0.0707107
+
+
+@pytest.mark.parametrize(
+    ("velocity", "lost"),
+    [
+        ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0)),  # hover
+        ((0.0, 0.0, -5.0), (0.0, 0.0, 0.0, 0.0)),  # straight up
+        ((5.807795, 0.0, 0.0), (0.0, SHARE, 0.0, SHARE)),  # forward at v_h: motors 2 and 4 are the rear ones
+        ((2.9038975, 0.0, 3.0), (0.0, SHARE / 2, 0.0, SHARE / 2)),
+        ((20.0, 0.0, 0.0), (0.0, SHARE, 0.0, SHARE)),  # beyond v_h no more
+        ((-5.807795, 0.0, 0.0), (SHARE, 0.0, SHARE, 0.0)),  # backward: the front ones
+        ((0.0, 5.807795, 0.0), (0.0, SHARE, SHARE, 0.0)),  # to the right: the left ones
+        ((7.0, 7.0, 0.0), (0.0, 0.1, 0.0, 0.0)),  # along the diagonal: the rearmost alone, a whole arm behind
+    ],
+)
+def test_interaction_by_hand(raptor: Vehicle, velocity: tuple[float, ...], lost: tuple[float, ...]) -> None:
+    given_n = FrontWake(0.1).rotor_thrust([2.0] * 4, at(velocity), raptor)
+    assert list(given_n) == pytest.approx([2.0 * (1.0 - share) for share in lost], abs=1e-7)
+
+
+def test_interaction_pitches_the_nose_up_in_forward_flight(raptor: Vehicle) -> None:
+    model = Model(raptor).plus(FrontWake(0.1))
+    assert model.body_torque([3.0] * 4, at()) == pytest.approx((0.0, 0.0, 0.0), abs=1e-12)
+    # two rotors of 3 N lose 7.07107 % at 0.124 m: 2 * 3 * 0.0707107 * 0.124; one of each spin: no yaw
+    forward = model.body_torque([3.0] * 4, at((5.807795, 0.0, 0.0)))
+    assert forward == pytest.approx((0.0, 0.0526087, 0.0), abs=1e-7)
+    # to the right the leading right side goes up: roll left
+    rightward = model.body_torque([3.0] * 4, at((0.0, 5.807795, 0.0)))
+    assert rightward == pytest.approx((-0.0526087, 0.0, 0.0), abs=1e-7)
+
+
+def test_a_wake_takes_no_more_than_nine_tenths(raptor: Vehicle) -> None:
+    assert min(FrontWake(3.0).rotor_thrust([1.0] * 4, at((6.0, 6.0, 0.0)), raptor)) == pytest.approx(0.1)
+
+
+# --- ground torque -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("z_m", "moment_n_m"),
+    [
+        # -12 N * 0.5 * 0.12 m e^(-z/R) * (0.1, -0.05) rad, e^-1 = 0.3678794
+        (0.12, (-0.0264873, 0.0132437, 0.0)),
+        (0.0, (-0.072, 0.036, 0.0)),
+        (-0.1, (-0.072, 0.036, 0.0)),  # below the ground as on it
+        (5.0, (0.0, 0.0, 0.0)),
+    ],
+)
+def test_levelling_by_hand(raptor: Vehicle, z_m: float, moment_n_m: tuple[float, ...]) -> None:
+    c = at(attitude=quaternion_from_euler(0.1, -0.05, 2.0), z_m=z_m)
+    assert Levelling(0.5, 1.0).torque([1.0, 2.0, 4.0, 5.0], c, raptor) == pytest.approx(moment_n_m, abs=1e-7)
+
+
+@given(roll=st.floats(-1.0, 1.0), pitch=st.floats(-1.0, 1.0), yaw=st.floats(-3.0, 3.0), z_m=st.floats(0.0, 0.5))
+def test_levelling_turns_back_to_level(raptor: Vehicle, roll: float, pitch: float, yaw: float, z_m: float) -> None:
+    c = at(attitude=quaternion_from_euler(roll, pitch, yaw), z_m=z_m)
+    mx, my, mz = Levelling(2.0, 3.0).torque([3.0] * 4, c, raptor)
+    assert mx * roll <= 1e-12 and my * pitch <= 1e-12 and mz == 0.0
+
+
+# --- what they promise ---------------------------------------------------------------------------------------------
+
+THEM: tuple[type[Effect], ...] = (
+    *(LinearSag, MassStep, HorizontalLift, SteadyWind, PowerCurve, FirstOrderLag),
+    *(WeakRotor, FrontWake, Levelling),
+)
+speed = st.floats(-12.0, 12.0)
+angle = st.floats(-1.0, 1.0)
+
+
+@pytest.mark.parametrize("kind", [kind for kind in THEM if kind is not FirstOrderLag])
+@given(
+    data=st.data(),
+    samples=st.lists(
+        st.tuples(speed, speed, speed, angle, angle, st.floats(0.0, 2.0), st.floats(0.0, 60.0), st.floats(10.0, 17.0)),
+        min_size=1,
+        max_size=6,
+    ),
+)
+def test_moments_and_air_of_a_log_at_once_are_those_of_one_sample_at_a_time(
+    raptor: Vehicle, kind: type[Effect], data: st.DataObject, samples: list[tuple[float, ...]]
+) -> None:
+    effect = kind(**{p.name: data.draw(st.floats(p.low, p.high)) for p in kind.parameters()})
+    model = Model(raptor).plus(effect).plus(HorizontalLift(0.2) if kind is not HorizontalLift else LinearDrag())
+    u, v, w, roll, pitch, z, time, volts = (np.array(column) for column in zip(*samples, strict=True))
+    log = at((u, v, w), quaternion_from_euler(roll, pitch, 0.3), z, time, volts)
+    nominal = [1.0, 2.0, 3.0, 4.0]
+    at_once = [
+        np.broadcast_to(x, z.shape)
+        for x in (*model.body_force(nominal, log), *model.body_torque(nominal, log), *effect.wind_ned_m_s(log))
+    ]
+    for i, (ui, vi, wi, ri, pi, zi, ti, bi) in enumerate(samples):
+        c = at((ui, vi, wi), quaternion_from_euler(ri, pi, 0.3), zi, ti, bi)
+        one = (*model.body_force(nominal, c), *model.body_torque(nominal, c), *effect.wind_ned_m_s(c))
+        assert all(type(number) is float for number in one), "no numpy numbers in the control loop"
+        assert [x[i] for x in at_once] == pytest.approx(one, rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("small", "real"),
+    [
+        (SteadyWind(0.2, -0.2), SteadyWind(0.5, 0.0)),
+        (PowerCurve(2.04), PowerCurve(1.84)),
+        (FirstOrderLag(0.01), FirstOrderLag(0.05)),
+        (WeakRotor(0.02), WeakRotor(0.05)),
+    ],
+)
+def test_what_any_vehicle_is_off_by_is_negligible(small: Effect, real: Effect) -> None:
+    assert small.negligible() and not real.negligible()
+
+
+def test_what_no_fit_moves_is_the_number_of_a_rotor_the_time_of_a_payload_and_the_reference_voltage() -> None:
+    held = {f"{kind.family()}.{p.name}" for kind in THEM for p in kind.parameters() if not p.fitted}
+    assert held == {"battery_sag.reference_v", "payload.time_s", "rotor_fault.rotor"}
+
+
+def test_what_turns_the_body_says_so(raptor: Vehicle) -> None:
+    c = at((4.0, 1.0, 0.0), quaternion_from_euler(0.1, -0.2, 0.0), z_m=0.1, time_s=1.0, volts=15.0)
+    balanced = Model(raptor).body_torque([3.0] * 4, c)
+    for kind in THEM:
+        turned = Model(raptor).plus(kind()).body_torque([3.0] * 4, c)
+        assert (math.dist(turned, balanced) > 1e-6) is kind.turns, kind.name
+
+
+@pytest.mark.parametrize("effect", [SteadyWind(), MassStep()])
+def test_what_belongs_to_one_day_may_not_fly(raptor: Vehicle, effect: Effect) -> None:
+    with pytest.raises(SettingsError, match=f"{effect.name} cannot be compensated"):
+        check_compensator(Model(raptor).plus(effect), 0.1, 2.0, "model.yaml")
