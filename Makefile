@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 
-.PHONY: demo test lint bench papers hidden clean
+.PHONY: demo test lint bench papers hidden tutorial clean
 
 demo: $(INSTALLED)
 	$(BIN)/quadctl demo
@@ -28,6 +28,10 @@ hidden: $(INSTALLED)
 
 papers: $(INSTALLED)
 	$(BIN)/python -m papers
+
+# Runs every command of docs/find-the-missing-effect.md and writes the page with what they print.
+tutorial: $(INSTALLED)
+	$(BIN)/python docs/tutorial.py
 
 clean:
 	rm -rf $(VENV) build demo logs *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache

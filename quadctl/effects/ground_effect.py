@@ -206,6 +206,9 @@ class Exponential(GroundEffect):
     b: float = parameter(5.388, 0.3, 60.0, "1/m", "rate at which it fades with height")
     c: float = parameter(1.0, 0.8, 1.2, "", "ratio far away", fitted=False)
 
+    def negligible(self) -> bool:
+        return self.a < 0.03
+
     def at_height(self, z: Number, vehicle: Vehicle) -> Number:
         return self.c + self.a * exp(-self.b * z)
 

@@ -10,7 +10,7 @@ from quadctl.effects.base import Conditions, Effect, parameter
 from quadctl.numeric import Number
 from quadctl.vehicle import Vehicle
 
-LEAST_S = 0.015
+LEAST_S = 0.022
 MEMORY = 8.0
 """Time constants after which nothing is left of a change."""
 

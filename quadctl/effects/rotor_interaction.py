@@ -30,6 +30,9 @@ class FrontWake(Effect):
 
     loss: float = parameter(0.1, 0.0, 3.0, "", "share of thrust that the rearmost rotors lose at an airspeed of v_h")
 
+    def negligible(self) -> bool:
+        return self.loss < 0.03
+
     def rotor_thrust(self, thrust_n: Sequence[Number], c: Conditions, vehicle: Vehicle) -> Sequence[Number]:
         u, v, _ = c.velocity_body_m_s
         speed = sqrt(u * u + v * v)

@@ -24,6 +24,8 @@ GROUPS = {"total": AXES, "turning": MOMENTS, "sensing": SENSED}
 accelerometer tells another acceleration than the velocity."""
 HoldOut = Literal["blocks", "flights"]
 FOLDS = 5
+MOVED_M = 0.5
+"""A vehicle that is held in its place by a controller wanders less than this."""
 MAX_LAG_S = 3.0
 """Beyond this, residuals of a flight are taken as uncorrelated."""
 MAX_FACTOR_BETWEEN_FLIGHTS = 1.6
@@ -98,8 +100,13 @@ class Dataset:
         return np.concatenate([predict_targets(model, flight, self.groups) for flight in self.flights])
 
     def variable(self, name: str) -> Floats | None:
-        """A variable of all samples, or None where a flight lacks it."""
+        """A variable of all samples, or None where a flight lacks it.
+
+        A position that hardly moves is none: it follows the pushes that it would seem to explain.
+        """
         if any(name not in flight.variables for flight in self.flights):
+            return None
+        if name in ("north", "east") and self.span(name) < MOVED_M:
             return None
         return np.concatenate([flight.variables[name] for flight in self.flights])
 
