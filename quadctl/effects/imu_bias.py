@@ -7,7 +7,7 @@ from typing import ClassVar
 from quadctl.effects.base import Conditions, Effect, parameter
 from quadctl.numeric import Vector
 
-LEAST_M_S2 = 0.15
+LEAST_M_S2 = 0.16
 """Biases up to this are within the calibration of any small accelerometer."""
 
 

@@ -21,7 +21,7 @@ MATERIAL = 0.05
 """A family is called missing only when it takes this share off the held-out error of one axis: less is within what
 unknown trims and coefficients of any real vehicle do."""
 HARMLESS = 0.01
-"""...puts no such share on another axis, and, where it is about moments, no more than this on any of them."""
+"""An effect that is about moments must not add more than this share to the error of any of them."""
 NOTHING = 1e-9
 """An error of a log that was made up, not flown."""
 IDLE = 0.005
@@ -78,9 +78,8 @@ class Candidate:
 
     @property
     def harmful(self) -> bool:
-        """It makes an axis worse, as a stand-in for another effect does."""
-        strict = MOMENTS if self.effect.turns else ()
-        return any(drop < -(HARMLESS if axis in strict else MATERIAL) for axis, drop in self.drops.items())
+        """It is about moments and makes one of them worse, as a stand-in for another effect does."""
+        return self.effect.turns and any(self.drops.get(axis, 0.0) < -HARMLESS for axis in MOMENTS)
 
     @property
     def supported(self) -> bool:
@@ -92,7 +91,10 @@ class Candidate:
         """It is there, be it only as what is a little off in every vehicle."""
         helps = self.held_out_drop > 0.0 and not self.harmful and self.p_value < SIGNIFICANT
         shown = all(self.drops.get(axis, 0.0) > HARMLESS for axis in self.effect.shows_in(self.model.vehicle))
-        return helps and shown and self.believable and not any("bound" in remark for remark in self.remarks)
+        at_bound = any("bound" in remark for remark in self.remarks)
+        undetermined = sum("not determined" in remark for remark in self.remarks)
+        known = not self.ci95 or undetermined < len(self.ci95)
+        return helps and shown and self.believable and known and not at_bound
 
     @property
     def text(self) -> str:

@@ -127,7 +127,7 @@ class Diagnosis(Result):
         lines += [f"These data cannot tell apart: {' and '.join(pair)}." for pair in self.confounded]
         lines += [f"Not tried: {reason}." for reason in self.untried]
         if self.suggested_mission:
-            lines.append(f"To tell more, fly {self.suggested_mission}.")
+            lines.append(f"To tell more, fly {self.suggested_mission}; `quadctl suggest` weighs all missions.")
         return lines
 
 
