@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 
-.PHONY: demo test lint bench papers hidden tutorial clean
+.PHONY: demo test lint bench papers hidden tutorial real clean
 
 demo: $(INSTALLED)
 	$(BIN)/quadctl demo
@@ -32,6 +32,10 @@ papers: $(INSTALLED)
 # Runs every command of docs/find-the-missing-effect.md and writes the page with what they print.
 tutorial: $(INSTALLED)
 	$(BIN)/python docs/tutorial.py
+
+# What is found in public logs of real flights.
+real: $(INSTALLED)
+	$(BIN)/python docs/real_flights.py
 
 clean:
 	rm -rf $(VENV) build demo logs *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache

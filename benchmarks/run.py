@@ -1,26 +1,35 @@
-"""All benchmarks, one table. Each figure stands beside one of the same run, because machines differ.
+"""All benchmarks, one table, on the terminal and in docs/benchmarks.md. Each figure stands beside one of the same run,
+because machines differ.
 
 make bench
 """
 
 import os
 import platform
+from pathlib import Path
 
 import control_loop
 import lab
+import lab_growth
 import simulator
 from rich.console import Console
 from rich.table import Table
 
+PAGE = Path(__file__).parent.parent / "docs/benchmarks.md"
+HEADINGS = ("what", "figure", "beside it, in the same run")
+
 
 def main() -> None:
-    table = Table(title=f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}")
-    for name in ("what", "figure", "beside it, in the same run"):
-        table.add_column(name)
-    for bench in (lab, simulator, control_loop):
+    machine = f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}"
+    table = Table(*HEADINGS, title=machine)
+    lines = ["| " + " | ".join(HEADINGS) + " |", "| --- | --- | --- |"]
+    for bench in (lab, lab_growth, simulator, control_loop):
         for row in bench.rows():
             table.add_row(*row)
+            lines.append("| " + " | ".join(row) + " |")
     Console().print(table)
+    about = f"# Benchmarks\n\nWritten by `make bench` on one machine: {machine}. Run it on yours.\n"
+    PAGE.write_text("\n".join([about, *lines, ""]), encoding="utf-8")
 
 
 if __name__ == "__main__":

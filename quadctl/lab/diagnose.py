@@ -16,7 +16,15 @@ from rich.table import Table
 from rich.text import Text
 
 from quadctl.effects import Effect, every_effect
-from quadctl.lab.candidate import MATERIAL, SIGNIFICANT, Candidate, believable, parameters_in_words, try_effect
+from quadctl.lab.candidate import (
+    MATERIAL,
+    SIGNIFICANT,
+    Candidate,
+    believable,
+    parameters_in_words,
+    try_effect,
+    unseen_score,
+)
 from quadctl.lab.data import Dataset, rmse
 from quadctl.lab.fit import free_parameters, judged
 from quadctl.lab.flexible import flexible_residual
@@ -151,9 +159,8 @@ def diagnose(
     search.run()
     progress("looking at what is left")
     # What a small effect explains, less than what is called missing, is not unexplained.
-    trims = [candidate for candidate in search.latest.values() if candidate.seen and not candidate.supported]
-    least = min(trims, key=lambda candidate: candidate.score).residual if trims else search.residual
-    residual = least[:, :3]
+    trims = [candidate.residual for candidate in search.latest.values() if candidate.seen and not candidate.supported]
+    residual = min([search.residual, *trims], key=unseen_score)[:, :3]
     flexible = flexible_residual(residual, dataset)
     matters = _matters(residual, flexible, improvement_p_value(residual, flexible, dataset))
     symbolic = explain(residual, dataset) if matters else None
