@@ -1,8 +1,8 @@
 """How time and memory of the lab grow with the rows of the logs: `python benchmarks/lab_growth.py [ROWS...]`.
 
 Flights of 50 000 rows at 50 Hz are made by a model, prepared and diagnosed. What counts is the time per row beside that
-of the smallest run: 1.0 where the time is linear. Every flight brings nuisances of its own, so that it grows faster than
-the rows where there are very many flights.
+of the smallest run: 1.0 where the time is linear. Every flight brings nuisances of its own, so that it grows faster
+than the rows where there are very many flights.
 """
 
 import resource

@@ -20,7 +20,8 @@ from quadctl.frames import GRAVITY_M_S2, rotate
 from quadctl.lab.add import add
 from quadctl.lab.data import Dataset
 from quadctl.lab.fit import Fitter
-from quadctl.lab.prepare import Flight, prepare
+from quadctl.lab.flight import Flight
+from quadctl.lab.prepare import prepare
 from quadctl.logs.columns import rpm_columns
 from quadctl.logs.flight_log import FlightLog, Floats
 from quadctl.model import Model

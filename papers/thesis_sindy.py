@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from papers.page import table
 from papers.thesis_ground_effect import Points, fit_exponential, of_flight
 from quadctl.lab.data import FOLDS
-from quadctl.lab.prepare import Flight
+from quadctl.lab.flight import Flight
 from quadctl.logs.flight_log import Floats
 
 NAMES = ("z", "w", "v")

@@ -10,7 +10,7 @@ import yaml
 import sitl.run
 from quadctl.flight.session import prepare_flight
 from quadctl.frames import GRAVITY_M_S2
-from quadctl.lab.prepare import Floats
+from quadctl.lab.arrays import Floats
 from quadctl.logs.columns import STATE_COLUMNS, rpm_columns
 from quadctl.logs.flight_log import ATTITUDE, RATES, FlightLog
 from quadctl.logs.read import read_log

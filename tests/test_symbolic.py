@@ -17,11 +17,11 @@ from quadctl.effects import Conditions, Effect
 from quadctl.effects.user import effects_of
 from quadctl.frames import rotate_inverse
 from quadctl.lab.add import add
+from quadctl.lab.arrays import Floats
 from quadctl.lab.data import Dataset, load_dataset
 from quadctl.lab.effect_file import CODE, as_effect_file
 from quadctl.lab.fit import Fitter
 from quadctl.lab.formula import Formula, Symbolic
-from quadctl.lab.prepare import Floats
 from quadctl.lab.symbolic import explain, in_frames
 from quadctl.lab.symbolic_forms import FORMS, Form, fit_form
 from quadctl.lab.symbolic_library import VARIABLES, library, variables_of

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from quadctl.effects import Effect
+from quadctl.lab.arrays import Floats
 from quadctl.lab.data import GROUPS, MOMENTS, Dataset, rmse
 from quadctl.lab.fit import Fitted, Fitter, intervals, remarks, values_of
-from quadctl.lab.prepare import Floats
 from quadctl.lab.significance import improvement_p_value
 from quadctl.lab.starts import Unmodelled, best_starts
 from quadctl.lab.threads import one_blas_thread

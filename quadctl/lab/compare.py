@@ -7,11 +7,11 @@ import numpy as np
 from rich.console import Group, RenderableType
 from rich.text import Text
 
+from quadctl.lab.arrays import Floats
 from quadctl.lab.data import Dataset, rmse
 from quadctl.lab.flexible import flexible_residual, noise_floor
 from quadctl.lab.locate import Failure, Profile, failures, profiles
 from quadctl.lab.openloop import OpenLoop, open_loop, open_loop_in_words, open_loop_table
-from quadctl.lab.prepare import Floats
 from quadctl.lab.tables import Result, errors_table
 from quadctl.model import Model
 

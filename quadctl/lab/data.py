@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 
 from quadctl.errors import LogError
 from quadctl.frames import ned_from_neu
-from quadctl.lab.prepare import Flight, Floats, prepare
+from quadctl.lab.arrays import Floats
+from quadctl.lab.flight import Flight
+from quadctl.lab.prepare import prepare
 from quadctl.logs.flight_log import FlightLog
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle

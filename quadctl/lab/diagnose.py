@@ -16,6 +16,7 @@ from rich.table import Table
 from rich.text import Text
 
 from quadctl.effects import Effect, every_effect
+from quadctl.lab.arrays import Floats
 from quadctl.lab.candidate import (
     MATERIAL,
     SIGNIFICANT,
@@ -28,8 +29,8 @@ from quadctl.lab.candidate import (
 from quadctl.lab.data import Dataset, rmse
 from quadctl.lab.fit import free_parameters, judged
 from quadctl.lab.flexible import flexible_residual
+from quadctl.lab.flight import SPAN_UNITS
 from quadctl.lab.formula import Symbolic
-from quadctl.lab.prepare import SPAN_UNITS, Floats
 from quadctl.lab.significance import difference_p_value, improvement_p_value
 from quadctl.lab.starts import Unmodelled
 from quadctl.lab.symbolic import explain

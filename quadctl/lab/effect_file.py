@@ -1,7 +1,7 @@
 """A formula becomes a Python file with an effect (docs/own-effect.md), so that it can be added, refitted and flown."""
 
+from quadctl.lab.flight import SPAN_UNITS
 from quadctl.lab.formula import FRAME_AXES, Formula, Symbolic
-from quadctl.lab.prepare import SPAN_UNITS
 
 CODE = {
     "height_over_radius": "c.height_m / vehicle.rotor.radius_m",

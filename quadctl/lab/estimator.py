@@ -8,10 +8,10 @@ from typing import Any, Self
 from quadctl.effects import Effect, catalog_with, find_effect
 from quadctl.errors import SettingsError
 from quadctl.lab.add import add
+from quadctl.lab.arrays import Floats
 from quadctl.lab.compare import explained
 from quadctl.lab.data import HoldOut
 from quadctl.lab.interface import AnyModel, Flights, open_model, prepare_flights
-from quadctl.lab.prepare import Floats
 from quadctl.lab.refit import Refit, fit
 from quadctl.model import Model, save_model
 

@@ -12,9 +12,9 @@ from scipy.linalg import solve_triangular
 from scipy.optimize import lsq_linear
 
 from quadctl.effects import Effect, Parameter
+from quadctl.lab.arrays import Floats, Mask
 from quadctl.lab.data import Dataset
 from quadctl.lab.nuisance import KINDS, MOST, predicted_with, sensitivity
-from quadctl.lab.prepare import Floats, Mask
 from quadctl.lab.threads import one_blas_thread
 from quadctl.model import Model
 

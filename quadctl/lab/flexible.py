@@ -6,8 +6,8 @@ whether something is left to be found, also when no effect of the catalogue expl
 
 import numpy as np
 
+from quadctl.lab.arrays import Floats
 from quadctl.lab.data import Dataset
-from quadctl.lab.prepare import Floats
 
 KNOTS = 6
 RIDGES = (3.0, 30.0, 300.0)

@@ -8,7 +8,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from quadctl.lab.prepare import Floats
+from quadctl.lab.arrays import Floats
 
 Frame = Literal["world", "body"]
 FRAME_AXES: dict[Frame, tuple[str, str, str]] = {"world": ("north", "east", "up"), "body": ("forward", "right", "top")}

@@ -5,10 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from quadctl.lab.arrays import Floats
 from quadctl.lab.data import predict_targets
 from quadctl.lab.fit import free_parameters, values_of, with_values
+from quadctl.lab.flight import Flight
 from quadctl.lab.nuisance import KINDS, sensitivity
-from quadctl.lab.prepare import Flight, Floats
 from quadctl.model import Model
 
 STEP = 1e-4

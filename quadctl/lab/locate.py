@@ -11,8 +11,9 @@ import numpy as np
 from scipy import stats
 
 from quadctl.frames import GRAVITY_M_S2
+from quadctl.lab.arrays import Floats, Mask
 from quadctl.lab.data import AXES, Dataset, variance_of_sum
-from quadctl.lab.prepare import VARIABLE_NAMES, VARIABLE_UNITS, Floats, Mask
+from quadctl.lab.flight import VARIABLE_NAMES, VARIABLE_UNITS
 
 BINS = 10
 MIN_SIGMA = 4.0

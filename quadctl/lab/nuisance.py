@@ -12,8 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from quadctl.frames import multiply, quaternion_from_euler
+from quadctl.lab.arrays import Floats
 from quadctl.lab.data import PREDICT, predict
-from quadctl.lab.prepare import Flight, Floats
+from quadctl.lab.flight import Flight
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
 

@@ -18,8 +18,10 @@ from scipy.ndimage import gaussian_filter1d
 from quadctl.effects import Conditions
 from quadctl.effects.motor_lag import FirstOrderLag
 from quadctl.frames import ned_from_neu, rotate, rotate_inverse
+from quadctl.lab.arrays import Floats
 from quadctl.lab.data import AXES, Dataset
-from quadctl.lab.prepare import BLOCK_S, Flight, Floats
+from quadctl.lab.flight import Flight
+from quadctl.lab.prepare import BLOCK_S
 from quadctl.lab.resample import Estimate, estimates
 from quadctl.model import Model
 

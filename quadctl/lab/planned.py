@@ -6,8 +6,10 @@ import numpy as np
 
 from quadctl.errors import SettingsError
 from quadctl.frames import GRAVITY_M_S2, Quaternion, quaternion_from_euler, rotate, rotate_inverse
+from quadctl.lab.arrays import Floats
 from quadctl.lab.data import Dataset
-from quadctl.lab.prepare import BANDWIDTH_PER_UPDATE_RATE, MIN_CLEARANCE_M, Flight, Floats, prepare
+from quadctl.lab.flight import Flight
+from quadctl.lab.prepare import BANDWIDTH_PER_UPDATE_RATE, MIN_CLEARANCE_M, prepare
 from quadctl.logs.columns import rpm_columns
 from quadctl.logs.flight_log import ATTITUDE, POSITION, VELOCITY, FlightLog
 from quadctl.missions import Mission

@@ -23,14 +23,15 @@ from quadctl.effects import CATALOG, Conditions, Effect
 from quadctl.effects.ground_effect import LOWEST_HEIGHT_OVER_RADIUS, NearGround
 from quadctl.frames import GRAVITY_M_S2, euler_from_quaternion
 from quadctl.lab.add import Addition
+from quadctl.lab.arrays import Floats
 from quadctl.lab.compare import Comparison
 from quadctl.lab.data import AXES, Dataset, variance_of_sum
 from quadctl.lab.diagnose import Diagnosis
 from quadctl.lab.fit import free_parameters, with_values
+from quadctl.lab.flight import VARIABLE_NAMES, VARIABLE_UNITS, Flight
 from quadctl.lab.locate import Profile
 from quadctl.lab.metrics import Tracking
 from quadctl.lab.openloop import OpenLoop
-from quadctl.lab.prepare import VARIABLE_NAMES, VARIABLE_UNITS, Flight, Floats
 from quadctl.model import Model
 
 WIDE_PX, PANEL_PX, NARROW_PX = 980, 440, 360

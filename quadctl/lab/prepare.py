@@ -7,13 +7,9 @@ acceleration. The bandwidth of that filter is what the slowest channel can carry
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from functools import cached_property
-from typing import Any, TypeAlias
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.ndimage import median_filter
 from scipy.sparse import csr_matrix
 
 from quadctl.effects import Conditions
@@ -21,19 +17,17 @@ from quadctl.errors import LogError
 from quadctl.frames import (
     GRAVITY_M_S2,
     Quaternion,
-    euler_from_quaternion,
     quaternion_from_euler,
     rotate,
     rotate_inverse,
 )
+from quadctl.lab.arrays import Floats
+from quadctl.lab.channels import THROTTLE, Signals, signals_of
+from quadctl.lab.flight import Flight
 from quadctl.lab.vehicle_match import motion_problem, sidecar_problem, thrust_problem
-from quadctl.logs.columns import motor_columns, rpm_columns
 from quadctl.logs.contradictions import contradictions
-from quadctl.logs.flight_log import ATTITUDE, IMU, POSITION, RATES, VELOCITY, FlightLog
+from quadctl.logs.flight_log import ATTITUDE, POSITION, VELOCITY, FlightLog
 from quadctl.vehicle import Vehicle
-
-Floats: TypeAlias = NDArray[np.float64]
-Mask: TypeAlias = NDArray[np.bool_]
 
 MAX_BANDWIDTH_HZ = 3.0
 MIN_UPDATE_RATE_HZ = 2.5
@@ -42,9 +36,6 @@ BANDWIDTH_PER_UPDATE_RATE = 0.35
 """Of the slowest channel: well below half its rate, where its samples could not be told from an alias."""
 TRIM_START_S, TRIM_END_S = 2.0, 1.0
 """Take-off transient and touchdown are not flight."""
-MOMENTS_S = 0.5
-"""Standard deviation of the filter of the moments: they are compared as they stand over seconds. What turns the vehicle
-this way and that within one is inertia that vehicle files tell by a guess, and rotor speeds that come late."""
 GROUND_PHASES = ("wait", "stream", "start", "spool_up", "land", "released", "done")
 """Phases of our own logs in which nobody flies a mission."""
 MIN_DESCENT_M = 0.3
@@ -54,138 +45,11 @@ MIN_CLEARANCE_M = 0.02
 MIN_FLIGHT_S, MIN_SEGMENT_S = 10.0, 2.0
 LONGEST_ROW_GAP_S = 10.0
 """Between rows of one flight: after more, the clock has jumped, or another flight begins."""
-MAX_SPEED_JUMP_M_S, SPIKE_WINDOW_S = 15.0, 1.0
-"""From the running median over this window: no multirotor speeds up so."""
 BLOCK_S = 5.0
 """Length of the blocks of time that are held out, shuffled and resampled as one."""
-ROTOR_SPEED, THROTTLE = "rotor speed", "throttle command"
-"""Where the thrust comes from, at best, and when nothing is known of single rotors."""
 DELAYS_S = np.arange(-0.04, 0.3001, 0.01)
 """Of the rotor signal against the velocity. Estimators are up to 40 ms late; a force that comes later still is physics
 (`motor_lag`)."""
-
-
-@dataclass(frozen=True, eq=False)
-class Flight:
-    """One prepared flight. `grid` signals are raw on an even clock, `samples` are filtered and nearly independent."""
-
-    name: str
-    vehicle: Vehicle
-    grid_s: Floats
-    """Even clock, shape (m,)."""
-    conditions: Conditions
-    """On the grid."""
-    nominal_n: list[Floats]
-    """k rpm^2 of each rotor on the grid, N."""
-    smooth: csr_matrix
-    """Filter and sampling in one: (n, m), applied to any signal on the grid."""
-    time_s: Floats
-    """Of the samples, shape (n,)."""
-    measured: Floats
-    """Filtered kinematic acceleration, north, east, up, shape (n, 3)."""
-    block: NDArray[np.int64]
-    """Number of the block of time that each sample belongs to, shape (n,)."""
-    bandwidth_hz: float
-    thrust_source: str
-    delay_s: float
-    """By which the rotor signal was shifted: it is logged that much later (+) than the force it makes."""
-    torque: Floats | None = None
-    """Filtered torque that the body rates tell of, FRD, N m, shape (n, 3); None without rates or single rotors."""
-    imu_error: Floats | None = None
-    """Filtered: the accelerometer's acceleration minus `measured`, north, east, up, shape (n, 3); None without one."""
-    notes: list[str] = field(default_factory=list)
-
-    def filtered(self, signal: Any) -> Floats:
-        """A signal on the grid, filtered, at the samples."""
-        return np.asarray(self.smooth @ np.broadcast_to(np.asarray(signal, dtype=float), self.grid_s.shape))
-
-    @cached_property
-    def slowly(self) -> csr_matrix:
-        """The filter of the moments over the samples, (n, n): applied to the measured and the predicted torque."""
-        n = len(self.time_s)
-        reach = math.ceil(3.0 * MOMENTS_S / float(np.median(np.diff(self.time_s))))
-        here = np.arange(n)[:, None] + np.zeros(2 * reach + 1, dtype=int)
-        there = np.clip(np.arange(n)[:, None] + np.arange(-reach, reach + 1), 0, n - 1)
-        weights = np.exp(-0.5 * ((self.time_s[there] - self.time_s[here]) / MOMENTS_S) ** 2)
-        weights /= weights.sum(axis=1, keepdims=True)
-        return csr_matrix((weights.ravel(), (here.ravel(), there.ravel())), shape=(n, n))
-
-    @cached_property
-    def moments(self) -> Floats | None:
-        """`torque`, slowly."""
-        return None if self.torque is None else np.asarray(self.slowly @ self.torque)
-
-    @cached_property
-    def nominal_torque(self) -> Floats:
-        """Torque of the nominal rotor thrusts, filtered and slowly, FRD, N m, shape (n, 3)."""
-        torque = self.smooth @ (np.column_stack(self.nominal_n) @ np.array(self.vehicle.moment_arms_m))
-        return np.asarray(self.slowly @ torque)
-
-    @cached_property
-    def variables(self) -> dict[str, Floats]:
-        """What residuals are looked at over, at the samples."""
-        c = self.conditions
-        roll, pitch, _ = euler_from_quaternion(c.attitude)
-        u, v, w = (self.filtered(component) for component in c.velocity_body_m_s)
-        found = {
-            "height_over_radius": self.filtered(c.height_m) / self.vehicle.rotor.radius_m,
-            "climb_rate": -w,
-            "speed_forward": u,
-            "speed_right": v,
-            "roll": np.degrees(self.filtered(roll)),
-            "pitch": np.degrees(self.filtered(pitch)),
-            "thrust": self.filtered(sum(self.nominal_n)),
-            "time": self.time_s,
-            "north": self.filtered(c.position_ne_m[0]),
-            "east": self.filtered(c.position_ne_m[1]),
-        }
-        battery = self.filtered(c.battery_v)
-        if np.isfinite(battery).all():
-            found["battery"] = battery
-        return found
-
-    def span(self, name: str) -> tuple[float, float]:
-        """5th and 95th percentile of a variable, or of another of `SPAN_UNITS`; nan: not logged."""
-        u, v, _ = self.conditions.velocity_body_m_s
-        if name == "heading":
-            values = np.degrees(np.unwrap(euler_from_quaternion(self.conditions.attitude)[2]))
-        elif name == "speed":
-            values = np.hypot(u, v)
-        elif name == "thrust_share":
-            values = self.variables["thrust"] / self.vehicle.weight_n
-        else:
-            values = self.variables.get(name, np.array([np.nan]))
-        low, high = np.percentile(values, [5.0, 95.0])
-        return float(low), float(high)
-
-
-VARIABLE_UNITS = {
-    "height_over_radius": "rotor radii",
-    "climb_rate": "m/s",
-    "speed_forward": "m/s",
-    "speed_right": "m/s",
-    "roll": "deg",
-    "pitch": "deg",
-    "thrust": "N",
-    "time": "s",
-    "battery": "V",
-    "north": "m",
-    "east": "m",
-}
-SPAN_UNITS = {**VARIABLE_UNITS, "heading": "deg", "speed": "m/s", "thrust_share": "of the weight"}
-VARIABLE_NAMES = {
-    "height_over_radius": "rotor height",
-    "climb_rate": "climb rate",
-    "speed_forward": "forward speed",
-    "speed_right": "sideward speed",
-    "roll": "roll",
-    "pitch": "pitch",
-    "thrust": "thrust",
-    "time": "time",
-    "battery": "battery voltage",
-    "north": "position north",
-    "east": "position east",
-}
 
 
 def prepare(log: FlightLog, vehicle: Vehicle) -> Flight:
@@ -200,7 +64,7 @@ def prepare(log: FlightLog, vehicle: Vehicle) -> Flight:
     for problem in (*contradictions(log), sidecar_problem(log, vehicle)):
         _refuse(log.name, problem)
     notes = list(log.notes)
-    signals = _signals(log, vehicle, notes)
+    signals = signals_of(log, vehicle, notes)
     _refuse(log.name, _thrust_problem(log, signals, vehicle))
     segments = _flight_segments(log, signals, vehicle, notes)
     rates = {name: channel.rate_hz(segments) for name, channel in signals.timed.items()}
@@ -241,142 +105,18 @@ def prepare_all(logs: Sequence[FlightLog], vehicle: Vehicle) -> list[Flight]:
     return [prepare(log, vehicle) for log in logs]
 
 
-@dataclass(frozen=True)
-class _Channel:
-    """A signal at its own updates."""
-
-    time_s: Floats
-    value: Floats
-
-    def at(self, grid_s: Floats) -> Floats:
-        return np.interp(grid_s, self.time_s, self.value)
-
-    def rate_hz(self, segments: Sequence[tuple[float, float]]) -> float:
-        inside = sum(np.count_nonzero((self.time_s >= a) & (self.time_s <= b)) for a, b in segments)
-        return float(inside / max(sum(b - a for a, b in segments), 1e-9))
-
-
-@dataclass(frozen=True)
-class _Signals:
-    position: list[_Channel]
-    velocity: list[_Channel]
-    attitude: list[_Channel]
-    """Roll, pitch, yaw, radians, unwrapped."""
-    rotor: list[_Channel]
-    """Nominal thrust of each rotor, N."""
-    rates: list[_Channel]
-    """Body rates, FRD; empty where they are not logged."""
-    imu: list[_Channel]
-    """Specific force, FRD; empty where it is not logged."""
-    battery: _Channel | None
-    thrust_source: str
-
-    @property
-    def timed(self) -> dict[str, _Channel]:
-        """One channel of each group, by the group's name, for rates and gaps."""
-        return {
-            "position": self.position[0],
-            "velocity": self.velocity[0],
-            "attitude": self.attitude[0],
-            self.thrust_source: self.rotor[0],
-        }
-
-
 def _require_columns(log: FlightLog) -> None:
     for name in (*POSITION, *VELOCITY, *ATTITUDE):
         if not log.has(name):
             raise LogError(f"{log.name}: holds no values of {name}, which an analysis needs")
 
 
-def _thrust_problem(log: FlightLog, signals: _Signals, vehicle: Vehicle) -> str | None:
+def _thrust_problem(log: FlightLog, signals: Signals, vehicle: Vehicle) -> str | None:
     total = np.sum([channel.at(log.time_s) for channel in signals.rotor], axis=0)
     return thrust_problem(total, signals.position[2].at(log.time_s), vehicle, signals.thrust_source)
 
 
-def _updates(log: FlightLog, names: Sequence[str]) -> NDArray[np.intp]:
-    rows = log.updates(*names)
-    if not len(rows):
-        raise LogError(f"{log.name}: {', '.join(names)} never hold values in one row, expected them to come together")
-    return rows
-
-
-def _signals(log: FlightLog, vehicle: Vehicle, notes: list[str]) -> _Signals:
-    def channels(names: Sequence[str], scale: float = 1.0, unwrap: bool = False) -> list[_Channel]:
-        rows = _updates(log, names)
-        found = []
-        for name in names:
-            value = scale * log[name][rows]
-            found.append(_Channel(log.time_s[rows], np.unwrap(value) if unwrap else value))
-        return found
-
-    rotor, source = _rotor_signals(log, vehicle)
-    if source != ROTOR_SPEED:
-        notes.append(f"without rotor speeds, thrust is taken from the {source}")
-    rotor = _without_spikes(rotor, vehicle.throttle.max_thrust_per_rotor_n, f"{source}s", notes)
-    battery = None
-    voltage = [n for n in ("battery_v", *motor_columns(vehicle.n_rotors, "voltage_v")) if log.has(n)]
-    if voltage:
-        rows = log.updates(voltage[0])
-        battery = _Channel(log.time_s[rows], log[voltage[0]][rows])
-    return _Signals(
-        channels(POSITION),
-        _without_spikes(channels(VELOCITY), MAX_SPEED_JUMP_M_S, "velocities", notes),
-        channels(ATTITUDE, math.pi / 180.0, unwrap=True),
-        rotor,
-        channels(RATES) if all(log.has(name) for name in RATES) else [],
-        channels(IMU) if all(log.has(name) for name in IMU) else [],
-        battery,
-        source,
-    )
-
-
-def _without_spikes(channels: list[_Channel], limit: float, what: str, notes: list[str]) -> list[_Channel]:
-    """Channels of common updates without those in which one of them is further than `limit` from its running median."""
-    time, values = channels[0].time_s, np.array([channel.value for channel in channels])
-    if not np.any(np.abs(np.diff(values)) > limit):
-        return channels
-    per_second = (len(time) - 1) / float(time[-1] - time[0])
-    window = max(5, round(per_second * SPIKE_WINDOW_S) | 1)
-    kept = np.all(np.abs(values - median_filter(values, size=(1, window), mode="nearest")) <= limit, axis=0)
-    if not kept.all():
-        notes.append(f"{np.count_nonzero(~kept)} {what} that leap away and back, as nothing moves, are left out")
-    return [_Channel(time[kept], value) for value in values[:, kept]]
-
-
-def _rotor_signals(log: FlightLog, vehicle: Vehicle) -> tuple[list[_Channel], str]:
-    """Nominal thrust of each rotor: from rpm, else from motor outputs, else from the throttle, by the file's line."""
-    if log.n_rotors and log.has("motor1_rpm"):
-        if log.n_rotors != vehicle.n_rotors:
-            raise LogError(
-                f"{log.name}: has the speeds of {log.n_rotors} rotors, "
-                f"expected {vehicle.n_rotors} as the vehicle '{vehicle.name}' has"
-            )
-        names = rpm_columns(vehicle.n_rotors)
-        rows = _updates(log, names)
-        k = vehicle.rotor.thrust_n_per_rpm2
-        return [_Channel(log.time_s[rows], k * log[name][rows] ** 2) for name in names], ROTOR_SPEED
-    # The rotors follow a command with their lag: to first order, the force is that much later.
-    lag_s, curve, n = vehicle.rotor.time_constant_s, vehicle.throttle, vehicle.n_rotors
-    outputs = motor_columns(n, "output")
-    if all(log.has(name) for name in outputs):
-        if log.has(motor_columns(n + 1, "output")[-1]):
-            raise LogError(f"{log.name}: has the outputs of more than {n} motors, the vehicle '{vehicle.name}' has {n}")
-        rows = _updates(log, outputs)
-        found = [np.maximum(log[name][rows] - curve.offset, 0.0) / (curve.per_newton * n) for name in outputs]
-        return [_Channel(log.time_s[rows] + lag_s, thrust) for thrust in found], "motor output"
-    if log.has("throttle_cmd"):
-        rows = log.updates("throttle_cmd")
-        each = np.maximum(log["throttle_cmd"][rows] - curve.offset, 0.0) / (curve.per_newton * n)
-        return [_Channel(log.time_s[rows] + lag_s, each)] * n, THROTTLE
-    raise LogError(
-        f"{log.name}: holds neither rotor speeds nor throttle_cmd nor motor outputs, "
-        "expected one of them to know the thrust"
-    )
-
-
-def _flight_segments(
-    log: FlightLog, signals: _Signals, vehicle: Vehicle, notes: list[str]
-) -> list[tuple[float, float]]:
+def _flight_segments(log: FlightLog, signals: Signals, vehicle: Vehicle, notes: list[str]) -> list[tuple[float, float]]:
     """Intervals of time in which the vehicle flies: clear of the ground, rotors at work, ends trimmed."""
     time = log.time_s
     z = signals.position[2].at(time)
@@ -421,7 +161,7 @@ def _flight_segments(
 
 
 def _without_gaps(
-    segments: list[tuple[float, float]], signals: _Signals, longest_s: float, notes: list[str], name: str
+    segments: list[tuple[float, float]], signals: Signals, longest_s: float, notes: list[str], name: str
 ) -> list[tuple[float, float]]:
     """Cut out the times in which a channel brought nothing new for longer than `longest_s`."""
     lost = 0.0
@@ -469,7 +209,7 @@ def _filter(
 def _assemble(
     name: str,
     vehicle: Vehicle,
-    signals: _Signals,
+    signals: Signals,
     grid: Floats,
     smooth: csr_matrix,
     derivative: csr_matrix,
@@ -505,7 +245,7 @@ def _assemble(
 
 
 def _imu_error(
-    signals: _Signals, grid: Floats, attitude: Quaternion, smooth: csr_matrix, measured: Floats
+    signals: Signals, grid: Floats, attitude: Quaternion, smooth: csr_matrix, measured: Floats
 ) -> Floats | None:
     """The accelerometer's kinematic acceleration minus that of the velocity, filtered, north, east, up."""
     if not signals.imu:
@@ -517,7 +257,7 @@ def _imu_error(
 
 
 def _torque(
-    vehicle: Vehicle, signals: _Signals, grid: Floats, smooth: csr_matrix, derivative: csr_matrix
+    vehicle: Vehicle, signals: Signals, grid: Floats, smooth: csr_matrix, derivative: csr_matrix
 ) -> Floats | None:
     """Euler's equation I dw/dt + w x I w, filtered, FRD, N m, shape (n, 3), where single rotors and rates are known."""
     if not signals.rates or signals.thrust_source == THROTTLE:
@@ -529,7 +269,7 @@ def _torque(
     return np.column_stack([a + smooth @ b for a, b in zip(spin_up, turning, strict=True)])
 
 
-def _estimated_delay(flight: Flight, signals: _Signals, grid: Floats) -> float:
+def _estimated_delay(flight: Flight, signals: Signals, grid: Floats) -> float:
     """How much later the rotor signal is logged than the force it makes, from quick vertical changes.
 
     The shift at which the change in thrust explains the change in vertical acceleration best; 0 where the flight has

@@ -24,14 +24,16 @@ from quadctl.errors import LogError, SettingsError
 from quadctl.frames import GRAVITY_M_S2
 from quadctl.lab import plots
 from quadctl.lab.add import Addition
+from quadctl.lab.arrays import Floats
 from quadctl.lab.candidate import MATERIAL, SIGNIFICANT, Candidate
 from quadctl.lab.compare import Comparison
 from quadctl.lab.data import AXES, FOLDS, Dataset, predict, rmse
 from quadctl.lab.diagnose import Diagnosis
+from quadctl.lab.flight import VARIABLE_NAMES, VARIABLE_UNITS, Flight
 from quadctl.lab.locate import Failure
 from quadctl.lab.metrics import FlightMetrics, MetricsTable, Tracking, Window, tracking
 from quadctl.lab.openloop import OpenLoop, open_loop, open_loop_in_words
-from quadctl.lab.prepare import BLOCK_S, VARIABLE_NAMES, VARIABLE_UNITS, Flight, Floats
+from quadctl.lab.prepare import BLOCK_S
 from quadctl.lab.resample import drop_interval, resampled_means
 from quadctl.logs.flight_log import FlightLog
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from quadctl.lab.prepare import Floats
+from quadctl.lab.arrays import Floats
 
 RESAMPLES = 1000
 FEWEST_BLOCKS = 4

@@ -5,8 +5,8 @@ import math
 import numpy as np
 from scipy import stats
 
+from quadctl.lab.arrays import Floats
 from quadctl.lab.data import Dataset, variance_of_sum
-from quadctl.lab.prepare import Floats
 
 NO_CHANGE = 1e-3
 """A change of the prediction that is smaller than this share of the residual comes from where a fit stopped."""

@@ -3,9 +3,9 @@
 import numpy as np
 
 from quadctl.effects import Effect
+from quadctl.lab.arrays import Floats
 from quadctl.lab.data import Dataset
 from quadctl.lab.fit import Fitter, noise_scale
-from quadctl.lab.prepare import Floats
 from quadctl.model import Model
 
 

@@ -18,13 +18,14 @@ from rich.text import Text
 
 from quadctl.effects import Effect, every_effect
 from quadctl.errors import QuadctlError, SettingsError
+from quadctl.lab.arrays import Floats
 from quadctl.lab.candidate import fit_on_top
 from quadctl.lab.data import Dataset, predict_targets, variance_of_sum
 from quadctl.lab.diagnose import Diagnosis
 from quadctl.lab.fit import Fitted, Fitter, free_parameters, judged, noise_scale, values_of
+from quadctl.lab.flight import Flight
 from quadctl.lab.information import Information, information, prior
 from quadctl.lab.planned import planned_flight
-from quadctl.lab.prepare import Flight, Floats
 from quadctl.lab.starts import Unmodelled
 from quadctl.lab.tables import Result
 from quadctl.lab.threads import one_blas_thread

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quadctl.frames import rotate_inverse
+from quadctl.lab.arrays import Floats, Mask
 from quadctl.lab.data import Dataset
 from quadctl.lab.formula import FRAME_AXES, Formula, Frame, Law, Symbolic
-from quadctl.lab.prepare import Floats, Mask
 from quadctl.lab.significance import improvement_p_value
 from quadctl.lab.symbolic_forms import FittedForm, fit_form, usable_forms
 from quadctl.lab.symbolic_library import Term, library, variables_of

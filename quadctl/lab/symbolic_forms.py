@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
-from quadctl.lab.prepare import Floats
+from quadctl.lab.arrays import Floats
 
 Shape = Callable[..., Floats]
 

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from quadctl.lab.arrays import Floats
 from quadctl.lab.data import Dataset
-from quadctl.lab.prepare import Floats
 
 VARIABLES = (
     "height_over_radius",

@@ -1,0 +1,142 @@
+"""The signals of a log that an analysis needs, each at its own updates."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter
+
+from quadctl.errors import LogError
+from quadctl.lab.arrays import Floats
+from quadctl.logs.columns import motor_columns, rpm_columns
+from quadctl.logs.flight_log import ATTITUDE, IMU, POSITION, RATES, VELOCITY, FlightLog
+from quadctl.vehicle import Vehicle
+
+ROTOR_SPEED, THROTTLE = "rotor speed", "throttle command"
+"""Where the thrust comes from, at best, and when nothing is known of single rotors."""
+MAX_SPEED_JUMP_M_S, SPIKE_WINDOW_S = 15.0, 1.0
+"""From the running median over this window: no multirotor speeds up so."""
+
+
+@dataclass(frozen=True)
+class Channel:
+    """A signal at its own updates."""
+
+    time_s: Floats
+    value: Floats
+
+    def at(self, grid_s: Floats) -> Floats:
+        return np.interp(grid_s, self.time_s, self.value)
+
+    def rate_hz(self, segments: Sequence[tuple[float, float]]) -> float:
+        inside = sum(np.count_nonzero((self.time_s >= a) & (self.time_s <= b)) for a, b in segments)
+        return float(inside / max(sum(b - a for a, b in segments), 1e-9))
+
+
+@dataclass(frozen=True)
+class Signals:
+    position: list[Channel]
+    velocity: list[Channel]
+    attitude: list[Channel]
+    """Roll, pitch, yaw, radians, unwrapped."""
+    rotor: list[Channel]
+    """Nominal thrust of each rotor, N."""
+    rates: list[Channel]
+    """Body rates, FRD; empty where they are not logged."""
+    imu: list[Channel]
+    """Specific force, FRD; empty where it is not logged."""
+    battery: Channel | None
+    thrust_source: str
+
+    @property
+    def timed(self) -> dict[str, Channel]:
+        """One channel of each group, by the group's name, for rates and gaps."""
+        return {
+            "position": self.position[0],
+            "velocity": self.velocity[0],
+            "attitude": self.attitude[0],
+            self.thrust_source: self.rotor[0],
+        }
+
+
+def updates_of(log: FlightLog, names: Sequence[str]) -> NDArray[np.intp]:
+    rows = log.updates(*names)
+    if not len(rows):
+        raise LogError(f"{log.name}: {', '.join(names)} never hold values in one row, expected them to come together")
+    return rows
+
+
+def signals_of(log: FlightLog, vehicle: Vehicle, notes: list[str]) -> Signals:
+    def channels(names: Sequence[str], scale: float = 1.0, unwrap: bool = False) -> list[Channel]:
+        rows = updates_of(log, names)
+        found = []
+        for name in names:
+            value = scale * log[name][rows]
+            found.append(Channel(log.time_s[rows], np.unwrap(value) if unwrap else value))
+        return found
+
+    rotor, source = _rotorsignals_of(log, vehicle)
+    if source != ROTOR_SPEED:
+        notes.append(f"without rotor speeds, thrust is taken from the {source}")
+    rotor = _without_spikes(rotor, vehicle.throttle.max_thrust_per_rotor_n, f"{source}s", notes)
+    battery = None
+    voltage = [n for n in ("battery_v", *motor_columns(vehicle.n_rotors, "voltage_v")) if log.has(n)]
+    if voltage:
+        rows = log.updates(voltage[0])
+        battery = Channel(log.time_s[rows], log[voltage[0]][rows])
+    return Signals(
+        channels(POSITION),
+        _without_spikes(channels(VELOCITY), MAX_SPEED_JUMP_M_S, "velocities", notes),
+        channels(ATTITUDE, math.pi / 180.0, unwrap=True),
+        rotor,
+        channels(RATES) if all(log.has(name) for name in RATES) else [],
+        channels(IMU) if all(log.has(name) for name in IMU) else [],
+        battery,
+        source,
+    )
+
+
+def _without_spikes(channels: list[Channel], limit: float, what: str, notes: list[str]) -> list[Channel]:
+    """Channels of common updates without those in which one of them is further than `limit` from its running median."""
+    time, values = channels[0].time_s, np.array([channel.value for channel in channels])
+    if not np.any(np.abs(np.diff(values)) > limit):
+        return channels
+    per_second = (len(time) - 1) / float(time[-1] - time[0])
+    window = max(5, round(per_second * SPIKE_WINDOW_S) | 1)
+    kept = np.all(np.abs(values - median_filter(values, size=(1, window), mode="nearest")) <= limit, axis=0)
+    if not kept.all():
+        notes.append(f"{np.count_nonzero(~kept)} {what} that leap away and back, as nothing moves, are left out")
+    return [Channel(time[kept], value) for value in values[:, kept]]
+
+
+def _rotorsignals_of(log: FlightLog, vehicle: Vehicle) -> tuple[list[Channel], str]:
+    """Nominal thrust of each rotor: from rpm, else from motor outputs, else from the throttle, by the file's line."""
+    if log.n_rotors and log.has("motor1_rpm"):
+        if log.n_rotors != vehicle.n_rotors:
+            raise LogError(
+                f"{log.name}: has the speeds of {log.n_rotors} rotors, "
+                f"expected {vehicle.n_rotors} as the vehicle '{vehicle.name}' has"
+            )
+        names = rpm_columns(vehicle.n_rotors)
+        rows = updates_of(log, names)
+        k = vehicle.rotor.thrust_n_per_rpm2
+        return [Channel(log.time_s[rows], k * log[name][rows] ** 2) for name in names], ROTOR_SPEED
+    # The rotors follow a command with their lag: to first order, the force is that much later.
+    lag_s, curve, n = vehicle.rotor.time_constant_s, vehicle.throttle, vehicle.n_rotors
+    outputs = motor_columns(n, "output")
+    if all(log.has(name) for name in outputs):
+        if log.has(motor_columns(n + 1, "output")[-1]):
+            raise LogError(f"{log.name}: has the outputs of more than {n} motors, the vehicle '{vehicle.name}' has {n}")
+        rows = updates_of(log, outputs)
+        found = [np.maximum(log[name][rows] - curve.offset, 0.0) / (curve.per_newton * n) for name in outputs]
+        return [Channel(log.time_s[rows] + lag_s, thrust) for thrust in found], "motor output"
+    if log.has("throttle_cmd"):
+        rows = log.updates("throttle_cmd")
+        each = np.maximum(log["throttle_cmd"][rows] - curve.offset, 0.0) / (curve.per_newton * n)
+        return [Channel(log.time_s[rows] + lag_s, each)] * n, THROTTLE
+    raise LogError(
+        f"{log.name}: holds neither rotor speeds nor throttle_cmd nor motor outputs, "
+        "expected one of them to know the thrust"
+    )
