@@ -142,7 +142,7 @@ class TestBadInput:
 
     def test_of_a_vehicle_with_other_rotors_than_the_log(self, quadctl: Callable[..., Result], log: Path) -> None:
         head, *rows = log.read_text().splitlines()
-        six = [head + ",motor5_rpm,motor6_rpm", *(row + ",5600,5600" for row in rows)]
+        six = [head + ",motor5_rpm,motor6_rpm", *(f"{row},{5600 + i % 7},{5600 + i % 9}" for i, row in enumerate(rows))]
         Path("six.csv").write_text("\n".join(six) + "\n")
         one_sentence(quadctl("diagnose", VEHICLE, "six.csv"), "six.csv", "6 rotors", "expected 4")
 

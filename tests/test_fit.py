@@ -267,7 +267,7 @@ ERRORS = {
 
 
 class TestOtherAxes:
-    """What an effect takes off one axis it must not put on another."""
+    """What an effect that is about moments takes off one of them it must not put on another."""
 
     def candidate(self, vehicle: Vehicle, effect: Effect, **after: float) -> Candidate:
         model = stacked(vehicle, effect)
@@ -277,9 +277,13 @@ class TestOtherAxes:
     def test_a_gain_on_one_axis_is_enough(self, raptor: Vehicle) -> None:
         assert self.candidate(raptor, ConstantScale(0.9), up=0.7, total=1.58).supported
 
-    @pytest.mark.parametrize("harmed", [{"north": 1.1}, {"east": 1.1}, {"roll": 0.11}, {"pitch": 0.11}])
-    def test_not_if_another_pays_for_it(self, raptor: Vehicle, harmed: dict[str, float]) -> None:
-        assert not self.candidate(raptor, ConstantScale(0.9), up=0.7, total=1.6, **harmed).supported
+    @pytest.mark.parametrize("harmed", [{"roll": 0.11}, {"pitch": 0.11}, {"yaw": 0.11}])
+    def test_not_if_another_moment_pays_for_it(self, raptor: Vehicle, harmed: dict[str, float]) -> None:
+        turning = {"roll": 0.05, "pitch": 0.05, "yaw": 0.05, "turning": 0.12, **harmed}
+        assert not self.candidate(raptor, WeakRotor(0.1), **turning).supported
+
+    def test_error_may_move_between_axes_of_acceleration(self, raptor: Vehicle) -> None:
+        assert self.candidate(raptor, ConstantScale(0.9), up=0.7, total=1.6, north=1.1).supported
 
     def test_moments_count_where_the_acceleration_does_not_change(self, raptor: Vehicle) -> None:
         turning = self.candidate(raptor, WeakRotor(0.1), roll=0.05, pitch=0.05, yaw=0.05, turning=0.0866)

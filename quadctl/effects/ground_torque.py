@@ -1,5 +1,6 @@
 """Ground torque: near the ground a tilted vehicle is turned back to level."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
@@ -24,6 +25,10 @@ class Levelling(Effect):
 
     stiffness: float = parameter(0.5, 0.0, 50.0, "1/rad", "moment at the ground, over thrust and rotor radius")
     reach: float = parameter(1.0, 0.2, 10.0, "", "height, in rotor radii, over which it falls to 1/e")
+
+    def negligible(self) -> bool:
+        """Next to nothing with the rotor plane one radius above the ground."""
+        return self.stiffness * math.exp(-1.0 / self.reach) < 0.2
 
     def torque(self, thrust_n: Sequence[Number], c: Conditions, vehicle: Vehicle) -> Vector:
         radius = vehicle.rotor.radius_m
