@@ -12,8 +12,8 @@ from quadctl.vehicle import Vehicle
 
 CELL_V = 3.95
 """Usual mean voltage of a lithium cell in flight: tells how many cells a battery has."""
-REFERENCE_CELL_V = (4.2, 4.0, 3.85, 3.7)
-"""Voltages per cell at which a thrust coefficient may have been measured: full, in flight, half, nominal."""
+REFERENCE_CELL_V = (4.2, 4.0)
+"""Voltages per cell at which a thrust coefficient may have been measured: full, or in flight."""
 RATIO_LIMITS = (0.4, 1.6)
 
 
