@@ -70,7 +70,7 @@ def test_a_voltage_that_is_missing_for_a_while_changes_nothing_meanwhile(raptor:
 
 def test_the_reference_is_the_highest_voltage_seen_or_a_usual_one_of_its_cells(raptor: Vehicle) -> None:
     flights = [at(volts=np.array([15.1, 14.8])), at(volts=np.array([16.5, 15.0]))]
-    # 16.5 / 3.95 = 4.18: four cells, 4 * (4.2, 4.0, 3.85, 3.7)
+    # 16.5 / 3.95 = 4.18: four cells, 4 * (4.2, 4.0)
     starts = [start.values()["reference_v"] for start in LinearSag.starts(flights, raptor)]
     assert starts == pytest.approx([16.5, 16.8, 16.0])
     assert LinearSag.starts([at(volts=np.array([math.nan]))], raptor) == [LinearSag()]
