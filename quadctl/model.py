@@ -1,7 +1,7 @@
 """A flight model is a vehicle and a list of effects: load it, predict with it, save it (data contracts, section 4)."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -81,23 +81,11 @@ class Model:
 
     def side_force(self, total_thrust_n: Number, c: Conditions) -> Vector:
         """Force of the effects that is not the rotors' thrust, FRD, N; `c` as `in_air` gives it."""
-        fx: Number = 0.0
-        fy: Number = 0.0
-        fz: Number = 0.0
-        for effect in self.effects_on_body:
-            ex, ey, ez = effect.force(total_thrust_n, c, self.vehicle)
-            fx, fy, fz = fx + ex, fy + ey, fz + ez
-        return fx, fy, fz
+        return _sum(effect.force(total_thrust_n, c, self.vehicle) for effect in self.effects_on_body)
 
     def side_torque(self, thrust_n: Sequence[Number], c: Conditions) -> Vector:
         """Moment of the effects that is not the rotors', FRD, N m; `c` as `in_air` gives it."""
-        tx: Number = 0.0
-        ty: Number = 0.0
-        tz: Number = 0.0
-        for effect in self.effects_on_turning:
-            ex, ey, ez = effect.torque(thrust_n, c, self.vehicle)
-            tx, ty, tz = tx + ex, ty + ey, tz + ez
-        return tx, ty, tz
+        return _sum(effect.torque(thrust_n, c, self.vehicle) for effect in self.effects_on_turning)
 
     def body_force(self, nominal_n: Sequence[Number], c: Conditions) -> Vector:
         """Force on the body without weight, FRD, N, from the nominal thrust of each rotor."""
@@ -126,14 +114,7 @@ class Model:
 
     def sensed_ned_m_s2(self, c: Conditions) -> Vector:
         """What the accelerometer tells beyond the true acceleration, NED."""
-        bx: Number = 0.0
-        by: Number = 0.0
-        bz: Number = 0.0
-        for effect in self.effects:
-            if effect.senses:
-                ex, ey, ez = effect.sensed_m_s2(c)
-                bx, by, bz = bx + ex, by + ey, bz + ez
-        return rotate(c.attitude, (bx, by, bz))
+        return rotate(c.attitude, _sum(effect.sensed_m_s2(c) for effect in self.effects if effect.senses))
 
     def turning(self) -> "Model":
         """The model with only those effects that the balance of moments can show."""
@@ -160,6 +141,15 @@ class Model:
         """The effects as they act beside each other."""
         present = {effect.family() for effect in self.effects}
         return tuple(e.standing_back() if present & set(e.stands_back_for) else e for e in self.effects)
+
+
+def _sum(vectors: Iterable[Vector]) -> Vector:
+    x: Number = 0.0
+    y: Number = 0.0
+    z: Number = 0.0
+    for dx, dy, dz in vectors:
+        x, y, z = x + dx, y + dy, z + dz
+    return x, y, z
 
 
 def conditions(
@@ -214,6 +204,9 @@ def load_model(path: Path | str) -> Model:
         StackedEffect(find_effect(e.effect, source, known).from_values(e.parameters, source), e.fitted)
         for e, source in ((e, f"{path}: effects[{i}]") for i, e in enumerate(entry.effects, start=1))
     )
+    for i, item in enumerate(stack, start=1):
+        if problem := item.effect.mismatch(vehicle):
+            raise SettingsError(f"{path}: effects[{i}]: {problem}")
     families = [item.effect.family() for item in stack]
     for i, family in enumerate(families):
         if family in families[:i]:

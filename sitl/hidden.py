@@ -11,6 +11,7 @@ from typing import ClassVar
 from pydantic import Field, NonNegativeFloat
 
 from quadctl.effects import Conditions, Effect, ThrustRatio, find_effect, parameter
+from quadctl.errors import SettingsError
 from quadctl.model import EffectEntry, Model, StackedEffect
 from quadctl.numeric import Number, maximum
 from quadctl.settings import Settings, load
@@ -76,5 +77,8 @@ def true_model(vehicle: Vehicle, truth: HiddenTruth, source: str) -> Model:
     stack = []
     for entry in truth.effects:
         kind = HIDDEN_EFFECTS.get(entry.effect) or find_effect(entry.effect, source)
-        stack.append(StackedEffect(kind.from_values(entry.parameters, source)))
+        effect = kind.from_values(entry.parameters, source)
+        if problem := effect.mismatch(vehicle):
+            raise SettingsError(f"{source}: {problem}")
+        stack.append(StackedEffect(effect))
     return Model(vehicle, tuple(stack), name="truth")

@@ -249,6 +249,15 @@ def test_effects_may_be_named_in_short(tmp_path: Path, raptor_path: Path) -> Non
     assert [e.name for e in load_model(path).effects] == ["ground_effect.sanchez", "inflow.axial"]
 
 
+@pytest.mark.parametrize("rotor", ["7", "1.5"])
+def test_a_rotor_that_the_vehicle_has_not_is_refused(tmp_path: Path, raptor_path: Path, rotor: str) -> None:
+    file = tmp_path / "weak.yaml"
+    entry = f"  - {{effect: rotor_fault.weak, parameters: {{rotor: {rotor}, loss: 0.2}}}}"
+    file.write_text(f"vehicle: {raptor_path}\neffects:\n{entry}\n")
+    with pytest.raises(SettingsError, match=rf"effects\[1\]: parameter rotor .* is {rotor}, expected a whole number"):
+        load_model(file)
+
+
 def test_a_model_that_cannot_be_written(tmp_path: Path, raptor: Vehicle) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(SettingsError, match=r"model\.yaml: cannot be written \(.+\)$"):

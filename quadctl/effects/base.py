@@ -157,6 +157,10 @@ class Effect:
         """Whether parameters fitted to these flights are what the effect can be, or the form stands in for another."""
         return True
 
+    def mismatch(self, vehicle: Vehicle) -> str:
+        """Why these parameters cannot be those of `vehicle`; empty: they can."""
+        return ""
+
     def shows_in(self, vehicle: Vehicle) -> tuple[str, ...]:
         """Axes of the moments (roll, pitch, yaw) whose error it must lower, all of them, to be what it says it is."""
         return ()

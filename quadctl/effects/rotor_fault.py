@@ -31,6 +31,11 @@ class WeakRotor(Effect):
     def negligible(self) -> bool:
         return self.loss < 0.03
 
+    def mismatch(self, vehicle: Vehicle) -> str:
+        whole = float(self.rotor).is_integer() and self.rotor <= vehicle.n_rotors
+        expected = f"expected a whole number from 1 to {vehicle.n_rotors}, the rotors of '{vehicle.name}'"
+        return "" if whole else f"parameter rotor of {self.name} is {self.rotor:g}, {expected}"
+
     def shows_in(self, vehicle: Vehicle) -> tuple[str, ...]:
         """The moments that the rotor has a good share in: one alone may be a centre of mass or a motor that leans."""
         arms = [abs(arm) for arm in vehicle.moment_arms_m[round(self.rotor) - 1]]
