@@ -61,6 +61,10 @@ class Nuisances:
         lean, toward = math.radians(ATTITUDE_BIAS_DEG) * chance.uniform(0.3, 1.0), chance.uniform(0.0, 2.0 * math.pi)
         rise, uphill = math.tan(math.radians(SLOPE_DEG)) * chance.random(), chance.uniform(0.0, 2.0 * math.pi)
         delay = chance.uniform(*DELAY_S)
+
+        def bias() -> float:
+            return chance.uniform(-IMU_BIAS_M_S2, IMU_BIAS_M_S2)
+
         return cls(
             rotor_coefficients=coefficients,
             attitude_bias=quaternion_from_euler(lean * math.cos(toward), lean * math.sin(toward), 0.0),
@@ -70,7 +74,7 @@ class Nuisances:
             rpm_delay_s=delay + chance.uniform(*RPM_EXTRA_DELAY_S),
             rpm_rate_hz=chance.uniform(*RPM_RATE_HZ),
             gust_m_s2=chance.uniform(*GUST_M_S2),
-            imu_bias_m_s2=tuple(chance.uniform(-IMU_BIAS_M_S2, IMU_BIAS_M_S2) for _ in range(3)),  # type: ignore[arg-type]
+            imu_bias_m_s2=(bias(), bias(), bias()),
             seed=1000 * seed + flight,
         )
 
