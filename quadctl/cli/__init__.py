@@ -1,0 +1,64 @@
+"""The commands: parse, call, print. What they do is elsewhere."""
+
+import os
+import sys
+from typing import Annotated, NoReturn
+
+import typer
+from rich.console import Console
+
+from quadctl import __version__
+from quadctl.cli import flight, lab
+from quadctl.cli.app import app, console
+from quadctl.errors import QuadctlError
+
+__all__ = ["app", "flight", "lab", "main"]
+
+INTERRUPTED = 130
+"""Exit status with which typer ends on Ctrl-C."""
+
+LAB_PACKAGES = ("scipy", "joblib", "polars", "matplotlib", "jinja2", "pyulog", "mcap", "pysindy")
+"""Of the extra `lab`: not on the companion computer."""
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        console.print(f"quadctl {__version__}", highlight=False)
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit.")
+    ] = False,
+) -> None:
+    """Fly a multirotor from a companion computer, and find out which physics its model is missing."""
+
+
+def main() -> NoReturn:
+    """Entry point: errors that the user can mend are one sentence and exit status 1."""
+    try:
+        app()
+    except QuadctlError as error:
+        _fail(str(error), 1)
+    except ModuleNotFoundError as error:
+        if error.name is None or error.name.partition(".")[0] not in LAB_PACKAGES:
+            raise
+        _fail(f"this command needs {error.name}, which the lean install leaves out: pip install 'quadctl[lab]'", 1)
+    except MemoryError:
+        _fail("there is not enough memory for a file of this size", 1)
+    except OSError as error:
+        # Whoever opens a file says which one; what is left is the output, such as a full disk behind `> file`.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _fail(f"{error.filename or 'the output'}: {error.strerror or error}", 1)
+    except SystemExit as ended:
+        if ended.code == INTERRUPTED:
+            _fail("interrupted", 1)
+        raise
+    sys.exit(0)
+
+
+def _fail(sentence: str, status: int) -> NoReturn:
+    Console(stderr=True, soft_wrap=True, markup=False, highlight=False).print(f"quadctl: {sentence}")
+    sys.exit(status)

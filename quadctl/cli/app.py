@@ -1,0 +1,13 @@
+"""The one application that the commands register with, and the console that they print on."""
+
+import typer
+from rich.console import Console
+
+app = typer.Typer(
+    name="quadctl",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+console = Console()
