@@ -116,6 +116,14 @@ class Model:
         """What the accelerometer tells beyond the true acceleration, NED."""
         return rotate(c.attitude, _sum(effect.sensed_m_s2(c) for effect in self.effects if effect.senses))
 
+    def late(self) -> "Model":
+        """The model with only those effects that make the thrust come later."""
+        return replace(self, stack=tuple(item for item in self.stack if item.effect.retards))
+
+    def prompt(self) -> "Model":
+        """The model with the others: those that act at once."""
+        return replace(self, stack=tuple(item for item in self.stack if not item.effect.retards))
+
     def turning(self) -> "Model":
         """The model with only those effects that the balance of moments can show."""
         return replace(self, stack=tuple(item for item in self.stack if item.effect.turns))

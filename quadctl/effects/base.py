@@ -89,6 +89,8 @@ class Effect:
     """Its rotor thrusts or its torque turn the body by what the balance of moments can show."""
     senses: ClassVar[bool] = False
     """It shows where the accelerometer and the change of velocity disagree."""
+    retards: ClassVar[bool] = False
+    """It makes the thrust come later; by how much a log itself is late has to be estimated along with it."""
     stands_back_for: ClassVar[tuple[str, ...]] = ()
     """Families beside which it is used as `standing_back`, because they say a part of it better."""
 

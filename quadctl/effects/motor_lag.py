@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from quadctl.effects.base import Conditions, Effect, parameter
 from quadctl.numeric import Number
@@ -29,6 +30,7 @@ class FirstOrderLag(Effect):
     physics: ClassVar[str] = "The thrust follows the logged commands or speeds late: motors and air take their time."
     told_apart_by: ClassVar[str] = "quick changes of thrust; slow flight does not show it"
     mission: ClassVar[str] = "missions/vertical_runs.yaml"
+    retards: ClassVar[bool] = True
 
     time_constant_s: float = parameter(0.05, 0.0, 1.0, "s", "after which 63 % of a change are there")
 
@@ -38,11 +40,12 @@ class FirstOrderLag(Effect):
     def rotor_thrust(self, thrust_n: Sequence[Number], c: Conditions, vehicle: Vehicle) -> Sequence[Number]:
         if not isinstance(c.time_s, np.ndarray) or len(c.time_s) < 2:
             return thrust_n
-        return [_lagged(thrust, c.time_s[1] - c.time_s[0], self.time_constant_s) for thrust in thrust_n]
+        step_s = c.time_s[1] - c.time_s[0]
+        return [lagged(thrust, step_s, self.time_constant_s) for thrust in thrust_n]
 
 
-def _lagged(signal: Number, step_s: float, lag_s: float) -> Number:
-    """The answer of a first-order lag to `signal`, which is taken as straight between its samples."""
+def lagged(signal: NDArray[np.float64], step_s: float, lag_s: float) -> NDArray[np.float64]:
+    """The answer of a first-order lag to `signal`, samples `step_s` apart, which is straight between them."""
     if lag_s < 1e-3 * step_s:
         return signal
     reach = min(max(1, round(MEMORY * lag_s / step_s)), 4 * len(signal))
@@ -52,4 +55,4 @@ def _lagged(signal: Number, step_s: float, lag_s: float) -> Number:
     kernel = np.diff(ramp, 2) / step_s
     kernel /= kernel.sum()
     padded = np.concatenate([np.full(len(kernel) - 1, signal[0]), signal])
-    return np.convolve(padded, kernel, mode="valid")
+    return np.asarray(np.convolve(padded, kernel, mode="valid"))

@@ -24,6 +24,8 @@ HARMLESS = 0.01
 """An effect that is about moments must not add more than this share to the error of any of them."""
 NOTHING = 1e-9
 """An error of a log that was made up, not flown."""
+RETIMED = 2
+"""So often a lag and how late the log is are found in turn."""
 IDLE = 0.005
 """An effect that changes the error of the acceleration by less than this share does nothing to it."""
 
@@ -162,7 +164,12 @@ def fit_on_top(effect: type[Effect], left: Unmodelled) -> tuple[Fitter, Fitted, 
     fits = [fitter.fit() for fitter in fitters]
     misfits = [fitter.misfit(fitted, left.scale) for fitter, fitted in zip(fitters, fits, strict=True)]
     best = misfits.index(min(misfits))
-    return fitters[best], fits[best], independent
+    fitter, fitted = fitters[best], fits[best]
+    for _ in range(RETIMED if effect.retards else 0):
+        # The log was timed for the lag that the fit began with.
+        fitter = Fitter(fitted.model, left.dataset)
+        fitted = fitter.fit()
+    return fitter, fitted, independent
 
 
 def believable(model: Model, dataset: Dataset) -> bool:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
+from quadctl.effects.motor_lag import lagged
 from quadctl.errors import LogError
 from quadctl.lab.arrays import Floats
 from quadctl.logs.columns import motor_columns, rpm_columns
@@ -49,6 +50,13 @@ class Signals:
     """Specific force, FRD; empty where it is not logged."""
     battery: Channel | None
     thrust_source: str
+    lag_s: float = 0.0
+    """With which the rotors follow `rotor`, by the vehicle's file: 0 where it is their speed."""
+
+    def thrust_on(self, grid_s: Floats) -> list[Floats]:
+        """Nominal thrust of each rotor on an even clock, N."""
+        step_s = float(grid_s[1] - grid_s[0])
+        return [lagged(channel.at(grid_s), step_s, self.lag_s) for channel in self.rotor]
 
     @property
     def timed(self) -> dict[str, Channel]:
@@ -78,6 +86,7 @@ def signals_of(log: FlightLog, vehicle: Vehicle, notes: list[str]) -> Signals:
         return found
 
     rotor, source = _rotorsignals_of(log, vehicle)
+    lag_s = 0.0 if source == ROTOR_SPEED else vehicle.rotor.time_constant_s
     if source != ROTOR_SPEED:
         notes.append(f"without rotor speeds, thrust is taken from the {source}")
     rotor = _without_spikes(rotor, vehicle.throttle.max_thrust_per_rotor_n, f"{source}s", notes)
@@ -95,6 +104,7 @@ def signals_of(log: FlightLog, vehicle: Vehicle, notes: list[str]) -> Signals:
         channels(IMU) if all(log.has(name) for name in IMU) else [],
         battery,
         source,
+        lag_s,
     )
 
 
@@ -123,19 +133,18 @@ def _rotorsignals_of(log: FlightLog, vehicle: Vehicle) -> tuple[list[Channel], s
         rows = updates_of(log, names)
         k = vehicle.rotor.thrust_n_per_rpm2
         return [Channel(log.time_s[rows], k * log[name][rows] ** 2) for name in names], ROTOR_SPEED
-    # The rotors follow a command with their lag: to first order, the force is that much later.
-    lag_s, curve, n = vehicle.rotor.time_constant_s, vehicle.throttle, vehicle.n_rotors
+    curve, n = vehicle.throttle, vehicle.n_rotors
     outputs = motor_columns(n, "output")
     if all(log.has(name) for name in outputs):
         if log.has(motor_columns(n + 1, "output")[-1]):
             raise LogError(f"{log.name}: has the outputs of more than {n} motors, the vehicle '{vehicle.name}' has {n}")
         rows = updates_of(log, outputs)
         found = [np.maximum(log[name][rows] - curve.offset, 0.0) / (curve.per_newton * n) for name in outputs]
-        return [Channel(log.time_s[rows] + lag_s, thrust) for thrust in found], "motor output"
+        return [Channel(log.time_s[rows], thrust) for thrust in found], "motor output"
     if log.has("throttle_cmd"):
         rows = log.updates("throttle_cmd")
         each = np.maximum(log["throttle_cmd"][rows] - curve.offset, 0.0) / (curve.per_newton * n)
-        return [Channel(log.time_s[rows] + lag_s, each)] * n, THROTTLE
+        return [Channel(log.time_s[rows], each)] * n, THROTTLE
     raise LogError(
         f"{log.name}: holds neither rotor speeds nor throttle_cmd nor motor outputs, "
         "expected one of them to know the thrust"

@@ -79,6 +79,7 @@ class Comparison(Result):
 
 def compare(model: Model, dataset: Dataset) -> Comparison:
     """Evaluate `model` on `dataset` as it stands; nothing is fitted."""
+    dataset = dataset.timed_for(model)
     residual = dataset.residual(model)
     noise = noise_floor(residual, flexible_residual(residual, dataset))
     seen = profiles(residual, noise, dataset)

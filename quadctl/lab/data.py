@@ -9,11 +9,13 @@ import numpy as np
 from joblib import Parallel, delayed
 from numpy.typing import NDArray
 
+from quadctl.effects import Effect
 from quadctl.errors import LogError
 from quadctl.frames import ned_from_neu
 from quadctl.lab.arrays import Floats
 from quadctl.lab.flight import Flight
 from quadctl.lab.prepare import prepare
+from quadctl.lab.timing import timed_for
 from quadctl.logs.flight_log import FlightLog
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
@@ -100,6 +102,20 @@ class Dataset:
     def predicted_targets(self, model: Model) -> Floats:
         """What `model` says the `targets` should have been."""
         return np.concatenate([predict_targets(model, flight, self.groups) for flight in self.flights])
+
+    def timed_for(self, model: Model) -> "Dataset":
+        """The same flights, their rotor signals timed beside what `model` says the motors do."""
+        late = model.late()
+        if not late.stack:
+            return self
+        if late.effects not in self._timed:
+            flights = tuple(timed_for(late, flight) for flight in self.flights)
+            self._timed[late.effects] = Dataset(flights, self.hold_out)
+        return self._timed[late.effects]
+
+    @cached_property
+    def _timed(self) -> "dict[tuple[Effect, ...], Dataset]":
+        return {}
 
     def variable(self, name: str) -> Floats | None:
         """A variable of all samples, or None where a flight lacks it.

@@ -88,7 +88,7 @@ class Fitter:
     """
 
     def __init__(self, model: Model, dataset: Dataset) -> None:
-        self.dataset = dataset
+        self.dataset = dataset.timed_for(model)
         self.model = model
         self.free = free_parameters(model)
         count = len(dataset.flights)

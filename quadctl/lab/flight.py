@@ -1,7 +1,7 @@
 """One prepared flight: what every analysis works on."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -48,6 +48,13 @@ class Flight:
     imu_error: Floats | None = None
     """Filtered: the accelerometer's acceleration minus `measured`, north, east, up, shape (n, 3); None without one."""
     notes: list[str] = field(default_factory=list)
+
+    def shifted(self, delay_s: float) -> "Flight":
+        """The flight with its rotor signal taken so much later."""
+        if delay_s == 0.0:
+            return self
+        nominal = [np.interp(self.grid_s + delay_s, self.grid_s, thrust) for thrust in self.nominal_n]
+        return replace(self, nominal_n=nominal, delay_s=self.delay_s + delay_s)
 
     def filtered(self, signal: Any) -> Floats:
         """A signal on the grid, filtered, at the samples."""

@@ -1,9 +1,9 @@
 """Nuisances: what is a little wrong in every real flight and is no physics that a model should hold.
 
 Each flight has its own: the thrust coefficient of its rotors and battery, the trim of its attitude estimate, the datum
-of its height, a moment from rotors that are not all alike and a centre of mass that is off. They are fitted along with
-the effects, so that they do not masquerade as one, and held to what rotors and sensors really do, so that they do not
-swallow one.
+of its height, the age of its rotor signal, a moment from rotors that are not all alike and a centre of mass that is
+off. They are fitted along with the effects, so that they do not masquerade as one, and held to what rotors and sensors
+really do, so that they do not swallow one.
 """
 
 from collections.abc import Sequence
@@ -33,6 +33,7 @@ KINDS = (
     Kind("roll_rad", np.radians(0.2), np.radians(0.35)),
     Kind("pitch_rad", np.radians(0.2), np.radians(0.35)),
     Kind("height_m", 0.007, 0.012),
+    Kind("delay_s", 0.008, 0.03),
     Kind("roll_moment", 0.01, 0.025),
     Kind("pitch_moment", 0.01, 0.025),
     Kind("yaw_moment", 0.01, 0.025),
@@ -41,7 +42,7 @@ KINDS = (
 do: 0.01 is that of rotors whose coefficients are 1 % off each."""
 USUAL = np.array([kind.usual for kind in KINDS])
 MOST = np.array([kind.most for kind in KINDS])
-FORCES = 4
+FORCES = 5
 """So many of the kinds act on the acceleration, the others on the moments."""
 
 
@@ -49,9 +50,10 @@ def disturbed(flight: Flight, nuisance: Floats) -> Flight:
     """The flight as it would have been logged without its nuisance: what the prediction has to be made from."""
     if not nuisance[:FORCES].any():
         return flight
-    scale, roll, pitch, height = (float(value) for value in nuisance[:FORCES])
+    scale, roll, pitch, height, delay_s = (float(value) for value in nuisance[:FORCES])
     c = flight.conditions
     attitude = multiply(c.attitude, quaternion_from_euler(roll, pitch, 0.0)) if roll or pitch else c.attitude
+    flight = flight.shifted(delay_s)
     return replace(
         flight,
         conditions=replace(c, attitude=attitude, height_m=c.height_m + height),

@@ -16,7 +16,6 @@ from rich.table import Table
 from scipy.ndimage import gaussian_filter1d
 
 from quadctl.effects import Conditions
-from quadctl.effects.motor_lag import FirstOrderLag
 from quadctl.frames import ned_from_neu, rotate, rotate_inverse
 from quadctl.lab.arrays import Floats
 from quadctl.lab.data import AXES, Dataset
@@ -222,10 +221,7 @@ def _simulated(
 
 def _without_memory(model: Model, flight: Flight) -> tuple[Sequence[Floats], Model]:
     """The rotors' thrust once a lag has acted on the whole log, and the model of all that acts at once."""
-    lag = tuple(item for item in model.stack if isinstance(item.effect, FirstOrderLag))
-    rest = tuple(item for item in model.stack if not isinstance(item.effect, FirstOrderLag))
-    nominal = replace(model, stack=lag).rotor_thrust(flight.nominal_n, flight.conditions)
-    return nominal, replace(model, stack=rest)
+    return model.late().rotor_thrust(flight.nominal_n, flight.conditions), model.prompt()
 
 
 def _at(c: Conditions, rows: NDArray[np.int64]) -> Conditions:

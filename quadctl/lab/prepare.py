@@ -7,7 +7,6 @@ acceleration. The bandwidth of that filter is what the slowest channel can carry
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from scipy.sparse import csr_matrix
@@ -24,9 +23,11 @@ from quadctl.frames import (
 from quadctl.lab.arrays import Floats
 from quadctl.lab.channels import THROTTLE, Signals, signals_of
 from quadctl.lab.flight import Flight
+from quadctl.lab.timing import timed_for
 from quadctl.lab.vehicle_match import motion_problem, sidecar_problem, thrust_problem
 from quadctl.logs.contradictions import contradictions
 from quadctl.logs.flight_log import ATTITUDE, POSITION, VELOCITY, FlightLog
+from quadctl.model import Model
 from quadctl.vehicle import Vehicle
 
 MAX_BANDWIDTH_HZ = 3.0
@@ -47,9 +48,6 @@ LONGEST_ROW_GAP_S = 10.0
 """Between rows of one flight: after more, the clock has jumped, or another flight begins."""
 BLOCK_S = 5.0
 """Length of the blocks of time that are held out, shuffled and resampled as one."""
-DELAYS_S = np.arange(-0.04, 0.3001, 0.01)
-"""Of the rotor signal against the velocity. Estimators are up to 40 ms late; a force that comes later still is physics
-(`motor_lag`)."""
 
 
 def prepare(log: FlightLog, vehicle: Vehicle) -> Flight:
@@ -86,10 +84,7 @@ def prepare(log: FlightLog, vehicle: Vehicle) -> Flight:
         seconds = sum(b - a for a, b in segments)
         raise LogError(f"{log.name}: holds {seconds:.0f} s of usable flight, expected at least {MIN_FLIGHT_S:.0f} s")
     flight = _assemble(log.name, vehicle, signals, grid, smooth, derivative, time, bandwidth, notes)
-    delay = _estimated_delay(flight, signals, grid)
-    if delay != 0.0:
-        nominal = [channel.at(grid + delay) for channel in signals.rotor]
-        flight = replace(flight, nominal_n=nominal, delay_s=delay)
+    flight = timed_for(Model(vehicle), flight)
     thrust = np.column_stack([flight.filtered(nominal) for nominal in flight.nominal_n])
     _refuse(log.name, motion_problem(flight.measured, thrust, flight.torque, vehicle))
     return flight
@@ -230,7 +225,7 @@ def _assemble(
         vehicle=vehicle,
         grid_s=grid,
         conditions=Conditions(height, velocity_body, attitude, grid, battery, position),
-        nominal_n=[channel.at(grid) for channel in signals.rotor],
+        nominal_n=signals.thrust_on(grid),
         smooth=smooth,
         time_s=time,
         measured=measured,
@@ -267,30 +262,3 @@ def _torque(
     turning = ((iz - iy) * q * r, (ix - iz) * r * p, (iy - ix) * p * q)
     spin_up = (ix * (derivative @ p), iy * (derivative @ q), iz * (derivative @ r))
     return np.column_stack([a + smooth @ b for a, b in zip(spin_up, turning, strict=True)])
-
-
-def _estimated_delay(flight: Flight, signals: Signals, grid: Floats) -> float:
-    """How much later the rotor signal is logged than the force it makes, from quick vertical changes.
-
-    The shift at which the change in thrust explains the change in vertical acceleration best; 0 where the flight has
-    too little of both to tell (no shift explains a tenth of it).
-    """
-    up = flight.measured[:, 2]
-    quick_up = _detrended(up, flight.time_s)
-    if not np.any(quick_up):
-        return 0.0
-    scores = []
-    for delay in DELAYS_S:
-        thrust = flight.filtered(sum(channel.at(grid + delay) for channel in signals.rotor))
-        quick = _detrended(thrust, flight.time_s)
-        power = float(np.sqrt(quick @ quick * (quick_up @ quick_up)))
-        scores.append(float(quick @ quick_up) / power if power > 0.0 else 0.0)
-    best = int(np.argmax(scores))
-    return float(round(DELAYS_S[best], 3)) if scores[best] > math.sqrt(0.1) else 0.0
-
-
-def _detrended(values: Floats, time_s: Floats, window_s: float = 3.0) -> Floats:
-    """What is left after a running mean over `window_s`."""
-    n = max(3, round(window_s / float(np.median(np.diff(time_s)))) | 1)
-    padded = np.pad(values, n // 2, mode="edge")
-    return values - np.convolve(padded, np.full(n, 1.0 / n), mode="valid")

@@ -18,15 +18,16 @@ class Unmodelled:
     def __init__(self, model: Model, residual: Floats, dataset: Dataset) -> None:
         self.model = model
         self.dataset = dataset
+        self.timed = dataset.timed_for(model)
         self.residual = residual
         self.scale = noise_scale(residual)
         self._basis = Fitter(model, dataset).tangent(self.scale)
-        self._predicted = dataset.predicted_targets(model)
+        self._predicted = self.timed.predicted_targets(model)
         self._left = self._part(residual)
 
     def explained_by(self, effect: Effect) -> float:
         """Squared error, in units of the noise, that a multiple of what `effect` changes can take off."""
-        change = self._part(self.dataset.predicted_targets(self.model.plus(effect)) - self._predicted)
+        change = self._part(self.timed.predicted_targets(self.model.plus(effect)) - self._predicted)
         along = float(change @ self._left)
         return along * abs(along) / max(float(change @ change), 1e-12)
 
