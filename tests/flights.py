@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -61,6 +62,16 @@ def obedient(
     rpm = np.sqrt(each / vehicle.rotor.thrust_n_per_rpm2)
     columns |= dict.fromkeys(rpm_columns(vehicle.n_rotors), rpm)
     return FlightLog(name=name, path=None, columns=columns)
+
+
+def with_late_rotors(log: FlightLog, late_s: float, lag_s: float = 0.0) -> FlightLog:
+    """The same flight with rotor speeds that are logged late, or of motors that follow them with a lag."""
+    t = log.time_s
+    columns = dict(log.columns)
+    for name in (name for name in columns if name.endswith("_rpm")):
+        thrust = columns[name] ** 2
+        columns[name] = np.interp(t - late_s, t, np.sqrt(thrust + lag_s * np.gradient(thrust, t)))
+    return replace(log, columns=columns)
 
 
 def _wave(t: Floats, centre: float, size: float, hz: float) -> tuple[Floats, Floats, Floats]:

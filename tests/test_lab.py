@@ -7,21 +7,24 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flights import obedient, simulated
+from flights import obedient, simulated, with_late_rotors
 from quadctl.effects import find_effect
 from quadctl.effects.ground_effect import Exponential, Sanchez
+from quadctl.effects.motor_lag import FirstOrderLag
 from quadctl.effects.rotor_drag import LinearDrag
 from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.errors import LogError, SettingsError
 from quadctl.lab.add import add
+from quadctl.lab.candidate import try_effect
 from quadctl.lab.compare import compare
 from quadctl.lab.data import Dataset, autocovariance, load_dataset, rmse, variance_of_sum
 from quadctl.lab.diagnose import diagnose
 from quadctl.lab.discover import discover
-from quadctl.lab.fit import Fitter, intervals
+from quadctl.lab.fit import Fitter, intervals, judged
 from quadctl.lab.nuisance import MOST
 from quadctl.lab.prepare import BLOCK_S, prepare
 from quadctl.lab.significance import difference_p_value, improvement_p_value
+from quadctl.lab.starts import Unmodelled
 from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.read import read_log
 from quadctl.model import Model, load_model, save_model
@@ -76,16 +79,20 @@ class TestPrepare:
         residual = load_dataset([slow], rigid.vehicle).residual(rigid)
         assert rmse(residual)["up"] < 0.1 * float(np.std(flight.measured[:, 2]))
 
-    @pytest.mark.parametrize("late_s", [-0.04, 0.0, 0.06, 0.12, 0.25])
+    @pytest.mark.parametrize("late_s", [-0.1, -0.04, 0.0, 0.057, 0.12, 0.25])
     def test_the_delay_of_the_rotor_signal_is_found(self, rigid: Model, late_s: float) -> None:
-        log = obedient(rigid)
-        t = log.time_s
-        columns = {
-            name: np.interp(t - late_s, t, values) if name.endswith("_rpm") else values
-            for name, values in log.columns.items()
-        }
-        flight = prepare(dataclasses.replace(log, columns=columns), rigid.vehicle)
-        assert flight.delay_s == pytest.approx(late_s, abs=0.0101)
+        flight = prepare(with_late_rotors(obedient(rigid), late_s), rigid.vehicle)
+        assert flight.delay_s == pytest.approx(late_s, abs=0.003)
+
+    @pytest.mark.parametrize("late_s", [-0.03, 0.05])
+    def test_a_lag_is_told_from_the_age_of_the_rotor_signal(self, rigid: Model, late_s: float) -> None:
+        """Half of a lag looks like an age: they are right only when they are found together."""
+        data = load_dataset([with_late_rotors(obedient(rigid), late_s, lag_s=0.08)], rigid.vehicle)
+        _, residual = judged(rigid, data)
+        found = try_effect(FirstOrderLag, Unmodelled(rigid, residual, data), 1)
+        assert found.supported
+        assert found.effect.values()["time_constant_s"] == pytest.approx(0.08, rel=0.05)
+        assert data.timed_for(found.model).flights[0].delay_s == pytest.approx(late_s, abs=0.005)
 
     def test_only_the_flight_is_used(self, staircases: list[FlightLog], raptor: Vehicle) -> None:
         flight = prepare(staircases[0], raptor)

@@ -83,6 +83,11 @@ class Flight:
         return np.asarray(self.slowly @ torque)
 
     @cached_property
+    def load(self) -> Floats:
+        """Nominal thrust of all rotors over the weight, filtered and slowly, shape (n,)."""
+        return np.asarray(self.slowly @ self.filtered(sum(self.nominal_n))) / self.vehicle.weight_n
+
+    @cached_property
     def variables(self) -> dict[str, Floats]:
         """What residuals are looked at over, at the samples."""
         c = self.conditions

@@ -16,7 +16,6 @@ from quadctl.lab.arrays import Floats
 from quadctl.lab.data import PREDICT, predict
 from quadctl.lab.flight import Flight
 from quadctl.model import Model
-from quadctl.vehicle import Vehicle
 
 
 @dataclass(frozen=True)
@@ -39,7 +38,7 @@ KINDS = (
     Kind("yaw_moment", 0.01, 0.025),
 )
 """The moments are in units of what all rotors together would turn with if their thrusts added up as independent errors
-do: 0.01 is that of rotors whose coefficients are 1 % off each."""
+do: 0.01 is that of rotors whose coefficients are 1 % off each. Like these errors, they grow with the thrust."""
 USUAL = np.array([kind.usual for kind in KINDS])
 MOST = np.array([kind.most for kind in KINDS])
 FORCES = 5
@@ -69,7 +68,7 @@ def sensitivity(model: Model, flight: Flight, groups: Sequence[str]) -> Floats:
         found[:, :3, i] = (predict(model, disturbed(flight, np.diag(USUAL)[i])) - plain) / USUAL[i]
     if "turning" in groups:
         first = 3 * groups.index("turning")
-        for i, moment in enumerate(rotor_moments_n_m(flight.vehicle)):
+        for i, moment in enumerate(rotor_moments_n_m(flight).T):
             found[:, first + i, FORCES + i] = moment
     return found
 
@@ -78,10 +77,12 @@ def predicted_with(model: Model, flight: Flight, nuisance: Floats, groups: Seque
     """Prediction of one flight's targets with its nuisance, shape (n, 3 * groups)."""
     predicted = {group: PREDICT[group](model, flight) for group in groups if group != "total"}
     if "turning" in predicted:
-        predicted["turning"] = predicted["turning"] + nuisance[FORCES:] * rotor_moments_n_m(flight.vehicle)
+        predicted["turning"] = predicted["turning"] + nuisance[FORCES:] * rotor_moments_n_m(flight)
     return np.column_stack([predict(model, disturbed(flight, nuisance)), *predicted.values()])
 
 
-def rotor_moments_n_m(vehicle: Vehicle) -> Floats:
-    """Root of the summed squares of the moments of the rotors in hover, roll, pitch, yaw, shape (3,)."""
-    return np.asarray(np.linalg.norm(vehicle.moment_arms_m, axis=0) * vehicle.weight_n / vehicle.n_rotors)
+def rotor_moments_n_m(flight: Flight) -> Floats:
+    """Root of the summed squares of the moments of the rotors, roll, pitch, yaw, shape (n, 3)."""
+    vehicle = flight.vehicle
+    hover = np.linalg.norm(vehicle.moment_arms_m, axis=0) * vehicle.weight_n / vehicle.n_rotors
+    return np.asarray(np.outer(flight.load, hover))

@@ -5,10 +5,12 @@ by orthogonal least squares, Billings 2013, as in pysindy) over `symbolic_librar
 it is believed at all, is decided on data that its fit has not seen.
 """
 
+import warnings
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import LinAlgWarning
 
 from quadctl.frames import rotate_inverse
 from quadctl.lab.arrays import Floats, Mask
@@ -101,7 +103,9 @@ def _paths(y: Floats, terms: list[Term], used: Mask) -> list[list[int]]:
     columns /= np.maximum(np.linalg.norm(columns, axis=0), 1e-12)
     target = y[rows] - y[rows].mean()
     target /= max(float(np.linalg.norm(target)), 1e-12)
-    history = FROLS(max_iter=min(MOST_TERMS, len(terms)), alpha=0.0, unbias=False).fit(columns, target).history_
+    with warnings.catch_warnings():  # of terms that are nearly multiples of each other, either will do
+        warnings.simplefilter("ignore", LinAlgWarning)
+        history = FROLS(max_iter=min(MOST_TERMS, len(terms)), alpha=0.0, unbias=False).fit(columns, target).history_
     return [[int(j) for j in np.flatnonzero(coefficients[0])] for coefficients in history]
 
 
