@@ -59,12 +59,14 @@ def disturbed(flight: Flight, nuisance: Floats) -> Flight:
     )
 
 
-def sensitivity(model: Model, flight: Flight, groups: Sequence[str]) -> Floats:
-    """d prediction / d nuisance, at no nuisance, shape (n, 3 * groups, kinds): so small, they act linearly."""
-    plain = predict(model, flight)
-    found = np.zeros((len(plain), 3 * len(groups), len(KINDS)))
+def sensitivity(model: Model, flight: Flight, groups: Sequence[str], here: Floats) -> Floats:
+    """d prediction / d nuisance, at no nuisance, shape (n, 3 * groups, kinds): so small, they act linearly.
+
+    `here` is the prediction of the flight's targets without a nuisance, shape (n, 3 * groups).
+    """
+    found = np.zeros((*here.shape, len(KINDS)))
     for i in range(FORCES):
-        found[:, :3, i] = (predict(model, disturbed(flight, np.diag(USUAL)[i])) - plain) / USUAL[i]
+        found[:, :3, i] = (predict(model, disturbed(flight, np.diag(USUAL)[i])) - here[:, :3]) / USUAL[i]
     if "turning" in groups:
         first = 3 * groups.index("turning")
         for i, moment in enumerate(rotor_moments_n_m(flight.vehicle)):

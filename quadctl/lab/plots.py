@@ -27,11 +27,11 @@ from quadctl.lab.arrays import Floats
 from quadctl.lab.compare import Comparison
 from quadctl.lab.data import AXES, Dataset, variance_of_sum
 from quadctl.lab.diagnose import Diagnosis
-from quadctl.lab.fit import free_parameters, with_values
 from quadctl.lab.flight import VARIABLE_NAMES, VARIABLE_UNITS, Flight
 from quadctl.lab.locate import Profile
 from quadctl.lab.metrics import Tracking
 from quadctl.lab.openloop import OpenLoop
+from quadctl.lab.parameters import free_parameters, with_values
 from quadctl.model import Model
 
 WIDE_PX, PANEL_PX, NARROW_PX = 980, 440, 360

@@ -14,7 +14,8 @@ from quadctl.errors import SettingsError
 from quadctl.lab.arrays import Floats
 from quadctl.lab.candidate import measure_of, parameters_in_words
 from quadctl.lab.data import Dataset, rmse
-from quadctl.lab.fit import Fitter, free_parameters, intervals, judged, remarks, values_of
+from quadctl.lab.fit import Fitter, judged
+from quadctl.lab.parameters import free_parameters, intervals, remarks, values_of
 from quadctl.lab.resample import drop_interval
 from quadctl.lab.significance import improvement_p_value
 from quadctl.lab.tables import Result, errors_table
