@@ -224,7 +224,7 @@ class Fitter:
         values = self._values(fitted)
         low = np.maximum((self._low - values) / self._unit, -LONGEST)
         high = np.minimum((self._high - values) / self._unit, LONGEST)
-        return self._unit * self._equations(sums, -fitted.nuisances).within(low, high)
+        return np.asarray(self._unit * self._equations(sums, -fitted.nuisances).within(low, high))
 
     def _downhill(
         self, fitted: Fitted, residual: Floats, step: Floats, scale: Floats, rows: Mask
