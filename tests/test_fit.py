@@ -17,8 +17,9 @@ from quadctl.lab.add import add
 from quadctl.lab.candidate import Candidate
 from quadctl.lab.data import Dataset, load_dataset
 from quadctl.lab.diagnose import diagnose
-from quadctl.lab.fit import Fitter, intervals, judged, noise_scale, values_of
+from quadctl.lab.fit import Fitter, judged, noise_scale
 from quadctl.lab.nuisance import KINDS, MOST, disturbed
+from quadctl.lab.parameters import intervals, values_of
 from quadctl.lab.starts import Unmodelled, best_starts
 from quadctl.logs.flight_log import RATES, FlightLog
 from quadctl.model import Model

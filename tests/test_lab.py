@@ -15,11 +15,13 @@ from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.errors import LogError, SettingsError
 from quadctl.lab.add import add
 from quadctl.lab.compare import compare
-from quadctl.lab.data import Dataset, autocovariance, load_dataset, rmse, variance_of_sum
+from quadctl.lab.data import Dataset, load_dataset, rmse
 from quadctl.lab.diagnose import diagnose
 from quadctl.lab.discover import discover
-from quadctl.lab.fit import Fitter, intervals
+from quadctl.lab.fit import Fitter
+from quadctl.lab.noise import CorrelatedNoise, autocovariance
 from quadctl.lab.nuisance import MOST
+from quadctl.lab.parameters import intervals
 from quadctl.lab.prepare import BLOCK_S, prepare
 from quadctl.lab.significance import difference_p_value, improvement_p_value
 from quadctl.logs.flight_log import FlightLog
@@ -174,14 +176,14 @@ class TestStatistics:
         data = load_dataset([obedient(rigid, 300.0)], rigid.vehicle)
         n = len(data.measured)
         white = np.random.default_rng(1).standard_normal(n)
-        assert variance_of_sum(np.full(n, 1.0 / n), white, data) == pytest.approx(1.0 / n, rel=0.5)
+        assert CorrelatedNoise(white, data).variance_of_sum(np.full(n, 1.0 / n)) == pytest.approx(1.0 / n, rel=0.5)
 
     def test_correlated_noise_makes_a_mean_less_certain(self, rigid: Model) -> None:
         data = load_dataset([obedient(rigid, 300.0)], rigid.vehicle)
         noise = _correlated(len(data.measured), 0.8, 1)
         n = len(noise)
         # Variance of the mean of an AR(1) process: var / n (1 + rho) / (1 - rho) = 9 var / n for rho = 0.8
-        ratio = variance_of_sum(np.full(n, 1.0 / n), noise, data) / (noise.var() / n)
+        ratio = CorrelatedNoise(noise, data).variance_of_sum(np.full(n, 1.0 / n)) / (noise.var() / n)
         assert 4.0 < ratio < 14.0
 
     def test_autocovariance_at_lag_zero_is_the_variance(self, rigid: Model) -> None:

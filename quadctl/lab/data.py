@@ -31,8 +31,6 @@ MOST_FLIGHT_FOLDS = 10
 """More flights than these share the folds: a fit without each of very many flights would tell little more."""
 MOVED_M = 0.5
 """A vehicle that is held in its place by a controller wanders less than this."""
-MAX_LAG_S = 3.0
-"""Beyond this, residuals of a flight are taken as uncorrelated."""
 MAX_FACTOR_BETWEEN_FLIGHTS = 1.6
 """Of thrust over weight in flight: batteries and payloads explain less."""
 
@@ -95,7 +93,7 @@ class Dataset:
         """Whether folds are flights: one flight alone has to be cut into blocks."""
         return self.hold_out == "flights" and len(self.flights) > 1
 
-    @property
+    @cached_property
     def folds(self) -> list[int]:
         return [int(number) for number in np.unique(self.fold)]
 
@@ -213,26 +211,3 @@ def rmse(residual: Floats, groups: Sequence[str] = ("total",)) -> dict[str, floa
         errors |= {axis: float(np.sqrt(value)) for axis, value in zip(GROUPS[group], three, strict=True)}
         errors[group] = float(np.sqrt(three.sum()))
     return errors
-
-
-def autocovariance(values: Floats, dataset: Dataset) -> list[Floats]:
-    """Autocovariance of one residual axis over lags of whole samples, per flight, about zero mean of the flight."""
-    found = []
-    for flight, part in zip(dataset.flights, dataset.parts, strict=True):
-        x = values[part] - values[part].mean()
-        step = float(np.median(np.diff(flight.time_s)))
-        lags = min(len(x) - 1, max(1, round(MAX_LAG_S / step)))
-        found.append(np.array([x[: len(x) - lag] @ x[lag:] / len(x) for lag in range(lags + 1)]))
-    return found
-
-
-def variance_of_sum(weights: Floats, noise: Floats, dataset: Dataset) -> float:
-    """Variance of sum(weights * noise) when the noise is correlated in time as `noise` is (Bartlett weights)."""
-    total = 0.0
-    for part, gamma in zip(dataset.parts, autocovariance(noise, dataset), strict=True):
-        w = weights[part]
-        lags = len(gamma) - 1
-        total += gamma[0] * float(w @ w)
-        for lag in range(1, lags + 1):
-            total += 2.0 * (1.0 - lag / (lags + 1)) * gamma[lag] * float(w[:-lag] @ w[lag:])
-    return max(total, 1e-30)

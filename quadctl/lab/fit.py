@@ -247,8 +247,8 @@ class Fitter:
         p = len(self.free)
         own = step[p:].reshape(len(sums), -1)
         each = np.concatenate([np.broadcast_to(step[:p], (len(sums), p)), own], axis=-1)
-        square = np.einsum("fm,fmk,fk->", each, sums[:, :-1, :-1], each)
-        return max(float(square), 0.0) / (np.count_nonzero(rows) * self.dataset.targets.shape[1])
+        square = np.sum(np.einsum("fm,fmk->fk", each, sums[:, :-1, :-1]) * each)
+        return max(float(square), 0.0) / float(np.count_nonzero(rows) * self.dataset.targets.shape[1])
 
     def _fitted(self, values: Floats) -> Fitted:
         p = len(self.free)
