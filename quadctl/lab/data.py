@@ -1,6 +1,6 @@
 """Prepared flights as one set of samples: stacked residuals, folds for held-out errors, noise that respects time."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -137,7 +137,7 @@ class Dataset:
         return float(min(h.min() for h in z)), float(max(h.max() for h in z))
 
 
-def load_dataset(logs: Sequence[FlightLog], vehicle: Vehicle, hold_out: HoldOut = "blocks") -> Dataset:
+def load_dataset(logs: Iterable[FlightLog], vehicle: Vehicle, hold_out: HoldOut = "blocks") -> Dataset:
     """Prepare `logs`, flown by `vehicle`; spread as `joblib.parallel_config` says, one after the other without.
 
     Raises

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, TypeVar
 
+import numpy as np
 from rich.console import Group, RenderableType
 from rich.text import Text
 
@@ -14,7 +15,7 @@ from quadctl.errors import SettingsError
 from quadctl.lab.arrays import Floats
 from quadctl.lab.candidate import measure_of, parameters_in_words
 from quadctl.lab.data import Dataset, rmse
-from quadctl.lab.fit import Fitter, judged
+from quadctl.lab.fit import Fitted, Fitter, judged
 from quadctl.lab.parameters import free_parameters, intervals, remarks, values_of
 from quadctl.lab.resample import drop_interval
 from quadctl.lab.significance import improvement_p_value
@@ -170,7 +171,26 @@ def refitted(
         stack.append(StackedEffect(item.effect, provenance))
     model = replace(start, stack=tuple(stack))
     notes = remarks(fitter.free, values_of(fitted.model, fitter.free), ci)
+    if dataset.whole_flights:
+        notes += _blind_folds(fitter, fitted)
     return kind(before_model, model, dataset, residual_before, residual, draws, notes, **further)
+
+
+def _blind_folds(fitter: Fitter, fitted: Fitted) -> list[str]:
+    """Of every fold of flights whose fit could not tell a parameter that all flights together do: a sentence."""
+    dataset, effects = fitter.dataset, fitted.model.effects
+    groups = [np.unique(dataset.flight_index[dataset.fold == number]).tolist() for number in dataset.folds]
+    by_all, *by_others = fitter.undetermined(fitted, [[], *groups])
+    found = []
+    for group, missed in zip(groups, by_others, strict=True):
+        names = [f"{f.parameter.name} of {effects[f.effect].name}" for f in missed if f not in by_all]
+        if names:
+            flights = " and ".join(dataset.names[i] for i in group)
+            found.append(
+                f"without {flights} the other flights do not determine {' and '.join(names)}, so that the held-out "
+                f"error of {flights} says nothing of {'it' if len(names) == 1 else 'them'}"
+            )
+    return found
 
 
 def _standing(effect: Effect) -> Effect:
