@@ -15,9 +15,9 @@ from scipy import stats
 from quadctl.lab.arrays import Floats, Mask
 from quadctl.lab.arrow import Arrow
 from quadctl.lab.data import Dataset, predict_targets
-from quadctl.lab.flight import Flight
-from quadctl.lab.nuisance import KINDS, MOST, predicted_with, sensitivity
+from quadctl.lab.nuisance import KINDS, MOST, predicted_with
 from quadctl.lab.parameters import Free, free_parameters, parameter_slopes, values_of, with_values
+from quadctl.lab.sums import products, resampled_sums, robust_weights, slopes_and_residual, soft_l1_loss
 from quadctl.lab.threads import one_blas_thread
 from quadctl.model import Model
 
@@ -28,17 +28,14 @@ LONGEST = 0.3
 """No step goes further than this share of a parameter's range."""
 CLOSE_ENOUGH = 1e-3
 """A step that moves the prediction by less than this share of the noise is the last."""
-HUBER_SIGMAS = 3.0
-"""Residuals beyond this many (robust) standard deviations count linearly, not squared."""
-
 LEAST_NOISE = 1e-4
 """The noise of no axis is taken as less than this share of the largest."""
 UNSEEN = 4.0
 """A parameter that changes the sum of squares (in noise units) by less than this over its whole range is not seen."""
 UNDETERMINED = 0.8
 """A parameter whose 95 % interval spans more than this share of its range is not determined."""
-DRAWS_AT_ONCE = 20_000
-"""So many normal matrices of flights are held in memory."""
+WEIGHTS_AT_ONCE = 400_000
+"""Of blocks of time in draws: so many are worked on at once."""
 
 
 def judged(model: Model, dataset: Dataset) -> tuple[Model, Floats]:
@@ -154,20 +151,20 @@ class Fitter:
         sums, starts, power = self._sums_by_block(fitted.model, residual, scale)
         count = len(starts)
         random = np.random.default_rng(seed)
-        times = np.empty((BOOTSTRAPS, count), dtype=np.uint16)
+        times, alike = np.empty((BOOTSTRAPS, count), dtype=np.uint16), np.full(count, 1.0 / count)
         for draw in times:
-            draw[:] = random.multinomial(count, np.full(count, 1.0 / count))
+            draw[:] = random.multinomial(count, alike)
         centres = self._usual * random.standard_normal((BOOTSTRAPS, *fitted.nuisances.shape))
         # Few blocks know little of their own spread: Student's t for the normal distribution, n - 1 for n.
         wider = float(stats.t.ppf(0.975, count - 1)) / 1.96 * math.sqrt(count / (count - 1)) if count > 1 else 1.0
         first = np.flatnonzero(np.diff(self.dataset.flight_index[starts], prepend=-1))
         moves = self._moves(fitted)
         steps = np.empty((BOOTSTRAPS, p))
-        at_once = max(1, DRAWS_AT_ONCE // len(first))
+        at_once = max(1, WEIGHTS_AT_ONCE // count)
         for begin in range(0, BOOTSTRAPS, at_once):
             now = slice(begin, begin + at_once)
-            resampled = _weighted(sums, times[now], first)
-            equations = self._equations(resampled, centres[now] - fitted.nuisances)
+            drawn = resampled_sums(sums, times[now], first)
+            equations = self._equations(drawn, centres[now] - fitted.nuisances)
             steps[now] = wider * self._unit[:p] * equations.solve(moves)[:, :p]
         values, low, high = values_of(fitted.model, self.free), self._low[:p], self._high[:p]
         draws = np.clip(values + steps, low, high)
@@ -203,7 +200,7 @@ class Fitter:
     def _equations(self, sums: Floats, pull: Floats) -> Arrow:
         """Normal equations, in units of the range of each parameter and nuisance.
 
-        `sums` are those of each flight (see `_products`), `pull` is where the prior would have the nuisances from where
+        `sums` are those of each flight (see `products`), `pull` is where the prior would have the nuisances from where
         they are, shape (flights, kinds); both may have an axis of draws in front.
         """
         p, kinds = len(self.free), np.arange(len(KINDS))
@@ -270,8 +267,7 @@ class Fitter:
             at_bound = self._low[i] if lowest[i] <= self._low[i] else self._high[i]
             if lowest[i] <= self._low[i] or highest[i] >= self._high[i]:
                 model = with_values(self.model, self.free, np.where(np.arange(p) == i, at_bound, values))
-                power = sum(self._power(model, flight, scale) for flight in self.dataset.flights)
-                found |= self._unseen(np.asarray(power)) & (np.arange(p) != i)
+                found |= self._unseen(self._power(model, scale)) & (np.arange(p) != i)
         return found
 
     # --- one flight after the other -----------------------------------------------------------------------------------
@@ -293,20 +289,20 @@ class Fitter:
         total = float(np.sum((fitted.nuisances / self._usual) ** 2))
         for part in self.dataset.parts:
             e = residual[part][rows[part]] / scale
-            total += 2.0 * HUBER_SIGMAS**2 * float(np.sum(np.sqrt(1.0 + (e / HUBER_SIGMAS) ** 2) - 1.0))
+            total += soft_l1_loss(e)
         return total
 
     def _sums_by_flight(self, model: Model, residual: Floats, scale: Floats, rows: Mask) -> tuple[Floats, Floats]:
         """Sums of each flight's samples in `rows`, weighted by the soft-L1 loss, and plain."""
-        m = len(self.free) + len(KINDS) + 1
+        m, groups = len(self.free) + len(KINDS) + 1, self.dataset.groups
         robust, plain = np.zeros((2, len(self.dataset.flights), m, m))
         for i, (flight, part) in enumerate(zip(self.dataset.flights, self.dataset.parts, strict=True)):
             used = rows[part]
             if used.any():
-                columns = self._columns(model, flight, residual[part], scale)
+                columns = slopes_and_residual(model, flight, groups, residual[part], scale)
                 columns = columns if used.all() else columns[used]
-                robust[i] = _products(columns, _weights(columns))
-                plain[i] = _products(columns)
+                robust[i] = products(columns, robust_weights(columns))
+                plain[i] = products(columns)
         return robust, plain
 
     def _sums_by_block(self, model: Model, residual: Floats, scale: Floats) -> tuple[Floats, NDArray[np.intp], Floats]:
@@ -316,48 +312,21 @@ class Fitter:
         starts = np.flatnonzero(np.diff(self.dataset.block, prepend=-1))
         sums, power = [], np.zeros(p)
         for flight, part in zip(self.dataset.flights, self.dataset.parts, strict=True):
-            columns = self._columns(model, flight, residual[part], scale)
-            weights = _weights(columns)
+            columns = slopes_and_residual(model, flight, self.dataset.groups, residual[part], scale)
+            weights = robust_weights(columns)
             within = starts[(starts >= part.start) & (starts < part.stop)] - part.start
             for begin, end in zip(within, [*within[1:], len(columns)], strict=True):
-                sums.append(_products(columns[begin:end], weights[begin:end]))
+                sums.append(products(columns[begin:end], weights[begin:end]))
             power += np.einsum("nap,nap->p", columns[..., :p], columns[..., :p])
         return np.array(sums), starts, power
 
-    def _columns(self, model: Model, flight: Flight, residual: Floats, scale: Floats) -> Floats:
-        """Slopes of the prediction to the parameters and the flight's nuisances, then its residual, in units of the
-        noise: shape (n, axes, p + kinds + 1)."""
-        groups = self.dataset.groups
-        here = predict_targets(model, flight, groups)
-        parts = [parameter_slopes(model, flight, groups, here), sensitivity(model, flight, groups, here)]
-        return np.concatenate([*parts, residual[..., None]], axis=-1) / scale[:, None]
-
-    def _power(self, model: Model, flight: Flight, scale: Floats) -> Floats:
-        """Sum of squares of the slopes to the parameters, in units of the noise, shape (p,)."""
-        groups = self.dataset.groups
-        j = parameter_slopes(model, flight, groups, predict_targets(model, flight, groups)) / scale[:, None]
-        return np.asarray(np.einsum("nap,nap->p", j, j))
-
-
-def _weights(columns: Floats) -> Floats:
-    """Of the samples, by the soft-L1 loss of their residual, the last of the columns; shape (n, axes)."""
-    return np.asarray(1.0 / np.sqrt(1.0 + (columns[..., -1] / HUBER_SIGMAS) ** 2))
-
-
-def _products(columns: Floats, weights: Floats | None = None) -> Floats:
-    """Sums over samples and axes of the squares and products of `columns`, (n, axes, m); shape (m, m)."""
-    flat = columns.reshape(-1, columns.shape[-1])
-    weighted = flat if weights is None else flat * weights.reshape(-1, 1)
-    return np.asarray(weighted.T @ flat)
-
-
-def _weighted(sums: Floats, times: NDArray[np.uint16], first: NDArray[np.intp]) -> Floats:
-    """Sums of each flight, `times` over those of its blocks, for each draw: shape (draws, flights, m, m)."""
-    count, m, _ = sums.shape
-    flat = sums.reshape(count, m * m)
-    ends = [*first[1:], count]
-    each = [times[:, a:b].astype(float) @ flat[a:b] for a, b in zip(first, ends, strict=True)]
-    return np.stack(each, axis=1).reshape(len(times), len(first), m, m)
+    def _power(self, model: Model, scale: Floats) -> Floats:
+        """Sum of squares of the slopes to the parameters of `model`, in units of the noise, shape (p,)."""
+        power, groups = np.zeros(len(self.free)), self.dataset.groups
+        for flight in self.dataset.flights:
+            j = parameter_slopes(model, flight, groups, predict_targets(model, flight, groups)) / scale[:, None]
+            power += np.einsum("nap,nap->p", j, j)
+        return power
 
 
 def noise_scale(residual: Floats) -> Floats:
