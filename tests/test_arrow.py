@@ -41,8 +41,6 @@ def test_flights_are_eliminated_as_a_dense_solution_would(p: int, flights: int) 
     expected = np.linalg.lstsq(slopes, residual, rcond=None)[0]
     everything = np.ones(len(expected), dtype=bool)
     assert arrow(each, p).solve(everything) == pytest.approx(expected, rel=1e-7, abs=1e-9)
-    errors = np.sqrt(np.diag(np.linalg.inv(slopes.T @ slopes)))[:p]
-    assert arrow(each, p).shared_errors() == pytest.approx(errors, rel=1e-6)
 
 
 @SIZES

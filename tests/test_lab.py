@@ -227,6 +227,13 @@ class TestStatistics:
         assert np.array_equal(flights.fold, flights.flight_index)
 
 
+def test_very_many_flights_share_the_folds(rigid: Model) -> None:
+    (flight,) = load_dataset([obedient(rigid, 20.0)], rigid.vehicle).flights
+    data = Dataset((flight,) * 23, "flights")
+    assert len(data.folds) == 10
+    assert all(len(np.unique(data.fold[part])) == 1 for part in data.parts)
+
+
 class TestFit:
     def test_the_parameters_of_an_obedient_flight_are_found(self, raptor: Vehicle) -> None:
         truth = Model(raptor).plus(ConstantScale(0.93)).plus(Exponential(a=0.3, b=6.0))

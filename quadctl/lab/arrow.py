@@ -66,12 +66,6 @@ class Arrow:
         """With a tiny ridge, which decides only directions that the data do not see at all."""
         return replace(self, shared=_ridged(self.shared), own=_ridged(self.own))
 
-    def shared_errors(self) -> Floats:
-        """Standard errors of the shared unknowns, where `a` is in units of the noise, shape (..., p)."""
-        by_shared = np.linalg.solve(self.own, self.coupled)
-        reduced = self.shared - np.einsum("...fkp,...fkq->...pq", self.coupled, by_shared)
-        return np.asarray(np.sqrt(np.diagonal(np.linalg.inv(reduced), axis1=-2, axis2=-1)))
-
     def times(self, x: Floats) -> Floats:
         """a x, shape (..., p + flights * k)."""
         shared, own = self._parted(x)

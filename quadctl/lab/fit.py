@@ -5,7 +5,6 @@ linear in the samples and in the flights.
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +15,7 @@ from quadctl.lab.arrays import Floats, Mask
 from quadctl.lab.arrow import Arrow
 from quadctl.lab.data import Dataset, predict_targets
 from quadctl.lab.nuisance import KINDS, MOST, predicted_with
-from quadctl.lab.parameters import Free, free_parameters, parameter_slopes, values_of, with_values
+from quadctl.lab.parameters import free_parameters, parameter_slopes, values_of, with_values
 from quadctl.lab.sums import products, resampled_sums, robust_weights, slopes_and_residual, soft_l1_loss
 from quadctl.lab.threads import one_blas_thread
 from quadctl.model import Model
@@ -32,8 +31,6 @@ LEAST_NOISE = 1e-4
 """The noise of no axis is taken as less than this share of the largest."""
 UNSEEN = 4.0
 """A parameter that changes the sum of squares (in noise units) by less than this over its whole range is not seen."""
-UNDETERMINED = 0.8
-"""A parameter whose 95 % interval spans more than this share of its range is not determined."""
 WEIGHTS_AT_ONCE = 400_000
 """Of blocks of time in draws: so many are worked on at once."""
 
@@ -173,22 +170,6 @@ class Fitter:
         # A parameter that is not seen may be anything that is possible.
         draws[:, unseen] = np.where(either, high, low)[:, unseen]
         return draws
-
-    @one_blas_thread
-    def undetermined(self, fitted: Fitted, without: Sequence[Sequence[int]]) -> list[list[Free]]:
-        """For each group of flights, by their numbers: the parameters that the other flights do not determine.
-
-        To first order at `fitted`, the fit to all flights, as if the samples were independent.
-        """
-        residual = self._residual(fitted, self._all())
-        sums = self._sums_by_flight(fitted.model, residual, noise_scale(residual), self._all())[0]
-        found = []
-        for group in without:
-            seen = sums.copy()
-            seen[list(group)] = 0.0
-            width = 3.92 * self._equations(seen, -fitted.nuisances).shared_errors()
-            found.append([f for f, wide in zip(self.free, width > UNDETERMINED, strict=True) if wide])
-        return found
 
     def misfit(self, fitted: Fitted, scale: Floats) -> float:
         """What a fit of all samples minimises, for noise of `scale` per axis: to compare fits of other models."""

@@ -13,6 +13,8 @@ from quadctl.model import Model
 
 STEP = 1e-4
 """Of the differences that give the slopes, as a share of a parameter's range."""
+UNDETERMINED = 0.8
+"""A parameter whose 95 % interval spans more than this share of its range is not determined."""
 
 
 @dataclass(frozen=True)
@@ -66,6 +68,12 @@ def intervals(free: Sequence[Free], draws: Floats) -> list[tuple[float, float]]:
     return [(float(a), float(b)) for a, b in zip(low, high, strict=True)]
 
 
+def undetermined(free: Sequence[Free], ci: Sequence[tuple[float, float]]) -> list[Free]:
+    """The parameters whose intervals span most of what is possible."""
+    ranges = [f.parameter.high - f.parameter.low for f in free]
+    return [f for f, (low, high), span in zip(free, ci, ranges, strict=True) if high - low > UNDETERMINED * span]
+
+
 def remarks(free: Sequence[Free], values: Floats, ci: Sequence[tuple[float, float]]) -> list[str]:
     """What a user must know about the fitted parameters: at a bound, or not determined by these data."""
     found = []
@@ -78,6 +86,6 @@ def remarks(free: Sequence[Free], values: Floats, ci: Sequence[tuple[float, floa
             found.append(f"{p.name} came out as 0: these data show none of it")
         elif value - p.low < 1e-3 * span:
             found.append(f"{p.name} is at its lower bound {p.low:g}: the form does not fit, or the data do not tell")
-        if high - low > 0.8 * span:
+        if undetermined([f], [(low, high)]):
             found.append(f"{p.name} is not determined by these data: its interval spans most of what is possible")
     return found
