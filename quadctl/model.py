@@ -92,8 +92,8 @@ class Model:
         c = self.in_air(c)
         thrust = self.rotor_thrust(nominal_n, c)
         fx, fy, fz = self.side_force(sum(thrust), c)
-        for rotor, t in zip(self.vehicle.rotors, thrust, strict=True):
-            ax, ay, az = rotor.axis
+        for (ax, ay, az), rotors in self.vehicle.rotors_by_axis:
+            t = sum(thrust[i] for i in rotors)
             fx, fy, fz = fx + ax * t, fy + ay * t, fz + az * t
         return fx, fy, fz
 

@@ -100,6 +100,12 @@ class Vehicle(Settings):
         return -sum(rotor.axis[2] for rotor in self.rotors) / self.n_rotors
 
     @cached_property
+    def rotors_by_axis(self) -> tuple[tuple[Triple, tuple[int, ...]], ...]:
+        """The thrust axes, FRD, and the numbers of the rotors that share each, from 0: one where all are upright."""
+        axes = [rotor.axis for rotor in self.rotors]
+        return tuple((axis, tuple(i for i, a in enumerate(axes) if a == axis)) for axis in dict.fromkeys(axes))
+
+    @cached_property
     def moment_arms_m(self) -> tuple[Triple, ...]:
         """Moment about the centre of mass per thrust of each rotor, FRD, N m/N: lever and drag torque.
 

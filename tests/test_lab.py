@@ -17,11 +17,13 @@ from quadctl.errors import LogError, SettingsError
 from quadctl.lab.add import add
 from quadctl.lab.candidate import try_effect
 from quadctl.lab.compare import compare
-from quadctl.lab.data import Dataset, autocovariance, load_dataset, rmse, variance_of_sum
+from quadctl.lab.data import Dataset, load_dataset, rmse
 from quadctl.lab.diagnose import diagnose
 from quadctl.lab.discover import discover
-from quadctl.lab.fit import Fitter, intervals, judged
+from quadctl.lab.fit import Fitter, judged
+from quadctl.lab.noise import CorrelatedNoise, autocovariance
 from quadctl.lab.nuisance import MOST
+from quadctl.lab.parameters import intervals
 from quadctl.lab.prepare import BLOCK_S, prepare
 from quadctl.lab.significance import difference_p_value, improvement_p_value
 from quadctl.lab.starts import Unmodelled
@@ -181,14 +183,14 @@ class TestStatistics:
         data = load_dataset([obedient(rigid, 300.0)], rigid.vehicle)
         n = len(data.measured)
         white = np.random.default_rng(1).standard_normal(n)
-        assert variance_of_sum(np.full(n, 1.0 / n), white, data) == pytest.approx(1.0 / n, rel=0.5)
+        assert CorrelatedNoise(white, data).variance_of_sum(np.full(n, 1.0 / n)) == pytest.approx(1.0 / n, rel=0.5)
 
     def test_correlated_noise_makes_a_mean_less_certain(self, rigid: Model) -> None:
         data = load_dataset([obedient(rigid, 300.0)], rigid.vehicle)
         noise = _correlated(len(data.measured), 0.8, 1)
         n = len(noise)
         # Variance of the mean of an AR(1) process: var / n (1 + rho) / (1 - rho) = 9 var / n for rho = 0.8
-        ratio = variance_of_sum(np.full(n, 1.0 / n), noise, data) / (noise.var() / n)
+        ratio = CorrelatedNoise(noise, data).variance_of_sum(np.full(n, 1.0 / n)) / (noise.var() / n)
         assert 4.0 < ratio < 14.0
 
     def test_autocovariance_at_lag_zero_is_the_variance(self, rigid: Model) -> None:
@@ -230,6 +232,13 @@ class TestStatistics:
         flights = load_dataset(logs, rigid.vehicle, "flights")
         assert flights.folds == [0, 1]
         assert np.array_equal(flights.fold, flights.flight_index)
+
+
+def test_very_many_flights_share_the_folds(rigid: Model) -> None:
+    (flight,) = load_dataset([obedient(rigid, 20.0)], rigid.vehicle).flights
+    data = Dataset((flight,) * 23, "flights")
+    assert len(data.folds) == 10
+    assert all(len(np.unique(data.fold[part])) == 1 for part in data.parts)
 
 
 class TestFit:

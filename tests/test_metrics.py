@@ -2,6 +2,7 @@
 
 import io
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from rich.console import Console
 from quadctl.errors import LogError
 from quadctl.lab import metrics as m
 from quadctl.lab.metrics import Window, metrics, render
+from quadctl.logs.contradictions import contradictions
 from quadctl.logs.flight_log import FlightLog, Floats
 from quadctl.logs.read import read_logs
 
@@ -203,6 +205,16 @@ class TestRefusals:
     def test_no_phase_and_no_window(self) -> None:
         with pytest.raises(LogError, match=r"a\.csv: has no phases, expected a time window"):
             metrics([flight(np.ones(3))])
+
+    def test_a_log_or_reference_that_contradicts_itself(self) -> None:
+        """In the words in which an analysis refuses it."""
+        t = 0.02 * np.arange(3000)
+        columns = {"time_s": t, "z_m": 3.28084 * (1.0 + 0.3 * np.sin(t)), "vz_m_s": 0.3 * np.cos(t)}
+        feet, good = FlightLog("feet.csv", None, columns), flight(np.ones(3))
+        assert contradictions(feet)
+        for logs, references in (([feet], []), ([good], [feet])):
+            with pytest.raises(LogError, match=f"^{re.escape(f'feet.csv: {contradictions(feet)[0]}')}$"):
+                metrics(logs, references, window=Window(0.0, 1.0), setpoint_m=1.0)
 
     def test_phase_flown_twice(self) -> None:
         with pytest.raises(LogError, match="step is flown more than once"):

@@ -1,5 +1,6 @@
 """Refitting a model and taking effects out of it: what `quadctl fit` and `quadctl remove` promise."""
 
+import dataclasses
 import json
 import sys
 from collections.abc import Callable
@@ -19,6 +20,7 @@ from quadctl.lab.data import Dataset, load_dataset
 from quadctl.lab.refit import fit
 from quadctl.lab.remove import held_effect, remove, without
 from quadctl.logs.csv_log import write_csv
+from quadctl.logs.flight_log import FlightLog
 from quadctl.model import Model, load_model, save_model
 from quadctl.vehicle import Vehicle
 
@@ -75,6 +77,30 @@ class TestFit:
             fit(Model(raptor), data)
         with pytest.raises(SettingsError, match=r"holds ground_effect\.hayden, expected"):
             fit(Model(raptor).plus(Hayden()), data)
+
+
+@pytest.fixture(scope="module")
+def low_and_high(truth: Model) -> list[FlightLog]:
+    """One flight near the ground, and one so high that it does not feel it."""
+    low = obedient(truth, 40.0, noise_m_s=0.01, name="low.csv")
+    high = obedient(without(truth.effects[1], truth), 40.0, noise_m_s=0.01, seed=1, name="high.csv")
+    return [low, dataclasses.replace(high, columns={**high.columns, "z_m": high["z_m"] + 3.0})]
+
+
+class TestFlightsHeldOut:
+    def test_it_is_said_which_flight_alone_tells_a_parameter(self, wrong: Model, low_and_high: list[FlightLog]) -> None:
+        notes = fit(wrong, load_dataset(low_and_high, wrong.vehicle, "flights")).remarks
+        (note,) = [note for note in notes if note.startswith("without")]
+        assert note.startswith(
+            "without low.csv the other flights do not determine a of ground_effect.exponential and b of"
+        )
+
+    def test_nothing_is_said_where_each_flight_tells_all(self, wrong: Model, truth: Model) -> None:
+        logs = [obedient(truth, 40.0, noise_m_s=0.01, seed=i, name=f"{i}.csv") for i in range(2)]
+        assert not fit(wrong, load_dataset(logs, wrong.vehicle, "flights")).remarks
+
+    def test_nor_where_every_fold_has_a_part_of_the_flight(self, wrong: Model, low_and_high: list[FlightLog]) -> None:
+        assert not fit(wrong, load_dataset(low_and_high, wrong.vehicle, "blocks")).remarks
 
 
 class TestAdd:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-from quadctl.effects.base import Conditions, Effect, parameter
+from quadctl.effects.base import NO_TORQUE, Conditions, Effect, parameter
 from quadctl.numeric import Number, Vector
 from quadctl.vehicle import Vehicle
 
@@ -49,8 +49,10 @@ class WeakRotor(Effect):
 
     def torque(self, thrust_n: Sequence[Number], c: Conditions, vehicle: Vehicle) -> Vector:
         weak = round(self.rotor) - 1
-        thrust = thrust_n[weak] / (1.0 - self.loss)
-        return 0.0, 0.0, vehicle.moment_arms_m[weak][2] * (1.0 - self.drag_share) * self.loss * thrust
+        if weak >= len(thrust_n):
+            return NO_TORQUE
+        drag_kept = (1.0 - self.drag_share) * self.loss / (1.0 - self.loss)
+        return 0.0, 0.0, vehicle.moment_arms_m[weak][2] * drag_kept * thrust_n[weak]
 
     def rotor_thrust(self, thrust_n: Sequence[Number], c: Conditions, vehicle: Vehicle) -> Sequence[Number]:
         weak = round(self.rotor) - 1

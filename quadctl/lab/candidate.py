@@ -9,7 +9,8 @@ import numpy as np
 from quadctl.effects import Effect
 from quadctl.lab.arrays import Floats
 from quadctl.lab.data import GROUPS, MOMENTS, Dataset, rmse
-from quadctl.lab.fit import Fitted, Fitter, intervals, remarks, values_of
+from quadctl.lab.fit import Fitted, Fitter
+from quadctl.lab.parameters import intervals, remarks, values_of
 from quadctl.lab.significance import improvement_p_value
 from quadctl.lab.starts import Unmodelled, best_starts
 from quadctl.lab.threads import one_blas_thread

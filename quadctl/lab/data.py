@@ -1,8 +1,9 @@
 """Prepared flights as one set of samples: stacked residuals, folds for held-out errors, noise that respects time."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -28,10 +29,10 @@ GROUPS = {"total": AXES, "turning": MOMENTS, "sensing": SENSED}
 accelerometer tells another acceleration than the velocity."""
 HoldOut = Literal["blocks", "flights"]
 FOLDS = 5
+MOST_FLIGHT_FOLDS = 10
+"""More flights than these share the folds: a fit without each of very many flights would tell little more."""
 MOVED_M = 0.5
 """A vehicle that is held in its place by a controller wanders less than this."""
-MAX_LAG_S = 3.0
-"""Beyond this, residuals of a flight are taken as uncorrelated."""
 MAX_FACTOR_BETWEEN_FLIGHTS = 1.6
 """Of thrust over weight in flight: batteries and payloads explain less."""
 
@@ -41,7 +42,8 @@ class Dataset:
     """Flights of one vehicle, and how part of them is held out.
 
     With `hold_out="blocks"` every flight is cut into blocks of `BLOCK_S`, dealt to the folds in turn; with "flights"
-    whole flights are the folds. Each fold is predicted by a fit that has seen only the others.
+    whole flights are the folds, or dealt to `MOST_FLIGHT_FOLDS` in turn. Each fold is predicted by a fit that has seen
+    only the others.
     """
 
     flights: tuple[Flight, ...]
@@ -69,6 +71,12 @@ class Dataset:
         return np.repeat(np.arange(len(self.flights)), [len(flight.time_s) for flight in self.flights])
 
     @cached_property
+    def parts(self) -> list[slice]:
+        """Where the samples of each flight are."""
+        ends = np.cumsum([0, *(len(flight.time_s) for flight in self.flights)])
+        return [slice(int(a), int(b)) for a, b in pairwise(ends)]
+
+    @cached_property
     def block(self) -> NDArray[np.int64]:
         """Number of the block of each sample, unique over all flights."""
         numbers, offset = [], 0
@@ -80,14 +88,14 @@ class Dataset:
     @cached_property
     def fold(self) -> NDArray[np.int64]:
         """Number of the fold that holds each sample out."""
-        return self.flight_index if self.whole_flights else self.block % FOLDS
+        return self.flight_index % MOST_FLIGHT_FOLDS if self.whole_flights else self.block % FOLDS
 
     @property
     def whole_flights(self) -> bool:
         """Whether folds are flights: one flight alone has to be cut into blocks."""
         return self.hold_out == "flights" and len(self.flights) > 1
 
-    @property
+    @cached_property
     def folds(self) -> list[int]:
         return [int(number) for number in np.unique(self.fold)]
 
@@ -145,7 +153,7 @@ class Dataset:
         return float(min(h.min() for h in z)), float(max(h.max() for h in z))
 
 
-def load_dataset(logs: Sequence[FlightLog], vehicle: Vehicle, hold_out: HoldOut = "blocks") -> Dataset:
+def load_dataset(logs: Iterable[FlightLog], vehicle: Vehicle, hold_out: HoldOut = "blocks") -> Dataset:
     """Prepare `logs`, flown by `vehicle`; spread as `joblib.parallel_config` says, one after the other without.
 
     Raises
@@ -219,27 +227,3 @@ def rmse(residual: Floats, groups: Sequence[str] = ("total",)) -> dict[str, floa
         errors |= {axis: float(np.sqrt(value)) for axis, value in zip(GROUPS[group], three, strict=True)}
         errors[group] = float(np.sqrt(three.sum()))
     return errors
-
-
-def autocovariance(values: Floats, dataset: Dataset) -> list[Floats]:
-    """Autocovariance of one residual axis over lags of whole samples, per flight, about zero mean of the flight."""
-    found = []
-    for i, flight in enumerate(dataset.flights):
-        x = values[dataset.flight_index == i]
-        x = x - x.mean()
-        step = float(np.median(np.diff(flight.time_s)))
-        lags = min(len(x) - 1, max(1, round(MAX_LAG_S / step)))
-        found.append(np.array([x[: len(x) - lag] @ x[lag:] / len(x) for lag in range(lags + 1)]))
-    return found
-
-
-def variance_of_sum(weights: Floats, noise: Floats, dataset: Dataset) -> float:
-    """Variance of sum(weights * noise) when the noise is correlated in time as `noise` is (Bartlett weights)."""
-    total = 0.0
-    for i, gamma in enumerate(autocovariance(noise, dataset)):
-        w = weights[dataset.flight_index == i]
-        lags = len(gamma) - 1
-        total += gamma[0] * float(w @ w)
-        for lag in range(1, lags + 1):
-            total += 2.0 * (1.0 - lag / (lags + 1)) * gamma[lag] * float(w[:-lag] @ w[lag:])
-    return max(total, 1e-30)

@@ -27,10 +27,11 @@ from quadctl.lab.candidate import (
     unseen_score,
 )
 from quadctl.lab.data import Dataset, rmse
-from quadctl.lab.fit import free_parameters, judged
+from quadctl.lab.fit import judged
 from quadctl.lab.flexible import flexible_residual
 from quadctl.lab.flight import SPAN_UNITS
 from quadctl.lab.formula import Symbolic
+from quadctl.lab.parameters import free_parameters
 from quadctl.lab.significance import difference_p_value, improvement_p_value
 from quadctl.lab.starts import Unmodelled
 from quadctl.lab.symbolic import explain

@@ -1,20 +1,23 @@
-"""Fit the parameters of all effects together: robust nonlinear least squares, intervals by block bootstrap."""
+"""Fit the parameters of all effects together: robust nonlinear least squares, intervals by block bootstrap.
+
+Flights are gone through one by one, and each leaves only sums of squares and products behind: time and memory are
+linear in the samples and in the flights.
+"""
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
-from scipy.linalg import solve_triangular
-from scipy.optimize import lsq_linear
 
-from quadctl.effects import Effect, Parameter
 from quadctl.lab.arrays import Floats, Mask
-from quadctl.lab.data import Dataset
-from quadctl.lab.nuisance import KINDS, MOST, predicted_with, sensitivity
+from quadctl.lab.arrow import Arrow
+from quadctl.lab.considered import draw_errors, setup_slopes
+from quadctl.lab.data import Dataset, predict_targets
+from quadctl.lab.nuisance import KINDS, MOST, predicted_with, usual_sizes
+from quadctl.lab.parameters import free_parameters, parameter_slopes, values_of, with_values
+from quadctl.lab.sums import products, resampled_sums, robust_weights, slopes_and_residual, soft_l1_loss
 from quadctl.lab.threads import one_blas_thread
 from quadctl.model import Model
 
@@ -25,21 +28,12 @@ LONGEST = 0.3
 """No step goes further than this share of a parameter's range."""
 CLOSE_ENOUGH = 1e-3
 """A step that moves the prediction by less than this share of the noise is the last."""
-HUBER_SIGMAS = 3.0
-"""Residuals beyond this many (robust) standard deviations count linearly, not squared."""
-
 LEAST_NOISE = 1e-4
 """The noise of no axis is taken as less than this share of the largest."""
 UNSEEN = 4.0
 """A parameter that changes the sum of squares (in noise units) by less than this over its whole range is not seen."""
-
-
-@dataclass(frozen=True)
-class Free:
-    """One fitted parameter: which effect of the stack, and its declaration."""
-
-    effect: int
-    parameter: Parameter
+WEIGHTS_AT_ONCE = 400_000
+"""Of blocks of time in draws: so many are worked on at once."""
 
 
 def judged(model: Model, dataset: Dataset) -> tuple[Model, Floats]:
@@ -47,24 +41,6 @@ def judged(model: Model, dataset: Dataset) -> tuple[Model, Floats]:
     fitter = Fitter(model, dataset)
     fitted = fitter.fit()
     return fitted.model, dataset.targets - fitter.held_out(fitted)
-
-
-def free_parameters(model: Model) -> list[Free]:
-    """The parameters of the stack that a fit may move."""
-    return [Free(i, p) for i, effect in enumerate(model.effects) for p in effect.parameters() if p.fitted]
-
-
-def values_of(model: Model, free: Sequence[Free]) -> Floats:
-    return np.array([getattr(model.effects[f.effect], f.parameter.name) for f in free])
-
-
-def with_values(model: Model, free: Sequence[Free], values: Floats) -> Model:
-    """The model with its free parameters at `values`."""
-    changed: list[dict[str, float]] = [effect.values() for effect in model.effects]
-    for f, value in zip(free, values, strict=True):
-        changed[f.effect][f.parameter.name] = float(value)
-    effects: list[Effect] = [type(e)(**v) for e, v in zip(model.effects, changed, strict=True)]
-    return model.with_effects(effects)
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +60,8 @@ class Fitter:
     """Fits one form of model, and the nuisances of each flight, to parts of one dataset.
 
     The fit minimises the robust sum of squares of the residual, in units of its noise, plus the squares of the
-    nuisances in units of their usual size.
+    nuisances in units of their usual size. All that is fitted makes one vector: the p parameters, then the nuisances
+    flight by flight.
     """
 
     def __init__(self, model: Model, dataset: Dataset) -> None:
@@ -94,9 +71,8 @@ class Fitter:
         count = len(dataset.flights)
         self._low = np.concatenate([[f.parameter.low for f in self.free], np.tile(-MOST, count)])
         self._high = np.concatenate([[f.parameter.high for f in self.free], np.tile(MOST, count)])
-        replaced = {name for effect in model.effects for name in effect.replaces}
-        # A nuisance that an effect of the model stands for is held at 0: the two could not be told apart.
-        self._usual = np.tile([1e-4 * k.usual if k.name in replaced else k.usual for k in KINDS], count)
+        self._unit = self._high - self._low
+        self._usual = usual_sizes(model)
 
     @one_blas_thread
     def fit(self, used: Mask | None = None, start: Fitted | None = None) -> Fitted:
@@ -106,13 +82,15 @@ class Fitter:
         is, follows the fit.
         """
         fitted = start or Fitted(self.model, np.zeros((len(self.dataset.flights), len(KINDS))))
-        rows = np.ones(len(self.dataset.targets), dtype=bool) if used is None else used
+        rows = self._all() if used is None else used
+        residual = self._residual(fitted, rows)
         for _ in range(MAX_STEPS):
-            slopes = self._slopes(fitted, rows)
-            step = self._bounded_step(self._values(fitted), slopes)
-            moved = slopes.j[rows] @ step
-            fitted, taken = self._downhill(fitted, step, slopes.scale, rows)
-            if taken == 0.0 or np.sqrt(np.mean((taken * moved) ** 2)) < CLOSE_ENOUGH:
+            scale = noise_scale(residual[rows])
+            robust, plain = self._sums_by_flight(fitted.model, residual, scale, rows)
+            step = self._bounded_step(fitted, robust)
+            moved = self._mean_square(plain, step, rows)
+            fitted, residual, taken = self._downhill(fitted, residual, step, scale, rows)
+            if taken == 0.0 or taken * math.sqrt(moved) < CLOSE_ENOUGH:
                 break
         return fitted
 
@@ -124,19 +102,34 @@ class Fitter:
         it, no further than it is downhill, is the refit to first order. Without a whole flight it may move far, and the
         fit is done again; the nuisances of that flight are then not known and stay where nothing pulls them, at 0.
         """
-        predicted = np.empty_like(self.dataset.targets)
-        slopes = self._slopes(fitted)
+        left = self._without_flights(fitted) if self.dataset.whole_flights else self._without_blocks(fitted)
+        return self.dataset.targets - left
+
+    def _without_flights(self, fitted: Fitted) -> Floats:
+        """Residual of refits that have not seen the flight."""
+        left = np.empty_like(self.dataset.targets)
         for number in self.dataset.folds:
             held = self.dataset.fold == number
-            if self.dataset.whole_flights:
-                known = np.isin(np.arange(len(self.dataset.flights)), self.dataset.flight_index[~held])
-                refitted = self.fit(~held, Fitted(fitted.model, np.where(known[:, None], fitted.nuisances, 0.0)))
-            else:
-                normal, gradient = slopes.sums(~held)
-                step = self._step(normal[None], gradient[None], slopes)[0]
-                refitted, _ = self._downhill(fitted, step, slopes.scale, ~held)
-            predicted[held] = refitted.predicted(self.dataset)[held]
-        return predicted
+            known = np.array([not held[part.start] for part in self.dataset.parts])
+            refitted = self.fit(~held, Fitted(fitted.model, np.where(known[:, None], fitted.nuisances, 0.0)))
+            left[held] = self._residual(refitted, held)[held]
+        return left
+
+    def _without_blocks(self, fitted: Fitted) -> Floats:
+        """Residual of refits, to first order, that have not seen the blocks of the fold."""
+        residual = self._residual(fitted, self._all())
+        scale = noise_scale(residual)
+        sums, starts = self._sums_by_block(fitted.model, residual, scale)[:2]
+        fold = self.dataset.fold[starts]
+        first = np.flatnonzero(np.diff(self.dataset.flight_index[starts], prepend=-1))
+        moves = self._moves(fitted)
+        left = np.empty_like(residual)
+        for number in self.dataset.folds:
+            held = self.dataset.fold == number
+            seen = np.add.reduceat(sums * (fold != number)[:, None, None], first, axis=0)
+            step = self._unit * self._equations(seen, -fitted.nuisances).solve(moves)
+            left[held] = self._downhill(fitted, residual, step, scale, ~held)[1][held]
+        return left
 
     @one_blas_thread
     def bootstrap(self, fitted: Fitted, seed: int = 0) -> Floats:
@@ -144,219 +137,193 @@ class Fitter:
 
         Each draw is one Gauss-Newton step from the optimum with the blocks' new weights, which is the refit to first
         order, with the robust weights of the fit. What the data cannot tell of a nuisance is as uncertain as its prior
-        says: each draw has a prior of its own, about another centre.
+        says: each draw has a prior of its own, about another centre, and a set-up with errors of its own.
         """
-        n_free = len(self.free)
-        if not n_free:
+        p = len(self.free)
+        if not p:
             return np.empty((BOOTSTRAPS, 0))
-        slopes = self._slopes(fitted)
-        blocks = np.unique(self.dataset.block, return_inverse=True)[1]
-        count = int(blocks.max()) + 1
+        residual = self._residual(fitted, self._all())
+        scale = noise_scale(residual)
+        sums, starts, power = self._sums_by_block(fitted.model, residual, scale)
+        count = len(starts)
         random = np.random.default_rng(seed)
-        weight = random.multinomial(count, np.full(count, 1.0 / count), size=BOOTSTRAPS).astype(float)
-        normals, gradients = slopes.sums_per(blocks, count)
-        p = normals.shape[-1]
-        normal = (weight @ normals.reshape(count, p * p)).reshape(BOOTSTRAPS, p, p)
-        centres = np.zeros((BOOTSTRAPS, p))
-        centres[:, n_free:] = self._usual * random.standard_normal((BOOTSTRAPS, p - n_free))
+        times, alike = np.empty((BOOTSTRAPS, count), dtype=np.uint16), np.full(count, 1.0 / count)
+        for draw in times:
+            draw[:] = random.multinomial(count, alike)
+        centres = self._usual * random.standard_normal((BOOTSTRAPS, *fitted.nuisances.shape))
         # Few blocks know little of their own spread: Student's t for the normal distribution, n - 1 for n.
         wider = float(stats.t.ppf(0.975, count - 1)) / 1.96 * math.sqrt(count / (count - 1)) if count > 1 else 1.0
-        steps = wider * self._step(normal, weight @ gradients + slopes.prior * centres, slopes)
-        values = self._values(fitted)
-        draws = np.clip(values + steps, self._low, self._high)[:, :n_free]
-        unseen = self._unseen(slopes.j, slice(n_free)) | self._unseen_at_bounds(values[:n_free], draws, slopes.scale)
+        first = np.flatnonzero(np.diff(self.dataset.flight_index[starts], prepend=-1))
+        moves = self._moves(fitted)
+        errors = draw_errors(BOOTSTRAPS, self.model.vehicle.n_rotors, random)
+        considered = np.einsum("fmk,dk->dfm", self._considered(fitted.model, residual, scale), errors)
+        steps = np.empty((BOOTSTRAPS, p))
+        at_once = max(1, WEIGHTS_AT_ONCE // count)
+        for begin in range(0, BOOTSTRAPS, at_once):
+            now = slice(begin, begin + at_once)
+            drawn = resampled_sums(sums, times[now], first)
+            drawn[..., :-1, -1] += considered[now]
+            equations = self._equations(drawn, centres[now] - fitted.nuisances)
+            steps[now] = wider * self._unit[:p] * equations.solve(moves)[:, :p]
+        values, low, high = values_of(fitted.model, self.free), self._low[:p], self._high[:p]
+        draws = np.clip(values + steps, low, high)
+        unseen = self._unseen(power) | self._unseen_at_bounds(values, draws, scale)
         either = random.integers(0, 2, size=draws.shape)
         # A parameter that is not seen may be anything that is possible.
-        draws[:, unseen] = np.where(either, self._high[:n_free], self._low[:n_free])[:, unseen]
+        draws[:, unseen] = np.where(either, high, low)[:, unseen]
         return draws
-
-    def tangent(self, scale: Floats) -> Floats:
-        """Orthonormal basis of what small changes of the parameters and nuisances do to the targets, which are in units
-        of `scale` per axis: shape (n * axes, p)."""
-        parameters = self._parameter_slopes(values_of(self.model, self.free))
-        j = np.concatenate([parameters, self._nuisance_slopes(self.model)], axis=-1) / scale[None, :, None]
-        u, size, _ = np.linalg.svd(j.reshape(-1, j.shape[-1]) * (self._high - self._low), full_matrices=False)
-        return np.asarray(u[:, size > 1e-9 * max(float(size[0]), 1e-9)])
-
-    def _unseen(self, j: Floats, which: slice) -> Mask:
-        """Parameters whose whole range changes the sum of squares by next to nothing; `j` in units of the noise."""
-        unit = (self._high - self._low)[which]
-        return np.asarray(np.einsum("nap,nap->p", j[..., which], j[..., which]) * unit**2 < UNSEEN)
-
-    def _unseen_at_bounds(self, values: Floats, draws: Floats, scale: Floats) -> Mask:
-        """Parameters that are not seen once another is at the bound that its interval reaches (no a, no b)."""
-        n_free = len(self.free)
-        lowest, highest = np.percentile(draws, [2.5, 97.5], axis=0)
-        found = np.zeros(n_free, dtype=bool)
-        for i in range(n_free):
-            at_bound = self._low[i] if lowest[i] <= self._low[i] else self._high[i]
-            if lowest[i] <= self._low[i] or highest[i] >= self._high[i]:
-                moved = np.where(np.arange(n_free) == i, at_bound, values)
-                unseen = self._unseen(self._parameter_slopes(moved) / scale[None, :, None], slice(n_free))
-                found |= unseen & (np.arange(n_free) != i)
-        return found
-
-    def _slopes(self, fitted: Fitted, rows: Mask | None = None) -> "_Slopes":
-        rows = np.ones(len(self.dataset.targets), dtype=bool) if rows is None else rows
-        residual = self.dataset.targets - fitted.predicted(self.dataset)
-        scale = noise_scale(residual[rows])
-        parameters = self._parameter_slopes(values_of(fitted.model, self.free))
-        j = np.concatenate([parameters, self._nuisance_slopes(fitted.model)], axis=-1) / scale[None, :, None]
-        values = self._values(fitted)
-        unit = self._high - self._low
-        # What the fit has pushed against a bound stays there, as it would in a refit.
-        moves = np.flatnonzero((values - self._low > 1e-6 * unit) & (self._high - values > 1e-6 * unit))
-        prior = np.concatenate([np.zeros(len(self.free)), 1.0 / self._usual**2])
-        return _Slopes(rows, scale, j, residual / scale, moves, prior, -prior * values)
-
-    def _step(self, normal: Floats, gradient: Floats, slopes: "_Slopes") -> Floats:
-        """Gauss-Newton steps for normal matrices of shape (draws, p, p) and gradients of shape (draws, p)."""
-        a, b = self._with_prior(normal, gradient, slopes)
-        moves = slopes.moves
-        steps = np.zeros_like(b)
-        kept = np.ix_(np.arange(len(a)), moves, moves)
-        steps[:, moves] = np.linalg.solve(a[kept], b[:, moves, None])[..., 0]
-        return np.asarray((self._high - self._low) * steps)
-
-    def _with_prior(self, normal: Floats, gradient: Floats, slopes: "_Slopes") -> tuple[Floats, Floats]:
-        """Normal matrices and gradients with the prior of the nuisances, in units of the range of each parameter."""
-        unit = self._high - self._low
-        a = (normal + np.diag(slopes.prior)) * np.outer(unit, unit)
-        # The tiny ridge decides only directions that the data do not see at all.
-        ridge = 1e-9 * np.diagonal(a, axis1=-2, axis2=-1) + 1e-6
-        return a + ridge[..., None] * np.eye(len(unit)), (gradient + slopes.prior_gradient) * unit
-
-    def _bounded_step(self, values: Floats, slopes: "_Slopes") -> Floats:
-        """The Gauss-Newton step that stays within the bounds, and within `LONGEST` of the range of each of them."""
-        unit = self._high - self._low
-        normal, gradient = slopes.sums(slopes.rows)
-        a, b = self._with_prior(normal, gradient, slopes)
-        low = np.maximum((self._low - values) / unit, -LONGEST)
-        high = np.minimum((self._high - values) / unit, LONGEST)
-        # min |L' s - L^-1 b| has the normal equations a s = b.
-        factor = np.linalg.cholesky(a)
-        result = lsq_linear(factor.T, solve_triangular(factor, b, lower=True), (low, high + 1e-12), method="bvls")
-        return np.asarray(unit * result.x)
-
-    def _downhill(self, fitted: Fitted, step: Floats, scale: Floats, rows: Mask) -> tuple[Fitted, float]:
-        """The fit after the longest of `step`, its half, its quarter... that lowers the cost, and that share."""
-        before = self._cost(fitted, scale, rows)
-        values = self._values(fitted)
-        share = 1.0
-        for _ in range(MAX_HALVINGS):
-            moved = np.clip(values + share * step, self._low, self._high)
-            candidate = self._fitted(moved)
-            if self._cost(candidate, scale, rows) < before:
-                return candidate, share
-            share *= 0.5
-        return fitted, 0.0
 
     def misfit(self, fitted: Fitted, scale: Floats) -> float:
         """What a fit of all samples minimises, for noise of `scale` per axis: to compare fits of other models."""
-        return self._cost(fitted, scale, np.ones(len(self.dataset.targets), dtype=bool))
+        rows = self._all()
+        return self._cost(fitted, self._residual(fitted, rows), scale, rows)
 
-    def _cost(self, fitted: Fitted, scale: Floats, rows: Mask) -> float:
-        """Soft-L1 loss of the samples in units of their noise; a prior's term is never an outlier."""
-        e = (self.dataset.targets - fitted.predicted(self.dataset))[rows] / scale
-        loss = 2.0 * HUBER_SIGMAS**2 * (np.sqrt(1.0 + (e / HUBER_SIGMAS) ** 2) - 1.0)
-        return float(loss.sum() + np.sum((fitted.nuisances.ravel() / self._usual) ** 2))
+    # --- steps: vectors of the parameters and the nuisances of all flights --------------------------------------------
+
+    def _equations(self, sums: Floats, pull: Floats) -> Arrow:
+        """Normal equations, in units of the range of each parameter and nuisance.
+
+        `sums` are those of each flight (see `products`), `pull` is where the prior would have the nuisances from where
+        they are, shape (flights, kinds); both may have an axis of draws in front.
+        """
+        p, kinds = len(self.free), np.arange(len(KINDS))
+        unit = np.concatenate([self._unit[: p + len(KINDS)], [1.0]])
+        scaled = sums * np.outer(unit, unit)
+        own = unit[p:-1]
+        scaled[..., p + kinds, p + kinds] += (own / self._usual) ** 2
+        scaled[..., p:-1, -1] += own / self._usual**2 * pull
+        return Arrow.of_sums(scaled, p).ridged()
+
+    def _considered(self, model: Model, residual: Floats, scale: Floats) -> Floats:
+        """How a set-up's errors pull on the parameters and each flight's nuisances, (flights, p + kinds, errors)."""
+        pulls = []
+        for flight, part in zip(self.dataset.flights, self.dataset.parts, strict=True):
+            columns = slopes_and_residual(model, flight, self.dataset.groups, residual[part], scale)
+            here = predict_targets(model, flight, self.dataset.groups)
+            errors = setup_slopes(model, flight, self.dataset.groups, here) / scale[:, None]
+            weighted = columns[..., :-1] * robust_weights(columns)[..., None]
+            pulls.append(np.einsum("nam,nak->mk", weighted, errors))
+        return np.array(pulls)
+
+    def _moves(self, fitted: Fitted) -> Mask:
+        """What the fit has pushed against a bound stays there, as it would in a refit."""
+        values = self._values(fitted)
+        return np.asarray((values - self._low > 1e-6 * self._unit) & (self._high - values > 1e-6 * self._unit))
+
+    def _bounded_step(self, fitted: Fitted, sums: Floats) -> Floats:
+        """The Gauss-Newton step that stays within the bounds, and within `LONGEST` of the range of each of them."""
+        values = self._values(fitted)
+        low = np.maximum((self._low - values) / self._unit, -LONGEST)
+        high = np.minimum((self._high - values) / self._unit, LONGEST)
+        return np.asarray(self._unit * self._equations(sums, -fitted.nuisances).within(low, high))
+
+    def _downhill(
+        self, fitted: Fitted, residual: Floats, step: Floats, scale: Floats, rows: Mask
+    ) -> tuple[Fitted, Floats, float]:
+        """The fit after the longest of `step`, its half, its quarter... that lowers the cost, its residual, and that
+        share."""
+        before = self._cost(fitted, residual, scale, rows)
+        values = self._values(fitted)
+        share = 1.0
+        for _ in range(MAX_HALVINGS):
+            candidate = self._fitted(np.clip(values + share * step, self._low, self._high))
+            left = self._residual(candidate, rows)
+            if self._cost(candidate, left, scale, rows) < before:
+                return candidate, left, share
+            share *= 0.5
+        return fitted, residual, 0.0
+
+    def _mean_square(self, sums: Floats, step: Floats, rows: Mask) -> float:
+        """Of what `step` does to the predictions of the samples `rows`, to first order, in units of the noise."""
+        p = len(self.free)
+        own = step[p:].reshape(len(sums), -1)
+        each = np.concatenate([np.broadcast_to(step[:p], (len(sums), p)), own], axis=-1)
+        square = np.sum(np.einsum("fm,fmk->fk", each, sums[:, :-1, :-1]) * each)
+        return max(float(square), 0.0) / float(np.count_nonzero(rows) * self.dataset.targets.shape[1])
 
     def _fitted(self, values: Floats) -> Fitted:
-        return Fitted(self._model(values), values[len(self.free) :].reshape(-1, len(KINDS)))
+        p = len(self.free)
+        return Fitted(with_values(self.model, self.free, values[:p]), values[p:].reshape(-1, len(KINDS)))
 
     def _values(self, fitted: Fitted) -> Floats:
         return np.concatenate([values_of(fitted.model, self.free), fitted.nuisances.ravel()])
 
-    def _model(self, values: Floats) -> Model:
-        return with_values(self.model, self.free, values[: len(self.free)])
+    def _unseen(self, power: Floats) -> Mask:
+        """Parameters whose whole range changes the sum of squares by next to nothing; `power` of their slopes."""
+        return np.asarray(power * self._unit[: len(self.free)] ** 2 < UNSEEN)
 
-    def _parameter_slopes(self, values: Floats) -> Floats:
-        """d prediction / d free parameter, shape (n, axes, p), by differences that stay within the bounds."""
-        found = np.empty((*self.dataset.targets.shape, len(self.free)))
-        if not self.free:
-            return found
-        here = self.dataset.predicted_targets(self._model(values))
-        for i in range(len(self.free)):
-            step = 1e-4 * (self._high[i] - self._low[i])
-            step = step if values[i] + step <= self._high[i] else -step
-            moved = values.copy()
-            moved[i] += step
-            found[..., i] = (self.dataset.predicted_targets(self._model(moved)) - here) / step
+    def _unseen_at_bounds(self, values: Floats, draws: Floats, scale: Floats) -> Mask:
+        """Parameters that are not seen once another is at the bound that its interval reaches (no a, no b)."""
+        p = len(self.free)
+        lowest, highest = np.percentile(draws, [2.5, 97.5], axis=0)
+        found = np.zeros(p, dtype=bool)
+        for i in range(p):
+            at_bound = self._low[i] if lowest[i] <= self._low[i] else self._high[i]
+            if lowest[i] <= self._low[i] or highest[i] >= self._high[i]:
+                model = with_values(self.model, self.free, np.where(np.arange(p) == i, at_bound, values))
+                found |= self._unseen(self._power(model, scale)) & (np.arange(p) != i)
         return found
 
-    def _nuisance_slopes(self, model: Model) -> Floats:
-        """d prediction / d nuisance, shape (n, axes, flights * kinds): a nuisance moves only its own flight."""
-        count = len(self.dataset.flights)
-        found = np.zeros((*self.dataset.targets.shape, count, len(KINDS)))
-        for i, flight in enumerate(self.dataset.flights):
-            found[self.dataset.flight_index == i, :, i] = sensitivity(model, flight, self.dataset.groups)
-        return found.reshape(*self.dataset.targets.shape, count * len(KINDS))
+    # --- one flight after the other -----------------------------------------------------------------------------------
 
+    def _all(self) -> Mask:
+        return np.ones(len(self.dataset.targets), dtype=bool)
 
-@dataclass(frozen=True, eq=False)
-class _Slopes:
-    """A fit and its neighbourhood, in units of the noise."""
+    def _residual(self, fitted: Fitted, rows: Mask) -> Floats:
+        """What `fitted` leaves of the targets of all flights with samples in `rows`, shape (n, axes); 0 elsewhere."""
+        left = np.zeros_like(self.dataset.targets)
+        for flight, part, nuisance in zip(self.dataset.flights, self.dataset.parts, fitted.nuisances, strict=True):
+            if rows[part].any():
+                predicted = predicted_with(fitted.model, flight, nuisance, self.dataset.groups)
+                left[part] = self.dataset.targets[part] - predicted
+        return left
 
-    rows: Mask
-    """Samples that the noise was taken from."""
-    scale: Floats
-    """Of the noise, per axis."""
-    j: Floats
-    """d prediction / d (parameters, nuisances), shape (n, axes, p)."""
-    e: Floats
-    """Residual, shape (n, axes)."""
-    moves: NDArray[np.intp]
-    """Of the p, those that are not at a bound."""
-    prior: Floats
-    prior_gradient: Floats
+    def _cost(self, fitted: Fitted, residual: Floats, scale: Floats, rows: Mask) -> float:
+        """Soft-L1 loss of the samples in units of their noise; a prior's term is never an outlier."""
+        total = float(np.sum((fitted.nuisances / self._usual) ** 2))
+        for part in self.dataset.parts:
+            e = residual[part][rows[part]] / scale
+            total += soft_l1_loss(e)
+        return total
 
-    @cached_property
-    def robust(self) -> Floats:
-        """Weights of the samples by the soft-L1 loss."""
-        return np.asarray(1.0 / np.sqrt(1.0 + (self.e / HUBER_SIGMAS) ** 2))
+    def _sums_by_flight(self, model: Model, residual: Floats, scale: Floats, rows: Mask) -> tuple[Floats, Floats]:
+        """Sums of each flight's samples in `rows`, weighted by the soft-L1 loss, and plain."""
+        m, groups = len(self.free) + len(KINDS) + 1, self.dataset.groups
+        robust, plain = np.zeros((2, len(self.dataset.flights), m, m))
+        for i, (flight, part) in enumerate(zip(self.dataset.flights, self.dataset.parts, strict=True)):
+            used = rows[part]
+            if used.any():
+                columns = slopes_and_residual(model, flight, groups, residual[part], scale)
+                columns = columns if used.all() else columns[used]
+                robust[i] = products(columns, robust_weights(columns))
+                plain[i] = products(columns)
+        return robust, plain
 
-    @cached_property
-    def _weighted(self) -> Floats:
-        return self.j * self.robust[..., None]
+    def _sums_by_block(self, model: Model, residual: Floats, scale: Floats) -> tuple[Floats, NDArray[np.intp], Floats]:
+        """Sums of every block of time, weighted by the soft-L1 loss; where the blocks begin; plain squares of the
+        slopes to the parameters, shape (p,)."""
+        p = len(self.free)
+        starts = np.flatnonzero(np.diff(self.dataset.block, prepend=-1))
+        sums, power = [], np.zeros(p)
+        for flight, part in zip(self.dataset.flights, self.dataset.parts, strict=True):
+            columns = slopes_and_residual(model, flight, self.dataset.groups, residual[part], scale)
+            weights = robust_weights(columns)
+            within = starts[(starts >= part.start) & (starts < part.stop)] - part.start
+            for begin, end in zip(within, [*within[1:], len(columns)], strict=True):
+                sums.append(products(columns[begin:end], weights[begin:end]))
+            power += np.einsum("nap,nap->p", columns[..., :p], columns[..., :p])
+        return np.array(sums), starts, power
 
-    def sums(self, rows: Mask) -> tuple[Floats, Floats]:
-        """Normal matrix and gradient of the samples `rows`."""
-        p = self.j.shape[-1]
-        j, w = self.j[rows].reshape(-1, p), self._weighted[rows].reshape(-1, p)
-        return w.T @ j, w.T @ self.e[rows].ravel()
-
-    def sums_per(self, group: NDArray[np.intp], count: int) -> tuple[Floats, Floats]:
-        """The same for every group of samples, shapes (count, p, p) and (count, p)."""
-        found = [self.sums(group == number) for number in range(count)]
-        return np.array([normal for normal, _ in found]), np.array([gradient for _, gradient in found])
+    def _power(self, model: Model, scale: Floats) -> Floats:
+        """Sum of squares of the slopes to the parameters of `model`, in units of the noise, shape (p,)."""
+        power, groups = np.zeros(len(self.free)), self.dataset.groups
+        for flight in self.dataset.flights:
+            j = parameter_slopes(model, flight, groups, predict_targets(model, flight, groups)) / scale[:, None]
+            power += np.einsum("nap,nap->p", j, j)
+        return power
 
 
 def noise_scale(residual: Floats) -> Floats:
     """Robust standard deviation of each axis about zero, shape (axes,)."""
-    deviation = 1.4826 * np.median(np.abs(residual), axis=0)
+    deviation = 1.4826 * np.array([np.median(np.abs(axis)) for axis in residual.T])
     return np.asarray(np.maximum(deviation, LEAST_NOISE * max(float(deviation.max()), 1e-3)))
-
-
-def intervals(free: Sequence[Free], draws: Floats) -> list[tuple[float, float]]:
-    """95 % percentile interval of each free parameter."""
-    if not free:
-        return []
-    low, high = np.percentile(draws, [2.5, 97.5], axis=0)
-    return [(float(a), float(b)) for a, b in zip(low, high, strict=True)]
-
-
-def remarks(free: Sequence[Free], values: Floats, ci: Sequence[tuple[float, float]]) -> list[str]:
-    """What a user must know about the fitted parameters: at a bound, or not determined by these data."""
-    found = []
-    for f, value, (low, high) in zip(free, values, ci, strict=True):
-        p = f.parameter
-        span = p.high - p.low
-        if p.high - value < 1e-3 * span:
-            found.append(f"{p.name} is at its upper bound {p.high:g}: the form does not fit, or the data do not tell")
-        elif value - p.low < 1e-3 * span and p.low == 0.0:
-            found.append(f"{p.name} came out as 0: these data show none of it")
-        elif value - p.low < 1e-3 * span:
-            found.append(f"{p.name} is at its lower bound {p.low:g}: the form does not fit, or the data do not tell")
-        if high - low > 0.8 * span:
-            found.append(f"{p.name} is not determined by these data: its interval spans most of what is possible")
-    return found

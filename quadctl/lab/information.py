@@ -7,15 +7,10 @@ import numpy as np
 
 from quadctl.lab.arrays import Floats
 from quadctl.lab.data import predict_targets
-from quadctl.lab.fit import free_parameters, values_of, with_values
 from quadctl.lab.flight import Flight
-from quadctl.lab.nuisance import KINDS, sensitivity
+from quadctl.lab.nuisance import sensitivity, usual_sizes
+from quadctl.lab.parameters import free_parameters, parameter_slopes
 from quadctl.model import Model
-
-STEP = 1e-4
-"""Of the differences that give the slopes, as a share of a parameter's range."""
-HELD = 1e-4
-"""A nuisance that an effect of the model stands for has this share of its usual size (as in a fit)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,31 +59,15 @@ def information(
     `noise` is the standard deviation of each axis of the targets of `groups`, shape (axes,), as if the samples were
     independent. `difference`, shape (n, axes), is what the model would have to imitate.
     """
-    replaced = {name for effect in model.effects for name in effect.replaces}
-    usual = np.array([HELD * kind.usual if kind.name in replaced else kind.usual for kind in KINDS])
+    usual = usual_sizes(model)
     # In units of their usual size all nuisances have the prior 1.
-    n = _flat(sensitivity(model, flight, groups), noise) * usual
-    j = _flat(_slopes(model, flight, groups), noise)
+    here = predict_targets(model, flight, groups)
+    n = _flat(sensitivity(model, flight, groups, here), noise) * usual
+    j = _flat(parameter_slopes(model, flight, groups, here), noise)
     d = np.zeros(len(j)) if difference is None else (difference / noise).ravel()
     factor = np.linalg.cholesky(n.T @ n + np.eye(len(usual)))
     nj, nd = np.linalg.solve(factor, n.T @ j), np.linalg.solve(factor, n.T @ d)
     return Information(j.T @ j - nj.T @ nj, j.T @ d - nj.T @ nd, float(d @ d - nd @ nd))
-
-
-def _slopes(model: Model, flight: Flight, groups: Sequence[str]) -> Floats:
-    """d prediction / d free parameter, shape (n, axes, p), by differences that stay within the bounds."""
-    free = free_parameters(model)
-    values = values_of(model, free)
-    here = predict_targets(model, flight, groups)
-    found = np.empty((*here.shape, len(free)))
-    for i, f in enumerate(free):
-        step = STEP * (f.parameter.high - f.parameter.low)
-        moved = values.copy()
-        moved[i] += step if values[i] + step <= f.parameter.high else -step
-        found[..., i] = (predict_targets(with_values(model, free, moved), flight, groups) - here) / (
-            moved[i] - values[i]
-        )
-    return found
 
 
 def _flat(slopes: Floats, noise: Floats) -> Floats:

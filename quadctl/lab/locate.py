@@ -12,10 +12,13 @@ from scipy import stats
 
 from quadctl.frames import GRAVITY_M_S2
 from quadctl.lab.arrays import Floats, Mask
-from quadctl.lab.data import AXES, Dataset, variance_of_sum
+from quadctl.lab.data import AXES, Dataset
 from quadctl.lab.flight import VARIABLE_NAMES, VARIABLE_UNITS
+from quadctl.lab.noise import CorrelatedNoise
 
 BINS = 10
+LEAST_ERROR_M_S2 = 1e-6
+"""Of a mean: flights that were made up have less."""
 MIN_SIGMA = 4.0
 """Of the mean of a bin: with some hundred bins looked at, less happens by chance."""
 MIN_RESIDUAL_M_S2 = 0.02
@@ -70,11 +73,12 @@ class Profile:
 def profiles(residual: Floats, noise: Floats, dataset: Dataset) -> list[Profile]:
     """Every axis over every variable, the most telling first."""
     found = []
+    by_axis = [CorrelatedNoise(noise[:, a], dataset) for a in range(len(AXES))]
     for name in dataset.flights[0].variables:
         x = dataset.variable(name)
         if x is None or np.ptp(x) < 1e-9:
             continue
-        found += [_profile(residual[:, a], noise[:, a], x, axis, name, dataset) for a, axis in enumerate(AXES)]
+        found += [_profile(residual[:, a], by_axis[a], x, axis, name, dataset) for a, axis in enumerate(AXES)]
     total = float(np.mean(residual**2))
     # The share is of all axes' power: a clear pattern in a small error comes after one in a large error.
     power = {axis: float(np.mean(residual[:, a] ** 2)) / max(total, 1e-12) for a, axis in enumerate(AXES)}
@@ -84,25 +88,26 @@ def profiles(residual: Floats, noise: Floats, dataset: Dataset) -> list[Profile]
 def failures(residual: Floats, noise: Floats, dataset: Dataset, tried: list[Profile]) -> list[Failure]:
     """Where the model fails, in words: axes that are wrong as a whole, then ranges, the most telling variable first."""
     found = []
+    by_axis = [CorrelatedNoise(noise[:, a], dataset) for a in range(len(AXES))]
     for a, axis in enumerate(AXES):
-        offset = _offset(residual[:, a], noise[:, a], axis, dataset)
+        offset = _offset(residual[:, a], by_axis[a], axis, dataset)
         if offset is not None:
             found.append(offset)
     found.sort(key=lambda failure: -abs(failure.mean_residual))
     for profile in tried:
         if profile.p_value < 1e-3 / len(tried):
             a = AXES.index(profile.axis)
-            runs = _runs(profile, residual[:, a], noise[:, a], dataset)
+            runs = _runs(profile, residual[:, a], by_axis[a], dataset)
             found += sorted(runs, key=lambda failure: -abs(failure.sigma))
     return found
 
 
-def _profile(values: Floats, noise: Floats, x: Floats, axis: str, variable: str, dataset: Dataset) -> Profile:
+def _profile(values: Floats, noise: CorrelatedNoise, x: Floats, axis: str, variable: str, dataset: Dataset) -> Profile:
     edges = np.unique(np.quantile(x, np.linspace(0.0, 1.0, BINS + 1)))
     index = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, len(edges) - 2)
     count = np.bincount(index, minlength=len(edges) - 1).astype(float)
     mean = np.bincount(index, values, minlength=len(count)) / np.maximum(count, 1.0)
-    error = np.array([_standard_error(index == b, noise, dataset) for b in range(len(count))])
+    error = np.maximum(noise.errors_of_means(index, len(count)), LEAST_ERROR_M_S2)
     weight = 1.0 / error**2
     centre = float((weight * mean).sum() / weight.sum())
     chi2 = float((weight * (mean - centre) ** 2).sum())
@@ -113,12 +118,12 @@ def _profile(values: Floats, noise: Floats, x: Floats, axis: str, variable: str,
     return Profile(axis, variable, edges, mean, error, count, p, spread)
 
 
-def _standard_error(inside: Mask, noise: Floats, dataset: Dataset) -> float:
+def _standard_error(inside: Mask, noise: CorrelatedNoise) -> float:
     """Of the mean over the samples `inside`."""
-    return max(math.sqrt(variance_of_sum(inside / max(int(inside.sum()), 1), noise, dataset)), 1e-6)
+    return max(math.sqrt(noise.variance_of_sum(inside / max(int(inside.sum()), 1))), LEAST_ERROR_M_S2)
 
 
-def _runs(profile: Profile, values: Floats, noise: Floats, dataset: Dataset) -> list[Failure]:
+def _runs(profile: Profile, values: Floats, noise: CorrelatedNoise, dataset: Dataset) -> list[Failure]:
     """Neighbouring bins that are wrong in the same direction, joined.
 
     Where the axis is wrong everywhere by about the same amount, that is said once, by `_offset`; here it is what
@@ -139,7 +144,7 @@ def _runs(profile: Profile, values: Floats, noise: Floats, dataset: Dataset) -> 
             low, high = float(profile.edges[start]), float(profile.edges[stop])
             inside = (x >= low) & (x <= high)
             mean = float(values[inside].mean())
-            sigma = (mean - level) / _standard_error(inside, noise, dataset)
+            sigma = (mean - level) / _standard_error(inside, noise)
             where = _range_in_words(profile.variable, (low, high), (start == 0, stop == len(wrong)))
             text = f"{where} {_push(profile.axis, mean)}{_against_average(profile.axis, mean, level)}"
             if abs(mean - level) > MIN_RESIDUAL_M_S2:
@@ -157,9 +162,9 @@ def _common_level(profile: Profile) -> float:
     return float(profile.count @ profile.mean / profile.count.sum())
 
 
-def _offset(values: Floats, noise: Floats, axis: str, dataset: Dataset) -> Failure | None:
+def _offset(values: Floats, noise: CorrelatedNoise, axis: str, dataset: Dataset) -> Failure | None:
     mean = float(values.mean())
-    sigma = mean / _standard_error(np.ones(len(values), dtype=bool), noise, dataset)
+    sigma = mean / _standard_error(np.ones(len(values), dtype=bool), noise)
     time = dataset.variable("time")
     if time is None or abs(mean) < MIN_RESIDUAL_M_S2 or abs(sigma) < MIN_SIGMA:
         return None

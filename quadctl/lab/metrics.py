@@ -19,6 +19,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from quadctl.errors import LogError
+from quadctl.logs.contradictions import contradictions
 from quadctl.logs.flight_log import FlightLog, Floats, did_you_mean
 
 TEST_PHASE = "step"
@@ -254,10 +255,13 @@ def metrics(
     Raises
     ------
     LogError
-        A log lacks what the metrics need.
+        A log lacks what the metrics need, or contradicts itself.
     """
     if not logs:
         raise LogError("no flight is given, expected at least one log")
+    for log in (*logs, *references):
+        if problems := contradictions(log):
+            raise LogError(f"{log.name}: {problems[0]}")
     window = window or Window()
     notes: list[str] = []
     tracks = [tracking(log, window, axis, setpoint_m) for log in logs]

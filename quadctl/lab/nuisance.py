@@ -41,8 +41,16 @@ KINDS = (
 do: 0.01 is that of rotors whose coefficients are 1 % off each. Like these errors, they grow with the thrust."""
 USUAL = np.array([kind.usual for kind in KINDS])
 MOST = np.array([kind.most for kind in KINDS])
+HELD = 1e-4
+"""Usual size, as a share of the kind's, of a nuisance that an effect stands for: the two could not be told apart."""
 FORCES = 5
 """So many of the kinds act on the acceleration, the others on the moments."""
+
+
+def usual_sizes(model: Model) -> Floats:
+    """Of the nuisances beside `model`, shape (kinds,)."""
+    replaced = {name for effect in model.effects for name in effect.replaces}
+    return np.array([HELD * kind.usual if kind.name in replaced else kind.usual for kind in KINDS])
 
 
 def disturbed(flight: Flight, nuisance: Floats) -> Flight:
@@ -60,12 +68,14 @@ def disturbed(flight: Flight, nuisance: Floats) -> Flight:
     )
 
 
-def sensitivity(model: Model, flight: Flight, groups: Sequence[str]) -> Floats:
-    """d prediction / d nuisance, at no nuisance, shape (n, 3 * groups, kinds): so small, they act linearly."""
-    plain = predict(model, flight)
-    found = np.zeros((len(plain), 3 * len(groups), len(KINDS)))
+def sensitivity(model: Model, flight: Flight, groups: Sequence[str], here: Floats) -> Floats:
+    """d prediction / d nuisance, at no nuisance, shape (n, 3 * groups, kinds): so small, they act linearly.
+
+    `here` is the prediction of the flight's targets without a nuisance, shape (n, 3 * groups).
+    """
+    found = np.zeros((*here.shape, len(KINDS)))
     for i in range(FORCES):
-        found[:, :3, i] = (predict(model, disturbed(flight, np.diag(USUAL)[i])) - plain) / USUAL[i]
+        found[:, :3, i] = (predict(model, disturbed(flight, np.diag(USUAL)[i])) - here[:, :3]) / USUAL[i]
     if "turning" in groups:
         first = 3 * groups.index("turning")
         for i, moment in enumerate(rotor_moments_n_m(flight).T):

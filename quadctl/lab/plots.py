@@ -25,13 +25,14 @@ from quadctl.frames import GRAVITY_M_S2, euler_from_quaternion
 from quadctl.lab.add import Addition
 from quadctl.lab.arrays import Floats
 from quadctl.lab.compare import Comparison
-from quadctl.lab.data import AXES, Dataset, variance_of_sum
+from quadctl.lab.data import AXES, Dataset
 from quadctl.lab.diagnose import Diagnosis
-from quadctl.lab.fit import free_parameters, with_values
 from quadctl.lab.flight import VARIABLE_NAMES, VARIABLE_UNITS, Flight
 from quadctl.lab.locate import Profile
 from quadctl.lab.metrics import Tracking
+from quadctl.lab.noise import CorrelatedNoise
 from quadctl.lab.openloop import OpenLoop
+from quadctl.lab.parameters import free_parameters, with_values
 from quadctl.model import Model
 
 WIDE_PX, PANEL_PX, NARROW_PX = 980, 440, 360
@@ -501,11 +502,12 @@ def binned(
     edges = np.unique(np.quantile(x[use], np.linspace(0.0, 1.0, RATIO_BINS + 1)))
     index = np.where(use, np.clip(np.searchsorted(edges, x, side="right") - 1, 0, max(len(edges) - 2, 0)), -1)
     centre, mean, error = [], [], []
+    correlated = None if noise is None else CorrelatedNoise(noise, dataset)
     for b in np.unique(index[use]):
         inside = index == b
         centre.append(x[inside].mean())
         mean.append(values[inside].mean())
-        error.append(0.0 if noise is None else variance_of_sum(inside / inside.sum(), noise, dataset) ** 0.5)
+        error.append(0.0 if correlated is None else correlated.variance_of_sum(inside / inside.sum()) ** 0.5)
     return Binned(np.array(centre), np.array(mean), np.array(error))
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, TypeVar
 
+import numpy as np
 from rich.console import Group, RenderableType
 from rich.text import Text
 
@@ -14,7 +15,8 @@ from quadctl.errors import SettingsError
 from quadctl.lab.arrays import Floats
 from quadctl.lab.candidate import measure_of, parameters_in_words
 from quadctl.lab.data import Dataset, rmse
-from quadctl.lab.fit import Fitter, free_parameters, intervals, judged, remarks, values_of
+from quadctl.lab.fit import Fitted, Fitter, judged
+from quadctl.lab.parameters import free_parameters, intervals, remarks, undetermined, values_of
 from quadctl.lab.resample import drop_interval
 from quadctl.lab.significance import improvement_p_value
 from quadctl.lab.tables import Result, errors_table
@@ -169,7 +171,33 @@ def refitted(
         stack.append(StackedEffect(item.effect, provenance))
     model = replace(start, stack=tuple(stack))
     notes = remarks(fitter.free, values_of(fitted.model, fitter.free), ci)
+    if dataset.whole_flights:
+        notes += _blind_folds(fitter, fitted, ci)
     return kind(before_model, model, dataset, residual_before, residual, draws, notes, **further)
+
+
+def _blind_folds(fitter: Fitter, fitted: Fitted, ci: Sequence[tuple[float, float]]) -> list[str]:
+    """Of every fold of flights whose fit could not tell a parameter that all flights together do: a sentence.
+
+    `ci` are the intervals of the free parameters by all flights.
+    """
+    dataset, effects = fitter.dataset, fitted.model.effects
+    told = [f for f in fitter.free if f not in undetermined(fitter.free, ci)]
+    found = []
+    for number in dataset.folds:
+        held = np.unique(dataset.flight_index[dataset.fold == number])
+        others = np.setdiff1d(np.arange(len(dataset.flights)), held)
+        seen = replace(dataset, flights=tuple(dataset.flights[i] for i in others))
+        draws = Fitter(fitted.model, seen).bootstrap(Fitted(fitted.model, fitted.nuisances[others]))
+        missed = [f for f in undetermined(fitter.free, intervals(fitter.free, draws)) if f in told]
+        if missed:
+            flights = " and ".join(dataset.names[i] for i in held)
+            names = " and ".join(f"{f.parameter.name} of {effects[f.effect].name}" for f in missed)
+            found.append(
+                f"without {flights} the other flights do not determine {names}, so that the held-out error of "
+                f"{flights} says nothing of {'it' if len(missed) == 1 else 'them'}"
+            )
+    return found
 
 
 def _standing(effect: Effect) -> Effect:

@@ -6,7 +6,8 @@ import numpy as np
 from scipy import stats
 
 from quadctl.lab.arrays import Floats
-from quadctl.lab.data import Dataset, variance_of_sum
+from quadctl.lab.data import Dataset
+from quadctl.lab.noise import CorrelatedNoise
 
 NO_CHANGE = 1e-3
 """A change of the prediction that is smaller than this share of the residual comes from where a fit stopped."""
@@ -27,7 +28,7 @@ def improvement_p_value(before: Floats, predicted_change: Floats, dataset: Datas
         if np.mean(change**2) < NO_CHANGE**2 * _power(after[:, axis]):
             continue
         score += float(change @ before[:, axis]) / _power(after[:, axis])
-        variance += variance_of_sum(change, after[:, axis], dataset) / _power(after[:, axis]) ** 2
+        variance += CorrelatedNoise(after[:, axis], dataset).variance_of_sum(change) / _power(after[:, axis]) ** 2
     if variance == 0.0:
         return 1.0
     degrees = max(2, len(np.unique(dataset.block)) - 1)

@@ -1,11 +1,14 @@
 """Where a fit of one more effect begins: the error may have several valleys, and some parameters no fit can move."""
 
+from functools import cached_property
+
 import numpy as np
 
 from quadctl.effects import Effect
 from quadctl.lab.arrays import Floats
 from quadctl.lab.data import Dataset
-from quadctl.lab.fit import Fitter, noise_scale
+from quadctl.lab.fit import noise_scale
+from quadctl.lab.tangent import Tangent
 from quadctl.model import Model
 
 
@@ -18,23 +21,36 @@ class Unmodelled:
     def __init__(self, model: Model, residual: Floats, dataset: Dataset) -> None:
         self.model = model
         self.dataset = dataset
-        self.timed = dataset.timed_for(model)
         self.residual = residual
         self.scale = noise_scale(residual)
-        self._basis = Fitter(model, dataset).tangent(self.scale)
-        self._predicted = self.timed.predicted_targets(model)
-        self._left = self._part(residual)
 
     def explained_by(self, effect: Effect) -> float:
         """Squared error, in units of the noise, that a multiple of what `effect` changes can take off."""
-        change = self._part(self.timed.predicted_targets(self.model.plus(effect)) - self._predicted)
-        along = float(change @ self._left)
-        return along * abs(along) / max(float(change @ change), 1e-12)
+        change = self._part(self._timed.predicted_targets(self.model.plus(effect)) - self._predicted)
+        along = float(np.vdot(change, self._left))
+        return along * abs(along) / max(float(np.vdot(change, change)), 1e-12)
+
+    # Only effects with several starts ask for these.
+
+    @cached_property
+    def _timed(self) -> Dataset:
+        return self.dataset.timed_for(self.model)
+
+    @cached_property
+    def _tangent(self) -> Tangent:
+        return Tangent(self.model, self._timed, self.scale)
+
+    @cached_property
+    def _predicted(self) -> Floats:
+        return self._timed.predicted_targets(self.model)
+
+    @cached_property
+    def _left(self) -> Floats:
+        return self._part(self.dataset.targets - self._predicted)
 
     def _part(self, change: Floats) -> Floats:
-        """Of a change of the targets: what no parameter and no nuisance could do. Flat, in units of the noise."""
-        flat = (change / self.scale).ravel()
-        return np.asarray(flat - self._basis @ (self._basis.T @ flat))
+        """Of a change of the targets: what no parameter could do and nuisances hardly, in units of the noise."""
+        return self._tangent.rest(change / self.scale)
 
 
 TIED = 0.02

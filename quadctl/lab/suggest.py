@@ -20,11 +20,13 @@ from quadctl.effects import Effect, every_effect
 from quadctl.errors import QuadctlError, SettingsError
 from quadctl.lab.arrays import Floats
 from quadctl.lab.candidate import fit_on_top
-from quadctl.lab.data import Dataset, predict_targets, variance_of_sum
+from quadctl.lab.data import Dataset, predict_targets
 from quadctl.lab.diagnose import Diagnosis
-from quadctl.lab.fit import Fitted, Fitter, free_parameters, judged, noise_scale, values_of
+from quadctl.lab.fit import Fitted, Fitter, judged, noise_scale
 from quadctl.lab.flight import Flight
 from quadctl.lab.information import Information, information, prior
+from quadctl.lab.noise import CorrelatedNoise
+from quadctl.lab.parameters import free_parameters, values_of
 from quadctl.lab.planned import planned_flight
 from quadctl.lab.starts import Unmodelled
 from quadctl.lab.tables import Result
@@ -216,7 +218,7 @@ class _Rivals:
         self.forms = one, other
         self.groups, self.noise = dataset.groups, noise
         difference = one.fitted.predicted(dataset) - other.fitted.predicted(dataset)
-        apart = [difference[dataset.flight_index == i] for i in range(len(dataset.flights))]
+        apart = [difference[part] for part in dataset.parts]
         self._so_far = [
             _sum(form.model, [self._imitating(form, f, sign * d) for f, d in zip(dataset.flights, apart, strict=True)])
             for form, sign in ((other, 1.0), (one, -1.0))
@@ -271,7 +273,7 @@ def _noise(residual: Floats, dataset: Dataset) -> Floats:
     """Standard deviation of each axis, shape (axes,), as that of independent samples whose mean is as uncertain as that
     of these, which are correlated in time."""
     n = len(residual)
-    long_run = [variance_of_sum(np.ones(n), residual[:, axis], dataset) / n for axis in range(residual.shape[1])]
+    long_run = [CorrelatedNoise(axis, dataset).variance_of_sum(np.ones(n)) / n for axis in residual.T]
     return np.asarray(np.maximum(np.sqrt(long_run), noise_scale(residual)))
 
 
