@@ -277,12 +277,20 @@ class TestStarts:
         assert starts[0] == WeakRotor(rotor=float(rotor))
         assert independent == 4
 
-    def test_only_what_is_beyond_the_usual_size_of_a_nuisance_is_left_to_explain(self, raptor: Vehicle) -> None:
-        def explained(factor: float) -> float:
-            data = data_of(stacked(raptor, ConstantScale(factor)))
-            return Unmodelled(*judged(Model(raptor), data), data).explained_by(ConstantScale(0.99))
+    def test_of_the_moments_what_is_beyond_the_usual_size_of_a_nuisance_is_left_to_explain(
+        self, raptor: Vehicle
+    ) -> None:
+        def explained(loss: float) -> float:
+            data = load_dataset([with_weak_rotor(raptor, 2, loss)], raptor)
+            return Unmodelled(*judged(Model(raptor), data), data).explained_by(WeakRotor(rotor=2.0))
 
-        assert explained(0.998) < 4.0 < 40.0 < explained(0.96)
+        assert explained(0.005) < 4.0
+        assert explained(0.1) > 10.0
+
+    def test_of_the_forces_a_trim_leaves_nothing_to_explain(self, raptor: Vehicle) -> None:
+        data = data_of(stacked(raptor, ConstantScale(0.96)))
+        left = Unmodelled(*judged(Model(raptor), data), data)
+        assert abs(left.explained_by(ConstantScale(0.99))) < 1.0
 
     def test_what_the_model_could_do_explains_nothing(self, raptor: Vehicle, seen: Dataset) -> None:
         left = Unmodelled(*judged(stacked(raptor, *SCALE_AND_GROUND), seen), seen)

@@ -49,7 +49,7 @@ class Unmodelled:
         return self._part(self.dataset.targets - self._predicted)
 
     def _part(self, change: Floats) -> Floats:
-        """Of a change of the targets: what no parameter could do and nuisances hardly, in units of the noise."""
+        """Of a change of the targets, in units of the noise: what no parameter could do, and nuisances hardly."""
         return self._tangent.rest(change / self.scale)
 
 

@@ -4,10 +4,12 @@ import numpy as np
 
 from quadctl.lab.arrays import Floats
 from quadctl.lab.data import Dataset, predict_targets
-from quadctl.lab.nuisance import sensitivity, usual_sizes
+from quadctl.lab.nuisance import FORCES, sensitivity, usual_sizes
 from quadctl.lab.parameters import free_parameters, parameter_slopes
 from quadctl.model import Model
 
+ANY = 1e3
+"""Times its usual size a nuisance may be anything."""
 SEEN = 1e-9
 """A direction of the parameters, in units of their ranges, that does less than this share of what others do is none."""
 
@@ -15,20 +17,22 @@ SEEN = 1e-9
 class Tangent:
     """Changes of a dataset's targets, in units of `scale` per axis, shape (axes,), seen beside what nuisances may do.
 
-    In these units the noise has the variance 1. A nuisance of its usual size adds to it along the direction in which
-    it moves the targets of its flight: `rest` divides by that standard deviation, so that what nuisances can do easily
-    counts for little. The parameters, of which nothing is known, are taken out whole.
+    In these units the noise has the variance 1. A nuisance adds to it along the direction in which it moves the targets
+    of its flight: `rest` divides by that standard deviation, so that what nuisances can do easily counts for little. A
+    nuisance of the moments has its usual size, for a weak rotor is like one that is larger. Those of the forces may
+    have any: a mass that changes as the flight begins is nothing but a thrust scale. So may the parameters.
     """
 
     def __init__(self, model: Model, dataset: Dataset, scale: Floats) -> None:
         self._parts = dataset.parts
         self._own: list[_Wider] = []
-        usual = usual_sizes(model)
+        sizes = usual_sizes(model)
+        sizes[:FORCES] *= ANY
         ranges = np.array([f.parameter.high - f.parameter.low for f in free_parameters(model)])
         size, beside = 0.0, []
         for flight in dataset.flights:
             here = predict_targets(model, flight, dataset.groups)
-            own = _Wider(_flat(sensitivity(model, flight, dataset.groups, here) / scale[:, None] * usual))
+            own = _Wider(_flat(sensitivity(model, flight, dataset.groups, here) / scale[:, None] * sizes))
             parameters = _flat(parameter_slopes(model, flight, dataset.groups, here) / scale[:, None] * ranges)
             size = max(size, float(np.linalg.norm(parameters)))
             self._own.append(own)
