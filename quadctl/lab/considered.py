@@ -22,10 +22,8 @@ GROUND_SLOPE = math.tan(math.radians(0.5))
 
 
 def draw_errors(draws: int, n_rotors: int, random: np.random.Generator) -> Floats:
-    """Errors in units of their usual size, shape (draws, rotors + 2); those of the rotors are off their mean."""
-    errors = random.standard_normal((draws, n_rotors + 2))
-    errors[:, :n_rotors] -= errors[:, :n_rotors].mean(axis=1, keepdims=True)
-    return errors
+    """Errors in units of their usual size, shape (draws, rotors + 2)."""
+    return random.standard_normal((draws, n_rotors + 2))
 
 
 def setup_slopes(model: Model, flight: Flight, groups: Sequence[str], here: Floats) -> Floats:
@@ -35,10 +33,14 @@ def setup_slopes(model: Model, flight: Flight, groups: Sequence[str], here: Floa
 
 
 def _wrong(flight: Flight) -> list[Flight]:
-    """The flight with one rotor after the other a little stronger, and over ground that rises to the north or east."""
+    """The flight with one rotor after the other a little stronger, and over ground that rises to the north or east.
+
+    What a stronger rotor does in hover is a nuisance of the flight already: here it acts on its thrust beyond the mean.
+    """
     thrusts = flight.nominal_n
+    mean = sum(thrusts) / len(thrusts)
     stronger = [
-        replace(flight, nominal_n=[*thrusts[:i], (1.0 + ROTOR_COEFFICIENT) * thrust, *thrusts[i + 1 :]])
+        replace(flight, nominal_n=[*thrusts[:i], thrust + ROTOR_COEFFICIENT * (thrust - mean), *thrusts[i + 1 :]])
         for i, thrust in enumerate(thrusts)
     ]
     c = flight.conditions

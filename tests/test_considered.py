@@ -1,0 +1,65 @@
+"""Errors of a set-up that no fit can know: what they do to a prediction, and to the intervals of a fit."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from flights import obedient
+from quadctl.effects.ground_effect import Exponential
+from quadctl.effects.rotor_fault import WeakRotor
+from quadctl.lab import considered
+from quadctl.lab.considered import GROUND_SLOPE, ROTOR_COEFFICIENT, setup_slopes
+from quadctl.lab.data import load_dataset, predict_targets
+from quadctl.lab.fit import Fitter
+from quadctl.lab.flight import Flight
+from quadctl.lab.prepare import prepare
+from quadctl.model import Model
+from quadctl.vehicle import Vehicle
+
+GROUPS = ("total",)
+UP = 2
+
+
+@pytest.fixture(scope="module")
+def flight(raptor: Vehicle) -> Flight:
+    return prepare(obedient(Model(raptor)), raptor)
+
+
+def slopes(model: Model, flight: Flight) -> np.ndarray:
+    return setup_slopes(model, flight, GROUPS, predict_targets(model, flight, GROUPS))
+
+
+def test_rotors_that_all_give_the_same_say_nothing_of_their_differences(raptor: Vehicle, flight: Flight) -> None:
+    assert slopes(Model(raptor), flight)[..., :4] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_stronger_rotor_acts_by_its_thrust_beyond_the_mean(raptor: Vehicle, flight: Flight) -> None:
+    first, *others = flight.nominal_n
+    uneven = dataclasses.replace(flight, nominal_n=[first + 1.0, *others])
+    expected = ROTOR_COEFFICIENT * 0.75 / raptor.mass_kg  # N above the mean of four
+    assert slopes(Model(raptor), uneven)[:, UP, 0] == pytest.approx(expected, rel=1e-3)
+
+
+def test_ground_that_rises_to_the_north_is_nearer_there(raptor: Vehicle, flight: Flight) -> None:
+    model = Model(raptor).plus(Exponential(0.3, 6.0))
+    c = flight.conditions
+    north = dataclasses.replace(flight, conditions=dataclasses.replace(c, position_ne_m=(2.0 + 0.0 * c.height_m, 0.0)))
+    lower = dataclasses.replace(c, height_m=c.height_m - 2.0 * GROUND_SLOPE)
+    nearer = predict_targets(model, dataclasses.replace(flight, conditions=lower), GROUPS)
+    assert slopes(model, north)[..., -2] == pytest.approx(nearer - predict_targets(model, flight, GROUPS), abs=1e-9)
+    assert slopes(model, north)[..., -1] == pytest.approx(0.0, abs=1e-12)
+    assert (slopes(model, north)[:, UP, -2] > 0.0).all()
+
+
+def test_intervals_grow_by_what_rotors_of_one_batch_differ(raptor: Vehicle, monkeypatch: pytest.MonkeyPatch) -> None:
+    """However long the flight: no data tell a weak rotor from one that was made a little weaker."""
+    log = obedient(Model(raptor), 60.0, noise_m_s=0.002)
+    swing = np.sin(2.0 * np.pi * 0.2 * log.time_s)
+    turned = {f"motor{i}_rpm": log[f"motor{i}_rpm"] * (1.0 + sign * 0.05 * swing) for i, sign in ((1, 1.0), (2, -1.0))}
+    data = load_dataset([dataclasses.replace(log, columns={**log.columns, **turned})], raptor)
+    fitter = Fitter(Model(raptor).plus(WeakRotor(rotor=1.0)), data)
+    fitted = fitter.fit()
+    wide = float(np.std(fitter.bootstrap(fitted)[:, 0]))
+    monkeypatch.setattr(considered, "ROTOR_COEFFICIENT", 0.0)
+    assert wide > 1.5 * float(np.std(fitter.bootstrap(fitted)[:, 0]))
