@@ -13,7 +13,7 @@ raptor against flight.csv
 # Imported at once and not when first asked for: modules of the lab are called as their functions are (`compare`), and
 # importing one later would put the module in the function's place. What flies does not import the lab.
 from quadctl.lab.estimator import FlightModel
-from quadctl.lab.interface import add, compare, diagnose, discover, fit, prepare_flights, remove
+from quadctl.lab.interface import add, compare, diagnose, discover, fit, prepare_flights, remove, suggest
 from quadctl.logs.read import read_log, read_logs
 from quadctl.model import Model, load_model, save_model
 
@@ -31,4 +31,5 @@ __all__ = [
     "read_logs",
     "remove",
     "save_model",
+    "suggest",
 ]

@@ -19,6 +19,8 @@ from quadctl.lab.refit import Refit
 from quadctl.lab.refit import fit as run_fit
 from quadctl.lab.remove import Removal
 from quadctl.lab.remove import remove as run_remove
+from quadctl.lab.suggest import Suggestion
+from quadctl.lab.suggest import suggest as run_suggest
 from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.read import read_logs
 from quadctl.model import Model, load_model
@@ -66,6 +68,21 @@ def diagnose(
     model = open_model(model)
     kinds = None if candidates is None else [_kind(candidate, model) for candidate in candidates]
     return run_diagnose(model, prepare_flights(flights, model.vehicle, hold_out), kinds, progress)
+
+
+def suggest(
+    model: AnyModel,
+    flights: Flights,
+    missions: Path | str = Path("missions"),
+    candidates: Iterable[type[Effect] | str] | None = None,
+    hold_out: HoldOut = "blocks",
+    progress: Callable[[str], None] = lambda text: None,
+) -> Suggestion:
+    """Which mission of the folder `missions` would tell most about what `flights` leave open?
+
+    `candidates`, `hold_out` and `progress` are those of `diagnose`, which comes first.
+    """
+    return run_suggest(diagnose(model, flights, candidates, hold_out, progress), missions)
 
 
 def add(effect: type[Effect] | str, model: AnyModel, flights: Flights, hold_out: HoldOut = "blocks") -> Addition:
