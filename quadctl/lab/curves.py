@@ -128,6 +128,61 @@ def effect_curves(addition: Addition, index: int) -> list[EffectCurve]:
     return found
 
 
+@dataclass(frozen=True, eq=False)
+class Sketch:
+    """The last effect of a model in few points: what the residual does without it, and what it makes of that, m/s^2."""
+
+    variable: str
+    component: str
+    residual: Binned
+    effect: Binned
+
+
+def sketch(model: Model, dataset: Dataset) -> Sketch | None:
+    """The last effect of `model` over its first variable, along the axis it pushes most; None where it pushes none."""
+    index = len(model.stack) - 1
+    without = dataset.predicted(_without(model, index))
+    heading = _heading(dataset)
+    push = _in_heading(dataset.predicted(model) - without, heading)
+    if not push.any():
+        return None
+    residual = _in_heading(dataset.measured - without, heading)
+    names = [name for name in model.effects[index].depends_on if dataset.variable(name) is not None]
+    variable = names[0] if names else "time"
+    a = int(np.argmax(np.mean(push**2, axis=0)))
+    x = _variable(dataset, variable)
+    before, effect = (binned(x, values[:, a], None, dataset) for values in (residual, push))
+    return Sketch(variable, BODY_AXES[a], before, effect)
+
+
+def hover_ratio(model: Model, height_m: Floats, forward_m_s: Floats) -> Floats:
+    """Thrust that the rotors give over the thrust that k rpm^2 promises, level, at the hover's speed of the rotors."""
+    level = (1.0, 0.0, 0.0, 0.0)
+    c = model.in_air(Conditions(height_m, (forward_m_s, 0.0, 0.0), level))
+    each = np.full_like(height_m + forward_m_s, model.vehicle.weight_n / model.vehicle.n_rotors)
+    return np.asarray(sum(model.rotor_thrust([each] * model.vehicle.n_rotors, c)) / model.vehicle.weight_n)
+
+
+def measured_ratio(dataset: Dataset, variable: str) -> Binned | None:
+    """The same as measured: specific force along up over that of the rigid body, in bins; None where not logged."""
+    x = dataset.variable(variable)
+    if x is None:
+        return None
+    rigid = Model(dataset.flights[0].vehicle)
+    expected = dataset.predicted(rigid)[:, 2] + GRAVITY_M_S2
+    ratio = (dataset.measured[:, 2] + GRAVITY_M_S2) / expected
+    edges = np.quantile(x, np.linspace(0.0, 1.0, RATIO_BINS + 1))
+    level = np.interp(x, *_means(x, ratio, edges))
+    return binned(x, ratio, ratio - level, dataset)
+
+
+def _means(x: Floats, values: Floats, edges: Floats) -> tuple[Floats, Floats]:
+    """Mean of `x` and of `values` between neighbouring edges that have samples between them."""
+    index = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, len(edges) - 2)
+    inside = [index == b for b in np.unique(index)]
+    return np.array([x[i].mean() for i in inside]), np.array([values[i].mean() for i in inside])
+
+
 def binned(
     x: Floats, values: Floats, noise: Floats | None, dataset: Dataset, shown: np.ndarray | None = None
 ) -> Binned:
