@@ -83,7 +83,7 @@ class Page:
         self.refresh()
 
     def _layout(self) -> None:
-        self._part(tag("header", "top"), draw_header, lambda p: (p.theme, p.bench.session.rung is None))
+        self._part(tag("header", "head-bar"), draw_header, lambda p: (p.theme, p.bench.session.rung is None))
         with tag("div", "lab"):
             with tag("aside", "side"):
                 self._part(tag("div", "place-ladder"), draw_ladder, lambda p: (*_state(p), p.bench.work is None))

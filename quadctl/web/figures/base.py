@@ -29,7 +29,12 @@ def figure(data: Sequence[Mapping[str, Any]], theme: Theme, height: int, **layou
         "uirevision": "kept",
     }
     config = {"displaylogo": False, "responsive": True, "modeBarButtonsToRemove": UNWANTED_BUTTONS}
-    return {"data": list(data), "layout": {**base, **layout}, "config": config}
+    return {"data": [_sendable(trace) for trace in data], "layout": {**base, **layout}, "config": config}
+
+
+def _sendable(trace: Mapping[str, Any]) -> dict[str, Any]:
+    """Arrays in one piece: what the page is sent with knows no others."""
+    return {key: np.ascontiguousarray(v) if isinstance(v, np.ndarray) else v for key, v in trace.items()}
 
 
 def axis(title: str, theme: Theme, **more: Any) -> dict[str, Any]:

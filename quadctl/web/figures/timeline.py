@@ -17,7 +17,7 @@ from quadctl.web.theme import Theme
 
 GAP_FACTOR = 3.0
 """An interval longer than so many usual ones is a gap in the line."""
-PANE_PX, FIRST_PANE_PX = 92, 190
+FIRST_PANE_PX, PANE_PX, GAP_PX = 170, 84, 10
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +50,7 @@ class Timeline:
 
     def figure(self, theme: Theme) -> Figure:
         heights = [FIRST_PANE_PX if i == 0 else PANE_PX for i in range(len(self.panes))]
-        gap, total = 10, sum(heights) + 10 * (len(heights) - 1)
+        total = sum(heights) + GAP_PX * (len(heights) - 1)
         layout: dict[str, Any] = {
             "xaxis": axis("time in the log / s", theme, anchor="free", position=0, showgrid=False),
             "hovermode": "x",
@@ -63,7 +63,7 @@ class Timeline:
         for i, (title, height) in enumerate(zip(self.panes, heights, strict=True)):
             room = [(top - height) / total, top / total]
             layout[f"yaxis{_number(i)}"] = axis(title, theme, domain=room, nticks=4, fixedrange=True)
-            top -= height + gap
+            top -= height + GAP_PX
         for name, start, end in self.phases:
             _draw_phase(layout, name, start, end, theme)
         xs, ys = self.points()
@@ -103,17 +103,14 @@ def _draw_phase(layout: dict[str, Any], name: str, start: float, end: float, the
 
 
 def short_timeline(flight: Flight, predicted: Mapping[str, Floats], axis_name: str, theme: Theme) -> Timeline:
-    """Measured and predicted acceleration on one axis, what is left of it, and the height."""
+    """Measured acceleration on one axis, what one or two models predict, and the height."""
     a = AXES.index(axis_name)
-    first, second = f"{axis_name} / m/s²", "residual / m/s²"
-    colours = (theme.before, theme.after)[-len(predicted) :] if len(predicted) < 3 else theme.others
+    first, height = f"{axis_name} / m/s²", "height / m"
     series = [_line(first, "measured", theme.measured, flight.time_s, flight.measured[:, a], 1.7)]
-    for (name, values), colour in zip(predicted.items(), colours, strict=False):
+    for (name, values), colour in zip(predicted.items(), (theme.before, theme.after), strict=False):
         series.append(_line(first, name, colour, flight.time_s, values[:, a]))
-        series.append(_line(second, f"residual, {name}", colour, flight.time_s, flight.measured[:, a] - values[:, a]))
-    height = "height / m"
     series.append(_line(height, "rotor height", theme.muted, flight.grid_s, np.asarray(flight.conditions.height_m)))
-    return Timeline([first, second, height], series)
+    return Timeline([first, height], series)
 
 
 def full_timeline(
@@ -124,9 +121,14 @@ def full_timeline(
     theme: Theme,
     brushed: Mask | None = None,
 ) -> Timeline:
-    """The same with speed, rotor speed and voltage, and the mission's phases; the samples `brushed` stand out."""
+    """The same with residual, speed, rotor speed, voltage, and the mission's phases; `brushed` samples stand out."""
     short = short_timeline(flight, predicted, axis_name, theme)
-    panes, series = list(short.panes), list(short.series)
+    residual = "residual / m/s²"
+    panes, series = [short.panes[0], residual, *short.panes[1:]], list(short.series)
+    measured = flight.measured[:, AXES.index(axis_name)]
+    for (name, values), colour in zip(predicted.items(), (theme.before, theme.after), strict=False):
+        left = measured - values[:, AXES.index(axis_name)]
+        series.append(_line(residual, f"residual, {name}", colour, flight.time_s, left))
     if brushed is not None and brushed.any():
         series.append(_brushed(series[0], brushed, theme))
     speed = np.sqrt(sum(np.asarray(v) ** 2 for v in flight.conditions.velocity_body_m_s))

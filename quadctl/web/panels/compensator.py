@@ -36,7 +36,7 @@ def draw_check(page: "Page") -> None:
         return
     if results.checked is None and not results.refused:
         ui.timer(0.0, page.bench.check, once=True)
-    with tag("div", "row check"):
+    with tag("div", "line check"):
         if results.refused:
             ui.icon("block").classes("bad")
             tag("p", "grow", f"The check refuses it: {results.refused}.")
@@ -55,7 +55,7 @@ def draw_export(page: "Page") -> None:
         return
     with tag("section", "card"):
         heading("Take it along")
-        with tag("div", "row wrap"):
+        with tag("div", "line wrap"):
             ui.button("Export model", icon="download", on_click=page.export_model).props("no-caps unelevated")
             tag("code", "command grow", "quadctl fly missions/step_response.yaml --model model.yaml --link URL")
 

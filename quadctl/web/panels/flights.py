@@ -60,7 +60,7 @@ def _rejected(page: "Page", event: GenericEventArguments) -> None:
 def _log(page: "Page", log: OpenedLog) -> None:
     bench = page.bench
     with tag("div", "flight").props(f'data-log="{log.path.name}"'):
-        with tag("div", "row wrap"):
+        with tag("div", "line wrap"):
             ui.icon("error" if log.problem else "check_circle").classes("bad" if log.problem else "good")
             tag("span", "effect-name grow", log.path.name)
             if not log.problem and bench.opened is not None and len(bench.opened.logs) > 1:
@@ -95,7 +95,7 @@ def _log(page: "Page", log: OpenedLog) -> None:
 
 
 def _hold_out(page: "Page") -> None:
-    with tag("div", "row wrap"):
+    with tag("div", "line wrap"):
         tag("span", "muted grow", "Of the flights that are fitted, what does each fit not see when it is judged?")
         choice = ui.toggle(
             {"blocks": "blocks of time", "flights": "whole flights"},
@@ -113,7 +113,7 @@ def draw_vehicle(page: "Page") -> None:
         if model is None:
             tag("p", "muted", "Choose the vehicle that flew, or write down its numbers.")
         if page.vehicles:
-            with tag("div", "row wrap"):
+            with tag("div", "line wrap"):
                 for path in page.vehicles:
                     _choice(page, path)
         text = page.template if model is None else _as_text(model)

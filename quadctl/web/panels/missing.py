@@ -42,14 +42,14 @@ def draw_missing(page: "Page") -> None:
 def _verdict(page: "Page") -> None:
     bench = page.bench
     if bench.search is not None:
-        with tag("div", "row"):
+        with tag("div", "line"):
             ui.spinner(size="22px")
             tag("span", "verdict grow", f"{bench.search.title}\u2026")
             ui.button("Cancel", on_click=bench.cancel_search).props("flat dense no-caps")
         page.search_detail = ui.label(bench.search.detail or "Every effect of the catalogue is tried.").classes("muted")
         return
     if bench.results.found is None:
-        with tag("div", "row"):
+        with tag("div", "line"):
             off = bench.session.off
             why = "An effect is switched off: switch it on again to look." if off else "Not looked yet."
             tag("span", "verdict grow", why)
@@ -59,7 +59,7 @@ def _verdict(page: "Page") -> None:
         return
     diagnosis = bench.results.found.diagnosis
     icon, text, more = _in_words(diagnosis)
-    with tag("div", "row top"):
+    with tag("div", "line top"):
         ui.icon(icon).classes(f"verdict-icon {diagnosis.verdict}")
         with tag("div", "grow"):
             tag("p", "verdict", text).props(f'id="verdict" data-verdict="{diagnosis.verdict}"')
@@ -131,14 +131,14 @@ def _card(page: "Page", candidate: Candidate, looks_like: list[str], primary: bo
     found = page.bench.results.found
     name = candidate.effect.name
     with tag("article", "card candidate primary" if primary else "card candidate").props(f'data-effect="{name}"'):
-        with tag("div", "row top"):
+        with tag("div", "line top"):
             if found is not None and name in found.sketches:
                 ui.html(sketch_svg(found.sketches[name], page.theme), sanitize=False).classes("sketch")
             with tag("div", "grow"):
                 tag("h3", "", plain(candidate.family).capitalize())
                 tag("div", "mono muted", name)
                 with tag("div", "numbers"):
-                    tag("span", "drop", f"{change_in_words(candidate.held_out_drop)} error on unseen data")
+                    tag("span", "fall", f"{change_in_words(candidate.held_out_drop)} error on unseen data")
                     tag("span", "muted", f"p {p_in_words(candidate.p_value)}")
         tag("p", "", candidate.effect.physics)
         tag("p", "mono muted", parameters_in_text(candidate.effect, candidate.ci95))
@@ -157,7 +157,7 @@ def _next_flight(page: "Page") -> None:
     with tag("section", "card"):
         heading("Which flight next?")
         if suggestion is None:
-            with tag("div", "row"):
+            with tag("div", "line"):
                 tag("p", "muted grow", "Every mission is flown in thought, and judged by what its data would add.")
                 ask = ui.button("Suggest a flight", on_click=lambda: page.act(bench.suggest()))
                 page.when_idle(ask.props("no-caps outline"))
@@ -168,7 +168,7 @@ def _next_flight(page: "Page") -> None:
             tag("p", "", suggestion.lines()[-1])
             return
         command = suggestion.best.command
-        with tag("div", "row"):
+        with tag("div", "line"):
             tag("code", "command grow", command)
             ui.button(icon="content_copy", on_click=lambda: ui.clipboard.write(command)).props(
                 'flat dense round aria-label="Copy the command"'

@@ -20,7 +20,7 @@ def draw_over_time(page: "Page") -> None:
         empty("timeline", "No flight yet", "Open a flight log to see it over time.")
         return
     with tag("section", "card"):
-        with tag("div", "row wrap"):
+        with tag("div", "line wrap"):
             tag("h2", "title grow", "Measured against predicted")
             choose_flight(page)
             ui.toggle(list(AXES), value=page.axis, on_change=lambda e: page.look_at(axis=e.value)).props(
@@ -46,7 +46,7 @@ def choose_flight(page: "Page") -> None:
 
 def brush_note(page: "Page") -> None:
     if page.brush:
-        with tag("div", "row brush"):
+        with tag("div", "line brush"):
             tag("span", "brush-mark")
             tag("span", "grow", f"Selected: {page.brush_in_words()}")
             ui.button("Clear", on_click=page.clear_brush).props("flat dense no-caps")

@@ -27,7 +27,7 @@ def draw_stack(page: "Page") -> None:
     if rung is None:
         return
     with tag("section", "card stack").props('aria-label="Effect stack"'):
-        with tag("div", "row"):
+        with tag("div", "line"):
             tag("h2", "title grow", "Effects in the model")
             if rung.model.stack:
                 refit = ui.button("Refit", on_click=lambda: page.act(page.bench.refit()))
@@ -43,7 +43,7 @@ def _effect(page: "Page", item: StackedEffect) -> None:
     effect, bench = item.effect, page.bench
     on = effect.name not in bench.session.off
     with tag("div", "effect" if on else "effect off"):
-        with tag("div", "row"):
+        with tag("div", "line"):
             switch = ui.switch(value=on, on_change=lambda: page.act(bench.switch(effect.name)))
             page.when_idle(switch.props(f'dense aria-label="{effect.name} on or off"'))
             tag("span", "effect-name grow", plain(effect.family())).props(f'title="{effect.name}"')
