@@ -76,6 +76,8 @@ class Page:
         """Draw all of it, and follow the workbench until the tab is closed."""
         self._dark = ui.dark_mode()
         await self.client.connected()
+        if not self.client.has_socket_connection:  # it left before it was there
+            return
         self._set_theme(DARK if await ui.run_javascript(_WANTS_DARK) else LIGHT)
         self._layout()
         unsubscribe = self.bench.subscribe(self.refresh)
@@ -83,7 +85,7 @@ class Page:
         self.refresh()
 
     def _layout(self) -> None:
-        self._part(tag("header", "head-bar"), draw_header, lambda p: (p.theme, p.bench.session.rung is None))
+        self._part(tag("header", "head-bar"), draw_header, lambda p: (p.theme, p.starting))
         with tag("div", "lab"):
             with tag("aside", "side"):
                 self._part(tag("div", "place-ladder"), draw_ladder, lambda p: (*_state(p), p.bench.work is None))
@@ -112,7 +114,7 @@ class Page:
     def _show(self, tab: str) -> None:
         self.tab = tab
         ui.navigate.history.replace(f"/?show={tab}")
-        self._tab_parts = []
+        self._tab_parts, self.search_detail = [], None
         self.refresh()
 
     # --- drawing ------------------------------------------------------------------------------------------------------

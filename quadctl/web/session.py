@@ -137,8 +137,8 @@ class _SessionFile(Settings):
 def session_to_yaml(session: Session) -> str:
     """The session as the text of a file; logs by their full path, vehicles written out."""
     content = {
-        "logs": [str(log) for log in session.logs],
-        "unseen": sorted(str(log) for log in session.unseen),
+        "logs": [str(log.resolve()) for log in session.logs],
+        "unseen": sorted(str(log.resolve()) for log in session.unseen),
         "hold_out": session.hold_out,
         "current": session.current,
         "rungs": [

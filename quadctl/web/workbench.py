@@ -49,6 +49,8 @@ class Results:
 
     evaluation: jobs.Evaluation | None = None
     found: jobs.Diagnosed | None = None
+    before: jobs.Diagnosed | None = None
+    """What the search for an earlier model of this ladder found, until there is one for this."""
     suggestion: Suggestion | None = None
     steps: StepResponses | None = None
     checked: list[str] | None = None
@@ -77,7 +79,7 @@ class Workbench:
         self._listeners: list[Callable[[], None]] = []
         self._searched: list[tuple[Model, jobs.Diagnosed]] = []
         self._first_comparison: Comparison | None = None
-        self._quick, self._slow = Worker(), Worker()
+        self._quick, self._slow = Worker(), Worker(patient=True)
         self._tasks: set[asyncio.Task[None]] = set()
 
     # --- who looks at it ----------------------------------------------------------------------------------------------
@@ -198,14 +200,15 @@ class Workbench:
     async def _judge(self, progress: Callable[[str], None]) -> None:
         """Evaluate the current model, and begin to look for what it lacks."""
         self.cancel_search()
-        self.results = Results()
+        before = self.results.found or self.results.before
+        self.results = Results(before=before if self._searched else None)
         self._changed()
         model, opened = self.session.model, self.opened
         if model is None or opened is None or opened.seen is None:
             return
         evaluation = await self._quick.run(jobs.evaluate, model, opened.seen, opened.unseen, progress=progress)
         evaluation = replace(evaluation, comparison=replace(evaluation.comparison, dataset=opened.seen))
-        self.results = Results(evaluation)
+        self.results.evaluation = evaluation
         if not self.session.off:
             self.session = self.session.judged(evaluation.error_m_s2)
             self._first_comparison = self._first_comparison or evaluation.comparison

@@ -2,6 +2,7 @@
 
 import asyncio
 import multiprocessing
+import os
 import traceback
 from collections.abc import Callable
 from multiprocessing.connection import Connection
@@ -22,9 +23,13 @@ class CancelledError(Exception):
 
 
 class Worker:
-    """One process that does one job after the other; it is ready before the first one comes."""
+    """One process that does one job after the other; it is ready before the first one comes.
 
-    def __init__(self) -> None:
+    A `patient` one lets all others go first: what a person waits for is more urgent.
+    """
+
+    def __init__(self, patient: bool = False) -> None:
+        self._patient = patient
         self._one_at_a_time = asyncio.Lock()
         self._working = False
         self._start()
@@ -69,13 +74,15 @@ class Worker:
 
     def _start(self) -> None:
         self._pipe, theirs = _CONTEXT.Pipe()
-        self._process = _CONTEXT.Process(target=_serve, args=(theirs,), daemon=True)
+        self._process = _CONTEXT.Process(target=_serve, args=(theirs, self._patient), daemon=True)
         self._process.start()
         theirs.close()
 
 
-def _serve(pipe: Connection) -> None:
+def _serve(pipe: Connection, patient: bool) -> None:
     """In the process: job after job, until the other end is closed."""
+    if patient:
+        os.nice(5)
     import quadctl.web.jobs  # noqa: F401  (its libraries take seconds to load: before the first job, not within it)
 
     def say(kind: str, value: Any) -> None:

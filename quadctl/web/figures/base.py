@@ -60,10 +60,8 @@ def faded(colour: str, alpha: float) -> str:
 def to_csv(drawn: Figure) -> str:
     """The numbers of a figure: one block of columns for each curve, headed by its name and the titles of the axes."""
     columns: list[tuple[str, Sequence[Any]]] = []
-    for i, trace in enumerate(drawn["data"]):
-        if trace.get("hoverinfo") == "skip" and "name" not in trace:
-            continue
-        name = trace.get("name") or f"curve {i + 1}"
+    for trace in drawn["data"]:
+        name = trace["name"]
         for letter in ("x", "y", "z"):
             if letter in trace:
                 columns += [

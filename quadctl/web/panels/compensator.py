@@ -4,7 +4,8 @@ from typing import TYPE_CHECKING
 
 from nicegui import ui
 
-from quadctl.lab.steps import StepResponses, steps_in_words
+from quadctl.lab.steps import StepResponses
+from quadctl.lab.words import change_in_words
 from quadctl.web.figures.ratio import ratio_over_height, ratio_over_speed
 from quadctl.web.figures.steps import step_figure
 from quadctl.web.panels.parts import empty, heading, plot, tag
@@ -42,6 +43,9 @@ def draw_check(page: "Page") -> None:
             tag("p", "grow", f"The check refuses it: {results.refused}.")
         elif results.checked is None:
             tag("p", "muted grow", "Checking\u2026")
+        elif not page.bench.session.model.stack:
+            ui.icon("info").classes("muted")
+            tag("p", "muted grow", "The model holds no effect: nothing is corrected.")
         elif results.checked:
             ui.icon("warning").classes("warn")
             tag("p", "grow", f"The check warns: {'; '.join(results.checked)}.")
@@ -71,8 +75,6 @@ def draw_simulation(page: "Page") -> None:
         page.when_idle(fly.props("no-caps unelevated"), not bench.results.refused)
         if steps is None:
             return
-        for sentence in steps_in_words(steps):
-            tag("p", "", sentence)
         with tag("div", "panes"):
             plot(step_figure(steps, page.theme, close_up=False), "step_response", "Step response")
             plot(step_figure(steps, page.theme, close_up=True), "step_response_error", "Step response, close up")
@@ -89,14 +91,15 @@ def _metrics(steps: StepResponses) -> None:
     )
     with tag("table", "metrics"):
         with tag("tr"):
-            for head in ("", *(name for name in (WITHOUT, WITH) if name in flown)):
+            for head in ("", WITHOUT, WITH, "change"):
                 tag("th", "number" if head else "", head)
         for name, unit, field in rows:
             with tag("tr"):
                 tag("td", "", f"{name} / {unit}")
-                for metrics in flown.values():
-                    value = getattr(metrics, field)
-                    tag("td", "number", "none" if value is None else f"{value:.4f}".replace("-", "\u2212"))
+                without, compensated = (getattr(flown[name], field) or 0.0 for name in (WITHOUT, WITH))
+                for value in (without, compensated):
+                    tag("td", "number", f"{value:.4f}".replace("-", "\u2212"))
+                tag("td", "number", change_in_words(1.0 - abs(compensated) / abs(without)) if without else "\u2013")
     tag(
         "p",
         "muted",

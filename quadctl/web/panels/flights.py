@@ -40,12 +40,16 @@ def drop_zone(page: "Page") -> None:
             multiple=True,
             auto_upload=True,
             max_file_size=MAX_UPLOAD_BYTES,
-            label="Drop flight logs here, or choose them with +",
+            label="Drop flight logs here",
             on_multi_upload=lambda event: _uploaded(page, event),
         )
         upload.props(f'accept="{",".join((*LOG_SUFFIXES, *SETTINGS_SUFFIXES))}" flat bordered color="transparent"')
         upload.on("rejected", lambda event: _rejected(page, event), js_handler=_NAMES_AND_SIZES)
-        tag("p", "muted", "CSV, PX4 ULog (.ulg), ArduPilot DataFlash (.bin), MAVLink telemetry log (.tlog).")
+        with tag("div", "line wrap"):
+            choose = ui.button("Choose files", icon="folder_open").props("no-caps unelevated")
+            # In the browser itself: only there does a click open the window in which files are chosen.
+            choose.on("click", js_handler=f"() => getElement({upload.id}).pickFiles()")
+            tag("span", "muted grow", "CSV, PX4 ULog (.ulg), ArduPilot DataFlash (.bin), MAVLink (.tlog).")
 
 
 async def _uploaded(page: "Page", event: MultiUploadEventArguments) -> None:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 def draw_header(page: "Page") -> None:
     tag("span", "brand", "quadctl lab")
     tag("span", "grow")
-    if page.bench.session.rung is not None:
+    if not page.starting:
         for label, icon, act in (
             ("Save session", "save", page.save_session),
             ("Report", "description", page.save_report),

@@ -14,6 +14,9 @@ if TYPE_CHECKING:
 def draw_ladder(page: "Page") -> None:
     bench, session = page.bench, page.bench.session
     with tag("section", "card ladder").props('aria-label="Error ladder"'):
+        if page.starting:
+            tag("p", "muted", "The error of your model, on data that it has not seen, appears here.")
+            return
         evaluation = bench.results.evaluation
         errors = [rung.error_m_s2 for rung in session.rungs if rung.error_m_s2 is not None]
         with tag("div", "now"):
@@ -28,9 +31,6 @@ def draw_ladder(page: "Page") -> None:
                     tag("span", "change", change).props('title="since the first step"')
         if evaluation is not None:
             tag("p", "muted what", _on_what(page))
-        if not session.rungs:
-            tag("p", "muted", "The error of your model on data it has not seen appears here.")
-            return
         largest = max([*errors, evaluation.error_m_s2 if evaluation else 0.0, 1e-9])
         floor = None if evaluation is None else min(evaluation.floor_m_s2 / largest, 1.0)
         with tag("ol", "steps"):
@@ -43,7 +43,11 @@ def draw_ladder(page: "Page") -> None:
         if evaluation is not None:
             with tag("p", "floor-key"):
                 tag("span", "floor-mark")
-                tag("span", "", f"noise floor {number(evaluation.floor_m_s2)} m/s²: no model gets far below")
+                tag(
+                    "span",
+                    "",
+                    f"noise floor {number(evaluation.floor_m_s2)} m/s²: what a fit without any physics leaves",
+                )
 
 
 def _on_what(page: "Page") -> str:

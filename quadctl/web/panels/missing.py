@@ -9,6 +9,7 @@ from quadctl.lab.diagnose import Diagnosis
 from quadctl.lab.words import change_in_words, listed, p_in_words, parameters_in_text, percent, plain, quantity
 from quadctl.web.figures.sketch import sketch_svg
 from quadctl.web.figures.timeline import short_timeline
+from quadctl.web.jobs import Diagnosed
 from quadctl.web.panels.parts import empty, heading, tag
 from quadctl.web.panels.zoomed import zoomed_plot
 
@@ -30,13 +31,17 @@ def draw_overview(page: "Page") -> None:
 
 def draw_missing(page: "Page") -> None:
     """What could make up the difference."""
+    page.search_detail = None
     if page.bench.seen is None:
         return
     with tag("section", "card").props('aria-live="polite"'):
         _verdict(page)
-    if page.bench.results.found is not None:
-        _candidates(page, page.bench.results.found.diagnosis)
+    found, before = page.bench.results.found, page.bench.results.before
+    if found is not None:
+        _candidates(page, found)
         _next_flight(page)
+    elif before is not None:
+        _expected(page, before)
 
 
 def _verdict(page: "Page") -> None:
@@ -97,9 +102,28 @@ def _in_words(diagnosis: Diagnosis) -> tuple[str, str, list[str]]:
     return "lightbulb", f"Missing: {listed([plain(family) for family in diagnosis.missing])}.", more
 
 
-def _candidates(page: "Page", diagnosis: Diagnosis) -> None:
+def _expected(page: "Page", before: Diagnosed) -> None:
+    """What the last search found and is not added yet, while it is looked at again."""
+    model = page.bench.session.model
+    held = {effect.family() for effect in model.effects} if model is not None else set()
+    left = [candidate for candidate in _chosen(before.diagnosis) if candidate.family not in held]
+    if left:
+        heading("Found before, and not added yet")
+        with tag("div", "candidates"):
+            for i, candidate in enumerate(left):
+                _card(page, before, candidate, [], primary=i == 0)
+
+
+def _chosen(diagnosis: Diagnosis) -> list[Candidate]:
+    """What is missing, in the order of adding."""
     missing = {step.effect for step in diagnosis.steps[1:]}
-    chosen = [c for c in diagnosis.ranking if c.effect.name in missing]
+    return [candidate for candidate in diagnosis.ranking if candidate.effect.name in missing]
+
+
+def _candidates(page: "Page", found: Diagnosed) -> None:
+    diagnosis = found.diagnosis
+    chosen = _chosen(diagnosis)
+    missing = {candidate.effect.name for candidate in chosen}
     alike = {other: first for first, other in diagnosis.confounded}
     rest = [c for c in diagnosis.ranking if c.effect.name not in missing]
     near = [c for c in rest if c.supported or c.family in alike]
@@ -109,7 +133,7 @@ def _candidates(page: "Page", diagnosis: Diagnosis) -> None:
         with tag("div", "candidates"):
             for i, candidate in enumerate(chosen):
                 looks = [other for other, first in alike.items() if first == candidate.family]
-                _card(page, candidate, looks, primary=i == 0)
+                _card(page, found, candidate, looks, primary=i == 0)
     for title, text, group in (
         (
             "Did well too",
@@ -122,17 +146,19 @@ def _candidates(page: "Page", diagnosis: Diagnosis) -> None:
             more = ui.expansion(f"{title} ({len(group)})", caption=text).classes("more")
             with more, tag("div", "candidates"):
                 for candidate in group:
-                    _card(page, candidate, [], primary=False)
-    for reason in diagnosis.untried:
-        tag("p", "muted", f"Not tried: {reason}.")
+                    _card(page, found, candidate, [], primary=False)
+    if diagnosis.untried:
+        text = "These flights lack the variety to tell them from others."
+        with ui.expansion(f"Not tried ({len(diagnosis.untried)})", caption=text).classes("more"), tag("ul", "plain"):
+            for reason in diagnosis.untried:
+                tag("li", "", f"{reason}.")
 
 
-def _card(page: "Page", candidate: Candidate, looks_like: list[str], primary: bool) -> None:
-    found = page.bench.results.found
+def _card(page: "Page", found: Diagnosed, candidate: Candidate, looks_like: list[str], primary: bool) -> None:
     name = candidate.effect.name
     with tag("article", "card candidate primary" if primary else "card candidate").props(f'data-effect="{name}"'):
         with tag("div", "line top"):
-            if found is not None and name in found.sketches:
+            if name in found.sketches:
                 ui.html(sketch_svg(found.sketches[name], page.theme), sanitize=False).classes("sketch")
             with tag("div", "grow"):
                 tag("h3", "", plain(candidate.family).capitalize())
