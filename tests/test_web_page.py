@@ -129,7 +129,7 @@ class Visitor:
     def sees(self, selector: str) -> str:
         found = self.page.locator(selector).first
         expect(found).to_be_visible(timeout=PATIENCE_MS)
-        return found.inner_text()
+        return str(found.evaluate("element => element.innerText ?? ''"))
 
     def error_now(self) -> float:
         return float(self.sees("#error-now"))

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from nicegui import ui
 
 from quadctl.web.panels.flights import draw_vehicle, drop_zone
-from quadctl.web.panels.parts import heading, tag
+from quadctl.web.panels.parts import busy, heading, tag
 from quadctl.web.theme import DARK
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ def draw_status(page: "Page") -> None:
     work, message = page.bench.work, page.bench.message
     if work is not None:
         with tag("div", "banner work").props('role="status"'):
-            ui.spinner(size="20px")
+            busy()
             tag("span", "grow", f"{work.title}: {work.detail}\u2026" if work.detail else f"{work.title}\u2026")
             ui.button("Cancel", on_click=page.bench.cancel).props("flat dense no-caps")
     if message is not None:

@@ -10,7 +10,7 @@ from quadctl.lab.words import change_in_words, listed, p_in_words, parameters_in
 from quadctl.web.figures.sketch import sketch_svg
 from quadctl.web.figures.timeline import short_timeline
 from quadctl.web.jobs import Diagnosed
-from quadctl.web.panels.parts import empty, heading, tag
+from quadctl.web.panels.parts import busy, empty, heading, tag
 from quadctl.web.panels.zoomed import zoomed_plot
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ def _verdict(page: "Page") -> None:
     bench = page.bench
     if bench.search is not None:
         with tag("div", "line"):
-            ui.spinner(size="22px")
+            busy()
             tag("span", "verdict grow", f"{bench.search.title}\u2026")
             ui.button("Cancel", on_click=bench.cancel_search).props("flat dense no-caps")
         page.search_detail = ui.label(bench.search.detail or "Every effect of the catalogue is tried.").classes("muted")

@@ -31,9 +31,14 @@ def empty(icon: str, title: str, text: str) -> None:
         tag("p", "muted", text)
 
 
+def busy() -> None:
+    """A sign that work goes on. It blinks, twice a second: what moves smoothly costs the machine that does the work."""
+    tag("span", "busy").props('aria-hidden="true"')
+
+
 def loading(text: str) -> None:
     with tag("div", "empty").props('role="status"'):
-        ui.spinner(size="32px")
+        busy()
         tag("p", "muted", text)
 
 
