@@ -118,6 +118,8 @@ def run(out: Path, console: Console, simulator: Simulator, real_time: bool) -> N
         steps=step_responses(steps.logs, steps.table),
     )
     demo.say(f"\nReport: [bold]{report}[/]")
+    flights = " ".join(str(log.path) for log in logs)
+    demo.say(f"The same in your browser, click by click: [bold]quadctl lab {flights} --hidden {demo.hidden}[/]")
 
 
 class Steps(NamedTuple):

@@ -265,6 +265,34 @@ def test_how_fast_the_page_is_on_a_real_flight(browser: Browser, tmp_path: Path)
         visitor.leaves()
 
 
+@pytest.mark.skipif("SCREENSHOTS" not in os.environ, reason="`make screenshots` takes them")
+@pytest.mark.parametrize("theme", ["light", "dark"])
+@pytest.mark.parametrize("size", ["desk", "phone"])
+def test_pictures_of_every_part(browser: Browser, flown: Path, tmp_path: Path, size: str, theme: str) -> None:
+    with served(tmp_path / "lab", str(flown), "--hidden", str(flown.with_name("hidden.yaml"))) as (url, _):
+        visitor = Visitor(browser, url, DESK if size == "desk" else PHONE, theme)
+        visitor.sees("#verdict[data-verdict=missing]")
+        visitor.keeps(f"{size}-{theme}-missing")
+        visitor.page.locator(".candidate.primary").scroll_into_view_if_needed()
+        visitor.keeps(f"{size}-{theme}-candidate")
+        visitor.click("button[aria-label^='Add ground_effect']")
+        visitor.sees("#verdict[data-verdict=none]")
+        for part, shown in (
+            ("Over time", "h2:has-text('way through space')"),
+            ("Where it fails", "h2:has-text('On the way')"),
+            ("Compensator", "text=The check finds nothing against"),
+            ("Flights", "h2:has-text('Vehicle')"),
+        ):
+            visitor.click(f"[role=tab]:has-text('{part}')")
+            visitor.sees(shown)
+            visitor.page.wait_for_timeout(1500)  # figures are drawn after they are there
+            visitor.keeps(f"{size}-{theme}-{part.lower().replace(' ', '-')}")
+            visitor.page.mouse.wheel(0, 900)
+            visitor.page.wait_for_timeout(500)
+            visitor.keeps(f"{size}-{theme}-{part.lower().replace(' ', '-')}-below")
+        visitor.leaves()
+
+
 _IS_LESS = "than => parseFloat(document.querySelector('#error-now')?.innerText) < than"
 _ZOOM = """async () => {
   const plot = document.querySelector('.js-plotly-plot');
