@@ -20,6 +20,8 @@ from quadctl.web.workbench import Workbench
 HOST = "127.0.0.1"
 RECONNECT_S = 120.0
 """So long a tab may be away and find its page as it was."""
+EARLY = '<script type="module">import("nicegui-plotly");</script>'
+"""Plotly is large: it is loaded while the page is still being connected, not when the first figure comes."""
 FORM_BYTES = 2**20
 """What a browser adds to the files that it sends."""
 
@@ -42,6 +44,7 @@ def serve(
     @ui.page("/", title="quadctl lab")
     async def index(client: Client, show: str = "") -> None:
         ui.add_css(css)
+        ui.add_body_html(EARLY)
         await Page(bench, taking, client, show).open()
 
     app.on_startup(lambda: bench.resume(session))
@@ -58,6 +61,7 @@ def serve(
         favicon="🚁",
         show_welcome_message=False,
         reconnect_timeout=RECONNECT_S,
+        gzip_middleware_factory=None,  # nothing is far away: packing costs more than it saves
     )
 
 

@@ -5,6 +5,7 @@ other. Whoever shows the state asks to be told when it changes.
 """
 
 import asyncio
+import logging
 import tempfile
 from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
 from contextlib import asynccontextmanager
@@ -24,6 +25,7 @@ from quadctl.web.session import SUFFIX, Rung, Session, session_to_yaml
 from quadctl.web.simulated import Simulation
 from quadctl.web.worker import CancelledError, Worker
 
+_LOG = logging.getLogger(__name__)
 AUTOSAVED = f"session{SUFFIX}"
 
 
@@ -91,7 +93,10 @@ class Workbench:
 
     def _changed(self) -> None:
         for listener in list(self._listeners):
-            listener()
+            try:
+                listener()
+            except Exception:  # a page that cannot draw itself must not stop the work, nor the other pages
+                _LOG.exception("a page could not be drawn")
 
     def say(self, kind: Literal["error", "done"], text: str) -> None:
         self.message = Message(kind, text)
@@ -154,7 +159,7 @@ class Workbench:
                     progress=progress,
                 )
             self.session, self.opened, self._searched, self._first_comparison = session, opened, [], None
-            self.last_fit = None
+            self.last_fit, self.results = None, Results()
             problems = [log.problem for log in opened.logs if log.problem] if opened else []
             if problems:
                 self.message = Message("error", " ".join(f"{problem}." for problem in problems))
@@ -199,9 +204,8 @@ class Workbench:
 
     async def _judge(self, progress: Callable[[str], None]) -> None:
         """Evaluate the current model, and begin to look for what it lacks."""
+        self.results = Results(before=self.results.found or self.results.before)
         self.cancel_search()
-        before = self.results.found or self.results.before
-        self.results = Results(before=before if self._searched else None)
         self._changed()
         model, opened = self.session.model, self.opened
         if model is None or opened is None or opened.seen is None:

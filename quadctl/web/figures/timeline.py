@@ -17,6 +17,8 @@ from quadctl.web.theme import Theme
 
 GAP_FACTOR = 3.0
 """An interval longer than so many usual ones is a gap in the line."""
+NAMED_SHARE = 0.08
+"""Shorter phases, of the whole, have no room for their name."""
 FIRST_PANE_PX, PANE_PX, GAP_PX = 170, 84, 10
 
 
@@ -65,7 +67,8 @@ class Timeline:
             layout[f"yaxis{_number(i)}"] = axis(title, theme, domain=room, nticks=4, fixedrange=True)
             top -= height + GAP_PX
         for name, start, end in self.phases:
-            _draw_phase(layout, name, start, end, theme)
+            least_s = NAMED_SHARE * (self.phases[-1][2] - self.phases[0][1])
+            _draw_phase(layout, name if end - start > least_s else "", start, theme)
         xs, ys = self.points()
         data = [
             {
@@ -90,7 +93,7 @@ def _number(pane: int) -> str:
     return "" if pane == 0 else str(pane + 1)
 
 
-def _draw_phase(layout: dict[str, Any], name: str, start: float, end: float, theme: Theme) -> None:
+def _draw_phase(layout: dict[str, Any], name: str, start: float, theme: Theme) -> None:
     """A line where a phase begins, and its name at the top."""
     line = {"color": theme.muted, "width": 1, "dash": "dot"}
     layout["shapes"].append({"type": "line", "x0": start, "x1": start, "yref": "paper", "y0": 0, "y1": 1, "line": line})

@@ -12,7 +12,7 @@ from quadctl.web.figures.error_map import error_map
 from quadctl.web.figures.path import path_figure
 from quadctl.web.figures.profile import profile_figure
 from quadctl.web.figures.timeline import full_timeline
-from quadctl.web.panels.over_time import brush_note
+from quadctl.web.panels.over_time import brush_note, choose_flight
 from quadctl.web.panels.parts import empty, heading, loading, plot, tag
 from quadctl.web.panels.zoomed import zoomed_plot
 
@@ -66,7 +66,7 @@ def draw_brushed(page: "Page") -> None:
     if evaluation is None:
         return
     comparison = evaluation.comparison
-    over = _two_strongest(_telling(comparison))
+    over = _two_strongest(comparison.profiles)
     flight, opened = page.flight, page.bench.opened
     with tag("div", "panes"):
         if over is not None:
@@ -78,7 +78,9 @@ def draw_brushed(page: "Page") -> None:
                 map_shown.on("plotly_selected", lambda event: _select(page, event, axis_name, variables))
         if flight is not None:
             with tag("section", "card"):
-                heading("On the way of the flight")
+                with tag("div", "line wrap"):
+                    tag("h2", "title grow", "On the way of the flight")
+                    choose_flight(page)
                 brush_note(page)
                 plot(path_figure(flight, page.brushed(flight), page.theme), f"{flight.name}_path", "Flight path")
     if page.brush and flight is not None and opened is not None:
@@ -90,12 +92,12 @@ def draw_brushed(page: "Page") -> None:
             zoomed_plot(timeline, page.theme, f"{flight.name}_selected", "What is selected, over time")
 
 
-def _two_strongest(shown: list[Profile]) -> tuple[str, tuple[str, str]] | None:
+def _two_strongest(profiles: list[Profile]) -> tuple[str, tuple[str, str]] | None:
     """The axis that is most wrong, and the two variables that its residual goes with most."""
-    if not shown:
+    if not profiles:
         return None
-    axis_name = shown[0].axis
-    variables = [profile.variable for profile in shown if profile.axis == axis_name]
+    axis_name = profiles[0].axis
+    variables = [profile.variable for profile in profiles if profile.axis == axis_name]
     return (axis_name, (variables[0], variables[1])) if len(variables) > 1 else None
 
 

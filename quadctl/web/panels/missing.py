@@ -70,10 +70,11 @@ def _verdict(page: "Page") -> None:
             tag("p", "verdict", text).props(f'id="verdict" data-verdict="{diagnosis.verdict}"')
             for sentence in more:
                 tag("p", "muted", sentence)
-        if len(diagnosis.steps) > 2:
-            names = [step.effect for step in diagnosis.steps[1:]]
-            add = ui.button(f"Add all {len(names)}", on_click=lambda: page.act(bench.add(*names)))
-            page.when_idle(add.props("no-caps outline"))
+        names = [step.effect for step in diagnosis.steps[1:]]
+        if names:
+            label = f"Add {plain(diagnosis.missing[0])}" if len(names) == 1 else f"Add all {len(names)}"
+            add = ui.button(label, on_click=lambda: page.act(bench.add(*names)))
+            page.when_idle(add.props(f'no-caps unelevated aria-label="Add {listed(names)}"'))
     if diagnosis.symbolic is not None and diagnosis.unexplained:
         tag("p", "", "What is left, as an expression of the logged variables:")
         for law in diagnosis.symbolic.laws:
