@@ -3,6 +3,7 @@
 Screenshots go to build/screenshots. Times are printed, not judged: they say as much about the machine.
 """
 
+import http.client
 import os
 import re
 import shutil
@@ -96,6 +97,13 @@ def _wait_for(port: int, process: subprocess.Popen[bytes]) -> None:
                 return
         time.sleep(0.1)
     raise AssertionError("the page was not served")
+
+
+def status(url: str, **headers: str) -> int:
+    """What the server answers to a request with these headers."""
+    connection = http.client.HTTPConnection(url.removeprefix("http://"))
+    connection.request("GET", "/", headers=headers)
+    return connection.getresponse().status
 
 
 class Visitor:
@@ -227,6 +235,8 @@ def test_what_goes_wrong_is_said_in_a_sentence_and_costs_nothing(browser: Browse
     outside.write_text("logs: [/etc/passwd]\nrungs: []\n")
     with served(tmp_path / "lab", str(flown)) as (url, _):
         visitor = Visitor(browser, url)
+        assert status(url, Host="elsewhere.example") == 400
+        assert status(url, **{"Content-Length": str(2**30)}) == 413
         visitor.sees("text=Looking for what is missing")
         visitor.click("main button:has-text('Cancel')")
         visitor.sees("button:has-text('Look for what is missing')")

@@ -96,7 +96,11 @@ class Page:
                     draw_status,
                     lambda p: (p.bench.message, p.bench.work, p.bench.work and p.bench.work.detail),
                 )
-                self._part(tag("div", "place-start"), draw_start, lambda p: (p.starting, p.bench.session.rungs[:1]))
+                self._part(
+                    tag("div", "place-start"),
+                    draw_start,
+                    lambda p: (p.starting, p.bench.session.rungs[:1], p.bench.session.logs),
+                )
                 with ui.tabs().classes("tabs") as tabs:
                     for name, (title, icon, _) in TABS.items():
                         ui.tab(name, label=title, icon=icon)
@@ -291,7 +295,7 @@ TABS: dict[str, tuple[str, str, _Parts]] = {
         "What is missing",
         "search",
         [
-            (draw_overview, _view),
+            (draw_overview, lambda p: (*_view(p), p.flight is None and p.bench.work is None)),
             (
                 draw_missing,
                 lambda p: (

@@ -191,6 +191,8 @@ class Workbench:
 
     async def remove(self, effect: str) -> None:
         async with self._working(f"Removing {effect}") as progress:
+            if effect in self.session.off:
+                self.session = self.session.switched(effect)
             await self._climb(f"\N{MINUS SIGN} {effect}", progress, jobs.remove_effect, effect)
 
     async def _climb(self, name: str, progress: Callable[[str], None], job: Callable[..., Any], *args: Any) -> None:

@@ -63,7 +63,8 @@ def _rejected(page: "Page", event: GenericEventArguments) -> None:
 
 def _log(page: "Page", log: OpenedLog) -> None:
     bench = page.bench
-    with tag("div", "flight").props(f'data-log="{log.path.name}"'):
+    with tag("div", "flight") as row:
+        row.props["data-log"] = log.path.name
         with tag("div", "line wrap"):
             ui.icon("error" if log.problem else "check_circle").classes("bad" if log.problem else "good")
             tag("span", "effect-name grow", log.path.name)
@@ -74,7 +75,8 @@ def _log(page: "Page", log: OpenedLog) -> None:
                 )
                 page.when_idle(held.props("dense"))
             away = ui.button(icon="close", on_click=lambda: page.act(bench.forget_log(log.path)))
-            page.when_idle(away.props(f'flat dense round size=sm aria-label="Leave out {log.path.name}"'))
+            away.props["aria-label"] = f"Leave out {log.path.name}"
+            page.when_idle(away.props("flat dense round size=sm"))
         if log.problem:
             tag("p", "problem", f"{log.problem}.")
         if log.quality is None:

@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING
 
 from nicegui import ui
 
+from quadctl.lab.words import listed
 from quadctl.web.panels.flights import draw_vehicle, drop_zone
 from quadctl.web.panels.parts import busy, heading, tag
 from quadctl.web.theme import DARK
@@ -56,5 +57,9 @@ def draw_start(page: "Page") -> None:
             "Open a log of a flight. You will see where the model of your vehicle is wrong, which physical effect "
             "explains it, and how far the error falls when you add it.",
         )
+        waiting = page.bench.session.logs
+        if waiting:
+            names = listed([path.name for path in waiting])
+            tag("p", "verdict", f"Waiting for their vehicle: {names}. Choose below what flew.")
         drop_zone(page)
     draw_vehicle(page)

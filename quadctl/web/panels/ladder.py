@@ -57,7 +57,7 @@ def _on_what(page: "Page") -> str:
     if evaluation.unseen is not None:
         return f"error on {listed(evaluation.unseen.dataset.names)}, which no fit has seen"
     if page.bench.session.off:
-        return "error as it stands, on blocks of time that the fit had not used"
+        return f"the others refitted: error on {held_out(seen)}"
     return f"error on {held_out(seen)}"
 
 

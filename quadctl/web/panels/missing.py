@@ -10,7 +10,7 @@ from quadctl.lab.words import change_in_words, listed, p_in_words, parameters_in
 from quadctl.web.figures.sketch import sketch_svg
 from quadctl.web.figures.timeline import short_timeline
 from quadctl.web.jobs import Diagnosed
-from quadctl.web.panels.parts import busy, empty, heading, tag
+from quadctl.web.panels.parts import busy, empty, heading, loading, tag
 from quadctl.web.panels.zoomed import zoomed_plot
 
 if TYPE_CHECKING:
@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 def draw_overview(page: "Page") -> None:
     """The first thing that a person sees: measured against predicted."""
     flight = page.flight
+    if flight is None and page.bench.work is not None:
+        loading("Reading the flights")
+        return
     if flight is None:
         empty("insights", "No flight yet", "Open a flight log to see where your model is wrong.")
         return
@@ -40,7 +43,7 @@ def draw_missing(page: "Page") -> None:
     if found is not None:
         _candidates(page, found)
         _next_flight(page)
-    elif before is not None:
+    elif before is not None and not page.bench.session.off:
         _expected(page, before)
 
 
