@@ -2,6 +2,7 @@
 
 import asyncio
 import csv
+import socket
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 
 from flights import obedient
+from quadctl.cli import main
 from quadctl.effects.ground_effect import Exponential
 from quadctl.errors import QuadctlError, SettingsError
 from quadctl.lab.compare import Comparison, compare
@@ -124,6 +126,38 @@ class TestWorker:
                 worker.close()
 
         assert asyncio.run(asyncio.wait_for(story(), 120.0)) == 42
+
+
+class TestCommand:
+    @pytest.mark.parametrize(
+        ("arguments", "said"),
+        [
+            (["no_such.csv"], "no_such.csv: there is no such file"),
+            (["--model", "no_such.yaml"], "no_such.yaml"),
+            (["--session", "no_such.lab.yaml"], "no_such.lab.yaml"),
+        ],
+    )
+    def test_what_is_not_there_is_said_before_anything_is_served(
+        self, arguments: list[str], said: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        monkeypatch.setattr("sys.argv", ["quadctl", "lab", "--no-open", *arguments])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        assert ended.value.code == 1
+        assert said in capsys.readouterr().err
+
+    def test_a_port_that_is_taken_is_said(
+        self, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        with socket.socket() as other:
+            other.bind(("127.0.0.1", 0))
+            other.listen()
+            port = str(other.getsockname()[1])
+            monkeypatch.setattr("sys.argv", ["quadctl", "lab", "--no-open", "--port", port])
+            with pytest.raises(SystemExit) as ended:
+                main()
+        assert ended.value.code == 1
+        assert f"port {port} is taken" in capsys.readouterr().err
 
 
 class TestFiles:

@@ -26,7 +26,7 @@ def lab_page(
 ) -> None:
     """The lab as a page in the browser: look, click, watch the error fall."""
     from quadctl.web.intake import Intake
-    from quadctl.web.serve import HOST, serve
+    from quadctl.web.serve import serve
     from quadctl.web.simulated import Simulation
     from quadctl.web.start import first_session, vehicle_files
     from quadctl.web.workbench import Workbench
@@ -35,5 +35,10 @@ def lab_page(
         raise typer.BadParameter("give --session, or LOG and --model, not both")
     begun = first_session(logs or [], model, session)
     simulation = Simulation(simulator().simulate, missions, out, hidden)
-    console.print(f"The lab is at http://{HOST}:{port} (this machine only). Ctrl-C ends it.", highlight=False)
-    serve(lambda: Workbench(out, simulation), begun, lambda bench: Intake(bench, vehicle_files()), port, show)
+    serve(
+        lambda: Workbench(out, simulation), begun, lambda bench: Intake(bench, vehicle_files()), port, show, _announce
+    )
+
+
+def _announce(url: str) -> None:
+    console.print(f"The lab is at {url}, for this machine only. Ctrl-C ends it.", highlight=False)

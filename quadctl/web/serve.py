@@ -27,9 +27,14 @@ FORM_BYTES = 2**20
 
 
 def serve(
-    make_bench: Callable[[], Workbench], session: Session, intake: Callable[[Workbench], Intake], port: int, show: bool
+    make_bench: Callable[[], Workbench],
+    session: Session,
+    intake: Callable[[Workbench], Intake],
+    port: int,
+    show: bool,
+    announce: Callable[[str], None],
 ) -> None:
-    """Serve one workbench until Ctrl-C; it begins with `session`.
+    """Serve one workbench until Ctrl-C; it begins with `session`. `announce` is told the address.
 
     Raises
     ------
@@ -37,6 +42,7 @@ def serve(
         The port is taken.
     """
     _require_free(port)
+    announce(f"http://{HOST}:{port}")
     bench = make_bench()
     taking = intake(bench)
     css = files("quadctl.web").joinpath("static/page.css").read_text(encoding="utf-8")
@@ -60,6 +66,7 @@ def serve(
         dark=None,
         favicon="🚁",
         show_welcome_message=False,
+        language="en-US",
         reconnect_timeout=RECONNECT_S,
         gzip_middleware_factory=None,  # nothing is far away: packing costs more than it saves
     )

@@ -17,48 +17,15 @@ from quadctl.errors import QuadctlError, SettingsError
 from quadctl.lab.compare import Comparison
 from quadctl.lab.data import Dataset, HoldOut
 from quadctl.lab.refit import Refit
-from quadctl.lab.steps import StepResponses
-from quadctl.lab.suggest import Suggestion
 from quadctl.model import Model, load_model, model_to_dict
 from quadctl.web import jobs
 from quadctl.web.session import SUFFIX, Rung, Session, session_to_yaml
 from quadctl.web.simulated import Simulation
+from quadctl.web.state import Message, Results, Work
 from quadctl.web.worker import CancelledError, Worker
 
 _LOG = logging.getLogger(__name__)
 AUTOSAVED = f"session{SUFFIX}"
-
-
-@dataclass
-class Work:
-    """What is being done now."""
-
-    title: str
-    detail: str = ""
-
-
-@dataclass(frozen=True)
-class Message:
-    """One sentence for the person at the page."""
-
-    kind: Literal["error", "done"]
-    text: str
-
-
-@dataclass
-class Results:
-    """What is known of the current model; emptied when it changes."""
-
-    evaluation: jobs.Evaluation | None = None
-    found: jobs.Diagnosed | None = None
-    before: jobs.Diagnosed | None = None
-    """What the search for an earlier model of this ladder found, until there is one for this."""
-    suggestion: Suggestion | None = None
-    steps: StepResponses | None = None
-    checked: list[str] | None = None
-    """What the check of the compensator warns of; None where it has not been asked."""
-    refused: str = ""
-    """Why the compensator must not fly."""
 
 
 @dataclass
