@@ -16,6 +16,9 @@ from quadctl.web.panels.zoomed import zoomed_plot
 if TYPE_CHECKING:
     from quadctl.web.page import Page
 
+NOT_NEEDED = "Other forms of the same, or look-alikes: not needed beside the above."
+NO_HELP = "They do not help on unseen data, or only with parameters that they cannot have."
+
 
 def draw_overview(page: "Page") -> None:
     """The first thing that a person sees: measured against predicted."""
@@ -42,6 +45,10 @@ def draw_missing(page: "Page") -> None:
     found, before = page.bench.results.found, page.bench.results.before
     if found is not None:
         _candidates(page, found)
+        if found.diagnosis.verdict == "missing" and found.diagnosis.unexplained:
+            with tag("section", "card"):
+                heading("What these effects do not explain")
+                _expression(found.diagnosis)
         _next_flight(page)
     elif before is not None and not page.bench.session.off:
         _expected(page, before)
@@ -78,11 +85,18 @@ def _verdict(page: "Page") -> None:
             label = f"Add {plain(diagnosis.missing[0])}" if len(names) == 1 else f"Add all {len(names)}"
             add = ui.button(label, on_click=lambda: page.act(bench.add(*names)))
             page.when_idle(add.props(f'no-caps unelevated aria-label="Add {listed(names)}"'))
-    if diagnosis.symbolic is not None and diagnosis.unexplained:
-        tag("p", "", "What is left, as an expression of the logged variables:")
-        for law in diagnosis.symbolic.laws:
-            tag("pre", "expression", f"{law.axis} acceleration / m/s² = {law.best.text}")
-            tag("p", "muted", f"It explains {percent(law.best.held_out_share)} of what is left on unseen data.")
+    if diagnosis.verdict == "unexplained":
+        _expression(diagnosis)
+
+
+def _expression(diagnosis: Diagnosis) -> None:
+    """What no effect explains, as formulas."""
+    if diagnosis.symbolic is None or not diagnosis.unexplained:
+        return
+    tag("p", "", "What is left, as an expression of the logged variables:")
+    for law in diagnosis.symbolic.laws:
+        tag("pre", "expression", f"{law.axis} acceleration / m/s² = {law.best.text}")
+        tag("p", "muted", f"It explains {percent(law.best.held_out_share)} of what is left on unseen data.")
 
 
 def _in_words(diagnosis: Diagnosis) -> tuple[str, str, list[str]]:
@@ -138,14 +152,7 @@ def _candidates(page: "Page", found: Diagnosed) -> None:
             for i, candidate in enumerate(chosen):
                 looks = [other for other, first in alike.items() if first == candidate.family]
                 _card(page, found, candidate, looks, primary=i == 0)
-    for title, text, group in (
-        (
-            "Did well too",
-            "Other forms of the same, or look-alikes: not needed beside the above.",
-            near,
-        ),
-        ("Not supported by these data", "They do not lower the error on unseen data by more than chance.", others),
-    ):
+    for title, text, group in (("Did well too", NOT_NEEDED, near), ("Not supported by these data", NO_HELP, others)):
         if group:
             more = ui.expansion(f"{title} ({len(group)})", caption=text).classes("more")
             with more, tag("div", "candidates"):
