@@ -36,6 +36,8 @@ from quadctl.web.worker import CancelledError
 Brush = dict[str, tuple[float, float]]
 """Ranges of variables that are selected."""
 
+ANSWER_S = 10.0
+"""So long a browser may take to say which colours it wants."""
 _WANTS_DARK = (
     "const kept = localStorage.getItem('quadctl-theme');"
     "return kept ? kept === 'dark' : matchMedia('(prefers-color-scheme: dark)').matches;"
@@ -78,7 +80,11 @@ class Page:
         await self.client.connected()
         if not self.client.has_socket_connection:  # it left before it was there
             return
-        self._set_theme(DARK if await ui.run_javascript(_WANTS_DARK) else LIGHT)
+        try:
+            dark = await ui.run_javascript(_WANTS_DARK, timeout=ANSWER_S)
+        except TimeoutError:  # a browser that is very busy; the page is worth more than its colours
+            dark = False
+        self._set_theme(DARK if dark else LIGHT)
         self._layout()
         unsubscribe = self.bench.subscribe(self.refresh)
         self.client.on_delete(unsubscribe)
