@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 
-.PHONY: demo test lint bench papers hidden tutorial real clean
+.PHONY: demo test lint bench papers hidden tutorial real screenshots clean
 
 demo: $(INSTALLED)
 	$(BIN)/quadctl demo
@@ -36,6 +36,10 @@ tutorial: $(INSTALLED)
 # What is found in public logs of real flights.
 real: $(INSTALLED)
 	$(BIN)/python docs/real_flights.py
+
+# Pictures of the lab page (docs/lab-page.md), at both sizes, light and dark, in build/screenshots; needs Chromium.
+screenshots: $(INSTALLED)
+	SCREENSHOTS=all $(BIN)/python -m pytest tests/test_web_page.py -s
 
 clean:
 	rm -rf $(VENV) build demo logs *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache

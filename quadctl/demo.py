@@ -19,7 +19,8 @@ from quadctl.lab.compare import compare
 from quadctl.lab.data import load_dataset
 from quadctl.lab.discover import discover
 from quadctl.lab.metrics import MetricsTable, Window, metrics, render
-from quadctl.lab.report import step_responses, write_report
+from quadctl.lab.report import write_report
+from quadctl.lab.steps import step_responses
 from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.read import read_log
 from quadctl.model import load_model, save_model
@@ -117,6 +118,8 @@ def run(out: Path, console: Console, simulator: Simulator, real_time: bool) -> N
         steps=step_responses(steps.logs, steps.table),
     )
     demo.say(f"\nReport: [bold]{report}[/]")
+    flights = " ".join(str(log.path) for log in logs)
+    demo.say(f"The same in your browser, click by click: [bold]quadctl lab {flights} --hidden {demo.hidden}[/]")
 
 
 class Steps(NamedTuple):

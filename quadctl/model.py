@@ -197,7 +197,11 @@ def load_model(path: Path | str) -> Model:
         One sentence that names file, field, value and what was expected.
     """
     path = Path(path)
-    data = read_yaml(path)
+    return model_from_dict(read_yaml(path), path)
+
+
+def model_from_dict(data: dict[str, Any], path: Path) -> Model:
+    """The model that a file `path` with this content would hold; raises SettingsError as `load_model` does."""
     if "vehicle" not in data and "effects" not in data:
         return Model(validate(data, Vehicle, str(path)), name=path.stem, vehicle_path=path)
     entry = validate(data, _ModelFile, str(path))
@@ -225,20 +229,29 @@ def load_model(path: Path | str) -> Model:
 def save_model(model: Model, path: Path | str) -> None:
     """Write `model` so that `load_model` gives it back; the vehicle is referred to where it came from a file."""
     path = Path(path)
+    text = yaml.safe_dump(model_to_dict(model, path.parent), sort_keys=False)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise SettingsError(f"{path}: cannot be written ({error.strerror})") from None
+
+
+def model_to_dict(model: Model, folder: Path | None) -> dict[str, Any]:
+    """What the file of `model` holds; the vehicle is referred to relative to `folder`, or written out without one."""
     vehicle: Any = model.vehicle.model_dump(mode="json", exclude_none=True)
-    if model.vehicle_path is not None:
-        vehicle = os.path.relpath(model.vehicle_path.resolve(), path.resolve().parent)
+    if model.vehicle_path is not None and folder is not None:
+        vehicle = _relative(model.vehicle_path, folder)
     effects = []
     for item in model.stack:
         entry: dict[str, Any] = {"effect": item.effect.name, "parameters": item.effect.values()}
         if item.fitted is not None:
             entry["fitted"] = item.fitted.model_dump(mode="json", exclude_none=True)
         effects.append(entry)
-    files = [os.path.relpath(file.resolve(), path.resolve().parent) for file in model.effect_files]
+    files = [_relative(file, folder) if folder is not None else str(file.resolve()) for file in model.effect_files]
     own = {"effect_files": files} if files else {}
-    text = yaml.safe_dump({"vehicle": vehicle, **own, "effects": effects}, sort_keys=False)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise SettingsError(f"{path}: cannot be written ({error.strerror})") from None
+    return {"vehicle": vehicle, **own, "effects": effects}
+
+
+def _relative(path: Path, folder: Path) -> str:
+    return os.path.relpath(path.resolve(), folder.resolve())

@@ -18,19 +18,14 @@ from quadctl.errors import LogError, SettingsError
 from quadctl.lab import plots
 from quadctl.lab.add import Addition, add
 from quadctl.lab.compare import Comparison, compare
+from quadctl.lab.curves import effect_curves, ratio_curve
 from quadctl.lab.data import Dataset, load_dataset
 from quadctl.lab.diagnose import Diagnosis, Verdict, diagnose
 from quadctl.lab.metrics import Window, metrics
-from quadctl.lab.report import (
-    Results,
-    StepResponses,
-    number,
-    quantity,
-    render_report,
-    rmse_interval,
-    step_responses,
-    write_report,
-)
+from quadctl.lab.report import Results, render_report, write_report
+from quadctl.lab.report.numbers import rmse_interval
+from quadctl.lab.steps import StepResponses, step_responses
+from quadctl.lab.words import number, p_in_words, quantity
 from quadctl.logs.flight_log import FlightLog
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
@@ -188,7 +183,7 @@ class TestWhatThePageHolds:
         for candidate in flown.diagnosis.ranking:
             assert candidate.effect.name in page.text
             assert candidate.effect.physics in page.text
-            assert plots.p_in_words(candidate.p_value) in page.text
+            assert p_in_words(candidate.p_value) in page.text
         for verdict in ("missing", "none", "unexplained"):
             assert ("td", verdict) in _first_cells(page)
 
@@ -313,8 +308,8 @@ class TestFigures:
                 for profile in flown.before.profiles
             },
             "before and after": plots.before_after(flown.addition.before, flown.addition.after, None),
-            "drag": plots.effect_over_variable(plots.effect_curves(two, 1)[0]),
-            "scale": plots.effect_over_variable(plots.effect_curves(two, 0)[0]),
+            "drag": plots.effect_over_variable(effect_curves(two, 1)[0]),
+            "scale": plots.effect_over_variable(effect_curves(two, 0)[0]),
             "steps": plots.step_heights(flown.steps.on_one_reference),
             "tail": plots.step_tail(flown.steps.on_one_reference),
         }
@@ -336,7 +331,7 @@ class TestFigures:
         assert names == [*(c.effect.name for c in flown.diagnosis.ranking), "none"]
 
     def test_the_curve_has_its_band_and_the_measured_ratio_lies_on_it(self, flown: Flown) -> None:
-        curve = plots.ratio_curve(flown.addition, 0)
+        curve = ratio_curve(flown.addition, 0)
         assert (curve.low <= curve.high).all()
         # The hidden cushion has another form than the fitted one: they agree to a percent, not to the last digit.
         fitted = np.interp(curve.measured.x, curve.height_over_radius, curve.ratio)
@@ -350,12 +345,12 @@ class TestFigures:
 
     def test_an_effect_is_seen_in_the_residual_without_it_and_gone_with_it(self, raptor: Vehicle) -> None:
         addition = _fitted_drag(raptor)
-        (scale,) = plots.effect_curves(addition, 0)
+        (scale,) = effect_curves(addition, 0)
         assert (scale.variable, scale.component) == ("time", "up")
         assert scale.binned_before.mean == pytest.approx(0.98, abs=0.15)  # a tenth of the weight
         assert scale.binned_after.mean == pytest.approx(0.0, abs=0.02)
         assert scale.fitted.mean == pytest.approx(scale.binned_before.mean, abs=0.02)
-        drag = plots.effect_curves(addition, 1)
+        drag = effect_curves(addition, 1)
         assert [(c.variable, c.component) for c in drag] == [("speed_forward", "forward"), ("speed_right", "right")]
 
     def test_a_figure_is_the_same_whatever_style_the_caller_has_set(self, flown: Flown) -> None:

@@ -8,17 +8,19 @@ import typer
 from rich.console import Console
 
 from quadctl import __version__
-from quadctl.cli import flight, lab
+from quadctl.cli import flight, lab, web
 from quadctl.cli.app import app, console
 from quadctl.errors import QuadctlError
 
-__all__ = ["app", "flight", "lab", "main"]
+__all__ = ["app", "flight", "lab", "main", "web"]
 
 INTERRUPTED = 130
 """Exit status with which typer ends on Ctrl-C."""
 
 LAB_PACKAGES = ("scipy", "joblib", "polars", "matplotlib", "jinja2", "pyulog", "mcap", "pysindy")
 """Of the extra `lab`: not on the companion computer."""
+WEB_PACKAGES = ("nicegui", "cloudpickle")
+"""Of the extra `web`."""
 
 
 def _print_version(wanted: bool) -> None:
@@ -43,9 +45,11 @@ def main() -> NoReturn:
     except QuadctlError as error:
         _fail(str(error), 1)
     except ModuleNotFoundError as error:
-        if error.name is None or error.name.partition(".")[0] not in LAB_PACKAGES:
+        package = (error.name or "").partition(".")[0]
+        if package not in (*LAB_PACKAGES, *WEB_PACKAGES):
             raise
-        _fail(f"this command needs {error.name}, which the lean install leaves out: pip install 'quadctl[lab]'", 1)
+        extras = "lab,web" if package in WEB_PACKAGES else "lab"
+        _fail(f"this command needs {error.name}, which the lean install leaves out: pip install 'quadctl[{extras}]'", 1)
     except MemoryError:
         _fail("there is not enough memory for a file of this size", 1)
     except OSError as error:

@@ -46,7 +46,7 @@ def simulate(
     check_outputs([mission, config, hidden], json_out)
     plan = prepare_flight(mission, config, model, offset_up)
     _print_warnings(plan.warnings)
-    _finish(_simulator().simulate(plan, log_dir, hidden, seed), json_out)
+    _finish(simulator().simulate(plan, log_dir, hidden, seed), json_out)
 
 
 @app.command()
@@ -77,7 +77,7 @@ def fly(
     if not sitl:
         _finish(fly_real_time(plan, plan.settings.link.url if link is None else link, log_dir, console), json_out)
         return
-    with _simulator().mock_px4_process(plan.body.vehicle, hidden, seed) as url:
+    with simulator().mock_px4_process(plan.body.vehicle, hidden, seed) as url:
         _finish(fly_real_time(plan, url, log_dir, console), json_out)
 
 
@@ -91,7 +91,7 @@ def demo(
     """The whole circle without hardware: fly, compare, diagnose, add, fly again."""
     from quadctl.demo import run
 
-    run(out, console, _simulator(), real_time)
+    run(out, console, simulator(), real_time)
 
 
 def _finish(outcome: Any, json_out: Path | None) -> None:
@@ -107,7 +107,7 @@ def _print_warnings(warnings: Sequence[str]) -> None:
         console.print(f"warning: {warning}", style="yellow", soft_wrap=True, markup=False, highlight=False)
 
 
-def _simulator() -> Any:
+def simulator() -> Any:
     """The one way from the commands to the simulator."""
     import sitl.run
 

@@ -101,7 +101,7 @@ class Dataset:
 
     def predicted(self, model: Model) -> Floats:
         """What `model` says the filtered acceleration should have been, shape (n, 3)."""
-        return np.concatenate([predict(model, flight) for flight in self.flights])
+        return np.concatenate([predict(model, flight) for flight in self.timed_for(model).flights])
 
     def residual(self, model: Model) -> Floats:
         """Measured minus predicted, shape (n, 3)."""

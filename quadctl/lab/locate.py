@@ -102,6 +102,11 @@ def failures(residual: Floats, noise: Floats, dataset: Dataset, tried: list[Prof
     return found
 
 
+def most_telling(found: list[Failure]) -> list[Failure]:
+    """Ranges that hold most of the squared error first."""
+    return sorted(found, key=lambda failure: -failure.n * failure.mean_residual**2)
+
+
 def _profile(values: Floats, noise: CorrelatedNoise, x: Floats, axis: str, variable: str, dataset: Dataset) -> Profile:
     edges = np.unique(np.quantile(x, np.linspace(0.0, 1.0, BINS + 1)))
     index = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, len(edges) - 2)

@@ -1,0 +1,44 @@
+"""The lab as a page in the browser."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from quadctl.cli.app import app, console
+from quadctl.cli.flight import HiddenOption, simulator
+
+
+@app.command("lab")
+def lab_page(
+    logs: Annotated[list[Path] | None, typer.Argument(metavar="[LOG...]", help="Flight logs, or drop them in.")] = None,
+    model: Annotated[
+        Path | None, typer.Option("--model", metavar="MODEL.yaml", help="Model or vehicle file to begin with.")
+    ] = None,
+    session: Annotated[
+        Path | None, typer.Option("--session", metavar="FILE", help="Go on with a session that was saved.")
+    ] = None,
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where all goes that is saved.")] = Path("lab"),
+    missions: Annotated[Path, typer.Option("--missions", metavar="DIR", help="To suggest, to fly.")] = Path("missions"),
+    hidden: HiddenOption = None,
+    port: Annotated[int, typer.Option("--port", metavar="N", min=1, max=65535)] = 8090,
+    show: Annotated[bool, typer.Option("--open/--no-open", help="Open the browser.")] = True,
+) -> None:
+    """The lab as a page in the browser: look, click, watch the error fall."""
+    from quadctl.web.intake import Intake
+    from quadctl.web.serve import serve
+    from quadctl.web.simulated import Simulation
+    from quadctl.web.start import first_session, vehicle_files
+    from quadctl.web.workbench import Workbench
+
+    if session is not None and (logs or model is not None):
+        raise typer.BadParameter("give --session, or LOG and --model, not both")
+    begun = first_session(logs or [], model, session)
+    simulation = Simulation(simulator().simulate, missions, out, hidden)
+    serve(
+        lambda: Workbench(out, simulation), begun, lambda bench: Intake(bench, vehicle_files()), port, show, _announce
+    )
+
+
+def _announce(url: str) -> None:
+    console.print(f"The lab is at {url}, for this machine only. Ctrl-C ends it.", highlight=False)

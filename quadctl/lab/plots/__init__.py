@@ -1,0 +1,29 @@
+"""Figures of the lab: pure functions from results to matplotlib figures, one kind a file, and figures to SVG."""
+
+from quadctl.lab.plots.bars import before_after
+from quadctl.lab.plots.candidates import chosen, ranking
+from quadctl.lab.plots.effect import effect_over_variable
+from quadctl.lab.plots.error_ladder import ladder
+from quadctl.lab.plots.ground import thrust_ratio
+from quadctl.lab.plots.open_loop import open_loop_errors
+from quadctl.lab.plots.over_time import acceleration_over_time
+from quadctl.lab.plots.over_variable import residual_over_variable
+from quadctl.lab.plots.steps import step_heights, step_tail
+from quadctl.lab.plots.style import NARROW_PX
+from quadctl.lab.plots.svg import to_svg
+
+__all__ = [
+    "NARROW_PX",
+    "acceleration_over_time",
+    "before_after",
+    "chosen",
+    "effect_over_variable",
+    "ladder",
+    "open_loop_errors",
+    "ranking",
+    "residual_over_variable",
+    "step_heights",
+    "step_tail",
+    "thrust_ratio",
+    "to_svg",
+]

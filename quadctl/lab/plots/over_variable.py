@@ -1,0 +1,35 @@
+"""The residual over one variable."""
+
+from itertools import pairwise
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from quadctl.lab.arrays import Floats
+from quadctl.lab.compare import Comparison
+from quadctl.lab.data import AXES
+from quadctl.lab.locate import Profile
+from quadctl.lab.plots.style import BEFORE, BLACK, GREY, cloud, inner_range, limits, panel, points, styled
+from quadctl.lab.words import label_of
+
+
+@styled
+def residual_over_variable(comparison: Comparison, profile: Profile) -> Figure:
+    """Binned means of the residual with 95% error bars over a faint cloud of all samples."""
+    figure, ax = panel()
+    x = comparison.dataset.variable(profile.variable)
+    values = comparison.residual[:, AXES.index(profile.axis)]
+    if x is not None:
+        cloud(ax, x, values, GREY)
+        limits(ax, values)
+        ax.set_xlim(*inner_range(x))
+        centre = np.array([np.mean(x[(x >= a) & (x <= b)]) for a, b in _pairs(profile.edges)])
+        points(ax, centre, profile.mean, profile.error, BEFORE)
+    ax.axhline(0.0, color=BLACK, linewidth=0.8)
+    ax.set_xlabel(label_of(profile.variable))
+    ax.set_ylabel(f"residual {profile.axis} / m/s²")
+    return figure
+
+
+def _pairs(edges: Floats) -> list[tuple[float, float]]:
+    return [(float(a), float(b)) for a, b in pairwise(edges)]

@@ -1,0 +1,155 @@
+"""The sections on what was added: errors before and after, and the fitted effects."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from quadctl.effects.ground_effect import NearGround
+from quadctl.lab import plots
+from quadctl.lab.add import Addition
+from quadctl.lab.curves import effect_curves, ratio_curve
+from quadctl.lab.data import Dataset
+from quadctl.lab.flight import VARIABLE_NAMES, VARIABLE_UNITS
+from quadctl.lab.locate import most_telling
+from quadctl.lab.report.compared import time_figures
+from quadctl.lab.report.numbers import unseen_before, unseen_residuals
+from quadctl.lab.report.parts import Cell, Figure, Results, Section, Table, both_widths, figure
+from quadctl.lab.resample import drop_interval
+from quadctl.lab.words import (
+    change_in_words,
+    count,
+    failure_in_words,
+    flights_in_words,
+    held_out,
+    listed,
+    parameters_in_text,
+    percent,
+    quantity,
+)
+
+
+def before_and_after(r: Results) -> Section | None:
+    figures, text = [], []
+    for name, (what, dataset, before, after) in _held_out_results(r).items():
+        change = change_in_words(1.0 - after["total"] / before["total"])
+        text.append(
+            f"On {held_out(dataset)}, the error goes from {quantity(before['total'])} to {quantity(after['total'])} "
+            f"({change}) with {what} in."
+        )
+        floor = r.comparison.noise_floor if dataset.names == r.comparison.dataset.names else None
+        caption = f"The flights of the fit, held-out parts: without and with {what}."
+        figures.append(figure(plots.before_after(before, after, floor), name, caption))
+    if r.after is not None:
+        old, new = unseen_residuals(r)
+        low, high = drop_interval(old, new, r.after.dataset.block)
+        flights = flights_in_words(r.after.dataset.names)
+        before = unseen_before(r)
+        text.append(
+            f"On {flights}, which no fit has seen, the error goes from {quantity(before['total'])} to "
+            f"{quantity(r.after.rmse['total'])}: {percent(1.0 - r.after.rmse['total'] / before['total'])} less "
+            f"(95% interval {percent(low)} to {percent(high)})."
+        )
+        places = len(r.after.fails_where)
+        text.append(
+            f"There the improved model still fails in {count(places, 'range')}. "
+            f"{failure_in_words(most_telling(r.after.fails_where)[0])}."
+            if places
+            else "There the improved model fails nowhere beyond the noise."
+        )
+        figures.append(
+            figure(
+                plots.before_after(before, r.after.rmse, r.after.noise_floor), "unseen-bars", f"Unseen data: {flights}."
+            )
+        )
+        improved = {"before": r.comparison, "after": r.after}
+        figures += time_figures(r.after, improved, "unseen")
+    if not figures:
+        return None
+    return Section("before-after", "Error before and after, on data that the fit has not seen", text, figures)
+
+
+class _HeldOut(NamedTuple):
+    what: str
+    dataset: Dataset
+    before: dict[str, float]
+    after: dict[str, float]
+
+
+def _held_out_results(r: Results) -> dict[str, _HeldOut]:
+    """All that was found missing, and what was added last where that is only a part of it."""
+    found = {}
+    d, a = r.diagnosis, r.addition
+    if d is not None and len(d.steps) > 1:
+        what = listed([step.effect for step in d.steps[1:]])
+        found["found"] = _HeldOut(what, d.dataset, d.steps[0].rmse, d.steps[-1].rmse)
+    if a is not None and (not found or a.model.effects[-1].name != found["found"].what):
+        found["added"] = _HeldOut(a.model.effects[-1].name, a.dataset, a.before, a.after)
+    return found
+
+
+def fitted_effects(r: Results) -> Section | None:
+    a = r.addition
+    if a is None:
+        return None
+    text, figures, rows = [], [], []
+    order = list(range(len(a.model.stack)))[::-1]  # what was added last is what the page is about
+    for index in order:
+        item = a.model.stack[index]
+        ci95 = item.fitted.ci95 if item.fitted else {}
+        rows.append([Cell(item.effect.name, item.effect.source), Cell(parameters_in_text(item.effect, ci95))])
+        if isinstance(item.effect, NearGround):
+            sentences, figure = _ground_effect(a, index)
+            text += sentences
+            figures.append(figure)
+        else:
+            figures += _other_effect(a, index)
+    figures.sort(key=lambda figure: not figure.whole_width)
+    if any(not isinstance(effect, NearGround) for effect in a.model.effects):
+        text.append(
+            "For effects that are not a ratio over height: the residual without the effect, with it, and what it adds "
+            "(band: 95% of its parameters' bootstrap draws); forward and right are those of the vehicle's heading."
+        )
+    return Section(
+        "effects",
+        "The fitted effect" if len(order) == 1 else "The fitted effects",
+        text,
+        figures,
+        points=[f"Note: {remark}." for remark in a.remarks],
+        tables=[Table(["effect", "parameters [95% interval]"], rows, words=2)],
+    )
+
+
+def _ground_effect(a: Addition, index: int) -> tuple[list[str], Figure]:
+    curve = ratio_curve(a, index)
+    lowest = max(curve.data_range[0], float(curve.height_over_radius[0]))
+    ratio, low, high = (
+        float(np.interp(lowest, curve.height_over_radius, y)) for y in (curve.ratio, curve.low, curve.high)
+    )
+    sure = f"95% interval {low:.3f} to {high:.3f}" if high > low else "the form has no free parameter"
+    text = [
+        f"At the lowest height flown, {lowest:.2f} rotor radii, the rotors give {ratio:.3f} times the thrust they give "
+        f"far from the ground ({sure}).",
+        "Dots are the measured thrust over what the model without this effect predicts: no form was assumed for them, "
+        "so where they leave the curve, the fitted form is wrong.",
+    ]
+    name = a.model.effects[index].name
+    figure = both_widths(
+        f"ratio-{index}",
+        f"{name}: thrust ratio over height, with textbook curves for comparison; the shaded heights were flown.",
+        plots.thrust_ratio(a, index),
+        plots.thrust_ratio(a, index, plots.NARROW_PX),
+    )
+    return text, figure
+
+
+def _other_effect(a: Addition, index: int) -> list[Figure]:
+    name = a.model.effects[index].name
+    return [
+        figure(
+            plots.effect_over_variable(curve),
+            f"effect-{index}-{i}",
+            f"{name}: {curve.component} residual over {VARIABLE_NAMES[curve.variable]} "
+            f"({VARIABLE_UNITS[curve.variable]}).",
+        )
+        for i, curve in enumerate(effect_curves(a, index))
+    ]

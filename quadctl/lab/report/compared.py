@@ -1,0 +1,204 @@
+"""The sections on a model as it stands: the flights, its errors, and where it fails."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from quadctl.frames import GRAVITY_M_S2
+from quadctl.lab import plots
+from quadctl.lab.candidate import MATERIAL, SIGNIFICANT
+from quadctl.lab.compare import Comparison
+from quadctl.lab.data import AXES, predict
+from quadctl.lab.flight import VARIABLE_NAMES, Flight
+from quadctl.lab.locate import most_telling
+from quadctl.lab.openloop import OpenLoop, open_loop, open_loop_in_words
+from quadctl.lab.report.numbers import duration_s, rmse_interval, total
+from quadctl.lab.report.parts import Cell, Figure, Results, Section, Table, both_widths, figure
+from quadctl.lab.words import (
+    UNIT,
+    count,
+    failure_in_words,
+    flights_in_words,
+    held_out,
+    listed,
+    p_in_words,
+    percent,
+    plus,
+    quantity,
+    sentence,
+    variance_in_words,
+)
+
+SHOWN_FLIGHTS, SHOWN_PANELS, SHOWN_FAILURES = 2, 6, 12
+
+
+def flights(r: Results) -> Section:
+    dataset = r.comparison.dataset
+    widths = sorted({f"{flight.bandwidth_hz:.2g}" for flight in dataset.flights})
+    duration = sum(duration_s(flight) for flight in dataset.flights)
+    text = [
+        f"{count(len(dataset.flights), 'flight')} with {duration:.0f} s in the air and {len(dataset.measured)} "
+        f"nearly independent samples, filtered to {listed(widths)} Hz: what the slowest logged channel can carry. "
+        "Measured and predicted acceleration have gone through the same filter.",
+        f"Held-out errors below are on {held_out(dataset)}. The rotor delay is how much later the rotor signal is "
+        "logged than the force it makes; it is taken out. Below the table: what was left out of the logs, and why.",
+    ]
+    rows = [[Cell(f.name), *_flight_cells(f)] for f in dataset.flights]
+    if r.after is not None:
+        rows += [[Cell(f.name, "unseen: no fit has used it"), *_flight_cells(f)] for f in r.after.dataset.flights]
+    head = ["flight", "thrust from", "in the air / s", "samples", "bandwidth / Hz", "rotor delay / ms"]
+    shown = [*dataset.flights, *(r.after.dataset.flights if r.after else ())]
+    return Section(
+        anchor="flights",
+        title="The flights",
+        text=text,
+        tables=[Table([*head, "rotor height / m"], rows, words=2)],
+        points=[f"{flight.name}: {note}." for flight in shown for note in flight.notes],
+    )
+
+
+def _flight_cells(flight: Flight) -> list[Cell]:
+    height = flight.filtered(flight.conditions.height_m)
+    return [
+        Cell(flight.thrust_source),
+        Cell(f"{duration_s(flight):.0f}"),
+        Cell(f"{len(flight.time_s)}"),
+        Cell(f"{flight.bandwidth_hz:.2f}"),
+        Cell(f"{1000.0 * flight.delay_s:.0f}".replace("-", "\u2212")),
+        Cell(f"{height.min():.2f} to {height.max():.2f}"),
+    ]
+
+
+def over_time(r: Results) -> Section:
+    c = r.comparison
+    worst = max(AXES, key=lambda axis: c.rmse[axis])
+    low, high = rmse_interval(c.residual, c.dataset)
+    text = [
+        f"Where the coloured line leaves the black one, {c.model.name} is wrong: by {quantity(c.rmse['total'])} on the "
+        f"whole (RMSE over all axes, 95% interval {low:.3g} to {high:.3g}), most on the {worst} axis "
+        f"({quantity(c.rmse[worst])}).",
+        f"{variance_in_words(c)} The noise floor is {quantity(c.noise_floor['total'])}: "
+        "less than that is chance, or something that the log does not hold.",
+    ]
+    return Section("over-time", "Measured against predicted", text, time_figures(c, {c.model.name: c}, "seen"))
+
+
+def time_figures(c: Comparison, models: Mapping[str, Comparison], name: str) -> list[Figure]:
+    """The flights with the largest errors, in the order of the dataset."""
+    index = c.dataset.flight_index
+    errors = [total(c.residual[index == i]) for i in range(len(c.dataset.flights))]
+    chosen = sorted(np.argsort(errors)[::-1][:SHOWN_FLIGHTS].tolist())
+    others = len(errors) - len(chosen)
+    figures = []
+    for i in chosen:
+        flight = c.dataset.flights[i]
+        predicted = {label: predict(comparison.model, flight) for label, comparison in models.items()}
+        more = f" The other {count(others, 'flight')} have smaller errors." if others and i == chosen[-1] else ""
+        caption = f"{flight.name}: acceleration north, east, up and height of the rotors.{more}"
+        figures.append(
+            both_widths(
+                f"{name}-{i}",
+                caption,
+                plots.acceleration_over_time(flight, flight.measured, predicted),
+                plots.acceleration_over_time(flight, flight.measured, predicted, plots.NARROW_PX),
+            )
+        )
+    return figures
+
+
+def open_loop_section(r: Results) -> Section | None:
+    c = r.comparison
+    if not c.open_loop:
+        return None
+    told = c.open_loop[min(1, len(c.open_loop) - 1)]
+    text = [
+        open_loop_in_words(told),
+        "A simulation with the model is started at many instants of the flights and driven by the logged attitude and "
+        "rotor speeds alone; height, velocity and every effect of them are its own. The brackets and error bars are "
+        "95% intervals. To beat is the grey line: no model at all, only the velocity at the start.",
+    ]
+    names = flights_in_words(c.dataset.names)
+    figures = [figure(plots.open_loop_errors({c.model.name: c.open_loop}), "open-loop", f"Flights analysed: {names}.")]
+    rows = _open_loop_rows(c.model.name, c.open_loop)
+    if r.after is not None and r.after.open_loop:
+        unseen = r.before_unseen.open_loop if r.before_unseen is not None else open_loop(c.model, r.after.dataset)
+        models = {"before": unseen, "after": r.after.open_loop}
+        names = flights_in_words(r.after.dataset.names)
+        figures.append(figure(plots.open_loop_errors(models), "open-loop-unseen", f"Unseen data: {names}."))
+        for name, errors in models.items():
+            rows += _open_loop_rows(f"{name}, unseen data", errors)
+    head = ["model", "after", "horizontal / m", "up / m", "position / m", "velocity / m/s", "velocity held / m"]
+    return Section(
+        "open-loop", "Simulated for seconds: open-loop prediction", text, figures, tables=[Table(head, rows, words=2)]
+    )
+
+
+def _open_loop_rows(name: str, by_horizon: Sequence[OpenLoop]) -> list[list[Cell]]:
+    return [
+        [
+            Cell(name),
+            Cell(f"{e.horizon_s:g} s"),
+            *(Cell(e.position[part].in_words()) for part in ("horizontal", "up", "total")),
+            Cell(e.velocity["total"].in_words()),
+            Cell(e.held_position["total"].in_words()),
+        ]
+        for e in by_horizon
+    ]
+
+
+def over_variables(r: Results) -> Section:
+    c = r.comparison
+    telling = [p for p in c.profiles if p.share > MATERIAL and p.p_value < SIGNIFICANT]
+    shown = (telling or c.profiles[:2])[:SHOWN_PANELS]
+    text = [
+        "Dots are means over equal numbers of samples with their 95% error bars (autocorrelation included); grey is "
+        "every sample. A model that lacks nothing has all dots on the zero line. The most telling variables come first."
+    ]
+    if shown:
+        best = shown[0]
+        text.append(
+            f"The {best.axis} residual goes with {VARIABLE_NAMES[best.variable]} most: its means hold "
+            f"{percent(best.share)} of that axis' error power (p {p_in_words(best.p_value)} "
+            "that they differ by chance)."
+        )
+    figures = [
+        figure(
+            plots.residual_over_variable(c, profile),
+            f"profile-{i}",
+            f"{sentence(profile.axis)} over {VARIABLE_NAMES[profile.variable]}: {percent(profile.share)} of the "
+            f"axis' error power, p {p_in_words(profile.p_value)}.",
+        )
+        for i, profile in enumerate(shown)
+    ]
+    return Section("variables", "The residual against the variables that matter", text, figures)
+
+
+def where_it_fails(r: Results) -> Section:
+    c = r.comparison
+    title = "Where the model fails"
+    if not c.fails_where:
+        return Section("fails", title, [f"{c.model.name} fails nowhere beyond the noise."])
+    shown = most_telling(c.fails_where)[:SHOWN_FAILURES]
+    rows = [
+        [
+            Cell(failure_in_words(f)),
+            Cell(plus(f.mean_residual)),
+            Cell(f"{abs(f.sigma):.0f}"),
+            Cell(str(f.n)),
+        ]
+        for f in shown
+    ]
+    text = [
+        f"{count(len(c.fails_where), 'range')} in which the residual's mean is off by more than its noise explains; "
+        f"on the up axis, thrust is a share of the weight (1% is {0.01 * GRAVITY_M_S2:.2f} {UNIT}). "
+        "Ranges of different variables may well be the same thing seen from two sides. Those that hold most of the "
+        "squared error come first."
+    ]
+    more = len(c.fails_where) - len(shown)
+    return Section(
+        "fails",
+        title,
+        text,
+        tables=[Table(["where and how", f"mean residual / {UNIT}", "sigma", "samples"], rows)],
+        after_text=[f"{count(more, 'range')} more, all less telling, are in the JSON output."] if more else [],
+    )

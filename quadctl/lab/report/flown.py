@@ -1,0 +1,53 @@
+"""The section on step responses flown."""
+
+from quadctl.lab import plots
+from quadctl.lab.report.parts import Cell, Results, Section, Table, figure
+from quadctl.lab.steps import StepResponses, steps_in_words
+from quadctl.lab.words import plus, sentence
+
+
+def step_section(r: Results) -> Section | None:
+    steps = r.steps
+    if steps is None:
+        return None
+    tracks = steps.on_one_reference
+    figures = [
+        figure(plots.step_heights(tracks), "steps", "Height over time; flights at other heights are shifted."),
+        figure(plots.step_tail(tracks), "steps-tail", "The same, about the reference: what the ground does."),
+    ]
+    note = "Flights out of ground effect are shifted to the same reference. " if len(tracks) > len(steps.flown) else ""
+    explained = (
+        f"{note}M_A is the integral of the tracking error, M_B of what differs from the flight out of ground effect; "
+        "signed, too high at one time pays for too low at another (as in the published tables); absolute, nothing "
+        f"cancels. Measured over the {steps.table.window}."
+    )
+    return Section(
+        "steps",
+        "Flown again: step responses",
+        [*steps_in_words(steps), explained],
+        figures,
+        tables=[_metrics_table(steps)],
+        after_text=[f"{sentence(note)}." for note in steps.table.notes],
+    )
+
+
+def _metrics_table(steps: StepResponses) -> Table:
+    columns = {
+        "M_A signed / m s": "m_a_signed",
+        "M_A absolute / m s": "m_a_absolute",
+        "M_B signed / m s": "m_b_signed",
+        "M_B absolute / m s": "m_b_absolute",
+        "MAE / m": "mae_m",
+        "RMSE / m": "rmse_m",
+        "largest error / m": "max_error_m",
+    }
+    signed = ("m_a_signed", "m_b_signed", "max_error_m")
+    rows = []
+    for name, flight in zip(steps.tracks, steps.table.flights, strict=True):
+        cells = []
+        for value in columns.values():
+            v = getattr(flight, value)
+            cells.append(Cell("none" if v is None else plus(v) if value in signed else f"{v:.3f}"))
+        rows.append([Cell(name, f"{flight.flight}{' (reference flight)' if flight.is_reference else ''}"), *cells])
+    unbroken = [name.replace("/ ", "/\u00a0").replace("m s", "m\u00a0s") for name in columns]
+    return Table(["compensator", *unbroken], rows)

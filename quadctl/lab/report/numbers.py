@@ -1,0 +1,39 @@
+"""Numbers that only a report asks for."""
+
+import numpy as np
+
+from quadctl.errors import LogError
+from quadctl.lab.arrays import Floats
+from quadctl.lab.data import Dataset, rmse
+from quadctl.lab.flight import Flight
+from quadctl.lab.report.parts import Results
+from quadctl.lab.resample import resampled_means
+
+
+def rmse_interval(residual: Floats, dataset: Dataset) -> tuple[float, float]:
+    """95% interval of the total RMSE, from resampled blocks of time."""
+    means = resampled_means(np.sum(residual**2, axis=1, keepdims=True), dataset.block)
+    low, high = np.percentile(np.sqrt(means), [2.5, 97.5])
+    return float(low), float(high)
+
+
+def unseen_residuals(r: Results) -> tuple[Floats, Floats]:
+    """Of the model as it was and as it is now, on the flights of `after`."""
+    if r.after is None:
+        raise LogError("no unseen flights are given, expected the comparison of the improved model on some")
+    if r.before_unseen is not None:
+        return r.before_unseen.residual, r.after.residual
+    return r.after.dataset.residual(r.comparison.model), r.after.residual
+
+
+def unseen_before(r: Results) -> dict[str, float]:
+    return rmse(unseen_residuals(r)[0])
+
+
+def total(residual: Floats) -> float:
+    return float(np.sqrt(np.mean(np.sum(residual**2, axis=1))))
+
+
+def duration_s(flight: Flight) -> float:
+    """In the air, gaps left out: every sample stands for one sampling step."""
+    return float(len(flight.time_s) * np.median(np.diff(flight.time_s)))

@@ -1,0 +1,94 @@
+"""What a report consists of."""
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from markupsafe import Markup
+from matplotlib.figure import Figure as Drawing
+
+from quadctl.lab import plots
+from quadctl.lab.add import Addition
+from quadctl.lab.compare import Comparison
+from quadctl.lab.diagnose import Diagnosis
+from quadctl.lab.steps import StepResponses
+
+
+class Results(NamedTuple):
+    """What a page is made from."""
+
+    comparison: Comparison
+    diagnosis: Diagnosis | None = None
+    addition: Addition | None = None
+    before_unseen: Comparison | None = None
+    after: Comparison | None = None
+    steps: StepResponses | None = None
+
+
+class Cell(NamedTuple):
+    """One cell of a table, with smaller text below it where there is some."""
+
+    text: str
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Table:
+    """Columns after the first `words` hold numbers."""
+
+    head: list[str]
+    rows: list[list[Cell]]
+    words: int = 1
+    marked: frozenset[int] = frozenset()
+    """Rows that stand out."""
+
+
+@dataclass(frozen=True)
+class Figure:
+    """SVG for a screen, and for a telephone where the same would be too small."""
+
+    svg: Markup
+    caption: str
+    narrow: Markup | None = None
+    whole_width: bool = False
+
+
+@dataclass(frozen=True)
+class Section:
+    """Sentences first, then figures, lists, and tables."""
+
+    anchor: str
+    title: str
+    text: list[str]
+    figures: list[Figure] = field(default_factory=list)
+    points: list[str] = field(default_factory=list)
+    tables: list[Table] = field(default_factory=list)
+    after_text: list[str] = field(default_factory=list)
+
+
+class Tile(NamedTuple):
+    """One number at the top of the page."""
+
+    value: str
+    name: str
+
+
+@dataclass(frozen=True)
+class Headline:
+    """The number that matters, and what it means."""
+
+    before: str
+    after: str
+    change: str
+    what: str
+    sentences: list[str]
+    tiles: list[Tile]
+
+
+def figure(drawing: Drawing, name: str, caption: str) -> Figure:
+    return Figure(Markup(plots.to_svg(drawing, name)), caption)
+
+
+def both_widths(name: str, caption: str, wide: Drawing, narrow: Drawing) -> Figure:
+    return Figure(
+        Markup(plots.to_svg(wide, f"{name}-wide")), caption, Markup(plots.to_svg(narrow, f"{name}-narrow")), True
+    )

@@ -1,0 +1,100 @@
+"""The number that matters, at the top of a report."""
+
+from quadctl.lab.locate import most_telling
+from quadctl.lab.report.numbers import rmse_interval, total, unseen_before, unseen_residuals
+from quadctl.lab.report.parts import Headline, Results, Tile
+from quadctl.lab.resample import drop_interval
+from quadctl.lab.steps import first_and_last
+from quadctl.lab.words import (
+    change_in_words,
+    failure_in_words,
+    flights_in_words,
+    held_out,
+    listed,
+    number,
+    percent,
+    plain,
+    quantity,
+)
+
+
+def headline(r: Results) -> Headline:
+    before, after, what = _main_number(r)
+    change = "" if after is None else change_in_words(1.0 - after / before)
+    return Headline(
+        before=number(before),
+        after="" if after is None else number(after),
+        change=change,
+        what=what,
+        sentences=[*_verdict(r), *_what_is_left(r)],
+        tiles=_tiles(r),
+    )
+
+
+def _main_number(r: Results) -> tuple[float, float | None, str]:
+    """Error before, after, and on which data: the strictest there is."""
+    if r.after is not None:
+        flights = flights_in_words(r.after.dataset.names)
+        return unseen_before(r)["total"], r.after.rmse["total"], f"on {flights}, which no fit has seen"
+    if r.diagnosis is not None and len(r.diagnosis.steps) > 1:
+        steps = r.diagnosis.steps
+        return steps[0].rmse["total"], steps[-1].rmse["total"], f"on {held_out(r.diagnosis.dataset)}"
+    if r.addition is not None:
+        a = r.addition
+        return a.before["total"], a.after["total"], f"on {held_out(a.dataset)}"
+    return r.comparison.rmse["total"], None, f"on {flights_in_words(r.comparison.dataset.names)}"
+
+
+def _verdict(r: Results) -> list[str]:
+    name = r.comparison.model.name
+    if r.diagnosis is not None:
+        if r.diagnosis.verdict == "none":
+            return [f"Nothing significant is missing from {name}: what is left is noise."]
+        if r.diagnosis.verdict == "unexplained":
+            return [f"Something is missing from {name}, and no effect of the catalogue explains it."]
+        return [f"Missing from {name}: {listed([plain(f) for f in r.diagnosis.missing])}."]
+    if r.addition is not None:
+        added = r.addition.added.name
+        if r.addition.conclusion:
+            return [f"{added} does not help on unseen data: it is better left out."]
+        return [f"{added} takes {percent(r.addition.held_out_drop)} off the error on unseen data."]
+    if not r.comparison.fails_where:
+        return [f"{name} fails nowhere beyond the noise."]
+    return [f"{failure_in_words(most_telling(r.comparison.fails_where)[0])}."]
+
+
+def _what_is_left(r: Results) -> list[str]:
+    if r.after is not None:
+        old, new = unseen_residuals(r)
+        low, high = drop_interval(old, new, r.after.dataset.block)
+        floor = r.after.noise_floor["total"]
+        return [
+            f"The error on the unseen data falls by {percent(1.0 - total(new) / total(old))} "
+            f"(95% interval {percent(low)} to {percent(high)}).",
+            f"What is left is {r.after.rmse['total'] / floor:.2f} times the noise floor of {quantity(floor)}.",
+        ]
+    floor = r.comparison.noise_floor["total"]
+    if r.diagnosis is not None and r.diagnosis.verdict == "missing":
+        left = r.diagnosis.steps[-1].rmse["total"]
+        return [f"With all of it in, what is left is {left / floor:.2f} times the noise floor of {quantity(floor)}."]
+    low, high = rmse_interval(r.comparison.residual, r.comparison.dataset)
+    return [
+        f"The model's error is {quantity(r.comparison.rmse['total'])} (95% interval {low:.3g} to {high:.3g}); "
+        f"no model of the logged variables would get far below {quantity(floor)}, the noise floor."
+    ]
+
+
+def _tiles(r: Results) -> list[Tile]:
+    c = r.comparison
+    tiles = [
+        Tile(quantity(c.rmse["total"]), f"error of {c.model.name} on the flights analysed"),
+        Tile(quantity(c.noise_floor["total"]), "noise floor of the same flights"),
+    ]
+    if c.explained > 0.0:
+        tiles.append(Tile(percent(c.explained), f"of the acceleration's variance is predicted by {c.model.name}"))
+    if r.steps is not None and (pair := first_and_last(r.steps)) is not None:
+        (_, first), (_, last) = pair
+        if first.m_b_absolute and last.m_b_absolute is not None:
+            change = change_in_words(1.0 - last.m_b_absolute / first.m_b_absolute)
+            tiles.append(Tile(change, "M_B (absolute) of the step response, compensated"))
+    return tiles

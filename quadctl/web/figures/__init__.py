@@ -1,0 +1,1 @@
+"""Figures of the page: pure functions from results to what Plotly draws, one kind a file."""

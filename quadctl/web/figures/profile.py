@@ -1,0 +1,54 @@
+"""The residual over one variable: binned means with bands, over a cloud of samples."""
+
+import numpy as np
+
+from quadctl.lab.compare import Comparison
+from quadctl.lab.data import AXES
+from quadctl.lab.locate import Profile
+from quadctl.lab.words import label_of, p_in_words, percent
+from quadctl.web.figures.base import Figure, axis, faded, figure
+from quadctl.web.theme import Theme
+
+CLOUD = 1500
+"""So many samples are drawn at most."""
+
+
+def profile_figure(comparison: Comparison, profile: Profile, theme: Theme, height: int = 260) -> Figure:
+    """A model that lacks nothing has all points on the zero line. Selecting a part of it is brushing."""
+    x = comparison.dataset.variable(profile.variable)
+    values = comparison.residual[:, AXES.index(profile.axis)]
+    if x is None:
+        raise ValueError(f"{profile.variable} has a profile, but no flight has it")
+    some = slice(None, None, max(1, len(x) // CLOUD))
+    centre = 0.5 * (profile.edges[1:] + profile.edges[:-1])
+    low, high = profile.mean - 1.96 * profile.error, profile.mean + 1.96 * profile.error
+    band = faded(theme.before, 0.22)
+    data = [
+        {
+            "type": "scatter", "mode": "markers", "name": "samples", "x": x[some], "y": values[some],
+            "marker": {"color": faded(theme.muted, 0.35), "size": 3}, "hoverinfo": "skip",
+        },
+        {
+            "type": "scatter", "mode": "lines", "x": np.concatenate([centre, centre[::-1]]),
+            "y": np.concatenate([high, low[::-1]]), "fill": "toself", "fillcolor": band, "line": {"width": 0},
+            "hoverinfo": "skip", "name": "95% band of the mean",
+        },
+        {
+            "type": "scatter", "mode": "lines+markers", "name": "mean", "x": centre, "y": profile.mean,
+            "line": {"color": theme.before, "width": 2}, "marker": {"color": theme.before, "size": 6},
+            "hovertemplate": "%{x:.3g}: %{y:.3f} m/s²<extra></extra>",
+        },
+    ]  # fmt: skip
+    reach = 1.15 * max(float(np.quantile(np.abs(values), 0.98)), float(np.max(np.abs([low, high]))))
+    share = f"{percent(profile.share)} of the axis' error power, p {p_in_words(profile.p_value)}"
+    return figure(
+        data,
+        theme,
+        height,
+        xaxis=axis(label_of(profile.variable), theme),
+        yaxis=axis(f"residual {profile.axis} / m/s²", theme, range=[-reach, reach]),
+        title={"text": share, "font": {"size": 12, "color": theme.muted}, "x": 0.02, "y": 0.97},
+        showlegend=False,
+        dragmode="select",
+        selectdirection="h",
+    )

@@ -1,0 +1,104 @@
+"""A model as a compensator: the thrust ratio that it inverts, over height and over speed."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from quadctl.effects import CATALOG
+from quadctl.lab.arrays import Floats
+from quadctl.lab.curves import Binned, hover_ratio, measured_ratio
+from quadctl.lab.data import Dataset
+from quadctl.lab.words import label_of
+from quadctl.model import Model
+from quadctl.web.figures.base import Figure, axis, figure
+from quadctl.web.theme import Theme
+
+TEXTBOOK = ("cheeseman", "hayden", "sanchez")
+LOWEST, HIGHEST = 0.6, 10.0
+"""Rotor radii that are drawn."""
+MARGIN = 0.15
+"""Room beyond the heights flown, as a share of the highest."""
+
+
+def ratio_over_height(model: Model, dataset: Dataset, theme: Theme, height_px: int = 380) -> Figure:
+    """Thrust ratio in hover of the model and of the textbook's ground effects, with what was measured."""
+    radius = model.vehicle.rotor.radius_m
+    flown = [h / radius for h in dataset.heights_m]
+    x = np.linspace(max(LOWEST, min(0.75 * flown[0], 1.0)), min(HIGHEST, (1.0 + MARGIN) * flown[1]), 200)
+    still = np.zeros_like(x)
+    curves = [
+        _curve(x, _ratio(Model(model.vehicle).plus(CATALOG[f"ground_effect.{name}"]()), x * radius, still),
+               f"{name}, textbook", colour, dash)
+        for name, colour, dash in zip(TEXTBOOK, theme.others, ("dash", "dashdot", "dot"), strict=False)
+    ]  # fmt: skip
+    own = _curve(x, _ratio(model, x * radius, still), "this model", theme.after, "solid", 3.0)
+    points = _points(measured_ratio(dataset, "height_over_radius"), theme)
+    top = _top([own, *points])
+    return figure(
+        [*curves, own, *points],
+        theme,
+        height_px,
+        xaxis=axis(label_of("height_over_radius"), theme, range=[float(x[0]), float(x[-1])], zeroline=False),
+        yaxis=axis("thrust ratio (1 = far from the ground)", theme, range=top),
+        shapes=[_trusted(flown, x, theme), _one(theme)],
+    )
+
+
+def ratio_over_speed(model: Model, dataset: Dataset, theme: Theme, height_px: int = 380) -> Figure | None:
+    """The same over forward speed, at the mean height flown; None where the flights have hardly moved."""
+    measured = measured_ratio(dataset, "speed_forward")
+    if measured is None or dataset.span("speed_forward") < 1.0:
+        return None
+    x = np.linspace(float(measured.x.min()), float(measured.x.max()), 160)
+    mean_m = np.full_like(x, float(np.mean(dataset.heights_m)))
+    own = _curve(x, _ratio(model, mean_m, x), "this model, at the mean height", theme.after, "solid", 3.0)
+    points = _points(measured, theme)
+    y = axis("thrust ratio", theme, range=_top([own, *points]))
+    data = [own, *points]
+    return figure(data, theme, height_px, xaxis=axis(label_of("speed_forward"), theme), yaxis=y, shapes=[_one(theme)])
+
+
+def _ratio(model: Model, height_m: Floats, forward_m_s: Floats) -> Floats:
+    with np.errstate(all="ignore"):  # a formula may have a pole in what is drawn: then there is no curve
+        return hover_ratio(model, height_m, forward_m_s)
+
+
+def _curve(x: Floats, y: Floats, name: str, colour: str, dash: str, width: float = 1.5) -> dict[str, Any]:
+    line = {"color": colour, "dash": dash, "width": width}
+    hover = "%{x:.2f}: %{y:.3f}"
+    return {"type": "scatter", "mode": "lines", "name": name, "x": x, "y": y, "line": line, "hovertemplate": hover}
+
+
+def _points(measured: Binned | None, theme: Theme) -> list[dict[str, Any]]:
+    if measured is None:
+        return []
+    return [
+        {
+            "type": "scatter", "mode": "markers", "name": "measured, mean ± 95%", "x": measured.x, "y": measured.mean,
+            "marker": {"color": theme.measured, "size": 7}, "hovertemplate": "%{x:.2f}: %{y:.3f}",
+            "error_y": {"type": "data", "array": 1.96 * measured.error, "color": theme.measured, "thickness": 1.2},
+        }
+    ]  # fmt: skip
+
+
+def _top(shown: Sequence[dict[str, Any]]) -> list[float]:
+    """Room for the model and the data; textbook curves may leave it."""
+    values = np.concatenate([trace["y"] for trace in shown])
+    values = values[np.isfinite(values)]
+    low, high = min(float(values.min()), 1.0), max(float(values.max()), 1.0)
+    room = 0.25 * max(high - low, 0.04)
+    return [low - room, high + room]
+
+
+def _trusted(flown: Sequence[float], x: Floats, theme: Theme) -> dict[str, Any]:
+    label = {"text": "heights flown: trusted", "textposition": "bottom right", "font": {"color": theme.muted}}
+    return {
+        "type": "rect", "x0": max(flown[0], float(x[0])), "x1": min(flown[1], float(x[-1])), "yref": "paper", "y0": 0,
+        "y1": 1, "fillcolor": theme.band, "line": {"width": 0}, "layer": "below", "label": label,
+    }  # fmt: skip
+
+
+def _one(theme: Theme) -> dict[str, Any]:
+    line = {"color": theme.muted, "width": 1}
+    return {"type": "line", "xref": "paper", "x0": 0, "x1": 1, "y0": 1, "y1": 1, "line": line, "layer": "below"}

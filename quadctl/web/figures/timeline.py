@@ -1,0 +1,183 @@
+"""One flight over time: measured against predicted, what is left, and what the vehicle did meanwhile."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from quadctl.lab.arrays import Floats, Mask
+from quadctl.lab.data import AXES
+from quadctl.lab.flight import Flight
+from quadctl.logs.columns import rpm_columns
+from quadctl.logs.flight_log import FlightLog
+from quadctl.web.figures.base import Figure, axis, faded, figure
+from quadctl.web.figures.downsample import downsampled
+from quadctl.web.theme import Theme
+
+GAP_FACTOR = 3.0
+"""An interval longer than so many usual ones is a gap in the line."""
+NAMED_SHARE = 0.08
+"""Shorter phases, of the whole, have no room for their name."""
+FIRST_PANE_PX, PANE_PX, GAP_PX = 170, 84, 10
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """One line, at full resolution."""
+
+    pane: str
+    name: str
+    colour: str
+    time_s: Floats
+    values: Floats
+    width: float = 1.3
+    marked: bool = False
+    """Drawn as dots: a part of another line that is pointed at."""
+
+
+@dataclass(frozen=True, eq=False)
+class Timeline:
+    """Lines over a common time, in panes below each other."""
+
+    panes: list[str]
+    """Titles, with units."""
+    series: list[Series]
+    phases: list[tuple[str, float, float]] = field(default_factory=list)
+
+    def points(self, window: tuple[float, float] | None = None) -> tuple[list[Floats], list[Floats]]:
+        """Times and values of every line inside a window of time, in as few points as a screen can show."""
+        pairs = [downsampled(s.time_s, s.values, window) for s in self.series]
+        return [x for x, _ in pairs], [y for _, y in pairs]
+
+    def figure(self, theme: Theme) -> Figure:
+        heights = [FIRST_PANE_PX if i == 0 else PANE_PX for i in range(len(self.panes))]
+        total = sum(heights) + GAP_PX * (len(heights) - 1)
+        layout: dict[str, Any] = {
+            "xaxis": axis("time in the log / s", theme, anchor="free", position=0, showgrid=False),
+            "hovermode": "x",
+            "hoversubplots": "axis",
+            "dragmode": "zoom",
+            "shapes": [],
+            "annotations": [],
+        }
+        top = total
+        for i, (title, height) in enumerate(zip(self.panes, heights, strict=True)):
+            room = [(top - height) / total, top / total]
+            layout[f"yaxis{_number(i)}"] = axis(title, theme, domain=room, nticks=4, fixedrange=True)
+            top -= height + GAP_PX
+        for name, start, end in self.phases:
+            least_s = NAMED_SHARE * (self.phases[-1][2] - self.phases[0][1])
+            _draw_phase(layout, name if end - start > least_s else "", start, theme)
+        xs, ys = self.points()
+        data = [
+            {
+                "type": "scatter",
+                "mode": "markers" if s.marked else "lines",
+                "name": s.name,
+                "x": x,
+                "y": y,
+                "yaxis": f"y{_number(self.panes.index(s.pane))}",
+                "line": {"color": s.colour, "width": s.width},
+                "marker": {"color": s.colour, "size": 5},
+                "showlegend": s.pane == self.panes[0],
+                "hovertemplate": "%{y:.4~g}",
+                "connectgaps": False,
+            }
+            for s, x, y in zip(self.series, xs, ys, strict=True)
+        ]
+        return figure(data, theme, total + 84, **layout)
+
+
+def _number(pane: int) -> str:
+    return "" if pane == 0 else str(pane + 1)
+
+
+def _draw_phase(layout: dict[str, Any], name: str, start: float, theme: Theme) -> None:
+    """A line where a phase begins, and its name at the top."""
+    line = {"color": theme.muted, "width": 1, "dash": "dot"}
+    layout["shapes"].append({"type": "line", "x0": start, "x1": start, "yref": "paper", "y0": 0, "y1": 1, "line": line})
+    layout["annotations"].append(
+        {
+            "x": start, "y": 1, "yref": "paper", "text": name, "showarrow": False, "xanchor": "left", "yanchor": "top",
+            "font": {"size": 10, "color": theme.muted}, "xshift": 3,
+        }
+    )  # fmt: skip
+
+
+def short_timeline(flight: Flight, predicted: Mapping[str, Floats], axis_name: str, theme: Theme) -> Timeline:
+    """Measured acceleration on one axis, what one or two models predict, and the height."""
+    a = AXES.index(axis_name)
+    first, height = f"{axis_name} / m/s²", "height / m"
+    series = [_line(first, "measured", theme.measured, flight.time_s, flight.measured[:, a], 1.7)]
+    for (name, values), colour in zip(predicted.items(), (theme.before, theme.after), strict=False):
+        series.append(_line(first, name, colour, flight.time_s, values[:, a]))
+    series.append(_line(height, "rotor height", theme.muted, flight.grid_s, np.asarray(flight.conditions.height_m)))
+    return Timeline([first, height], series)
+
+
+def full_timeline(
+    flight: Flight,
+    log: FlightLog | None,
+    predicted: Mapping[str, Floats],
+    axis_name: str,
+    theme: Theme,
+    brushed: Mask | None = None,
+) -> Timeline:
+    """The same with residual, speed, rotor speed, voltage, and the mission's phases; `brushed` samples stand out."""
+    short = short_timeline(flight, predicted, axis_name, theme)
+    residual = "residual / m/s²"
+    panes, series = [short.panes[0], residual, *short.panes[1:]], list(short.series)
+    measured = flight.measured[:, AXES.index(axis_name)]
+    for (name, values), colour in zip(predicted.items(), (theme.before, theme.after), strict=False):
+        left = measured - values[:, AXES.index(axis_name)]
+        series.append(_line(residual, f"residual, {name}", colour, flight.time_s, left))
+    if brushed is not None and brushed.any():
+        series.append(_brushed(series[0], brushed, theme))
+    speed = np.sqrt(sum(np.asarray(v) ** 2 for v in flight.conditions.velocity_body_m_s))
+    panes.append("speed / m/s")
+    series.append(_line("speed / m/s", "speed", theme.muted, flight.grid_s, speed))
+    for title, values in _logged(log):
+        panes.append(title)
+        series.append(_line(title, title.partition(" / ")[0], theme.muted, log.time_s if log else values, values))
+    return Timeline(panes, series, _phases(log))
+
+
+def _line(pane: str, name: str, colour: str, time_s: Floats, values: Floats, width: float = 1.3) -> Series:
+    """A line that is broken where the log has a gap."""
+    steps = np.diff(time_s)
+    gaps = np.flatnonzero(steps > GAP_FACTOR * np.median(steps)) + 1
+    return Series(pane, name, colour, np.insert(time_s, gaps, time_s[gaps]), np.insert(values, gaps, np.nan), width)
+
+
+def _brushed(line: Series, brushed: Mask, theme: Theme) -> Series:
+    known = np.isfinite(line.values)
+    time, values = line.time_s[known][brushed], line.values[known][brushed]
+    return Series(line.pane, "selected", faded(theme.highlight, 0.9), time, values, marked=True)
+
+
+def _logged(log: FlightLog | None) -> list[tuple[str, Floats]]:
+    """Mean rotor speed, and the voltage of the battery or, without it, of the motors."""
+    if log is None:
+        return []
+    found = []
+    if log.n_rotors:
+        found.append(("rotors / rpm", _mean(log, rpm_columns(log.n_rotors))))
+    motors = [f"motor{i + 1}_voltage_v" for i in range(max(log.n_rotors, 1))]
+    voltage = ["battery_v"] if log.has("battery_v") else [name for name in motors if log.has(name)]
+    if voltage:
+        found.append(("voltage / V", _mean(log, voltage)))
+    return found
+
+
+def _mean(log: FlightLog, columns: Sequence[str]) -> Floats:
+    return np.asarray(np.mean([log[column] for column in columns], axis=0))
+
+
+def _phases(log: FlightLog | None) -> list[tuple[str, float, float]]:
+    if log is None or log.phase is None or not len(log):
+        return []
+    starts = np.flatnonzero(np.concatenate([[True], log.phase[1:] != log.phase[:-1]]))
+    ends = [*starts[1:], len(log) - 1]
+    spans = zip(starts, ends, strict=True)
+    return [(str(log.phase[a]), float(log.time_s[a]), float(log.time_s[b])) for a, b in spans if log.phase[a]]

@@ -1,0 +1,178 @@
+"""The long work of the page: functions that a `Worker` runs. Each takes `progress`, and what it takes and gives can be
+sent from process to process."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from quadctl.effects import catalog_with, find_effect
+from quadctl.errors import QuadctlError
+from quadctl.lab.add import Addition, add
+from quadctl.lab.arrays import Floats
+from quadctl.lab.compare import Comparison, compare
+from quadctl.lab.curves import Sketch, sketch
+from quadctl.lab.data import Dataset, HoldOut, rmse
+from quadctl.lab.diagnose import Diagnosis, diagnose
+from quadctl.lab.fit import Fitter
+from quadctl.lab.interface import prepare_flights
+from quadctl.lab.refit import Refit, fit
+from quadctl.lab.remove import Removal, remove
+from quadctl.lab.report import write_report
+from quadctl.lab.steps import StepResponses
+from quadctl.lab.suggest import Suggestion, suggest
+from quadctl.logs.flight_log import FlightLog
+from quadctl.logs.quality import QualityReport, quality
+from quadctl.logs.read import read_log
+from quadctl.model import Model
+from quadctl.vehicle import Vehicle
+from quadctl.web.simulated import Simulation
+from quadctl.web.worker import Progress
+
+
+@dataclass(frozen=True, eq=False)
+class OpenedLog:
+    """One file that was opened, with what is in it; `problem` says why it cannot be analysed."""
+
+    path: Path
+    log: FlightLog | None = None
+    quality: QualityReport | None = None
+    problem: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Opened:
+    """The flights of a session, prepared."""
+
+    logs: list[OpenedLog]
+    seen: Dataset | None
+    """Those that fits may use; None where none can be analysed."""
+    unseen: Dataset | None
+
+    def log(self, name: str) -> FlightLog | None:
+        return next((opened.log for opened in self.logs if opened.log is not None and opened.log.name == name), None)
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """How wrong a model is."""
+
+    comparison: Comparison
+    """On the flights that fits may use, as the model stands."""
+    unseen: Comparison | None
+    """On those held out of all fits."""
+    held_out: dict[str, float]
+    """RMSE on the parts of the first that each fit did not see."""
+    nuisances: Floats
+    """What single flights have of their own, shape (flights, kinds), see `quadctl.lab.nuisance`."""
+
+    @property
+    def error_m_s2(self) -> float:
+        """The number that matters: on the strictest data there are."""
+        return self.held_out["total"] if self.unseen is None else self.unseen.rmse["total"]
+
+    @property
+    def floor_m_s2(self) -> float:
+        judged = self.comparison if self.unseen is None else self.unseen
+        return judged.noise_floor["total"]
+
+
+@dataclass(frozen=True, eq=False)
+class Diagnosed:
+    """A diagnosis, with a sketch of every candidate that can be drawn."""
+
+    diagnosis: Diagnosis
+    sketches: dict[str, Sketch]
+
+
+def open_logs(
+    paths: Sequence[Path], unseen: frozenset[Path], vehicle: Vehicle, hold_out: HoldOut, progress: Progress
+) -> Opened:
+    """Read and prepare logs; one that cannot be used does not spoil the others."""
+    opened = []
+    for path in paths:
+        progress(f"reading {path.name}")
+        try:
+            log = read_log(path)
+        except QuadctlError as error:
+            opened.append(OpenedLog(path, problem=_without_folder(str(error), path)))
+            continue
+        opened.append(OpenedLog(path, log, quality(log), _problem(log, vehicle)))
+    usable = [o for o in opened if not o.problem]
+    seen = [o.log for o in usable if o.path not in unseen]
+    return Opened(
+        opened, _dataset(seen, vehicle, hold_out), _dataset([o.log for o in usable if o.path in unseen], vehicle)
+    )
+
+
+def _problem(log: FlightLog, vehicle: Vehicle) -> str:
+    try:
+        prepare_flights(log, vehicle)
+    except QuadctlError as error:
+        return str(error)
+    return ""
+
+
+def _without_folder(sentence: str, path: Path) -> str:
+    return sentence.replace(str(path), path.name)
+
+
+def _dataset(logs: Sequence[FlightLog | None], vehicle: Vehicle, hold_out: HoldOut = "blocks") -> Dataset | None:
+    known = [log for log in logs if log is not None]
+    if not known:
+        return None
+    return prepare_flights(known, vehicle, hold_out if len(known) > 1 else "blocks")
+
+
+def evaluate(model: Model, seen: Dataset, unseen: Dataset | None, progress: Progress) -> Evaluation:
+    """How wrong is `model`, and how wrong is it on data that its fit has not seen?"""
+    progress("comparing")
+    fitter = Fitter(model, seen)
+    fitted = fitter.fit()
+    held_out = rmse(seen.targets - fitter.held_out(fitted), seen.groups)
+    return Evaluation(
+        compare(model, seen), None if unseen is None else compare(model, unseen), held_out, fitted.nuisances
+    )
+
+
+def look_for(model: Model, dataset: Dataset, progress: Progress) -> Diagnosed:
+    """What is missing, and what each candidate would explain."""
+    found = diagnose(model, dataset, progress=progress)
+    drawn = {candidate.effect.name: sketch(candidate.model, dataset) for candidate in found.ranking}
+    return Diagnosed(found, {name: drawing for name, drawing in drawn.items() if drawing is not None})
+
+
+def add_effect(name: str, model: Model, dataset: Dataset, progress: Progress) -> Addition:
+    progress(f"fitting {name}")
+    return add(find_effect(name, "the effect to add", catalog_with(model.effect_files)), model, dataset)
+
+
+def refit_model(model: Model, dataset: Dataset, progress: Progress) -> Refit:
+    progress("fitting all parameters together")
+    return fit(model, dataset)
+
+
+def remove_effect(name: str, model: Model, dataset: Dataset, progress: Progress) -> Removal:
+    progress(f"fitting without {name}")
+    return remove(name, model, dataset)
+
+
+def next_flight(diagnosis: Diagnosis, missions: Path, progress: Progress) -> Suggestion:
+    progress("flying the missions in thought")
+    return suggest(diagnosis, missions)
+
+
+def fly(simulation: Simulation, model: Model, progress: Progress) -> StepResponses:
+    return simulation.fly_steps(model, progress)
+
+
+def write_html(
+    path: Path,
+    comparison: Comparison,
+    diagnosis: Diagnosis | None,
+    last_fit: Refit | None,
+    steps: StepResponses | None,
+    progress: Progress,
+) -> None:
+    progress("drawing")
+    addition = last_fit if isinstance(last_fit, Addition) else None
+    write_report(path, comparison=comparison, diagnosis=diagnosis, addition=addition, steps=steps)

@@ -1,0 +1,80 @@
+"""The error ladder: the number that matters, and how it came down."""
+
+from typing import TYPE_CHECKING
+
+from nicegui import ui
+
+from quadctl.lab.words import change_in_words, held_out, listed, number
+from quadctl.web.panels.parts import tag
+
+if TYPE_CHECKING:
+    from quadctl.web.page import Page
+
+
+def draw_ladder(page: "Page") -> None:
+    bench, session = page.bench, page.bench.session
+    with tag("section", "card ladder").props('aria-label="Error ladder"'):
+        if page.starting:
+            tag("p", "muted", "The error of your model, on data that it has not seen, appears here.")
+            return
+        evaluation = bench.results.evaluation
+        errors = [rung.error_m_s2 for rung in session.rungs if rung.error_m_s2 is not None]
+        with tag("div", "now"):
+            if evaluation is None:
+                tag("div", "big", "\u2013" if bench.work is None else "\u2026")
+            else:
+                with tag("div", "big"):
+                    tag("span", "", number(evaluation.error_m_s2)).props('id="error-now"')
+                    tag("span", "unit", "m/s²")
+                if errors and evaluation.error_m_s2 < 0.995 * errors[0]:
+                    change = change_in_words(1.0 - evaluation.error_m_s2 / errors[0])
+                    tag("span", "change", change).props('title="since the first step"')
+        if evaluation is not None:
+            tag("p", "muted what", _on_what(page))
+        largest = max([*errors, evaluation.error_m_s2 if evaluation else 0.0, 1e-9])
+        floor = None if evaluation is None else min(evaluation.floor_m_s2 / largest, 1.0)
+        with tag("ol", "steps"):
+            for step, rung in enumerate(session.rungs):
+                here = step == session.current
+                _step(page, step, rung.name, rung.error_m_s2, largest, floor, here and not session.off)
+            if session.off and evaluation is not None:
+                name = f"without {listed(sorted(session.off))}"
+                _step(page, session.current, name, evaluation.error_m_s2, largest, floor, True)
+        if evaluation is not None:
+            with tag("p", "floor-key"):
+                tag("span", "floor-mark")
+                tag(
+                    "span",
+                    "",
+                    f"noise floor {number(evaluation.floor_m_s2)} m/s²: what a fit without any physics leaves",
+                )
+
+
+def _on_what(page: "Page") -> str:
+    evaluation, seen = page.bench.results.evaluation, page.bench.seen
+    if evaluation is None or seen is None:
+        return ""
+    if evaluation.unseen is not None:
+        return f"error on {listed(evaluation.unseen.dataset.names)}, which no fit has seen"
+    if page.bench.session.off:
+        return f"the others refitted: error on {held_out(seen)}"
+    return f"error on {held_out(seen)}"
+
+
+def _step(
+    page: "Page", step: int, name: str, error: float | None, largest: float, floor: float | None, here: bool
+) -> None:
+    with tag("li", "step here" if here else "step"):
+        button = ui.element("button").classes("step-button").props('type="button"')
+        button.props(f'aria-current="{"step" if here else "false"}"')
+        button.on("click", lambda: page.act(page.bench.go(step)))
+        if page.bench.work is not None:
+            button.props("disabled")
+        with button:
+            tag("span", "step-name", name)
+            tag("span", "step-value", "\u2026" if error is None else number(error))
+            with tag("span", "bar-room"):
+                if error is not None:
+                    tag("span", "bar first" if step == 0 else "bar").style(f"width:{100.0 * error / largest:.1f}%")
+                if floor is not None:
+                    tag("span", "floor").style(f"left:{100.0 * floor:.1f}%")

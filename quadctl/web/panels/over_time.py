@@ -1,0 +1,52 @@
+"""One flight over time, all of it: phases, acceleration, residual, height, speed, rotors, voltage."""
+
+from typing import TYPE_CHECKING
+
+from nicegui import ui
+
+from quadctl.lab.data import AXES
+from quadctl.web.figures.path import path_figure
+from quadctl.web.figures.timeline import full_timeline
+from quadctl.web.panels.parts import empty, heading, plot, tag
+from quadctl.web.panels.zoomed import zoomed_plot
+
+if TYPE_CHECKING:
+    from quadctl.web.page import Page
+
+
+def draw_over_time(page: "Page") -> None:
+    flight, bench = page.flight, page.bench
+    if flight is None or bench.opened is None:
+        empty("timeline", "No flight yet", "Open a flight log to see it over time.")
+        return
+    with tag("section", "card"):
+        with tag("div", "line wrap"):
+            tag("h2", "title grow", "Measured against predicted")
+            choose_flight(page)
+            ui.toggle(list(AXES), value=page.axis, on_change=lambda e: page.look_at(axis=e.value)).props(
+                'dense no-caps unelevated aria-label="Axis"'
+            )
+        brush_note(page)
+        timeline = full_timeline(
+            flight, bench.opened.log(flight.name), page.predictions(flight), page.axis, page.theme, page.brushed(flight)
+        )
+        zoomed_plot(timeline, page.theme, f"{flight.name}_{page.axis}", "Flight over time")
+        tag("p", "muted", "Drag to zoom, double-click to see all. The cursor is the same in all panes.")
+    with tag("section", "card"):
+        heading("The way through space")
+        plot(path_figure(flight, page.brushed(flight), page.theme), f"{flight.name}_path", "Flight path")
+
+
+def choose_flight(page: "Page") -> None:
+    names = [flight.name for flight in page.flights]
+    if len(names) > 1:
+        select = ui.select(names, value=page.flight.name if page.flight else None, label="Flight")
+        select.props("dense outlined options-dense").on_value_change(lambda e: page.look_at(flight=e.value))
+
+
+def brush_note(page: "Page") -> None:
+    if page.brush:
+        with tag("div", "line brush"):
+            tag("span", "brush-mark")
+            tag("span", "grow", f"Selected: {page.brush_in_words()}")
+            ui.button("Clear", on_click=page.clear_brush).props("flat dense no-caps")

@@ -1,0 +1,90 @@
+"""Serve the page, to this machine only."""
+
+import socket
+from collections.abc import Callable
+from importlib.resources import files
+
+from nicegui import app, ui
+from nicegui.client import Client
+from starlette.middleware.trustedhost import TrustedHostMiddleware
+from starlette.requests import Request
+from starlette.responses import PlainTextResponse, Response
+
+from quadctl.errors import QuadctlError
+from quadctl.web.files import MAX_UPLOAD_BYTES
+from quadctl.web.intake import Intake
+from quadctl.web.page import Page
+from quadctl.web.session import Session
+from quadctl.web.workbench import Workbench
+
+HOST = "127.0.0.1"
+RECONNECT_S = 120.0
+"""So long a tab may be away and find its page as it was."""
+EARLY = '<script type="module">import("nicegui-plotly");</script>'
+"""Plotly is large: it is loaded while the page is still being connected, not when the first figure comes."""
+FORM_BYTES = 2**20
+"""What a browser adds to the files that it sends."""
+
+
+def serve(
+    make_bench: Callable[[], Workbench],
+    session: Session,
+    intake: Callable[[Workbench], Intake],
+    port: int,
+    show: bool,
+    announce: Callable[[str], None],
+) -> None:
+    """Serve one workbench until Ctrl-C; it begins with `session`. `announce` is told the address.
+
+    Raises
+    ------
+    QuadctlError
+        The port is taken.
+    """
+    _require_free(port)
+    announce(f"http://{HOST}:{port}")
+    bench = make_bench()
+    taking = intake(bench)
+    css = files("quadctl.web").joinpath("static/page.css").read_text(encoding="utf-8")
+
+    @ui.page("/", title="quadctl lab")
+    async def index(client: Client, show: str = "") -> None:
+        ui.add_css(css)
+        ui.add_body_html(EARLY)
+        await Page(bench, taking, client, show).open()
+
+    app.on_startup(lambda: bench.resume(session))
+    app.on_shutdown(bench.close)
+    app.add_middleware(TrustedHostMiddleware, allowed_hosts=[HOST, "localhost"])
+    app.middleware("http")(_refuse_large)
+    ui.run(
+        host=HOST,
+        port=port,
+        show=show,
+        reload=False,
+        tailwind=False,
+        dark=None,
+        favicon="🚁",
+        show_welcome_message=False,
+        language="en-US",
+        reconnect_timeout=RECONNECT_S,
+        gzip_middleware_factory=None,  # nothing is far away: packing costs more than it saves
+    )
+
+
+async def _refuse_large(request: Request, respond: Callable[[Request], object]) -> Response:
+    """A page can be told to send anything: what is too large is refused before it is read."""
+    length = request.headers.get("content-length", "0")
+    if not length.isdigit() or int(length) > MAX_UPLOAD_BYTES + FORM_BYTES:
+        return PlainTextResponse(f"more than {MAX_UPLOAD_BYTES // 2**20} MB cannot be taken", status_code=413)
+    response: Response = await respond(request)  # type: ignore[misc]  # what Starlette calls call_next
+    return response
+
+
+def _require_free(port: int) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((HOST, port))
+        except OSError:
+            raise QuadctlError(f"port {port} is taken, expected a free one: name another with --port") from None

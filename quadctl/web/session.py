@@ -1,0 +1,173 @@
+"""What a person has done so far: flights, the ladder of models, where on it we stand. No results, no user interface.
+
+A session is a value: every action gives a new one. It can be written to a file and read again.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import yaml
+from pydantic import Field
+
+from quadctl.errors import SettingsError
+from quadctl.lab.data import HoldOut
+from quadctl.model import Model, model_from_dict, model_to_dict
+from quadctl.settings import Settings, read_yaml, validate
+
+SUFFIX = ".lab.yaml"
+
+
+@dataclass(frozen=True)
+class Rung:
+    """One step of the error ladder."""
+
+    name: str
+    """What was done: `rigid body`, `+ ground_effect.exponential`, `refitted`."""
+    model: Model
+    error_m_s2: float | None = None
+    """Total, on data that no fit of it has seen; None until it is known."""
+
+
+@dataclass(frozen=True)
+class Session:
+    """Which flights, which of them are held out, and the models in the order in which they were made."""
+
+    logs: tuple[Path, ...] = ()
+    unseen: frozenset[Path] = frozenset()
+    """Logs that no fit may see."""
+    hold_out: HoldOut = "blocks"
+    """What a fit does not see of the other logs, when its error is judged."""
+    rungs: tuple[Rung, ...] = ()
+    """The first is the model that all began with; none where no vehicle has been chosen."""
+    current: int = 0
+    off: frozenset[str] = field(default_factory=frozenset)
+    """Effects of the current model that are switched off, by name."""
+
+    @property
+    def rung(self) -> Rung | None:
+        return self.rungs[self.current] if self.rungs else None
+
+    @property
+    def model(self) -> Model | None:
+        """The current model without what is switched off."""
+        if self.rung is None:
+            return None
+        model = self.rung.model
+        return replace(model, stack=tuple(item for item in model.stack if item.effect.name not in self.off))
+
+    @property
+    def seen(self) -> tuple[Path, ...]:
+        """The logs that fits may use."""
+        return tuple(log for log in self.logs if log not in self.unseen)
+
+    def begun_with(self, model: Model) -> "Session":
+        """A new ladder that begins with `model`."""
+        name = "as it was" if model.stack else "rigid body"
+        return replace(self, rungs=(Rung(name, model),), current=0, off=frozenset())
+
+    def climbed(self, rung: Rung) -> "Session":
+        """One step up from where we stand; steps above it are gone."""
+        rungs = (*self.rungs[: self.current + 1], rung)
+        return replace(self, rungs=rungs, current=len(rungs) - 1, off=frozenset())
+
+    def at(self, step: int) -> "Session":
+        """The same ladder, standing on another step.
+
+        Raises
+        ------
+        SettingsError
+            There is no such step.
+        """
+        if not 0 <= step < len(self.rungs):
+            raise SettingsError(f"step {step} of the ladder is asked for, expected 0 to {len(self.rungs) - 1}")
+        return replace(self, current=step, off=frozenset())
+
+    def switched(self, effect: str) -> "Session":
+        """The effect of that name switched off, or on again."""
+        return replace(self, off=self.off ^ {effect})
+
+    def judged(self, error_m_s2: float) -> "Session":
+        """The error of the current step is known."""
+        rungs = list(self.rungs)
+        rungs[self.current] = replace(rungs[self.current], error_m_s2=error_m_s2)
+        return replace(self, rungs=tuple(rungs))
+
+    def unjudged(self) -> "Session":
+        """The flights have changed: no error holds any more."""
+        return replace(self, rungs=tuple(replace(rung, error_m_s2=None) for rung in self.rungs))
+
+    def with_logs(self, logs: Sequence[Path]) -> "Session":
+        """Further logs; those that are there already stay once."""
+        return replace(self, logs=tuple(dict.fromkeys([*self.logs, *logs]))).unjudged()
+
+    def without_log(self, log: Path) -> "Session":
+        logs = tuple(other for other in self.logs if other != log)
+        return replace(self, logs=logs, unseen=self.unseen - {log}).unjudged()
+
+    def with_role(self, log: Path, unseen: bool) -> "Session":
+        """Hold `log` out of all fits, or let them see it.
+
+        Raises
+        ------
+        SettingsError
+            No log would be left to fit.
+        """
+        chosen = self.unseen | {log} if unseen else self.unseen - {log}
+        if self.logs and len(chosen) == len(self.logs):
+            raise SettingsError("every flight would be held out, expected at least one to fit the model to")
+        return replace(self, unseen=frozenset(chosen)).unjudged()
+
+
+class _RungEntry(Settings):
+    name: str
+    error_m_s2: float | None = None
+    model: dict[str, Any]
+
+
+class _SessionFile(Settings):
+    logs: list[str] = Field(default_factory=list)
+    unseen: list[str] = Field(default_factory=list)
+    hold_out: HoldOut = "blocks"
+    current: int = Field(default=0, ge=0)
+    rungs: list[_RungEntry] = Field(default_factory=list)
+
+
+def session_to_yaml(session: Session) -> str:
+    """The session as the text of a file; logs by their full path, vehicles written out."""
+    content = {
+        "logs": [str(log.resolve()) for log in session.logs],
+        "unseen": sorted(str(log.resolve()) for log in session.unseen),
+        "hold_out": session.hold_out,
+        "current": session.current,
+        "rungs": [
+            {"name": rung.name, "error_m_s2": rung.error_m_s2, "model": model_to_dict(rung.model, None)}
+            for rung in session.rungs
+        ],
+    }
+    return yaml.safe_dump(content, sort_keys=False, allow_unicode=True)
+
+
+def load_session(path: Path) -> Session:
+    """Read a session file.
+
+    Raises
+    ------
+    SettingsError
+        It cannot be read, or is no session; the sentence names what was expected.
+    """
+    entry = validate(read_yaml(path), _SessionFile, str(path))
+    logs = tuple(path.parent / log for log in entry.logs)
+    unseen = frozenset(path.parent / log for log in entry.unseen)
+    if not unseen <= set(logs):
+        raise SettingsError(f"{path}: unseen holds {', '.join(entry.unseen)}, expected some of the logs")
+    if entry.rungs and entry.current >= len(entry.rungs):
+        raise SettingsError(f"{path}: current is {entry.current}, expected a step from 0 to {len(entry.rungs) - 1}")
+    rungs = tuple(Rung(rung.name, _model(rung.model, path), rung.error_m_s2) for rung in entry.rungs)
+    return Session(logs, unseen, entry.hold_out, rungs, entry.current)
+
+
+def _model(entry: dict[str, Any], path: Path) -> Model:
+    model = model_from_dict(entry, path)
+    return replace(model, name=model.vehicle.name)

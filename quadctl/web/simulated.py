@@ -1,0 +1,91 @@
+"""Fly a model in the simulated world: the step response with the compensator and without it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from quadctl.errors import QuadctlError
+from quadctl.lab.metrics import Window, metrics
+from quadctl.lab.steps import StepResponses, step_responses
+from quadctl.logs.flight_log import FlightLog
+from quadctl.logs.read import read_log
+from quadctl.model import Model, save_model
+from quadctl.web.worker import Progress
+
+MISSION, REFERENCE_MISSION = "step_response", "step_response_high"
+WITHOUT, WITH, FAR = "without compensator", "with this model", "far from the ground"
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """How to reach the simulated world, and what it is like; it can be sent to another process."""
+
+    simulate: Callable[..., Any]
+    """Flies a plan: (plan, log folder, hidden truth, seed) -> outcome."""
+    missions: Path
+    folder: Path
+    """Where logs and models go."""
+    hidden: Path | None = None
+    """What the world is like; None: as the model says that is flown."""
+
+    def check(self, model: Model) -> list[str]:
+        """What is said of `model` as a compensator before a flight: warnings.
+
+        Raises
+        ------
+        SettingsError
+            It must not fly, and why.
+        """
+        from quadctl.flight.session import prepare_flight
+
+        return list(prepare_flight(self._mission(MISSION), None, str(self._saved(model)), None).warnings)
+
+    def fly_steps(self, model: Model, progress: Progress) -> StepResponses:
+        """Step responses into the ground effect, and one far from the ground that they are compared with.
+
+        Raises
+        ------
+        QuadctlError
+            The model must not fly, a file is missing, or a flight was not completed.
+        """
+        rigid, compensated = self._saved(Model(model.vehicle, name="uncompensated")), self._saved(model)
+        hidden = self.hidden or self._as_model_says(model)
+        logs = {}
+        for name, mission, flown, seed in (
+            (WITHOUT, MISSION, rigid, 11),
+            (WITH, MISSION, compensated, 11),
+            (FAR, REFERENCE_MISSION, rigid, 10),
+        ):
+            progress(f"flying the step {name}")
+            logs[name] = self._fly(mission, flown, hidden, seed)
+        table = metrics([logs[WITHOUT], logs[WITH]], [logs[FAR]], window=Window(phase="step"))
+        return step_responses(logs, table)
+
+    def _fly(self, mission: str, model: Path, hidden: Path, seed: int) -> FlightLog:
+        from quadctl.flight.session import prepare_flight
+
+        plan = prepare_flight(self._mission(mission), None, str(model), None)
+        outcome = self.simulate(plan, self.folder / "simulated", hidden, seed)
+        if not outcome.completed:
+            raise QuadctlError(f"the simulated flight of {mission} was not completed: {outcome.ended}")
+        return read_log(outcome.log)
+
+    def _mission(self, name: str) -> Path:
+        path = self.missions / f"{name}.yaml"
+        if not path.is_file():
+            raise QuadctlError(f"{path}: there is no such mission, expected the folder of the missions with --missions")
+        return path
+
+    def _saved(self, model: Model) -> Path:
+        path = self.folder / "simulated" / f"{'model' if model.stack else 'uncompensated'}.yaml"
+        save_model(model, path)
+        return path
+
+    def _as_model_says(self, model: Model) -> Path:
+        path = self.folder / "simulated" / "world.yaml"
+        effects = [{"effect": effect.name, "parameters": effect.values()} for effect in model.effects]
+        path.write_text(yaml.safe_dump({"effects": effects}), encoding="utf-8")
+        return path
