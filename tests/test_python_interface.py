@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from flights import obedient
+from flights import MISSIONS, obedient
 from quadctl.effects.ground_effect import Exponential
 from quadctl.errors import LogError, SettingsError
 from quadctl.lab import (
@@ -25,6 +25,7 @@ from quadctl.lab import (
     prepare_flights,
     read_log,
     remove,
+    suggest,
 )
 from quadctl.lab.tables import Result
 from quadctl.logs.csv_log import write_csv
@@ -148,11 +149,12 @@ def results(folder: Path, raptor: Vehicle) -> dict[str, Result]:
         "fit": fit(added.model, flights),
         "remove": remove(GROUND, added.model, flights),
         "discover": discover(Model(raptor), flights, some),
+        "suggest": suggest(Model(raptor), flights, MISSIONS, ["rotor_drag", "inflow"]),
     }
 
 
 class TestResults:
-    @pytest.mark.parametrize("name", ["compare", "diagnose", "add", "fit", "remove", "discover"])
+    @pytest.mark.parametrize("name", ["compare", "diagnose", "add", "fit", "remove", "discover", "suggest"])
     def test_each_prints_as_a_table_and_draws_itself(self, results: dict[str, Result], name: str) -> None:
         result = results[name]
         text = str(result)

@@ -12,6 +12,7 @@ from quadctl.lab.diagnose import Diagnosis
 from quadctl.lab.discover import Discovery
 from quadctl.lab.flexible import flexible_residual, noise_floor
 from quadctl.lab.refit import Refit
+from quadctl.lab.suggest import Suggestion
 from quadctl.lab.tables import Result
 
 
@@ -48,3 +49,9 @@ def _(result: Refit) -> Figure:
 def _(result: Discovery) -> Figure:
     """The ladder of held-out errors."""
     return plots.ladder(result.diagnosis, result.before.noise_floor["total"])
+
+
+@drawn.register
+def _(result: Suggestion) -> Figure:
+    """What each mission would tell."""
+    return plots.mission_gains(result)

@@ -5,6 +5,7 @@ from quadctl.lab.plots.candidates import chosen, ranking
 from quadctl.lab.plots.effect import effect_over_variable
 from quadctl.lab.plots.error_ladder import ladder
 from quadctl.lab.plots.ground import thrust_ratio
+from quadctl.lab.plots.mission_gains import mission_gains
 from quadctl.lab.plots.open_loop import open_loop_errors
 from quadctl.lab.plots.over_time import acceleration_over_time
 from quadctl.lab.plots.over_variable import residual_over_variable
@@ -19,6 +20,7 @@ __all__ = [
     "chosen",
     "effect_over_variable",
     "ladder",
+    "mission_gains",
     "open_loop_errors",
     "ranking",
     "residual_over_variable",

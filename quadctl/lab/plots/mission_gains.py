@@ -1,0 +1,27 @@
+"""What each mission would tell about what is open."""
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from quadctl.lab.plots.style import BLUE, GREEN, ORANGE, panel, styled
+from quadctl.lab.suggest import Suggestion
+
+QUESTIONS = (("look-alikes told apart", BLUE), ("widest interval narrowed", ORANGE), ("untried effects shown", GREEN))
+MOST_MISSIONS = 12
+
+
+@styled
+def mission_gains(suggestion: Suggestion) -> Figure:
+    """How far each mission, the best first, takes each question that is asked: 1 is all the way."""
+    options = suggestion.options[:MOST_MISSIONS]
+    figure, ax = panel(1.3 + 0.5 * len(options))
+    rows = np.arange(len(options))
+    for i, (question, colour) in enumerate(QUESTIONS):
+        ax.barh(rows + 0.26 * (i - 1), [o.gains[i] for o in options], 0.24, color=colour, label=question)
+    ax.set_yticks(rows, [option.mission.name for option in options])
+    ax.set_ylim(len(options) - 0.4, -0.6)
+    ax.set_xlim(0.0, 1.02)
+    ax.grid(axis="y", visible=False)
+    ax.set_xlabel("how far it answers, 1 is all the way")
+    figure.legend(loc="outside upper left")
+    return figure
