@@ -10,6 +10,7 @@ from quadctl.effects import Effect
 from quadctl.lab.arrays import Floats
 from quadctl.lab.data import GROUPS, MOMENTS, Dataset, rmse
 from quadctl.lab.fit import Fitted, Fitter
+from quadctl.lab.nuisance import KINDS, MOST
 from quadctl.lab.parameters import intervals, remarks, values_of
 from quadctl.lab.significance import improvement_p_value
 from quadctl.lab.starts import Unmodelled, best_starts
@@ -25,8 +26,9 @@ HARMLESS = 0.01
 """An effect that is about moments must not add more than this share to the error of any of them."""
 NOTHING = 1e-9
 """An error of a log that was made up, not flown."""
-RETIMED = 2
-"""So often a lag and how late the log is are found in turn."""
+AGE = [kind.name for kind in KINDS].index("delay_s")
+RETIMED = 3
+"""So often, at most, a lag and how late the log is are found in turn."""
 IDLE = 0.005
 """An effect that changes the error of the acceleration by less than this share does nothing to it."""
 
@@ -167,7 +169,9 @@ def fit_on_top(effect: type[Effect], left: Unmodelled) -> tuple[Fitter, Fitted, 
     best = misfits.index(min(misfits))
     fitter, fitted = fitters[best], fits[best]
     for _ in range(RETIMED if effect.retards else 0):
-        # The log was timed for the lag that the fit began with.
+        if np.abs(fitted.nuisances[:, AGE]).max() < 0.5 * MOST[AGE]:
+            break
+        # The log was timed for the lag that the fit began with, and that was too far off.
         fitter = Fitter(fitted.model, left.dataset)
         fitted = fitter.fit()
     return fitter, fitted, independent
