@@ -21,6 +21,7 @@ from quadctl.flight.guards import GuardLimits, defect
 from quadctl.flight.pilot import Pilot, Request, Stage, Tick
 from quadctl.flight.session import FlightPlan, prepare_flight
 from quadctl.frames import euler_from_quaternion, quaternion_from_euler
+from quadctl.missions.mission import Turn
 from quadctl.state import NAN, AttitudeTarget, VehicleState
 from sitl.autopilot import SimulatedAutopilot
 from sitl.run import fly_lockstep
@@ -254,13 +255,17 @@ def test_the_heading_at_take_off_is_kept(heading_deg: float) -> None:
             assert math.cos(yaw - math.radians(heading_deg)) > math.cos(math.radians(1.0))
 
 
-def test_the_missions_heading_is_flown_but_not_on_the_ground() -> None:
-    flight = Flight(hop()._replace(mission=hop().mission._replace(yaw_rad=1.0))).fly()
+def test_the_missions_heading_is_turned_to_in_flight_and_kept_for_the_landing() -> None:
+    turning = hop().mission._replace(turns=(Turn(0.0, 1.0),), yaw_rate_rad_s=0.5)
+    flight = Flight(hop()._replace(mission=turning)).fly()
     assert flight.pilot.ended == "completed"
+    begin_s = next(t.time_s for t in flight.watch.ticks if t.stage is Stage.FLY)
     for tick in flight.watch.ticks:
         if tick.target is not None:
             yaw = euler_from_quaternion(tick.target.attitude)[2]
-            assert yaw == pytest.approx(1.0 if tick.stage in (Stage.FLY, Stage.LAND) else 0.0, abs=0.01)
+            in_flight = tick.stage in (Stage.FLY, Stage.LAND)
+            turned = min(0.5 * (tick.time_s - begin_s), 1.0) if in_flight else 0.0
+            assert yaw == pytest.approx(turned, abs=0.02)
     last = [t for t in flight.watch.ticks if t.stage is Stage.FLY][-1]
     assert euler_from_quaternion(last.state.attitude)[2] == pytest.approx(1.0, abs=0.05)
 

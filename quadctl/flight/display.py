@@ -56,7 +56,8 @@ def picture(tick: Tick, pilot: Pilot) -> Table:
     table.add_row("progress", ProgressBar(total=total, completed=min(pilot.flight_s, total), width=40))
     table.add_row("", f"{pilot.flight_s:.0f} of {total:.0f} s")
     if tick.setpoint is not None:
-        error = math.dist(tick.setpoint.position_ned_m, state.position_ned_m)
+        pairs = zip(tick.setpoint.position_ned_m, state.position_ned_m, strict=True)
+        error = math.hypot(*(at - wanted for wanted, at in pairs if not math.isnan(wanted)))  # nan: not held
         wanted = tick.ground_down_m - tick.setpoint.position_ned_m[2]
         table.add_row("height", f"{height:6.3f} m, wanted {wanted:6.3f} m, error in position {100 * error:.1f} cm")
     else:

@@ -15,7 +15,7 @@ from quadctl.flight.settings import FlightSettings
 from quadctl.frames import euler_from_quaternion
 from quadctl.missions import Mission
 from quadctl.model import Model
-from quadctl.state import AttitudeTarget, Quat, Setpoint, Vec3, VehicleState
+from quadctl.state import NAN, AttitudeTarget, Quat, Setpoint, Vec3, VehicleState
 
 READY_TIMEOUT_S = 15.0
 START_TIMEOUT_S = 8.0
@@ -336,10 +336,13 @@ class Pilot:
         return output
 
     def _setpoint(self, t_s: float) -> Setpoint:
-        position, velocity, acceleration = self.mission.reference(t_s)
+        position, velocity, acceleration, by_velocity = self.mission.reference(t_s)
         north, east, _ = self._home
+        place = (north + position[0], east + position[1], self._ground_down_m - position[2])
+        n, e, d = (NAN if free else at for at, free in zip(place, by_velocity, strict=True))
+        self._yaw_rad = self.mission.yaw_rad(t_s, self._heading_rad)
         return Setpoint(
-            (north + position[0], east + position[1], self._ground_down_m - position[2]),
+            (n, e, d),
             (velocity[0], velocity[1], -velocity[2]),
             (acceleration[0], acceleration[1], -acceleration[2]),
             self._yaw_rad,
@@ -350,7 +353,7 @@ class Pilot:
         if self.settings.height_datum == "takeoff":
             self._ground_down_m = self._home[2] + self.settings.rest_height_m
         self._heading_rad = euler_from_quaternion(state.attitude)[2]
-        self._yaw_rad = self._heading_rad if self.mission.yaw_rad is None else self.mission.yaw_rad
+        self._yaw_rad = self._heading_rad
 
     def _idle_target(self) -> AttitudeTarget:
         """No thrust, the heading we stand in."""
