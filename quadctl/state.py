@@ -30,6 +30,8 @@ class VehicleState:
     landed: bool = True
     mode: str = ""
     """Flight mode by the autopilot's own name, e.g. OFFBOARD, LAND, HOLD."""
+    estimator_ok: bool = True
+    """Unless the autopilot's estimator says that attitude, velocity or position are not to be trusted."""
     connected: bool = False
     """Heartbeats arrive."""
     received_s: Mapping[str, float] = field(default_factory=dict)

@@ -27,6 +27,10 @@ SeedOption = Annotated[int, typer.Option("--seed", metavar="N", min=0, help="Sam
 OffsetOption = Annotated[
     float | None, typer.Option("--offset-up", metavar="M", help="Fly the mission so much higher than its file says.")
 ]
+SetOption = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="NAME=VALUE", help="Fly with another value of one of the mission's parameters."),
+]
 
 
 @app.command()
@@ -38,13 +42,14 @@ def simulate(
     log_dir: LogDirOption = Path("logs"),
     config: ConfigOption = None,
     offset_up: OffsetOption = None,
+    overrides: SetOption = None,
     json_out: JsonOption = None,
 ) -> None:
     """Fly a mission in simulated time, as fast as the machine can, reproducible from a seed."""
     from quadctl.flight.session import prepare_flight
 
     check_outputs([mission, config, hidden], json_out)
-    plan = prepare_flight(mission, config, model, offset_up)
+    plan = prepare_flight(mission, config, model, offset_up, overrides or ())
     _print_warnings(plan.warnings)
     _finish(_simulator().simulate(plan, log_dir, hidden, seed), json_out)
 
@@ -62,6 +67,7 @@ def fly(
     log_dir: LogDirOption = Path("logs"),
     config: ConfigOption = None,
     offset_up: OffsetOption = None,
+    overrides: SetOption = None,
     json_out: JsonOption = None,
 ) -> None:
     """Fly a mission on an autopilot. Ctrl-C lands."""
@@ -72,7 +78,7 @@ def fly(
     if not sitl and (hidden is not None or seed):
         raise typer.BadParameter("--hidden and --seed are for the simulated autopilot: they need --sitl")
     check_outputs([mission, config, hidden], json_out)
-    plan = prepare_flight(mission, config, model, offset_up)
+    plan = prepare_flight(mission, config, model, offset_up, overrides or ())
     _print_warnings(plan.warnings)
     if not sitl:
         _finish(fly_real_time(plan, plan.settings.link.url if link is None else link, log_dir, console), json_out)

@@ -10,7 +10,7 @@ import logging
 import math
 import re
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
 
@@ -37,6 +37,8 @@ HEARTBEAT_WAIT_S = 3.0
 """For the next heartbeat of an autopilot that has been found, and for one that shows what was accepted."""
 REASON_WAIT_S = 0.3
 """For the text that explains a refusal: it comes just before or just after the acknowledgement."""
+PARAMETER_WAIT_S, PARAMETER_ATTEMPTS = 0.5, 2
+"""For all answers to one round of questions; an autopilot says nothing of a parameter that it does not have."""
 UNIT_TOLERANCE = 1e-3
 
 _URL = re.compile(r"(?:(?:udpin|udpout|tcpin|tcpout)://[^\s/:]+:\d{1,5}|serial://[^\s:]+:\d+)")
@@ -155,6 +157,28 @@ class MavsdkAutopilot:
         """Hand over: enter the autopilot's own hold mode."""
         await self._enter("HOLD")
 
+    async def parameters(self, names: Iterable[str]) -> dict[str, float]:
+        """Values of the autopilot's parameters by name; those that it does not have are left out."""
+        found: dict[str, float] = {}
+
+        def take(message: MavlinkMessage, _: object) -> None:
+            fields = json.loads(message.fields_json)
+            found[fields["param_id"].rstrip("\0")] = px4.parameter_value(fields["param_value"], fields["param_type"])
+
+        wanted = set(names)
+        link = self._link
+        subscription = link.subscribe_message("PARAM_VALUE", take)
+        try:
+            for _ in range(PARAMETER_ATTEMPTS):
+                for name in wanted - found.keys():
+                    link.send_message(self._message("PARAM_REQUEST_READ", json.dumps(self._question(name))))
+                until_s = time.monotonic() + PARAMETER_WAIT_S
+                while wanted - found.keys() and time.monotonic() < until_s:
+                    await asyncio.sleep(0.01)
+        finally:
+            link.unsubscribe_message(subscription)
+        return {name: value for name, value in found.items() if name in wanted}
+
     async def close(self) -> None:
         """Let go of the link. Waits for commands under way, which MAVSDK gives up by itself after some seconds."""
         with ThreadPoolExecutor(max_workers=1) as closer:
@@ -230,6 +254,15 @@ class MavsdkAutopilot:
             cause = "no answer" if error.result == MavlinkDirectResult.TIMEOUT else error.result.name
             raise LinkError(f"{self.description} was asked to {what}: {cause}; check the link.") from None
         return int(json.loads(ack.fields_json)["result"])
+
+    def _question(self, parameter: str) -> dict[str, object]:
+        """Fields of a PARAM_REQUEST_READ."""
+        return {
+            "target_system": self._system_id,
+            "target_component": px4.MAV_COMP_ID_AUTOPILOT,
+            "param_id": parameter,
+            "param_index": -1,
+        }
 
     def _message(self, name: str, fields_json: str) -> MavlinkMessage:
         return MavlinkMessage(name, 0, 0, self._system_id, px4.MAV_COMP_ID_AUTOPILOT, fields_json)

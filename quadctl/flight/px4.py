@@ -1,5 +1,6 @@
 """PX4's numbers on the MAVLink wire: modes, commands, results, and the messages that control stands on."""
 
+import struct
 from dataclasses import dataclass
 
 MAV_AUTOPILOT_PX4 = 12
@@ -7,6 +8,7 @@ MAV_COMP_ID_AUTOPILOT = 1
 MAV_MODE_FLAG_CUSTOM_MODE_ENABLED = 1
 MAV_MODE_FLAG_SAFETY_ARMED = 128
 MAV_LANDED_STATE_ON_GROUND = 1
+MAV_PARAM_TYPE_INT32 = 6
 MAV_SEVERITY_WARNING = 4
 """Of a STATUSTEXT; smaller numbers are graver."""
 
@@ -60,6 +62,14 @@ def mode_name(custom_mode: int) -> str:
 def result_name(result: int) -> str:
     """Name of a COMMAND_ACK's `result`."""
     return RESULTS.get(result, f"result {result}")
+
+
+def parameter_value(value: float, kind: int) -> float:
+    """Number in a PARAM_VALUE: PX4 puts the bytes of an integer into the float field."""
+    if kind != MAV_PARAM_TYPE_INT32:
+        return value
+    integer: int = struct.unpack("<i", struct.pack("<f", value))[0]
+    return float(integer)
 
 
 @dataclass(frozen=True, slots=True)

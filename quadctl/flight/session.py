@@ -22,13 +22,19 @@ from quadctl.model import Model
 
 
 class FlightPlan(NamedTuple):
-    """Everything that a flight is made of, checked."""
+    """Everything that a flight is made of."""
 
     mission: Mission
     settings: FlightSettings
     body: Model
     compensator: Model
     warnings: Sequence[str]
+
+    @property
+    def rotor_heights_m(self) -> tuple[float, float]:
+        """Lowest and highest height of the rotor plane that the mission's limits allow."""
+        up = self.body.vehicle.rotor_height_m
+        return max(self.mission.limits.min_z_m + up, 0.01), self.mission.limits.max_z_m + up
 
     def pilot(self) -> Pilot:
         compensator = Compensator(self.compensator, self.settings.compensator_limits)
@@ -39,6 +45,7 @@ class FlightPlan(NamedTuple):
         meta: dict[str, Any] = {
             "mission": self.mission.name,
             "offset_up_m": self.mission.offset_up_m,
+            "parameters": dict(self.mission.parameters),
             "autopilot": autopilot,
             "compensator": self.compensator.name,
             "model": [{"effect": e.name, "parameters": e.values()} for e in self.compensator.effects],
@@ -48,23 +55,43 @@ class FlightPlan(NamedTuple):
         return Recorder(log_dir, self.mission.name, vehicle.n_rotors, meta)
 
 
-def prepare_flight(mission: Path, config: Path | None, model: str | None, offset_up_m: float | None) -> FlightPlan:
-    """Read mission, configuration and model, and refuse what must not fly.
+def read_flight(
+    mission: Path,
+    config: Path | None,
+    model: str | None,
+    offset_up_m: float | None,
+    overrides: Sequence[str] = (),
+    vehicle: Path | None = None,
+) -> FlightPlan:
+    """Read mission (with `overrides` of its parameters), configuration and model; `vehicle` goes before the
+    configuration's.
 
     Raises
     ------
     SettingsError
         One sentence that names the file, the field, the value and what was expected.
     """
-    loaded = load_mission(mission, offset_up_m)
+    loaded = load_mission(mission, offset_up_m, overrides)
     config_path = find_config(config, mission)
     settings = load_flight_settings(config_path)
+    if vehicle is not None:
+        settings = settings.model_copy(update={"vehicle": str(vehicle.absolute())})
     models = choose_models(settings, config_path, model)
-    vehicle = models.body.vehicle
-    lowest = max(loaded.limits.min_z_m + vehicle.rotor_height_m, 0.01)
-    highest = loaded.limits.max_z_m + vehicle.rotor_height_m
-    warnings = check_compensator(models.compensator, lowest, highest, models.compensator.name)
-    return FlightPlan(loaded, settings, models.body, models.compensator, warnings)
+    return FlightPlan(loaded, settings, models.body, models.compensator, ())
+
+
+def prepare_flight(
+    mission: Path, config: Path | None, model: str | None, offset_up_m: float | None, overrides: Sequence[str] = ()
+) -> FlightPlan:
+    """Read a flight as `read_flight` does, and refuse a compensator that must not fly.
+
+    Raises
+    ------
+    SettingsError
+        One sentence that names the file, the field, the value and what was expected.
+    """
+    plan = read_flight(mission, config, model, offset_up_m, overrides)
+    return plan._replace(warnings=check_compensator(plan.compensator, *plan.rotor_heights_m, plan.compensator.name))
 
 
 def fly_real_time(plan: FlightPlan, url: str, log_dir: Path, console: Console) -> Outcome:

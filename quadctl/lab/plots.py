@@ -54,7 +54,7 @@ BEFORE, AFTER, FLOOR = VERMILION, BLUE, GREEN
 FLIGHT_COLOURS = (VERMILION, ORANGE, BLUE, GREEN, PURPLE, SKY)
 TEXTBOOK = {"cheeseman": (ORANGE, "--"), "hayden": (PURPLE, "-."), "sanchez": (GREEN, ":")}
 
-_STYLE: dict[Any, Any] = {
+STYLE: dict[Any, Any] = {
     "font.size": 11.0,
     "axes.titlesize": 11.5,
     "axes.titleweight": "bold",
@@ -90,7 +90,7 @@ def _figure(draw: Callable[_P, Figure]) -> Callable[_P, Figure]:
 
     @wraps(draw)
     def styled(*args: _P.args, **kwargs: _P.kwargs) -> Figure:
-        with mpl.rc_context(_STYLE):
+        with mpl.rc_context(STYLE):
             return draw(*args, **kwargs)
 
     return styled
@@ -99,7 +99,7 @@ def _figure(draw: Callable[_P, Figure]) -> Callable[_P, Figure]:
 def to_svg(figure: Figure, name: str) -> str:
     """The figure as an SVG element for a page: text as text, no addresses, ids that are unique to `name`."""
     out = io.StringIO()
-    with mpl.rc_context({**_STYLE, "svg.hashsalt": name}):
+    with mpl.rc_context({**STYLE, "svg.hashsalt": name}):
         nothing = dict.fromkeys(("Date", "Creator", "Format", "Type"))
         figure.savefig(out, format="svg", metadata=nothing, dpi=120)
     svg = out.getvalue()

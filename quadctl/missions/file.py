@@ -11,12 +11,12 @@ from pydantic import Field
 from quadctl.errors import SettingsError
 from quadctl.missions.expand import RawPhase, Value, expanded, known, names_in, put_in
 from quadctl.missions.mission import Mission, MissionLimits, Phase, Turn
+from quadctl.missions.profile import sampled
 from quadctl.settings import Settings, read_value, read_yaml, validate
 from quadctl.state import Vec3
 from quadctl.trajectories import Trajectory, find_trajectory
 
 START_M: Vec3 = (0.0, 0.0, 0.0)
-CHECK_STEP_S = 0.05
 _NAME = re.compile(r"[\w.+-]+( [\w.+-]+)*")
 """Of a phase or a mission: it goes into a CSV without quotes, and into the name of a file."""
 MAX_NAME_LENGTH = 100
@@ -82,6 +82,14 @@ def load_mission(path: Path | str, offset_up_m: float | None = None, overrides: 
     )
     _check_limits(mission, path)
     return mission
+
+
+def missions_in(folder: Path) -> list[Mission]:
+    """All missions of a folder by name; raises SettingsError when it has none, or one that cannot be used."""
+    paths = sorted(folder.glob("*.yaml"))
+    if not paths:
+        raise SettingsError(f"{folder}: holds no mission, expected a folder with mission files (.yaml)")
+    return [load_mission(path) for path in paths]
 
 
 def _with_base(path: Path, data: dict[str, Any], depth: int) -> dict[str, Any]:
@@ -169,17 +177,15 @@ def _check_limits(mission: Mission, path: Path) -> None:
             f"{path}: the mission lasts {mission.duration_s:.0f} s, "
             f"expected at most limits.max_duration_s = {limits.max_duration_s:g}{lifted}"
         )
-    for phase in mission.phases:
-        steps = max(1, math.ceil((phase.end_s - phase.start_s) / CHECK_STEP_S))
-        for i in range(steps + 1):
-            t = phase.start_s + (phase.end_s - phase.start_s) * i / steps
-            x, y, z = phase.trajectory.reference(t - phase.start_s, phase.start_m).position_m
+    for phase, samples in zip(mission.phases, sampled(mission), strict=True):
+        for sample in samples:
+            x, y, z = sample.reference.position_m
             where = f"{path}: phase '{phase.name}' goes to"
             if z > limits.max_z_m + 1e-9:
                 raise SettingsError(
                     f"{where} z = {z:.2f} m, expected at most limits.max_z_m = {limits.max_z_m:g}{lifted}"
                 )
-            rising = phase is mission.phases[0] and i < steps  # from the ground
+            rising = phase is mission.phases[0] and sample is not samples[-1]  # from the ground
             if z < limits.min_z_m - 1e-9 and not rising:
                 raise SettingsError(
                     f"{where} z = {z:.2f} m, expected at least limits.min_z_m = {limits.min_z_m:g}{lifted}"
