@@ -15,6 +15,10 @@ from quadctl.missions.profile import PhaseProfile, Sample, profiles, sampled
 WIDTH = 78
 """Of a drawing over time, characters."""
 MAP_ROWS = 12
+NEAR = 1.5
+"""A limit further from the curve than this many times its peak would flatten it."""
+NOTHING = 1e-3
+"""A curve lower than that is none."""
 _AXIS = 7
 """Characters left of a drawing, for its numbers."""
 _DOTS = ((0x01, 0x08), (0x02, 0x10), (0x04, 0x20), (0x40, 0x80))
@@ -109,20 +113,19 @@ def _heading(mission: Mission) -> Text:
 
 def _over_time(title: str, points: Sequence[Point], rows: int, limits: Sequence[Line]) -> Iterator[Text]:
     """A curve with those limits that lie near it; the others are only named."""
-    end = max(points[-1][0], 1e-9)
-    peak = max(value for _, value in points)
-    near = [limit for limit in limits if limit.value <= 1.5 * peak]
-    top = max(1.05 * peak, *(limit.value for limit in near)) if near else 1.05 * peak
+    named = ", ".join(f"{limit.name} {limit.value:g}" for limit in limits)
+    end, peak = points[-1][0], max(value for _, value in points)
+    if peak < NOTHING:
+        yield Text(f"{'':{_AXIS}} {title}  (none; {named})", style="bold")
+        return
+    near = [limit.value for limit in limits if limit.value <= NEAR * peak]
+    top = max([1.05 * peak, *near])
     canvas = Canvas(WIDTH, rows)
     for limit in near:
         for i in range(0, 2 * WIDTH, 4):
-            canvas.dot(i / (2 * WIDTH), limit.value / top)
+            canvas.dot(i / (2 * WIDTH), limit / top)
     for a, b in pairwise(points):
         canvas.line((a[0] / end, a[1] / top), (b[0] / end, b[1] / top))
-    named = ", ".join(f"{limit.name} {limit.value:g}" for limit in limits)
-    if peak < 1e-3:
-        yield Text(f"{'':{_AXIS}} {title}  (none; {named})", style="bold")
-        return
     yield Text(f"{'':{_AXIS}} {title}  (top {peak:.2f}; {named})", style="bold")
     for i, line in enumerate(canvas.lines()):
         number = f"{top:.2f}" if i == 0 else "0" if i == rows - 1 else ""
