@@ -24,6 +24,20 @@ def names(mission: Mission) -> list[str]:
     return [phase.name for phase in mission.phases]
 
 
+def test_the_mission_of_the_documentation_loads(tmp_path: Path) -> None:
+    page = (Path(__file__).parents[1] / "docs" / "missions.md").read_text()
+    path = tmp_path / "m.yaml"
+    path.write_text(page.partition("```yaml\n")[2].partition("```")[0])
+    mission = load_mission(path, overrides=["speed_m_s=2"])
+    assert names(mission) == [
+        "takeoff",
+        *["down_to_1", *["forward", "back"] * 3],
+        "down_to_0.3",
+        *["forward", "back"] * 3,
+    ]
+    assert math.degrees(mission.yaw_rad(mission.duration_s, 1.0)) == pytest.approx(90)
+
+
 # --- loops -----------------------------------------------------------------------------------------------------------
 
 
