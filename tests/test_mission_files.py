@@ -90,6 +90,30 @@ def test_a_twin_may_give_one_parameter_another_value(tmp_path: Path) -> None:
     assert load_mission(twin).parameters == {"a": 5, "b": 2}
 
 
+def test_a_twin_with_phases_of_its_own_leaves_the_parameters_behind_that_these_do_not_need(tmp_path: Path) -> None:
+    written(tmp_path, {"kind": "hold", "duration_s": "$a"}, parameters={"a": 1})
+    twin = tmp_path / "twin.yaml"
+    twin.write_text(f"extends: m.yaml\nphases: {[UP]}\n")
+    assert load_mission(twin).parameters == {}
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "phases: &p [{phases: *p}]",
+        "a: &a [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]\nb: &b [*a, *a, *a, *a, *a, *a, *a, *a, *a, *a]\n"
+        "c: &c [*b, *b, *b, *b, *b, *b, *b, *b, *b, *b]\nd: &d [*c, *c, *c, *c, *c, *c, *c, *c, *c, *c]\n"
+        "phases: [*d, *d, *d, *d, *d, *d, *d, *d, *d, *d]",
+    ],
+    ids=["without end", "huge"],
+)
+def test_a_file_without_end_is_one_sentence(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "m.yaml"
+    path.write_text(text)
+    with pytest.raises(SettingsError, match=r"m\.yaml: holds more than 100000 values with all its aliases"):
+        load_mission(path)
+
+
 def test_what_is_set_is_checked_as_if_it_stood_in_the_file(tmp_path: Path) -> None:
     path = written(tmp_path, {"kind": "move", "to_m": [0, 0, "$z_m"]}, parameters={"z_m": 1.5})
     with pytest.raises(SettingsError, match=r"m\.yaml: phase 'move' goes to z = 2\.\d\d m, expected at most limits"):
@@ -105,6 +129,7 @@ def test_what_is_set_is_checked_as_if_it_stood_in_the_file(tmp_path: Path) -> No
         ("wait_s=", "--set wait_s is , expected a number, as 3.0 is"),
         ("wait_s=yes", "--set wait_s is yes, expected a number"),
         ("wait_s=[1]", "--set wait_s is [1], expected a number"),
+        ("times_s=[]", "phases[3]: for_each.t is [], expected"),
         ("times_s=3", "--set times_s is 3, expected a list"),
         ("wait_s={", "--set wait_s, line 1"),
         ("wait_s=-1", "phases[2]: duration_s is -1, expected"),
@@ -137,6 +162,7 @@ def test_a_wrong_override_is_one_sentence(tmp_path: Path, override: str, said: s
         ({"phases": [HOLD], "speed": 1}, {}, "phases[2]: unknown key 'speed' of a group"),
         ({"phases": [{"kind": "hold"}]}, {}, "phases[2].phases[1]: duration_s is missing"),
         ({"repeat": 1000, "phases": [{"repeat": 1000, **HOLD}]}, {}, "more than 10000"),
+        ({"repeat": 100, **HOLD}, {"repeat": 1000}, "more than 10000"),
         ({"yaw_deg": "north", **HOLD}, {}, "phases[2]: yaw_deg is 'north', expected a number"),
         (HOLD, {"yaw_rate_deg_s": 0}, "yaw_rate_deg_s is 0, expected"),
     ],

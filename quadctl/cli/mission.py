@@ -47,13 +47,14 @@ def list_missions(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder with mission files.")] = Path("missions"),
 ) -> None:
     """The missions of a folder: how long, how high, what for, and what can be set."""
-    from quadctl.missions import missions_in
+    from quadctl.missions import load_mission, mission_files
     from quadctl.missions.profile import flown_heights_m, sampled
 
     table = Table(box=None, pad_edge=False, header_style="bold")
     for column, right in (("mission", False), ("s", True), ("heights m", True), ("what", False), ("--set", False)):
         table.add_column(column, justify="right" if right else "left", no_wrap=right)
-    for loaded in missions_in(folder):
+    for path in mission_files(folder):
+        loaded = load_mission(path)
         lowest, highest = flown_heights_m(sampled(loaded))
         table.add_row(
             loaded.name,

@@ -6,7 +6,7 @@
 
 import re
 from collections.abc import Iterator, Mapping
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from pydantic import Field
 
@@ -18,6 +18,8 @@ Values = Mapping[str, Any]
 
 MAX_PHASES = 10_000
 """More than that is a slip of a `repeat`, not a flight."""
+MAX_VALUES = 100_000
+"""In a file: YAML's aliases within aliases make a short file a huge one, or one without end."""
 _REFERENCE = re.compile(r"\$(?:([A-Za-z_]\w*)|\{([A-Za-z_]\w*)\})")
 
 
@@ -33,11 +35,22 @@ class _Loop(Settings):
     """What makes more of one entry of `phases`."""
 
     repeat: int = Field(default=1, ge=1, le=1000)
-    for_each: dict[str, list[Value]] = Field(default={}, max_length=1)
+    for_each: dict[str, Annotated[list[Value], Field(min_length=1)]] = Field(default={}, max_length=1)
 
 
-def expanded(entries: list[dict[str, Any]], values: Values, source: str) -> list[RawPhase]:
-    """All phases in the order in which they are flown.
+def check_size(data: Any, source: str) -> None:
+    """Refuse a file of which no walk would come to an end; raises SettingsError."""
+    left, seen = [data], 0
+    while left:
+        item = left.pop()
+        seen += 1
+        if seen > MAX_VALUES:
+            raise SettingsError(f"{source}: holds more than {MAX_VALUES} values with all its aliases, expected fewer")
+        left.extend(item.values() if isinstance(item, dict) else item if isinstance(item, list) else ())
+
+
+def expanded(entries: list[dict[str, Any]], repeat: int, values: Values, source: str) -> list[RawPhase]:
+    """All phases in the order in which they are flown, `repeat` times.
 
     Raises
     ------
@@ -47,9 +60,9 @@ def expanded(entries: list[dict[str, Any]], values: Values, source: str) -> list
     found: list[RawPhase] = []
     for raw in _expanded(entries, values, {}, source):
         found.append(raw)
-        if len(found) > MAX_PHASES:
+        if len(found) * repeat > MAX_PHASES:
             raise SettingsError(f"{source} are more than {MAX_PHASES} with all that is repeated, expected fewer")
-    return found
+    return found * repeat
 
 
 def put_in(item: Any, values: Values, source: str) -> Any:

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from pydantic import Field
 
 from quadctl.errors import SettingsError
-from quadctl.missions.expand import RawPhase, Value, expanded, known, names_in, put_in
+from quadctl.missions.expand import RawPhase, Value, check_size, expanded, known, names_in, put_in
 from quadctl.missions.mission import Mission, MissionLimits, Phase, Turn
 from quadctl.missions.profile import sampled
 from quadctl.settings import Settings, read_value, read_yaml, validate
@@ -59,17 +59,19 @@ def load_mission(path: Path | str, offset_up_m: float | None = None, overrides: 
         One sentence that names file, field, value and what was expected; also when the mission leaves its own limits.
     """
     path = Path(path)
-    data = _with_base(path, read_yaml(path), depth=0)
+    own = read_yaml(path)
+    data = _with_base(path, own, depth=0)
+    check_size(data, str(path))
     if offset_up_m is not None:
         data["offset_up_m"] = offset_up_m
-    values = _parameters(data, overrides, path)
+    data["parameters"] = values = _parameters(data, own, overrides, path)
     phases = data.pop("phases", None)
     whole = put_in(data, values, str(path))
     entry = validate({**whole, **({} if phases is None else {"phases": phases})}, _MissionFile, str(path))
     if entry.name is not None:
         _check_name(entry.name, f"{path}: name")
-    legs = [_leg(raw, entry.offset_up_m) for raw in expanded(entry.phases, values, f"{path}: phases")] * entry.repeat
-    laid, turns = _laid_out(legs, entry)
+    raw = expanded(entry.phases, entry.repeat, values, f"{path}: phases")
+    laid, turns = _laid_out([_leg(phase, entry.offset_up_m) for phase in raw], entry)
     mission = Mission(
         name=entry.name or path.stem,
         description=entry.description,
@@ -84,12 +86,12 @@ def load_mission(path: Path | str, offset_up_m: float | None = None, overrides: 
     return mission
 
 
-def missions_in(folder: Path) -> list[Mission]:
-    """All missions of a folder by name; raises SettingsError when it has none, or one that cannot be used."""
+def mission_files(folder: Path) -> list[Path]:
+    """The mission files of a folder by name; raises SettingsError when it has none."""
     paths = sorted(folder.glob("*.yaml"))
     if not paths:
         raise SettingsError(f"{folder}: holds no mission, expected a folder with mission files (.yaml)")
-    return [load_mission(path) for path in paths]
+    return paths
 
 
 def _with_base(path: Path, data: dict[str, Any], depth: int) -> dict[str, Any]:
@@ -106,26 +108,32 @@ def _with_base(path: Path, data: dict[str, Any], depth: int) -> dict[str, Any]:
     return both
 
 
-def _parameters(data: dict[str, Any], overrides: Sequence[str], path: Path) -> dict[str, Any]:
-    """The values of the mission's parameters; refuses one that nothing in the mission refers to."""
+def _parameters(
+    data: dict[str, Any], own: dict[str, Any], overrides: Sequence[str], path: Path
+) -> dict[str, float | str | list[Any]]:
+    """The values of the mission's parameters, `own` being the file without what it extends.
+
+    One that nothing refers to is a slip where the file declares it itself; where it extends the file that does, other
+    phases may have come in its place.
+    """
     declared = data.get("parameters", {})
     if not isinstance(declared, dict):
         raise SettingsError(f"{path}: parameters is {declared!r:.60}, expected names with their values")
-    idle = declared.keys() - names_in({key: value for key, value in data.items() if key != "parameters"})
+    used = names_in({key: value for key, value in data.items() if key != "parameters"})
+    idle = own.get("parameters", {}).keys() - used
     if idle:
         raise SettingsError(f"{path}: nothing refers to the parameter '{min(idle)}', expected ${min(idle)} somewhere")
-    values = dict(declared)
+    values = {name: value for name, value in declared.items() if name in used}
     for override in overrides:
         name, equals, text = override.partition("=")
         if not equals:
             raise SettingsError(f"--set is '{override}', expected NAME=VALUE")
-        if name not in declared:
-            raise SettingsError(f"--set {override}: {path} has no parameter '{name}'{known(name, declared)}")
+        if name not in values:
+            raise SettingsError(f"--set {override}: {path} has no parameter '{name}'{known(name, values)}")
         value = read_value(text, f"--set {name}")
         if _kind(value) != _kind(declared[name]):
             raise SettingsError(f"--set {name} is {text}, expected {_kind(declared[name])}, as {declared[name]} is")
         values[name] = value
-    data["parameters"] = values
     return values
 
 
