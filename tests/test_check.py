@@ -61,7 +61,7 @@ def test_a_fit_flight_passes_with_its_numbers(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("topic", "phase", "said"),
     [
-        # 2.9 deg more than level per 0.5 m/s^2; reach of a rotor tip: 0.124 sqrt 2 + 0.12 = 0.295 m, sin(45 deg) = 0.71
+        # atan(9 / 9.81) = 43 deg, of which the controller leans 35; reach of a rotor tip 0.124 sqrt 2 + 0.12 = 0.295 m
         ("ground", {"kind": "move", "to_m": [9, 0, 0.06], "acceleration_m_s2": 9}, "it touches the ground"),
         (
             "speed",

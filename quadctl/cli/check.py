@@ -17,7 +17,8 @@ STYLES = {"ok": "green", "warning": "yellow", "refused": "bold red"}
 @app.command()
 def check(
     files: Annotated[
-        list[Path], typer.Argument(metavar="[VEHICLE.yaml] MISSION.yaml", help="The vehicle is the configuration's.")
+        list[Path],
+        typer.Argument(metavar="[VEHICLE.yaml] MISSION.yaml", help="Without a vehicle: the configuration's."),
     ],
     model: ModelOption = None,
     config: ConfigOption = None,

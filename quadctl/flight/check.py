@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from quadctl.compensator import Compensator, check_compensator
 from quadctl.control import ControllerSettings
-from quadctl.control.attitude import attitude_for_force
+from quadctl.control.attitude import attitude_for_force, limit_tilt
 from quadctl.control.throttle import throttle_for_thrust
 from quadctl.errors import SettingsError
 from quadctl.flight.findings import Finding, Verdict, judged
@@ -31,11 +31,10 @@ class Demand(NamedTuple):
     """What one sample of a mission asks of the vehicle."""
 
     sample: Sample
-    acceleration_m_s2: Vec3
-    """North, east, up; of the reference, and of the controller's answer to a jump."""
     tilt_rad: float
+    """For the reference's acceleration, the controller's answer to a jump and the compensator's force."""
     thrust_n: float
-    """Of all rotors together, with the compensator's correction."""
+    """Of all rotors together, within the controller's limit of tilt, by the compensator's ratio."""
     thrust_ratio: float
     """By the compensator."""
 
@@ -82,8 +81,9 @@ def _demand(
         state = VehicleState(sample.time_s, (x, y, -z), (u, v, -w), attitude_for_force(force_ned, 0.0))
         ratio, (fx, fy, fz) = compensator(state, 0.0, vehicle.weight_n)
         force_ned = (force_ned[0] - fx, force_ned[1] - fy, force_ned[2] - fz)
-    tilt = math.atan2(math.hypot(force_ned[0], force_ned[1]), max(-force_ned[2], 0.0))
-    return Demand(sample, (north, east, up), tilt, math.hypot(*force_ned) / (ratio * vehicle.axial_share), ratio)
+    tilt_rad = math.atan2(math.hypot(force_ned[0], force_ned[1]), max(-force_ned[2], 0.0))
+    given = math.hypot(*limit_tilt(force_ned, math.radians(controller.max_tilt_deg)))
+    return Demand(sample, tilt_rad, given / (ratio * vehicle.axial_share), ratio)
 
 
 def _answer(jump_m: Vec3, controller: ControllerSettings) -> Vec3:
@@ -135,13 +135,14 @@ def _compensator(plan: FlightPlan) -> Iterator[Finding]:
 def _ground(demands: Sequence[Demand], vehicle: Vehicle, settings: FlightSettings) -> Finding:
     """The rotor that a tilted vehicle holds lowest must not touch the ground."""
     reach = max(math.hypot(r.position_m[0], r.position_m[1]) for r in vehicle.rotors) + vehicle.rotor.radius_m
+    most = math.radians(settings.controller.max_tilt_deg)
 
     def clearance_m(demand: Demand) -> float:
         plane = demand.sample.reference.position_m[2] + vehicle.rotor_height_m
-        return plane - reach * math.sin(demand.tilt_rad)
+        return plane - reach * math.sin(min(demand.tilt_rad, most))
 
     worst = min(demands, key=clearance_m)
-    z, gap = worst.sample.reference.position_m[2], clearance_m(worst)
+    z, gap, lean = worst.sample.reference.position_m[2], clearance_m(worst), min(worst.tilt_rad, most)
     refused = warning = None
     lowest = min(demand.sample.reference.position_m[2] for demand in demands)
     if gap <= 0.0:
@@ -150,7 +151,7 @@ def _ground(demands: Sequence[Demand], vehicle: Vehicle, settings: FlightSetting
         refused = f"z = {lowest:.2f} m is below rest_height_m = {settings.rest_height_m:g}, where the vehicle stands"
     elif gap < CLEARANCE_M:
         warning = f"expected {CLEARANCE_M:g} m or more"
-    text = f"lowest rotor tip {gap:.2f} m above the ground (z = {z:.2f} m, {math.degrees(worst.tilt_rad):.0f} deg tilt)"
+    text = f"lowest rotor tip {gap:.2f} m above the ground (z = {z:.2f} m, {math.degrees(lean):.0f} deg tilt)"
     return judged("ground", text, refused=refused, warning=warning)
 
 

@@ -18,6 +18,8 @@ MAX_NAMED = 12
 """More phases are shaded in turn but not named: the names would lie over each other."""
 NARROW_SHARE = 0.03
 """Of the flight's time: a shorter phase has no room for its name."""
+LEGIBLE = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0}
+"""Behind a name that may lie on a line."""
 NEAR = 1.6
 """A limit further from the curve than this many times its peak is named in the title only."""
 
@@ -84,7 +86,7 @@ def _shade_phases(axes: list[Axes], mission: Mission) -> None:
             middle = 0.5 * (phase.start_s + phase.end_s)
             rotation = 0.0 if share > 0.012 * len(phase.name) else 90.0
             axes[0].annotate(phase.name, (middle, 0.02), xycoords=("data", "axes fraction"), ha="center", va="bottom",
-                             rotation=rotation, fontsize=9.0, color=GREY)  # fmt: skip
+                             rotation=rotation, fontsize=9.0, color=GREY, bbox=LEGIBLE)  # fmt: skip
 
 
 def _from_above(ax: Axes, mission: Mission, place: Floats) -> None:
