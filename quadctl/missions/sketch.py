@@ -154,10 +154,12 @@ def _from_above(mission: Mission, samples: Sequence[Sample]) -> Iterator[Text]:
 
 def _repeated(phases: Sequence[PhaseProfile]) -> Iterator[tuple[PhaseProfile, int]]:
     """Each phase at its first time, and how often it is flown alike (from the same place, by the same trajectory)."""
-    kinds = [(p.phase.name, p.phase.trajectory, p.phase.start_m) for p in phases]
-    for i, profile in enumerate(phases):
-        if kinds[i] not in kinds[:i]:
-            yield profile, kinds.count(kinds[i])
+    alike: dict[object, list[PhaseProfile]] = {}
+    for profile in phases:
+        name, trajectory, _, _, start_m = profile.phase
+        alike.setdefault((name, trajectory.model_dump_json(), start_m), []).append(profile)
+    for same in alike.values():
+        yield same[0], len(same)
 
 
 def _place(place: tuple[float, float, float]) -> str:
