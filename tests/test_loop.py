@@ -1,7 +1,7 @@
 """The real-time loop on a simulated autopilot in the same process: what it does when something breaks."""
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import pytest
@@ -41,6 +41,12 @@ class InProcess:
     async def request_telemetry(self) -> None: ...
 
     async def close(self) -> None: ...
+
+    async def parameters(self, names: Iterable[str]) -> dict[str, float]:
+        return {name: self.px.parameters[name] for name in names if name in self.px.parameters}
+
+    async def set_parameter(self, name: str, value: float) -> None:
+        self.px.parameters[name] = value
 
     def state(self) -> VehicleState:
         self.px.step(self.px.time_s + TICK_S)

@@ -14,9 +14,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from mavsdk.component_type import ComponentType
-from mavsdk.mavsdk import Configuration, Mavsdk
-from mavsdk.plugins.param import Param
 from pymavlink.dialects.v20 import common as mavlink
 
 from quadctl.errors import FlightError, LinkError
@@ -482,21 +479,19 @@ def test_what_cannot_be_flown_never_leaves(link: Link) -> None:
 # --- the PX4 on the wire -----------------------------------------------------------------------------------------
 
 
-def test_parameters_are_served_as_px4_does(vehicle: Vehicle) -> None:
-    port = free_port()
-    mavsdk = Mavsdk(Configuration.create_with_component_type(ComponentType.GROUND_STATION))
-    try:
-        mavsdk.add_any_connection_with_handle(f"udpin://127.0.0.1:{port}")
-        with MavlinkPx4(SimulatedAutopilot(vehicle), port) as px:
-            param = Param(mavsdk.first_autopilot(TIMEOUT_S))
-            assert param.get_param_float("COM_OF_LOSS_T") == 1.0
-            assert param.get_param_int("COM_OBL_RC_ACT") == 3
-            param.set_param_float("COM_OF_LOSS_T", 2.5)
-            param.set_param_int("COM_OBL_RC_ACT", 4)
-            assert px.autopilot.parameters["COM_OF_LOSS_T"] == 2.5
-            assert px.autopilot.parameters["COM_OBL_RC_ACT"] == 4.0
-    finally:
-        mavsdk.destroy()
+def test_parameters_are_read_and_set_whatever_their_type(link: Link) -> None:
+    parameters = link.px.autopilot.parameters
+    parameters["COM_OBL_RC_ACT"] = -1.0  # an integer, whose bytes are no number as a float
+
+    async def use() -> dict[str, float]:
+        before = await link.adapter.parameters(["COM_OF_LOSS_T", "COM_OBL_RC_ACT", "NO_SUCH_THING"])
+        await link.adapter.set_parameter("COM_OF_LOSS_T", 2.5)
+        await link.adapter.set_parameter("COM_OBL_RC_ACT", 4.0)
+        return before
+
+    assert asyncio.run(use()) == {"COM_OF_LOSS_T": 1.0, "COM_OBL_RC_ACT": -1.0}
+    assert (parameters["COM_OF_LOSS_T"], parameters["COM_OBL_RC_ACT"]) == (2.5, 4.0)
+    assert "did not set NO_SUCH_THING to 1: TIMEOUT" in refusal(lambda: link.adapter.set_parameter("NO_SUCH_THING", 1))
 
 
 def test_esc_status_survives_the_wire_of_pymavlink() -> None:

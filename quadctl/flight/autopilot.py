@@ -1,5 +1,6 @@
 """The port to an autopilot: what the flight needs of it, whether it is real, on the wire or in this process."""
 
+from collections.abc import Iterable
 from typing import Protocol
 
 from quadctl.state import AttitudeTarget, VehicleState
@@ -48,5 +49,11 @@ class Autopilot(Protocol):
     async def hold(self) -> None:
         """Hand over: enter the autopilot's own hold mode."""
         ...
+
+    async def parameters(self, names: Iterable[str]) -> dict[str, float]:
+        """Values of the autopilot's parameters by name; those that it does not have are left out."""
+        ...
+
+    async def set_parameter(self, name: str, value: float) -> None: ...
 
     async def close(self) -> None: ...

@@ -10,8 +10,9 @@ import logging
 import math
 import re
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from typing import TypeVar
 
 from mavsdk.component_type import ComponentType
@@ -24,6 +25,7 @@ from mavsdk.plugins.mavlink_direct import (
     MavlinkDirectResult,
     MavlinkMessage,
 )
+from mavsdk.plugins.param import Param, ParamError, ParamResult
 from mavsdk.system import System
 
 from quadctl.errors import FlightError, LinkError
@@ -54,6 +56,7 @@ class MavsdkAutopilot:
         self._mavsdk: Mavsdk | None = None
         self._system_id = 1
         self._direct: MavlinkDirect | None = None
+        self._param: Param | None = None
         # Of its own: whatever else occupies asyncio's default executor must not delay a landing.
         self._executor = ThreadPoolExecutor(max_workers=4, thread_name_prefix="mavsdk")
         self._start_s = time.monotonic()
@@ -83,6 +86,7 @@ class MavsdkAutopilot:
             )
         self._system_id = system.get_system_id()
         self._direct = MavlinkDirect(system)
+        self._param = Param(system)
         for name in self._telemetry.messages:
             self._direct.subscribe_message(name, self._receive)
         if not await self._await(lambda: self._telemetry.autopilot != 0, HEARTBEAT_WAIT_S):
@@ -154,6 +158,25 @@ class MavsdkAutopilot:
     async def hold(self) -> None:
         """Hand over: enter the autopilot's own hold mode."""
         await self._enter("HOLD")
+
+    async def parameters(self, names: Iterable[str]) -> dict[str, float]:
+        """Values of the parameters by name, integers too as floats; those for which no answer comes are left out."""
+        found = {}
+        for name in names:
+            value = await self._run(partial(self._read_parameter, name))
+            if value is not None:
+                found[name] = value
+        return found
+
+    async def set_parameter(self, name: str, value: float) -> None:
+        """Set a parameter, as an integer where the autopilot holds one.
+
+        Raises FlightError when the autopilot does not confirm it.
+        """
+        try:
+            await self._run(lambda: self._write_parameter(name, value))
+        except ParamError as error:
+            raise FlightError(f"{self.description} did not set {name} to {value:g}: {error.result.name}.") from None
 
     async def close(self) -> None:
         """Let go of the link. Waits for commands under way, which MAVSDK gives up by itself after some seconds."""
@@ -234,6 +257,34 @@ class MavsdkAutopilot:
     def _message(self, name: str, fields_json: str) -> MavlinkMessage:
         return MavlinkMessage(name, 0, 0, self._system_id, px4.MAV_COMP_ID_AUTOPILOT, fields_json)
 
+    @property
+    def _parameter_protocol(self) -> Param:
+        if self._param is None:
+            raise LinkError(f"The link {self._url} is not open: connect first.")
+        return self._param
+
+    def _read_parameter(self, name: str) -> float | None:
+        """MAVSDK wants to know the type, and says when it was the other one."""
+        protocol = self._parameter_protocol
+        try:
+            return float(protocol.get_param_int(name))
+        except ParamError as error:
+            if error.result is not ParamResult.WRONG_TYPE:
+                return None
+        try:
+            return float(protocol.get_param_float(name))
+        except ParamError:
+            return None
+
+    def _write_parameter(self, name: str, value: float) -> None:
+        protocol = self._parameter_protocol
+        try:
+            protocol.set_param_float(name, value)
+        except ParamError as error:
+            if error.result is not ParamResult.WRONG_TYPE:
+                raise
+            protocol.set_param_int(name, round(value))
+
     async def _await(self, condition: Callable[[], bool], timeout_s: float) -> bool:
         return await self._run(lambda: self._telemetry.wait_for(condition, timeout_s))
 
@@ -242,7 +293,7 @@ class MavsdkAutopilot:
 
     def _destroy(self) -> None:
         self._executor.shutdown(wait=True, cancel_futures=True)
-        self._direct = None
+        self._direct = self._param = None
         if self._mavsdk is not None:
             self._mavsdk.destroy()
             self._mavsdk = None
