@@ -17,9 +17,10 @@ import pytest
 from pymavlink.dialects.v20 import common as mavlink
 
 from quadctl.errors import FlightError, LinkError
-from quadctl.flight import px4
+from quadctl.flight.ardupilot import ARDUPILOT
 from quadctl.flight.autopilot import Autopilot
 from quadctl.flight.mavsdk_autopilot import MavsdkAutopilot
+from quadctl.flight.px4 import PX4
 from quadctl.flight.telemetry import Telemetry
 from quadctl.frames import quaternion_from_euler
 from quadctl.state import AttitudeTarget, VehicleState
@@ -180,10 +181,17 @@ def test_the_rates_asked_for_are_the_rates_that_come(link: Link) -> None:
 
 
 def test_an_optional_message_refused_is_a_warning(link: Link) -> None:
+    link.px.faults.withheld = frozenset({"SYS_STATUS"})
+    asyncio.run(link.adapter.request_telemetry())
+    (warning,) = link.adapter.warnings
+    assert "SYS_STATUS at 5 Hz: FAILED" in warning
+
+
+def test_without_rotor_speeds_the_source_of_thrust_is_named(link: Link) -> None:
     link.px.faults.withheld = frozenset({"ESC_STATUS"})
     asyncio.run(link.adapter.request_telemetry())
     (warning,) = link.adapter.warnings
-    assert "ESC_STATUS at 50 Hz: FAILED" in warning
+    assert "sends no rotor speeds: in the log, thrust is known from motor outputs." in warning
 
 
 def test_a_required_message_refused_is_an_error(link: Link) -> None:
@@ -228,9 +236,11 @@ def test_before_the_first_message_nothing_looks_like_data() -> None:
 
 
 def test_mode_names_are_read_from_the_custom_mode() -> None:
-    assert px4.mode_name(6 << 16) == "OFFBOARD"
-    assert px4.mode_name(4 << 16 | 6 << 24) == "LAND"
-    assert px4.mode_name(9 << 16 | 1 << 24) == "9/1"
+    assert PX4.mode_name(6 << 16) == "OFFBOARD"
+    assert PX4.mode_name(4 << 16 | 6 << 24) == "LAND"
+    assert PX4.mode_name(9 << 16 | 1 << 24) == "9/1"
+    assert ARDUPILOT.mode_name(4) == "GUIDED"
+    assert ARDUPILOT.mode_name(99) == "mode 99"
 
 
 # --- connecting --------------------------------------------------------------------------------------------------
@@ -323,10 +333,10 @@ def test_the_outdated_scheme_names_its_successor() -> None:
     assert "say udpin://0.0.0.0:14540 " in connect_error("udp://:14540")
 
 
-def test_an_autopilot_that_is_not_px4_is_left_alone(vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(mavlink, "MAV_AUTOPILOT_PX4", mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA)
+def test_an_autopilot_of_an_unknown_kind_is_left_alone(vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(mavlink, "MAV_AUTOPILOT_PX4", mavlink.MAV_AUTOPILOT_PPZ)
     with (
-        pytest.raises(LinkError, match="is not PX4: its heartbeat says MAV_AUTOPILOT 3"),
+        pytest.raises(LinkError, match=r"its heartbeat says MAV_AUTOPILOT 13, expected 12 \(PX4\) or 3 \(ArduPilot\)"),
         connected(SimulatedAutopilot(vehicle)),
     ):
         pass

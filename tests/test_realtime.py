@@ -161,12 +161,12 @@ def test_ctrl_c_before_the_flight_is_one_sentence(tmp_path: Path) -> None:
     config = str(config_with(tmp_path, 60.0))
     code = (
         "import asyncio, os, signal\n"
-        "from quadctl.flight.mavsdk_autopilot import MavsdkAutopilot\n"
-        "wait = MavsdkAutopilot._first_autopilot\n"
+        "import quadctl.flight.mavsdk_link as link\n"
+        "wait = link._first_autopilot\n"
         "async def interrupted(*a):\n"
         "    asyncio.get_running_loop().call_later(0.1, os.kill, os.getpid(), signal.SIGINT)\n"
         "    return await wait(*a)\n"
-        "MavsdkAutopilot._first_autopilot = interrupted\n"
+        "link._first_autopilot = interrupted\n"
         "from quadctl.cli import main; main()"
     )
     words = ["fly", "missions/short_hop.yaml", "--link", url, "--config", config, "--log-dir", str(tmp_path)]
