@@ -14,7 +14,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from pymavlink.dialects.v20 import common as mavlink
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from quadctl.errors import FlightError, LinkError
 from quadctl.flight.ardupilot import ARDUPILOT
@@ -27,6 +27,8 @@ from quadctl.state import AttitudeTarget, VehicleState
 from quadctl.vehicle import Vehicle, load_vehicle
 from sitl import dialect
 from sitl.autopilot import SimulatedAutopilot
+from sitl.hidden import HiddenTruth
+from sitl.hidden import Telemetry as SimulatedTelemetry
 from sitl.mavlink_px4 import MavlinkPx4
 
 RAPTOR = Path(__file__).parents[1] / "config" / "vehicles" / "raptor.yaml"
@@ -187,11 +189,15 @@ def test_an_optional_message_refused_is_a_warning(link: Link) -> None:
     assert "SYS_STATUS at 5 Hz: FAILED" in warning
 
 
-def test_without_rotor_speeds_the_source_of_thrust_is_named(link: Link) -> None:
-    link.px.faults.withheld = frozenset({"ESC_STATUS"})
-    asyncio.run(link.adapter.request_telemetry())
-    (warning,) = link.adapter.warnings
+def test_without_rotor_speeds_the_source_of_thrust_is_named(vehicle: Vehicle) -> None:
+    silent_motors = HiddenTruth(telemetry=SimulatedTelemetry(rotor_speeds=False))
+    with connected(SimulatedAutopilot(vehicle, silent_motors)) as link:
+        asyncio.run(link.adapter.request_telemetry())
+        (warning,) = link.adapter.warnings
+        state = link.adapter.state()
     assert "sends no rotor speeds: in the log, thrust is known from motor outputs." in warning
+    assert all(map(math.isnan, state.rotor_rpm))
+    assert state.motor_output == (0.0, 0.0, 0.0, 0.0)
 
 
 def test_a_required_message_refused_is_an_error(link: Link) -> None:
@@ -336,7 +342,7 @@ def test_the_outdated_scheme_names_its_successor() -> None:
 def test_an_autopilot_of_an_unknown_kind_is_left_alone(vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(mavlink, "MAV_AUTOPILOT_PX4", mavlink.MAV_AUTOPILOT_PPZ)
     with (
-        pytest.raises(LinkError, match=r"its heartbeat says MAV_AUTOPILOT 13, expected 12 \(PX4\) or 3 \(ArduPilot\)"),
+        pytest.raises(LinkError, match=r"its heartbeat says MAV_AUTOPILOT 9, expected 12 \(PX4\) or 3 \(ArduPilot\)"),
         connected(SimulatedAutopilot(vehicle)),
     ):
         pass

@@ -18,7 +18,7 @@ from rich.console import Console
 
 from quadctl.flight.session import fly_real_time, prepare_flight
 from quadctl.logs.read import read_log
-from sitl.run import mock_px4_process
+from sitl.run import mock_process
 
 ROOT = Path(__file__).parents[1]
 CONFIG = ROOT / "config" / "flight.yaml"
@@ -32,7 +32,7 @@ def meta_of(log: Path) -> dict[str, Any]:
 
 def test_a_short_hop_in_real_time(tmp_path: Path) -> None:
     plan = prepare_flight(ROOT / "missions" / "short_hop.yaml", CONFIG, None, None)
-    with mock_px4_process(plan.body.vehicle, None, 1) as url:
+    with mock_process(plan.body.vehicle, None, 1) as url:
         outcome = fly_real_time(plan, url, tmp_path, Console(quiet=True))
     assert outcome.completed, outcome.ended
     assert outcome.phases == ["takeoff", "hover", "down"]

@@ -8,11 +8,11 @@ import typer
 from rich.console import Console
 
 from quadctl import __version__
-from quadctl.cli import flight, lab
+from quadctl.cli import flight, lab, ports
 from quadctl.cli.app import app, console
 from quadctl.errors import QuadctlError
 
-__all__ = ["app", "flight", "lab", "main"]
+__all__ = ["app", "flight", "lab", "main", "ports"]
 
 INTERRUPTED = 130
 """Exit status with which typer ends on Ctrl-C."""
