@@ -136,7 +136,7 @@ class MavsdkAutopilot:
     async def parameters(self, names: Iterable[str]) -> dict[str, float]:
         """Values of the parameters by name, integers too as floats; those for which no answer comes are left out."""
         found = {name: await self._link.run(partial(self._link.read_parameter, name)) for name in names}
-        return {name: value for name, value in found.items() if value is not None}
+        return {name: float(value) for name, value in found.items() if value is not None}
 
     async def set_parameter(self, name: str, value: float) -> None:
         """Set a parameter, as an integer where the autopilot holds one.

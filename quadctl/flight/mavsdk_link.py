@@ -120,14 +120,14 @@ class MavsdkLink:
             raise LinkError(f"The autopilot at {self.url} was asked to {what}: {cause}; check the link.") from None
         return int(json.loads(ack.fields_json)["result"])
 
-    def read_parameter(self, name: str) -> float | None:
-        """The value, an integer too as a float; None when no answer comes.
+    def read_parameter(self, name: str) -> float | int | None:
+        """The value, an int where the autopilot holds one; None when no answer comes.
 
         MAVSDK wants to know the type, and says when it was the other one.
         """
         param = self._opened(self._param)
         try:
-            return float(param.get_param_int(name))
+            return int(param.get_param_int(name))
         except ParamError as error:
             if error.result is not ParamResult.WRONG_TYPE:
                 return None
@@ -139,13 +139,14 @@ class MavsdkLink:
     def write_parameter(self, name: str, value: float) -> None:
         """Set it, as an integer where the autopilot holds one. Raises FlightError when that is not confirmed."""
         param = self._opened(self._param)
+        known = self.read_parameter(name)
+        if known is None:
+            raise FlightError(f"The autopilot at {self.url} did not tell its {name}, so it was not set to {value:g}.")
         try:
-            try:
-                param.set_param_float(name, value)
-            except ParamError as error:
-                if error.result is not ParamResult.WRONG_TYPE:
-                    raise
+            if isinstance(known, int):
                 param.set_param_int(name, round(value))
+            else:
+                param.set_param_float(name, value)
         except ParamError as error:
             raise FlightError(
                 f"The autopilot at {self.url} did not set {name} to {value:g}: {error.result.name}."
