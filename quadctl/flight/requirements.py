@@ -1,6 +1,5 @@
 """Parameters that the autopilot must have before anything flies: refused, or set for one flight and restored."""
 
-import asyncio
 from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager
 
@@ -33,8 +32,7 @@ async def requirements_met(
             warn(f"{need.parameter} is set from {value:g} to {need.to_meet(value):g} for this flight.")
         yield
     finally:
-        # Shielded: an interrupted flight leaves the parameters as it found them, too.
-        await asyncio.shield(_restore(autopilot, {need.parameter: value for need, value in unmet}, warn))
+        await _restore(autopilot, {need.parameter: value for need, value in unmet}, warn)
 
 
 async def _unmet(autopilot: Autopilot) -> list[tuple[Requirement, float]]:
