@@ -36,6 +36,8 @@ class VehicleState:
     """The mode that follows our targets, by the autopilot's own name."""
     estimator_ok: bool = True
     """Unless the autopilot's estimator says that attitude, velocity or position are not to be trusted."""
+    ready_to_arm: bool = True
+    """Unless the autopilot says that its own checks, of the time after boot for example, do not pass."""
     connected: bool = False
     """Heartbeats arrive."""
     received_s: Mapping[str, float] = field(default_factory=dict)

@@ -132,6 +132,7 @@ class SimulatedAutopilot:
             landed=self.landed,
             mode=self.mode,
             offboard_mode=self.offboard_mode,
+            ready_to_arm=now >= self.ready_after_s,
             connected=True,
             received_s={
                 "position": e.updated_s,

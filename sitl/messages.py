@@ -67,7 +67,11 @@ def servo_output_raw(pulse_us: Callable[[float], float]) -> Builder:
 
 
 def sys_status(estimate: VehicleState) -> Iterator[Message]:
-    yield mavlink.MAVLink_sys_status_message(0, 0, 0, 0, _millivolts(estimate), -1, -1, 0, 0, 0, 0, 0, 0)
+    checked = mavlink.MAV_SYS_STATUS_PREARM_CHECK
+    healthy = checked if estimate.ready_to_arm else 0
+    yield mavlink.MAVLink_sys_status_message(
+        checked, checked, healthy, 0, _millivolts(estimate), -1, -1, 0, 0, 0, 0, 0, 0
+    )
 
 
 def battery_status(estimate: VehicleState) -> Iterator[Message]:

@@ -116,6 +116,7 @@ def test_ctrl_c_in_flight_lands_and_restores_the_parameters(tmp_path: Path) -> N
 def test_a_plug_pulled_in_flight_ends_in_a_landing_all_of_it_recorded(tmp_path: Path) -> None:
     copter, port = SimulatedCopter(VEHICLE), free_port()
     copter.parameters["GUID_OPTIONS"] = 8.0
+    copter.ready_after_s = 5.0  # the flight waits for the autopilot's own checks
     with SerialLine(tmp_path / "tty", port) as line, mock(copter, port) as wire:
         flight = Flight(tmp_path / "log", f"serial://{line.device}:921600")
         flight.until_recorded("hover")

@@ -49,6 +49,9 @@ def link(vehicle: Vehicle) -> Iterator[Link]:
         yield link
 
 
+VOLTAGE = {"voltage_battery": 15000, "onboard_control_sensors_present": 0, "onboard_control_sensors_health": 0}
+
+
 # --- telemetry ---------------------------------------------------------------------------------------------------
 
 
@@ -145,9 +148,9 @@ def test_a_position_of_nan_is_seen_as_such(link: Link) -> None:
 def test_without_heartbeats_the_link_counts_as_lost_though_data_come() -> None:
     telemetry = Telemetry(n_rotors=4)
     telemetry.receive("HEARTBEAT", {"autopilot": 12, "base_mode": 129, "custom_mode": 6 << 16}, now_s=10.0)
-    telemetry.receive("SYS_STATUS", {"voltage_battery": 15000}, now_s=12.9)
+    telemetry.receive("SYS_STATUS", VOLTAGE, now_s=12.9)
     assert telemetry.state(now_s=12.9).connected
-    telemetry.receive("SYS_STATUS", {"voltage_battery": 15000}, now_s=13.1)
+    telemetry.receive("SYS_STATUS", VOLTAGE, now_s=13.1)
     state = telemetry.state(now_s=13.1)
     assert not state.connected
     assert state.age_s("heartbeat") == pytest.approx(3.1)

@@ -60,6 +60,7 @@ ARDUPILOT = Firmware(
         Stream("EKF_STATUS_REPORT", 193, 5.0),
         Stream("HEARTBEAT", 0, 5.0),
     ),
+    tells_readiness=True,
     motor_throttle=throttle_of_pulse,
     requirements=(
         Requirement(

@@ -54,6 +54,8 @@ class Firmware:
     takes_off_itself: bool
     """Lift-off is a command of its own, before the first target; otherwise the targets lift it off."""
     streams: Sequence[Stream]
+    tells_readiness: bool
+    """Whether the pre-arm bit of SYS_STATUS holds for the mode that follows targets, not only for the present one."""
     motor_throttle: Callable[[float], float]
     """From what it reports as a motor's output to the scale of the throttle target, 0..1."""
     requirements: Sequence[Requirement] = ()

@@ -18,6 +18,8 @@ from quadctl.model import Model
 from quadctl.state import AttitudeTarget, Quat, Setpoint, Vec3, VehicleState
 
 READY_TIMEOUT_S = 15.0
+BOOT_TIMEOUT_S = 60.0
+"""For an autopilot that says of itself that it is not ready to arm, as it does for some time after boot."""
 START_TIMEOUT_S = 8.0
 LAND_MODE_TIMEOUT_S = 2.0
 LAND_TIMEOUT_S = 60.0
@@ -190,8 +192,10 @@ class Pilot:
         elif problem is None:
             self._remember_home(state)
             self._enter(Stage.STREAM, now)
-        elif now - self._stage_s > READY_TIMEOUT_S:
-            self._end(f"no usable state came from the autopilot in {READY_TIMEOUT_S:g} s: {problem}")
+        else:
+            patience_s = READY_TIMEOUT_S if state.ready_to_arm else BOOT_TIMEOUT_S
+            if now - self._stage_s > patience_s:
+                self._end(f"no usable state came from the autopilot in {patience_s:g} s: {problem}")
         return _NOTHING
 
     def _stream(self, state: VehicleState, now: float, dt: float, late_s: float) -> "_Decision":
@@ -315,6 +319,8 @@ class Pilot:
         guards = self.settings.guards
         if guards.min_battery_v > 0.0 and not state.battery_v >= guards.min_battery_v:
             return f"the battery is at {state.battery_v:.2f} V, expected {guards.min_battery_v:g} V or more"
+        if not (state.ready_to_arm or state.armed):
+            return "the autopilot is not ready to arm"
         if not state.estimator_ok:
             return "the autopilot's estimator does not trust its attitude, velocity or position"
         return defect(state, guards)

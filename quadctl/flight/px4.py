@@ -47,5 +47,6 @@ PX4 = Firmware(
         # Comes at 1 Hz anyway; more of it shortens the time until a change of mode or a disarming is seen.
         Stream("HEARTBEAT", 0, 5.0),
     ),
+    tells_readiness=False,
     motor_throttle=share_of_pulse,
 )

@@ -80,6 +80,7 @@ class Telemetry:
         self._raw_rpm = [(-math.inf, NAN)] * n_rotors
         self._outputs = _Outputs()
         self._estimator_ok = True
+        self._prearm_ok = True
         self._battery = (-math.inf, NAN)
         self._landed = True
         self._heartbeat = _Heartbeat()
@@ -134,6 +135,7 @@ class Telemetry:
             mode=heartbeat.mode,
             offboard_mode="" if firmware is None else firmware.offboard_mode,
             estimator_ok=self._estimator_ok,
+            ready_to_arm=self._prearm_ok or firmware is None or not firmware.tells_readiness,
             connected=now_s - heartbeat.received_s < HEARTBEAT_TIMEOUT_S,
             received_s={
                 "position": position.received_s,
@@ -233,6 +235,8 @@ class Telemetry:
         self._estimator_ok = flags & ESTIMATOR_GOOD == ESTIMATOR_GOOD and flags & ESTIMATOR_POSITION != 0
 
     def _on_sys_status(self, fields: Fields, now_s: float) -> None:
+        known = fields["onboard_control_sensors_present"] & mavlink.MAV_SYS_STATUS_PREARM_CHECK
+        self._prearm_ok = not known or bool(fields["onboard_control_sensors_health"] & known)
         millivolts = fields["voltage_battery"]
         if millivolts != MILLIVOLTS_UNKNOWN:
             self._battery = (now_s, 0.001 * millivolts)
