@@ -19,7 +19,7 @@ from quadctl.state import AttitudeTarget, Quat, Setpoint, Vec3, VehicleState
 
 READY_TIMEOUT_S = 15.0
 BOOT_TIMEOUT_S = 60.0
-"""For an autopilot that says of itself that it is not ready to arm, as it does for some time after boot."""
+"""For an autopilot that says of itself that it is not ready, as it does for some time after boot."""
 START_TIMEOUT_S = 8.0
 LAND_MODE_TIMEOUT_S = 2.0
 LAND_TIMEOUT_S = 60.0
@@ -193,7 +193,7 @@ class Pilot:
             self._remember_home(state)
             self._enter(Stage.STREAM, now)
         else:
-            patience_s = READY_TIMEOUT_S if state.ready_to_arm else BOOT_TIMEOUT_S
+            patience_s = READY_TIMEOUT_S if state.ready_to_arm and state.estimator_ok else BOOT_TIMEOUT_S
             if now - self._stage_s > patience_s:
                 self._end(f"no usable state came from the autopilot in {patience_s:g} s: {problem}")
         return _NOTHING
