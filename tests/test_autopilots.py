@@ -2,6 +2,7 @@
 
 import asyncio
 import math
+import os
 import subprocess
 import sys
 import time
@@ -133,6 +134,23 @@ def test_a_plug_pulled_in_flight_ends_in_a_landing_all_of_it_recorded(tmp_path: 
     assert log["z_m"][-1] == pytest.approx(0.05, abs=0.02)
 
 
+def test_the_check_of_real_simulators_says_when_there_is_none() -> None:
+    done = subprocess.run(
+        [ROOT / "sitl" / "check.sh"], env={"PATH": os.environ["PATH"]}, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 1
+    assert done.stderr.startswith("no autopilot to check: say PX4=DIRECTORY, ARDUPILOT=DIRECTORY or LINK=URL")
+
+
+@pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])
+def test_a_start_script_says_what_it_misses(autopilot: str, tmp_path: Path) -> None:
+    start = ROOT / "sitl" / autopilot / "start.sh"
+    done = subprocess.run([start, tmp_path], capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert done.stderr.startswith(f"{tmp_path}/b")
+    assert "is not there; usage: start.sh DIRECTORY" in done.stderr
+
+
 # --- ArduPilot's rules -------------------------------------------------------------------------------------------
 
 
@@ -163,7 +181,27 @@ def test_only_the_bit_that_is_needed_is_set() -> None:
         link.px.autopilot.parameters["GUID_OPTIONS"] = 3.0
         assert asyncio.run(fly(link)) == 11.0
         assert link.px.autopilot.parameters["GUID_OPTIONS"] == 3.0
-    assert says == ["GUID_OPTIONS is set from 3 to 11 for this flight.", "GUID_OPTIONS is 3 again."]
+    assert says == [
+        "GUID_OPTIONS is set from 3 to 11 for this flight.",
+        "GUID_TIMEOUT is set from 3 to 0.5 for this flight.",
+        "GUID_OPTIONS is 3 again.",
+        "GUID_TIMEOUT is 3 again.",
+    ]
+
+
+def test_what_had_better_be_set_is_a_warning() -> None:
+    says: list[str] = []
+
+    async def fly(link: Link) -> None:
+        async with requirements_met(link.adapter, False, says.append):
+            assert link.px.autopilot.parameters["GUID_TIMEOUT"] == 3.0
+
+    with connected(SimulatedCopter(VEHICLE)) as link:
+        link.px.autopilot.parameters["GUID_OPTIONS"] = 8.0
+        asyncio.run(fly(link))
+    (warning,) = says
+    assert "GUID_TIMEOUT is 3 on ArduPilot" in warning
+    assert "expected 0.5: for so many seconds ArduPilot keeps its last tilt when setpoints stop." in warning
 
 
 def test_parameters_of_a_vehicle_that_still_flies_are_left_and_that_is_said() -> None:
@@ -177,7 +215,7 @@ def test_parameters_of_a_vehicle_that_still_flies_are_left_and_that_is_said() ->
     with connected(SimulatedCopter(VEHICLE)) as link:
         asyncio.run(fly(link))
         assert link.px.autopilot.parameters["GUID_OPTIONS"] == 8.0
-    assert says[-1] == "GUID_OPTIONS could not be restored; set it to 0 by hand: the vehicle is still armed."
+    assert says[-2] == "GUID_OPTIONS could not be restored; set it to 0 by hand: the vehicle is still armed."
 
 
 def test_a_fresh_ardupilot_sends_only_heartbeats_until_it_is_asked() -> None:

@@ -1,12 +1,15 @@
 """Serial ports and what is plugged in; the autopilot found among them."""
 
+import json
 from pathlib import Path
 
 import pytest
 from serial.tools import list_ports
 from serial.tools.list_ports_common import ListPortInfo
+from typer.testing import CliRunner
 
 from links import RAPTOR, SerialLine, free_port, mock
+from quadctl.cli import app
 from quadctl.errors import LinkError
 from quadctl.flight import ports
 from quadctl.vehicle import load_vehicle
@@ -34,6 +37,14 @@ def test_what_is_plugged_in_is_named_and_the_likely_ones_come_first(monkeypatch:
         ("/dev/ttyUSB0", "FTDI adapter (FT232R USB UART)", True),
         ("/dev/ttyS0", "unknown", False),
     ]
+
+
+def test_the_command_lists_them(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(list_ports, "comports", lambda: [plugged("/dev/ttyACM0", 0x26AC, "PX4 FMU v6X.x")])
+    result = CliRunner().invoke(app, ["ports", "--json", str(tmp_path / "out.json")])
+    assert result.exit_code == 0
+    (port,) = json.loads((tmp_path / "out.json").read_text())["ports"]
+    assert port == {"device": "/dev/ttyACM0", "what": "3D Robotics autopilot (PX4 FMU v6X.x)", "likely": True}
 
 
 def test_an_autopilot_is_found_on_a_serial_line(tmp_path: Path) -> None:

@@ -8,6 +8,8 @@ from quadctl.flight.firmware import Firmware, Requirement, Stream, share_of_puls
 
 THRUST_AS_THRUST = 8
 """Bit 3 of GUID_OPTIONS."""
+SILENCE_S = 0.5
+"""Ten setpoints or more are missing then."""
 SPIN_MIN, SPIN_MAX, THRUST_EXPO = 0.15, 0.95, 0.65
 """Defaults of MOT_SPIN_MIN, MOT_SPIN_MAX, MOT_THST_EXPO."""
 
@@ -67,6 +69,12 @@ ARDUPILOT = Firmware(
             "GUID_OPTIONS",
             lambda value: float(int(value) | THRUST_AS_THRUST),
             "with bit 3 (value 8) clear, ArduPilot takes thrust for a climb rate",
+        ),
+        Requirement(
+            "GUID_TIMEOUT",
+            lambda value: min(value, SILENCE_S),
+            "for so many seconds ArduPilot keeps its last tilt when setpoints stop",
+            advice=True,
         ),
     ),
 )

@@ -22,13 +22,15 @@ class Stream:
 
 @dataclass(frozen=True, slots=True)
 class Requirement:
-    """A parameter that must hold a certain value, or certain bits, before anything flies."""
+    """A parameter that must hold a certain value, or certain bits, before anything flies; or that had better."""
 
     parameter: str
     to_meet: Callable[[float], float]
     """From the value that it has to the one that it must have."""
     because: str
     """What goes wrong otherwise: the end of the sentence `GUID_OPTIONS is 0, expected 8: ...`."""
+    advice: bool = False
+    """It flies without, warned."""
 
     def met(self, value: float) -> bool:
         return self.to_meet(value) == value

@@ -20,12 +20,16 @@ async def requirements_met(
         A requirement is not met and `set_parameters` is false, or it cannot be met.
     """
     unmet = await _unmet(autopilot)
-    if unmet and not set_parameters:
-        need, value = unmet[0]
-        raise FlightError(
-            f"{need.parameter} is {value:g} on {autopilot.description}, expected {need.to_meet(value):g}: "
-            f"{need.because}. Set it there, or fly with --set-params, which restores it afterwards."
-        )
+    if not set_parameters:
+        for need, value in unmet:
+            sentence = (
+                f"{need.parameter} is {value:g} on {autopilot.description}, expected {need.to_meet(value):g}: "
+                f"{need.because}. Set it there, or fly with --set-params, which restores it afterwards."
+            )
+            if not need.advice:
+                raise FlightError(sentence)
+            warn(sentence)
+        unmet = []
     try:
         for need, value in unmet:
             await autopilot.set_parameter(need.parameter, need.to_meet(value))
