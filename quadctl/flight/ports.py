@@ -119,8 +119,9 @@ def _joined(what: str, says: str) -> str:
 def _listen_on_serial(device: str, stop: Event) -> str | None:
     for baud in BAUD_RATES:
         try:
-            with serial.Serial(device, baud, timeout=0.1, exclusive=True) as port:
+            with serial.Serial(device, baud, timeout=0.1, write_timeout=0.2, exclusive=True) as port:
                 ears = _Ears()
+                port.write(ears.greeting)  # on its USB port, PX4 speaks when it is spoken to
                 end_s = time.monotonic() + LISTEN_S
                 while time.monotonic() < end_s and not stop.is_set():
                     if ears.hear(port.read(max(port.in_waiting, 1))):
@@ -156,6 +157,14 @@ class _Ears:
     def __init__(self) -> None:
         self._parser = dialect.MAVLink(None)
         self._parser.robust_parsing = True
+
+    @property
+    def greeting(self) -> bytes:
+        """A companion's heartbeat."""
+        sender = dialect.MAVLink(None, srcSystem=1, srcComponent=dialect.MAV_COMP_ID_ONBOARD_COMPUTER)
+        kind, none = dialect.MAV_TYPE_ONBOARD_CONTROLLER, dialect.MAV_AUTOPILOT_INVALID
+        heartbeat: bytes = sender.heartbeat_encode(kind, none, 0, 0, dialect.MAV_STATE_ACTIVE).pack(sender)
+        return heartbeat
 
     def hear(self, data: bytes) -> bool:
         return any(
