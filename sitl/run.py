@@ -63,7 +63,12 @@ def fly_lockstep(
 
 
 def _carry_out(request: Request, autopilot: SimulatedAutopilot, pilot: Pilot) -> None:
-    refusal = autopilot.request_arm() if request is Request.ARM else autopilot.request_mode(request.name)
+    if request is Request.ARM:
+        refusal = autopilot.request_arm()
+    elif request is Request.TAKE_OFF:
+        refusal = autopilot.request_take_off(pilot.take_off_m)
+    else:
+        refusal = autopilot.request_mode(autopilot.offboard_mode if request is Request.OFFBOARD else request.name)
     if refusal is not None:
         pilot.request_failed(request, f"the simulated autopilot refused to {request.value}: {refusal}")
 

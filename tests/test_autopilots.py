@@ -15,7 +15,9 @@ import yaml
 from links import LEVEL, RAPTOR, TIMEOUT_S, Link, SerialLine, connected, free_port, hover_throttle, mock
 from quadctl.errors import FlightError
 from quadctl.flight.ardupilot import throttle_of_pulse
+from quadctl.flight.pilot import Pilot, Request, Stage, Tick
 from quadctl.flight.requirements import requirements_met
+from quadctl.flight.session import prepare_flight
 from quadctl.flight.telemetry import Telemetry
 from quadctl.lab.channels import ROTOR_SPEED, signals_of
 from quadctl.logs.flight_log import FlightLog
@@ -26,6 +28,7 @@ from sitl.autopilot import SimulatedAutopilot
 from sitl.copter import Guided, SimulatedCopter
 from sitl.hidden import load_hidden
 from sitl.mavlink_ardupilot import pulse_us
+from sitl.run import fly_lockstep
 
 ROOT = Path(__file__).parents[1]
 LIKE_SIH = ROOT / "sitl" / "px4" / "like_sih.yaml"
@@ -298,6 +301,47 @@ def test_lifting_off_by_targets_blocks_the_next_arming() -> None:
     assert not copter.armed
     copter.request_mode("GUIDED")
     assert copter.request_arm() == "PreArm: Internal errors 0x4000000"
+
+
+# --- the pilot of an autopilot that takes off by itself ---------------------------------------------------------------
+
+
+def flown_in_lockstep(copter: SimulatedCopter) -> tuple[Pilot, list[Tick]]:
+    plan = prepare_flight(ROOT / "missions" / "short_hop.yaml", ROOT / "config" / "flight.yaml", None, None)
+    copter.parameters["GUID_OPTIONS"] = 8.0
+    pilot, ticks = plan.pilot(autopilot_takes_off=True), list[Tick]()
+    fly_lockstep(copter, pilot, plan.settings.controller.rate_hz, [ticks.append])
+    return pilot, ticks
+
+
+def test_it_is_silent_until_the_autopilot_has_taken_off() -> None:
+    pilot, ticks = flown_in_lockstep(SimulatedCopter(VEHICLE))
+    assert pilot.ended == "completed"
+    first = next(tick for tick in ticks if tick.target is not None)
+    assert first.stage is Stage.FLY
+    assert first.phase == "hover"
+    assert -first.state.position_ned_m[2] == pytest.approx(0.6, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("answer", "reason"),
+    [
+        ("Take-off is not allowed here", "Take-off is not allowed here"),
+        (None, "the autopilot did not take off in 20 s"),
+    ],
+)
+def test_a_take_off_that_does_not_come_ends_disarmed_without_a_target(answer: str | None, reason: str) -> None:
+    class StayingCopter(SimulatedCopter):
+        def request_take_off(self, height_m: float) -> str | None:
+            return answer
+
+    copter = StayingCopter(VEHICLE)
+    copter.parameters["DISARM_DELAY"] = 25.0  # it does not end the wait by itself
+    pilot, ticks = flown_in_lockstep(copter)
+    assert pilot.ended.endswith(reason)
+    assert [request for tick in ticks for request in tick.requests][-1] is Request.LAND
+    assert all(tick.target is None for tick in ticks)
+    assert not copter.armed
 
 
 # --- rotor speeds and motor outputs ----------------------------------------------------------------------------------
