@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 
-.PHONY: demo test lint bench papers hidden tutorial real clean
+.PHONY: demo test lint bench papers hidden tutorial real sitl-check clean
 
 demo: $(INSTALLED)
 	$(BIN)/quadctl demo
@@ -36,6 +36,11 @@ tutorial: $(INSTALLED)
 # What is found in public logs of real flights.
 real: $(INSTALLED)
 	$(BIN)/python docs/real_flights.py
+
+# Flies a staircase on real autopilots that are there: make sitl-check PX4=DIRECTORY ARDUPILOT=DIRECTORY (or LINK=URL).
+sitl-check: export QUADCTL := $(abspath $(BIN))/quadctl
+sitl-check: $(INSTALLED)
+	@PX4="$(PX4)" ARDUPILOT="$(ARDUPILOT)" LINK="$(LINK)" CONFIG="$(CONFIG)" sitl/check.sh
 
 clean:
 	rm -rf $(VENV) build demo logs *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache

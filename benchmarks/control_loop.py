@@ -31,7 +31,7 @@ def rows() -> Iterator[Row]:
 def _lateness() -> Iterator[Row]:
     plain = asyncio.run(_plain_sleep_loop(SECONDS))
     plan = prepare_flight(ROOT / "missions/step_response.yaml", ROOT / "config/flight.yaml", "sanchez", None)
-    with tempfile.TemporaryDirectory() as directory, sitl.run.mock_px4_process(plan.body.vehicle, None, 1) as url:
+    with tempfile.TemporaryDirectory() as directory, sitl.run.mock_process(plan.body.vehicle, None, 1) as url:
         outcome = fly_real_time(plan, url, Path(directory), Console(quiet=True))
     for name in ("p50", "p99", "max"):
         yield (

@@ -3,7 +3,7 @@
 import asyncio
 import itertools
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,9 @@ import yaml
 from quadctl.errors import FlightError
 from quadctl.flight.check import check_flight
 from quadctl.flight.findings import Finding, Verdict
+from quadctl.flight.firmware import Requirement
 from quadctl.flight.preflight import inspect_autopilot
+from quadctl.flight.px4 import PX4
 from quadctl.flight.session import FlightPlan, read_flight
 from quadctl.model import Provenance
 from quadctl.state import VehicleState
@@ -148,6 +150,8 @@ class FakeAutopilot:
     refusal: str = ""
     warnings: list[str] = field(default_factory=list)
     description: str = "an autopilot"
+    requirements: Sequence[Requirement] = ()
+    checked: Sequence[str] = PX4.checked
 
     def __post_init__(self) -> None:
         self._looks = itertools.count()
@@ -188,6 +192,7 @@ def test_a_ready_autopilot_passes(tmp_path: Path) -> None:
     ("topic", "wrong", "said"),
     [
         ("mode", {"armed": True}, "expected a vehicle that is disarmed"),
+        ("mode", {"ready_to_arm": False}, "its own checks do not pass"),
         ("estimator", {"estimator_ok": False}, "does not trust its attitude"),
         ("estimator", {"position_ned_m": (math.nan, 0.0, 0.0)}, "not a number"),
         ("standing", {"attitude": (math.cos(0.1), math.sin(0.1), 0.0, 0.0)}, "11.5 deg tilt"),

@@ -1,13 +1,14 @@
 """The real-time loop on a simulated autopilot in the same process: what it does when something breaks."""
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import pytest
 
 from quadctl.errors import FlightError, LinkError
 from quadctl.flight.autopilot import Autopilot
+from quadctl.flight.firmware import Requirement
 from quadctl.flight.guards import GuardLimits
 from quadctl.flight.loop import fly, run
 from quadctl.flight.pilot import Pilot, Stage, Tick
@@ -27,6 +28,8 @@ class InProcess:
     def __init__(self) -> None:
         self.px = SimulatedAutopilot(plan().body.vehicle)
         self.warnings: list[str] = []
+        self.takes_off_itself = False
+        self.requirements: list[Requirement] = []
         self.asked: list[str] = []
         self.sent: list[AttitudeTarget] = []
         self.before_send: Callable[[], None] = lambda: None
@@ -42,6 +45,12 @@ class InProcess:
 
     async def close(self) -> None: ...
 
+    async def parameters(self, names: Iterable[str]) -> dict[str, float]:
+        return {name: self.px.parameters[name] for name in names if name in self.px.parameters}
+
+    async def set_parameter(self, name: str, value: float) -> None:
+        self.px.parameters[name] = value
+
     def state(self) -> VehicleState:
         self.px.step(self.px.time_s + TICK_S)
         return self.px.estimate()
@@ -56,6 +65,9 @@ class InProcess:
 
     async def start_offboard(self) -> None:
         self._ask("OFFBOARD", self.px.request_mode("OFFBOARD"))
+
+    async def take_off(self, height_m: float) -> None:
+        raise AssertionError("a PX4 lifts off by targets")
 
     async def land(self) -> None:
         if self.land_hangs:

@@ -1,7 +1,6 @@
 """The commands about missions as a user meets them: `mission show`, `mission list`, `check`, and `--set`."""
 
 import json
-import socket
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -10,10 +9,12 @@ from typing import NamedTuple
 import pytest
 import yaml
 
+from links import free_port, mock
 from quadctl.cli import main
 from quadctl.vehicle import Vehicle
 from sitl.autopilot import SimulatedAutopilot
-from sitl.mavlink_px4 import MavlinkPx4
+from sitl.copter import SimulatedCopter
+from sitl.mavlink import MavlinkMock
 
 ROOT = Path(__file__).parents[1]
 STEP_FORWARD = "missions/step_forward.yaml"
@@ -89,12 +90,10 @@ def test_set_changes_what_is_flown_and_recorded(quadctl: Callable[..., Result], 
 
 
 @pytest.fixture
-def px4(raptor: Vehicle) -> Iterator[tuple[MavlinkPx4, str]]:
+def px4(raptor: Vehicle) -> Iterator[tuple[MavlinkMock, str]]:
     """A PX4 on the wire and its URL."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-    with MavlinkPx4(SimulatedAutopilot(raptor), port=port) as px:
+    port = free_port()
+    with mock(SimulatedAutopilot(raptor), port) as px:
         yield px, f"udpin://127.0.0.1:{port}"
 
 
@@ -112,7 +111,7 @@ def test_a_mission_is_checked_with_another_vehicle(quadctl: Callable[..., Result
     assert quadctl("check", heavy, heavy, "missions/oscillation.yaml").status == 2
 
 
-def test_the_autopilot_is_asked_over_mavlink(quadctl: Callable[..., Result], px4: tuple[MavlinkPx4, str]) -> None:
+def test_the_autopilot_is_asked_over_mavlink(quadctl: Callable[..., Result], px4: tuple[MavlinkMock, str]) -> None:
     autopilot, url = px4
     autopilot.autopilot.parameters |= {"COM_OF_LOSS_T": 5.0, "COM_OBL_RC_ACT": 4.0}
     asked = quadctl("check", "missions/short_hop.yaml", "--link", url, "--seconds", "1")
@@ -125,8 +124,23 @@ def test_the_autopilot_is_asked_over_mavlink(quadctl: Callable[..., Result], px4
     assert not autopilot.setpoints_received  # nothing moves
 
 
+def test_what_an_ardupilot_lacks_is_refused_as_a_flight_would_refuse_it(
+    quadctl: Callable[..., Result], raptor: Vehicle
+) -> None:
+    port = free_port()
+    with mock(SimulatedCopter(raptor), port):
+        link = f"udpin://127.0.0.1:{port}"
+        asked = quadctl("check", "missions/short_hop.yaml", "--link", link, "--seconds", "1")
+    assert asked.status == 1
+    lines = asked.out.splitlines()
+    expected = "refused  parameters   GUID_OPTIONS = 0: expected 8 (--set-params does it): with bit 3 (value 8) clear"
+    assert any(line.startswith(expected) for line in lines), asked
+    assert any(line.startswith("warning  parameters   GUID_TIMEOUT = 3: expected 0.5") for line in lines)
+    assert "1 of" in asked.err
+
+
 def test_an_autopilot_without_a_position_is_refused(
-    quadctl: Callable[..., Result], px4: tuple[MavlinkPx4, str]
+    quadctl: Callable[..., Result], px4: tuple[MavlinkMock, str]
 ) -> None:
     autopilot, url = px4
     autopilot.faults.nan_position = True

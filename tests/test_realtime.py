@@ -18,7 +18,7 @@ from rich.console import Console
 
 from quadctl.flight.session import fly_real_time, prepare_flight
 from quadctl.logs.read import read_log
-from sitl.run import mock_px4_process
+from sitl.run import mock_process
 
 ROOT = Path(__file__).parents[1]
 CONFIG = ROOT / "config" / "flight.yaml"
@@ -32,7 +32,7 @@ def meta_of(log: Path) -> dict[str, Any]:
 
 def test_a_short_hop_in_real_time(tmp_path: Path) -> None:
     plan = prepare_flight(ROOT / "missions" / "short_hop.yaml", CONFIG, None, None)
-    with mock_px4_process(plan.body.vehicle, None, 1) as url:
+    with mock_process(plan.body.vehicle, None, 1) as url:
         outcome = fly_real_time(plan, url, tmp_path, Console(quiet=True))
     assert outcome.completed, outcome.ended
     assert outcome.phases == ["takeoff", "hover", "down"]
@@ -161,12 +161,12 @@ def test_ctrl_c_before_the_flight_is_one_sentence(tmp_path: Path) -> None:
     config = str(config_with(tmp_path, 60.0))
     code = (
         "import asyncio, os, signal\n"
-        "from quadctl.flight.mavsdk_autopilot import MavsdkAutopilot\n"
-        "wait = MavsdkAutopilot._first_autopilot\n"
+        "import quadctl.flight.mavsdk_link as link\n"
+        "wait = link._first_autopilot\n"
         "async def interrupted(*a):\n"
         "    asyncio.get_running_loop().call_later(0.1, os.kill, os.getpid(), signal.SIGINT)\n"
         "    return await wait(*a)\n"
-        "MavsdkAutopilot._first_autopilot = interrupted\n"
+        "link._first_autopilot = interrupted\n"
         "from quadctl.cli import main; main()"
     )
     words = ["fly", "missions/short_hop.yaml", "--link", url, "--config", config, "--log-dir", str(tmp_path)]

@@ -33,7 +33,8 @@ HEADER = (
     "time_s,x_m,y_m,z_m,vx_m_s,vy_m_s,vz_m_s,roll_deg,pitch_deg,yaw_deg,"
     "roll_rate_rad_s,pitch_rate_rad_s,yaw_rate_rad_s,motor1_rpm,motor2_rpm,motor3_rpm,motor4_rpm,"
     "motor1_voltage_v,motor2_voltage_v,motor3_voltage_v,motor4_voltage_v,"
-    "motor1_current_a,motor2_current_a,motor3_current_a,motor4_current_a,battery_v,"
+    "motor1_current_a,motor2_current_a,motor3_current_a,motor4_current_a,"
+    "motor1_output,motor2_output,motor3_output,motor4_output,battery_v,"
     "thrust_cmd_n,throttle_cmd,roll_cmd_deg,pitch_cmd_deg,yaw_cmd_deg,thrust_ratio,"
     "x_ref_m,y_ref_m,z_ref_m,vx_ref_m_s,vy_ref_m_s,vz_ref_m_s,telemetry_age_s,tick_late_s,phase"
 )
@@ -54,6 +55,7 @@ def tick(i: int = 0, **state: Any) -> Tick:
         "rotor_rpm": (5001.0, 5002.0, 5003.0, 5004.0),
         "motor_voltage_v": (15.1, 15.2, 15.3, 15.4),
         "motor_current_a": (4.1, 4.2, 4.3, 4.4),
+        "motor_output": (0.51, 0.52, 0.53, 0.54),
         "battery_v": 16.25,
         "received_s": {"position": 999.99 + 0.02 * i, "attitude": 1000.0 + 0.02 * i},
     }
@@ -100,7 +102,7 @@ def test_the_columns_are_those_of_the_data_contracts() -> None:
 def test_six_rotors_have_six_columns_of_each_kind() -> None:
     names = header(6)
     assert [n for n in names if n.endswith("_rpm")] == [f"motor{i}_rpm" for i in range(1, 7)]
-    assert len(names) == len(header(4)) + 6
+    assert len(names) == len(header(4)) + 8
     assert len(row(tick(), 6)) == len(names)
 
 
@@ -123,6 +125,7 @@ def test_a_row_is_north_east_up_and_degrees() -> None:
         **{f"motor{i}_rpm": 5000.0 + i for i in range(1, 5)},
         **{f"motor{i}_voltage_v": 15.0 + 0.1 * i for i in range(1, 5)},
         **{f"motor{i}_current_a": 4.0 + 0.1 * i for i in range(1, 5)},
+        **{f"motor{i}_output": 0.5 + 0.01 * i for i in range(1, 5)},
         "battery_v": 16.25,
         "thrust_cmd_n": 14.5,
         "throttle_cmd": 0.5,

@@ -23,7 +23,7 @@ def check(
     model: ModelOption = None,
     config: ConfigOption = None,
     link: Annotated[
-        str | None, typer.Option("--link", metavar="URL", help="Ask the autopilot too: udpin://..., serial://...")
+        str | None, typer.Option("--link", metavar="URL", help="Ask the autopilot too: auto, udpin://..., serial://...")
     ] = None,
     seconds: Annotated[
         float, typer.Option("--seconds", metavar="S", min=1.0, max=60.0, help="How long its messages are counted.")
@@ -35,6 +35,7 @@ def check(
     """Is everything ready to fly? Mission, vehicle, compensator and limits, and with --link the autopilot."""
     from quadctl.flight.check import check_flight
     from quadctl.flight.findings import Verdict, count
+    from quadctl.flight.ports import resolve
     from quadctl.flight.preflight import ask_autopilot
     from quadctl.flight.session import read_flight
 
@@ -45,8 +46,9 @@ def check(
     plan = read_flight(mission, config, model, offset_up, overrides or (), vehicles[0] if vehicles else None)
     findings = check_flight(plan)
     if link is not None:
-        with console.status(f"listening to {link}"):
-            findings += ask_autopilot(plan, link, seconds)
+        url = resolve(link, console)
+        with console.status(f"listening to {url}"):
+            findings += ask_autopilot(plan, url, seconds)
     for finding in findings:
         line = Text(f"{finding.verdict.value:8}", style=STYLES[finding.verdict.value])
         console.print(line.append(f" {finding.topic:12} {finding.text}", style="default not bold"), soft_wrap=True)

@@ -62,7 +62,7 @@ def picture(tick: Tick, pilot: Pilot) -> Table:
         table.add_row("height", f"{height:6.3f} m, wanted {wanted:6.3f} m, error in position {100 * error:.1f} cm")
     else:
         table.add_row("height", f"{height:6.3f} m")
-    rpm = " ".join(f"{r:.0f}" for r in state.rotor_rpm) or "none reported"
+    rpm = " ".join(f"{r:.0f}" for r in state.rotor_rpm if math.isfinite(r)) or "none reported"
     table.add_row("rotors", f"{rpm} rpm, battery {state.battery_v:.2f} V")
     table.add_row("autopilot", f"{escape(state.mode) or 'no mode'}, {'armed' if state.armed else 'disarmed'}")
     table.add_row("ticks", f"late {1e3 * tick.late_s:.2f} ms, state {1e3 * state.control_age_s:.0f} ms old")

@@ -79,7 +79,7 @@ def inspect(
     # First who flies: what else is wrong is no longer our business, least of all to take the mode back for it.
     if not state.armed:
         return Breach(Answer.RELEASE, "the vehicle was disarmed")
-    if state.mode != "OFFBOARD":
+    if not state.offboard:
         return Breach(Answer.RELEASE, f"the autopilot left offboard for {state.mode or 'an unknown mode'}")
     problem = defect(state, limits)
     if problem is not None:

@@ -67,6 +67,8 @@ async def _carry_out(request: Request, autopilot: Autopilot, pilot: Pilot) -> No
             await autopilot.start_offboard()
         elif request is Request.ARM:
             await autopilot.arm()
+        elif request is Request.TAKE_OFF:
+            await autopilot.take_off(pilot.take_off_m)
         else:
             await autopilot.land()
     except FlightError as error:

@@ -18,9 +18,16 @@ from quadctl.model import Model
 from quadctl.state import NAN, AttitudeTarget, Quat, Setpoint, Vec3, VehicleState
 
 READY_TIMEOUT_S = 15.0
+BOOT_TIMEOUT_S = 60.0
+"""For an autopilot that says of itself that it is not ready, as it does for some time after boot."""
 START_TIMEOUT_S = 8.0
 LAND_MODE_TIMEOUT_S = 2.0
 LAND_TIMEOUT_S = 60.0
+LAND_AGAIN_S = 2.0
+"""A landing that could not be asked for (a pulled plug) is asked for again, while nobody else has taken the mode."""
+CLIMB_TIMEOUT_S = 20.0
+CLIMBED_SHARE, CLIMBED_M_S = 0.9, 0.2
+"""Of its height and its vertical speed, when an autopilot's own take-off is over."""
 ARM_SETTLE_S = 2.0
 """An arming that was asked for may still come so long after it was given up."""
 STREAM_FIRST_S = 1.0
@@ -36,6 +43,7 @@ class Stage(enum.Enum):
     STREAM = "streaming idle setpoints"
     START = "offboard and arming"
     SPOOL_UP = "spooling up"
+    CLIMB = "taking off by the autopilot"
     FLY = "flying"
     LAND = "landing"
     RELEASED = "released"
@@ -47,6 +55,7 @@ class Request(enum.Enum):
 
     OFFBOARD = "enter offboard"
     ARM = "arm"
+    TAKE_OFF = "take off"
     LAND = "land"
 
 
@@ -69,7 +78,14 @@ class Tick(NamedTuple):
 class Pilot:
     """Flies one mission once."""
 
-    def __init__(self, mission: Mission, body: Model, settings: FlightSettings, compensator: Compensator) -> None:
+    def __init__(
+        self,
+        mission: Mission,
+        body: Model,
+        settings: FlightSettings,
+        compensator: Compensator,
+        autopilot_takes_off: bool = False,
+    ) -> None:
         self.mission = mission
         self.vehicle = body.vehicle
         self.settings = settings
@@ -79,6 +95,13 @@ class Pilot:
         """How the flight ended: `completed`, or the reason why it did not."""
         self.phases_flown: list[str] = []
         self.flight_s = 0.0
+        self._autopilot_takes_off = autopilot_takes_off
+        first = mission.phases[0]
+        self.take_off_m = mission.reference(first.end_s)[0][2]
+        """The autopilot's own take-off takes the place of the mission's first phase: it ends where that ends."""
+        self._begin_at_s = first.end_s if autopilot_takes_off else 0.0
+        self._land_asked_s = 0.0
+        self._land_failed = False
         self._began_s: float | None = None
         self._stage_s = 0.0
         self._last_s = 0.0
@@ -109,8 +132,8 @@ class Pilot:
         if request is not Request.LAND:
             self._refusal = reason
         elif self.stage is Stage.LAND:
-            self._silent = True
-            if self._armed_seen:
+            self._silent = self._land_failed = True
+            if self._armed_seen and reason not in self.ended:
                 self.ended = f"{self.ended}; {reason}"
 
     def fail(self, reason: str) -> None:
@@ -130,6 +153,7 @@ class Pilot:
             Stage.STREAM: self._stream,
             Stage.START: self._start,
             Stage.SPOOL_UP: self._spool_up,
+            Stage.CLIMB: self._climb,
             Stage.FLY: self._fly,
             Stage.LAND: self._land,
             Stage.RELEASED: self._released,
@@ -168,8 +192,10 @@ class Pilot:
         elif problem is None:
             self._remember_home(state)
             self._enter(Stage.STREAM, now)
-        elif now - self._stage_s > READY_TIMEOUT_S:
-            self._end(f"no usable state came from the autopilot in {READY_TIMEOUT_S:g} s: {problem}")
+        else:
+            patience_s = READY_TIMEOUT_S if state.ready_to_arm and state.estimator_ok else BOOT_TIMEOUT_S
+            if now - self._stage_s > patience_s:
+                self._end(f"no usable state came from the autopilot in {patience_s:g} s: {problem}")
         return _NOTHING
 
     def _stream(self, state: VehicleState, now: float, dt: float, late_s: float) -> "_Decision":
@@ -183,7 +209,7 @@ class Pilot:
         return _Decision(self._idle_target(), (Request.OFFBOARD,))
 
     def _start(self, state: VehicleState, now: float, dt: float, late_s: float) -> "_Decision":
-        in_offboard = state.mode == "OFFBOARD"
+        in_offboard = state.offboard
         if not in_offboard and (self._offboard_seen or state.armed):
             return self._answer(
                 Breach(Answer.RELEASE, f"the autopilot went to {state.mode or 'an unknown mode'}"), state, now
@@ -193,7 +219,7 @@ class Pilot:
         if problem is None and now - self._stage_s > START_TIMEOUT_S:
             problem = (
                 f"the autopilot did not get ready in {START_TIMEOUT_S:g} s: "
-                f"armed is {state.armed}, mode is {state.mode or 'unknown'}, expected OFFBOARD"
+                f"armed is {state.armed}, mode is {state.mode or 'unknown'}, expected {state.offboard_mode}"
             )
         if problem is not None and not (state.armed or self._arm_asked):
             self._end(problem)
@@ -203,6 +229,9 @@ class Pilot:
         requests: tuple[Request, ...] = ()
         if state.armed:
             self._remember_home(state)
+            if self._autopilot_takes_off:
+                self._enter(Stage.CLIMB, now)
+                return _Decision(None, (Request.TAKE_OFF,))
             self._enter(Stage.SPOOL_UP, now)
         elif in_offboard and not self._arm_asked:
             # Not before: armed in another mode, the vehicle would follow that mode's idea of a take-off.
@@ -223,8 +252,25 @@ class Pilot:
         hover = curve.offset + curve.per_newton * self.vehicle.weight_n
         return _Decision(AttitudeTarget(_heading(self._heading_rad), 0.5 * share * hover))
 
+    def _climb(self, state: VehicleState, now: float, dt: float, late_s: float) -> "_Decision":
+        """The autopilot takes off, and we are silent: a target would break its take-off off."""
+        breach = self._inspect(state, late_s, dt)
+        if breach is None and self._refusal is not None:
+            breach = Breach(Answer.HAND_OVER, self._refusal)
+        if breach is None and now - self._stage_s > CLIMB_TIMEOUT_S:
+            breach = Breach(Answer.HAND_OVER, f"the autopilot did not take off in {CLIMB_TIMEOUT_S:g} s")
+        if breach is not None:  # no targets yet, so none while the landing is asked for either
+            answer = Answer.HAND_OVER if breach.answer is Answer.LAND else breach.answer
+            return self._answer(Breach(answer, breach.reason), state, now)
+        climbed_m = self._home[2] - state.position_ned_m[2]
+        if climbed_m < CLIMBED_SHARE * self.take_off_m or abs(state.velocity_ned_m_s[2]) > CLIMBED_M_S:
+            return _NOTHING
+        self._enter(Stage.FLY, now)
+        self._memory = Memory()
+        return self._fly(state, now, 0.0, late_s)
+
     def _fly(self, state: VehicleState, now: float, dt: float, late_s: float) -> "_Decision":
-        self.flight_s = now - self._stage_s
+        self.flight_s = now - self._stage_s + self._begin_at_s
         breach = self._inspect(state, late_s, dt)
         if breach is not None:
             return self._answer(breach, state, now)
@@ -246,6 +292,9 @@ class Pilot:
             self._end(f"{self.ended}; the autopilot did not land and disarm in {LAND_TIMEOUT_S:g} s")
             return _NOTHING
         breach = self._inspect(state, late_s, dt)
+        if self._land_failed and state.connected and state.offboard and now - self._land_asked_s > LAND_AGAIN_S:
+            self._land_failed, self._land_asked_s = False, now
+            return _Decision(None, (Request.LAND,))
         good = breach is None or breach.answer is Answer.LAND
         waiting = good and now - self._stage_s < LAND_MODE_TIMEOUT_S
         if waiting and not self._silent and self._hold is not None:
@@ -270,6 +319,10 @@ class Pilot:
         guards = self.settings.guards
         if guards.min_battery_v > 0.0 and not state.battery_v >= guards.min_battery_v:
             return f"the battery is at {state.battery_v:.2f} V, expected {guards.min_battery_v:g} V or more"
+        if not (state.ready_to_arm or state.armed):
+            return "the autopilot is not ready to arm"
+        if not state.estimator_ok:
+            return "the autopilot's estimator does not trust its attitude, velocity or position"
         return defect(state, guards)
 
     def _objection(self, state: VehicleState) -> str | None:
@@ -316,6 +369,7 @@ class Pilot:
         self.ended = reason
         self._hold = Setpoint(state.position_ned_m, yaw_rad=self._yaw_rad)
         self._enter(Stage.LAND, now)
+        self._land_asked_s = now
         if self._silent:
             return _Decision(None, (Request.LAND,))
         output = self._control(self._hold, state, 0.0)
@@ -355,9 +409,9 @@ class Pilot:
         self._heading_rad = euler_from_quaternion(state.attitude)[2]
         self._yaw_rad = self._heading_rad
 
-    def _idle_target(self) -> AttitudeTarget:
-        """No thrust, the heading we stand in."""
-        return AttitudeTarget(_heading(self._heading_rad), 0.0)
+    def _idle_target(self) -> AttitudeTarget | None:
+        """No thrust, the heading we stand in; silence where a target would stand in the way of the take-off."""
+        return None if self._autopilot_takes_off else AttitudeTarget(_heading(self._heading_rad), 0.0)
 
     def _enter(self, stage: Stage, now: float) -> None:
         self.stage = stage

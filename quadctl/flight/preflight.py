@@ -2,13 +2,14 @@
 
 import asyncio
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
 from quadctl.errors import FlightError
 from quadctl.flight.autopilot import Autopilot
 from quadctl.flight.findings import Finding, Verdict, judged
+from quadctl.flight.firmware import Requirement
 from quadctl.flight.guards import defect
 from quadctl.flight.loop import run
 from quadctl.flight.mavsdk_autopilot import MavsdkAutopilot
@@ -32,7 +33,8 @@ LOST_OFFBOARD = {0: "Position", 1: "Altitude", 2: "Stabilized", 3: "Return", 4: 
                  7: "Disarm"}  # fmt: skip
 """PX4's COM_OBL_RC_ACT: what it does when offboard setpoints stop."""
 GOOD_LOST_OFFBOARD = (4, 5)
-PARAMETERS = ("COM_OF_LOSS_T", "COM_OBL_RC_ACT", "MPC_THR_HOVER")
+HOVER_THROTTLE = ("MPC_THR_HOVER", "MOT_THST_HOVER")
+"""Of PX4, of ArduPilot."""
 
 
 class Inspected(Protocol):
@@ -42,6 +44,12 @@ class Inspected(Protocol):
 
     @property
     def description(self) -> str: ...
+
+    @property
+    def requirements(self) -> Sequence[Requirement]: ...
+
+    @property
+    def checked(self) -> Sequence[str]: ...
 
     async def request_telemetry(self) -> None: ...
 
@@ -102,7 +110,7 @@ async def inspect_autopilot(plan: FlightPlan, autopilot: Inspected, seconds: flo
         _standing(state, plan),
         _mode(state),
         _battery(state, plan),
-        *_parameters(await autopilot.parameters(PARAMETERS), plan.body.vehicle),
+        *await _parameters(autopilot, plan.body.vehicle),
     ]
 
 
@@ -168,6 +176,8 @@ def _standing(state: VehicleState, plan: FlightPlan) -> Finding:
 def _mode(state: VehicleState) -> Finding:
     armed = "armed" if state.armed else "disarmed"
     refused = "expected a vehicle that is disarmed" if state.armed else None
+    if refused is None and not state.ready_to_arm:
+        refused = "its own checks do not pass (yet): it would not arm"
     return judged("mode", f"{state.mode or 'unknown'}, {armed}", refused=refused)
 
 
@@ -180,10 +190,26 @@ def _battery(state: VehicleState, plan: FlightPlan) -> Finding:
     return judged("battery", f"{state.battery_v:.2f} V", refused=low)
 
 
-def _parameters(values: Mapping[str, float], vehicle: Vehicle) -> Iterator[Finding]:
-    """What happens when we fall silent, and whether the autopilot's hover throttle is ours."""
+async def _parameters(autopilot: Inspected, vehicle: Vehicle) -> list[Finding]:
+    names = [need.parameter for need in autopilot.requirements] + list(autopilot.checked)
+    values = await autopilot.parameters(names)
     if not values:
-        yield judged("parameters", f"{', '.join(PARAMETERS)}", warning="the autopilot tells none of them")
+        return [judged("parameters", ", ".join(names), warning="the autopilot tells none of them")]
+    return [*(_required(need, values) for need in autopilot.requirements), *_checked(values, vehicle)]
+
+
+def _required(need: Requirement, values: Mapping[str, float]) -> Finding:
+    """What `quadctl fly` refuses, or sets with --set-params."""
+    if need.parameter not in values:
+        return judged("parameters", need.parameter, refused="the autopilot does not tell it")
+    value = values[need.parameter]
+    problem = None if need.met(value) else f"expected {need.to_meet(value):g} (--set-params does it): {need.because}"
+    text = f"{need.parameter} = {value:g}"
+    return judged("parameters", text, refused=None if need.advice else problem, warning=problem)
+
+
+def _checked(values: Mapping[str, float], vehicle: Vehicle) -> Iterator[Finding]:
+    """What happens when we fall silent, and whether the autopilot's hover throttle is ours."""
     if "COM_OF_LOSS_T" in values:
         silence_s = values["COM_OF_LOSS_T"]
         late = f"expected at most {MAX_SILENCE_S:g} s" if silence_s > MAX_SILENCE_S else None
@@ -195,10 +221,8 @@ def _parameters(values: Mapping[str, float], vehicle: Vehicle) -> Iterator[Findi
             poor = f"it climbs first, and there is a ceiling at {vehicle.ceiling_m:g} m; expected 4 (Land)"
         text = f"COM_OBL_RC_ACT: then it goes to {LOST_OFFBOARD.get(action, 'an unknown mode')} ({action})"
         yield judged("parameters", text, warning=poor)
-    if "MPC_THR_HOVER" in values:
-        theirs = values["MPC_THR_HOVER"]
+    for name in values.keys() & set(HOVER_THROTTLE):
+        theirs = values[name]
         ours = vehicle.throttle.offset + vehicle.throttle.per_newton * vehicle.weight_n
         apart = "one of them is wrong" if abs(theirs - ours) > MAX_HOVER_DIFFERENCE else None
-        yield judged(
-            "parameters", f"MPC_THR_HOVER: hovers at {theirs:.2f}, the vehicle file at {ours:.2f}", warning=apart
-        )
+        yield judged("parameters", f"{name}: hovers at {theirs:.2f}, the vehicle file at {ours:.2f}", warning=apart)

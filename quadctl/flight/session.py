@@ -16,6 +16,7 @@ from quadctl.flight.mavsdk_autopilot import MavsdkAutopilot
 from quadctl.flight.outcome import Outcome, Tally
 from quadctl.flight.pilot import Pilot
 from quadctl.flight.recorder import Recorder
+from quadctl.flight.requirements import requirements_met
 from quadctl.flight.settings import FlightSettings, choose_models, find_config, load_flight_settings
 from quadctl.missions import Mission, load_mission
 from quadctl.model import Model
@@ -36,9 +37,9 @@ class FlightPlan(NamedTuple):
         up = self.body.vehicle.rotor_height_m
         return max(self.mission.limits.min_z_m + up, 0.01), self.mission.limits.max_z_m + up
 
-    def pilot(self) -> Pilot:
+    def pilot(self, autopilot_takes_off: bool = False) -> Pilot:
         compensator = Compensator(self.compensator, self.settings.compensator_limits)
-        return Pilot(self.mission, self.body, self.settings, compensator)
+        return Pilot(self.mission, self.body, self.settings, compensator, autopilot_takes_off)
 
     def recorder(self, log_dir: Path, autopilot: str) -> Recorder:
         vehicle = self.body.vehicle
@@ -94,8 +95,9 @@ def prepare_flight(
     return plan._replace(warnings=check_compensator(plan.compensator, *plan.rotor_heights_m, plan.compensator.name))
 
 
-def fly_real_time(plan: FlightPlan, url: str, log_dir: Path, console: Console) -> Outcome:
-    """Fly on the autopilot at `url`, with a display on `console`.
+def fly_real_time(plan: FlightPlan, url: str, log_dir: Path, console: Console, set_parameters: bool = False) -> Outcome:
+    """Fly on the autopilot at `url`, with a display on `console`; with `set_parameters`, set what it must have and
+    restore it afterwards.
 
     Raises
     ------
@@ -106,27 +108,37 @@ def fly_real_time(plan: FlightPlan, url: str, log_dir: Path, console: Console) -
     """
     autopilot = MavsdkAutopilot(url, plan.body.vehicle.n_rotors, plan.settings.link.timeout_s)
     try:
-        return run(_fly(plan, autopilot, log_dir, console))
+        return run(_fly(plan, autopilot, log_dir, console, set_parameters))
     except KeyboardInterrupt:  # in flight, Ctrl-C is a wish to land
         raise FlightError("interrupted while the link was being opened or closed") from None
 
 
-async def _fly(plan: FlightPlan, autopilot: Autopilot, log_dir: Path, console: Console) -> Outcome:
-    rate_hz = plan.settings.controller.rate_hz
+async def _fly(
+    plan: FlightPlan, autopilot: Autopilot, log_dir: Path, console: Console, set_parameters: bool
+) -> Outcome:
+    def warn(sentence: str) -> None:
+        console.print(f"warning: {sentence}", style="yellow", soft_wrap=True, markup=False, highlight=False)
+
     try:
         with console.status("waiting for the autopilot"):
             await autopilot.connect()
             await autopilot.request_telemetry()
         for warning in autopilot.warnings:
-            console.print(f"warning: {warning}", style="yellow", soft_wrap=True, markup=False, highlight=False)
-        pilot = plan.pilot()
-        recorder = plan.recorder(log_dir, autopilot.description)
-        tally = Tally(1.0 / rate_hz)
-        with ExitStack() as stack:
-            stack.callback(lambda: recorder.close(pilot.ended or "broken off"))
-            stack.enter_context(landing_on_signals(pilot))
-            display = stack.enter_context(Display(pilot, console))
-            await fly(autopilot, pilot, rate_hz, [recorder, tally, display])
-        return tally.outcome(pilot, recorder.path, recorder.problem)
+            warn(warning)
+        async with requirements_met(autopilot, set_parameters, warn):
+            return await _fly_prepared(plan, autopilot, log_dir, console)
     finally:
         await autopilot.close()
+
+
+async def _fly_prepared(plan: FlightPlan, autopilot: Autopilot, log_dir: Path, console: Console) -> Outcome:
+    rate_hz = plan.settings.controller.rate_hz
+    pilot = plan.pilot(autopilot.takes_off_itself)
+    recorder = plan.recorder(log_dir, autopilot.description)
+    tally = Tally(1.0 / rate_hz)
+    with ExitStack() as stack:
+        stack.callback(lambda: recorder.close(pilot.ended or "broken off"))
+        stack.enter_context(landing_on_signals(pilot))
+        display = stack.enter_context(Display(pilot, console))
+        await fly(autopilot, pilot, rate_hz, [recorder, tally, display])
+    return tally.outcome(pilot, recorder.path, recorder.problem)
