@@ -9,9 +9,11 @@ import pytest
 from quadctl.errors import FlightError, LinkError
 from quadctl.flight.autopilot import Autopilot
 from quadctl.flight.guards import GuardLimits
-from quadctl.flight.loop import fly, run
-from quadctl.flight.pilot import Pilot, Stage, Tick
+from quadctl.flight.loop import fly
+from quadctl.flight.pilot import Pilot
+from quadctl.flight.realtime import run
 from quadctl.flight.session import FlightPlan, prepare_flight
+from quadctl.flight.tick import Stage, Tick
 from quadctl.state import AttitudeTarget, VehicleState
 from sitl.autopilot import SimulatedAutopilot
 

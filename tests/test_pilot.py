@@ -18,8 +18,9 @@ from hypothesis import strategies as st
 from quadctl.control import ControlOutput
 from quadctl.control import control as sound_control
 from quadctl.flight.guards import GuardLimits, defect
-from quadctl.flight.pilot import Pilot, Request, Stage, Tick
+from quadctl.flight.pilot import Pilot
 from quadctl.flight.session import FlightPlan, prepare_flight
+from quadctl.flight.tick import Request, Stage, Tick
 from quadctl.frames import euler_from_quaternion, quaternion_from_euler
 from quadctl.state import NAN, AttitudeTarget, VehicleState
 from sitl.autopilot import SimulatedAutopilot
@@ -301,6 +302,27 @@ def leaning(s: VehicleState) -> VehicleState:
     return replace(s, attitude=quaternion_from_euler(0.0, math.radians(-60.0), 0.0))
 
 
+def gradually(change: Callable[[VehicleState, float], VehicleState]) -> Change:
+    """`change` with a share that grows from 0 to 1 in a second, as a vehicle can move."""
+    began_s = last_s = math.inf
+
+    def now(s: VehicleState) -> VehicleState:
+        nonlocal began_s, last_s
+        if not last_s <= s.time_s < last_s + 1.0:  # another flight
+            began_s = s.time_s
+        last_s = s.time_s
+        return change(s, min(s.time_s - began_s, 1.0))
+
+    return now
+
+
+def drifting(north_m: float, east_m: float, down_m: float) -> Change:
+    def drift(s: VehicleState, share: float) -> VehicleState:
+        return moved(share * north_m, share * east_m, share * down_m)(s)
+
+    return gradually(drift)
+
+
 HAND_OVER: dict[str, tuple[Change, str]] = {
     "stale position": (old, "the position is 0.50 s old, allowed are 0.2 s"),
     "stale attitude": (
@@ -317,9 +339,13 @@ HAND_OVER: dict[str, tuple[Change, str]] = {
     "heartbeat": (lambda s: replace(s, connected=False), "the autopilot's heartbeat is lost"),
 }
 LAND: dict[str, tuple[Change, str]] = {
-    "speed": (lambda s: replace(s, velocity_ned_m_s=(9.0, 0.0, 0.0)), "the speed is 9.0 m/s, allowed are 8 m/s"),
-    "height": (moved(0.0, 0.0, -1.0), "allowed are 1.5 m"),
-    "distance": (moved(0.0, 1.6, 0.0), "from take-off, allowed are 1.5 m"),
+    "speed": (
+        gradually(lambda s, share: replace(s, velocity_ned_m_s=(9.0 * share, 0.0, 0.0))),
+        "the speed is 8.1 m/s, allowed are 8 m/s",
+    ),
+    "height": (drifting(0.0, 0.0, -4.0), "allowed are 1.5 m"),
+    "floor": (drifting(0.0, 0.0, 4.0), "allowed are -0.4 m or more"),
+    "distance": (drifting(0.0, 4.0, 0.0), "from take-off, allowed are 1.5 m"),
     "battery": (lambda s: replace(s, battery_v=13.4), "the battery is at 13.40 V, allowed are 13.5 V"),
     "battery unknown": (lambda s: replace(s, battery_v=NAN), "the battery is at nan V"),
 }

@@ -20,9 +20,9 @@ import quadctl.flight.recorder as recorder_module
 from quadctl.compensator import Compensation
 from quadctl.control import ControlOutput, Memory
 from quadctl.errors import FlightError
-from quadctl.flight.pilot import Stage, Tick
 from quadctl.flight.recorder import Recorder, header, row
 from quadctl.flight.session import prepare_flight
+from quadctl.flight.tick import Stage, Tick
 from quadctl.frames import quaternion_from_euler
 from quadctl.logs.read import read_log
 from quadctl.state import AttitudeTarget, Setpoint, VehicleState
@@ -34,7 +34,7 @@ HEADER = (
     "roll_rate_rad_s,pitch_rate_rad_s,yaw_rate_rad_s,motor1_rpm,motor2_rpm,motor3_rpm,motor4_rpm,"
     "motor1_voltage_v,motor2_voltage_v,motor3_voltage_v,motor4_voltage_v,"
     "motor1_current_a,motor2_current_a,motor3_current_a,motor4_current_a,battery_v,"
-    "thrust_cmd_n,throttle_cmd,roll_cmd_deg,pitch_cmd_deg,yaw_cmd_deg,thrust_ratio,"
+    "thrust_cmd_n,throttle_cmd,roll_cmd_deg,pitch_cmd_deg,yaw_cmd_deg,thrust_ratio,compensator_trust,"
     "x_ref_m,y_ref_m,z_ref_m,vx_ref_m_s,vy_ref_m_s,vz_ref_m_s,telemetry_age_s,tick_late_s,phase"
 )
 
@@ -130,6 +130,7 @@ def test_a_row_is_north_east_up_and_degrees() -> None:
         "pitch_cmd_deg": 2.0,
         "yaw_cmd_deg": -3.0,
         "thrust_ratio": 1.05,
+        "compensator_trust": 1.0,
         "x_ref_m": 7.0,
         "y_ref_m": 8.0,
         "z_ref_m": 9.1,
@@ -155,7 +156,15 @@ def test_what_is_missing_is_nan_and_what_is_there_is_kept(tmp_path: Path) -> Non
     assert missing == {
         *("x_m", "y_m", "z_m", "battery_v", "telemetry_age_s"),
         *(f"motor{i}_rpm" for i in range(1, 5)),
-        *("thrust_cmd_n", "throttle_cmd", "roll_cmd_deg", "pitch_cmd_deg", "yaw_cmd_deg", "thrust_ratio"),
+        *(
+            "thrust_cmd_n",
+            "throttle_cmd",
+            "roll_cmd_deg",
+            "pitch_cmd_deg",
+            "yaw_cmd_deg",
+            "thrust_ratio",
+            "compensator_trust",
+        ),
         *("x_ref_m", "y_ref_m", "z_ref_m", "vx_ref_m_s", "vy_ref_m_s", "vz_ref_m_s"),
     }
     assert float(values["roll_deg"]) == pytest.approx(10.0)  # known although the position is not

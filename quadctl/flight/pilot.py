@@ -4,22 +4,27 @@ A state machine without clock and without I/O: the real-time loop and the lockst
 state and carry out what it asks for. So both fly the very same flight.
 """
 
-import enum
 import math
-from typing import NamedTuple
+from collections.abc import Callable
 
 from quadctl.compensator import Compensator
 from quadctl.control import ControlOutput, Memory, control
-from quadctl.flight.guards import Answer, Breach, defect, inspect
+from quadctl.flight.guards import Answer, Breach, unfit
 from quadctl.flight.settings import FlightSettings
+from quadctl.flight.supervisor import Supervisor
+from quadctl.flight.tick import Decision, Event, Request, Stage, Tick
 from quadctl.frames import euler_from_quaternion
 from quadctl.missions import Mission
 from quadctl.model import Model
-from quadctl.state import AttitudeTarget, Quat, Setpoint, Vec3, VehicleState
+from quadctl.state import AttitudeTarget, Quat, Setpoint, VehicleState
 
 READY_TIMEOUT_S = 15.0
 START_TIMEOUT_S = 8.0
 LAND_MODE_TIMEOUT_S = 2.0
+MODE_FRESH_S = 0.5
+"""A mode is asked for only while a heartbeat as recent as this shows that it is still ours to change."""
+LET_GO_S = 1.0
+"""How long a second Ctrl-C waits for the autopilot to take its mode."""
 LAND_TIMEOUT_S = 60.0
 ARM_SETTLE_S = 2.0
 """An arming that was asked for may still come so long after it was given up."""
@@ -27,43 +32,6 @@ STREAM_FIRST_S = 1.0
 """Idle setpoints before offboard is asked for: autopilots want a stream first."""
 SPOOL_UP_S = 1.0
 """Throttle rises from idle to half of hover while the vehicle still stands."""
-
-
-class Stage(enum.Enum):
-    """Where the flight is."""
-
-    WAIT = "waiting for telemetry"
-    STREAM = "streaming idle setpoints"
-    START = "offboard and arming"
-    SPOOL_UP = "spooling up"
-    FLY = "flying"
-    LAND = "landing"
-    RELEASED = "released"
-    DONE = "done"
-
-
-class Request(enum.Enum):
-    """What the pilot wants the autopilot to do; carried out beside the loop."""
-
-    OFFBOARD = "enter offboard"
-    ARM = "arm"
-    LAND = "land"
-
-
-class Tick(NamedTuple):
-    """What one tick decided."""
-
-    time_s: float
-    stage: Stage
-    phase: str
-    target: AttitudeTarget | None
-    """To be sent now; None: silence."""
-    requests: tuple[Request, ...]
-    state: VehicleState
-    setpoint: Setpoint | None
-    output: ControlOutput | None
-    ground_down_m: float
-    late_s: float
 
 
 class Pilot:
@@ -79,19 +47,21 @@ class Pilot:
         """How the flight ended: `completed`, or the reason why it did not."""
         self.phases_flown: list[str] = []
         self.flight_s = 0.0
+        self._watch = Supervisor(mission, settings)
         self._began_s: float | None = None
         self._stage_s = 0.0
         self._last_s = 0.0
-        self._home: Vec3 = (0.0, 0.0, 0.0)
-        self._ground_down_m = 0.0
         self._heading_rad = 0.0
         self._yaw_rad = 0.0
         self._memory = Memory()
         self._hold: Setpoint | None = None
-        self._want_land: str | None = None
-        self._refusal: str | None = None
-        self._failure: str | None = None
+        self._let_go: str | None = None
+        self._let_go_s = 0.0
+        self._faded = False
+        self._events: list[Event] = []
         self._arm_asked = False
+        self._land_asked = False
+        self._hold_asked = False
         self._offboard_seen = False
         self._armed_seen = False
         self._silent = False
@@ -102,20 +72,26 @@ class Pilot:
 
     def ask_to_land(self, reason: str) -> None:
         """Land at the next tick (Ctrl-C, SIGTERM, a button)."""
-        self._want_land = reason
+        self._watch.want_land = reason
+
+    def ask_to_let_go(self, reason: str) -> None:
+        """Hand over at the next tick (a second Ctrl-C): no more targets, the autopilot's own mode, and out."""
+        self._watch.want_land = self._watch.want_land or reason
+        self._let_go = reason
 
     def request_failed(self, request: Request, reason: str) -> None:
         """The autopilot refused. Before the flight that ends it; a refused landing is answered by silence."""
         if request is not Request.LAND:
-            self._refusal = reason
+            self._watch.refusal = reason
         elif self.stage is Stage.LAND:
+            self._note(reason, "silence")
             self._silent = True
             if self._armed_seen:
                 self.ended = f"{self.ended}; {reason}"
 
     def fail(self, reason: str) -> None:
         """A target could not be sent: no more targets, let the autopilot land."""
-        self._failure = reason
+        self._watch.failure = reason
 
     def tick(self, state: VehicleState, late_s: float) -> Tick:
         """Decide what to do now. `late_s`: how late this tick is."""
@@ -125,6 +101,7 @@ class Pilot:
         dt = max(now - self._last_s, 0.0)
         self._last_s = now
         self._armed_seen = self._armed_seen or state.armed
+        self._watch.look(state)
         step = {
             Stage.WAIT: self._wait,
             Stage.STREAM: self._stream,
@@ -135,34 +112,48 @@ class Pilot:
             Stage.RELEASED: self._released,
             Stage.DONE: self._idle,
         }[self.stage]
-        target, requests, setpoint, output = step(state, now, dt, late_s)
-        if target is not None and not all(map(math.isfinite, (*target.attitude, target.throttle))):
-            # Whatever a compensator makes of a state that is good, it does not reach the motors.
-            self._failure = "control gave a value that is not a number"
-            if self.stage is Stage.LAND:
-                target, self._silent = None, True
-            else:
-                target, requests, setpoint, output = self._answer(Breach(Answer.HAND_OVER, self._failure), state, now)
-        phase = self.phases_flown[-1] if self.stage is Stage.FLY and self.phases_flown else self.stage.name.lower()
+        decision = self._sound(step, state, now, dt, late_s)
+        events, self._events = tuple(self._events), []
         return Tick(
             now - self._began_s,
             self.stage,
-            phase,
-            target,
-            requests,
+            self.phases_flown[-1] if self.stage is Stage.FLY and self.phases_flown else self.stage.name.lower(),
+            decision.target,
+            decision.requests,
             state,
-            setpoint,
-            output,
-            self._ground_down_m,
+            decision.setpoint,
+            decision.output,
+            self._watch.ground_down_m,
             late_s,
+            events,
         )
+
+    def _sound(self, step: "_Step", state: VehicleState, now: float, dt: float, late_s: float) -> Decision:
+        """The decision of a stage. Whatever a compensator makes of a good state, it does not reach the motors."""
+        requests: tuple[Request, ...] = ()
+        try:
+            decision = step(state, now, dt, late_s)
+            problem = decision.target and unfit(
+                decision.target, self.settings.guards, self.settings.controller.max_throttle
+            )
+            if not problem:
+                return decision
+            requests = decision.requests
+        except (ArithmeticError, ValueError) as error:
+            problem = f"control failed ({error})"
+        self._watch.failure = problem
+        if self.stage is not Stage.LAND:
+            return self._answer(Breach(Answer.HAND_OVER, problem), state, now)
+        self._note(problem, "silence")
+        self._silent = True
+        return Decision(None, requests + self._land_request(state))
 
     # --- stages: (state, now, dt, late) -> (target, requests, setpoint, output) ----------------------------------
 
-    def _wait(self, state: VehicleState, now: float, dt: float, late_s: float) -> "_Decision":
-        problem = self._defect(state)
-        if self._want_land:
-            self._end(self._want_land)
+    def _wait(self, state: VehicleState, now: float, dt: float, late_s: float) -> Decision:
+        problem = self._watch.defect(state)
+        if self._watch.want_land:
+            self._end(self._watch.want_land)
         elif problem is None and state.armed:
             self._end("the vehicle is armed already, expected it to stand disarmed on the ground")
         elif problem is None:
@@ -172,24 +163,24 @@ class Pilot:
             self._end(f"no usable state came from the autopilot in {READY_TIMEOUT_S:g} s: {problem}")
         return _NOTHING
 
-    def _stream(self, state: VehicleState, now: float, dt: float, late_s: float) -> "_Decision":
-        problem = "somebody else armed the vehicle" if state.armed else self._objection(state)
+    def _stream(self, state: VehicleState, now: float, dt: float, late_s: float) -> Decision:
+        problem = "somebody else armed the vehicle" if state.armed else self._watch.objection(state)
         if problem is not None:  # nothing has been asked for yet, so there is nothing to undo
             self._end(problem)
             return _NOTHING
         if now - self._stage_s < STREAM_FIRST_S:
-            return _Decision(self._idle_target())
+            return Decision(self._idle_target())
         self._enter(Stage.START, now)
-        return _Decision(self._idle_target(), (Request.OFFBOARD,))
+        return Decision(self._idle_target(), (Request.OFFBOARD,))
 
-    def _start(self, state: VehicleState, now: float, dt: float, late_s: float) -> "_Decision":
+    def _start(self, state: VehicleState, now: float, dt: float, late_s: float) -> Decision:
         in_offboard = state.mode == "OFFBOARD"
         if not in_offboard and (self._offboard_seen or state.armed):
             return self._answer(
                 Breach(Answer.RELEASE, f"the autopilot went to {state.mode or 'an unknown mode'}"), state, now
             )
         self._offboard_seen = in_offboard
-        problem = self._objection(state)
+        problem = self._watch.objection(state)
         if problem is None and now - self._stage_s > START_TIMEOUT_S:
             problem = (
                 f"the autopilot did not get ready in {START_TIMEOUT_S:g} s: "
@@ -208,10 +199,10 @@ class Pilot:
             # Not before: armed in another mode, the vehicle would follow that mode's idea of a take-off.
             self._arm_asked = True
             requests = (Request.ARM,)
-        return _Decision(self._idle_target(), requests)
+        return Decision(self._idle_target(), requests)
 
-    def _spool_up(self, state: VehicleState, now: float, dt: float, late_s: float) -> "_Decision":
-        breach = self._inspect(state, late_s, dt)
+    def _spool_up(self, state: VehicleState, now: float, dt: float, late_s: float) -> Decision:
+        breach = self._breach(state, late_s, dt)
         if breach is not None:
             return self._answer(breach, state, now)
         share = (now - self._stage_s) / SPOOL_UP_S
@@ -221,11 +212,11 @@ class Pilot:
             return self._fly(state, now, 0.0, late_s)
         curve = self.vehicle.throttle
         hover = curve.offset + curve.per_newton * self.vehicle.weight_n
-        return _Decision(AttitudeTarget(_heading(self._heading_rad), 0.5 * share * hover))
+        return Decision(AttitudeTarget(_heading(self._heading_rad), 0.5 * share * hover))
 
-    def _fly(self, state: VehicleState, now: float, dt: float, late_s: float) -> "_Decision":
+    def _fly(self, state: VehicleState, now: float, dt: float, late_s: float) -> Decision:
         self.flight_s = now - self._stage_s
-        breach = self._inspect(state, late_s, dt)
+        breach = self._breach(state, late_s, dt)
         if breach is not None:
             return self._answer(breach, state, now)
         phase = self.mission.phase_at(self.flight_s)
@@ -235,91 +226,100 @@ class Pilot:
             return self._begin_landing("completed", state, now)
         setpoint = self._setpoint(self.flight_s)
         output = self._control(setpoint, state, dt)
-        return _Decision(output.target, (), setpoint, output)
+        return Decision(output.target, (), setpoint, output)
 
-    def _land(self, state: VehicleState, now: float, dt: float, late_s: float) -> "_Decision":
+    def _land(self, state: VehicleState, now: float, dt: float, late_s: float) -> Decision:
         """The autopilot lands. Until it has taken the mode we hold our place, while our state is good, not for long."""
         if self._over(state, now):
             self._enter(Stage.DONE, now)
             return _NOTHING
+        if self._let_go is not None:
+            return self._leave(self._let_go, state, now)
+        if state.mode not in ("OFFBOARD", "LAND"):
+            self._note(f"the autopilot went to {state.mode or 'an unknown mode'}", "release")
+            self._watch.want_land = None
+            self._enter(Stage.RELEASED, now)
+            return _NOTHING
         if now - self._stage_s > LAND_TIMEOUT_S:
             self._end(f"{self.ended}; the autopilot did not land and disarm in {LAND_TIMEOUT_S:g} s")
             return _NOTHING
-        breach = self._inspect(state, late_s, dt)
-        good = breach is None or breach.answer is Answer.LAND
-        waiting = good and now - self._stage_s < LAND_MODE_TIMEOUT_S
-        if waiting and not self._silent and self._hold is not None:
+        breach = self._breach(state, late_s, dt)
+        if breach is not None and breach.answer is not Answer.LAND and not self._silent:
+            self._note(breach.reason, "silence")
+            self._silent = True
+        if now - self._stage_s < LAND_MODE_TIMEOUT_S and not self._silent and self._hold is not None:
             output = self._control(self._hold, state, dt)
-            return _Decision(output.target, (), self._hold, output)
+            return Decision(output.target, self._land_request(state), self._hold, output)
         self._silent = True
-        return _NOTHING
+        return Decision(None, self._land_request(state))
 
-    def _released(self, state: VehicleState, now: float, dt: float, late_s: float) -> "_Decision":
+    def _leave(self, reason: str, state: VehicleState, now: float) -> Decision:
+        """No more targets. While the mode is ours the autopilot is asked to hold; then we are gone."""
+        if not self._let_go_s:
+            self._note(reason, "hand over")
+            self.ended = f"{self.ended}; {reason}"
+            self._let_go_s = now
+        if state.mode != "OFFBOARD" or now - self._let_go_s > LET_GO_S:
+            self._enter(Stage.DONE, now)
+            return _NOTHING
+        if self._hold_asked or not self._mode_is_ours(state):
+            return _NOTHING
+        self._hold_asked = True
+        return Decision(None, (Request.HOLD,))
+
+    def _released(self, state: VehicleState, now: float, dt: float, late_s: float) -> Decision:
         """Somebody else flies: record until the vehicle is disarmed, never take the mode back."""
-        if self._over(state, now) or not state.connected or self._want_land:
+        if not state.connected and now - self._stage_s > LAND_TIMEOUT_S:
+            self._end(f"{self.ended}; the link did not come back in {LAND_TIMEOUT_S:g} s")
+        elif self._over(state, now) or self._watch.want_land:
             self._enter(Stage.DONE, now)
         return _NOTHING
 
-    def _idle(self, state: VehicleState, now: float, dt: float, late_s: float) -> "_Decision":
+    def _idle(self, state: VehicleState, now: float, dt: float, late_s: float) -> Decision:
         return _NOTHING
 
     # --- inside --------------------------------------------------------------------------------------------------
-
-    def _defect(self, state: VehicleState) -> str | None:
-        """Why the flight cannot stand on this state, or None."""
-        guards = self.settings.guards
-        if guards.min_battery_v > 0.0 and not state.battery_v >= guards.min_battery_v:
-            return f"the battery is at {state.battery_v:.2f} V, expected {guards.min_battery_v:g} V or more"
-        return defect(state, guards)
-
-    def _objection(self, state: VehicleState) -> str | None:
-        """Why the flight must not begin, or None."""
-        return self._want_land or self._refusal or self._failure or self._defect(state)
 
     def _over(self, state: VehicleState, now: float) -> bool:
         """The motors are off, and no arming of ours is under way that could still turn them on."""
         under_way = self._arm_asked and not self._armed_seen and now - self._stage_s < ARM_SETTLE_S
         return not state.armed and not under_way
 
-    def _inspect(self, state: VehicleState, late_s: float, dt: float) -> Breach | None:
-        north, east, down = state.position_ned_m
-        breach = inspect(
-            state,
-            self.flight_s,
-            self.mission.duration_s,
-            self._ground_down_m - down,
-            math.hypot(north - self._home[0], east - self._home[1]),
-            self.settings.guards,
-            self.mission.limits,
-        )
-        if breach is not None and breach.answer is Answer.RELEASE:  # goes before our own troubles
-            return breach
-        if self._failure is not None:
-            return Breach(Answer.HAND_OVER, self._failure)
-        stalled_s = max(late_s, dt - 1.0 / self.settings.controller.rate_hz)
-        if stalled_s > self.settings.guards.max_tick_late_s:
-            return Breach(Answer.HAND_OVER, f"the control loop stalled for {stalled_s:.2f} s")
-        if breach is None and self._want_land and self.stage is not Stage.LAND:
-            return Breach(Answer.LAND, self._want_land)
-        return breach
+    def _breach(self, state: VehicleState, late_s: float, dt: float) -> Breach | None:
+        found = self._watch.breach(state, self.flight_s, late_s, dt, self.stage is not Stage.SPOOL_UP)
+        if found is None and self._watch.want_land and self.stage is not Stage.LAND:
+            return Breach(Answer.LAND, self._watch.want_land)
+        return found
 
-    def _answer(self, breach: Breach, state: VehicleState, now: float) -> "_Decision":
+    def _answer(self, breach: Breach, state: VehicleState, now: float) -> Decision:
         if breach.answer is Answer.RELEASE:
+            self._note(breach.reason, breach.answer.value)
             self.ended = breach.reason
-            self._want_land = None  # it cannot be done any more; a later one ends the recording
+            self._watch.want_land = None  # it cannot be done any more; a later one ends the recording
             self._enter(Stage.RELEASED, now)
             return _NOTHING
         self._silent = breach.answer is Answer.HAND_OVER
         return self._begin_landing(breach.reason, state, now)
 
-    def _begin_landing(self, reason: str, state: VehicleState, now: float) -> "_Decision":
+    def _begin_landing(self, reason: str, state: VehicleState, now: float) -> Decision:
+        self._note(reason, Answer.HAND_OVER.value if self._silent else Answer.LAND.value)
         self.ended = reason
         self._hold = Setpoint(state.position_ned_m, yaw_rad=self._yaw_rad)
         self._enter(Stage.LAND, now)
         if self._silent:
-            return _Decision(None, (Request.LAND,))
+            return Decision(None, self._land_request(state))
         output = self._control(self._hold, state, 0.0)
-        return _Decision(output.target, (Request.LAND,), self._hold, output)
+        return Decision(output.target, self._land_request(state), self._hold, output)
+
+    def _land_request(self, state: VehicleState) -> tuple[Request, ...]:
+        """Asked for once, when the mode is known to be ours: after a stall somebody else may have taken it."""
+        if self._land_asked or not self._mode_is_ours(state):
+            return ()
+        self._land_asked = True
+        return (Request.LAND,)
+
+    def _mode_is_ours(self, state: VehicleState) -> bool:
+        return state.mode == "OFFBOARD" and state.age_s("heartbeat") <= MODE_FRESH_S
 
     def _control(self, setpoint: Setpoint, state: VehicleState, dt: float) -> ControlOutput:
         output = control(
@@ -327,28 +327,31 @@ class Pilot:
             state,
             self._memory,
             dt,
-            self._ground_down_m,
+            self._watch.ground_down_m,
             self.vehicle,
             self.settings.controller,
             self.compensator,
         )
         self._memory = output.memory
+        if output.compensation.trust < 1.0 and not self._faded:
+            self._faded = True
+            self._note("the compensator is beyond the heights of its data", "fade out")
         return output
 
     def _setpoint(self, t_s: float) -> Setpoint:
         position, velocity, acceleration = self.mission.reference(t_s)
-        north, east, _ = self._home
+        north, east, _ = self._watch.home
         return Setpoint(
-            (north + position[0], east + position[1], self._ground_down_m - position[2]),
+            (north + position[0], east + position[1], self._watch.ground_down_m - position[2]),
             (velocity[0], velocity[1], -velocity[2]),
             (acceleration[0], acceleration[1], -acceleration[2]),
             self._yaw_rad,
         )
 
     def _remember_home(self, state: VehicleState) -> None:
-        self._home = state.position_ned_m
+        self._watch.home = state.position_ned_m
         if self.settings.height_datum == "takeoff":
-            self._ground_down_m = self._home[2] + self.settings.rest_height_m
+            self._watch.ground_down_m = self._watch.home[2] + self.settings.rest_height_m
         self._heading_rad = euler_from_quaternion(state.attitude)[2]
         self._yaw_rad = self._heading_rad if self.mission.yaw_rad is None else self.mission.yaw_rad
 
@@ -356,23 +359,22 @@ class Pilot:
         """No thrust, the heading we stand in."""
         return AttitudeTarget(_heading(self._heading_rad), 0.0)
 
+    def _note(self, what: str, answer: str) -> None:
+        self._events.append(Event(self._last_s - (self._began_s or 0.0), what, answer))
+
     def _enter(self, stage: Stage, now: float) -> None:
         self.stage = stage
         self._stage_s = now
 
     def _end(self, reason: str) -> None:
+        self._note(reason, "end")
         self.ended = reason
         self.stage = Stage.DONE
 
 
-class _Decision(NamedTuple):
-    target: AttitudeTarget | None = None
-    requests: tuple[Request, ...] = ()
-    setpoint: Setpoint | None = None
-    output: ControlOutput | None = None
-
-
-_NOTHING = _Decision()
+_NOTHING = Decision()
+_Step = Callable[[VehicleState, float, float, float], Decision]
+"""A stage: (state, now, dt, late)."""
 
 
 def _heading(yaw_rad: float) -> Quat:

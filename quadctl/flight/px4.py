@@ -79,6 +79,7 @@ STREAMS = (
     Stream("ESC_STATUS", 291, 50.0, required=False),
     Stream("SYS_STATUS", 1, 5.0, required=False),
     Stream("EXTENDED_SYS_STATE", 245, 5.0, required=False),
+    Stream("ESTIMATOR_STATUS", 230, 5.0, required=False),
     Stream("HEARTBEAT", 0, 5.0, required=False),
 )
 """HEARTBEAT comes at 1 Hz anyway; more of it shortens the time until a change of mode or a disarming is seen."""

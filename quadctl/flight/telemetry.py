@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 from quadctl.flight import px4
+from quadctl.flight.link_clock import LinkClock
 from quadctl.state import NAN, NO_VECTOR, Quat, Vec3, VehicleState
 
 HEARTBEAT_TIMEOUT_S = 3.0
@@ -69,6 +70,8 @@ class Telemetry:
         self._battery = (-math.inf, NAN)
         self._landed = True
         self._heartbeat = _Heartbeat()
+        self._estimator_ratio = NAN
+        self._clock = LinkClock()
         self._texts: deque[StatusText] = deque(maxlen=50)
         self._news = threading.Condition()
         self._handlers: dict[str, Callable[[Fields, float], None]] = {
@@ -78,6 +81,7 @@ class Telemetry:
             "SYS_STATUS": self._on_sys_status,
             "EXTENDED_SYS_STATE": self._on_extended_state,
             "HEARTBEAT": self._on_heartbeat,
+            "ESTIMATOR_STATUS": self._on_estimator_status,
             "STATUSTEXT": self._on_text,
         }
 
@@ -117,6 +121,8 @@ class Telemetry:
                 "battery": battery_s,
                 "heartbeat": heartbeat.received_s,
             },
+            boots=self._clock.restarts,
+            estimator_ratio=self._estimator_ratio,
         )
 
     @property
@@ -144,11 +150,13 @@ class Telemetry:
             return self._news.wait_for(condition, timeout_s)
 
     def _on_position(self, fields: Fields, now_s: float) -> None:
-        self._position = _Position(now_s, _vector(fields, "x", "y", "z"), _vector(fields, "vx", "vy", "vz"))
+        sampled_s = self._clock.sampled_s(0.001 * fields["time_boot_ms"], now_s)
+        self._position = _Position(sampled_s, _vector(fields, "x", "y", "z"), _vector(fields, "vx", "vy", "vz"))
 
     def _on_attitude(self, fields: Fields, now_s: float) -> None:
         quaternion = (_number(fields["q1"]), *_vector(fields, "q2", "q3", "q4"))
-        self._attitude = _Attitude(now_s, quaternion, _vector(fields, "rollspeed", "pitchspeed", "yawspeed"))
+        sampled_s = self._clock.sampled_s(0.001 * fields["time_boot_ms"], now_s)
+        self._attitude = _Attitude(sampled_s, quaternion, _vector(fields, "rollspeed", "pitchspeed", "yawspeed"))
 
     def _on_escs(self, fields: Fields, now_s: float) -> None:
         group = int(fields["index"]) // ESCS_PER_MESSAGE
@@ -167,10 +175,17 @@ class Telemetry:
 
     def _on_heartbeat(self, fields: Fields, now_s: float) -> None:
         armed = bool(fields["base_mode"] & px4.MAV_MODE_FLAG_SAFETY_ARMED)
-        heartbeat = _Heartbeat(now_s, fields["autopilot"], armed, px4.mode_name(fields["custom_mode"]))
+        # It carries no time of its own: as late as the stamped messages that it travels with.
+        sampled_s = now_s - self._clock.delay_s
+        heartbeat = _Heartbeat(sampled_s, fields["autopilot"], armed, px4.mode_name(fields["custom_mode"]))
         with self._news:
             self._heartbeat = heartbeat
             self._news.notify_all()
+
+    def _on_estimator_status(self, fields: Fields, now_s: float) -> None:
+        del now_s
+        ratios = [_number(fields[key]) for key in ("vel_ratio", "pos_horiz_ratio", "pos_vert_ratio")]
+        self._estimator_ratio = max((r for r in ratios if math.isfinite(r)), default=NAN)
 
     def _on_text(self, fields: Fields, now_s: float) -> None:
         with self._news:
