@@ -87,6 +87,11 @@ class SimulatedAutopilot:
         self._enter(mode)
         return None
 
+    def power_cycle(self) -> None:
+        """A loss of power: the motors are off, the mode is that of a start."""
+        self._disarm()
+        self._enter("HOLD")
+
     # --- time --------------------------------------------------------------------------------------------------
 
     def step(self, until_s: float) -> None:

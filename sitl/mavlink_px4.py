@@ -18,9 +18,10 @@ from typing import Any, NamedTuple
 from pymavlink.dialects.v20 import common as mavlink
 
 from quadctl.frames import euler_from_quaternion
-from quadctl.state import NO_VECTOR, AttitudeTarget, VehicleState
+from quadctl.state import AttitudeTarget, VehicleState
 from sitl import dialect
 from sitl.autopilot import SimulatedAutopilot
+from sitl.faults import Faults
 
 STEP_S = 0.004
 """Period of the loop: physics, streams."""
@@ -45,29 +46,6 @@ PX4_VERSION = 0x010F00FF
 
 Message = Any
 Builder = Callable[[VehicleState], Iterator[Message]]
-
-
-@dataclass
-class Faults:
-    """What goes wrong on the link; set from any thread, at any time."""
-
-    silent: bool = False
-    """Nothing is sent any more."""
-    deaf: bool = False
-    """Nothing that arrives is read."""
-    withheld: frozenset[str] = frozenset()
-    """Names of messages that are not sent, and refused when asked for."""
-    nan_position: bool = False
-    refuse_arming: str = ""
-    """The reason to give, if any."""
-
-    def lets_out(self, name: str) -> bool:
-        """Whether a message of this name reaches the wire."""
-        return not self.silent and name not in self.withheld
-
-    def distort(self, estimate: VehicleState) -> VehicleState:
-        """The estimate as it goes out."""
-        return replace(estimate, position_ned_m=NO_VECTOR) if self.nan_position else estimate
 
 
 class ReceivedSetpoint(NamedTuple):
@@ -125,6 +103,8 @@ class MavlinkPx4:
         self.setpoints_received: list[ReceivedSetpoint] = []
         self.lag_s = 0.0
         """Real time that the vehicle's clock has given up because the machine was too busy."""
+        self._booted_s = 0.0
+        self._heartbeat_hz = heartbeat_hz
         self._address = (host, port)
         self._socket: socket.socket | None = None
         self._mav = mavlink.MAVLink(None, srcSystem=1, srcComponent=mavlink.MAV_COMP_ID_AUTOPILOT1)
@@ -171,6 +151,12 @@ class MavlinkPx4:
         if self._failure is not None:
             failure, self._failure = self._failure, None
             raise failure
+
+    def restart(self) -> None:
+        """As after a short loss of power: disarmed, its clock at 0, its messages at their default rates."""
+        self.autopilot.power_cycle()
+        self._booted_s = self.autopilot.time_s + self.lag_s
+        self._streams = _px4_streams(self._heartbeat_hz)
 
     def __enter__(self) -> "MavlinkPx4":
         self.start()
@@ -243,8 +229,16 @@ class MavlinkPx4:
         estimate = self.faults.distort(self.autopilot.estimate())
         for stream in self._streams.values():
             if stream.take(estimate):
-                for message in stream.build(estimate):
+                for message in stream.build(self._stamped(estimate)):
                     self._send(message)
+
+    def _stamped(self, estimate: VehicleState) -> VehicleState:
+        """With the time since boot on a clock that runs on while the vehicle's waits for a busy machine."""
+        return replace(
+            estimate,
+            time_s=estimate.time_s + self.lag_s - self._booted_s,
+            estimator_ratio=self.faults.estimator_ratio,
+        )
 
     # --- in ----------------------------------------------------------------------------------------------------
 
@@ -302,7 +296,7 @@ class MavlinkPx4:
         stream = self._streams.get(int(command.param1))
         if stream is None:
             return int(mavlink.MAV_RESULT_DENIED)
-        for message in stream.build(self.faults.distort(self.autopilot.estimate())):
+        for message in stream.build(self._stamped(self.faults.distort(self.autopilot.estimate()))):
             self._send(message)
         return int(mavlink.MAV_RESULT_ACCEPTED)
 
@@ -420,6 +414,13 @@ def _battery_status(estimate: VehicleState) -> Iterator[Message]:
     yield mavlink.MAVLink_battery_status_message(0, 0, 0, 32767, cells, -1, -1, -1, -1)
 
 
+def _estimator_status(estimate: VehicleState) -> Iterator[Message]:
+    ratio = estimate.estimator_ratio
+    yield mavlink.MAVLink_estimator_status_message(
+        1000 * _boot_ms(estimate), 0x3F, 0.1, ratio, 0.1, 0.1, math.nan, math.nan, 0.1, 0.1
+    )
+
+
 def _extended_sys_state(estimate: VehicleState) -> Iterator[Message]:
     landed = mavlink.MAV_LANDED_STATE_ON_GROUND if estimate.landed else mavlink.MAV_LANDED_STATE_IN_AIR
     yield mavlink.MAVLink_extended_sys_state_message(mavlink.MAV_VTOL_STATE_UNDEFINED, landed)
@@ -445,6 +446,7 @@ def _px4_streams(heartbeat_hz: float) -> dict[int, _Stream]:
         dialect.ESC_STATUS_ID: _Stream(_esc_status, 10.0, "rpm"),
         mavlink.MAVLINK_MSG_ID_SYS_STATUS: _Stream(_sys_status, 5.0, "battery"),
         mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: _Stream(_battery_status, 0.5, "battery"),
+        mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS: _Stream(_estimator_status, 0.5, "attitude"),
         mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: _Stream(_extended_sys_state, 5.0, "heartbeat"),
         mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION: _Stream(_autopilot_version, 0.0, "heartbeat"),
     }
