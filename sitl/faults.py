@@ -31,6 +31,8 @@ class Faults:
     """Innovation test ratio of position that goes out; from 1 on the estimator rejects its sensors."""
     refuse_arming: str = ""
     """The reason to give, if any."""
+    refuse_modes: str = ""
+    """The same for every change of mode that is asked for over the link."""
 
     def lets_out(self, name: str) -> bool:
         """Whether a message of this name reaches the wire."""

@@ -281,7 +281,7 @@ class MavlinkPx4:
         custom = int(command.param2) << 16 | int(command.param3) << 24
         for name, numbers in CUSTOM_MODES.items():
             if numbers == custom and int(command.param1) & mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
-                return self._answer(self.autopilot.request_mode(name))
+                return self._answer(self.faults.refuse_modes or self.autopilot.request_mode(name))
         return int(mavlink.MAV_RESULT_DENIED)
 
     def _set_message_interval(self, command: Message) -> int:

@@ -244,8 +244,9 @@ class Pilot:
             self._end(f"{self.ended}; the autopilot did not land and disarm in {LAND_TIMEOUT_S:g} s")
             return _NOTHING
         breach = self._breach(state, late_s, dt)
-        if breach is not None and breach.answer is not Answer.LAND and not self._silent:
+        if breach is not None and breach.answer is Answer.HAND_OVER and not self._silent:
             self._note(breach.reason, "silence")
+        if breach is not None and breach.answer is not Answer.LAND:
             self._silent = True
         if now - self._stage_s < LAND_MODE_TIMEOUT_S and not self._silent and self._hold is not None:
             output = self._control(self._hold, state, dt)

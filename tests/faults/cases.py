@@ -1,0 +1,189 @@
+"""The faults, each with what must come of it."""
+
+import math
+import resource
+from collections.abc import Callable
+from dataclasses import dataclass
+from signal import SIGCONT, SIGINT, SIGKILL, SIGSTOP, SIGTERM, SIGUSR1, SIGUSR2
+
+from sitl import faults
+
+from .scene import Scene, Seen
+
+SILENCE_S = 0.3
+"""After the last setpoint that a stalled or blind flight may send."""
+LAND_SEEN_S = 0.5
+"""A mode that has been taken shows in the next heartbeat."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A fault in the hover, and what it must lead to."""
+
+    name: str
+    inject: Callable[[Scene], None]
+    answer: str
+    """Of the guards, as in the log; empty where the process cannot answer any more."""
+    said: str
+    """In the log, of why the flight ended."""
+    mode: str = "land"
+    """The mode that comes next: land, hold, failsafe or stick; empty for none."""
+    silent_s: float = SILENCE_S
+    """The last setpoint comes no later; for a landing, the change of mode."""
+    stall_s: float = 3.0
+    """How long SIGUSR1 and SIGUSR2 stall the process."""
+
+    def wrong(self, seen: Seen, modes: dict[str, str]) -> list[str]:
+        """What is not as it must be."""
+        expected = modes.get(self.mode, "")
+        silent_s = self.silent_s
+        if self.answer == "land" and seen.modes:
+            silent_s = seen.modes[0][1] + LAND_SEEN_S
+        checks = {
+            f"the next mode is {seen.mode or 'none'}, expected {expected or 'none'}": seen.mode == expected,
+            f"{len(seen.unfit)} setpoints were unfit: {seen.unfit[:1]}": not seen.unfit,
+            f"the last setpoint came {seen.last_setpoint_s:.2f} s after, allowed are {silent_s:.2f} s": (
+                seen.last_setpoint_s <= silent_s
+            ),
+            f"the log says {seen.ended!r}, expected {self.said!r}": self.said in seen.ended,
+            f"the log's answers are {seen.events}, expected {self.answer}": (
+                not self.answer or self.answer in [answer for _, answer in seen.events]
+            ),
+            f"{seen.rows_lost_s:.1f} s of log are lost": seen.rows_lost_s <= 1.0 or "incomplete" in seen.problem,
+            "it did not come to rest": not math.isnan(seen.at_rest_s),
+        }
+        if self.answer == "land" and seen.modes:
+            checks[f"the landing began after {seen.modes[0][1]:.2f} s"] = seen.modes[0][1] <= self.silent_s
+        return [sentence for sentence, holds in checks.items() if not holds]
+
+
+def _distort(make: Callable[[], faults.Distortion]) -> Callable[[Scene], None]:
+    def inject(scene: Scene) -> None:
+        scene.px.faults.distort = make()
+
+    return inject
+
+
+def _withhold(*names: str) -> Callable[[Scene], None]:
+    def inject(scene: Scene) -> None:
+        scene.px.faults.withheld = frozenset(names)
+
+    return inject
+
+
+def _stop(scene: Scene) -> None:
+    scene.signal(SIGSTOP)
+    scene.later(3.0, lambda: scene.signal(SIGCONT))
+
+
+def _stop_and_take(scene: Scene) -> None:
+    """Late enough that what was queued before still says offboard."""
+    _stop(scene)
+    scene.later(0.5, lambda: scene.stick(scene.profile.stick))
+    scene.later(4.5, lambda: scene.stick("LAND"))
+
+
+def _take(scene: Scene) -> None:
+    scene.stick(scene.profile.stick)
+    scene.later(1.5, lambda: scene.stick("LAND"))
+
+
+def _take_and_return(scene: Scene) -> None:
+    """The switch goes to the pilot's mode and back, as a finger slips: offboard is not flown on."""
+    scene.stick(scene.profile.stick)
+    scene.later(0.5, lambda: scene.px.autopilot._enter(scene.profile.offboard))
+
+
+def _be(**changes: object) -> Callable[[Scene], None]:
+    def inject(scene: Scene) -> None:
+        for name, value in changes.items():
+            setattr(scene.px.faults, name, value)
+
+    return inject
+
+
+def _restart(scene: Scene) -> None:
+    """Half a second without a word, then as after power-up."""
+    scene.px.faults.silent = True
+    scene.px.restart()
+    scene.later(0.5, lambda: setattr(scene.px.faults, "silent", False))
+
+
+def _restart_at_once(scene: Scene) -> None:
+    scene.px.restart()
+
+
+def _refuse_landing(scene: Scene) -> None:
+    scene.px.faults.refuse_modes = "not now"
+    scene.signal(SIGINT)
+
+
+def _interrupt_twice(scene: Scene) -> None:
+    scene.px.faults.refuse_modes = ""
+    scene.signal(SIGINT)
+    scene.later(0.05, lambda: scene.signal(SIGINT))
+
+
+def _interrupt_a_landing_that_fails(scene: Scene) -> None:
+    """The first Ctrl-C is not heard; nor will be the second: silence is what is left."""
+    scene.px.faults.deaf = True
+    scene.signal(SIGINT)
+    scene.later(0.1, lambda: scene.signal(SIGINT))
+    scene.later(0.5, lambda: setattr(scene.px.faults, "deaf", False))
+    scene.later(2.0, lambda: scene.stick("LAND"))
+
+
+def _fill_disk(scene: Scene) -> None:
+    """No file may grow beyond what the log holds now."""
+    size = scene.log.stat().st_size
+    resource.prlimit(scene.process.pid, resource.RLIMIT_FSIZE, (size, size))
+    scene.later(1.0, lambda: scene.signal(SIGTERM))
+
+
+NAN, STALE, STALL = "not a number", "s old, allowed are 0.2 s", "the control loop stalled for"
+
+CASES = (
+    # The process.
+    Case("event loop frozen for 3 s", lambda s: s.signal(SIGUSR1), "hand over", STALL, "failsafe"),
+    Case("event loop frozen for 0.6 s", lambda s: s.signal(SIGUSR1), "hand over", STALL, stall_s=0.6),
+    Case("interpreter held for 3 s", lambda s: s.signal(SIGUSR2), "hand over", STALL, "failsafe"),
+    Case("process stopped for 3 s", _stop, "hand over", STALL, "failsafe"),
+    Case("process stopped, the pilot takes the mode", _stop_and_take, "hand over", STALL, "stick"),
+    Case("process killed", lambda s: s.signal(SIGKILL), "", "in flight", "failsafe"),
+    Case("disk full", _fill_disk, "land", "asked to land by SIGTERM", silent_s=2.0),
+    # The state.
+    Case("position not a number", _distort(lambda: faults.nan_position), "hand over", NAN),
+    Case("attitude of zeros", _distort(lambda: faults.no_attitude), "hand over", "no unit quaternion"),
+    Case("position stops coming", _withhold("LOCAL_POSITION_NED"), "hand over", STALE),
+    Case("attitude stops coming", _withhold("ATTITUDE_QUATERNION"), "hand over", STALE),
+    Case(
+        "position frozen", _distort(lambda: faults.frozen("position")), "hand over", "position is frozen", silent_s=0.8
+    ),
+    Case(
+        "attitude frozen", _distort(lambda: faults.frozen("attitude")), "hand over", "attitude is frozen", silent_s=0.8
+    ),
+    Case("position jumps by 2 m", _distort(lambda: faults.displaced((2.0, 0.0, 0.0))), "hand over", "position jumped"),
+    Case("attitude jumps by 45 deg", _distort(lambda: faults.leaning(math.radians(45.0))), "hand over", "jumped"),
+    Case("estimator rejects its sensors", _be(estimator_ratio=2.0), "hand over", "estimator is in doubt", silent_s=0.6),
+    # The limits.
+    Case("tilt", _distort(lambda: faults.leaning(math.radians(60.0))), "hand over", "the tilt is"),
+    Case("speed", _distort(lambda: faults.hurried(12.0, 0.5)), "land", "the speed is", silent_s=1.5),
+    Case("fence", _distort(lambda: faults.displaced((0.0, 6.0, 0.0), 1.0)), "land", "from take-off", silent_s=2.0),
+    Case("ceiling", _distort(lambda: faults.displaced((0.0, 0.0, -6.0), 1.0)), "land", "allowed are 1.5", silent_s=2.0),
+    Case("floor", _distort(lambda: faults.displaced((0.0, 0.0, 6.0), 1.0)), "land", "m or more", silent_s=2.0),
+    Case("battery low", _distort(lambda: faults.battery_at(12.0)), "land", "the battery is at 12.00 V", silent_s=1.0),
+    # The link and the autopilot.
+    Case("autopilot's messages stop", _be(silent=True), "hand over", STALE, "failsafe"),
+    Case("heartbeats stop", _withhold("HEARTBEAT"), "hand over", "heartbeat is lost", "failsafe", silent_s=3.5),
+    Case("autopilot hears nothing", _be(deaf=True), "release", "left offboard", "failsafe", silent_s=1.5),
+    Case("disarmed in flight", lambda s: s.px.autopilot._disarm(), "release", "disarmed", "", silent_s=0.5),
+    Case("autopilot restarts within 0.5 s", _restart, "hand over", STALE, "hold"),
+    Case("autopilot restarts at once", _restart_at_once, "release", "", "hold", silent_s=0.5),
+    # People.
+    Case("the pilot takes the mode", _take, "release", "left offboard", "stick", silent_s=0.5),
+    Case("the mode is taken and given back", _take_and_return, "release", "left offboard", "stick", silent_s=0.5),
+    Case("Ctrl-C", lambda s: s.signal(SIGINT), "land", "asked to land by SIGINT", silent_s=0.5),
+    Case("Ctrl-C, landing refused", _refuse_landing, "silence", "refused to enter LAND", "failsafe", silent_s=1.0),
+    Case("Ctrl-C twice", _interrupt_twice, "hand over", "asked to let go", silent_s=0.5),
+    Case("Ctrl-C twice, first not heard", _interrupt_a_landing_that_fails, "hand over", "let go", "hold"),
+)
