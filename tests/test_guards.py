@@ -9,11 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from quadctl.errors import SettingsError
-from quadctl.flight.guards import Answer, Breach, GuardLimits, defect, inspect
+from quadctl.flight.guards import Answer, Breach, GuardLimits, defect, inspect, unfit
 from quadctl.frames import quaternion_from_euler
 from quadctl.missions import MissionLimits
 from quadctl.settings import validate
-from quadctl.state import VehicleState
+from quadctl.state import AttitudeTarget, VehicleState
 
 LIMITS = GuardLimits(max_state_age_s=0.2, max_tilt_deg=50.0, max_speed_m_s=8.0, min_battery_v=14.0)
 MISSION = MissionLimits(max_z_m=1.0, max_distance_m=5.0, margin_m=0.5)
@@ -161,6 +161,36 @@ def test_what_passes_is_fit_for_control(part: str, value: float, i: int) -> None
         assert verdict(state) is not None
 
 
+LEVEL = (1.0, 0.0, 0.0, 0.0)
+
+
+def leaning_target(deg: float) -> AttitudeTarget:
+    return AttitudeTarget(quaternion_from_euler(math.radians(deg), 0.0, 2.0), 0.5)
+
+
+@pytest.mark.parametrize("target", [AttitudeTarget(LEVEL, 0.0), AttitudeTarget(LEVEL, 0.9), leaning_target(49.9)])
+def test_a_target_at_its_limits_is_fit(target: AttitudeTarget) -> None:
+    assert unfit(target, LIMITS, max_throttle=0.9) is None
+
+
+@pytest.mark.parametrize(
+    ("target", "words"),
+    [
+        (AttitudeTarget(LEVEL, NAN), "not a number"),
+        (AttitudeTarget((1.0, 0.0, math.inf, 0.0), 0.5), "not a number"),
+        (AttitudeTarget(LEVEL, 0.901), "a throttle of 0.901, allowed are 0 to 0.9"),
+        (AttitudeTarget(LEVEL, -0.01), "a throttle of -0.01"),
+        (AttitudeTarget((1.0, 0.2, 0.0, 0.0), 0.5), "its norm is 1.02"),
+        (leaning_target(50.1), "a tilt of 50 deg, allowed are 50 deg"),
+        (leaning_target(-170.0), "a tilt of 170 deg"),
+    ],
+)
+def test_a_target_beyond_its_limits_is_unfit(target: AttitudeTarget, words: str) -> None:
+    problem = unfit(target, LIMITS, max_throttle=0.9)
+    assert problem is not None
+    assert words in problem
+
+
 @pytest.mark.parametrize(
     "setting",
     [
@@ -170,6 +200,8 @@ def test_what_passes_is_fit_for_control(part: str, value: float, i: int) -> None
         {"max_speed_m_s": -1.0},
         {"max_tick_late_s": math.nan},
         {"min_battery_v": -1.0},
+        {"max_estimator_ratio": -1.0},
+        {"max_over_time_s": 0.0},
     ],
     ids=str,
 )

@@ -17,11 +17,13 @@ from hypothesis import strategies as st
 
 from quadctl.control import ControlOutput
 from quadctl.control import control as sound_control
+from quadctl.effects.ground_effect import Sanchez
 from quadctl.flight.guards import GuardLimits, defect
 from quadctl.flight.pilot import Pilot
 from quadctl.flight.session import FlightPlan, prepare_flight
 from quadctl.flight.tick import Request, Stage, Tick
 from quadctl.frames import euler_from_quaternion, quaternion_from_euler
+from quadctl.model import Provenance, StackedEffect
 from quadctl.state import NAN, AttitudeTarget, VehicleState
 from sitl.autopilot import SimulatedAutopilot
 from sitl.run import fly_lockstep
@@ -456,7 +458,7 @@ def test_a_stall_that_nobody_counted_is_seen_in_the_clock_of_the_state() -> None
 def test_after_a_long_stall_the_autopilots_failsafe_is_left_alone() -> None:
     flight = Flight()
     flight.when(in_flight(3.0), stall(flight, 1.5)).fly()
-    assert flight.pilot.ended == "the autopilot left offboard for RTL"
+    assert flight.pilot.ended == "the control loop stalled for 1.48 s, then the autopilot left offboard for RTL"
     assert flight.autopilot.asked == ["OFFBOARD", "ARM"]
     assert flight.at_rest
 
@@ -528,6 +530,91 @@ def test_the_pilot_never_calls_control_on_a_state_that_is_no_number(monkeypatch:
             flight.show(HAND_OVER[name][0], when, until=0.1).fly()
 
 
+# --- not known whose the mode is -----------------------------------------------------------------------------------
+
+
+def test_after_a_stall_the_landing_is_asked_for_only_when_a_new_heartbeat_shows_offboard() -> None:
+    flight = Flight()
+    old_heartbeat_until_s = math.inf
+
+    def late_news(s: VehicleState) -> VehicleState:
+        if s.time_s >= old_heartbeat_until_s:
+            return s
+        return replace(s, mode="OFFBOARD", received_s={**s.received_s, "heartbeat": s.time_s - 0.6})
+
+    def stall_now() -> None:
+        nonlocal old_heartbeat_until_s
+        stall(flight, 0.5)()
+        old_heartbeat_until_s = flight.autopilot.time_s + 0.4
+
+    flight.show(late_news, in_flight(3.0)).when(in_flight(3.0), stall_now).fly()
+    (asked,) = flight.watch.with_request(Request.LAND)
+    assert asked.state.time_s == pytest.approx(old_heartbeat_until_s, abs=0.05)
+    assert not any(t.target for t in flight.watch.ticks if t.time_s > asked.time_s - 0.4)
+
+
+def test_a_mode_taken_during_a_stall_is_left_alone_though_the_old_one_is_still_shown() -> None:
+    flight = Flight()
+
+    def late_news(s: VehicleState) -> VehicleState:
+        if s.time_s > shown_until_s:
+            return s
+        return replace(s, mode="OFFBOARD", received_s={**s.received_s, "heartbeat": s.time_s - 0.6})
+
+    shown_until_s = 0.0
+
+    def take_over_in_a_stall() -> None:
+        nonlocal shown_until_s
+        take_over(flight, "POSCTL")()
+        stall(flight, 0.5)()
+        shown_until_s = flight.autopilot.time_s + 0.3
+
+    flight.show(late_news, in_flight(3.0)).when(in_flight(3.0), take_over_in_a_stall).fly()
+    assert flight.pilot.ended == "the control loop stalled for 0.48 s"
+    assert "LAND" not in flight.autopilot.asked
+    assert Stage.RELEASED in flight.watch.stages()  # recorded until the end
+    assert flight.at_rest
+
+
+def test_an_autopilot_that_restarts_is_let_go() -> None:
+    flight = Flight().show(lambda s: replace(s, boots=1), in_flight(3.0), until=0.1)
+    flight.when(at_stage(Stage.RELEASED, 25), lambda: flight.autopilot.somebody("LAND")).fly()
+    assert flight.pilot.ended == "the autopilot restarted"
+    assert "LAND" not in flight.autopilot.asked
+
+
+# --- control that goes wrong -----------------------------------------------------------------------------------------
+
+
+def test_control_that_fails_hands_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    flight = Flight()
+
+    def control(*arguments: Any) -> ControlOutput:
+        return sound_control(*arguments) if flight.pilot.flight_s < 3.0 else 1 / 0  # type: ignore[return-value]
+
+    monkeypatch.setattr("quadctl.flight.pilot.control", control)
+    flight.fly()
+    assert flight.pilot.ended == "control failed (division by zero)"
+    assert flight.watch.with_request(Request.LAND)[0].target is None
+    assert flight.at_rest
+
+
+def test_a_compensator_beyond_its_data_fades_out_and_the_log_says_so() -> None:
+    item = StackedEffect(Sanchez(), Provenance(height_m=(0.05, 0.2)))
+    model = replace(hop().body, stack=(item,))
+    flight = Flight(hop()._replace(compensator=model)).fly()
+    assert flight.pilot.ended == "completed"
+    events = [e for t in flight.watch.ticks for e in t.events]
+    assert [e.answer for e in events] == ["fade out", "land"]
+    faded = flight.watch.first(lambda t: bool(t.events))
+    assert faded.output is not None
+    assert faded.output.compensation.trust < 1.0
+    hover = flight.watch.first(in_flight(4.0))
+    assert hover.output is not None
+    assert hover.output.compensation.trust == 0.0
+    assert hover.output.compensation.thrust_ratio == 1.0
+
+
 # --- somebody else flies ---------------------------------------------------------------------------------------------
 
 
@@ -575,7 +662,7 @@ def test_it_is_not_taken_back_after_a_stall_a_failed_send_or_a_wish_to_land() ->
         flight = Flight()
         flight.when(in_flight(3.0), take_over(flight, "POSCTL"))
         flight.when(in_flight(3.0), lambda act=action, f=flight: act(f)).fly()  # type: ignore[misc]
-        assert flight.pilot.ended == "the autopilot left offboard for POSCTL"
+        assert flight.pilot.ended.endswith("the autopilot left offboard for POSCTL")
         assert "LAND" not in flight.autopilot.asked
         assert not flight.watch.ticks[-1].state.armed
 
@@ -654,6 +741,39 @@ def test_asked_to_land_with_motors_on(stage: Stage) -> None:
     (asked,) = flight.watch.with_request(Request.LAND)
     assert asked.target is not None  # it holds its place until the mode is taken
     assert flight.at_rest
+
+
+def test_asked_to_let_go_while_landing_it_is_gone_and_the_landing_goes_on() -> None:
+    flight = Flight()
+    flight.when(in_flight(3.0), lambda: flight.pilot.ask_to_land("first"))
+    flight.when(at_stage(Stage.LAND, 5), lambda: flight.pilot.ask_to_let_go("second")).fly()
+    assert flight.pilot.ended == "first; second"
+    assert flight.autopilot.mode == "LAND"
+    assert flight.autopilot.asked == ["OFFBOARD", "ARM", "LAND"]
+    landing = [t for t in flight.watch.ticks if t.stage is Stage.LAND]
+    assert len(landing) == 5
+    assert [(e.what, e.answer) for t in flight.watch.ticks for e in t.events] == [
+        ("first", "land"),
+        ("second", "hand over"),
+    ]
+
+
+def test_asked_to_let_go_in_flight_at_once() -> None:
+    flight = Flight()
+    flight.when(in_flight(3.0), lambda: flight.pilot.ask_to_let_go("both at once")).fly()
+    assert flight.pilot.done
+    last = [t for t in flight.watch.ticks if t.target is not None][-1]
+    assert flight.watch.ticks[-1].time_s - last.time_s < 0.1
+
+
+def test_asked_to_let_go_of_an_autopilot_that_does_not_answer_it_goes_all_the_same() -> None:
+    flight = Flight()
+    flight.autopilot.ignored.add("LAND")
+    flight.autopilot.parameters["COM_OF_LOSS_T"] = 60.0
+    flight.when(at_stage(Stage.LAND, 5), lambda: flight.pilot.ask_to_let_go("enough")).fly()
+    landing = [t for t in flight.watch.ticks if t.stage is Stage.LAND]
+    assert landing[-1].time_s - landing[5].time_s == pytest.approx(1.0, abs=0.1)
+    assert not any(t.target for t in landing[6:])
 
 
 def test_asked_to_land_while_landing_changes_nothing() -> None:

@@ -22,7 +22,7 @@ from quadctl.control import ControlOutput, Memory
 from quadctl.errors import FlightError
 from quadctl.flight.recorder import Recorder, header, row
 from quadctl.flight.session import prepare_flight
-from quadctl.flight.tick import Stage, Tick
+from quadctl.flight.tick import Event, Stage, Tick
 from quadctl.frames import quaternion_from_euler
 from quadctl.logs.read import read_log
 from quadctl.state import AttitudeTarget, Setpoint, VehicleState
@@ -313,6 +313,7 @@ def test_a_disk_that_fills_up_costs_the_rest_of_the_log_and_not_the_flight(tmp_p
     assert outcome.ticks > 500
     assert outcome.problem == f"{outcome.log}: the log is incomplete (No space left on device)"
     assert outcome.problem in outcome.lines()
+    assert [e["answer"] for e in meta_of(Path(outcome.log))["events"]] == ["land"]
     assert len(read_log(outcome.log)) == 99  # what was written is kept
     assert meta_of(Path(outcome.log))["ended"] == "completed"
 
@@ -343,6 +344,16 @@ def test_a_disk_that_is_full_at_the_end_keeps_the_meta_file_of_the_beginning(
     assert "No space left on device" in record.problem
     assert meta_of(record.path)["ended"] == "in flight"
     assert {p.suffix for p in tmp_path.iterdir()} == {".csv", ".yaml"}
+
+
+def test_what_a_guard_answered_is_on_the_disk_before_the_flight_ends(tmp_path: Path) -> None:
+    record = recorder(tmp_path)
+    record(tick(0)._replace(events=(Event(1.23456, "the tilt is 60 deg", "hand over"),)))
+    said = {"time_s": 1.235, "what": "the tilt is 60 deg", "answer": "hand over"}
+    until(lambda: meta_of(record.path)["events"] == [said], "the event does not reach the disk")
+    assert meta_of(record.path)["ended"] == "in flight"
+    record.close("the tilt is 60 deg")
+    assert meta_of(record.path)["events"] == [said]
 
 
 # --- a process that is killed ----------------------------------------------------------------------------------------

@@ -65,9 +65,9 @@ class Continuity:
         return None
 
     def _position_jump(self, before: _Part | None, now: _Part) -> str | None:
-        if before is None or now.sampled_s == before.sampled_s:
+        if before is None or now.moved_s == before.moved_s:
             return None
-        dt = max(now.sampled_s - before.sampled_s, 0.0)
+        dt = max(now.moved_s - before.moved_s, 0.0)  # a stream may repeat what is updated seldom
         velocity = [0.5 * (a + b) for a, b in zip(before.values[3:], now.values[3:], strict=True)]
         expected = [x + v * dt for x, v in zip(before.values[:3], velocity, strict=True)]
         jump_m, largest_m = math.dist(now.values[:3], expected), self._limits.max_position_jump_m
@@ -79,9 +79,9 @@ class Continuity:
         return None
 
     def _attitude_jump(self, before: _Part | None, now: _Part) -> str | None:
-        if before is None or now.sampled_s == before.sampled_s:
+        if before is None or now.moved_s == before.moved_s:
             return None
-        dt = max(now.sampled_s - before.sampled_s, 0.0)
+        dt = max(now.moved_s - before.moved_s, 0.0)  # a stream may repeat what is updated seldom
         cosine = abs(sum(a * b for a, b in zip(before.values[:4], now.values[:4], strict=True)))
         turn_rad = 2.0 * math.acos(min(cosine, 1.0))
         jump_deg, largest_deg = math.degrees(turn_rad - MAX_RATE_RAD_S * dt), self._limits.max_attitude_jump_deg

@@ -76,8 +76,6 @@ async def _carry_out(request: Request, autopilot: Autopilot, pilot: Pilot) -> No
             await autopilot.start_offboard()
         elif request is Request.ARM:
             await autopilot.arm()
-        elif request is Request.HOLD:
-            await autopilot.hold()
         else:
             await autopilot.land()
     except FlightError as error:

@@ -24,7 +24,7 @@ LAND_MODE_TIMEOUT_S = 2.0
 MODE_FRESH_S = 0.5
 """A mode is asked for only while a heartbeat as recent as this shows that it is still ours to change."""
 LET_GO_S = 1.0
-"""How long a second Ctrl-C waits for the autopilot to take its mode."""
+"""How long a second Ctrl-C waits for the autopilot to take its land mode."""
 LAND_TIMEOUT_S = 60.0
 ARM_SETTLE_S = 2.0
 """An arming that was asked for may still come so long after it was given up."""
@@ -61,7 +61,6 @@ class Pilot:
         self._events: list[Event] = []
         self._arm_asked = False
         self._land_asked = False
-        self._hold_asked = False
         self._offboard_seen = False
         self._armed_seen = False
         self._silent = False
@@ -75,7 +74,7 @@ class Pilot:
         self._watch.want_land = reason
 
     def ask_to_let_go(self, reason: str) -> None:
-        """Hand over at the next tick (a second Ctrl-C): no more targets, the autopilot's own mode, and out."""
+        """Hand over at the next tick (a second Ctrl-C): no more targets, the autopilot lands, and we are gone."""
         self._watch.want_land = self._watch.want_land or reason
         self._let_go = reason
 
@@ -255,7 +254,7 @@ class Pilot:
         return Decision(None, self._land_request(state))
 
     def _leave(self, reason: str, state: VehicleState, now: float) -> Decision:
-        """No more targets. While the mode is ours the autopilot is asked to hold; then we are gone."""
+        """No more targets, and gone as soon as the autopilot has taken its land mode, or does not answer."""
         if not self._let_go_s:
             self._note(reason, "hand over")
             self.ended = f"{self.ended}; {reason}"
@@ -263,10 +262,7 @@ class Pilot:
         if state.mode != "OFFBOARD" or now - self._let_go_s > LET_GO_S:
             self._enter(Stage.DONE, now)
             return _NOTHING
-        if self._hold_asked or not self._mode_is_ours(state):
-            return _NOTHING
-        self._hold_asked = True
-        return Decision(None, (Request.HOLD,))
+        return Decision(None, self._land_request(state))
 
     def _released(self, state: VehicleState, now: float, dt: float, late_s: float) -> Decision:
         """Somebody else flies: record until the vehicle is disarmed, never take the mode back."""

@@ -144,8 +144,12 @@ class Recorder:
         except Exception as error:  # whatever it is, it must not end the thread with the queue filling up
             reason = error.strerror if isinstance(error, OSError) else repr(error)
             self.problem = f"{self.path}: the log is incomplete ({reason})"
-            while not self._closing:  # the flight goes on, unrecorded
-                self._closing = self._queue.get() is None
+            while not self._closing:  # the flight goes on; what it must explain is kept for the meta file
+                tick = self._queue.get()
+                if tick is None:
+                    self._closing = True
+                else:
+                    self._note(tick)
 
     def _drain(self) -> None:
         synced = time.monotonic()
@@ -162,12 +166,15 @@ class Recorder:
                 file.write(",".join(map(_text, row(tick, self._n_rotors))) + "\n")
                 if tick.events:
                     _sync(file)  # the rows that led to it
-                    self._events += [{**e._asdict(), "time_s": round(e.time_s, 3)} for e in tick.events]
+                    self._note(tick)
                     self._write_meta("in flight")
                 if time.monotonic() - synced > SYNC_EVERY_S:
                     _sync(file)
                     synced = time.monotonic()
             _sync(file)
+
+    def _note(self, tick: Tick) -> None:
+        self._events += [{**event._asdict(), "time_s": round(event.time_s, 3)} for event in tick.events]
 
     def _write_meta(self, ended: str) -> None:
         """In one step: a full disk or a power cut leaves the old file, not half of a new one."""

@@ -67,16 +67,20 @@ class Supervisor:
             self._mission.limits,
             self._above_floor,
         )
+        stall = self._stall(late_s, dt)
         if found is not None and found.answer is Answer.RELEASE:  # goes before our own troubles
-            return found
+            return found if stall is None else found._replace(reason=f"{stall}, then {found.reason}")
         if self.restarted:
             return Breach(Answer.RELEASE, "the autopilot restarted")
-        if self.failure is not None:
-            return Breach(Answer.HAND_OVER, self.failure)
-        stalled_s = max(late_s, dt - self._period_s)
-        if stalled_s > self._guards.max_tick_late_s:
-            return Breach(Answer.HAND_OVER, f"the control loop stalled for {stalled_s:.2f} s")
+        problem = self.failure or stall
+        if problem is not None:
+            return Breach(Answer.HAND_OVER, problem)
         if found is not None and found.answer is Answer.HAND_OVER:
             return found
         broken = self._continuity.defect(state) if off_ground else None
         return found if broken is None else Breach(Answer.HAND_OVER, broken)
+
+    def _stall(self, late_s: float, dt: float) -> str | None:
+        """Why this tick comes too late to go on, or None."""
+        stalled_s = max(late_s, dt - self._period_s)
+        return f"the control loop stalled for {stalled_s:.2f} s" if stalled_s > self._guards.max_tick_late_s else None

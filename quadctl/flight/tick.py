@@ -26,7 +26,6 @@ class Request(enum.Enum):
     OFFBOARD = "enter offboard"
     ARM = "arm"
     LAND = "land"
-    HOLD = "hold"
 
 
 class Event(NamedTuple):

@@ -103,10 +103,10 @@ def _be(**changes: object) -> Callable[[Scene], None]:
 
 
 def _restart(scene: Scene) -> None:
-    """Half a second without a word, then as after power-up."""
-    scene.px.faults.silent = True
+    """Half a second deaf and without a word, then as after power-up."""
+    scene.px.faults.silent = scene.px.faults.deaf = True
     scene.px.restart()
-    scene.later(0.5, lambda: setattr(scene.px.faults, "silent", False))
+    scene.later(0.5, lambda: _be(silent=False, deaf=False)(scene))
 
 
 def _restart_at_once(scene: Scene) -> None:
@@ -119,18 +119,14 @@ def _refuse_landing(scene: Scene) -> None:
 
 
 def _interrupt_twice(scene: Scene) -> None:
-    scene.px.faults.refuse_modes = ""
     scene.signal(SIGINT)
     scene.later(0.05, lambda: scene.signal(SIGINT))
 
 
-def _interrupt_a_landing_that_fails(scene: Scene) -> None:
-    """The first Ctrl-C is not heard; nor will be the second: silence is what is left."""
+def _interrupt_twice_unheard(scene: Scene) -> None:
+    """The autopilot hears neither the targets nor the wish to land."""
     scene.px.faults.deaf = True
-    scene.signal(SIGINT)
-    scene.later(0.1, lambda: scene.signal(SIGINT))
-    scene.later(0.5, lambda: setattr(scene.px.faults, "deaf", False))
-    scene.later(2.0, lambda: scene.stick("LAND"))
+    _interrupt_twice(scene)
 
 
 def _fill_disk(scene: Scene) -> None:
@@ -173,10 +169,10 @@ CASES = (
     Case("floor", _distort(lambda: faults.displaced((0.0, 0.0, 6.0), 1.0)), "land", "m or more", silent_s=2.0),
     Case("battery low", _distort(lambda: faults.battery_at(12.0)), "land", "the battery is at 12.00 V", silent_s=1.0),
     # The link and the autopilot.
-    Case("autopilot's messages stop", _be(silent=True), "hand over", STALE, "failsafe"),
+    Case("autopilot's messages stop", _be(silent=True), "hand over", STALE),
     Case("heartbeats stop", _withhold("HEARTBEAT"), "hand over", "heartbeat is lost", "failsafe", silent_s=3.5),
     Case("autopilot hears nothing", _be(deaf=True), "release", "left offboard", "failsafe", silent_s=1.5),
-    Case("disarmed in flight", lambda s: s.px.autopilot._disarm(), "release", "disarmed", "", silent_s=0.5),
+    Case("disarmed in flight", lambda s: s.px.autopilot._disarm(), "release", "disarmed", "failsafe", silent_s=0.5),
     Case("autopilot restarts within 0.5 s", _restart, "hand over", STALE, "hold"),
     Case("autopilot restarts at once", _restart_at_once, "release", "", "hold", silent_s=0.5),
     # People.
@@ -185,5 +181,5 @@ CASES = (
     Case("Ctrl-C", lambda s: s.signal(SIGINT), "land", "asked to land by SIGINT", silent_s=0.5),
     Case("Ctrl-C, landing refused", _refuse_landing, "silence", "refused to enter LAND", "failsafe", silent_s=1.0),
     Case("Ctrl-C twice", _interrupt_twice, "hand over", "asked to let go", silent_s=0.5),
-    Case("Ctrl-C twice, first not heard", _interrupt_a_landing_that_fails, "hand over", "let go", "hold"),
+    Case("Ctrl-C twice, autopilot hears nothing", _interrupt_twice_unheard, "hand over", "let go", "failsafe"),
 )
