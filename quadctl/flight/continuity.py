@@ -94,7 +94,7 @@ def _follow(before: _Part | None, state: VehicleState, name: str, values: tuple[
     sampled_s = state.received_s[name]
     if before is not None and sampled_s == before.sampled_s:
         return before
-    # Compared as text, because rates may be unknown, and nan is not equal to itself.
-    if before is not None and str(values) == str(before.values):
+    # Rates may be unknown: tuples take the same nan for equal, and there is one (state.NAN).
+    if before is not None and values == before.values:
         return _Part(sampled_s, values, before.moved_s)
     return _Part(sampled_s, values, sampled_s)

@@ -47,6 +47,16 @@ class Pilot:
         """How the flight ended: `completed`, or the reason why it did not."""
         self.phases_flown: list[str] = []
         self.flight_s = 0.0
+        self._steps: dict[Stage, _Step] = {
+            Stage.WAIT: self._wait,
+            Stage.STREAM: self._stream,
+            Stage.START: self._start,
+            Stage.SPOOL_UP: self._spool_up,
+            Stage.FLY: self._fly,
+            Stage.LAND: self._land,
+            Stage.RELEASED: self._released,
+            Stage.DONE: self._idle,
+        }
         self._watch = Supervisor(mission, settings)
         self._began_s: float | None = None
         self._stage_s = 0.0
@@ -101,17 +111,7 @@ class Pilot:
         self._last_s = now
         self._armed_seen = self._armed_seen or state.armed
         self._watch.look(state)
-        step = {
-            Stage.WAIT: self._wait,
-            Stage.STREAM: self._stream,
-            Stage.START: self._start,
-            Stage.SPOOL_UP: self._spool_up,
-            Stage.FLY: self._fly,
-            Stage.LAND: self._land,
-            Stage.RELEASED: self._released,
-            Stage.DONE: self._idle,
-        }[self.stage]
-        decision = self._sound(step, state, now, dt, late_s)
+        decision = self._sound(self._steps[self.stage], state, now, dt, late_s)
         events, self._events = tuple(self._events), []
         return Tick(
             now - self._began_s,

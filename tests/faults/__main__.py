@@ -2,6 +2,7 @@
 
 import argparse
 import math
+import re
 import sys
 from collections.abc import Iterable
 from pathlib import Path
@@ -12,6 +13,8 @@ from .cases import CASES
 from .fly import JOBS, Verdict, fly_all
 from .scene import PROFILES, ROOT
 
+ADDRESS = re.compile(r" \(system \d+\) at \S+")
+"""Of the simulated autopilot: another one in every flight."""
 PAGE = ROOT / "docs" / "faults.md"
 HEAD = """# Faults
 
@@ -56,7 +59,7 @@ def row(verdict: Verdict) -> str:
     modes = ", ".join(f"{mode} at {after_s:.1f} s" for mode, after_s in seen.modes) or "unchanged"
     last = f"{seen.last_setpoint_s:.2f} s" if seen.setpoints else "before it"
     rest = "not" if math.isnan(seen.at_rest_s) else f"{seen.at_rest_s:.1f} s"
-    ended = seen.ended + (f" ({seen.problem.partition(': ')[2]})" if seen.problem else "")
+    ended = ADDRESS.sub("", seen.ended) + (f" ({seen.problem.partition(': ')[2]})" if seen.problem else "")
     return f"| {verdict.fault} | {verdict.autopilot} | {answer} | {last} | {modes} | {rest} | {ended} |"
 
 
