@@ -11,7 +11,7 @@ from .cases import CASES, Case
 from .scene import PROFILES, Scene, Seen
 
 JOBS = 2
-ATTEMPTS = 2
+ATTEMPTS = 3
 """A machine that is busy with other things can spoil a flight in real time: it is flown again."""
 
 

@@ -96,15 +96,16 @@ class Scene:
         self._later: list[tuple[float, Callable[[], object]]] = []
         words = ["fly", str(HERE / "hover.yaml"), "--link", f"udpin://127.0.0.1:{port}", "--log-dir", str(where)]
         words += ["--config", str(_config(where)), "--json", str(where / "out.json")]
-        self.process = subprocess.Popen(
-            [sys.executable, "-m", "tests.faults.flier", *words],
-            cwd=ROOT,
-            env={**os.environ, "STALL_S": str(stall_s)},
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.PIPE,
-            text=True,
-            start_new_session=True,
-        )
+        self._complaints = where / "stderr.txt"
+        with self._complaints.open("w") as complaints:
+            self.process = subprocess.Popen(
+                [sys.executable, "-m", "tests.faults.flier", *words],
+                cwd=ROOT,
+                env={**os.environ, "STALL_S": str(stall_s)},
+                stdout=subprocess.DEVNULL,
+                stderr=complaints,
+                start_new_session=True,
+            )
 
     @property
     def log(self) -> Path:
@@ -160,9 +161,9 @@ class Scene:
         return seen
 
     def close(self) -> None:
-        if self.process.poll() is None:
-            self.process.kill()
-        self.process.communicate()
+        """Leave nothing running."""
+        self.process.kill()
+        self.process.wait()
 
     def _reach_hover(self) -> None:
         px, autopilot = self.px, self.px.autopilot
@@ -172,8 +173,7 @@ class Scene:
 
         hovers = px.wait_until(hovering, START_TIMEOUT_S) and self.process.poll() is None
         if not hovers:
-            self.process.kill()
-            raise RuntimeError(f"the flight did not begin: {self.process.communicate()[1]}")
+            raise RuntimeError(f"the flight did not begin: {self._complaints.read_text().strip()}")
         end_s = autopilot.time_s + CALM_S
         px.wait_until(lambda: autopilot.time_s > end_s, START_TIMEOUT_S)
 

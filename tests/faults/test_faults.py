@@ -6,6 +6,9 @@ from .cases import CASES
 from .fly import Verdict, fly_all
 from .scene import PROFILES
 
+pytestmark = pytest.mark.timeout(900)
+"""The first test waits for all flights."""
+
 
 @pytest.fixture(scope="session")
 def verdicts() -> dict[tuple[str, str], Verdict]:
