@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 
-.PHONY: demo test lint bench papers hidden tutorial real sitl-check clean
+.PHONY: demo test lint bench bench-loop faults papers hidden tutorial real sitl-check clean
 
 demo: $(INSTALLED)
 	$(BIN)/quadctl demo
@@ -20,6 +20,14 @@ lint: $(INSTALLED)
 
 bench: $(INSTALLED)
 	$(BIN)/python benchmarks/run.py
+
+# The control loop alone, for some 20 minutes: nothing else should run meanwhile. Writes docs/control-loop.md.
+bench-loop: $(INSTALLED)
+	$(BIN)/python benchmarks/control_loop.py --out docs/control-loop.md
+
+# Every fault on every autopilot, in real time; writes docs/faults.md. Some six minutes.
+faults: $(INSTALLED)
+	$(BIN)/python -m tests.faults
 
 # Both sets of seeds: the one that the lab was tuned on, and the one that is run for the report only.
 hidden: $(INSTALLED)

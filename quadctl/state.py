@@ -41,7 +41,15 @@ class VehicleState:
     connected: bool = False
     """Heartbeats arrive."""
     received_s: Mapping[str, float] = field(default_factory=dict)
-    """When each part last arrived, same clock as `time_s`: position, attitude, rates, rpm, battery, heartbeat."""
+    """When each part was last true, same clock as `time_s`: position, attitude, rates, rpm, battery, heartbeat.
+
+    The time of arrival, earlier by what the link has delayed it beyond its usual delay: a burst of queued messages is
+    old, however new its arrival.
+    """
+    boots: int = 0
+    """How often the autopilot's clock has begun anew since the link was opened."""
+    estimator_ratio: float = NAN
+    """Worst innovation test ratio of position and velocity; from 1 on the estimator rejects its own sensors."""
 
     def age_s(self, part: str) -> float:
         """Time since `part` last arrived; infinite when it never did."""

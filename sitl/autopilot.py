@@ -97,6 +97,11 @@ class SimulatedAutopilot:
             self._enter(mode)
         return refusal
 
+    def power_cycle(self) -> None:
+        """A loss of power: the motors are off, the mode is that of a start."""
+        self._disarm()
+        self._enter(self.first_mode)
+
     # --- time --------------------------------------------------------------------------------------------------
 
     def step(self, until_s: float) -> None:

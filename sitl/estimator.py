@@ -11,6 +11,9 @@ from sitl.hidden import Noise, Telemetry
 
 UPDATE_S = 0.01
 """Of position, velocity, attitude and rates: 100 Hz."""
+LAST_BITS = 1e-7
+"""Noise of velocity (m/s) and rates (rad/s) in a world without noise: no estimate repeats itself to the last bit, and
+one that does counts as frozen."""
 
 
 class Estimator:
@@ -68,7 +71,7 @@ class Estimator:
         x, y, z = motion.position_ned_m
         vx, vy, vz = motion.velocity_ned_m_s
         p, q, r = motion.rates_rad_s
-        s, v, w = noise.position_m, noise.velocity_m_s, noise.rates_rad_s
+        s, v, w = noise.position_m, max(noise.velocity_m_s, LAST_BITS), max(noise.rates_rad_s, LAST_BITS)
         angle = math.radians(noise.attitude_deg)
         dx, dy, dz = self._drift = self._drifted()
         self.position = (x + dx + gauss(s), y + dy + gauss(s), z + dz + gauss(s))

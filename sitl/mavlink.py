@@ -12,15 +12,16 @@ import struct
 import threading
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from types import TracebackType
 from typing import NamedTuple, Self
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from quadctl.state import NO_VECTOR, AttitudeTarget, VehicleState
+from quadctl.state import AttitudeTarget, VehicleState
 from sitl import dialect
 from sitl.autopilot import SimulatedAutopilot
+from sitl.faults import Faults
 from sitl.manners import Manners, Stream
 from sitl.messages import Message
 
@@ -28,29 +29,6 @@ STEP_S = 0.004
 """Period of the loop: physics, streams."""
 MAX_LAG_S = 0.05
 """A machine too busy to keep up delays the vehicle's time beyond this, so that it cannot miss setpoints by itself."""
-
-
-@dataclass
-class Faults:
-    """What goes wrong on the link; set from any thread, at any time."""
-
-    silent: bool = False
-    """Nothing is sent any more."""
-    deaf: bool = False
-    """Nothing that arrives is read."""
-    withheld: frozenset[str] = frozenset()
-    """Names of messages that are not sent, and refused when asked for."""
-    nan_position: bool = False
-    refuse_arming: str = ""
-    """The reason to give, if any."""
-
-    def lets_out(self, name: str) -> bool:
-        """Whether a message of this name reaches the wire."""
-        return not self.silent and name not in self.withheld
-
-    def distort(self, estimate: VehicleState) -> VehicleState:
-        """The estimate as it goes out."""
-        return replace(estimate, position_ned_m=NO_VECTOR) if self.nan_position else estimate
 
 
 class ReceivedSetpoint(NamedTuple):
@@ -76,6 +54,7 @@ class MavlinkMock:
         self.setpoints_received: list[ReceivedSetpoint] = []
         self.lag_s = 0.0
         """Real time that the vehicle's clock has given up because the machine was too busy."""
+        self._booted_s = 0.0
         self._address = (host, port)
         self._socket: socket.socket | None = None
         self._mav = mavlink.MAVLink(None, srcSystem=1, srcComponent=mavlink.MAV_COMP_ID_AUTOPILOT1)
@@ -127,6 +106,13 @@ class MavlinkMock:
         if self._failure is not None:
             failure, self._failure = self._failure, None
             raise failure
+
+    def restart(self) -> None:
+        """As after a short loss of power: disarmed, its clock at 0, its messages at their default rates."""
+        self.autopilot.power_cycle()
+        self._booted_s = self.autopilot.time_s + self.lag_s
+        for stream in self._streams.values():
+            stream.set_interval(0.0, self.autopilot.time_s)
 
     def __enter__(self) -> Self:
         self.start()
@@ -199,8 +185,16 @@ class MavlinkMock:
         estimate = self.faults.distort(self.autopilot.estimate())
         for stream in self._streams.values():
             if stream.take(estimate):
-                for message in stream.build(estimate):
+                for message in stream.build(self._stamped(estimate)):
                     self._send(message)
+
+    def _stamped(self, estimate: VehicleState) -> VehicleState:
+        """With the time since boot on a clock that runs on while the vehicle's waits for a busy machine."""
+        return replace(
+            estimate,
+            time_s=estimate.time_s + self.lag_s - self._booted_s,
+            estimator_ratio=self.faults.estimator_ratio,
+        )
 
     # --- in ----------------------------------------------------------------------------------------------------
 
@@ -244,7 +238,7 @@ class MavlinkMock:
         custom = int(command.param2) << shift | int(command.param3) << shift + 8
         for name, number in self.manners.custom_modes.items():
             if number == custom and int(command.param1) & mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
-                return self._answer(self.autopilot.request_mode(name))
+                return self._answer(self.faults.refuse_modes or self.autopilot.request_mode(name))
         return int(mavlink.MAV_RESULT_DENIED)
 
     def _take_off(self, command: Message) -> int:
@@ -264,7 +258,7 @@ class MavlinkMock:
         stream = self._streams.get(int(command.param1))
         if stream is None:
             return int(mavlink.MAV_RESULT_DENIED)
-        for message in stream.build(self.faults.distort(self.autopilot.estimate())):
+        for message in stream.build(self._stamped(self.faults.distort(self.autopilot.estimate()))):
             self._send(message)
         return int(mavlink.MAV_RESULT_ACCEPTED)
 

@@ -86,12 +86,16 @@ def extended_sys_state(estimate: VehicleState) -> Iterator[Message]:
 
 def estimator_status(estimate: VehicleState) -> Iterator[Message]:
     flags = ESTIMATOR_FLAGS if estimate.estimator_ok else 0
-    yield mavlink.MAVLink_estimator_status_message(1000 * _boot_ms(estimate), flags, *[0.1] * 8)
+    ratio = estimate.estimator_ratio
+    unknown = math.nan
+    yield mavlink.MAVLink_estimator_status_message(
+        1000 * _boot_ms(estimate), flags, 0.1, ratio, 0.1, 0.1, unknown, unknown, 0.1, 0.1
+    )
 
 
 def ekf_status_report(estimate: VehicleState) -> Iterator[Message]:
     flags = ESTIMATOR_FLAGS if estimate.estimator_ok else 0
-    yield mavlink.MAVLink_ekf_status_report_message(flags, *[0.1] * 5)
+    yield mavlink.MAVLink_ekf_status_report_message(flags, 0.1, estimate.estimator_ratio, 0.1, 0.1, 0.1)
 
 
 def _by_fours(rpm: Sequence[float]) -> Iterator[tuple[int, list[int]]]:

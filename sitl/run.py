@@ -10,8 +10,9 @@ from pathlib import Path
 
 from quadctl.errors import FlightError
 from quadctl.flight.outcome import Outcome, Tally
-from quadctl.flight.pilot import Pilot, Request, Tick
+from quadctl.flight.pilot import Pilot
 from quadctl.flight.session import FlightPlan
+from quadctl.flight.tick import Request, Tick
 from quadctl.vehicle import Vehicle
 from sitl.autopilot import SimulatedAutopilot
 from sitl.copter import SimulatedCopter

@@ -34,6 +34,7 @@ from quadctl.state import AttitudeTarget, VehicleState
 from quadctl.vehicle import Vehicle, load_vehicle
 from sitl import dialect
 from sitl.autopilot import SimulatedAutopilot
+from sitl.faults import nan_position
 from sitl.hidden import HiddenTruth
 from sitl.hidden import Telemetry as SimulatedTelemetry
 
@@ -139,7 +140,7 @@ def test_a_required_message_refused_is_an_error(link: Link) -> None:
 
 def test_a_position_of_nan_is_seen_as_such(link: Link) -> None:
     link.wait(lambda: link.adapter.state().finite)
-    link.px.faults.nan_position = True
+    link.px.faults.distort = nan_position
     link.wait(lambda: not link.adapter.state().finite)
     assert all(map(math.isnan, link.adapter.state().position_ned_m))
     assert all(map(math.isfinite, link.adapter.state().velocity_ned_m_s))

@@ -14,6 +14,7 @@ from quadctl.cli import main
 from quadctl.vehicle import Vehicle
 from sitl.autopilot import SimulatedAutopilot
 from sitl.copter import SimulatedCopter
+from sitl.faults import nan_position
 from sitl.mavlink import MavlinkMock
 
 ROOT = Path(__file__).parents[1]
@@ -143,7 +144,7 @@ def test_an_autopilot_without_a_position_is_refused(
     quadctl: Callable[..., Result], px4: tuple[MavlinkMock, str]
 ) -> None:
     autopilot, url = px4
-    autopilot.faults.nan_position = True
+    autopilot.faults.distort = nan_position
     asked = quadctl("check", "missions/short_hop.yaml", "--link", url, "--seconds", "1")
     assert asked.status == 1
     assert "refused  estimator" in asked.out

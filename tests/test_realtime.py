@@ -1,6 +1,8 @@
 """Real time, over MAVLink, through MAVSDK: one flight, and the command when it is interrupted."""
 
+import gc
 import json
+import os
 import signal
 import socket
 import subprocess
@@ -16,6 +18,7 @@ import pytest
 import yaml
 from rich.console import Console
 
+from quadctl.flight.realtime import privileges
 from quadctl.flight.session import fly_real_time, prepare_flight
 from quadctl.logs.read import read_log
 from sitl.run import mock_process
@@ -57,6 +60,30 @@ def test_a_short_hop_in_real_time(tmp_path: Path) -> None:
     meta = meta_of(Path(outcome.log))
     assert (meta["mission"], meta["ended"]) == ("short_hop", "completed")
     assert "PX4" in meta["autopilot"]
+    assert "select" in meta["real_time"]
+    assert [event["answer"] for event in meta["events"]] == ["land"]
+
+
+def test_what_keeps_the_ticks_punctual_is_told_and_undone() -> None:
+    def settings() -> tuple[object, ...]:
+        return os.sched_getscheduler(0), sys.getswitchinterval(), gc.get_freeze_count()
+
+    before = settings()
+    with privileges() as used:
+        assert gc.get_freeze_count() > 0
+        assert sys.getswitchinterval() < before[1]  # type: ignore[operator]
+        assert ("SCHED_FIFO 20" in used) == (os.sched_getscheduler(0) == os.SCHED_FIFO)
+    assert settings() == before
+
+
+def test_what_is_not_permitted_is_done_without_and_not_claimed(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> None:
+        raise PermissionError
+
+    monkeypatch.setattr(os, "sched_setscheduler", refuse)
+    monkeypatch.setattr("quadctl.flight.realtime._memory_locked", lambda: False)
+    with privileges() as used:
+        assert used == ("select", "switch interval 0.5 ms", "gc frozen")
 
 
 @dataclass

@@ -79,7 +79,7 @@ def _demand(
         x, y, z = sample.reference.position_m
         u, v, w = sample.reference.velocity_m_s
         state = VehicleState(sample.time_s, (x, y, -z), (u, v, -w), attitude_for_force(force_ned, 0.0))
-        ratio, (fx, fy, fz) = compensator(state, 0.0, vehicle.weight_n)
+        ratio, (fx, fy, fz), _ = compensator(state, 0.0, vehicle.weight_n)
         force_ned = (force_ned[0] - fx, force_ned[1] - fy, force_ned[2] - fz)
     tilt_rad = math.atan2(math.hypot(force_ned[0], force_ned[1]), max(-force_ned[2], 0.0))
     given = math.hypot(*limit_tilt(force_ned, math.radians(controller.max_tilt_deg)))

@@ -4,7 +4,8 @@ import math
 from dataclasses import dataclass
 from pathlib import Path
 
-from quadctl.flight.pilot import Pilot, Stage, Tick
+from quadctl.flight.pilot import Pilot
+from quadctl.flight.tick import Stage, Tick
 
 COMPLETED = "completed"
 

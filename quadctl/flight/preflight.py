@@ -11,8 +11,8 @@ from quadctl.flight.autopilot import Autopilot
 from quadctl.flight.findings import Finding, Verdict, judged
 from quadctl.flight.firmware import Requirement
 from quadctl.flight.guards import defect
-from quadctl.flight.loop import run
 from quadctl.flight.mavsdk_autopilot import MavsdkAutopilot
+from quadctl.flight.realtime import run
 from quadctl.flight.session import FlightPlan
 from quadctl.frames import tilt
 from quadctl.state import VehicleState
@@ -149,10 +149,7 @@ def _messages(counted: Counted, plan: FlightPlan) -> Iterator[Finding]:
 
 
 def _estimator(state: VehicleState, plan: FlightPlan) -> Finding:
-    problem = defect(state, plan.settings.guards)
-    if problem is None and not state.estimator_ok:
-        problem = "the autopilot's estimator does not trust its attitude, velocity or position"
-    return judged("estimator", "attitude, velocity and position", refused=problem)
+    return judged("estimator", "attitude, velocity and position", refused=defect(state, plan.settings.guards))
 
 
 def _standing(state: VehicleState, plan: FlightPlan) -> Finding:

@@ -11,10 +11,11 @@ from quadctl.compensator import Compensator, check_compensator
 from quadctl.errors import FlightError
 from quadctl.flight.autopilot import Autopilot
 from quadctl.flight.display import Display
-from quadctl.flight.loop import fly, landing_on_signals, run
+from quadctl.flight.loop import fly, landing_on_signals
 from quadctl.flight.mavsdk_autopilot import MavsdkAutopilot
 from quadctl.flight.outcome import Outcome, Tally
 from quadctl.flight.pilot import Pilot
+from quadctl.flight.realtime import privileges, run
 from quadctl.flight.recorder import Recorder
 from quadctl.flight.requirements import requirements_met
 from quadctl.flight.settings import FlightSettings, choose_models, find_config, load_flight_settings
@@ -41,7 +42,8 @@ class FlightPlan(NamedTuple):
         compensator = Compensator(self.compensator, self.settings.compensator_limits)
         return Pilot(self.mission, self.body, self.settings, compensator, autopilot_takes_off)
 
-    def recorder(self, log_dir: Path, autopilot: str) -> Recorder:
+    def recorder(self, log_dir: Path, autopilot: str, real_time: Sequence[str] = ()) -> Recorder:
+        """`real_time`: what keeps the ticks of a flight in real time punctual."""
         vehicle = self.body.vehicle
         meta: dict[str, Any] = {
             "mission": self.mission.name,
@@ -52,6 +54,8 @@ class FlightPlan(NamedTuple):
             "model": [{"effect": e.name, "parameters": e.values()} for e in self.compensator.effects],
             "vehicle": vehicle.model_dump(mode="json", exclude_none=True),
             "controller": self.settings.controller.model_dump(mode="json"),
+            "guards": self.settings.guards.model_dump(mode="json"),
+            "real_time": list(real_time),
         }
         return Recorder(log_dir, self.mission.name, vehicle.n_rotors, meta)
 
@@ -108,13 +112,19 @@ def fly_real_time(plan: FlightPlan, url: str, log_dir: Path, console: Console, s
     """
     autopilot = MavsdkAutopilot(url, plan.body.vehicle.n_rotors, plan.settings.link.timeout_s)
     try:
-        return run(_fly(plan, autopilot, log_dir, console, set_parameters))
+        with privileges() as real_time:
+            return run(_fly(plan, autopilot, log_dir, console, set_parameters, real_time))
     except KeyboardInterrupt:  # in flight, Ctrl-C is a wish to land
         raise FlightError("interrupted while the link was being opened or closed") from None
 
 
 async def _fly(
-    plan: FlightPlan, autopilot: Autopilot, log_dir: Path, console: Console, set_parameters: bool
+    plan: FlightPlan,
+    autopilot: Autopilot,
+    log_dir: Path,
+    console: Console,
+    set_parameters: bool,
+    real_time: Sequence[str],
 ) -> Outcome:
     def warn(sentence: str) -> None:
         console.print(f"warning: {sentence}", style="yellow", soft_wrap=True, markup=False, highlight=False)
@@ -126,19 +136,21 @@ async def _fly(
         for warning in autopilot.warnings:
             warn(warning)
         async with requirements_met(autopilot, set_parameters, warn):
-            return await _fly_prepared(plan, autopilot, log_dir, console)
+            return await _fly_prepared(plan, autopilot, log_dir, console, real_time)
     finally:
         await autopilot.close()
 
 
-async def _fly_prepared(plan: FlightPlan, autopilot: Autopilot, log_dir: Path, console: Console) -> Outcome:
+async def _fly_prepared(
+    plan: FlightPlan, autopilot: Autopilot, log_dir: Path, console: Console, real_time: Sequence[str]
+) -> Outcome:
     rate_hz = plan.settings.controller.rate_hz
     pilot = plan.pilot(autopilot.takes_off_itself)
-    recorder = plan.recorder(log_dir, autopilot.description)
+    recorder = plan.recorder(log_dir, autopilot.description, real_time)
     tally = Tally(1.0 / rate_hz)
     with ExitStack() as stack:
         stack.callback(lambda: recorder.close(pilot.ended or "broken off"))
         stack.enter_context(landing_on_signals(pilot))
-        display = stack.enter_context(Display(pilot, console))
+        display = stack.enter_context(Display(pilot, console, real_time))
         await fly(autopilot, pilot, rate_hz, [recorder, tally, display])
     return tally.outcome(pilot, recorder.path, recorder.problem)

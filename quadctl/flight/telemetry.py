@@ -4,11 +4,13 @@ import math
 import threading
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 from quadctl.flight import mavlink
 from quadctl.flight.firmware import Firmware, share_of_pulse
 from quadctl.flight.firmwares import FIRMWARES
+from quadctl.flight.link_clock import LinkClock
 from quadctl.state import NAN, NO_VECTOR, Quat, Vec3, VehicleState
 
 HEARTBEAT_TIMEOUT_S = 3.0
@@ -84,19 +86,23 @@ class Telemetry:
         self._battery = (-math.inf, NAN)
         self._landed = True
         self._heartbeat = _Heartbeat()
+        self._estimator_ratio = NAN
+        self._clock = LinkClock()
         self._texts: deque[StatusText] = deque(maxlen=50)
         self._news = threading.Condition()
         self._handlers: dict[str, Callable[[Fields, float], None]] = {
             "LOCAL_POSITION_NED": self._on_position,
             "ATTITUDE_QUATERNION": self._on_attitude,
             "ESC_STATUS": self._on_esc_status,
-            "ESC_TELEMETRY_1_TO_4": lambda fields, now_s: self._on_esc_telemetry(0, fields, now_s),
-            "ESC_TELEMETRY_5_TO_8": lambda fields, now_s: self._on_esc_telemetry(1, fields, now_s),
+            "ESC_TELEMETRY_1_TO_4": partial(self._on_esc_telemetry, 0),
+            "ESC_TELEMETRY_5_TO_8": partial(self._on_esc_telemetry, 1),
             "RAW_RPM": self._on_raw_rpm,
             "ACTUATOR_OUTPUT_STATUS": self._on_actuators,
             "SERVO_OUTPUT_RAW": self._on_servos,
-            "ESTIMATOR_STATUS": self._on_estimator,
-            "EKF_STATUS_REPORT": self._on_estimator,
+            "ESTIMATOR_STATUS": partial(self._on_estimator, ("vel_ratio", "pos_horiz_ratio", "pos_vert_ratio")),
+            "EKF_STATUS_REPORT": partial(
+                self._on_estimator, ("velocity_variance", "pos_horiz_variance", "pos_vert_variance")
+            ),
             "SYS_STATUS": self._on_sys_status,
             "EXTENDED_SYS_STATE": self._on_extended_state,
             "HEARTBEAT": self._on_heartbeat,
@@ -145,6 +151,8 @@ class Telemetry:
                 "battery": battery_s,
                 "heartbeat": heartbeat.received_s,
             },
+            boots=self._clock.restarts,
+            estimator_ratio=self._estimator_ratio,
         )
 
     @property
@@ -189,11 +197,13 @@ class Telemetry:
             return self._news.wait_for(condition, timeout_s)
 
     def _on_position(self, fields: Fields, now_s: float) -> None:
-        self._position = _Position(now_s, _vector(fields, "x", "y", "z"), _vector(fields, "vx", "vy", "vz"))
+        sampled_s = self._clock.sampled_s(0.001 * fields["time_boot_ms"], now_s)
+        self._position = _Position(sampled_s, _vector(fields, "x", "y", "z"), _vector(fields, "vx", "vy", "vz"))
 
     def _on_attitude(self, fields: Fields, now_s: float) -> None:
         quaternion = (_number(fields["q1"]), *_vector(fields, "q2", "q3", "q4"))
-        self._attitude = _Attitude(now_s, quaternion, _vector(fields, "rollspeed", "pitchspeed", "yawspeed"))
+        sampled_s = self._clock.sampled_s(0.001 * fields["time_boot_ms"], now_s)
+        self._attitude = _Attitude(sampled_s, quaternion, _vector(fields, "rollspeed", "pitchspeed", "yawspeed"))
 
     def _rpm(self) -> tuple[float, tuple[float, ...]]:
         """When the rotor speeds came, and what they are: of the speed controllers, else of rpm sensors."""
@@ -229,8 +239,11 @@ class Telemetry:
         if fields["port"] == 0:  # outputs 1 to 16
             self._outputs = _Outputs(now_s, tuple(pulses))
 
-    def _on_estimator(self, fields: Fields, now_s: float) -> None:
+    def _on_estimator(self, ratios: Sequence[str], fields: Fields, now_s: float) -> None:
+        """`ratios`: the fields with the tests of innovations, 1 where they are rejected; alike on both autopilots."""
         del now_s
+        known = [ratio for name in ratios if math.isfinite(ratio := _number(fields[name]))]
+        self._estimator_ratio = max(known, default=NAN)
         flags = int(fields["flags"])
         self._estimator_ok = flags & ESTIMATOR_GOOD == ESTIMATOR_GOOD and flags & ESTIMATOR_POSITION != 0
 
@@ -249,7 +262,9 @@ class Telemetry:
         armed = bool(fields["base_mode"] & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
         firmware = FIRMWARES.get(fields["autopilot"])
         mode = "" if firmware is None else firmware.mode_name(fields["custom_mode"])
-        heartbeat = _Heartbeat(now_s, fields["autopilot"], armed, mode)
+        # It carries no time of its own: as late as the stamped messages that it travels with.
+        sampled_s = now_s - self._clock.delay_s
+        heartbeat = _Heartbeat(sampled_s, fields["autopilot"], armed, mode)
         with self._news:
             self._heartbeat = heartbeat
             self._news.notify_all()
