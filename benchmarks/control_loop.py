@@ -41,7 +41,6 @@ CONFIG = ROOT / "config/flight.yaml"
 RAPTOR = ROOT / "config/vehicles/raptor.yaml"
 SHARES = (50.0, 99.0, 99.9, 100.0)
 HEADINGS = ("what", "p50", "p99", "p99.9", "max", "goal", "")
-AUTOPILOT_PRIORITY = 10
 
 
 Floats = np.ndarray[Any, np.dtype[np.float64]]
@@ -130,7 +129,7 @@ class Flight(NamedTuple):
 
 def _flight(seconds: float) -> Flight:
     """A hover of so many seconds, in a process of its own."""
-    with tempfile.TemporaryDirectory() as name, _autopilot() as url:
+    with tempfile.TemporaryDirectory() as name, sitl.run.mock_process(load_vehicle(RAPTOR), None, 1) as url:
         folder = Path(name)
         mission = folder / "hover.yaml"
         phases = [
@@ -146,21 +145,6 @@ def _flight(seconds: float) -> Flight:
         hover = log["tick_late_s"][log.phase == "hover"]
     measured = (np.array(found[name]) for name in ("compute_s", "out_s", "age_s"))
     return Flight(hover, *measured, found["memory_mb"], found["cpu"], ", ".join(meta["real_time"]))
-
-
-@contextlib.contextmanager
-def _autopilot() -> Iterator[str]:
-    """The simulated PX4. A real one has a computer of its own, so that what burns here must not hold this one up."""
-    mock = sitl.run.mock_process(load_vehicle(RAPTOR), None, 1)
-    with contextlib.ExitStack() as stack:
-        before = os.sched_getscheduler(0), os.sched_getparam(0)
-        try:
-            with contextlib.suppress(OSError):
-                os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(AUTOPILOT_PRIORITY))
-            url = stack.enter_context(mock)
-        finally:
-            os.sched_setscheduler(0, *before)
-        yield url
 
 
 @contextlib.contextmanager

@@ -5,7 +5,9 @@ acknowledgements, parameters. The rules of arming, modes and failsafes are the s
 the wire is its `Manners`.
 """
 
+import contextlib
 import math
+import os
 import select
 import socket
 import struct
@@ -29,6 +31,9 @@ STEP_S = 0.004
 """Period of the loop: physics, streams."""
 MAX_LAG_S = 0.05
 """A machine too busy to keep up delays the vehicle's time beyond this, so that it cannot miss setpoints by itself."""
+
+PRIORITY = 10
+"""Of SCHED_FIFO: above all that is not real time, below the flight's."""
 
 
 class ReceivedSetpoint(NamedTuple):
@@ -131,6 +136,10 @@ class MavlinkMock:
     # --- time --------------------------------------------------------------------------------------------------
 
     def _run(self) -> None:
+        # A real autopilot has a computer of its own: where it is permitted, nothing else holds this thread up.
+        if hasattr(os, "sched_setscheduler"):
+            with contextlib.suppress(OSError):
+                os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
         try:
             self._live()
         except BaseException as error:  # kept for the thread that stops this one

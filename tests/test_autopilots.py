@@ -108,7 +108,7 @@ def test_the_same_command_flies_a_stock_px4_and_a_stock_ardupilot(tmp_path: Path
 
 
 def test_a_step_shortened_by_its_parameters_is_flown_by_both_and_compared_in_the_lab(tmp_path: Path) -> None:
-    shorter = ["--set", "settle_s=1", "--set", "step_s=4"]
+    shorter = ["--set", "settle_s=4", "--set", "step_s=10"]
     autopilots = {"px4": SimulatedAutopilot(VEHICLE), "ardupilot": SimulatedCopter(VEHICLE)}
     flights = {}
     with ExitStack() as stack:
