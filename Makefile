@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 
-.PHONY: demo test lint bench papers hidden tutorial real screenshots clean
+.PHONY: demo test lint bench bench-loop faults papers hidden tutorial real sitl-check screenshots clean
 
 demo: $(INSTALLED)
 	$(BIN)/quadctl demo
@@ -20,6 +20,14 @@ lint: $(INSTALLED)
 
 bench: $(INSTALLED)
 	$(BIN)/python benchmarks/run.py
+
+# The control loop alone, for some 20 minutes: nothing else should run meanwhile. Writes docs/control-loop.md.
+bench-loop: $(INSTALLED)
+	$(BIN)/python benchmarks/control_loop.py --out docs/control-loop.md
+
+# Every fault on every autopilot, in real time; writes docs/faults.md. Some six minutes.
+faults: $(INSTALLED)
+	$(BIN)/python -m tests.faults
 
 # Both sets of seeds: the one that the lab was tuned on, and the one that is run for the report only.
 hidden: $(INSTALLED)
@@ -40,6 +48,11 @@ real: $(INSTALLED)
 # Pictures of the lab page (docs/lab-page.md), at both sizes, light and dark, in build/screenshots; needs Chromium.
 screenshots: $(INSTALLED)
 	SCREENSHOTS=all $(BIN)/python -m pytest tests/test_web_page.py -s
+
+# Flies a staircase on real autopilots that are there: make sitl-check PX4=DIRECTORY ARDUPILOT=DIRECTORY (or LINK=URL).
+sitl-check: export QUADCTL := $(abspath $(BIN))/quadctl
+sitl-check: $(INSTALLED)
+	@PX4="$(PX4)" ARDUPILOT="$(ARDUPILOT)" LINK="$(LINK)" CONFIG="$(CONFIG)" sitl/check.sh
 
 clean:
 	rm -rf $(VENV) build demo logs *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache

@@ -8,7 +8,7 @@ import os
 import platform
 from pathlib import Path
 
-import control_loop
+import control_tick
 import lab
 import lab_growth
 import simulator
@@ -23,7 +23,7 @@ def main() -> None:
     machine = f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}"
     table = Table(*HEADINGS, title=machine)
     lines = ["| " + " | ".join(HEADINGS) + " |", "| --- | --- | --- |"]
-    for bench in (lab, lab_growth, simulator, control_loop):
+    for bench in (lab, lab_growth, simulator, control_tick):
         for row in bench.rows():
             table.add_row(*row)
             lines.append("| " + " | ".join(row) + " |")

@@ -37,6 +37,8 @@ class Compensation(NamedTuple):
     """Thrust that the rotors give over the thrust that k rpm^2 promises: divide the command by it."""
     force_ned_n: Vec3
     """Force of the effects that is not thrust: subtract it from the wanted force."""
+    trust: float = 1.0
+    """The smallest share of an effect's correction that is left, here, beyond the heights of its data."""
 
 
 NOTHING = Compensation(1.0, (0.0, 0.0, 0.0))
@@ -86,7 +88,7 @@ class Compensator:
         shrink = longest / length if length > longest else 1.0
         force = rotate(c.attitude, (shrink * fx, shrink * fy, shrink * fz))
         band = self.limits.band
-        return Compensation(min(max(ratio, 1.0 - band), 1.0 + band), force)
+        return Compensation(min(max(ratio, 1.0 - band), 1.0 + band), force, min(trusts))
 
     def _trust(self, height_m: float, trusted_m: tuple[float, float]) -> float:
         """1 inside the heights of an effect's data, falling linearly to 0 beyond them."""

@@ -40,7 +40,7 @@ class Simulator(Protocol):
 
     def simulate(self, plan: FlightPlan, log_dir: Path, hidden: Path | None, seed: int) -> Outcome: ...
 
-    def mock_px4_process(self, vehicle: Vehicle, hidden: Path | None, seed: int) -> AbstractContextManager[str]: ...
+    def mock_process(self, vehicle: Vehicle, hidden: Path | None, seed: int) -> AbstractContextManager[str]: ...
 
 
 class Demo(NamedTuple):
@@ -150,7 +150,7 @@ def _fly_steps(demo: Demo, found: Path) -> Steps:
 
 def _fly_mavlink(demo: Demo, found: Path) -> None:
     plan = prepare_flight(MISSIONS / "short_hop.yaml", None, str(found), None)
-    with demo.simulator.mock_px4_process(plan.body.vehicle, demo.hidden, 20) as url:
+    with demo.simulator.mock_process(plan.body.vehicle, demo.hidden, 20) as url:
         outcome = fly_real_time(plan, url, demo.out / "logs", demo.console)
     demo.say("\n".join(outcome.lines()))
     if not outcome.completed:

@@ -65,17 +65,22 @@ def read_yaml(path: Path) -> dict[str, Any]:
         raise SettingsError(f"{path}: is not a text file, expected YAML") from None
     except OSError as error:
         raise SettingsError(f"{path}: cannot be read ({error.strerror})") from None
-    try:
-        data = yaml.load(text, Loader=_StrictLoader)
-    except (yaml.YAMLError, ValueError) as error:  # ValueError: what looks like a date or a whole number but is none
-        raise SettingsError(f"{path}{_yaml_problem(error)}") from None
-    except RecursionError:
-        raise SettingsError(f"{path}: is nested too deeply to be settings") from None
+    data = read_value(text, str(path))
     if data is None:
         raise SettingsError(f"{path}: is empty, expected settings in YAML")
     if not isinstance(data, dict):
         raise SettingsError(f"{path}: holds {_shown(data)}, expected a mapping of keys to values")
     return data
+
+
+def read_value(text: str, source: str) -> Any:
+    """What a piece of YAML holds; raises SettingsError, with `source` to name it, where it is none."""
+    try:
+        return yaml.load(text, Loader=_StrictLoader)
+    except (yaml.YAMLError, ValueError) as error:  # ValueError: what looks like a date or a whole number but is none
+        raise SettingsError(f"{source}{_yaml_problem(error)}") from None
+    except RecursionError:
+        raise SettingsError(f"{source}: is nested too deeply to be settings") from None
 
 
 def load(path: Path | str, kind: type[S]) -> S:

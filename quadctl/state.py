@@ -25,15 +25,31 @@ class VehicleState:
     rotor_rpm: tuple[float, ...] = ()
     motor_voltage_v: tuple[float, ...] = ()
     motor_current_a: tuple[float, ...] = ()
+    motor_output: tuple[float, ...] = ()
+    """What the autopilot gives each motor, on the scale of the throttle target, 0..1."""
     battery_v: float = NAN
     armed: bool = False
     landed: bool = True
     mode: str = ""
     """Flight mode by the autopilot's own name, e.g. OFFBOARD, LAND, HOLD."""
+    offboard_mode: str = "OFFBOARD"
+    """The mode that follows our targets, by the autopilot's own name."""
+    estimator_ok: bool = True
+    """Unless the autopilot's estimator says that attitude, velocity or position are not to be trusted."""
+    ready_to_arm: bool = True
+    """Unless the autopilot says that its own checks, of the time after boot for example, do not pass."""
     connected: bool = False
     """Heartbeats arrive."""
     received_s: Mapping[str, float] = field(default_factory=dict)
-    """When each part last arrived, same clock as `time_s`: position, attitude, rates, rpm, battery, heartbeat."""
+    """When each part was last true, same clock as `time_s`: position, attitude, rates, rpm, battery, heartbeat.
+
+    The time of arrival, earlier by what the link has delayed it beyond its usual delay: a burst of queued messages is
+    old, however new its arrival.
+    """
+    boots: int = 0
+    """How often the autopilot's clock has begun anew since the link was opened."""
+    estimator_ratio: float = NAN
+    """Worst innovation test ratio of position and velocity; from 1 on the estimator rejects its own sensors."""
 
     def age_s(self, part: str) -> float:
         """Time since `part` last arrived; infinite when it never did."""
@@ -43,6 +59,11 @@ class VehicleState:
     def control_age_s(self) -> float:
         """Age of the oldest part that control stands on."""
         return max(self.age_s("position"), self.age_s("attitude"))
+
+    @property
+    def offboard(self) -> bool:
+        """The autopilot is in the mode that follows our targets."""
+        return self.mode == self.offboard_mode
 
     @property
     def finite(self) -> bool:

@@ -72,6 +72,8 @@ class Vehicle(Settings):
     throttle: ThrottleCurve
     ceiling_m: PositiveFloat | None = None
     air_density_kg_m3: PositiveFloat = 1.225
+    endurance_s: PositiveFloat | None = None
+    """How long it hovers on a full battery until the voltage at which a flight should end."""
 
     @model_validator(mode="after")
     def _can_fly(self) -> Self:

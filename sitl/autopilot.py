@@ -1,10 +1,11 @@
 """The simulated autopilot: PX4's rules of arming, modes and failsafes around inner loops, estimator and body.
 
 It lives in simulated time: `step(until_s)` advances it. `run.py` drives it as fast as the machine can,
-`mavlink_px4.py` in real time over MAVLink.
+`mavlink.py` in real time over MAVLink. `copter.py` has ArduPilot's rules instead.
 """
 
 import math
+from typing import ClassVar
 
 from quadctl.frames import GRAVITY_M_S2, multiply, quaternion_from_euler, rotate
 from quadctl.state import AttitudeTarget, Quat, Vec3, VehicleState
@@ -14,7 +15,6 @@ from sitl.estimator import Estimator
 from sitl.hidden import HiddenTruth, true_model
 from sitl.inner_loops import InnerLoops, level_with_yaw
 
-MODES = ("HOLD", "OFFBOARD", "LAND", "RTL", "POSCTL")
 STREAM_AGE_S = 0.5
 """PX4 wants setpoints at 2 Hz or more before it enters offboard."""
 LEVEL: Quat = (1.0, 0.0, 0.0, 0.0)
@@ -23,23 +23,31 @@ LEVEL: Quat = (1.0, 0.0, 0.0, 0.0)
 class SimulatedAutopilot:
     """A PX4-like autopilot on a simulated vehicle, at rest on the ground at the origin, disarmed, in HOLD."""
 
+    name: ClassVar[str] = "PX4"
+    modes: ClassVar[tuple[str, ...]] = ("HOLD", "OFFBOARD", "LAND", "RTL", "POSCTL")
+    first_mode: ClassVar[str] = "HOLD"
+    offboard_mode: ClassVar[str] = "OFFBOARD"
+    default_parameters: ClassVar[dict[str, float]] = {
+        "COM_OF_LOSS_T": 1.0,
+        "COM_OBL_RC_ACT": 3.0,
+        "COM_DISARM_LAND": 2.0,
+        "COM_DISARM_PRFLT": 10.0,
+        "MPC_LAND_SPEED": 0.7,
+        "MPC_THR_HOVER": 0.5,
+    }
+
     def __init__(self, vehicle: Vehicle, truth: HiddenTruth | None = None, seed: int = 0, source: str = "") -> None:
         truth = truth or HiddenTruth()
         self.vehicle = vehicle
         self.body = SimulatedBody(true_model(vehicle, truth, source))
         self.estimator = Estimator(truth.noise, truth.telemetry, seed)
         self.loops = InnerLoops(vehicle)
-        self.mode = "HOLD"
+        self.mode = self.first_mode
         self.armed = False
         self.landed = True
-        self.parameters: dict[str, float] = {
-            "COM_OF_LOSS_T": 1.0,
-            "COM_OBL_RC_ACT": 3.0,
-            "COM_DISARM_LAND": 2.0,
-            "COM_DISARM_PRFLT": 10.0,
-            "MPC_LAND_SPEED": 0.7,
-            "MPC_THR_HOVER": 0.5,
-        }
+        self.ready_after_s = 0.0
+        """Time after boot at which it lets itself be armed; real ones need up to 40 s."""
+        self.parameters = dict(self.default_parameters)
         self.target = AttitudeTarget(LEVEL, 0.0)
         self._own_target = AttitudeTarget(LEVEL, 0.0)
         self.outputs = [0.0] * vehicle.n_rotors
@@ -66,12 +74,16 @@ class SimulatedAutopilot:
 
     def request_arm(self) -> str | None:
         """Arm; None when accepted, else the reason for the refusal."""
-        if self.mode == "OFFBOARD" and not self._streaming:
-            return "no offboard setpoints are arriving"
-        if not self.armed:
+        refusal = self._objection_to_arming()
+        if refusal is None and not self.armed:
             self.armed, self._armed_s, self._flown = True, self.time_s, False
             self.loops.reset()
-        return None
+        return refusal
+
+    def request_take_off(self, height_m: float) -> str | None:
+        """The command is ArduPilot's start of a flight; here the targets of offboard lift off."""
+        del height_m
+        return "take-off by command is not simulated"
 
     def request_disarm(self) -> str | None:
         if self.armed and not self.landed:
@@ -80,12 +92,15 @@ class SimulatedAutopilot:
         return None
 
     def request_mode(self, mode: str) -> str | None:
-        if mode not in MODES:
-            return f"there is no mode {mode}"
-        if mode == "OFFBOARD" and not self._streaming:
-            return "no offboard setpoints are arriving"
-        self._enter(mode)
-        return None
+        refusal = self._objection_to_mode(mode) if mode in self.modes else f"there is no mode {mode}"
+        if refusal is None:
+            self._enter(mode)
+        return refusal
+
+    def power_cycle(self) -> None:
+        """A loss of power: the motors are off, the mode is that of a start."""
+        self._disarm()
+        self._enter(self.first_mode)
 
     # --- time --------------------------------------------------------------------------------------------------
 
@@ -116,10 +131,13 @@ class SimulatedAutopilot:
             attitude=e.attitude,
             rates_rad_s=e.rates,
             rotor_rpm=e.rotor_rpm,
+            motor_output=tuple(self.outputs),
             battery_v=e.battery_v,
             armed=self.armed,
             landed=self.landed,
             mode=self.mode,
+            offboard_mode=self.offboard_mode,
+            ready_to_arm=now >= self.ready_after_s,
             connected=True,
             received_s={
                 "position": e.updated_s,
@@ -137,13 +155,25 @@ class SimulatedAutopilot:
     def _streaming(self) -> bool:
         return self.time_s - self._target_s < STREAM_AGE_S
 
+    def _objection_to_arming(self) -> str | None:
+        if self.time_s < self.ready_after_s:
+            return "Preflight Fail: ekf2 missing data"
+        return self._objection_to_mode(self.mode)
+
+    def _objection_to_mode(self, mode: str) -> str | None:
+        return "no offboard setpoints are arriving" if mode == "OFFBOARD" and not self._streaming else None
+
+    @property
+    def _follows_targets(self) -> bool:
+        return self.mode == self.offboard_mode
+
     @property
     def _active(self) -> AttitudeTarget:
-        """The companion's target in OFFBOARD, the autopilot's own otherwise."""
-        return self.target if self.mode == "OFFBOARD" else self._own_target
+        """The companion's target while that is followed, the autopilot's own otherwise."""
+        return self.target if self._follows_targets else self._own_target
 
     def _attitude_loop(self) -> None:
-        if self.mode != "OFFBOARD":
+        if not self._follows_targets:
             self._own_target = self._position_control()
         self._rate_sp = self.loops.rate_setpoint(self._active.attitude, self.body.attitude)
 
@@ -156,13 +186,20 @@ class SimulatedAutopilot:
                 self._flown, self.landed = True, False
         elif now - self._on_ground_s > 0.3:
             self.landed = True
-        if self.mode == "OFFBOARD" and now - self._target_s > self.parameters["COM_OF_LOSS_T"]:
+        if self._follows_targets:
+            self._watch_targets(now - self._target_s)
+        if self.armed and self.landed and now - max(self._on_ground_s, self._armed_s) > self._disarm_after_s:
+            self._disarm()
+
+    def _watch_targets(self, silence_s: float) -> None:
+        """The failsafe for a companion that has fallen silent."""
+        if silence_s > self.parameters["COM_OF_LOSS_T"]:
             self._enter("RTL")
-        if self.armed and self.landed:
-            wait = self.parameters["COM_DISARM_LAND" if self._flown else "COM_DISARM_PRFLT"]
-            since = max(self._on_ground_s, self._armed_s)
-            if now - since > wait:
-                self._disarm()
+
+    @property
+    def _disarm_after_s(self) -> float:
+        """On the ground."""
+        return self.parameters["COM_DISARM_LAND" if self._flown else "COM_DISARM_PRFLT"]
 
     def _enter(self, mode: str) -> None:
         if mode != self.mode:
@@ -174,6 +211,9 @@ class SimulatedAutopilot:
     def _disarm(self) -> None:
         self.armed = False
         self._on_ground_s = self.time_s
+        self._after_disarming()
+
+    def _after_disarming(self) -> None:
         if self.mode in ("LAND", "RTL"):
             self.mode = "HOLD"
 
@@ -181,16 +221,25 @@ class SimulatedAutopilot:
     def _hover_throttle(self) -> float:
         return self.vehicle.throttle.offset + self.vehicle.throttle.per_newton * self.vehicle.weight_n
 
+    @property
+    def _stands(self) -> bool:
+        """On the ground, and nothing asks for more."""
+        return self.mode == "HOLD" and self.landed
+
+    @property
+    def _land_speed_m_s(self) -> float:
+        return self.parameters["MPC_LAND_SPEED"]
+
     def _position_control(self) -> AttitudeTarget:
         """The autopilot's own modes: hold the anchor, or come down on it; PD on the true state, gentle."""
         level = level_with_yaw(self.body.attitude)
-        if not self.armed or (self.mode == "HOLD" and self.landed):
+        if not self.armed or self._stands:
             return AttitudeTarget(level, 0.0)
         x, y, z = self.body.position
         vx, vy, vz = self.body.velocity
         ax, ay, az = self._anchor
         landing = self.mode == "LAND" or (self.mode == "RTL" and math.hypot(x - ax, y - ay) < 0.3)
-        sink = self.parameters["MPC_LAND_SPEED"] if landing else min(max(az - z, -1.0), 1.0)
+        sink = self._land_speed_m_s if landing else min(max(az - z, -1.0), 1.0)
         if landing and self.body.in_contact:
             return AttitudeTarget(level, 0.0)
         # Without an integrator a strong ground effect would carry the vehicle for ever.
@@ -202,7 +251,13 @@ class SimulatedAutopilot:
         forward, right = math.cos(yaw) * north + math.sin(yaw) * east, math.cos(yaw) * east - math.sin(yaw) * north
         pitch, roll = -math.atan2(forward, GRAVITY_M_S2), math.atan2(right, GRAVITY_M_S2)
         attitude = multiply(level, quaternion_from_euler(roll, pitch, 0.0))
+        return AttitudeTarget(attitude, self._throttle(attitude, sink, self._sink_integral_m_s2))
+
+    def _throttle(self, attitude: Quat, sink_m_s: float, integral_m_s2: float = 0.0) -> float:
+        """The throttle that brings the vehicle to a vertical speed, downwards."""
         up = rotate(attitude, (0.0, 0.0, -1.0))[2]
-        thrust = self.vehicle.mass_kg * (GRAVITY_M_S2 - 3.0 * (sink - vz) - self._sink_integral_m_s2) / max(-up, 0.5)
+        error_m_s = sink_m_s - self.body.velocity[2]
+        thrust = self.vehicle.mass_kg * (GRAVITY_M_S2 - 3.0 * error_m_s - integral_m_s2) / max(-up, 0.5)
         curve = self.vehicle.throttle
-        return AttitudeTarget(attitude, min(max(curve.offset + curve.per_newton * thrust, 0.1), 0.9))
+        throttle: float = min(max(curve.offset + curve.per_newton * thrust, 0.1), 0.9)
+        return throttle

@@ -4,12 +4,12 @@ import struct
 from collections.abc import Sequence
 from typing import Any, ClassVar
 
-from pymavlink.dialects.v20 import common
+from pymavlink.dialects.v20 import ardupilotmega
 
 ESC_STATUS_ID = 291
 
 
-class EscStatus(common.MAVLink_message):  # type: ignore[misc]
+class EscStatus(ardupilotmega.MAVLink_message):  # type: ignore[misc]
     """ESC_STATUS: speed, voltage and current of up to four motors; `index` is the first motor's number from 0."""
 
     id = ESC_STATUS_ID
@@ -47,6 +47,6 @@ class EscStatus(common.MAVLink_message):  # type: ignore[misc]
         return packed
 
 
-def register(dialect: Any = common) -> None:
+def register(dialect: Any = ardupilotmega) -> None:
     """Let a pymavlink dialect module parse the messages of this file; once more does no harm."""
     dialect.mavlink_map.setdefault(ESC_STATUS_ID, EscStatus)

@@ -11,6 +11,9 @@ from sitl.hidden import Noise, Telemetry
 
 UPDATE_S = 0.01
 """Of position, velocity, attitude and rates: 100 Hz."""
+LAST_BITS = 1e-7
+"""Noise of velocity (m/s) and rates (rad/s) in a world without noise: no estimate repeats itself to the last bit, and
+one that does counts as frozen."""
 
 
 class Estimator:
@@ -24,6 +27,7 @@ class Estimator:
         self._telemetry = telemetry
         self._random = random.Random(seed)
         self._past: deque[Motion] = deque()
+        self._drift: Vec3 = (0.0, 0.0, 0.0)
         self._next_update_s = 0.0
         self._next_rpm_s = 0.0
         self.updated_s = -math.inf
@@ -48,7 +52,10 @@ class Estimator:
         if now >= self._next_rpm_s - 1e-9:
             self._next_rpm_s += 1.0 / self._telemetry.rpm_rate_hz
             late = self._at(now - self._telemetry.rpm_delay_s)
-            self.rotor_rpm = tuple(max(0.0, round(r + self._gauss(self._noise.rpm))) for r in late.rotor_rpm)
+            known = self._telemetry.rotor_speeds
+            self.rotor_rpm = tuple(
+                max(0.0, round(r + self._gauss(self._noise.rpm))) if known else NAN for r in late.rotor_rpm
+            )
             self.rpm_updated_s = now
             self.battery_v = late.battery_v + self._gauss(self._noise.battery_v)
 
@@ -64,14 +71,22 @@ class Estimator:
         x, y, z = motion.position_ned_m
         vx, vy, vz = motion.velocity_ned_m_s
         p, q, r = motion.rates_rad_s
-        s, v, w = noise.position_m, noise.velocity_m_s, noise.rates_rad_s
+        s, v, w = noise.position_m, max(noise.velocity_m_s, LAST_BITS), max(noise.rates_rad_s, LAST_BITS)
         angle = math.radians(noise.attitude_deg)
-        self.position = (x + gauss(s), y + gauss(s), z + gauss(s))
+        dx, dy, dz = self._drift = self._drifted()
+        self.position = (x + dx + gauss(s), y + dy + gauss(s), z + dz + gauss(s))
         self.velocity = (vx + gauss(v), vy + gauss(v), vz + gauss(v))
         self.rates = (p + gauss(w), q + gauss(w), r + gauss(w))
         error = quaternion_from_euler(gauss(angle), gauss(angle), gauss(angle))
         self.attitude = multiply(motion.attitude, error)
         self.updated_s = now
+
+    def _drifted(self) -> Vec3:
+        """The slow error of the position one update later: a Gauss-Markov process in each axis."""
+        kept = math.exp(-UPDATE_S / self._noise.drift_time_s)
+        push = self._noise.position_drift_m * math.sqrt(1.0 - kept * kept)
+        dx, dy, dz = self._drift
+        return kept * dx + self._gauss(push), kept * dy + self._gauss(push), kept * dz + self._gauss(push)
 
     def _gauss(self, sigma: float) -> float:
         return self._random.gauss(0.0, sigma) if sigma > 0.0 else 0.0

@@ -19,9 +19,13 @@ from quadctl.vehicle import Vehicle
 
 
 class Noise(Settings):
-    """Standard deviations of the autopilot's estimate, white from one update to the next."""
+    """Standard deviations of the autopilot's estimate, white from one update to the next, but for the drift."""
 
     position_m: NonNegativeFloat = 0.0005
+    position_drift_m: NonNegativeFloat = 0.0
+    """Of a slow error of the position in each axis, such as satellite navigation has."""
+    drift_time_s: float = Field(default=30.0, gt=0.0)
+    """Correlation time of the drift."""
     velocity_m_s: NonNegativeFloat = 0.01
     attitude_deg: NonNegativeFloat = 0.1
     rates_rad_s: NonNegativeFloat = 0.01
@@ -34,6 +38,8 @@ class Telemetry(Settings):
 
     delay_s: float = Field(default=0.02, ge=0.0, le=0.5)
     """Age of position, velocity and attitude."""
+    rotor_speeds: bool = True
+    """Whether there are any."""
     rpm_delay_s: float = Field(default=0.03, ge=0.0, le=0.5)
     rpm_rate_hz: float = Field(default=25.0, gt=0.0, le=100.0)
 

@@ -10,11 +10,15 @@ from pathlib import Path
 
 from quadctl.errors import FlightError
 from quadctl.flight.outcome import Outcome, Tally
-from quadctl.flight.pilot import Pilot, Request, Tick
+from quadctl.flight.pilot import Pilot
 from quadctl.flight.session import FlightPlan
+from quadctl.flight.tick import Request, Tick
 from quadctl.vehicle import Vehicle
 from sitl.autopilot import SimulatedAutopilot
+from sitl.copter import SimulatedCopter
 from sitl.hidden import HiddenTruth, load_hidden, true_model
+from sitl.mavlink import MavlinkMock
+from sitl.mavlink_ardupilot import MavlinkArduPilot
 from sitl.mavlink_px4 import MavlinkPx4
 
 START_TIMEOUT_S = 20.0
@@ -30,7 +34,7 @@ def simulate(plan: FlightPlan, log_dir: Path, hidden: Path | None, seed: int) ->
     FlightError
         The log cannot be written.
     """
-    autopilot = _simulated(plan.body.vehicle, load_hidden(hidden), seed, hidden)
+    autopilot = SimulatedAutopilot(plan.body.vehicle, load_hidden(hidden), seed, str(hidden or "hidden truth"))
     pilot = plan.pilot()
     rate_hz = plan.settings.controller.rate_hz
     recorder = plan.recorder(log_dir, f"simulated PX4 in lockstep, seed {seed}")
@@ -60,14 +64,21 @@ def fly_lockstep(
 
 
 def _carry_out(request: Request, autopilot: SimulatedAutopilot, pilot: Pilot) -> None:
-    refusal = autopilot.request_arm() if request is Request.ARM else autopilot.request_mode(request.name)
+    if request is Request.ARM:
+        refusal = autopilot.request_arm()
+    elif request is Request.TAKE_OFF:
+        refusal = autopilot.request_take_off(pilot.take_off_m)
+    else:
+        refusal = autopilot.request_mode(autopilot.offboard_mode if request is Request.OFFBOARD else request.name)
     if refusal is not None:
         pilot.request_failed(request, f"the simulated autopilot refused to {request.value}: {refusal}")
 
 
 @contextmanager
-def mock_px4_process(vehicle: Vehicle, hidden: Path | None, seed: int) -> Iterator[str]:
-    """A simulated PX4 on the wire, in real time; gives the URL at which it is found.
+def mock_process(vehicle: Vehicle, hidden: Path | None, seed: int, kind: str = "px4") -> Iterator[str]:
+    """A simulated autopilot on the wire, in real time; gives the URL at which it is found.
+
+    `kind` is `px4` or `ardupilot`.
 
     It has a process of its own, as a real autopilot has a computer of its own: the flight's loop must not share an
     interpreter with the physics.
@@ -77,7 +88,7 @@ def mock_px4_process(vehicle: Vehicle, hidden: Path | None, seed: int) -> Iterat
     port = _free_port()
     context = multiprocessing.get_context("spawn")
     here, there = context.Pipe()
-    process = context.Process(target=_serve, args=(vehicle, truth, seed, port, there), daemon=True)
+    process = context.Process(target=_serve, args=(vehicle, truth, seed, kind, port, there), daemon=True)
     process.start()
     there.close()
     try:
@@ -97,10 +108,10 @@ def _says_ready(child: Connection) -> bool:
         return False
 
 
-def _serve(vehicle: Vehicle, truth: HiddenTruth, seed: int, port: int, parent: Connection) -> None:
+def _serve(vehicle: Vehicle, truth: HiddenTruth, seed: int, kind: str, port: int, parent: Connection) -> None:
     """In the child: fly until the parent closes its end of the pipe. Ctrl-C is for the parent, which lands first."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    with MavlinkPx4(_simulated(vehicle, truth, seed, None), port=port):
+    with _mock(vehicle, truth, seed, kind, port):
         parent.send("ready")
         try:
             parent.recv()
@@ -108,8 +119,10 @@ def _serve(vehicle: Vehicle, truth: HiddenTruth, seed: int, port: int, parent: C
             return
 
 
-def _simulated(vehicle: Vehicle, truth: HiddenTruth, seed: int, source: Path | None) -> SimulatedAutopilot:
-    return SimulatedAutopilot(vehicle, truth, seed, str(source or "hidden truth"))
+def _mock(vehicle: Vehicle, truth: HiddenTruth, seed: int, kind: str, port: int) -> MavlinkMock:
+    if kind == "ardupilot":
+        return MavlinkArduPilot(SimulatedCopter(vehicle, truth, seed), port=port)
+    return MavlinkPx4(SimulatedAutopilot(vehicle, truth, seed), port=port)
 
 
 def _free_port() -> int:

@@ -190,6 +190,9 @@ class TestBadInput:
         one_sentence(quadctl("fly", MISSION, "--link", "nonsense"), "nonsense", "expected")
         both = quadctl("fly", MISSION, "--sitl", "--link", "udpin://0.0.0.0:14540")
         assert both.status == 2 and "not both" in both.err
+        unasked = quadctl("fly", MISSION, "--autopilot", "ardupilot")
+        assert unasked.status == 2 and "need --sitl" in unasked.err
+        assert quadctl("fly", MISSION, "--sitl", "--autopilot", "betaflight").status == 2
         assert quadctl("compare", VEHICLE).status == 2
         assert quadctl("diagnose", VEHICLE, log, "--hold-out", "nothing").status == 2
         assert quadctl("fligh").status == 2

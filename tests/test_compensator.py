@@ -59,7 +59,7 @@ class RatioOverHeight(ThrustRatio):
 
 def test_no_effects_is_no_compensation(raptor: Vehicle) -> None:
     assert compensator(raptor)(state(-0.1, (3.0, 0.0, 1.0)), 0.0, WEIGHT_N) == NOTHING
-    assert NOTHING == (1.0, (0.0, 0.0, 0.0))
+    assert NOTHING == (1.0, (0.0, 0.0, 0.0), 1.0)
 
 
 def test_ratio_by_hand(raptor: Vehicle) -> None:
@@ -94,7 +94,7 @@ def test_commanding_thrust_over_ratio_gives_the_wanted_thrust(
     effect = kind(**{p.name: data.draw(st.floats(p.low, p.high)) for p in kind.parameters()})
     turned = compensator(raptor, effect, ConstantScale(scale), band=0.9)
     now = state(-height_m, (0.0, 0.0, down_m_s))
-    ratio, _ = turned(now, 0.0, wanted_n)
+    ratio, *_ = turned(now, 0.0, wanted_n)
     c = Conditions(height_m, (0.0, 0.0, down_m_s), LEVEL, now.time_s, now.battery_v)
     assume(0.11 < sum(turned.model.rotor_thrust([1.0] * 4, c)) / 4.0 < 1.89)  # within the band
     given_n = turned.model.rotor_thrust([wanted_n / ratio / 4.0] * 4, c)
@@ -104,7 +104,7 @@ def test_commanding_thrust_over_ratio_gives_the_wanted_thrust(
 def test_drag_is_pushed_against(raptor: Vehicle) -> None:
     # Heading east at 2 m/s east: forward speed 2, drag 1.5 * 0.4 * 2 = 1.2 N backward, which is west.
     heading_east: Quat = quaternion_from_euler(0.0, 0.0, math.pi / 2)
-    _, force = compensator(raptor, LinearDrag(0.4, 0.1))(state(-1.0, (0.0, 2.0, 0.0), heading_east), 0.0, WEIGHT_N)
+    _, force, _ = compensator(raptor, LinearDrag(0.4, 0.1))(state(-1.0, (0.0, 2.0, 0.0), heading_east), 0.0, WEIGHT_N)
     assert force == pytest.approx((0.0, -1.2, 0.0), abs=1e-12)
 
 
@@ -112,7 +112,7 @@ def test_drag_is_pushed_against(raptor: Vehicle) -> None:
 def test_a_force_stands_on_the_whole_thrust_whatever_the_order(raptor: Vehicle, order: int) -> None:
     # 10 N asked of rotors that give 1.2 times that, leaning 4 deg to the right: 12 sin 4 deg = 0.8370777 N
     effects = (FixedTilt(roll_deg=4.0), ConstantScale(1.2))[::order]
-    ratio, force = compensator(raptor, *effects)(state(), 0.0, 10.0)
+    ratio, force, _ = compensator(raptor, *effects)(state(), 0.0, 10.0)
     assert ratio == pytest.approx(1.2)
     assert force == pytest.approx((0.0, 0.8370777, 0.0292314), abs=1e-7)  # 12 (1 - cos 4 deg)
 
@@ -123,9 +123,9 @@ def test_in_a_wind_the_drag_is_that_of_the_air(raptor: Vehicle) -> None:
     heading_east: Quat = quaternion_from_euler(0.0, 0.0, math.pi / 2)
     wind = SteadyWind(2.0, 0.0, drag=0.3)
     for effects in ((wind, LinearDrag(0.1, 0.4)), (LinearDrag(0.1, 0.4), wind)):
-        _, force = compensator(raptor, *effects)(state(attitude=heading_east), 0.0, WEIGHT_N)
+        _, force, _ = compensator(raptor, *effects)(state(attitude=heading_east), 0.0, WEIGHT_N)
         assert force == pytest.approx((1.2, 0.0, 0.0), abs=1e-12)
-    _, own = compensator(raptor, wind)(state(attitude=heading_east), 0.0, WEIGHT_N)
+    _, own, _ = compensator(raptor, wind)(state(attitude=heading_east), 0.0, WEIGHT_N)
     assert own == pytest.approx((0.9, 0.0, 0.0), abs=1e-12)  # 1.5 * 0.3 * 2
 
 
@@ -137,7 +137,11 @@ def test_in_a_wind_the_lift_is_that_of_the_air(raptor: Vehicle) -> None:
 
 def test_a_weak_rotor_is_made_up_for_by_all(raptor: Vehicle) -> None:
     # One of four gives 20 % less: 95 % of the whole.
-    assert compensator(raptor, WeakRotor(0.2, rotor=2.0))(state(), 0.0, WEIGHT_N) == (pytest.approx(0.95), (0, 0, 0))
+    assert compensator(raptor, WeakRotor(0.2, rotor=2.0))(state(), 0.0, WEIGHT_N) == (
+        pytest.approx(0.95),
+        (0, 0, 0),
+        1.0,
+    )
 
 
 def test_a_lag_cannot_be_turned_round_and_is_left_alone(raptor: Vehicle) -> None:
@@ -162,7 +166,7 @@ def test_the_band_holds_for_the_stack_and_not_for_each_effect(raptor: Vehicle) -
 
 def test_side_force_stays_in_its_band(raptor: Vehicle) -> None:
     # Drag at 10 m/s: 1.5 * 3 * 10 = 45 N; the band is 0.3 * 14.709975 = 4.4129925 N, in the same direction.
-    _, force = compensator(raptor, LinearDrag(3.0, 3.0))(state(-1.0, (6.0, -8.0, 0.0)), 0.0, WEIGHT_N)
+    _, force, _ = compensator(raptor, LinearDrag(3.0, 3.0))(state(-1.0, (6.0, -8.0, 0.0)), 0.0, WEIGHT_N)
     assert force == pytest.approx((-0.6 * 4.4129925, 0.8 * 4.4129925, 0.0))
 
 
@@ -216,7 +220,7 @@ def test_whatever_the_model_the_correction_is_bounded(
 ) -> None:
     stack = [kind(**{p.name: data.draw(st.floats(p.low, p.high)) for p in kind.parameters()}) for kind in effects]
     now = state(-height_m, velocity, quaternion_from_euler(*euler))
-    ratio, force = compensator(raptor, *stack)(now, 0.0, thrust_n)
+    ratio, force, _ = compensator(raptor, *stack)(now, 0.0, thrust_n)
     assert 0.7 <= ratio <= 1.3
     assert math.hypot(*force) <= 0.3 * WEIGHT_N + 1e-9
 

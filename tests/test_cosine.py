@@ -34,7 +34,7 @@ def test_quarters_of_a_period() -> None:
 def test_it_ends_at_rest_at_the_top_after_whole_cycles() -> None:
     assert wave().duration_s(TOP) == 10.0
     assert wave().end_m(TOP) == pytest.approx((1.0, 2.0, 1.0))
-    assert wave().reference(99.0, TOP) == ((1.0, 2.0, pytest.approx(1.0)), (0, 0, 0), (0, 0, 0))
+    assert wave().reference(99.0, TOP)[:3] == ((1.0, 2.0, pytest.approx(1.0)), (0, 0, 0), (0, 0, 0))
 
 
 def test_lifting_raises_the_middle_alone() -> None:

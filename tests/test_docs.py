@@ -48,8 +48,8 @@ class TestEveryPage:
         assert wrong == {}
 
     def test_names_targets_of_the_makefile(self, page: Path) -> None:
-        targets = re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(), re.MULTILINE)
-        inline = re.findall(r"`(make [a-z]+)`", page.read_text())
+        targets = re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE)
+        inline = re.findall(r"`(make [a-z-]+)`", page.read_text())
         assert {shown.removeprefix("make ") for shown in [*inline, *commands(page, "make")]} <= set(targets)
 
 

@@ -9,11 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from quadctl.errors import SettingsError
-from quadctl.flight.guards import Answer, Breach, GuardLimits, defect, inspect
+from quadctl.flight.guards import Answer, Breach, GuardLimits, defect, inspect, unfit
 from quadctl.frames import quaternion_from_euler
 from quadctl.missions import MissionLimits
 from quadctl.settings import validate
-from quadctl.state import VehicleState
+from quadctl.state import AttitudeTarget, VehicleState
 
 LIMITS = GuardLimits(max_state_age_s=0.2, max_tilt_deg=50.0, max_speed_m_s=8.0, min_battery_v=14.0)
 MISSION = MissionLimits(max_z_m=1.0, max_distance_m=5.0, margin_m=0.5)
@@ -58,8 +58,11 @@ INSIDE: dict[str, tuple[VehicleState, dict[str, float]]] = {
     "speed 8 m/s": (replace(GOOD, velocity_ned_m_s=(0.0, 0.0, 8.0)), {}),
     "battery 14 V": (replace(GOOD, battery_v=14.0), {}),
     "height 1.5 m": (GOOD, {"height_m": 1.5}),
-    "below the ground": (GOOD, {"height_m": -1.0}),
+    "under the ground by less than the margin": (GOOD, {"height_m": -0.44}),
+    "on its way up to the floor": (GOOD, {"height_m": -1.0, "above_floor": False}),
     "distance 5.5 m": (GOOD, {"distance_m": 5.5}),
+    "estimator at its gate": (replace(GOOD, estimator_ratio=1.0), {}),
+    "estimator unknown": (replace(GOOD, estimator_ratio=NAN), {}),
     "5 s over time": (GOOD, {"flight_s": 65.0}),
     "rates unknown": (replace(GOOD, rates_rad_s=(NAN, NAN, NAN)), {}),
     "rotors unknown": (replace(GOOD, rotor_rpm=(NAN,) * 4), {}),
@@ -79,6 +82,13 @@ BEYOND: dict[str, tuple[VehicleState, dict[str, float], Answer, str]] = {
     "upside down": (tilted(180.0), {}, Answer.HAND_OVER, "tilt is 180 deg"),
     "speed": (replace(GOOD, velocity_ned_m_s=(4.7, -4.7, 4.7)), {}, Answer.LAND, "speed is 8.1 m/s, allowed are 8 m/s"),
     "height": (GOOD, {"height_m": 1.51}, Answer.LAND, "height is 1.51 m, allowed are 1.5 m"),
+    "floor": (GOOD, {"height_m": -0.46}, Answer.LAND, "height is -0.46 m, allowed are -0.45 m or more"),
+    "estimator": (
+        replace(GOOD, estimator_ratio=1.01),
+        {},
+        Answer.HAND_OVER,
+        "estimator is in doubt: innovation ratio 1.01, allowed are 1",
+    ),
     "distance": (GOOD, {"distance_m": 5.51}, Answer.LAND, "5.51 m from take-off, allowed are 5.5 m"),
     "time": (GOOD, {"flight_s": 65.1}, Answer.LAND, "lasts 65 s, the mission 60 s"),
     "battery": (replace(GOOD, battery_v=13.99), {}, Answer.LAND, "battery is at 13.99 V, allowed are 14 V"),
@@ -151,6 +161,36 @@ def test_what_passes_is_fit_for_control(part: str, value: float, i: int) -> None
         assert verdict(state) is not None
 
 
+LEVEL = (1.0, 0.0, 0.0, 0.0)
+
+
+def leaning_target(deg: float) -> AttitudeTarget:
+    return AttitudeTarget(quaternion_from_euler(math.radians(deg), 0.0, 2.0), 0.5)
+
+
+@pytest.mark.parametrize("target", [AttitudeTarget(LEVEL, 0.0), AttitudeTarget(LEVEL, 0.9), leaning_target(49.9)])
+def test_a_target_at_its_limits_is_fit(target: AttitudeTarget) -> None:
+    assert unfit(target, LIMITS, max_throttle=0.9) is None
+
+
+@pytest.mark.parametrize(
+    ("target", "words"),
+    [
+        (AttitudeTarget(LEVEL, NAN), "not a number"),
+        (AttitudeTarget((1.0, 0.0, math.inf, 0.0), 0.5), "not a number"),
+        (AttitudeTarget(LEVEL, 0.901), "a throttle of 0.901, allowed are 0 to 0.9"),
+        (AttitudeTarget(LEVEL, -0.01), "a throttle of -0.01"),
+        (AttitudeTarget((1.0, 0.2, 0.0, 0.0), 0.5), "its norm is 1.02"),
+        (leaning_target(50.1), "a tilt of 50 deg, allowed are 50 deg"),
+        (leaning_target(-170.0), "a tilt of 170 deg"),
+    ],
+)
+def test_a_target_beyond_its_limits_is_unfit(target: AttitudeTarget, words: str) -> None:
+    problem = unfit(target, LIMITS, max_throttle=0.9)
+    assert problem is not None
+    assert words in problem
+
+
 @pytest.mark.parametrize(
     "setting",
     [
@@ -160,6 +200,8 @@ def test_what_passes_is_fit_for_control(part: str, value: float, i: int) -> None
         {"max_speed_m_s": -1.0},
         {"max_tick_late_s": math.nan},
         {"min_battery_v": -1.0},
+        {"max_estimator_ratio": -1.0},
+        {"max_over_time_s": 0.0},
     ],
     ids=str,
 )

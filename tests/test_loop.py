@@ -1,17 +1,21 @@
 """The real-time loop on a simulated autopilot in the same process: what it does when something breaks."""
 
 import asyncio
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import pytest
 
 from quadctl.errors import FlightError, LinkError
 from quadctl.flight.autopilot import Autopilot
+from quadctl.flight.firmware import Requirement
 from quadctl.flight.guards import GuardLimits
-from quadctl.flight.loop import fly, run
-from quadctl.flight.pilot import Pilot, Stage, Tick
+from quadctl.flight.loop import fly
+from quadctl.flight.pilot import Pilot
+from quadctl.flight.realtime import run
 from quadctl.flight.session import FlightPlan, prepare_flight
+from quadctl.flight.tick import Stage, Tick
 from quadctl.state import AttitudeTarget, VehicleState
 from sitl.autopilot import SimulatedAutopilot
 
@@ -27,6 +31,8 @@ class InProcess:
     def __init__(self) -> None:
         self.px = SimulatedAutopilot(plan().body.vehicle)
         self.warnings: list[str] = []
+        self.takes_off_itself = False
+        self.requirements: list[Requirement] = []
         self.asked: list[str] = []
         self.sent: list[AttitudeTarget] = []
         self.before_send: Callable[[], None] = lambda: None
@@ -42,6 +48,12 @@ class InProcess:
 
     async def close(self) -> None: ...
 
+    async def parameters(self, names: Iterable[str]) -> dict[str, float]:
+        return {name: self.px.parameters[name] for name in names if name in self.px.parameters}
+
+    async def set_parameter(self, name: str, value: float) -> None:
+        self.px.parameters[name] = value
+
     def state(self) -> VehicleState:
         self.px.step(self.px.time_s + TICK_S)
         return self.px.estimate()
@@ -56,6 +68,9 @@ class InProcess:
 
     async def start_offboard(self) -> None:
         self._ask("OFFBOARD", self.px.request_mode("OFFBOARD"))
+
+    async def take_off(self, height_m: float) -> None:
+        raise AssertionError("a PX4 lifts off by targets")
 
     async def land(self) -> None:
         if self.land_hangs:
@@ -110,6 +125,27 @@ def test_a_link_that_breaks_in_flight_ends_in_silence() -> None:
     assert pilot.ended == "the cable is gone"
     assert autopilot.asked[-1] == "LAND"
     assert len([t for t in ticks if t.target is not None]) == len(autopilot.sent) + 1
+
+
+def test_a_stall_between_state_and_target_sends_nothing() -> None:
+    """The target stands on a state that is old by the time it is ready."""
+    autopilot, ticks = InProcess(), list[Tick]()
+    look = autopilot.state
+
+    def stalled_state() -> VehicleState:
+        state = look()
+        if in_flight(ticks):
+            time.sleep(0.3)
+        return state
+
+    autopilot.state = stalled_state  # type: ignore[method-assign]
+    settings = plan().settings.model_copy(update={"guards": GuardLimits(max_tick_late_s=0.25)})
+    pilot = plan()._replace(settings=settings).pilot()
+    run(fly(autopilot, pilot, HURRY_HZ, [ticks.append]))
+    assert pilot.ended.startswith("the control loop stalled for 0.3")
+    decided = [t for t in ticks if t.target is not None]
+    assert len(autopilot.sent) == len(decided) - 1
+    assert autopilot.asked == ["OFFBOARD", "ARM", "LAND"]
 
 
 class OurDefectError(Exception):

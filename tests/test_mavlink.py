@@ -2,112 +2,41 @@
 
 import asyncio
 import math
-import os
-import select
-import socket
 import threading
-import tty
-from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
+from collections.abc import Awaitable, Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import asynccontextmanager, contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from mavsdk.component_type import ComponentType
-from mavsdk.mavsdk import Configuration, Mavsdk
-from mavsdk.plugins.param import Param
-from pymavlink.dialects.v20 import common as mavlink
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from links import (
+    IDLE,
+    LEVEL,
+    RAPTOR,
+    TIMEOUT_S,
+    Link,
+    SerialLine,
+    connected,
+    free_port,
+    hover_throttle,
+    mock,
+    streaming,
+)
 from quadctl.errors import FlightError, LinkError
-from quadctl.flight import px4
-from quadctl.flight.autopilot import Autopilot
+from quadctl.flight.ardupilot import ARDUPILOT
 from quadctl.flight.mavsdk_autopilot import MavsdkAutopilot
+from quadctl.flight.px4 import PX4
 from quadctl.flight.telemetry import Telemetry
 from quadctl.frames import quaternion_from_euler
 from quadctl.state import AttitudeTarget, VehicleState
 from quadctl.vehicle import Vehicle, load_vehicle
 from sitl import dialect
 from sitl.autopilot import SimulatedAutopilot
-from sitl.mavlink_px4 import MavlinkPx4
-
-RAPTOR = Path(__file__).parents[1] / "config" / "vehicles" / "raptor.yaml"
-LEVEL = (1.0, 0.0, 0.0, 0.0)
-IDLE = AttitudeTarget(LEVEL, 0.0)
-TIMEOUT_S = 15.0
-
-
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
-def hover_throttle(vehicle: Vehicle) -> float:
-    return vehicle.throttle.offset + vehicle.throttle.per_newton * vehicle.weight_n
-
-
-class Link:
-    """One vehicle and one connected adapter."""
-
-    def __init__(self, px: MavlinkPx4, adapter: MavsdkAutopilot) -> None:
-        self.px = px
-        self.adapter = adapter
-
-    def wait(self, condition: Callable[[], bool]) -> None:
-        assert self.px.wait_until(condition, TIMEOUT_S), f"still {self.adapter.state()}"
-
-    async def until(self, condition: Callable[[VehicleState], bool]) -> VehicleState:
-        """Wait until the adapter's state is such; the loop runs on."""
-        await asyncio.to_thread(self.wait, lambda: condition(self.adapter.state()))
-        return self.adapter.state()
-
-    async def pass_time(self, seconds: float) -> None:
-        """Let the vehicle's clock run."""
-        end_s = self.px.autopilot.time_s + seconds
-        await asyncio.to_thread(self.wait, lambda: self.px.autopilot.time_s >= end_s)
-
-
-@contextmanager
-def connected(autopilot: SimulatedAutopilot, n_rotors: int = 4) -> Iterator[Link]:
-    port = free_port()
-    adapter = MavsdkAutopilot(f"udpin://127.0.0.1:{port}", n_rotors)
-    try:
-        with MavlinkPx4(autopilot, port, heartbeat_hz=10.0) as px:  # PX4's 1 Hz would only make the tests wait
-            asyncio.run(adapter.connect())
-            yield Link(px, adapter)
-    finally:
-        asyncio.run(adapter.close())
-
-
-class Stick:
-    """Sends its target at 50 Hz."""
-
-    def __init__(self, adapter: Autopilot) -> None:
-        self._adapter = adapter
-        self.target = IDLE
-        self.sent = 0
-
-    async def run(self) -> None:
-        while True:
-            self._adapter.send(self.target)
-            self.sent += 1
-            await asyncio.sleep(0.02)
-
-
-@asynccontextmanager
-async def streaming(link: Link) -> AsyncIterator[Stick]:
-    """A stick whose targets have begun to arrive, released at the end."""
-    stick = Stick(link.adapter)
-    before = len(link.px.setpoints_received)
-    task = asyncio.create_task(stick.run())
-    try:
-        await asyncio.to_thread(link.wait, lambda: len(link.px.setpoints_received) > before + 3)
-        yield stick
-    finally:
-        task.cancel()
-        with suppress(asyncio.CancelledError):
-            await task
+from sitl.faults import nan_position
+from sitl.hidden import HiddenTruth
+from sitl.hidden import Telemetry as SimulatedTelemetry
 
 
 @pytest.fixture
@@ -119,6 +48,9 @@ def vehicle() -> Vehicle:
 def link(vehicle: Vehicle) -> Iterator[Link]:
     with connected(SimulatedAutopilot(vehicle)) as link:
         yield link
+
+
+VOLTAGE = {"voltage_battery": 15000, "onboard_control_sensors_present": 0, "onboard_control_sensors_health": 0}
 
 
 # --- telemetry ---------------------------------------------------------------------------------------------------
@@ -183,10 +115,21 @@ def test_the_rates_asked_for_are_the_rates_that_come(link: Link) -> None:
 
 
 def test_an_optional_message_refused_is_a_warning(link: Link) -> None:
-    link.px.faults.withheld = frozenset({"ESC_STATUS"})
+    link.px.faults.withheld = frozenset({"SYS_STATUS"})
     asyncio.run(link.adapter.request_telemetry())
     (warning,) = link.adapter.warnings
-    assert "ESC_STATUS at 50 Hz: FAILED" in warning
+    assert "SYS_STATUS at 5 Hz: FAILED" in warning
+
+
+def test_without_rotor_speeds_the_source_of_thrust_is_named(vehicle: Vehicle) -> None:
+    silent_motors = HiddenTruth(telemetry=SimulatedTelemetry(rotor_speeds=False))
+    with connected(SimulatedAutopilot(vehicle, silent_motors)) as link:
+        asyncio.run(link.adapter.request_telemetry())
+        (warning,) = link.adapter.warnings
+        state = link.adapter.state()
+    assert "sends no rotor speeds: in the log, thrust is known from motor outputs." in warning
+    assert all(map(math.isnan, state.rotor_rpm))
+    assert state.motor_output == (0.0, 0.0, 0.0, 0.0)
 
 
 def test_a_required_message_refused_is_an_error(link: Link) -> None:
@@ -197,7 +140,7 @@ def test_a_required_message_refused_is_an_error(link: Link) -> None:
 
 def test_a_position_of_nan_is_seen_as_such(link: Link) -> None:
     link.wait(lambda: link.adapter.state().finite)
-    link.px.faults.nan_position = True
+    link.px.faults.distort = nan_position
     link.wait(lambda: not link.adapter.state().finite)
     assert all(map(math.isnan, link.adapter.state().position_ned_m))
     assert all(map(math.isfinite, link.adapter.state().velocity_ned_m_s))
@@ -206,9 +149,9 @@ def test_a_position_of_nan_is_seen_as_such(link: Link) -> None:
 def test_without_heartbeats_the_link_counts_as_lost_though_data_come() -> None:
     telemetry = Telemetry(n_rotors=4)
     telemetry.receive("HEARTBEAT", {"autopilot": 12, "base_mode": 129, "custom_mode": 6 << 16}, now_s=10.0)
-    telemetry.receive("SYS_STATUS", {"voltage_battery": 15000}, now_s=12.9)
+    telemetry.receive("SYS_STATUS", VOLTAGE, now_s=12.9)
     assert telemetry.state(now_s=12.9).connected
-    telemetry.receive("SYS_STATUS", {"voltage_battery": 15000}, now_s=13.1)
+    telemetry.receive("SYS_STATUS", VOLTAGE, now_s=13.1)
     state = telemetry.state(now_s=13.1)
     assert not state.connected
     assert state.age_s("heartbeat") == pytest.approx(3.1)
@@ -231,9 +174,11 @@ def test_before_the_first_message_nothing_looks_like_data() -> None:
 
 
 def test_mode_names_are_read_from_the_custom_mode() -> None:
-    assert px4.mode_name(6 << 16) == "OFFBOARD"
-    assert px4.mode_name(4 << 16 | 6 << 24) == "LAND"
-    assert px4.mode_name(9 << 16 | 1 << 24) == "9/1"
+    assert PX4.mode_name(6 << 16) == "OFFBOARD"
+    assert PX4.mode_name(4 << 16 | 6 << 24) == "LAND"
+    assert PX4.mode_name(9 << 16 | 1 << 24) == "9/1"
+    assert ARDUPILOT.mode_name(4) == "GUIDED"
+    assert ARDUPILOT.mode_name(99) == "mode 99"
 
 
 # --- connecting --------------------------------------------------------------------------------------------------
@@ -258,40 +203,7 @@ def test_nobody_answers(scheme: str) -> None:
     assert connect_error(url).startswith(f"No autopilot answers at {url} within 0.3 s: check ")
 
 
-@contextmanager
-def serial_line(port: int) -> Iterator[str]:
-    """A serial device's name; what the autopilot sends to the UDP `port` comes out of it, and back."""
-    autopilot_end, device = os.openpty()
-    tty.setraw(device)
-    stop_read, stop_write = os.pipe()
-    udp = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    udp.bind(("127.0.0.1", port))
-
-    def carry() -> None:
-        peer = None
-        while True:
-            ready, _, _ = select.select([udp.fileno(), autopilot_end, stop_read], [], [])
-            if stop_read in ready:
-                return
-            if udp.fileno() in ready:
-                data, peer = udp.recvfrom(65536)
-                os.write(autopilot_end, data)
-            if autopilot_end in ready and peer is not None:
-                udp.sendto(os.read(autopilot_end, 65536), peer)
-
-    thread = threading.Thread(target=carry)
-    thread.start()
-    try:
-        yield os.ttyname(device)
-    finally:
-        os.write(stop_write, b"x")
-        thread.join()
-        udp.close()
-        for descriptor in (autopilot_end, device, stop_read, stop_write):
-            os.close(descriptor)
-
-
-def test_a_serial_link_carries_state_commands_and_targets(vehicle: Vehicle) -> None:
+def test_a_serial_link_carries_state_commands_and_targets(vehicle: Vehicle, tmp_path: Path) -> None:
     port = free_port()
 
     async def use(link: Link) -> None:
@@ -304,8 +216,8 @@ def test_a_serial_link_carries_state_commands_and_targets(vehicle: Vehicle) -> N
         finally:
             await link.adapter.close()
 
-    with serial_line(port) as device, MavlinkPx4(SimulatedAutopilot(vehicle), port, heartbeat_hz=10.0) as px:
-        asyncio.run(use(Link(px, MavsdkAutopilot(f"serial://{device}:921600", 4))))
+    with SerialLine(tmp_path / "tty", port) as line, mock(SimulatedAutopilot(vehicle), port) as px:
+        asyncio.run(use(Link(px, MavsdkAutopilot(f"serial://{line.device}:921600", 4))))
     assert px.autopilot.mode == "OFFBOARD"
 
 
@@ -326,10 +238,10 @@ def test_the_outdated_scheme_names_its_successor() -> None:
     assert "say udpin://0.0.0.0:14540 " in connect_error("udp://:14540")
 
 
-def test_an_autopilot_that_is_not_px4_is_left_alone(vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(mavlink, "MAV_AUTOPILOT_PX4", mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA)
+def test_an_autopilot_of_an_unknown_kind_is_left_alone(vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(mavlink, "MAV_AUTOPILOT_PX4", mavlink.MAV_AUTOPILOT_PPZ)
     with (
-        pytest.raises(LinkError, match="is not PX4: its heartbeat says MAV_AUTOPILOT 3"),
+        pytest.raises(LinkError, match=r"its heartbeat says MAV_AUTOPILOT 9, expected 12 \(PX4\) or 3 \(ArduPilot\)"),
         connected(SimulatedAutopilot(vehicle)),
     ):
         pass
@@ -482,21 +394,19 @@ def test_what_cannot_be_flown_never_leaves(link: Link) -> None:
 # --- the PX4 on the wire -----------------------------------------------------------------------------------------
 
 
-def test_parameters_are_served_as_px4_does(vehicle: Vehicle) -> None:
-    port = free_port()
-    mavsdk = Mavsdk(Configuration.create_with_component_type(ComponentType.GROUND_STATION))
-    try:
-        mavsdk.add_any_connection_with_handle(f"udpin://127.0.0.1:{port}")
-        with MavlinkPx4(SimulatedAutopilot(vehicle), port) as px:
-            param = Param(mavsdk.first_autopilot(TIMEOUT_S))
-            assert param.get_param_float("COM_OF_LOSS_T") == 1.0
-            assert param.get_param_int("COM_OBL_RC_ACT") == 3
-            param.set_param_float("COM_OF_LOSS_T", 2.5)
-            param.set_param_int("COM_OBL_RC_ACT", 4)
-            assert px.autopilot.parameters["COM_OF_LOSS_T"] == 2.5
-            assert px.autopilot.parameters["COM_OBL_RC_ACT"] == 4.0
-    finally:
-        mavsdk.destroy()
+def test_parameters_are_read_and_set_whatever_their_type(link: Link) -> None:
+    parameters = link.px.autopilot.parameters
+    parameters["COM_OBL_RC_ACT"] = -1.0  # an integer, whose bytes are no number as a float
+
+    async def use() -> dict[str, float]:
+        before = await link.adapter.parameters(["COM_OF_LOSS_T", "COM_OBL_RC_ACT"])
+        await link.adapter.set_parameter("COM_OF_LOSS_T", 2.5)
+        await link.adapter.set_parameter("COM_OBL_RC_ACT", 4.0)
+        return before
+
+    assert asyncio.run(use()) == {"COM_OF_LOSS_T": 1.0, "COM_OBL_RC_ACT": -1.0}
+    assert (parameters["COM_OF_LOSS_T"], parameters["COM_OBL_RC_ACT"]) == (2.5, 4.0)
+    assert "did not tell its NO_SUCH_THING" in refusal(lambda: link.adapter.set_parameter("NO_SUCH_THING", 1.0))
 
 
 def test_esc_status_survives_the_wire_of_pymavlink() -> None:

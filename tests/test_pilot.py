@@ -15,12 +15,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from quadctl.compensator import Compensator
 from quadctl.control import ControlOutput
 from quadctl.control import control as sound_control
+from quadctl.effects.ground_effect import Sanchez
 from quadctl.flight.guards import GuardLimits, defect
-from quadctl.flight.pilot import Pilot, Request, Stage, Tick
+from quadctl.flight.pilot import Pilot
 from quadctl.flight.session import FlightPlan, prepare_flight
+from quadctl.flight.tick import Request, Stage, Tick
 from quadctl.frames import euler_from_quaternion, quaternion_from_euler
+from quadctl.missions.mission import Turn
+from quadctl.model import Provenance, StackedEffect
 from quadctl.state import NAN, AttitudeTarget, VehicleState
 from sitl.autopilot import SimulatedAutopilot
 from sitl.run import fly_lockstep
@@ -108,9 +113,11 @@ class Watch:
         if tick.stage in (Stage.RELEASED, Stage.DONE):
             assert not tick.requests
         self.requests += tick.requests
-        assert len(set(self.requests)) == len(self.requests), "it asks twice"
-        integral = self.pilot._memory.velocity
-        assert all(map(math.isfinite, (*integral.integral_m_s2, *integral.acceleration_m_s2)))
+        once = [request for request in self.requests if request is not Request.LAND]
+        assert len(set(once)) == len(once), "it asks twice"
+        if tick.output is not None:
+            integral = tick.output.memory.velocity
+            assert all(map(math.isfinite, (*integral.integral_m_s2, *integral.acceleration_m_s2)))
 
     def stages(self) -> list[Stage]:
         return [stage for stage, _ in itertools.groupby(t.stage for t in self.ticks)]
@@ -127,8 +134,8 @@ class Flight:
 
     def __init__(self, plan: FlightPlan | None = None, pilot_class: type[Pilot] = Pilot) -> None:
         plan = plan or hop()
-        made = plan.pilot()
-        self.pilot = pilot_class(made.mission, plan.body, plan.settings, made.compensator)
+        compensator = Compensator(plan.compensator, plan.settings.compensator_limits)
+        self.pilot = pilot_class(plan.mission, plan.body, plan.settings, compensator)
         self.autopilot = Tampered()
         self.watch = Watch(self.pilot, plan.settings.guards)
         self.also: list[Callable[[Tick], None]] = []
@@ -254,13 +261,17 @@ def test_the_heading_at_take_off_is_kept(heading_deg: float) -> None:
             assert math.cos(yaw - math.radians(heading_deg)) > math.cos(math.radians(1.0))
 
 
-def test_the_missions_heading_is_flown_but_not_on_the_ground() -> None:
-    flight = Flight(hop()._replace(mission=hop().mission._replace(yaw_rad=1.0))).fly()
+def test_the_missions_heading_is_turned_to_in_flight_and_kept_for_the_landing() -> None:
+    turning = hop().mission._replace(turns=(Turn(0.0, 1.0),), yaw_rate_rad_s=0.5)
+    flight = Flight(hop()._replace(mission=turning)).fly()
     assert flight.pilot.ended == "completed"
+    begin_s = next(t.time_s for t in flight.watch.ticks if t.stage is Stage.FLY)
     for tick in flight.watch.ticks:
         if tick.target is not None:
             yaw = euler_from_quaternion(tick.target.attitude)[2]
-            assert yaw == pytest.approx(1.0 if tick.stage in (Stage.FLY, Stage.LAND) else 0.0, abs=0.01)
+            in_flight = tick.stage in (Stage.FLY, Stage.LAND)
+            turned = min(0.5 * (tick.time_s - begin_s), 1.0) if in_flight else 0.0
+            assert yaw == pytest.approx(turned, abs=0.02)
     last = [t for t in flight.watch.ticks if t.stage is Stage.FLY][-1]
     assert euler_from_quaternion(last.state.attitude)[2] == pytest.approx(1.0, abs=0.05)
 
@@ -301,6 +312,27 @@ def leaning(s: VehicleState) -> VehicleState:
     return replace(s, attitude=quaternion_from_euler(0.0, math.radians(-60.0), 0.0))
 
 
+def gradually(change: Callable[[VehicleState, float], VehicleState]) -> Change:
+    """`change` with a share that grows from 0 to 1 in a second, as a vehicle can move."""
+    began_s = last_s = math.inf
+
+    def now(s: VehicleState) -> VehicleState:
+        nonlocal began_s, last_s
+        if not last_s <= s.time_s < last_s + 1.0:  # another flight
+            began_s = s.time_s
+        last_s = s.time_s
+        return change(s, min(s.time_s - began_s, 1.0))
+
+    return now
+
+
+def drifting(north_m: float, east_m: float, down_m: float) -> Change:
+    def drift(s: VehicleState, share: float) -> VehicleState:
+        return moved(share * north_m, share * east_m, share * down_m)(s)
+
+    return gradually(drift)
+
+
 HAND_OVER: dict[str, tuple[Change, str]] = {
     "stale position": (old, "the position is 0.50 s old, allowed are 0.2 s"),
     "stale attitude": (
@@ -317,9 +349,13 @@ HAND_OVER: dict[str, tuple[Change, str]] = {
     "heartbeat": (lambda s: replace(s, connected=False), "the autopilot's heartbeat is lost"),
 }
 LAND: dict[str, tuple[Change, str]] = {
-    "speed": (lambda s: replace(s, velocity_ned_m_s=(9.0, 0.0, 0.0)), "the speed is 9.0 m/s, allowed are 8 m/s"),
-    "height": (moved(0.0, 0.0, -1.0), "allowed are 1.5 m"),
-    "distance": (moved(0.0, 1.6, 0.0), "from take-off, allowed are 1.5 m"),
+    "speed": (
+        gradually(lambda s, share: replace(s, velocity_ned_m_s=(9.0 * share, 0.0, 0.0))),
+        "the speed is 8.1 m/s, allowed are 8 m/s",
+    ),
+    "height": (drifting(0.0, 0.0, -4.0), "allowed are 1.5 m"),
+    "floor": (drifting(0.0, 0.0, 4.0), "allowed are -0.4 m or more"),
+    "distance": (drifting(0.0, 4.0, 0.0), "from take-off, allowed are 1.5 m"),
     "battery": (lambda s: replace(s, battery_v=13.4), "the battery is at 13.40 V, allowed are 13.5 V"),
     "battery unknown": (lambda s: replace(s, battery_v=NAN), "the battery is at nan V"),
 }
@@ -430,7 +466,7 @@ def test_a_stall_that_nobody_counted_is_seen_in_the_clock_of_the_state() -> None
 def test_after_a_long_stall_the_autopilots_failsafe_is_left_alone() -> None:
     flight = Flight()
     flight.when(in_flight(3.0), stall(flight, 1.5)).fly()
-    assert flight.pilot.ended == "the autopilot left offboard for RTL"
+    assert flight.pilot.ended == "the control loop stalled for 1.48 s, then the autopilot left offboard for RTL"
     assert flight.autopilot.asked == ["OFFBOARD", "ARM"]
     assert flight.at_rest
 
@@ -460,7 +496,7 @@ def test_a_target_that_is_no_number_is_not_sent_whatever_made_it(
         nonlocal broken
         broken = True
 
-    monkeypatch.setattr("quadctl.flight.pilot.control", control)
+    monkeypatch.setattr("quadctl.flight.steering.control", control)
     flight.when(in_flight(3.0) if stage is Stage.FLY else at_stage(Stage.LAND, 5), break_it).fly()
     assert flight.at_rest
     if stage is Stage.FLY:
@@ -479,7 +515,7 @@ def test_a_hold_target_that_is_no_number_still_lands(monkeypatch: pytest.MonkeyP
         begins = flight.pilot.stage is Stage.LAND
         return output._replace(target=AttitudeTarget(output.target.attitude, NAN)) if begins else output
 
-    monkeypatch.setattr("quadctl.flight.pilot.control", control)
+    monkeypatch.setattr("quadctl.flight.steering.control", control)
     flight.fly()
     (asked,) = flight.watch.with_request(Request.LAND)
     assert asked.target is None
@@ -494,12 +530,97 @@ def test_the_pilot_never_calls_control_on_a_state_that_is_no_number(monkeypatch:
         assert all(map(math.isfinite, (*setpoint.position_ned_m, setpoint.yaw_rad, dt)))
         return sound_control(setpoint, state, memory, dt, *rest)
 
-    monkeypatch.setattr("quadctl.flight.pilot.control", control)
+    monkeypatch.setattr("quadctl.flight.steering.control", control)
     for when in (at_stage(Stage.START), at_stage(Stage.SPOOL_UP, 49), in_flight(2.0), at_stage(Stage.LAND, 3)):
         for name in ("no position", "no velocity", "no attitude"):
             flight = Flight()
             flight.autopilot.ignored.add("LAND")
             flight.show(HAND_OVER[name][0], when, until=0.1).fly()
+
+
+# --- not known whose the mode is -----------------------------------------------------------------------------------
+
+
+def test_after_a_stall_the_landing_is_asked_for_only_when_a_new_heartbeat_shows_offboard() -> None:
+    flight = Flight()
+    old_heartbeat_until_s = math.inf
+
+    def late_news(s: VehicleState) -> VehicleState:
+        if s.time_s >= old_heartbeat_until_s:
+            return s
+        return replace(s, mode="OFFBOARD", received_s={**s.received_s, "heartbeat": s.time_s - 0.6})
+
+    def stall_now() -> None:
+        nonlocal old_heartbeat_until_s
+        stall(flight, 0.5)()
+        old_heartbeat_until_s = flight.autopilot.time_s + 0.4
+
+    flight.show(late_news, in_flight(3.0)).when(in_flight(3.0), stall_now).fly()
+    (asked,) = flight.watch.with_request(Request.LAND)
+    assert asked.state.time_s == pytest.approx(old_heartbeat_until_s, abs=0.05)
+    assert not any(t.target for t in flight.watch.ticks if t.time_s > asked.time_s - 0.4)
+
+
+def test_a_mode_taken_during_a_stall_is_left_alone_though_the_old_one_is_still_shown() -> None:
+    flight = Flight()
+
+    def late_news(s: VehicleState) -> VehicleState:
+        if s.time_s > shown_until_s:
+            return s
+        return replace(s, mode="OFFBOARD", received_s={**s.received_s, "heartbeat": s.time_s - 0.6})
+
+    shown_until_s = 0.0
+
+    def take_over_in_a_stall() -> None:
+        nonlocal shown_until_s
+        take_over(flight, "POSCTL")()
+        stall(flight, 0.5)()
+        shown_until_s = flight.autopilot.time_s + 0.3
+
+    flight.show(late_news, in_flight(3.0)).when(in_flight(3.0), take_over_in_a_stall).fly()
+    assert flight.pilot.ended == "the control loop stalled for 0.48 s"
+    assert "LAND" not in flight.autopilot.asked
+    assert Stage.RELEASED in flight.watch.stages()  # recorded until the end
+    assert flight.at_rest
+
+
+def test_an_autopilot_that_restarts_is_let_go() -> None:
+    flight = Flight().show(lambda s: replace(s, boots=1), in_flight(3.0), until=0.1)
+    flight.when(at_stage(Stage.RELEASED, 25), lambda: flight.autopilot.somebody("LAND")).fly()
+    assert flight.pilot.ended == "the autopilot restarted"
+    assert "LAND" not in flight.autopilot.asked
+
+
+# --- control that goes wrong -----------------------------------------------------------------------------------------
+
+
+def test_control_that_fails_hands_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    flight = Flight()
+
+    def control(*arguments: Any) -> ControlOutput:
+        return sound_control(*arguments) if flight.pilot.flight_s < 3.0 else 1 / 0  # type: ignore[return-value]
+
+    monkeypatch.setattr("quadctl.flight.steering.control", control)
+    flight.fly()
+    assert flight.pilot.ended == "control failed (division by zero)"
+    assert flight.watch.with_request(Request.LAND)[0].target is None
+    assert flight.at_rest
+
+
+def test_a_compensator_beyond_its_data_fades_out_and_the_log_says_so() -> None:
+    item = StackedEffect(Sanchez(), Provenance(height_m=(0.05, 0.2)))
+    model = replace(hop().body, stack=(item,))
+    flight = Flight(hop()._replace(compensator=model)).fly()
+    assert flight.pilot.ended == "completed"
+    events = [e for t in flight.watch.ticks for e in t.events]
+    assert [e.answer for e in events] == ["fade out", "land"]
+    faded = flight.watch.first(lambda t: bool(t.events))
+    assert faded.output is not None
+    assert faded.output.compensation.trust < 1.0
+    hover = flight.watch.first(in_flight(4.0))
+    assert hover.output is not None
+    assert hover.output.compensation.trust == 0.0
+    assert hover.output.compensation.thrust_ratio == 1.0
 
 
 # --- somebody else flies ---------------------------------------------------------------------------------------------
@@ -549,7 +670,7 @@ def test_it_is_not_taken_back_after_a_stall_a_failed_send_or_a_wish_to_land() ->
         flight = Flight()
         flight.when(in_flight(3.0), take_over(flight, "POSCTL"))
         flight.when(in_flight(3.0), lambda act=action, f=flight: act(f)).fly()  # type: ignore[misc]
-        assert flight.pilot.ended == "the autopilot left offboard for POSCTL"
+        assert flight.pilot.ended.endswith("the autopilot left offboard for POSCTL")
         assert "LAND" not in flight.autopilot.asked
         assert not flight.watch.ticks[-1].state.armed
 
@@ -630,6 +751,39 @@ def test_asked_to_land_with_motors_on(stage: Stage) -> None:
     assert flight.at_rest
 
 
+def test_asked_to_let_go_while_landing_it_is_gone_and_the_landing_goes_on() -> None:
+    flight = Flight()
+    flight.when(in_flight(3.0), lambda: flight.pilot.ask_to_land("first"))
+    flight.when(at_stage(Stage.LAND, 5), lambda: flight.pilot.ask_to_let_go("second")).fly()
+    assert flight.pilot.ended == "first; second"
+    assert flight.autopilot.mode == "LAND"
+    assert flight.autopilot.asked == ["OFFBOARD", "ARM", "LAND"]
+    landing = [t for t in flight.watch.ticks if t.stage is Stage.LAND]
+    assert len(landing) == 5
+    assert [(e.what, e.answer) for t in flight.watch.ticks for e in t.events] == [
+        ("first", "land"),
+        ("second", "hand over"),
+    ]
+
+
+def test_asked_to_let_go_in_flight_at_once() -> None:
+    flight = Flight()
+    flight.when(in_flight(3.0), lambda: flight.pilot.ask_to_let_go("both at once")).fly()
+    assert flight.pilot.done
+    last = [t for t in flight.watch.ticks if t.target is not None][-1]
+    assert flight.watch.ticks[-1].time_s - last.time_s < 0.1
+
+
+def test_asked_to_let_go_of_an_autopilot_that_does_not_answer_it_goes_all_the_same() -> None:
+    flight = Flight()
+    flight.autopilot.ignored.add("LAND")
+    flight.autopilot.parameters["COM_OF_LOSS_T"] = 60.0
+    flight.when(at_stage(Stage.LAND, 5), lambda: flight.pilot.ask_to_let_go("enough")).fly()
+    landing = [t for t in flight.watch.ticks if t.stage is Stage.LAND]
+    assert landing[-1].time_s - landing[5].time_s == pytest.approx(1.0, abs=0.1)
+    assert not any(t.target for t in landing[6:])
+
+
 def test_asked_to_land_while_landing_changes_nothing() -> None:
     flight = Flight()
     flight.autopilot.ignored.add("LAND")
@@ -687,6 +841,23 @@ def test_a_refused_landing_is_answered_by_silence() -> None:
     (asked,) = flight.watch.with_request(Request.LAND)
     assert not any(t.target for t in flight.watch.ticks[flight.watch.ticks.index(asked) + 1 :])
     assert any(t.state.mode == "RTL" for t in flight.watch.ticks)  # its failsafe
+    assert flight.at_rest
+
+
+@pytest.mark.parametrize("heartbeats_old_s", [0.0, 3.0])
+def test_a_refused_landing_is_asked_for_again_while_the_mode_is_known_to_be_ours(heartbeats_old_s: float) -> None:
+    flight = Flight()
+    flight.autopilot.parameters["COM_OF_LOSS_T"] = 60.0  # no failsafe acts
+    flight.autopilot.refusals["LAND"] = "not now"
+    flight.when(at_stage(Stage.LAND, 25), flight.autopilot.refusals.clear)
+    flight.show(
+        lambda s: replace(s, received_s={**s.received_s, "heartbeat": s.time_s - 0.6}),
+        at_stage(Stage.LAND),
+        until=heartbeats_old_s,
+    ).fly()
+    first, second = flight.watch.with_request(Request.LAND)
+    assert second.time_s - first.time_s == pytest.approx(max(2.0, heartbeats_old_s), abs=0.05)
+    assert not any(t.target for t in flight.watch.ticks if t.time_s > first.time_s)
     assert flight.at_rest
 
 

@@ -1,6 +1,8 @@
 """Real time, over MAVLink, through MAVSDK: one flight, and the command when it is interrupted."""
 
+import gc
 import json
+import os
 import signal
 import socket
 import subprocess
@@ -16,9 +18,10 @@ import pytest
 import yaml
 from rich.console import Console
 
+from quadctl.flight.realtime import privileges
 from quadctl.flight.session import fly_real_time, prepare_flight
 from quadctl.logs.read import read_log
-from sitl.run import mock_px4_process
+from sitl.run import mock_process
 
 ROOT = Path(__file__).parents[1]
 CONFIG = ROOT / "config" / "flight.yaml"
@@ -32,7 +35,7 @@ def meta_of(log: Path) -> dict[str, Any]:
 
 def test_a_short_hop_in_real_time(tmp_path: Path) -> None:
     plan = prepare_flight(ROOT / "missions" / "short_hop.yaml", CONFIG, None, None)
-    with mock_px4_process(plan.body.vehicle, None, 1) as url:
+    with mock_process(plan.body.vehicle, None, 1) as url:
         outcome = fly_real_time(plan, url, tmp_path, Console(quiet=True))
     assert outcome.completed, outcome.ended
     assert outcome.phases == ["takeoff", "hover", "down"]
@@ -57,6 +60,30 @@ def test_a_short_hop_in_real_time(tmp_path: Path) -> None:
     meta = meta_of(Path(outcome.log))
     assert (meta["mission"], meta["ended"]) == ("short_hop", "completed")
     assert "PX4" in meta["autopilot"]
+    assert "select" in meta["real_time"]
+    assert [event["answer"] for event in meta["events"]] == ["land"]
+
+
+def test_what_keeps_the_ticks_punctual_is_told_and_undone() -> None:
+    def settings() -> tuple[object, ...]:
+        return os.sched_getscheduler(0), sys.getswitchinterval(), gc.get_freeze_count()
+
+    before = settings()
+    with privileges() as used:
+        assert gc.get_freeze_count() > 0
+        assert sys.getswitchinterval() < before[1]  # type: ignore[operator]
+        assert ("SCHED_FIFO 20" in used) == (os.sched_getscheduler(0) == os.SCHED_FIFO)
+    assert settings() == before
+
+
+def test_what_is_not_permitted_is_done_without_and_not_claimed(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> None:
+        raise PermissionError
+
+    monkeypatch.setattr(os, "sched_setscheduler", refuse)
+    monkeypatch.setattr("quadctl.flight.realtime._memory_locked", lambda: False)
+    with privileges() as used:
+        assert used == ("select", "switch interval 0.5 ms", "gc frozen")
 
 
 @dataclass
@@ -161,12 +188,12 @@ def test_ctrl_c_before_the_flight_is_one_sentence(tmp_path: Path) -> None:
     config = str(config_with(tmp_path, 60.0))
     code = (
         "import asyncio, os, signal\n"
-        "from quadctl.flight.mavsdk_autopilot import MavsdkAutopilot\n"
-        "wait = MavsdkAutopilot._first_autopilot\n"
+        "import quadctl.flight.mavsdk_link as link\n"
+        "wait = link._first_autopilot\n"
         "async def interrupted(*a):\n"
         "    asyncio.get_running_loop().call_later(0.1, os.kill, os.getpid(), signal.SIGINT)\n"
         "    return await wait(*a)\n"
-        "MavsdkAutopilot._first_autopilot = interrupted\n"
+        "link._first_autopilot = interrupted\n"
         "from quadctl.cli import main; main()"
     )
     words = ["fly", "missions/short_hop.yaml", "--link", url, "--config", config, "--log-dir", str(tmp_path)]

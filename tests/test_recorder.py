@@ -20,9 +20,9 @@ import quadctl.flight.recorder as recorder_module
 from quadctl.compensator import Compensation
 from quadctl.control import ControlOutput, Memory
 from quadctl.errors import FlightError
-from quadctl.flight.pilot import Stage, Tick
 from quadctl.flight.recorder import Recorder, header, row
 from quadctl.flight.session import prepare_flight
+from quadctl.flight.tick import Event, Stage, Tick
 from quadctl.frames import quaternion_from_euler
 from quadctl.logs.read import read_log
 from quadctl.state import AttitudeTarget, Setpoint, VehicleState
@@ -33,8 +33,9 @@ HEADER = (
     "time_s,x_m,y_m,z_m,vx_m_s,vy_m_s,vz_m_s,roll_deg,pitch_deg,yaw_deg,"
     "roll_rate_rad_s,pitch_rate_rad_s,yaw_rate_rad_s,motor1_rpm,motor2_rpm,motor3_rpm,motor4_rpm,"
     "motor1_voltage_v,motor2_voltage_v,motor3_voltage_v,motor4_voltage_v,"
-    "motor1_current_a,motor2_current_a,motor3_current_a,motor4_current_a,battery_v,"
-    "thrust_cmd_n,throttle_cmd,roll_cmd_deg,pitch_cmd_deg,yaw_cmd_deg,thrust_ratio,"
+    "motor1_current_a,motor2_current_a,motor3_current_a,motor4_current_a,"
+    "motor1_output,motor2_output,motor3_output,motor4_output,battery_v,"
+    "thrust_cmd_n,throttle_cmd,roll_cmd_deg,pitch_cmd_deg,yaw_cmd_deg,thrust_ratio,compensator_trust,"
     "x_ref_m,y_ref_m,z_ref_m,vx_ref_m_s,vy_ref_m_s,vz_ref_m_s,telemetry_age_s,tick_late_s,phase"
 )
 
@@ -54,6 +55,7 @@ def tick(i: int = 0, **state: Any) -> Tick:
         "rotor_rpm": (5001.0, 5002.0, 5003.0, 5004.0),
         "motor_voltage_v": (15.1, 15.2, 15.3, 15.4),
         "motor_current_a": (4.1, 4.2, 4.3, 4.4),
+        "motor_output": (0.51, 0.52, 0.53, 0.54),
         "battery_v": 16.25,
         "received_s": {"position": 999.99 + 0.02 * i, "attitude": 1000.0 + 0.02 * i},
     }
@@ -100,7 +102,7 @@ def test_the_columns_are_those_of_the_data_contracts() -> None:
 def test_six_rotors_have_six_columns_of_each_kind() -> None:
     names = header(6)
     assert [n for n in names if n.endswith("_rpm")] == [f"motor{i}_rpm" for i in range(1, 7)]
-    assert len(names) == len(header(4)) + 6
+    assert len(names) == len(header(4)) + 8
     assert len(row(tick(), 6)) == len(names)
 
 
@@ -123,6 +125,7 @@ def test_a_row_is_north_east_up_and_degrees() -> None:
         **{f"motor{i}_rpm": 5000.0 + i for i in range(1, 5)},
         **{f"motor{i}_voltage_v": 15.0 + 0.1 * i for i in range(1, 5)},
         **{f"motor{i}_current_a": 4.0 + 0.1 * i for i in range(1, 5)},
+        **{f"motor{i}_output": 0.5 + 0.01 * i for i in range(1, 5)},
         "battery_v": 16.25,
         "thrust_cmd_n": 14.5,
         "throttle_cmd": 0.5,
@@ -130,6 +133,7 @@ def test_a_row_is_north_east_up_and_degrees() -> None:
         "pitch_cmd_deg": 2.0,
         "yaw_cmd_deg": -3.0,
         "thrust_ratio": 1.05,
+        "compensator_trust": 1.0,
         "x_ref_m": 7.0,
         "y_ref_m": 8.0,
         "z_ref_m": 9.1,
@@ -155,7 +159,15 @@ def test_what_is_missing_is_nan_and_what_is_there_is_kept(tmp_path: Path) -> Non
     assert missing == {
         *("x_m", "y_m", "z_m", "battery_v", "telemetry_age_s"),
         *(f"motor{i}_rpm" for i in range(1, 5)),
-        *("thrust_cmd_n", "throttle_cmd", "roll_cmd_deg", "pitch_cmd_deg", "yaw_cmd_deg", "thrust_ratio"),
+        *(
+            "thrust_cmd_n",
+            "throttle_cmd",
+            "roll_cmd_deg",
+            "pitch_cmd_deg",
+            "yaw_cmd_deg",
+            "thrust_ratio",
+            "compensator_trust",
+        ),
         *("x_ref_m", "y_ref_m", "z_ref_m", "vx_ref_m_s", "vy_ref_m_s", "vz_ref_m_s"),
     }
     assert float(values["roll_deg"]) == pytest.approx(10.0)  # known although the position is not
@@ -304,6 +316,7 @@ def test_a_disk_that_fills_up_costs_the_rest_of_the_log_and_not_the_flight(tmp_p
     assert outcome.ticks > 500
     assert outcome.problem == f"{outcome.log}: the log is incomplete (No space left on device)"
     assert outcome.problem in outcome.lines()
+    assert [e["answer"] for e in meta_of(Path(outcome.log))["events"]] == ["land"]
     assert len(read_log(outcome.log)) == 99  # what was written is kept
     assert meta_of(Path(outcome.log))["ended"] == "completed"
 
@@ -334,6 +347,16 @@ def test_a_disk_that_is_full_at_the_end_keeps_the_meta_file_of_the_beginning(
     assert "No space left on device" in record.problem
     assert meta_of(record.path)["ended"] == "in flight"
     assert {p.suffix for p in tmp_path.iterdir()} == {".csv", ".yaml"}
+
+
+def test_what_a_guard_answered_is_on_the_disk_before_the_flight_ends(tmp_path: Path) -> None:
+    record = recorder(tmp_path)
+    record(tick(0)._replace(events=(Event(1.23456, "the tilt is 60 deg", "hand over"),)))
+    said = {"time_s": 1.235, "what": "the tilt is 60 deg", "answer": "hand over"}
+    until(lambda: meta_of(record.path)["events"] == [said], "the event does not reach the disk")
+    assert meta_of(record.path)["ended"] == "in flight"
+    record.close("the tilt is 60 deg")
+    assert meta_of(record.path)["events"] == [said]
 
 
 # --- a process that is killed ----------------------------------------------------------------------------------------

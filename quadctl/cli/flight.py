@@ -1,5 +1,6 @@
 """The commands that fly, in the simulated world or the real one."""
 
+import enum
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -10,6 +11,14 @@ import typer
 from quadctl.cli.app import app, console
 from quadctl.cli.output import JsonOption, check_outputs, write_json
 from quadctl.errors import FlightError
+
+
+class Simulated(enum.StrEnum):
+    """The autopilots that the simulator can be."""
+
+    PX4 = "px4"
+    ARDUPILOT = "ardupilot"
+
 
 MissionArgument = Annotated[Path, typer.Argument(metavar="MISSION.yaml")]
 ModelOption = Annotated[
@@ -27,6 +36,10 @@ SeedOption = Annotated[int, typer.Option("--seed", metavar="N", min=0, help="Sam
 OffsetOption = Annotated[
     float | None, typer.Option("--offset-up", metavar="M", help="Fly the mission so much higher than its file says.")
 ]
+SetOption = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="NAME=VALUE", help="Fly with another value of one of the mission's parameters."),
+]
 
 
 @app.command()
@@ -38,13 +51,14 @@ def simulate(
     log_dir: LogDirOption = Path("logs"),
     config: ConfigOption = None,
     offset_up: OffsetOption = None,
+    overrides: SetOption = None,
     json_out: JsonOption = None,
 ) -> None:
     """Fly a mission in simulated time, as fast as the machine can, reproducible from a seed."""
     from quadctl.flight.session import prepare_flight
 
     check_outputs([mission, config, hidden], json_out)
-    plan = prepare_flight(mission, config, model, offset_up)
+    plan = prepare_flight(mission, config, model, offset_up, overrides or ())
     _print_warnings(plan.warnings)
     _finish(simulator().simulate(plan, log_dir, hidden, seed), json_out)
 
@@ -53,32 +67,42 @@ def simulate(
 def fly(
     mission: MissionArgument,
     link: Annotated[
-        str | None, typer.Option("--link", metavar="URL", help="udpin://..., serial:///dev/...:BAUD")
+        str | None, typer.Option("--link", metavar="URL", help="auto, udpin://..., serial:///dev/...:BAUD")
     ] = None,
-    sitl: Annotated[bool, typer.Option("--sitl", help="Fly a simulated PX4 over MAVLink, in real time.")] = False,
+    sitl: Annotated[bool, typer.Option("--sitl", help="Fly a simulated autopilot over MAVLink, in real time.")] = False,
+    autopilot: Annotated[
+        Simulated | None, typer.Option("--autopilot", help="With --sitl: which one is simulated [default: px4].")
+    ] = None,
+    set_params: Annotated[
+        bool, typer.Option("--set-params", help="Set the autopilot's parameters as needed, restore them afterwards.")
+    ] = False,
     model: ModelOption = None,
     hidden: HiddenOption = None,
     seed: SeedOption = 0,
     log_dir: LogDirOption = Path("logs"),
     config: ConfigOption = None,
     offset_up: OffsetOption = None,
+    overrides: SetOption = None,
     json_out: JsonOption = None,
 ) -> None:
     """Fly a mission on an autopilot. Ctrl-C lands."""
+    from quadctl.flight.ports import resolve
     from quadctl.flight.session import fly_real_time, prepare_flight
 
     if sitl and link is not None:
         raise typer.BadParameter("give --link or --sitl, not both")
-    if not sitl and (hidden is not None or seed):
-        raise typer.BadParameter("--hidden and --seed are for the simulated autopilot: they need --sitl")
+    if not sitl and (hidden is not None or seed or autopilot is not None):
+        raise typer.BadParameter("--hidden, --seed and --autopilot are for the simulated autopilot: they need --sitl")
     check_outputs([mission, config, hidden], json_out)
-    plan = prepare_flight(mission, config, model, offset_up)
+    plan = prepare_flight(mission, config, model, offset_up, overrides or ())
     _print_warnings(plan.warnings)
     if not sitl:
-        _finish(fly_real_time(plan, plan.settings.link.url if link is None else link, log_dir, console), json_out)
+        url = resolve(plan.settings.link.url if link is None else link, console)
+        _finish(fly_real_time(plan, url, log_dir, console, set_params), json_out)
         return
-    with simulator().mock_px4_process(plan.body.vehicle, hidden, seed) as url:
-        _finish(fly_real_time(plan, url, log_dir, console), json_out)
+    kind = (autopilot or Simulated.PX4).value
+    with simulator().mock_process(plan.body.vehicle, hidden, seed, kind) as url:
+        _finish(fly_real_time(plan, url, log_dir, console, set_params), json_out)
 
 
 @app.command()

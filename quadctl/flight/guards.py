@@ -1,4 +1,4 @@
-"""Guards: what must be true for us to go on commanding. A pure function of the state; the first breach decides.
+"""Guards: what must be true for us to go on commanding. Pure functions of the state; the first breach decides.
 
 Each breach has one answer. LAND: the autopilot's land mode, from our last good state. HAND_OVER: our setpoints stop at
 once and the autopilot is asked to land by its own means; where even that does not arrive, the silence triggers its own
@@ -11,10 +11,11 @@ from typing import NamedTuple
 
 from pydantic import Field
 
+from quadctl.flight.continuity import ContinuityLimits
 from quadctl.frames import tilt
 from quadctl.missions import MissionLimits
 from quadctl.settings import Settings
-from quadctl.state import VehicleState
+from quadctl.state import AttitudeTarget, VehicleState
 
 
 class Answer(enum.Enum):
@@ -38,10 +39,20 @@ class GuardLimits(Settings):
     """A loop that wakes up later than this has been stalled: it hands over instead of going on."""
     min_battery_v: float = Field(default=0.0, ge=0.0)
     """0: not guarded."""
+    max_estimator_ratio: float = Field(default=1.0, ge=0.0)
+    """Of innovations to their gates, where the autopilot tells it. 0: not guarded."""
+    max_over_time_s: float = Field(default=5.0, gt=0.0, le=60.0)
+    """How much longer than its mission a flight may last."""
+    continuity: ContinuityLimits = ContinuityLimits()
 
 
 UNIT_TOLERANCE = 0.01
 """Of an attitude quaternion's norm. One of zeros is a number, but no attitude."""
+
+
+def floor(mission: MissionLimits) -> float:
+    """The height below which a flight lands, m; negative where the mission goes close to the ground."""
+    return mission.min_z_m - mission.margin_m
 
 
 def defect(state: VehicleState, limits: GuardLimits) -> str | None:
@@ -59,6 +70,25 @@ def defect(state: VehicleState, limits: GuardLimits) -> str | None:
         return "the state holds a value that is not a number"
     if abs(math.hypot(*state.attitude) - 1.0) > UNIT_TOLERANCE:
         return f"the attitude is no unit quaternion, its norm is {math.hypot(*state.attitude):.3g}"
+    if not state.estimator_ok:
+        return "the autopilot's estimator does not trust its attitude, velocity or position"
+    if 0.0 < limits.max_estimator_ratio < state.estimator_ratio:
+        ratio, largest = state.estimator_ratio, limits.max_estimator_ratio
+        return f"the autopilot's estimator is in doubt: innovation ratio {ratio:.2f}, allowed are {largest:g}"
+    return None
+
+
+def unfit(target: AttitudeTarget, limits: GuardLimits, max_throttle: float) -> str | None:
+    """Why this target must not reach the motors, whatever made it, or None."""
+    if not all(map(math.isfinite, (*target.attitude, target.throttle))):
+        return "control gave a value that is not a number"
+    if not 0.0 <= target.throttle <= max_throttle:
+        return f"control gave a throttle of {target.throttle:.3g}, allowed are 0 to {max_throttle:g}"
+    if abs(math.hypot(*target.attitude) - 1.0) > UNIT_TOLERANCE:
+        return f"control gave an attitude that is no unit quaternion, its norm is {math.hypot(*target.attitude):.3g}"
+    tilt_deg = math.degrees(tilt(target.attitude))
+    if tilt_deg > limits.max_tilt_deg:
+        return f"control gave a tilt of {tilt_deg:.0f} deg, allowed are {limits.max_tilt_deg:g} deg"
     return None
 
 
@@ -70,16 +100,18 @@ def inspect(
     distance_m: float,
     limits: GuardLimits,
     mission: MissionLimits,
+    above_floor: bool = True,
 ) -> Breach | None:
     """The first reason not to go on, or None.
 
     `flight_s` is the time since lift-off, `mission_s` how long the mission lasts, `height_m` the vehicle's height above
-    the ground and `distance_m` its horizontal distance from the take-off point.
+    the ground and `distance_m` its horizontal distance from the take-off point. `above_floor`: it has been above the
+    floor, so that it is not on its way up to it.
     """
     # First who flies: what else is wrong is no longer our business, least of all to take the mode back for it.
     if not state.armed:
         return Breach(Answer.RELEASE, "the vehicle was disarmed")
-    if state.mode != "OFFBOARD":
+    if not state.offboard:
         return Breach(Answer.RELEASE, f"the autopilot left offboard for {state.mode or 'an unknown mode'}")
     problem = defect(state, limits)
     if problem is not None:
@@ -93,10 +125,13 @@ def inspect(
     ceiling_m = mission.max_z_m + mission.margin_m
     if height_m > ceiling_m:
         return Breach(Answer.LAND, f"the height is {height_m:.2f} m, allowed are {ceiling_m:g} m")
+    floor_m = floor(mission)
+    if above_floor and height_m < floor_m:
+        return Breach(Answer.LAND, f"the height is {height_m:.2f} m, allowed are {floor_m:g} m or more")
     fence_m = mission.max_distance_m + mission.margin_m
     if distance_m > fence_m:
         return Breach(Answer.LAND, f"the vehicle is {distance_m:.2f} m from take-off, allowed are {fence_m:g} m")
-    if flight_s > mission_s + 5.0:
+    if flight_s > mission_s + limits.max_over_time_s:
         return Breach(Answer.LAND, f"the flight lasts {flight_s:.0f} s, the mission {mission_s:.0f} s")
     if limits.min_battery_v > 0.0 and not state.battery_v >= limits.min_battery_v:  # an unknown voltage is a breach
         return Breach(Answer.LAND, f"the battery is at {state.battery_v:.2f} V, allowed are {limits.min_battery_v:g} V")

@@ -7,19 +7,18 @@ The link repeats nothing by itself, so a loop that stalls falls silent, and the 
 
 import asyncio
 import contextlib
-import gc
-import selectors
+import itertools
 import signal
 import time
-from collections.abc import Callable, Coroutine, Iterator, Sequence
-from typing import Any, TypeVar
+from collections.abc import Callable, Iterator, Sequence
 
 from quadctl.errors import FlightError
 from quadctl.flight.autopilot import Autopilot
-from quadctl.flight.pilot import Pilot, Request, Stage, Tick
+from quadctl.flight.pilot import Pilot
+from quadctl.flight.tick import Request, Stage, Tick
+from quadctl.state import AttitudeTarget
 
 Listener = Callable[[Tick], None]
-T = TypeVar("T")
 
 LAST_WORD_S = 3.0
 LANDING_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -32,13 +31,11 @@ async def fly(autopilot: Autopilot, pilot: Pilot, rate_hz: float, listeners: Seq
     deadline = time.monotonic()
     try:
         while not pilot.done:
-            late_s = max(0.0, time.monotonic() - deadline)
+            began = time.monotonic()
+            late_s = max(0.0, began - deadline)
             tick = pilot.tick(autopilot.state(), late_s)
             if tick.target is not None:
-                try:
-                    autopilot.send(tick.target)
-                except FlightError as error:
-                    pilot.fail(str(error))
+                _send(tick.target, began, autopilot, pilot)
             for request in tick.requests:
                 task = asyncio.create_task(_carry_out(request, autopilot, pilot))
                 tasks.add(task)
@@ -61,12 +58,26 @@ async def fly(autopilot: Autopilot, pilot: Pilot, rate_hz: float, listeners: Seq
         await asyncio.gather(*tasks, return_exceptions=True)
 
 
+def _send(target: AttitudeTarget, began_s: float, autopilot: Autopilot, pilot: Pilot) -> None:
+    """Put the target on the wire, unless this very tick was stalled: the state it stands on is old by now."""
+    stalled_s = time.monotonic() - began_s
+    if stalled_s > pilot.settings.guards.max_tick_late_s:
+        pilot.fail(f"the control loop stalled for {stalled_s:.2f} s")
+        return
+    try:
+        autopilot.send(target)
+    except FlightError as error:
+        pilot.fail(str(error))
+
+
 async def _carry_out(request: Request, autopilot: Autopilot, pilot: Pilot) -> None:
     try:
         if request is Request.OFFBOARD:
             await autopilot.start_offboard()
         elif request is Request.ARM:
             await autopilot.arm()
+        elif request is Request.TAKE_OFF:
+            await autopilot.take_off(pilot.take_off_m)
         else:
             await autopilot.land()
     except FlightError as error:
@@ -75,26 +86,24 @@ async def _carry_out(request: Request, autopilot: Autopilot, pilot: Pilot) -> No
 
 @contextlib.contextmanager
 def landing_on_signals(pilot: Pilot) -> Iterator[None]:
-    """Ctrl-C, SIGTERM and a terminal that goes away (ssh over a radio link) make the pilot land."""
+    """Ctrl-C, SIGTERM and a terminal that goes away (ssh over a radio link) make the pilot land.
+
+    A second Ctrl-C makes it let go at once. The other signals may come twice for one cause, so they do not.
+    """
     loop = asyncio.get_running_loop()
     for number in LANDING_SIGNALS:
-        loop.add_signal_handler(number, pilot.ask_to_land, f"asked to land by {signal.Signals(number).name}")
+        loop.add_signal_handler(number, pilot.ask_to_land, f"asked to land by {number.name}")
+    interrupts = itertools.count(1)
+
+    def interrupt() -> None:
+        if next(interrupts) == 1:
+            pilot.ask_to_land("asked to land by SIGINT")
+        else:
+            pilot.ask_to_let_go("asked to let go by a second SIGINT")
+
+    loop.add_signal_handler(signal.SIGINT, interrupt)
     try:
         yield
     finally:
         for number in LANDING_SIGNALS:
             loop.remove_signal_handler(number)
-
-
-def run(main: Coroutine[Any, Any, T]) -> T:
-    """Run a flight's coroutine with little jitter: a selector with microsecond time-outs, no garbage collection pauses.
-
-    epoll rounds time-outs up to milliseconds, select does not; frozen objects are never scanned again.
-    """
-    gc.collect()
-    gc.freeze()
-    try:
-        with asyncio.Runner(loop_factory=lambda: asyncio.SelectorEventLoop(selectors.SelectSelector())) as runner:
-            return runner.run(main)
-    finally:
-        gc.unfreeze()

@@ -1,61 +1,40 @@
-"""PX4 over MAVSDK: UDP, TCP or serial.
+"""A real autopilot, PX4 or ArduPilot, over MAVSDK.
 
 Targets leave as single SET_ATTITUDE_TARGET messages. MAVSDK's own offboard plugin is not used: it goes on re-sending
 the last target by itself, so that the autopilot would not notice a companion that hangs.
 """
 
-import asyncio
-import json
-import logging
 import math
-import re
 import time
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
-from typing import TypeVar
-
-from mavsdk.component_type import ComponentType
-from mavsdk.exceptions import ConnectionError as MavsdkConnectionError
-from mavsdk.logging import LogLevel, log_subscribe
-from mavsdk.mavsdk import Configuration, Mavsdk
-from mavsdk.plugins.mavlink_direct import (
-    MavlinkDirect,
-    MavlinkDirectError,
-    MavlinkDirectResult,
-    MavlinkMessage,
-)
-from mavsdk.system import System
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 
 from quadctl.errors import FlightError, LinkError
-from quadctl.flight import px4
+from quadctl.flight import mavlink
+from quadctl.flight.firmware import Firmware, Requirement, Stream
+from quadctl.flight.firmwares import FIRMWARES
+from quadctl.flight.mavsdk_link import MavsdkLink
 from quadctl.flight.telemetry import Telemetry
 from quadctl.state import AttitudeTarget, VehicleState
-
-T = TypeVar("T")
 
 HEARTBEAT_WAIT_S = 3.0
 """For the next heartbeat of an autopilot that has been found, and for one that shows what was accepted."""
 REASON_WAIT_S = 0.3
 """For the text that explains a refusal: it comes just before or just after the acknowledgement."""
+ROTORS_WAIT_S = 0.5
+"""For the first message with rotor speeds: that they will be sent is promised by autopilots that have none."""
 UNIT_TOLERANCE = 1e-3
-
-_URL = re.compile(r"(?:(?:udpin|udpout|tcpin|tcpout)://[^\s/:]+:\d{1,5}|serial://[^\s:]+:\d+)")
-_URL_EXPECTED = "udpin://0.0.0.0:14540, udpout://HOST:PORT, tcpout://HOST:PORT or serial:///dev/ttyAMA0:921600"
 
 
 class MavsdkAutopilot:
-    """A PX4 at the other end of `url`; implements the port `Autopilot`."""
+    """An autopilot at the other end of `url`; implements the port `Autopilot`."""
 
     def __init__(self, url: str, n_rotors: int, connect_timeout_s: float = 10.0) -> None:
         """Raises LinkError when `url` is not one that MAVSDK can open."""
-        self._url = _checked(url)
         self._connect_timeout_s = connect_timeout_s
         self._telemetry = Telemetry(n_rotors)
-        self._mavsdk: Mavsdk | None = None
-        self._system_id = 1
-        self._direct: MavlinkDirect | None = None
-        # Of its own: whatever else occupies asyncio's default executor must not delay a landing.
-        self._executor = ThreadPoolExecutor(max_workers=4, thread_name_prefix="mavsdk")
+        self._link = MavsdkLink(url, self._telemetry.receive)
+        self._link.on_reopened = self._ask_again
         self._start_s = time.monotonic()
         self.warnings: list[str] = []
         """What the autopilot cannot give and the flight can do without, one sentence each."""
@@ -63,35 +42,33 @@ class MavsdkAutopilot:
     @property
     def description(self) -> str:
         """For the log: what it is and where."""
-        return f"PX4 (system {self._system_id}) at {self._url}"
+        firmware = self._telemetry.firmware
+        name = "autopilot" if firmware is None else firmware.name
+        return f"{name} (system {self._link.system_id}) at {self._link.url}"
+
+    @property
+    def takes_off_itself(self) -> bool:
+        return self._firmware.takes_off_itself
+
+    @property
+    def requirements(self) -> Sequence[Requirement]:
+        return self._firmware.requirements
+
+    @property
+    def checked(self) -> Sequence[str]:
+        return self._firmware.checked
 
     async def connect(self) -> None:
         """Open the link and wait for a heartbeat; raises LinkError when none comes."""
-        log_subscribe(_log)
-        configuration = Configuration.create_with_component_type(ComponentType.COMPANION_COMPUTER)
-        mavsdk = self._mavsdk = Mavsdk(configuration)
-        try:
-            await self._run(lambda: mavsdk.add_any_connection_with_handle(self._url))
-        except MavsdkConnectionError as error:
-            reason = str(error).rpartition(": ")[2]
-            raise LinkError(f"The link {self._url} cannot be opened ({reason}): check {_advice(self._url)}.") from None
-        system = await self._first_autopilot(mavsdk)
-        if system is None:
-            raise LinkError(
-                f"No autopilot answers at {self._url} within {self._connect_timeout_s:g} s: "
-                f"check that it is powered, and {_advice(self._url)}."
-            )
-        self._system_id = system.get_system_id()
-        self._direct = MavlinkDirect(system)
-        for name in self._telemetry.messages:
-            self._direct.subscribe_message(name, self._receive)
+        await self._link.open(self._telemetry.messages, self._connect_timeout_s)
         if not await self._await(lambda: self._telemetry.autopilot != 0, HEARTBEAT_WAIT_S):
-            raise LinkError(f"The autopilot at {self._url} went silent after its first heartbeat: check the link.")
+            raise LinkError(f"The autopilot at {self._link.url} went silent after its first heartbeat: check the link.")
         kind = self._telemetry.autopilot
-        if kind != px4.MAV_AUTOPILOT_PX4:
+        if kind not in FIRMWARES:
+            expected = " or ".join(f"{number} ({firmware.name})" for number, firmware in FIRMWARES.items())
             raise LinkError(
-                f"The autopilot at {self._url} is not PX4: its heartbeat says MAV_AUTOPILOT {kind}, "
-                f"expected {px4.MAV_AUTOPILOT_PX4}."
+                f"The autopilot at {self._link.url} is of an unknown kind: its heartbeat says MAV_AUTOPILOT {kind}, "
+                f"expected {expected}."
             )
 
     async def request_telemetry(self) -> None:
@@ -99,19 +76,22 @@ class MavsdkAutopilot:
 
         Raises FlightError when a message that control stands on is refused; others are noted in `warnings`.
         """
-        for stream in px4.STREAMS:
-            interval_us = 1e6 / stream.rate_hz
-            result = await self._command(
-                px4.CMD_SET_MESSAGE_INTERVAL, stream.message_id, interval_us, what=f"send {stream.name}"
+        for stream in self._firmware.streams:
+            result = await self._link.run(partial(self._request_stream, stream))
+            if result == mavlink.ACCEPTED or stream.alternative:
+                continue
+            sentence = (
+                f"{self.description} refused to send {stream.name} at {stream.rate_hz:g} Hz: "
+                f"{mavlink.result_name(result)}."
             )
-            if result != px4.ACCEPTED:
-                sentence = (
-                    f"{self.description} refused to send {stream.name} at {stream.rate_hz:g} Hz: "
-                    f"{px4.result_name(result)}."
-                )
-                if stream.required:
-                    raise FlightError(sentence)
-                self.warnings.append(sentence)
+            if stream.required:
+                raise FlightError(sentence)
+            self.warnings.append(sentence)
+        if not await self._await(lambda: self._telemetry.has_rpm, ROTORS_WAIT_S):
+            instead = "motor outputs" if self._telemetry.has_outputs else "the throttle"
+            self.warnings.append(
+                f"{self.description} sends no rotor speeds: in the log, thrust is known from {instead}."
+            )
 
     def state(self) -> VehicleState:
         """The latest state, at once; parts that never arrived are nan."""
@@ -124,9 +104,9 @@ class MavsdkAutopilot:
         """
         fields = {
             "time_boot_ms": int(1000.0 * (time.monotonic() - self._start_s)) & 0xFFFFFFFF,
-            "target_system": self._system_id,
-            "target_component": px4.MAV_COMP_ID_AUTOPILOT,
-            "type_mask": px4.ATTITUDE_TARGET_IGNORE_RATES,
+            "target_system": self._link.system_id,
+            "target_component": mavlink.MAV_COMP_ID_AUTOPILOT,
+            "type_mask": mavlink.ATTITUDE_TARGET_IGNORE_RATES,
             "q": _checked_attitude(target),
             "body_roll_rate": 0.0,
             "body_pitch_rate": 0.0,
@@ -134,134 +114,93 @@ class MavsdkAutopilot:
             "thrust": _checked_throttle(target),
             "thrust_body": (0.0, 0.0, 0.0),
         }
-        try:
-            self._link.send_message(self._message("SET_ATTITUDE_TARGET", json.dumps(fields)))
-        except MavlinkDirectError as error:
-            raise LinkError(f"A target could not be sent to {self.description}: {error.result.name}.") from None
+        self._link.send("SET_ATTITUDE_TARGET", fields)
 
     async def arm(self) -> None:
         """Arm the motors; returns when the heartbeat shows it."""
-        await self._request("arm", px4.CMD_COMPONENT_ARM_DISARM, 1.0, until=lambda: self._telemetry.armed)
+        await self._request("arm", mavlink.CMD_COMPONENT_ARM_DISARM, 1.0, until=lambda: self._telemetry.armed)
 
     async def start_offboard(self) -> None:
-        """Enter OFFBOARD, the mode that follows our targets; a stream of them must be running."""
-        await self._enter("OFFBOARD")
+        """Enter the mode that follows our targets."""
+        await self._enter(self._firmware.offboard_mode)
+
+    async def take_off(self, height_m: float) -> None:
+        """Have the armed autopilot climb to `height_m` above where it stands; returns when it has accepted."""
+        nothing = (0.0,) * 6
+        await self._request(f"take off to {height_m:g} m", mavlink.CMD_NAV_TAKEOFF, *nothing, height_m)
 
     async def land(self) -> None:
         """Enter the autopilot's own land mode."""
-        await self._enter("LAND")
+        await self._enter(self._firmware.land_mode)
 
     async def hold(self) -> None:
         """Hand over: enter the autopilot's own hold mode."""
-        await self._enter("HOLD")
+        await self._enter(self._firmware.hold_mode)
+
+    async def parameters(self, names: Iterable[str]) -> dict[str, float]:
+        """Values of the parameters by name, integers too as floats; those for which no answer comes are left out."""
+        found = {name: await self._link.run(partial(self._link.read_parameter, name)) for name in names}
+        return {name: float(value) for name, value in found.items() if value is not None}
+
+    async def set_parameter(self, name: str, value: float) -> None:
+        """Set a parameter, as an integer where the autopilot holds one.
+
+        Raises FlightError when the autopilot does not confirm it.
+        """
+        await self._link.run(lambda: self._link.write_parameter(name, value))
 
     async def close(self) -> None:
         """Let go of the link. Waits for commands under way, which MAVSDK gives up by itself after some seconds."""
-        with ThreadPoolExecutor(max_workers=1) as closer:
-            await asyncio.get_running_loop().run_in_executor(closer, self._destroy)
+        await self._link.close()
 
     # --- inside ------------------------------------------------------------------------------------------------
 
     @property
-    def _link(self) -> MavlinkDirect:
-        if self._direct is None:
-            raise LinkError(f"The link {self._url} is not open: connect first.")
-        return self._direct
+    def _firmware(self) -> Firmware:
+        if self._telemetry.firmware is None:
+            raise LinkError(f"The link {self._link.url} is not open: connect first.")
+        return self._telemetry.firmware
 
-    def _receive(self, message: MavlinkMessage, _: object) -> None:
-        """A message has arrived; on MAVSDK's thread."""
-        now_s = time.monotonic()
-        if message.component_id == px4.MAV_COMP_ID_AUTOPILOT:
-            self._telemetry.receive(message.message_name, json.loads(message.fields_json), now_s)
-
-    async def _first_autopilot(self, mavsdk: Mavsdk) -> System | None:
-        loop = asyncio.get_running_loop()
-        found: asyncio.Future[System | None] = loop.create_future()
-
-        def settle(system: System | None) -> None:
-            if not found.done():
-                found.set_result(system)
-
-        waiting = mavsdk.first_autopilot_async(
-            self._connect_timeout_s, lambda system: loop.call_soon_threadsafe(settle, system)
+    def _request_stream(self, stream: Stream) -> int:
+        interval_us = 1e6 / stream.rate_hz
+        return self._link.command(
+            mavlink.CMD_SET_MESSAGE_INTERVAL, stream.message_id, interval_us, what=f"send {stream.name}"
         )
+
+    def _ask_again(self) -> None:
+        """The line is back after a silence: an autopilot that was without power has forgotten the rates."""
         try:
-            return await found
-        finally:
-            mavsdk.cancel_first_autopilot(waiting)
+            for stream in self._firmware.streams:
+                self._request_stream(stream)
+        except LinkError:
+            return  # gone again; when it is back we are called again
 
     async def _enter(self, mode: str) -> None:
-        main, sub = px4.MODES[mode]
         await self._request(
             f"enter {mode}",
-            px4.CMD_DO_SET_MODE,
-            px4.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED,
-            main,
-            sub,
+            mavlink.CMD_DO_SET_MODE,
+            mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED,
+            *self._firmware.set_mode_parameters(self._firmware.modes[mode]),
             until=lambda: self._telemetry.mode == mode,
         )
 
-    async def _request(self, what: str, command: int, *parameters: float, until: Callable[[], bool]) -> None:
+    async def _request(
+        self, what: str, command: int, *parameters: float, until: Callable[[], bool] = lambda: True
+    ) -> None:
         """Command it and return when a heartbeat shows it: until then the state would contradict the answer."""
         asked_s = time.monotonic()
-        result = await self._command(command, *parameters, what=what)
-        if result != px4.ACCEPTED:
+        result = await self._link.run(lambda: self._link.command(command, *parameters, what=what))
+        if result != mavlink.ACCEPTED:
             await self._await(lambda: bool(self._telemetry.warnings_since(asked_s)), REASON_WAIT_S)
-            reasons = "; ".join([px4.result_name(result), *self._telemetry.warnings_since(asked_s)])
+            reasons = "; ".join([mavlink.result_name(result), *self._telemetry.warnings_since(asked_s)])
             raise FlightError(f"{self.description} refused to {what}: {reasons}.")
         if not await self._await(until, HEARTBEAT_WAIT_S):
             raise FlightError(
                 f"{self.description} accepted to {what}, but no heartbeat shows it within {HEARTBEAT_WAIT_S:g} s."
             )
 
-    async def _command(self, command: int, *parameters: float, what: str) -> int:
-        """Send a COMMAND_LONG; the MAV_RESULT of its acknowledgement."""
-        fields = {
-            "target_system": self._system_id,
-            "target_component": px4.MAV_COMP_ID_AUTOPILOT,
-            "command": command,
-            "confirmation": 0,
-            **{f"param{i}": float(value) for i, value in enumerate(parameters, start=1)},
-        }
-        link, message = self._link, self._message("COMMAND_LONG", json.dumps(fields))
-        try:
-            ack = await self._run(lambda: link.send_command(message))
-        except MavlinkDirectError as error:
-            cause = "no answer" if error.result == MavlinkDirectResult.TIMEOUT else error.result.name
-            raise LinkError(f"{self.description} was asked to {what}: {cause}; check the link.") from None
-        return int(json.loads(ack.fields_json)["result"])
-
-    def _message(self, name: str, fields_json: str) -> MavlinkMessage:
-        return MavlinkMessage(name, 0, 0, self._system_id, px4.MAV_COMP_ID_AUTOPILOT, fields_json)
-
     async def _await(self, condition: Callable[[], bool], timeout_s: float) -> bool:
-        return await self._run(lambda: self._telemetry.wait_for(condition, timeout_s))
-
-    async def _run(self, call: Callable[[], T]) -> T:
-        return await asyncio.get_running_loop().run_in_executor(self._executor, call)
-
-    def _destroy(self) -> None:
-        self._executor.shutdown(wait=True, cancel_futures=True)
-        self._direct = None
-        if self._mavsdk is not None:
-            self._mavsdk.destroy()
-            self._mavsdk = None
-
-
-def _log(level: LogLevel, text: str, *_: object) -> bool:
-    """MAVSDK's own log goes to `logging`: written to the terminal by C++ it would tear the display apart."""
-    severity = {LogLevel.WARN: logging.WARNING, LogLevel.ERROR: logging.ERROR}.get(level, logging.DEBUG)
-    logging.getLogger("mavsdk").log(severity, text)
-    return True
-
-
-def _checked(url: str) -> str:
-    if url.startswith("udp://"):
-        port = url.rpartition(":")[2]
-        raise LinkError(f"The link {url} uses the outdated udp://: say udpin://0.0.0.0:{port} to listen on that port.")
-    if not _URL.fullmatch(url):
-        raise LinkError(f"The link {url!r} is not one that can be opened: expected {_URL_EXPECTED}.")
-    return url
+        return await self._link.run(lambda: self._telemetry.wait_for(condition, timeout_s))
 
 
 def _checked_attitude(target: AttitudeTarget) -> tuple[float, float, float, float]:
@@ -276,12 +215,3 @@ def _checked_throttle(target: AttitudeTarget) -> float:
     if not 0.0 <= target.throttle <= 1.0:  # a nan is refused too
         raise FlightError(f"The throttle target {target.throttle} was not sent: expected a number from 0 to 1.")
     return target.throttle
-
-
-def _advice(url: str) -> str:
-    """What to look at when this kind of link stays silent."""
-    if url.startswith("serial"):
-        return "the device's name, its permissions and the baud rate (PX4: MAV_1_CONFIG, SER_TEL2_BAUD)"
-    if url.startswith("udpin"):
-        return "that it sends MAVLink to this port (PX4's simulator: 14540) and that no other program holds it"
-    return "the host, the port and that its MAVLink server is running"

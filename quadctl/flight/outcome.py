@@ -4,7 +4,8 @@ import math
 from dataclasses import dataclass
 from pathlib import Path
 
-from quadctl.flight.pilot import Pilot, Stage, Tick
+from quadctl.flight.pilot import Pilot
+from quadctl.flight.tick import Stage, Tick
 
 COMPLETED = "completed"
 
@@ -56,15 +57,17 @@ class Tally:
     def __init__(self, period_s: float) -> None:
         self._period_s = period_s
         self._squares = [0.0, 0.0, 0.0]
-        self._tracked = 0
+        self._tracked = [0, 0, 0]
         self._late_s: list[float] = []
 
     def __call__(self, tick: Tick) -> None:
         self._late_s.append(tick.late_s)
         if tick.stage is Stage.FLY and tick.setpoint is not None:
-            self._tracked += 1
-            for i in range(3):
-                self._squares[i] += (tick.state.position_ned_m[i] - tick.setpoint.position_ned_m[i]) ** 2
+            pairs = zip(tick.setpoint.position_ned_m, tick.state.position_ned_m, strict=True)
+            for i, (wanted, at) in enumerate(pairs):
+                if not math.isnan(wanted):  # nan: flown by velocity, there is no place to be
+                    self._tracked[i] += 1
+                    self._squares[i] += (at - wanted) ** 2
 
     @property
     def late_ms(self) -> dict[str, float]:
@@ -76,8 +79,7 @@ class Tally:
         }
 
     def outcome(self, pilot: Pilot, log: Path, problem: str | None = None) -> Outcome:
-        n = max(self._tracked, 1)
-        rmse = [math.sqrt(total / n) for total in self._squares]
+        rmse = [math.sqrt(total / max(n, 1)) for total, n in zip(self._squares, self._tracked, strict=True)]
         return Outcome(
             mission=pilot.mission.name,
             ended=pilot.ended,

@@ -1,4 +1,6 @@
-"""The flight recorder: one CSV row per tick, written on a thread of its own, so that no disk can hold up the loop.
+"""The flight recorder: one CSV row per tick, and in the meta file what a log must explain (guards, wishes, refusals).
+
+Written on a thread of its own, so that no disk can hold up the loop.
 
 What is written is on the disk at most a second later. A disk that fails costs the rest of the log, not the flight. A
 file that exists is never written over.
@@ -18,7 +20,7 @@ import yaml
 
 from quadctl import __version__
 from quadctl.errors import FlightError
-from quadctl.flight.pilot import Tick
+from quadctl.flight.tick import Tick
 from quadctl.frames import euler_from_quaternion
 from quadctl.logs.columns import (
     COMMAND_COLUMNS,
@@ -43,9 +45,11 @@ def header(n_rotors: int) -> list[str]:
         *rpm_columns(n_rotors),
         *motor_columns(n_rotors, "voltage_v"),
         *motor_columns(n_rotors, "current_a"),
+        *motor_columns(n_rotors, "output"),
         "battery_v",
         *COMMAND_COLUMNS,
         "thrust_ratio",
+        "compensator_trust",
         *REFERENCE_COLUMNS,
         *LOOP_COLUMNS,
         PHASE_COLUMN,
@@ -70,11 +74,13 @@ def row(tick: Tick, n_rotors: int) -> list[float | str]:
         *_padded(s.rotor_rpm, n_rotors),
         *_padded(s.motor_voltage_v, n_rotors),
         *_padded(s.motor_current_a, n_rotors),
+        *_padded(s.motor_output, n_rotors),
         s.battery_v,
         tick.output.thrust_n if tick.output else NAN,
         tick.target.throttle if tick.target else NAN,
         *(_degrees(euler_from_quaternion(tick.target.attitude)) if tick.target else _NO_EULER),
         tick.output.compensation.thrust_ratio if tick.output else NAN,
+        tick.output.compensation.trust if tick.output else NAN,
     ]
     if tick.setpoint:
         (x, y, z), (u, v, w) = tick.setpoint.position_ned_m, tick.setpoint.velocity_ned_m_s
@@ -101,6 +107,7 @@ class Recorder:
             "started": datetime.now(UTC).isoformat(timespec="seconds"),
             **meta,
         }
+        self._events: list[dict[str, Any]] = []
         self.problem: str | None = None
         """Why the log is incomplete, or None."""
         try:
@@ -139,8 +146,12 @@ class Recorder:
         except Exception as error:  # whatever it is, it must not end the thread with the queue filling up
             reason = error.strerror if isinstance(error, OSError) else repr(error)
             self.problem = f"{self.path}: the log is incomplete ({reason})"
-            while not self._closing:  # the flight goes on, unrecorded
-                self._closing = self._queue.get() is None
+            while not self._closing:  # the flight goes on; what it must explain is kept for the meta file
+                tick = self._queue.get()
+                if tick is None:
+                    self._closing = True
+                else:
+                    self._note(tick)
 
     def _drain(self) -> None:
         synced = time.monotonic()
@@ -155,14 +166,21 @@ class Recorder:
                     self._closing = True
                     break
                 file.write(",".join(map(_text, row(tick, self._n_rotors))) + "\n")
+                if tick.events:
+                    _sync(file)  # the rows that led to it
+                    self._note(tick)
+                    self._write_meta("in flight")
                 if time.monotonic() - synced > SYNC_EVERY_S:
                     _sync(file)
                     synced = time.monotonic()
             _sync(file)
 
+    def _note(self, tick: Tick) -> None:
+        self._events += [{**event._asdict(), "time_s": round(event.time_s, 3)} for event in tick.events]
+
     def _write_meta(self, ended: str) -> None:
         """In one step: a full disk or a power cut leaves the old file, not half of a new one."""
-        text = yaml.safe_dump({**self._meta, "ended": ended}, sort_keys=False)
+        text = yaml.safe_dump({**self._meta, "events": self._events, "ended": ended}, sort_keys=False)
         new = self.meta_path.with_suffix(".new")
         try:
             with new.open("w", encoding="utf-8") as file:

@@ -47,13 +47,14 @@ def planned_flight(mission: Mission, model: Model, like: Dataset) -> Flight:
     time, position, velocity, acceleration = _followed(mission)
     _check_heights(mission, model, position[:, 2], time)
     last = like.flights[-1].conditions
-    yaw = _heading(last.attitude) if mission.yaw_rad is None else mission.yaw_rad
+    heading = _heading(last.attitude)
+    yaw = np.array([mission.yaw_rad(t, heading) for t in time.tolist()])
     battery = _falling(np.asarray(last.battery_v), np.asarray(last.time_s), time)
     wanted = _times(vehicle.mass_kg, (acceleration[:, 0], acceleration[:, 1], -acceleration[:, 2] - GRAVITY_M_S2))
     command = wanted
     for _ in range(ROUNDS):
         roll, pitch = _lean(command, yaw)
-        attitude = quaternion_from_euler(roll, pitch, yaw + 0.0 * time)
+        attitude = quaternion_from_euler(roll, pitch, yaw)
         each = _length(command) / (vehicle.n_rotors * vehicle.axial_share)
         body = rotate_inverse(attitude, (velocity[:, 0], velocity[:, 1], -velocity[:, 2]))
         c = conditions(vehicle, position[:, 2], body, attitude, time, battery, (position[:, 0], position[:, 1]))
@@ -63,7 +64,7 @@ def planned_flight(mission: Mission, model: Model, like: Dataset) -> Flight:
     columns = {
         **dict(zip(POSITION, position.T, strict=True)),
         **dict(zip(VELOCITY, velocity.T, strict=True)),
-        **dict(zip(ATTITUDE, np.degrees([roll, pitch, yaw + 0.0 * time]), strict=True)),
+        **dict(zip(ATTITUDE, np.degrees([roll, pitch, yaw]), strict=True)),
         **dict.fromkeys(rpm_columns(vehicle.n_rotors), np.sqrt(each / vehicle.rotor.thrust_n_per_rpm2)),
         "battery_v": battery,
     }
@@ -98,11 +99,11 @@ def _log(name: str, time: Floats, columns: dict[str, Floats], bandwidth_hz: floa
     return FlightLog(name=name, path=None, columns=logged)
 
 
-def _lean(force_ned: Vector, yaw_rad: float) -> tuple[Floats, Floats]:
+def _lean(force_ned: Vector, yaw_rad: Floats) -> tuple[Floats, Floats]:
     """Roll and pitch, radians, at which the thrust of a vehicle of heading `yaw_rad` points along `force_ned`."""
     north, east, down = force_ned
-    ahead = math.cos(yaw_rad) * north + math.sin(yaw_rad) * east
-    right = math.cos(yaw_rad) * east - math.sin(yaw_rad) * north
+    ahead = np.cos(yaw_rad) * north + np.sin(yaw_rad) * east
+    right = np.cos(yaw_rad) * east - np.sin(yaw_rad) * north
     return asin(right / _length(force_ned)), atan2(-ahead, -down)
 
 

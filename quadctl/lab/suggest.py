@@ -17,7 +17,7 @@ from rich.table import Table
 from rich.text import Text
 
 from quadctl.effects import Effect, every_effect
-from quadctl.errors import QuadctlError, SettingsError
+from quadctl.errors import QuadctlError
 from quadctl.lab.arrays import Floats
 from quadctl.lab.candidate import fit_on_top
 from quadctl.lab.data import Dataset, predict_targets
@@ -31,7 +31,7 @@ from quadctl.lab.planned import planned_flight
 from quadctl.lab.starts import Unmodelled
 from quadctl.lab.tables import Result
 from quadctl.lab.threads import one_blas_thread
-from quadctl.missions import Mission, load_mission
+from quadctl.missions import Mission, load_mission, mission_files
 from quadctl.model import Model
 
 ENOUGH_SIGMAS = 15.0
@@ -297,11 +297,8 @@ def _brings(effect: type[Effect], dataset: Dataset, flight: Flight) -> bool:
 
 def _plans(folder: Path, model: Model, dataset: Dataset) -> tuple[list[tuple[Mission, str, Flight]], list[str]]:
     """The missions that can be flown, the commands that fly them, the flights they would be; and why others cannot."""
-    paths = sorted(folder.glob("*.yaml"))
-    if not paths:
-        raise SettingsError(f"{folder}: holds no mission, expected a folder with mission files (.yaml)")
     plans, left_out = [], []
-    for path in paths:
+    for path in mission_files(folder):
         try:
             mission = load_mission(path)
             plans.append((mission, f"quadctl fly {path}", planned_flight(mission, model, dataset)))

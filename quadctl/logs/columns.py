@@ -29,6 +29,7 @@ OPTIONAL_COLUMNS = (
     *COMMAND_COLUMNS,
     *REFERENCE_COLUMNS,
     "thrust_ratio",
+    "compensator_trust",
     *LOOP_COLUMNS,
 )
 PHASE_COLUMN = "phase"

@@ -2,6 +2,7 @@
 
 import importlib
 import pkgutil
+from collections.abc import Iterator
 
 from quadctl.errors import SettingsError
 from quadctl.settings import nearest
@@ -14,7 +15,13 @@ def known_trajectories() -> dict[str, type[Trajectory]]:
     """All trajectories of this package by kind."""
     for module in pkgutil.iter_modules(__path__):
         importlib.import_module(f"{__name__}.{module.name}")
-    return {kind.kind: kind for kind in Trajectory.__subclasses__()}
+    return {kind.kind: kind for kind in _kinds_of(Trajectory)}
+
+
+def _kinds_of(parent: type[Trajectory]) -> Iterator[type[Trajectory]]:
+    for kind in parent.__subclasses__():
+        yield kind
+        yield from _kinds_of(kind)
 
 
 def find_trajectory(kind: str, source: str) -> type[Trajectory]:

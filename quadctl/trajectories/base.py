@@ -1,5 +1,6 @@
 """What a trajectory is: settings of one mission phase and a pure function of time that gives the reference."""
 
+import math
 from typing import ClassVar, NamedTuple, Self
 
 from quadctl.settings import Settings
@@ -12,6 +13,8 @@ class Reference(NamedTuple):
     position_m: Vec3
     velocity_m_s: Vec3 = (0.0, 0.0, 0.0)
     acceleration_m_s2: Vec3 = (0.0, 0.0, 0.0)
+    by_velocity: tuple[bool, bool, bool] = (False, False, False)
+    """Axes flown by velocity alone: there the position says where that should lead, and nothing pulls towards it."""
 
 
 class Trajectory(Settings):
@@ -33,3 +36,22 @@ class Trajectory(Settings):
 
     def end_m(self, start_m: Vec3) -> Vec3:
         return self.reference(self.duration_s(start_m), start_m).position_m
+
+
+def raised(place_m: Vec3, up_m: float) -> Vec3:
+    return place_m[0], place_m[1], place_m[2] + up_m
+
+
+def direction(start_m: Vec3, end_m: Vec3) -> Vec3:
+    """Unit vector from one place to another; zeros between a place and itself."""
+    length = math.dist(start_m, end_m)
+    x, y, z = ((e - s) / length if length > 1e-9 else 0.0 for s, e in zip(start_m, end_m, strict=True))
+    return x, y, z
+
+
+def scaled(factor: float, a: Vec3) -> Vec3:
+    return factor * a[0], factor * a[1], factor * a[2]
+
+
+def moved(start_m: Vec3, factor: float, along: Vec3) -> Vec3:
+    return start_m[0] + factor * along[0], start_m[1] + factor * along[1], start_m[2] + factor * along[2]

@@ -5,7 +5,7 @@ from typing import ClassVar, Self
 from pydantic import Field
 
 from quadctl.state import Vec3
-from quadctl.trajectories.base import Reference, Trajectory
+from quadctl.trajectories.base import Reference, Trajectory, raised
 
 
 class Step(Trajectory):
@@ -17,7 +17,7 @@ class Step(Trajectory):
     seconds: float = Field(alias="duration_s", gt=0.0, le=3600.0)
 
     def lifted(self, up_m: float) -> Self:
-        return self.model_copy(update={"to_m": (self.to_m[0], self.to_m[1], self.to_m[2] + up_m)})
+        return self.model_copy(update={"to_m": raised(self.to_m, up_m)})
 
     def duration_s(self, start_m: Vec3) -> float:
         return self.seconds

@@ -15,9 +15,10 @@ import sitl.estimator
 import sitl.inner_loops
 from quadctl.compensator import Compensator
 from quadctl.flight.outcome import COMPLETED
-from quadctl.flight.pilot import Pilot, Tick
+from quadctl.flight.pilot import Pilot
 from quadctl.flight.recorder import header, row
 from quadctl.flight.settings import load_flight_settings
+from quadctl.flight.tick import Tick
 from quadctl.frames import wrap_pi
 from quadctl.logs.columns import PHASE_COLUMN, motor_columns, rpm_columns
 from quadctl.logs.csv_log import write_csv

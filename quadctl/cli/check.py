@@ -1,0 +1,58 @@
+"""The command that asks whether a flight may begin."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.text import Text
+
+from quadctl.cli.app import app, console
+from quadctl.cli.flight import ConfigOption, ModelOption, OffsetOption, SetOption
+from quadctl.cli.output import JsonOption, check_outputs, write_json
+from quadctl.errors import FlightError
+
+STYLES = {"ok": "green", "warning": "yellow", "refused": "bold red"}
+
+
+@app.command()
+def check(
+    files: Annotated[
+        list[Path],
+        typer.Argument(metavar="[VEHICLE.yaml] MISSION.yaml", help="Without a vehicle: the configuration's."),
+    ],
+    model: ModelOption = None,
+    config: ConfigOption = None,
+    link: Annotated[
+        str | None, typer.Option("--link", metavar="URL", help="Ask the autopilot too: auto, udpin://..., serial://...")
+    ] = None,
+    seconds: Annotated[
+        float, typer.Option("--seconds", metavar="S", min=1.0, max=60.0, help="How long its messages are counted.")
+    ] = 3.0,
+    offset_up: OffsetOption = None,
+    overrides: SetOption = None,
+    json_out: JsonOption = None,
+) -> None:
+    """Is everything ready to fly? Mission, vehicle, compensator and limits, and with --link the autopilot."""
+    from quadctl.flight.check import check_flight
+    from quadctl.flight.findings import Verdict, count
+    from quadctl.flight.ports import resolve
+    from quadctl.flight.preflight import ask_autopilot
+    from quadctl.flight.session import read_flight
+
+    if len(files) > 2:
+        raise typer.BadParameter(f"{len(files)} files are given, expected a mission, or a vehicle and a mission")
+    *vehicles, mission = files
+    check_outputs([*files, config], json_out)
+    plan = read_flight(mission, config, model, offset_up, overrides or (), vehicles[0] if vehicles else None)
+    findings = check_flight(plan)
+    if link is not None:
+        url = resolve(link, console)
+        with console.status(f"listening to {url}"):
+            findings += ask_autopilot(plan, url, seconds)
+    for finding in findings:
+        line = Text(f"{finding.verdict.value:8}", style=STYLES[finding.verdict.value])
+        console.print(line.append(f" {finding.topic:12} {finding.text}", style="default not bold"), soft_wrap=True)
+    write_json(json_out, {"mission": plan.mission.name, "findings": [finding.to_dict() for finding in findings]})
+    refused = count(findings, Verdict.REFUSED)
+    if refused:
+        raise FlightError(f"{mission} must not be flown so: {refused} of {len(findings)} checks refuse it")

@@ -1,0 +1,100 @@
+"""Guards that need more than one state: does the state move, and does it move as a vehicle can?"""
+
+import math
+from typing import NamedTuple
+
+from pydantic import Field
+
+from quadctl.settings import Settings
+from quadctl.state import VehicleState
+
+MAX_RATE_RAD_S = 10.0
+"""What a turn between two states may owe to rates that neither of them shows."""
+MAX_ACCELERATION_M_S2 = 40.0
+"""4 g: more than a multirotor's rotors give; what is beyond it, the limit of the jump must cover."""
+
+
+class ContinuityLimits(Settings):
+    """Limits of these guards, in YAML under `guards: continuity`. A limit of 0 guards nothing."""
+
+    max_frozen_s: float = Field(default=0.5, ge=0.0, le=10.0)
+    """Position and velocity, or attitude and rates, may keep arriving with exactly the same values for so long. Noise
+    moves the last bits of every real estimate; one that is updated at 5 Hz only stands still for 0.2 s."""
+    max_position_jump_m: float = Field(default=0.5, ge=0.0)
+    """Between two updates, beyond what the velocity explains. Resets of an estimator by decimetres are flown."""
+    max_velocity_jump_m_s: float = Field(default=2.0, ge=0.0)
+    """Between two updates, beyond 4 g."""
+    max_attitude_jump_deg: float = Field(default=30.0, ge=0.0, lt=180.0)
+    """Between two updates, beyond 10 rad/s."""
+
+
+class _Part(NamedTuple):
+    """One part of the state as it was last seen."""
+
+    sampled_s: float
+    values: tuple[float, ...]
+    moved_s: float
+    """When its values were last different from those before."""
+
+
+class Continuity:
+    """Watches a state from tick to tick; sees only parts that have been updated since the last tick."""
+
+    def __init__(self, limits: ContinuityLimits) -> None:
+        self._limits = limits
+        self._position: _Part | None = None
+        self._attitude: _Part | None = None
+
+    def defect(self, state: VehicleState) -> str | None:
+        """Why this state cannot follow those before it, or None. The state's numbers must be finite."""
+        position = _follow(self._position, state, "position", (*state.position_ned_m, *state.velocity_ned_m_s))
+        attitude = _follow(self._attitude, state, "attitude", (*state.attitude, *state.rates_rad_s))
+        problem = (
+            self._position_jump(self._position, position)
+            or self._attitude_jump(self._attitude, attitude)
+            or self._frozen("position", position)
+            or self._frozen("attitude", attitude)
+        )
+        self._position, self._attitude = position, attitude
+        return problem
+
+    def _frozen(self, name: str, part: _Part) -> str | None:
+        still_s, longest_s = part.sampled_s - part.moved_s, self._limits.max_frozen_s
+        if longest_s > 0.0 and still_s > longest_s:
+            return f"the {name} is frozen: the same values for {still_s:.2f} s, allowed are {longest_s:g} s"
+        return None
+
+    def _position_jump(self, before: _Part | None, now: _Part) -> str | None:
+        if before is None or now.moved_s == before.moved_s:
+            return None
+        dt = max(now.moved_s - before.moved_s, 0.0)  # a stream may repeat what is updated seldom
+        velocity = [0.5 * (a + b) for a, b in zip(before.values[3:], now.values[3:], strict=True)]
+        expected = [x + v * dt for x, v in zip(before.values[:3], velocity, strict=True)]
+        jump_m, largest_m = math.dist(now.values[:3], expected), self._limits.max_position_jump_m
+        if 0.0 < largest_m < jump_m:
+            return f"the position jumped by {jump_m:.2f} m, allowed are {largest_m:g} m"
+        jump_m_s = math.dist(now.values[3:], before.values[3:]) - MAX_ACCELERATION_M_S2 * dt
+        if 0.0 < self._limits.max_velocity_jump_m_s < jump_m_s:
+            return f"the velocity jumped by {jump_m_s:.1f} m/s, allowed are {self._limits.max_velocity_jump_m_s:g} m/s"
+        return None
+
+    def _attitude_jump(self, before: _Part | None, now: _Part) -> str | None:
+        if before is None or now.moved_s == before.moved_s:
+            return None
+        dt = max(now.moved_s - before.moved_s, 0.0)  # a stream may repeat what is updated seldom
+        cosine = abs(sum(a * b for a, b in zip(before.values[:4], now.values[:4], strict=True)))
+        turn_rad = 2.0 * math.acos(min(cosine, 1.0))
+        jump_deg, largest_deg = math.degrees(turn_rad - MAX_RATE_RAD_S * dt), self._limits.max_attitude_jump_deg
+        if 0.0 < largest_deg < jump_deg:
+            return f"the attitude jumped by {jump_deg:.0f} deg, allowed are {largest_deg:g} deg"
+        return None
+
+
+def _follow(before: _Part | None, state: VehicleState, name: str, values: tuple[float, ...]) -> _Part:
+    sampled_s = state.received_s[name]
+    if before is not None and sampled_s == before.sampled_s:
+        return before
+    # Rates may be unknown: tuples take the same nan for equal, and there is one (state.NAN).
+    if before is not None and values == before.values:
+        return _Part(sampled_s, values, before.moved_s)
+    return _Part(sampled_s, values, sampled_s)

@@ -1,0 +1,34 @@
+"""What a check found: one line each, with a verdict."""
+
+import enum
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+
+class Verdict(enum.Enum):
+    OK = "ok"
+    WARNING = "warning"
+    REFUSED = "refused"
+
+
+class Finding(NamedTuple):
+    verdict: Verdict
+    topic: str
+    text: str
+    """What was found, with the numbers that it was judged by."""
+
+    def to_dict(self) -> dict[str, Any]:
+        return {"verdict": self.verdict.value, "topic": self.topic, "text": self.text}
+
+
+def judged(topic: str, text: str, *, refused: str | None = None, warning: str | None = None) -> Finding:
+    """A finding with the gravest objection there is; each objection is None where there is none."""
+    if refused is not None:
+        return Finding(Verdict.REFUSED, topic, f"{text}: {refused}")
+    if warning is not None:
+        return Finding(Verdict.WARNING, topic, f"{text}: {warning}")
+    return Finding(Verdict.OK, topic, text)
+
+
+def count(findings: Sequence[Finding], verdict: Verdict) -> int:
+    return sum(finding.verdict is verdict for finding in findings)

@@ -1,0 +1,75 @@
+"""What differs from one autopilot to the next: one `Firmware` describes it, in a file of its own.
+
+A new autopilot is a new file beside px4.py and ardupilot.py, and a line in firmwares.py.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Stream:
+    """A message that the autopilot is asked to send."""
+
+    name: str
+    message_id: int
+    rate_hz: float
+    required: bool = False
+    """Control cannot fly without it."""
+    alternative: bool = False
+    """One of several sources of the same thing: that it is refused is no news."""
+
+
+@dataclass(frozen=True, slots=True)
+class Requirement:
+    """A parameter that must hold a certain value, or certain bits, before anything flies; or that had better."""
+
+    parameter: str
+    to_meet: Callable[[float], float]
+    """From the value that it has to the one that it must have."""
+    because: str
+    """What goes wrong otherwise: the end of the sentence `GUID_OPTIONS is 0, expected 8: ...`."""
+    advice: bool = False
+    """It flies without, warned."""
+
+    def met(self, value: float) -> bool:
+        return self.to_meet(value) == value
+
+
+@dataclass(frozen=True)
+class Firmware:
+    """The ways of one autopilot on the wire."""
+
+    name: str
+    mav_autopilot: int
+    """MAV_AUTOPILOT of its heartbeat."""
+    modes: Mapping[str, int]
+    """`custom_mode` of its heartbeat, by the autopilot's own name of the mode."""
+    unknown_mode: Callable[[int], str]
+    """What to call a `custom_mode` that is not among `modes`."""
+    set_mode_parameters: Callable[[int], tuple[float, float]]
+    """Parameters 2 and 3 of DO_SET_MODE for a `custom_mode`."""
+    offboard_mode: str
+    """The mode that follows attitude targets."""
+    land_mode: str
+    hold_mode: str
+    takes_off_itself: bool
+    """Lift-off is a command of its own, before the first target; otherwise the targets lift it off."""
+    streams: Sequence[Stream]
+    tells_readiness: bool
+    """Whether the pre-arm bit of SYS_STATUS holds for the mode that follows targets, not only for the present one."""
+    motor_throttle: Callable[[float], float]
+    """From what it reports as a motor's output to the scale of the throttle target, 0..1."""
+    requirements: Sequence[Requirement] = ()
+    checked: Sequence[str] = ()
+    """Parameters that a check before the flight judges, besides the requirements."""
+
+    def mode_name(self, custom_mode: int) -> str:
+        """Name of a HEARTBEAT's `custom_mode`."""
+        names = (name for name, number in self.modes.items() if number == custom_mode)
+        return next(names, self.unknown_mode(custom_mode))
+
+
+def share_of_pulse(value: float) -> float:
+    """A pulse length in microseconds as a share of the usual range, 1000 to 2000; a share stays one."""
+    return min(max((value - 1000.0) / 1000.0, 0.0), 1.0) if value > 1.0 else max(value, 0.0)

@@ -1,0 +1,34 @@
+"""MAVLink's common numbers: commands, results, flags, and the messages that any autopilot may send."""
+
+MAV_COMP_ID_AUTOPILOT = 1
+MAV_MODE_FLAG_CUSTOM_MODE_ENABLED = 1
+MAV_MODE_FLAG_SAFETY_ARMED = 128
+MAV_LANDED_STATE_ON_GROUND = 1
+MAV_SYS_STATUS_PREARM_CHECK = 1 << 28
+MAV_SEVERITY_WARNING = 4
+"""Of a STATUSTEXT; smaller numbers are graver."""
+
+CMD_NAV_TAKEOFF = 22
+CMD_DO_SET_MODE = 176
+CMD_COMPONENT_ARM_DISARM = 400
+CMD_SET_MESSAGE_INTERVAL = 511
+
+ATTITUDE_TARGET_IGNORE_RATES = 0b111
+"""Type mask of SET_ATTITUDE_TARGET: fly the attitude and the thrust, leave the body rates to the autopilot."""
+
+ACCEPTED = 0
+RESULTS = {
+    0: "ACCEPTED",
+    1: "TEMPORARILY_REJECTED",
+    2: "DENIED",
+    3: "UNSUPPORTED",
+    4: "FAILED",
+    5: "IN_PROGRESS",
+    6: "CANCELLED",
+}
+"""MAV_RESULT of a COMMAND_ACK."""
+
+
+def result_name(result: int) -> str:
+    """Name of a COMMAND_ACK's `result`."""
+    return RESULTS.get(result, f"result {result}")

@@ -1,0 +1,63 @@
+"""What this machine permits against late ticks: used where it can be, undone at the end, and told."""
+
+import asyncio
+import contextlib
+import ctypes
+import gc
+import os
+import selectors
+import sys
+from collections.abc import Coroutine, Iterator
+from typing import Any, TypeVar
+
+T = TypeVar("T")
+
+PRIORITY = 20
+"""Of SCHED_FIFO: above everything of the ordinary kind, below the kernel's interrupt threads (50)."""
+SWITCH_INTERVAL_S = 0.0005
+"""How long another thread (recorder, display) may keep the interpreter from the loop; by default 5 ms."""
+MCL_CURRENT, MCL_FUTURE, MCL_ONFAULT = 1, 2, 4
+
+
+def run(main: Coroutine[Any, Any, T]) -> T:
+    """Run a flight's coroutine on a loop that wakes up in time: epoll rounds time-outs up to ms, select does not."""
+    with asyncio.Runner(loop_factory=lambda: asyncio.SelectorEventLoop(selectors.SelectSelector())) as runner:
+        return runner.run(main)
+
+
+@contextlib.contextmanager
+def privileges() -> Iterator[tuple[str, ...]]:
+    """Everything that helps and is permitted; gives what was used, in words, for the log and the user.
+
+    Threads inherit the scheduler from the one that starts them, so open the link inside: the library's threads, and
+    those that share the interpreter's lock with the loop, must not be held up either.
+    """
+    used = ["select", f"switch interval {1e3 * SWITCH_INTERVAL_S:g} ms", "gc frozen"]
+    with contextlib.ExitStack() as undo:
+        undo.callback(sys.setswitchinterval, sys.getswitchinterval())
+        sys.setswitchinterval(SWITCH_INTERVAL_S)
+        gc.collect()
+        gc.freeze()  # what is frozen is never scanned again
+        undo.callback(gc.unfreeze)
+        if hasattr(os, "sched_setscheduler"):
+            before = os.sched_getscheduler(0), os.sched_getparam(0)
+            with contextlib.suppress(OSError):
+                os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
+                undo.callback(os.sched_setscheduler, 0, *before)
+                used.append(f"SCHED_FIFO {PRIORITY}")
+        if _memory_locked():
+            undo.callback(_libc().munlockall)
+            used.append("memory locked")
+        yield tuple(used)
+
+
+def _memory_locked() -> bool:
+    """Pages stay in memory once they have been used."""
+    try:
+        return bool(_libc().mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT) == 0)
+    except (AttributeError, OSError):  # no Linux
+        return False
+
+
+def _libc() -> ctypes.CDLL:
+    return ctypes.CDLL(None)

@@ -1,0 +1,80 @@
+"""A mission: phases of trajectories in time, the limits that they stay within, and the heading."""
+
+import bisect
+import math
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+from pydantic import Field
+
+from quadctl.frames import wrap_pi
+from quadctl.settings import Settings
+from quadctl.state import Vec3
+from quadctl.trajectories import Reference, Trajectory
+
+
+class MissionLimits(Settings):
+    """The mission's reference must stay inside these; a flight that leaves them by more than `margin_m` lands."""
+
+    min_z_m: float = Field(default=0.05, ge=0.0)
+    max_z_m: float = Field(gt=0.0)
+    max_distance_m: float = Field(default=5.0, gt=0.0)
+    """Horizontal, from the take-off point."""
+    max_duration_s: float = Field(default=900.0, gt=0.0, le=36000.0)
+    margin_m: float = Field(default=0.5, gt=0.0)
+
+
+class Phase(NamedTuple):
+    """One leg of a mission, laid out in time."""
+
+    name: str
+    trajectory: Trajectory
+    start_s: float
+    end_s: float
+    start_m: Vec3
+
+
+class Turn(NamedTuple):
+    """From `start_s` on the vehicle turns to the heading `yaw_rad`, until it is there or another turn begins."""
+
+    start_s: float
+    yaw_rad: float
+    end_s: float = math.inf
+
+
+class Mission(NamedTuple):
+    """Phases in time, from lift-off to the beginning of the landing."""
+
+    name: str
+    description: str
+    phases: tuple[Phase, ...]
+    limits: MissionLimits
+    turns: tuple[Turn, ...] = ()
+    """In time; before the first the heading at take-off is kept."""
+    yaw_rate_rad_s: float = math.radians(45.0)
+    offset_up_m: float = 0.0
+    parameters: Mapping[str, Any] = {}
+    """As flown: the file's, or what took their place."""
+
+    @property
+    def duration_s(self) -> float:
+        return self.phases[-1].end_s
+
+    def phase_at(self, t_s: float) -> Phase:
+        """The phase at `t_s` since lift-off; the last one after the end."""
+        index = bisect.bisect_right(self.phases, t_s, key=lambda phase: phase.end_s)
+        return self.phases[min(index, len(self.phases) - 1)]
+
+    def reference(self, t_s: float) -> Reference:
+        phase = self.phase_at(t_s)
+        return phase.trajectory.reference(t_s - phase.start_s, phase.start_m)
+
+    def yaw_rad(self, t_s: float, heading_rad: float) -> float:
+        """Heading at `t_s` when it was `heading_rad` at take-off: each turn goes the short way at the yaw rate."""
+        yaw = heading_rad
+        for turn in self.turns:
+            if t_s <= turn.start_s:
+                break
+            most = self.yaw_rate_rad_s * (min(t_s, turn.end_s) - turn.start_s)
+            yaw += min(max(wrap_pi(turn.yaw_rad - yaw), -most), most)
+        return wrap_pi(yaw)

@@ -1,0 +1,39 @@
+"""Each fault ends as the fault table says: docs/faults.md is made by the same flights.
+
+Here those fly that only real time shows. What the state alone can say is flown in lockstep (tests/test_pilot.py), and
+all of it on both autopilots by `make faults`.
+"""
+
+import pytest
+
+from .cases import LINK, PEOPLE, PROCESS
+from .fly import Verdict, fly_all
+
+pytestmark = pytest.mark.timeout(900)
+"""The first test waits for all flights."""
+
+
+ON_PX4 = [case.name for case in (*PROCESS, *LINK, *PEOPLE)]
+ON_PX4 += ["position frozen", "estimator rejects its sensors", "fence"]
+ON_ARDUPILOT = [  # where it has its own way
+    "event loop frozen for 3 s",
+    "event loop frozen for 0.6 s",
+    "process killed",
+    "estimator rejects its sensors",
+    "autopilot hears nothing",
+    "disarmed in flight",
+    "autopilot restarts at once",
+    "Ctrl-C, landing refused",
+]
+FLOWN = [(fault, "px4") for fault in ON_PX4] + [(fault, "ardupilot") for fault in ON_ARDUPILOT]
+
+
+@pytest.fixture(scope="session")
+def verdicts() -> dict[tuple[str, str], Verdict]:
+    """Some at a time, because each takes real time."""
+    return {(v.fault, v.autopilot): v for v in fly_all(FLOWN)}
+
+
+@pytest.mark.parametrize(("fault", "autopilot"), FLOWN)
+def test_a_fault_ends_as_it_must(verdicts: dict[tuple[str, str], Verdict], fault: str, autopilot: str) -> None:
+    assert verdicts[fault, autopilot].wrong == []
