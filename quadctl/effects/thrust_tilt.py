@@ -20,7 +20,7 @@ class FixedTilt(Effect):
         "The rotors' common axis leans against the attitude estimate's: a steady push to one side of the body."
     )
     told_apart_by: ClassVar[str] = "hovering at several headings: the push turns with the body, wind does not"
-    mission: ClassVar[str] = "missions/excitation_east.yaml"
+    mission: ClassVar[str] = "missions/headings.yaml"
     replaces: ClassVar[tuple[str, ...]] = ("roll_rad", "pitch_rad")
 
     roll_deg: float = parameter(0.0, -4.0, 4.0, "deg", "thrust leans to the right")
