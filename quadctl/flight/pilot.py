@@ -54,11 +54,10 @@ class Pilot:
         self.take_off_m = mission.reference(first.end_s)[0][2]
         """The autopilot's own take-off takes the place of the mission's first phase: it ends where that ends."""
         self._begin_at_s = first.end_s if autopilot_takes_off else 0.0
-        home = Home()
-        self._home = home
+        self._home = Home()
         self._progress = Progress()
-        self._watch = Supervisor(mission, settings, home)
-        self._steering = Steering(mission, body.vehicle, settings, compensator, home)
+        self._watch = Supervisor(mission, settings, self._home)
+        self._steering = Steering(mission, body.vehicle, settings, compensator, self._home)
         self._landing = Landing(self._progress, self._watch, self._steering)
         self._offboard_seen = False
         self._faded = False
@@ -117,13 +116,12 @@ class Pilot:
         dt = self._progress.advance(state.time_s)
         self._watch.look(state, late_s, dt)
         decision = self._sound(self._steps[self.stage], state, dt)
-        if decision.output is not None and decision.output.compensation.trust < 1.0 and not self._faded:
-            self._faded = True
-            self._progress.note("the compensator is beyond the heights of its data", "fade out")
+        self._notice_fading(decision)
+        flies = self.stage is Stage.FLY and bool(self.phases_flown)
         return Tick(
             self._progress.time_s,
             self.stage,
-            self.phases_flown[-1] if self.stage is Stage.FLY and self.phases_flown else self.stage.name.lower(),
+            self.phases_flown[-1] if flies else self.stage.name.lower(),
             decision.target,
             decision.requests,
             state,
@@ -139,8 +137,9 @@ class Pilot:
         decision = _NOTHING
         try:
             decision = step(state, dt)
-            target, limits = decision.target, self.settings
-            problem = target and unfit(target, limits.guards, limits.controller.max_throttle)
+            problem = decision.target and unfit(
+                decision.target, self.settings.guards, self.settings.controller.max_throttle
+            )
             if not problem:
                 return decision
         except (ArithmeticError, ValueError) as error:
@@ -248,6 +247,12 @@ class Pilot:
         wish = self._watch.want_land
         found = self._watch.breach(state, self.flight_s, off_ground=self.stage is Stage.FLY)
         return Breach(Answer.LAND, wish) if found is None and wish else found
+
+    def _notice_fading(self, decision: Decision) -> None:
+        """Once, for the log."""
+        if decision.output is not None and decision.output.compensation.trust < 1.0 and not self._faded:
+            self._faded = True
+            self._progress.note("the compensator is beyond the heights of its data", "fade out")
 
     def _idle(self, requests: tuple[Request, ...] = ()) -> Decision:
         """No thrust, the heading we stand in; silence where a target would stand in the way of the take-off."""

@@ -3,9 +3,8 @@
 import math
 import resource
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from signal import SIGCONT, SIGINT, SIGKILL, SIGSTOP, SIGTERM, SIGUSR1, SIGUSR2
-from types import MappingProxyType
 from typing import Any
 
 from sitl import faults
@@ -35,7 +34,7 @@ class Case:
     """The last setpoint comes no later; for a landing, the change of mode."""
     stall_s: float = 3.0
     """How long SIGUSR1 and SIGUSR2 stall the process."""
-    on_ardupilot: Mapping[str, Any] = MappingProxyType({})
+    on_ardupilot: Mapping[str, Any] = field(default_factory=dict)
     """What else it must lead to there, as fields of this class."""
 
     def on(self, autopilot: str) -> "Case":
