@@ -61,6 +61,10 @@ class Firmware:
     motor_throttle: Callable[[float], float]
     """From what it reports as a motor's output to the scale of the throttle target, 0..1."""
     requirements: Sequence[Requirement] = ()
+    tests_motors_clockwise: bool = False
+    """Whether a motor test counts the motors clockwise from the front, not by their numbers."""
+    throttle_bent_by: str = ""
+    """Parameter of a curve from throttle target to motor output that a motor test goes past; 0 is none."""
 
     def mode_name(self, custom_mode: int) -> str:
         """Name of a HEARTBEAT's `custom_mode`."""

@@ -49,4 +49,5 @@ PX4 = Firmware(
     ),
     tells_readiness=False,
     motor_throttle=share_of_pulse,
+    throttle_bent_by="THR_MDL_FAC",
 )
