@@ -8,11 +8,11 @@ import typer
 from rich.console import Console
 
 from quadctl import __version__
-from quadctl.cli import flight, lab, ports, thrust_stand
+from quadctl.cli import flight, lab, mocap, ports, thrust_stand
 from quadctl.cli.app import app, console
 from quadctl.errors import QuadctlError
 
-__all__ = ["app", "flight", "lab", "main", "ports", "thrust_stand"]
+__all__ = ["app", "flight", "lab", "main", "mocap", "ports", "thrust_stand"]
 
 INTERRUPTED = 130
 """Exit status with which typer ends on Ctrl-C."""

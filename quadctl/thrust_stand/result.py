@@ -68,7 +68,7 @@ class StandResult:
         was = self.vehicle.rotor.thrust_n_per_rpm2
         lines = [
             f"T = k rpm^2: k = {_with_interval(curve.k)} N/rpm^2, vehicle file {was:.4g} "
-            f"({curve.k_to_fly / was - 1.0:+.1%}); {curve.rms_n:.3g} N rms left"
+            f"({curve.k.value / was - 1.0:+.1%}); {curve.rms_n:.3g} N rms left"
         ]
         if not curve.alternatives:
             return [*lines, "Whether one k is enough cannot be tested with fewer than four points."]
