@@ -44,7 +44,7 @@ def mocap(
     """Forward motion-capture poses to the autopilot's estimator, until Ctrl-C; says how late they are."""
     from quadctl.flight.ports import resolve
     from quadctl.mocap.forward import forward
-    from quadctl.mocap.sources import open_source
+    from quadctl.mocap.urls import open_source
 
     opened = open_source(source, body)
     flow = forward(resolve(link, console), opened, frame.value, math.radians(yaw), console, threading.Event())

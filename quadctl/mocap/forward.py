@@ -31,7 +31,7 @@ STREAMS = {"ATTITUDE_QUATERNION": (31, 20.0), "LOCAL_POSITION_NED": (32, 10.0)}
 """What is compared with the poses: message id and rate."""
 MESSAGES = (*STREAMS, "HEARTBEAT")
 CONNECT_S = 10.0
-FIRST_POSE_S = 5.0
+FIRST_POSE_S = 10.0
 LOST_S = 0.2
 """Without a pose that may pass, so long, the body counts as lost."""
 ATTITUDE_AGE_S = 0.5
@@ -87,7 +87,11 @@ class Forwarder:
         x, y, z = position
         fields = {"usec": int(1e6 * pose.received_s), "x": x, "y": y, "z": z, "roll": roll, "pitch": pitch}
         unknown = [None] * 21  # covariance: null is MAVLink's nan
-        self._send({**fields, "yaw": heading, "covariance": unknown, "reset_counter": 0})
+        try:
+            self._send({**fields, "yaw": heading, "covariance": unknown, "reset_counter": 0})
+        except LinkError:  # a serial line that was pulled out: the link opens it again when it is back
+            self.flow.withheld["with the link down"] += 1
+            return []
         self.flow.add(now_s, self._gate.age_s(pose, now_s))
         return [warning for warning in warnings if warning]
 
@@ -178,14 +182,9 @@ def _check_beginning(forwarder: Forwarder, source: Source, waited_s: float, sinc
         raise FlightError(f"Nothing is forwarded: {forwarder.problem}.")
     if waited_s > FIRST_POSE_S:
         withheld = ", ".join(f"{count} {reason}" for reason, count in forwarder.flow.withheld.items())
-        seen = f"what came was withheld: {withheld}" if withheld else f"seen were {_names(source)}"
-        raise LinkError(
-            f"No pose of the rigid body came within {FIRST_POSE_S:g} s ({seen}): check --body and --source."
-        )
-
-
-def _names(source: Source) -> str:
-    return ", ".join(sorted(source.others)[:5]) or "none at all"
+        others = ", ".join(sorted(source.others)[:5]) or "nothing at all"
+        seen = f"what came was withheld: {withheld}" if withheld else f"seen: {others}"
+        raise LinkError(f"No pose that may pass came within {FIRST_POSE_S:g} s ({seen}): check --body and --source.")
 
 
 @contextmanager

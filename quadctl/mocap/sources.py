@@ -1,29 +1,26 @@
-"""Where poses come from: UDP datagrams, a motion-capture system through the `motioncapture` package, or a recording."""
+"""Where poses come from: UDP datagrams or a recording; capture.py has the motion-capture systems."""
 
 import json
 import math
 import socket
-import threading
 import time
-from collections.abc import Callable, Iterator
+from collections import deque
+from collections.abc import Iterator
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Protocol, Self
+from typing import Protocol, Self
 
 from quadctl.errors import LinkError, LogError
 from quadctl.mocap.gate import Pose
 from quadctl.state import NAN
 
-SYSTEMS = ("vicon", "optitrack", "qualisys", "vrpn")
-CONNECT_S = 5.0
-EXPECTED = "udp://0.0.0.0:5005, " + ", ".join(f"{system}://HOST" for system in SYSTEMS) + " or replay:FILE.jsonl"
-
 
 class Source(Protocol):
     """A context manager that gives poses."""
 
-    others: set[str]
-    """Names of bodies that were seen and not asked for."""
+    @property
+    def others(self) -> set[str]:
+        """Names of bodies that were seen and not asked for."""
 
     def __enter__(self) -> Self: ...
     def __exit__(
@@ -32,21 +29,6 @@ class Source(Protocol):
 
     def receive(self, timeout_s: float) -> Pose | None:
         """The newest pose of the body, as soon as there is one that has not been given; None when the time is up."""
-
-
-def open_source(url: str, body: str) -> Source:
-    """The source at `url` for the rigid body of that name; raises LinkError or LogError when there is no such."""
-    scheme, _, rest = url.partition(":")
-    place = rest.removeprefix("//")
-    if scheme == "udp":
-        host, _, port = place.rpartition(":")
-        if host and port.isdecimal() and 0 < int(port) < 65536:
-            return UdpSource(host, int(port), body)
-    elif scheme in (*SYSTEMS, "mock") and place:
-        return CaptureSource(scheme, place, body)
-    elif scheme == "replay" and place:
-        return ReplaySource(Path(place), body)
-    raise LinkError(f"The source {url!r} is not one that can be opened: expected {EXPECTED}.")
 
 
 def parse_pose(data: str | bytes, received_s: float) -> Pose | None:
@@ -69,7 +51,7 @@ class UdpSource:
     """Datagrams with one pose each."""
 
     def __init__(self, host: str, port: int, body: str) -> None:
-        """Raises LinkError when the port cannot be bound."""
+        """Port 0 takes any that is free. Raises LinkError when the port cannot be bound."""
         self.others: set[str] = set()
         self._body = body
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -78,6 +60,11 @@ class UdpSource:
         except OSError as error:
             self._socket.close()
             raise LinkError(f"The source udp://{host}:{port} cannot be opened ({error.strerror}).") from None
+
+    @property
+    def port(self) -> int:
+        port: int = self._socket.getsockname()[1]
+        return port
 
     def __enter__(self) -> Self:
         return self
@@ -104,120 +91,38 @@ class UdpSource:
                 self.others.add(pose.name)
 
 
-class _Mailbox:
-    """Holds the newest pose, from a thread that may block to one that must not."""
-
-    def __init__(self) -> None:
-        self._pose: Pose | None = None
-        self._failure: LinkError | None = None
-        self._news = threading.Condition()
-
-    def put(self, pose: Pose) -> None:
-        with self._news:
-            self._pose = pose
-            self._news.notify()
-
-    def fail(self, failure: LinkError) -> None:
-        with self._news:
-            self._failure = failure
-            self._news.notify()
-
-    def take(self, timeout_s: float) -> Pose | None:
-        with self._news:
-            self._news.wait_for(lambda: self._pose is not None or self._failure is not None, timeout_s)
-            if self._failure is not None:
-                raise self._failure
-            pose, self._pose = self._pose, None
-            return pose
-
-
-class _ThreadedSource:
-    """A source whose poses a thread of its own produces. It is a daemon: libraries block without end."""
-
-    def __init__(self, body: str) -> None:
-        self.others: set[str] = set()
-        self._body = body
-        self._mailbox = _Mailbox()
-        self._stopping = threading.Event()
-
-    def __enter__(self) -> Self:
-        threading.Thread(target=self._run, name="mocap", daemon=True).start()
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, tb: TracebackType | None) -> None:
-        self._stopping.set()
-
-    def receive(self, timeout_s: float) -> Pose | None:
-        return self._mailbox.take(timeout_s)
-
-    def _offer(self, pose: Pose) -> None:
-        if pose.name == self._body:
-            self._mailbox.put(pose)
-        else:
-            self.others.add(pose.name)
-
-    def _run(self) -> None:
-        raise NotImplementedError
-
-
-class CaptureSource(_ThreadedSource):
-    """A motion-capture system that the `motioncapture` package knows."""
-
-    def __init__(self, system: str, host: str, body: str) -> None:
-        """Raises LinkError when the package is not installed."""
-        super().__init__(body)
-        self._name = f"{system}://{host}"
-        try:
-            import motioncapture
-        except ImportError:
-            raise LinkError(
-                f"The source {self._name} needs the package motioncapture: pip install 'quadctl[mocap]'."
-            ) from None
-        self._connect: Callable[[], Any] = lambda: motioncapture.connect(system, {"hostname": host})
-        self._connected = threading.Event()
-        self._begin_s = math.inf
-
-    def receive(self, timeout_s: float) -> Pose | None:
-        self._begin_s = min(self._begin_s, time.monotonic())
-        if not self._connected.is_set() and time.monotonic() - self._begin_s > CONNECT_S:
-            raise LinkError(f"The motion-capture system at {self._name} does not answer: check its address.")
-        return super().receive(timeout_s)
-
-    def _run(self) -> None:
-        try:
-            system = self._connect()
-            self._connected.set()
-            while not self._stopping.is_set():
-                system.waitForNextFrame()
-                received_s = time.monotonic()
-                for name, body in system.rigidBodies.items():
-                    x, y, z = map(float, body.position)
-                    q = body.rotation
-                    self._offer(Pose(name, received_s, (x, y, z), (q.w, q.x, q.y, q.z)))
-        except Exception as error:  # whatever the library raises, on a thread that nobody sees
-            self._mailbox.fail(LinkError(f"The motion-capture system at {self._name} gives up: {error}."))
-
-
-class ReplaySource(_ThreadedSource):
+class ReplaySource:
     """A recording: one datagram's JSON on each line, given at the pace of its `time`."""
 
     def __init__(self, path: Path, body: str) -> None:
         """Raises LogError when the file cannot be read or holds no poses."""
-        super().__init__(body)
+        self.others: set[str] = set()
         try:
             lines = path.read_text(encoding="utf-8").splitlines()
         except (OSError, UnicodeDecodeError) as error:
             raise LogError(f"{path}: cannot be read ({error})") from None
-        self._poses = list(_timed(lines, path))
-        if not self._poses:
+        poses = list(_timed(lines, path))
+        if not poses:
             raise LogError(f"{path}: holds no poses, expected lines of JSON")
+        self.others = {pose.name for pose in poses if pose.name != body}
+        self._waiting = deque(pose for pose in poses if pose.name == body)
+        self._first_s = poses[0].sent_s
+        self._begin_s = math.inf
 
-    def _run(self) -> None:
-        begin_s, first_s = time.monotonic(), self._poses[0].sent_s
-        for pose in self._poses:
-            if self._stopping.wait(max(begin_s + pose.sent_s - first_s - time.monotonic(), 0.0)):
-                return
-            self._offer(pose._replace(received_s=time.monotonic()))
+    def __enter__(self) -> Self:
+        self._begin_s = time.monotonic()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, tb: TracebackType | None) -> None:
+        return
+
+    def receive(self, timeout_s: float) -> Pose | None:
+        due_s = self._begin_s + self._waiting[0].sent_s - self._first_s if self._waiting else math.inf
+        wait_s = due_s - time.monotonic()
+        time.sleep(max(min(wait_s, timeout_s), 0.0))
+        if wait_s > timeout_s:
+            return None
+        return self._waiting.popleft()._replace(received_s=time.monotonic())
 
 
 def _timed(lines: list[str], path: Path) -> Iterator[Pose]:
