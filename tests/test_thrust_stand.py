@@ -25,7 +25,7 @@ from quadctl.cli import app
 from quadctl.errors import QuadctlError
 from quadctl.frames import GRAVITY_M_S2
 from quadctl.thrust_stand.curves import fit_throttle_line, fit_thrust_curve
-from quadctl.thrust_stand.measurement import Point
+from quadctl.thrust_stand.measurement import Point, check_plausible
 from quadctl.thrust_stand.motor import clockwise_place
 from quadctl.thrust_stand.scale import SerialScale, TypedScale, parse_reading
 from quadctl.thrust_stand.student import t_95, two_sided_p
@@ -204,6 +204,10 @@ def test_what_is_no_csv_is_one_sentence(content: bytes | None, tmp_path: Path) -
     assert isinstance(run(RAPTOR, "--from", path).exception, QuadctlError)
 
 
+def test_noise_at_idle_is_no_fall_of_thrust() -> None:
+    check_plausible([Point(0.1, 1010.0, 0.03), Point(0.15, 1000.0, -0.03)], VEHICLE, "idle")
+
+
 # --- the scale -----------------------------------------------------------------------------------------------------
 
 
@@ -359,6 +363,9 @@ def test_ctrl_c_stops_the_motor_at_once(stand: Stand) -> None:
 def test_a_program_that_hangs_leaves_no_motor_running(stand: Stand) -> None:
     stand.process.send_signal(signal.SIGSTOP)
     assert stand.stopped_after_s() < 1.6
+    stand.process.send_signal(signal.SIGCONT)
+    assert "held up for" in stand.process.communicate(timeout=TIMEOUT_S)[1]
+    assert stand.px.autopilot.body.rpm[0] < 500.0  # and it did not start again
 
 
 @contextmanager

@@ -4,15 +4,16 @@ import asyncio
 import math
 import signal
 import statistics
+import time
 from collections.abc import Awaitable, Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from typing import Never, Protocol, TypeVar
+from typing import Never, TypeVar
 
 from quadctl.errors import FlightError, LinkError
-from quadctl.state import NAN, VehicleState
+from quadctl.state import NAN
 from quadctl.thrust_stand.measurement import Point
-from quadctl.thrust_stand.motor import RENEW_S
+from quadctl.thrust_stand.motor import ALIVE_S, RENEW_S, TestedMotor
 from quadctl.thrust_stand.scale import Scale
 
 T = TypeVar("T")
@@ -20,20 +21,9 @@ T = TypeVar("T")
 LONGEST_STEP_S = 60.0
 """Whatever the scale, or the person who reads it, does."""
 WATCH_S = 0.05
+STALL_S = 0.8 * ALIVE_S
 RPM_AGE_S = 0.5
 """Older rotor speeds are those of another time."""
-
-
-class Motor(Protocol):
-    """What the bench needs of a motor."""
-
-    number: int
-
-    def throttle(self, percent: int) -> float: ...
-    async def spin(self, percent: int) -> None: ...
-    def renew(self, percent: int) -> None: ...
-    def stop(self) -> None: ...
-    def state(self) -> VehicleState: ...
 
 
 @dataclass(frozen=True)
@@ -60,11 +50,13 @@ class _Samples:
 class Bench:
     """Runs a motor through a schedule."""
 
-    def __init__(self, motor: Motor, scale: Scale, schedule: Schedule) -> None:
+    def __init__(self, motor: TestedMotor, scale: Scale, schedule: Schedule) -> None:
         self._motor = motor
         self._scale = scale
         self._schedule = schedule
         self._samples = _Samples([], [], [])
+        self._commanded_s = math.inf
+        """When the motor was last told to run."""
 
     async def run(self, measured: Callable[[Point], None]) -> None:
         """Tare the scale, then measure; `measured` gets each point and may raise to end it.
@@ -82,11 +74,16 @@ class Bench:
         await self._scale.tare(self._schedule.average_s)
         try:
             for percent in self._schedule.percents:
+                self._refuse_after_stall()
                 await self._motor.spin(percent)
+                self._commanded_s = time.monotonic()
                 measured(await self._watched(self._measure(percent), percent))
         finally:
             with suppress(LinkError):
                 self._motor.stop()
+                for _ in range(2):  # a message may be lost
+                    await asyncio.sleep(0.1)
+                    self._motor.stop()
 
     async def _measure(self, percent: int) -> Point:
         await asyncio.sleep(self._schedule.settle_s)
@@ -118,10 +115,21 @@ class Bench:
         per_renewal = round(RENEW_S / WATCH_S)
         for i in range(round(LONGEST_STEP_S / WATCH_S)):
             if i % per_renewal == 0:
+                self._refuse_after_stall()
                 self._motor.renew(percent)
+                self._commanded_s = time.monotonic()
             self._look()
             await asyncio.sleep(WATCH_S)
         raise FlightError(f"motor {self._motor.number}: the step took longer than {LONGEST_STEP_S:g} s: stopped.")
+
+    def _refuse_after_stall(self) -> None:
+        """A motor that has stopped because this program hung does not start again by itself."""
+        silent_s = time.monotonic() - self._commanded_s
+        if silent_s > STALL_S:
+            raise FlightError(
+                f"motor {self._motor.number}: this program was held up for {silent_s:.1f} s, in which the motor "
+                "stopped by itself: begin again."
+            )
 
     def _look(self) -> None:
         state, i = self._motor.state(), self._motor.number - 1

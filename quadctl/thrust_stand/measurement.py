@@ -20,6 +20,8 @@ MIN_POINTS = 3
 MAX_ROWS = 10_000
 DROP = 0.05
 """Of the greatest thrust or rotor speed: a fall by more while the throttle rises is no noise."""
+NOISE = 0.2
+"""Of the greatest that the vehicle's rotor has: `DROP` counts from there at least, because idling motors are noisy."""
 WRONG_UNIT = 20.0
 """A thrust so many times the vehicle's greatest is in another unit: grams for newtons are 102."""
 
@@ -116,8 +118,10 @@ def check_plausible(points: Sequence[Point], vehicle: Vehicle, source: str) -> N
             f"{expected_n:g} N: expected newtons (or thrust_g, thrust_kg, --unit), and a motor that turns"
         )
     by_throttle = _means(points)
-    _check_rises(by_throttle, [point.thrust_n for point in by_throttle], "thrust", "N", source)
-    _check_rises(by_throttle, [point.rpm for point in by_throttle], "the rotor speed", "rpm", source)
+    thrusts, speeds = [point.thrust_n for point in by_throttle], [point.rpm for point in by_throttle]
+    _check_rises(by_throttle, thrusts, "thrust", "N", NOISE * expected_n, source)
+    expected_rpm = math.sqrt(expected_n / vehicle.rotor.thrust_n_per_rpm2)
+    _check_rises(by_throttle, speeds, "the rotor speed", "rpm", NOISE * expected_rpm, source)
 
 
 def _means(points: Iterable[Point]) -> list[Point]:
@@ -128,11 +132,13 @@ def _means(points: Iterable[Point]) -> list[Point]:
     return [Point(*(sum(values) / len(values) for values in zip(*group, strict=True))) for group in groups.values()]
 
 
-def _check_rises(points: Sequence[Point], values: Sequence[float], what: str, unit: str, source: str) -> None:
+def _check_rises(
+    points: Sequence[Point], values: Sequence[float], what: str, unit: str, least: float, source: str
+) -> None:
     known = [(point.throttle, value) for point, value in zip(points, values, strict=True) if math.isfinite(value)]
     for i in range(1, len(known)):
         (before, was), (now, value) = known[i - 1], known[i]
-        if was - value > DROP * max(v for _, v in known):
+        if was - value > DROP * max(least, *(v for _, v in known)):
             raise LogError(
                 f"{source}: {what} falls from {was:.4g} {unit} at throttle {before:.3g} to {value:.4g} {unit} at "
                 f"{now:.3g}, expected it to rise: check the scale's sign, the supply and the columns"
