@@ -26,7 +26,7 @@ from quadctl.errors import QuadctlError
 from quadctl.frames import GRAVITY_M_S2
 from quadctl.thrust_stand.curves import fit_throttle_line, fit_thrust_curve
 from quadctl.thrust_stand.measurement import Point, check_plausible
-from quadctl.thrust_stand.motor import clockwise_place
+from quadctl.thrust_stand.motor import StandMotor, clockwise_place
 from quadctl.thrust_stand.scale import SerialScale, TypedScale, parse_reading
 from quadctl.thrust_stand.student import t_95, two_sided_p
 from quadctl.thrust_stand.vehicle_file import with_values
@@ -196,6 +196,13 @@ def test_a_measurement_that_cannot_be_true_is_one_sentence(
     assert sentence in str(result.exception)
 
 
+def test_numbers_that_no_vehicle_has_are_not_written(tmp_path: Path) -> None:
+    fast = as_csv(tmp_path / "fast.csv", HEADER, [(u, 100 * rpm, thrust) for u, rpm, thrust in GOOD])
+    result = run(RAPTOR, "--from", fast, "-o", tmp_path / "new.yaml", "--json", tmp_path / "out.json")
+    assert "raptor.yaml with the measured numbers: rotor.thrust_n_per_rpm2 is 1.1" in str(result.exception)
+    assert not (tmp_path / "new.yaml").exists()
+
+
 @pytest.mark.parametrize("content", [b"\xff\xfe\x00\x01", None])
 def test_what_is_no_csv_is_one_sentence(content: bytes | None, tmp_path: Path) -> None:
     path = tmp_path / "bad.csv"
@@ -320,6 +327,19 @@ def test_ardupilot_counts_motors_clockwise_from_the_front() -> None:
     assert [clockwise_place(VEHICLE, number) for number in (1, 2, 3, 4)] == [1, 3, 4, 2]
 
 
+def test_outputs_that_no_flight_uses_are_not_measured() -> None:
+    """ArduPilot flies between MOT_SPIN_MIN and MOT_SPIN_MAX, a motor test goes past both."""
+    port = free_port()
+    motor = StandMotor(f"udpin://127.0.0.1:{port}", VEHICLE, 1)
+    with mock(SimulatedCopter(VEHICLE), port):
+        asyncio.run(motor.prepare())
+        try:
+            assert motor.on_scale([5, 10, 50, 95, 97, 100]) == [15, 50, 95]
+            assert (motor.throttle(15), motor.throttle(95)) == (0.0, 1.0)
+        finally:
+            asyncio.run(motor.close())
+
+
 class Stand:
     """The command in a process of its own, in the middle of its first step."""
 
@@ -356,7 +376,9 @@ def stand(tmp_path: Path) -> Iterator[Stand]:
 def test_ctrl_c_stops_the_motor_at_once(stand: Stand) -> None:
     stand.process.send_signal(signal.SIGINT)
     assert stand.stopped_after_s() < 0.6
-    assert "interrupted after 0 steps: the motor is stopped" in stand.process.communicate(timeout=TIMEOUT_S)[1]
+    out, err = stand.process.communicate(timeout=TIMEOUT_S)
+    assert "raw.csv" in out
+    assert "interrupted after 0 steps: the motor is stopped" in err
     assert stand.process.returncode == 1
 
 

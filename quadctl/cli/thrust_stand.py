@@ -1,9 +1,10 @@
 """The command that measures a rotor on a stand."""
 
+import math
 import sys
 import time
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -11,6 +12,10 @@ from quadctl.cli.app import app, console
 from quadctl.cli.output import JsonOption, check_outputs, print_saved, write_json, write_text
 from quadctl.errors import FlightError, QuadctlError
 from quadctl.vehicle import Vehicle, load_vehicle
+
+if TYPE_CHECKING:
+    from quadctl.thrust_stand.bench import Schedule
+    from quadctl.thrust_stand.measurement import Point
 
 CONFIRMATION = "the vehicle is fixed"
 TYPED = "typed"
@@ -42,7 +47,7 @@ def thrust_stand(
         bool, typer.Option("--reads-less", help="The motor lifts: the scale reads less with thrust.")
     ] = False,
     motor: Annotated[int, typer.Option("--motor", metavar="N", min=1, help="As the vehicle file counts.")] = 1,
-    steps: Annotated[int, typer.Option("--steps", min=3, max=50, help="Throttle steps.")] = 10,
+    steps: Annotated[int, typer.Option("--steps", min=3, max=50, help="Throttle steps.")] = 12,
     lowest: Annotated[int, typer.Option("--lowest", metavar="PERCENT", min=1, max=100, help="First step.")] = 15,
     highest: Annotated[int, typer.Option("--highest", metavar="PERCENT", min=1, max=100, help="Last step.")] = 85,
     settle: Annotated[float, typer.Option("--settle", metavar="S", min=0.1, max=20.0, help="Before reading.")] = 1.5,
@@ -70,7 +75,7 @@ def thrust_stand(
             raise QuadctlError(f"{path}: is there already, expected a new file (or --force)")
     loaded = load_vehicle(vehicle)
     if plot is not None:
-        from quadctl.thrust_stand import plot as picture  # complains about missing packages before anything moves
+        from quadctl.thrust_stand.plot import draw  # a missing package is told before anything turns
 
     if measured is not None:
         points, source = read_points(measured), str(measured)
@@ -86,12 +91,11 @@ def thrust_stand(
         schedule = _schedule(percents, settle, average, max_current)
         raw = raw or Path(f"thrust-stand-{time.strftime('%Y%m%d-%H%M%S')}-motor{motor}.csv")
         points, source = _measure(loaded, str(link), motor, scale, unit, reads_less, schedule, raw), str(raw)
-        print_saved(raw)
     result = evaluate(points, loaded, source)
     console.print("\n".join(result.lines()), soft_wrap=True, markup=False, highlight=False)
     write_json(json_out, result.to_dict())
     if plot is not None:
-        picture.draw(result, plot)
+        draw(result, plot)
         print_saved(plot)
     if output is not None:
         write_text(output, with_values(vehicle, result.vehicle_values()))
@@ -106,16 +110,17 @@ def _confirm(safe: bool, motor: int, vehicle: Vehicle) -> None:
         f"Motor {motor} of {vehicle.name} will run with its propeller on. Fix the vehicle, keep everybody out of the "
         "propeller's plane and reach, and have the battery's plug at hand. Ctrl-C stops the motor.",
         soft_wrap=True,
+        markup=False,
+        highlight=False,
     )
     if not sys.stdin.isatty():
         raise FlightError("nobody is there to confirm that the vehicle is fixed: say --yes-props-are-safe")
-    if console.input(f"Type '{CONFIRMATION}' to go on: ").strip() != CONFIRMATION:
+    console.print(f"Type '{CONFIRMATION}' to go on: ", end="", highlight=False)
+    if input().strip() != CONFIRMATION:
         raise FlightError("not confirmed: nothing was run")
 
 
-def _schedule(percents: list[int], settle: float, average: float, max_current: float | None) -> Any:
-    import math
-
+def _schedule(percents: list[int], settle: float, average: float, max_current: float | None) -> "Schedule":
     from quadctl.thrust_stand.bench import Schedule
 
     return Schedule(percents, settle, average, math.inf if max_current is None else max_current)
@@ -128,23 +133,24 @@ def _measure(
     scale: str,
     unit: str | None,
     reads_less: bool,
-    schedule: Any,
+    schedule: "Schedule",
     raw: Path,
-) -> Any:
+) -> "list[Point]":
     from contextlib import ExitStack, closing
 
     from quadctl.flight.ports import resolve
     from quadctl.thrust_stand.measurement import PointWriter
-    from quadctl.thrust_stand.motor import TestedMotor
+    from quadctl.thrust_stand.motor import StandMotor
     from quadctl.thrust_stand.scale import Scale, SerialScale, TypedScale
     from quadctl.thrust_stand.session import measure
 
-    motor = TestedMotor(resolve(link, console), vehicle, number)
+    motor = StandMotor(resolve(link, console), vehicle, number)
     with ExitStack() as stack:
         reader: Scale
         if scale == TYPED:
-            reader = TypedScale(unit or "g", console.input)
+            reader = TypedScale(unit or "g")
         else:
             reader = stack.enter_context(SerialScale(scale, unit, reads_less))
         points = stack.enter_context(closing(PointWriter(raw)))
+        stack.callback(print_saved, raw)  # what was measured until a failure too
         return measure(vehicle, motor, reader, schedule, points, console)

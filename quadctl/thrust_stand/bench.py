@@ -13,7 +13,7 @@ from typing import Never, TypeVar
 from quadctl.errors import FlightError, LinkError
 from quadctl.state import NAN
 from quadctl.thrust_stand.measurement import Point
-from quadctl.thrust_stand.motor import ALIVE_S, RENEW_S, TestedMotor
+from quadctl.thrust_stand.motor import ALIVE_S, RENEW_S, StandMotor
 from quadctl.thrust_stand.scale import Scale
 
 T = TypeVar("T")
@@ -50,7 +50,7 @@ class _Samples:
 class Bench:
     """Runs a motor through a schedule."""
 
-    def __init__(self, motor: TestedMotor, scale: Scale, schedule: Schedule) -> None:
+    def __init__(self, motor: StandMotor, scale: Scale, schedule: Schedule) -> None:
         self._motor = motor
         self._scale = scale
         self._schedule = schedule
@@ -73,7 +73,7 @@ class Bench:
         """
         await self._scale.tare(self._schedule.average_s)
         try:
-            for percent in self._schedule.percents:
+            for percent in self._motor.on_scale(self._schedule.percents):
                 self._refuse_after_stall()
                 await self._motor.spin(percent)
                 self._commanded_s = time.monotonic()

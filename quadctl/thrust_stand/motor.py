@@ -1,6 +1,7 @@
 """One motor of a disarmed vehicle, run by MAVLink's motor test, which ends by itself when it is not renewed."""
 
 import math
+from collections.abc import Iterable
 
 from quadctl.errors import FlightError
 from quadctl.flight import mavlink
@@ -14,10 +15,8 @@ ALIVE_S = 1.0
 RENEW_S = 0.25
 
 
-class TestedMotor(MavsdkAutopilot):
+class StandMotor(MavsdkAutopilot):
     """Rotor `number`, from 1, of the vehicle at the other end of `url`."""
-
-    __test__ = False  # is no test case, whatever pytest makes of its name
 
     def __init__(self, url: str, vehicle: Vehicle, number: int, connect_timeout_s: float = 10.0) -> None:
         """Raises LinkError when `url` is not one that MAVSDK can open."""
@@ -50,6 +49,12 @@ class TestedMotor(MavsdkAutopilot):
     def throttle(self, percent: int) -> float:
         """The throttle target that gives each motor the output of the test, 0..1."""
         return self._firmware.motor_throttle(1000.0 + 10.0 * percent)
+
+    def on_scale(self, percents: Iterable[int]) -> list[int]:
+        """These outputs, rising, brought into the range that flights use: ArduPilot's ends at MOT_SPIN_MAX."""
+        lowest = max(p for p in range(100) if self.throttle(p) <= self.throttle(0))
+        highest = min(p for p in range(1, 101) if self.throttle(p) >= self.throttle(100))
+        return sorted({min(max(percent, lowest), highest) for percent in percents})
 
     async def spin(self, percent: int) -> None:
         """Run it; returns when the autopilot has accepted. To be renewed within ALIVE_S.

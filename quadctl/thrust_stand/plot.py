@@ -1,15 +1,13 @@
 """The picture of a measurement: thrust over rotor speed, throttle over total thrust."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from quadctl.errors import LogError
 from quadctl.thrust_stand.result import StandResult
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 MEASURED, FITTED, BEFORE = "#1f77b4", "#d62728", "#999999"
 
@@ -22,12 +20,8 @@ def draw(result: StandResult, path: Path) -> None:
     LogError
         It cannot be written.
     """
-    import matplotlib as mpl
-
-    mpl.use("Agg")
-    from matplotlib import pyplot as plt
-
-    figure, axes = plt.subplots(1, 2, figsize=(10, 4.2), layout="constrained")
+    figure = Figure(figsize=(10, 4.2), layout="constrained")
+    axes = figure.subplots(1, 2)
     _draw_thrust(axes[0], result)
     _draw_throttle(axes[1], result)
     for panel in axes:
@@ -39,11 +33,9 @@ def draw(result: StandResult, path: Path) -> None:
         figure.savefig(path, dpi=120)
     except (OSError, ValueError) as error:  # ValueError: a suffix that is no picture
         raise LogError(f"{path}: the picture cannot be written ({error})") from None
-    finally:
-        plt.close(figure)
 
 
-def _draw_thrust(axes: "Axes", result: StandResult) -> None:
+def _draw_thrust(axes: Axes, result: StandResult) -> None:
     axes.set(title="one rotor", xlabel="rotor speed, rpm", ylabel="thrust, N")
     rpm = np.array([point.rpm for point in result.points])
     thrust = np.array([point.thrust_n for point in result.points])
@@ -62,7 +54,7 @@ def _draw_thrust(axes: "Axes", result: StandResult) -> None:
         axes.plot(x, curve, ":", color="black", label=f"rpm^{better.parameter.value:.2f}")
 
 
-def _draw_throttle(axes: "Axes", result: StandResult) -> None:
+def _draw_throttle(axes: Axes, result: StandResult) -> None:
     n, line, before = result.vehicle.n_rotors, result.throttle, result.vehicle.throttle
     axes.set(title=f"{n} rotors alike", xlabel="total thrust, N", ylabel="throttle")
     thrust = np.array([n * point.thrust_n for point in result.points])

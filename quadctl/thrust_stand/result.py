@@ -45,10 +45,10 @@ class StandResult:
         """For JSON."""
         thrust, line = self.thrust, self.throttle
         return {
-            "points": [{k: v if math.isfinite(v) else None for k, v in p._asdict().items()} for p in self.points],
+            "points": [_known(point._asdict()) for point in self.points],
             "thrust_n_per_rpm2": None if thrust is None else _numbers(thrust.k),
             "one_k_is_enough": None if thrust is None or not thrust.alternatives else thrust.better is None,
-            "alternatives": [] if thrust is None else [asdict(a) for a in thrust.alternatives],
+            "alternatives": [] if thrust is None else [_known(asdict(a)) for a in thrust.alternatives],
             "throttle": {
                 "per_newton": _numbers(line.per_newton),
                 "offset": _numbers(line.offset),
@@ -127,6 +127,11 @@ def evaluate(points: Sequence[Point], vehicle: Vehicle, source: str) -> StandRes
     """
     check_points(points, vehicle, source)
     return StandResult(points, vehicle, fit_thrust_curve(points, vehicle), fit_throttle_line(points, vehicle))
+
+
+def _known(fields: dict[str, Any]) -> dict[str, Any]:
+    """With null for what is not a finite number: JSON has no nan."""
+    return {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in fields.items()}
 
 
 def _numbers(estimate: Estimate) -> dict[str, Any]:

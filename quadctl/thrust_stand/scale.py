@@ -2,6 +2,7 @@
 
 import asyncio
 import math
+import os
 import re
 import statistics
 import threading
@@ -56,7 +57,8 @@ class SerialScale:
         try:
             self._port = serial.Serial(match[1], int(match[2] or 9600), timeout=0.1)
         except (OSError, ValueError) as error:
-            reason = getattr(error, "strerror", None) or str(error)
+            number = getattr(error, "errno", None)
+            reason = os.strerror(number) if number else str(error)
             raise LinkError(f"The scale at {self.name} cannot be opened ({reason}): check its name.") from None
         self._thread = threading.Thread(target=self._listen, name="scale", daemon=True)
 

@@ -8,7 +8,7 @@ from rich.console import Console
 from quadctl.errors import FlightError
 from quadctl.thrust_stand.bench import Bench, Schedule, cancelled_by_signals
 from quadctl.thrust_stand.measurement import Point, PointWriter, check_plausible
-from quadctl.thrust_stand.motor import TestedMotor
+from quadctl.thrust_stand.motor import StandMotor
 from quadctl.thrust_stand.scale import Scale
 from quadctl.vehicle import Vehicle
 
@@ -16,7 +16,7 @@ HEADER = "throttle     rpm  thrust N  voltage V  current A"
 
 
 def measure(
-    vehicle: Vehicle, motor: TestedMotor, scale: Scale, schedule: Schedule, raw: PointWriter, console: Console
+    vehicle: Vehicle, motor: StandMotor, scale: Scale, schedule: Schedule, raw: PointWriter, console: Console
 ) -> list[Point]:
     """Measure one rotor of the vehicle; each point is printed, and written to `raw`, as it comes.
 
@@ -44,7 +44,7 @@ def measure(
     return points
 
 
-async def _run(motor: TestedMotor, bench: Bench, measured: Callable[[Point], None], console: Console) -> None:
+async def _run(motor: StandMotor, bench: Bench, measured: Callable[[Point], None], console: Console) -> None:
     with cancelled_by_signals():
         try:
             with console.status("waiting for the autopilot"):
