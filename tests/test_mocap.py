@@ -26,11 +26,12 @@ from quadctl.flight.mavsdk_autopilot import MavsdkAutopilot
 from quadctl.frames import euler_from_quaternion, quaternion_from_euler, rotate
 from quadctl.mocap.agreement import Motion, tilt_problem, yaw_problem
 from quadctl.mocap.axes import FRAMES, to_ned
+from quadctl.mocap.forward import Forwarder
 from quadctl.mocap.gate import Gate, Pose
 from quadctl.mocap.sources import ReplaySource, parse_pose
 from quadctl.mocap.statistics import Flow
 from quadctl.mocap.urls import open_source
-from quadctl.state import Quat, Vec3
+from quadctl.state import Quat, Vec3, VehicleState
 from quadctl.vehicle import load_vehicle
 from sitl.autopilot import SimulatedAutopilot
 from sitl.copter import SimulatedCopter
@@ -194,6 +195,26 @@ def test_rate_age_and_dropouts_are_counted() -> None:
     assert flow.rate_hz(None) == pytest.approx(100 / 1.5)
     assert (flow.dropouts, flow.longest_gap_s) == (1, pytest.approx(0.51))
     assert "age when sent 2.0 ms" in flow.line()
+
+
+def test_a_silent_autopilot_and_a_link_that_is_down_are_told() -> None:
+    sent: list[dict[str, object]] = []
+    there = True
+
+    def send(fields: dict[str, object]) -> None:
+        if not there:
+            raise LinkError("unplugged")
+        sent.append(fields)
+
+    forwarder = Forwarder(send, lambda: VehicleState(0.0, connected=there), "nwu", 0.0)
+    assert forwarder.take(pose(0.0, 0.0), 0.0) == []
+    there = False
+    assert forwarder.take(pose(0.01, 0.01), 0.01) == ["the autopilot has gone silent"]
+    assert forwarder.take(pose(0.02, 0.02), 0.02) == []
+    there = True
+    assert forwarder.take(pose(0.03, 0.03), 0.03) == ["the autopilot is heard again"]
+    assert (len(sent), forwarder.flow.sent) == (2, 2)
+    assert forwarder.flow.withheld == {"with the link down": 2}
 
 
 # --- sources -------------------------------------------------------------------------------------------------------

@@ -25,7 +25,7 @@ from quadctl.mocap.axes import FRAMES, to_ned
 from quadctl.mocap.gate import Gate, Pose
 from quadctl.mocap.sources import Source
 from quadctl.mocap.statistics import Flow
-from quadctl.state import NAN, VehicleState
+from quadctl.state import NAN, Quat, Vec3, VehicleState
 
 STREAMS = {"ATTITUDE_QUATERNION": (31, 20.0), "LOCAL_POSITION_NED": (32, 10.0)}
 """What is compared with the poses: message id and rate."""
@@ -64,6 +64,7 @@ class Forwarder:
         self._motion = Motion()
         self._agreed_s = math.nan
         self._heading_checked = False
+        self._heard = True
 
     def take(self, pose: Pose, now_s: float) -> list[str]:
         """One pose: send it or withhold it. Gives warnings, nearly always none."""
@@ -72,28 +73,42 @@ class Forwarder:
             self.flow.withheld[objection] += 1
             return []
         position, attitude = to_ned(pose.position, pose.quaternion, FRAMES[self._frame], self._yaw_rad)
+        warnings = self._compared(pose, position, attitude)
+        if self.problem:
+            self.flow.withheld["against the autopilot's attitude"] += 1
+        elif self._sent(pose, position, attitude):
+            self.flow.add(now_s, self._gate.age_s(pose, now_s))
+        else:
+            self.flow.withheld["with the link down"] += 1
+        return [warning for warning in warnings if warning]
+
+    def _compared(self, pose: Pose, position: Vec3, attitude: Quat) -> list[str]:
+        """What the autopilot says against the pose; empty texts among it."""
         state = self._state()
         warnings = []
+        if state.connected != self._heard:
+            self._heard = state.connected
+            warnings.append("the autopilot is heard again" if self._heard else "the autopilot has gone silent")
         if state.age_s("attitude") < ATTITUDE_AGE_S and all(map(math.isfinite, state.attitude)):
-            self._judge_tilt(tilt_problem(pose.quaternion, self._frame, state.attitude), now_s)
+            self._judge_tilt(tilt_problem(pose.quaternion, self._frame, state.attitude), pose.received_s)
             if not self._heading_checked:
                 self._heading_checked = True
                 warnings.append(yaw_problem(attitude, state.attitude))
-        if self.problem:
-            self.flow.withheld["against the autopilot's attitude"] += 1
-            return [warning for warning in warnings if warning]
-        warnings.append(self._motion.problem(position, state.position_ned_m))
+        if not self.problem:
+            warnings.append(self._motion.problem(position, state.position_ned_m))
+        return warnings
+
+    def _sent(self, pose: Pose, position: Vec3, attitude: Quat) -> bool:
+        """False where the link is down: a serial line that was pulled out is opened again when it is back."""
         roll, pitch, heading = euler_from_quaternion(attitude)
         x, y, z = position
         fields = {"usec": int(1e6 * pose.received_s), "x": x, "y": y, "z": z, "roll": roll, "pitch": pitch}
         unknown = [None] * 21  # covariance: null is MAVLink's nan
         try:
             self._send({**fields, "yaw": heading, "covariance": unknown, "reset_counter": 0})
-        except LinkError:  # a serial line that was pulled out: the link opens it again when it is back
-            self.flow.withheld["with the link down"] += 1
-            return []
-        self.flow.add(now_s, self._gate.age_s(pose, now_s))
-        return [warning for warning in warnings if warning]
+        except LinkError:
+            return False
+        return True
 
     def _judge_tilt(self, problem: str, now_s: float) -> None:
         if not problem:
