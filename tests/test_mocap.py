@@ -83,7 +83,7 @@ def as_measured(frame: str, axes: tuple[Vec3, Vec3, Vec3]) -> Quat:
         column = (0.0, 0.0, 0.0)
         for place, world in zip(places, axes, strict=True):
             seen = WORLD[frame](world)
-            column = tuple(c + place[axis] * s for c, s in zip(column, seen, strict=True))  # type: ignore[assignment]
+            column = tuple(c + place[axis] * s for c, s in zip(column, seen, strict=True))
         columns.append(column)
     return quaternion_of((columns[0], columns[1], columns[2]))
 
