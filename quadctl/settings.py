@@ -65,6 +65,11 @@ def read_yaml(path: Path) -> dict[str, Any]:
         raise SettingsError(f"{path}: is not a text file, expected YAML") from None
     except OSError as error:
         raise SettingsError(f"{path}: cannot be read ({error.strerror})") from None
+    return parse_yaml(text, path)
+
+
+def parse_yaml(text: str, path: Path) -> dict[str, Any]:
+    """As `read_yaml`, of text; `path` names it in error messages."""
     data = read_value(text, str(path))
     if data is None:
         raise SettingsError(f"{path}: is empty, expected settings in YAML")

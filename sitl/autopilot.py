@@ -5,7 +5,7 @@ It lives in simulated time: `step(until_s)` advances it. `run.py` drives it as f
 """
 
 import math
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 from quadctl.frames import GRAVITY_M_S2, multiply, quaternion_from_euler, rotate
 from quadctl.state import AttitudeTarget, Quat, Vec3, VehicleState
@@ -18,6 +18,14 @@ from sitl.inner_loops import InnerLoops, level_with_yaw
 STREAM_AGE_S = 0.5
 """PX4 wants setpoints at 2 Hz or more before it enters offboard."""
 LEVEL: Quat = (1.0, 0.0, 0.0, 0.0)
+
+
+class MotorTest(NamedTuple):
+    """One rotor runs until a time."""
+
+    rotor: int
+    output: float
+    until_s: float
 
 
 class SimulatedAutopilot:
@@ -34,6 +42,7 @@ class SimulatedAutopilot:
         "COM_DISARM_PRFLT": 10.0,
         "MPC_LAND_SPEED": 0.7,
         "MPC_THR_HOVER": 0.5,
+        "THR_MDL_FAC": 0.0,
     }
 
     def __init__(self, vehicle: Vehicle, truth: HiddenTruth | None = None, seed: int = 0, source: str = "") -> None:
@@ -59,6 +68,7 @@ class SimulatedAutopilot:
         self._anchor: Vec3 = (0.0, 0.0, 0.0)
         self._sink_integral_m_s2 = 0.0
         self._steps = 0
+        self._motor_test = MotorTest(0, 0.0, -math.inf)
         self.estimator.observe(self.body.motion())
 
     @property
@@ -91,6 +101,15 @@ class SimulatedAutopilot:
         self._disarm()
         return None
 
+    def request_motor_test(self, rotor: int, output: float, seconds: float) -> str | None:
+        """Run one rotor (from 0) at a motor output for a time, 0 to stop, on a vehicle that is fixed to a stand."""
+        if self.armed or not self.landed:
+            return "Motor Test: vehicle not landed and disarmed"
+        if not 0 <= rotor < self.vehicle.n_rotors:
+            return "Motor Test: no such motor"
+        self._motor_test = MotorTest(rotor, output, self.time_s + seconds)
+        return None
+
     def request_mode(self, mode: str) -> str | None:
         refusal = self._objection_to_mode(mode) if mode in self.modes else f"there is no mode {mode}"
         if refusal is None:
@@ -108,6 +127,10 @@ class SimulatedAutopilot:
         """Advance to `until_s` in steps of the physics."""
         steps = round(until_s / STEP_S)
         while self._steps < steps:
+            if self.time_s < self._motor_test.until_s:
+                self.body.step_on_stand(self._motor_test.rotor, self._motor_test.output)
+                self._end_step()
+                continue
             self._obey_rules()
             if self._steps % 2 == 0:  # attitude loop at 250 Hz, rate loop at 500 Hz
                 self._attitude_loop()
@@ -116,9 +139,12 @@ class SimulatedAutopilot:
                 self._rate_sp, self.body.rates, self._active.throttle if self.armed else 0.0, STEP_S, airborne
             )
             self.body.step(self.outputs, self.armed)
-            self._steps += 1
-            self.body.time_s = self.time_s
-            self.estimator.observe(self.body.motion())
+            self._end_step()
+
+    def _end_step(self) -> None:
+        self._steps += 1
+        self.body.time_s = self.time_s
+        self.estimator.observe(self.body.motion())
 
     def estimate(self) -> VehicleState:
         """What the estimator says now."""
@@ -131,6 +157,7 @@ class SimulatedAutopilot:
             attitude=e.attitude,
             rates_rad_s=e.rates,
             rotor_rpm=e.rotor_rpm,
+            motor_current_a=self.body.motor_current_a(e.rotor_rpm),
             motor_output=tuple(self.outputs),
             battery_v=e.battery_v,
             armed=self.armed,

@@ -5,6 +5,7 @@ predicts and compensates.
 """
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from quadctl.frames import rotate, rotate_inverse
@@ -72,6 +73,9 @@ class SimulatedBody:
         self.in_contact = True
         self._inertia = vehicle.principal_inertia_kg_m2
         self._geometry = [(*rotor.axis, *arm) for rotor, arm in zip(vehicle.rotors, vehicle.moment_arms_m, strict=True)]
+        torque = vehicle.rotor.thrust_n_per_rpm2 * vehicle.rotor.torque_to_thrust_m
+        self._watts_per_rpm3 = torque * (math.pi / 30.0) * 1.6  # electrical over mechanical
+        self._stopped: tuple[float | None, ...] = (None,) * vehicle.n_rotors
         lag = vehicle.rotor.time_constant_s
         self._rotor_share = 1.0 if lag < 1e-6 else 1.0 - math.exp(-STEP_S / lag)
 
@@ -81,7 +85,7 @@ class SimulatedBody:
 
     def step(self, outputs: list[float], armed: bool) -> None:
         """Advance by STEP_S; `outputs` are the motor outputs, 0..1."""
-        self._turn_rotors(outputs, armed)
+        self._turn_rotors(outputs if armed else self._stopped)
         force_body, torque = self._force_and_torque()
         fx, fy, fz = rotate(self.attitude, force_body)
         fz += self.vehicle.weight_n
@@ -100,18 +104,32 @@ class SimulatedBody:
         self._turn_body(torque)
         self.time_s += dt
 
-    def _turn_rotors(self, outputs: list[float], armed: bool) -> None:
+    def step_on_stand(self, rotor: int, output: float) -> None:
+        """Advance by STEP_S with the vehicle fixed and only one rotor driven."""
+        outputs = list(self._stopped)
+        outputs[rotor] = output
+        self._turn_rotors(outputs)
+        self.time_s += STEP_S
+
+    def motor_current_a(self, rpm: Sequence[float]) -> tuple[float, ...]:
+        """What the motors draw at these rotor speeds."""
+        return tuple(self._watts_per_rpm3 * r**3 * Battery.AMPERE_PER_WATT for r in rpm)
+
+    def _turn_rotors(self, outputs: Sequence[float | None]) -> None:
+        """None is a motor that is stopped; one that is armed idles at an output of 0."""
         vehicle, curve, rpm = self.vehicle, self.vehicle.throttle, self.rpm
         k, n, share = vehicle.rotor.thrust_n_per_rpm2, vehicle.n_rotors, self._rotor_share
         # Rotor speed follows the voltage: half of a change shows, the rest is the load line of the motor.
         scale = 1.0 + 0.5 * (self.battery.voltage_v / Battery.REFERENCE_V - 1.0)
         power = 0.0
         for i, output in enumerate(outputs):
-            thrust = (output - curve.offset) / (curve.per_newton * n)
-            wanted = max(IDLE_RPM, math.sqrt(thrust / k) * scale if thrust > 0.0 else 0.0) if armed else 0.0
+            wanted = 0.0
+            if output is not None:
+                thrust = (output - curve.offset) / (curve.per_newton * n)
+                wanted = max(IDLE_RPM, math.sqrt(thrust / k) * scale if thrust > 0.0 else 0.0)
             rpm[i] += share * (wanted - rpm[i])
             power += rpm[i] ** 3
-        self.battery.draw(power * k * vehicle.rotor.torque_to_thrust_m * (math.pi / 30.0) * 1.6, STEP_S)
+        self.battery.draw(power * self._watts_per_rpm3, STEP_S)
 
     def _force_and_torque(self) -> tuple[Vec3, Vec3]:
         vehicle, truth = self.vehicle, self.truth

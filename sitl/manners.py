@@ -1,12 +1,13 @@
 """What differs from one autopilot to the next on the wire: modes, streams, parameters, refusals."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from quadctl.state import VehicleState
+from quadctl.vehicle import Vehicle
 from sitl.messages import Builder
 
 
@@ -60,8 +61,20 @@ class Manners:
     refusal: int
     """MAV_RESULT of a request that it refuses, with a text that says why."""
     takes_off_by_command: bool
+    motor_test_output: Callable[[float], float]
+    """From the share that a motor test asks for to the motor output of `SimulatedAutopilot`."""
+    tests_motors_clockwise: bool
+    """Whether a motor test counts the motors clockwise from the front."""
     integer_parameters: frozenset[str] = field(default_factory=frozenset)
     bytewise_integers: bool = False
     """Whether an integer's bytes travel in the float field, or its value."""
     capabilities: int = mavlink.MAV_PROTOCOL_CAPABILITY_MAVLINK2 | mavlink.MAV_PROTOCOL_CAPABILITY_SET_ATTITUDE_TARGET
     version: int = 0
+
+    def tested_rotor(self, number: int, vehicle: Vehicle) -> int:
+        """Index of the rotor that a motor test calls `number`; -1 where there is none."""
+        places = [rotor.position_m for rotor in vehicle.rotors]
+        rotors = list(range(len(places)))
+        if self.tests_motors_clockwise:
+            rotors.sort(key=lambda i: math.atan2(places[i][1], places[i][0]) % math.tau)
+        return rotors[number - 1] if 0 < number <= len(rotors) else -1

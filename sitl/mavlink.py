@@ -14,6 +14,7 @@ import struct
 import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import replace
 from types import TracebackType
 from typing import NamedTuple, Self
@@ -57,10 +58,13 @@ class MavlinkMock:
         self.manners = manners
         self.faults = Faults()
         self.setpoints_received: list[ReceivedSetpoint] = []
+        self.motor_tests_received = 0
+        self.vision_poses_received: list[Message] = []
+        """VISION_POSITION_ESTIMATE, as it arrived; nothing is estimated from it."""
         self.lag_s = 0.0
         """Real time that the vehicle's clock has given up because the machine was too busy."""
         self._booted_s = 0.0
-        self._address = (host, port)
+        self._addresses = [(host, port)]
         self._socket: socket.socket | None = None
         self._mav = mavlink.MAVLink(None, srcSystem=1, srcComponent=mavlink.MAV_COMP_ID_AUTOPILOT1)
         self._mav.robust_parsing = True
@@ -77,6 +81,7 @@ class MavlinkMock:
             "COMMAND_LONG": self._command,
             "COMMAND_INT": self._command,
             "SET_ATTITUDE_TARGET": self._setpoint,
+            "VISION_POSITION_ESTIMATE": self.vision_poses_received.append,
             "PARAM_REQUEST_LIST": self._parameter_list,
             "PARAM_REQUEST_READ": self._parameter_read,
             "PARAM_SET": self._parameter_set,
@@ -86,14 +91,20 @@ class MavlinkMock:
             mavlink.MAV_CMD_DO_SET_MODE: self._set_mode,
             mavlink.MAV_CMD_NAV_TAKEOFF: self._take_off,
             mavlink.MAV_CMD_NAV_LAND: lambda _: self._answer(self.autopilot.request_mode("LAND")),
+            mavlink.MAV_CMD_DO_MOTOR_TEST: self._test_motor,
             mavlink.MAV_CMD_SET_MESSAGE_INTERVAL: self._set_message_interval,
             mavlink.MAV_CMD_REQUEST_MESSAGE: self._request_message,
         }
 
+    def also_send_to(self, port: int) -> None:
+        """Another program at another port of the same host hears the same and may send too, as behind a router."""
+        self._addresses.append((self._addresses[0][0], port))
+
     def start(self) -> None:
         """Open the socket and let time run."""
+        host = self._addresses[0][0]
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._socket.bind((self._address[0] if self._address[0].startswith("127.") else "", 0))
+        self._socket.bind((host if host.startswith("127.") else "", 0))
         self._socket.setblocking(False)
         self._stopping.clear()
         self._thread = threading.Thread(target=self._run, name="mavlink-mock", daemon=True)
@@ -185,10 +196,9 @@ class MavlinkMock:
         if self.faults.lets_out(message.get_type()):
             data = message.pack(self._mav)
             self._mav.seq = (self._mav.seq + 1) % 256
-            try:
-                self._socket.sendto(data, self._address)
-            except (ConnectionError, BlockingIOError):  # UDP loses what nobody takes
-                return
+            for address in self._addresses:
+                with suppress(ConnectionError, BlockingIOError):  # UDP loses what nobody takes
+                    self._socket.sendto(data, address)
 
     def _send_streams(self) -> None:
         estimate = self.faults.distort(self.autopilot.estimate())
@@ -254,6 +264,16 @@ class MavlinkMock:
         if not self.manners.takes_off_by_command:
             return int(mavlink.MAV_RESULT_UNSUPPORTED)
         return self._answer(self.autopilot.request_take_off(command.param7))
+
+    def _test_motor(self, command: Message) -> int:
+        """By whole percent, as ArduPilot has it."""
+        number, kind, percent, seconds = round(command.param1), command.param2, int(command.param3), command.param4
+        if kind != mavlink.MOTOR_TEST_THROTTLE_PERCENT or not 0 <= percent <= 100:
+            return int(mavlink.MAV_RESULT_UNSUPPORTED)
+        self.motor_tests_received += 1
+        rotor = self.manners.tested_rotor(number, self.autopilot.vehicle)
+        output = self.manners.motor_test_output(0.01 * percent)
+        return self._answer(self.autopilot.request_motor_test(rotor, output, seconds))
 
     def _set_message_interval(self, command: Message) -> int:
         message_id = int(command.param1)

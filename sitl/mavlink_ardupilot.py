@@ -41,6 +41,8 @@ def ardupilot_manners() -> Manners:
         unknown_interval=mavlink.MAV_RESULT_DENIED,
         refusal=mavlink.MAV_RESULT_FAILED,
         takes_off_by_command=True,
+        motor_test_output=output_of_share,
+        tests_motors_clockwise=True,
         integer_parameters=frozenset({"GUID_OPTIONS", "DISARM_DELAY", "LAND_SPEED", "FS_GCS_ENABLE"}),
         version=0x04050000,
     )
@@ -51,3 +53,9 @@ def pulse_us(throttle: float) -> float:
     b, c = 1.0 - THRUST_EXPO, max(throttle, 0.0)
     x = (math.sqrt(b * b + 4.0 * THRUST_EXPO * c) - b) / (2.0 * THRUST_EXPO)
     return 1000.0 * (1.0 + SPIN_MIN + (SPIN_MAX - SPIN_MIN) * x)
+
+
+def output_of_share(share: float) -> float:
+    """What a share of the pulses' range gives of the greatest thrust: `pulse_us` turned round."""
+    x = min(max((share - SPIN_MIN) / (SPIN_MAX - SPIN_MIN), 0.0), 1.0)
+    return (1.0 - THRUST_EXPO) * x + THRUST_EXPO * x * x

@@ -42,6 +42,8 @@ def px4_manners() -> Manners:
         unknown_interval=mavlink.MAV_RESULT_FAILED,
         refusal=mavlink.MAV_RESULT_TEMPORARILY_REJECTED,
         takes_off_by_command=False,
+        motor_test_output=lambda share: share,
+        tests_motors_clockwise=False,
         integer_parameters=frozenset({"COM_OBL_RC_ACT"}),
         bytewise_integers=True,
         capabilities=mavlink.MAV_PROTOCOL_CAPABILITY_MAVLINK2

@@ -38,7 +38,8 @@ def esc_status(estimate: VehicleState) -> Iterator[Message]:
     """Four motors to a message; none where there are no rotor speeds."""
     unknown = [math.nan] * 4
     for first, rpm in _by_fours(estimate.rotor_rpm):
-        yield dialect.EscStatus(first, 1000 * _boot_ms(estimate), rpm, unknown, unknown)
+        current = (list(estimate.motor_current_a[first : first + 4]) + unknown)[:4]
+        yield dialect.EscStatus(first, 1000 * _boot_ms(estimate), rpm, unknown, current)
 
 
 def esc_telemetry(estimate: VehicleState) -> Iterator[Message]:
@@ -46,8 +47,10 @@ def esc_telemetry(estimate: VehicleState) -> Iterator[Message]:
     kinds = (mavlink.MAVLink_esc_telemetry_1_to_4_message, mavlink.MAVLink_esc_telemetry_5_to_8_message)
     groups = list(_by_fours(estimate.rotor_rpm)) or [(0, [0] * 4)]
     centivolts = round(100.0 * estimate.battery_v) if math.isfinite(estimate.battery_v) else 0
-    for kind, (_, rpm) in zip(kinds, groups, strict=False):
-        yield kind([25] * 4, [centivolts] * 4, [0] * 4, [0] * 4, rpm, [1] * 4)
+    for kind, (first, rpm) in zip(kinds, groups, strict=False):
+        amperes = estimate.motor_current_a[first : first + 4]
+        centiamperes = ([round(100.0 * a) if math.isfinite(a) else 0 for a in amperes] + [0] * 4)[:4]
+        yield kind([25] * 4, [centivolts] * 4, centiamperes, [0] * 4, rpm, [1] * 4)
 
 
 def actuator_output_status(estimate: VehicleState) -> Iterator[Message]:

@@ -64,6 +64,7 @@ ARDUPILOT = Firmware(
     ),
     tells_readiness=True,
     motor_throttle=throttle_of_pulse,
+    tests_motors_clockwise=True,
     requirements=(
         Requirement(
             "GUID_OPTIONS",

@@ -63,6 +63,10 @@ class Firmware:
     requirements: Sequence[Requirement] = ()
     checked: Sequence[str] = ()
     """Parameters that a check before the flight judges, besides the requirements."""
+    tests_motors_clockwise: bool = False
+    """Whether a motor test counts the motors clockwise from the front, not by their numbers."""
+    throttle_bent_by: str = ""
+    """Parameter of a curve from throttle target to motor output that a motor test goes past; 0 is none."""
 
     def mode_name(self, custom_mode: int) -> str:
         """Name of a HEARTBEAT's `custom_mode`."""

@@ -50,4 +50,5 @@ PX4 = Firmware(
     tells_readiness=False,
     motor_throttle=share_of_pulse,
     checked=("COM_OF_LOSS_T", "COM_OBL_RC_ACT", "MPC_THR_HOVER"),
+    throttle_bent_by="THR_MDL_FAC",
 )

@@ -1,0 +1,51 @@
+"""The command that feeds motion-capture poses to the autopilot."""
+
+import enum
+import math
+import threading
+from typing import Annotated
+
+import typer
+
+from quadctl.cli.app import app, console
+
+
+class FrameName(enum.StrEnum):
+    """The axes that a motion-capture system may have; `mocap.axes.FRAMES` says what they mean."""
+
+    NWU = "nwu"
+    ENU = "enu"
+    Y_UP = "y_up"
+    NED = "ned"
+
+
+@app.command()
+def mocap(
+    source: Annotated[
+        str,
+        typer.Option(
+            "--source",
+            metavar="URL",
+            help="udp://0.0.0.0:5005, vicon|optitrack|qualisys|vrpn://HOST, replay:FILE.jsonl",
+        ),
+    ],
+    link: Annotated[
+        str, typer.Option("--link", metavar="URL", help="A link of its own: auto, udpin://..., serial:///dev/...:BAUD")
+    ],
+    body: Annotated[str, typer.Option("--body", metavar="NAME", help="The vehicle's name in motion capture.")],
+    frame: Annotated[
+        FrameName, typer.Option("--frame", help="nwu, enu: z up; y_up: Motive's default; ned.")
+    ] = FrameName.NWU,
+    yaw: Annotated[
+        float,
+        typer.Option("--yaw", metavar="DEG", min=-360.0, max=360.0, help="Heading of motion capture's north axis."),
+    ] = 0.0,
+) -> None:
+    """Forward motion-capture poses to the autopilot's estimator, until Ctrl-C; says how late they are."""
+    from quadctl.flight.ports import resolve
+    from quadctl.mocap.forward import forward
+    from quadctl.mocap.urls import open_source
+
+    opened = open_source(source, body)
+    flow = forward(resolve(link, console), opened, frame.value, math.radians(yaw), console, threading.Event())
+    console.print(f"{flow.sent} poses sent: {flow.line(None)}", soft_wrap=True, markup=False, highlight=False)

@@ -1,0 +1,156 @@
+"""The command that measures a rotor on a stand."""
+
+import math
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from quadctl.cli.app import app, console
+from quadctl.cli.output import JsonOption, check_outputs, print_saved, write_json, write_text
+from quadctl.errors import FlightError, QuadctlError
+from quadctl.vehicle import Vehicle, load_vehicle
+
+if TYPE_CHECKING:
+    from quadctl.thrust_stand.bench import Schedule
+    from quadctl.thrust_stand.measurement import Point
+
+CONFIRMATION = "the vehicle is fixed"
+TYPED = "typed"
+
+
+@app.command("thrust-stand")
+def thrust_stand(
+    vehicle: Annotated[Path, typer.Argument(metavar="VEHICLE.yaml", help="The vehicle whose rotor it is.")],
+    link: Annotated[
+        str | None, typer.Option("--link", metavar="URL", help="Measure: auto, udpin://..., serial:///dev/...:BAUD")
+    ] = None,
+    measured: Annotated[
+        Path | None, typer.Option("--from", metavar="FILE.csv", help="Fit a former measurement instead.")
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="NEW.yaml", help="The vehicle file with what was found.")
+    ] = None,
+    raw: Annotated[
+        Path | None,
+        typer.Option("--raw", metavar="FILE.csv", help="Where the measured points go [default: named after the time]."),
+    ] = None,
+    scale: Annotated[
+        str, typer.Option("--scale", metavar="PORT", help="serial:///dev/ttyUSB0:9600, or typed: it asks.")
+    ] = TYPED,
+    unit: Annotated[
+        str | None, typer.Option("--unit", metavar="g|kg|n", help="Of a scale that names none, and of what is typed.")
+    ] = None,
+    reads_less: Annotated[
+        bool, typer.Option("--reads-less", help="The motor lifts: the scale reads less with thrust.")
+    ] = False,
+    motor: Annotated[int, typer.Option("--motor", metavar="N", min=1, help="As the vehicle file counts.")] = 1,
+    steps: Annotated[int, typer.Option("--steps", min=3, max=50, help="Throttle steps.")] = 12,
+    lowest: Annotated[int, typer.Option("--lowest", metavar="PERCENT", min=1, max=100, help="First step.")] = 15,
+    highest: Annotated[int, typer.Option("--highest", metavar="PERCENT", min=1, max=100, help="Last step.")] = 85,
+    settle: Annotated[float, typer.Option("--settle", metavar="S", min=0.1, max=20.0, help="Before reading.")] = 1.5,
+    average: Annotated[float, typer.Option("--average", metavar="S", min=0.1, max=20.0, help="Reading.")] = 2.0,
+    max_current: Annotated[
+        float | None, typer.Option("--max-current", metavar="A", min=0.0, help="Stop above.")
+    ] = None,
+    safe: Annotated[
+        bool, typer.Option("--yes-props-are-safe", help="The vehicle is fixed and nobody is near: do not ask.")
+    ] = False,
+    plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE.png", help="Draw it.")] = None,
+    json_out: JsonOption = None,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite files of earlier runs.")] = False,
+) -> None:
+    """Find a rotor's thrust over rpm and throttle, on a stand or from a CSV, and put it into the vehicle file."""
+    from quadctl.thrust_stand.measurement import read_points
+    from quadctl.thrust_stand.result import evaluate
+    from quadctl.thrust_stand.vehicle_file import with_values
+
+    if (link is None) == (measured is None):
+        raise typer.BadParameter("give --link to measure, or --from to fit a former measurement")
+    check_outputs([vehicle, measured], output, plot, json_out)
+    for path in () if force else (output, plot):
+        if path is not None and path.exists():
+            raise QuadctlError(f"{path}: is there already, expected a new file (or --force)")
+    loaded = load_vehicle(vehicle)
+    if plot is not None:
+        from quadctl.thrust_stand.plot import draw  # a missing package is told before anything turns
+
+    if measured is not None:
+        points, source = read_points(measured), str(measured)
+    else:
+        if unit not in (None, "g", "kg", "n"):
+            raise typer.BadParameter(f"--unit is {unit}, expected g, kg or n")
+        if lowest >= highest:
+            raise typer.BadParameter(f"--lowest {lowest} is not below --highest {highest}")
+        if motor > loaded.n_rotors:
+            raise typer.BadParameter(f"--motor is {motor}, but {loaded.name} has {loaded.n_rotors} rotors")
+        _confirm(safe, motor, loaded)
+        percents = sorted({round(lowest + i * (highest - lowest) / (steps - 1)) for i in range(steps)})
+        schedule = _schedule(percents, settle, average, max_current)
+        raw = raw or Path(f"thrust-stand-{time.strftime('%Y%m%d-%H%M%S')}-motor{motor}.csv")
+        points, source = _measure(loaded, str(link), motor, scale, unit, reads_less, schedule, raw), str(raw)
+    result = evaluate(points, loaded, source)
+    console.print("\n".join(result.lines()), soft_wrap=True, markup=False, highlight=False)
+    write_json(json_out, result.to_dict())
+    if plot is not None:
+        draw(result, plot)
+        print_saved(plot)
+    if output is not None:
+        write_text(output, with_values(vehicle, result.vehicle_values()))
+        print_saved(output)
+
+
+def _confirm(safe: bool, motor: int, vehicle: Vehicle) -> None:
+    """Nothing turns before somebody has said that it may."""
+    if safe:
+        return
+    console.print(
+        f"Motor {motor} of {vehicle.name} will run with its propeller on. Fix the vehicle, keep everybody out of the "
+        "propeller's plane and reach, and have the battery's plug at hand. Ctrl-C stops the motor.",
+        soft_wrap=True,
+        markup=False,
+        highlight=False,
+    )
+    if not sys.stdin.isatty():
+        raise FlightError("nobody is there to confirm that the vehicle is fixed: say --yes-props-are-safe")
+    console.print(f"Type '{CONFIRMATION}' to go on: ", end="", highlight=False)
+    if input().strip() != CONFIRMATION:
+        raise FlightError("not confirmed: nothing was run")
+
+
+def _schedule(percents: list[int], settle: float, average: float, max_current: float | None) -> "Schedule":
+    from quadctl.thrust_stand.bench import Schedule
+
+    return Schedule(percents, settle, average, math.inf if max_current is None else max_current)
+
+
+def _measure(
+    vehicle: Vehicle,
+    link: str,
+    number: int,
+    scale: str,
+    unit: str | None,
+    reads_less: bool,
+    schedule: "Schedule",
+    raw: Path,
+) -> "list[Point]":
+    from contextlib import ExitStack, closing
+
+    from quadctl.flight.ports import resolve
+    from quadctl.thrust_stand.measurement import PointWriter
+    from quadctl.thrust_stand.motor import StandMotor
+    from quadctl.thrust_stand.scale import Scale, SerialScale, TypedScale
+    from quadctl.thrust_stand.session import measure
+
+    motor = StandMotor(resolve(link, console), vehicle, number)
+    with ExitStack() as stack:
+        reader: Scale
+        if scale == TYPED:
+            reader = TypedScale(unit or "g")
+        else:
+            reader = stack.enter_context(SerialScale(scale, unit, reads_less))
+        points = stack.enter_context(closing(PointWriter(raw)))
+        stack.callback(print_saved, raw)  # what was measured until a failure too
+        return measure(vehicle, motor, reader, schedule, points, console)

@@ -1,0 +1,1 @@
+"""Motion-capture poses on their way to the autopilot."""

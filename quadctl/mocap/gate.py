@@ -1,0 +1,66 @@
+"""Which poses may go to the autopilot: those that are numbers, new, fresh and possible."""
+
+import math
+from typing import NamedTuple
+
+from quadctl.state import NAN, Quat, Vec3
+
+UNIT_TOLERANCE = 0.01
+STALE_S = 0.1
+FROZEN_S = 0.1
+"""A camera system that has lost a body repeats its last pose; a living one never is the same to the last bit."""
+FASTEST_M_S = 20.0
+"""More is another body's pose under this one's name, or a flip."""
+
+
+class Pose(NamedTuple):
+    """Of one rigid body, in the axes of the motion-capture system."""
+
+    name: str
+    received_s: float
+    """On the clock of `time.monotonic`."""
+    position: Vec3
+    quaternion: Quat
+    """Scalar first, body to world."""
+    sent_s: float = NAN
+    """On the sender's clock, where it tells."""
+
+
+class Gate:
+    """Judges pose after pose."""
+
+    def __init__(self) -> None:
+        self._seen: tuple[Vec3, Quat] | None = None
+        self._changed_s = -math.inf
+        self._passed: Pose | None = None
+        self._quickest_s = math.inf
+
+    def age_s(self, pose: Pose, now_s: float) -> float:
+        """Time since the pose came, and how much longer than the quickest it took to come, where the sender tells.
+
+        The clocks need not agree: the quickest pose so far stands for no delay.
+        """
+        late_s = 0.0
+        if math.isfinite(pose.sent_s):
+            self._quickest_s = min(self._quickest_s, pose.received_s - pose.sent_s)
+            late_s = pose.received_s - pose.sent_s - self._quickest_s
+        return now_s - pose.received_s + late_s
+
+    def objection(self, pose: Pose, now_s: float) -> str:
+        """Why the pose must not pass, empty when it may."""
+        if not all(map(math.isfinite, (*pose.position, *pose.quaternion))):
+            return "not a number"
+        if abs(math.hypot(*pose.quaternion) - 1.0) > UNIT_TOLERANCE:
+            return "the quaternion is not of length 1"
+        if self.age_s(pose, now_s) > STALE_S:
+            return "stale"
+        what = (pose.position, pose.quaternion)
+        if what == self._seen:
+            return "frozen" if pose.received_s - self._changed_s > FROZEN_S else "repeated"
+        self._seen, self._changed_s = what, pose.received_s
+        if self._passed is not None:
+            elapsed_s = max(pose.received_s - self._passed.received_s, 0.001)
+            if math.dist(pose.position, self._passed.position) > FASTEST_M_S * max(elapsed_s, 0.01):
+                return "jumped"
+        self._passed = pose
+        return ""

@@ -1,0 +1,154 @@
+"""What a measurement on the stand says: lines for the terminal, numbers for scripts, values for the vehicle file."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from quadctl.thrust_stand.curves import (
+    Alternative,
+    Estimate,
+    ThrottleLine,
+    ThrustCurve,
+    fit_throttle_line,
+    fit_thrust_curve,
+)
+from quadctl.thrust_stand.measurement import Point, check_points
+from quadctl.vehicle import Vehicle
+
+SAG = 0.03
+"""Share of the voltage; thrust at a throttle goes about with its square."""
+
+
+@dataclass(frozen=True)
+class StandResult:
+    """The fits to the points of one rotor of `vehicle`."""
+
+    points: Sequence[Point]
+    vehicle: Vehicle
+    thrust: ThrustCurve | None
+    """None where there are no rotor speeds."""
+    throttle: ThrottleLine
+
+    def vehicle_values(self) -> dict[tuple[str, ...], float]:
+        """What changes in the vehicle file, by its keys."""
+        values: dict[tuple[str, ...], float] = {
+            ("throttle", "per_newton"): self.throttle.per_newton.value,
+            ("throttle", "offset"): self.throttle.offset.value,
+            ("throttle", "max_thrust_per_rotor_n"): self.throttle.max_thrust_per_rotor_n,
+        }
+        if self.thrust is not None:
+            values["rotor", "thrust_n_per_rpm2"] = self.thrust.k_to_fly
+        return values
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        thrust, line = self.thrust, self.throttle
+        return {
+            "points": [_known(point._asdict()) for point in self.points],
+            "thrust_n_per_rpm2": None if thrust is None else _numbers(thrust.k),
+            "one_k_is_enough": None if thrust is None or not thrust.alternatives else thrust.better is None,
+            "alternatives": [] if thrust is None else [_known(asdict(a)) for a in thrust.alternatives],
+            "throttle": {
+                "per_newton": _numbers(line.per_newton),
+                "offset": _numbers(line.offset),
+                "max_thrust_per_rotor_n": line.max_thrust_per_rotor_n,
+            },
+            "vehicle": {".".join(keys): value for keys, value in self.vehicle_values().items()},
+        }
+
+    def lines(self) -> list[str]:
+        """For the terminal."""
+        return [*self._thrust_lines(), *self._throttle_lines(), *self._voltage_lines()]
+
+    def _thrust_lines(self) -> list[str]:
+        curve = self.thrust
+        if curve is None:
+            return ["No rotor speeds: rotor.thrust_n_per_rpm2 is not fitted and stays as it is."]
+        was = self.vehicle.rotor.thrust_n_per_rpm2
+        lines = [
+            f"T = k rpm^2: k = {_with_interval(curve.k)} N/rpm^2, vehicle file {was:.4g} "
+            f"({curve.k.value / was - 1.0:+.1%}); {curve.rms_n:.3g} N rms left"
+        ]
+        if not curve.alternatives:
+            return [*lines, "Whether one k is enough cannot be tested with fewer than four points."]
+        if curve.better is None:
+            best = curve.alternatives[0]
+            return [*lines, f"One k is enough: {_law(best)} would change {best.worst_n:.2g} N at most ({_test(best)})."]
+        return [*lines, *self._not_enough(curve, curve.better)]
+
+    def _not_enough(self, curve: ThrustCurve, better: Alternative) -> list[str]:
+        share = better.worst_n / curve.greatest_n
+        off = (
+            f"k alone is off by up to {better.worst_n:.2g} N ({share:.0%} of the greatest), at {better.at_rpm:.0f} rpm"
+        )
+        first = f"One k is not enough: {_law(better)} fits better ({_test(better)}); {off}."
+        if better.law == "offset":
+            return [first, "An offset is a scale that was not at zero, or a mount that carries load: measure again."]
+        advice = (
+            f"The vehicle file gets k = {better.k_hover:.4g}, right in hover; a model that holds elsewhere adds "
+            f"thrust_curve.power with exponent {better.parameter.value:.2f}."
+        )
+        return [first, advice]
+
+    def _throttle_lines(self) -> list[str]:
+        line, curve = self.throttle, self.vehicle.throttle
+        lines = [
+            "throttle = offset + per_newton * total thrust: "
+            f"offset = {_with_interval(line.offset)} (vehicle file {curve.offset:.4g}), "
+            f"per_newton = {_with_interval(line.per_newton)} (vehicle file {curve.per_newton:.4g})",
+            f"from {line.n_points} points at throttle {line.from_throttle:.2f} to {line.to_throttle:.2f}, the worst "
+            f"{line.worst:.3f} off the line; hover at {self._hover():.3f}",
+        ]
+        how = "measured" if line.reached_full else "of the line, full throttle was not measured"
+        lines.append(f"greatest thrust of a rotor: {line.max_thrust_per_rotor_n:.3g} N ({how})")
+        return lines
+
+    def _hover(self) -> float:
+        return self.throttle.offset.value + self.throttle.per_newton.value * self.vehicle.weight_n
+
+    def _voltage_lines(self) -> list[str]:
+        volts = [point.voltage_v for point in self.points if math.isfinite(point.voltage_v)]
+        if not volts or min(volts) > (1.0 - SAG) * max(volts):
+            return []
+        return [
+            f"The voltage went from {max(volts):.2f} to {min(volts):.2f} V: the throttle line holds for a battery "
+            "that sags alike."
+        ]
+
+
+def evaluate(points: Sequence[Point], vehicle: Vehicle, source: str) -> StandResult:
+    """Fit the points of one rotor; `source` names them in error messages.
+
+    Raises
+    ------
+    LogError
+        These cannot be measurements of one of the vehicle's rotors, or are too few.
+    """
+    check_points(points, vehicle, source)
+    return StandResult(points, vehicle, fit_thrust_curve(points, vehicle), fit_throttle_line(points, vehicle))
+
+
+def _known(fields: dict[str, Any]) -> dict[str, Any]:
+    """With null for what is not a finite number: JSON has no nan."""
+    return {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in fields.items()}
+
+
+def _numbers(estimate: Estimate) -> dict[str, Any]:
+    return {"value": estimate.value, "standard_error": estimate.standard_error, "ci95": estimate.ci95}
+
+
+def _with_interval(estimate: Estimate) -> str:
+    low, high = estimate.ci95
+    return f"{estimate.value:.4g} [{low:.4g}, {high:.4g}]"
+
+
+def _law(alternative: Alternative) -> str:
+    value, (low, high) = alternative.parameter.value, alternative.parameter.ci95
+    if alternative.law == "power":
+        return f"T ~ rpm^{value:.2f} [{low:.2f}, {high:.2f}]"
+    return f"T = k rpm^2 {value:+.2g} N [{low:.2g}, {high:.2g}]"
+
+
+def _test(alternative: Alternative) -> str:
+    return f"F(1, {alternative.parameter.freedom}) = {alternative.f_ratio:.3g}, p = {alternative.p_value:.2g}"
