@@ -222,7 +222,7 @@ class TestIntervals:
         for seconds in (60.0, 240.0):
             data = load_dataset([with_weak_rotor(raptor, 1, 0.2, seconds)], raptor)
             fitter = Fitter(stacked(raptor, WeakRotor()), data)
-            (low, high), _ = intervals(fitter.free, fitter.bootstrap(fitter.fit()))
+            ((low, high),) = intervals(fitter.free, fitter.bootstrap(fitter.fit()))
             widths.append(high - low)
         assert 0.3 < widths[1] / widths[0] < 0.8
 

@@ -4,17 +4,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-from quadctl.effects.base import NO_TORQUE, Conditions, Effect, parameter
-from quadctl.numeric import Number, Vector
+from quadctl.effects.base import Conditions, Effect, parameter
+from quadctl.numeric import Number
 from quadctl.vehicle import Vehicle
 
 
 @dataclass(frozen=True)
 class WeakRotor(Effect):
-    """Rotor number `rotor` gives 1 - loss of its thrust, and 1 - drag_share * loss of its drag torque.
-
-    A blade that lost its tip turns more easily too, but not by the same share.
-    """
+    """Rotor number `rotor` gives 1 - loss of its thrust, and of its drag torque."""
 
     name: ClassVar[str] = "rotor_fault.weak"
     source: ClassVar[str] = "loss of effectiveness of one actuator, as in fault-tolerant control (Lanzon et al. 2014)"
@@ -25,7 +22,6 @@ class WeakRotor(Effect):
     turns: ClassVar[bool] = True
 
     loss: float = parameter(0.05, 0.0, 0.9, "", "share of the rotor's thrust that is missing")
-    drag_share: float = parameter(1.0, 0.0, 2.0, "", "share of the drag torque missing over that of the thrust")
     rotor: float = parameter(1.0, 1.0, 64.0, "", "number of the rotor, as motor1, motor2, ...", fitted=False)
 
     @classmethod
@@ -46,13 +42,6 @@ class WeakRotor(Effect):
         most = [max(abs(rotor[axis]) for rotor in vehicle.moment_arms_m) for axis in range(3)]
         shares = zip(("roll", "pitch", "yaw"), arms, most, strict=True)
         return tuple(axis for axis, arm, longest in shares if longest > 0.0 and arm > 0.3 * longest)
-
-    def torque(self, thrust_n: Sequence[Number], c: Conditions, vehicle: Vehicle) -> Vector:
-        weak = round(self.rotor) - 1
-        if weak >= len(thrust_n):
-            return NO_TORQUE
-        drag_kept = (1.0 - self.drag_share) * self.loss / (1.0 - self.loss)
-        return 0.0, 0.0, vehicle.moment_arms_m[weak][2] * drag_kept * thrust_n[weak]
 
     def rotor_thrust(self, thrust_n: Sequence[Number], c: Conditions, vehicle: Vehicle) -> Sequence[Number]:
         weak = round(self.rotor) - 1

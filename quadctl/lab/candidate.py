@@ -23,7 +23,11 @@ MATERIAL = 0.05
 """A family is called missing only when it takes this share off the held-out error of one axis: less is within what
 unknown trims and coefficients of any real vehicle do."""
 HARMLESS = 0.01
-"""An effect that is about moments must not add more than this share to the error of any of them."""
+"""An effect that is about moments may add this share to the error of any of them,"""
+HARMLESS_BESIDE = 0.2
+"""or this share of what it takes off another."""
+SHOWN = 0.01
+"""Share that an effect must take off the error of each moment that it has to show in."""
 NOTHING = 1e-9
 """An error of a log that was made up, not flown."""
 AGE = [kind.name for kind in KINDS].index("delay_s")
@@ -84,7 +88,8 @@ class Candidate:
     @property
     def harmful(self) -> bool:
         """It is about moments and makes one of them worse, as a stand-in for another effect does."""
-        return self.effect.turns and any(self.drops.get(axis, 0.0) < -HARMLESS for axis in MOMENTS)
+        drops = [self.drops.get(axis, 0.0) for axis in MOMENTS]
+        return self.effect.turns and min(drops) < -max(HARMLESS, HARMLESS_BESIDE * max(drops))
 
     @property
     def supported(self) -> bool:
@@ -95,7 +100,7 @@ class Candidate:
     def seen(self) -> bool:
         """It is there, be it only as what is a little off in every vehicle."""
         helps = self.held_out_drop > 0.0 and not self.harmful and self.p_value < SIGNIFICANT
-        shown = all(self.drops.get(axis, 0.0) > HARMLESS for axis in self.effect.shows_in(self.model.vehicle))
+        shown = all(self.drops.get(axis, 0.0) > SHOWN for axis in self.effect.shows_in(self.model.vehicle))
         at_bound = any("bound" in remark for remark in self.remarks)
         undetermined = sum("not determined" in remark for remark in self.remarks)
         known = not self.ci95 or undetermined < len(self.ci95)

@@ -139,22 +139,23 @@ class HiddenBody(SimulatedBody):
                 self.vehicle = with_mass(self.file_vehicle, self.file_vehicle.mass_kg + extra)
         super().step(outputs, armed)
 
-    def _turn_rotors(self, outputs: list[float], armed: bool) -> None:
+    def _turn_rotors(self, outputs: Sequence[float | None]) -> None:
         curve, n = self.file_vehicle.throttle, self.vehicle.n_rotors
         k = self.vehicle.rotor.thrust_n_per_rpm2
         up, down = (1.0 - math.exp(-STEP_S / lag) if lag > 1e-6 else 1.0 for lag in self.lag_s)
         scale = (self.battery.voltage_v / self.battery.FULL_V) ** self.voltage_exponent
         power = 0.0
         for i, output in enumerate(outputs):
-            thrust = (output - curve.offset) / (curve.per_newton * n)
-            by_file = math.sqrt(thrust / k) if thrust > 0.0 else 0.0
-            wanted = max(IDLE_RPM, by_file * scale) if armed else 0.0
+            wanted = by_file = 0.0
+            if output is not None:  # the motor is not stopped
+                thrust = (output - curve.offset) / (curve.per_newton * n)
+                by_file = math.sqrt(thrust / k) if thrust > 0.0 else 0.0
+                wanted, by_file = max(IDLE_RPM, by_file * scale), max(IDLE_RPM, by_file)
             self.rpm[i] += (up if wanted > self.rpm[i] else down) * (wanted - self.rpm[i])
             if self.from_outputs:
-                by_file = max(IDLE_RPM, by_file) if armed else 0.0
                 self.file_rpm[i] += self._rotor_share * (by_file - self.file_rpm[i])
             power += self.rpm[i] ** 3
-        self.battery.draw(power * k * self.vehicle.rotor.torque_to_thrust_m * (math.pi / 30.0) * 1.6, STEP_S)
+        self.battery.draw(power * self._watts_per_rpm3, STEP_S)
 
     def _force_and_torque(self) -> tuple[Vec3, Vec3]:
         k = self.file_vehicle.rotor.thrust_n_per_rpm2
