@@ -227,7 +227,7 @@ def impaired(log: FlightLog, vehicle: Vehicle) -> tuple[float, str]:
         pytest.param(scaled(-1.0, *SPEEDS[:2]), "are flight", id="sense of rotation in the rotor speeds"),
         pytest.param(constant(math.nan, *RATES), "are flight", id="no rates"),
         pytest.param(
-            constant(math.nan, *SPEEDS), "without rotor speeds, thrust is taken from the throttle", id="no rpm"
+            constant(math.nan, *SPEEDS), "without rotor speeds, thrust is taken from the motor output", id="no rpm"
         ),
     ],
 )

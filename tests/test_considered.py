@@ -57,6 +57,7 @@ def test_intervals_grow_by_what_rotors_of_one_batch_differ(raptor: Vehicle, monk
     log = obedient(Model(raptor), 60.0, noise_m_s=0.002)
     swing = np.sin(2.0 * np.pi * 0.2 * log.time_s)
     turned = {f"motor{i}_rpm": log[f"motor{i}_rpm"] * (1.0 + sign * 0.05 * swing) for i, sign in ((1, 1.0), (2, -1.0))}
+    turned["motor1_rpm"] = turned["motor1_rpm"] / np.sqrt(0.9)
     data = load_dataset([dataclasses.replace(log, columns={**log.columns, **turned})], raptor)
     fitter = Fitter(Model(raptor).plus(WeakRotor(rotor=1.0)), data)
     fitted = fitter.fit()

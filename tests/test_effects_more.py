@@ -325,7 +325,7 @@ def test_wanted_thrust_is_given_in_any_flight(
     state = VehicleState(
         time_s=1.0, position_ned_m=(0.0, 0.0, -height_m), velocity_ned_m_s=velocity, attitude=attitude, battery_v=15.0
     )
-    ratio, _ = Compensator(model, CompensatorLimits(band=0.9))(state, 0.0, wanted_n)
+    ratio, *_ = Compensator(model, CompensatorLimits(band=0.9))(state, 0.0, wanted_n)
     c = Conditions(height_m, rotate_inverse(attitude, velocity), attitude, 1.0, 15.0)
     assume(0.11 < sum(model.rotor_thrust([1.0] * n, c)) / n < 1.89)  # within the band
     given_n = sum(model.rotor_thrust([wanted_n / ratio / n] * n, c))
@@ -348,7 +348,7 @@ def test_what_is_not_thrust_is_made_up_for_in_world_axes(
     model = stack(raptor, *effects)
     attitude = quaternion_from_euler(*euler)
     state = VehicleState(time_s=1.0, position_ned_m=(0.0, 0.0, -height_m), velocity_ned_m_s=velocity, attitude=attitude)
-    ratio, force_ned_n = Compensator(model)(state, 0.0, WEIGHT_N)
+    ratio, force_ned_n, _ = Compensator(model)(state, 0.0, WEIGHT_N)
     c = Conditions(height_m, rotate_inverse(attitude, velocity), attitude)
     with_effects = rotate(attitude, model.body_force([WEIGHT_N / 4.0] * 4, c))
     without = rotate(attitude, Model(raptor).body_force([WEIGHT_N / 4.0] * 4, c))
