@@ -32,7 +32,7 @@ class Nearness(NamedTuple):
 def guards(record: Record, brief: Brief) -> Iterator[Nearness]:
     """Every guard that has a limit, in the order in which they decide."""
     limits, place = brief.guards, brief.mission.limits
-    yield _most("heartbeat", record.link_age_s, HEARTBEAT_TIMEOUT_S, "s", 1, r"heartbeat is lost")
+    yield _most("link age", record.link_age_s, HEARTBEAT_TIMEOUT_S, "s", 1, r"heartbeat is lost")
     yield _most("tick lateness", 1e3 * record.late_s, 1e3 * limits.max_tick_late_s, "ms", 1, r"control loop stalled")
     yield _most(
         "state age",

@@ -92,7 +92,7 @@ class GuardList:
             share = min(guard.share, 1.0) if math.isfinite(guard.share) else float(guard.share > 0.0)
             kind = "acted" if answer else "near" if share > NEAR else ""
             row.classes(replace=f"guard {kind}")
-            now = f"{_number(guard.value, guard.decimals)} / {guard.limit:g} {guard.unit}".rstrip()
+            now = f"{_number(guard.value, guard.decimals)} / {guard.limit:.3g} {guard.unit}".rstrip()
             words.set_text(f"acted: {answer}" if answer else now)
             bar.style(replace=f"width:{100.0 * share:.0f}%")
 
@@ -134,8 +134,8 @@ def _number(value: float, decimals: int) -> str:
 
 
 def _height(record: Record, history: History) -> tuple[str, str]:
-    wanted = _number(record.height_ref_m, 2)
-    return _number(record.height_m, 2), f"reference {wanted} m"
+    known = math.isfinite(record.height_ref_m)
+    return _number(record.height_m, 2), f"wanted {record.height_ref_m:.2f}" if known else "no reference"
 
 
 def _speed(record: Record, history: History) -> tuple[str, str]:
@@ -143,7 +143,8 @@ def _speed(record: Record, history: History) -> tuple[str, str]:
 
 
 def _throttle(record: Record, history: History) -> tuple[str, str]:
-    return _number(100.0 * record.throttle, 0), f"thrust {_number(record.thrust_n, 1)} N"
+    known = math.isfinite(record.thrust_n)
+    return _number(100.0 * record.throttle, 0), f"thrust {record.thrust_n:.1f} N" if known else "no thrust"
 
 
 def _battery(record: Record, history: History) -> tuple[str, str]:
@@ -156,7 +157,7 @@ def _lateness(record: Record, history: History) -> tuple[str, str]:
 
 
 def _link(record: Record, history: History) -> tuple[str, str]:
-    return _number(1e3 * record.state_age_s, 0), f"heartbeat {_number(record.link_age_s, 1)} s"
+    return _number(1e3 * record.state_age_s, 0), f"link {_number(record.link_age_s, 1)} s"
 
 
 _TILES: tuple[tuple[str, str, Callable[[Record, History], tuple[str, str]]], ...] = (

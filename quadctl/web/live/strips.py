@@ -10,7 +10,9 @@ from quadctl.web.theme import Theme
 
 WINDOW_ROWS = 600
 """A minute."""
-PANE_PX, FIRST_PANE_PX = 92, 150
+PANE_PX, FIRST_PANE_PX = 84, 130
+NAMED_SHARE = 0.03
+"""A phase that is followed by another one sooner, of the time shown, has no room for its name."""
 
 
 class Curve(NamedTuple):
@@ -31,9 +33,9 @@ FLIGHT: Panes = {
     "throttle / 1": [Curve("throttle", "throttle", "measured")],
 }
 MACHINE: Panes = {
-    "tick lateness / ms": [Curve("tick lateness", "late_ms", "before")],
+    "lateness / ms": [Curve("tick lateness", "late_ms", "before")],
     "state age / ms": [Curve("state age", "state_age_ms", "measured")],
-    "heartbeat age / ms": [Curve("heartbeat age", "link_age_ms", "measured")],
+    "link age / ms": [Curve("link age", "link_age_ms", "measured")],
     "battery / V": [Curve("battery", "battery_v", "measured")],
 }
 
@@ -84,12 +86,15 @@ def marks(phases: Sequence[tuple[float, str]], theme: Theme) -> dict[str, Any]:
     """A line where each phase begins, and its name at the top."""
     line = {"color": theme.muted, "width": 1, "dash": "dot"}
     shapes = [{"type": "line", "x0": t, "x1": t, "yref": "paper", "y0": 0, "y1": 1, "line": line} for t, _ in phases]
+    ends = [*[t for t, _ in phases[1:]], math.inf]
+    least_s = NAMED_SHARE * (phases[-1][0] - phases[0][0]) if phases else 0.0
     names = [
         {
             "x": t, "y": 1, "yref": "paper", "text": name, "showarrow": False, "xanchor": "left", "yanchor": "top",
             "font": {"size": 10, "color": theme.muted}, "xshift": 3, "textangle": 90,
         }
-        for t, name in phases
+        for (t, name), end in zip(phases, ends, strict=False)
+        if end - t > least_s
     ]  # fmt: skip
     return {"shapes": shapes, "annotations": names}
 

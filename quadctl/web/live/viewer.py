@@ -76,9 +76,9 @@ def live_view(brief: Brief, port: int, token: str | None, announce: Callable[[st
                 yield made
             except QuadctlError as error:
                 made.fail(str(error))
-                raise
-            finally:
                 _wait_for_tabs(process, announce)
+                raise
+            _wait_for_tabs(process, announce)
         finally:
             process.terminate()
             process.join()
