@@ -130,3 +130,5 @@ def test_pictures_of_a_flight(browser: Browser, tmp_path: Path) -> None:
             visitor.page.mouse.wheel(0, 900)
             visitor.page.wait_for_timeout(500.0)
             visitor.keeps(f"{name}-below")
+        for visitor in visitors.values():
+            visitor.leaves()

@@ -1,6 +1,7 @@
 """One open tab of the live view: drawn once, and after that only numbers and curves move."""
 
 import time
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from nicegui import ui
@@ -20,6 +21,11 @@ if TYPE_CHECKING:
 
 REFRESH_S = 0.2
 LAND_KEY = "l"
+LOADING_S = 60.0
+_CHARTS_ARE_THERE = """return new Promise(done => {
+  const look = () => document.querySelector('.charts .main-svg') ? done(true) : setTimeout(look, 100);
+  look();
+})"""
 
 
 class LivePage:
@@ -33,6 +39,8 @@ class LivePage:
         self._rows_drawn = 0
         self._phases_drawn = 0
         self._all_drawn = False
+        self._can_extend = False
+        """Plotly is large: until it is loaded, what is new waits."""
 
     async def open(self, client: Client) -> None:
         """Draw all of it, and follow the flight until the tab is closed."""
@@ -45,6 +53,8 @@ class LivePage:
         self._refresh()
         ui.keyboard(on_key=self._key)
         ui.timer(REFRESH_S, self._refresh)
+        with suppress(TimeoutError):
+            self._can_extend = await ui.run_javascript(_CHARTS_ARE_THERE, timeout=LOADING_S)
 
     # --- building -----------------------------------------------------------------------------------------------------
 
@@ -117,7 +127,7 @@ class LivePage:
         self._events.show(history)
         if history.over and not self._all_drawn:
             self._draw_charts()
-        else:
+        elif self._can_extend:
             self._extend_charts()
 
     def _extend_charts(self) -> None:
