@@ -27,6 +27,7 @@ from quadctl.web.figures.profile import profile_figure
 from quadctl.web.figures.ratio import ratio_over_height
 from quadctl.web.figures.timeline import full_timeline
 from quadctl.web.files import require_inside, upload_path
+from quadctl.web.jobs import log_names
 from quadctl.web.session import Rung, Session, load_session, session_to_yaml
 from quadctl.web.theme import DARK, LIGHT
 from quadctl.web.worker import CancelledError, Worker
@@ -187,6 +188,10 @@ class TestFiles:
         for path in (inside / "../secret.csv", Path("/etc/passwd"), inside / "link.csv"):
             with pytest.raises(QuadctlError, match="outside"):
                 require_inside(inside, (path,))
+
+    def test_logs_of_the_same_name_are_told_apart_by_their_folders(self) -> None:
+        paths = [Path(name) for name in ("a/flight.csv", "b/flight.csv", "b/other.csv", "c/b/flight.csv")]
+        assert log_names(paths) == ["flight.csv (a)", "flight.csv (b)", "other.csv", "flight.csv (c/b)"]
 
 
 class TestDownsampling:
