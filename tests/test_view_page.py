@@ -1,14 +1,12 @@
 """The live view in a real browser (headless Chromium), during flights on a simulated autopilot over MAVLink."""
 
 import http.client
-import os
 import socket
 import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-import pytest
 import yaml
 
 from quadctl.flight.view_link import LANDED_BY
@@ -111,24 +109,3 @@ def _upgrade_status(port: int) -> int:
     key = {"Sec-WebSocket-Key": "AAAAAAAAAAAAAAAAAAAAAA=="}
     connection.request("GET", "/_nicegui_ws/socket.io/?EIO=4&transport=websocket", headers=headers | key)
     return connection.getresponse().status
-
-
-@pytest.mark.skipif("SCREENSHOTS" not in os.environ, reason="`make screenshots` takes them")
-def test_pictures_of_a_flight(browser: Browser, tmp_path: Path) -> None:
-    with flying(tmp_path) as (port, _):
-        visitors = {
-            f"live-{size}-{theme}": Visitor(
-                browser, f"http://127.0.0.1:{port}", DESK if size == "desk" else PHONE, theme
-            )
-            for size in ("desk", "phone")
-            for theme in ("light", "dark")
-        }
-        for name, visitor in visitors.items():
-            is_in(visitor, "hover")
-            visitor.page.wait_for_timeout(1500.0)
-            visitor.keeps(name)
-            visitor.page.mouse.wheel(0, 900)
-            visitor.page.wait_for_timeout(500.0)
-            visitor.keeps(f"{name}-below")
-        for visitor in visitors.values():
-            visitor.leaves()
