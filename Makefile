@@ -45,9 +45,9 @@ tutorial: $(INSTALLED)
 real: $(INSTALLED)
 	$(BIN)/python docs/real_flights.py
 
-# Pictures of the lab page (docs/lab-page.md), at both sizes, light and dark, in build/screenshots; needs Chromium.
+# Pictures of the lab page (docs/lab-page.md) and of the live view, at both sizes, light and dark, in build/screenshots; needs Chromium.
 screenshots: $(INSTALLED)
-	SCREENSHOTS=all $(BIN)/python -m pytest tests/test_web_page.py -s
+	SCREENSHOTS=all $(BIN)/python -m pytest tests/test_web_page.py tests/test_view_page.py -s
 
 # Flies a staircase on real autopilots that are there: make sitl-check PX4=DIRECTORY ARDUPILOT=DIRECTORY (or LINK=URL).
 sitl-check: export QUADCTL := $(abspath $(BIN))/quadctl

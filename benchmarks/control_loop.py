@@ -11,6 +11,7 @@ import json
 import os
 import platform
 import resource
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -31,14 +32,19 @@ from quadctl.control import ControllerSettings, Memory, control
 from quadctl.effects import CATALOG
 from quadctl.flight import session
 from quadctl.flight.mavsdk_autopilot import MavsdkAutopilot
+from quadctl.flight.view_link import ViewEnd
 from quadctl.logs.read import read_log
 from quadctl.model import load_model
 from quadctl.state import AttitudeTarget, Setpoint, VehicleState
 from quadctl.vehicle import load_vehicle
+from quadctl.web.live.history import Brief
+from quadctl.web.live.viewer import live_view
 
 ROOT = Path(__file__).parent.parent
 CONFIG = ROOT / "config/flight.yaml"
 RAPTOR = ROOT / "config/vehicles/raptor.yaml"
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+VIEW_PORT = 8092
 SHARES = (50.0, 99.0, 99.9, 100.0)
 HEADINGS = ("what", "p50", "p99", "p99.9", "max", "goal", "")
 
@@ -76,9 +82,10 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, default=10.0, help="of the long flight")
     parser.add_argument("--out", type=Path, help="write the table as a page")
     parser.add_argument("--fly", nargs=3, metavar=("URL", "MISSION", "FOLDER"), help=argparse.SUPPRESS)
+    parser.add_argument("--view", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.fly:
-        _fly(*options.fly)
+        _fly(*options.fly, options.view)
         return
     table = Table(*HEADINGS, title=_machine())
     rows = []
@@ -97,7 +104,9 @@ def _rows(seconds: float, minutes: float) -> Iterator[Row]:
         with _burning(burners):
             plain = asyncio.run(_plain_loop(seconds))
             flight = _flight(seconds)
+            viewed = _flight(seconds, view=True)
         yield _percentiles(f"tick lateness, {load}", flight.late_s, MS, "p99", goal_ms)
+        yield _percentiles(f"tick lateness, {load}, {_viewed()}", viewed.late_s, MS, "p99", goal_ms)
         yield _percentiles(f"plain `await asyncio.sleep(0.02)` loop, {load}", plain, MS)
         yield _percentiles(f"compute of a tick in flight, {load}", flight.compute_s, US, "p99", 300.0)
         yield _percentiles(f"tick to setpoint out, {load}", flight.out_s, MS, "p50", 1.0)
@@ -127,8 +136,12 @@ class Flight(NamedTuple):
     used: str
 
 
-def _flight(seconds: float) -> Flight:
-    """A hover of so many seconds, in a process of its own."""
+def _viewed() -> str:
+    return "with --view and a browser on this machine" if CHROMIUM else "with --view"
+
+
+def _flight(seconds: float, view: bool = False) -> Flight:
+    """A hover of so many seconds, in a process of its own; with a live `view`, and a browser that shows it."""
     with tempfile.TemporaryDirectory() as name, sitl.run.mock_process(load_vehicle(RAPTOR), None, 1) as url:
         folder = Path(name)
         mission = folder / "hover.yaml"
@@ -138,7 +151,8 @@ def _flight(seconds: float) -> Flight:
         ]
         limits = {"min_z_m": 0.1, "max_z_m": 1.0, "max_distance_m": 1.0, "max_duration_s": seconds + 60.0}
         mission.write_text(yaml.safe_dump({"name": "hover", "phases": phases, "limits": limits}))
-        subprocess.run([sys.executable, __file__, "--fly", url, str(mission), name], check=True, cwd=ROOT)
+        command = [sys.executable, __file__, "--fly", url, str(mission), name, *(["--view"] if view else [])]
+        subprocess.run(command, check=True, cwd=ROOT)
         found = json.loads((folder / "out.json").read_text())
         log = read_log(found["log"])
         meta = yaml.safe_load(Path(found["log"]).with_suffix(".meta.yaml").read_text())
@@ -191,18 +205,35 @@ class Timed(MavsdkAutopilot):
 TIMED: list[Timed] = []
 
 
-def _fly(url: str, mission: str, folder: str) -> None:
+def _fly(url: str, mission: str, folder: str, view: bool) -> None:
     """In the child."""
     session.MavsdkAutopilot = Timed  # type: ignore[misc]  # the session makes its adapter itself
     plan = session.prepare_flight(Path(mission), CONFIG, "sanchez", None)
     began_s, began_cpu_s = time.monotonic(), time.process_time()
-    outcome = session.fly_real_time(plan, url, Path(folder), Console(quiet=True))
+    with _live_view(plan, Path(folder)) if view else contextlib.nullcontext() as end:
+        outcome = session.fly_real_time(plan, url, Path(folder), Console(quiet=True), view=end)
     cpu = (time.process_time() - began_cpu_s) / (time.monotonic() - began_s)
     if not outcome.completed:
         sys.exit(f"the flight was not completed: {outcome.ended}")
     (timed,) = TIMED
     found = {name: getattr(timed, name) for name in ("compute_s", "out_s", "age_s", "memory_mb")}
     (Path(folder) / "out.json").write_text(json.dumps({"log": outcome.log, "cpu": cpu, **found}))
+
+
+@contextlib.contextmanager
+def _live_view(plan: session.FlightPlan, folder: Path) -> Iterator[ViewEnd]:
+    brief = Brief(plan.mission, plan.settings.guards, plan.body.vehicle.name, plan.compensator.name)
+    with live_view(brief, VIEW_PORT, None, lambda said: None) as viewer:
+        words = ["--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={folder / 'browser'}"]
+        url = f"http://127.0.0.1:{VIEW_PORT}"
+        keep = "--remote-debugging-port=0"  # else it leaves when the page is loaded
+        browser = CHROMIUM and subprocess.Popen([CHROMIUM, *words, keep, url], stderr=subprocess.DEVNULL)
+        try:
+            yield viewer.end
+        finally:
+            if browser:
+                browser.terminate()
+                browser.wait()
 
 
 async def _plain_loop(seconds: float) -> list[float]:

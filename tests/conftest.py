@@ -1,6 +1,8 @@
 """What all tests share."""
 
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import settings
@@ -21,3 +23,16 @@ def raptor_path() -> Path:
 def raptor(raptor_path: Path) -> Vehicle:
     """1.5 kg, four upright rotors of 0.12 m radius at (+-0.124, +-0.124) m, 1.205 kg/m^3."""
     return load_vehicle(raptor_path)
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    """Headless Chromium, driven by Playwright."""
+    from playwright.sync_api import sync_playwright
+
+    from visitors import CHROMIUM
+
+    with sync_playwright() as playwright:
+        launched = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        yield launched
+        launched.close()

@@ -27,6 +27,7 @@ from quadctl.web.figures.profile import profile_figure
 from quadctl.web.figures.ratio import ratio_over_height
 from quadctl.web.figures.timeline import full_timeline
 from quadctl.web.files import require_inside, upload_path
+from quadctl.web.jobs import log_names
 from quadctl.web.session import Rung, Session, load_session, session_to_yaml
 from quadctl.web.theme import DARK, LIGHT
 from quadctl.web.worker import CancelledError, Worker
@@ -60,6 +61,14 @@ class TestSession:
 
     def test_other_flights_make_all_errors_unknown(self, climbed: Session) -> None:
         assert [rung.error_m_s2 for rung in climbed.without_log(B).rungs] == [None, None, None]
+
+    def test_the_noise_floor_is_the_least_that_any_step_has_shown(self, climbed: Session, tmp_path: Path) -> None:
+        assert climbed.floor_m_s2 is None
+        session = climbed.judged(0.09, 0.05).at(0).judged(0.4, 0.16)
+        path = tmp_path / "session.lab.yaml"
+        path.write_text(session_to_yaml(session))
+        assert session.floor_m_s2 == load_session(path).floor_m_s2 == 0.05
+        assert session.without_log(B).floor_m_s2 is None
 
     def test_not_all_flights_can_be_held_out(self, climbed: Session) -> None:
         held = climbed.with_role(A, unseen=True)
@@ -179,6 +188,10 @@ class TestFiles:
         for path in (inside / "../secret.csv", Path("/etc/passwd"), inside / "link.csv"):
             with pytest.raises(QuadctlError, match="outside"):
                 require_inside(inside, (path,))
+
+    def test_logs_of_the_same_name_are_told_apart_by_their_folders(self) -> None:
+        paths = [Path(name) for name in ("a/flight.csv", "b/flight.csv", "b/other.csv", "c/b/flight.csv")]
+        assert log_names(paths) == ["flight.csv (a)", "flight.csv (b)", "other.csv", "flight.csv (c/b)"]
 
 
 class TestDownsampling:

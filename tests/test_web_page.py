@@ -3,14 +3,11 @@
 Screenshots go to build/screenshots. Times are printed, not judged: they say as much about the machine.
 """
 
-import http.client
 import os
 import re
 import shutil
 import signal
-import socket
 import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -22,18 +19,23 @@ import yaml
 from quadctl.flight.session import prepare_flight
 from quadctl.model import load_model
 from sitl.run import simulate
+from visitors import (
+    DESK,
+    PATIENCE_MS,
+    PHONE,
+    ROOT,
+    Browser,
+    Visitor,
+    command,
+    expect,
+    free_tcp_port,
+    needs_chromium,
+    status,
+)
 
-sync_api = pytest.importorskip("playwright.sync_api")
-from playwright.sync_api import Browser, Page, expect, sync_playwright  # noqa: E402
+pytestmark = needs_chromium
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium on this machine")
-
-ROOT = Path(__file__).parents[1]
-SCREENSHOTS = ROOT / "build" / "screenshots"
 HOVERING = ROOT.parent / "shared" / "data" / "raptor" / "HOVERING.csv"
-DESK, PHONE = {"width": 1280, "height": 800}, {"width": 390, "height": 844}
-PATIENCE_MS = 60_000.0
 MOST_CLICKS = 10
 CUSHION = {"effects": [{"effect": "hidden.ground_cushion", "parameters": {"gain": 0.25, "width": 1.8}}]}
 STAIRCASE = {
@@ -58,104 +60,13 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return Path(shutil.move(outcome.log, where / "flight.csv"))
 
 
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with sync_playwright() as playwright:
-        launched = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        yield launched
-        launched.close()
-
-
 @contextmanager
 def served(out: Path, *arguments: str) -> Iterator[tuple[str, subprocess.Popen[bytes]]]:
-    """The page's address, and the process that serves it."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-    command = [sys.executable, "-c", "from quadctl.cli import main; main()", "lab", *arguments]
+    """The lab's address, and the process that serves it."""
+    port = free_tcp_port()
     options = ["--no-open", "--port", str(port), "--out", str(out)]
-    # NiceGUI serves otherwise where it believes to be tested.
-    environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST")}
-    environment["PYTHONPATH"] = str(ROOT)
-    log = (out.parent / f"{out.name}.log").open("wb")
-    process = subprocess.Popen([*command, *options], cwd=ROOT, env=environment, stdout=log, stderr=log)
-    try:
-        _wait_for(port, process)
+    with command(port, out.parent / f"{out.name}.log", "lab", *arguments, *options) as process:
         yield f"http://127.0.0.1:{port}", process
-    finally:
-        process.send_signal(signal.SIGINT)
-        process.wait(30.0)
-        log.close()
-
-
-def _wait_for(port: int, process: subprocess.Popen[bytes]) -> None:
-    end = time.monotonic() + 90.0
-    while time.monotonic() < end:
-        assert process.poll() is None, "the page ended before it was served"
-        with socket.socket() as probe:
-            if probe.connect_ex(("127.0.0.1", port)) == 0:
-                return
-        time.sleep(0.1)
-    raise AssertionError("the page was not served")
-
-
-def status(url: str, **headers: str) -> int:
-    """What the server answers to a request with these headers."""
-    connection = http.client.HTTPConnection(url.removeprefix("http://"))
-    connection.request("GET", "/", headers=headers)
-    return connection.getresponse().status
-
-
-class Visitor:
-    """A person at the page who counts clicks; whatever the page asks of another machine is noted."""
-
-    def __init__(self, browser: Browser, url: str, size: dict[str, int] = DESK, theme: str = "light") -> None:
-        context = browser.new_context(viewport=size, color_scheme=theme, accept_downloads=True)  # type: ignore[arg-type]
-        context.set_default_timeout(PATIENCE_MS)
-        self.page: Page = context.new_page()
-        self.clicks = 0
-        self.elsewhere: list[str] = []
-        self.mistakes: list[str] = []
-        self.page.on("request", lambda request: self._note(request.url, url))
-        self.page.on("pageerror", lambda error: self.mistakes.append(str(error)))
-        self.page.goto(url)
-
-    def _note(self, asked: str, url: str) -> None:
-        if not asked.startswith((url, "data:", "blob:")):
-            self.elsewhere.append(asked)
-
-    def click(self, selector: str) -> None:
-        self.clicks += 1
-        self.page.locator(selector).first.click()
-
-    def press(self, selector: str) -> None:
-        """The same with the keyboard."""
-        self.clicks += 1
-        self.page.locator(selector).first.focus()
-        self.page.keyboard.press("Enter")
-
-    def sees(self, selector: str) -> str:
-        found = self.page.locator(selector).first
-        expect(found).to_be_visible(timeout=PATIENCE_MS)
-        return str(found.evaluate("element => element.innerText ?? ''"))
-
-    def error_now(self) -> float:
-        return float(self.sees("#error-now"))
-
-    def waits_for_less_than(self, error: float) -> float:
-        self.page.wait_for_function(_IS_LESS, arg=error)
-        return self.error_now()
-
-    def keeps(self, name: str) -> None:
-        SCREENSHOTS.mkdir(parents=True, exist_ok=True)
-        self.page.screenshot(path=SCREENSHOTS / f"{name}.png")
-
-    def drops(self, *files: Path) -> None:
-        self.page.locator("input[type=file]").first.set_input_files(files)
-
-    def leaves(self) -> None:
-        assert self.elsewhere == [] and self.mistakes == []
-        self.page.context.close()
 
 
 def test_a_newcomer_finds_the_missing_effect_and_flies_it_in_at_most_ten_clicks(
@@ -303,7 +214,6 @@ def test_pictures_of_every_part(browser: Browser, flown: Path, tmp_path: Path, s
         visitor.leaves()
 
 
-_IS_LESS = "than => parseFloat(document.querySelector('#error-now')?.innerText) < than"
 _ZOOM = """async () => {
   const plot = document.querySelector('.js-plotly-plot');
   const began = performance.now();

@@ -1,7 +1,9 @@
 """The commands that fly, in the simulated world or the real one."""
 
 import enum
+import re
 from collections.abc import Sequence
+from contextlib import AbstractContextManager, ExitStack
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
@@ -11,6 +13,9 @@ import typer
 from quadctl.cli.app import app, console
 from quadctl.cli.output import JsonOption, check_outputs, write_json
 from quadctl.errors import FlightError
+
+TOKEN = re.compile(r"[\w-]{8,}", re.ASCII)
+"""Of the live view: what an address can hold, and nobody guesses."""
 
 
 class Simulated(enum.StrEnum):
@@ -84,6 +89,14 @@ def fly(
     offset_up: OffsetOption = None,
     overrides: SetOption = None,
     json_out: JsonOption = None,
+    view: Annotated[
+        bool, typer.Option("--view", help="Show the flight on a page in the browser, with a button that lands.")
+    ] = False,
+    view_port: Annotated[int, typer.Option("--view-port", metavar="N", min=1, max=65535, help="Of that page.")] = 8091,
+    view_token: Annotated[
+        str | None,
+        typer.Option("--view-token", metavar="T", help="Let other machines see and land, if they know this word."),
+    ] = None,
 ) -> None:
     """Fly a mission on an autopilot. Ctrl-C lands."""
     from quadctl.flight.ports import resolve
@@ -93,16 +106,24 @@ def fly(
         raise typer.BadParameter("give --link or --sitl, not both")
     if not sitl and (hidden is not None or seed or autopilot is not None):
         raise typer.BadParameter("--hidden, --seed and --autopilot are for the simulated autopilot: they need --sitl")
+    if view_token is not None and not view:
+        raise typer.BadParameter("--view-token is for the live view: it needs --view")
+    if view_token is not None and not TOKEN.fullmatch(view_token):
+        raise typer.BadParameter("--view-token lands a vehicle: give 8 or more letters, digits, - or _")
     check_outputs([mission, config, hidden], json_out)
     plan = prepare_flight(mission, config, model, offset_up, overrides or ())
     _print_warnings(plan.warnings)
-    if not sitl:
-        url = resolve(plan.settings.link.url if link is None else link, console)
-        _finish(fly_real_time(plan, url, log_dir, console, set_params), json_out)
-        return
-    kind = (autopilot or Simulated.PX4).value
-    with simulator().mock_process(plan.body.vehicle, hidden, seed, kind) as url:
-        _finish(fly_real_time(plan, url, log_dir, console, set_params), json_out)
+    with ExitStack() as stack:
+        viewer = stack.enter_context(_viewer(plan, view_port, view_token)) if view else None
+        if sitl:
+            kind = (autopilot or Simulated.PX4).value
+            url = stack.enter_context(simulator().mock_process(plan.body.vehicle, hidden, seed, kind))
+        else:
+            url = resolve(plan.settings.link.url if link is None else link, console)
+        outcome = fly_real_time(plan, url, log_dir, console, set_params, viewer and viewer.end)
+        if viewer is not None:
+            viewer.tell(outcome)
+        _finish(outcome, json_out)
 
 
 @app.command()
@@ -116,6 +137,17 @@ def demo(
     from quadctl.demo import run
 
     run(out, console, simulator(), real_time)
+
+
+def _viewer(plan: Any, port: int, token: str | None) -> AbstractContextManager[Any]:
+    """The live view of a flight."""
+    from quadctl.web.live.history import Brief
+    from quadctl.web.live.viewer import live_view
+
+    brief = Brief(plan.mission, plan.settings.guards, plan.body.vehicle.name, plan.compensator.name)
+    return live_view(
+        brief, port, token, lambda said: console.print(said, soft_wrap=True, markup=False, highlight=False)
+    )
 
 
 def _finish(outcome: Any, json_out: Path | None) -> None:

@@ -91,6 +91,10 @@ class Pilot:
         """Time in the mission."""
         return self._progress.flight_s
 
+    def distance_m(self, state: VehicleState) -> float:
+        """Horizontal, from the take-off point."""
+        return self._home.distance_m(state)
+
     def ask_to_land(self, reason: str) -> None:
         """Land at the next tick (Ctrl-C, SIGTERM, a button)."""
         self._watch.want_land = reason

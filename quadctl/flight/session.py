@@ -19,6 +19,7 @@ from quadctl.flight.realtime import privileges, run
 from quadctl.flight.recorder import Recorder
 from quadctl.flight.requirements import requirements_met
 from quadctl.flight.settings import FlightSettings, choose_models, find_config, load_flight_settings
+from quadctl.flight.view_link import ViewEnd, ViewLink
 from quadctl.missions import Mission, load_mission
 from quadctl.model import Model
 
@@ -99,9 +100,16 @@ def prepare_flight(
     return plan._replace(warnings=check_compensator(plan.compensator, *plan.rotor_heights_m, plan.compensator.name))
 
 
-def fly_real_time(plan: FlightPlan, url: str, log_dir: Path, console: Console, set_parameters: bool = False) -> Outcome:
-    """Fly on the autopilot at `url`, with a display on `console`; with `set_parameters`, set what it must have and
-    restore it afterwards.
+def fly_real_time(
+    plan: FlightPlan,
+    url: str,
+    log_dir: Path,
+    console: Console,
+    set_parameters: bool = False,
+    view: ViewEnd | None = None,
+) -> Outcome:
+    """Fly on the autopilot at `url`, with a display on `console`, and a viewer at the other end of `view`; with
+    `set_parameters`, set what it must have and restore it afterwards.
 
     Raises
     ------
@@ -113,7 +121,7 @@ def fly_real_time(plan: FlightPlan, url: str, log_dir: Path, console: Console, s
     autopilot = MavsdkAutopilot(url, plan.body.vehicle.n_rotors, plan.settings.link.timeout_s)
     try:
         with privileges() as real_time:
-            return run(_fly(plan, autopilot, log_dir, console, set_parameters, real_time))
+            return run(_fly(plan, autopilot, log_dir, console, set_parameters, view, real_time))
     except KeyboardInterrupt:  # in flight, Ctrl-C is a wish to land
         raise FlightError("interrupted while the link was being opened or closed") from None
 
@@ -124,6 +132,7 @@ async def _fly(
     log_dir: Path,
     console: Console,
     set_parameters: bool,
+    view: ViewEnd | None,
     real_time: Sequence[str],
 ) -> Outcome:
     def warn(sentence: str) -> None:
@@ -136,13 +145,18 @@ async def _fly(
         for warning in autopilot.warnings:
             warn(warning)
         async with requirements_met(autopilot, set_parameters, warn):
-            return await _fly_prepared(plan, autopilot, log_dir, console, real_time)
+            return await _fly_prepared(plan, autopilot, log_dir, console, view, real_time)
     finally:
         await autopilot.close()
 
 
 async def _fly_prepared(
-    plan: FlightPlan, autopilot: Autopilot, log_dir: Path, console: Console, real_time: Sequence[str]
+    plan: FlightPlan,
+    autopilot: Autopilot,
+    log_dir: Path,
+    console: Console,
+    view: ViewEnd | None,
+    real_time: Sequence[str],
 ) -> Outcome:
     rate_hz = plan.settings.controller.rate_hz
     pilot = plan.pilot(autopilot.takes_off_itself)
@@ -152,5 +166,6 @@ async def _fly_prepared(
         stack.callback(lambda: recorder.close(pilot.ended or "broken off"))
         stack.enter_context(landing_on_signals(pilot))
         display = stack.enter_context(Display(pilot, console, real_time))
-        await fly(autopilot, pilot, rate_hz, [recorder, tally, display])
+        viewer = [] if view is None else [ViewLink(view, pilot)]
+        await fly(autopilot, pilot, rate_hz, [recorder, tally, display, *viewer])
     return tally.outcome(pilot, recorder.path, recorder.problem)

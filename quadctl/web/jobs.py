@@ -1,8 +1,9 @@
 """The long work of the page: functions that a `Worker` runs. Each takes `progress`, and what it takes and gives can be
 sent from process to process."""
 
+from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from quadctl.effects import catalog_with, find_effect
@@ -89,10 +90,10 @@ def open_logs(
 ) -> Opened:
     """Read and prepare logs; one that cannot be used does not spoil the others."""
     opened = []
-    for path in paths:
-        progress(f"reading {path.name}")
+    for path, name in zip(paths, log_names(paths), strict=True):
+        progress(f"reading {name}")
         try:
-            log = read_log(path)
+            log = replace(read_log(path), name=name)
         except QuadctlError as error:
             opened.append(OpenedLog(path, problem=_without_folder(str(error), path)))
             continue
@@ -102,6 +103,17 @@ def open_logs(
     return Opened(
         opened, _dataset(seen, vehicle, hold_out), _dataset([o.log for o in usable if o.path in unseen], vehicle)
     )
+
+
+def log_names(paths: Sequence[Path]) -> list[str]:
+    """The names of the files; where several are called the same, with the folder that each is in."""
+    same = Counter(path.name for path in paths)
+    folders = Counter((path.name, path.parent.name) for path in paths)
+
+    def folder(path: Path) -> str:
+        return path.parent.name if folders[path.name, path.parent.name] == 1 else str(path.parent)
+
+    return [path.name if same[path.name] == 1 else f"{path.name} ({folder(path)})" for path in paths]
 
 
 def _problem(log: FlightLog, vehicle: Vehicle) -> str:

@@ -19,6 +19,7 @@ from quadctl.lab.arrays import Floats, Mask
 from quadctl.lab.data import AXES, predict
 from quadctl.lab.flight import VARIABLE_NAMES, VARIABLE_UNITS, Flight
 from quadctl.lab.words import listed
+from quadctl.web.colours import keep_theme, wanted_theme
 from quadctl.web.intake import Intake
 from quadctl.web.panels.compensator import draw_check, draw_export, draw_ratio, draw_simulation
 from quadctl.web.panels.fails import draw_brushed, draw_fails
@@ -35,13 +36,6 @@ from quadctl.web.worker import CancelledError
 
 Brush = dict[str, tuple[float, float]]
 """Ranges of variables that are selected."""
-
-ANSWER_S = 10.0
-"""So long a browser may take to say which colours it wants."""
-_WANTS_DARK = (
-    "const kept = localStorage.getItem('quadctl-theme');"
-    "return kept ? kept === 'dark' : matchMedia('(prefers-color-scheme: dark)').matches;"
-)
 
 
 @dataclass(eq=False)
@@ -80,11 +74,7 @@ class Page:
         await self.client.connected()
         if not self.client.has_socket_connection:  # it left before it was there
             return
-        try:
-            dark = await ui.run_javascript(_WANTS_DARK, timeout=ANSWER_S)
-        except TimeoutError:  # a browser that is very busy; the page is worth more than its colours
-            dark = False
-        self._set_theme(DARK if dark else LIGHT)
+        self._set_theme(await wanted_theme())
         self._layout()
         unsubscribe = self.bench.subscribe(self.refresh)
         self.client.on_delete(unsubscribe)
@@ -164,7 +154,7 @@ class Page:
 
     def toggle_theme(self) -> None:
         self._set_theme(LIGHT if self.theme is DARK else DARK)
-        ui.run_javascript(f"localStorage.setItem('quadctl-theme', '{self.theme.name}')")
+        keep_theme(self.theme)
         self.refresh()
 
     def _set_theme(self, theme: Theme) -> None:

@@ -1,6 +1,5 @@
 """Serve the page, to this machine only."""
 
-import socket
 from collections.abc import Callable
 from importlib.resources import files
 
@@ -10,10 +9,10 @@ from starlette.middleware.trustedhost import TrustedHostMiddleware
 from starlette.requests import Request
 from starlette.responses import PlainTextResponse, Response
 
-from quadctl.errors import QuadctlError
 from quadctl.web.files import MAX_UPLOAD_BYTES
 from quadctl.web.intake import Intake
 from quadctl.web.page import Page
+from quadctl.web.port import require_free
 from quadctl.web.session import Session
 from quadctl.web.workbench import Workbench
 
@@ -41,7 +40,7 @@ def serve(
     QuadctlError
         The port is taken.
     """
-    _require_free(port)
+    require_free(HOST, port, "--port")
     announce(f"http://{HOST}:{port}")
     bench = make_bench()
     taking = intake(bench)
@@ -79,12 +78,3 @@ async def _refuse_large(request: Request, respond: Callable[[Request], object]) 
         return PlainTextResponse(f"more than {MAX_UPLOAD_BYTES // 2**20} MB cannot be taken", status_code=413)
     response: Response = await respond(request)  # type: ignore[misc]  # what Starlette calls call_next
     return response
-
-
-def _require_free(port: int) -> None:
-    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            probe.bind((HOST, port))
-        except OSError:
-            raise QuadctlError(f"port {port} is taken, expected a free one: name another with --port") from None

@@ -28,6 +28,8 @@ class Rung:
     model: Model
     error_m_s2: float | None = None
     """Total, on data that no fit of it has seen; None until it is known."""
+    floor_m_s2: float | None = None
+    """The noise floor as estimated with this model."""
 
 
 @dataclass(frozen=True)
@@ -62,6 +64,11 @@ class Session:
         """The logs that fits may use."""
         return tuple(log for log in self.logs if log not in self.unseen)
 
+    @property
+    def floor_m_s2(self) -> float | None:
+        """The least noise floor that any step has shown: each estimate is a bound from above."""
+        return min((rung.floor_m_s2 for rung in self.rungs if rung.floor_m_s2 is not None), default=None)
+
     def begun_with(self, model: Model) -> "Session":
         """A new ladder that begins with `model`."""
         name = "as it was" if model.stack else "rigid body"
@@ -88,15 +95,15 @@ class Session:
         """The effect of that name switched off, or on again."""
         return replace(self, off=self.off ^ {effect})
 
-    def judged(self, error_m_s2: float) -> "Session":
-        """The error of the current step is known."""
+    def judged(self, error_m_s2: float, floor_m_s2: float | None = None) -> "Session":
+        """The error of the current step is known, and the noise floor below it."""
         rungs = list(self.rungs)
-        rungs[self.current] = replace(rungs[self.current], error_m_s2=error_m_s2)
+        rungs[self.current] = replace(rungs[self.current], error_m_s2=error_m_s2, floor_m_s2=floor_m_s2)
         return replace(self, rungs=tuple(rungs))
 
     def unjudged(self) -> "Session":
         """The flights have changed: no error holds any more."""
-        return replace(self, rungs=tuple(replace(rung, error_m_s2=None) for rung in self.rungs))
+        return replace(self, rungs=tuple(replace(rung, error_m_s2=None, floor_m_s2=None) for rung in self.rungs))
 
     def with_logs(self, logs: Sequence[Path]) -> "Session":
         """Further logs; those that are there already stay once."""
@@ -123,6 +130,7 @@ class Session:
 class _RungEntry(Settings):
     name: str
     error_m_s2: float | None = None
+    floor_m_s2: float | None = None
     model: dict[str, Any]
 
 
@@ -142,7 +150,12 @@ def session_to_yaml(session: Session) -> str:
         "hold_out": session.hold_out,
         "current": session.current,
         "rungs": [
-            {"name": rung.name, "error_m_s2": rung.error_m_s2, "model": model_to_dict(rung.model, None)}
+            {
+                "name": rung.name,
+                "error_m_s2": rung.error_m_s2,
+                "floor_m_s2": rung.floor_m_s2,
+                "model": model_to_dict(rung.model, None),
+            }
             for rung in session.rungs
         ],
     }
@@ -164,7 +177,7 @@ def load_session(path: Path) -> Session:
         raise SettingsError(f"{path}: unseen holds {', '.join(entry.unseen)}, expected some of the logs")
     if entry.rungs and entry.current >= len(entry.rungs):
         raise SettingsError(f"{path}: current is {entry.current}, expected a step from 0 to {len(entry.rungs) - 1}")
-    rungs = tuple(Rung(rung.name, _model(rung.model, path), rung.error_m_s2) for rung in entry.rungs)
+    rungs = tuple(Rung(rung.name, _model(rung.model, path), rung.error_m_s2, rung.floor_m_s2) for rung in entry.rungs)
     return Session(logs, unseen, entry.hold_out, rungs, entry.current)
 
 

@@ -183,7 +183,7 @@ class Workbench:
         evaluation = replace(evaluation, comparison=replace(evaluation.comparison, dataset=opened.seen))
         self.results.evaluation = evaluation
         if not self.session.off:
-            self.session = self.session.judged(evaluation.error_m_s2)
+            self.session = self.session.judged(evaluation.error_m_s2, evaluation.floor_m_s2)
             self._first_comparison = self._first_comparison or evaluation.comparison
             self._autosave()
             self._begin(self.look())

@@ -12,6 +12,8 @@ from quadctl.web.theme import Theme
 Figure: TypeAlias = dict[str, Any]
 """`data`, `layout` and `config`, as plotly.js takes them."""
 
+GAP_PX = 10
+"""Between axes below each other."""
 UNWANTED_BUTTONS = ["toImage", "lasso2d", "autoScale2d", "zoomIn2d", "zoomOut2d", "toggleSpikelines"]
 
 
@@ -49,6 +51,16 @@ def axis(title: str, theme: Theme, **more: Any) -> dict[str, Any]:
         "automargin": True,
         **more,
     }
+
+
+def stacked(heights_px: Sequence[int]) -> tuple[list[list[float]], int]:
+    """Domains of y axes of such heights below each other, from the top, and their height in all, px."""
+    total = sum(heights_px) + GAP_PX * (len(heights_px) - 1)
+    domains, top = [], total
+    for height in heights_px:
+        domains.append([(top - height) / total, top / total])
+        top -= height + GAP_PX
+    return domains, total
 
 
 def faded(colour: str, alpha: float) -> str:

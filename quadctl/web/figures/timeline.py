@@ -11,7 +11,7 @@ from quadctl.lab.data import AXES
 from quadctl.lab.flight import Flight
 from quadctl.logs.columns import rpm_columns
 from quadctl.logs.flight_log import FlightLog
-from quadctl.web.figures.base import Figure, axis, faded, figure
+from quadctl.web.figures.base import Figure, axis, faded, figure, stacked
 from quadctl.web.figures.downsample import downsampled
 from quadctl.web.theme import Theme
 
@@ -19,7 +19,7 @@ GAP_FACTOR = 3.0
 """An interval longer than so many usual ones is a gap in the line."""
 NAMED_SHARE = 0.08
 """Shorter phases, of the whole, have no room for their name."""
-FIRST_PANE_PX, PANE_PX, GAP_PX = 170, 84, 10
+FIRST_PANE_PX, PANE_PX = 170, 84
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +52,7 @@ class Timeline:
 
     def figure(self, theme: Theme) -> Figure:
         heights = [FIRST_PANE_PX if i == 0 else PANE_PX for i in range(len(self.panes))]
-        total = sum(heights) + GAP_PX * (len(heights) - 1)
+        domains, total = stacked(heights)
         layout: dict[str, Any] = {
             "xaxis": axis("time in the log / s", theme, anchor="free", position=0, showgrid=False),
             "hovermode": "x",
@@ -61,11 +61,8 @@ class Timeline:
             "shapes": [],
             "annotations": [],
         }
-        top = total
-        for i, (title, height) in enumerate(zip(self.panes, heights, strict=True)):
-            room = [(top - height) / total, top / total]
-            layout[f"yaxis{_number(i)}"] = axis(title, theme, domain=room, nticks=4, fixedrange=True)
-            top -= height + GAP_PX
+        for i, (title, domain) in enumerate(zip(self.panes, domains, strict=True)):
+            layout[f"yaxis{_number(i)}"] = axis(title, theme, domain=domain, nticks=4, fixedrange=True)
         for name, start, end in self.phases:
             least_s = NAMED_SHARE * (self.phases[-1][2] - self.phases[0][1])
             _draw_phase(layout, name if end - start > least_s else "", start, theme)

@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING
 from nicegui import ui
 
 from quadctl.lab.words import listed
+from quadctl.web.colours import theme_button
 from quadctl.web.panels.flights import draw_vehicle, drop_zone
 from quadctl.web.panels.parts import busy, heading, tag
-from quadctl.web.theme import DARK
 
 if TYPE_CHECKING:
     from quadctl.web.page import Page
@@ -24,11 +24,7 @@ def draw_header(page: "Page") -> None:
         ):
             button = ui.button(label, icon=icon, on_click=act).props(f'flat no-caps aria-label="{label}"')
             button.classes("header-button")
-    dark = page.theme is DARK
-    name = "Light colours" if dark else "Dark colours"
-    ui.button(icon="light_mode" if dark else "dark_mode", on_click=page.toggle_theme).props(
-        f'flat round aria-label="{name}" title="{name}"'
-    )
+    theme_button(page.theme, page.toggle_theme)
 
 
 def draw_status(page: "Page") -> None:

@@ -32,7 +32,9 @@ def draw_ladder(page: "Page") -> None:
         if evaluation is not None:
             tag("p", "muted what", _on_what(page))
         largest = max([*errors, evaluation.error_m_s2 if evaluation else 0.0, 1e-9])
-        floor = None if evaluation is None else min(evaluation.floor_m_s2 / largest, 1.0)
+        floors = [session.floor_m_s2, None if evaluation is None else evaluation.floor_m_s2]
+        least = min((floor for floor in floors if floor is not None), default=None)
+        floor = None if least is None else min(least / largest, 1.0)
         with tag("ol", "steps"):
             for step, rung in enumerate(session.rungs):
                 here = step == session.current
@@ -40,14 +42,11 @@ def draw_ladder(page: "Page") -> None:
             if session.off and evaluation is not None:
                 name = f"without {listed(sorted(session.off))}"
                 _step(page, session.current, name, evaluation.error_m_s2, largest, floor, True)
-        if evaluation is not None:
+        if least is not None:
             with tag("p", "floor-key"):
                 tag("span", "floor-mark")
-                tag(
-                    "span",
-                    "",
-                    f"noise floor {number(evaluation.floor_m_s2)} m/s²: what a fit without any physics leaves",
-                )
+                words = "what a fit without any physics leaves, at the best of the steps so far"
+                tag("span", "", f"noise floor {number(least)} m/s²: {words}")
 
 
 def _on_what(page: "Page") -> str:

@@ -1,0 +1,33 @@
+"""Which colours a browser wants: what was chosen on the page before, else what its system says."""
+
+from nicegui import ui
+
+from quadctl.web.theme import DARK, LIGHT, Theme
+
+ANSWER_S = 10.0
+"""So long a browser may take to say which colours it wants."""
+_WANTS_DARK = (
+    "const kept = localStorage.getItem('quadctl-theme');"
+    "return kept ? kept === 'dark' : matchMedia('(prefers-color-scheme: dark)').matches;"
+)
+
+
+async def wanted_theme() -> Theme:
+    """Of the page that is being drawn."""
+    try:
+        return DARK if await ui.run_javascript(_WANTS_DARK, timeout=ANSWER_S) else LIGHT
+    except TimeoutError:  # a browser that is very busy; the page is worth more than its colours
+        return LIGHT
+
+
+def keep_theme(theme: Theme) -> None:
+    ui.run_javascript(f"localStorage.setItem('quadctl-theme', '{theme.name}')")
+
+
+def theme_button(theme: Theme, toggle: object) -> None:
+    """To the other colours."""
+    dark = theme is DARK
+    name = "Light colours" if dark else "Dark colours"
+    ui.button(icon="light_mode" if dark else "dark_mode", on_click=toggle).props(  # type: ignore[arg-type]
+        f'flat round aria-label="{name}" title="{name}"'
+    )

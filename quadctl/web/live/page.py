@@ -1,0 +1,217 @@
+"""One open tab of the live view: drawn once, and after that only numbers and curves move."""
+
+import time
+from contextlib import suppress
+from typing import TYPE_CHECKING
+
+from nicegui import ui
+from nicegui.client import Client
+from nicegui.events import KeyEventArguments
+
+from quadctl.flight.tick import Stage
+from quadctl.web.colours import keep_theme, theme_button, wanted_theme
+from quadctl.web.live.land import LandButton
+from quadctl.web.live.panels import EventList, GuardList, NowPanel, Tiles
+from quadctl.web.live.strips import FLIGHT, MACHINE, WINDOW_ROWS, marks, points, strips
+from quadctl.web.panels.parts import heading, plot, tag
+from quadctl.web.theme import DARK, LIGHT, Theme
+
+if TYPE_CHECKING:
+    from quadctl.web.live.serve import Viewing
+
+REFRESH_S = 0.2
+LAND_KEY = "l"
+LOADING_S = 60.0
+_CHARTS_ARE_THERE = """return new Promise(done => {
+  const look = () => document.querySelector('.charts .main-svg') ? done(true) : setTimeout(look, 100);
+  look();
+})"""
+
+
+class LivePage:
+    """What one tab shows."""
+
+    def __init__(self, viewing: "Viewing") -> None:
+        self._viewing = viewing
+        self._history = viewing.history
+        self._theme = LIGHT
+        self._button = LandButton()
+        self._rows_drawn = 0
+        self._phases_drawn = 0
+        self._all_drawn = False
+        self._can_extend = False
+        """Plotly is large: until it is loaded, what is new waits."""
+
+    async def open(self, client: Client) -> None:
+        """Draw all of it, and follow the flight until the tab is closed."""
+        self._dark = ui.dark_mode()
+        await client.connected()
+        if not client.has_socket_connection:  # it left before it was there
+            return
+        self._set_theme(await wanted_theme())
+        self._layout()
+        self._refresh()
+        ui.keyboard(on_key=self._key)
+        ui.timer(REFRESH_S, self._refresh)
+        with suppress(TimeoutError):
+            self._can_extend = await ui.run_javascript(_CHARTS_ARE_THERE, timeout=LOADING_S)
+
+    # --- building -----------------------------------------------------------------------------------------------------
+
+    def _layout(self) -> None:
+        brief = self._history.brief
+        self._head = tag("header", "head-bar")
+        self._draw_head()
+        with tag("div", "lab live"):
+            with tag("aside", "side"):
+                with tag("section", "card now-card").props('aria-label="Now"'):
+                    self._now = NowPanel(brief)
+                self._land = ui.element("button").classes("land").props('type="button" id="land"')
+                with self._land:
+                    self._land_title = ui.label().classes("land-title")
+                    self._land_hint = ui.label().classes("land-hint")
+                self._land.on("click", self._press)
+                with tag("section", "card").props('aria-label="Guards"'):
+                    heading("Guards", "How near the flight is to each limit.")
+                    self._guards = GuardList(brief)
+            with tag("main", "main"):
+                self._banner = tag("div", "banner").props('role="status" aria-live="assertive" id="banner"')
+                with self._banner:
+                    self._banner_icon = ui.icon("info")
+                    self._banner_text = ui.label().classes("grow banner-text")
+                self._tiles = Tiles()
+                self._charts = tag("section", "card panes charts")
+                self._draw_charts()
+                with tag("section", "card").props('aria-label="Events"'):
+                    heading("Events")
+                    self._events = EventList()
+
+    def _draw_head(self) -> None:
+        brief = self._history.brief
+        self._head.clear()
+        with self._head:
+            tag("span", "brand", "quadctl live")
+            tag("span", "muted head-what", f"{brief.mission.name} · {brief.vehicle} · compensator {brief.compensator}")
+            tag("span", "grow")
+            theme_button(self._theme, self._toggle_theme)
+
+    def _draw_charts(self) -> None:
+        """The last minute; when the flight is over, all of it."""
+        history = self._history
+        self._all_drawn = history.over
+        rows = history.since(0, len(history.rows) if history.over else WINDOW_ROWS)
+        step = max(len(rows) // (2 * WINDOW_ROWS), 1)
+        phases = [(t, name) for t, name in history.phases if not rows or t >= rows[0].time_s]
+        self._rows_drawn, self._phases_drawn = history.n_rows, len(history.phases)
+        self._charts.clear()
+        with self._charts:
+            self._plots = [
+                (panes, plot(strips(panes, rows[::step], phases, self._theme), name, label))
+                for panes, name, label in (
+                    (FLIGHT, "flight", "Height, speed, tilt and throttle over time"),
+                    (MACHINE, "link", "Tick lateness, ages and battery over time"),
+                )
+            ]
+
+    # --- following ----------------------------------------------------------------------------------------------------
+
+    def _refresh(self) -> None:
+        history = self._history
+        self._say_how_it_is()
+        self._show_land()
+        if history.latest is None:
+            return
+        self._now.show(history)
+        self._tiles.show(history)
+        self._guards.show(history.latest)
+        self._events.show(history)
+        if history.over and not self._all_drawn:
+            self._draw_charts()
+        elif self._can_extend:
+            self._extend_charts()
+
+    def _extend_charts(self) -> None:
+        history = self._history
+        rows = history.since(self._rows_drawn, WINDOW_ROWS)
+        if rows and not self._all_drawn:
+            self._rows_drawn = history.n_rows
+            for panes, shown in self._plots:
+                xs, ys = points(panes, rows)
+                shown.run_plot_method("extendTraces", {"x": xs, "y": ys}, list(range(len(xs))), WINDOW_ROWS)
+        if len(history.phases) > self._phases_drawn:
+            self._phases_drawn = len(history.phases)
+            since_s = history.rows[-WINDOW_ROWS].time_s if len(history.rows) >= WINDOW_ROWS else 0.0
+            drawn = marks([(t, name) for t, name in history.phases if t >= since_s], self._theme)
+            for _, shown in self._plots:
+                shown.run_plot_method("relayout", drawn)
+
+    def _say_how_it_is(self) -> None:
+        history = self._history
+        silent_s, ending, latest = history.silent_s, history.ending, history.latest
+        if ending is not None:
+            self._say("done" if ending.completed else "error", "\n".join(ending.lines))
+        elif silent_s is not None:
+            self._say(
+                "error",
+                f"No word from the flight for {silent_s:.0f} s. LAND may not reach it: Ctrl-C in its terminal lands, "
+                "and the switch on the remote control takes the vehicle.",
+            )
+        elif latest is None:
+            self._say("work", "Waiting for the autopilot.")
+        elif latest.ended:
+            self._say("done" if latest.ended == "completed" else "error", f"The flight ends: {latest.ended}.")
+        else:
+            self._banner.set_visibility(False)
+
+    def _say(self, kind: str, text: str) -> None:
+        self._banner.set_visibility(True)
+        self._banner.classes(replace=f"banner {kind}")
+        self._banner_icon.set_name({"done": "check_circle", "error": "error", "work": "hourglass_empty"}[kind])
+        self._banner_text.set_text(text)
+
+    # --- landing ------------------------------------------------------------------------------------------------------
+
+    def _key(self, event: KeyEventArguments) -> None:
+        if event.action.keydown and not event.action.repeat and str(event.key).lower() == LAND_KEY:
+            self._press()
+
+    def _press(self) -> None:
+        if self._history.can_land and self._button.press(time.monotonic()):
+            self._viewing.land()
+        self._show_land()
+
+    def _show_land(self) -> None:
+        title, hint, kind = self._land_words()
+        self._land_title.set_text(title)
+        self._land_hint.set_text(hint)
+        self._land.classes(replace=f"land {kind}")
+        self._land.props(**{"add" if kind == "off" else "remove": "disabled"})
+
+    def _land_words(self) -> tuple[str, str, str]:
+        """Title, hint and kind of the button."""
+        history = self._history
+        if history.over:
+            return "Over", "the flight has ended", "off"
+        if history.latest is None:
+            return "LAND", "as soon as there is a flight", "off"
+        if history.latest.stage == Stage.RELEASED.name:
+            return "Released", "somebody else flies", "off"
+        if history.latest.stage == Stage.LAND.name:
+            return "Landing", "the autopilot lands", "off"
+        if self._viewing.land_asked:
+            return "Landing", "the flight has been asked", "off"
+        if self._button.waits(time.monotonic()):
+            return "Press again: LAND", "or wait, and nothing happens", "sure"
+        return "LAND", "press twice, or type L L", "ready"
+
+    # --- colours ------------------------------------------------------------------------------------------------------
+
+    def _toggle_theme(self) -> None:
+        self._set_theme(LIGHT if self._theme is DARK else DARK)
+        keep_theme(self._theme)
+        self._draw_head()
+        self._draw_charts()
+
+    def _set_theme(self, theme: Theme) -> None:
+        self._theme = theme
+        self._dark.set_value(theme is DARK)

@@ -1,0 +1,194 @@
+"""The live view without a browser: what the flight sends costs it nothing, and only one word comes back."""
+
+import importlib.util
+import socket
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from test_guards import BEYOND, LIMITS, MISSION, verdict
+from test_loop import HURRY_HZ, InProcess, in_flight, plan
+
+from quadctl.cli import main
+from quadctl.flight.loop import fly
+from quadctl.flight.realtime import run
+from quadctl.flight.tick import Event, Tick
+from quadctl.flight.view_link import EVENTS_KEPT, LANDED_BY, Record, ViewEnd, ViewLink, connected_ends, decoded
+from quadctl.web.live.history import Brief, History
+from quadctl.web.live.land import CONFIRM_S, LandButton
+from quadctl.web.live.nearness import guards
+
+ROOT = Path(__file__).parents[1]
+MORE_THAN_FITS = 5000
+
+
+@pytest.fixture
+def ends() -> Iterator[tuple[ViewEnd, ViewEnd]]:
+    """The flight's and the viewer's."""
+    made = connected_ends()
+    yield made
+    for end in made:
+        end.socket.close()
+
+
+def taken(end: ViewEnd) -> list[Record]:
+    """What waits at the viewer's end."""
+    found = []
+    while True:
+        try:
+            found.append(decoded(end.socket.recv(65_536)))
+        except BlockingIOError:
+            return found
+
+
+def first_tick() -> tuple[ViewLink, Tick, ViewEnd, ViewEnd]:
+    flight, viewer = connected_ends()
+    pilot = plan().pilot()
+    return ViewLink(flight, pilot), pilot.tick(InProcess().state(), 0.001), flight, viewer
+
+
+def flown(flight: ViewEnd, words: dict[socket.socket, list[bytes]]) -> str:
+    """How a flight ends in which, once it is in the air, these words are sent by these sockets."""
+    autopilot, pilot, ticks = InProcess(), plan().pilot(), list[Tick]()
+
+    def say(tick: Tick) -> None:
+        ticks.append(tick)
+        if in_flight(ticks):
+            for speaker, said in words.items():
+                if said:
+                    speaker.sendto(said.pop(), flight.socket.getsockname())
+
+    run(fly(autopilot, pilot, HURRY_HZ, [say, ViewLink(flight, pilot)]))
+    assert not autopilot.px.armed
+    return pilot.ended
+
+
+class TestWhatGoesOut:
+    def test_a_tick_arrives_as_it_was(self) -> None:
+        link, tick, _, viewer = first_tick()
+        link(tick)
+        (record,) = taken(viewer)
+        assert (record.stage, record.phase, record.late_s) == (tick.stage.name, tick.phase, 0.001)
+        assert record.height_m == tick.ground_down_m - tick.state.position_ned_m[2]
+
+    def test_a_viewer_that_does_not_read_costs_records_and_nothing_else(self) -> None:
+        link, tick, _, viewer = first_tick()
+        for _ in range(MORE_THAN_FITS):
+            link(tick)
+        assert 0 < len(taken(viewer)) < MORE_THAN_FITS
+
+    def test_an_end_that_is_closed_raises_nothing(self) -> None:
+        link, tick, flight, viewer = first_tick()
+        for end in (viewer, flight):
+            end.socket.close()
+            for _ in range(3):
+                link(tick)
+
+    def test_a_defect_of_the_view_stays_in_the_view(self) -> None:
+        link, tick, _, _ = first_tick()
+        link(tick._replace(state=None))  # type: ignore[arg-type]
+
+    def test_events_come_again_with_later_records(self) -> None:
+        link, tick, _, viewer = first_tick()
+        event = Event(1.0, "the tilt is 60 deg", "hand over")
+        link(tick._replace(events=(event,)))
+        link(tick._replace(events=()))
+        assert [record.events for record in taken(viewer)] == [(event,), (event,)]
+        for _ in range(2 * EVENTS_KEPT):
+            link(tick._replace(events=(event,)))
+        assert len(taken(viewer)[-1].events) == EVENTS_KEPT
+
+
+class TestWhatComesBack:
+    def test_the_wish_to_land_lands(self, ends: tuple[ViewEnd, ViewEnd]) -> None:
+        flight, viewer = ends
+        assert flown(flight, {viewer.socket: [viewer.wish_to_land()]}) == LANDED_BY
+
+    def test_other_words_and_other_programs_do_not(self, ends: tuple[ViewEnd, ViewEnd]) -> None:
+        flight, viewer = ends
+        wrong = [b"land", b"", b"land " + b"0" * len(viewer.token), viewer.token.encode(), b"\xff" * 2000]
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+            assert flown(flight, {viewer.socket: wrong, stranger: [viewer.wish_to_land()]}) == "completed"
+
+
+@pytest.fixture
+def record() -> Record:
+    link, tick, _, viewer = first_tick()
+    link(tick)
+    return taken(viewer)[0]
+
+
+class TestGuards:
+    BRIEF = Brief(plan().mission._replace(limits=MISSION), LIMITS, "raptor", "none")
+    TOLD_BY_EVENTS_ALONE = ("disarmed", "mode taken", "mode unknown", "no attitude at all")
+
+    @pytest.mark.parametrize("name", BEYOND)
+    def test_the_guard_that_acted_is_marked_and_no_other(self, name: str, record: Record) -> None:
+        state, where, answer, _ = BEYOND[name]
+        breach = verdict(state, **where)
+        assert breach is not None
+        after = record._replace(events=(Event(1.0, breach.reason, answer.value),))
+        low = self.BRIEF._replace(mission=self.BRIEF.mission._replace(limits=MISSION.model_copy(update={"min_z_m": 1})))
+        marked = [guard.acted(after) for guard in guards(after, low)]
+        assert [m for m in marked if m] == ([] if name in self.TOLD_BY_EVENTS_ALONE else [answer.value])
+
+    def test_at_the_limit_there_is_no_way_left(self, record: Record) -> None:
+        at = record._replace(tilt_deg=50.0, speed_m_s=8.0, state_age_s=0.2, battery_v=14.0, height_m=1.5, late_s=0.2)
+        share = {guard.name: guard.share for guard in guards(at, self.BRIEF)}
+        for name in ("tilt", "speed", "state age", "battery", "height", "tick lateness"):
+            assert share[name] == pytest.approx(1.0), name
+
+
+class TestHistory:
+    def test_rows_are_thinned_out_and_keep_the_worst_lateness(self, record: Record) -> None:
+        history = History(TestGuards.BRIEF)
+        for i in range(101):
+            history.take(record._replace(time_s=0.02 * i, late_s=0.05 if i == 52 else 0.0))
+        assert 15 <= history.n_rows == len(history.rows) <= 20
+        assert max(row.late_ms for row in history.rows) == pytest.approx(50.0)
+        assert history.since(history.n_rows - 3, 600) == list(history.rows)[-3:]
+
+    def test_a_flight_that_is_over_cannot_land(self, record: Record) -> None:
+        history = History(TestGuards.BRIEF)
+        assert not history.can_land
+        for stage, can in (("FLY", True), ("LAND", False), ("DONE", False)):
+            history.take(record._replace(stage=stage))
+            assert history.can_land is can
+
+
+def test_only_a_second_press_in_time_lands() -> None:
+    button = LandButton()
+    assert not button.press(10.0)
+    assert not button.press(10.1 + CONFIRM_S)
+    assert button.press(10.2 + CONFIRM_S)
+
+
+class TestCommand:
+    def fails(self, monkeypatch: pytest.MonkeyPatch, *words: str) -> int | str | None:
+        mission = str(ROOT / "missions" / "short_hop.yaml")
+        monkeypatch.setattr("sys.argv", ["quadctl", "fly", mission, "--sitl", *words])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        return ended.value.code
+
+    @pytest.mark.parametrize("words", [("--view-token", "long-enough"), ("--view", "--view-token", "short")])
+    def test_a_token_needs_a_view_and_some_length(
+        self, words: tuple[str, ...], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        assert self.fails(monkeypatch, *words) == 2
+        assert "--view-token" in capsys.readouterr().err
+
+    def test_a_taken_port_is_one_sentence(
+        self, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        with socket.create_server(("127.0.0.1", 0)) as other:
+            port = str(other.getsockname()[1])
+            assert self.fails(monkeypatch, "--view", "--view-port", port) == 1
+        assert f"port {port} is taken, expected a free one: name another with --view-port" in capsys.readouterr().err
+
+    def test_a_lean_install_says_what_it_lacks(
+        self, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+        assert self.fails(monkeypatch, "--view") == 1
+        assert "pip install 'quadctl[web]'" in capsys.readouterr().err

@@ -1,0 +1,129 @@
+"""What the tests of the pages share: a command that serves one, and a person who looks at it in headless Chromium.
+
+Screenshots go to build/screenshots.
+"""
+
+import http.client
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+sync_api = pytest.importorskip("playwright.sync_api")
+from playwright.sync_api import Browser, Page, expect  # noqa: E402
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium on this machine")
+
+ROOT = Path(__file__).parents[1]
+SCREENSHOTS = ROOT / "build" / "screenshots"
+DESK, PHONE = {"width": 1280, "height": 800}, {"width": 390, "height": 844}
+PATIENCE_MS = 60_000.0
+_IS_LESS = "than => parseFloat(document.querySelector('#error-now')?.innerText) < than"
+
+
+def free_tcp_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+@contextmanager
+def command(port: int, log: Path, *words: str) -> Iterator[subprocess.Popen[bytes]]:
+    """A command of quadctl that serves a page at `port`; ended by Ctrl-C. What it prints goes to `log`."""
+    # NiceGUI serves otherwise where it believes to be tested.
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST")}
+    environment["PYTHONPATH"] = str(ROOT)
+    code = "from quadctl.cli import main; main()"
+    with log.open("wb") as file:
+        process = subprocess.Popen(
+            [sys.executable, "-c", code, *words], cwd=ROOT, env=environment, stdout=file, stderr=file
+        )
+    try:
+        wait_for(port, process)
+        yield process
+    finally:
+        process.send_signal(signal.SIGINT)
+        try:
+            process.wait(30.0)
+        except subprocess.TimeoutExpired:  # a test has failed
+            process.kill()
+            raise
+
+
+def wait_for(port: int, process: subprocess.Popen[bytes]) -> None:
+    end = time.monotonic() + 90.0
+    while time.monotonic() < end:
+        assert process.poll() is None, "the page ended before it was served"
+        with socket.socket() as probe:
+            if probe.connect_ex(("127.0.0.1", port)) == 0:
+                return
+        time.sleep(0.1)
+    raise AssertionError("the page was not served")
+
+
+def status(url: str, **headers: str) -> int:
+    """What the server answers to a request with these headers."""
+    connection = http.client.HTTPConnection(url.removeprefix("http://"))
+    connection.request("GET", "/", headers=headers)
+    return connection.getresponse().status
+
+
+class Visitor:
+    """A person at the page who counts clicks; whatever the page asks of another machine is noted."""
+
+    def __init__(self, browser: Browser, url: str, size: dict[str, int] = DESK, theme: str = "light") -> None:
+        context = browser.new_context(viewport=size, color_scheme=theme, accept_downloads=True)  # type: ignore[arg-type]
+        context.set_default_timeout(PATIENCE_MS)
+        self.page: Page = context.new_page()
+        self.clicks = 0
+        self.elsewhere: list[str] = []
+        self.mistakes: list[str] = []
+        self.page.on("request", lambda request: self._note(request.url, url))
+        self.page.on("pageerror", lambda error: self.mistakes.append(str(error)))
+        self.page.goto(url)
+
+    def _note(self, asked: str, url: str) -> None:
+        if not asked.startswith((url, "data:", "blob:")):
+            self.elsewhere.append(asked)
+
+    def click(self, selector: str) -> None:
+        self.clicks += 1
+        self.page.locator(selector).first.click()
+
+    def press(self, selector: str) -> None:
+        """The same with the keyboard."""
+        self.clicks += 1
+        self.page.locator(selector).first.focus()
+        self.page.keyboard.press("Enter")
+
+    def sees(self, selector: str) -> str:
+        found = self.page.locator(selector).first
+        expect(found).to_be_visible(timeout=PATIENCE_MS)
+        return str(found.evaluate("element => element.innerText ?? ''"))
+
+    def error_now(self) -> float:
+        return float(self.sees("#error-now"))
+
+    def waits_for_less_than(self, error: float) -> float:
+        self.page.wait_for_function(_IS_LESS, arg=error)
+        return self.error_now()
+
+    def keeps(self, name: str) -> None:
+        SCREENSHOTS.mkdir(parents=True, exist_ok=True)
+        self.page.screenshot(path=SCREENSHOTS / f"{name}.png")
+
+    def drops(self, *files: Path) -> None:
+        self.page.locator("input[type=file]").first.set_input_files(files)
+
+    def leaves(self) -> None:
+        assert self.elsewhere == [] and self.mistakes == []
+        self.page.context.close()
