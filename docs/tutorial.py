@@ -23,6 +23,7 @@ from PIL import Image
 from quadctl.errors import QuadctlError
 from quadctl.lab import add, compare, discover, plots
 from quadctl.lab.compare import Comparison
+from quadctl.lab.curves import effect_curves
 from quadctl.lab.discover import Discovery
 from quadctl.lab.metrics import MetricsTable, Tracking, Window, metrics, tracking
 from quadctl.lab.nuisance import KINDS
@@ -133,7 +134,7 @@ class Tutorial:
     def drag(self) -> Figure:
         """The residual of the runs over forward speed, without and with rotor drag."""
         added = add("rotor_drag.linear", self.folder / "step1.yaml", self.folder / "runs.csv")
-        return plots.effect_over_variable(plots.effect_curves(added, len(added.model.effects) - 1)[0])
+        return plots.effect_over_variable(effect_curves(added, len(added.model.effects) - 1)[0])
 
 
 _DRAWN: dict[str, Callable[[Tutorial], Figure]] = {
