@@ -81,7 +81,7 @@ class TestPrepare:
         residual = load_dataset([slow], rigid.vehicle).residual(rigid)
         assert rmse(residual)["up"] < 0.1 * float(np.std(flight.measured[:, 2]))
 
-    @pytest.mark.parametrize("late_s", [-0.1, -0.04, 0.0, 0.057, 0.12, 0.25])
+    @pytest.mark.parametrize("late_s", [-0.04, 0.0, 0.057, 0.12, 0.25])
     def test_the_delay_of_the_rotor_signal_is_found(self, rigid: Model, late_s: float) -> None:
         flight = prepare(with_late_rotors(obedient(rigid), late_s), rigid.vehicle)
         assert flight.delay_s == pytest.approx(late_s, abs=0.003)

@@ -9,8 +9,9 @@ from quadctl.lab.arrays import Floats
 from quadctl.lab.flight import Flight
 from quadctl.model import Model
 
-DELAYS_S = np.arange(-0.12, 0.3001, 0.01)
-"""Of the rotor signal against the velocity."""
+DELAYS_S = np.arange(-0.04, 0.3001, 0.01)
+"""Of the rotor signal against the velocity. Estimators are up to 40 ms late; a force that comes later still is physics
+(`motor_lag`, or what changes with the climb rate)."""
 LEAST_EXPLAINED = 0.1
 """Of the quick vertical acceleration: a delay that explains less of it is not known."""
 
