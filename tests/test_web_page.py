@@ -10,7 +10,7 @@ import signal
 import subprocess
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -136,16 +136,6 @@ def test_two_tabs_show_the_same_and_a_reload_or_a_new_start_loses_nothing(
         again.leaves()
 
 
-def _drop_until_told(visitor: Visitor, path: Path, said: str) -> None:
-    """A file that is dropped in the instant in which its panel is drawn anew is lost: a person drops it again."""
-    for patience_ms in (PATIENCE_MS / 3, PATIENCE_MS):
-        visitor.drops(path)
-        with suppress(AssertionError):
-            expect(visitor.page.locator("[role=alert]")).to_contain_text(said, timeout=patience_ms)
-            return
-    raise AssertionError(f"{path.name} was dropped twice, and nobody said {said!r}")
-
-
 def test_what_goes_wrong_is_said_in_a_sentence_and_costs_nothing(browser: Browser, flown: Path, tmp_path: Path) -> None:
     garbage, picture, huge = tmp_path / "garbage.csv", tmp_path / "picture.png", tmp_path / "huge.csv"
     garbage.write_text("this,is\nno,log\n")
@@ -168,7 +158,8 @@ def test_what_goes_wrong_is_said_in_a_sentence_and_costs_nothing(browser: Browse
             (huge, "expected at most"),
             (outside, "is outside"),
         ):
-            _drop_until_told(visitor, path, said)
+            visitor.drops(path)
+            expect(visitor.page.locator("[role=alert]")).to_contain_text(said, timeout=PATIENCE_MS)
         visitor.keeps("error")
         visitor.click("button[aria-label='Leave out garbage.csv']")
         expect(visitor.page.locator("[data-log='garbage.csv']")).to_have_count(0, timeout=PATIENCE_MS)

@@ -23,7 +23,7 @@ from quadctl.web.colours import keep_theme, wanted_theme
 from quadctl.web.intake import Intake
 from quadctl.web.panels.compensator import draw_check, draw_export, draw_ratio, draw_simulation
 from quadctl.web.panels.fails import draw_brushed, draw_fails
-from quadctl.web.panels.flights import draw_flights
+from quadctl.web.panels.flights import draw_flights, draw_intake, draw_vehicle
 from quadctl.web.panels.frame import draw_header, draw_start, draw_status
 from quadctl.web.panels.ladder import draw_ladder
 from quadctl.web.panels.missing import draw_missing, draw_overview
@@ -323,6 +323,10 @@ TABS: dict[str, tuple[str, str, _Parts]] = {
     "flights": (
         "Flights",
         "folder_open",
-        [(draw_flights, lambda p: (p.bench.opened, p.bench.session.rungs[:1], p.bench.session.hold_out))],
+        [
+            (draw_flights, lambda p: (p.bench.opened, p.bench.session.rungs[:1], p.bench.session.hold_out)),
+            (draw_intake, lambda p: ()),
+            (draw_vehicle, lambda p: (p.bench.opened, p.bench.session.rungs[:1])),
+        ],
     ),
 }  # fmt: skip

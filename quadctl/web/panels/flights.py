@@ -27,10 +27,13 @@ def draw_flights(page: "Page") -> None:
                 _log(page, log)
             if len(opened.logs) > 1:
                 _hold_out(page)
+
+
+def draw_intake(page: "Page") -> None:
+    """A part of its own that is never drawn again: a drop zone that is replaced loses what is being dropped."""
     with tag("section", "card"):
         heading("Open flight logs")
         drop_zone(page)
-    draw_vehicle(page)
 
 
 def drop_zone(page: "Page") -> None:
