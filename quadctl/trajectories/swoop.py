@@ -1,16 +1,16 @@
 """Swoop: down to the ground and up again on the way ahead, as when a vehicle picks something up in flight."""
 
 import math
-from typing import ClassVar, Self
+from typing import ClassVar
 
 from pydantic import Field
 
 from quadctl.state import Vec3
-from quadctl.trajectories.base import Reference, Trajectory, direction, raised
-from quadctl.trajectories.trapezoid import Trapezoid
+from quadctl.trajectories.base import Reference, direction
+from quadctl.trajectories.move import Move
 
 
-class Swoop(Trajectory):
+class Swoop(Move):
     """Keys: to_m [north, east, up], speed_m_s, acceleration_m_s2, hold_s (wait at the end).
 
     A line over the ground from where the phase before ended, from rest to rest. The height falls as half a wave of a
@@ -19,19 +19,10 @@ class Swoop(Trajectory):
 
     kind: ClassVar[str] = "swoop"
 
-    to_m: Vec3
     speed_m_s: float = Field(default=1.0, gt=0.0, le=20.0)
-    acceleration_m_s2: float = Field(default=2.0, gt=0.0, le=10.0)
-    hold_s: float = Field(default=0.0, ge=0.0, le=3600.0)
-
-    def lifted(self, up_m: float) -> Self:
-        return self.model_copy(update={"to_m": raised(self.to_m, up_m)})
-
-    def duration_s(self, start_m: Vec3) -> float:
-        return self._way(start_m).duration_s + self.hold_s
 
     def reference(self, t_s: float, start_m: Vec3) -> Reference:
-        way, level = self._way(start_m), self._level_m(start_m)
+        way, level = self._way(start_m), self._target_m(start_m)
         if t_s >= way.duration_s:
             return Reference(level)
         travelled, speed, push = way.at(t_s)
@@ -45,9 +36,6 @@ class Swoop(Trajectory):
             (ux * push, uy * push, -0.5 * depth * k * (k * cosine * speed * speed + sine * push)),
         )
 
-    def _level_m(self, start_m: Vec3) -> Vec3:
+    def _target_m(self, start_m: Vec3) -> Vec3:
+        """At the height of the start."""
         return self.to_m[0], self.to_m[1], start_m[2]
-
-    def _way(self, start_m: Vec3) -> Trapezoid:
-        length = math.dist(start_m, self._level_m(start_m))
-        return Trapezoid.over(length, self.speed_m_s, self.acceleration_m_s2)
