@@ -311,4 +311,4 @@ def _model_and_data(model: Path, logs: list[Path], hold_out: str) -> tuple[Any, 
     if hold_out == "flights" and len(logs) < 2:
         raise typer.BadParameter("--hold-out is flights with 1 log, expected at least 2 logs, or blocks")
     loaded = load_model(model)
-    return loaded, prepare_flights(logs, loaded.vehicle, hold_out)  # type: ignore[arg-type]
+    return loaded, prepare_flights(logs, loaded.vehicle, "flights" if hold_out == "flights" else "blocks")

@@ -1,5 +1,7 @@
 """Which colours a browser wants: what was chosen on the page before, else what its system says."""
 
+from collections.abc import Callable
+
 from nicegui import ui
 
 from quadctl.web.theme import DARK, LIGHT, Theme
@@ -24,10 +26,10 @@ def keep_theme(theme: Theme) -> None:
     ui.run_javascript(f"localStorage.setItem('quadctl-theme', '{theme.name}')")
 
 
-def theme_button(theme: Theme, toggle: object) -> None:
+def theme_button(theme: Theme, toggle: Callable[[], object]) -> None:
     """To the other colours."""
     dark = theme is DARK
     name = "Light colours" if dark else "Dark colours"
-    ui.button(icon="light_mode" if dark else "dark_mode", on_click=toggle).props(  # type: ignore[arg-type]
+    ui.button(icon="light_mode" if dark else "dark_mode", on_click=toggle).props(
         f'flat round aria-label="{name}" title="{name}"'
     )

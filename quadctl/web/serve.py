@@ -1,6 +1,6 @@
 """Serve the page, to this machine only."""
 
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from importlib.resources import files
 
 from nicegui import app, ui
@@ -12,13 +12,11 @@ from starlette.responses import PlainTextResponse, Response
 from quadctl.web.files import MAX_UPLOAD_BYTES
 from quadctl.web.intake import Intake
 from quadctl.web.page import Page
-from quadctl.web.port import require_free
+from quadctl.web.port import require_free, run_pages
 from quadctl.web.session import Session
 from quadctl.web.workbench import Workbench
 
 HOST = "127.0.0.1"
-RECONNECT_S = 120.0
-"""So long a tab may be away and find its page as it was."""
 EARLY = '<script type="module">import("nicegui-plotly");</script>'
 """Plotly is large: it is loaded while the page is still being connected, not when the first figure comes."""
 FORM_BYTES = 2**20
@@ -56,25 +54,12 @@ def serve(
     app.on_shutdown(bench.close)
     app.add_middleware(TrustedHostMiddleware, allowed_hosts=[HOST, "localhost"])
     app.middleware("http")(_refuse_large)
-    ui.run(
-        host=HOST,
-        port=port,
-        show=show,
-        reload=False,
-        tailwind=False,
-        dark=None,
-        favicon="🚁",
-        show_welcome_message=False,
-        language="en-US",
-        reconnect_timeout=RECONNECT_S,
-        gzip_middleware_factory=None,  # nothing is far away: packing costs more than it saves
-    )
+    run_pages(HOST, port, show=show)
 
 
-async def _refuse_large(request: Request, respond: Callable[[Request], object]) -> Response:
+async def _refuse_large(request: Request, respond: Callable[[Request], Awaitable[Response]]) -> Response:
     """A page can be told to send anything: what is too large is refused before it is read."""
     length = request.headers.get("content-length", "0")
     if not length.isdigit() or int(length) > MAX_UPLOAD_BYTES + FORM_BYTES:
         return PlainTextResponse(f"more than {MAX_UPLOAD_BYTES // 2**20} MB cannot be taken", status_code=413)
-    response: Response = await respond(request)  # type: ignore[misc]  # what Starlette calls call_next
-    return response
+    return await respond(request)

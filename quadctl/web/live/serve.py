@@ -16,6 +16,7 @@ from quadctl.flight.view_link import ViewEnd, decoded
 from quadctl.web.live.gate import Gate
 from quadctl.web.live.history import LOST, Brief, History
 from quadctl.web.live.page import LivePage
+from quadctl.web.port import run_pages
 
 POLITENESS = 5
 """Of nice: the flight goes first."""
@@ -24,7 +25,6 @@ ASK_AGAIN_S = 0.2
 """A wish to land is repeated until the flight ends."""
 GRACE_S = 5.0
 """How long a page may be away, to be loaded again for example, when the flight is over."""
-RECONNECT_S = 120.0
 
 
 class Viewing:
@@ -100,19 +100,7 @@ def serve(brief: Brief, end: ViewEnd, pipe: Connection, host: str, port: int, to
 
     app.on_startup(viewing.begin)
     _guard(host, token)
-    ui.run(
-        host=host,
-        port=port,
-        show=False,
-        reload=False,
-        tailwind=False,
-        dark=None,
-        favicon="🚁",
-        show_welcome_message=False,
-        language="en-US",
-        reconnect_timeout=RECONNECT_S,
-        gzip_middleware_factory=None,
-    )
+    run_pages(host, port, show=False)
 
 
 def _guard(host: str, token: str | None) -> None:

@@ -1,5 +1,8 @@
 """Small things that several panels are made of."""
 
+from collections.abc import Callable
+from functools import partial
+
 from nicegui import ui
 from nicegui.element import Element
 
@@ -48,13 +51,13 @@ def plot(drawn: Figure, name: str, label: str) -> ui.plotly:
         shown = ui.plotly(drawn).props(f'role="img" aria-label="{label}"')
         with tag("div", "take"):
             for form in ("png", "svg"):
-                _button(form, label, lambda form=form: _picture(shown, name, form))
+                _button(form, label, partial(_picture, shown, name, form))
             _button("csv", label, lambda: ui.download.content(to_csv(shown.figure), f"{name}.csv", "text/csv"))
     return shown
 
 
-def _button(form: str, label: str, act: object) -> None:
-    ui.button(form.upper(), on_click=act).props(f'flat dense no-caps size=sm aria-label="{label} as {form.upper()}"')  # type: ignore[arg-type]
+def _button(form: str, label: str, act: Callable[[], object]) -> None:
+    ui.button(form.upper(), on_click=act).props(f'flat dense no-caps size=sm aria-label="{label} as {form.upper()}"')
 
 
 def _picture(shown: ui.plotly, name: str, form: str) -> None:
