@@ -91,6 +91,8 @@ class Effect:
     """It shows where the accelerometer and the change of velocity disagree."""
     retards: ClassVar[bool] = False
     """It makes the thrust come later; by how much a log itself is late has to be estimated along with it."""
+    reversible: ClassVar[bool] = False
+    """A fit may go either way from a start: it explains as much as its opposite does."""
     stands_back_for: ClassVar[tuple[str, ...]] = ()
     """Families beside which it is used as `standing_back`, because they say a part of it better."""
 
@@ -115,6 +117,10 @@ class Effect:
         Parameters that are not fitted keep the value of the start that explains most.
         """
         return [cls()]
+
+    def closer(self) -> "Sequence[Effect]":
+        """Further starts about this one, tried where it explains most of all: a coarse search made fine."""
+        return []
 
     @classmethod
     def parameters(cls) -> tuple[Parameter, ...]:

@@ -1,7 +1,7 @@
 """Payload: the vehicle's mass changes at some time of the flight."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -11,8 +11,9 @@ from quadctl.numeric import Number, step
 from quadctl.vehicle import Vehicle
 
 MARGIN_S = 5.0
-SEARCH_S = 0.5
-"""Distance of the times that a fit may start from."""
+COARSE_S, FINE_S = 4.0, 0.5
+"""Distance of the times that a fit may start from: first all over the flights, then about the best of them. A step
+explains little less of another one that is a few seconds off."""
 
 
 @dataclass(frozen=True)
@@ -25,6 +26,7 @@ class MassStep(ThrustRatio):
     physics: ClassVar[str] = "The mass changes at one moment: something is picked up or dropped."
     told_apart_by: ClassVar[str] = "a step in time, at whatever height, speed and voltage"
     mission: ClassVar[str] = "missions/hover_staircase_high.yaml"
+    reversible: ClassVar[bool] = True
     not_for_flight: ClassVar[str] = "the time of the change belongs to one flight"
 
     mass_kg: float = parameter(0.1, -20.0, 20.0, "kg", "mass picked up (+) or dropped (-)")
@@ -32,12 +34,15 @@ class MassStep(ThrustRatio):
 
     @classmethod
     def starts(cls, flights: Sequence[Conditions], vehicle: Vehicle) -> Sequence[Effect]:
-        """A small change at every half second but near the ends, where it would be a thrust scale."""
+        """A small change every few seconds but near the ends, where it would be a thrust scale."""
         begin = min(float(c.time_s[0]) for c in flights)
         end = max(float(c.time_s[-1]) for c in flights)
-        mass_kg = 0.02 * vehicle.mass_kg
-        times = np.arange(begin + MARGIN_S, end - MARGIN_S, SEARCH_S)
-        return [cls(change, float(t)) for t in times for change in (mass_kg, -mass_kg)] or [cls()]
+        times = np.arange(begin + MARGIN_S, end - MARGIN_S, COARSE_S)
+        return [cls(0.02 * vehicle.mass_kg, float(t)) for t in times] or [cls()]
+
+    def closer(self) -> Sequence[Effect]:
+        offsets = np.arange(-COARSE_S + FINE_S, COARSE_S, FINE_S)
+        return [replace(self, time_s=self.time_s + float(offset)) for offset in offsets if offset]
 
     def believable(self, flights: Sequence[Conditions], vehicle: Vehicle) -> bool:
         """No more is dropped than a vehicle that still flies can lose, and no less than a thrust scale drifts by."""

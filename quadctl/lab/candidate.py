@@ -27,7 +27,9 @@ HARMLESS = 0.01
 HARMLESS_BESIDE = 0.2
 """or this share of what it takes off another."""
 SHOWN = 0.01
-"""Share that an effect must take off the error of each moment that it has to show in."""
+"""Share that an effect must take off the error of each moment that it has to show in,"""
+SHOWN_BESIDE = 0.2
+"""and this share of what it takes off any of them: the nuisances can hide as much of one as of another."""
 NOTHING = 1e-9
 """An error of a log that was made up, not flown."""
 AGE = [kind.name for kind in KINDS].index("delay_s")
@@ -72,8 +74,9 @@ class Candidate:
 
     @property
     def drops(self) -> dict[str, float]:
-        """Share of the unseen error that the effect takes off each axis."""
-        axes = [axis for group, axes in GROUPS.items() if group in self.after for axis in axes]
+        """Share of the unseen error that the effect takes off each axis that it is about."""
+        about = {"total": True, "turning": self.effect.turns, "sensing": self.effect.senses}
+        axes = [axis for group, axes in GROUPS.items() if about[group] and group in self.after for axis in axes]
         return {axis: 1.0 - self.after[axis] / max(self.before[axis], NOTHING) for axis in axes}
 
     @property
@@ -100,11 +103,12 @@ class Candidate:
     def seen(self) -> bool:
         """It is there, be it only as what is a little off in every vehicle."""
         helps = self.held_out_drop > 0.0 and not self.harmful and self.p_value < SIGNIFICANT
-        shown = all(self.drops.get(axis, 0.0) > SHOWN for axis in self.effect.shows_in(self.model.vehicle))
+        shown = [self.drops.get(axis, 0.0) for axis in self.effect.shows_in(self.model.vehicle)]
+        shows = not shown or min(shown) > max(SHOWN, SHOWN_BESIDE * max(shown))
         at_bound = any("bound" in remark for remark in self.remarks)
         undetermined = sum("not determined" in remark for remark in self.remarks)
         known = not self.ci95 or undetermined < len(self.ci95)
-        return helps and shown and self.believable and known and not at_bound
+        return helps and shows and self.believable and known and not at_bound
 
     @property
     def text(self) -> str:

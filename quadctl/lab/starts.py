@@ -25,10 +25,14 @@ class Unmodelled:
         self.scale = noise_scale(residual)
 
     def explained_by(self, effect: Effect) -> float:
-        """Squared error, in units of the noise, that a multiple of what `effect` changes can take off."""
+        """Squared error, in units of the noise, that a multiple of what `effect` changes can take off.
+
+        Negative where the multiple is: less of nothing, unless the effect is reversible.
+        """
         change = self._part(self._timed.predicted_targets(self.model.plus(effect)) - self._predicted)
         along = float(np.vdot(change, self._left))
-        return along * abs(along) / max(float(np.vdot(change, change)), 1e-12)
+        squared = along * (along if effect.reversible else abs(along))
+        return squared / max(float(np.vdot(change, change)), 1e-12)
 
     # Only effects with several starts ask for these.
 
@@ -65,6 +69,8 @@ def best_starts(effect: type[Effect], left: Unmodelled) -> tuple[list[Effect], i
     if len(starts) == 1:
         return list(starts), 1
     explained = {start: left.explained_by(start) for start in starts}
-    best = sorted(starts, key=lambda start: -explained[start])[:MOST]
+    first = max(starts, key=explained.__getitem__)
+    explained |= {start: left.explained_by(start) for start in first.closer()}
+    best = sorted(explained, key=lambda start: -explained[start])[:MOST]
     tied = [start for start in best if explained[start] >= explained[best[0]] - TIED * abs(explained[best[0]])]
-    return tied, min(len(starts), len(np.unique(dataset.block)))
+    return tied, min(len(explained), len(np.unique(dataset.block)))

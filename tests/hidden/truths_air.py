@@ -17,10 +17,11 @@ class GroundCushion(Truth):
     """K = 1 + 0.2 / (1 + (z / 1.9 R)^3) for each rotor at its own height: flat at the ground, z^-3 far away.
 
     10 % more thrust at z = 1.9 R, as in the hovering flights of the RAPTOR (Appius' thesis, figure 10) and on the
-    stand of Sanchez-Cuevas et al. 2017.
+    stand of Sanchez-Cuevas et al. 2017. The lower rotors of a tilted vehicle lift more: that levels it.
     """
 
     family = "ground_effect"
+    also = ("ground_torque",)
 
     def act(self, now: Instant) -> None:
         width = 1.9 * self.vehicle.rotor.radius_m
@@ -33,10 +34,12 @@ class GroundImages(Truth):
     """Each rotor is a source whose image below the ground slows the inflow of every rotor; a fountain adds to it.
 
     Cheeseman & Bennett 1955 for each pair of rotors at their own heights, fountain as a Gaussian in height after the
-    measurements of Garofano-Soldado et al. (7 % more at z = 2 R below the centre of a hexarotor).
+    measurements of Garofano-Soldado et al. (7 % more at z = 2 R below the centre of a hexarotor). The lower rotors of a
+    tilted vehicle lift more: that levels it.
     """
 
     family = "ground_effect"
+    also = ("ground_torque",)
 
     def __init__(self, vehicle: Vehicle, strength: float, chance: random.Random) -> None:
         super().__init__(vehicle, strength, chance)
