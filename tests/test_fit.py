@@ -297,9 +297,18 @@ class TestStarts:
         assert abs(left.explained_by(MassStep(0.03, 0.0))) < 1.0
 
     def test_an_effect_of_the_wrong_sign_explains_less_than_nothing(self, raptor: Vehicle) -> None:
+        def explained(loss: float) -> float:
+            data = load_dataset([with_weak_rotor(raptor, 2, loss)], raptor)
+            return Unmodelled(*judged(Model(raptor), data), data).explained_by(WeakRotor(rotor=2.0))
+
+        assert explained(0.1) > 0.0 > explained(-0.1)
+
+    def test_a_reversible_one_explains_as_much_either_way(self, raptor: Vehicle) -> None:
         data = data_of(stacked(raptor, MassStep(0.2, 31.0)))
         left = Unmodelled(*judged(Model(raptor), data), data)
-        assert left.explained_by(MassStep(0.03, 31.0)) > 0.0 > left.explained_by(MassStep(-0.03, 31.0))
+        picked_up = left.explained_by(MassStep(0.03, 31.0))
+        assert left.explained_by(MassStep(-0.03, 31.0)) == pytest.approx(picked_up, rel=0.05)
+        assert picked_up > 10.0
 
 
 class TestToldApart:

@@ -118,7 +118,7 @@ class Effect:
         """
         return [cls()]
 
-    def closer(self) -> "Sequence[Effect]":
+    def closer(self, flights: Sequence[Conditions]) -> "Sequence[Effect]":
         """Further starts about this one, tried where it explains most of all: a coarse search made fine."""
         return []
 

@@ -35,14 +35,14 @@ class MassStep(ThrustRatio):
     @classmethod
     def starts(cls, flights: Sequence[Conditions], vehicle: Vehicle) -> Sequence[Effect]:
         """A small change every few seconds but near the ends, where it would be a thrust scale."""
-        begin = min(float(c.time_s[0]) for c in flights)
-        end = max(float(c.time_s[-1]) for c in flights)
-        times = np.arange(begin + MARGIN_S, end - MARGIN_S, COARSE_S)
+        begin, end = _searched(flights)
+        times = np.arange(begin, end, COARSE_S)
         return [cls(0.02 * vehicle.mass_kg, float(t)) for t in times] or [cls()]
 
-    def closer(self) -> Sequence[Effect]:
-        offsets = np.arange(-COARSE_S + FINE_S, COARSE_S, FINE_S)
-        return [replace(self, time_s=self.time_s + float(offset)) for offset in offsets if offset]
+    def closer(self, flights: Sequence[Conditions]) -> Sequence[Effect]:
+        begin, end = _searched(flights)
+        times = self.time_s + np.arange(-COARSE_S + FINE_S, COARSE_S, FINE_S)
+        return [replace(self, time_s=float(t)) for t in times if begin <= t < end and t != self.time_s]
 
     def believable(self, flights: Sequence[Conditions], vehicle: Vehicle) -> bool:
         """No more is dropped than a vehicle that still flies can lose, and no less than a thrust scale drifts by."""
@@ -51,3 +51,10 @@ class MassStep(ThrustRatio):
     def ratio(self, c: Conditions, vehicle: Vehicle) -> Number:
         share = max(self.mass_kg / vehicle.mass_kg, -0.9)
         return 1.0 / (1.0 + share * step(c.time_s - self.time_s))
+
+
+def _searched(flights: Sequence[Conditions]) -> tuple[float, float]:
+    """Between these times, s, a change of mass is looked for."""
+    begin = min(float(c.time_s[0]) for c in flights)
+    end = max(float(c.time_s[-1]) for c in flights)
+    return begin + MARGIN_S, end - MARGIN_S

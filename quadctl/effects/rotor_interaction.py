@@ -38,9 +38,10 @@ class FrontWake(Effect):
         speed = sqrt(u * u + v * v)
         share = self.loss * minimum(speed / vehicle.hover_induced_velocity_m_s, 1.0)
         per_arm = share / (maximum(speed, 1e-6) * 0.5 * vehicle.opposite_distance_m)
+        forward, right = -u * per_arm, -v * per_arm
         found = []
         for rotor, thrust in zip(vehicle.rotors, thrust_n, strict=True):
             x, y, _ = rotor.position_m
-            behind = maximum(-(x * u + y * v) * per_arm, 0.0)
-            found.append(thrust * (1.0 - minimum(behind, 0.9)))
+            behind = minimum(maximum(x * forward + y * right, 0.0), 0.9)
+            found.append(thrust * (1.0 - behind))
         return found

@@ -8,7 +8,7 @@ import numpy as np
 
 from quadctl.effects import Effect
 from quadctl.lab.arrays import Floats
-from quadctl.lab.data import GROUPS, MOMENTS, Dataset, rmse
+from quadctl.lab.data import GROUPS, MOMENTS, Dataset, concerns, rmse
 from quadctl.lab.fit import Fitted, Fitter
 from quadctl.lab.nuisance import KINDS, MOST
 from quadctl.lab.parameters import intervals, remarks, values_of
@@ -75,8 +75,8 @@ class Candidate:
     @property
     def drops(self) -> dict[str, float]:
         """Share of the unseen error that the effect takes off each axis that it is about."""
-        about = {"total": True, "turning": self.effect.turns, "sensing": self.effect.senses}
-        axes = [axis for group, axes in GROUPS.items() if about[group] and group in self.after for axis in axes]
+        about = [group for group in GROUPS if group in self.after and concerns(self.effect, group)]
+        axes = [axis for group in about for axis in GROUPS[group]]
         return {axis: 1.0 - self.after[axis] / max(self.before[axis], NOTHING) for axis in axes}
 
     @property

@@ -205,6 +205,11 @@ def predict_imu_error(model: Model, flight: Flight) -> Floats:
     return np.column_stack([flight.filtered(component) for component in sensed])
 
 
+def concerns(effect: Effect, group: str) -> bool:
+    """Whether `effect` has a say in what `group` measures."""
+    return {"total": True, "turning": effect.turns, "sensing": effect.senses}[group]
+
+
 PREDICT = {"total": predict, "turning": predict_torque, "sensing": predict_imu_error}
 
 

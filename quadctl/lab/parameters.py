@@ -7,7 +7,7 @@ import numpy as np
 
 from quadctl.effects import Effect, Parameter
 from quadctl.lab.arrays import Floats
-from quadctl.lab.data import predict_targets
+from quadctl.lab.data import PREDICT, concerns
 from quadctl.lab.flight import Flight
 from quadctl.model import Model
 
@@ -50,13 +50,17 @@ def parameter_slopes(model: Model, flight: Flight, groups: Sequence[str], here: 
     """
     free = free_parameters(model)
     values = values_of(model, free)
-    found = np.empty((*here.shape, len(free)))
+    found = np.zeros((*here.shape, len(free)))
     for i, f in enumerate(free):
         step = STEP * (f.parameter.high - f.parameter.low)
         step = step if values[i] + step <= f.parameter.high else -step
         moved = values.copy()
         moved[i] += step
-        found[..., i] = (predict_targets(with_values(model, free, moved), flight, groups) - here) / step
+        other = with_values(model, free, moved)
+        for first, group in enumerate(groups):
+            if concerns(model.effects[f.effect], group):
+                axes = slice(3 * first, 3 * first + 3)
+                found[:, axes, i] = (PREDICT[group](other, flight) - here[:, axes]) / step
     return found
 
 

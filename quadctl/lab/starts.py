@@ -65,12 +65,13 @@ MOST = 6
 def best_starts(effect: type[Effect], left: Unmodelled) -> tuple[list[Effect], int]:
     """The starts of a fit that explain most of what is left, and how many independent ones they were chosen from."""
     dataset = left.dataset
-    starts = effect.starts([flight.conditions for flight in dataset.flights], left.model.vehicle)
+    flights = [flight.conditions for flight in dataset.flights]
+    starts = effect.starts(flights, left.model.vehicle)
     if len(starts) == 1:
         return list(starts), 1
     explained = {start: left.explained_by(start) for start in starts}
     first = max(starts, key=explained.__getitem__)
-    explained |= {start: left.explained_by(start) for start in first.closer()}
+    explained |= {start: left.explained_by(start) for start in first.closer(flights)}
     best = sorted(explained, key=lambda start: -explained[start])[:MOST]
     tied = [start for start in best if explained[start] >= explained[best[0]] - TIED * abs(explained[best[0]])]
     return tied, min(len(explained), len(np.unique(dataset.block)))

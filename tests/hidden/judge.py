@@ -33,7 +33,7 @@ class Result:
     effects: list[str]
     """The model's effects with their parameters, in words."""
     seconds: float
-    """From the files to the verdict."""
+    """Of the processor, from the files to the verdict."""
     error_left: float | None
     """On the unseen flight: error with what was found over that with the truth itself."""
     covered: list[bool]
@@ -59,14 +59,14 @@ def blind(vehicle: Path, logs: Sequence[Path]) -> Diagnosis:
 
 def judge(case: Case, folder: Path) -> Result:
     """Fly a case (or take what was flown), have it diagnosed, and compare with the truth."""
-    began = time.perf_counter()
+    began = time.process_time()
     try:
         flown = fly_case(case, folder)
-        began = time.perf_counter()
+        began = time.process_time()
         diagnosis = blind(case.vehicle_path, flown.seen)
     except Exception as error:  # what breaks a flight or the lab is a wrong case, not the end of the scoreboard
-        return Result(case, "error", [], [], time.perf_counter() - began, None, [], f"{type(error).__name__}: {error}")
-    seconds = time.perf_counter() - began
+        return Result(case, "error", [], [], time.process_time() - began, None, [], f"{type(error).__name__}: {error}")
+    seconds = time.process_time() - began
     words = [f"{e.name}({', '.join(f'{k}={v:.3g}' for k, v in e.values().items())})" for e in diagnosis.best.effects]
     left = error_left(case, flown, diagnosis.best)
     return Result(case, diagnosis.verdict, list(diagnosis.missing), words, seconds, left, covered(case, diagnosis))

@@ -95,7 +95,7 @@ def scores(results: Sequence[Result]) -> list[tuple[str, ...]]:
     rows.append(("true parameters inside their 95 % intervals", *map(_share, inside), f"{low:.0%} to {high:.0%}"))
     seconds = [[r.seconds for r in results if r.case.strength == s] for s in STRENGTHS]
     cells = [f"{statistics.median(values):.1f} s" if values else "-" for values in seconds]
-    rows.append(("time per case, median", *cells, f"<= {SECONDS:g} s"))
+    rows.append(("processor time per case, median", *cells, f"<= {SECONDS:g} s"))
     return rows
 
 
