@@ -74,7 +74,7 @@ class Compensator:
         self._bent = any("thrust" in effect.depends_on for effect in model.effects)
 
     def __call__(self, state: VehicleState, ground_down_m: float, thrust_n: float) -> Compensation:
-        """Correction for `state`, the ground being at `ground_down_m` (NED) and the rotors to give `thrust_n` in all."""
+        """Correction for `state` with the ground at `ground_down_m` (NED), where the rotors are to give `thrust_n`."""
         here = self.surroundings(state, ground_down_m)
         return Compensation(self.thrust_ratio(here, thrust_n), self.force_ned_n(here, thrust_n), here.trust)
 
@@ -126,8 +126,7 @@ class Compensator:
         power = 1.0 + math.log(there / ratio) / math.log(asked_n / given_n)
         if power < LEAST_POWER:
             return there
-        asked_n *= (given_n / (asked_n * there)) ** (1.0 / power)
-        return given_n / asked_n
+        return given_n / asked_n * math.pow(asked_n * there / given_n, 1.0 / power)
 
     def _ratio(self, here: Surroundings, asked_n: float) -> float:
         """Thrust given over thrust asked, where `asked_n` is asked of all rotors alike."""

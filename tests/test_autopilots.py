@@ -16,6 +16,7 @@ import yaml
 from links import LEVEL, RAPTOR, TIMEOUT_S, Link, SerialLine, connected, free_port, hover_throttle, mock
 from quadctl.errors import FlightError
 from quadctl.flight.ardupilot import throttle_of_pulse
+from quadctl.flight.guards import GuardLimits
 from quadctl.flight.pilot import Pilot
 from quadctl.flight.requirements import requirements_met
 from quadctl.flight.session import prepare_flight
@@ -332,8 +333,10 @@ def test_lifting_off_by_targets_blocks_the_next_arming() -> None:
 # --- the pilot of an autopilot that takes off by itself ---------------------------------------------------------------
 
 
-def flown_in_lockstep(copter: SimulatedCopter) -> tuple[Pilot, list[Tick]]:
+def flown_in_lockstep(copter: SimulatedCopter, guards: GuardLimits | None = None) -> tuple[Pilot, list[Tick]]:
     plan = prepare_flight(ROOT / "missions" / "short_hop.yaml", ROOT / "config" / "flight.yaml", None, None)
+    if guards is not None:
+        plan = plan._replace(settings=plan.settings.model_copy(update={"guards": guards}))
     copter.parameters["GUID_OPTIONS"] = 8.0
     pilot, ticks = plan.pilot(autopilot_takes_off=True), list[Tick]()
     fly_lockstep(copter, pilot, plan.settings.controller.rate_hz, [ticks.append])
@@ -368,6 +371,31 @@ def test_a_take_off_that_does_not_come_ends_disarmed_without_a_target(answer: st
     assert [request for tick in ticks for request in tick.requests][-1] is Request.LAND
     assert all(tick.target is None for tick in ticks)
     assert not copter.armed
+
+
+def test_a_flight_that_a_slow_take_off_makes_too_long_lands() -> None:
+    """Twelve seconds of mission, of which the take-off is a good one."""
+
+    class SlowCopter(SimulatedCopter):
+        climbs_s = math.inf
+        height_m = 0.0
+
+        def request_take_off(self, height_m: float) -> str | None:
+            self.climbs_s, self.height_m = self.time_s + 7.0, height_m
+            return None
+
+        def step(self, until_s: float) -> None:
+            if until_s > self.climbs_s:
+                self.climbs_s = math.inf
+                assert super().request_take_off(self.height_m) is None
+            super().step(until_s)
+
+    pilot, ticks = flown_in_lockstep(SlowCopter(VEHICLE), GuardLimits(max_over_time_s=4.0))
+    assert pilot.ended == f"the flight lasts 16 s, the mission {pilot.mission.duration_s:.0f} s"
+    (asked,) = [tick for tick in ticks if Request.LAND in tick.requests]
+    assert asked.target is not None
+    assert not ticks[-1].state.armed
+    assert flown_in_lockstep(SlowCopter(VEHICLE))[0].ended == "completed"
 
 
 # --- rotor speeds and motor outputs ----------------------------------------------------------------------------------

@@ -15,9 +15,9 @@ from quadctl.errors import FlightError
 from quadctl.flight.check import check_flight
 from quadctl.flight.findings import Finding, Verdict
 from quadctl.flight.firmware import Requirement
+from quadctl.flight.plan import FlightPlan, read_flight
 from quadctl.flight.preflight import inspect_autopilot
 from quadctl.flight.px4 import PX4
-from quadctl.flight.session import FlightPlan, read_flight
 from quadctl.model import Provenance
 from quadctl.state import VehicleState
 

@@ -1,6 +1,7 @@
 """Real time, over MAVLink, through MAVSDK: one flight, and the command when it is interrupted."""
 
 import gc
+import io
 import json
 import os
 import signal
@@ -36,10 +37,13 @@ def meta_of(log: Path) -> dict[str, Any]:
 def test_a_short_hop_in_real_time(tmp_path: Path) -> None:
     plan = prepare_flight(ROOT / "missions" / "short_hop.yaml", CONFIG, None, None)
     with mock_process(plan.body.vehicle, None, 1) as url:
-        outcome = fly_real_time(plan, url, tmp_path, Console(quiet=True))
+        told = io.StringIO()
+        outcome = fly_real_time(plan, url, tmp_path, Console(file=told))
     assert outcome.completed, outcome.ended
     assert outcome.phases == ["takeoff", "hover", "down"]
     assert outcome.problem is None
+    # What the autopilot does when we fall silent is asked before anything is armed.
+    assert "warning: parameters: COM_OBL_RC_ACT: then it goes to Return (3): it climbs first" in told.getvalue()
     log = read_log(outcome.log)
     assert log.notes == []
     assert log.phase is not None

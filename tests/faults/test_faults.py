@@ -1,6 +1,6 @@
 """Each fault ends as the fault table says: docs/faults.md is made by the same flights.
 
-Here those fly that only real time shows. What the state alone can say is flown in lockstep (tests/test_pilot.py), and
+Here those fly that only real time shows. What the state alone can say is flown in lockstep (tests/test_pilot*.py), and
 all of it on both autopilots by `make faults`.
 """
 
@@ -14,7 +14,13 @@ pytestmark = pytest.mark.timeout(900)
 
 
 ON_PX4 = [case.name for case in (*PROCESS, *LINK, *PEOPLE)]
-ON_PX4 += ["position frozen", "estimator rejects its sensors", "fence"]
+ON_PX4 += [
+    "position frozen",
+    "estimator rejects its sensors",
+    "fence",
+    "landing does not end",
+    "compensator beyond its data",
+]
 ON_ARDUPILOT = [  # where it has its own way
     "event loop frozen for 3 s",
     "event loop frozen for 0.6 s",
