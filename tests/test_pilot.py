@@ -142,11 +142,11 @@ FAULTS = [*(change for change, _ in HAND_OVER.values()), *(change for change, _ 
 
 @settings(max_examples=25)
 @given(
-    at_s=st.floats(0.0, 16.0),
+    at_s=st.floats(0.0, 10.0),
     fault=st.sampled_from(FAULTS),
     lasts_s=st.sampled_from([0.02, 0.3, 3.0, math.inf]),
     event=st.sampled_from(["nothing", "POSCTL", "HOLD", "disarm", "ask", "fail", "stall"]),
-    event_at_s=st.floats(0.0, 16.0),
+    event_at_s=st.floats(0.0, 10.0),
     refusals=st.sets(st.sampled_from(["LAND", "ARM"])),
     ignored=st.sets(st.sampled_from(["LAND"])),
 )

@@ -32,7 +32,7 @@ FLIGHT_STAGES = (Stage.SPOOL_UP, Stage.FLY, Stage.LAND)
 
 @cache
 def hop() -> FlightPlan:
-    return prepare_flight(ROOT / "missions" / "short_hop.yaml", ROOT / "config" / "flight.yaml", None, None)
+    return prepare_flight(ROOT / "tests" / "hop.yaml", ROOT / "config" / "flight.yaml", None, None)
 
 
 def plan_with(**changes: Any) -> FlightPlan:
