@@ -10,6 +10,7 @@ from quadctl.state import NAN
 from sitl.autopilot import SimulatedAutopilot
 from watched import HAND_OVER, LAND, Change, Flight, at_stage, leaning, moved, plan_with, take_over
 
+
 def test_an_armed_vehicle_is_not_taken() -> None:
     flight = Flight()
     assert SimulatedAutopilot.request_arm(flight.autopilot) is None

@@ -129,7 +129,10 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 @pytest.fixture(scope="module")
 def interrupted(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[signal.Signals, Flight]]:
     """A flight for each signal, all at the same time, because they take real time."""
-    flights = {s: quadctl(tmp_path_factory.mktemp(s.name), "fly", "tests/hop.yaml", "--sitl", "--config", str(CONFIG)) for s in SIGNALS}
+    flights = {
+        s: quadctl(tmp_path_factory.mktemp(s.name), "fly", "tests/hop.yaml", "--sitl", "--config", str(CONFIG))
+        for s in SIGNALS
+    }
     yield flights
     for flight in flights.values():
         flight.process.kill()
