@@ -176,6 +176,12 @@ STANDING = VehicleState(
 )  # fmt: skip
 
 
+@pytest.fixture(autouse=True)
+def _no_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The fake autopilot's time passes by itself."""
+    monkeypatch.setattr("quadctl.flight.preflight.LOOK_EVERY_S", 0.0)
+
+
 def asked(where: Path, autopilot: FakeAutopilot, config: Any = None) -> list[Finding]:
     return asyncio.run(inspect_autopilot(planned(where, config=config), autopilot, 0.5))
 

@@ -1,7 +1,7 @@
 """Each fault ends as the fault table says: docs/faults.md is made by the same flights.
 
-Here those fly that only real time shows, on PX4, and on ArduPilot where it has its own way. What the state alone can say
-is flown in lockstep (tests/test_pilot*.py), and all of it on both autopilots by `make faults`.
+Here those fly that only real time shows, on PX4, and on ArduPilot where it has its own way. What the state alone can
+say is flown in lockstep (tests/test_pilot*.py), and all of it on both autopilots by `make faults`.
 """
 
 import pytest
