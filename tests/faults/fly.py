@@ -10,7 +10,8 @@ from typing import NamedTuple
 from .cases import CASES, Case
 from .scene import PROFILES, Scene, Seen
 
-JOBS = 2
+JOBS = 4
+"""Each takes real time, and little of the machine."""
 ATTEMPTS = 3
 """A machine that is busy with other things can spoil a flight in real time: it is flown again."""
 
