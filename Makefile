@@ -25,7 +25,7 @@ bench: $(INSTALLED)
 bench-loop: $(INSTALLED)
 	$(BIN)/python benchmarks/control_loop.py --out docs/control-loop.md
 
-# Every fault on every autopilot, in real time; writes docs/faults.md. Some six minutes.
+# Every fault on every autopilot, in real time; writes docs/faults.md. Some four minutes.
 faults: $(INSTALLED)
 	$(BIN)/python -m tests.faults
 

@@ -44,22 +44,46 @@ class Compensation(NamedTuple):
 NOTHING = Compensation(1.0, (0.0, 0.0, 0.0))
 
 
+class Surroundings(NamedTuple):
+    """What the effects depend on at one tick, beside the thrust."""
+
+    conditions: Conditions
+    trusts: tuple[float, ...]
+    """Of each effect, the share of its correction that is left here."""
+    trust: float = 1.0
+    """The smallest of them."""
+
+
+LEAST_POWER = 0.1
+"""Below it, asking for more hardly gives more: nothing is gained by it."""
+
+EMPTY = Surroundings(Conditions(0.0, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)), ())
+
+
 class Compensator:
-    """Evaluates a model's effects for the present state of flight."""
+    """Turns a model round at the present state of flight; within one tick each of its answers stands on the one before.
+
+    The wanted force less `force_ned_n` is what the rotors must give; that over `thrust_ratio` is what to ask of them.
+    """
 
     def __init__(self, model: Model, limits: CompensatorLimits | None = None) -> None:
         self.model = model
         self.limits = limits or CompensatorLimits()
         self._trusted_m = [_trusted_heights(item) for item in model.stack]
-        self._pushing = [effect if effect in model.effects_on_body else None for effect in model.acting]
+        self._pushing = [(i, e) for i, e in enumerate(model.acting) if e in model.effects_on_body]
+        self._bent = any("thrust" in effect.depends_on and not effect.retards for effect in model.effects)
 
     def __call__(self, state: VehicleState, ground_down_m: float, thrust_n: float) -> Compensation:
-        """Correction for `state`, the ground being at `ground_down_m` (NED) and the rotors giving about `thrust_n`."""
+        """Correction for `state` with the ground at `ground_down_m` (NED), where the rotors are to give `thrust_n`."""
+        here = self.surroundings(state, ground_down_m)
+        return Compensation(self.thrust_ratio(here, thrust_n), self.force_ned_n(here, thrust_n), here.trust)
+
+    def surroundings(self, state: VehicleState, ground_down_m: float) -> Surroundings:
+        """What the effects see at `state`, the ground being at `ground_down_m` (NED)."""
         if not self.model.stack:
-            return NOTHING
-        vehicle = self.model.vehicle
+            return EMPTY
         c = conditions(
-            vehicle,
+            self.model.vehicle,
             ground_down_m - state.position_ned_m[2],
             rotate_inverse(state.attitude, state.velocity_ned_m_s),
             state.attitude,
@@ -67,28 +91,59 @@ class Compensator:
             state.battery_v,
             (state.position_ned_m[0], state.position_ned_m[1]),
         )
-        c = self.model.in_air(c)
-        total = max(thrust_n, 0.1 * vehicle.weight_n)
-        thrusts: Sequence[Number] = [total / vehicle.n_rotors] * vehicle.n_rotors
-        ratio = 1.0
+        trusts = tuple([self._trust(c.height_m, trusted_m) for trusted_m in self._trusted_m])
+        return Surroundings(self.model.in_air(c), trusts, min(trusts))
+
+    def force_ned_n(self, here: Surroundings, thrust_n: float) -> Vec3:
+        """Force of the effects that is not the rotors' thrust, which is `thrust_n` in all; within its band."""
+        if not self._pushing:
+            return NOTHING.force_ned_n
         fx = fy = fz = 0.0
-        trusts = [self._trust(c.height_m, trusted_m) for trusted_m in self._trusted_m]
-        for item, trust in zip(self.model.stack, trusts, strict=True):
-            thrusts = item.effect.rotor_thrust(thrusts, c, vehicle)
-            before, total = total, sum(thrusts)
-            ratio *= 1.0 + trust * (total / before - 1.0)
-        # As in the model, forces stand on the thrust with all effects included, whatever their order.
-        for effect, trust in zip(self._pushing, trusts, strict=True):
-            if effect is None:
-                continue
-            ex, ey, ez = effect.force(total, c, vehicle)
+        for i, effect in self._pushing:
+            ex, ey, ez = effect.force(self._felt_n(thrust_n), here.conditions, self.model.vehicle)
+            trust = here.trusts[i]
             fx, fy, fz = fx + trust * ex, fy + trust * ey, fz + trust * ez
-        longest = self.limits.band * vehicle.weight_n
+        longest = self.limits.band * self.model.vehicle.weight_n
         length = math.sqrt(fx * fx + fy * fy + fz * fz)
         shrink = longest / length if length > longest else 1.0
-        force = rotate(c.attitude, (shrink * fx, shrink * fy, shrink * fz))
-        band = self.limits.band
-        return Compensation(min(max(ratio, 1.0 - band), 1.0 + band), force, min(trusts))
+        return rotate(here.conditions.attitude, (shrink * fx, shrink * fy, shrink * fz))
+
+    def thrust_ratio(self, here: Surroundings, thrust_n: float) -> float:
+        """Thrust of the rotors over the thrust to ask for, where they are to give `thrust_n`; within its band."""
+        given_n = self._felt_n(thrust_n)
+        ratio = self._ratio(here, given_n)
+        return self._in_band(self._bent_ratio(here, given_n, ratio) if self._bent else ratio)
+
+    def _bent_ratio(self, here: Surroundings, given_n: float, ratio: float) -> float:
+        """The ratio where `given_n` is given, from the `ratio` where as much is asked.
+
+        What is given grows by some power of what is asked: a secant on logarithms meets it, a pure power exactly.
+        """
+        asked_n = given_n / self._in_band(ratio)
+        there = self._ratio(here, asked_n)
+        if asked_n == given_n or not (0.0 < ratio < math.inf and 0.0 < there < math.inf):
+            return ratio
+        power = 1.0 + math.log(there / ratio) / math.log(asked_n / given_n)
+        if power < LEAST_POWER:
+            return there
+        return given_n / asked_n * math.pow(asked_n * there / given_n, 1.0 / power)
+
+    def _ratio(self, here: Surroundings, asked_n: float) -> float:
+        """Thrust given over thrust asked, where `asked_n` is asked of all rotors alike."""
+        vehicle, total, ratio = self.model.vehicle, asked_n, 1.0
+        thrusts: Sequence[Number] = [asked_n / vehicle.n_rotors] * vehicle.n_rotors
+        for item, trust in zip(self.model.stack, here.trusts, strict=True):
+            thrusts = item.effect.rotor_thrust(thrusts, here.conditions, vehicle)
+            before, total = total, sum(thrusts)
+            ratio *= 1.0 + trust * (total / before - 1.0)
+        return ratio
+
+    def _felt_n(self, thrust_n: float) -> float:
+        """No less than a tenth of the weight: rotors that give nothing have no ratio."""
+        return max(thrust_n, 0.1 * self.model.vehicle.weight_n)
+
+    def _in_band(self, ratio: float) -> float:
+        return min(max(ratio, 1.0 - self.limits.band), 1.0 + self.limits.band)
 
     def _trust(self, height_m: float, trusted_m: tuple[float, float]) -> float:
         """1 inside the heights of an effect's data, falling linearly to 0 beyond them."""

@@ -14,7 +14,8 @@ from rich.console import Console
 
 from quadctl.errors import QuadctlError
 from quadctl.flight.outcome import Outcome
-from quadctl.flight.session import FlightPlan, fly_real_time, prepare_flight
+from quadctl.flight.plan import FlightPlan
+from quadctl.flight.session import fly_real_time, prepare_flight
 from quadctl.lab.compare import compare
 from quadctl.lab.data import load_dataset
 from quadctl.lab.discover import discover

@@ -36,6 +36,7 @@ class SimulatedCopter(SimulatedAutopilot):
         "DISARM_DELAY": 10.0,
         "LAND_SPEED": 50.0,
         "FS_GCS_ENABLE": 0.0,
+        "MOT_THST_HOVER": 0.5,
     }
 
     guided = Guided.PLACE

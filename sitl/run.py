@@ -11,7 +11,7 @@ from pathlib import Path
 from quadctl.errors import FlightError
 from quadctl.flight.outcome import Outcome, Tally
 from quadctl.flight.pilot import Pilot
-from quadctl.flight.session import FlightPlan
+from quadctl.flight.plan import FlightPlan
 from quadctl.flight.tick import Request, Tick
 from quadctl.vehicle import Vehicle
 from sitl.autopilot import SimulatedAutopilot

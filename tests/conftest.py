@@ -9,6 +9,8 @@ from hypothesis import settings
 
 from quadctl.vehicle import Vehicle, load_vehicle
 
+pytest.register_assert_rewrite("watched", "log_files")
+
 # No deadline: how long one example takes says more about the machine than about the code.
 settings.register_profile("quadctl", deadline=None, max_examples=60)
 settings.load_profile("quadctl")

@@ -15,9 +15,9 @@ from quadctl.errors import FlightError
 from quadctl.flight.check import check_flight
 from quadctl.flight.findings import Finding, Verdict
 from quadctl.flight.firmware import Requirement
+from quadctl.flight.plan import FlightPlan, read_flight
 from quadctl.flight.preflight import inspect_autopilot
 from quadctl.flight.px4 import PX4
-from quadctl.flight.session import FlightPlan, read_flight
 from quadctl.model import Provenance
 from quadctl.state import VehicleState
 
@@ -174,6 +174,12 @@ STANDING = VehicleState(
     0.0, (0.0, 0.0, -0.05), (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), battery_v=16.0, mode="HOLD",
     connected=True,
 )  # fmt: skip
+
+
+@pytest.fixture(autouse=True)
+def _no_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The fake autopilot's time passes by itself."""
+    monkeypatch.setattr("quadctl.flight.preflight.LOOK_EVERY_S", 0.0)
 
 
 def asked(where: Path, autopilot: FakeAutopilot, config: Any = None) -> list[Finding]:

@@ -16,6 +16,7 @@ from quadctl.effects.inflow import AxialInflow
 from quadctl.effects.motor_lag import FirstOrderLag
 from quadctl.effects.rotor_drag import LinearDrag
 from quadctl.effects.rotor_fault import WeakRotor
+from quadctl.effects.thrust_curve import PowerCurve
 from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.effects.thrust_tilt import FixedTilt
 from quadctl.effects.translational_lift import HorizontalLift
@@ -101,6 +102,23 @@ def test_commanding_thrust_over_ratio_gives_the_wanted_thrust(
     assert sum(given_n) == pytest.approx(wanted_n, rel=1e-12)
 
 
+@given(
+    exponent=st.floats(1.8, 2.6),
+    wanted_n=st.floats(2.0, 35.0),
+    height_m=st.floats(0.03, 2.0),
+    order=st.permutations(range(3)),
+)
+def test_a_bent_thrust_curve_gives_the_wanted_thrust_too(
+    raptor: Vehicle, exponent: float, wanted_n: float, height_m: float, order: list[int]
+) -> None:
+    """The ratio is that of the thrust which is asked for in the end, whatever else acts before or after the bend."""
+    effects = (PowerCurve(exponent), Cheeseman(), WeakRotor(0.2, rotor=2.0))
+    turned = compensator(raptor, *(effects[i] for i in order), band=0.9)
+    ratio, *_ = turned(state(-height_m), 0.0, wanted_n)
+    given_n = turned.model.rotor_thrust([wanted_n / ratio / 4.0] * 4, Conditions(height_m, (0.0, 0.0, 0.0), LEVEL))
+    assert sum(given_n) == pytest.approx(wanted_n, rel=1e-12)
+
+
 def test_drag_is_pushed_against(raptor: Vehicle) -> None:
     # Heading east at 2 m/s east: forward speed 2, drag 1.5 * 0.4 * 2 = 1.2 N backward, which is west.
     heading_east: Quat = quaternion_from_euler(0.0, 0.0, math.pi / 2)
@@ -110,9 +128,9 @@ def test_drag_is_pushed_against(raptor: Vehicle) -> None:
 
 @pytest.mark.parametrize("order", [1, -1])
 def test_a_force_stands_on_the_whole_thrust_whatever_the_order(raptor: Vehicle, order: int) -> None:
-    # 10 N asked of rotors that give 1.2 times that, leaning 4 deg to the right: 12 sin 4 deg = 0.8370777 N
+    # 12 N that the rotors are to give, 1.2 times what is asked, leaning 4 deg to the right: 12 sin 4 deg = 0.8370777 N
     effects = (FixedTilt(roll_deg=4.0), ConstantScale(1.2))[::order]
-    ratio, force, _ = compensator(raptor, *effects)(state(), 0.0, 10.0)
+    ratio, force, _ = compensator(raptor, *effects)(state(), 0.0, 12.0)
     assert ratio == pytest.approx(1.2)
     assert force == pytest.approx((0.0, 0.8370777, 0.0292314), abs=1e-7)  # 12 (1 - cos 4 deg)
 

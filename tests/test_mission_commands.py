@@ -112,6 +112,38 @@ def test_a_mission_is_checked_with_another_vehicle(quadctl: Callable[..., Result
     assert quadctl("check", heavy, heavy, "missions/oscillation.yaml").status == 2
 
 
+@pytest.mark.parametrize("command", [("fly", "--link", "nonsense"), ("simulate",)], ids=lambda c: c[0])
+def test_what_the_check_refuses_is_not_begun(
+    quadctl: Callable[..., Result], tmp_path: Path, command: tuple[str, ...]
+) -> None:
+    """No log is made, and the link, which is none, is not looked at."""
+    config = tmp_path / "flight.yaml"
+    vehicle = str(ROOT / "config/vehicles/raptor.yaml")
+    config.write_text(yaml.safe_dump({"vehicle": vehicle, "guards": {"max_tilt_deg": 30}}))
+    refused = quadctl(*command, "missions/short_hop.yaml", "--config", config, "--log-dir", tmp_path / "logs")
+    assert refused.status == 1
+    assert refused.err.startswith("quadctl: missions/short_hop.yaml must not be flown so: tilt: up to ")
+    assert refused.err.endswith(
+        "the controller may lean further than the guard allows, expected a guard above its limit\n"
+    )
+    assert refused.err.count("\n") == 1
+    assert not (tmp_path / "logs").exists()
+
+
+def test_what_the_check_warns_of_is_printed_before_the_flight(quadctl: Callable[..., Result], tmp_path: Path) -> None:
+    config = tmp_path / "flight.yaml"
+    vehicle = str(ROOT / "config/vehicles/raptor.yaml")
+    config.write_text(yaml.safe_dump({"vehicle": vehicle, "compensator_limits": {"band": 0.01}}))
+    words = ["missions/short_hop.yaml", "--config", config, "--log-dir", tmp_path, "--model", "sanchez"]
+    out = quadctl("fly", *words, "--link", "nonsense").out
+    assert "warning: battery: 12 s of flight: its voltage is not guarded" in out
+    assert "limited to 0.99 to 1.01: it asks for more than the limit" in out
+    simulated = quadctl("simulate", *words)
+    assert simulated.status == 0
+    assert "it asks for more than the limit" in simulated.out
+    assert "battery" not in simulated.out
+
+
 def test_the_autopilot_is_asked_over_mavlink(quadctl: Callable[..., Result], px4: tuple[MavlinkMock, str]) -> None:
     autopilot, url = px4
     autopilot.autopilot.parameters |= {"COM_OF_LOSS_T": 5.0, "COM_OBL_RC_ACT": 4.0}

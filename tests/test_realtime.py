@@ -1,6 +1,7 @@
 """Real time, over MAVLink, through MAVSDK: one flight, and the command when it is interrupted."""
 
 import gc
+import io
 import json
 import os
 import signal
@@ -34,12 +35,15 @@ def meta_of(log: Path) -> dict[str, Any]:
 
 
 def test_a_short_hop_in_real_time(tmp_path: Path) -> None:
-    plan = prepare_flight(ROOT / "missions" / "short_hop.yaml", CONFIG, None, None)
+    plan = prepare_flight(ROOT / "tests" / "hop.yaml", CONFIG, None, None)
     with mock_process(plan.body.vehicle, None, 1) as url:
-        outcome = fly_real_time(plan, url, tmp_path, Console(quiet=True))
+        told = io.StringIO()
+        outcome = fly_real_time(plan, url, tmp_path, Console(file=told))
     assert outcome.completed, outcome.ended
     assert outcome.phases == ["takeoff", "hover", "down"]
     assert outcome.problem is None
+    # What the autopilot does when we fall silent is asked before anything is armed.
+    assert "warning: parameters: COM_OBL_RC_ACT: then it goes to Return (3): it climbs first" in told.getvalue()
     log = read_log(outcome.log)
     assert log.notes == []
     assert log.phase is not None
@@ -58,7 +62,7 @@ def test_a_short_hop_in_real_time(tmp_path: Path) -> None:
     assert log["motor1_rpm"][-1] < 1000.0
     assert np.isnan(log["throttle_cmd"][log.phase == "done"]).all()
     meta = meta_of(Path(outcome.log))
-    assert (meta["mission"], meta["ended"]) == ("short_hop", "completed")
+    assert (meta["mission"], meta["ended"]) == ("hop", "completed")
     assert "PX4" in meta["autopilot"]
     assert "select" in meta["real_time"]
     assert [event["answer"] for event in meta["events"]] == ["land"]
@@ -125,7 +129,10 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 @pytest.fixture(scope="module")
 def interrupted(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[signal.Signals, Flight]]:
     """A flight for each signal, all at the same time, because they take real time."""
-    flights = {s: quadctl(tmp_path_factory.mktemp(s.name), "fly", "missions/short_hop.yaml", "--sitl") for s in SIGNALS}
+    flights = {
+        s: quadctl(tmp_path_factory.mktemp(s.name), "fly", "tests/hop.yaml", "--sitl", "--config", str(CONFIG))
+        for s in SIGNALS
+    }
     yield flights
     for flight in flights.values():
         flight.process.kill()

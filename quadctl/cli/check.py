@@ -34,10 +34,10 @@ def check(
 ) -> None:
     """Is everything ready to fly? Mission, vehicle, compensator and limits, and with --link the autopilot."""
     from quadctl.flight.check import check_flight
-    from quadctl.flight.findings import Verdict, count
+    from quadctl.flight.findings import Verdict, of_verdict
+    from quadctl.flight.plan import read_flight
     from quadctl.flight.ports import resolve
     from quadctl.flight.preflight import ask_autopilot
-    from quadctl.flight.session import read_flight
 
     if len(files) > 2:
         raise typer.BadParameter(f"{len(files)} files are given, expected a mission, or a vehicle and a mission")
@@ -53,6 +53,6 @@ def check(
         line = Text(f"{finding.verdict.value:8}", style=STYLES[finding.verdict.value])
         console.print(line.append(f" {finding.topic:12} {finding.text}", style="default not bold"), soft_wrap=True)
     write_json(json_out, {"mission": plan.mission.name, "findings": [finding.to_dict() for finding in findings]})
-    refused = count(findings, Verdict.REFUSED)
+    refused = len(of_verdict(findings, Verdict.REFUSED))
     if refused:
         raise FlightError(f"{mission} must not be flown so: {refused} of {len(findings)} checks refuse it")

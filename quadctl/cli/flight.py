@@ -2,7 +2,6 @@
 
 import enum
 import re
-from collections.abc import Sequence
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import asdict
 from pathlib import Path
@@ -64,7 +63,7 @@ def simulate(
 
     check_outputs([mission, config, hidden], json_out)
     plan = prepare_flight(mission, config, model, offset_up, overrides or ())
-    _print_warnings(plan.warnings)
+    _print_warnings(plan, simulated=True)
     _finish(simulator().simulate(plan, log_dir, hidden, seed), json_out)
 
 
@@ -98,7 +97,7 @@ def fly(
         typer.Option("--view-token", metavar="T", help="Let other machines see and land, if they know this word."),
     ] = None,
 ) -> None:
-    """Fly a mission on an autopilot. Ctrl-C lands."""
+    """Fly a mission on an autopilot; what `check` refuses is not begun. Ctrl-C lands."""
     from quadctl.flight.ports import resolve
     from quadctl.flight.session import fly_real_time, prepare_flight
 
@@ -112,7 +111,7 @@ def fly(
         raise typer.BadParameter("--view-token lands a vehicle: give 8 or more letters, digits, - or _")
     check_outputs([mission, config, hidden], json_out)
     plan = prepare_flight(mission, config, model, offset_up, overrides or ())
-    _print_warnings(plan.warnings)
+    _print_warnings(plan, simulated=sitl)
     with ExitStack() as stack:
         viewer = stack.enter_context(_viewer(plan, view_port, view_token)) if view else None
         if sitl:
@@ -158,9 +157,10 @@ def _finish(outcome: Any, json_out: Path | None) -> None:
         raise FlightError(f"the flight was not completed: {outcome.ended}")
 
 
-def _print_warnings(warnings: Sequence[str]) -> None:
-    for warning in warnings:
-        console.print(f"warning: {warning}", style="yellow", soft_wrap=True, markup=False, highlight=False)
+def _print_warnings(plan: Any, simulated: bool) -> None:
+    for warning in plan.warnings:
+        if not (simulated and warning.topic == "battery"):  # nobody's is at stake
+            console.print(f"warning: {warning}", style="yellow", soft_wrap=True, markup=False, highlight=False)
 
 
 def simulator() -> Any:

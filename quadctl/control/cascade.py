@@ -3,12 +3,13 @@
 import math
 from typing import NamedTuple
 
-from quadctl.compensator import NOTHING, Compensation, Compensator
+from quadctl.compensator import Compensation, Compensator
 from quadctl.control.attitude import attitude_for_force, limit_tilt, thrust_along_body
 from quadctl.control.settings import ControllerSettings
 from quadctl.control.throttle import throttle_for_thrust
 from quadctl.control.velocity import VelocityMemory, acceleration_setpoint, velocity_setpoint
 from quadctl.frames import GRAVITY_M_S2
+from quadctl.model import Model
 from quadctl.state import AttitudeTarget, Setpoint, Vec3, VehicleState
 from quadctl.vehicle import Vehicle
 
@@ -18,7 +19,7 @@ class Memory(NamedTuple):
 
     velocity: VelocityMemory = VelocityMemory()
     thrust_n: float = 0.0
-    """Thrust asked of the rotors at the last tick: the compensator's first guess of what they give now."""
+    """Thrust that the rotors were to give at the last tick: on it stand the compensator's forces now."""
 
 
 class ControlOutput(NamedTuple):
@@ -51,18 +52,19 @@ def control(
     # Gravity is fed forward: the integrator must not have to find the weight.
     m = vehicle.mass_kg
     wanted: Vec3 = (m * acceleration[0], m * acceleration[1], m * (acceleration[2] - GRAVITY_M_S2))
-    guess = memory.thrust_n or vehicle.weight_n
-    compensation = compensator(state, ground_down_m, guess) if compensator is not None else NOTHING
-    fx, fy, fz = compensation.force_ned_n
+    compensator = compensator or Compensator(Model(vehicle))
+    here = compensator.surroundings(state, ground_down_m)
+    side_force = fx, fy, fz = compensator.force_ned_n(here, memory.thrust_n or vehicle.weight_n)
     # The acceleration was limited, but what compensation adds may lean further, or even point down.
     rotor_force = limit_tilt((wanted[0] - fx, wanted[1] - fy, wanted[2] - fz), math.radians(settings.max_tilt_deg))
     attitude = attitude_for_force(rotor_force, setpoint.yaw_rad)
-    rotor_thrust_n = thrust_along_body(rotor_force, state.attitude) / (compensation.thrust_ratio * vehicle.axial_share)
-    throttle = throttle_for_thrust(rotor_thrust_n, vehicle, settings.min_throttle, settings.max_throttle)
+    rotor_thrust_n = thrust_along_body(rotor_force, state.attitude) / vehicle.axial_share
+    ratio = compensator.thrust_ratio(here, rotor_thrust_n)
+    throttle = throttle_for_thrust(rotor_thrust_n / ratio, vehicle, settings.min_throttle, settings.max_throttle)
     return ControlOutput(
         AttitudeTarget(attitude, throttle),
         thrust_along_body(wanted, state.attitude),
-        compensation,
+        Compensation(ratio, side_force, here.trust),
         velocity_sp,
         acceleration,
         Memory(velocity_memory, rotor_thrust_n),

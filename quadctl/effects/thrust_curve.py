@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from quadctl.effects.base import Conditions, Effect, parameter
-from quadctl.numeric import Number, maximum
+from quadctl.numeric import Number
 from quadctl.vehicle import Vehicle
 
 
@@ -34,4 +34,5 @@ class PowerCurve(Effect):
     def rotor_thrust(self, thrust_n: Sequence[Number], c: Conditions, vehicle: Vehicle) -> Sequence[Number]:
         hover_n = vehicle.weight_n / vehicle.n_rotors
         power = 0.5 * self.exponent
-        return [hover_n * maximum(thrust / hover_n, 0.0) ** power for thrust in thrust_n]
+        # 0 below 0, for floats and arrays alike; the compensator calls this twice in a tick, and `maximum` takes longer
+        return [hover_n * (thrust * (thrust > 0.0) / hover_n) ** power for thrust in thrust_n]

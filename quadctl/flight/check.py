@@ -10,7 +10,7 @@ from quadctl.control.attitude import attitude_for_force, limit_tilt
 from quadctl.control.throttle import throttle_for_thrust
 from quadctl.errors import SettingsError
 from quadctl.flight.findings import Finding, Verdict, judged
-from quadctl.flight.session import FlightPlan
+from quadctl.flight.plan import FlightPlan
 from quadctl.flight.settings import FlightSettings
 from quadctl.frames import GRAVITY_M_S2
 from quadctl.missions import Mission
@@ -46,7 +46,7 @@ def check_flight(plan: FlightPlan) -> list[Finding]:
     every = [sample for of_phase in samples for sample in of_phase]
     findings = [_mission(mission, samples), *_compensator(plan)]
     fit = all(finding.verdict is not Verdict.REFUSED for finding in findings)
-    compensator = Compensator(plan.compensator, settings.compensator_limits) if fit else None
+    compensator = Compensator(plan.compensator if fit else plan.body, settings.compensator_limits)
     demands = [_demand(sample, vehicle, settings.controller, compensator) for sample in every]
     in_air = demands[len(samples[0]) - 1 :]  # without the climb from the ground
     return [
@@ -57,14 +57,12 @@ def check_flight(plan: FlightPlan) -> list[Finding]:
         _speed(every, settings),
         _tilt(demands, settings),
         _thrust(demands, vehicle, settings.controller),
-        *([] if compensator is None else _band(in_air, settings)),
+        *_band(in_air, settings),
         _battery(mission, vehicle, settings),
     ]
 
 
-def _demand(
-    sample: Sample, vehicle: Vehicle, controller: ControllerSettings, compensator: Compensator | None
-) -> Demand:
+def _demand(sample: Sample, vehicle: Vehicle, controller: ControllerSettings, compensator: Compensator) -> Demand:
     north, east, up = (
         own + answer
         for own, answer in zip(sample.reference.acceleration_m_s2, _answer(sample.jump_m, controller), strict=True)
@@ -74,16 +72,16 @@ def _demand(
         vehicle.mass_kg * east,
         -vehicle.mass_kg * max(up + GRAVITY_M_S2, 0.0),
     )
-    ratio = 1.0
-    if compensator is not None:
-        x, y, z = sample.reference.position_m
-        u, v, w = sample.reference.velocity_m_s
-        state = VehicleState(sample.time_s, (x, y, -z), (u, v, -w), attitude_for_force(force_ned, 0.0))
-        ratio, (fx, fy, fz), _ = compensator(state, 0.0, vehicle.weight_n)
-        force_ned = (force_ned[0] - fx, force_ned[1] - fy, force_ned[2] - fz)
+    x, y, z = sample.reference.position_m
+    u, v, w = sample.reference.velocity_m_s
+    state = VehicleState(sample.time_s, (x, y, -z), (u, v, -w), attitude_for_force(force_ned, 0.0))
+    here = compensator.surroundings(state, 0.0)
+    fx, fy, fz = compensator.force_ned_n(here, vehicle.weight_n)
+    force_ned = (force_ned[0] - fx, force_ned[1] - fy, force_ned[2] - fz)
     tilt_rad = math.atan2(math.hypot(force_ned[0], force_ned[1]), max(-force_ned[2], 0.0))
-    given = math.hypot(*limit_tilt(force_ned, math.radians(controller.max_tilt_deg)))
-    return Demand(sample, tilt_rad, given / (ratio * vehicle.axial_share), ratio)
+    given_n = math.hypot(*limit_tilt(force_ned, math.radians(controller.max_tilt_deg))) / vehicle.axial_share
+    ratio = compensator.thrust_ratio(here, given_n)
+    return Demand(sample, tilt_rad, given_n / ratio, ratio)
 
 
 def _answer(jump_m: Vec3, controller: ControllerSettings) -> Vec3:

@@ -1,7 +1,7 @@
 """What a check found: one line each, with a verdict."""
 
 import enum
-from collections.abc import Sequence
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 
@@ -17,6 +17,9 @@ class Finding(NamedTuple):
     text: str
     """What was found, with the numbers that it was judged by."""
 
+    def __str__(self) -> str:
+        return f"{self.topic}: {self.text}"
+
     def to_dict(self) -> dict[str, Any]:
         return {"verdict": self.verdict.value, "topic": self.topic, "text": self.text}
 
@@ -30,5 +33,5 @@ def judged(topic: str, text: str, *, refused: str | None = None, warning: str | 
     return Finding(Verdict.OK, topic, text)
 
 
-def count(findings: Sequence[Finding], verdict: Verdict) -> int:
-    return sum(finding.verdict is verdict for finding in findings)
+def of_verdict(findings: Iterable[Finding], verdict: Verdict) -> list[Finding]:
+    return [finding for finding in findings if finding.verdict is verdict]

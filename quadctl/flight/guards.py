@@ -40,9 +40,9 @@ class GuardLimits(Settings):
     min_battery_v: float = Field(default=0.0, ge=0.0)
     """0: not guarded."""
     max_estimator_ratio: float = Field(default=1.0, ge=0.0)
-    """Of innovations to their gates, where the autopilot tells it. 0: not guarded."""
-    max_over_time_s: float = Field(default=5.0, gt=0.0, le=60.0)
-    """How much longer than its mission a flight may last."""
+    """Of innovations to their gates, where the autopilot tells it: beyond 1 it rejects them. 0: not guarded."""
+    max_over_time_s: float = Field(default=60.0, gt=0.0, le=600.0)
+    """How much longer than its mission a flight may last, by a slow take-off, and how long the landing after it."""
     continuity: ContinuityLimits = ContinuityLimits()
 
 
@@ -94,7 +94,7 @@ def unfit(target: AttitudeTarget, limits: GuardLimits, max_throttle: float) -> s
 
 def inspect(
     state: VehicleState,
-    flight_s: float,
+    in_air_s: float,
     mission_s: float,
     height_m: float,
     distance_m: float,
@@ -104,9 +104,9 @@ def inspect(
 ) -> Breach | None:
     """The first reason not to go on, or None.
 
-    `flight_s` is the time since lift-off, `mission_s` how long the mission lasts, `height_m` the vehicle's height above
-    the ground and `distance_m` its horizontal distance from the take-off point. `above_floor`: it has been above the
-    floor, so that it is not on its way up to it.
+    `in_air_s` is the time since the take-off began, `mission_s` how long the mission lasts, `height_m` the vehicle's
+    height above the ground and `distance_m` its horizontal distance from the take-off point. `above_floor`: it has been
+    above the floor, so that it is not on its way up to it.
     """
     # First who flies: what else is wrong is no longer our business, least of all to take the mode back for it.
     if not state.armed:
@@ -131,8 +131,8 @@ def inspect(
     fence_m = mission.max_distance_m + mission.margin_m
     if distance_m > fence_m:
         return Breach(Answer.LAND, f"the vehicle is {distance_m:.2f} m from take-off, allowed are {fence_m:g} m")
-    if flight_s > mission_s + limits.max_over_time_s:
-        return Breach(Answer.LAND, f"the flight lasts {flight_s:.0f} s, the mission {mission_s:.0f} s")
+    if in_air_s > mission_s + limits.max_over_time_s:
+        return Breach(Answer.LAND, f"the flight lasts {in_air_s:.0f} s, the mission {mission_s:.0f} s")
     if limits.min_battery_v > 0.0 and not state.battery_v >= limits.min_battery_v:  # an unknown voltage is a breach
         return Breach(Answer.LAND, f"the battery is at {state.battery_v:.2f} V, allowed are {limits.min_battery_v:g} V")
     return None

@@ -15,7 +15,8 @@ MODE_FRESH_S = 0.5
 """A mode is asked for only while a heartbeat as recent as this shows that it is still ours to change."""
 LET_GO_S = 1.0
 """How long a second Ctrl-C waits for the autopilot to take its land mode."""
-LAND_TIMEOUT_S = 60.0
+LINK_TIMEOUT_S = 60.0
+"""How long a link that is lost while somebody else flies is waited for."""
 
 
 class Landing:
@@ -65,10 +66,11 @@ class Landing:
         if not (state.offboard or state.mode == "LAND"):
             self._progress.note(f"the autopilot went to {state.mode or 'an unknown mode'}", Answer.RELEASE.value)
             return self._release()
-        if self._progress.in_stage_s > LAND_TIMEOUT_S:
-            self._progress.end(f"{self._progress.ended}; the autopilot did not land and disarm in {LAND_TIMEOUT_S:g} s")
+        if self._progress.in_stage_s > self._watch.max_over_time_s:
+            given_up = f"the autopilot did not land and disarm in {self._watch.max_over_time_s:g} s"
+            self._progress.end(f"{self._progress.ended}; {given_up}")
             return Decision()
-        breach = self._watch.breach(state, self._progress.flight_s)
+        breach = self._watch.breach(state, self._progress.in_air_s)
         if breach is not None and breach.answer is not Answer.LAND:
             if breach.answer is Answer.HAND_OVER and not self._silent:
                 self._progress.note(breach.reason, "silence")
@@ -77,8 +79,8 @@ class Landing:
 
     def released(self, state: VehicleState, dt: float) -> Decision:
         """Somebody else flies: record until the vehicle is disarmed, never take the mode back."""
-        if not state.connected and self._progress.in_stage_s > LAND_TIMEOUT_S:
-            self._progress.end(f"{self._progress.ended}; the link did not come back in {LAND_TIMEOUT_S:g} s")
+        if not state.connected and self._progress.in_stage_s > LINK_TIMEOUT_S:
+            self._progress.end(f"{self._progress.ended}; the link did not come back in {LINK_TIMEOUT_S:g} s")
         elif self._watch.motors_off(state, self._progress.in_stage_s) or self._watch.want_land:
             self._progress.enter(Stage.DONE)
         return Decision()

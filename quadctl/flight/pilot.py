@@ -157,6 +157,8 @@ class Pilot:
 
     def _wait(self, state: VehicleState, dt: float) -> Decision:
         problem = self._watch.defect(state)
+        if problem is None and not state.armed:
+            problem = self._watch.unsettled(state)
         patience_s = READY_TIMEOUT_S if state.ready_to_arm and state.estimator_ok else BOOT_TIMEOUT_S
         if self._watch.want_land:
             self._progress.end(self._watch.want_land)
@@ -197,8 +199,12 @@ class Pilot:
             return self._landing.answer(Breach(Answer.HAND_OVER, problem), state)
         if state.armed:
             self._steering.start_at(state)
-            self._progress.enter(Stage.CLIMB if self._autopilot_takes_off else Stage.SPOOL_UP)
-            return self._idle((Request.TAKE_OFF,) if self._autopilot_takes_off else ())
+            if not self._autopilot_takes_off:
+                self._progress.enter(Stage.SPOOL_UP)
+                return self._idle()
+            self._progress.enter(Stage.CLIMB)
+            self._progress.take_off()
+            return self._idle((Request.TAKE_OFF,))
         if state.offboard and not self._watch.arm_asked:
             # Not before: armed in another mode, the vehicle would follow that mode's idea of a take-off.
             self._watch.arm_asked = True
@@ -229,6 +235,7 @@ class Pilot:
 
     def _lift_off(self, state: VehicleState) -> Decision:
         self._progress.enter(Stage.FLY)
+        self._progress.take_off()
         self._steering.forget()
         return self._fly(state, 0.0)
 
@@ -249,7 +256,7 @@ class Pilot:
     def _breach(self, state: VehicleState) -> Breach | None:
         """Why the flight must not go on, a wish to land included."""
         wish = self._watch.want_land
-        found = self._watch.breach(state, self.flight_s, off_ground=self.stage is Stage.FLY)
+        found = self._watch.breach(state, self._progress.in_air_s, off_ground=self.stage is Stage.FLY)
         return Breach(Answer.LAND, wish) if found is None and wish else found
 
     def _notice_fading(self, decision: Decision) -> None:

@@ -12,18 +12,14 @@ from quadctl.flight.findings import Finding, Verdict, judged
 from quadctl.flight.firmware import Requirement
 from quadctl.flight.guards import defect
 from quadctl.flight.mavsdk_autopilot import MavsdkAutopilot
+from quadctl.flight.plan import FlightPlan
 from quadctl.flight.realtime import run
-from quadctl.flight.session import FlightPlan
-from quadctl.frames import tilt
+from quadctl.flight.standing import not_standing, posture
 from quadctl.state import VehicleState
 from quadctl.vehicle import Vehicle
 
 LOOK_EVERY_S = 0.002
 """How often the state is looked at: shorter than the interval of the quickest message, so that each is counted."""
-MAX_STANDING_TILT_DEG = 10.0
-MAX_STANDING_SPEED_M_S = 0.3
-MAX_STANDING_HEIGHT_M = 0.3
-"""What a vehicle that stands on the ground may show."""
 MAX_SILENCE_S = 1.0
 """After which an autopilot should act when setpoints stop."""
 MAX_HOVER_DIFFERENCE = 0.15
@@ -153,21 +149,9 @@ def _estimator(state: VehicleState, plan: FlightPlan) -> Finding:
 
 
 def _standing(state: VehicleState, plan: FlightPlan) -> Finding:
-    """It should stand still and level on the ground; what it shows else is an error of the estimate, or no ground."""
-    lean_deg = math.degrees(tilt(state.attitude))
-    speed = math.hypot(*state.velocity_ned_m_s)
-    height = -state.position_ned_m[2]
-    refused = warning = None
-    if not lean_deg <= MAX_STANDING_TILT_DEG:
-        refused = f"expected at most {MAX_STANDING_TILT_DEG:g} deg"
-    elif not speed <= MAX_STANDING_SPEED_M_S:
-        refused = f"expected at most {MAX_STANDING_SPEED_M_S:g} m/s"
-    elif plan.settings.height_datum == "frame" and not abs(height) <= MAX_STANDING_HEIGHT_M:
-        refused = "height_datum: frame takes z = 0 for the ground, expected the vehicle there; or say takeoff"
-    elif not state.landed:
-        warning = "the autopilot does not think that it has landed"
-    text = f"{lean_deg:.1f} deg tilt, {speed:.2f} m/s, z = {height:.2f} m in the autopilot's frame"
-    return judged("standing", text, refused=refused, warning=warning)
+    unseen = None if state.landed else "the autopilot does not think that it has landed"
+    refused = not_standing(state, plan.settings.height_datum)
+    return judged("standing", posture(state), refused=refused, warning=unseen)
 
 
 def _mode(state: VehicleState) -> Finding:
@@ -188,11 +172,17 @@ def _battery(state: VehicleState, plan: FlightPlan) -> Finding:
 
 
 async def _parameters(autopilot: Inspected, vehicle: Vehicle) -> list[Finding]:
-    names = [need.parameter for need in autopilot.requirements] + list(autopilot.checked)
-    values = await autopilot.parameters(names)
-    if not values:
-        return [judged("parameters", ", ".join(names), warning="the autopilot tells none of them")]
-    return [*(_required(need, values) for need in autopilot.requirements), *_checked(values, vehicle)]
+    values = await autopilot.parameters(need.parameter for need in autopilot.requirements)
+    required = [_required(need, values) for need in autopilot.requirements]
+    return [*required, *await advisable_parameters(autopilot, vehicle)]
+
+
+async def advisable_parameters(autopilot: Inspected, vehicle: Vehicle) -> list[Finding]:
+    """Findings about the parameters that a flight does not require; nothing is refused for them."""
+    values = await autopilot.parameters(autopilot.checked)
+    if autopilot.checked and not values:
+        return [judged("parameters", ", ".join(autopilot.checked), warning="the autopilot tells none of them")]
+    return list(_checked(values, vehicle))
 
 
 def _required(need: Requirement, values: Mapping[str, float]) -> Finding:

@@ -15,6 +15,7 @@ class Progress:
         self.now_s = 0.0
         """Of this tick, on the clock of the state."""
         self._began_s: float | None = None
+        self._took_off_s: float | None = None
         self._entered_s = 0.0
         self._events: list[Event] = []
 
@@ -35,6 +36,16 @@ class Progress:
     def in_stage_s(self) -> float:
         """Since this stage began."""
         return self.now_s - self._entered_s
+
+    @property
+    def in_air_s(self) -> float:
+        """Since the take-off began; 0 before."""
+        return 0.0 if self._took_off_s is None else self.now_s - self._took_off_s
+
+    def take_off(self) -> None:
+        """From now on the vehicle climbs, by its autopilot's means or by ours."""
+        if self._took_off_s is None:
+            self._took_off_s = self.now_s
 
     def enter(self, stage: Stage) -> None:
         self.stage = stage

@@ -3,101 +3,42 @@
 from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any, NamedTuple
 
 from rich.console import Console
 
-from quadctl.compensator import Compensator, check_compensator
 from quadctl.errors import FlightError
 from quadctl.flight.autopilot import Autopilot
+from quadctl.flight.check import check_flight
 from quadctl.flight.display import Display
+from quadctl.flight.findings import Verdict, of_verdict
 from quadctl.flight.loop import fly, landing_on_signals
 from quadctl.flight.mavsdk_autopilot import MavsdkAutopilot
 from quadctl.flight.outcome import Outcome, Tally
-from quadctl.flight.pilot import Pilot
+from quadctl.flight.plan import FlightPlan, read_flight
+from quadctl.flight.preflight import advisable_parameters
 from quadctl.flight.realtime import privileges, run
-from quadctl.flight.recorder import Recorder
 from quadctl.flight.requirements import requirements_met
-from quadctl.flight.settings import FlightSettings, choose_models, find_config, load_flight_settings
 from quadctl.flight.view_link import ViewEnd, ViewLink
-from quadctl.missions import Mission, load_mission
-from quadctl.model import Model
-
-
-class FlightPlan(NamedTuple):
-    """Everything that a flight is made of."""
-
-    mission: Mission
-    settings: FlightSettings
-    body: Model
-    compensator: Model
-    warnings: Sequence[str]
-
-    @property
-    def rotor_heights_m(self) -> tuple[float, float]:
-        """Lowest and highest height of the rotor plane that the mission's limits allow."""
-        up = self.body.vehicle.rotor_height_m
-        return max(self.mission.limits.min_z_m + up, 0.01), self.mission.limits.max_z_m + up
-
-    def pilot(self, autopilot_takes_off: bool = False) -> Pilot:
-        compensator = Compensator(self.compensator, self.settings.compensator_limits)
-        return Pilot(self.mission, self.body, self.settings, compensator, autopilot_takes_off)
-
-    def recorder(self, log_dir: Path, autopilot: str, real_time: Sequence[str] = ()) -> Recorder:
-        """`real_time`: what keeps the ticks of a flight in real time punctual."""
-        vehicle = self.body.vehicle
-        meta: dict[str, Any] = {
-            "mission": self.mission.name,
-            "offset_up_m": self.mission.offset_up_m,
-            "parameters": dict(self.mission.parameters),
-            "autopilot": autopilot,
-            "compensator": self.compensator.name,
-            "model": [{"effect": e.name, "parameters": e.values()} for e in self.compensator.effects],
-            "vehicle": vehicle.model_dump(mode="json", exclude_none=True),
-            "controller": self.settings.controller.model_dump(mode="json"),
-            "guards": self.settings.guards.model_dump(mode="json"),
-            "real_time": list(real_time),
-        }
-        return Recorder(log_dir, self.mission.name, vehicle.n_rotors, meta)
-
-
-def read_flight(
-    mission: Path,
-    config: Path | None,
-    model: str | None,
-    offset_up_m: float | None,
-    overrides: Sequence[str] = (),
-    vehicle: Path | None = None,
-) -> FlightPlan:
-    """Read mission (with `overrides` of its parameters), configuration and model; `vehicle` goes before the
-    configuration's.
-
-    Raises
-    ------
-    SettingsError
-        One sentence that names the file, the field, the value and what was expected.
-    """
-    loaded = load_mission(mission, offset_up_m, overrides)
-    config_path = find_config(config, mission)
-    settings = load_flight_settings(config_path)
-    if vehicle is not None:
-        settings = settings.model_copy(update={"vehicle": str(vehicle.absolute())})
-    models = choose_models(settings, config_path, model)
-    return FlightPlan(loaded, settings, models.body, models.compensator, ())
 
 
 def prepare_flight(
     mission: Path, config: Path | None, model: str | None, offset_up_m: float | None, overrides: Sequence[str] = ()
 ) -> FlightPlan:
-    """Read a flight as `read_flight` does, and refuse a compensator that must not fly.
+    """Read a flight as `read_flight` does, and check it: what is no more than a warning is kept in the plan.
 
     Raises
     ------
     SettingsError
         One sentence that names the file, the field, the value and what was expected.
+    FlightError
+        A check refuses the flight: it is not to be begun.
     """
     plan = read_flight(mission, config, model, offset_up_m, overrides)
-    return plan._replace(warnings=check_compensator(plan.compensator, *plan.rotor_heights_m, plan.compensator.name))
+    findings = check_flight(plan)
+    refused = of_verdict(findings, Verdict.REFUSED)
+    if refused:
+        raise FlightError(f"{mission} must not be flown so: {'; '.join(map(str, refused))}")
+    return plan._replace(warnings=of_verdict(findings, Verdict.WARNING))
 
 
 def fly_real_time(
@@ -142,8 +83,9 @@ async def _fly(
         with console.status("waiting for the autopilot"):
             await autopilot.connect()
             await autopilot.request_telemetry()
-        for warning in autopilot.warnings:
-            warn(warning)
+            advice = await advisable_parameters(autopilot, plan.body.vehicle)
+        for warning in [*autopilot.warnings, *of_verdict(advice, Verdict.WARNING)]:
+            warn(str(warning))
         async with requirements_met(autopilot, set_parameters, warn):
             return await _fly_prepared(plan, autopilot, log_dir, console, view, real_time)
     finally:

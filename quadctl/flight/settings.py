@@ -16,6 +16,8 @@ from quadctl.vehicle import load_vehicle
 
 NO_COMPENSATION = "none"
 
+HeightDatum = Literal["frame", "takeoff"]
+
 
 class LinkSettings(Settings):
     """How the autopilot is reached."""
@@ -30,7 +32,7 @@ class FlightSettings(Settings):
     vehicle: str
     compensator: str = NO_COMPENSATION
     """`none`, the name of an effect with its textbook parameters, or a model file."""
-    height_datum: Literal["frame", "takeoff"] = "frame"
+    height_datum: HeightDatum = "frame"
     """Where the ground is: at z = 0 of the autopilot's frame (motion capture), or where the vehicle took off."""
     rest_height_m: float = Field(default=0.05, ge=0.0, lt=5.0)
     """Height of the logged body point when the vehicle stands on the ground; used with `takeoff`."""

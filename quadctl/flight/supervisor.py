@@ -3,6 +3,7 @@
 from quadctl.flight.continuity import Continuity
 from quadctl.flight.guards import Answer, Breach, defect, floor, inspect
 from quadctl.flight.settings import FlightSettings
+from quadctl.flight.standing import not_standing, posture
 from quadctl.flight.steering import Home
 from quadctl.missions import Mission
 from quadctl.state import VehicleState
@@ -17,6 +18,7 @@ class Supervisor:
     def __init__(self, mission: Mission, settings: FlightSettings, home: Home) -> None:
         self._mission = mission
         self._guards = settings.guards
+        self._height_datum = settings.height_datum
         self._period_s = 1.0 / settings.controller.rate_hz
         self._home = home
         self.arm_asked = False
@@ -33,6 +35,10 @@ class Supervisor:
         self._continuity = Continuity(settings.guards.continuity)
         self._above_floor = False
         self._stall: str | None = None
+
+    @property
+    def max_over_time_s(self) -> float:
+        return self._guards.max_over_time_s
 
     def look(self, state: VehicleState, late_s: float, dt: float) -> None:
         """At every tick, before anything is asked. `late_s`: how late it is; `dt`: its distance from the last one."""
@@ -52,6 +58,11 @@ class Supervisor:
             return "the autopilot is not ready to arm"
         return defect(state, self._guards)
 
+    def unsettled(self, state: VehicleState) -> str | None:
+        """Why a vehicle that is to take off does not look as if it stood on the ground, or None."""
+        expected = not_standing(state, self._height_datum)
+        return expected and f"the vehicle does not stand on the ground: {posture(state)}: {expected}"
+
     def objection(self, state: VehicleState) -> str | None:
         """Why the flight must not begin, or None."""
         restarted = "the autopilot restarted" if self.restarted else None
@@ -62,7 +73,7 @@ class Supervisor:
         under_way = self.arm_asked and not self.armed_seen and given_up_s < ARM_SETTLE_S
         return not state.armed and not under_way
 
-    def breach(self, state: VehicleState, flight_s: float, off_ground: bool = True) -> Breach | None:
+    def breach(self, state: VehicleState, in_air_s: float, off_ground: bool = True) -> Breach | None:
         """Why the flight must not go on as it does, or None.
 
         `off_ground` is False for a vehicle that stands, whose state need not move. A wish to land is not among the
@@ -72,7 +83,7 @@ class Supervisor:
         self._above_floor = self._above_floor or height_m >= max(floor(self._mission.limits), 0.0)
         found = inspect(
             state,
-            flight_s,
+            in_air_s,
             self._mission.duration_s,
             height_m,
             self._home.distance_m(state),

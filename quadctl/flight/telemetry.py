@@ -240,7 +240,12 @@ class Telemetry:
             self._outputs = _Outputs(now_s, tuple(pulses))
 
     def _on_estimator(self, ratios: Sequence[str], fields: Fields, now_s: float) -> None:
-        """`ratios`: the fields with the tests of innovations, 1 where they are rejected; alike on both autopilots."""
+        """`ratios`: the fields with the tests of innovations, each the root of innovation^2 / (gate^2 variance).
+
+        So 1 is where a measurement is rejected, on both: PX4 sends what `Ekf::get_innovation_test_status` gives, nan
+        for a sensor that is not used; ArduPilot what `NavEKF3_core::getVariances` gives, and calls it a variance.
+        ArduPilot's own failsafe (FS_EKF_THRESH, 0.8 of the same scale) wants two of them, for a second.
+        """
         del now_s
         known = [ratio for name in ratios if math.isfinite(ratio := _number(fields[name]))]
         self._estimator_ratio = max(known, default=NAN)

@@ -39,9 +39,11 @@ class Simulation:
         SettingsError
             It must not fly, and why.
         """
-        from quadctl.flight.session import prepare_flight
+        from quadctl.compensator import check_compensator
+        from quadctl.flight.plan import read_flight
 
-        return list(prepare_flight(self._mission(MISSION), None, str(self._saved(model)), None).warnings)
+        plan = read_flight(self._mission(MISSION), None, str(self._saved(model)), None)
+        return check_compensator(plan.compensator, *plan.rotor_heights_m, plan.compensator.name)
 
     def fly_steps(self, model: Model, progress: Progress) -> StepResponses:
         """Step responses into the ground effect, and one far from the ground that they are compared with.

@@ -9,7 +9,7 @@ from typing import Any
 
 from sitl import faults
 
-from .scene import Profile, Scene, Seen
+from .scene import HERE, Profile, Scene, Seen, Setting
 
 SILENCE_S = 0.3
 """After the last setpoint that a stalled or blind flight may send."""
@@ -32,8 +32,8 @@ class Case:
     """The mode that comes next: land, boot, failsafe or stick; empty for none."""
     silent_s: float = SILENCE_S
     """The last setpoint comes no later; for a landing, the change of mode."""
-    stall_s: float = 3.0
-    """How long SIGUSR1 and SIGUSR2 stall the process."""
+    setting: Setting = field(default_factory=Setting)
+    """What is set for this flight."""
     on_ardupilot: Mapping[str, Any] = field(default_factory=dict)
     """What else it must lead to there, as fields of this class."""
 
@@ -140,6 +140,20 @@ def _interrupt_twice_unheard(scene: Scene) -> None:
     _interrupt_twice(scene)
 
 
+def _land_without_end(scene: Scene) -> None:
+    """The land mode is taken, and the vehicle stays up until somebody brings it down."""
+    name = scene.profile.land_speed
+    scene.px.autopilot.parameters[name], speed = 0.0, scene.px.autopilot.parameters[name]
+    scene.signal(SIGINT)
+    scene.later(OVER_TIME_S + 1.0, lambda: scene.px.autopilot.parameters.update({name: speed}))
+
+
+def _rise_out_of_the_data(scene: Scene) -> None:
+    """The estimate says so, and the vehicle goes down for it."""
+    scene.px.faults.distort = faults.displaced((0.0, 0.0, -0.45), 0.9)
+    scene.later(2.0, lambda: scene.signal(SIGINT))
+
+
 def _fill_disk(scene: Scene) -> None:
     """No file may grow beyond what the log holds now."""
     size = scene.log.stat().st_size
@@ -147,6 +161,7 @@ def _fill_disk(scene: Scene) -> None:
     scene.later(1.0, lambda: scene.signal(SIGTERM))
 
 
+OVER_TIME_S = 2.0
 LET_GO = "hand over or release"
 NAN, STALE, STALL = "not a number", "s old, allowed are 0.2 s", "the control loop stalled for"
 
@@ -157,7 +172,7 @@ PROCESS = (
         lambda s: s.signal(SIGUSR1),
         "hand over",
         STALL,
-        stall_s=0.6,
+        setting=Setting(stall_s=0.6),
         on_ardupilot={"mode": "failsafe"},
     ),
     Case("interpreter held for 3 s", lambda s: s.signal(SIGUSR2), LET_GO, STALL, "failsafe"),
@@ -187,6 +202,22 @@ LIMITS = (
     Case("fence", _distort(lambda: faults.displaced((0.0, 6.0, 0.0), 1.0)), "land", "from take-off", silent_s=2.0),
     Case("ceiling", _distort(lambda: faults.displaced((0.0, 0.0, -6.0), 1.0)), "land", "allowed are 1.5", silent_s=2.0),
     Case("floor", _distort(lambda: faults.displaced((0.0, 0.0, 6.0), 1.0)), "land", "m or more", silent_s=2.0),
+    Case(
+        "landing does not end",
+        _land_without_end,
+        "end",
+        f"did not land and disarm in {OVER_TIME_S:g} s",
+        silent_s=0.5,
+        setting=Setting(guards={"max_over_time_s": OVER_TIME_S}),
+    ),
+    Case(
+        "compensator beyond its data",
+        _rise_out_of_the_data,
+        "fade out",
+        "asked to land by SIGINT",
+        silent_s=2.5,
+        setting=Setting(model=HERE / "fitted.yaml"),
+    ),
     Case("battery low", _distort(lambda: faults.battery_at(12.0)), "land", "the battery is at 12.00 V", silent_s=1.0),
 )
 LINK = (

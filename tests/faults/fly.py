@@ -10,7 +10,8 @@ from typing import NamedTuple
 from .cases import CASES, Case
 from .scene import PROFILES, Scene, Seen
 
-JOBS = 2
+JOBS = 4
+"""Each takes real time, and little of the machine."""
 ATTEMPTS = 3
 """A machine that is busy with other things can spoil a flight in real time: it is flown again."""
 
@@ -38,7 +39,7 @@ def fly(fault: str, autopilot: str) -> Verdict:
 def _attempt(case: Case, autopilot: str) -> Verdict:
     profile = PROFILES[autopilot]
     with tempfile.TemporaryDirectory() as folder:
-        scene = Scene(profile, Path(folder), case.stall_s)
+        scene = Scene(profile, Path(folder), case.setting)
         try:
             seen = scene.watch(case.inject)
         except RuntimeError as error:

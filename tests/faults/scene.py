@@ -7,7 +7,7 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -51,6 +51,8 @@ class Profile:
     """What `mode_of` says when setpoints stop."""
     stick: str
     """The mode that a person's stick takes."""
+    land_speed: str
+    """Name of the parameter."""
 
 
 def px4(port: int) -> MavlinkMock:
@@ -66,8 +68,8 @@ def ardupilot(port: int) -> MavlinkMock:
 
 
 PROFILES = {
-    "px4": Profile("px4", px4, "OFFBOARD", "HOLD", "RTL", "POSCTL"),
-    "ardupilot": Profile("ardupilot", ardupilot, "GUIDED", "STABILIZE", "GUIDED levelled", "LOITER"),
+    "px4": Profile("px4", px4, "OFFBOARD", "HOLD", "RTL", "POSCTL", "MPC_LAND_SPEED"),
+    "ardupilot": Profile("ardupilot", ardupilot, "GUIDED", "STABILIZE", "GUIDED levelled", "LOITER", "LAND_SPEED"),
 }
 
 
@@ -114,10 +116,21 @@ class Seen:
         return self.modes[0][0] if self.modes else ""
 
 
+@dataclass(frozen=True)
+class Setting:
+    """How one flight differs from the others before its fault."""
+
+    stall_s: float = 3.0
+    """How long SIGUSR1 and SIGUSR2 stall the process."""
+    guards: Mapping[str, float] = field(default_factory=dict)
+    model: Path | None = None
+    """Compensator."""
+
+
 class Scene:
     """The stage on which a fault acts."""
 
-    def __init__(self, profile: Profile, where: Path, stall_s: float) -> None:
+    def __init__(self, profile: Profile, where: Path, setting: Setting) -> None:
         self.profile = profile
         self.where = where
         port = _free_port()
@@ -125,13 +138,14 @@ class Scene:
         self.began_s = time.monotonic()
         self._later: list[tuple[float, Callable[[], object]]] = []
         words = ["fly", str(HERE / "hover.yaml"), "--link", f"udpin://127.0.0.1:{port}", "--log-dir", str(where)]
-        words += ["--config", str(_config(where)), "--json", str(where / "out.json")]
+        words += ["--config", str(_config(where, setting.guards)), "--json", str(where / "out.json")]
+        words += [] if setting.model is None else ["--model", str(setting.model)]
         self._complaints = where / "stderr.txt"
         with self._complaints.open("w") as complaints:
             self.process = subprocess.Popen(
                 [sys.executable, "-m", "tests.faults.flier", *words],
                 cwd=ROOT,
-                env={**os.environ, "STALL_S": str(stall_s)},
+                env={**os.environ, "STALL_S": str(setting.stall_s)},
                 stdout=subprocess.DEVNULL,
                 stderr=complaints,
                 start_new_session=True,
@@ -234,10 +248,10 @@ class Scene:
             seen.problem = json.loads(result.read_text())["problem"] or ""
 
 
-def _config(where: Path) -> Path:
+def _config(where: Path, guards: Mapping[str, float]) -> Path:
     settings = yaml.safe_load(CONFIG.read_text())
     settings["vehicle"] = str(CONFIG.parent / settings["vehicle"])
-    settings["guards"]["min_battery_v"] = MIN_BATTERY_V
+    settings["guards"] |= {"min_battery_v": MIN_BATTERY_V, **guards}
     path = where / "flight.yaml"
     path.write_text(yaml.safe_dump(settings))
     return path
