@@ -11,13 +11,18 @@ import subprocess
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 import yaml
 
+from quadctl.effects import CATALOG
 from quadctl.flight.session import prepare_flight
 from quadctl.model import load_model
+from quadctl.web.findings import Findings
+from quadctl.web.jobs import look_for, open_logs
+from quadctl.web.session import Rung, Session, load_session, session_to_yaml
 from sitl.run import simulate
 from visitors import (
     DESK,
@@ -36,7 +41,17 @@ from visitors import (
 pytestmark = needs_chromium
 
 HOVERING = ROOT.parent / "shared" / "data" / "raptor" / "HOVERING.csv"
+VEHICLE = ROOT / "config" / "vehicles" / "raptor.yaml"
 MOST_CLICKS = 10
+ADDED = "ground_effect.exponential"
+EXPRESSION = {
+    "parts": ["{a}*exp(-{b}*height_over_radius)", "{c}"],
+    "variables": ["height_over_radius"],
+    "coefficients": {"a": 2.0, "b": 0.6, "c": -0.05},
+    "ci95": {"a": (1.8, 2.2), "b": (0.5, 0.7), "c": (-0.1, 0.0)},
+    "bounds": {"a": (-10.0, 10.0), "b": (0.1, 3.0), "c": (-0.3, 0.3)},
+    "held_out_share": 0.9,
+}
 CUSHION = {"effects": [{"effect": "hidden.ground_cushion", "parameters": {"gain": 0.25, "width": 1.8}}]}
 STAIRCASE = {
     "name": "short_staircase",
@@ -60,10 +75,58 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return Path(shutil.move(outcome.log, where / "flight.csv"))
 
 
+@pytest.fixture(scope="module")
+def session(flown: Path) -> Path:
+    """A session with that log and the rigid body, searched."""
+    model = load_model(VEHICLE)
+    opened = open_logs([flown], frozenset(), model.vehicle, "blocks", _say_nothing)
+    assert opened.seen is not None
+    found = look_for(model, opened.seen, _say_nothing)
+    return saved(Session().with_logs([flown]).begun_with(model).searched(model, found), flown.with_name("one.lab.yaml"))
+
+
+@pytest.fixture(scope="module")
+def analysed(session: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """The address of a lab with that session, and one step more: the effect that was found, and nothing left."""
+    begun = load_session(session)
+    found = begun.rungs[0].found
+    assert found is not None and found.missing == ("ground_effect",)
+    added = replace(begun.rungs[0].model, stack=()).plus(CATALOG[ADDED].from_values(found.best[0].parameters, ""))
+    nothing = found.model_copy(update={"verdict": "none", "missing": (), "steps": found.steps[:1], "best": ()})
+    climbed = begun.climbed(Rung(f"+ {ADDED}", added, found=nothing))
+    where = tmp_path_factory.mktemp("analysed")
+    with served(where / "lab", "--session", str(saved(climbed, where / "two.lab.yaml"))) as (url, _):
+        yield url
+
+
+@pytest.fixture(scope="module")
+def unexplained(session: Path) -> Path:
+    """The same session, if the catalogue held no ground effect and an expression had been found."""
+    begun = load_session(session)
+    found = begun.rungs[0].found
+    assert found is not None
+    law = {"axis": "up", "sparse": EXPRESSION, "compact": EXPRESSION, "p_value": 1e-6}
+    symbolic = {"frame": "world", "laws": [law], "ranges": {"height_over_radius": (0.8, 7.5)}}
+    other = Findings.model_validate(
+        found.model_dump()
+        | {"verdict": "unexplained", "missing": (), "unexplained": True, "steps": found.steps[:1], "symbolic": symbolic}
+    )
+    return saved(begun.searched(begun.rungs[0].model, other), session.with_name("unexplained.lab.yaml"))
+
+
+def saved(session: Session, path: Path) -> Path:
+    path.write_text(session_to_yaml(session), encoding="utf-8")
+    return path
+
+
+def _say_nothing(text: str) -> None:
+    return
+
+
 @contextmanager
-def served(out: Path, *arguments: str) -> Iterator[tuple[str, subprocess.Popen[bytes]]]:
+def served(out: Path, *arguments: str, port: int | None = None) -> Iterator[tuple[str, subprocess.Popen[bytes]]]:
     """The lab's address, and the process that serves it."""
-    port = free_tcp_port()
+    port = port or free_tcp_port()
     options = ["--no-open", "--port", str(port), "--out", str(out)]
     with command(port, out.parent / f"{out.name}.log", "lab", *arguments, *options) as process:
         yield f"http://127.0.0.1:{port}", process
@@ -89,10 +152,7 @@ def test_a_newcomer_finds_the_missing_effect_and_flies_it_in_at_most_ten_clicks(
 
         visitor.click("[role=tab]:has-text('Compensator')")
         visitor.sees("text=The check finds nothing against flying it")
-        with visitor.page.expect_download() as download:
-            visitor.click("main button:has-text('Export model')")
-        exported = tmp_path / "exported.yaml"
-        download.value.save_as(exported)
+        exported = visitor.keeps_file("main button:has-text('Export model')", tmp_path)
         (effect,) = load_model(exported).effects
         assert effect.family() == "ground_effect"
         visitor.keeps("4-compensator")
@@ -109,12 +169,12 @@ def test_a_newcomer_finds_the_missing_effect_and_flies_it_in_at_most_ten_clicks(
         visitor.leaves()
 
 
-def test_two_tabs_show_the_same_and_a_reload_or_a_new_start_loses_nothing(
-    browser: Browser, flown: Path, tmp_path: Path
+def test_two_tabs_show_the_same_and_neither_a_lost_connection_nor_a_new_start_loses_anything(
+    browser: Browser, session: Path, tmp_path: Path
 ) -> None:
-    with served(tmp_path / "lab", str(flown)) as (url, process):
+    port = free_tcp_port()
+    with served(tmp_path / "lab", "--session", str(session), port=port) as (url, process):
         one, other = Visitor(browser, url), Visitor(browser, url, PHONE, "dark")
-        one.sees("#verdict[data-verdict=missing]")
         before = other.error_now()
         one.click("button[aria-label^='Add ground_effect']")
         after = other.waits_for_less_than(0.5 * before)
@@ -125,46 +185,157 @@ def test_two_tabs_show_the_same_and_a_reload_or_a_new_start_loses_nothing(
         one.waits_for_less_than(before)
         one.page.reload()
         assert one.error_now() == after
+        one.sees("#verdict[data-verdict=none]")
         process.send_signal(signal.SIGINT)
         process.wait(30.0)
         one.sees("text=Connection lost")
-        one.page.context.close()
+        one.keeps("connection-lost")
         other.page.context.close()
-    with served(tmp_path / "lab", "--session", str(tmp_path / "lab" / "session.lab.yaml")) as (url, _):
-        again = Visitor(browser, url)
-        assert again.error_now() == after
-        again.leaves()
+    with served(tmp_path / "lab", "--session", str(tmp_path / "lab" / "session.lab.yaml"), port=port):
+        one.sees("#verdict[data-verdict=none]")  # the same tab, without a hand
+        assert one.error_now() == after
+        expect(one.page.locator("text=Looking for what is missing")).to_have_count(0)
+        one.leaves()
 
 
-def test_what_goes_wrong_is_said_in_a_sentence_and_costs_nothing(browser: Browser, flown: Path, tmp_path: Path) -> None:
-    garbage, picture, huge = tmp_path / "garbage.csv", tmp_path / "picture.png", tmp_path / "huge.csv"
-    garbage.write_text("this,is\nno,log\n")
-    picture.write_bytes(b"\x89PNG")
-    with huge.open("wb") as file:
-        file.truncate(2**30)
-    outside = tmp_path / "outside.yaml"
-    outside.write_text("logs: [/etc/passwd]\nrungs: []\n")
-    with served(tmp_path / "lab", str(flown)) as (url, _):
-        visitor = Visitor(browser, url)
-        assert status(url, Host="elsewhere.example") == 400
-        assert status(url, **{"Content-Length": str(2**30)}) == 413
-        visitor.sees("text=Looking for what is missing")
-        visitor.click("main button:has-text('Cancel')")
-        visitor.sees("button:has-text('Look for what is missing')")
+class TestAnalysed:
+    """What can be done with flights that have been searched: nothing here searches again."""
+
+    @pytest.fixture
+    def visitor(self, browser: Browser, analysed: str) -> Iterator[Visitor]:
+        visitor = Visitor(browser, analysed)
+        visitor.sees("#error-now")
+        visitor.waits_until_done()
+        yield visitor
+        visitor.leaves()
+
+    def test_an_effect_is_switched_off_and_on_and_removed(self, visitor: Visitor) -> None:
+        stand_on(visitor, f"+ {ADDED}")
+        after = visitor.error_now()
+        visitor.press("[role=switch][aria-label$='on or off']")
+        visitor.sees(".step.here:has-text('without ground_effect')")
+        without = visitor.error_now()
+        assert without > 2.0 * after
+        visitor.sees("text=An effect is switched off")
+        visitor.waits_until_done()
+        visitor.press("[role=switch][aria-label$='on or off']")
+        assert visitor.waits_for_less_than(without) == after
+        visitor.waits_until_done()
+        visitor.press("button[aria-label^='Remove ground_effect']")
+        visitor.sees(".step.here:has-text('\N{MINUS SIGN} ground_effect')")
+        assert visitor.error_now() > 2.0 * after
+        visitor.sees("text=None yet: the rigid body")
+        visitor.waits_until_done()
+        stand_on(visitor, f"+ {ADDED}")
+        assert visitor.error_now() == after
+
+    def test_what_is_selected_with_the_mouse_stands_out_in_time_and_space(self, visitor: Visitor) -> None:
+        stand_on(visitor, "rigid body")
+        visitor.click("[role=tab]:has-text('Where it fails')")
+        profile = visitor.figure("residual up over height over radius")
+        area = visitor.page.locator(f"{profile} .nsewdrag").first
+        area.scroll_into_view_if_needed()
+        box = area.bounding_box()
+        assert box is not None
+        left, y = box["x"] + 0.05 * box["width"], box["y"] + 0.5 * box["height"]
+        visitor.page.mouse.move(left, y)
+        visitor.page.mouse.down()
+        visitor.page.mouse.move(left + 0.3 * box["width"], y, steps=4)
+        visitor.page.mouse.up()
+        assert "height over R" in visitor.sees("text=Selected:")
+        in_time, path = visitor.figure("What is selected, over time"), visitor.figure("Flight path")
+        some = visitor.points(in_time, "selected")
+        assert 0 < some == visitor.points(path, "selected") < visitor.points(path, "flight")
+        visitor.keeps("selected")
+        visitor.click("[role=tab]:has-text('Over time')")
+        assert visitor.points(visitor.figure("Flight over time"), "selected") == some
+        visitor.click("button:has-text('Clear')")
+        expect(visitor.page.locator("text=Selected:")).to_have_count(0)
+
+    def test_what_is_said_is_shown_in_the_flight_without_a_mouse(self, visitor: Visitor) -> None:
+        stand_on(visitor, "rigid body")
+        visitor.click("[role=tab]:has-text('Where it fails')")
+        visitor.press("button[aria-label^='Show where in the flight']")
+        assert visitor.points(visitor.figure("What is selected, over time"), "selected") > 0
+
+    def test_all_can_be_taken_along(self, visitor: Visitor, tmp_path: Path) -> None:
+        stand_on(visitor, f"+ {ADDED}")
+        report = visitor.keeps_file("button:has-text('Report')", tmp_path).read_text(encoding="utf-8")
+        assert "Missing, in the order of adding: ground effect" in report
+        assert "The fitted effect" in report
+        begins = {"png": b"\x89PNG", "svg": b"<svg", "csv": b"measured: time in the log / s,"}
+        for form, begin in begins.items():
+            path = visitor.keeps_file(f"figure button:has-text('{form.upper()}')", tmp_path)
+            assert path.suffix == f".{form}" and path.read_bytes().startswith(begin)
+        saved = visitor.keeps_file("button:has-text('Save session')", tmp_path)
+        assert [rung.name for rung in load_session(saved).rungs][:2] == ["rigid body", f"+ {ADDED}"]
+
+    def test_the_next_flight_is_suggested_with_its_command(self, visitor: Visitor) -> None:
+        stand_on(visitor, "rigid body")
+        visitor.sees("#verdict[data-verdict=missing]")
+        visitor.click("button:has-text('Suggest a flight')")
+        assert visitor.sees("code.command").startswith("quadctl fly missions/")
+        visitor.keeps("suggested")
+
+    def test_what_goes_wrong_is_said_in_a_sentence_and_costs_nothing(self, visitor: Visitor, tmp_path: Path) -> None:
+        error = visitor.error_now()
         visitor.click("[role=tab]:has-text('Flights')")
-        for path, said in (
-            (garbage, "garbage.csv"),
-            (picture, "is no flight log by its name"),
-            (huge, "expected at most"),
-            (outside, "is outside"),
-        ):
+        for path, said in wrong_files(tmp_path):
             visitor.drops(path)
             expect(visitor.page.locator("[role=alert]")).to_contain_text(said, timeout=PATIENCE_MS)
         visitor.keeps("error")
         visitor.click("button[aria-label='Leave out garbage.csv']")
         expect(visitor.page.locator("[data-log='garbage.csv']")).to_have_count(0, timeout=PATIENCE_MS)
-        assert visitor.error_now() > 0.0
+        assert visitor.error_now() == error
+
+    def test_what_no_person_asks_for_is_refused(self, analysed: str) -> None:
+        assert status(analysed, Host="elsewhere.example") == 400
+        assert status(analysed, **{"Content-Length": str(2**30)}) == 413
+
+
+def test_what_no_effect_explains_is_said_as_an_expression_that_can_be_added(
+    browser: Browser, unexplained: Path, tmp_path: Path
+) -> None:
+    with served(tmp_path / "lab", "--session", str(unexplained)) as (url, _):
+        visitor = Visitor(browser, url)
+        assert "no known effect explains" in visitor.sees("#verdict[data-verdict=unexplained]")
+        assert "exp(-" in visitor.sees("pre.expression")
+        visitor.keeps("unexplained")
+        before = visitor.error_now()
+        visitor.click("button:has-text('Add it as an effect of your own')")
+        visitor.waits_for_less_than(0.7 * before)
+        visitor.sees("text=Looking for what is missing")
+        visitor.click("main button:has-text('Cancel')")
+        visitor.sees("button:has-text('Look for what is missing')")
+        exported = visitor.keeps_file("header button:has-text('Export model')", tmp_path)
+        assert load_model(exported).effects[0].family() == "unexplained"
         visitor.leaves()
+
+
+def wrong_files(where: Path) -> list[tuple[Path, str]]:
+    """Files that cannot be used, and what is said of each."""
+    garbage, notes, huge = where / "garbage.csv", where / "notes.md", where / "huge.csv"
+    garbage.write_text("this,is\nno,log\n")
+    notes.write_text("# A file that is no log\n")
+    with huge.open("wb") as file:
+        file.truncate(2**30)
+    elsewhere, effects = where / "elsewhere.yaml", where / "effects.yaml"
+    elsewhere.write_text("logs: [/etc/passwd]\nrungs: []\n")
+    effects.write_text(f"vehicle: {ROOT}/config/vehicles/raptor.yaml\neffect_files: [/tmp/effect.py]\neffects: []\n")
+    return [
+        (garbage, "garbage.csv"),
+        (notes, "notes.md: is no flight log by its name"),
+        (huge, "expected at most"),
+        (elsewhere, "/etc/passwd: is outside"),
+        (effects, "effect.py: is outside"),
+    ]
+
+
+def stand_on(visitor: Visitor, step: str) -> None:
+    """A step of the ladder."""
+    visitor.click(f".step-button:has-text('{step}')")
+    visitor.sees(f".step.here:has-text('{step}')")
+    visitor.waits_until_done()
 
 
 @pytest.mark.skipif(not HOVERING.is_file(), reason="the thesis' flights are not here")
@@ -206,10 +377,8 @@ def test_pictures_of_every_part(browser: Browser, flown: Path, tmp_path: Path, s
         ):
             visitor.click(f"[role=tab]:has-text('{part}')")
             visitor.sees(shown)
-            visitor.page.wait_for_timeout(1500)  # figures are drawn after they are there
             visitor.keeps(f"{size}-{theme}-{part.lower().replace(' ', '-')}")
             visitor.page.mouse.wheel(0, 900)
-            visitor.page.wait_for_timeout(500)
             visitor.keeps(f"{size}-{theme}-{part.lower().replace(' ', '-')}-below")
         visitor.leaves()
 

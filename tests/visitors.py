@@ -27,6 +27,8 @@ ROOT = Path(__file__).parents[1]
 SCREENSHOTS = ROOT / "build" / "screenshots"
 DESK, PHONE = {"width": 1280, "height": 800}, {"width": 390, "height": 844}
 PATIENCE_MS = 60_000.0
+_ALL_DRAWN = "() => [...document.querySelectorAll('.js-plotly-plot')].every(p => p.querySelector('.main-svg'))"
+_POINTS = "(figure, curve) => figure.data.find(trace => trace.name === curve)?.x.length ?? 0"
 _IS_LESS = "than => parseFloat(document.querySelector('#error-now')?.innerText) < than"
 
 
@@ -117,9 +119,32 @@ class Visitor:
         self.page.wait_for_function(_IS_LESS, arg=error)
         return self.error_now()
 
+    def waits_until_done(self) -> None:
+        expect(self.page.locator(".banner.work")).to_have_count(0, timeout=PATIENCE_MS)
+
     def keeps(self, name: str) -> None:
+        """A screenshot, as soon as all figures are drawn."""
         SCREENSHOTS.mkdir(parents=True, exist_ok=True)
+        self.page.wait_for_function(_ALL_DRAWN)
         self.page.screenshot(path=SCREENSHOTS / f"{name}.png")
+
+    def keeps_file(self, selector: str, where: Path) -> Path:
+        """The file that a click downloads, in the folder `where`."""
+        with self.page.expect_download() as download:
+            self.click(selector)
+        path = where / download.value.suggested_filename
+        download.value.save_as(path)
+        return path
+
+    def figure(self, label: str) -> str:
+        """The selector of a figure, which is drawn."""
+        selector = f".js-plotly-plot[aria-label='{label}']"
+        self.sees(f"{selector} .main-svg")
+        return selector
+
+    def points(self, figure: str, curve: str) -> int:
+        """How many points a curve of a figure has; 0 where there is no such curve."""
+        return int(self.page.locator(figure).evaluate(_POINTS, curve))
 
     def drops(self, *files: Path) -> None:
         self.page.locator("input[type=file]").first.set_input_files(files)

@@ -1,4 +1,4 @@
-"""The flight's end of the live view: a record goes out ten times a second, one wish may come in, and nothing ever waits.
+"""The flight's end of the live view: ten times a second a record goes out, one wish may come in, nothing ever waits.
 
 A pair of sockets that have no address, so that nobody but the flight and its viewer can speak on them: what a viewer
 does not take is dropped, and a viewer that is dead costs one failing call.

@@ -2,11 +2,12 @@
 
 from typing import TYPE_CHECKING, Any
 
+from nicegui import ui
 from nicegui.events import GenericEventArguments
 
 from quadctl.lab.candidate import MATERIAL, SIGNIFICANT
 from quadctl.lab.compare import Comparison
-from quadctl.lab.locate import Profile, most_telling
+from quadctl.lab.locate import Failure, Profile, most_telling
 from quadctl.lab.words import failure_in_words
 from quadctl.web.figures.error_map import error_map
 from quadctl.web.figures.path import path_figure
@@ -35,9 +36,8 @@ def draw_fails(page: "Page") -> None:
         heading("Where the model fails")
         if not comparison.fails_where:
             tag("p", "verdict", "Nowhere beyond the noise.")
-        with tag("ul", "plain"):
-            for failure in most_telling(comparison.fails_where)[:SHOWN_SENTENCES]:
-                tag("li", "", f"{failure_in_words(failure)} ({abs(failure.sigma):.0f} sigma).")
+        for failure in most_telling(comparison.fails_where)[:SHOWN_SENTENCES]:
+            _sentence(page, failure)
     with tag("section", "card"):
         heading(
             "The residual over each variable, the most telling first",
@@ -46,6 +46,15 @@ def draw_fails(page: "Page") -> None:
         with tag("div", "panes"):
             for profile in _telling(comparison):
                 _profile(page, comparison, profile)
+
+
+def _sentence(page: "Page", failure: Failure) -> None:
+    """What is said, and a way to see it in the flight that needs no mouse."""
+    with tag("div", "line top said"):
+        tag("p", "grow", f"{failure_in_words(failure)} ({abs(failure.sigma):.0f} sigma).")
+        ranges = {failure.variable: (failure.low, failure.high)}
+        show = ui.button("Show", icon="my_location", on_click=lambda: page.select(ranges, failure.axis))
+        show.props(f'flat dense no-caps size=sm aria-label="Show where in the flight: {failure.text}"')
 
 
 def _telling(comparison: Comparison) -> list[Profile]:
