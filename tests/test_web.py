@@ -60,7 +60,7 @@ class TestSession:
         assert off.switched("ground_effect.exponential").model == climbed.model
 
     def test_other_flights_make_all_errors_unknown(self, climbed: Session) -> None:
-        assert [rung.error_m_s2 for rung in climbed.without_log(B).rungs] == [None, None, None]
+        assert [rung.error_m_s2 for rung in climbed.with_role(B, unseen=True).rungs] == [None, None, None]
 
     def test_the_noise_floor_is_the_least_that_any_step_has_shown(self, climbed: Session, tmp_path: Path) -> None:
         assert climbed.floor_m_s2 is None
@@ -68,7 +68,7 @@ class TestSession:
         path = tmp_path / "session.lab.yaml"
         path.write_text(session_to_yaml(session))
         assert session.floor_m_s2 == load_session(path).floor_m_s2 == 0.05
-        assert session.without_log(B).floor_m_s2 is None
+        assert session.unjudged().floor_m_s2 is None
 
     def test_not_all_flights_can_be_held_out(self, climbed: Session) -> None:
         held = climbed.with_role(A, unseen=True)

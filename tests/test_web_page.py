@@ -181,7 +181,7 @@ def test_two_tabs_show_the_same_and_neither_a_lost_connection_nor_a_new_start_lo
         other.keeps("phone-missing")
         other.click(".step-button:has-text('rigid body')")
         expect(one.page.locator("#error-now")).to_have_text(f"{before:#.3g}", timeout=PATIENCE_MS)
-        one.click(".step-button:has-text('ground_effect')")
+        one.click(".step-button:has-text('+ ground effect')")
         one.waits_for_less_than(before)
         one.page.reload()
         assert one.error_now() == after
@@ -210,10 +210,10 @@ class TestAnalysed:
         visitor.leaves()
 
     def test_an_effect_is_switched_off_and_on_and_removed(self, visitor: Visitor) -> None:
-        stand_on(visitor, f"+ {ADDED}")
+        stand_on(visitor, "+ ground effect")
         after = visitor.error_now()
         visitor.press("[role=switch][aria-label$='on or off']")
-        visitor.sees(".step.here:has-text('without ground_effect')")
+        visitor.sees(".step.here:has-text('without ground effect')")
         without = visitor.error_now()
         assert without > 2.0 * after
         visitor.sees("text=An effect is switched off")
@@ -222,11 +222,11 @@ class TestAnalysed:
         assert visitor.waits_for_less_than(without) == after
         visitor.waits_until_done()
         visitor.press("button[aria-label^='Remove ground_effect']")
-        visitor.sees(".step.here:has-text('\N{MINUS SIGN} ground_effect')")
+        visitor.sees(".step.here:has-text('\N{MINUS SIGN} ground effect')")
         assert visitor.error_now() > 2.0 * after
         visitor.sees("text=None yet: the rigid body")
         visitor.waits_until_done()
-        stand_on(visitor, f"+ {ADDED}")
+        stand_on(visitor, "+ ground effect")
         assert visitor.error_now() == after
 
     def test_what_is_selected_with_the_mouse_stands_out_in_time_and_space(self, visitor: Visitor) -> None:
@@ -242,7 +242,8 @@ class TestAnalysed:
         visitor.page.mouse.down()
         visitor.page.mouse.move(left + 0.3 * box["width"], y, steps=4)
         visitor.page.mouse.up()
-        assert "height over R" in visitor.sees("text=Selected:")
+        assert "rotor height 1" in visitor.sees("text=Selected:")
+        visitor.click("button[aria-label='Show what is selected']")
         in_time, path = visitor.figure("What is selected, over time"), visitor.figure("Flight path")
         some = visitor.points(in_time, "selected")
         assert 0 < some == visitor.points(path, "selected") < visitor.points(path, "flight")
@@ -259,7 +260,7 @@ class TestAnalysed:
         assert visitor.points(visitor.figure("What is selected, over time"), "selected") > 0
 
     def test_all_can_be_taken_along(self, visitor: Visitor, tmp_path: Path) -> None:
-        stand_on(visitor, f"+ {ADDED}")
+        stand_on(visitor, "+ ground effect")
         report = visitor.keeps_file("button:has-text('Report')", tmp_path).read_text(encoding="utf-8")
         assert "Missing, in the order of adding: ground effect" in report
         assert "The fitted effect" in report
@@ -284,6 +285,9 @@ class TestAnalysed:
             visitor.drops(path)
             expect(visitor.page.locator("[role=alert]")).to_contain_text(said, timeout=PATIENCE_MS)
         visitor.keeps("error")
+        visitor.click("[role=tab]:has-text('What is missing')")
+        visitor.sees("#verdict")  # what was found still holds: no flight was added
+        visitor.click("[role=tab]:has-text('Flights')")
         visitor.click("button[aria-label='Leave out garbage.csv']")
         expect(visitor.page.locator("[data-log='garbage.csv']")).to_have_count(0, timeout=PATIENCE_MS)
         assert visitor.error_now() == error

@@ -51,6 +51,11 @@ class Opened:
     """Those that fits may use; None where none can be analysed."""
     unseen: Dataset | None
 
+    @property
+    def usable(self) -> list[Path]:
+        """Of the logs, those that can be analysed."""
+        return [opened.path for opened in self.logs if not opened.problem]
+
     def log(self, name: str) -> FlightLog | None:
         return next((opened.log for opened in self.logs if opened.log is not None and opened.log.name == name), None)
 
@@ -92,11 +97,10 @@ def open_logs(
             opened.append(OpenedLog(path, problem=_without_folder(str(error), path)))
             continue
         opened.append(OpenedLog(path, log, quality(log), _problem(log, vehicle)))
-    usable = [o for o in opened if not o.problem]
-    seen = [o.log for o in usable if o.path not in unseen]
-    return Opened(
-        opened, _dataset(seen, vehicle, hold_out), _dataset([o.log for o in usable if o.path in unseen], vehicle)
+    fitted, kept = (
+        [o.log for o in opened if not o.problem and (o.path in unseen) == held_out] for held_out in (False, True)
     )
+    return Opened(opened, _dataset(fitted, vehicle, hold_out), _dataset(kept, vehicle))
 
 
 def log_names(paths: Sequence[Path]) -> list[str]:

@@ -116,12 +116,13 @@ class Session:
         return replace(self, rungs=tuple(Rung(rung.name, rung.model) for rung in self.rungs))
 
     def with_logs(self, logs: Sequence[Path]) -> "Session":
-        """Further logs; those that are there already stay once."""
-        return replace(self, logs=tuple(dict.fromkeys([*self.logs, *logs]))).unjudged()
+        """Further logs; those that are there already stay once. What is known holds if none of them can be used."""
+        return replace(self, logs=tuple(dict.fromkeys([*self.logs, *logs])))
 
     def without_log(self, log: Path) -> "Session":
+        """Leave out a log. What is known holds if it could not be used."""
         logs = tuple(other for other in self.logs if other != log)
-        return replace(self, logs=logs, unseen=self.unseen - {log}).unjudged()
+        return replace(self, logs=logs, unseen=self.unseen - {log})
 
     def with_role(self, log: Path, unseen: bool) -> "Session":
         """Hold `log` out of all fits, or let them see it.

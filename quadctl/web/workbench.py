@@ -84,10 +84,10 @@ class Workbench:
         return None if self.opened is None else self.opened.seen
 
     async def open_logs(self, paths: Sequence[Path]) -> None:
-        await self._with_flights(self.session.with_logs(paths))
+        await self._with_flights(self.session.with_logs(paths), known=True)
 
     async def forget_log(self, path: Path) -> None:
-        await self._with_flights(self.session.without_log(path))
+        await self._with_flights(self.session.without_log(path), known=True)
 
     async def hold_out_log(self, path: Path, unseen: bool) -> None:
         try:
@@ -112,8 +112,11 @@ class Workbench:
     async def resume(self, session: Session) -> None:
         await self._with_flights(session)
 
-    async def _with_flights(self, session: Session) -> None:
-        """Read the flights of `session` and judge its model; where that fails, all stays as it was."""
+    async def _with_flights(self, session: Session, known: bool = False) -> None:
+        """Read the flights of `session` and judge its model; where that fails, all stays as it was.
+
+        What is `known` of the models holds as long as the flights that can be used are the same.
+        """
         async with self._working("Reading flights") as progress:
             opened = None
             if session.rung is not None and session.logs:
@@ -125,6 +128,8 @@ class Workbench:
                     session.hold_out,
                     progress=progress,
                 )
+            if known and opened and (self.opened is None or opened.usable != self.opened.usable):
+                session = session.unjudged()
             self.session, self.opened, self.results = session, opened, Results()
             problems = [log.problem for log in opened.logs if log.problem] if opened else []
             if problems:

@@ -20,6 +20,7 @@ from quadctl.web.panels.zoomed import zoomed_plot
 if TYPE_CHECKING:
     from quadctl.web.page import Page
 
+_SCROLL = "document.querySelector('#selected').scrollIntoView({behavior: 'smooth', block: 'end'})"
 SHOWN_SENTENCES, SHOWN_PANELS = 4, 6
 
 
@@ -66,7 +67,7 @@ def _telling(comparison: Comparison) -> list[Profile]:
 def _profile(page: "Page", comparison: Comparison, profile: Profile) -> None:
     name = f"residual_{profile.axis}_over_{profile.variable}"
     shown = plot(profile_figure(comparison, profile, page.theme), name, name.replace("_", " "))
-    shown.on("plotly_selected", lambda event: _select(page, event, profile.axis, (profile.variable,)))
+    _brushes(page, shown, profile.axis, (profile.variable,))
 
 
 def draw_brushed(page: "Page") -> None:
@@ -84,16 +85,19 @@ def draw_brushed(page: "Page") -> None:
                 heading("Over the two strongest", "Drag a box to select.")
                 drawn = error_map(comparison, axis_name, variables, page.theme)
                 map_shown = plot(drawn, f"residual_{axis_name}_map", "Residual over two variables")
-                map_shown.on("plotly_selected", lambda event: _select(page, event, axis_name, variables))
+                _brushes(page, map_shown, axis_name, variables)
         if flight is not None:
             with tag("section", "card"):
                 with tag("div", "line wrap"):
                     tag("h2", "title grow", "On the way of the flight")
                     choose_flight(page)
-                brush_note(page)
                 plot(path_figure(flight, page.brushed(flight), page.theme), f"{flight.name}_path", "Flight path")
     if page.brush and flight is not None and opened is not None:
-        with tag("section", "card"):
+        with tag("div", "card brush-bar"):
+            brush_note(page)
+            show = ui.button("Show", icon="south", on_click=lambda: ui.run_javascript(_SCROLL))
+            show.props('no-caps unelevated dense aria-label="Show what is selected"')
+        with tag("section", "card").props('id="selected"'):
             heading("In time")
             timeline = full_timeline(
                 flight, opened.log(flight.name), page.predictions(flight), page.axis, page.theme, page.brushed(flight)
@@ -108,6 +112,13 @@ def _two_strongest(profiles: list[Profile]) -> tuple[str, tuple[str, str]] | Non
     axis_name = profiles[0].axis
     variables = [profile.variable for profile in profiles if profile.axis == axis_name]
     return (axis_name, (variables[0], variables[1])) if len(variables) > 1 else None
+
+
+def _brushes(page: "Page", shown: ui.plotly, axis_name: str, variables: tuple[str, ...]) -> None:
+    """Selecting a part of a figure over `variables` selects it everywhere."""
+    # Of the event only the range: it also holds the points, each with the whole figure, which is too much to be sent.
+    shown.on("plotly_selected", lambda event: _select(page, event, axis_name, variables), args=["range"])
+    shown.on("plotly_deselect", page.clear_brush, args=[])
 
 
 def _select(page: "Page", event: GenericEventArguments, axis_name: str, variables: tuple[str, ...]) -> None:

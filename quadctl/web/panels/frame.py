@@ -37,7 +37,7 @@ def draw_status(page: "Page") -> None:
     if message is not None:
         with tag("div", f"banner {message.kind}").props('role="alert"' if message.kind == "error" else 'role="status"'):
             ui.icon("error" if message.kind == "error" else "info")
-            tag("span", "grow", message.text)
+            tag("span", "grow", message.text if message.text.endswith((".", "?")) else f"{message.text}.")
             ui.button(icon="close", on_click=page.bench.dismiss).props('flat dense round aria-label="Dismiss"')
 
 

@@ -209,14 +209,15 @@ def _next_flight(page: "Page") -> None:
                 ask = ui.button("Suggest a flight", on_click=lambda: page.act(bench.suggest()))
                 page.when_idle(ask.props("no-caps outline"))
             return
-        for line in suggestion.lines()[:-1]:
-            tag("p", "muted", line)
+        *reasons, answer = suggestion.lines()
         if suggestion.best is None:
-            tag("p", "", suggestion.lines()[-1])
-            return
-        command = suggestion.best.command
-        with tag("div", "line"):
-            tag("code", "command grow", command)
-            ui.button(icon="content_copy", on_click=lambda: ui.clipboard.write(command)).props(
-                'flat dense round aria-label="Copy the command"'
-            )
+            tag("p", "", answer)
+        else:
+            command = suggestion.best.command
+            with tag("div", "line"):
+                tag("code", "command grow", command)
+                ui.button(icon="content_copy", on_click=lambda: ui.clipboard.write(command)).props(
+                    'flat dense round aria-label="Copy the command"'
+                )
+        for reason in reasons:
+            tag("p", "muted", reason)
