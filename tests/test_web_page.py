@@ -86,16 +86,20 @@ def session(flown: Path) -> Path:
 
 
 @pytest.fixture(scope="module")
-def analysed(session: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """The address of a lab with that session, and one step more: the effect that was found, and nothing left."""
+def climbed(session: Path) -> Path:
+    """That session, and one step more: the effect that was found, and nothing left."""
     begun = load_session(session)
     found = begun.rungs[0].found
     assert found is not None and found.missing == ("ground_effect",)
     added = replace(begun.rungs[0].model, stack=()).plus(CATALOG[ADDED].from_values(found.best[0].parameters, ""))
     nothing = found.model_copy(update={"verdict": "none", "missing": (), "steps": found.steps[:1], "best": ()})
-    climbed = begun.climbed(Rung(f"+ {ADDED}", added, found=nothing))
-    where = tmp_path_factory.mktemp("analysed")
-    with served(where / "lab", "--session", str(saved(climbed, where / "two.lab.yaml"))) as (url, _):
+    return saved(begun.climbed(Rung(f"+ {ADDED}", added, found=nothing)), session.with_name("two.lab.yaml"))
+
+
+@pytest.fixture(scope="module")
+def analysed(climbed: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """The address of a lab with that session."""
+    with served(tmp_path_factory.mktemp("analysed") / "lab", "--session", str(climbed)) as (url, _):
         yield url
 
 
@@ -364,15 +368,16 @@ def test_how_fast_the_page_is_on_a_real_flight(browser: Browser, tmp_path: Path)
 @pytest.mark.skipif("SCREENSHOTS" not in os.environ, reason="`make screenshots` takes them")
 @pytest.mark.parametrize("theme", ["light", "dark"])
 @pytest.mark.parametrize("size", ["desk", "phone"])
-def test_pictures_of_every_part(browser: Browser, flown: Path, tmp_path: Path, size: str, theme: str) -> None:
-    with served(tmp_path / "lab", str(flown), "--hidden", str(flown.with_name("hidden.yaml"))) as (url, _):
+def test_pictures_of_every_part(browser: Browser, climbed: Path, tmp_path: Path, size: str, theme: str) -> None:
+    hidden = str(climbed.with_name("hidden.yaml"))
+    with served(tmp_path / "lab", "--session", str(climbed), "--hidden", hidden) as (url, _):
         visitor = Visitor(browser, url, DESK if size == "desk" else PHONE, theme)
-        visitor.sees("#verdict[data-verdict=missing]")
+        visitor.sees("#error-now")
+        stand_on(visitor, "rigid body")
         visitor.keeps(f"{size}-{theme}-missing")
         visitor.page.locator(".candidate.primary").scroll_into_view_if_needed()
         visitor.keeps(f"{size}-{theme}-candidate")
-        visitor.click("button[aria-label^='Add ground_effect']")
-        visitor.sees("#verdict[data-verdict=none]")
+        stand_on(visitor, "+ ground effect")
         for part, shown in (
             ("Over time", "h2:has-text('way through space')"),
             ("Where it fails", "h2:has-text('On the way')"),

@@ -16,6 +16,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from PIL import Image
 
 sync_api = pytest.importorskip("playwright.sync_api")
 from playwright.sync_api import Browser, Page, expect  # noqa: E402
@@ -27,6 +28,15 @@ ROOT = Path(__file__).parents[1]
 SCREENSHOTS = ROOT / "build" / "screenshots"
 DESK, PHONE = {"width": 1280, "height": 800}, {"width": 390, "height": 844}
 PATIENCE_MS = 60_000.0
+IN_DOCS = {
+    "2-missing": "lab-page-see.png",
+    "3-added": "lab-page-added.png",
+    "5-flown": "lab-page-flown.png",
+    "live-desk-light": "live-view.png",
+}
+"""Screenshots that the documentation shows; `make screenshots` takes them anew."""
+FEW_COLOURS = 64
+"""A page has no more, and git keeps every picture for ever."""
 _ALL_DRAWN = "() => [...document.querySelectorAll('.js-plotly-plot')].every(p => p.querySelector('.main-svg'))"
 _POINTS = "(figure, curve) => figure.data.find(trace => trace.name === curve)?.x.length ?? 0"
 _IS_LESS = "than => parseFloat(document.querySelector('#error-now')?.innerText) < than"
@@ -127,6 +137,9 @@ class Visitor:
         SCREENSHOTS.mkdir(parents=True, exist_ok=True)
         self.page.wait_for_function(_ALL_DRAWN)
         self.page.screenshot(path=SCREENSHOTS / f"{name}.png")
+        if "SCREENSHOTS" in os.environ and name in IN_DOCS:
+            with Image.open(SCREENSHOTS / f"{name}.png") as picture:
+                picture.convert("RGB").quantize(FEW_COLOURS).save(ROOT / "docs" / IN_DOCS[name], optimize=True)
 
     def keeps_file(self, selector: str, where: Path) -> Path:
         """The file that a click downloads, in the folder `where`."""

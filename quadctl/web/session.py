@@ -152,7 +152,7 @@ class _SessionFile(Settings):
     unseen: list[str] = Field(default_factory=list)
     hold_out: HoldOut = "blocks"
     current: int = Field(default=0, ge=0)
-    off: list[str] = Field(default_factory=list)
+    switched_off: list[str] = Field(default_factory=list)
     rungs: list[_RungEntry] = Field(default_factory=list)
 
 
@@ -174,7 +174,7 @@ def _to_yaml(session: Session) -> str:
         "unseen": sorted(str(log.resolve()) for log in session.unseen),
         "hold_out": session.hold_out,
         "current": session.current,
-        "off": sorted(session.off),
+        "switched_off": sorted(session.off),
         "rungs": [
             {
                 "name": rung.name,
@@ -210,9 +210,10 @@ def load_session(path: Path) -> Session:
     )
     session = Session(logs, unseen, entry.hold_out, rungs, entry.current)
     held = {item.effect.name for item in session.rung.model.stack} if session.rung else set()
-    if not set(entry.off) <= held:
-        raise SettingsError(f"{path}: off holds {', '.join(entry.off)}, expected effects of the step where one stands")
-    return replace(session, off=frozenset(entry.off))
+    if not set(entry.switched_off) <= held:
+        off = ", ".join(entry.switched_off)
+        raise SettingsError(f"{path}: switched_off holds {off}, expected effects of the step where one stands")
+    return replace(session, off=frozenset(entry.switched_off))
 
 
 def _found(text: str | None, path: Path) -> Findings | None:

@@ -6,7 +6,7 @@ from pathlib import Path
 from quadctl.errors import LogError
 from quadctl.logs.read import read_log
 from quadctl.model import load_model
-from quadctl.web.files import LOG_SUFFIXES
+from quadctl.web.files import LOG_SUFFIXES, SETTINGS_SUFFIXES
 from quadctl.web.session import Session, load_session
 
 VEHICLES = Path("config/vehicles")
@@ -34,6 +34,8 @@ def first_session(logs: Sequence[Path], model: Path | None, session: Path | None
             raise LogError(f"{log}: is a directory, expected the flight logs in it, {log}/*.csv for example")
         if not log.is_file():
             raise LogError(f"{log}: there is no such file, expected a flight log")
+        if log.suffix.lower() in SETTINGS_SUFFIXES:
+            raise LogError(f"{log}: is settings by its name, expected a flight log, or --model {log.name} or --session")
         if log.suffix.lower() not in LOG_SUFFIXES:
             read_log(log)  # probably none: then it is better said now than on the page
     known = vehicle_files()

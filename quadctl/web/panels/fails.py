@@ -20,7 +20,7 @@ from quadctl.web.panels.zoomed import zoomed_plot
 if TYPE_CHECKING:
     from quadctl.web.page import Page
 
-_SCROLL = "document.querySelector('#selected').scrollIntoView({behavior: 'smooth', block: 'end'})"
+_SCROLL = "document.querySelector('#selected').scrollIntoView({behavior: 'smooth'})"
 SHOWN_SENTENCES, SHOWN_PANELS = 4, 6
 
 

@@ -44,9 +44,9 @@ def drop_zone(page: "Page") -> None:
             auto_upload=True,
             max_file_size=MAX_UPLOAD_BYTES,
             label="Drop flight logs here",
-            on_multi_upload=lambda event: _uploaded(page, upload, event),
         )
         upload.props(f'accept="{",".join((*LOG_SUFFIXES, *SETTINGS_SUFFIXES))}" flat bordered color="transparent"')
+        upload.on_multi_upload(lambda event: _uploaded(page, upload, event))
         upload.on("rejected", lambda event: _rejected(page, event), js_handler=_NAMES_AND_SIZES)
         with tag("div", "line wrap"):
             choose = ui.button("Choose files", icon="folder_open").props("no-caps unelevated")
