@@ -308,8 +308,9 @@ def test_what_no_effect_explains_is_said_as_an_expression_that_can_be_added(
         visitor = Visitor(browser, url)
         assert "no known effect explains" in visitor.sees("#verdict[data-verdict=unexplained]")
         assert "exp(-" in visitor.sees("pre.expression")
-        visitor.keeps("unexplained")
         before = visitor.error_now()
+        visitor.waits_until_done()
+        visitor.keeps("unexplained")
         visitor.click("button:has-text('Add it as an effect of your own')")
         visitor.waits_for_less_than(0.7 * before)
         visitor.sees("text=Looking for what is missing")
@@ -379,15 +380,15 @@ def test_pictures_of_every_part(browser: Browser, climbed: Path, tmp_path: Path,
         visitor.keeps(f"{size}-{theme}-candidate")
         stand_on(visitor, "+ ground effect")
         for part, shown in (
-            ("Over time", "h2:has-text('way through space')"),
-            ("Where it fails", "h2:has-text('On the way')"),
+            ("Over time", "h2:has-text('The flight path')"),
+            ("Where it fails", "h2:has-text('On the flight path')"),
             ("Compensator", "text=The check finds nothing against"),
             ("Flights", "h2:has-text('Vehicle')"),
         ):
             visitor.click(f"[role=tab]:has-text('{part}')")
             visitor.sees(shown)
             visitor.keeps(f"{size}-{theme}-{part.lower().replace(' ', '-')}")
-            visitor.page.mouse.wheel(0, 900)
+            visitor.page.evaluate("() => scrollTo(0, 900)")
             visitor.keeps(f"{size}-{theme}-{part.lower().replace(' ', '-')}-below")
         visitor.leaves()
 

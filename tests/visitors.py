@@ -38,6 +38,7 @@ IN_DOCS = {
 FEW_COLOURS = 64
 """A page has no more, and git keeps every picture for ever."""
 _ALL_DRAWN = "() => [...document.querySelectorAll('.js-plotly-plot')].every(p => p.querySelector('.main-svg'))"
+_TWO_FRAMES = "() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))"
 _POINTS = "(figure, curve) => figure.data.find(trace => trace.name === curve)?.x.length ?? 0"
 _IS_LESS = "than => parseFloat(document.querySelector('#error-now')?.innerText) < than"
 
@@ -133,10 +134,11 @@ class Visitor:
         expect(self.page.locator(".banner.work")).to_have_count(0, timeout=PATIENCE_MS)
 
     def keeps(self, name: str) -> None:
-        """A screenshot, as soon as all figures are drawn."""
+        """A screenshot, as soon as all figures are drawn and nothing moves."""
         SCREENSHOTS.mkdir(parents=True, exist_ok=True)
         self.page.wait_for_function(_ALL_DRAWN)
-        self.page.screenshot(path=SCREENSHOTS / f"{name}.png")
+        self.page.evaluate(_TWO_FRAMES)
+        self.page.screenshot(path=SCREENSHOTS / f"{name}.png", animations="disabled")
         if "SCREENSHOTS" in os.environ and name in IN_DOCS:
             with Image.open(SCREENSHOTS / f"{name}.png") as picture:
                 picture.convert("RGB").quantize(FEW_COLOURS).save(ROOT / "docs" / IN_DOCS[name], optimize=True)

@@ -71,7 +71,7 @@ def _profile(page: "Page", comparison: Comparison, profile: Profile) -> None:
 
 
 def draw_brushed(page: "Page") -> None:
-    """The map, and what is selected: on the way of the flight and in time."""
+    """The map, and what is selected: on the path of the flight and in time."""
     evaluation = page.bench.results.evaluation
     if evaluation is None:
         return
@@ -82,14 +82,14 @@ def draw_brushed(page: "Page") -> None:
         if over is not None:
             axis_name, variables = over
             with tag("section", "card"):
-                heading("Over the two strongest", "Drag a box to select.")
+                heading("Over the two most telling variables", "Drag a box to select.")
                 drawn = error_map(comparison, axis_name, variables, page.theme)
                 map_shown = plot(drawn, f"residual_{axis_name}_map", "Residual over two variables")
                 _brushes(page, map_shown, axis_name, variables)
         if flight is not None:
             with tag("section", "card"):
                 with tag("div", "line wrap"):
-                    tag("h2", "title grow", "On the way of the flight")
+                    tag("h2", "title grow", "On the flight path")
                     choose_flight(page)
                 plot(path_figure(flight, page.brushed(flight), page.theme), f"{flight.name}_path", "Flight path")
     if page.brush and flight is not None and opened is not None:

@@ -74,7 +74,7 @@ def _verdict(page: "Page") -> None:
         return
     diagnosis = bench.results.found.diagnosis
     icon, text, more = _in_words(diagnosis)
-    with tag("div", "line top"):
+    with tag("div", "line top verdict-line"):
         ui.icon(icon).classes(f"verdict-icon {diagnosis.verdict}")
         with tag("div", "grow"):
             tag("p", "verdict", text).props(f'id="verdict" data-verdict="{diagnosis.verdict}"')

@@ -34,7 +34,7 @@ def draw_over_time(page: "Page") -> None:
         zoomed_plot(timeline, page.theme, f"{flight.name}_{page.axis}", "Flight over time")
         tag("p", "muted", "Drag to zoom, double-click to see all. The cursor is the same in all panes.")
     with tag("section", "card"):
-        heading("The way through space")
+        heading("The flight path")
         plot(path_figure(flight, page.brushed(flight), page.theme), f"{flight.name}_path", "Flight path")
 
 
