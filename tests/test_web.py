@@ -16,8 +16,9 @@ from quadctl.cli import main
 from quadctl.effects.ground_effect import Exponential, Hayden
 from quadctl.errors import QuadctlError, SettingsError
 from quadctl.lab.compare import Comparison, compare
-from quadctl.lab.data import load_dataset
+from quadctl.lab.data import Dataset, load_dataset
 from quadctl.lab.diagnose import Diagnosis, diagnose
+from quadctl.lab.effect_file import as_effect_file
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
 from quadctl.web.figures.base import Figure, to_csv
@@ -27,7 +28,7 @@ from quadctl.web.figures.path import path_figure
 from quadctl.web.figures.profile import profile_figure
 from quadctl.web.figures.ratio import ratio_over_height
 from quadctl.web.figures.timeline import full_timeline
-from quadctl.web.files import own_effects, require_inside, upload_path
+from quadctl.web.files import keep_expression, own_effects, require_inside, upload_path
 from quadctl.web.findings import Findings, SavedFormula
 from quadctl.web.jobs import log_names
 from quadctl.web.session import Rung, Session, load_session, session_to_yaml
@@ -126,14 +127,30 @@ class TestSession:
 
 
 @pytest.fixture(scope="module")
-def found(raptor: Vehicle) -> Diagnosis:
-    """What a search for two effects finds in a flight that obeys one of them."""
+def flight(raptor: Vehicle) -> Dataset:
     truth = Model(raptor).plus(Exponential(a=0.3, b=5.0))
-    flight = load_dataset([obedient(truth, noise_m_s=0.01)], raptor)
+    return load_dataset([obedient(truth, noise_m_s=0.01)], raptor)
+
+
+@pytest.fixture(scope="module")
+def found(raptor: Vehicle, flight: Dataset) -> Diagnosis:
+    """What a search for two effects finds in a flight that obeys one of them."""
     return diagnose(Model(raptor), flight, [Exponential, Hayden])
 
 
 class TestFindings:
+    def test_an_expression_becomes_the_same_effect_again_and_never_overwrites_another(
+        self, raptor: Vehicle, flight: Dataset, tmp_path: Path
+    ) -> None:
+        unexplained = diagnose(Model(raptor), flight, [])
+        symbolic = Findings.of(unexplained, {}).diagnosis(unexplained.model, flight).symbolic
+        assert unexplained.symbolic is not None and symbolic is not None
+        (tmp_path / "unexplained.py").write_text("another")
+        path = keep_expression(symbolic, unexplained.model, tmp_path)
+        assert path.read_text() == as_effect_file(unexplained.symbolic, "unexplained.expression")
+        assert keep_expression(symbolic, unexplained.model, tmp_path) == path
+        assert (tmp_path / "unexplained.py").read_text() == "another"
+
     FORMULA: ClassVar[dict[str, Any]] = {
         "variables": ["height_over_radius"],
         "coefficients": {"a": 1.0, "k1": 2.0},

@@ -39,13 +39,16 @@ def draw_fails(page: "Page") -> None:
             tag("p", "verdict", "Nowhere beyond the noise.")
         for failure in most_telling(comparison.fails_where)[:SHOWN_SENTENCES]:
             _sentence(page, failure)
+    telling = [p for p in comparison.profiles if p.share > MATERIAL and p.p_value < SIGNIFICANT]
     with tag("section", "card"):
         heading(
-            "The residual over each variable, the most telling first",
+            "The residual over each variable, the most telling first"
+            if telling
+            else "No variable goes with what is left; these two come closest",
             "Points on the zero line: nothing is missing there. Drag over a range to see where in the flight it was.",
         )
         with tag("div", "panes"):
-            for profile in _telling(comparison):
+            for profile in (telling or comparison.profiles[:2])[:SHOWN_PANELS]:
                 _profile(page, comparison, profile)
 
 
@@ -56,12 +59,6 @@ def _sentence(page: "Page", failure: Failure) -> None:
         ranges = {failure.variable: (failure.low, failure.high)}
         show = ui.button("Show", icon="my_location", on_click=lambda: page.select(ranges, failure.axis))
         show.props(f'flat dense no-caps size=sm aria-label="Show where in the flight: {failure.text}"')
-
-
-def _telling(comparison: Comparison) -> list[Profile]:
-    """The variables that the residual goes with, or the best two where it goes with none."""
-    telling = [p for p in comparison.profiles if p.share > MATERIAL and p.p_value < SIGNIFICANT]
-    return (telling or comparison.profiles[:2])[:SHOWN_PANELS]
 
 
 def _profile(page: "Page", comparison: Comparison, profile: Profile) -> None:

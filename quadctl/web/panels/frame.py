@@ -58,4 +58,8 @@ def draw_start(page: "Page") -> None:
             names = listed([path.name for path in waiting])
             tag("p", "verdict", f"Waiting for their vehicle: {names}. Choose below what flew.")
         drop_zone(page)
+        with tag("p", "muted"):
+            ui.label("No log at hand? ").style("display:contents")
+            tag("code", "", "quadctl demo")
+            ui.label(" flies one with a hidden effect, in a minute.").style("display:contents")
     draw_vehicle(page)
