@@ -98,8 +98,13 @@ def climbed(session: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def analysed(climbed: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """The address of a lab with that session."""
-    with served(tmp_path_factory.mktemp("analysed") / "lab", "--session", str(climbed)) as (url, _):
+    """The address of a lab with that session, and few missions to choose the next from."""
+    where = tmp_path_factory.mktemp("analysed")
+    missions = where / "missions"
+    missions.mkdir()
+    for name in ("step_response.yaml", "forward_runs.yaml"):
+        shutil.copy(ROOT / "missions" / name, missions)
+    with served(where / "lab", "--session", str(climbed), "--missions", str(missions)) as (url, _):
         yield url
 
 
@@ -279,7 +284,7 @@ class TestAnalysed:
         stand_on(visitor, "rigid body")
         visitor.sees("#verdict[data-verdict=missing]")
         visitor.click("button:has-text('Suggest a flight')")
-        assert visitor.sees("code.command").startswith("quadctl fly missions/")
+        assert re.fullmatch(r"quadctl fly \S+/missions/\w+\.yaml", visitor.sees("code.command"))
         visitor.keeps("suggested")
 
     def test_what_goes_wrong_is_said_in_a_sentence_and_costs_nothing(self, visitor: Visitor, tmp_path: Path) -> None:
