@@ -11,19 +11,13 @@ import subprocess
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
-import yaml
 
-from quadctl.effects import CATALOG
-from quadctl.flight.session import prepare_flight
+from lab_sessions import ADDED, fly_over_a_cushion, one_step_up, searched, unexplained, wrong_files
 from quadctl.model import load_model
-from quadctl.web.findings import Findings
-from quadctl.web.jobs import look_for, open_logs
-from quadctl.web.session import Rung, Session, load_session, session_to_yaml
-from sitl.run import simulate
+from quadctl.web.session import load_session
 from visitors import (
     DESK,
     PATIENCE_MS,
@@ -41,95 +35,29 @@ from visitors import (
 pytestmark = needs_chromium
 
 HOVERING = ROOT.parent / "shared" / "data" / "raptor" / "HOVERING.csv"
-VEHICLE = ROOT / "config" / "vehicles" / "raptor.yaml"
 MOST_CLICKS = 10
-ADDED = "ground_effect.exponential"
-EXPRESSION = {
-    "parts": ["{a}*exp(-{b}*height_over_radius)", "{c}"],
-    "variables": ["height_over_radius"],
-    "coefficients": {"a": 2.0, "b": 0.6, "c": -0.05},
-    "ci95": {"a": (1.8, 2.2), "b": (0.5, 0.7), "c": (-0.1, 0.0)},
-    "bounds": {"a": (-10.0, 10.0), "b": (0.1, 3.0), "c": (-0.3, 0.3)},
-    "held_out_share": 0.9,
-}
-CUSHION = {"effects": [{"effect": "hidden.ground_cushion", "parameters": {"gain": 0.25, "width": 1.8}}]}
-STAIRCASE = {
-    "name": "short_staircase",
-    "phases": [
-        {"name": "takeoff", "kind": "move", "to_m": [0, 0, 0.9], "speed_m_s": 0.5},
-        {"name": "down", "kind": "staircase", "to_z_m": 0.1, "step_m": 0.1, "hold_s": 3},
-        {"name": "up", "kind": "staircase", "to_z_m": 0.9, "step_m": 0.1, "hold_s": 3},
-    ],
-    "limits": {"min_z_m": 0.08, "max_z_m": 1.2, "max_distance_m": 1.0, "max_duration_s": 120},
-}
 
 
 @pytest.fixture(scope="module")
 def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A log of a flight over a ground whose cushion is in no catalogue; the truth is beside it."""
-    where = tmp_path_factory.mktemp("flown")
-    mission, hidden = where / "short_staircase.yaml", where / "hidden.yaml"
-    mission.write_text(yaml.safe_dump(STAIRCASE))
-    hidden.write_text(yaml.safe_dump(CUSHION))
-    outcome = simulate(prepare_flight(mission, ROOT / "config" / "flight.yaml", "none", None), where, hidden, 1)
-    return Path(shutil.move(outcome.log, where / "flight.csv"))
+    return fly_over_a_cushion(tmp_path_factory.mktemp("flown"))
 
 
 @pytest.fixture(scope="module")
 def session(flown: Path) -> Path:
-    """A session with that log and the rigid body, searched."""
-    model = load_model(VEHICLE)
-    opened = open_logs([flown], frozenset(), model.vehicle, "blocks", _say_nothing)
-    assert opened.seen is not None
-    found = look_for(model, opened.seen, _say_nothing)
-    return saved(Session().with_logs([flown]).begun_with(model).searched(model, found), flown.with_name("one.lab.yaml"))
+    return searched(flown)
 
 
 @pytest.fixture(scope="module")
-def climbed(session: Path) -> Path:
-    """That session, and one step more: the effect that was found, and nothing left."""
-    begun = load_session(session)
-    found = begun.rungs[0].found
-    assert found is not None and found.missing == ("ground_effect",)
-    added = replace(begun.rungs[0].model, stack=()).plus(CATALOG[ADDED].from_values(found.best[0].parameters, ""))
-    nothing = found.model_copy(update={"verdict": "none", "missing": (), "steps": found.steps[:1], "best": ()})
-    return saved(begun.climbed(Rung(f"+ {ADDED}", added, found=nothing)), session.with_name("two.lab.yaml"))
-
-
-@pytest.fixture(scope="module")
-def analysed(climbed: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """The address of a lab with that session, and few missions to choose the next from."""
+def analysed(session: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """The address of a lab with that flight, the effect that was found, and few missions to choose the next from."""
     where = tmp_path_factory.mktemp("analysed")
     missions = where / "missions"
     missions.mkdir()
     for name in ("step_response.yaml", "forward_runs.yaml"):
         shutil.copy(ROOT / "missions" / name, missions)
-    with served(where / "lab", "--session", str(climbed), "--missions", str(missions)) as (url, _):
+    with served(where / "lab", "--session", str(one_step_up(session)), "--missions", str(missions)) as (url, _):
         yield url
-
-
-@pytest.fixture(scope="module")
-def unexplained(session: Path) -> Path:
-    """The same session, if the catalogue held no ground effect and an expression had been found."""
-    begun = load_session(session)
-    found = begun.rungs[0].found
-    assert found is not None
-    law = {"axis": "up", "sparse": EXPRESSION, "compact": EXPRESSION, "p_value": 1e-6}
-    symbolic = {"frame": "world", "laws": [law], "ranges": {"height_over_radius": (0.8, 7.5)}}
-    other = Findings.model_validate(
-        found.model_dump()
-        | {"verdict": "unexplained", "missing": (), "unexplained": True, "steps": found.steps[:1], "symbolic": symbolic}
-    )
-    return saved(begun.searched(begun.rungs[0].model, other), session.with_name("unexplained.lab.yaml"))
-
-
-def saved(session: Session, path: Path) -> Path:
-    path.write_text(session_to_yaml(session), encoding="utf-8")
-    return path
-
-
-def _say_nothing(text: str) -> None:
-    return
 
 
 @contextmanager
@@ -139,6 +67,13 @@ def served(out: Path, *arguments: str, port: int | None = None) -> Iterator[tupl
     options = ["--no-open", "--port", str(port), "--out", str(out)]
     with command(port, out.parent / f"{out.name}.log", "lab", *arguments, *options) as process:
         yield f"http://127.0.0.1:{port}", process
+
+
+def stand_on(visitor: Visitor, step: str) -> None:
+    """A step of the ladder."""
+    visitor.click(f".step-button:has-text('{step}')")
+    visitor.sees(f".step.here:has-text('{step}')")
+    visitor.waits_until_done()
 
 
 def test_a_newcomer_finds_the_missing_effect_and_flies_it_in_at_most_ten_clicks(
@@ -307,9 +242,9 @@ class TestAnalysed:
 
 
 def test_what_no_effect_explains_is_said_as_an_expression_that_can_be_added(
-    browser: Browser, unexplained: Path, tmp_path: Path
+    browser: Browser, session: Path, tmp_path: Path
 ) -> None:
-    with served(tmp_path / "lab", "--session", str(unexplained)) as (url, _):
+    with served(tmp_path / "lab", "--session", str(unexplained(session))) as (url, _):
         visitor = Visitor(browser, url)
         assert "no known effect explains" in visitor.sees("#verdict[data-verdict=unexplained]")
         assert "exp(-" in visitor.sees("pre.expression")
@@ -324,32 +259,6 @@ def test_what_no_effect_explains_is_said_as_an_expression_that_can_be_added(
         exported = visitor.keeps_file("header button:has-text('Export model')", tmp_path)
         assert load_model(exported).effects[0].family() == "unexplained"
         visitor.leaves()
-
-
-def wrong_files(where: Path) -> list[tuple[Path, str]]:
-    """Files that cannot be used, and what is said of each."""
-    garbage, notes, huge = where / "garbage.csv", where / "notes.md", where / "huge.csv"
-    garbage.write_text("this,is\nno,log\n")
-    notes.write_text("# A file that is no log\n")
-    with huge.open("wb") as file:
-        file.truncate(2**30)
-    elsewhere, effects = where / "elsewhere.yaml", where / "effects.yaml"
-    elsewhere.write_text("logs: [/etc/passwd]\nrungs: []\n")
-    effects.write_text(f"vehicle: {ROOT}/config/vehicles/raptor.yaml\neffect_files: [/tmp/effect.py]\neffects: []\n")
-    return [
-        (garbage, "garbage.csv"),
-        (notes, "notes.md: is no flight log by its name"),
-        (huge, "expected at most"),
-        (elsewhere, "/etc/passwd: is outside"),
-        (effects, "effect.py: is outside"),
-    ]
-
-
-def stand_on(visitor: Visitor, step: str) -> None:
-    """A step of the ladder."""
-    visitor.click(f".step-button:has-text('{step}')")
-    visitor.sees(f".step.here:has-text('{step}')")
-    visitor.waits_until_done()
 
 
 @pytest.mark.skipif(not HOVERING.is_file(), reason="the thesis' flights are not here")
@@ -374,9 +283,9 @@ def test_how_fast_the_page_is_on_a_real_flight(browser: Browser, tmp_path: Path)
 @pytest.mark.skipif("SCREENSHOTS" not in os.environ, reason="`make screenshots` takes them")
 @pytest.mark.parametrize("theme", ["light", "dark"])
 @pytest.mark.parametrize("size", ["desk", "phone"])
-def test_pictures_of_every_part(browser: Browser, climbed: Path, tmp_path: Path, size: str, theme: str) -> None:
-    hidden = str(climbed.with_name("hidden.yaml"))
-    with served(tmp_path / "lab", "--session", str(climbed), "--hidden", hidden) as (url, _):
+def test_pictures_of_every_part(browser: Browser, session: Path, tmp_path: Path, size: str, theme: str) -> None:
+    climbed, hidden = one_step_up(session), session.with_name("hidden.yaml")
+    with served(tmp_path / "lab", "--session", str(climbed), "--hidden", str(hidden)) as (url, _):
         visitor = Visitor(browser, url, DESK if size == "desk" else PHONE, theme)
         visitor.sees("#error-now")
         stand_on(visitor, "rigid body")

@@ -165,5 +165,6 @@ class Visitor:
         self.page.locator("input[type=file]").first.set_input_files(files)
 
     def leaves(self) -> None:
-        assert self.elsewhere == [] and self.mistakes == []
+        assert not self.elsewhere, f"asked of another machine: {self.elsewhere}"
+        assert not self.mistakes, f"mistakes of the page: {self.mistakes}"
         self.page.context.close()

@@ -18,7 +18,7 @@ from quadctl.lab.fit import Fitter
 from quadctl.lab.interface import prepare_flights
 from quadctl.lab.refit import Refit, fit
 from quadctl.lab.remove import Removal, remove
-from quadctl.lab.report import write_report
+from quadctl.lab.report import Results, render_report
 from quadctl.lab.steps import StepResponses
 from quadctl.lab.suggest import Suggestion, suggest
 from quadctl.logs.flight_log import FlightLog
@@ -182,10 +182,8 @@ def fly(simulation: Simulation, model: Model, progress: Progress) -> StepRespons
     return simulation.fly_steps(model, progress)
 
 
-def write_html(
-    path: Path, rungs: Sequence[Rung], opened: Opened, steps: StepResponses | None, progress: Progress
-) -> None:
-    """The report of the ladder `rungs`, from its first step to its last."""
+def report(rungs: Sequence[Rung], opened: Opened, steps: StepResponses | None, progress: Progress) -> bytes:
+    """The report of the ladder `rungs`, from its first step to its last: one file of HTML."""
     first, last = rungs[0], rungs[-1]
     seen, unseen = opened.seen, opened.unseen
     if seen is None:
@@ -199,4 +197,5 @@ def write_html(
         addition = add(type(last.model.effects[-1]), replace(last.model, stack=last.model.stack[:-1]), seen)
         after = None if unseen is None else compare(last.model, unseen)
     progress("drawing")
-    write_report(path, comparison=comparison, diagnosis=diagnosis, addition=addition, after=after, steps=steps)
+    results = Results(comparison, diagnosis=diagnosis, addition=addition, after=after, steps=steps)
+    return render_report(results).encode()

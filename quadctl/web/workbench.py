@@ -6,7 +6,6 @@ other. Whoever shows the state asks to be told when it changes.
 
 import asyncio
 import logging
-import tempfile
 from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
 from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass, field, replace
@@ -306,12 +305,11 @@ class Workbench:
     async def report(self) -> bytes | None:
         """The report as one file of HTML; None where it could not be made."""
         html: bytes | None = None
+        if self.opened is None:
+            return None
         ladder = self.session.rungs[: self.session.current + 1]
         async with self._working("Writing the report") as progress:
-            with tempfile.TemporaryDirectory() as folder:
-                path = Path(folder) / "report.html"
-                await self._quick.run(jobs.write_html, path, ladder, self.opened, self.results.steps, progress=progress)
-                html = path.read_bytes()
+            html = await self._quick.run(jobs.report, ladder, self.opened, self.results.steps, progress=progress)
         return html
 
     # --- how work is done ---------------------------------------------------------------------------------------------

@@ -20,7 +20,7 @@ from quadctl.web.panels.zoomed import zoomed_plot
 if TYPE_CHECKING:
     from quadctl.web.page import Page
 
-_SCROLL = "document.querySelector('#selected').scrollIntoView({behavior: 'smooth'})"
+_SCROLL = "document.querySelector('#selected').scrollIntoView()"
 SHOWN_SENTENCES, SHOWN_PANELS = 4, 6
 
 
@@ -75,7 +75,7 @@ def draw_brushed(page: "Page") -> None:
     comparison = evaluation.comparison
     over = _two_strongest(comparison.profiles)
     flight, opened = page.flight, page.bench.opened
-    with tag("div", "panes"):
+    with tag("div", "panes").props('id="selected"'):
         if over is not None:
             axis_name, variables = over
             with tag("section", "card"):
@@ -94,7 +94,7 @@ def draw_brushed(page: "Page") -> None:
             brush_note(page)
             show = ui.button("Show", icon="south", on_click=lambda: ui.run_javascript(_SCROLL))
             show.props('no-caps unelevated dense aria-label="Show what is selected"')
-        with tag("section", "card").props('id="selected"'):
+        with tag("section", "card"):
             heading("In time")
             timeline = full_timeline(
                 flight, opened.log(flight.name), page.predictions(flight), page.axis, page.theme, page.brushed(flight)
