@@ -12,9 +12,19 @@ from test_loop import HURRY_HZ, InProcess, in_flight, plan
 from quadctl.cli import main
 from quadctl.flight.loop import fly
 from quadctl.flight.realtime import run
-from quadctl.flight.tick import Event, Tick
-from quadctl.flight.view_link import EVENTS_KEPT, LANDED_BY, Record, ViewEnd, ViewLink, connected_ends, decoded
-from quadctl.web.live.history import Brief, History
+from quadctl.flight.tick import Event, Stage, Tick
+from quadctl.flight.view_link import (
+    EVENTS_KEPT,
+    LANDED_BY,
+    SEND_S,
+    WISH_TO_LAND,
+    Record,
+    ViewEnd,
+    ViewLink,
+    connected_ends,
+    next_record,
+)
+from quadctl.web.live.history import ROWS_KEPT, Brief, History
 from quadctl.web.live.land import CONFIRM_S, LandButton
 from quadctl.web.live.nearness import guards
 
@@ -28,17 +38,15 @@ def ends() -> Iterator[tuple[ViewEnd, ViewEnd]]:
     made = connected_ends()
     yield made
     for end in made:
-        end.socket.close()
+        end.close()
 
 
 def taken(end: ViewEnd) -> list[Record]:
     """What waits at the viewer's end."""
     found = []
-    while True:
-        try:
-            found.append(decoded(end.socket.recv(65_536)))
-        except BlockingIOError:
-            return found
+    while (record := next_record(end)) is not None:
+        found.append(record)
+    return found
 
 
 def first_tick() -> tuple[ViewLink, Tick, ViewEnd, ViewEnd]:
@@ -47,16 +55,14 @@ def first_tick() -> tuple[ViewLink, Tick, ViewEnd, ViewEnd]:
     return ViewLink(flight, pilot), pilot.tick(InProcess().state(), 0.001), flight, viewer
 
 
-def flown(flight: ViewEnd, words: dict[socket.socket, list[bytes]]) -> str:
-    """How a flight ends in which, once it is in the air, these words are sent by these sockets."""
+def flown(flight: ViewEnd, viewer: ViewEnd, words: list[bytes]) -> str:
+    """How a flight ends in which, once it is in the air, the viewer says these words."""
     autopilot, pilot, ticks = InProcess(), plan().pilot(), list[Tick]()
 
     def say(tick: Tick) -> None:
         ticks.append(tick)
-        if in_flight(ticks):
-            for speaker, said in words.items():
-                if said:
-                    speaker.sendto(said.pop(), flight.socket.getsockname())
+        if in_flight(ticks) and words:
+            viewer.send(words.pop())
 
     run(fly(autopilot, pilot, HURRY_HZ, [say, ViewLink(flight, pilot)]))
     assert not autopilot.px.armed
@@ -71,16 +77,35 @@ class TestWhatGoesOut:
         assert (record.stage, record.phase, record.late_s) == (tick.stage.name, tick.phase, 0.001)
         assert record.height_m == tick.ground_down_m - tick.state.position_ned_m[2]
 
-    def test_a_viewer_that_does_not_read_costs_records_and_nothing_else(self) -> None:
+    def test_a_viewer_that_does_not_read_costs_records_but_not_the_worst_lateness(self) -> None:
         link, tick, _, viewer = first_tick()
-        for _ in range(MORE_THAN_FITS):
-            link(tick)
+        for i in range(MORE_THAN_FITS):
+            link(tick._replace(time_s=SEND_S * i))
+        link(tick._replace(time_s=SEND_S * MORE_THAN_FITS, late_s=0.2))
         assert 0 < len(taken(viewer)) < MORE_THAN_FITS
+        for i in (1, 2):
+            link(tick._replace(time_s=SEND_S * (MORE_THAN_FITS + i)))
+        assert [record.late_s for record in taken(viewer)] == [0.2, tick.late_s]
+
+    def test_between_two_records_ticks_cost_nothing_and_what_happens_is_told_with_the_next(self) -> None:
+        link, tick, _, viewer = first_tick()
+        event = Event(1.0, "the tilt is 60 deg", "hand over")
+        link(tick)
+        link(tick._replace(time_s=tick.time_s + 0.02, late_s=0.1, events=(event,)))
+        assert len(taken(viewer)) == 1
+        link(tick._replace(time_s=tick.time_s + SEND_S))
+        assert [(record.late_s, record.events) for record in taken(viewer)] == [(0.1, (event,))]
+
+    def test_the_last_tick_is_told_at_once(self) -> None:
+        link, tick, _, viewer = first_tick()
+        link(tick)
+        link(tick._replace(time_s=tick.time_s + 0.02, stage=Stage.DONE))
+        assert taken(viewer)[-1].stage == Stage.DONE.name
 
     def test_an_end_that_is_closed_raises_nothing(self) -> None:
         link, tick, flight, viewer = first_tick()
         for end in (viewer, flight):
-            end.socket.close()
+            end.close()
             for _ in range(3):
                 link(tick)
 
@@ -92,23 +117,23 @@ class TestWhatGoesOut:
         link, tick, _, viewer = first_tick()
         event = Event(1.0, "the tilt is 60 deg", "hand over")
         link(tick._replace(events=(event,)))
-        link(tick._replace(events=()))
+        link(tick._replace(time_s=tick.time_s + SEND_S))
         assert [record.events for record in taken(viewer)] == [(event,), (event,)]
         for _ in range(2 * EVENTS_KEPT):
             link(tick._replace(events=(event,)))
+        link(tick._replace(time_s=tick.time_s + 2.0 * SEND_S))
         assert len(taken(viewer)[-1].events) == EVENTS_KEPT
 
 
 class TestWhatComesBack:
     def test_the_wish_to_land_lands(self, ends: tuple[ViewEnd, ViewEnd]) -> None:
-        flight, viewer = ends
-        assert flown(flight, {viewer.socket: [viewer.wish_to_land()]}) == LANDED_BY
+        assert flown(*ends, [WISH_TO_LAND]) == LANDED_BY
 
-    def test_other_words_and_other_programs_do_not(self, ends: tuple[ViewEnd, ViewEnd]) -> None:
-        flight, viewer = ends
-        wrong = [b"land", b"", b"land " + b"0" * len(viewer.token), viewer.token.encode(), b"\xff" * 2000]
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
-            assert flown(flight, {viewer.socket: wrong, stranger: [viewer.wish_to_land()]}) == "completed"
+    def test_other_words_do_not_and_no_other_program_has_an_address_to_send_one_to(
+        self, ends: tuple[ViewEnd, ViewEnd]
+    ) -> None:
+        assert [end.getsockname() for end in ends] == ["", ""]
+        assert flown(*ends, [b"lan", b"", b"LAND", b"\xff" * 2000]) == "completed"
 
 
 @pytest.fixture
@@ -140,13 +165,14 @@ class TestGuards:
 
 
 class TestHistory:
-    def test_rows_are_thinned_out_and_keep_the_worst_lateness(self, record: Record) -> None:
+    def test_what_is_new_since_a_row_is_given_and_no_more_than_is_wanted(self, record: Record) -> None:
         history = History(TestGuards.BRIEF)
-        for i in range(101):
-            history.take(record._replace(time_s=0.02 * i, late_s=0.05 if i == 52 else 0.0))
-        assert 15 <= history.n_rows == len(history.rows) <= 20
-        assert max(row.late_ms for row in history.rows) == pytest.approx(50.0)
-        assert history.since(history.n_rows - 3, 600) == list(history.rows)[-3:]
+        for i in range(ROWS_KEPT + 10):
+            history.take(record._replace(time_s=0.1 * i))
+        rows = list(history.rows)
+        assert len(rows) == ROWS_KEPT
+        assert history.since(history.n_rows - 3, 600) == rows[-3:]
+        assert history.since(0, 600) == rows[-600:]
 
     def test_a_flight_that_is_over_cannot_land(self, record: Record) -> None:
         history = History(TestGuards.BRIEF)

@@ -6,17 +6,19 @@ import socket
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
 
 from flights import obedient
 from quadctl.cli import main
-from quadctl.effects.ground_effect import Exponential
+from quadctl.effects.ground_effect import Exponential, Hayden
 from quadctl.errors import QuadctlError, SettingsError
 from quadctl.lab.compare import Comparison, compare
-from quadctl.lab.data import load_dataset
+from quadctl.lab.data import Dataset, load_dataset
+from quadctl.lab.diagnose import Diagnosis, diagnose
+from quadctl.lab.effect_file import as_effect_file
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
 from quadctl.web.figures.base import Figure, to_csv
@@ -26,12 +28,14 @@ from quadctl.web.figures.path import path_figure
 from quadctl.web.figures.profile import profile_figure
 from quadctl.web.figures.ratio import ratio_over_height
 from quadctl.web.figures.timeline import full_timeline
-from quadctl.web.files import require_inside, upload_path
+from quadctl.web.files import keep_expression, own_effects, require_inside, upload_path
+from quadctl.web.findings import Findings, SavedFormula
 from quadctl.web.jobs import log_names
 from quadctl.web.session import Rung, Session, load_session, session_to_yaml
 from quadctl.web.theme import DARK, LIGHT
 from quadctl.web.worker import CancelledError, Worker
 
+ROOT = Path(__file__).parents[1]
 A, B = Path("a.csv"), Path("b.csv")
 
 
@@ -60,7 +64,7 @@ class TestSession:
         assert off.switched("ground_effect.exponential").model == climbed.model
 
     def test_other_flights_make_all_errors_unknown(self, climbed: Session) -> None:
-        assert [rung.error_m_s2 for rung in climbed.without_log(B).rungs] == [None, None, None]
+        assert [rung.error_m_s2 for rung in climbed.with_role(B, unseen=True).rungs] == [None, None, None]
 
     def test_the_noise_floor_is_the_least_that_any_step_has_shown(self, climbed: Session, tmp_path: Path) -> None:
         assert climbed.floor_m_s2 is None
@@ -68,7 +72,7 @@ class TestSession:
         path = tmp_path / "session.lab.yaml"
         path.write_text(session_to_yaml(session))
         assert session.floor_m_s2 == load_session(path).floor_m_s2 == 0.05
-        assert session.without_log(B).floor_m_s2 is None
+        assert session.unjudged().floor_m_s2 is None
 
     def test_not_all_flights_can_be_held_out(self, climbed: Session) -> None:
         held = climbed.with_role(A, unseen=True)
@@ -88,9 +92,27 @@ class TestSession:
         ]
         assert again.current == 1
 
+    def test_what_was_found_is_found_again_in_the_file(self, found: Diagnosis, tmp_path: Path) -> None:
+        path = tmp_path / "found.lab.yaml"
+        session = Session().with_logs([A]).begun_with(found.model).searched(found.model, Findings.of(found, {}))
+        path.write_text(session_to_yaml(session))
+        rung = load_session(path).rungs[0]
+        assert rung.found is not None
+        again = rung.found.diagnosed(rung.model, found.dataset).diagnosis
+        assert str(again) == str(found)
+        assert [c.supported for c in again.ranking] == [c.supported for c in found.ranking]
+        assert again.best.effects == found.best.effects
+
+    def test_other_flights_make_what_was_found_unknown(self, found: Diagnosis) -> None:
+        session = Session().with_logs([A, B]).begun_with(found.model).searched(found.model, Findings.of(found, {}))
+        assert session.with_role(B, unseen=True).rungs[0].found is None
+
     @pytest.mark.parametrize(
         ("text", "said"),
         [
+            ("switched_off: [ground_effect.hayden]", "switched_off holds ground_effect.hayden"),
+            ("rungs: [{name: x, model: {vehicle: RAPTOR, effects: []}, found: '{'}]", "found is not valid JSON"),
+            ("rungs: [{name: x, model: {vehicle: RAPTOR, effects: []}, found: '{}'}]", "found: verdict is missing"),
             ("rungs: [{name: x, model: {effects: []}}]", "vehicle"),
             ("steps: 1", "steps"),
             ("- 1", "expected"),
@@ -98,10 +120,58 @@ class TestSession:
     )
     def test_what_is_no_session_is_refused_in_one_sentence(self, text: str, said: str, tmp_path: Path) -> None:
         path = tmp_path / "no.lab.yaml"
-        path.write_text(text)
+        path.write_text(text.replace("RAPTOR", str(ROOT / "config" / "vehicles" / "raptor.yaml")))
         with pytest.raises(SettingsError, match=said) as caught:
             load_session(path)
         assert str(path) in str(caught.value)
+
+
+@pytest.fixture(scope="module")
+def flight(raptor: Vehicle) -> Dataset:
+    truth = Model(raptor).plus(Exponential(a=0.3, b=5.0))
+    return load_dataset([obedient(truth, noise_m_s=0.01)], raptor)
+
+
+@pytest.fixture(scope="module")
+def found(raptor: Vehicle, flight: Dataset) -> Diagnosis:
+    """What a search for two effects finds in a flight that obeys one of them."""
+    return diagnose(Model(raptor), flight, [Exponential, Hayden])
+
+
+class TestFindings:
+    def test_an_expression_becomes_the_same_effect_again_and_never_overwrites_another(
+        self, raptor: Vehicle, flight: Dataset, tmp_path: Path
+    ) -> None:
+        unexplained = diagnose(Model(raptor), flight, [])
+        symbolic = Findings.of(unexplained, {}).diagnosis(unexplained.model, flight).symbolic
+        assert unexplained.symbolic is not None and symbolic is not None
+        (tmp_path / "unexplained.py").write_text("another")
+        path = keep_expression(symbolic, unexplained.model, tmp_path)
+        assert path.read_text() == as_effect_file(unexplained.symbolic, "unexplained.expression")
+        assert keep_expression(symbolic, unexplained.model, tmp_path) == path
+        assert (tmp_path / "unexplained.py").read_text() == "another"
+
+    FORMULA: ClassVar[dict[str, Any]] = {
+        "variables": ["height_over_radius"],
+        "coefficients": {"a": 1.0, "k1": 2.0},
+        "ci95": {},
+        "bounds": {},
+        "held_out_share": 0.5,
+    }
+
+    @pytest.mark.parametrize(
+        "part", ["{a}*exp(-0.5*height_over_radius)", "{k1}*speed*abs(speed)", "{a}*exp(-((north + 1e-05)/0.3)**2)"]
+    )
+    def test_a_formula_is_taken(self, part: str) -> None:
+        assert SavedFormula(parts=(part,), **self.FORMULA).parts == (part,)
+
+    @pytest.mark.parametrize(
+        "part",
+        ["__import__('os')", "{a.__class__}", "{a}*eval(speed)", "speed.real", "speed; north", "{a!r}", "[speed]", "{"],
+    )
+    def test_what_would_be_a_program_is_refused(self, part: str) -> None:
+        with pytest.raises(ValueError, match="is no formula"):
+            SavedFormula(parts=(part,), **self.FORMULA)
 
 
 def _say_and_wait(progress: Callable[[str], None]) -> None:
@@ -142,6 +212,9 @@ class TestCommand:
         ("arguments", "said"),
         [
             (["no_such.csv"], "no_such.csv: there is no such file"),
+            ([str(ROOT / "README.md")], "README.md: has no header"),
+            ([str(ROOT / "config" / "vehicles" / "raptor.yaml")], "expected a flight log, or --model raptor.yaml"),
+            ([str(ROOT / "missions")], "missions: is a directory, expected the flight logs in it"),
             (["--model", "no_such.yaml"], "no_such.yaml"),
             (["--session", "no_such.lab.yaml"], "no_such.lab.yaml"),
         ],
@@ -188,6 +261,11 @@ class TestFiles:
         for path in (inside / "../secret.csv", Path("/etc/passwd"), inside / "link.csv"):
             with pytest.raises(QuadctlError, match="outside"):
                 require_inside(inside, (path,))
+
+    def test_python_files_are_found_wherever_settings_name_them(self) -> None:
+        model = {"vehicle": "raptor.yaml", "effect_files": ["a.py"]}
+        assert list(own_effects(model)) == ["a.py"]
+        assert list(own_effects({"rungs": [{"model": model}, {"model": {"effect_files": "b"}}, 1]})) == ["a.py"]
 
     def test_logs_of_the_same_name_are_told_apart_by_their_folders(self) -> None:
         paths = [Path(name) for name in ("a/flight.csv", "b/flight.csv", "b/other.csv", "c/b/flight.csv")]

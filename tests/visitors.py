@@ -16,6 +16,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from PIL import Image
 
 sync_api = pytest.importorskip("playwright.sync_api")
 from playwright.sync_api import Browser, Page, expect  # noqa: E402
@@ -27,6 +28,18 @@ ROOT = Path(__file__).parents[1]
 SCREENSHOTS = ROOT / "build" / "screenshots"
 DESK, PHONE = {"width": 1280, "height": 800}, {"width": 390, "height": 844}
 PATIENCE_MS = 60_000.0
+IN_DOCS = {
+    "2-missing": "lab-page-see.png",
+    "3-added": "lab-page-added.png",
+    "5-flown": "lab-page-flown.png",
+    "live-desk-light": "live-view.png",
+}
+"""Screenshots that the documentation shows; `make screenshots` takes them anew."""
+FEW_COLOURS = 64
+"""A page has no more, and git keeps every picture for ever."""
+_ALL_DRAWN = "() => [...document.querySelectorAll('.js-plotly-plot')].every(p => p.querySelector('.main-svg'))"
+_TWO_FRAMES = "() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))"
+_POINTS = "(figure, curve) => figure.data.find(trace => trace.name === curve)?.x.length ?? 0"
 _IS_LESS = "than => parseFloat(document.querySelector('#error-now')?.innerText) < than"
 
 
@@ -117,13 +130,41 @@ class Visitor:
         self.page.wait_for_function(_IS_LESS, arg=error)
         return self.error_now()
 
+    def waits_until_done(self) -> None:
+        expect(self.page.locator(".banner.work")).to_have_count(0, timeout=PATIENCE_MS)
+
     def keeps(self, name: str) -> None:
+        """A screenshot, as soon as all figures are drawn and nothing moves."""
         SCREENSHOTS.mkdir(parents=True, exist_ok=True)
-        self.page.screenshot(path=SCREENSHOTS / f"{name}.png")
+        self.page.wait_for_function(_ALL_DRAWN)
+        self.page.evaluate(_TWO_FRAMES)
+        self.page.screenshot(path=SCREENSHOTS / f"{name}.png", animations="disabled")
+        if "SCREENSHOTS" in os.environ and name in IN_DOCS:
+            with Image.open(SCREENSHOTS / f"{name}.png") as picture:
+                picture.convert("RGB").quantize(FEW_COLOURS).save(ROOT / "docs" / IN_DOCS[name], optimize=True)
+
+    def keeps_file(self, selector: str, where: Path) -> Path:
+        """The file that a click downloads, in the folder `where`."""
+        with self.page.expect_download() as download:
+            self.click(selector)
+        path = where / download.value.suggested_filename
+        download.value.save_as(path)
+        return path
+
+    def figure(self, label: str) -> str:
+        """The selector of a figure, which is drawn."""
+        selector = f".js-plotly-plot[aria-label='{label}']"
+        self.sees(f"{selector} .main-svg")
+        return selector
+
+    def points(self, figure: str, curve: str) -> int:
+        """How many points a curve of a figure has; 0 where there is no such curve."""
+        return int(self.page.locator(figure).evaluate(_POINTS, curve))
 
     def drops(self, *files: Path) -> None:
         self.page.locator("input[type=file]").first.set_input_files(files)
 
     def leaves(self) -> None:
-        assert self.elsewhere == [] and self.mistakes == []
+        assert not self.elsewhere, f"asked of another machine: {self.elsewhere}"
+        assert not self.mistakes, f"mistakes of the page: {self.mistakes}"
         self.page.context.close()

@@ -1,13 +1,20 @@
 """The one folder that the page writes to, and what may be dropped into it."""
 
 import re
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 from quadctl.errors import QuadctlError
+from quadctl.lab.effect_file import as_effect_file
+from quadctl.lab.formula import Symbolic
+from quadctl.model import Model
 
 MAX_UPLOAD_BYTES = 512 * 2**20
 LOG_SUFFIXES = (".csv", ".ulg", ".bin", ".tlog")
 SETTINGS_SUFFIXES = (".yaml", ".yml")
+EXPRESSION = "unexplained"
+"""Family of the effects that come from an expression."""
 _UNUSUAL = re.compile(r"[^\w.+ -]")
 
 
@@ -41,6 +48,40 @@ def require_inside(folder: Path, paths: tuple[Path, ...]) -> None:
     for path in paths:
         if not path.resolve().is_relative_to(root):
             raise QuadctlError(f"{path}: is outside {folder}, the folder of this page: drop the file itself instead")
+
+
+def keep_expression(symbolic: Symbolic, model: Model, folder: Path) -> Path:
+    """Write an expression that was found as an effect of one's own, to be added to `model`; nothing is overwritten.
+
+    Raises
+    ------
+    QuadctlError
+        It cannot be written.
+    """
+    number = 1 + sum(effect.family().startswith(EXPRESSION) for effect in model.effects)
+    family = EXPRESSION if number == 1 else f"{EXPRESSION}_{number}"
+    text = as_effect_file(symbolic, f"{family}.expression")
+    path, copy = folder / f"{family}.py", 1
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        while path.exists() and path.read_text(encoding="utf-8") != text:
+            copy += 1
+            path = folder / f"{family}-{copy}.py"
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise QuadctlError(f"{path}: cannot be written ({error.strerror})") from None
+    return path
+
+
+def own_effects(settings: Any) -> Iterator[str]:
+    """Python files that a model, or one in a session, names for its effects: to load it is to run them."""
+    if isinstance(settings, dict):
+        named = settings.get("effect_files")
+        yield from map(str, named if isinstance(named, list) else [])
+        yield from own_effects(list(settings.values()))
+    elif isinstance(settings, list):
+        for value in settings:
+            yield from own_effects(value)
 
 
 def too_large(name: str, size: float) -> str:

@@ -10,7 +10,7 @@ from nicegui.elements.upload_files import FileUpload
 
 from quadctl.errors import QuadctlError
 from quadctl.settings import read_yaml
-from quadctl.web.files import SETTINGS_SUFFIXES, require_inside, too_large, upload_path
+from quadctl.web.files import SETTINGS_SUFFIXES, own_effects, require_inside, too_large, upload_path
 from quadctl.web.session import load_session
 from quadctl.web.workbench import Workbench
 
@@ -49,16 +49,23 @@ class Intake:
                 path = await self._keep(file)
                 if path.suffix.lower() not in SETTINGS_SUFFIXES:
                     logs.append(path)
-                elif "rungs" in read_yaml(path):
-                    session = load_session(path)
-                    require_inside(self.bench.folder, tuple(log for log in session.logs if log not in self._known))
-                    await self.bench.resume(session)
                 else:
-                    await self.bench.begin_with(path)
+                    await self._begin_with(path)
         except QuadctlError as error:
             self.bench.say("error", str(error))
         if logs:
             await self.bench.open_logs(logs)
+
+    async def _begin_with(self, path: Path) -> None:
+        """Begin with a session, model or vehicle, if it makes the page read nothing that was not given to it."""
+        settings = read_yaml(path)
+        require_inside(self.bench.folder, tuple(path.parent / file for file in own_effects(settings)))
+        if "rungs" not in settings:
+            await self.bench.begin_with(path)
+            return
+        session = load_session(path)
+        require_inside(self.bench.folder, tuple(log for log in session.logs if log not in self._known))
+        await self.bench.resume(session)
 
     @property
     def _known(self) -> tuple[Path, ...]:

@@ -6,19 +6,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from quadctl.effects import catalog_with, find_effect
+from quadctl.effects import catalog_with, choose_effect, find_effect
 from quadctl.errors import QuadctlError
 from quadctl.lab.add import Addition, add
 from quadctl.lab.arrays import Floats
 from quadctl.lab.compare import Comparison, compare
-from quadctl.lab.curves import Sketch, sketch
+from quadctl.lab.curves import sketch
 from quadctl.lab.data import Dataset, HoldOut, rmse
 from quadctl.lab.diagnose import Diagnosis, diagnose
 from quadctl.lab.fit import Fitter
 from quadctl.lab.interface import prepare_flights
 from quadctl.lab.refit import Refit, fit
 from quadctl.lab.remove import Removal, remove
-from quadctl.lab.report import write_report
+from quadctl.lab.report import Results, render_report
 from quadctl.lab.steps import StepResponses
 from quadctl.lab.suggest import Suggestion, suggest
 from quadctl.logs.flight_log import FlightLog
@@ -26,6 +26,8 @@ from quadctl.logs.quality import QualityReport, quality
 from quadctl.logs.read import read_log
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
+from quadctl.web.findings import Findings
+from quadctl.web.session import Rung
 from quadctl.web.simulated import Simulation
 from quadctl.web.worker import Progress
 
@@ -48,6 +50,11 @@ class Opened:
     seen: Dataset | None
     """Those that fits may use; None where none can be analysed."""
     unseen: Dataset | None
+
+    @property
+    def usable(self) -> list[Path]:
+        """Of the logs, those that can be analysed."""
+        return [opened.path for opened in self.logs if not opened.problem]
 
     def log(self, name: str) -> FlightLog | None:
         return next((opened.log for opened in self.logs if opened.log is not None and opened.log.name == name), None)
@@ -77,14 +84,6 @@ class Evaluation:
         return judged.noise_floor["total"]
 
 
-@dataclass(frozen=True, eq=False)
-class Diagnosed:
-    """A diagnosis, with a sketch of every candidate that can be drawn."""
-
-    diagnosis: Diagnosis
-    sketches: dict[str, Sketch]
-
-
 def open_logs(
     paths: Sequence[Path], unseen: frozenset[Path], vehicle: Vehicle, hold_out: HoldOut, progress: Progress
 ) -> Opened:
@@ -98,11 +97,10 @@ def open_logs(
             opened.append(OpenedLog(path, problem=_without_folder(str(error), path)))
             continue
         opened.append(OpenedLog(path, log, quality(log), _problem(log, vehicle)))
-    usable = [o for o in opened if not o.problem]
-    seen = [o.log for o in usable if o.path not in unseen]
-    return Opened(
-        opened, _dataset(seen, vehicle, hold_out), _dataset([o.log for o in usable if o.path in unseen], vehicle)
+    fitted, kept = (
+        [o.log for o in opened if not o.problem and (o.path in unseen) == held_out] for held_out in (False, True)
     )
+    return Opened(opened, _dataset(fitted, vehicle, hold_out), _dataset(kept, vehicle))
 
 
 def log_names(paths: Sequence[Path]) -> list[str]:
@@ -146,16 +144,23 @@ def evaluate(model: Model, seen: Dataset, unseen: Dataset | None, progress: Prog
     )
 
 
-def look_for(model: Model, dataset: Dataset, progress: Progress) -> Diagnosed:
+def look_for(model: Model, dataset: Dataset, progress: Progress) -> Findings:
     """What is missing, and what each candidate would explain."""
     found = diagnose(model, dataset, progress=progress)
     drawn = {candidate.effect.name: sketch(candidate.model, dataset) for candidate in found.ranking}
-    return Diagnosed(found, {name: drawing for name, drawing in drawn.items() if drawing is not None})
+    return Findings.of(found, {name: drawing for name, drawing in drawn.items() if drawing is not None})
 
 
 def add_effect(name: str, model: Model, dataset: Dataset, progress: Progress) -> Addition:
     progress(f"fitting {name}")
     return add(find_effect(name, "the effect to add", catalog_with(model.effect_files)), model, dataset)
+
+
+def add_expression(path: Path, model: Model, dataset: Dataset, progress: Progress) -> Addition:
+    """Add the effect that a file of Python holds."""
+    progress("fitting the expression")
+    effect, files = choose_effect(str(path), str(path), model.effect_files)
+    return add(effect, replace(model, effect_files=files), dataset)
 
 
 def refit_model(model: Model, dataset: Dataset, progress: Progress) -> Refit:
@@ -177,14 +182,20 @@ def fly(simulation: Simulation, model: Model, progress: Progress) -> StepRespons
     return simulation.fly_steps(model, progress)
 
 
-def write_html(
-    path: Path,
-    comparison: Comparison,
-    diagnosis: Diagnosis | None,
-    last_fit: Refit | None,
-    steps: StepResponses | None,
-    progress: Progress,
-) -> None:
+def report(rungs: Sequence[Rung], opened: Opened, steps: StepResponses | None, progress: Progress) -> bytes:
+    """The report of the ladder `rungs`, from its first step to its last: one file of HTML."""
+    first, last = rungs[0], rungs[-1]
+    seen, unseen = opened.seen, opened.unseen
+    if seen is None:
+        raise QuadctlError("there is no flight to report on, expected at least one log")
+    progress("comparing")
+    comparison = compare(first.model, seen)
+    diagnosis = None if first.found is None else first.found.diagnosis(first.model, seen)
+    addition, after = None, None
+    if len(last.model.stack) > len(first.model.stack):
+        progress(f"judging {last.model.effects[-1].name}")
+        addition = add(type(last.model.effects[-1]), replace(last.model, stack=last.model.stack[:-1]), seen)
+        after = None if unseen is None else compare(last.model, unseen)
     progress("drawing")
-    addition = last_fit if isinstance(last_fit, Addition) else None
-    write_report(path, comparison=comparison, diagnosis=diagnosis, addition=addition, steps=steps)
+    results = Results(comparison, diagnosis=diagnosis, addition=addition, after=after, steps=steps)
+    return render_report(results).encode()

@@ -1,8 +1,9 @@
-"""What a person has done so far: flights, the ladder of models, where on it we stand. No results, no user interface.
+"""What a person has done so far: flights, the ladder of models with what is known of each, where on it we stand.
 
 A session is a value: every action gives a new one. It can be written to a file and read again.
 """
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -14,7 +15,8 @@ from pydantic import Field
 from quadctl.errors import SettingsError
 from quadctl.lab.data import HoldOut
 from quadctl.model import Model, model_from_dict, model_to_dict
-from quadctl.settings import Settings, read_yaml, validate
+from quadctl.settings import MAX_YAML_BYTES, Settings, read_yaml, validate
+from quadctl.web.findings import Findings
 
 SUFFIX = ".lab.yaml"
 
@@ -30,6 +32,8 @@ class Rung:
     """Total, on data that no fit of it has seen; None until it is known."""
     floor_m_s2: float | None = None
     """The noise floor as estimated with this model."""
+    found: Findings | None = None
+    """What a search found missing from it; None where none has come to its end."""
 
 
 @dataclass(frozen=True)
@@ -101,17 +105,24 @@ class Session:
         rungs[self.current] = replace(rungs[self.current], error_m_s2=error_m_s2, floor_m_s2=floor_m_s2)
         return replace(self, rungs=tuple(rungs))
 
+    def searched(self, model: Model, found: Findings) -> "Session":
+        """A search for what `model` is missing has come to its end."""
+        return replace(
+            self, rungs=tuple(replace(rung, found=found) if rung.model == model else rung for rung in self.rungs)
+        )
+
     def unjudged(self) -> "Session":
-        """The flights have changed: no error holds any more."""
-        return replace(self, rungs=tuple(replace(rung, error_m_s2=None, floor_m_s2=None) for rung in self.rungs))
+        """The flights have changed: no error holds any more, and nothing that was found."""
+        return replace(self, rungs=tuple(Rung(rung.name, rung.model) for rung in self.rungs))
 
     def with_logs(self, logs: Sequence[Path]) -> "Session":
-        """Further logs; those that are there already stay once."""
-        return replace(self, logs=tuple(dict.fromkeys([*self.logs, *logs]))).unjudged()
+        """Further logs; those that are there already stay once. What is known holds if none of them can be used."""
+        return replace(self, logs=tuple(dict.fromkeys([*self.logs, *logs])))
 
     def without_log(self, log: Path) -> "Session":
+        """Leave out a log. What is known holds if it could not be used."""
         logs = tuple(other for other in self.logs if other != log)
-        return replace(self, logs=logs, unseen=self.unseen - {log}).unjudged()
+        return replace(self, logs=logs, unseen=self.unseen - {log})
 
     def with_role(self, log: Path, unseen: bool) -> "Session":
         """Hold `log` out of all fits, or let them see it.
@@ -132,6 +143,8 @@ class _RungEntry(Settings):
     error_m_s2: float | None = None
     floor_m_s2: float | None = None
     model: dict[str, Any]
+    found: str | None = None
+    """JSON: of so many numbers, YAML would be read for seconds."""
 
 
 class _SessionFile(Settings):
@@ -139,22 +152,36 @@ class _SessionFile(Settings):
     unseen: list[str] = Field(default_factory=list)
     hold_out: HoldOut = "blocks"
     current: int = Field(default=0, ge=0)
+    switched_off: list[str] = Field(default_factory=list)
     rungs: list[_RungEntry] = Field(default_factory=list)
 
 
 def session_to_yaml(session: Session) -> str:
-    """The session as the text of a file; logs by their full path, vehicles written out."""
+    """The session as the text of a file; logs by their full path, vehicles written out.
+
+    Of a very long ladder only the present step keeps what was found: a file of settings has an end.
+    """
+    text = _to_yaml(session)
+    if len(text.encode()) < MAX_YAML_BYTES:
+        return text
+    kept = (replace(rung, found=rung.found if rung is session.rung else None) for rung in session.rungs)
+    return _to_yaml(replace(session, rungs=tuple(kept)))
+
+
+def _to_yaml(session: Session) -> str:
     content = {
         "logs": [str(log.resolve()) for log in session.logs],
         "unseen": sorted(str(log.resolve()) for log in session.unseen),
         "hold_out": session.hold_out,
         "current": session.current,
+        "switched_off": sorted(session.off),
         "rungs": [
             {
                 "name": rung.name,
                 "error_m_s2": rung.error_m_s2,
                 "floor_m_s2": rung.floor_m_s2,
                 "model": model_to_dict(rung.model, None),
+                **({} if rung.found is None else {"found": rung.found.model_dump_json()}),
             }
             for rung in session.rungs
         ],
@@ -177,8 +204,26 @@ def load_session(path: Path) -> Session:
         raise SettingsError(f"{path}: unseen holds {', '.join(entry.unseen)}, expected some of the logs")
     if entry.rungs and entry.current >= len(entry.rungs):
         raise SettingsError(f"{path}: current is {entry.current}, expected a step from 0 to {len(entry.rungs) - 1}")
-    rungs = tuple(Rung(rung.name, _model(rung.model, path), rung.error_m_s2, rung.floor_m_s2) for rung in entry.rungs)
-    return Session(logs, unseen, entry.hold_out, rungs, entry.current)
+    rungs = tuple(
+        Rung(rung.name, _model(rung.model, path), rung.error_m_s2, rung.floor_m_s2, _found(rung.found, path))
+        for rung in entry.rungs
+    )
+    session = Session(logs, unseen, entry.hold_out, rungs, entry.current)
+    held = {item.effect.name for item in session.rung.model.stack} if session.rung else set()
+    if not set(entry.switched_off) <= held:
+        off = ", ".join(entry.switched_off)
+        raise SettingsError(f"{path}: switched_off holds {off}, expected effects of the step where one stands")
+    return replace(session, off=frozenset(entry.switched_off))
+
+
+def _found(text: str | None, path: Path) -> Findings | None:
+    if text is None:
+        return None
+    try:
+        entry = json.loads(text)
+    except ValueError as error:
+        raise SettingsError(f"{path}: found is not valid JSON: {error}") from None
+    return validate(entry, Findings, f"{path}: found")
 
 
 def _model(entry: dict[str, Any], path: Path) -> Model:

@@ -4,7 +4,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from quadctl.errors import LogError
+from quadctl.logs.read import read_log
 from quadctl.model import load_model
+from quadctl.web.files import LOG_SUFFIXES, SETTINGS_SUFFIXES
 from quadctl.web.session import Session, load_session
 
 VEHICLES = Path("config/vehicles")
@@ -23,13 +25,19 @@ def first_session(logs: Sequence[Path], model: Path | None, session: Path | None
     SettingsError
         A settings file cannot be read.
     LogError
-        There is no such log. What is in a log, the page says.
+        There is no such log, or it is none and not named like one either; of the others the page says what is in them.
     """
     if session is not None:
         return load_session(session)
     for log in logs:
+        if log.is_dir():
+            raise LogError(f"{log}: is a directory, expected the flight logs in it, {log}/*.csv for example")
         if not log.is_file():
             raise LogError(f"{log}: there is no such file, expected a flight log")
+        if log.suffix.lower() in SETTINGS_SUFFIXES:
+            raise LogError(f"{log}: is settings by its name, expected a flight log, or --model {log.name} or --session")
+        if log.suffix.lower() not in LOG_SUFFIXES:
+            read_log(log)  # probably none: then it is better said now than on the page
     known = vehicle_files()
     begin = model if model is not None else known[0] if len(known) == 1 else None
     begun = Session().with_logs(logs)

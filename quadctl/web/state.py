@@ -6,6 +6,7 @@ from typing import Literal
 from quadctl.lab.steps import StepResponses
 from quadctl.lab.suggest import Suggestion
 from quadctl.web import jobs
+from quadctl.web.findings import Diagnosed
 
 
 @dataclass
@@ -29,8 +30,8 @@ class Results:
     """What is known of the current model; emptied when it changes."""
 
     evaluation: jobs.Evaluation | None = None
-    found: jobs.Diagnosed | None = None
-    before: jobs.Diagnosed | None = None
+    found: Diagnosed | None = None
+    before: Diagnosed | None = None
     """What the search for an earlier model of this ladder found, until there is one for this."""
     suggestion: Suggestion | None = None
     steps: StepResponses | None = None

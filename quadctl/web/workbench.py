@@ -6,19 +6,20 @@ other. Whoever shows the state asks to be told when it changes.
 
 import asyncio
 import logging
-import tempfile
 from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
 from quadctl.errors import QuadctlError, SettingsError
-from quadctl.lab.compare import Comparison
 from quadctl.lab.data import Dataset, HoldOut
 from quadctl.lab.refit import Refit
-from quadctl.model import Model, load_model, model_to_dict
+from quadctl.lab.words import quantity
+from quadctl.model import load_model, model_to_dict
 from quadctl.web import jobs
+from quadctl.web.files import keep_expression
+from quadctl.web.findings import Findings
 from quadctl.web.session import SUFFIX, Rung, Session, session_to_yaml
 from quadctl.web.simulated import Simulation
 from quadctl.web.state import Message, Results, Work
@@ -26,6 +27,8 @@ from quadctl.web.worker import CancelledError, Worker
 
 _LOG = logging.getLogger(__name__)
 AUTOSAVED = f"session{SUFFIX}"
+SAME_ERROR = 0.01
+"""Between two computers, the same fit to the same flights does not differ by such a share."""
 
 
 @dataclass
@@ -38,16 +41,12 @@ class Workbench:
     session: Session = field(default_factory=Session)
     opened: jobs.Opened | None = None
     results: Results = field(default_factory=Results)
-    last_fit: Refit | None = None
-    """The last that was added, refitted or removed."""
     work: Work | None = None
     search: Work | None = None
     message: Message | None = None
 
     def __post_init__(self) -> None:
         self._listeners: list[Callable[[], None]] = []
-        self._searched: list[tuple[Model, jobs.Diagnosed]] = []
-        self._first_comparison: Comparison | None = None
         self._quick, self._slow = Worker(), Worker(patient=True)
         self._tasks: set[asyncio.Task[None]] = set()
 
@@ -84,10 +83,10 @@ class Workbench:
         return None if self.opened is None else self.opened.seen
 
     async def open_logs(self, paths: Sequence[Path]) -> None:
-        await self._with_flights(self.session.with_logs(paths))
+        await self._with_flights(self.session.with_logs(paths), known=True)
 
     async def forget_log(self, path: Path) -> None:
-        await self._with_flights(self.session.without_log(path))
+        await self._with_flights(self.session.without_log(path), known=True)
 
     async def hold_out_log(self, path: Path, unseen: bool) -> None:
         try:
@@ -112,8 +111,11 @@ class Workbench:
     async def resume(self, session: Session) -> None:
         await self._with_flights(session)
 
-    async def _with_flights(self, session: Session) -> None:
-        """Read the flights of `session` and judge its model; where that fails, all stays as it was."""
+    async def _with_flights(self, session: Session, known: bool = False) -> None:
+        """Read the flights of `session` and judge its model; where that fails, all stays as it was.
+
+        What is `known` of the models holds as long as the flights that can be used are the same.
+        """
         async with self._working("Reading flights") as progress:
             opened = None
             if session.rung is not None and session.logs:
@@ -125,8 +127,9 @@ class Workbench:
                     session.hold_out,
                     progress=progress,
                 )
-            self.session, self.opened, self._searched, self._first_comparison = session, opened, [], None
-            self.last_fit, self.results = None, Results()
+            if known and opened and (self.opened is None or opened.usable != self.opened.usable):
+                session = session.unjudged()
+            self.session, self.opened, self.results = session, opened, Results()
             problems = [log.problem for log in opened.logs if log.problem] if opened else []
             if problems:
                 self.message = Message("error", " ".join(f"{problem}." for problem in problems))
@@ -136,6 +139,8 @@ class Workbench:
 
     async def go(self, step: int) -> None:
         """Stand on another step of the ladder."""
+        if step == self.session.current and not self.session.off:
+            return
         async with self._working("Comparing") as progress:
             self.session = self.session.at(step)
             await self._judge(progress)
@@ -152,6 +157,15 @@ class Workbench:
             for effect in effects:
                 await self._climb(f"+ {effect}", progress, jobs.add_effect, effect)
 
+    async def add_expression(self) -> None:
+        """Add what no effect explains as an effect of one's own, whose file is kept."""
+        found = self.results.found
+        if found is None or found.diagnosis.symbolic is None:
+            return
+        async with self._working("Adding the expression") as progress:
+            path = keep_expression(found.diagnosis.symbolic, found.diagnosis.model, self.folder)
+            await self._climb("+ expression", progress, jobs.add_expression, path)
+
     async def refit(self) -> None:
         async with self._working("Refitting") as progress:
             await self._climb("refitted", progress, jobs.refit_model)
@@ -167,7 +181,6 @@ class Workbench:
         if model is None or seen is None:
             raise QuadctlError("there is no flight to fit to, expected at least one log")
         fitted: Refit = await self._quick.run(job, *args, model, seen, progress=progress)
-        self.last_fit = replace(fitted, dataset=seen)
         self.session = self.session.climbed(Rung(name, fitted.model))
         await self._judge(progress)
 
@@ -175,30 +188,49 @@ class Workbench:
         """Evaluate the current model, and begin to look for what it lacks."""
         self.results = Results(before=self.results.found or self.results.before)
         self.cancel_search()
-        self._changed()
         model, opened = self.session.model, self.opened
         if model is None or opened is None or opened.seen is None:
+            self._changed()
             return
+        self._show_found()
+        self._changed()
         evaluation = await self._quick.run(jobs.evaluate, model, opened.seen, opened.unseen, progress=progress)
         evaluation = replace(evaluation, comparison=replace(evaluation.comparison, dataset=opened.seen))
         self.results.evaluation = evaluation
         if not self.session.off:
-            self.session = self.session.judged(evaluation.error_m_s2, evaluation.floor_m_s2)
-            self._first_comparison = self._first_comparison or evaluation.comparison
-            self._autosave()
-            self._begin(self.look())
+            self._judged(evaluation)
+            if self.results.found is None:
+                self._begin(self.look())
+        self._autosave()
+
+    def _judged(self, evaluation: jobs.Evaluation) -> None:
+        """The error of the step is known; where it was known before as another, nothing else that was known holds."""
+        rung = self.session.rung
+        known = None if rung is None else rung.error_m_s2
+        if known is not None and abs(evaluation.error_m_s2 - known) > SAME_ERROR * known:
+            self.session = self.session.unjudged()
+            self.results.found = None
+            self.message = Message(
+                "error",
+                f"When this was saved the error was {quantity(known)}, now it is {quantity(evaluation.error_m_s2)}: "
+                "the logs have changed, or quadctl has. Everything is worked out anew.",
+            )
+        self.session = self.session.judged(evaluation.error_m_s2, evaluation.floor_m_s2)
+
+    def _show_found(self) -> None:
+        """What a search for the current step has found already."""
+        rung, seen = self.session.rung, self.seen
+        if rung is None or rung.found is None or seen is None or self.session.off:
+            return
+        with suppress(SettingsError):  # found with another catalogue: then it is looked for again
+            self.results.found = rung.found.diagnosed(rung.model, seen)
 
     # --- the search ---------------------------------------------------------------------------------------------------
 
     async def look(self) -> None:
         """Look for what is missing, in the background."""
-        model, seen, results = self.session.model, self.seen, self.results
+        model, seen = self.session.model, self.seen
         if model is None or seen is None or self.search is not None:
-            return
-        known = [found for searched, found in self._searched if searched == model]
-        if known:
-            results.found = known[0]
-            self._changed()
             return
         self.search = search = Work("Looking for what is missing")
 
@@ -209,9 +241,10 @@ class Workbench:
 
         self._changed()
         try:
-            found: jobs.Diagnosed = await self._slow.run(jobs.look_for, model, seen, progress=progress)
-            results.found = replace(found, diagnosis=replace(found.diagnosis, dataset=seen))
-            self._searched.append((model, results.found))
+            found: Findings = await self._slow.run(jobs.look_for, model, seen, progress=progress)
+            self.session = self.session.searched(model, found)
+            self._show_found()
+            self._autosave()
         except CancelledError:
             pass
         except QuadctlError as error:
@@ -271,22 +304,12 @@ class Workbench:
 
     async def report(self) -> bytes | None:
         """The report as one file of HTML; None where it could not be made."""
-        if self._first_comparison is None:
-            return None
         html: bytes | None = None
-        async with self._working("Writing the report"):
-            first = [found for model, found in self._searched if model == self._first_comparison.model]
-            with tempfile.TemporaryDirectory() as folder:
-                path = Path(folder) / "report.html"
-                await self._quick.run(
-                    jobs.write_html,
-                    path,
-                    self._first_comparison,
-                    first[0].diagnosis if first else None,
-                    self.last_fit,
-                    self.results.steps,
-                )
-                html = path.read_bytes()
+        if self.opened is None:
+            return None
+        ladder = self.session.rungs[: self.session.current + 1]
+        async with self._working("Writing the report") as progress:
+            html = await self._quick.run(jobs.report, ladder, self.opened, self.results.steps, progress=progress)
         return html
 
     # --- how work is done ---------------------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""The flight's way through space, with what is selected standing out."""
+"""The flight's path through space, with what is selected standing out."""
 
 from typing import Any
 

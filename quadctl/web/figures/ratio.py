@@ -29,7 +29,7 @@ def ratio_over_height(model: Model, dataset: Dataset, theme: Theme, height_px: i
     still = np.zeros_like(x)
     curves = [
         _curve(x, _ratio(Model(model.vehicle).plus(CATALOG[f"ground_effect.{name}"]()), x * radius, still),
-               f"{name}, textbook", colour, dash)
+               f"{name.capitalize()}, textbook", colour, dash)
         for name, colour, dash in zip(TEXTBOOK, theme.others, ("dash", "dashdot", "dot"), strict=False)
     ]  # fmt: skip
     own = _curve(x, _ratio(model, x * radius, still), "this model", theme.after, "solid", 3.0)

@@ -11,9 +11,8 @@ from quadctl.flight.tick import Stage
 from quadctl.flight.view_link import Record
 from quadctl.missions import Mission
 
-ROW_S = 0.1
-"""Ticks of so long make one row of the curves."""
 ROWS_KEPT = 36_000
+"""An hour."""
 SILENT_S = 1.0
 """Without a record for so long, something is wrong with the flight or the way to it."""
 ENDING = (Stage.LAND.name, Stage.RELEASED.name, Stage.DONE.name)
@@ -29,7 +28,7 @@ class Brief(NamedTuple):
 
 
 class Row(NamedTuple):
-    """The curves at one time: the last value in it, and of lateness and ages the worst."""
+    """The curves at one time."""
 
     time_s: float
     height_m: float
@@ -54,7 +53,7 @@ LOST = Ending(False, ["quadctl was ended without a last word: the autopilot's ow
 
 
 class History:
-    """Grows by one record a tick."""
+    """Grows by one row with each record."""
 
     def __init__(self, brief: Brief) -> None:
         self.brief = brief
@@ -66,7 +65,6 @@ class History:
         self.n_rows = 0
         """All that ever were, those that are forgotten included."""
         self.worst_late_s = 0.0
-        self._row: Row | None = None
         self._heard_s = time.monotonic()
 
     def take(self, record: Record) -> None:
@@ -75,18 +73,8 @@ class History:
         self.worst_late_s = max(self.worst_late_s, record.late_s)
         if not self.phases or self.phases[-1][1] != record.phase:
             self.phases.append((record.time_s, record.phase))
-        row = _row(record)
-        if self._row is not None and row.time_s - self._row.time_s < ROW_S:
-            row = row._replace(
-                time_s=self._row.time_s,
-                late_ms=max(row.late_ms, self._row.late_ms),
-                state_age_ms=max(row.state_age_ms, self._row.state_age_ms),
-                link_age_ms=max(row.link_age_ms, self._row.link_age_ms),
-            )
-        elif self._row is not None:
-            self.rows.append(self._row)
-            self.n_rows += 1
-        self._row = row
+        self.rows.append(_row(record))
+        self.n_rows += 1
 
     def since(self, n_rows: int, most: int) -> list[Row]:
         """The rows after the first `n_rows` ones, the last `most` of them."""

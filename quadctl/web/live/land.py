@@ -1,8 +1,8 @@
 """The button that lands: two presses, so that no slip lands a vehicle, and no question is between a person and the
 ground."""
 
-CONFIRM_S = 3.0
-"""A second press counts for so long."""
+CONFIRM_S = 5.0
+"""A second press counts for so long: a page on a slow machine takes a second or two to say that it waits for it."""
 
 
 class LandButton:

@@ -1,5 +1,6 @@
 """One open tab of the live view: drawn once, and after that only numbers and curves move."""
 
+import asyncio
 import time
 from contextlib import suppress
 from typing import TYPE_CHECKING
@@ -20,12 +21,18 @@ if TYPE_CHECKING:
     from quadctl.web.live.serve import Viewing
 
 REFRESH_S = 0.2
+SLOW_S = 10.0
+"""A browser that takes longer to draw is not waited for any more."""
 LAND_KEY = "l"
 LOADING_S = 60.0
 _CHARTS_ARE_THERE = """return new Promise(done => {
   const look = () => document.querySelector('.charts .main-svg') ? done(true) : setTimeout(look, 100);
   look();
 })"""
+
+
+_DRAWN = "return true"
+"""Answered after all that was asked of the browser before."""
 
 
 class LivePage:
@@ -52,7 +59,7 @@ class LivePage:
         self._layout()
         self._refresh()
         ui.keyboard(on_key=self._key)
-        ui.timer(REFRESH_S, self._refresh)
+        ui.timer(REFRESH_S, self._follow)
         with suppress(TimeoutError):
             self._can_extend = await ui.run_javascript(_CHARTS_ARE_THERE, timeout=LOADING_S)
 
@@ -114,6 +121,15 @@ class LivePage:
             ]
 
     # --- following ----------------------------------------------------------------------------------------------------
+
+    async def _follow(self) -> None:
+        """Refresh, and let the browser draw that before it gets more: what a slow one cannot draw would heap up."""
+        began = time.monotonic()
+        self._refresh()
+        with suppress(TimeoutError):
+            await ui.run_javascript(_DRAWN, timeout=SLOW_S)
+        # As long again for whatever else this machine has to do, a flight for example.
+        await asyncio.sleep(time.monotonic() - began)
 
     def _refresh(self) -> None:
         history = self._history

@@ -12,7 +12,7 @@ from nicegui import app, ui
 from nicegui.client import Client
 from starlette.middleware.trustedhost import TrustedHostMiddleware
 
-from quadctl.flight.view_link import ViewEnd, decoded
+from quadctl.flight.view_link import WISH_TO_LAND, ViewEnd, next_record
 from quadctl.web.live.gate import Gate
 from quadctl.web.live.history import LOST, Brief, History
 from quadctl.web.live.page import LivePage
@@ -20,7 +20,6 @@ from quadctl.web.port import run_pages
 
 POLITENESS = 5
 """Of nice: the flight goes first."""
-RECORD_BYTES = 65_536
 ASK_AGAIN_S = 0.2
 """A wish to land is repeated until the flight ends."""
 GRACE_S = 5.0
@@ -39,7 +38,7 @@ class Viewing:
 
     async def begin(self) -> None:
         loop = asyncio.get_running_loop()
-        loop.add_reader(self._end.socket, self._take_records)
+        loop.add_reader(self._end, self._take_records)
         loop.add_reader(self._pipe.fileno(), self._take_ending, loop)
         self._pipe.send("served")
         self._later = loop.create_task(self._until_nobody_looks())
@@ -54,14 +53,9 @@ class Viewing:
         tab.on_delete(lambda: self._tabs.discard(tab))
 
     def _take_records(self) -> None:
-        while True:
-            try:
-                data = self._end.socket.recv(RECORD_BYTES)
-            except BlockingIOError:
-                return
-            except OSError:  # the flight's end is closed
-                return
-            self.history.take(decoded(data))
+        with contextlib.suppress(OSError):  # the flight's end is closed
+            while (record := next_record(self._end)) is not None:
+                self.history.take(record)
 
     def _take_ending(self, loop: asyncio.AbstractEventLoop) -> None:
         try:
@@ -72,7 +66,7 @@ class Viewing:
 
     def _send_wish(self) -> None:
         with contextlib.suppress(OSError):
-            self._end.socket.send(self._end.wish_to_land())
+            self._end.send(WISH_TO_LAND)
 
     async def _until_nobody_looks(self) -> None:
         seen_s = time.monotonic()

@@ -66,8 +66,8 @@ def live_view(brief: Brief, port: int, token: str | None, announce: Callable[[st
     )
     process.start()
     there.close()
-    viewer.socket.close()
-    with flight.socket, here:
+    viewer.close()
+    with flight, here:
         try:
             _wait_until_served(here)
             announce(_where(port, token))

@@ -2,11 +2,12 @@
 
 from typing import TYPE_CHECKING, Any
 
+from nicegui import ui
 from nicegui.events import GenericEventArguments
 
 from quadctl.lab.candidate import MATERIAL, SIGNIFICANT
 from quadctl.lab.compare import Comparison
-from quadctl.lab.locate import Profile, most_telling
+from quadctl.lab.locate import Failure, Profile, most_telling
 from quadctl.lab.words import failure_in_words
 from quadctl.web.figures.error_map import error_map
 from quadctl.web.figures.path import path_figure
@@ -19,6 +20,7 @@ from quadctl.web.panels.zoomed import zoomed_plot
 if TYPE_CHECKING:
     from quadctl.web.page import Page
 
+_SCROLL = "document.querySelector('#selected').scrollIntoView()"
 SHOWN_SENTENCES, SHOWN_PANELS = 4, 6
 
 
@@ -35,55 +37,63 @@ def draw_fails(page: "Page") -> None:
         heading("Where the model fails")
         if not comparison.fails_where:
             tag("p", "verdict", "Nowhere beyond the noise.")
-        with tag("ul", "plain"):
-            for failure in most_telling(comparison.fails_where)[:SHOWN_SENTENCES]:
-                tag("li", "", f"{failure_in_words(failure)} ({abs(failure.sigma):.0f} sigma).")
+        for failure in most_telling(comparison.fails_where)[:SHOWN_SENTENCES]:
+            _sentence(page, failure)
+    telling = [p for p in comparison.profiles if p.share > MATERIAL and p.p_value < SIGNIFICANT]
     with tag("section", "card"):
         heading(
-            "The residual over each variable, the most telling first",
+            "The residual over each variable, the most telling first"
+            if telling
+            else "No variable goes with what is left; these two come closest",
             "Points on the zero line: nothing is missing there. Drag over a range to see where in the flight it was.",
         )
         with tag("div", "panes"):
-            for profile in _telling(comparison):
+            for profile in (telling or comparison.profiles[:2])[:SHOWN_PANELS]:
                 _profile(page, comparison, profile)
 
 
-def _telling(comparison: Comparison) -> list[Profile]:
-    """The variables that the residual goes with, or the best two where it goes with none."""
-    telling = [p for p in comparison.profiles if p.share > MATERIAL and p.p_value < SIGNIFICANT]
-    return (telling or comparison.profiles[:2])[:SHOWN_PANELS]
+def _sentence(page: "Page", failure: Failure) -> None:
+    """What is said, and a way to see it in the flight that needs no mouse."""
+    with tag("div", "line top said"):
+        tag("p", "grow", f"{failure_in_words(failure)} ({abs(failure.sigma):.0f} sigma).")
+        ranges = {failure.variable: (failure.low, failure.high)}
+        show = ui.button("Show", icon="my_location", on_click=lambda: page.select(ranges, failure.axis))
+        show.props(f'flat dense no-caps size=sm aria-label="Show where in the flight: {failure.text}"')
 
 
 def _profile(page: "Page", comparison: Comparison, profile: Profile) -> None:
     name = f"residual_{profile.axis}_over_{profile.variable}"
     shown = plot(profile_figure(comparison, profile, page.theme), name, name.replace("_", " "))
-    shown.on("plotly_selected", lambda event: _select(page, event, profile.axis, (profile.variable,)))
+    _brushes(page, shown, profile.axis, (profile.variable,))
 
 
 def draw_brushed(page: "Page") -> None:
-    """The map, and what is selected: on the way of the flight and in time."""
+    """The map, and what is selected: on the path of the flight and in time."""
     evaluation = page.bench.results.evaluation
     if evaluation is None:
         return
     comparison = evaluation.comparison
     over = _two_strongest(comparison.profiles)
     flight, opened = page.flight, page.bench.opened
-    with tag("div", "panes"):
+    with tag("div", "panes").props('id="selected"'):
         if over is not None:
             axis_name, variables = over
             with tag("section", "card"):
-                heading("Over the two strongest", "Drag a box to select.")
+                heading("Over the two most telling variables", "Drag a box to select.")
                 drawn = error_map(comparison, axis_name, variables, page.theme)
                 map_shown = plot(drawn, f"residual_{axis_name}_map", "Residual over two variables")
-                map_shown.on("plotly_selected", lambda event: _select(page, event, axis_name, variables))
+                _brushes(page, map_shown, axis_name, variables)
         if flight is not None:
             with tag("section", "card"):
                 with tag("div", "line wrap"):
-                    tag("h2", "title grow", "On the way of the flight")
+                    tag("h2", "title grow", "On the flight path")
                     choose_flight(page)
-                brush_note(page)
                 plot(path_figure(flight, page.brushed(flight), page.theme), f"{flight.name}_path", "Flight path")
     if page.brush and flight is not None and opened is not None:
+        with tag("div", "card brush-bar"):
+            brush_note(page)
+            show = ui.button("Show", icon="south", on_click=lambda: ui.run_javascript(_SCROLL))
+            show.props('no-caps unelevated dense aria-label="Show what is selected"')
         with tag("section", "card"):
             heading("In time")
             timeline = full_timeline(
@@ -99,6 +109,13 @@ def _two_strongest(profiles: list[Profile]) -> tuple[str, tuple[str, str]] | Non
     axis_name = profiles[0].axis
     variables = [profile.variable for profile in profiles if profile.axis == axis_name]
     return (axis_name, (variables[0], variables[1])) if len(variables) > 1 else None
+
+
+def _brushes(page: "Page", shown: ui.plotly, axis_name: str, variables: tuple[str, ...]) -> None:
+    """Selecting a part of a figure over `variables` selects it everywhere."""
+    # Of the event only the range: it also holds the points, each with the whole figure, which is too much to be sent.
+    shown.on("plotly_selected", lambda event: _select(page, event, axis_name, variables), args=["range"])
+    shown.on("plotly_deselect", page.clear_brush, args=[])
 
 
 def _select(page: "Page", event: GenericEventArguments, axis_name: str, variables: tuple[str, ...]) -> None:

@@ -25,7 +25,7 @@ def draw_flights(page: "Page") -> None:
             heading("Flights", "Held out: no fit sees it, and the error on top is the error on it.")
             for log in opened.logs:
                 _log(page, log)
-            if len(opened.logs) > 1:
+            if len(opened.usable) > 1:
                 _hold_out(page)
 
 
@@ -44,9 +44,9 @@ def drop_zone(page: "Page") -> None:
             auto_upload=True,
             max_file_size=MAX_UPLOAD_BYTES,
             label="Drop flight logs here",
-            on_multi_upload=lambda event: _uploaded(page, event),
         )
         upload.props(f'accept="{",".join((*LOG_SUFFIXES, *SETTINGS_SUFFIXES))}" flat bordered color="transparent"')
+        upload.on_multi_upload(lambda event: _uploaded(page, upload, event))
         upload.on("rejected", lambda event: _rejected(page, event), js_handler=_NAMES_AND_SIZES)
         with tag("div", "line wrap"):
             choose = ui.button("Choose files", icon="folder_open").props("no-caps unelevated")
@@ -55,8 +55,9 @@ def drop_zone(page: "Page") -> None:
             tag("span", "muted grow", "CSV, PX4 ULog (.ulg), ArduPilot DataFlash (.bin), MAVLink (.tlog).")
 
 
-async def _uploaded(page: "Page", event: MultiUploadEventArguments) -> None:
+async def _uploaded(page: "Page", upload: ui.upload, event: MultiUploadEventArguments) -> None:
     await page.take_files(event.files)
+    upload.reset()  # what became of them stands above
 
 
 def _rejected(page: "Page", event: GenericEventArguments) -> None:
@@ -71,7 +72,7 @@ def _log(page: "Page", log: OpenedLog) -> None:
         with tag("div", "line wrap"):
             ui.icon("error" if log.problem else "check_circle").classes("bad" if log.problem else "good")
             tag("span", "effect-name grow", log.path.name)
-            if not log.problem and bench.opened is not None and len(bench.opened.logs) > 1:
+            if not log.problem and bench.opened is not None and len(bench.opened.usable) > 1:
                 unseen = log.path in bench.session.unseen
                 held = ui.switch(
                     "held out", value=unseen, on_change=lambda e: page.act(bench.hold_out_log(log.path, e.value))

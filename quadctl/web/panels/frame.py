@@ -37,7 +37,7 @@ def draw_status(page: "Page") -> None:
     if message is not None:
         with tag("div", f"banner {message.kind}").props('role="alert"' if message.kind == "error" else 'role="status"'):
             ui.icon("error" if message.kind == "error" else "info")
-            tag("span", "grow", message.text)
+            tag("span", "grow", message.text if message.text.endswith((".", "?")) else f"{message.text}.")
             ui.button(icon="close", on_click=page.bench.dismiss).props('flat dense round aria-label="Dismiss"')
 
 
@@ -58,4 +58,8 @@ def draw_start(page: "Page") -> None:
             names = listed([path.name for path in waiting])
             tag("p", "verdict", f"Waiting for their vehicle: {names}. Choose below what flew.")
         drop_zone(page)
+        with tag("p", "muted"):
+            ui.label("No log at hand? ").style("display:contents")
+            tag("code", "", "quadctl demo")
+            ui.label(" flies one with a hidden effect, in a minute.").style("display:contents")
     draw_vehicle(page)

@@ -1,10 +1,11 @@
 """The error ladder: the number that matters, and how it came down."""
 
+import re
 from typing import TYPE_CHECKING
 
 from nicegui import ui
 
-from quadctl.lab.words import change_in_words, held_out, listed, number
+from quadctl.lab.words import change_in_words, held_out, listed, number, plain
 from quadctl.web.panels.parts import tag
 
 if TYPE_CHECKING:
@@ -18,20 +19,21 @@ def draw_ladder(page: "Page") -> None:
             tag("p", "muted", "The error of your model, on data that it has not seen, appears here.")
             return
         evaluation = bench.results.evaluation
+        now = _error_now(page)
         errors = [rung.error_m_s2 for rung in session.rungs if rung.error_m_s2 is not None]
         with tag("div", "now"):
-            if evaluation is None:
+            if now is None:
                 tag("div", "big", "\u2013" if bench.work is None else "\u2026")
             else:
                 with tag("div", "big"):
-                    tag("span", "", number(evaluation.error_m_s2)).props('id="error-now"')
+                    tag("span", "", number(now)).props('id="error-now"')
                     tag("span", "unit", "m/s²")
-                if errors and evaluation.error_m_s2 < 0.995 * errors[0]:
-                    change = change_in_words(1.0 - evaluation.error_m_s2 / errors[0])
+                if errors and now < 0.995 * errors[0]:
+                    change = change_in_words(1.0 - now / errors[0])
                     tag("span", "change", change).props('title="since the first step"')
         if evaluation is not None:
             tag("p", "muted what", _on_what(page))
-        largest = max([*errors, evaluation.error_m_s2 if evaluation else 0.0, 1e-9])
+        largest = max([*errors, now or 0.0, 1e-9])
         floors = [session.floor_m_s2, None if evaluation is None else evaluation.floor_m_s2]
         least = min((floor for floor in floors if floor is not None), default=None)
         floor = None if least is None else min(least / largest, 1.0)
@@ -39,14 +41,21 @@ def draw_ladder(page: "Page") -> None:
             for step, rung in enumerate(session.rungs):
                 here = step == session.current
                 _step(page, step, rung.name, rung.error_m_s2, largest, floor, here and not session.off)
-            if session.off and evaluation is not None:
-                name = f"without {listed(sorted(session.off))}"
-                _step(page, session.current, name, evaluation.error_m_s2, largest, floor, True)
+            if session.off:
+                _step(page, session.current, f"without {listed(sorted(session.off))}", now, largest, floor, True)
         if least is not None:
             with tag("p", "floor-key"):
                 tag("span", "floor-mark")
                 words = "what a fit without any physics leaves, at the best of the steps so far"
                 tag("span", "", f"noise floor {number(least)} m/s²: {words}")
+
+
+def _error_now(page: "Page") -> float | None:
+    """Of the model as it stands: while it is worked out, what is known from before."""
+    evaluation, session = page.bench.results.evaluation, page.bench.session
+    if evaluation is not None:
+        return evaluation.error_m_s2
+    return None if session.rung is None or session.off else session.rung.error_m_s2
 
 
 def _on_what(page: "Page") -> str:
@@ -60,6 +69,11 @@ def _on_what(page: "Page") -> str:
     return f"error on {held_out(seen)}"
 
 
+def _plain(name: str) -> str:
+    """`+ ground effect` for `+ ground_effect.exponential`"""
+    return re.sub(r"(\w+)\.\w+", lambda found: plain(found[1]), name)
+
+
 def _step(
     page: "Page", step: int, name: str, error: float | None, largest: float, floor: float | None, here: bool
 ) -> None:
@@ -70,7 +84,7 @@ def _step(
         if page.bench.work is not None:
             button.props("disabled")
         with button:
-            tag("span", "step-name", name)
+            tag("span", "step-name", _plain(name)).props(f'title="{name}"')
             tag("span", "step-value", "\u2026" if error is None else number(error))
             with tag("span", "bar-room"):
                 if error is not None:

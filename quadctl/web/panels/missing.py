@@ -9,7 +9,7 @@ from quadctl.lab.diagnose import Diagnosis
 from quadctl.lab.words import change_in_words, listed, p_in_words, parameters_in_text, percent, plain, quantity
 from quadctl.web.figures.sketch import sketch_svg
 from quadctl.web.figures.timeline import short_timeline
-from quadctl.web.jobs import Diagnosed
+from quadctl.web.findings import Diagnosed
 from quadctl.web.panels.parts import busy, empty, heading, loading, tag
 from quadctl.web.panels.zoomed import zoomed_plot
 
@@ -48,7 +48,7 @@ def draw_missing(page: "Page") -> None:
         if found.diagnosis.verdict == "missing" and found.diagnosis.unexplained:
             with tag("section", "card"):
                 heading("What these effects do not explain")
-                _expression(found.diagnosis)
+                _expression(page, found.diagnosis)
         _next_flight(page)
     elif before is not None and not page.bench.session.off:
         _expected(page, before)
@@ -74,7 +74,7 @@ def _verdict(page: "Page") -> None:
         return
     diagnosis = bench.results.found.diagnosis
     icon, text, more = _in_words(diagnosis)
-    with tag("div", "line top"):
+    with tag("div", "line top verdict-line"):
         ui.icon(icon).classes(f"verdict-icon {diagnosis.verdict}")
         with tag("div", "grow"):
             tag("p", "verdict", text).props(f'id="verdict" data-verdict="{diagnosis.verdict}"')
@@ -86,17 +86,27 @@ def _verdict(page: "Page") -> None:
             add = ui.button(label, on_click=lambda: page.act(bench.add(*names)))
             page.when_idle(add.props(f'no-caps unelevated aria-label="Add {listed(names)}"'))
     if diagnosis.verdict == "unexplained":
-        _expression(diagnosis)
+        _expression(page, diagnosis)
 
 
-def _expression(diagnosis: Diagnosis) -> None:
+def _expression(page: "Page", diagnosis: Diagnosis) -> None:
     """What no effect explains, as formulas."""
-    if diagnosis.symbolic is None or not diagnosis.unexplained:
+    if not diagnosis.unexplained:
+        return
+    if diagnosis.symbolic is None:
+        tag("p", "muted", "No expression of a few terms says it: what the flights have in common may not be logged.")
         return
     tag("p", "", "What is left, as an expression of the logged variables:")
     for law in diagnosis.symbolic.laws:
         tag("pre", "expression", f"{law.axis} acceleration / m/s² = {law.best.text}")
-        tag("p", "muted", f"It explains {percent(law.best.held_out_share)} of what is left on unseen data.")
+        share = percent(law.best.held_out_share)
+        tag("p", "muted", f"It explains {share} of the squared error left on that axis, on unseen data.")
+    with tag("div", "line wrap"):
+        add = ui.button(
+            "Add it as an effect of your own", icon="add", on_click=lambda: page.act(page.bench.add_expression())
+        )
+        page.when_idle(add.props("no-caps unelevated"))
+        tag("span", "muted grow", "A formula without physics: it holds where these flights were, and nowhere else.")
 
 
 def _in_words(diagnosis: Diagnosis) -> tuple[str, str, list[str]]:
@@ -199,14 +209,15 @@ def _next_flight(page: "Page") -> None:
                 ask = ui.button("Suggest a flight", on_click=lambda: page.act(bench.suggest()))
                 page.when_idle(ask.props("no-caps outline"))
             return
-        for line in suggestion.lines()[:-1]:
-            tag("p", "muted", line)
+        *reasons, answer = suggestion.lines()
         if suggestion.best is None:
-            tag("p", "", suggestion.lines()[-1])
-            return
-        command = suggestion.best.command
-        with tag("div", "line"):
-            tag("code", "command grow", command)
-            ui.button(icon="content_copy", on_click=lambda: ui.clipboard.write(command)).props(
-                'flat dense round aria-label="Copy the command"'
-            )
+            tag("p", "", answer)
+        else:
+            command = suggestion.best.command
+            with tag("div", "line"):
+                tag("code", "command grow", command)
+                ui.button(icon="content_copy", on_click=lambda: ui.clipboard.write(command)).props(
+                    'flat dense round aria-label="Copy the command"'
+                )
+        for reason in reasons:
+            tag("p", "muted", reason)

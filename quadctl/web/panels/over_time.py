@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from nicegui import ui
 
 from quadctl.lab.data import AXES
+from quadctl.lab.words import percent
 from quadctl.web.figures.path import path_figure
 from quadctl.web.figures.timeline import full_timeline
 from quadctl.web.panels.parts import empty, heading, plot, tag
@@ -33,7 +34,7 @@ def draw_over_time(page: "Page") -> None:
         zoomed_plot(timeline, page.theme, f"{flight.name}_{page.axis}", "Flight over time")
         tag("p", "muted", "Drag to zoom, double-click to see all. The cursor is the same in all panes.")
     with tag("section", "card"):
-        heading("The way through space")
+        heading("The flight path")
         plot(path_figure(flight, page.brushed(flight), page.theme), f"{flight.name}_path", "Flight path")
 
 
@@ -45,8 +46,13 @@ def choose_flight(page: "Page") -> None:
 
 
 def brush_note(page: "Page") -> None:
-    if page.brush:
-        with tag("div", "line brush"):
-            tag("span", "brush-mark")
-            tag("span", "grow", f"Selected: {page.brush_in_words()}")
-            ui.button("Clear", on_click=page.clear_brush).props("flat dense no-caps")
+    """What is selected, wherever it is shown."""
+    flight = page.flight
+    selected = None if flight is None else page.brushed(flight)
+    if selected is None:
+        return
+    with tag("div", "line brush"):
+        tag("span", "brush-mark")
+        share = percent(float(selected.mean()))
+        tag("span", "grow", f"Selected: {page.brush_in_words()}, {share} of this flight")
+        ui.button("Clear", on_click=page.clear_brush).props("flat dense no-caps")

@@ -57,7 +57,9 @@ def plot(drawn: Figure, name: str, label: str) -> ui.plotly:
 
 
 def _button(form: str, label: str, act: Callable[[], object]) -> None:
-    ui.button(form.upper(), on_click=act).props(f'flat dense no-caps size=sm aria-label="{label} as {form.upper()}"')
+    ui.button(form.upper(), on_click=act, color=None).props(
+        f'flat dense no-caps size=sm aria-label="{label} as {form.upper()}"'
+    )
 
 
 def _picture(shown: ui.plotly, name: str, form: str) -> None:
