@@ -31,8 +31,8 @@ HoldOut = Literal["blocks", "flights"]
 FOLDS = 5
 MOST_FLIGHT_FOLDS = 10
 """More flights than these share the folds: a fit without each of very many flights would tell little more."""
-MOVED_M = 0.5
-"""A vehicle that is held in its place by a controller wanders less than this."""
+MOVED = {"north": 0.5, "east": 0.5, "speed_forward": 0.5, "speed_right": 0.5, "roll": 3.0, "pitch": 3.0}
+"""In their units: a vehicle that a controller holds in its place against gusts wanders, moves and leans less."""
 MAX_FACTOR_BETWEEN_FLIGHTS = 1.6
 """Of thrust over weight in flight: batteries and payloads explain less."""
 
@@ -128,11 +128,11 @@ class Dataset:
     def variable(self, name: str) -> Floats | None:
         """A variable of all samples, or None where a flight lacks it.
 
-        A position that hardly moves is none: it follows the pushes that it would seem to explain.
+        A position, a speed or a tilt that hardly changes is none: it follows the pushes that it would seem to explain.
         """
         if any(name not in flight.variables for flight in self.flights):
             return None
-        if name in ("north", "east") and self.span(name) < MOVED_M:
+        if self.span(name) < MOVED.get(name, 0.0):
             return None
         return np.concatenate([flight.variables[name] for flight in self.flights])
 

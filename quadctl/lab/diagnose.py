@@ -46,9 +46,7 @@ AS_GOOD = 0.01
 PROMISING = 0.05
 """Effects whose p-value was larger twice running are tried again only at the end, when all others are in."""
 LARGE = 0.1
-"""A share of the error of an axis that no noise lets a regression take off by chance,"""
-HARMLESS = 0.2
-"""unless it adds this share of it to the error of another, as one that has learnt noise by heart does."""
+"""A share of the error of an axis that no noise lets a regression take off by chance."""
 MOSTLY = 0.5
 """Where the effects found leave more than this share of what could be explained, they are not what is there."""
 
@@ -169,7 +167,7 @@ def diagnose(
     matters = _matters(residual, flexible, improvement_p_value(residual, flexible, dataset))
     symbolic = explain(residual, dataset) if matters else None
     # Many variables together find a little in noise now and then; what is there also has an expression, or is large.
-    unexplained = matters and (symbolic is not None or _is_large(residual, residual - flexible))
+    unexplained = matters and (symbolic is not None or _largest_gain(residual, residual - flexible) > LARGE)
     if unexplained and search.missing and _share_left(search.first_residual[:, :3], residual, flexible) > MOSTLY:
         search.forget()
     missing = search.missing
@@ -298,18 +296,7 @@ def _matters(residual: Floats, flexible: Floats, p_value: float) -> bool:
 
 def _largest_gain(before: Floats, after: Floats) -> float:
     """Largest share taken off the RMSE of an axis."""
-    return float(_gains(before, after).max())
-
-
-def _is_large(before: Floats, after: Floats) -> bool:
-    """What was taken off the RMSE of an axis is more than chance."""
-    gains = _gains(before, after)
-    return float(gains.max()) > LARGE and float(gains.min()) > -HARMLESS * float(gains.max())
-
-
-def _gains(before: Floats, after: Floats) -> Floats:
-    """Share taken off the RMSE of each axis."""
-    return np.asarray(1.0 - np.sqrt(np.mean(after**2, axis=0) / np.maximum(np.mean(before**2, axis=0), 1e-18)))
+    return float(np.max(1.0 - np.sqrt(np.mean(after**2, axis=0) / np.maximum(np.mean(before**2, axis=0), 1e-18))))
 
 
 def _suggestion(tried: dict[str, Candidate], confounded: list[list[str]], unfit: list[type[Effect]]) -> str | None:
