@@ -376,6 +376,21 @@ class TestOtherAxes:
         turning = {"roll": 0.05, "pitch": 0.05, "yaw": 0.05, "turning": 0.12, **harmed}
         assert not self.candidate(raptor, WeakRotor(0.1), **turning).supported
 
+    def test_a_weak_rotor_shows_in_all_its_moments_alike(self, raptor: Vehicle) -> None:
+        """Yaw alone, with a trace of the others, is motors that lean."""
+        leaning = self.candidate(raptor, WeakRotor(0.1), roll=0.098, pitch=0.098, yaw=0.05, turning=0.148)
+        assert not leaning.supported
+
+    def test_what_is_not_about_moments_is_not_judged_by_them(self, raptor: Vehicle) -> None:
+        assert not self.candidate(raptor, ConstantScale(0.9), yaw=0.05, turning=0.15).supported
+
+    @pytest.mark.parametrize(("worst", "supported"), [(-0.4, True), (-0.6, False)])
+    def test_no_flight_is_made_worse_by_more_than_all_are_made_better(
+        self, raptor: Vehicle, worst: float, supported: bool
+    ) -> None:
+        weak = self.candidate(raptor, WeakRotor(0.1), roll=0.05, pitch=0.05, yaw=0.05, turning=0.0866)
+        assert dataclasses.replace(weak, worst_flight=worst).supported is supported
+
     def test_error_may_move_between_axes_of_acceleration(self, raptor: Vehicle) -> None:
         assert self.candidate(raptor, ConstantScale(0.9), up=0.7, total=1.6, north=1.1).supported
 

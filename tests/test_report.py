@@ -363,7 +363,11 @@ class TestFigures:
 
 
 def _fitted_drag(raptor: Vehicle) -> Addition:
-    """Drag on top of a thrust scale, fitted to a flight that has only the scale."""
-    truth = Model(raptor).plus(ConstantScale(factor=1.1))
-    data: Dataset = load_dataset([obedient(truth, noise_m_s=0.005)], raptor)
+    """Drag on top of a thrust scale, fitted to a flight to and fro that has only the scale."""
+    log = obedient(Model(raptor).plus(ConstantScale(factor=1.1)), noise_m_s=0.005)
+    w, columns = 2.0 * np.pi * 0.05, dict(log.columns)
+    for along, speed in (("x_m", "vx_m_s"), ("y_m", "vy_m_s")):
+        columns[along] = columns[along] - 0.8 / w * np.cos(w * log.time_s)
+        columns[speed] = columns[speed] + 0.8 * np.sin(w * log.time_s)
+    data: Dataset = load_dataset([dataclasses.replace(log, columns=columns)], raptor)
     return add(LinearDrag, Model(raptor).plus(ConstantScale()), data)

@@ -56,6 +56,8 @@ class Candidate:
     residual: Floats
     """Held out, with the effect, of the dataset's targets."""
     remarks: list[str]
+    worst_flight: float = 0.0
+    """The least of the shares taken off the error of each moment in each flight, or 0 where none is negative."""
     believable: bool = True
     """The parameters are what the effect can be; otherwise its form stands in for another."""
 
@@ -90,9 +92,11 @@ class Candidate:
 
     @property
     def harmful(self) -> bool:
-        """It is about moments and makes one of them worse, as a stand-in for another effect does."""
+        """It is about moments and makes one of them worse, or in one flight by more than it helps in all of them, as a
+        stand-in for another effect does."""
         drops = [self.drops.get(axis, 0.0) for axis in MOMENTS]
-        return self.effect.turns and min(drops) < -max(HARMLESS, HARMLESS_BESIDE * max(drops))
+        all_in_all = min(drops) < -max(HARMLESS, HARMLESS_BESIDE * max(drops))
+        return self.effect.turns and (all_in_all or self.worst_flight < -max(HARMLESS, *drops))
 
     @property
     def supported(self) -> bool:
@@ -164,6 +168,7 @@ def try_effect(effect: type[Effect], left: Unmodelled, n_tried: int) -> Candidat
         after=rmse(after, dataset.groups),
         p_value=min(1.0, improvement_p_value(residual, residual - after, dataset) * n_tried * independent),
         residual=after,
+        worst_flight=_worst_flight(residual, after, dataset),
         remarks=remarks([f for f, _ in own], values, [c for _, c in own]),
         believable=believable(fitted.model, dataset),
     )
@@ -184,6 +189,15 @@ def fit_on_top(effect: type[Effect], left: Unmodelled) -> tuple[Fitter, Fitted, 
         fitter = Fitter(fitted.model, left.dataset)
         fitted = fitter.fit()
     return fitter, fitted, independent
+
+
+def _worst_flight(before: Floats, after: Floats, dataset: Dataset) -> float:
+    """The least of the shares taken off the error of each moment in each flight, or 0 where none is negative."""
+    worst = 0.0
+    for part in dataset.parts:
+        had, left = rmse(before[part], dataset.groups), rmse(after[part], dataset.groups)
+        worst = min([worst, *(1.0 - left[axis] / max(had[axis], NOTHING) for axis in MOMENTS if axis in had)])
+    return worst
 
 
 def believable(model: Model, dataset: Dataset) -> bool:

@@ -135,6 +135,7 @@ class SavedCandidate(_Saved):
     after: Errors
     p_value: float
     remarks: tuple[str, ...]
+    worst_flight: float
     believable: bool
     sketch: SavedSketch | None = None
 
@@ -147,6 +148,7 @@ class SavedCandidate(_Saved):
             after=_short(candidate.after),
             p_value=candidate.p_value,
             remarks=tuple(candidate.remarks),
+            worst_flight=candidate.worst_flight,
             believable=candidate.believable,
             sketch=None if sketch is None else SavedSketch.of(sketch),
         )
@@ -161,6 +163,7 @@ class SavedCandidate(_Saved):
             p_value=self.p_value,
             residual=_NO_SAMPLES,
             remarks=list(self.remarks),
+            worst_flight=self.worst_flight,
             believable=self.believable,
         )
 
