@@ -64,6 +64,15 @@ def obedient(
     return FlightLog(name=name, path=None, columns=columns)
 
 
+def to_and_fro(log: FlightLog, speed_m_s: float) -> FlightLog:
+    """The same flight, carried to and fro along both axes at up to `speed_m_s` on each."""
+    w, columns = 2.0 * np.pi * 0.05, dict(log.columns)
+    for along, speed in (("x_m", "vx_m_s"), ("y_m", "vy_m_s")):
+        columns[along] = columns[along] - speed_m_s / w * np.cos(w * log.time_s)
+        columns[speed] = columns[speed] + speed_m_s * np.sin(w * log.time_s)
+    return replace(log, columns=columns)
+
+
 def with_late_rotors(log: FlightLog, late_s: float, lag_s: float = 0.0) -> FlightLog:
     """The same flight with rotor speeds that are logged late, or of motors that follow them with a lag."""
     t = log.time_s

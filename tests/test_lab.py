@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flights import obedient, simulated, with_late_rotors
+from flights import obedient, simulated, to_and_fro, with_late_rotors
 from quadctl.effects import find_effect
 from quadctl.effects.ground_effect import Exponential, Sanchez
 from quadctl.effects.motor_lag import FirstOrderLag
@@ -433,6 +433,17 @@ def _correlated(n: int, rho: float, seed: int) -> np.ndarray:
 def test_a_dataset_knows_the_heights_it_covers(rigid: Model) -> None:
     low, high = Dataset((prepare(obedient(rigid), rigid.vehicle),)).heights_m
     assert 0.1 < low < 0.25 and 0.95 < high < 1.1
+
+
+@pytest.mark.parametrize(("speed_m_s", "known"), [(0.05, False), (0.8, True)])
+def test_a_position_and_a_speed_explain_nothing_where_the_vehicle_only_wanders(
+    rigid: Model, speed_m_s: float, known: bool
+) -> None:
+    data = load_dataset([to_and_fro(obedient(rigid, noise_m_s=0.005), speed_m_s)], rigid.vehicle)
+    for name in ("north", "east", "speed_forward", "speed_right"):
+        assert (data.variable(name) is not None) is known, name
+    assert data.variable("pitch") is None
+    assert data.variable("height_over_radius") is not None
 
 
 class TestDiscover:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from flights import obedient, simulated
+from flights import obedient, simulated, to_and_fro
 from quadctl.effects.ground_effect import CheesemanForward, Exponential
 from quadctl.effects.rotor_drag import LinearDrag
 from quadctl.effects.thrust_scale import ConstantScale
@@ -19,7 +19,7 @@ from quadctl.lab import plots
 from quadctl.lab.add import Addition, add
 from quadctl.lab.compare import Comparison, compare
 from quadctl.lab.curves import effect_curves, ratio_curve
-from quadctl.lab.data import Dataset, load_dataset
+from quadctl.lab.data import load_dataset
 from quadctl.lab.diagnose import Diagnosis, Verdict, diagnose
 from quadctl.lab.metrics import Window, metrics
 from quadctl.lab.report import Results, render_report, write_report
@@ -364,10 +364,5 @@ class TestFigures:
 
 def _fitted_drag(raptor: Vehicle) -> Addition:
     """Drag on top of a thrust scale, fitted to a flight to and fro that has only the scale."""
-    log = obedient(Model(raptor).plus(ConstantScale(factor=1.1)), noise_m_s=0.005)
-    w, columns = 2.0 * np.pi * 0.05, dict(log.columns)
-    for along, speed in (("x_m", "vx_m_s"), ("y_m", "vy_m_s")):
-        columns[along] = columns[along] - 0.8 / w * np.cos(w * log.time_s)
-        columns[speed] = columns[speed] + 0.8 * np.sin(w * log.time_s)
-    data: Dataset = load_dataset([dataclasses.replace(log, columns=columns)], raptor)
-    return add(LinearDrag, Model(raptor).plus(ConstantScale()), data)
+    log = to_and_fro(obedient(Model(raptor).plus(ConstantScale(factor=1.1)), noise_m_s=0.005), 0.8)
+    return add(LinearDrag, Model(raptor).plus(ConstantScale()), load_dataset([log], raptor))
