@@ -32,13 +32,13 @@ from quadctl.control import ControllerSettings, Memory, control
 from quadctl.effects import CATALOG
 from quadctl.flight import session
 from quadctl.flight.mavsdk_autopilot import MavsdkAutopilot
-from quadctl.flight.view_link import ViewEnd
+from quadctl.flight.plan import FlightPlan
 from quadctl.logs.read import read_log
 from quadctl.model import load_model
 from quadctl.state import AttitudeTarget, Setpoint, VehicleState
 from quadctl.vehicle import load_vehicle
 from quadctl.web.live.history import Brief
-from quadctl.web.live.viewer import live_view
+from quadctl.web.live.viewer import Viewer, live_view
 
 ROOT = Path(__file__).parent.parent
 CONFIG = ROOT / "config/flight.yaml"
@@ -210,8 +210,10 @@ def _fly(url: str, mission: str, folder: str, view: bool) -> None:
     session.MavsdkAutopilot = Timed  # type: ignore[misc]  # the session makes its adapter itself
     plan = session.prepare_flight(Path(mission), CONFIG, "sanchez", None)
     began_s, began_cpu_s = time.monotonic(), time.process_time()
-    with _live_view(plan, Path(folder)) if view else contextlib.nullcontext() as end:
-        outcome = session.fly_real_time(plan, url, Path(folder), Console(quiet=True), view=end)
+    with _live_view(plan, Path(folder)) if view else contextlib.nullcontext() as viewer:
+        outcome = session.fly_real_time(plan, url, Path(folder), Console(quiet=True), view=viewer and viewer.end)
+        if viewer is not None:
+            viewer.tell(outcome)
     cpu = (time.process_time() - began_cpu_s) / (time.monotonic() - began_s)
     if not outcome.completed:
         sys.exit(f"the flight was not completed: {outcome.ended}")
@@ -221,7 +223,7 @@ def _fly(url: str, mission: str, folder: str, view: bool) -> None:
 
 
 @contextlib.contextmanager
-def _live_view(plan: session.FlightPlan, folder: Path) -> Iterator[ViewEnd]:
+def _live_view(plan: FlightPlan, folder: Path) -> Iterator[Viewer]:
     brief = Brief(plan.mission, plan.settings.guards, plan.body.vehicle.name, plan.compensator.name)
     with live_view(brief, VIEW_PORT, None, lambda said: None) as viewer:
         words = ["--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={folder / 'browser'}"]
@@ -229,7 +231,7 @@ def _live_view(plan: session.FlightPlan, folder: Path) -> Iterator[ViewEnd]:
         keep = "--remote-debugging-port=0"  # else it leaves when the page is loaded
         browser = CHROMIUM and subprocess.Popen([CHROMIUM, *words, keep, url], stderr=subprocess.DEVNULL)
         try:
-            yield viewer.end
+            yield viewer
         finally:
             if browser:
                 browser.terminate()
