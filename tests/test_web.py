@@ -217,6 +217,8 @@ class TestCommand:
             ([str(ROOT / "missions")], "missions: is a directory, expected the flight logs in it"),
             (["--model", "no_such.yaml"], "no_such.yaml"),
             (["--session", "no_such.lab.yaml"], "no_such.lab.yaml"),
+            (["--out", str(ROOT / "README.md")], "README.md is a file, expected a folder"),
+            (["--missions", str(ROOT / "README.md")], "README.md is a file, expected a folder"),
         ],
     )
     def test_what_is_not_there_is_said_before_anything_is_served(

@@ -28,11 +28,12 @@ def lab_page(
     from quadctl.web.intake import Intake
     from quadctl.web.serve import serve
     from quadctl.web.simulated import Simulation
-    from quadctl.web.start import first_session, vehicle_files
+    from quadctl.web.start import check_folders, first_session, vehicle_files
     from quadctl.web.workbench import Workbench
 
     if session is not None and (logs or model is not None):
         raise typer.BadParameter("give --session, or LOG and --model, not both")
+    check_folders(out, missions)
     begun = first_session(logs or [], model, session)
     simulation = Simulation(simulator().simulate, missions, out, hidden)
     serve(

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from quadctl.errors import LogError
+from quadctl.errors import LogError, SettingsError
 from quadctl.logs.read import read_log
 from quadctl.model import load_model
 from quadctl.web.files import LOG_SUFFIXES, SETTINGS_SUFFIXES
@@ -15,6 +15,19 @@ VEHICLES = Path("config/vehicles")
 def vehicle_files() -> list[Path]:
     """Vehicle files to choose from."""
     return sorted(VEHICLES.glob("*.yaml"))
+
+
+def check_folders(out: Path, missions: Path) -> None:
+    """Whether `out` and `missions` can be the folders that they are named as; neither has to be there yet.
+
+    Raises
+    ------
+    SettingsError
+        One of them is a file.
+    """
+    for option, folder in (("--out", out), ("--missions", missions)):
+        if folder.exists() and not folder.is_dir():
+            raise SettingsError(f"{option}: {folder} is a file, expected a folder")
 
 
 def first_session(logs: Sequence[Path], model: Path | None, session: Path | None) -> Session:
