@@ -9,8 +9,10 @@ INSTALLED := $(VENV)/.installed
 demo: $(INSTALLED)
 	$(BIN)/quadctl demo
 
+# First what only computes, on all cores; then what flies and browses in real time, one after the other.
 test: $(INSTALLED)
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -m "not realtime" -n auto --dist loadscope
+	$(BIN)/python -m pytest -m realtime
 
 lint: $(INSTALLED)
 	$(BIN)/ruff check .

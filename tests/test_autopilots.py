@@ -35,6 +35,8 @@ from sitl.hidden import load_hidden
 from sitl.mavlink_ardupilot import pulse_us
 from sitl.run import fly_lockstep
 
+pytestmark = pytest.mark.realtime
+
 ROOT = Path(__file__).parents[1]
 LIKE_SIH = ROOT / "sitl" / "px4" / "like_sih.yaml"
 VEHICLE = load_vehicle(RAPTOR)

@@ -38,6 +38,8 @@ from sitl.faults import nan_position
 from sitl.hidden import HiddenTruth
 from sitl.hidden import Telemetry as SimulatedTelemetry
 
+pytestmark = pytest.mark.realtime
+
 
 @pytest.fixture
 def vehicle() -> Vehicle:

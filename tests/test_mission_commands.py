@@ -17,6 +17,8 @@ from sitl.copter import SimulatedCopter
 from sitl.faults import nan_position
 from sitl.mavlink import MavlinkMock
 
+pytestmark = pytest.mark.realtime
+
 ROOT = Path(__file__).parents[1]
 STEP_FORWARD = "missions/step_forward.yaml"
 

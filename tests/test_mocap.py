@@ -37,6 +37,8 @@ from sitl.autopilot import SimulatedAutopilot
 from sitl.copter import SimulatedCopter
 from sitl.mavlink import MavlinkMock
 
+pytestmark = pytest.mark.realtime
+
 ROOT = Path(__file__).parents[1]
 VEHICLE = load_vehicle(RAPTOR)
 SAME: Quat = (1.0, 0.0, 0.0, 0.0)

@@ -46,7 +46,7 @@ def test_a_vehicle_that_somebody_arms_is_not_taken(stage: Stage) -> None:
         (LAND["battery"][0], "the battery is at 13.40 V, expected 13.5 V or more"),
         (LAND["battery unknown"][0], "the battery is at nan V, expected 13.5 V or more"),
     ],
-    ids=str,
+    ids=lambda v: v if isinstance(v, str) else "",
 )
 def test_a_state_that_does_not_become_usable_is_not_flown(change: Change, words: str) -> None:
     flight = Flight(plan_with(guards=GuardLimits(min_battery_v=13.5))).show(change).fly()

@@ -16,6 +16,8 @@ from quadctl.vehicle import load_vehicle
 from sitl.autopilot import SimulatedAutopilot
 from sitl.copter import SimulatedCopter
 
+pytestmark = pytest.mark.realtime
+
 
 def plugged(device: str, vendor: int | None, product: str | None) -> ListPortInfo:
     info = ListPortInfo(device)

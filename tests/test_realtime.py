@@ -24,6 +24,8 @@ from quadctl.flight.session import fly_real_time, prepare_flight
 from quadctl.logs.read import read_log
 from sitl.run import mock_process
 
+pytestmark = pytest.mark.realtime
+
 ROOT = Path(__file__).parents[1]
 CONFIG = ROOT / "config" / "flight.yaml"
 TIMEOUT_S = 90.0

@@ -36,6 +36,8 @@ from sitl.body import Battery
 from sitl.copter import SimulatedCopter
 from sitl.mavlink import MavlinkMock
 
+pytestmark = pytest.mark.realtime
+
 ROOT = Path(__file__).parents[1]
 VEHICLE = load_vehicle(RAPTOR)
 K = VEHICLE.rotor.thrust_n_per_rpm2

@@ -7,12 +7,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import pytest
 import yaml
 
 from quadctl.flight.view_link import LANDED_BY
 from visitors import DESK, PATIENCE_MS, PHONE, Browser, Visitor, command, expect, free_tcp_port, needs_chromium, status
 
-pytestmark = needs_chromium
+pytestmark = [needs_chromium, pytest.mark.realtime]
 
 TOKEN = "a-token-of-the-test"
 LONG_HOVER = {

@@ -32,7 +32,7 @@ from visitors import (
     status,
 )
 
-pytestmark = needs_chromium
+pytestmark = [needs_chromium, pytest.mark.realtime]
 
 HOVERING = ROOT.parent / "shared" / "data" / "raptor" / "HOVERING.csv"
 MOST_CLICKS = 10

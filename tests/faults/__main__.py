@@ -22,7 +22,7 @@ Every fault begins in a hover at 0.5 m, in real time over MAVLink, with quadctl 
 simulated autopilot in another. Times are seconds after the fault began, as the autopilot saw them. In no flight does a
 setpoint reach the wire that is not a number or beyond the limits, or one after the last one named here. `make faults`
 writes this page; the tests fly what only real time shows. [docs/safety.md](safety.md) says why each answer is what it
-is. A flight that a busy machine spoilt is flown again, and says so.
+is. A flight that a busy machine spoilt is flown again alone, and says so.
 
 The limits are those of `config/flight.yaml`, with a battery guarded at 13.5 V; a landing that does not end is given up
 after 2 s (`max_over_time_s`), and the vehicle comes down a second later.
@@ -52,7 +52,7 @@ def main() -> None:
         for sentence in verdict.wrong:
             console.print(f"    {sentence}", style="red", markup=False, highlight=False, soft_wrap=True)
     if not options.only and options.autopilot is None:
-        options.out.write_text(page(verdicts))
+        options.out.write_text(page(sorted(verdicts, key=lambda v: pairs.index((v.fault, v.autopilot)))))
     sys.exit(any(verdict.wrong for verdict in verdicts))
 
 

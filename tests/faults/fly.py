@@ -12,8 +12,8 @@ from .scene import PROFILES, Scene, Seen
 
 JOBS = 4
 """Each takes real time, and little of the machine."""
-ATTEMPTS = 3
-"""A machine that is busy with other things can spoil a flight in real time: it is flown again."""
+ALONE = 4
+"""A busy machine can spoil a flight in real time: it is flown again, up to so often, with nothing beside it."""
 
 
 class Verdict(NamedTuple):
@@ -26,14 +26,9 @@ class Verdict(NamedTuple):
     attempts: int = 1
 
 
-def fly(fault: str, autopilot: str) -> Verdict:
+def fly(fault: str, autopilot: str, attempt: int = 1) -> Verdict:
     """One flight with the fault of that name."""
-    case = case_named(fault).on(autopilot)
-    for attempt in range(1, ATTEMPTS + 1):
-        verdict = _attempt(case, autopilot)._replace(attempts=attempt)
-        if not verdict.wrong:
-            break
-    return verdict
+    return _attempt(case_named(fault).on(autopilot), autopilot)._replace(attempts=attempt)
 
 
 def _attempt(case: Case, autopilot: str) -> Verdict:
@@ -50,9 +45,25 @@ def _attempt(case: Case, autopilot: str) -> Verdict:
 
 
 def fly_all(pairs: Iterable[tuple[str, str]], jobs: int = JOBS) -> Iterator[Verdict]:
-    """Faults on autopilots, in their order."""
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-        yield from pool.map(fly, *zip(*pairs, strict=True))
+    """Faults on autopilots, in their order but for those that are flown again: they come last."""
+    again = []
+    with _pool(jobs) as pool:
+        for verdict in pool.map(fly, *zip(*pairs, strict=True)):
+            if verdict.wrong:
+                again.append((verdict.fault, verdict.autopilot))
+            else:
+                yield verdict
+    with _pool(1) as pool:
+        for fault, autopilot in again:
+            for attempt in range(2, 2 + ALONE):
+                verdict = pool.submit(fly, fault, autopilot, attempt).result()
+                if not verdict.wrong:
+                    break
+            yield verdict
+
+
+def _pool(jobs: int) -> ProcessPoolExecutor:
+    return ProcessPoolExecutor(jobs, mp_context=get_context("spawn"))
 
 
 def case_named(name: str) -> Case:

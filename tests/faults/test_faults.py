@@ -9,8 +9,10 @@ import pytest
 from .cases import LINK, PEOPLE, PROCESS
 from .fly import Verdict, fly_all
 
-pytestmark = pytest.mark.timeout(900)
-"""The first test waits for all flights."""
+pytestmark = [
+    pytest.mark.realtime,
+    pytest.mark.timeout(900),  # the first test waits for all flights
+]
 
 FLOWN_ELSEWHERE = ("Ctrl-C", "the mode is taken and given back")
 """In tests/test_realtime.py; in lockstep, from where it differs from the mode that is taken."""
