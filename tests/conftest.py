@@ -1,11 +1,13 @@
 """What all tests share."""
 
+import functools
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 from hypothesis import settings
+from machine import Witness
 
 from quadctl.vehicle import Vehicle, load_vehicle
 
@@ -14,6 +16,28 @@ pytest.register_assert_rewrite("watched", "log_files")
 # No deadline: how long one example takes says more about the machine than about the code.
 settings.register_profile("quadctl", deadline=None, max_examples=60)
 settings.load_profile("quadctl")
+
+
+AGAIN = 4
+"""Runs of a test in real time after the first, each for a machine that stood still."""
+
+
+@functools.cache
+def witness() -> Witness:
+    return Witness()
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    again = pytest.mark.flaky(reruns=AGAIN, condition=lambda: witness().stood_still())
+    for item in items:
+        if item.get_closest_marker("realtime"):
+            item.add_marker(again)
+
+
+@pytest.fixture(autouse=True)
+def _watched_machine(request: pytest.FixtureRequest) -> None:
+    if request.node.get_closest_marker("realtime"):
+        witness().forget()
 
 
 @pytest.fixture(scope="session")

@@ -1,0 +1,42 @@
+"""Whether the machine itself stood still: a virtual one may be held up for longer than any flight in real time allows.
+
+A test in real time that fails while that happened says nothing, and is run again.
+"""
+
+import multiprocessing
+import os
+import time
+from contextlib import suppress
+from typing import Any
+
+ROUND_S = 0.01
+STOOD_STILL_S = 0.1
+"""Half of the age at which a flight gives up on a state."""
+
+
+class Witness:
+    """A process that does nothing but sleep, before all others where that is permitted, and notes its longest sleep."""
+
+    def __init__(self) -> None:
+        context = multiprocessing.get_context("spawn")
+        self._longest: Any = context.Value("d", 0.0, lock=False)
+        context.Process(target=_sleep, args=(self._longest,), daemon=True).start()
+
+    def forget(self) -> None:
+        """Look from now on."""
+        self._longest.value = 0.0
+
+    def stood_still(self) -> bool:
+        """Whether it overslept by so much that the machine cannot have been running."""
+        return bool(self._longest.value > STOOD_STILL_S)
+
+
+def _sleep(longest: Any) -> None:
+    with suppress(AttributeError, OSError):
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(os.sched_get_priority_max(os.SCHED_FIFO)))
+    before_s = time.monotonic()
+    while True:
+        time.sleep(ROUND_S)
+        now_s = time.monotonic()
+        longest.value = max(longest.value, now_s - before_s - ROUND_S)
+        before_s = now_s
