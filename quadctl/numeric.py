@@ -39,7 +39,9 @@ maximum = _either(max, np.maximum)
 
 def clip(value: Any, low: float, high: float) -> Any:
     """`value`, but no less than `low` and no more than `high`."""
-    return minimum(maximum(value, low), high)
+    if isinstance(value, np.ndarray):
+        return np.clip(value, low, high)
+    return low if value < low else high if value > high else value
 
 
 def step(value: Any) -> Any:

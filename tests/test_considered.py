@@ -1,6 +1,7 @@
 """Errors of a set-up that no fit can know: what they do to a prediction, and to the intervals of a fit."""
 
 import dataclasses
+import math
 
 import numpy as np
 import pytest
@@ -8,8 +9,9 @@ import pytest
 from flights import obedient
 from quadctl.effects.ground_effect import Exponential
 from quadctl.effects.rotor_fault import WeakRotor
+from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.lab import considered
-from quadctl.lab.considered import GROUND_SLOPE, ROTOR_COEFFICIENT, setup_slopes
+from quadctl.lab.considered import FORM, GROUND_SLOPE, ROTOR_COEFFICIENT, error_slopes
 from quadctl.lab.data import load_dataset, predict_targets
 from quadctl.lab.fit import Fitter
 from quadctl.lab.flight import Flight
@@ -27,7 +29,8 @@ def flight(raptor: Vehicle) -> Flight:
 
 
 def slopes(model: Model, flight: Flight) -> np.ndarray:
-    return setup_slopes(model, flight, GROUPS, predict_targets(model, flight, GROUPS))
+    """Of the four rotors, the ground's slope north and east, then three of each form."""
+    return error_slopes(model, flight, GROUPS, predict_targets(model, flight, GROUPS))
 
 
 def test_rotors_that_all_give_the_same_say_nothing_of_their_differences(raptor: Vehicle, flight: Flight) -> None:
@@ -47,9 +50,34 @@ def test_ground_that_rises_to_the_north_is_nearer_there(raptor: Vehicle, flight:
     north = dataclasses.replace(flight, conditions=dataclasses.replace(c, position_ne_m=(2.0 + 0.0 * c.height_m, 0.0)))
     lower = dataclasses.replace(c, height_m=c.height_m - 2.0 * GROUND_SLOPE)
     nearer = predict_targets(model, dataclasses.replace(flight, conditions=lower), GROUPS)
-    assert slopes(model, north)[..., -2] == pytest.approx(nearer - predict_targets(model, flight, GROUPS), abs=1e-9)
-    assert slopes(model, north)[..., -1] == pytest.approx(0.0, abs=1e-12)
-    assert (slopes(model, north)[:, UP, -2] > 0.0).all()
+    assert slopes(model, north)[..., 4] == pytest.approx(nearer - predict_targets(model, flight, GROUPS), abs=1e-9)
+    assert slopes(model, north)[..., 5] == pytest.approx(0.0, abs=1e-12)
+    assert (slopes(model, north)[:, UP, 4] > 0.0).all()
+
+
+def test_a_form_is_off_by_a_share_of_what_its_effect_does(raptor: Vehicle, flight: Flight) -> None:
+    model = Model(raptor).plus(ConstantScale(1.1)).plus(Exponential(0.3, 6.0))
+    does = predict_targets(model, flight, GROUPS) - predict_targets(
+        Model(raptor).plus(ConstantScale(1.1)), flight, GROUPS
+    )
+    *_, north, east, up = np.moveaxis(slopes(model, flight), -1, 0)
+    assert up[:, UP] == pytest.approx(FORM * math.sqrt(np.mean(does[:, UP] ** 2)))
+    assert up[:, :UP] == pytest.approx(0.0)
+    assert abs(north).max() < 0.1 * up.max() > abs(east).max()
+
+
+def test_what_has_no_form_has_no_wrong_one(raptor: Vehicle, flight: Flight) -> None:
+    assert slopes(Model(raptor).plus(ConstantScale(1.1)), flight).shape[-1] == 6
+
+
+def test_a_thrust_scale_is_less_sure_beside_a_form(raptor: Vehicle, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A ground effect whose tail is a little other than ours is a little more thrust everywhere."""
+    model = Model(raptor).plus(ConstantScale(1.0)).plus(Exponential(0.3, 6.0))
+    fitter = Fitter(model, load_dataset([obedient(model, 60.0, noise_m_s=0.002)], raptor))
+    fitted = fitter.fit()
+    wide = float(np.std(fitter.bootstrap(fitted)[:, 0]))
+    monkeypatch.setattr(considered, "FORM", 0.0)
+    assert wide > 1.2 * float(np.std(fitter.bootstrap(fitted)[:, 0]))
 
 
 def test_intervals_grow_by_what_rotors_of_one_batch_differ(raptor: Vehicle, monkeypatch: pytest.MonkeyPatch) -> None:

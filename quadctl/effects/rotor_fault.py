@@ -1,5 +1,6 @@
 """Rotor fault: one rotor gives less thrust than its speed promises."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
@@ -37,11 +38,13 @@ class WeakRotor(Effect):
         return "" if whole else f"parameter rotor of {self.name} is {self.rotor:g}, {expected}"
 
     def shows_in(self, vehicle: Vehicle) -> tuple[str, ...]:
-        """The moments that the rotor has a good share in: one alone may be a centre of mass or a motor that leans."""
-        arms = [abs(arm) for arm in vehicle.moment_arms_m[round(self.rotor) - 1]]
-        most = [max(abs(rotor[axis]) for rotor in vehicle.moment_arms_m) for axis in range(3)]
-        shares = zip(("roll", "pitch", "yaw"), arms, most, strict=True)
-        return tuple(axis for axis, arm, longest in shares if longest > 0.0 and arm > 0.3 * longest)
+        """The moments that the rotor has a good lever for: one of two alone may be a centre of mass that is off.
+
+        Not yaw: there motors that lean by little turn the vehicle by more than a rotor's drag does.
+        """
+        x, y, _ = vehicle.rotors[round(self.rotor) - 1].position_m
+        furthest = max(math.hypot(*rotor.position_m[:2]) for rotor in vehicle.rotors)
+        return tuple(axis for axis, lever in (("roll", y), ("pitch", x)) if abs(lever) > 0.3 * furthest)
 
     def rotor_thrust(self, thrust_n: Sequence[Number], c: Conditions, vehicle: Vehicle) -> Sequence[Number]:
         weak = round(self.rotor) - 1

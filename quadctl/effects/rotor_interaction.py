@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from quadctl.effects.base import Conditions, Effect, parameter
-from quadctl.numeric import Number, maximum, minimum, sqrt
+from quadctl.numeric import Number, clip, maximum, minimum, sqrt
 from quadctl.vehicle import Vehicle
 
 
@@ -42,6 +42,6 @@ class FrontWake(Effect):
         found = []
         for rotor, thrust in zip(vehicle.rotors, thrust_n, strict=True):
             x, y, _ = rotor.position_m
-            behind = minimum(maximum(x * forward + y * right, 0.0), 0.9)
+            behind = clip(x * forward + y * right, 0.0, 0.9)
             found.append(thrust * (1.0 - behind))
         return found

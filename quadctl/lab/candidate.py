@@ -28,8 +28,11 @@ HARMLESS_BESIDE = 0.2
 """or this share of what it takes off another."""
 SHOWN = 0.01
 """Share that an effect must take off the error of each moment that it has to show in,"""
+SHOWN_ALONE = 0.2
+"""or this share where it has to show in one only,"""
 SHOWN_BESIDE = 0.2
-"""and this share of what it takes off any of them: the nuisances can hide as much of one as of another."""
+"""and this share of what it takes off any axis: the nuisances can hide as much of one moment as of another, and what
+lowers the error of the thrust alone is another family."""
 NOTHING = 1e-9
 """An error of a log that was made up, not flown."""
 AGE = [kind.name for kind in KINDS].index("delay_s")
@@ -108,7 +111,9 @@ class Candidate:
         """It is there, be it only as what is a little off in every vehicle."""
         helps = self.held_out_drop > 0.0 and not self.harmful and self.p_value < SIGNIFICANT
         shown = [self.drops.get(axis, 0.0) for axis in self.effect.shows_in(self.model.vehicle)]
-        shows = not shown or min(shown) > max(SHOWN, SHOWN_BESIDE * max(shown))
+        turned = [self.drops.get(axis, 0.0) for axis in MOMENTS]
+        enough = max(SHOWN if len(shown) > 1 else SHOWN_ALONE, SHOWN_BESIDE * self.largest_drop)
+        shows = not shown or (min(shown) > enough and min(turned) > -HARMLESS)
         at_bound = any("bound" in remark for remark in self.remarks)
         undetermined = sum("not determined" in remark for remark in self.remarks)
         known = not self.ci95 or undetermined < len(self.ci95)

@@ -1,17 +1,19 @@
-"""Errors of a set-up that no fit can know, but that its parameters are uncertain by: considered, not estimated.
+"""Errors that no fit can know, but that its parameters are uncertain by: considered, not estimated.
 
 Schmidt 1966 (consider parameters): what a fit makes of them follows from how they change the predictions, and widens
-the intervals. They are the same in all flights, so more flights do not average them out.
+the intervals. They are the same in all flights, so more flights do not average them out. Some are of the set-up: rotors
+that are not all alike, ground that slopes. The others are of the model: an effect that depends on
+something has a form, and no form is quite that of nature.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from quadctl.lab.arrays import Floats
-from quadctl.lab.data import predict_targets
+from quadctl.lab.data import predict, predict_targets
 from quadctl.lab.flight import Flight
 from quadctl.model import Model
 
@@ -19,16 +21,15 @@ ROTOR_COEFFICIENT = 0.01
 """Standard deviation of the thrust coefficients of rotors of one batch, as a share."""
 GROUND_SLOPE = math.tan(math.radians(0.5))
 """Of the ground against the frame of the log; the public RAPTOR logs have 0.9 degrees."""
+FORM = 0.1
+"""What a form is off by where it should be nothing, as a share of what the effect does in the flight: published forms
+of the ground effect differ by that."""
 
 
-def draw_errors(draws: int, n_rotors: int, random: np.random.Generator) -> Floats:
-    """Errors in units of their usual size, shape (draws, rotors + 2)."""
-    return random.standard_normal((draws, n_rotors + 2))
-
-
-def setup_slopes(model: Model, flight: Flight, groups: Sequence[str], here: Floats) -> Floats:
-    """What each error of its usual size does to the prediction `here`, shape (n, axes, rotors + 2)."""
+def error_slopes(model: Model, flight: Flight, groups: Sequence[str], here: Floats) -> Floats:
+    """What each error of its usual size does to the prediction `here`, shape (n, axes, errors)."""
     found = [predict_targets(model, wrong, groups) - here for wrong in _wrong(flight)]
+    found += _misshapen(model, flight, here)
     return np.stack(found, axis=-1)
 
 
@@ -48,3 +49,16 @@ def _wrong(flight: Flight) -> list[Flight]:
         replace(flight, conditions=replace(c, height_m=c.height_m - GROUND_SLOPE * along)) for along in c.position_ne_m
     ]
     return [*stronger, *sloped]
+
+
+def _misshapen(model: Model, flight: Flight, here: Floats) -> Iterator[Floats]:
+    """Each effect with a form, off by a constant along each axis on which it acts."""
+    for i, effect in enumerate(model.effects):
+        if not effect.depends_on or effect.retards:
+            continue
+        without = replace(model, stack=(*model.stack[:i], *model.stack[i + 1 :]))
+        does = np.sqrt(np.mean((here[:, :3] - predict(without, flight)) ** 2, axis=0))
+        for axis in range(3):
+            found = np.zeros_like(here)
+            found[:, axis] = FORM * does[axis]
+            yield found

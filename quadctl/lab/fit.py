@@ -13,11 +13,11 @@ from scipy import stats
 
 from quadctl.lab.arrays import Floats, Mask
 from quadctl.lab.arrow import Arrow
-from quadctl.lab.considered import draw_errors, setup_slopes
+from quadctl.lab.considered import error_slopes
 from quadctl.lab.data import Dataset, predict_targets
 from quadctl.lab.nuisance import KINDS, MOST, predicted_with, usual_sizes
 from quadctl.lab.parameters import free_parameters, parameter_slopes, values_of, with_values
-from quadctl.lab.sums import products, resampled_sums, robust_weights, slopes_and_residual, soft_l1_loss
+from quadctl.lab.sums import products, resampled_sums, robust_weights, slopes_and_residual, soft_l1_loss, worth
 from quadctl.lab.threads import one_blas_thread
 from quadctl.model import Model
 
@@ -155,8 +155,8 @@ class Fitter:
         wider = float(stats.t.ppf(0.975, count - 1)) / 1.96 * math.sqrt(count / (count - 1)) if count > 1 else 1.0
         first = np.flatnonzero(np.diff(self.dataset.flight_index[starts], prepend=-1))
         moves = self._moves(fitted)
-        errors = draw_errors(BOOTSTRAPS, self.model.vehicle.n_rotors, random)
-        considered = np.einsum("fmk,dk->dfm", self._considered(fitted.model, residual, scale), errors)
+        pulls = self._considered(fitted.model, residual, scale)
+        considered = np.einsum("fmk,dk->dfm", pulls, random.standard_normal((BOOTSTRAPS, pulls.shape[-1])))
         steps = np.empty((BOOTSTRAPS, p))
         at_once = max(1, WEIGHTS_AT_ONCE // count)
         for begin in range(0, BOOTSTRAPS, at_once):
@@ -195,13 +195,13 @@ class Fitter:
         return Arrow.of_sums(scaled, p).ridged()
 
     def _considered(self, model: Model, residual: Floats, scale: Floats) -> Floats:
-        """How a set-up's errors pull on the parameters and each flight's nuisances, (flights, p + kinds, errors)."""
+        """How errors that are not fitted pull on the parameters and each flight's nuisances, (flights, p + kinds, errors)."""
         pulls = []
         for flight, part in zip(self.dataset.flights, self.dataset.parts, strict=True):
             columns = slopes_and_residual(model, flight, self.dataset.groups, residual[part], scale)
             here = predict_targets(model, flight, self.dataset.groups)
-            errors = setup_slopes(model, flight, self.dataset.groups, here) / scale[:, None]
-            weighted = columns[..., :-1] * robust_weights(columns)[..., None]
+            errors = error_slopes(model, flight, self.dataset.groups, here) / scale[:, None]
+            weighted = columns[..., :-1] * robust_weights(columns, worth(flight, self.dataset.groups))[..., None]
             pulls.append(np.einsum("nam,nak->mk", weighted, errors))
         return np.array(pulls)
 
@@ -281,9 +281,8 @@ class Fitter:
     def _cost(self, fitted: Fitted, residual: Floats, scale: Floats, rows: Mask) -> float:
         """Soft-L1 loss of the samples in units of their noise; a prior's term is never an outlier."""
         total = float(np.sum((fitted.nuisances / self._usual) ** 2))
-        for part in self.dataset.parts:
-            e = residual[part][rows[part]] / scale
-            total += soft_l1_loss(e)
+        for flight, part in zip(self.dataset.flights, self.dataset.parts, strict=True):
+            total += soft_l1_loss(residual[part][rows[part]] / scale, worth(flight, self.dataset.groups))
         return total
 
     def _sums_by_flight(self, model: Model, residual: Floats, scale: Floats, rows: Mask) -> tuple[Floats, Floats]:
@@ -295,7 +294,7 @@ class Fitter:
             if used.any():
                 columns = slopes_and_residual(model, flight, groups, residual[part], scale)
                 columns = columns if used.all() else columns[used]
-                robust[i] = products(columns, robust_weights(columns))
+                robust[i] = products(columns, robust_weights(columns, worth(flight, groups)))
                 plain[i] = products(columns)
         return robust, plain
 
@@ -307,7 +306,7 @@ class Fitter:
         sums, power = [], np.zeros(p)
         for flight, part in zip(self.dataset.flights, self.dataset.parts, strict=True):
             columns = slopes_and_residual(model, flight, self.dataset.groups, residual[part], scale)
-            weights = robust_weights(columns)
+            weights = robust_weights(columns, worth(flight, self.dataset.groups))
             within = starts[(starts >= part.start) & (starts < part.stop)] - part.start
             for begin, end in zip(within, [*within[1:], len(columns)], strict=True):
                 sums.append(products(columns[begin:end], weights[begin:end]))

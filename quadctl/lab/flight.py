@@ -72,6 +72,12 @@ class Flight:
         return csr_matrix((weights.ravel(), (here.ravel(), there.ravel())), shape=(n, n))
 
     @cached_property
+    def slow_share(self) -> float:
+        """Independent moments per sample: a Gaussian filter makes one of those within 2 sqrt(pi) of its deviations."""
+        every_s = float(np.median(np.diff(self.time_s)))
+        return min(every_s / (2.0 * math.sqrt(math.pi) * MOMENTS_S), 1.0)
+
+    @cached_property
     def moments(self) -> Floats | None:
         """`torque`, slowly."""
         return None if self.torque is None else np.asarray(self.slowly @ self.torque)

@@ -38,7 +38,10 @@ KINDS = (
     Kind("yaw_moment", 0.01, 0.025),
 )
 """The moments are in units of what all rotors together would turn with if their thrusts added up as independent errors
-do: 0.01 is that of rotors whose coefficients are 1 % off each. Like these errors, they grow with the thrust."""
+do: 0.01 is that of rotors whose coefficients are 1 % off each, and whose motors lean by `LEAN`. Like these errors, they
+grow with the thrust."""
+LEAN = np.radians(0.3)
+"""Of each motor on its arm, beside coefficients that are 1 % off: about yaw, that is the larger error by far."""
 USUAL = np.array([kind.usual for kind in KINDS])
 MOST = np.array([kind.most for kind in KINDS])
 HELD = 1e-4
@@ -94,5 +97,7 @@ def predicted_with(model: Model, flight: Flight, nuisance: Floats, groups: Seque
 def rotor_moments_n_m(flight: Flight) -> Floats:
     """Root of the summed squares of the moments of the rotors, roll, pitch, yaw, shape (n, 3)."""
     vehicle = flight.vehicle
-    hover = np.linalg.norm(vehicle.moment_arms_m, axis=0) * vehicle.weight_n / vehicle.n_rotors
-    return np.asarray(np.outer(flight.load, hover))
+    lever_m = np.linalg.norm([rotor.position_m[:2] for rotor in vehicle.rotors])
+    arms_m = np.linalg.norm(vehicle.moment_arms_m, axis=0)
+    arms_m[2] = np.hypot(arms_m[2], LEAN / 0.01 * lever_m)
+    return np.asarray(np.outer(flight.load, arms_m * vehicle.weight_n / vehicle.n_rotors))

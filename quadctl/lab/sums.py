@@ -31,14 +31,21 @@ def slopes_and_residual(model: Model, flight: Flight, groups: Sequence[str], res
     return columns
 
 
-def soft_l1_loss(residual: Floats) -> float:
-    """Sum of the soft-L1 loss of residuals in units of the noise."""
-    return 2.0 * HUBER_SIGMAS**2 * float(np.sum(np.sqrt(1.0 + (residual / HUBER_SIGMAS) ** 2) - 1.0))
+def worth(flight: Flight, groups: Sequence[str]) -> Floats:
+    """What a sample of each axis counts for, beside the priors of nuisances: moments go through a slow filter, which
+    makes them alike over seconds, shape (axes,)."""
+    return np.repeat([flight.slow_share if group == "turning" else 1.0 for group in groups], 3)
 
 
-def robust_weights(columns: Floats) -> Floats:
+def soft_l1_loss(residual: Floats, counts: Floats) -> float:
+    """Sum of the soft-L1 loss of residuals in units of the noise, shape (n, axes); `counts` as `worth` gives them."""
+    loss = 2.0 * HUBER_SIGMAS**2 * (np.sqrt(1.0 + (residual / HUBER_SIGMAS) ** 2) - 1.0)
+    return float(np.sum(loss, axis=0) @ counts)
+
+
+def robust_weights(columns: Floats, counts: Floats) -> Floats:
     """Of the samples, by the soft-L1 loss of their residual, the last of the columns; shape (n, axes)."""
-    return np.asarray(1.0 / np.sqrt(1.0 + (columns[..., -1] / HUBER_SIGMAS) ** 2))
+    return np.asarray(counts / np.sqrt(1.0 + (columns[..., -1] / HUBER_SIGMAS) ** 2))
 
 
 def products(columns: Floats, weights: Floats | None = None) -> Floats:
