@@ -137,7 +137,7 @@ class Fitter:
 
         Each draw is one Gauss-Newton step from the optimum with the blocks' new weights, which is the refit to first
         order, with the robust weights of the fit. What the data cannot tell of a nuisance is as uncertain as its prior
-        says: each draw has a prior of its own, about another centre, and a set-up with errors of its own.
+        says: each draw has a prior of its own, about another centre, and errors of its own of what is not fitted.
         """
         p = len(self.free)
         if not p:
@@ -155,19 +155,20 @@ class Fitter:
         wider = float(stats.t.ppf(0.975, count - 1)) / 1.96 * math.sqrt(count / (count - 1)) if count > 1 else 1.0
         first = np.flatnonzero(np.diff(self.dataset.flight_index[starts], prepend=-1))
         moves = self._moves(fitted)
-        pulls = self._considered(fitted.model, residual, scale)
-        considered = np.einsum("fmk,dk->dfm", pulls, random.standard_normal((BOOTSTRAPS, pulls.shape[-1])))
-        steps = np.empty((BOOTSTRAPS, p))
+        steps = self._considered_steps(fitted, residual, scale, np.add.reduceat(sums, first, axis=0), random)
         at_once = max(1, WEIGHTS_AT_ONCE // count)
         for begin in range(0, BOOTSTRAPS, at_once):
             now = slice(begin, begin + at_once)
             drawn = resampled_sums(sums, times[now], first)
-            drawn[..., :-1, -1] += considered[now]
             equations = self._equations(drawn, centres[now] - fitted.nuisances)
-            steps[now] = wider * self._unit[:p] * equations.solve(moves)[:, :p]
+            steps[now] += equations.solve(moves)[:, :p]
+        steps *= wider * self._unit[:p]
         values, low, high = values_of(fitted.model, self.free), self._low[:p], self._high[:p]
         draws = np.clip(values + steps, low, high)
-        unseen = self._unseen(power) | self._unseen_at_bounds(values, draws, scale)
+        lowest, highest = np.percentile(draws, [2.5, 97.5], axis=0)
+        # Where the refits go on, the fit came to rest in a flat valley.
+        adrift = (values < lowest) | (values > highest)
+        unseen = adrift | self._unseen(power) | self._unseen_at_bounds(values, draws, scale)
         either = random.integers(0, 2, size=draws.shape)
         # A parameter that is not seen may be anything that is possible.
         draws[:, unseen] = np.where(either, high, low)[:, unseen]
@@ -194,16 +195,24 @@ class Fitter:
         scaled[..., p:-1, -1] += own / self._usual**2 * pull
         return Arrow.of_sums(scaled, p).ridged()
 
-    def _considered(self, model: Model, residual: Floats, scale: Floats) -> Floats:
-        """How errors that are not fitted pull on the parameters and each flight's nuisances, (flights, p + kinds, errors)."""
+    def _considered_steps(
+        self, fitted: Fitted, residual: Floats, scale: Floats, sums: Floats, random: np.random.Generator
+    ) -> Floats:
+        """Where draws of errors that are not fitted lead the parameters, in units of their ranges, shape (draws, p).
+
+        `sums` are those of each flight; its nuisances take up what they can of an error.
+        """
         pulls = []
         for flight, part in zip(self.dataset.flights, self.dataset.parts, strict=True):
-            columns = slopes_and_residual(model, flight, self.dataset.groups, residual[part], scale)
-            here = predict_targets(model, flight, self.dataset.groups)
-            errors = error_slopes(model, flight, self.dataset.groups, here) / scale[:, None]
+            columns = slopes_and_residual(fitted.model, flight, self.dataset.groups, residual[part], scale)
+            here = predict_targets(fitted.model, flight, self.dataset.groups)
+            errors = error_slopes(fitted.model, flight, self.dataset.groups, here) / scale[:, None]
             weighted = columns[..., :-1] * robust_weights(columns, worth(flight, self.dataset.groups))[..., None]
-            pulls.append(np.einsum("nam,nak->mk", weighted, errors))
-        return np.array(pulls)
+            pulls.append(np.einsum("nam,nak->km", weighted, errors))
+        pulled = np.repeat(sums[None], len(pulls[0]), axis=0)
+        pulled[..., :-1, -1] = np.stack(pulls, axis=1)
+        led = self._equations(pulled, np.zeros_like(fitted.nuisances)).solve(self._moves(fitted))[:, : len(self.free)]
+        return np.asarray(random.standard_normal((BOOTSTRAPS, len(led))) @ led)
 
     def _moves(self, fitted: Fitted) -> Mask:
         """What the fit has pushed against a bound stays there, as it would in a refit."""

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from quadctl.lab.arrays import Floats
+from quadctl.lab.considered import error_slopes
 from quadctl.lab.data import predict_targets
 from quadctl.lab.flight import Flight
 from quadctl.lab.nuisance import sensitivity, usual_sizes
@@ -18,22 +19,29 @@ class Information:
     """A sum of squares over changes d of the free parameters, in units of the noise: power - 2 gradient d + d normal d.
 
     `normal` has the shape (p, p): it is Fisher's information. `gradient`, shape (p,), and `power` are of what the model
-    would have to imitate. Independent data add up.
+    would have to imitate. `pull`, shape (p, errors), is that of errors that no data tell of (see `considered`), each of
+    its usual size. Independent data add up.
     """
 
     normal: Floats
     gradient: Floats
     power: float = 0.0
+    pull: Floats | None = None
 
     def __add__(self, other: "Information") -> "Information":
-        return Information(self.normal + other.normal, self.gradient + other.gradient, self.power + other.power)
+        pulls = [pull for pull in (self.pull, other.pull) if pull is not None]
+        pull = sum(pulls[1:], pulls[0]) if pulls else None
+        return Information(self.normal + other.normal, self.gradient + other.gradient, self.power + other.power, pull)
 
     @property
     def standard_errors(self) -> Floats:
-        """Of the free parameters (the bound of Cramer and Rao), shape (p,)."""
+        """Of the free parameters (the bound of Cramer and Rao, and what the errors that pull add), shape (p,)."""
         unit = 1.0 / np.sqrt(np.diag(self.normal))  # parameters of very different size
         covariance = np.linalg.pinv(self.normal * np.outer(unit, unit), hermitian=True)
-        return np.asarray(unit * np.sqrt(np.diag(covariance)))
+        variance = np.diag(covariance)
+        if self.pull is not None:
+            variance = variance + np.sum((covariance @ (unit[:, None] * self.pull)) ** 2, axis=1)
+        return np.asarray(unit * np.sqrt(variance))
 
     @property
     def left(self) -> float:
@@ -52,12 +60,18 @@ def prior(model: Model) -> Information:
 
 
 def information(
-    model: Model, flight: Flight, groups: Sequence[str], noise: Floats, difference: Floats | None = None
+    model: Model,
+    flight: Flight,
+    groups: Sequence[str],
+    noise: Floats,
+    difference: Floats | None = None,
+    considering: bool = False,
 ) -> Information:
     """What `flight` tells about the free parameters of `model`, whatever its nuisances within their usual size.
 
     `noise` is the standard deviation of each axis of the targets of `groups`, shape (axes,), as if the samples were
-    independent. `difference`, shape (n, axes), is what the model would have to imitate.
+    independent. `difference`, shape (n, axes), is what the model would have to imitate. `considering`: with the pull of
+    errors that no data tell of.
     """
     usual = usual_sizes(model)
     # In units of their usual size all nuisances have the prior 1.
@@ -67,7 +81,11 @@ def information(
     d = np.zeros(len(j)) if difference is None else (difference / noise).ravel()
     factor = np.linalg.cholesky(n.T @ n + np.eye(len(usual)))
     nj, nd = np.linalg.solve(factor, n.T @ j), np.linalg.solve(factor, n.T @ d)
-    return Information(j.T @ j - nj.T @ nj, j.T @ d - nj.T @ nd, float(d @ d - nd @ nd))
+    pull = None
+    if considering:
+        e = _flat(error_slopes(model, flight, groups, here), noise)
+        pull = j.T @ e - nj.T @ np.linalg.solve(factor, n.T @ e)
+    return Information(j.T @ j - nj.T @ nj, j.T @ d - nj.T @ nd, float(d @ d - nd @ nd), pull)
 
 
 def _flat(slopes: Floats, noise: Floats) -> Floats:

@@ -181,12 +181,12 @@ def suggest(diagnosis: Diagnosis, missions: Path | str = Path("missions")) -> Su
     fitter = Fitter(best, dataset)
     fitted = fitter.fit()
     noise = _noise(dataset.targets - fitted.predicted(dataset), dataset)
-    form = _known(fitted, dataset, noise)
+    form = _known(fitted, dataset, noise, considering=True)
     rivals = _rivals(diagnosis, form, noise)
     untried = _untried(diagnosis)
     plans, left_out = _plans(Path(missions), best, dataset)
     groups = dataset.groups
-    after = [form.widths(information(best, flight, groups, noise)) for _, _, flight in plans]
+    after = [form.widths(information(best, flight, groups, noise, considering=True)) for _, _, flight in plans]
     asked = _widest(form.widths(), after)
     names = [f"{f.parameter.name} of {best.effects[f.effect].name}" for f in free_parameters(best)]
     width = None if asked is None else float(form.widths()[asked])
@@ -260,8 +260,9 @@ def _rivals(diagnosis: Diagnosis, form: _Form, noise: Floats) -> list[_Rivals]:
     return found
 
 
-def _known(fitted: Fitted, dataset: Dataset, noise: Floats) -> _Form:
-    flights = [information(fitted.model, flight, dataset.groups, noise) for flight in dataset.flights]
+def _known(fitted: Fitted, dataset: Dataset, noise: Floats, considering: bool = False) -> _Form:
+    model, groups = fitted.model, dataset.groups
+    flights = [information(model, flight, groups, noise, considering=considering) for flight in dataset.flights]
     return _Form(fitted, _sum(fitted.model, flights))
 
 
