@@ -19,11 +19,12 @@ from quadctl.model import Model
 
 ROTOR_COEFFICIENT = 0.01
 """Standard deviation of the thrust coefficients of rotors of one batch, as a share."""
+UP = 2
 GROUND_SLOPE = math.tan(math.radians(0.5))
 """Of the ground against the frame of the log; the public RAPTOR logs have 0.9 degrees."""
 FORM = 0.1
-"""What a form is off by where it should be nothing, as a share of what the effect does in the flight: published forms
-of the ground effect differ by that."""
+"""What the form of an effect on the thrust is off by where it should be nothing, as a share of the root mean square of
+what it does: published forms of the ground effect differ by that, and more."""
 
 
 def error_slopes(model: Model, flight: Flight, groups: Sequence[str], here: Floats) -> Floats:
@@ -52,13 +53,12 @@ def _wrong(flight: Flight) -> list[Flight]:
 
 
 def _misshapen(model: Model, flight: Flight, here: Floats) -> Iterator[Floats]:
-    """Each effect with a form, off by a constant along each axis on which it acts."""
+    """Each effect that changes the thrust by a form, off by a constant."""
     for i, effect in enumerate(model.effects):
-        if not effect.depends_on or effect.retards:
+        if not effect.depends_on or effect.retards or effect not in model.effects_on_thrust:
             continue
         without = replace(model, stack=(*model.stack[:i], *model.stack[i + 1 :]))
-        does = np.sqrt(np.mean((here[:, :3] - predict(without, flight)) ** 2, axis=0))
-        for axis in range(3):
-            found = np.zeros_like(here)
-            found[:, axis] = FORM * does[axis]
-            yield found
+        does = here[:, UP] - predict(without, flight)[:, UP]
+        found = np.zeros_like(here)
+        found[:, UP] = FORM * np.sqrt(np.mean(does**2))
+        yield found

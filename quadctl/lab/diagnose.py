@@ -27,11 +27,11 @@ from quadctl.lab.candidate import (
     unseen_score,
 )
 from quadctl.lab.data import Dataset, rmse
-from quadctl.lab.fit import judged
+from quadctl.lab.fit import Fitter, judged
 from quadctl.lab.flexible import flexible_residual
 from quadctl.lab.flight import SPAN_UNITS
 from quadctl.lab.formula import Symbolic
-from quadctl.lab.parameters import free_parameters
+from quadctl.lab.parameters import free_parameters, intervals
 from quadctl.lab.significance import difference_p_value, improvement_p_value
 from quadctl.lab.starts import Unmodelled
 from quadctl.lab.symbolic import explain
@@ -177,7 +177,7 @@ def diagnose(
         model=model,
         dataset=dataset,
         verdict="missing" if missing else "unexplained" if unexplained else "none",
-        ranking=[*first, *sorted(others, key=lambda c: -c.held_out_drop)],
+        ranking=[*_beside_each_other(first, search.current, dataset), *sorted(others, key=lambda c: -c.held_out_drop)],
         missing=missing,
         steps=search.steps,
         best=search.current,
@@ -187,6 +187,22 @@ def diagnose(
         untried=_reasons(unfit, dataset),
         symbolic=symbolic,
     )
+
+
+def _beside_each_other(chosen: list[Candidate], best: Model, dataset: Dataset) -> list[Candidate]:
+    """The candidates with parameters and intervals as they come out of one fit of all of them."""
+    if len(chosen) < 2:
+        return chosen
+    fitter = Fitter(best, dataset)
+    fitted = fitter.fit()
+    ci = intervals(fitter.free, fitter.bootstrap(fitted))
+    families = [effect.family() for effect in fitted.model.effects]
+    found = []
+    for candidate in chosen:
+        index = families.index(candidate.family)
+        own = {f.parameter.name: c for f, c in zip(fitter.free, ci, strict=True) if f.effect == index}
+        found.append(candidate.fitted_as(fitted.model.effects[index], own))
+    return found
 
 
 class _Search:
