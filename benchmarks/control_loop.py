@@ -46,6 +46,8 @@ RAPTOR = ROOT / "config/vehicles/raptor.yaml"
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 VIEW_PORT = 8092
 IN_THE_AIR_M = 0.5
+MOST_TICKS = 100_000
+"""Of a flight: more than half an hour."""
 SHARES = (50.0, 99.0, 99.9, 100.0)
 HEADINGS = ("what", "p50", "p99", "p99.9", "max", "goal", "")
 
@@ -200,15 +202,33 @@ def _burning(processes: int) -> Iterator[None]:
             burner.wait()
 
 
+class Times:
+    """One value per tick, where memory for all of them is taken before the flight: a list would grow with it."""
+
+    def __init__(self) -> None:
+        self._values = np.full(MOST_TICKS, np.nan)
+        self._count = 0
+
+    def append(self, value: float) -> None:
+        self._values[self._count] = value
+        self._count += 1
+
+    def clear(self) -> None:
+        self._count = 0
+
+    def __len__(self) -> int:
+        return self._count
+
+    def to_list(self) -> list[float]:
+        return [float(value) for value in self._values[: self._count]]
+
+
 class Timed(MavsdkAutopilot):
     """The adapter with a stop watch."""
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
-        self.compute_s: list[float] = []
-        self.out_s: list[float] = []
-        self.age_s: list[float] = []
-        self.memory_mb: list[float] = []
+        self.compute_s, self.out_s, self.age_s, self.memory_mb = Times(), Times(), Times(), Times()
         self._asked_s = self._given_s = self._arrived_s = 0.0
         self._in_the_air, self._height_m = False, 0.0
         TIMED.append(self)
@@ -253,7 +273,7 @@ def _fly(url: str, mission: str, folder: str, view: bool) -> None:
     if not outcome.completed:
         sys.exit(f"the flight was not completed: {outcome.ended}")
     (timed,) = TIMED
-    found = {name: getattr(timed, name) for name in ("compute_s", "out_s", "age_s", "memory_mb")}
+    found = {name: getattr(timed, name).to_list() for name in ("compute_s", "out_s", "age_s", "memory_mb")}
     (Path(folder) / "out.json").write_text(json.dumps({"log": outcome.log, "cpu": cpu, **found}))
 
 
