@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 from hypothesis import settings
-from machine import Witness
 
 from quadctl.vehicle import Vehicle, load_vehicle
+from tests.machine import Witness
 
 pytest.register_assert_rewrite("watched", "log_files")
 
