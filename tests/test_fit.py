@@ -20,15 +20,18 @@ from quadctl.lab.candidate import Candidate
 from quadctl.lab.data import Dataset, HoldOut, load_dataset
 from quadctl.lab.diagnose import diagnose
 from quadctl.lab.fit import Fitter, judged, noise_scale
-from quadctl.lab.nuisance import KINDS, MOST, disturbed
+from quadctl.lab.flight import Flight
+from quadctl.lab.nuisance import KINDS, MOST, disturbed, rotor_moments_n_m
 from quadctl.lab.parameters import intervals, values_of
 from quadctl.lab.starts import Unmodelled, best_starts
+from quadctl.lab.sums import worth
 from quadctl.lab.tangent import Tangent
 from quadctl.logs.flight_log import RATES, FlightLog
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle, load_vehicle
 
 NOISE_M_S = 0.01
+HEXAROTOR = load_vehicle(Path(__file__).parent / "hidden/vehicles/hexarotor.yaml")
 SCALE_AND_GROUND = (ConstantScale(0.93), Exponential(a=0.3, b=6.0))
 
 
@@ -237,6 +240,29 @@ QUIET = 1e-5
 """Noise beside which all that a nuisance may do is seen."""
 
 
+class TestMoments:
+    @pytest.fixture
+    def flight(self, raptor: Vehicle) -> Flight:
+        (flight,) = load_dataset([obedient(Model(raptor))], raptor).flights
+        return flight
+
+    def test_their_samples_count_as_often_as_the_slow_filter_leaves_them_independent(self, flight: Flight) -> None:
+        """White noise through it: the variance of the mean, over that of one sample, is one over that number."""
+        white = np.random.default_rng(1).standard_normal((len(flight.time_s), 400))
+        slow = np.asarray(flight.slowly @ white)
+        independent = slow.var() / slow.mean(axis=0).var()
+        assert flight.slow_share * len(flight.time_s) == pytest.approx(independent, rel=0.2)
+        assert worth(flight, ("total", "turning")) == pytest.approx([1.0] * 3 + [flight.slow_share] * 3)
+
+    def test_about_yaw_motors_that_lean_turn_more_than_coefficients_do(self, raptor: Vehicle, flight: Flight) -> None:
+        """0.01 of the unit: four rotors 1 % off, and leaning 0.3 degrees at a lever of 0.124 sqrt(2) m."""
+        each = raptor.weight_n / 4.0 * flight.load
+        roll, _, yaw = 0.01 * rotor_moments_n_m(flight).T
+        assert roll == pytest.approx(0.01 * 2.0 * 0.124 * each)
+        lean, drag = np.radians(0.3) * 0.124 * np.sqrt(2.0), 0.01 * raptor.rotor.torque_to_thrust_m
+        assert yaw == pytest.approx(2.0 * np.hypot(lean, drag) * each)
+
+
 class TestTangent:
     def test_what_parameters_and_nuisances_do_leaves_no_rest_and_nothing_else_does(
         self, raptor: Vehicle, seen: Dataset
@@ -347,6 +373,19 @@ class TestToldApart:
         assert addition.after["pitch"] < 0.9 * addition.before["pitch"]
 
 
+class TestBesideEachOther:
+    def test_what_is_found_first_is_as_it_is_beside_what_is_found_next(self, raptor: Vehicle) -> None:
+        """By itself, the thrust scale makes up for a part of the ground effect too."""
+        data = load_dataset([obedient(stacked(raptor, *SCALE_AND_GROUND), noise_m_s=NOISE_M_S)], raptor)
+        found = diagnose(Model(raptor), data, [ConstantScale, Exponential])
+        assert sorted(found.missing) == ["ground_effect", "thrust_scale"]
+        scale = next(c for c in found.ranking if c.family == "thrust_scale")
+        (alone,) = Fitter(Model(raptor).plus(ConstantScale(1.0)), data).fit().model.effects
+        low, high = scale.ci95["factor"]
+        assert low < 0.93 < high < alone.values()["factor"]
+        assert low < scale.effect.values()["factor"] < high
+
+
 class TestNothingThere:
     @pytest.mark.parametrize("seed", [0, 1])
     def test_nothing_is_missing_from_a_flight_that_the_model_explains(self, raptor: Vehicle, seed: int) -> None:
@@ -380,6 +419,17 @@ class TestOtherAxes:
         """Yaw alone, with a trace of the others, is motors that lean."""
         leaning = self.candidate(raptor, WeakRotor(0.1), roll=0.098, pitch=0.098, yaw=0.05, turning=0.148)
         assert not leaning.supported
+
+    def test_what_lowers_the_error_of_the_thrust_is_no_weak_rotor_for_a_trace_of_moments(self, raptor: Vehicle) -> None:
+        scaled = self.candidate(raptor, WeakRotor(0.1), up=0.6, total=1.54, roll=0.095, pitch=0.095, turning=0.167)
+        assert not scaled.supported
+
+    def test_a_rotor_with_one_lever_must_explain_a_good_part_of_that_moment(self) -> None:
+        """A little of one moment is a centre of mass that is off."""
+        weak = WeakRotor(0.1, rotor=2.0)  # at x = 0
+        assert weak.shows_in(HEXAROTOR) == ("roll",)
+        assert not self.candidate(HEXAROTOR, weak, roll=0.09, turning=0.168).supported
+        assert self.candidate(HEXAROTOR, weak, roll=0.04, turning=0.147).supported
 
     def test_what_is_not_about_moments_is_not_judged_by_them(self, raptor: Vehicle) -> None:
         assert not self.candidate(raptor, ConstantScale(0.9), yaw=0.05, turning=0.15).supported

@@ -1,7 +1,7 @@
 """One effect tried on top of a model: fitted, judged on data that its fit did not see, supported by them or not."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -130,10 +130,6 @@ class Candidate:
             else "The unseen data do not support it."
         )
         return " ".join([self.effect.physics, verdict, *(f"Note: {remark}." for remark in self.remarks)])
-
-    def fitted_as(self, effect: Effect, ci95: dict[str, tuple[float, float]]) -> "Candidate":
-        """The same candidate with the parameters of `effect` and their intervals, as another fit has them."""
-        return replace(self, effect=effect, ci95=ci95)
 
     def to_dict(self) -> dict[str, Any]:
         return {

@@ -2,8 +2,8 @@
 
 Schmidt 1966 (consider parameters): what a fit makes of them follows from how they change the predictions, and widens
 the intervals. They are the same in all flights, so more flights do not average them out. Some are of the set-up: rotors
-that are not all alike, ground that slopes. The others are of the model: an effect that depends on
-something has a form, and no form is quite that of nature.
+that are not all alike, ground that slopes. The others are of the model: an effect that depends on something has a form,
+and no form is quite that of nature.
 """
 
 import math
@@ -13,18 +13,18 @@ from dataclasses import replace
 import numpy as np
 
 from quadctl.lab.arrays import Floats
-from quadctl.lab.data import predict, predict_targets
+from quadctl.lab.data import AXES, predict, predict_targets
 from quadctl.lab.flight import Flight
 from quadctl.model import Model
 
 ROTOR_COEFFICIENT = 0.01
 """Standard deviation of the thrust coefficients of rotors of one batch, as a share."""
-UP = 2
 GROUND_SLOPE = math.tan(math.radians(0.5))
 """Of the ground against the frame of the log; the public RAPTOR logs have 0.9 degrees."""
 FORM = 0.1
 """What the form of an effect on the thrust is off by where it should be nothing, as a share of the root mean square of
 what it does: published forms of the ground effect differ by that, and more."""
+UP = AXES.index("up")
 
 
 def error_slopes(model: Model, flight: Flight, groups: Sequence[str], here: Floats) -> Floats:

@@ -201,7 +201,7 @@ def _beside_each_other(chosen: list[Candidate], best: Model, dataset: Dataset) -
     for candidate in chosen:
         index = families.index(candidate.family)
         own = {f.parameter.name: c for f, c in zip(fitter.free, ci, strict=True) if f.effect == index}
-        found.append(candidate.fitted_as(fitted.model.effects[index], own))
+        found.append(replace(candidate, effect=fitted.model.effects[index], ci95=own))
     return found
 
 
