@@ -14,7 +14,7 @@ from quadctl.effects.rotor_fault import WeakRotor
 from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.lab import considered
 from quadctl.lab.considered import FORM, GROUND_SLOPE, ROTOR_COEFFICIENT, error_slopes
-from quadctl.lab.data import load_dataset, predict_targets
+from quadctl.lab.data import Dataset, load_dataset, predict_targets
 from quadctl.lab.fit import Fitter
 from quadctl.lab.flight import Flight
 from quadctl.lab.prepare import prepare
@@ -75,11 +75,10 @@ def test_what_has_no_form_or_vanishes_in_hover_is_not_off(raptor: Vehicle, fligh
 def test_a_thrust_scale_is_less_sure_beside_a_form(raptor: Vehicle, monkeypatch: pytest.MonkeyPatch) -> None:
     """A ground effect whose tail is a little other than ours is a little more thrust everywhere."""
     model = Model(raptor).plus(ConstantScale(1.0)).plus(Exponential(0.3, 6.0))
-    fitter = Fitter(model, load_dataset([obedient(model, 60.0, noise_m_s=0.002)], raptor))
-    fitted = fitter.fit()
-    wide = float(np.std(fitter.bootstrap(fitted)[:, 0]))
+    data = load_dataset([obedient(model, 60.0, noise_m_s=0.002)], raptor)
+    wide = _spread(model, data)
     monkeypatch.setattr(considered, "FORM", 0.0)
-    assert wide > 1.2 * float(np.std(fitter.bootstrap(fitted)[:, 0]))
+    assert wide > 1.2 * _spread(model, data)
 
 
 def test_intervals_grow_by_what_rotors_of_one_batch_differ(raptor: Vehicle, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -89,8 +88,13 @@ def test_intervals_grow_by_what_rotors_of_one_batch_differ(raptor: Vehicle, monk
     turned = {f"motor{i}_rpm": log[f"motor{i}_rpm"] * (1.0 + sign * 0.05 * swing) for i, sign in ((1, 1.0), (2, -1.0))}
     turned["motor1_rpm"] = turned["motor1_rpm"] / np.sqrt(0.9)
     data = load_dataset([dataclasses.replace(log, columns={**log.columns, **turned})], raptor)
-    fitter = Fitter(Model(raptor).plus(WeakRotor(rotor=1.0)), data)
-    fitted = fitter.fit()
-    wide = float(np.std(fitter.bootstrap(fitted)[:, 0]))
+    model = Model(raptor).plus(WeakRotor(rotor=1.0))
+    wide = _spread(model, data)
     monkeypatch.setattr(considered, "ROTOR_COEFFICIENT", 0.0)
-    assert wide > 1.5 * float(np.std(fitter.bootstrap(fitted)[:, 0]))
+    assert wide > 1.5 * _spread(model, data)
+
+
+def _spread(model: Model, data: Dataset) -> float:
+    """Standard deviation of the first parameter."""
+    fitter = Fitter(model, data)
+    return float(np.std(fitter.bootstrap(fitter.fit())[:, 0]))

@@ -197,13 +197,13 @@ def test_the_wind_does_not_stand_back_for_what_is_no_drag(raptor: Vehicle) -> No
     assert model.side_force(14.7, c) == pytest.approx((0.8711693, 0.0, 0.0), abs=1e-7)
 
 
-def test_a_wind_is_believed_where_headings_differ_or_where_no_tilt_pushes_as_hard(raptor: Vehicle) -> None:
+def test_a_wind_is_told_from_a_tilt_where_headings_differ_or_where_no_tilt_pushes_as_hard(raptor: Vehicle) -> None:
     straight = [at(attitude=quaternion_from_euler(*np.zeros((2, 5)), np.radians([0, 10, 20, 10, 0])))]
     turning = [at(attitude=quaternion_from_euler(*np.zeros((2, 5)), np.radians([0, 90, 180, 270, 360])))]
     weak, strong = SteadyWind(1.0, 0.0, drag=0.3), SteadyWind(0.0, -2.0, drag=0.3)  # 0.3 and 0.6 m/s^2
-    assert not weak.believable(straight, raptor)
-    assert weak.believable(turning, raptor)
-    assert strong.believable(straight, raptor)
+    assert not weak.distinct(straight, raptor)
+    assert weak.distinct(turning, raptor)
+    assert strong.distinct(straight, raptor)
 
 
 # --- thrust curve --------------------------------------------------------------------------------------------------

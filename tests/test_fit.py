@@ -11,9 +11,12 @@ from flights import obedient, simulated
 from quadctl.effects import CATALOG, Effect
 from quadctl.effects.ground_effect import Exponential
 from quadctl.effects.payload import MassStep
+from quadctl.effects.rotor_drag import LinearDrag
 from quadctl.effects.rotor_fault import WeakRotor
 from quadctl.effects.rotor_interaction import FrontWake
 from quadctl.effects.thrust_scale import ConstantScale
+from quadctl.effects.thrust_tilt import FixedTilt
+from quadctl.effects.wind import SteadyWind
 from quadctl.lab.add import add
 from quadctl.lab.arrow import Arrow
 from quadctl.lab.candidate import Candidate
@@ -32,6 +35,11 @@ from quadctl.vehicle import Vehicle, load_vehicle
 
 NOISE_M_S = 0.01
 HEXAROTOR = load_vehicle(Path(__file__).parent / "hidden/vehicles/hexarotor.yaml")
+WIND = [("wind.steady", {"north_m_s": 0.7, "east_m_s": -0.5, "drag": 0.35})]
+DRAG_AND_TILT = [
+    ("rotor_drag.linear", {"d_x": 0.45, "d_y": 0.25}),
+    ("thrust_tilt.fixed", {"roll_deg": 0.9, "pitch_deg": -1.2}),
+]
 SCALE_AND_GROUND = (ConstantScale(0.93), Exponential(a=0.3, b=6.0))
 
 
@@ -249,7 +257,7 @@ class TestMoments:
     def test_their_samples_count_as_often_as_the_slow_filter_leaves_them_independent(self, flight: Flight) -> None:
         """White noise through it: the variance of the mean, over that of one sample, is one over that number."""
         white = np.random.default_rng(1).standard_normal((len(flight.time_s), 400))
-        slow = np.asarray(flight.slowly @ white)
+        slow = flight.slowly(white)
         independent = slow.var() / slow.mean(axis=0).var()
         assert flight.slow_share * len(flight.time_s) == pytest.approx(independent, rel=0.2)
         assert worth(flight, ("total", "turning")) == pytest.approx([1.0] * 3 + [flight.slow_share] * 3)
@@ -365,6 +373,38 @@ class TestToldApart:
         found = add(MassStep, Model(raptor), data_of(stacked(raptor, MassStep(mass_kg, time_s)))).added.values()
         assert found["time_s"] == pytest.approx(time_s, abs=0.5)
         assert found["mass_kg"] == pytest.approx(mass_kg, rel=0.1)
+
+    @pytest.mark.parametrize(
+        ("mission", "truth", "missing", "confounded"),
+        [
+            # One heading: one effect is a simpler explanation than two, but where both do as well, both are named.
+            ("figure8", WIND, ["wind"], [["wind", "thrust_tilt"]]),
+            ("figure8", DRAG_AND_TILT, ["rotor_drag", "thrust_tilt"], [["thrust_tilt", "wind"]]),
+            ("headings", WIND, ["wind"], []),
+            ("headings", DRAG_AND_TILT, ["rotor_drag", "thrust_tilt"], []),
+        ],
+    )
+    def test_a_weak_wind_is_told_from_a_tilted_thrust_by_headings_that_differ(
+        self,
+        raptor: Vehicle,
+        tmp_path: Path,
+        mission: str,
+        truth: list[tuple[str, dict[str, float]]],
+        missing: list[str],
+        confounded: list[list[str]],
+    ) -> None:
+        data = load_dataset([simulated(mission, truth, 2, tmp_path)], raptor)
+        found = diagnose(Model(raptor), data, [SteadyWind, LinearDrag, FixedTilt])
+        assert (found.missing, found.confounded) == (missing, confounded)
+        assert found.suggested_mission == ("missions/headings.yaml" if confounded else None)
+
+    def test_more_is_found_beside_a_wind_that_the_data_do_not_tell_from_a_tilt(
+        self, raptor: Vehicle, tmp_path: Path
+    ) -> None:
+        truth = [*WIND, ("thrust_scale.constant", {"factor": 0.94})]
+        data = load_dataset([simulated("figure8", truth, 2, tmp_path)], raptor)
+        known = Model(raptor).plus(SteadyWind(0.7, -0.5, 0.35))
+        assert diagnose(known, data, [ConstantScale, FixedTilt]).missing == ["thrust_scale"]
 
     def test_a_wake_is_seen_in_the_pitching_moment(self, raptor: Vehicle, tmp_path: Path) -> None:
         log = simulated("forward_runs", [("rotor_interaction.wake", {"loss": 0.4})], 2, tmp_path)

@@ -165,6 +165,10 @@ class Effect:
         """Whether parameters fitted to these flights are what the effect can be, or the form stands in for another."""
         return True
 
+    def distinct(self, flights: Sequence[Conditions], vehicle: Vehicle) -> bool:
+        """Whether these flights can tell it, with the parameters fitted to them, from what looks like it."""
+        return True
+
     def mismatch(self, vehicle: Vehicle) -> str:
         """Why these parameters cannot be those of `vehicle`; empty: they can."""
         return ""

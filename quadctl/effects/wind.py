@@ -52,8 +52,8 @@ class SteadyWind(Effect):
     def negligible(self) -> bool:
         return math.hypot(self.north_m_s, self.east_m_s) < LEAST_M_S
 
-    def believable(self, flights: Sequence[Conditions], vehicle: Vehicle) -> bool:
-        """Without different headings only a push that no tilted thrust would give is a wind."""
+    def distinct(self, flights: Sequence[Conditions], vehicle: Vehicle) -> bool:
+        """Without different headings only a push that no tilted thrust would give is told from one."""
         headings = [np.degrees(np.unwrap(euler_from_quaternion(c.attitude)[2])) for c in flights]
         turned = max(float(h.max()) for h in headings) - min(float(h.min()) for h in headings) > TURNED_DEG
         return turned or self.drag * math.hypot(self.north_m_s, self.east_m_s) > TILT_M_S2

@@ -62,7 +62,10 @@ class Candidate:
     worst_flight: float = 0.0
     """The least of the shares taken off the error of each moment in each flight, or 0 where none is negative."""
     believable: bool = True
-    """The parameters are what the effect can be; otherwise its form stands in for another."""
+    """The parameters are what the effect can be, and those of the others remain so; otherwise its form stands in for
+    another."""
+    distinct: bool = True
+    """These data tell it from what looks like it."""
 
     @property
     def family(self) -> str:
@@ -104,11 +107,20 @@ class Candidate:
     @property
     def supported(self) -> bool:
         """The data that its fit did not see say that it is there, and it is more than a trim."""
-        return self.seen and self.largest_drop > MATERIAL and not self.effect.negligible()
+        return self.distinct and self.plausible
+
+    @property
+    def plausible(self) -> bool:
+        """Supported, be it that the data do not tell it from what looks like it."""
+        return self._shown and self.largest_drop > MATERIAL and not self.effect.negligible()
 
     @property
     def seen(self) -> bool:
         """It is there, be it only as what is a little off in every vehicle."""
+        return self.distinct and self._shown
+
+    @property
+    def _shown(self) -> bool:
         helps = self.held_out_drop > 0.0 and not self.harmful and self.p_value < SIGNIFICANT
         shown = [self.drops.get(axis, 0.0) for axis in self.effect.shows_in(self.model.vehicle)]
         turned = [self.drops.get(axis, 0.0) for axis in MOMENTS]
@@ -122,9 +134,12 @@ class Candidate:
     @property
     def text(self) -> str:
         axis = max(self.drops, key=self.drops.__getitem__)
+        helps = f"It takes {self.held_out_drop:.0%} off the unseen error, {self.largest_drop:.0%} on the {axis} axis."
         verdict = (
-            f"It takes {self.held_out_drop:.0%} off the unseen error, {self.largest_drop:.0%} on the {axis} axis."
+            helps
             if self.supported
+            else f"{helps} These data cannot tell it from what looks like it (told by {self.effect.told_apart_by})."
+            if self.plausible
             else "It is within the trims of any real vehicle."
             if self.effect.negligible() and self.p_value < SIGNIFICANT
             else "The unseen data do not support it."
@@ -175,7 +190,8 @@ def try_effect(effect: type[Effect], left: Unmodelled, n_tried: int) -> Candidat
         residual=after,
         worst_flight=_worst_flight(residual, after, dataset),
         remarks=remarks([f for f, _ in own], values, [c for _, c in own]),
-        believable=believable(fitted.model, dataset),
+        believable=unbelievable(fitted.model, dataset) <= unbelievable(left.model, dataset),
+        distinct=effect.name not in indistinct(fitted.model, dataset),
     )
 
 
@@ -205,10 +221,16 @@ def _worst_flight(before: Floats, after: Floats, dataset: Dataset) -> float:
     return worst
 
 
-def believable(model: Model, dataset: Dataset) -> bool:
-    """Whether all effects of a model fitted to `dataset` have parameters that they can have."""
+def unbelievable(model: Model, dataset: Dataset) -> set[str]:
+    """Effects of a model fitted to `dataset` whose parameters are not what they can be, by name."""
     flights = [flight.conditions for flight in dataset.flights]
-    return all(effect.believable(flights, model.vehicle) for effect in model.acting)
+    return {effect.name for effect in model.acting if not effect.believable(flights, model.vehicle)}
+
+
+def indistinct(model: Model, dataset: Dataset) -> set[str]:
+    """Effects of a model fitted to `dataset` that it does not tell from what looks like them, by name."""
+    flights = [flight.conditions for flight in dataset.flights]
+    return {effect.name for effect in model.acting if not effect.distinct(flights, model.vehicle)}
 
 
 def unseen_score(residual: Floats) -> float:

@@ -194,7 +194,7 @@ def predict_torque(model: Model, flight: Flight) -> Floats:
     if not turning.stack:
         return flight.nominal_torque
     torque = turning.body_torque(flight.nominal_n, flight.conditions)
-    return np.asarray(flight.slowly @ np.column_stack([flight.filtered(component) for component in torque]))
+    return flight.slowly(np.column_stack([flight.filtered(component) for component in torque]))
 
 
 def predict_imu_error(model: Model, flight: Flight) -> Floats:

@@ -2,7 +2,8 @@
 
 `missing` is built step by step: the best significant candidate is added, all parameters are refitted together, and the
 rest are tried again, until nothing significant is left; then each family that has become superfluous once the others
-are in is taken out again.
+are in is taken out again. Where an effect that these data do not tell from another would have needed fewer beside it,
+it is taken.
 """
 
 from collections.abc import Callable, Iterable
@@ -21,9 +22,10 @@ from quadctl.lab.candidate import (
     MATERIAL,
     SIGNIFICANT,
     Candidate,
-    believable,
+    indistinct,
     parameters_in_words,
     try_effect,
+    unbelievable,
     unseen_score,
 )
 from quadctl.lab.data import Dataset, rmse
@@ -157,8 +159,7 @@ def diagnose(
     present = {effect.family() for effect in model.effects}
     pool = [e for e in pool if e.family() not in present and e.candidate and e.applies_to(model.vehicle)]
     unfit = [e for e in pool if any(dataset.span(variable) < span for variable, span in e.needs.items())]
-    search = _Search(model, dataset, [effect for effect in pool if effect not in unfit], progress)
-    search.run()
+    search = _searched(_Search(model, dataset, [effect for effect in pool if effect not in unfit], progress))
     progress("looking at what is left")
     # What a small effect explains, less than what is called missing, is not unexplained.
     trims = [candidate.residual for candidate in search.latest.values() if candidate.seen and not candidate.supported]
@@ -172,7 +173,8 @@ def diagnose(
         search.forget()
     missing = search.missing
     first = [candidate for candidate in search.chosen if candidate.family in missing]
-    others = [candidate for candidate in search.latest.values() if candidate not in first]
+    shown = {candidate.effect.name for candidate in first}
+    others = [candidate for name, candidate in search.latest.items() if name not in shown]
     return Diagnosis(
         model=model,
         dataset=dataset,
@@ -226,6 +228,10 @@ class _Search:
         self._failures: dict[str, int] = {}
         """How often running each effect was of no use."""
         self.confounded: list[list[str]] = []
+        self._look_alikes: list[Candidate] = []
+        """Of the last round: what would be supported, if these data could tell it from something else."""
+        self.passed_over: list[Candidate] = []
+        """Those of the first round."""
 
     def run(self) -> None:
         """Add what is missing, take out what has become superfluous."""
@@ -233,11 +239,19 @@ class _Search:
         while supported := self._supported():
             # Look-alikes are those that did as well as the one chosen and are not needed once it is in.
             self._note(alike, {candidate.family for candidate in supported})
-            chosen, alike = _choose(supported, self.dataset)
-            self._take(chosen)
+            chosen, alike = _choose(supported, self._look_alikes, self.dataset)
+            self.passed_over = self.passed_over if self.chosen else self._look_alikes
+            self.take(chosen)
         self._note(alike, set())
         for family in self.missing[:-1]:
             self._drop_if_superfluous(family)
+
+    def begun_with(self, candidate: Candidate) -> "_Search":
+        """Another search, with `candidate` taken first."""
+        other = _Search(self.start, self.dataset, self.pool, self.progress)
+        other.latest = dict(self.latest)
+        other.take(candidate)
+        return other
 
     def forget(self) -> None:
         """Back to the beginning: what was found is not what is there."""
@@ -248,9 +262,11 @@ class _Search:
         """The candidates that the data support on top of the current model, the best first."""
         pool = [effect for effect in self.pool if effect.family() not in self.missing]
         left = Unmodelled(self.current, self.residual, self.dataset)
+        self._look_alikes = []
         promising = [effect for effect in pool if self._failures.get(effect.name, 0) < 2]
         for effects in (promising, [effect for effect in pool if effect not in promising]):
             tried = self._try(effects, left)
+            self._look_alikes += [c for c in tried if c.plausible and not c.distinct]
             supported = [candidate for candidate in tried if candidate.supported]
             if supported:
                 return sorted(supported, key=lambda candidate: candidate.score)
@@ -268,7 +284,7 @@ class _Search:
             tried.append(candidate)
         return tried
 
-    def _take(self, chosen: Candidate) -> None:
+    def take(self, chosen: Candidate) -> None:
         self.current, self.residual = chosen.model, chosen.residual
         self.missing.append(chosen.family)
         self.chosen.append(chosen)
@@ -283,7 +299,9 @@ class _Search:
         smaller, without = judged(replace(self.start, stack=kept), self.dataset)
         p_value = improvement_p_value(without, without - self.residual, self.dataset)
         needed = p_value < SIGNIFICANT and _largest_gain(without, self.residual) > MATERIAL
-        if needed or not believable(smaller, self.dataset):
+        doubtful = unbelievable(smaller, self.dataset) | indistinct(smaller, self.dataset)
+        doubtful -= unbelievable(self.current, self.dataset) | indistinct(self.current, self.dataset)
+        if needed or doubtful:
             return
         self.current, self.residual = smaller, without
         self.missing = [name for name in self.missing if name != family]
@@ -291,16 +309,35 @@ class _Search:
         self.steps = [*(step for step in self.steps[:-1] if step.family != family), last]
 
 
-def _choose(supported: list[Candidate], dataset: Dataset) -> tuple[Candidate, list[str]]:
-    """The best candidate, and the other families that do as well.
+def _searched(search: _Search) -> _Search:
+    """The search, run, or one that begins with what it passed over and explains as much by fewer effects."""
+    search.run()
+    for candidate in sorted(search.passed_over, key=lambda c: c.score):
+        if len(search.missing) < 2 or candidate.family in search.missing:
+            break
+        other = search.begun_with(candidate)
+        other.run()
+        worse_by = unseen_score(other.residual) - unseen_score(search.residual)
+        alike = difference_p_value(search.residual, other.residual, search.dataset) > ALIKE
+        as_good = worse_by < 0.0 or (worse_by < AS_GOOD and alike)
+        if len(other.missing) < len(search.missing) and as_good:
+            replaced = [family for family in search.missing if family not in other.missing]
+            other.confounded.append([candidate.family, replaced[-1]])
+            return other
+    return search
+
+
+def _choose(supported: list[Candidate], look_alikes: list[Candidate], dataset: Dataset) -> tuple[Candidate, list[str]]:
+    """The best candidate, and the other families that do as well, `look_alikes` among them.
 
     Each family stands with its best variant. Of families that do as well as the best, to the percent and to what these
     data can tell, the one with the fewest parameters is taken.
     """
     best = supported[0]
-    leaders = [c for i, c in enumerate(supported) if c.family not in {other.family for other in supported[:i]}]
+    every = [*supported, *look_alikes]
+    leaders = [c for i, c in enumerate(every) if c.family not in {other.family for other in every[:i]}]
     alike = [c for c in leaders if c is best or difference_p_value(best.residual, c.residual, dataset) > ALIKE]
-    as_good = [c for c in alike if c.score < best.score + AS_GOOD]
+    as_good = [c for c in alike if c.supported and c.score < best.score + AS_GOOD]
     chosen = min(as_good, key=lambda c: (len(free_parameters(c.model)), c.score))
     return chosen, sorted({c.family for c in alike} - {chosen.family})
 

@@ -56,6 +56,23 @@ class Fitted:
         return np.concatenate([predicted_with(self.model, f, nuisance, dataset.groups) for f, nuisance in flights])
 
 
+@dataclass(frozen=True, eq=False)
+class _Around:
+    """What the samples leave behind at a fit to all of them, to first order in what changes."""
+
+    residual: Floats
+    scale: Floats
+    """Of the noise, per axis."""
+    sums: Floats
+    """Of every block of time, weighted by the soft-L1 loss, shape (blocks, m, m)."""
+    starts: NDArray[np.intp]
+    """Where the blocks begin."""
+    power: Floats
+    """Plain squares of the slopes to the parameters, shape (p,)."""
+    pulls: Floats
+    """Products of each flight's slopes and its errors that are not fitted, shape (errors, flights, m - 1)."""
+
+
 class Fitter:
     """Fits one form of model, and the nuisances of each flight, to parts of one dataset.
 
@@ -73,6 +90,7 @@ class Fitter:
         self._high = np.concatenate([[f.parameter.high for f in self.free], np.tile(MOST, count)])
         self._unit = self._high - self._low
         self._usual = usual_sizes(model)
+        self._last: tuple[Fitted, _Around] | None = None
 
     @one_blas_thread
     def fit(self, used: Mask | None = None, start: Fitted | None = None) -> Fitted:
@@ -117,18 +135,16 @@ class Fitter:
 
     def _without_blocks(self, fitted: Fitted) -> Floats:
         """Residual of refits, to first order, that have not seen the blocks of the fold."""
-        residual = self._residual(fitted, self._all())
-        scale = noise_scale(residual)
-        sums, starts = self._sums_by_block(fitted.model, residual, scale)[:2]
-        fold = self.dataset.fold[starts]
-        first = np.flatnonzero(np.diff(self.dataset.flight_index[starts], prepend=-1))
+        here = self._around(fitted)
+        fold = self.dataset.fold[here.starts]
+        first = np.flatnonzero(np.diff(self.dataset.flight_index[here.starts], prepend=-1))
         moves = self._moves(fitted)
-        left = np.empty_like(residual)
+        left = np.empty_like(here.residual)
         for number in self.dataset.folds:
             held = self.dataset.fold == number
-            seen = np.add.reduceat(sums * (fold != number)[:, None, None], first, axis=0)
+            seen = np.add.reduceat(here.sums * (fold != number)[:, None, None], first, axis=0)
             step = self._unit * self._equations(seen, -fitted.nuisances).solve(moves)
-            left[held] = self._downhill(fitted, residual, step, scale, ~held)[1][held]
+            left[held] = self._downhill(fitted, here.residual, step, here.scale, ~held)[1][held]
         return left
 
     @one_blas_thread
@@ -142,10 +158,8 @@ class Fitter:
         p = len(self.free)
         if not p:
             return np.empty((BOOTSTRAPS, 0))
-        residual = self._residual(fitted, self._all())
-        scale = noise_scale(residual)
-        sums, starts, power = self._sums_by_block(fitted.model, residual, scale)
-        count = len(starts)
+        here = self._around(fitted)
+        count = len(here.starts)
         random = np.random.default_rng(seed)
         times, alike = np.empty((BOOTSTRAPS, count), dtype=np.uint16), np.full(count, 1.0 / count)
         for draw in times:
@@ -153,13 +167,13 @@ class Fitter:
         centres = self._usual * random.standard_normal((BOOTSTRAPS, *fitted.nuisances.shape))
         # Few blocks know little of their own spread: Student's t for the normal distribution, n - 1 for n.
         wider = float(stats.t.ppf(0.975, count - 1)) / 1.96 * math.sqrt(count / (count - 1)) if count > 1 else 1.0
-        first = np.flatnonzero(np.diff(self.dataset.flight_index[starts], prepend=-1))
+        first = np.flatnonzero(np.diff(self.dataset.flight_index[here.starts], prepend=-1))
         moves = self._moves(fitted)
-        steps = self._considered_steps(fitted, residual, scale, np.add.reduceat(sums, first, axis=0), random)
+        steps = self._considered_steps(fitted, np.add.reduceat(here.sums, first, axis=0), here.pulls, random)
         at_once = max(1, WEIGHTS_AT_ONCE // count)
         for begin in range(0, BOOTSTRAPS, at_once):
             now = slice(begin, begin + at_once)
-            drawn = resampled_sums(sums, times[now], first)
+            drawn = resampled_sums(here.sums, times[now], first)
             equations = self._equations(drawn, centres[now] - fitted.nuisances)
             steps[now] += equations.solve(moves)[:, :p]
         steps *= wider * self._unit[:p]
@@ -168,7 +182,7 @@ class Fitter:
         lowest, highest = np.percentile(draws, [2.5, 97.5], axis=0)
         # Where the refits go on, the fit came to rest in a flat valley.
         adrift = (values < lowest) | (values > highest)
-        unseen = adrift | self._unseen(power) | self._unseen_at_bounds(values, draws, scale)
+        unseen = adrift | self._unseen(here.power) | self._unseen_at_bounds(values, draws, here.scale)
         either = random.integers(0, 2, size=draws.shape)
         # A parameter that is not seen may be anything that is possible.
         draws[:, unseen] = np.where(either, high, low)[:, unseen]
@@ -195,22 +209,13 @@ class Fitter:
         scaled[..., p:-1, -1] += own / self._usual**2 * pull
         return Arrow.of_sums(scaled, p).ridged()
 
-    def _considered_steps(
-        self, fitted: Fitted, residual: Floats, scale: Floats, sums: Floats, random: np.random.Generator
-    ) -> Floats:
+    def _considered_steps(self, fitted: Fitted, sums: Floats, pulls: Floats, random: np.random.Generator) -> Floats:
         """Where draws of errors that are not fitted lead the parameters, in units of their ranges, shape (draws, p).
 
-        `sums` are those of each flight; its nuisances take up what they can of an error.
+        `sums` are those of each flight, which takes up with its nuisances what it can of the `pulls` of an error.
         """
-        pulls = []
-        for flight, part in zip(self.dataset.flights, self.dataset.parts, strict=True):
-            columns = slopes_and_residual(fitted.model, flight, self.dataset.groups, residual[part], scale)
-            here = predict_targets(fitted.model, flight, self.dataset.groups)
-            errors = error_slopes(fitted.model, flight, self.dataset.groups, here) / scale[:, None]
-            weighted = columns[..., :-1] * robust_weights(columns, worth(flight, self.dataset.groups))[..., None]
-            pulls.append(np.einsum("nam,nak->km", weighted, errors))
-        pulled = np.repeat(sums[None], len(pulls[0]), axis=0)
-        pulled[..., :-1, -1] = np.stack(pulls, axis=1)
+        pulled = np.repeat(sums[None], len(pulls), axis=0)
+        pulled[..., :-1, -1] = pulls
         led = self._equations(pulled, np.zeros_like(fitted.nuisances)).solve(self._moves(fitted))[:, : len(self.free)]
         return np.asarray(random.standard_normal((BOOTSTRAPS, len(led))) @ led)
 
@@ -307,20 +312,29 @@ class Fitter:
                 plain[i] = products(columns)
         return robust, plain
 
-    def _sums_by_block(self, model: Model, residual: Floats, scale: Floats) -> tuple[Floats, NDArray[np.intp], Floats]:
-        """Sums of every block of time, weighted by the soft-L1 loss; where the blocks begin; plain squares of the
-        slopes to the parameters, shape (p,)."""
-        p = len(self.free)
+    def _around(self, fitted: Fitted) -> _Around:
+        """What the samples leave behind at `fitted`; kept, for intervals are asked for after the unseen error."""
+        if self._last is None or self._last[0] is not fitted:
+            self._last = fitted, self._summed_up(fitted)
+        return self._last[1]
+
+    def _summed_up(self, fitted: Fitted) -> _Around:
+        model, groups, p = fitted.model, self.dataset.groups, len(self.free)
+        residual = self._residual(fitted, self._all())
+        scale = noise_scale(residual)
         starts = np.flatnonzero(np.diff(self.dataset.block, prepend=-1))
-        sums, power = [], np.zeros(p)
+        sums, pulls, power = [], [], np.zeros(p)
         for flight, part in zip(self.dataset.flights, self.dataset.parts, strict=True):
-            columns = slopes_and_residual(model, flight, self.dataset.groups, residual[part], scale)
-            weights = robust_weights(columns, worth(flight, self.dataset.groups))
+            columns = slopes_and_residual(model, flight, groups, residual[part], scale)
+            weights = robust_weights(columns, worth(flight, groups))
             within = starts[(starts >= part.start) & (starts < part.stop)] - part.start
             for begin, end in zip(within, [*within[1:], len(columns)], strict=True):
                 sums.append(products(columns[begin:end], weights[begin:end]))
-            power += np.einsum("nap,nap->p", columns[..., :p], columns[..., :p])
-        return np.array(sums), starts, power
+            slopes = columns[..., :-1]
+            errors = error_slopes(model, flight, groups, predict_targets(model, flight, groups)) / scale[:, None]
+            pulls.append(np.einsum("nam,nak->km", slopes * weights[..., None], errors))
+            power += np.einsum("nap,nap->p", slopes[..., :p], slopes[..., :p])
+        return _Around(residual, scale, np.array(sums), starts, power, np.stack(pulls, axis=1))
 
     def _power(self, model: Model, scale: Floats) -> Floats:
         """Sum of squares of the slopes to the parameters of `model`, in units of the noise, shape (p,)."""

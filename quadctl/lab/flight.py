@@ -19,6 +19,28 @@ MOMENTS_S = 0.5
 this way and that within one is inertia that vehicle files tell by a guess, and rotor speeds that come late."""
 
 
+class SlowFilter:
+    """The filter of the moments over the samples at `time_s`. Its matrix is made when first asked for, and is shared by
+    all copies of a flight."""
+
+    def __init__(self, time_s: Floats) -> None:
+        self._time_s = time_s
+
+    def __call__(self, values: Floats) -> Floats:
+        """Values at the samples, shape (n,) or (n, k), filtered."""
+        return np.asarray(self._matrix @ values)
+
+    @cached_property
+    def _matrix(self) -> csr_matrix:
+        n = len(self._time_s)
+        reach = math.ceil(3.0 * MOMENTS_S / float(np.median(np.diff(self._time_s))))
+        here = np.arange(n)[:, None] + np.zeros(2 * reach + 1, dtype=int)
+        there = np.clip(np.arange(n)[:, None] + np.arange(-reach, reach + 1), 0, n - 1)
+        weights = np.exp(-0.5 * ((self._time_s[there] - self._time_s[here]) / MOMENTS_S) ** 2)
+        weights /= weights.sum(axis=1, keepdims=True)
+        return csr_matrix((weights.ravel(), (here.ravel(), there.ravel())), shape=(n, n))
+
+
 @dataclass(frozen=True, eq=False)
 class Flight:
     """One prepared flight. `grid` signals are raw on an even clock, `samples` are filtered and nearly independent."""
@@ -35,6 +57,8 @@ class Flight:
     """Filter and sampling in one: (n, m), applied to any signal on the grid."""
     time_s: Floats
     """Of the samples, shape (n,)."""
+    slowly: SlowFilter
+    """Applied to the measured and the predicted torque at the samples."""
     measured: Floats
     """Filtered kinematic acceleration, north, east, up, shape (n, 3)."""
     block: NDArray[np.int64]
@@ -61,17 +85,6 @@ class Flight:
         return np.asarray(self.smooth @ np.broadcast_to(np.asarray(signal, dtype=float), self.grid_s.shape))
 
     @cached_property
-    def slowly(self) -> csr_matrix:
-        """The filter of the moments over the samples, (n, n): applied to the measured and the predicted torque."""
-        n = len(self.time_s)
-        reach = math.ceil(3.0 * MOMENTS_S / float(np.median(np.diff(self.time_s))))
-        here = np.arange(n)[:, None] + np.zeros(2 * reach + 1, dtype=int)
-        there = np.clip(np.arange(n)[:, None] + np.arange(-reach, reach + 1), 0, n - 1)
-        weights = np.exp(-0.5 * ((self.time_s[there] - self.time_s[here]) / MOMENTS_S) ** 2)
-        weights /= weights.sum(axis=1, keepdims=True)
-        return csr_matrix((weights.ravel(), (here.ravel(), there.ravel())), shape=(n, n))
-
-    @cached_property
     def slow_share(self) -> float:
         """Independent moments per sample: a Gaussian filter makes one of those within 2 sqrt(pi) of its deviations."""
         every_s = float(np.median(np.diff(self.time_s)))
@@ -80,18 +93,18 @@ class Flight:
     @cached_property
     def moments(self) -> Floats | None:
         """`torque`, slowly."""
-        return None if self.torque is None else np.asarray(self.slowly @ self.torque)
+        return None if self.torque is None else self.slowly(self.torque)
 
     @cached_property
     def nominal_torque(self) -> Floats:
         """Torque of the nominal rotor thrusts, filtered and slowly, FRD, N m, shape (n, 3)."""
         torque = self.smooth @ (np.column_stack(self.nominal_n) @ np.array(self.vehicle.moment_arms_m))
-        return np.asarray(self.slowly @ torque)
+        return self.slowly(np.asarray(torque))
 
     @cached_property
     def load(self) -> Floats:
         """Nominal thrust of all rotors over the weight, filtered and slowly, shape (n,)."""
-        return np.asarray(self.slowly @ self.filtered(sum(self.nominal_n))) / self.vehicle.weight_n
+        return self.slowly(self.filtered(sum(self.nominal_n))) / self.vehicle.weight_n
 
     @cached_property
     def variables(self) -> dict[str, Floats]:

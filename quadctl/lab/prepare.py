@@ -22,7 +22,7 @@ from quadctl.frames import (
 )
 from quadctl.lab.arrays import Floats
 from quadctl.lab.channels import THROTTLE, Signals, signals_of
-from quadctl.lab.flight import Flight
+from quadctl.lab.flight import Flight, SlowFilter
 from quadctl.lab.timing import timed_for
 from quadctl.lab.vehicle_match import motion_problem, sidecar_problem, thrust_problem
 from quadctl.logs.contradictions import contradictions
@@ -228,6 +228,7 @@ def _assemble(
         nominal_n=signals.thrust_on(grid),
         smooth=smooth,
         time_s=time,
+        slowly=SlowFilter(time),
         measured=measured,
         block=((time - time[0]) // BLOCK_S).astype(np.int64) if len(time) else np.empty(0, dtype=np.int64),
         bandwidth_hz=bandwidth,

@@ -137,6 +137,7 @@ class SavedCandidate(_Saved):
     remarks: tuple[str, ...]
     worst_flight: float
     believable: bool
+    distinct: bool
     sketch: SavedSketch | None = None
 
     @classmethod
@@ -150,6 +151,7 @@ class SavedCandidate(_Saved):
             remarks=tuple(candidate.remarks),
             worst_flight=candidate.worst_flight,
             believable=candidate.believable,
+            distinct=candidate.distinct,
             sketch=None if sketch is None else SavedSketch.of(sketch),
         )
 
@@ -165,6 +167,7 @@ class SavedCandidate(_Saved):
             remarks=list(self.remarks),
             worst_flight=self.worst_flight,
             believable=self.believable,
+            distinct=self.distinct,
         )
 
 
