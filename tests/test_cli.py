@@ -215,6 +215,10 @@ class TestBadInput:
         )
         one_sentence(quadctl("simulate", MISSION, "--model", "bad.yaml"), "bad.yaml", "factor", "expected")
 
+    def test_of_a_path_that_names_no_model_file(self, quadctl: Callable[..., Result]) -> None:
+        shutil.copytree(ROOT / "config", "config")
+        one_sentence(quadctl("simulate", MISSION, "--model", "/dev/null"), "--model", "/dev/null", ".yaml")
+
 
 def test_the_installed_command_runs() -> None:
     done = subprocess.run(

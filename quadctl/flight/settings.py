@@ -87,6 +87,8 @@ def choose_models(settings: FlightSettings, config: Path, word: str | None) -> F
         model = load_model(Path(choice) if word is not None else config.parent / choice)
         return FlightModels(Model(model.vehicle, name=model.name, vehicle_path=model.vehicle_path), model)
     source = "--model" if word is not None else f"{config}: compensator"
+    if "/" in choice:
+        raise SettingsError(f"{source} is '{choice}', expected an effect or a model file, whose name ends in .yaml")
     effect = find_effect(choice, source)()
     body = Model(load_vehicle(vehicle_path), name=choice, vehicle_path=vehicle_path)
     return FlightModels(body, body.plus(effect))
