@@ -1,0 +1,127 @@
+"""What the fields of a CSV flight log are: by its header, or by how many there are."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+
+from quadctl.errors import LogError
+from quadctl.logs.columns import (
+    MOTOR_QUANTITIES,
+    OPTIONAL_COLUMNS,
+    PHASE_COLUMN,
+    STATE_COLUMNS,
+    motor_columns,
+    rpm_columns,
+)
+from quadctl.logs.csv_lines import Lines, split_line
+from quadctl.logs.flight_log import did_you_mean
+
+_SEPARATORS = {";": "semicolons", "\t": "tabs", " ": "blanks"}
+"""What other programs write where we expect commas."""
+_MOTOR_COLUMN = re.compile(rf"motor([1-9]\d*)_({'|'.join(MOTOR_QUANTITIES)})")
+_COMMANDS_OF_17 = ("roll_cmd_deg", "pitch_cmd_deg", "yaw_cmd_deg", "throttle_cmd")
+_HEADERLESS = (
+    "17 columns (state and 4 commands) or 13 + 3 per rotor (state, rpm, voltages, currents: 25 for 4 rotors, 31 for 6)"
+)
+
+
+@dataclass(frozen=True)
+class Layout:
+    """What the fields of each line are."""
+
+    names: tuple[str | None, ...]
+    """Name of each field of a line, None for one that is left out."""
+    has_header: bool
+    notes: list[str] = field(default_factory=list)
+
+
+def layout_of(path: Path, raw: Lines) -> Layout:
+    """By the header, or by the number of fields; raises LogError where it is no flight log's."""
+    for separator, name in _SEPARATORS.items():
+        if sum(map(_is_known, raw.text[0].split(separator))) > 1:
+            where = f"{path}, line {raw.number[0]}"
+            raise LogError(f"{where}: separates columns by {name}, expected commas between them and decimal points")
+    first = [name.strip() for name in split_line(raw.text[0])]
+    if any(map(_is_known, first)) or (sum(map(_is_number, first)) * 2 < len(first) and len(first) > 1):
+        return _by_header(path, int(raw.number[0]), first)
+    return _by_count(path, raw)
+
+
+def _by_header(path: Path, line: int, names: list[str]) -> Layout:
+    repeated = next((name for name in names if _is_known(name) and names.count(name) > 1), None)
+    if repeated:
+        raise LogError(f"{path}, line {line}: column '{repeated}' is there twice, expected each name once")
+    unknown = [name for name in names if not _is_known(name)]
+    missing = [name for name in STATE_COLUMNS if name not in names]
+    if missing:
+        listed = ", ".join(name + did_you_mean(name, unknown) for name in missing)
+        raise LogError(f"{path}, line {line}: the header lacks {listed}, expected a flight log's columns")
+    rpm = [name for name in names if name.endswith("_rpm") and _is_known(name)]
+    absent = next((name for name in rpm_columns(len(rpm)) if name not in rpm), None)
+    if absent:
+        raise LogError(
+            f"{path}, line {line}: the header lacks {absent}, expected motor1_rpm to motorN_rpm, none left out"
+        )
+    known = _known_columns(max(len(rpm), 4))
+    notes = [f"column '{name}' is not a flight log's and was left out{did_you_mean(name, known)}" for name in unknown]
+    return Layout(tuple(name if _is_known(name) else None for name in names), True, notes)
+
+
+def _by_count(path: Path, raw: Lines) -> Layout:
+    counts, how_often = np.unique([line.count(",") + 1 for line in raw.text], return_counts=True)
+    n = int(counts[np.argmax(how_often)])
+    if n == 17:
+        if _holds_throttle(raw.text):
+            note = (
+                "17 columns and no header: the last four were read as commanded attitude and throttle, not rotor speeds"
+            )
+            return Layout((*STATE_COLUMNS, *_COMMANDS_OF_17), False, [note])
+        note = "17 columns and no header: the last four were read as rotor speeds, being too large for a throttle"
+        return Layout((*STATE_COLUMNS, *rpm_columns(4)), False, [note])
+    n_rotors, rest = divmod(n - len(STATE_COLUMNS), 3)
+    if n_rotors < 4 or rest:
+        separator = next((f", separated by '{s}'" for s in ";\t" if n == 1 and s in raw.text[0]), "")
+        found = f"{n} column{'s' if n > 1 else ''}{separator}"
+        raise LogError(f"{path}: has no header and {found}, expected our header, or separated by commas {_HEADERLESS}")
+    motors = (*motor_columns(n_rotors, "voltage_v"), *motor_columns(n_rotors, "current_a"))
+    return Layout((*STATE_COLUMNS, *rpm_columns(n_rotors), *motors), False)
+
+
+def _holds_throttle(lines: Sequence[str]) -> bool:
+    """Whether the last column lies in 0..1, as a throttle does and the speed of a rotor does not."""
+    last = pl.Series(lines).str.split(",").list.last().str.strip_chars().cast(pl.Float64, strict=False)
+    values = last.drop_nulls().drop_nans().to_numpy()
+    return len(values) == 0 or bool(np.median(np.abs(values)) <= 1.0)
+
+
+def _is_known(name: str) -> bool:
+    return (
+        name in STATE_COLUMNS or name in OPTIONAL_COLUMNS or name == PHASE_COLUMN or bool(_MOTOR_COLUMN.fullmatch(name))
+    )
+
+
+def _known_columns(n_rotors: int) -> list[str]:
+    """All names that a log's header may hold, in their order in the file."""
+    motors = [name for quantity in MOTOR_QUANTITIES for name in motor_columns(n_rotors, quantity)]
+    return [*STATE_COLUMNS, *motors, *OPTIONAL_COLUMNS, PHASE_COLUMN]
+
+
+def column_order(name: str) -> tuple[int, int]:
+    """Sorting key for the order in the file; what the contracts do not name goes last."""
+    if name in STATE_COLUMNS:
+        return 0, STATE_COLUMNS.index(name)
+    if motor := _MOTOR_COLUMN.fullmatch(name):
+        return 1 + MOTOR_QUANTITIES.index(motor[2]), int(motor[1])
+    return (8, OPTIONAL_COLUMNS.index(name)) if name in OPTIONAL_COLUMNS else (9, 0)
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return not text
+    return True
