@@ -314,17 +314,22 @@ def _searched(search: _Search) -> _Search:
     search.run()
     for candidate in sorted(search.passed_over, key=lambda c: c.score):
         if len(search.missing) < 2 or candidate.family in search.missing:
-            break
+            continue
         other = search.begun_with(candidate)
-        other.run()
-        worse_by = unseen_score(other.residual) - unseen_score(search.residual)
-        alike = difference_p_value(search.residual, other.residual, search.dataset) > ALIKE
-        as_good = worse_by < 0.0 or (worse_by < AS_GOOD and alike)
-        if len(other.missing) < len(search.missing) and as_good:
+        if len(search.missing) > 2 or _as_good(other, search):  # in place of two it must do alone
+            other.run()
+        if len(other.missing) < len(search.missing) and _as_good(other, search):
             replaced = [family for family in search.missing if family not in other.missing]
             other.confounded.append([candidate.family, replaced[-1]])
             return other
     return search
+
+
+def _as_good(one: _Search, other: _Search) -> bool:
+    """Whether `one` leaves no more unseen error than `other`, to the percent and to what the data can tell."""
+    worse_by = unseen_score(one.residual) - unseen_score(other.residual)
+    alike = difference_p_value(other.residual, one.residual, other.dataset) > ALIKE
+    return worse_by < 0.0 or (worse_by < AS_GOOD and alike)
 
 
 def _choose(supported: list[Candidate], look_alikes: list[Candidate], dataset: Dataset) -> tuple[Candidate, list[str]]:
