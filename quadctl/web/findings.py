@@ -14,9 +14,10 @@ from quadctl.lab.arrays import Floats
 from quadctl.lab.candidate import Candidate
 from quadctl.lab.curves import Binned, Sketch
 from quadctl.lab.data import Dataset
-from quadctl.lab.diagnose import Diagnosis, Step, Verdict
+from quadctl.lab.diagnose import Diagnosis, Verdict
 from quadctl.lab.effect_file import CODE
 from quadctl.lab.formula import Formula, Law, Symbolic
+from quadctl.lab.search import Step
 from quadctl.model import EffectEntry, Model, StackedEffect
 from quadctl.settings import Settings
 
