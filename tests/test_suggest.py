@@ -92,6 +92,19 @@ def test_wind_or_a_tilted_thrust_asks_for_another_heading(world: World) -> None:
     assert result.best.sigmas[0] > option(result, "excitation").sigmas[0] + 3
 
 
+def test_what_stands_for_two_effects_is_set_against_both(world: World) -> None:
+    """A breeze on one heading is as well a drag and a tilt: another fast flight alone would tell a tilt from it."""
+    breeze = {"north_m_s": 0.7, "east_m_s": -0.5, "drag": 0.35}
+    found = diagnose(
+        world.rigid, world.flown("breeze", SQUARE, [("wind.steady", breeze)]), ["wind", "rotor_drag", "thrust_tilt"]
+    )
+    result = suggest(found, MISSIONS)
+    assert result.pairs == [("wind", "thrust_tilt")]
+    assert result.best is not None
+    assert result.best.mission.name in ("headings", "excitation_east", "excitation_west")
+    assert option(result, "excitation").sigmas[0] < 0.5 * result.best.sigmas[0]
+
+
 def test_linear_or_quadratic_drag_asks_for_several_speeds(world: World) -> None:
     data = world.flown("square", SQUARE, [("rotor_drag.linear", {"d_x": 0.3, "d_y": 0.3})])
     result = asked(world.rigid, data, ["rotor_drag", "body_drag"], "rotor_drag", "body_drag")

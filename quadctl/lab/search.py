@@ -148,19 +148,19 @@ def searched(search: Search) -> Search:
         if len(search.missing) < 2 or candidate.family in search.missing:
             continue
         other = search.begun_with(candidate)
-        if len(search.missing) > 2 or _as_good(other, search):  # in place of two it must do alone
-            other.run()
-        if len(other.missing) < len(search.missing) and _as_good(other, search):
+        if len(search.missing) > 2 or as_good(other.residual, search.residual, search.dataset):
+            other.run()  # in place of two it must do alone
+        if len(other.missing) < len(search.missing) and as_good(other.residual, search.residual, search.dataset):
             replaced = [family for family in search.missing if family not in other.missing]
             other.confounded.append([candidate.family, replaced[-1]])
             return other
     return search
 
 
-def _as_good(one: Search, other: Search) -> bool:
-    """Whether `one` leaves no more unseen error than `other`, to the percent and to what the data can tell."""
-    worse_by = unseen_score(one.residual) - unseen_score(other.residual)
-    alike = difference_p_value(other.residual, one.residual, other.dataset) > ALIKE
+def as_good(one: Floats, other: Floats, dataset: Dataset) -> bool:
+    """Whether the unseen residual `one` is no larger than the `other`, to the percent and to what the data can tell."""
+    worse_by = unseen_score(one) - unseen_score(other)
+    alike = difference_p_value(other, one, dataset) > ALIKE
     return worse_by < 0.0 or (worse_by < AS_GOOD and alike)
 
 
