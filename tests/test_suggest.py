@@ -92,8 +92,7 @@ def test_wind_or_a_tilted_thrust_asks_for_another_heading(world: World) -> None:
     assert result.best.sigmas[0] > option(result, "excitation").sigmas[0] + 3
 
 
-def test_what_stands_for_two_effects_is_set_against_both(world: World) -> None:
-    """A breeze on one heading is as well a drag and a tilt: another fast flight alone would tell a tilt from it."""
+def test_a_breeze_that_drag_and_tilt_explain_too_asks_for_another_heading(world: World) -> None:
     breeze = {"north_m_s": 0.7, "east_m_s": -0.5, "drag": 0.35}
     found = diagnose(
         world.rigid, world.flown("breeze", SQUARE, [("wind.steady", breeze)]), ["wind", "rotor_drag", "thrust_tilt"]

@@ -148,16 +148,16 @@ def searched(search: Search) -> Search:
         if len(search.missing) < 2 or candidate.family in search.missing:
             continue
         other = search.begun_with(candidate)
-        if len(search.missing) > 2 or as_good(other.residual, search.residual, search.dataset):
+        if len(search.missing) > 2 or _as_good(other.residual, search.residual, search.dataset):
             other.run()  # in place of two it must do alone
-        if len(other.missing) < len(search.missing) and as_good(other.residual, search.residual, search.dataset):
+        if len(other.missing) < len(search.missing) and _as_good(other.residual, search.residual, search.dataset):
             replaced = [family for family in search.missing if family not in other.missing]
             other.confounded.append([candidate.family, replaced[-1]])
             return other
     return search
 
 
-def as_good(one: Floats, other: Floats, dataset: Dataset) -> bool:
+def _as_good(one: Floats, other: Floats, dataset: Dataset) -> bool:
     """Whether the unseen residual `one` is no larger than the `other`, to the percent and to what the data can tell."""
     worse_by = unseen_score(one) - unseen_score(other)
     alike = difference_p_value(other, one, dataset) > ALIKE

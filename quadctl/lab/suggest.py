@@ -28,7 +28,6 @@ from quadctl.lab.information import Information, information, prior
 from quadctl.lab.noise import CorrelatedNoise
 from quadctl.lab.parameters import free_parameters, values_of
 from quadctl.lab.planned import planned_flight
-from quadctl.lab.search import Search, as_good
 from quadctl.lab.starts import Unmodelled
 from quadctl.lab.tables import Result
 from quadctl.lab.threads import one_blas_thread
@@ -254,23 +253,11 @@ def _rivals(diagnosis: Diagnosis, form: _Form, noise: Floats) -> list[_Rivals]:
     for held, other in diagnosis.confounded:
         if held not in present or other in present:
             continue
-        fitted = _in_place_of(held, kinds[other], diagnosis)
+        stack = tuple(item for item in best.stack if item.effect.family() != held)
+        without, residual = judged(replace(best, stack=stack), dataset)
+        fitted = fit_on_top(kinds[other], Unmodelled(without, residual, dataset))[1]
         found.append(_Rivals((held, other), form, _known(fitted, dataset, noise), dataset, noise))
     return found
-
-
-def _in_place_of(held: str, other: type[Effect], diagnosis: Diagnosis) -> Fitted:
-    """The model found with `other` in place of the family `held`, and with what else is then needed to do as well."""
-    dataset, best = diagnosis.dataset, diagnosis.best
-    stack = tuple(item for item in best.stack if item.effect.family() != held)
-    fitter, fitted, _ = fit_on_top(other, Unmodelled(*judged(replace(best, stack=stack), dataset), dataset))
-    if as_good(dataset.targets - fitter.held_out(fitted), judged(best, dataset)[1], dataset):
-        return fitted
-    present = {held, *(effect.family() for effect in fitted.model.effects)}
-    pool = [type(candidate.effect) for candidate in diagnosis.ranking if candidate.family not in present]
-    search = Search(fitted.model, dataset, pool, lambda text: None)
-    search.run()
-    return Fitter(search.current, dataset).fit()
 
 
 def _known(fitted: Fitted, dataset: Dataset, noise: Floats, considering: bool = False) -> _Form:
