@@ -41,7 +41,7 @@ VEHICLES = {
 }
 STRENGTHS = (1.0, 0.5, 0.3)
 SeedSet = Literal["tuning", "final"]
-FIRST_SEED: dict[SeedSet, int] = {"tuning": 1_000_000, "final": 3_000_000}
+FIRST_SEED: dict[SeedSet, int] = {"tuning": 1_000_000, "final": 4_000_000}
 Kind = Literal["single", "pair", "none", "unexplained"]
 
 TRUTHS: dict[str, type[Truth]] = {
