@@ -138,7 +138,7 @@ class SavedCandidate(_Saved):
     remarks: tuple[str, ...]
     worst_flight: float
     believable: bool
-    distinct: bool
+    distinct: bool = True  # sessions of before hold none
     sketch: SavedSketch | None = None
 
     @classmethod
