@@ -8,6 +8,7 @@ another would have needed fewer beside it, it is taken.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 from joblib import Parallel, delayed
@@ -69,21 +70,28 @@ class Search:
         """Add what is missing, take out what has become superfluous."""
         alike: list[str] = []
         while supported := self._supported():
-            # Look-alikes are those that did as well as the one chosen and are not needed once it is in.
-            self._note(alike, {candidate.family for candidate in supported})
+            self._note(alike, supported)
             chosen, alike = _choose(supported, self._look_alikes, self.dataset)
             self.passed_over = self.passed_over if self.chosen else self._look_alikes
             self.take(chosen)
-        self._note(alike, set())
+        self._note(alike, [])
         for family in self.missing[:-1]:
             self._drop_if_superfluous(family)
 
-    def begun_with(self, candidate: Candidate) -> "Search":
-        """Another search, with `candidate` taken first."""
-        other = Search(self.start, self.dataset, self.pool, self.progress)
-        other.latest = dict(self.latest)
-        other.take(candidate)
-        return other
+    def with_one_for_two(self, candidate: Candidate) -> "Search":
+        """A search that has found `candidate` in place of those two families that it makes up for best."""
+        found = [c for c in self.chosen if c.family in self.missing]
+        others = []
+        for two in combinations(found, 2):
+            other = Search(self.start, self.dataset, self.pool, self.progress)
+            other.take(candidate)
+            for kept in (c for c in found if c not in two):
+                model, residual = judged(other.current.plus(kept.effect), self.dataset)
+                other.take(replace(kept, model=model, residual=residual))
+            others.append(other)
+        best = min(others, key=lambda other: unseen_score(other.residual))
+        best.latest = dict(self.latest)
+        return best
 
     def forget(self) -> None:
         """Back to the beginning: what was found is not what is there."""
@@ -122,7 +130,9 @@ class Search:
         self.chosen.append(chosen)
         self.steps.append(Step(chosen.family, chosen.effect.name, rmse(self.residual, self.dataset.groups)))
 
-    def _note(self, alike: list[str], still_needed: set[str]) -> None:
+    def _note(self, alike: list[str], supported: list[Candidate]) -> None:
+        """Look-alikes are those that did as well as the one chosen and are not needed once it is in."""
+        still_needed = {candidate.family for candidate in [*supported, *self._look_alikes]}
         self.confounded += [[self.missing[-1], other] for other in alike if other not in still_needed]
 
     def _drop_if_superfluous(self, family: str) -> None:
@@ -147,13 +157,13 @@ def searched(search: Search) -> Search:
     for candidate in sorted(search.passed_over, key=lambda c: c.score):
         if len(search.missing) < 2 or candidate.family in search.missing:
             continue
-        other = search.begun_with(candidate)
-        if len(search.missing) > 2 or _as_good(other.residual, search.residual, search.dataset):
-            other.run()  # in place of two it must do alone
-        if len(other.missing) < len(search.missing) and _as_good(other.residual, search.residual, search.dataset):
-            replaced = [family for family in search.missing if family not in other.missing]
-            other.confounded.append([candidate.family, replaced[-1]])
-            return other
+        other = search.with_one_for_two(candidate)
+        replaced = [family for family in search.missing if family not in other.missing]
+        if _as_good(other.residual, search.residual, search.dataset):
+            other.run()
+            if len(other.missing) < len(search.missing):
+                other.confounded.append([candidate.family, replaced[-1]])
+                return other
     return search
 
 
