@@ -2,13 +2,12 @@
 
 Every effect is tried on top of the model and judged on data its fit did not see. The best significant one is added, all
 parameters are refitted together, and the rest are tried again, until nothing significant is left; then each family that
-has become superfluous once the others are in is taken out again. Where an effect that these data do not tell from
-another would have needed fewer beside it, it is taken.
+has become superfluous once the others are in is taken out again. Where one effect, which these data do not tell from
+another, explains as much as the two that were found, it is taken.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from itertools import combinations
 
 import numpy as np
 from joblib import Parallel, delayed
@@ -78,20 +77,12 @@ class Search:
         for family in self.missing[:-1]:
             self._drop_if_superfluous(family)
 
-    def with_one_for_two(self, candidate: Candidate) -> "Search":
-        """A search that has found `candidate` in place of those two families that it makes up for best."""
-        found = [c for c in self.chosen if c.family in self.missing]
-        others = []
-        for two in combinations(found, 2):
-            other = Search(self.start, self.dataset, self.pool, self.progress)
-            other.take(candidate)
-            for kept in (c for c in found if c not in two):
-                model, residual = judged(other.current.plus(kept.effect), self.dataset)
-                other.take(replace(kept, model=model, residual=residual))
-            others.append(other)
-        best = min(others, key=lambda other: unseen_score(other.residual))
-        best.latest = dict(self.latest)
-        return best
+    def begun_with(self, candidate: Candidate) -> "Search":
+        """Another search, with `candidate` taken first."""
+        other = Search(self.start, self.dataset, self.pool, self.progress)
+        other.latest = dict(self.latest)
+        other.take(candidate)
+        return other
 
     def forget(self) -> None:
         """Back to the beginning: what was found is not what is there."""
@@ -152,17 +143,19 @@ class Search:
 
 
 def searched(search: Search) -> Search:
-    """The search, run, or one that begins with what it passed over and explains as much by fewer effects."""
+    """The search, run, or one that found, in place of two effects, one it passed over that explains as much alone.
+
+    Of two and no more: beside several others, a freely chosen push makes up for what it is not.
+    """
     search.run()
     for candidate in sorted(search.passed_over, key=lambda c: c.score):
-        if len(search.missing) < 2 or candidate.family in search.missing:
+        if len(search.missing) != 2 or candidate.family in search.missing:
             continue
-        other = search.with_one_for_two(candidate)
-        replaced = [family for family in search.missing if family not in other.missing]
+        other = search.begun_with(candidate)
         if _as_good(other.residual, search.residual, search.dataset):
             other.run()
-            if len(other.missing) < len(search.missing):
-                other.confounded.append([candidate.family, replaced[-1]])
+            if other.missing == [candidate.family]:
+                other.confounded.append([candidate.family, search.missing[-1]])
                 return other
     return search
 
