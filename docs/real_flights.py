@@ -62,7 +62,7 @@ SETS = (
         RAPTOR,
         ("raptor/HOVERING.csv", "raptor/FORWARD_SPEED.csv"),
         "One model for two flights whose trims differ by more than a degree, at one heading: a tilt that both share is "
-        "not what happened, and a wind is not believed at one heading. What has a moment (a weak rotor, rotors in each "
+        "not what happened, and no wind is told from it. What has a moment (a weak rotor, rotors in each "
         "other's wake) rests on rotor speeds at 3 Hz and an inertia that nobody measured: look at the propeller before "
         "you believe it.",
     ),

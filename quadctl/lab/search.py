@@ -72,7 +72,7 @@ class Search:
             self._note(alike, supported)
             chosen, alike = _choose(supported, self._look_alikes, self.dataset)
             self.passed_over = self.passed_over if self.chosen else self._look_alikes
-            self.take(chosen)
+            self._take(chosen)
         self._note(alike, [])
         for family in self.missing[:-1]:
             self._drop_if_superfluous(family)
@@ -81,7 +81,7 @@ class Search:
         """Another search, with `candidate` taken first."""
         other = Search(self.start, self.dataset, self.pool, self.progress)
         other.latest = dict(self.latest)
-        other.take(candidate)
+        other._take(candidate)
         return other
 
     def forget(self) -> None:
@@ -115,7 +115,7 @@ class Search:
             tried.append(candidate)
         return tried
 
-    def take(self, chosen: Candidate) -> None:
+    def _take(self, chosen: Candidate) -> None:
         self.current, self.residual = chosen.model, chosen.residual
         self.missing.append(chosen.family)
         self.chosen.append(chosen)
@@ -145,7 +145,7 @@ class Search:
 def searched(search: Search) -> Search:
     """The search, run, or one that found, in place of two effects, one it passed over that explains as much alone.
 
-    Of two and no more: beside several others, a freely chosen push makes up for what it is not.
+    Of two and no more: beside several others it would make up for what it is not: on real flights, for a thrust scale.
     """
     search.run()
     for candidate in sorted(search.passed_over, key=lambda c: c.score):
