@@ -91,7 +91,9 @@ class Model:
         """Force on the body without weight, FRD, N, from the nominal thrust of each rotor."""
         c = self.in_air(c)
         thrust = self.rotor_thrust(nominal_n, c)
-        fx, fy, fz = self.side_force(sum(thrust), c)
+        fx = fy = fz = 0.0
+        if self.effects_on_body:
+            fx, fy, fz = self.side_force(sum(thrust), c)
         for (ax, ay, az), rotors in self.vehicle.rotors_by_axis:
             t = sum(thrust[i] for i in rotors)
             fx, fy, fz = fx + ax * t, fy + ay * t, fz + az * t

@@ -161,18 +161,18 @@ class Fitter:
         here = self._around(fitted)
         count = len(here.starts)
         random = np.random.default_rng(seed)
+        at_once = max(1, WEIGHTS_AT_ONCE // count)
+        parts = [slice(begin, min(begin + at_once, BOOTSTRAPS)) for begin in range(0, BOOTSTRAPS, at_once)]
         times, alike = np.empty((BOOTSTRAPS, count), dtype=np.uint16), np.full(count, 1.0 / count)
-        for draw in times:
-            draw[:] = random.multinomial(count, alike)
+        for now in parts:
+            times[now] = random.multinomial(count, alike, now.stop - now.start)
         centres = self._usual * random.standard_normal((BOOTSTRAPS, *fitted.nuisances.shape))
         # Few blocks know little of their own spread: Student's t for the normal distribution, n - 1 for n.
         wider = float(stats.t.ppf(0.975, count - 1)) / 1.96 * math.sqrt(count / (count - 1)) if count > 1 else 1.0
         first = np.flatnonzero(np.diff(self.dataset.flight_index[here.starts], prepend=-1))
         moves = self._moves(fitted)
         steps = self._considered_steps(fitted, np.add.reduceat(here.sums, first, axis=0), here.pulls, random)
-        at_once = max(1, WEIGHTS_AT_ONCE // count)
-        for begin in range(0, BOOTSTRAPS, at_once):
-            now = slice(begin, begin + at_once)
+        for now in parts:
             drawn = resampled_sums(here.sums, times[now], first)
             equations = self._equations(drawn, centres[now] - fitted.nuisances)
             steps[now] += equations.solve(moves)[:, :p]
@@ -332,7 +332,7 @@ class Fitter:
                 sums.append(products(columns[begin:end], weights[begin:end]))
             slopes = columns[..., :-1]
             errors = error_slopes(model, flight, groups, predict_targets(model, flight, groups)) / scale[:, None]
-            pulls.append(np.einsum("nam,nak->km", slopes * weights[..., None], errors))
+            pulls.append(np.tensordot(errors, slopes * weights[..., None], axes=((0, 1), (0, 1))))
             power += np.einsum("nap,nap->p", slopes[..., :p], slopes[..., :p])
         return _Around(residual, scale, np.array(sums), starts, power, np.stack(pulls, axis=1))
 

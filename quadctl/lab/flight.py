@@ -77,7 +77,8 @@ class Flight:
         """The flight with its rotor signal taken so much later."""
         if delay_s == 0.0:
             return self
-        nominal = [np.interp(self.grid_s + delay_s, self.grid_s, thrust) for thrust in self.nominal_n]
+        steps = delay_s / (self.grid_s[1] - self.grid_s[0])
+        nominal = [_later(thrust, steps) for thrust in self.nominal_n]
         return replace(self, nominal_n=nominal, delay_s=self.delay_s + delay_s)
 
     def filtered(self, signal: Any) -> Floats:
@@ -142,6 +143,15 @@ class Flight:
             values = self.variables.get(name, np.array([np.nan]))
         low, high = np.percentile(values, [5.0, 95.0])
         return float(low), float(high)
+
+
+def _later(values: Floats, steps: float) -> Floats:
+    """Values on an even clock, shape (m,), taken so many steps later, between them by a line; the ends go on."""
+    whole, n = math.floor(steps), len(values)
+    between = values[:-1] + (steps - whole) * np.diff(values)
+    if whole < 0:
+        return np.concatenate([np.full(min(-whole, n), values[0]), between[: max(n + whole, 0)]])
+    return np.concatenate([between[whole:], np.full(min(whole + 1, n), values[-1])])
 
 
 VARIABLE_UNITS = {
