@@ -136,6 +136,16 @@ class TestGaussNewton:
             misfits.append(fitter.misfit(fitter.fit(), np.full(seen.targets.shape[1], 0.1)))
         assert misfits[0] > misfits[1] > misfits[2]
 
+    def test_slopes_to_nuisances_taken_for_constant_do_not_move_the_optimum(
+        self, raptor: Vehicle, seen: Dataset
+    ) -> None:
+        fitter = Fitter(stacked(raptor, ConstantScale(), Exponential()), seen)
+        fitted = fitter.fit()
+        again = fitter.fit(start=fitted)  # whose slopes are those at the optimum
+        widths = np.ptp(intervals(fitter.free, fitter.bootstrap(fitted)), axis=1)
+        moved = np.abs(values_of(again.model, fitter.free) - values_of(fitted.model, fitter.free))
+        assert np.all(moved <= 0.02 * widths)
+
 
 class TestManyFlights:
     """Eliminated one by one, the nuisances of many flights come out as from one dense least-squares problem."""

@@ -81,6 +81,13 @@ class TestPrepare:
         residual = load_dataset([slow], rigid.vehicle).residual(rigid)
         assert rmse(residual)["up"] < 0.1 * float(np.std(flight.measured[:, 2]))
 
+    @pytest.mark.parametrize("delay_s", [-3.0, -0.037, -0.0001, 0.0, 0.02, 0.1234, 1e4])
+    def test_a_later_signal_is_interpolated_and_stays_beyond_its_ends(self, rigid: Model, delay_s: float) -> None:
+        flight = prepare(obedient(rigid), rigid.vehicle)
+        thrust = flight.nominal_n[0]
+        expected = np.interp(flight.grid_s + delay_s, flight.grid_s, thrust)
+        assert flight.later(thrust, delay_s) == pytest.approx(expected, abs=1e-6)
+
     @pytest.mark.parametrize("late_s", [-0.04, 0.0, 0.057, 0.12, 0.25])
     def test_the_delay_of_the_rotor_signal_is_found(self, rigid: Model, late_s: float) -> None:
         flight = prepare(with_late_rotors(obedient(rigid), late_s), rigid.vehicle)

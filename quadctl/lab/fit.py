@@ -14,8 +14,8 @@ from scipy import stats
 from quadctl.lab.arrays import Floats, Mask
 from quadctl.lab.arrow import Arrow
 from quadctl.lab.considered import error_slopes
-from quadctl.lab.data import Dataset, predict_targets
-from quadctl.lab.nuisance import KINDS, MOST, predicted_with, usual_sizes
+from quadctl.lab.data import Dataset, predict, predict_targets
+from quadctl.lab.nuisance import KINDS, MOST, acceleration_slopes, predicted_with, usual_sizes
 from quadctl.lab.parameters import free_parameters, parameter_slopes, values_of, with_values
 from quadctl.lab.sums import products, resampled_sums, robust_weights, slopes_and_residual, soft_l1_loss, worth
 from quadctl.lab.threads import one_blas_thread
@@ -102,9 +102,10 @@ class Fitter:
         fitted = start or Fitted(self.model, np.zeros((len(self.dataset.flights), len(KINDS))))
         rows = self._all() if used is None else used
         residual = self._residual(fitted, rows)
+        near = self._nuisance_slopes(fitted.model)
         for _ in range(MAX_STEPS):
             scale = noise_scale(residual[rows])
-            robust, plain = self._sums_by_flight(fitted.model, residual, scale, rows)
+            robust, plain = self._sums_by_flight(fitted.model, residual, scale, rows, near)
             step = self._bounded_step(fitted, robust)
             moved = self._mean_square(plain, step, rows)
             fitted, residual, taken = self._downhill(fitted, residual, step, scale, rows)
@@ -299,14 +300,20 @@ class Fitter:
             total += soft_l1_loss(residual[part][rows[part]] / scale, worth(flight, self.dataset.groups))
         return total
 
-    def _sums_by_flight(self, model: Model, residual: Floats, scale: Floats, rows: Mask) -> tuple[Floats, Floats]:
+    def _nuisance_slopes(self, model: Model) -> list[Floats]:
+        """Of the acceleration of each flight: a fit takes them for constant, which saves half of its time."""
+        return [acceleration_slopes(model, flight, predict(model, flight)) for flight in self.dataset.flights]
+
+    def _sums_by_flight(
+        self, model: Model, residual: Floats, scale: Floats, rows: Mask, near: list[Floats]
+    ) -> tuple[Floats, Floats]:
         """Sums of each flight's samples in `rows`, weighted by the soft-L1 loss, and plain."""
         m, groups = len(self.free) + len(KINDS) + 1, self.dataset.groups
         robust, plain = np.zeros((2, len(self.dataset.flights), m, m))
         for i, (flight, part) in enumerate(zip(self.dataset.flights, self.dataset.parts, strict=True)):
             used = rows[part]
             if used.any():
-                columns = slopes_and_residual(model, flight, groups, residual[part], scale)
+                columns = slopes_and_residual(model, flight, groups, residual[part], scale, near[i])
                 columns = columns if used.all() else columns[used]
                 robust[i] = products(columns, robust_weights(columns, worth(flight, groups)))
                 plain[i] = products(columns)

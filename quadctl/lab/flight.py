@@ -77,9 +77,17 @@ class Flight:
         """The flight with its rotor signal taken so much later."""
         if delay_s == 0.0:
             return self
-        steps = delay_s / (self.grid_s[1] - self.grid_s[0])
-        nominal = [_later(thrust, steps) for thrust in self.nominal_n]
+        nominal = [self.later(thrust, delay_s) for thrust in self.nominal_n]
         return replace(self, nominal_n=nominal, delay_s=self.delay_s + delay_s)
+
+    def later(self, signal: Floats, delay_s: float) -> Floats:
+        """A signal on the grid taken so much later, by a line between its values; before and after them it stays."""
+        steps = delay_s / (self.grid_s[1] - self.grid_s[0])
+        whole, n = math.floor(steps), len(signal)
+        between = signal[:-1] + (steps - whole) * np.diff(signal)
+        if whole < 0:
+            return np.concatenate([np.full(min(-whole, n), signal[0]), between[: max(n + whole, 0)]])
+        return np.concatenate([between[whole:], np.full(min(whole + 1, n), signal[-1])])
 
     def filtered(self, signal: Any) -> Floats:
         """A signal on the grid, filtered, at the samples."""
@@ -143,15 +151,6 @@ class Flight:
             values = self.variables.get(name, np.array([np.nan]))
         low, high = np.percentile(values, [5.0, 95.0])
         return float(low), float(high)
-
-
-def _later(values: Floats, steps: float) -> Floats:
-    """Values on an even clock, shape (m,), taken so many steps later, between them by a line; the ends go on."""
-    whole, n = math.floor(steps), len(values)
-    between = values[:-1] + (steps - whole) * np.diff(values)
-    if whole < 0:
-        return np.concatenate([np.full(min(-whole, n), values[0]), between[: max(n + whole, 0)]])
-    return np.concatenate([between[whole:], np.full(min(whole + 1, n), values[-1])])
 
 
 VARIABLE_UNITS = {

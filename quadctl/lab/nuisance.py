@@ -48,6 +48,7 @@ HELD = 1e-4
 """Usual size, as a share of the kind's, of a nuisance that an effect stands for: the two could not be told apart."""
 FORCES = 5
 """So many of the kinds act on the acceleration, the others on the moments."""
+HEIGHT = [kind.name for kind in KINDS].index("height_m")
 
 
 def usual_sizes(model: Model) -> Floats:
@@ -71,19 +72,35 @@ def disturbed(flight: Flight, nuisance: Floats) -> Flight:
     )
 
 
-def sensitivity(model: Model, flight: Flight, groups: Sequence[str], here: Floats) -> Floats:
+def sensitivity(
+    model: Model, flight: Flight, groups: Sequence[str], here: Floats, near: Floats | None = None
+) -> Floats:
     """d prediction / d nuisance, at no nuisance, shape (n, 3 * groups, kinds): so small, they act linearly.
 
-    `here` is the prediction of the flight's targets without a nuisance, shape (n, 3 * groups).
+    `here` is the prediction of the flight's targets without a nuisance, shape (n, 3 * groups). `near` are the
+    `acceleration_slopes` of the model with other parameters: they are about the same but for that to the height, which
+    is nothing without some effects, and is made anew.
     """
     found = np.zeros((*here.shape, len(KINDS)))
-    for i in range(FORCES):
-        found[:, :3, i] = (predict(model, disturbed(flight, np.diag(USUAL)[i])) - here[:, :3]) / USUAL[i]
+    if near is None:
+        found[:, :3, :FORCES] = acceleration_slopes(model, flight, here)
+    else:
+        found[:, :3, :FORCES] = near
+        found[:, :3, HEIGHT] = _acceleration_slope(model, flight, here, HEIGHT)
     if "turning" in groups:
         first = 3 * groups.index("turning")
         for i, moment in enumerate(rotor_moments_n_m(flight).T):
             found[:, first + i, FORCES + i] = moment
     return found
+
+
+def acceleration_slopes(model: Model, flight: Flight, here: Floats) -> Floats:
+    """d acceleration / d nuisance of the forces, at no nuisance, shape (n, 3, FORCES); `here` as in `sensitivity`."""
+    return np.stack([_acceleration_slope(model, flight, here, i) for i in range(FORCES)], axis=-1)
+
+
+def _acceleration_slope(model: Model, flight: Flight, here: Floats, i: int) -> Floats:
+    return np.asarray((predict(model, disturbed(flight, np.diag(USUAL)[i])) - here[:, :3]) / USUAL[i])
 
 
 def predicted_with(model: Model, flight: Flight, nuisance: Floats, groups: Sequence[str]) -> Floats:

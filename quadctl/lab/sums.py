@@ -16,16 +16,24 @@ HUBER_SIGMAS = 3.0
 """Residuals beyond this many (robust) standard deviations count linearly, not squared."""
 
 
-def slopes_and_residual(model: Model, flight: Flight, groups: Sequence[str], residual: Floats, scale: Floats) -> Floats:
+def slopes_and_residual(
+    model: Model,
+    flight: Flight,
+    groups: Sequence[str],
+    residual: Floats,
+    scale: Floats,
+    near: Floats | None = None,
+) -> Floats:
     """Slopes of the prediction to the p parameters and the flight's nuisances, then its residual.
 
-    Shape (n, axes, m), m = p + kinds + 1, in units of the noise, which is `scale`, shape (axes,).
+    Shape (n, axes, m), m = p + kinds + 1, in units of the noise, which is `scale`, shape (axes,). `near` as in
+    `sensitivity`.
     """
     p = len(free_parameters(model))
     here = predict_targets(model, flight, groups)
     columns = np.empty((*here.shape, p + len(KINDS) + 1))
     columns[..., :p] = parameter_slopes(model, flight, groups, here)
-    columns[..., p:-1] = sensitivity(model, flight, groups, here)
+    columns[..., p:-1] = sensitivity(model, flight, groups, here, near)
     columns[..., -1] = residual
     columns /= scale[:, None]
     return columns

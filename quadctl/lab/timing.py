@@ -1,7 +1,6 @@
 """How late a log's rotor signal is: estimated from the flight itself, beside what a model says the motors do."""
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 
@@ -21,16 +20,11 @@ def timed_for(model: Model, flight: Flight) -> Flight:
 
     A delay that was estimated without a lag has some of the lag in it.
     """
-    late = model.late()
-
-    def thrust_at(delay_s: float) -> Floats:
-        there = flight.shifted(delay_s)
-        return np.asarray(sum(late.rotor_thrust(there.nominal_n, there.conditions)))
-
-    return flight.shifted(estimated_delay(flight, thrust_at))
+    thrust_n = np.asarray(sum(model.late().rotor_thrust(flight.nominal_n, flight.conditions)))
+    return flight.shifted(estimated_delay(flight, thrust_n))
 
 
-def estimated_delay(flight: Flight, thrust_at: Callable[[float], Floats]) -> float:
+def estimated_delay(flight: Flight, thrust_n: Floats) -> float:
     """How much later the rotor signal is logged than the force it makes, s, from quick vertical changes.
 
     The shift at which the change in thrust explains the change in vertical acceleration best, between the shifts tried
@@ -38,15 +32,14 @@ def estimated_delay(flight: Flight, thrust_at: Callable[[float], Floats]) -> flo
 
     Parameters
     ----------
-    thrust_at
-        Thrust of all rotors on the flight's grid, N, with the signal taken so much later.
+    thrust_n
+        Of all rotors on the flight's grid, shape (m,): what comes late, comes as late after a signal that is shifted.
     """
     quick_up = _detrended(flight.measured[:, 2], flight.time_s)
     if not np.any(quick_up):
         return 0.0
-    scores = np.array(
-        [_correlation(_detrended(flight.filtered(thrust_at(d)), flight.time_s), quick_up) for d in DELAYS_S]
-    )
+    shifted = (flight.filtered(flight.later(thrust_n, delay_s)) for delay_s in DELAYS_S)
+    scores = np.array([_correlation(_detrended(thrust, flight.time_s), quick_up) for thrust in shifted])
     best = int(np.argmax(scores))
     if scores[best] <= math.sqrt(LEAST_EXPLAINED):
         return 0.0
