@@ -56,7 +56,14 @@ def test_a_short_hop_in_real_time(tmp_path: Path) -> None:
         assert (log[f"motor{rotor}_rpm"][flying] > 900.0).all()
     t = log.time_s[flying]
     assert t[-1] - t[0] == pytest.approx(plan.mission.duration_s, abs=0.3)
-    assert len(t) == pytest.approx(50.0 * (t[-1] - t[0]) + 1, rel=0.02)
+    # Every 20 ms. A tick that a busy machine brings late gives up those whose time has passed; none are missing
+    # besides, but for moments in which the machine holds up a tick itself.
+    late = 50.0 * log["tick_late_s"][flying]
+    periods = 50.0 * np.diff(t) - np.diff(late)
+    assert np.median(periods) == pytest.approx(1.0, abs=0.01)
+    off_beat = np.abs(periods - np.round(periods)) > 0.1
+    missing = np.round(periods) - 1.0 > late[:-1]
+    assert np.mean(off_beat | missing) < 0.02
     hover_end = np.flatnonzero(log.phase == "hover")[-1]
     assert log["z_m"][hover_end] == pytest.approx(0.6, abs=0.05)
     # Landed, and disarmed: otherwise the flight would not have ended as completed.
