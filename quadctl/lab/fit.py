@@ -301,7 +301,7 @@ class Fitter:
         return total
 
     def _nuisance_slopes(self, model: Model) -> list[Floats]:
-        """Of the acceleration of each flight: a fit takes them for constant, which saves half of its time."""
+        """Of the acceleration of each flight: a fit takes them for constant, which saves a third of its time."""
         return [acceleration_slopes(model, flight, predict(model, flight)) for flight in self.dataset.flights]
 
     def _sums_by_flight(
