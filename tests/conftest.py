@@ -35,9 +35,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 @pytest.fixture(autouse=True)
-def _watched_machine(request: pytest.FixtureRequest) -> None:
-    if request.node.get_closest_marker("realtime"):
-        witness().forget()
+def machine(request: pytest.FixtureRequest) -> Witness | None:
+    """A witness of what the machine does while a test in real time runs."""
+    if not request.node.get_closest_marker("realtime"):
+        return None
+    witness().forget()
+    return witness()
 
 
 @pytest.fixture(scope="session")

@@ -20,23 +20,31 @@ class Witness:
     def __init__(self) -> None:
         context = multiprocessing.get_context("spawn")
         self._longest: Any = context.Value("d", 0.0, lock=False)
-        context.Process(target=_sleep, args=(self._longest,), daemon=True).start()
+        self._lost: Any = context.Value("d", 0.0, lock=False)
+        context.Process(target=_sleep, args=(self._longest, self._lost), daemon=True).start()
 
     def forget(self) -> None:
         """Look from now on."""
-        self._longest.value = 0.0
+        self._longest.value = self._lost.value = 0.0
+
+    @property
+    def lost_s(self) -> float:
+        """All the time that it overslept by more than a round."""
+        return float(self._lost.value)
 
     def stood_still(self) -> bool:
         """Whether it overslept by so much that the machine cannot have been running."""
         return bool(self._longest.value > STOOD_STILL_S)
 
 
-def _sleep(longest: Any) -> None:
+def _sleep(longest: Any, lost: Any) -> None:
     with suppress(AttributeError, OSError):
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(os.sched_get_priority_max(os.SCHED_FIFO)))
     before_s = time.monotonic()
     while True:
         time.sleep(ROUND_S)
         now_s = time.monotonic()
-        longest.value = max(longest.value, now_s - before_s - ROUND_S)
+        overslept_s = now_s - before_s - ROUND_S
+        longest.value = max(longest.value, overslept_s)
+        lost.value += overslept_s if overslept_s > ROUND_S else 0.0
         before_s = now_s
