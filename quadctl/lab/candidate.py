@@ -10,7 +10,7 @@ from quadctl.effects import Effect
 from quadctl.lab.arrays import Floats
 from quadctl.lab.data import GROUPS, MOMENTS, Dataset, concerns, rmse
 from quadctl.lab.fit import Fitted, Fitter
-from quadctl.lab.nuisance import KINDS, MOST
+from quadctl.lab.nuisance import AGE, MOST
 from quadctl.lab.parameters import intervals, remarks, values_of
 from quadctl.lab.significance import improvement_p_value
 from quadctl.lab.starts import Unmodelled, best_starts
@@ -35,7 +35,6 @@ SHOWN_BESIDE = 0.2
 lowers the error of the thrust alone is another family."""
 NOTHING = 1e-9
 """An error of a log that was made up, not flown."""
-AGE = [kind.name for kind in KINDS].index("delay_s")
 RETIMED = 3
 """So often, at most, a lag and how late the log is are found in turn."""
 IDLE = 0.005

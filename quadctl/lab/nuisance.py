@@ -48,7 +48,7 @@ HELD = 1e-4
 """Usual size, as a share of the kind's, of a nuisance that an effect stands for: the two could not be told apart."""
 FORCES = 5
 """So many of the kinds act on the acceleration, the others on the moments."""
-HEIGHT = [kind.name for kind in KINDS].index("height_m")
+HEIGHT, AGE = ([kind.name for kind in KINDS].index(name) for name in ("height_m", "delay_s"))
 
 
 def usual_sizes(model: Model) -> Floats:
