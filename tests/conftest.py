@@ -8,6 +8,9 @@ from typing import Any
 import pytest
 from hypothesis import settings
 
+from flights import CUSHION, simulated
+from quadctl.logs.flight_log import FlightLog
+from quadctl.model import Model
 from quadctl.vehicle import Vehicle, load_vehicle
 from tests.machine import Witness
 
@@ -52,6 +55,18 @@ def raptor_path() -> Path:
 def raptor(raptor_path: Path) -> Vehicle:
     """1.5 kg, four upright rotors of 0.12 m radius at (+-0.124, +-0.124) m, 1.205 kg/m^3."""
     return load_vehicle(raptor_path)
+
+
+@pytest.fixture(scope="session")
+def rigid(raptor: Vehicle) -> Model:
+    return Model(raptor)
+
+
+@pytest.fixture(scope="session")
+def staircases(tmp_path_factory: pytest.TempPathFactory) -> list[FlightLog]:
+    """Two hover staircases over a ground whose cushion is not in the catalogue."""
+    where = tmp_path_factory.mktemp("staircases")
+    return [simulated("hover_staircase", [CUSHION], seed, where) for seed in (1, 2)]
 
 
 @pytest.fixture(scope="module")

@@ -18,6 +18,8 @@ from quadctl.logs.read import read_log
 from quadctl.model import Model, conditions
 
 MISSIONS = Path(__file__).parent.parent / "missions"
+CUSHION = ("hidden.ground_cushion", {"gain": 0.25, "width": 1.8})
+"""A ground effect that is not in the catalogue."""
 
 
 def simulated(mission: str, effects: Sequence[tuple[str, dict[str, float]]], seed: int, where: Path) -> FlightLog:

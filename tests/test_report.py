@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from flights import obedient, simulated, to_and_fro
+from flights import CUSHION, obedient, simulated, to_and_fro
 from quadctl.effects.ground_effect import CheesemanForward, Exponential
 from quadctl.effects.rotor_drag import LinearDrag
 from quadctl.effects.thrust_scale import ConstantScale
@@ -30,7 +30,6 @@ from quadctl.logs.flight_log import FlightLog
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
 
-CUSHION = ("hidden.ground_cushion", {"gain": 0.25, "width": 1.8})
 CANDIDATES = (ConstantScale, Exponential, LinearDrag)
 NASTY = '<script>alert("x")</script>&_$a$.csv'
 VOID = {"meta", "br", "link", "img", "input", "hr"}

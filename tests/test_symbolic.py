@@ -35,11 +35,6 @@ NORTH, EAST, UP = 0, 1, 2
 
 
 @pytest.fixture(scope="module")
-def rigid(raptor: Vehicle) -> Model:
-    return Model(raptor)
-
-
-@pytest.fixture(scope="module")
 def plain(raptor: Vehicle, tmp_path_factory: pytest.TempPathFactory) -> Dataset:
     """Runs along the ground and up and down, in a world without any effect."""
     where = tmp_path_factory.mktemp("plain")
