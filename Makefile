@@ -17,39 +17,39 @@ test: $(INSTALLED)
 lint: $(INSTALLED)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/mypy quadctl sitl papers
+	$(BIN)/mypy quadctl studies
 	$(BIN)/lint-imports
 
 bench: $(INSTALLED)
-	$(BIN)/python benchmarks/run.py
+	$(BIN)/python -m studies.benchmarks.run
 
 # The control loop alone, for some 20 minutes: nothing else should run meanwhile. Writes docs/control-loop.md.
 bench-loop: $(INSTALLED)
-	$(BIN)/python benchmarks/control_loop.py --out docs/control-loop.md
+	$(BIN)/python -m studies.benchmarks.control_loop --out docs/control-loop.md
 
 # Every fault on every autopilot, in real time; writes docs/faults.md. Some four minutes.
 faults: $(INSTALLED)
-	$(BIN)/python -m tests.faults
+	$(BIN)/python -m studies.faults
 
 # Both sets of seeds: the one that the lab was tuned on, and the one that is run for the report only.
 hidden: $(INSTALLED)
-	$(BIN)/python -m tests.hidden.scoreboard --set tuning
-	$(BIN)/python -m tests.hidden.scoreboard --set final
+	$(BIN)/python -m studies.blind_cases.scoreboard --set tuning
+	$(BIN)/python -m studies.blind_cases.scoreboard --set final
 
 papers: $(INSTALLED)
-	$(BIN)/python -m papers
+	$(BIN)/python -m studies.papers
 
 # Runs every command of docs/find-the-missing-effect.md and writes the page with what they print.
 tutorial: $(INSTALLED)
-	$(BIN)/python docs/tutorial.py
+	$(BIN)/python -m studies.tutorial
 
 # What is found in public logs of real flights.
 real: $(INSTALLED)
-	$(BIN)/python docs/real_flights.py
+	$(BIN)/python -m studies.real_flights
 
 # Pictures of the lab page (docs/lab-page.md) and of the live view, at both sizes, light and dark, in build/screenshots; needs Chromium.
 screenshots: $(INSTALLED)
-	SCREENSHOTS=all $(BIN)/python -m pytest tests/test_web_page.py tests/test_view_page.py -s
+	SCREENSHOTS=all $(BIN)/python -m pytest tests/realtime/test_web_page.py tests/realtime/test_view_page.py -s
 
 # Flies a staircase on real autopilots that are there: make sitl-check PX4=DIRECTORY ARDUPILOT=DIRECTORY (or LINK=URL).
 sitl-check: export QUADCTL := $(abspath $(BIN))/quadctl

@@ -13,15 +13,15 @@ import yaml
 from rich.console import Console
 
 from quadctl.errors import QuadctlError
-from quadctl.flight.outcome import Outcome
-from quadctl.flight.plan import FlightPlan
+from quadctl.flight.pilot.outcome import Outcome
+from quadctl.flight.preflight.plan import FlightPlan
 from quadctl.flight.session import fly_real_time, prepare_flight
-from quadctl.lab.compare import compare
-from quadctl.lab.data import load_dataset
-from quadctl.lab.discover import discover
-from quadctl.lab.metrics import MetricsTable, Window, metrics, render
+from quadctl.lab.comparison.comparison import compare
+from quadctl.lab.flights.dataset import load_dataset
 from quadctl.lab.report import write_report
-from quadctl.lab.steps import step_responses
+from quadctl.lab.selection.discovery import discover
+from quadctl.lab.tracking.metrics import MetricsTable, Window, metrics, render
+from quadctl.lab.tracking.step_response import step_responses
 from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.read import read_log
 from quadctl.model import load_model, save_model

@@ -9,17 +9,17 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 
 from quadctl.errors import FlightError
-from quadctl.flight.outcome import Outcome, Tally
-from quadctl.flight.pilot import Pilot
-from quadctl.flight.plan import FlightPlan
-from quadctl.flight.tick import Request, Tick
+from quadctl.flight.pilot.outcome import Outcome, Tally
+from quadctl.flight.pilot.pilot import Pilot
+from quadctl.flight.pilot.tick import Request, Tick
+from quadctl.flight.preflight.plan import FlightPlan
+from quadctl.sitl.rules.copter import SimulatedCopter
+from quadctl.sitl.rules.px4 import SimulatedAutopilot
+from quadctl.sitl.server.ardupilot import MavlinkArduPilot
+from quadctl.sitl.server.px4 import MavlinkPx4
+from quadctl.sitl.server.server import MavlinkMock
+from quadctl.sitl.vehicle.hidden import HiddenTruth, load_hidden, true_model
 from quadctl.vehicle import Vehicle
-from sitl.autopilot import SimulatedAutopilot
-from sitl.copter import SimulatedCopter
-from sitl.hidden import HiddenTruth, load_hidden, true_model
-from sitl.mavlink import MavlinkMock
-from sitl.mavlink_ardupilot import MavlinkArduPilot
-from sitl.mavlink_px4 import MavlinkPx4
 
 START_TIMEOUT_S = 20.0
 

@@ -8,11 +8,12 @@ from typing import Any
 import pytest
 from hypothesis import settings
 
-from flights import CUSHION, simulated
 from quadctl.logs.flight_log import FlightLog
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle, load_vehicle
-from tests.machine import Witness
+from studies.faults.witness import Witness
+from tests.support.flights import CUSHION, simulated
+from tests.support.places import ROOT
 
 pytest.register_assert_rewrite("watched", "log_files")
 
@@ -48,7 +49,7 @@ def machine(request: pytest.FixtureRequest) -> Witness | None:
 
 @pytest.fixture(scope="session")
 def raptor_path() -> Path:
-    return Path(__file__).parents[1] / "config" / "vehicles" / "raptor.yaml"
+    return ROOT / "config" / "vehicles" / "raptor.yaml"
 
 
 @pytest.fixture(scope="session")
@@ -74,7 +75,7 @@ def browser() -> Iterator[Any]:
     """Headless Chromium, driven by Playwright."""
     from playwright.sync_api import sync_playwright
 
-    from visitors import CHROMIUM
+    from tests.support.visitors import CHROMIUM
 
     with sync_playwright() as playwright:
         launched = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])

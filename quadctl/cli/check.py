@@ -33,11 +33,11 @@ def check(
     json_out: JsonOption = None,
 ) -> None:
     """Is everything ready to fly? Mission, vehicle, compensator and limits, and with --link the autopilot."""
-    from quadctl.flight.check import check_flight
-    from quadctl.flight.findings import Verdict, of_verdict
-    from quadctl.flight.plan import read_flight
-    from quadctl.flight.ports import resolve
-    from quadctl.flight.preflight import ask_autopilot
+    from quadctl.flight.autopilot.ports import resolve
+    from quadctl.flight.preflight.check import check_flight
+    from quadctl.flight.preflight.findings import Verdict, of_verdict
+    from quadctl.flight.preflight.inquiry import ask_autopilot
+    from quadctl.flight.preflight.plan import read_flight
 
     if len(files) > 2:
         raise typer.BadParameter(f"{len(files)} files are given, expected a mission, or a vehicle and a mission")

@@ -98,7 +98,7 @@ def fly(
     ] = None,
 ) -> None:
     """Fly a mission on an autopilot; what `check` refuses is not begun. Ctrl-C lands."""
-    from quadctl.flight.ports import resolve
+    from quadctl.flight.autopilot.ports import resolve
     from quadctl.flight.session import fly_real_time, prepare_flight
 
     if sitl and link is not None:
@@ -165,6 +165,6 @@ def _print_warnings(plan: Any, simulated: bool) -> None:
 
 def simulator() -> Any:
     """The one way from the commands to the simulator."""
-    import sitl.run
+    import quadctl.sitl.run
 
-    return sitl.run
+    return quadctl.sitl.run

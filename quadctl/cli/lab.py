@@ -36,7 +36,7 @@ def compare(
     html: HtmlOption = None,
 ) -> None:
     """How wrong is a model, where, and how small could the error be?"""
-    from quadctl.lab.compare import compare as run
+    from quadctl.lab.comparison.comparison import compare as run
     from quadctl.lab.report import write_report
 
     check_outputs([model, *logs], json_out, html)
@@ -66,10 +66,10 @@ def diagnose(
     """Which physical effect is missing from a model?"""
     from joblib import parallel_config
 
-    from quadctl.lab.compare import compare as run_compare
-    from quadctl.lab.diagnose import diagnose as run
-    from quadctl.lab.effect_file import as_effect_file
+    from quadctl.lab.comparison.comparison import compare as run_compare
     from quadctl.lab.report import write_report
+    from quadctl.lab.selection.diagnosis import diagnose as run
+    from quadctl.lab.symbolic.effect_file import as_effect_file
 
     check_outputs([model, *logs], json_out, html, expression)
     with parallel_config("loky", n_jobs=jobs):
@@ -96,8 +96,8 @@ def suggest(
     hold_out: HoldOutOption = "blocks",
 ) -> None:
     """Which mission would tell most about what these logs leave open?"""
-    from quadctl.lab.diagnose import diagnose as run_diagnose
-    from quadctl.lab.suggest import suggest as run
+    from quadctl.lab.planning.suggestion import suggest as run
+    from quadctl.lab.selection.diagnosis import diagnose as run_diagnose
 
     check_outputs([model, *logs], json_out)
     loaded, data = _model_and_data(model, logs, hold_out)
@@ -129,9 +129,9 @@ def add(
 ) -> None:
     """Add an effect to a model: fit it, and see the error on data that the fit did not see."""
     from quadctl.effects import choose_effect
-    from quadctl.lab.add import add as run
-    from quadctl.lab.compare import compare as run_compare
+    from quadctl.lab.comparison.comparison import compare as run_compare
     from quadctl.lab.report import write_report
+    from quadctl.lab.selection.addition import add as run
     from quadctl.model import load_model, save_model
 
     check_outputs([model, *logs], output, json_out, html)
@@ -157,7 +157,7 @@ def fit(
     hold_out: HoldOutOption = "blocks",
 ) -> None:
     """Refit all effects of a model, and see the error on data that the fit did not see."""
-    from quadctl.lab.refit import fit as run
+    from quadctl.lab.selection.refit import fit as run
     from quadctl.model import save_model
 
     check_outputs([model, *logs], output, json_out)
@@ -182,8 +182,8 @@ def remove(
     hold_out: HoldOutOption = "blocks",
 ) -> None:
     """Take an effect out of a model; with logs, refit the rest and see what it costs on data the fit did not see."""
-    from quadctl.lab.remove import held_effect, without
-    from quadctl.lab.remove import remove as run
+    from quadctl.lab.selection.removal import held_effect, without
+    from quadctl.lab.selection.removal import remove as run
     from quadctl.model import load_model, save_model
 
     check_outputs([model, *(logs or [])], output, json_out)
@@ -219,8 +219,8 @@ def discover(
     """Compare, diagnose and add in one go, until nothing significant is missing."""
     from joblib import parallel_config
 
-    from quadctl.lab.discover import discover as run
     from quadctl.lab.report import write_report
+    from quadctl.lab.selection.discovery import discover as run
     from quadctl.model import save_model
 
     with parallel_config("loky", n_jobs=jobs):
@@ -253,8 +253,8 @@ def metrics(
     json_out: JsonOption = None,
 ) -> None:
     """Tracking errors: M_A, M_B (signed and absolute), MAE, RMSE."""
-    from quadctl.lab.metrics import Window, render
-    from quadctl.lab.metrics import metrics as run
+    from quadctl.lab.tracking.metrics import Window, render
+    from quadctl.lab.tracking.metrics import metrics as run
     from quadctl.logs.read import read_logs
 
     check_outputs([*logs, *(reference or [])], json_out)

@@ -25,7 +25,7 @@ def show(
     overrides: SetOption = None,
 ) -> None:
     """Draw a mission with its limits, and list its phases."""
-    from quadctl.flight.settings import find_config, load_flight_settings
+    from quadctl.flight.pilot.settings import find_config, load_flight_settings
     from quadctl.missions import load_mission
     from quadctl.missions.sketch import sketch
 
@@ -36,7 +36,7 @@ def show(
     if output is None:
         console.print(sketch(loaded, speed, tilt_deg), highlight=False)
         return
-    from quadctl.lab.mission_plot import save_mission_plot
+    from quadctl.lab.plots.mission import save_mission_plot
 
     save_mission_plot(loaded, speed, tilt_deg, output)
     print_saved(output)

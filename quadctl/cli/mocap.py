@@ -42,7 +42,7 @@ def mocap(
     ] = 0.0,
 ) -> None:
     """Forward motion-capture poses to the autopilot's estimator, until Ctrl-C; says how late they are."""
-    from quadctl.flight.ports import resolve
+    from quadctl.flight.autopilot.ports import resolve
     from quadctl.mocap.forward import forward
     from quadctl.mocap.urls import open_source
 

@@ -11,7 +11,7 @@ from quadctl.cli.output import JsonOption, write_json
 @app.command()
 def ports(json_out: JsonOption = None) -> None:
     """List the serial ports with what is plugged in; `fly --link auto` listens to all that may be an autopilot."""
-    from quadctl.flight.ports import serial_ports
+    from quadctl.flight.autopilot.ports import serial_ports
 
     found = serial_ports()
     write_json(json_out, {"ports": [asdict(port) for port in found]})

@@ -138,7 +138,7 @@ def _measure(
 ) -> "list[Point]":
     from contextlib import ExitStack, closing
 
-    from quadctl.flight.ports import resolve
+    from quadctl.flight.autopilot.ports import resolve
     from quadctl.thrust_stand.measurement import PointWriter
     from quadctl.thrust_stand.motor import StandMotor
     from quadctl.thrust_stand.scale import Scale, SerialScale, TypedScale

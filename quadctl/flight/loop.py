@@ -13,9 +13,9 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 
 from quadctl.errors import FlightError
-from quadctl.flight.autopilot import Autopilot
-from quadctl.flight.pilot import Pilot
-from quadctl.flight.tick import Request, Stage, Tick
+from quadctl.flight.autopilot.port import Autopilot
+from quadctl.flight.pilot.pilot import Pilot
+from quadctl.flight.pilot.tick import Request, Stage, Tick
 from quadctl.state import AttitudeTarget
 
 Listener = Callable[[Tick], None]

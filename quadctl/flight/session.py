@@ -7,18 +7,18 @@ from pathlib import Path
 from rich.console import Console
 
 from quadctl.errors import FlightError
-from quadctl.flight.autopilot import Autopilot
-from quadctl.flight.check import check_flight
-from quadctl.flight.display import Display
-from quadctl.flight.findings import Verdict, of_verdict
+from quadctl.flight.autopilot.mavsdk_autopilot import MavsdkAutopilot
+from quadctl.flight.autopilot.port import Autopilot
 from quadctl.flight.loop import fly, landing_on_signals
-from quadctl.flight.mavsdk_autopilot import MavsdkAutopilot
-from quadctl.flight.outcome import Outcome, Tally
-from quadctl.flight.plan import FlightPlan, read_flight
-from quadctl.flight.preflight import advisable_parameters
+from quadctl.flight.pilot.outcome import Outcome, Tally
+from quadctl.flight.preflight.check import check_flight
+from quadctl.flight.preflight.findings import Verdict, of_verdict
+from quadctl.flight.preflight.inquiry import advisable_parameters
+from quadctl.flight.preflight.plan import FlightPlan, read_flight
+from quadctl.flight.preflight.requirements import requirements_met
 from quadctl.flight.realtime import privileges, run
-from quadctl.flight.requirements import requirements_met
-from quadctl.flight.view_link import ViewEnd, ViewLink
+from quadctl.flight.record.display import Display
+from quadctl.flight.record.view_link import ViewEnd, ViewLink
 
 
 def prepare_flight(

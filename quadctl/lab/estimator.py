@@ -7,12 +7,12 @@ from typing import Any, Self
 
 from quadctl.effects import Effect, catalog_with, find_effect
 from quadctl.errors import SettingsError
-from quadctl.lab.add import add
 from quadctl.lab.arrays import Floats
-from quadctl.lab.compare import explained
-from quadctl.lab.data import HoldOut
+from quadctl.lab.comparison.comparison import explained
+from quadctl.lab.flights.dataset import HoldOut
 from quadctl.lab.interface import AnyModel, Flights, open_model, prepare_flights
-from quadctl.lab.refit import Refit, fit
+from quadctl.lab.selection.addition import add
+from quadctl.lab.selection.refit import Refit, fit
 from quadctl.model import Model, save_model
 
 

@@ -6,21 +6,21 @@ from typing import TypeAlias
 
 from quadctl.effects import Effect, catalog_with, find_effect
 from quadctl.errors import SettingsError
-from quadctl.lab.add import Addition
-from quadctl.lab.add import add as run_add
-from quadctl.lab.compare import Comparison
-from quadctl.lab.compare import compare as run_compare
-from quadctl.lab.data import Dataset, HoldOut, load_dataset
-from quadctl.lab.diagnose import Diagnosis
-from quadctl.lab.diagnose import diagnose as run_diagnose
-from quadctl.lab.discover import Discovery
-from quadctl.lab.discover import discover as run_discover
-from quadctl.lab.refit import Refit
-from quadctl.lab.refit import fit as run_fit
-from quadctl.lab.remove import Removal
-from quadctl.lab.remove import remove as run_remove
-from quadctl.lab.suggest import Suggestion
-from quadctl.lab.suggest import suggest as run_suggest
+from quadctl.lab.comparison.comparison import Comparison
+from quadctl.lab.comparison.comparison import compare as run_compare
+from quadctl.lab.flights.dataset import Dataset, HoldOut, load_dataset
+from quadctl.lab.planning.suggestion import Suggestion
+from quadctl.lab.planning.suggestion import suggest as run_suggest
+from quadctl.lab.selection.addition import Addition
+from quadctl.lab.selection.addition import add as run_add
+from quadctl.lab.selection.diagnosis import Diagnosis
+from quadctl.lab.selection.diagnosis import diagnose as run_diagnose
+from quadctl.lab.selection.discovery import Discovery
+from quadctl.lab.selection.discovery import discover as run_discover
+from quadctl.lab.selection.refit import Refit
+from quadctl.lab.selection.refit import fit as run_fit
+from quadctl.lab.selection.removal import Removal
+from quadctl.lab.selection.removal import remove as run_remove
 from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.read import read_logs
 from quadctl.model import Model, load_model

@@ -16,9 +16,9 @@ from types import FrameType
 from rich.console import Console
 
 from quadctl.errors import FlightError, LinkError
-from quadctl.flight import mavlink
-from quadctl.flight.mavsdk_link import MavsdkLink
-from quadctl.flight.telemetry import Telemetry
+from quadctl.flight.autopilot import mavlink
+from quadctl.flight.autopilot.mavsdk_link import MavsdkLink
+from quadctl.flight.autopilot.telemetry import Telemetry
 from quadctl.frames import euler_from_quaternion
 from quadctl.mocap.agreement import Motion, tilt_problem, yaw_problem
 from quadctl.mocap.axes import FRAMES, to_ned

@@ -4,8 +4,8 @@ import math
 from collections.abc import Iterable
 
 from quadctl.errors import FlightError
-from quadctl.flight import mavlink
-from quadctl.flight.mavsdk_autopilot import MavsdkAutopilot
+from quadctl.flight.autopilot import mavlink
+from quadctl.flight.autopilot.mavsdk_autopilot import MavsdkAutopilot
 from quadctl.vehicle import Vehicle
 
 THROTTLE_PERCENT = 0.0

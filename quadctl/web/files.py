@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from quadctl.errors import QuadctlError
-from quadctl.lab.effect_file import as_effect_file
-from quadctl.lab.formula import Symbolic
+from quadctl.lab.symbolic.effect_file import as_effect_file
+from quadctl.lab.symbolic.formula import Symbolic
 from quadctl.model import Model
 
 MAX_UPLOAD_BYTES = 512 * 2**20

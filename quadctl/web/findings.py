@@ -11,13 +11,13 @@ from pydantic import ConfigDict, Field, model_validator
 
 from quadctl.effects import Effect, every_effect, find_effect
 from quadctl.lab.arrays import Floats
-from quadctl.lab.candidate import Candidate
-from quadctl.lab.curves import Binned, Sketch
-from quadctl.lab.data import Dataset
-from quadctl.lab.diagnose import Diagnosis, Verdict
-from quadctl.lab.effect_file import CODE
-from quadctl.lab.formula import Formula, Law, Symbolic
-from quadctl.lab.search import Step
+from quadctl.lab.flights.dataset import Dataset
+from quadctl.lab.selection.candidate import Candidate
+from quadctl.lab.selection.diagnosis import Diagnosis, Verdict
+from quadctl.lab.selection.effect_curves import Binned, Sketch
+from quadctl.lab.selection.search import Step
+from quadctl.lab.symbolic.effect_file import CODE
+from quadctl.lab.symbolic.formula import Formula, Law, Symbolic
 from quadctl.model import EffectEntry, Model, StackedEffect
 from quadctl.settings import Settings
 

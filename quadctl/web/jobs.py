@@ -8,19 +8,19 @@ from pathlib import Path
 
 from quadctl.effects import catalog_with, choose_effect, find_effect
 from quadctl.errors import QuadctlError
-from quadctl.lab.add import Addition, add
 from quadctl.lab.arrays import Floats
-from quadctl.lab.compare import Comparison, compare
-from quadctl.lab.curves import sketch
-from quadctl.lab.data import Dataset, HoldOut, rmse
-from quadctl.lab.diagnose import Diagnosis, diagnose
-from quadctl.lab.fit import Fitter
+from quadctl.lab.comparison.comparison import Comparison, compare
+from quadctl.lab.fitting.fitter import Fitter
+from quadctl.lab.flights.dataset import Dataset, HoldOut, rmse
 from quadctl.lab.interface import prepare_flights
-from quadctl.lab.refit import Refit, fit
-from quadctl.lab.remove import Removal, remove
+from quadctl.lab.planning.suggestion import Suggestion, suggest
 from quadctl.lab.report import Results, render_report
-from quadctl.lab.steps import StepResponses
-from quadctl.lab.suggest import Suggestion, suggest
+from quadctl.lab.selection.addition import Addition, add
+from quadctl.lab.selection.diagnosis import Diagnosis, diagnose
+from quadctl.lab.selection.effect_curves import sketch
+from quadctl.lab.selection.refit import Refit, fit
+from quadctl.lab.selection.removal import Removal, remove
+from quadctl.lab.tracking.step_response import StepResponses
 from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.quality import QualityReport, quality
 from quadctl.logs.read import read_log
@@ -71,7 +71,7 @@ class Evaluation:
     held_out: dict[str, float]
     """RMSE on the parts of the first that each fit did not see."""
     nuisances: Floats
-    """What single flights have of their own, shape (flights, kinds), see `quadctl.lab.nuisance`."""
+    """What single flights have of their own, shape (flights, kinds), see `quadctl.lab.fitting.nuisances`."""
 
     @property
     def error_m_s2(self) -> float:

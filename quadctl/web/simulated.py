@@ -8,8 +8,8 @@ from typing import Any
 import yaml
 
 from quadctl.errors import QuadctlError
-from quadctl.lab.metrics import Window, metrics
-from quadctl.lab.steps import StepResponses, step_responses
+from quadctl.lab.tracking.metrics import Window, metrics
+from quadctl.lab.tracking.step_response import StepResponses, step_responses
 from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.read import read_log
 from quadctl.model import Model, save_model
@@ -40,7 +40,7 @@ class Simulation:
             It must not fly, and why.
         """
         from quadctl.compensator import check_compensator
-        from quadctl.flight.plan import read_flight
+        from quadctl.flight.preflight.plan import read_flight
 
         plan = read_flight(self._mission(MISSION), None, str(self._saved(model)), None)
         return check_compensator(plan.compensator, *plan.rotor_heights_m, plan.compensator.name)

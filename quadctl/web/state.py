@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from quadctl.lab.steps import StepResponses
-from quadctl.lab.suggest import Suggestion
+from quadctl.lab.planning.suggestion import Suggestion
+from quadctl.lab.tracking.step_response import StepResponses
 from quadctl.web import jobs
 from quadctl.web.findings import Diagnosed
 

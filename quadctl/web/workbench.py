@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any, Literal
 
 from quadctl.errors import QuadctlError, SettingsError
-from quadctl.lab.data import Dataset, HoldOut
-from quadctl.lab.refit import Refit
-from quadctl.lab.words import quantity
+from quadctl.lab.comparison.wording import quantity
+from quadctl.lab.flights.dataset import Dataset, HoldOut
+from quadctl.lab.selection.refit import Refit
 from quadctl.model import load_model, model_to_dict
 from quadctl.web import jobs
 from quadctl.web.files import keep_expression

@@ -3,9 +3,9 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from quadctl.lab.diagnose import Diagnosis
+from quadctl.lab.comparison.wording import change_in_words, p_in_words
 from quadctl.lab.plots.style import AFTER, BLACK, FLOOR, LIGHT, SKY, beside, panel, styled
-from quadctl.lab.words import change_in_words, p_in_words
+from quadctl.lab.selection.diagnosis import Diagnosis
 
 
 def chosen(diagnosis: Diagnosis) -> set[str]:

@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from quadctl.lab.curves import EffectCurve
+from quadctl.lab.comparison.wording import label_of
 from quadctl.lab.plots.style import (
     AFTER,
     BEFORE,
@@ -17,7 +17,7 @@ from quadctl.lab.plots.style import (
     points,
     styled,
 )
-from quadctl.lab.words import label_of
+from quadctl.lab.selection.effect_curves import EffectCurve
 
 
 @styled

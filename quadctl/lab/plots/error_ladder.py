@@ -3,8 +3,8 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from quadctl.lab.diagnose import Diagnosis
 from quadctl.lab.plots.style import AFTER, BEFORE, FLOOR, beside, panel, styled
+from quadctl.lab.selection.diagnosis import Diagnosis
 
 
 @styled

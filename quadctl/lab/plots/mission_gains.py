@@ -3,8 +3,8 @@
 import numpy as np
 from matplotlib.figure import Figure
 
+from quadctl.lab.planning.suggestion import Suggestion
 from quadctl.lab.plots.style import BLUE, GREEN, ORANGE, panel, styled
-from quadctl.lab.suggest import Suggestion
 
 QUESTIONS = (("look-alikes told apart", BLUE), ("widest interval narrowed", ORANGE), ("untried effects shown", GREEN))
 MOST_MISSIONS = 12

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from quadctl.lab.openloop import OpenLoop
+from quadctl.lab.comparison.open_loop import OpenLoop
 from quadctl.lab.plots.style import AFTER, BEFORE, GREY, legend_above, legend_name, panel, styled
 
 

@@ -6,11 +6,11 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from quadctl.lab.arrays import Floats
-from quadctl.lab.compare import Comparison
-from quadctl.lab.data import AXES
-from quadctl.lab.locate import Profile
+from quadctl.lab.comparison.comparison import Comparison
+from quadctl.lab.comparison.failures import Profile
+from quadctl.lab.comparison.wording import label_of
+from quadctl.lab.flights.dataset import AXES
 from quadctl.lab.plots.style import BEFORE, BLACK, GREY, cloud, inner_range, limits, panel, points, styled
-from quadctl.lab.words import label_of
 
 
 @styled

@@ -7,8 +7,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from quadctl.lab.metrics import Tracking
 from quadctl.lab.plots.style import BLACK, FLIGHT_COLOURS, PANEL_PX, legend_above, legend_name, limits, panel, styled
+from quadctl.lab.tracking.metrics import Tracking
 
 
 @styled

@@ -6,16 +6,8 @@ import numpy as np
 
 from quadctl.effects.ground_effect import NearGround
 from quadctl.lab import plots
-from quadctl.lab.add import Addition
-from quadctl.lab.curves import effect_curves, ratio_curve
-from quadctl.lab.data import Dataset
-from quadctl.lab.flight import VARIABLE_NAMES, VARIABLE_UNITS
-from quadctl.lab.locate import most_telling
-from quadctl.lab.report.compared import time_figures
-from quadctl.lab.report.numbers import unseen_before, unseen_residuals
-from quadctl.lab.report.parts import Cell, Figure, Results, Section, Table, both_widths, figure
-from quadctl.lab.resample import drop_interval
-from quadctl.lab.words import (
+from quadctl.lab.comparison.failures import most_telling
+from quadctl.lab.comparison.wording import (
     change_in_words,
     count,
     failure_in_words,
@@ -26,6 +18,14 @@ from quadctl.lab.words import (
     percent,
     quantity,
 )
+from quadctl.lab.fitting.bootstrap import drop_interval
+from quadctl.lab.flights.dataset import Dataset
+from quadctl.lab.flights.flight import VARIABLE_NAMES, VARIABLE_UNITS
+from quadctl.lab.report.compared import time_figures
+from quadctl.lab.report.numbers import unseen_before, unseen_residuals
+from quadctl.lab.report.parts import Cell, Figure, Results, Section, Table, both_widths, figure
+from quadctl.lab.selection.addition import Addition
+from quadctl.lab.selection.effect_curves import effect_curves, ratio_curve
 
 
 def before_and_after(r: Results) -> Section | None:

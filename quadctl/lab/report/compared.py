@@ -6,15 +6,10 @@ import numpy as np
 
 from quadctl.frames import GRAVITY_M_S2
 from quadctl.lab import plots
-from quadctl.lab.candidate import MATERIAL, SIGNIFICANT
-from quadctl.lab.compare import Comparison
-from quadctl.lab.data import AXES, predict
-from quadctl.lab.flight import VARIABLE_NAMES, Flight
-from quadctl.lab.locate import most_telling
-from quadctl.lab.openloop import OpenLoop, open_loop, open_loop_in_words
-from quadctl.lab.report.numbers import duration_s, rmse_interval, total
-from quadctl.lab.report.parts import Cell, Figure, Results, Section, Table, both_widths, figure
-from quadctl.lab.words import (
+from quadctl.lab.comparison.comparison import Comparison
+from quadctl.lab.comparison.failures import most_telling
+from quadctl.lab.comparison.open_loop import OpenLoop, open_loop, open_loop_in_words
+from quadctl.lab.comparison.wording import (
     UNIT,
     count,
     failure_in_words,
@@ -28,6 +23,11 @@ from quadctl.lab.words import (
     sentence,
     variance_in_words,
 )
+from quadctl.lab.flights.dataset import AXES, predict
+from quadctl.lab.flights.flight import VARIABLE_NAMES, Flight
+from quadctl.lab.report.numbers import duration_s, rmse_interval, total
+from quadctl.lab.report.parts import Cell, Figure, Results, Section, Table, both_widths, figure
+from quadctl.lab.selection.candidate import MATERIAL, SIGNIFICANT
 
 SHOWN_FLIGHTS, SHOWN_PANELS, SHOWN_FAILURES = 2, 6, 12
 

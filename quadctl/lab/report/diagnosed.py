@@ -1,10 +1,7 @@
 """The section on what is missing."""
 
 from quadctl.lab import plots
-from quadctl.lab.candidate import MATERIAL, SIGNIFICANT, Candidate
-from quadctl.lab.diagnose import Diagnosis
-from quadctl.lab.report.parts import Cell, Results, Section, Table, figure
-from quadctl.lab.words import (
+from quadctl.lab.comparison.wording import (
     UNIT,
     change_in_words,
     count,
@@ -17,6 +14,9 @@ from quadctl.lab.words import (
     plain,
     quantity,
 )
+from quadctl.lab.report.parts import Cell, Results, Section, Table, figure
+from quadctl.lab.selection.candidate import MATERIAL, SIGNIFICANT, Candidate
+from quadctl.lab.selection.diagnosis import Diagnosis
 
 SHOWN_CANDIDATES = 8
 

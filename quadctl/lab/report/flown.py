@@ -1,9 +1,9 @@
 """The section on step responses flown."""
 
 from quadctl.lab import plots
+from quadctl.lab.comparison.wording import plus, sentence
 from quadctl.lab.report.parts import Cell, Results, Section, Table, figure
-from quadctl.lab.steps import StepResponses, steps_in_words
-from quadctl.lab.words import plus, sentence
+from quadctl.lab.tracking.step_response import StepResponses, steps_in_words
 
 
 def step_section(r: Results) -> Section | None:

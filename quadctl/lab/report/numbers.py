@@ -4,10 +4,10 @@ import numpy as np
 
 from quadctl.errors import LogError
 from quadctl.lab.arrays import Floats
-from quadctl.lab.data import Dataset, rmse
-from quadctl.lab.flight import Flight
+from quadctl.lab.fitting.bootstrap import resampled_means
+from quadctl.lab.flights.dataset import Dataset, rmse
+from quadctl.lab.flights.flight import Flight
 from quadctl.lab.report.parts import Results
-from quadctl.lab.resample import resampled_means
 
 
 def rmse_interval(residual: Floats, dataset: Dataset) -> tuple[float, float]:

@@ -9,16 +9,16 @@ from jinja2 import Environment, StrictUndefined
 
 from quadctl import __version__
 from quadctl.errors import SettingsError
-from quadctl.lab.add import Addition
-from quadctl.lab.compare import Comparison
-from quadctl.lab.diagnose import Diagnosis
+from quadctl.lab.comparison.comparison import Comparison
 from quadctl.lab.report.added import before_and_after, fitted_effects
 from quadctl.lab.report.compared import flights, open_loop_section, over_time, over_variables, where_it_fails
 from quadctl.lab.report.diagnosed import missing
 from quadctl.lab.report.flown import step_section
 from quadctl.lab.report.parts import Results
 from quadctl.lab.report.top import headline
-from quadctl.lab.steps import StepResponses
+from quadctl.lab.selection.addition import Addition
+from quadctl.lab.selection.diagnosis import Diagnosis
+from quadctl.lab.tracking.step_response import StepResponses
 
 
 def write_report(
@@ -67,7 +67,7 @@ def _remove(temporary: Path) -> None:
 def render_report(results: Results) -> str:
     """The page as HTML."""
     sections = [section for make in _SECTIONS if (section := make(results)) is not None]
-    template = files("quadctl.lab").joinpath("report.html.j2").read_text(encoding="utf-8")
+    template = files("quadctl.lab.report").joinpath("report.html.j2").read_text(encoding="utf-8")
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     return environment.from_string(template).render(
         model=results.comparison.model.name,

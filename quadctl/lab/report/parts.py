@@ -7,10 +7,10 @@ from markupsafe import Markup
 from matplotlib.figure import Figure as Drawing
 
 from quadctl.lab import plots
-from quadctl.lab.add import Addition
-from quadctl.lab.compare import Comparison
-from quadctl.lab.diagnose import Diagnosis
-from quadctl.lab.steps import StepResponses
+from quadctl.lab.comparison.comparison import Comparison
+from quadctl.lab.selection.addition import Addition
+from quadctl.lab.selection.diagnosis import Diagnosis
+from quadctl.lab.tracking.step_response import StepResponses
 
 
 class Results(NamedTuple):

@@ -1,11 +1,7 @@
 """The number that matters, at the top of a report."""
 
-from quadctl.lab.locate import most_telling
-from quadctl.lab.report.numbers import rmse_interval, total, unseen_before, unseen_residuals
-from quadctl.lab.report.parts import Headline, Results, Tile
-from quadctl.lab.resample import drop_interval
-from quadctl.lab.steps import first_and_last
-from quadctl.lab.words import (
+from quadctl.lab.comparison.failures import most_telling
+from quadctl.lab.comparison.wording import (
     change_in_words,
     failure_in_words,
     flights_in_words,
@@ -16,6 +12,10 @@ from quadctl.lab.words import (
     plain,
     quantity,
 )
+from quadctl.lab.fitting.bootstrap import drop_interval
+from quadctl.lab.report.numbers import rmse_interval, total, unseen_before, unseen_residuals
+from quadctl.lab.report.parts import Headline, Results, Tile
+from quadctl.lab.tracking.step_response import first_and_last
 
 
 def headline(r: Results) -> Headline:

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from quadctl.lab.arrays import Floats, Mask
-from quadctl.lab.flight import Flight
+from quadctl.lab.flights.flight import Flight
 from quadctl.web.figures.base import Figure, axis, figure
 from quadctl.web.theme import Theme
 

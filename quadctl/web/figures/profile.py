@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from quadctl.lab.compare import Comparison
-from quadctl.lab.data import AXES
-from quadctl.lab.locate import Profile
-from quadctl.lab.words import label_of, p_in_words, percent
+from quadctl.lab.comparison.comparison import Comparison
+from quadctl.lab.comparison.failures import Profile
+from quadctl.lab.comparison.wording import label_of, p_in_words, percent
+from quadctl.lab.flights.dataset import AXES
 from quadctl.web.figures.base import Figure, axis, faded, figure
 from quadctl.web.theme import Theme
 

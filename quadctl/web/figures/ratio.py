@@ -7,9 +7,9 @@ import numpy as np
 
 from quadctl.effects import CATALOG
 from quadctl.lab.arrays import Floats
-from quadctl.lab.curves import Binned, hover_ratio, measured_ratio
-from quadctl.lab.data import Dataset
-from quadctl.lab.words import label_of
+from quadctl.lab.comparison.wording import label_of
+from quadctl.lab.flights.dataset import Dataset
+from quadctl.lab.selection.effect_curves import Binned, hover_ratio, measured_ratio
 from quadctl.model import Model
 from quadctl.web.figures.base import Figure, axis, figure
 from quadctl.web.theme import Theme

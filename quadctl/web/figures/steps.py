@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from quadctl.lab.steps import StepResponses
+from quadctl.lab.tracking.step_response import StepResponses
 from quadctl.web.figures.base import Figure, axis, figure
 from quadctl.web.simulated import FAR, WITH, WITHOUT
 from quadctl.web.theme import Theme

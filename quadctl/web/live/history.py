@@ -6,9 +6,9 @@ from collections import deque
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from quadctl.flight.guards import GuardLimits
-from quadctl.flight.tick import Stage
-from quadctl.flight.view_link import Record
+from quadctl.flight.pilot.guards import GuardLimits
+from quadctl.flight.pilot.tick import Stage
+from quadctl.flight.record.view_link import Record
 from quadctl.missions import Mission
 
 ROWS_KEPT = 36_000

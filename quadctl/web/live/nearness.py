@@ -5,9 +5,9 @@ import re
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from quadctl.flight.guards import floor
-from quadctl.flight.telemetry import HEARTBEAT_TIMEOUT_S
-from quadctl.flight.view_link import Record
+from quadctl.flight.autopilot.telemetry import HEARTBEAT_TIMEOUT_S
+from quadctl.flight.pilot.guards import floor
+from quadctl.flight.record.view_link import Record
 from quadctl.web.live.history import Brief
 
 

@@ -9,7 +9,7 @@ from nicegui import ui
 from nicegui.client import Client
 from nicegui.events import KeyEventArguments
 
-from quadctl.flight.tick import Stage
+from quadctl.flight.pilot.tick import Stage
 from quadctl.web.colours import keep_theme, theme_button, wanted_theme
 from quadctl.web.live.land import LandButton
 from quadctl.web.live.panels import EventList, GuardList, NowPanel, Tiles

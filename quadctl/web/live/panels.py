@@ -6,8 +6,8 @@ from collections.abc import Callable
 from nicegui import ui
 from nicegui.element import Element
 
-from quadctl.flight.tick import Stage
-from quadctl.flight.view_link import Record
+from quadctl.flight.pilot.tick import Stage
+from quadctl.flight.record.view_link import Record
 from quadctl.web.live.history import Brief, History
 from quadctl.web.live.nearness import Nearness, guards
 from quadctl.web.panels.parts import tag

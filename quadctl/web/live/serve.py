@@ -12,7 +12,7 @@ from nicegui import app, ui
 from nicegui.client import Client
 from starlette.middleware.trustedhost import TrustedHostMiddleware
 
-from quadctl.flight.view_link import WISH_TO_LAND, ViewEnd, next_record
+from quadctl.flight.record.view_link import WISH_TO_LAND, ViewEnd, next_record
 from quadctl.web.live.gate import Gate
 from quadctl.web.live.history import LOST, Brief, History
 from quadctl.web.live.page import LivePage

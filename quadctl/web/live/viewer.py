@@ -11,8 +11,8 @@ from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 
 from quadctl.errors import QuadctlError
-from quadctl.flight.outcome import Outcome
-from quadctl.flight.view_link import ViewEnd, connected_ends
+from quadctl.flight.pilot.outcome import Outcome
+from quadctl.flight.record.view_link import ViewEnd, connected_ends
 from quadctl.web.live.history import Brief, Ending
 from quadctl.web.port import require_free
 

@@ -4,8 +4,8 @@ from typing import TYPE_CHECKING
 
 from nicegui import ui
 
-from quadctl.lab.steps import StepResponses
-from quadctl.lab.words import change_in_words
+from quadctl.lab.comparison.wording import change_in_words
+from quadctl.lab.tracking.step_response import StepResponses
 from quadctl.web.figures.ratio import ratio_over_height, ratio_over_speed
 from quadctl.web.figures.steps import step_figure
 from quadctl.web.panels.parts import empty, heading, plot, tag

@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING, Any
 from nicegui import ui
 from nicegui.events import GenericEventArguments
 
-from quadctl.lab.candidate import MATERIAL, SIGNIFICANT
-from quadctl.lab.compare import Comparison
-from quadctl.lab.locate import Failure, Profile, most_telling
-from quadctl.lab.words import failure_in_words
+from quadctl.lab.comparison.comparison import Comparison
+from quadctl.lab.comparison.failures import Failure, Profile, most_telling
+from quadctl.lab.comparison.wording import failure_in_words
+from quadctl.lab.selection.candidate import MATERIAL, SIGNIFICANT
 from quadctl.web.figures.error_map import error_map
 from quadctl.web.figures.path import path_figure
 from quadctl.web.figures.profile import profile_figure

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 from nicegui import ui
 
-from quadctl.lab.words import listed
+from quadctl.lab.comparison.wording import listed
 from quadctl.web.colours import theme_button
 from quadctl.web.panels.flights import draw_vehicle, drop_zone
 from quadctl.web.panels.parts import busy, heading, tag

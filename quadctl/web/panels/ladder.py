@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 from nicegui import ui
 
-from quadctl.lab.words import change_in_words, held_out, listed, number, plain
+from quadctl.lab.comparison.wording import change_in_words, held_out, listed, number, plain
 from quadctl.web.panels.parts import tag
 
 if TYPE_CHECKING:

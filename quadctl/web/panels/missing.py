@@ -4,9 +4,17 @@ from typing import TYPE_CHECKING
 
 from nicegui import ui
 
-from quadctl.lab.candidate import Candidate
-from quadctl.lab.diagnose import Diagnosis
-from quadctl.lab.words import change_in_words, listed, p_in_words, parameters_in_text, percent, plain, quantity
+from quadctl.lab.comparison.wording import (
+    change_in_words,
+    listed,
+    p_in_words,
+    parameters_in_text,
+    percent,
+    plain,
+    quantity,
+)
+from quadctl.lab.selection.candidate import Candidate
+from quadctl.lab.selection.diagnosis import Diagnosis
 from quadctl.web.figures.sketch import sketch_svg
 from quadctl.web.figures.timeline import short_timeline
 from quadctl.web.findings import Diagnosed

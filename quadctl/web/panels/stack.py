@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from nicegui import ui
 
-from quadctl.lab.nuisance import KINDS
-from quadctl.lab.words import plain
+from quadctl.lab.comparison.wording import plain
+from quadctl.lab.fitting.nuisances import KINDS
 from quadctl.model import StackedEffect
 from quadctl.web.panels.parts import tag
 

@@ -1,0 +1,7 @@
+"""The autopilots that quadctl flies, by MAV_AUTOPILOT of their heartbeat."""
+
+from quadctl.flight.autopilot.ardupilot import ARDUPILOT
+from quadctl.flight.autopilot.firmware import Firmware
+from quadctl.flight.autopilot.px4 import PX4
+
+FIRMWARES: dict[int, Firmware] = {firmware.mav_autopilot: firmware for firmware in (PX4, ARDUPILOT)}

@@ -1,0 +1,217 @@
+"""A real autopilot, PX4 or ArduPilot, over MAVSDK.
+
+Targets leave as single SET_ATTITUDE_TARGET messages. MAVSDK's own offboard plugin is not used: it goes on re-sending
+the last target by itself, so that the autopilot would not notice a companion that hangs.
+"""
+
+import math
+import time
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
+
+from quadctl.errors import FlightError, LinkError
+from quadctl.flight.autopilot import mavlink
+from quadctl.flight.autopilot.firmware import Firmware, Requirement, Stream
+from quadctl.flight.autopilot.firmwares import FIRMWARES
+from quadctl.flight.autopilot.mavsdk_link import MavsdkLink
+from quadctl.flight.autopilot.telemetry import Telemetry
+from quadctl.state import AttitudeTarget, VehicleState
+
+HEARTBEAT_WAIT_S = 3.0
+"""For the next heartbeat of an autopilot that has been found, and for one that shows what was accepted."""
+REASON_WAIT_S = 0.3
+"""For the text that explains a refusal: it comes just before or just after the acknowledgement."""
+ROTORS_WAIT_S = 0.5
+"""For the first message with rotor speeds: that they will be sent is promised by autopilots that have none."""
+UNIT_TOLERANCE = 1e-3
+
+
+class MavsdkAutopilot:
+    """An autopilot at the other end of `url`; implements the port `Autopilot`."""
+
+    def __init__(self, url: str, n_rotors: int, connect_timeout_s: float = 10.0) -> None:
+        """Raises LinkError when `url` is not one that MAVSDK can open."""
+        self._connect_timeout_s = connect_timeout_s
+        self._telemetry = Telemetry(n_rotors)
+        self._link = MavsdkLink(url, self._telemetry.receive)
+        self._link.on_reopened = self._ask_again
+        self._start_s = time.monotonic()
+        self.warnings: list[str] = []
+        """What the autopilot cannot give and the flight can do without, one sentence each."""
+
+    @property
+    def description(self) -> str:
+        """For the log: what it is and where."""
+        firmware = self._telemetry.firmware
+        name = "autopilot" if firmware is None else firmware.name
+        return f"{name} (system {self._link.system_id}) at {self._link.url}"
+
+    @property
+    def takes_off_itself(self) -> bool:
+        return self._firmware.takes_off_itself
+
+    @property
+    def requirements(self) -> Sequence[Requirement]:
+        return self._firmware.requirements
+
+    @property
+    def checked(self) -> Sequence[str]:
+        return self._firmware.checked
+
+    async def connect(self) -> None:
+        """Open the link and wait for a heartbeat; raises LinkError when none comes."""
+        await self._link.open(self._telemetry.messages, self._connect_timeout_s)
+        if not await self._await(lambda: self._telemetry.autopilot != 0, HEARTBEAT_WAIT_S):
+            raise LinkError(f"The autopilot at {self._link.url} went silent after its first heartbeat: check the link.")
+        kind = self._telemetry.autopilot
+        if kind not in FIRMWARES:
+            expected = " or ".join(f"{number} ({firmware.name})" for number, firmware in FIRMWARES.items())
+            raise LinkError(
+                f"The autopilot at {self._link.url} is of an unknown kind: its heartbeat says MAV_AUTOPILOT {kind}, "
+                f"expected {expected}."
+            )
+
+    async def request_telemetry(self) -> None:
+        """Ask for the message rates that control needs.
+
+        Raises FlightError when a message that control stands on is refused; others are noted in `warnings`.
+        """
+        for stream in self._firmware.streams:
+            result = await self._link.run(partial(self._request_stream, stream))
+            if result == mavlink.ACCEPTED or stream.alternative:
+                continue
+            sentence = (
+                f"{self.description} refused to send {stream.name} at {stream.rate_hz:g} Hz: "
+                f"{mavlink.result_name(result)}."
+            )
+            if stream.required:
+                raise FlightError(sentence)
+            self.warnings.append(sentence)
+        if not await self._await(lambda: self._telemetry.has_rpm, ROTORS_WAIT_S):
+            instead = "motor outputs" if self._telemetry.has_outputs else "the throttle"
+            self.warnings.append(
+                f"{self.description} sends no rotor speeds: in the log, thrust is known from {instead}."
+            )
+
+    def state(self) -> VehicleState:
+        """The latest state, at once; parts that never arrived are nan."""
+        return self._telemetry.state(time.monotonic())
+
+    def send(self, target: AttitudeTarget) -> None:
+        """Put one target on the wire, at once, once.
+
+        Raises FlightError, and sends nothing, when the target is not a unit quaternion and a throttle in 0..1.
+        """
+        fields = {
+            "time_boot_ms": int(1000.0 * (time.monotonic() - self._start_s)) & 0xFFFFFFFF,
+            "target_system": self._link.system_id,
+            "target_component": mavlink.MAV_COMP_ID_AUTOPILOT,
+            "type_mask": mavlink.ATTITUDE_TARGET_IGNORE_RATES,
+            "q": _checked_attitude(target),
+            "body_roll_rate": 0.0,
+            "body_pitch_rate": 0.0,
+            "body_yaw_rate": 0.0,
+            "thrust": _checked_throttle(target),
+            "thrust_body": (0.0, 0.0, 0.0),
+        }
+        self._link.send("SET_ATTITUDE_TARGET", fields)
+
+    async def arm(self) -> None:
+        """Arm the motors; returns when the heartbeat shows it."""
+        await self._request("arm", mavlink.CMD_COMPONENT_ARM_DISARM, 1.0, until=lambda: self._telemetry.armed)
+
+    async def start_offboard(self) -> None:
+        """Enter the mode that follows our targets."""
+        await self._enter(self._firmware.offboard_mode)
+
+    async def take_off(self, height_m: float) -> None:
+        """Have the armed autopilot climb to `height_m` above where it stands; returns when it has accepted."""
+        nothing = (0.0,) * 6
+        await self._request(f"take off to {height_m:g} m", mavlink.CMD_NAV_TAKEOFF, *nothing, height_m)
+
+    async def land(self) -> None:
+        """Enter the autopilot's own land mode."""
+        await self._enter(self._firmware.land_mode)
+
+    async def hold(self) -> None:
+        """Hand over: enter the autopilot's own hold mode."""
+        await self._enter(self._firmware.hold_mode)
+
+    async def parameters(self, names: Iterable[str]) -> dict[str, float]:
+        """Values of the parameters by name, integers too as floats; those for which no answer comes are left out."""
+        found = {name: await self._link.run(partial(self._link.read_parameter, name)) for name in names}
+        return {name: float(value) for name, value in found.items() if value is not None}
+
+    async def set_parameter(self, name: str, value: float) -> None:
+        """Set a parameter, as an integer where the autopilot holds one.
+
+        Raises FlightError when the autopilot does not confirm it.
+        """
+        await self._link.run(lambda: self._link.write_parameter(name, value))
+
+    async def close(self) -> None:
+        """Let go of the link. Waits for commands under way, which MAVSDK gives up by itself after some seconds."""
+        await self._link.close()
+
+    # --- inside ------------------------------------------------------------------------------------------------
+
+    @property
+    def _firmware(self) -> Firmware:
+        if self._telemetry.firmware is None:
+            raise LinkError(f"The link {self._link.url} is not open: connect first.")
+        return self._telemetry.firmware
+
+    def _request_stream(self, stream: Stream) -> int:
+        interval_us = 1e6 / stream.rate_hz
+        return self._link.command(
+            mavlink.CMD_SET_MESSAGE_INTERVAL, stream.message_id, interval_us, what=f"send {stream.name}"
+        )
+
+    def _ask_again(self) -> None:
+        """The line is back after a silence: an autopilot that was without power has forgotten the rates."""
+        try:
+            for stream in self._firmware.streams:
+                self._request_stream(stream)
+        except LinkError:
+            return  # gone again; when it is back we are called again
+
+    async def _enter(self, mode: str) -> None:
+        await self._request(
+            f"enter {mode}",
+            mavlink.CMD_DO_SET_MODE,
+            mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED,
+            *self._firmware.set_mode_parameters(self._firmware.modes[mode]),
+            until=lambda: self._telemetry.mode == mode,
+        )
+
+    async def _request(
+        self, what: str, command: int, *parameters: float, until: Callable[[], bool] = lambda: True
+    ) -> None:
+        """Command it and return when a heartbeat shows it: until then the state would contradict the answer."""
+        asked_s = time.monotonic()
+        result = await self._link.run(lambda: self._link.command(command, *parameters, what=what))
+        if result != mavlink.ACCEPTED:
+            await self._await(lambda: bool(self._telemetry.warnings_since(asked_s)), REASON_WAIT_S)
+            reasons = "; ".join([mavlink.result_name(result), *self._telemetry.warnings_since(asked_s)])
+            raise FlightError(f"{self.description} refused to {what}: {reasons}.")
+        if not await self._await(until, HEARTBEAT_WAIT_S):
+            raise FlightError(
+                f"{self.description} accepted to {what}, but no heartbeat shows it within {HEARTBEAT_WAIT_S:g} s."
+            )
+
+    async def _await(self, condition: Callable[[], bool], timeout_s: float) -> bool:
+        return await self._link.run(lambda: self._telemetry.wait_for(condition, timeout_s))
+
+
+def _checked_attitude(target: AttitudeTarget) -> tuple[float, float, float, float]:
+    q = target.attitude
+    norm = math.sqrt(sum(c * c for c in q))
+    if not abs(norm - 1.0) <= UNIT_TOLERANCE:  # a nan is refused too
+        raise FlightError(f"The attitude target {q} was not sent: expected a unit quaternion, its norm is {norm:g}.")
+    return q
+
+
+def _checked_throttle(target: AttitudeTarget) -> float:
+    if not 0.0 <= target.throttle <= 1.0:  # a nan is refused too
+        raise FlightError(f"The throttle target {target.throttle} was not sent: expected a number from 0 to 1.")
+    return target.throttle

@@ -1,0 +1,242 @@
+"""A MAVLink connection through MAVSDK: UDP, TCP or serial. Messages out and in, commands, parameters.
+
+A serial device that goes away (a pulled plug) is opened again as soon as it is back.
+"""
+
+import asyncio
+import json
+import logging
+import re
+import threading
+import time
+from collections.abc import Callable, Iterable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, TypeVar
+
+from mavsdk.component_type import ComponentType
+from mavsdk.exceptions import ConnectionError as MavsdkConnectionError
+from mavsdk.logging import LogLevel, log_subscribe
+from mavsdk.mavsdk import Configuration, Mavsdk
+from mavsdk.plugins.mavlink_direct import (
+    MavlinkDirect,
+    MavlinkDirectError,
+    MavlinkDirectResult,
+    MavlinkMessage,
+)
+from mavsdk.plugins.param import Param, ParamError, ParamResult
+from mavsdk.system import System
+
+from quadctl.errors import FlightError, LinkError
+from quadctl.flight.autopilot.mavlink import MAV_COMP_ID_AUTOPILOT
+
+T = TypeVar("T")
+Receiver = Callable[[str, Mapping[str, Any], float], None]
+"""Takes a message's name, its fields and the time of `time.monotonic` at which it came; on a thread of MAVSDK."""
+
+SILENCE_S = 1.5
+"""A serial line that brings nothing for so long is opened again: heartbeats alone come every second."""
+REOPEN_EVERY_S = 0.5
+
+_URL = re.compile(r"(?:(?:udpin|udpout|tcpin|tcpout)://[^\s/:]+:\d{1,5}|serial://[^\s:]+:\d+)")
+_URL_EXPECTED = "udpin://0.0.0.0:14540, udpout://HOST:PORT, tcpout://HOST:PORT or serial:///dev/ttyAMA0:921600"
+
+
+class MavsdkLink:
+    """The connection to the first autopilot that is heard at `url`."""
+
+    def __init__(self, url: str, receiver: Receiver) -> None:
+        """Raises LinkError when `url` is not one that MAVSDK can open."""
+        self.url = _checked(url)
+        self.system_id = 1
+        self.on_reopened: Callable[[], None] = lambda: None
+        """Called on a thread of the link when a line that had gone silent speaks again."""
+        self._receiver = receiver
+        self._heard_s = -float("inf")
+        self._mavsdk: Mavsdk | None = None
+        self._handle: Any = None
+        self._direct: MavlinkDirect | None = None
+        self._param: Param | None = None
+        # Of its own: whatever else occupies asyncio's default executor must not delay a landing.
+        self._executor = ThreadPoolExecutor(max_workers=4, thread_name_prefix="mavsdk")
+        self._closing = threading.Event()
+        self._keeper = threading.Thread(target=self._keep_open, name="link", daemon=True)
+
+    async def open(self, messages: Iterable[str], timeout_s: float) -> None:
+        """Open the link, wait for an autopilot, and from then on hand over the `messages` that it sends.
+
+        Raises LinkError when the link cannot be opened or nobody answers.
+        """
+        log_subscribe(_log)
+        configuration = Configuration.create_with_component_type(ComponentType.COMPANION_COMPUTER)
+        mavsdk = self._mavsdk = Mavsdk(configuration)
+        try:
+            self._handle = await self.run(lambda: mavsdk.add_any_connection_with_handle(self.url))
+        except MavsdkConnectionError as error:
+            reason = str(error).rpartition(": ")[2]
+            raise LinkError(f"The link {self.url} cannot be opened ({reason}): check {_advice(self.url)}.") from None
+        system = await _first_autopilot(mavsdk, timeout_s)
+        if system is None:
+            raise LinkError(
+                f"No autopilot answers at {self.url} within {timeout_s:g} s: "
+                f"check that it is powered, and {_advice(self.url)}."
+            )
+        self.system_id = system.get_system_id()
+        self._direct, self._param = MavlinkDirect(system), Param(system)
+        for name in messages:
+            self._direct.subscribe_message(name, self._receive)
+        self._heard_s = time.monotonic()
+        if self.url.startswith("serial"):
+            self._keeper.start()
+
+    async def close(self) -> None:
+        """Let go of the link. Waits for commands under way, which MAVSDK gives up by itself after some seconds."""
+        with ThreadPoolExecutor(max_workers=1) as closer:
+            await asyncio.get_running_loop().run_in_executor(closer, self._destroy)
+
+    async def run(self, call: Callable[[], T]) -> T:
+        """Wait for a blocking call on a thread of the link."""
+        return await asyncio.get_running_loop().run_in_executor(self._executor, call)
+
+    def send(self, name: str, fields: Mapping[str, Any]) -> None:
+        """Put one message on the wire, at once, once. Raises LinkError."""
+        try:
+            self._opened(self._direct).send_message(self._message(name, fields))
+        except MavlinkDirectError as error:
+            raise LinkError(f"{name} could not be sent over {self.url}: {error.result.name}.") from None
+
+    def command(self, number: int, *parameters: float, what: str) -> int:
+        """Send a COMMAND_LONG and wait for its acknowledgement; its MAV_RESULT. Raises LinkError when none comes."""
+        fields = {
+            "target_system": self.system_id,
+            "target_component": MAV_COMP_ID_AUTOPILOT,
+            "command": number,
+            "confirmation": 0,
+            **{f"param{i}": float(value) for i, value in enumerate(parameters, start=1)},
+        }
+        try:
+            ack = self._opened(self._direct).send_command(self._message("COMMAND_LONG", fields))
+        except MavlinkDirectError as error:
+            cause = "no answer" if error.result == MavlinkDirectResult.TIMEOUT else error.result.name
+            raise LinkError(f"The autopilot at {self.url} was asked to {what}: {cause}; check the link.") from None
+        return int(json.loads(ack.fields_json)["result"])
+
+    def read_parameter(self, name: str) -> float | int | None:
+        """The value, an int where the autopilot holds one; None when no answer comes.
+
+        MAVSDK wants to know the type, and says when it was the other one.
+        """
+        param = self._opened(self._param)
+        try:
+            return int(param.get_param_int(name))
+        except ParamError as error:
+            if error.result is not ParamResult.WRONG_TYPE:
+                return None
+        try:
+            return float(param.get_param_float(name))
+        except ParamError:
+            return None
+
+    def write_parameter(self, name: str, value: float) -> None:
+        """Set it, as an integer where the autopilot holds one. Raises FlightError when that is not confirmed."""
+        param = self._opened(self._param)
+        known = self.read_parameter(name)
+        if known is None:
+            raise FlightError(f"The autopilot at {self.url} did not tell its {name}, so it was not set to {value:g}.")
+        try:
+            if isinstance(known, int):
+                param.set_param_int(name, round(value))
+            else:
+                param.set_param_float(name, value)
+        except ParamError as error:
+            raise FlightError(
+                f"The autopilot at {self.url} did not set {name} to {value:g}: {error.result.name}."
+            ) from None
+
+    # --- inside ------------------------------------------------------------------------------------------------
+
+    def _opened(self, plugin: T | None) -> T:
+        if plugin is None:
+            raise LinkError(f"The link {self.url} is not open: connect first.")
+        return plugin
+
+    def _receive(self, message: MavlinkMessage, _: object) -> None:
+        """A message has arrived; on MAVSDK's thread."""
+        if message.component_id == MAV_COMP_ID_AUTOPILOT:
+            self._heard_s = time.monotonic()
+            self._receiver(message.message_name, json.loads(message.fields_json), self._heard_s)
+
+    def _message(self, name: str, fields: Mapping[str, Any]) -> MavlinkMessage:
+        return MavlinkMessage(name, 0, 0, self.system_id, MAV_COMP_ID_AUTOPILOT, json.dumps(fields))
+
+    def _keep_open(self) -> None:
+        """MAVSDK does not open a serial device again by itself."""
+        assert self._mavsdk is not None
+        lost = False
+        while not self._closing.wait(REOPEN_EVERY_S):
+            if time.monotonic() - self._heard_s < SILENCE_S:
+                if lost:
+                    lost = False
+                    self.on_reopened()
+                continue
+            lost = True
+            if self._handle is not None:
+                self._mavsdk.remove_connection(self._handle)
+                self._handle = None
+            try:
+                self._handle = self._mavsdk.add_any_connection_with_handle(self.url)
+            except MavsdkConnectionError:
+                continue
+            self._closing.wait(SILENCE_S)  # for the first heartbeat
+
+    def _destroy(self) -> None:
+        self._closing.set()
+        if self._keeper.ident is not None:
+            self._keeper.join()
+        self._executor.shutdown(wait=True, cancel_futures=True)
+        self._direct = self._param = None
+        if self._mavsdk is not None:
+            self._mavsdk.destroy()
+            self._mavsdk = None
+
+
+async def _first_autopilot(mavsdk: Mavsdk, timeout_s: float) -> System | None:
+    loop = asyncio.get_running_loop()
+    found: asyncio.Future[System | None] = loop.create_future()
+
+    def settle(system: System | None) -> None:
+        if not found.done():
+            found.set_result(system)
+
+    waiting = mavsdk.first_autopilot_async(timeout_s, lambda system: loop.call_soon_threadsafe(settle, system))
+    try:
+        return await found
+    finally:
+        mavsdk.cancel_first_autopilot(waiting)
+
+
+def _log(level: LogLevel, text: str, *_: object) -> bool:
+    """MAVSDK's own log goes to `logging`: written to the terminal by C++ it would tear the display apart."""
+    severity = {LogLevel.WARN: logging.WARNING, LogLevel.ERROR: logging.ERROR}.get(level, logging.DEBUG)
+    logging.getLogger("mavsdk").log(severity, text)
+    return True
+
+
+def _checked(url: str) -> str:
+    if url.startswith("udp://"):
+        port = url.rpartition(":")[2]
+        raise LinkError(f"The link {url} uses the outdated udp://: say udpin://0.0.0.0:{port} to listen on that port.")
+    if not _URL.fullmatch(url):
+        raise LinkError(f"The link {url!r} is not one that can be opened: expected {_URL_EXPECTED}.")
+    return url
+
+
+def _advice(url: str) -> str:
+    """What to look at when this kind of link stays silent."""
+    if url.startswith("serial"):
+        return (
+            "the device's name, its permissions and the baud rate "
+            "(PX4: MAV_1_CONFIG, SER_TEL2_BAUD; ArduPilot: SERIAL2_PROTOCOL, SERIAL2_BAUD)"
+        )
+    if url.startswith("udpin"):
+        return "that it sends MAVLink to this port (a simulator: 14540) and that no other program holds it"
+    return "the host, the port and that its MAVLink server is running"

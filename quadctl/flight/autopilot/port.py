@@ -1,0 +1,79 @@
+"""The port to an autopilot: what the flight needs of it, whether it is real, on the wire or in this process."""
+
+from collections.abc import Iterable, Sequence
+from typing import Protocol
+
+from quadctl.flight.autopilot.firmware import Requirement
+from quadctl.state import AttitudeTarget, VehicleState
+
+
+class Autopilot(Protocol):
+    """An autopilot that flies attitude and throttle targets in its offboard mode.
+
+    Requests return when the autopilot has accepted them and raise `FlightError` with its reason when it has not.
+    """
+
+    warnings: list[str]
+    """What the autopilot cannot give and the flight can do without, one sentence each."""
+
+    @property
+    def description(self) -> str:
+        """For the log: what it is and where."""
+        ...
+
+    @property
+    def takes_off_itself(self) -> bool:
+        """Whether lift-off is `take_off`, before the first target; otherwise the targets lift it off."""
+        ...
+
+    @property
+    def requirements(self) -> Sequence[Requirement]:
+        """Parameters without which it must not fly."""
+        ...
+
+    @property
+    def checked(self) -> Sequence[str]:
+        """Parameters that a check before the flight judges, besides the requirements."""
+        ...
+
+    async def connect(self) -> None:
+        """Open the link and wait for the first heartbeat; raises `LinkError` with one sentence when none comes."""
+        ...
+
+    async def request_telemetry(self) -> None:
+        """Ask for the message rates that control needs."""
+        ...
+
+    def state(self) -> VehicleState:
+        """The latest state, at once; parts that never arrived are nan."""
+        ...
+
+    def send(self, target: AttitudeTarget) -> None:
+        """Put one target on the wire, at once, once: nothing may repeat it."""
+        ...
+
+    async def arm(self) -> None: ...
+
+    async def start_offboard(self) -> None:
+        """Enter the mode that follows our targets; where the targets lift off, a stream of them must be running."""
+        ...
+
+    async def take_off(self, height_m: float) -> None:
+        """Begin to climb to `height_m` above the ground it stands on."""
+        ...
+
+    async def land(self) -> None:
+        """Enter the autopilot's own land mode."""
+        ...
+
+    async def hold(self) -> None:
+        """Hand over: enter the autopilot's own hold mode."""
+        ...
+
+    async def parameters(self, names: Iterable[str]) -> dict[str, float]:
+        """Values of the autopilot's parameters by name; those that it does not have are left out."""
+        ...
+
+    async def set_parameter(self, name: str, value: float) -> None: ...
+
+    async def close(self) -> None: ...

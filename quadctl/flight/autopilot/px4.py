@@ -1,0 +1,54 @@
+"""PX4 on the MAVLink wire: offboard follows targets, and lifts off by them."""
+
+from quadctl.flight.autopilot.firmware import Firmware, Stream, share_of_pulse
+
+_MAIN_AND_SUB_MODE = {
+    "MANUAL": (1, 0),
+    "ALTCTL": (2, 0),
+    "POSCTL": (3, 0),
+    "ORBIT": (3, 1),
+    "READY": (4, 1),
+    "TAKEOFF": (4, 2),
+    "HOLD": (4, 3),
+    "MISSION": (4, 4),
+    "RTL": (4, 5),
+    "LAND": (4, 6),
+    "FOLLOW": (4, 8),
+    "PRECLAND": (4, 9),
+    "ACRO": (5, 0),
+    "OFFBOARD": (6, 0),
+    "STABILIZED": (7, 0),
+}
+
+
+def _main_and_sub(custom_mode: int) -> tuple[int, int]:
+    return custom_mode >> 16 & 0xFF, custom_mode >> 24 & 0xFF
+
+
+PX4 = Firmware(
+    name="PX4",
+    mav_autopilot=12,
+    modes={name: main << 16 | sub << 24 for name, (main, sub) in _MAIN_AND_SUB_MODE.items()},
+    unknown_mode=lambda custom_mode: "{}/{}".format(*_main_and_sub(custom_mode)),
+    set_mode_parameters=_main_and_sub,
+    offboard_mode="OFFBOARD",
+    land_mode="LAND",
+    hold_mode="HOLD",
+    takes_off_itself=False,
+    streams=(
+        Stream("LOCAL_POSITION_NED", 32, 100.0, required=True),
+        Stream("ATTITUDE_QUATERNION", 31, 100.0, required=True),
+        Stream("ESC_STATUS", 291, 50.0, alternative=True),
+        Stream("RAW_RPM", 339, 50.0, alternative=True),
+        Stream("ACTUATOR_OUTPUT_STATUS", 375, 50.0, alternative=True),
+        Stream("SYS_STATUS", 1, 5.0),
+        Stream("EXTENDED_SYS_STATE", 245, 5.0),
+        Stream("ESTIMATOR_STATUS", 230, 5.0),
+        # Comes at 1 Hz anyway; more of it shortens the time until a change of mode or a disarming is seen.
+        Stream("HEARTBEAT", 0, 5.0),
+    ),
+    tells_readiness=False,
+    motor_throttle=share_of_pulse,
+    checked=("COM_OF_LOSS_T", "COM_OBL_RC_ACT", "MPC_THR_HOVER"),
+    throttle_bent_by="THR_MDL_FAC",
+)

@@ -1,0 +1,290 @@
+"""The latest word of the autopilot: MAVLink messages in, one snapshot out."""
+
+import math
+import threading
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import Any, NamedTuple
+
+from quadctl.flight.autopilot import mavlink
+from quadctl.flight.autopilot.firmware import Firmware, share_of_pulse
+from quadctl.flight.autopilot.firmwares import FIRMWARES
+from quadctl.flight.autopilot.link_clock import LinkClock
+from quadctl.state import NAN, NO_VECTOR, Quat, Vec3, VehicleState
+
+HEARTBEAT_TIMEOUT_S = 3.0
+"""MAVLink's usual time after which a silent autopilot counts as lost."""
+
+ESCS_PER_MESSAGE = 4
+MILLIVOLTS_UNKNOWN = 65535
+ESTIMATOR_GOOD, ESTIMATOR_POSITION = 0b111, 0b11000
+"""Flags of ESTIMATOR_STATUS and EKF_STATUS_REPORT: attitude and velocities; position, relative or absolute."""
+
+Fields = Mapping[str, Any]
+
+
+class _Position(NamedTuple):
+    received_s: float = -math.inf
+    position_ned_m: Vec3 = NO_VECTOR
+    velocity_ned_m_s: Vec3 = NO_VECTOR
+
+
+class _Attitude(NamedTuple):
+    received_s: float = -math.inf
+    attitude: Quat = (NAN, NAN, NAN, NAN)
+    rates_rad_s: Vec3 = NO_VECTOR
+
+
+class _Escs(NamedTuple):
+    """One message about four motors."""
+
+    received_s: float = -math.inf
+    rpm: tuple[float, ...] = (NAN,) * ESCS_PER_MESSAGE
+    voltage_v: tuple[float, ...] = (NAN,) * ESCS_PER_MESSAGE
+    current_a: tuple[float, ...] = (NAN,) * ESCS_PER_MESSAGE
+
+
+class _Outputs(NamedTuple):
+    """What the autopilot gives the motors, as it says it: microseconds or shares."""
+
+    received_s: float = -math.inf
+    value: tuple[float, ...] = ()
+
+
+class _Heartbeat(NamedTuple):
+    received_s: float = -math.inf
+    autopilot: int = 0
+    armed: bool = False
+    mode: str = ""
+
+
+class StatusText(NamedTuple):
+    """What the autopilot told the pilot."""
+
+    received_s: float
+    severity: int
+    text: str
+
+
+class Telemetry:
+    """Keeps the latest message of each kind. `receive` is called on the link's thread, the rest on any thread.
+
+    Each message becomes one immutable tuple, put in place by one assignment: a snapshot never mixes two messages of a
+    kind, and neither side waits for the other.
+    """
+
+    def __init__(self, n_rotors: int) -> None:
+        self._n_rotors = n_rotors
+        self._position = _Position()
+        self._attitude = _Attitude()
+        self._escs = [_Escs()] * math.ceil(n_rotors / ESCS_PER_MESSAGE)
+        self._raw_rpm = [(-math.inf, NAN)] * n_rotors
+        self._outputs = _Outputs()
+        self._estimator_ok = True
+        self._prearm_ok = True
+        self._battery = (-math.inf, NAN)
+        self._landed = True
+        self._heartbeat = _Heartbeat()
+        self._estimator_ratio = NAN
+        self._clock = LinkClock()
+        self._texts: deque[StatusText] = deque(maxlen=50)
+        self._news = threading.Condition()
+        self._handlers: dict[str, Callable[[Fields, float], None]] = {
+            "LOCAL_POSITION_NED": self._on_position,
+            "ATTITUDE_QUATERNION": self._on_attitude,
+            "ESC_STATUS": self._on_esc_status,
+            "ESC_TELEMETRY_1_TO_4": partial(self._on_esc_telemetry, 0),
+            "ESC_TELEMETRY_5_TO_8": partial(self._on_esc_telemetry, 1),
+            "RAW_RPM": self._on_raw_rpm,
+            "ACTUATOR_OUTPUT_STATUS": self._on_actuators,
+            "SERVO_OUTPUT_RAW": self._on_servos,
+            "ESTIMATOR_STATUS": partial(self._on_estimator, ("vel_ratio", "pos_horiz_ratio", "pos_vert_ratio")),
+            "EKF_STATUS_REPORT": partial(
+                self._on_estimator, ("velocity_variance", "pos_horiz_variance", "pos_vert_variance")
+            ),
+            "SYS_STATUS": self._on_sys_status,
+            "EXTENDED_SYS_STATE": self._on_extended_state,
+            "HEARTBEAT": self._on_heartbeat,
+            "STATUSTEXT": self._on_text,
+        }
+
+    @property
+    def messages(self) -> tuple[str, ...]:
+        """Names of the messages that `receive` understands."""
+        return tuple(self._handlers)
+
+    def receive(self, name: str, fields: Fields, now_s: float) -> None:
+        """Take in one message as it arrives; null stands for nan."""
+        self._handlers[name](fields, now_s)
+
+    def state(self, now_s: float) -> VehicleState:
+        """The latest of everything, at `now_s` on the clock of `receive`."""
+        position, attitude, escs, heartbeat = self._position, self._attitude, tuple(self._escs), self._heartbeat
+        battery_s, battery_v = self._battery
+        rpm_s, rpm = self._rpm()
+        n, firmware = self._n_rotors, self.firmware
+        throttle_of = share_of_pulse if firmware is None else firmware.motor_throttle
+        return VehicleState(
+            time_s=now_s,
+            position_ned_m=position.position_ned_m,
+            velocity_ned_m_s=position.velocity_ned_m_s,
+            attitude=attitude.attitude,
+            rates_rad_s=attitude.rates_rad_s,
+            rotor_rpm=rpm,
+            motor_voltage_v=tuple(v for group in escs for v in group.voltage_v)[:n],
+            motor_current_a=tuple(v for group in escs for v in group.current_a)[:n],
+            motor_output=tuple(map(throttle_of, self._outputs.value[:n])),
+            battery_v=battery_v,
+            armed=heartbeat.armed,
+            landed=self._landed,
+            mode=heartbeat.mode,
+            offboard_mode="" if firmware is None else firmware.offboard_mode,
+            estimator_ok=self._estimator_ok,
+            ready_to_arm=self._prearm_ok or firmware is None or not firmware.tells_readiness,
+            connected=now_s - heartbeat.received_s < HEARTBEAT_TIMEOUT_S,
+            received_s={
+                "position": position.received_s,
+                "attitude": attitude.received_s,
+                "rates": attitude.received_s,
+                "rpm": rpm_s,
+                "battery": battery_s,
+                "heartbeat": heartbeat.received_s,
+            },
+            boots=self._clock.restarts,
+            estimator_ratio=self._estimator_ratio,
+        )
+
+    @property
+    def firmware(self) -> Firmware | None:
+        """Whose heartbeats arrive; None before the first, and for an autopilot that quadctl does not fly."""
+        return FIRMWARES.get(self._heartbeat.autopilot)
+
+    @property
+    def has_rpm(self) -> bool:
+        """Messages about rotor speeds arrive."""
+        return math.isfinite(self._rpm()[0])
+
+    @property
+    def has_outputs(self) -> bool:
+        """Motor outputs have arrived."""
+        return math.isfinite(self._outputs.received_s)
+
+    @property
+    def autopilot(self) -> int:
+        """MAV_AUTOPILOT of the last heartbeat, 0 before the first."""
+        return self._heartbeat.autopilot
+
+    @property
+    def armed(self) -> bool:
+        """As the last heartbeat says."""
+        return self._heartbeat.armed
+
+    @property
+    def mode(self) -> str:
+        """As the last heartbeat says; empty before the first."""
+        return self._heartbeat.mode
+
+    def warnings_since(self, since_s: float) -> list[str]:
+        """What the autopilot complained about from `since_s` on, oldest first."""
+        return [
+            t.text for t in list(self._texts) if t.received_s >= since_s and t.severity <= mavlink.MAV_SEVERITY_WARNING
+        ]
+
+    def wait_for(self, condition: Callable[[], bool], timeout_s: float) -> bool:
+        """Block until a heartbeat or a status text makes `condition` true; False when the time is up."""
+        with self._news:
+            return self._news.wait_for(condition, timeout_s)
+
+    def _on_position(self, fields: Fields, now_s: float) -> None:
+        sampled_s = self._clock.sampled_s(0.001 * fields["time_boot_ms"], now_s)
+        self._position = _Position(sampled_s, _vector(fields, "x", "y", "z"), _vector(fields, "vx", "vy", "vz"))
+
+    def _on_attitude(self, fields: Fields, now_s: float) -> None:
+        quaternion = (_number(fields["q1"]), *_vector(fields, "q2", "q3", "q4"))
+        sampled_s = self._clock.sampled_s(0.001 * fields["time_boot_ms"], now_s)
+        self._attitude = _Attitude(sampled_s, quaternion, _vector(fields, "rollspeed", "pitchspeed", "yawspeed"))
+
+    def _rpm(self) -> tuple[float, tuple[float, ...]]:
+        """When the rotor speeds came, and what they are: of the speed controllers, else of rpm sensors."""
+        escs = tuple(self._escs)
+        received_s = min(group.received_s for group in escs)
+        if math.isfinite(received_s):
+            return received_s, tuple(v for group in escs for v in group.rpm)[: self._n_rotors]
+        return min(at for at, _ in self._raw_rpm), tuple(rpm for _, rpm in self._raw_rpm)
+
+    def _on_esc_status(self, fields: Fields, now_s: float) -> None:
+        group = int(fields["index"]) // ESCS_PER_MESSAGE
+        if group < len(self._escs):
+            rpm, voltage, current = (tuple(map(_number, fields[key])) for key in ("rpm", "voltage", "current"))
+            self._escs[group] = _Escs(now_s, rpm, voltage, current)
+
+    def _on_esc_telemetry(self, group: int, fields: Fields, now_s: float) -> None:
+        """Hundredths of volt and ampere. Zeros for all rotors are what an autopilot without speed sensors sends."""
+        if group < len(self._escs):
+            rpm = tuple(map(float, fields["rpm"])) if any(fields["rpm"]) else _Escs().rpm
+            voltage, current = (tuple(0.01 * v for v in fields[key]) for key in ("voltage", "current"))
+            self._escs[group] = _Escs(now_s, rpm, voltage, current)
+
+    def _on_raw_rpm(self, fields: Fields, now_s: float) -> None:
+        rotor = int(fields["index"])
+        if rotor < self._n_rotors:
+            self._raw_rpm[rotor] = (now_s, _number(fields["frequency"]))
+
+    def _on_actuators(self, fields: Fields, now_s: float) -> None:
+        self._outputs = _Outputs(now_s, tuple(map(_number, fields["actuator"])))
+
+    def _on_servos(self, fields: Fields, now_s: float) -> None:
+        pulses: Sequence[float] = [float(fields[f"servo{i}_raw"]) for i in range(1, 17)]
+        if fields["port"] == 0:  # outputs 1 to 16
+            self._outputs = _Outputs(now_s, tuple(pulses))
+
+    def _on_estimator(self, ratios: Sequence[str], fields: Fields, now_s: float) -> None:
+        """`ratios`: the fields with the tests of innovations, each the root of innovation^2 / (gate^2 variance).
+
+        So 1 is where a measurement is rejected, on both: PX4 sends what `Ekf::get_innovation_test_status` gives, nan
+        for a sensor that is not used; ArduPilot what `NavEKF3_core::getVariances` gives, and calls it a variance.
+        ArduPilot's own failsafe (FS_EKF_THRESH, 0.8 of the same scale) wants two of them, for a second.
+        """
+        del now_s
+        known = [ratio for name in ratios if math.isfinite(ratio := _number(fields[name]))]
+        self._estimator_ratio = max(known, default=NAN)
+        flags = int(fields["flags"])
+        self._estimator_ok = flags & ESTIMATOR_GOOD == ESTIMATOR_GOOD and flags & ESTIMATOR_POSITION != 0
+
+    def _on_sys_status(self, fields: Fields, now_s: float) -> None:
+        known = fields["onboard_control_sensors_present"] & mavlink.MAV_SYS_STATUS_PREARM_CHECK
+        self._prearm_ok = not known or bool(fields["onboard_control_sensors_health"] & known)
+        millivolts = fields["voltage_battery"]
+        if millivolts != MILLIVOLTS_UNKNOWN:
+            self._battery = (now_s, 0.001 * millivolts)
+
+    def _on_extended_state(self, fields: Fields, now_s: float) -> None:
+        del now_s
+        self._landed = fields["landed_state"] == mavlink.MAV_LANDED_STATE_ON_GROUND
+
+    def _on_heartbeat(self, fields: Fields, now_s: float) -> None:
+        armed = bool(fields["base_mode"] & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
+        firmware = FIRMWARES.get(fields["autopilot"])
+        mode = "" if firmware is None else firmware.mode_name(fields["custom_mode"])
+        # It carries no time of its own: as late as the stamped messages that it travels with.
+        sampled_s = now_s - self._clock.delay_s
+        heartbeat = _Heartbeat(sampled_s, fields["autopilot"], armed, mode)
+        with self._news:
+            self._heartbeat = heartbeat
+            self._news.notify_all()
+
+    def _on_text(self, fields: Fields, now_s: float) -> None:
+        with self._news:
+            # PX4 ends a text with a tab when the same is sent as an event too
+            self._texts.append(StatusText(now_s, fields["severity"], fields["text"].strip("\0\t ")))
+            self._news.notify_all()
+
+
+def _number(value: float | None) -> float:
+    """A number of a message; nan travels as null."""
+    return NAN if value is None else float(value)
+
+
+def _vector(fields: Fields, first: str, second: str, third: str) -> Vec3:
+    return _number(fields[first]), _number(fields[second]), _number(fields[third])

@@ -1,0 +1,138 @@
+"""Guards: what must be true for us to go on commanding. Pure functions of the state; the first breach decides.
+
+Each breach has one answer. LAND: the autopilot's land mode, from our last good state. HAND_OVER: our setpoints stop at
+once and the autopilot is asked to land by its own means; where even that does not arrive, the silence triggers its own
+failsafe. RELEASE: somebody else flies now; we stop and keep recording.
+"""
+
+import enum
+import math
+from typing import NamedTuple
+
+from pydantic import Field
+
+from quadctl.flight.pilot.continuity import ContinuityLimits
+from quadctl.frames import tilt
+from quadctl.missions import MissionLimits
+from quadctl.settings import Settings
+from quadctl.state import AttitudeTarget, VehicleState
+
+
+class Answer(enum.Enum):
+    LAND = "land"
+    HAND_OVER = "hand over"
+    RELEASE = "release"
+
+
+class Breach(NamedTuple):
+    answer: Answer
+    reason: str
+
+
+class GuardLimits(Settings):
+    """Limits of the guards, in YAML under `guards`."""
+
+    max_state_age_s: float = Field(default=0.2, gt=0.0, le=1.0)
+    max_tilt_deg: float = Field(default=50.0, gt=0.0, lt=90.0)
+    max_speed_m_s: float = Field(default=8.0, gt=0.0, le=50.0)
+    max_tick_late_s: float = Field(default=0.2, gt=0.0, le=1.0)
+    """A loop that wakes up later than this has been stalled: it hands over instead of going on."""
+    min_battery_v: float = Field(default=0.0, ge=0.0)
+    """0: not guarded."""
+    max_estimator_ratio: float = Field(default=1.0, ge=0.0)
+    """Of innovations to their gates, where the autopilot tells it: beyond 1 it rejects them. 0: not guarded."""
+    max_over_time_s: float = Field(default=60.0, gt=0.0, le=600.0)
+    """How much longer than its mission a flight may last, by a slow take-off, and how long the landing after it."""
+    continuity: ContinuityLimits = ContinuityLimits()
+
+
+UNIT_TOLERANCE = 0.01
+"""Of an attitude quaternion's norm. One of zeros is a number, but no attitude."""
+
+
+def floor(mission: MissionLimits) -> float:
+    """The height below which a flight lands, m; negative where the mission goes close to the ground."""
+    return mission.min_z_m - mission.margin_m
+
+
+def defect(state: VehicleState, limits: GuardLimits) -> str | None:
+    """Why control must not stand on this state, in words, or None."""
+    if not state.connected:
+        return "the autopilot's heartbeat is lost"
+    for part in ("position", "attitude"):
+        age_s = state.age_s(part)
+        if age_s > limits.max_state_age_s:
+            age = (
+                f"is {age_s:.2f} s old, allowed are {limits.max_state_age_s:g} s" if age_s < math.inf else "never came"
+            )
+            return f"the {part} {age}"
+    if not state.finite:
+        return "the state holds a value that is not a number"
+    if abs(math.hypot(*state.attitude) - 1.0) > UNIT_TOLERANCE:
+        return f"the attitude is no unit quaternion, its norm is {math.hypot(*state.attitude):.3g}"
+    if not state.estimator_ok:
+        return "the autopilot's estimator does not trust its attitude, velocity or position"
+    if 0.0 < limits.max_estimator_ratio < state.estimator_ratio:
+        ratio, largest = state.estimator_ratio, limits.max_estimator_ratio
+        return f"the autopilot's estimator is in doubt: innovation ratio {ratio:.2f}, allowed are {largest:g}"
+    return None
+
+
+def unfit(target: AttitudeTarget, limits: GuardLimits, max_throttle: float) -> str | None:
+    """Why this target must not reach the motors, whatever made it, or None."""
+    if not all(map(math.isfinite, (*target.attitude, target.throttle))):
+        return "control gave a value that is not a number"
+    if not 0.0 <= target.throttle <= max_throttle:
+        return f"control gave a throttle of {target.throttle:.3g}, allowed are 0 to {max_throttle:g}"
+    if abs(math.hypot(*target.attitude) - 1.0) > UNIT_TOLERANCE:
+        return f"control gave an attitude that is no unit quaternion, its norm is {math.hypot(*target.attitude):.3g}"
+    tilt_deg = math.degrees(tilt(target.attitude))
+    if tilt_deg > limits.max_tilt_deg:
+        return f"control gave a tilt of {tilt_deg:.0f} deg, allowed are {limits.max_tilt_deg:g} deg"
+    return None
+
+
+def inspect(
+    state: VehicleState,
+    in_air_s: float,
+    mission_s: float,
+    height_m: float,
+    distance_m: float,
+    limits: GuardLimits,
+    mission: MissionLimits,
+    above_floor: bool = True,
+) -> Breach | None:
+    """The first reason not to go on, or None.
+
+    `in_air_s` is the time since the take-off began, `mission_s` how long the mission lasts, `height_m` the vehicle's
+    height above the ground and `distance_m` its horizontal distance from the take-off point. `above_floor`: it has been
+    above the floor, so that it is not on its way up to it.
+    """
+    # First who flies: what else is wrong is no longer our business, least of all to take the mode back for it.
+    if not state.armed:
+        return Breach(Answer.RELEASE, "the vehicle was disarmed")
+    if not state.offboard:
+        return Breach(Answer.RELEASE, f"the autopilot left offboard for {state.mode or 'an unknown mode'}")
+    problem = defect(state, limits)
+    if problem is not None:
+        return Breach(Answer.HAND_OVER, problem)
+    tilt_deg = math.degrees(tilt(state.attitude))
+    if tilt_deg > limits.max_tilt_deg:
+        return Breach(Answer.HAND_OVER, f"the tilt is {tilt_deg:.0f} deg, allowed are {limits.max_tilt_deg:g} deg")
+    speed = math.sqrt(sum(v * v for v in state.velocity_ned_m_s))
+    if speed > limits.max_speed_m_s:
+        return Breach(Answer.LAND, f"the speed is {speed:.1f} m/s, allowed are {limits.max_speed_m_s:g} m/s")
+    ceiling_m = mission.max_z_m + mission.margin_m
+    if height_m > ceiling_m:
+        return Breach(Answer.LAND, f"the height is {height_m:.2f} m, allowed are {ceiling_m:g} m")
+    floor_m = floor(mission)
+    if above_floor and height_m < floor_m:
+        return Breach(Answer.LAND, f"the height is {height_m:.2f} m, allowed are {floor_m:g} m or more")
+    fence_m = mission.max_distance_m + mission.margin_m
+    if distance_m > fence_m:
+        return Breach(Answer.LAND, f"the vehicle is {distance_m:.2f} m from take-off, allowed are {fence_m:g} m")
+    if in_air_s > mission_s + limits.max_over_time_s:
+        return Breach(Answer.LAND, f"the flight lasts {in_air_s:.0f} s, the mission {mission_s:.0f} s")
+    if limits.min_battery_v > 0.0 and not state.battery_v >= limits.min_battery_v:  # an unknown voltage is a breach
+        return Breach(Answer.LAND, f"the battery is at {state.battery_v:.2f} V, allowed are {limits.min_battery_v:g} V")
+    return None

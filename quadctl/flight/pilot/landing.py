@@ -1,0 +1,138 @@
+"""The end of a flight: the autopilot lands, or somebody else flies. No mode is ever taken back."""
+
+from quadctl.flight.pilot.guards import Answer, Breach
+from quadctl.flight.pilot.progress import Progress
+from quadctl.flight.pilot.steering import Steering
+from quadctl.flight.pilot.supervisor import Supervisor
+from quadctl.flight.pilot.tick import Decision, Request, Stage
+from quadctl.state import Setpoint, VehicleState
+
+HOLD_S = 2.0
+"""How long the place is held while the autopilot takes its land mode."""
+ASK_AGAIN_S = 2.0
+"""A landing that could not be asked for (a pulled plug) is asked for again, while the mode is known to be ours."""
+MODE_FRESH_S = 0.5
+"""A mode is asked for only while a heartbeat as recent as this shows that it is still ours to change."""
+LET_GO_S = 1.0
+"""How long a second Ctrl-C waits for the autopilot to take its land mode."""
+LINK_TIMEOUT_S = 60.0
+"""How long a link that is lost while somebody else flies is waited for."""
+
+
+class Landing:
+    """The stages LAND and RELEASED, and the ways into them."""
+
+    def __init__(self, progress: Progress, watch: Supervisor, steering: Steering) -> None:
+        self._progress = progress
+        self._watch = watch
+        self._steering = steering
+        self._hold: Setpoint | None = None
+        self._silent = False
+        self._asked_s: float | None = None
+        self._failed = False
+        self._let_go: str | None = None
+        self._let_go_s: float | None = None
+
+    # --- ways in -------------------------------------------------------------------------------------------------
+
+    def begin(self, reason: str, state: VehicleState) -> Decision:
+        """Land from a state that is good."""
+        return self.answer(Breach(Answer.LAND, reason), state)
+
+    def answer(self, breach: Breach, state: VehicleState) -> Decision:
+        """End the flight as a breach demands."""
+        self._progress.note(breach.reason, breach.answer.value)
+        self._progress.ended = breach.reason
+        if breach.answer is Answer.RELEASE:
+            return self._release()
+        self._silent = breach.answer is Answer.HAND_OVER
+        self._hold = self._steering.place_of(state)
+        self._progress.enter(Stage.LAND)
+        return self._wait_for_mode(state, 0.0)
+
+    def let_go(self, reason: str) -> None:
+        """At the next tick: no more targets, and gone as soon as the autopilot lands."""
+        self._let_go = reason
+
+    # --- stages: (state, time since the last tick) ---------------------------------------------------------------
+
+    def land(self, state: VehicleState, dt: float) -> Decision:
+        """The autopilot lands. Until it has taken the mode we hold our place, while our state is good, not for long."""
+        if self._watch.motors_off(state, self._progress.in_stage_s):
+            self._progress.enter(Stage.DONE)
+            return Decision()
+        if self._let_go is not None:
+            return self._leave(self._let_go, state)
+        if not (state.offboard or state.mode == "LAND"):
+            self._progress.note(f"the autopilot went to {state.mode or 'an unknown mode'}", Answer.RELEASE.value)
+            return self._release()
+        if self._progress.in_stage_s > self._watch.max_over_time_s:
+            given_up = f"the autopilot did not land and disarm in {self._watch.max_over_time_s:g} s"
+            self._progress.end(f"{self._progress.ended}; {given_up}")
+            return Decision()
+        breach = self._watch.breach(state, self._progress.in_air_s)
+        if breach is not None and breach.answer is not Answer.LAND:
+            if breach.answer is Answer.HAND_OVER and not self._silent:
+                self._progress.note(breach.reason, "silence")
+            self._silent = True
+        return self._wait_for_mode(state, dt)
+
+    def released(self, state: VehicleState, dt: float) -> Decision:
+        """Somebody else flies: record until the vehicle is disarmed, never take the mode back."""
+        if not state.connected and self._progress.in_stage_s > LINK_TIMEOUT_S:
+            self._progress.end(f"{self._progress.ended}; the link did not come back in {LINK_TIMEOUT_S:g} s")
+        elif self._watch.motors_off(state, self._progress.in_stage_s) or self._watch.want_land:
+            self._progress.enter(Stage.DONE)
+        return Decision()
+
+    # --- what goes wrong meanwhile -------------------------------------------------------------------------------
+
+    def refused(self, reason: str) -> None:
+        """The landing could not be asked for: silence makes the autopilot's own failsafe act."""
+        self._silent = self._failed = True
+        if reason not in self._progress.ended:
+            self._progress.note(reason, "silence")
+            if self._watch.armed_seen:
+                self._progress.ended = f"{self._progress.ended}; {reason}"
+
+    def unsound(self, problem: str, decision: Decision, state: VehicleState) -> Decision:
+        """Control fails: land without it; what `decision` asked for beside its target stays asked for."""
+        self._progress.note(problem, "silence")
+        self._silent = True
+        return Decision(None, decision.requests + self._request(state))
+
+    # --- inside --------------------------------------------------------------------------------------------------
+
+    def _release(self) -> Decision:
+        self._watch.want_land = None  # it cannot be done any more; a later one ends the recording
+        self._progress.enter(Stage.RELEASED)
+        return Decision()
+
+    def _wait_for_mode(self, state: VehicleState, dt: float) -> Decision:
+        if self._progress.in_stage_s >= HOLD_S:
+            self._silent = True
+        if self._silent or self._hold is None:
+            return Decision(None, self._request(state))
+        held = self._steering.towards(self._hold, state, dt)
+        return held._replace(requests=self._request(state))
+
+    def _leave(self, reason: str, state: VehicleState) -> Decision:
+        now_s = self._progress.now_s
+        if self._let_go_s is None:
+            self._progress.note(reason, Answer.HAND_OVER.value)
+            self._progress.ended = f"{self._progress.ended}; {reason}"
+            self._let_go_s = now_s
+        if not state.offboard or now_s - self._let_go_s > LET_GO_S:
+            self._progress.enter(Stage.DONE)
+            return Decision()
+        return Decision(None, self._request(state))
+
+    def _request(self, state: VehicleState) -> tuple[Request, ...]:
+        """Asked for when the mode is known to be ours (after a stall somebody else may have taken it), and again after
+        a failure."""
+        now_s = self._progress.now_s
+        due = self._asked_s is None or (self._failed and now_s - self._asked_s > ASK_AGAIN_S)
+        if not due or not state.offboard or state.age_s("heartbeat") > MODE_FRESH_S:
+            return ()
+        self._asked_s, self._failed = now_s, False
+        return (Request.LAND,)

@@ -1,0 +1,95 @@
+"""What is left of a flight when it is over: how it ended, its log, how well it tracked, how late the ticks were."""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+from quadctl.flight.pilot.pilot import Pilot
+from quadctl.flight.pilot.tick import Stage, Tick
+
+COMPLETED = "completed"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Printed by `fly` and `simulate`, and their `--json`."""
+
+    mission: str
+    ended: str
+    completed: bool
+    log: str
+    phases: list[str]
+    flight_s: float
+    ticks: int
+    tracking_rmse_m: dict[str, float]
+    """Of the position against its reference: north, east, up."""
+    late_ms: dict[str, float]
+    """Tick lateness: p50, p99, max. All 0 in lockstep."""
+    late_ticks: int
+    """Ticks more than half a period late."""
+    problem: str | None = None
+    """What went wrong beside the flight, such as a full disk."""
+
+    def lines(self) -> list[str]:
+        """For the terminal."""
+        rmse = self.tracking_rmse_m
+        found = [
+            f"{self.mission}: {self.ended} after {self.flight_s:.1f} s of flight",
+            f"phases: {', '.join(self.phases) or 'none'}",
+            f"tracking error (RMSE): north {100 * rmse['north']:.1f}, east {100 * rmse['east']:.1f}, "
+            f"up {100 * rmse['up']:.1f} cm",
+        ]
+        if self.late_ms["max"] > 0.0:
+            late = self.late_ms
+            found.append(
+                f"{self.ticks} ticks, late by {late['p50']:.2f} ms (median), {late['p99']:.2f} ms (p99), "
+                f"{late['max']:.2f} ms (worst)"
+            )
+        if self.problem:
+            found.append(self.problem)
+        found.append(f"log: {self.log}")
+        return found
+
+
+class Tally:
+    """Collects an `Outcome` tick by tick."""
+
+    def __init__(self, period_s: float) -> None:
+        self._period_s = period_s
+        self._squares = [0.0, 0.0, 0.0]
+        self._tracked = [0, 0, 0]
+        self._late_s: list[float] = []
+
+    def __call__(self, tick: Tick) -> None:
+        self._late_s.append(tick.late_s)
+        if tick.stage is Stage.FLY and tick.setpoint is not None:
+            pairs = zip(tick.setpoint.position_ned_m, tick.state.position_ned_m, strict=True)
+            for i, (wanted, at) in enumerate(pairs):
+                if not math.isnan(wanted):  # nan: flown by velocity, there is no place to be
+                    self._tracked[i] += 1
+                    self._squares[i] += (at - wanted) ** 2
+
+    @property
+    def late_ms(self) -> dict[str, float]:
+        late = sorted(self._late_s) or [0.0]
+        return {
+            "p50": 1e3 * late[len(late) // 2],
+            "p99": 1e3 * late[min(len(late) - 1, int(0.99 * len(late)))],
+            "max": 1e3 * late[-1],
+        }
+
+    def outcome(self, pilot: Pilot, log: Path, problem: str | None = None) -> Outcome:
+        rmse = [math.sqrt(total / max(n, 1)) for total, n in zip(self._squares, self._tracked, strict=True)]
+        return Outcome(
+            mission=pilot.mission.name,
+            ended=pilot.ended,
+            completed=pilot.ended == COMPLETED,
+            log=str(log),
+            phases=list(pilot.phases_flown),
+            flight_s=pilot.flight_s,
+            ticks=len(self._late_s),
+            tracking_rmse_m=dict(zip(("north", "east", "up"), rmse, strict=True)),
+            late_ms=self.late_ms,
+            late_ticks=sum(late > 0.5 * self._period_s for late in self._late_s),
+            problem=problem,
+        )

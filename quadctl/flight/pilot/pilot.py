@@ -1,0 +1,272 @@
+"""The pilot: what to do at each tick of a flight, from the first message to the disarmed motors.
+
+A state machine without clock and without I/O: the real-time loop and the lockstep simulation call `tick` with the
+state and carry out what it asks for. So both fly the very same flight.
+"""
+
+from collections.abc import Callable
+
+from quadctl.compensator import Compensator
+from quadctl.flight.pilot.guards import Answer, Breach, unfit
+from quadctl.flight.pilot.landing import Landing
+from quadctl.flight.pilot.progress import Progress
+from quadctl.flight.pilot.settings import FlightSettings
+from quadctl.flight.pilot.steering import Home, Steering
+from quadctl.flight.pilot.supervisor import Supervisor
+from quadctl.flight.pilot.tick import Decision, Request, Stage, Tick
+from quadctl.missions import Mission
+from quadctl.model import Model
+from quadctl.state import VehicleState
+
+READY_TIMEOUT_S = 15.0
+BOOT_TIMEOUT_S = 60.0
+"""For an autopilot that says of itself that it is not ready, as it does for some time after boot."""
+START_TIMEOUT_S = 8.0
+CLIMB_TIMEOUT_S = 20.0
+CLIMBED_SHARE, CLIMBED_M_S = 0.9, 0.2
+"""Of its height and its vertical speed, when an autopilot's own take-off is over."""
+STREAM_FIRST_S = 1.0
+"""Idle setpoints before offboard is asked for: autopilots want a stream first."""
+SPOOL_UP_S = 1.0
+"""Throttle rises from idle to half of hover while the vehicle still stands."""
+
+_Step = Callable[[VehicleState, float], Decision]
+"""A stage: (state, time since the last tick)."""
+_NOTHING = Decision()
+
+
+class Pilot:
+    """Flies one mission once."""
+
+    def __init__(
+        self,
+        mission: Mission,
+        body: Model,
+        settings: FlightSettings,
+        compensator: Compensator,
+        autopilot_takes_off: bool = False,
+    ) -> None:
+        self.mission = mission
+        self.settings = settings
+        self.phases_flown: list[str] = []
+        self._autopilot_takes_off = autopilot_takes_off
+        first = mission.phases[0]
+        self.take_off_m = mission.reference(first.end_s)[0][2]
+        """The autopilot's own take-off takes the place of the mission's first phase: it ends where that ends."""
+        self._begin_at_s = first.end_s if autopilot_takes_off else 0.0
+        self._home = Home()
+        self._progress = Progress()
+        self._watch = Supervisor(mission, settings, self._home)
+        self._steering = Steering(mission, body.vehicle, settings, compensator, self._home)
+        self._landing = Landing(self._progress, self._watch, self._steering)
+        self._offboard_seen = False
+        self._faded = False
+        self._steps: dict[Stage, _Step] = {
+            Stage.WAIT: self._wait,
+            Stage.STREAM: self._stream,
+            Stage.START: self._start,
+            Stage.SPOOL_UP: self._spool_up,
+            Stage.CLIMB: self._climb,
+            Stage.FLY: self._fly,
+            Stage.LAND: self._landing.land,
+            Stage.RELEASED: self._landing.released,
+            Stage.DONE: lambda state, dt: _NOTHING,
+        }
+
+    @property
+    def stage(self) -> Stage:
+        return self._progress.stage
+
+    @property
+    def done(self) -> bool:
+        return self.stage is Stage.DONE
+
+    @property
+    def ended(self) -> str:
+        """How the flight ended: `completed`, or the reason why it did not; empty before."""
+        return self._progress.ended
+
+    @property
+    def flight_s(self) -> float:
+        """Time in the mission."""
+        return self._progress.flight_s
+
+    def distance_m(self, state: VehicleState) -> float:
+        """Horizontal, from the take-off point."""
+        return self._home.distance_m(state)
+
+    def ask_to_land(self, reason: str) -> None:
+        """Land at the next tick (Ctrl-C, SIGTERM, a button)."""
+        self._watch.want_land = reason
+
+    def ask_to_let_go(self, reason: str) -> None:
+        """Hand over at the next tick (a second Ctrl-C): no more targets, the autopilot lands, and we are gone."""
+        self._watch.want_land = self._watch.want_land or reason
+        self._landing.let_go(reason)
+
+    def request_failed(self, request: Request, reason: str) -> None:
+        """The autopilot refused. Before the flight that ends it; a refused landing is answered by silence."""
+        if request is not Request.LAND:
+            self._watch.refusal = reason
+        elif self.stage is Stage.LAND:
+            self._landing.refused(reason)
+
+    def fail(self, reason: str) -> None:
+        """A target could not be sent: no more targets, let the autopilot land."""
+        self._watch.failure = reason
+
+    def tick(self, state: VehicleState, late_s: float) -> Tick:
+        """Decide what to do now. `late_s`: how late this tick is."""
+        dt = self._progress.advance(state.time_s)
+        self._watch.look(state, late_s, dt)
+        decision = self._sound(self._steps[self.stage], state, dt)
+        self._notice_fading(decision)
+        flies = self.stage is Stage.FLY and bool(self.phases_flown)
+        return Tick(
+            self._progress.time_s,
+            self.stage,
+            self.phases_flown[-1] if flies else self.stage.name.lower(),
+            decision.target,
+            decision.requests,
+            state,
+            decision.setpoint,
+            decision.output,
+            self._home.ground_down_m,
+            late_s,
+            self._progress.take_events(),
+        )
+
+    def _sound(self, step: _Step, state: VehicleState, dt: float) -> Decision:
+        """The decision of a stage. Whatever a compensator makes of a good state, it does not reach the motors."""
+        decision = _NOTHING
+        try:
+            decision = step(state, dt)
+            problem = decision.target and unfit(
+                decision.target, self.settings.guards, self.settings.controller.max_throttle
+            )
+            if not problem:
+                return decision
+        except (ArithmeticError, ValueError) as error:
+            problem = f"control failed ({error})"
+        self._watch.failure = problem
+        if self.stage is Stage.LAND:
+            return self._landing.unsound(problem, decision, state)
+        return self._landing.answer(Breach(Answer.HAND_OVER, problem), state)
+
+    # --- stages: (state, time since the last tick) ---------------------------------------------------------------
+
+    def _wait(self, state: VehicleState, dt: float) -> Decision:
+        problem = self._watch.defect(state)
+        if problem is None and not state.armed:
+            problem = self._watch.unsettled(state)
+        patience_s = READY_TIMEOUT_S if state.ready_to_arm and state.estimator_ok else BOOT_TIMEOUT_S
+        if self._watch.want_land:
+            self._progress.end(self._watch.want_land)
+        elif problem is None and state.armed:
+            self._progress.end("the vehicle is armed already, expected it to stand disarmed on the ground")
+        elif problem is None:
+            self._steering.start_at(state)
+            self._progress.enter(Stage.STREAM)
+        elif self._progress.in_stage_s > patience_s:
+            self._progress.end(f"no usable state came from the autopilot in {patience_s:g} s: {problem}")
+        return _NOTHING
+
+    def _stream(self, state: VehicleState, dt: float) -> Decision:
+        problem = "somebody else armed the vehicle" if state.armed else self._watch.objection(state)
+        if problem is not None:  # nothing has been asked for yet, so there is nothing to undo
+            self._progress.end(problem)
+            return _NOTHING
+        if self._progress.in_stage_s < STREAM_FIRST_S:
+            return self._idle()
+        self._progress.enter(Stage.START)
+        return self._idle((Request.OFFBOARD,))
+
+    def _start(self, state: VehicleState, dt: float) -> Decision:
+        if not state.offboard and (self._offboard_seen or state.armed):
+            reason = f"the autopilot went to {state.mode or 'an unknown mode'}"
+            return self._landing.answer(Breach(Answer.RELEASE, reason), state)
+        self._offboard_seen = state.offboard
+        problem = self._watch.objection(state)
+        if problem is None and self._progress.in_stage_s > START_TIMEOUT_S:
+            problem = (
+                f"the autopilot did not get ready in {START_TIMEOUT_S:g} s: "
+                f"armed is {state.armed}, mode is {state.mode or 'unknown'}, expected {state.offboard_mode}"
+            )
+        if problem is not None and not (state.armed or self._watch.arm_asked):
+            self._progress.end(problem)
+            return _NOTHING
+        if problem is not None:  # it may be armed by now: see to it that it is disarmed
+            return self._landing.answer(Breach(Answer.HAND_OVER, problem), state)
+        if state.armed:
+            self._steering.start_at(state)
+            if not self._autopilot_takes_off:
+                self._progress.enter(Stage.SPOOL_UP)
+                return self._idle()
+            self._progress.enter(Stage.CLIMB)
+            self._progress.take_off()
+            return self._idle((Request.TAKE_OFF,))
+        if state.offboard and not self._watch.arm_asked:
+            # Not before: armed in another mode, the vehicle would follow that mode's idea of a take-off.
+            self._watch.arm_asked = True
+            return self._idle((Request.ARM,))
+        return self._idle()
+
+    def _spool_up(self, state: VehicleState, dt: float) -> Decision:
+        breach = self._breach(state)
+        if breach is not None:
+            return self._landing.answer(breach, state)
+        share = self._progress.in_stage_s / SPOOL_UP_S
+        return self._steering.standing(0.5 * share) if share < 1.0 else self._lift_off(state)
+
+    def _climb(self, state: VehicleState, dt: float) -> Decision:
+        """The autopilot takes off, and we are silent: a target would break its take-off off."""
+        breach = self._breach(state)
+        if breach is None and self._watch.refusal is not None:
+            breach = Breach(Answer.HAND_OVER, self._watch.refusal)
+        if breach is None and self._progress.in_stage_s > CLIMB_TIMEOUT_S:
+            breach = Breach(Answer.HAND_OVER, f"the autopilot did not take off in {CLIMB_TIMEOUT_S:g} s")
+        if breach is not None:  # no targets yet, so none while the landing is asked for either
+            silent = Answer.HAND_OVER if breach.answer is Answer.LAND else breach.answer
+            return self._landing.answer(breach._replace(answer=silent), state)
+        climbed_m = self._home.position_ned_m[2] - state.position_ned_m[2]
+        if climbed_m < CLIMBED_SHARE * self.take_off_m or abs(state.velocity_ned_m_s[2]) > CLIMBED_M_S:
+            return _NOTHING
+        return self._lift_off(state)
+
+    def _lift_off(self, state: VehicleState) -> Decision:
+        self._progress.enter(Stage.FLY)
+        self._progress.take_off()
+        self._steering.forget()
+        return self._fly(state, 0.0)
+
+    def _fly(self, state: VehicleState, dt: float) -> Decision:
+        t_s = self._progress.flight_s = self._begin_at_s + self._progress.in_stage_s
+        breach = self._breach(state)
+        if breach is not None:
+            return self._landing.answer(breach, state)
+        phase = self.mission.phase_at(t_s)
+        if not self.phases_flown or self.phases_flown[-1] != phase.name:
+            self.phases_flown.append(phase.name)
+        if t_s >= self.mission.duration_s:
+            return self._landing.begin("completed", state)
+        return self._steering.along(t_s, state, dt)
+
+    # --- inside --------------------------------------------------------------------------------------------------
+
+    def _breach(self, state: VehicleState) -> Breach | None:
+        """Why the flight must not go on, a wish to land included."""
+        wish = self._watch.want_land
+        found = self._watch.breach(state, self._progress.in_air_s, off_ground=self.stage is Stage.FLY)
+        return Breach(Answer.LAND, wish) if found is None and wish else found
+
+    def _notice_fading(self, decision: Decision) -> None:
+        """Once, for the log."""
+        if decision.output is not None and decision.output.compensation.trust < 1.0 and not self._faded:
+            self._faded = True
+            self._progress.note("the compensator is beyond the heights of its data", "fade out")
+
+    def _idle(self, requests: tuple[Request, ...] = ()) -> Decision:
+        """No thrust, the heading we stand in; silence where a target would stand in the way of the take-off."""
+        if self._autopilot_takes_off:
+            return Decision(requests=requests)
+        return self._steering.standing(0.0)._replace(requests=requests)

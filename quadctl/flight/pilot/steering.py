@@ -1,0 +1,97 @@
+"""From the mission and the state to the target: the mission placed where the vehicle took off, and control along it."""
+
+import math
+from dataclasses import dataclass
+
+from quadctl.compensator import Compensator
+from quadctl.control import Memory, control
+from quadctl.flight.pilot.settings import FlightSettings
+from quadctl.flight.pilot.tick import Decision
+from quadctl.frames import euler_from_quaternion
+from quadctl.missions import Mission
+from quadctl.state import NAN, AttitudeTarget, Setpoint, Vec3, VehicleState
+from quadctl.vehicle import Vehicle
+
+
+@dataclass
+class Home:
+    """Where the vehicle took off: the origin of the mission, in the autopilot's frame (NED)."""
+
+    position_ned_m: Vec3 = (0.0, 0.0, 0.0)
+    ground_down_m: float = 0.0
+    heading_rad: float = 0.0
+
+    def height_m(self, state: VehicleState) -> float:
+        """Of the vehicle above the ground."""
+        return self.ground_down_m - state.position_ned_m[2]
+
+    def distance_m(self, state: VehicleState) -> float:
+        """Horizontal, from the take-off point."""
+        return math.dist(state.position_ned_m[:2], self.position_ned_m[:2])
+
+
+class Steering:
+    """Makes the targets of one flight."""
+
+    def __init__(
+        self, mission: Mission, vehicle: Vehicle, settings: FlightSettings, compensator: Compensator, home: Home
+    ) -> None:
+        self._mission = mission
+        self._vehicle = vehicle
+        self._settings = settings
+        self._compensator = compensator
+        self._home = home
+        self._yaw_rad = 0.0
+        self._memory = Memory()
+
+    def start_at(self, state: VehicleState) -> None:
+        """The vehicle stands at home."""
+        self._home.position_ned_m = state.position_ned_m
+        if self._settings.height_datum == "takeoff":
+            self._home.ground_down_m = state.position_ned_m[2] + self._settings.rest_height_m
+        self._home.heading_rad = self._yaw_rad = euler_from_quaternion(state.attitude)[2]
+
+    def forget(self) -> None:
+        """What control has learned on the ground does not count."""
+        self._memory = Memory()
+
+    def standing(self, share_of_hover: float) -> Decision:
+        """Level, in the heading it stands in, with a share of the throttle of hover; 0: no thrust."""
+        curve = self._vehicle.throttle
+        hover = curve.offset + curve.per_newton * self._vehicle.weight_n
+        half_rad = 0.5 * self._home.heading_rad
+        return Decision(AttitudeTarget((math.cos(half_rad), 0.0, 0.0, math.sin(half_rad)), share_of_hover * hover))
+
+    def along(self, t_s: float, state: VehicleState, dt: float) -> Decision:
+        """Follow the mission at its time `t_s`."""
+        position, velocity, acceleration, by_velocity = self._mission.reference(t_s)
+        north, east, _ = self._home.position_ned_m
+        place = (north + position[0], east + position[1], self._home.ground_down_m - position[2])
+        n, e, d = (NAN if free else at for at, free in zip(place, by_velocity, strict=True))
+        self._yaw_rad = self._mission.yaw_rad(t_s, self._home.heading_rad)
+        setpoint = Setpoint(
+            (n, e, d),
+            (velocity[0], velocity[1], -velocity[2]),
+            (acceleration[0], acceleration[1], -acceleration[2]),
+            self._yaw_rad,
+        )
+        return self.towards(setpoint, state, dt)
+
+    def towards(self, setpoint: Setpoint, state: VehicleState, dt: float) -> Decision:
+        """One step of control, `dt` after the last."""
+        output = control(
+            setpoint,
+            state,
+            self._memory,
+            dt,
+            self._home.ground_down_m,
+            self._vehicle,
+            self._settings.controller,
+            self._compensator,
+        )
+        self._memory = output.memory
+        return Decision(output.target, (), setpoint, output)
+
+    def place_of(self, state: VehicleState) -> Setpoint:
+        """To stay where it is, in the heading last asked for."""
+        return Setpoint(state.position_ned_m, yaw_rad=self._yaw_rad)

@@ -1,0 +1,104 @@
+"""The guards with what they must remember: the state before, a floor once passed, what failed and what was asked."""
+
+from quadctl.flight.pilot.continuity import Continuity
+from quadctl.flight.pilot.guards import Answer, Breach, defect, floor, inspect
+from quadctl.flight.pilot.settings import FlightSettings
+from quadctl.flight.pilot.standing import not_standing, posture
+from quadctl.flight.pilot.steering import Home
+from quadctl.missions import Mission
+from quadctl.state import VehicleState
+
+ARM_SETTLE_S = 2.0
+"""An arming that was asked for may still come so long after it was given up."""
+
+
+class Supervisor:
+    """Says at every tick whether the flight may begin, or go on."""
+
+    def __init__(self, mission: Mission, settings: FlightSettings, home: Home) -> None:
+        self._mission = mission
+        self._guards = settings.guards
+        self._height_datum = settings.height_datum
+        self._period_s = 1.0 / settings.controller.rate_hz
+        self._home = home
+        self.arm_asked = False
+        self.armed_seen = False
+        self.want_land: str | None = None
+        """Why somebody wants the flight to end."""
+        self.refusal: str | None = None
+        """Why the autopilot refused what a start needs."""
+        self.failure: str | None = None
+        """Why we cannot go on commanding."""
+        self.restarted = False
+        """The autopilot's clock has begun anew: it has forgotten what we asked of it."""
+        self._boots: int | None = None
+        self._continuity = Continuity(settings.guards.continuity)
+        self._above_floor = False
+        self._stall: str | None = None
+
+    @property
+    def max_over_time_s(self) -> float:
+        return self._guards.max_over_time_s
+
+    def look(self, state: VehicleState, late_s: float, dt: float) -> None:
+        """At every tick, before anything is asked. `late_s`: how late it is; `dt`: its distance from the last one."""
+        self.armed_seen = self.armed_seen or state.armed
+        stalled_s = max(late_s, dt - self._period_s)
+        stalled = stalled_s > self._guards.max_tick_late_s
+        self._stall = f"the control loop stalled for {stalled_s:.2f} s" if stalled else None
+        self._boots = state.boots if self._boots is None else self._boots
+        self.restarted = self.restarted or state.boots != self._boots
+
+    def defect(self, state: VehicleState) -> str | None:
+        """Why the flight cannot stand on this state, or None."""
+        least_v = self._guards.min_battery_v
+        if least_v > 0.0 and not state.battery_v >= least_v:
+            return f"the battery is at {state.battery_v:.2f} V, expected {least_v:g} V or more"
+        if not (state.ready_to_arm or state.armed):
+            return "the autopilot is not ready to arm"
+        return defect(state, self._guards)
+
+    def unsettled(self, state: VehicleState) -> str | None:
+        """Why a vehicle that is to take off does not look as if it stood on the ground, or None."""
+        expected = not_standing(state, self._height_datum)
+        return expected and f"the vehicle does not stand on the ground: {posture(state)}: {expected}"
+
+    def objection(self, state: VehicleState) -> str | None:
+        """Why the flight must not begin, or None."""
+        restarted = "the autopilot restarted" if self.restarted else None
+        return self.want_land or self.refusal or self.failure or restarted or self.defect(state)
+
+    def motors_off(self, state: VehicleState, given_up_s: float) -> bool:
+        """The vehicle is disarmed, and no arming of ours, given up so long ago, is under way that could still come."""
+        under_way = self.arm_asked and not self.armed_seen and given_up_s < ARM_SETTLE_S
+        return not state.armed and not under_way
+
+    def breach(self, state: VehicleState, in_air_s: float, off_ground: bool = True) -> Breach | None:
+        """Why the flight must not go on as it does, or None.
+
+        `off_ground` is False for a vehicle that stands, whose state need not move. A wish to land is not among the
+        reasons.
+        """
+        height_m = self._home.height_m(state)
+        self._above_floor = self._above_floor or height_m >= max(floor(self._mission.limits), 0.0)
+        found = inspect(
+            state,
+            in_air_s,
+            self._mission.duration_s,
+            height_m,
+            self._home.distance_m(state),
+            self._guards,
+            self._mission.limits,
+            self._above_floor,
+        )
+        if found is not None and found.answer is Answer.RELEASE:  # goes before our own troubles
+            return found if self._stall is None else found._replace(reason=f"{self._stall}, then {found.reason}")
+        if self.restarted:
+            return Breach(Answer.RELEASE, "the autopilot restarted")
+        problem = self.failure or self._stall
+        if problem is not None:
+            return Breach(Answer.HAND_OVER, problem)
+        if found is not None and found.answer is Answer.HAND_OVER:
+            return found
+        broken = self._continuity.defect(state) if off_ground else None
+        return found if broken is None else Breach(Answer.HAND_OVER, broken)

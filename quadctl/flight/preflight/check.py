@@ -1,0 +1,259 @@
+"""Is this mission, by this vehicle, with this compensator and these limits, fit to be flown? Nothing moves for it."""
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+from quadctl.compensator import Compensator, check_compensator
+from quadctl.control import ControllerSettings
+from quadctl.control.attitude import attitude_for_force, limit_tilt
+from quadctl.control.throttle import throttle_for_thrust
+from quadctl.errors import SettingsError
+from quadctl.flight.pilot.settings import FlightSettings
+from quadctl.flight.preflight.findings import Finding, Verdict, judged
+from quadctl.flight.preflight.plan import FlightPlan
+from quadctl.frames import GRAVITY_M_S2
+from quadctl.missions import Mission
+from quadctl.missions.profile import Sample, flown_heights_m, sampled
+from quadctl.state import Vec3, VehicleState
+from quadctl.vehicle import Vehicle
+
+THRUST_MARGIN = 0.85
+"""Of the largest thrust: what a mission asks beyond it leaves little for attitude control."""
+SPEED_MARGIN = 0.8
+"""Of a guard's speed: the vehicle overshoots."""
+CLEARANCE_M = 0.05
+"""Between the lowest rotor tip and the ground: height control near the ground is no better."""
+ENDURANCE_MARGIN = 0.8
+
+
+class Demand(NamedTuple):
+    """What one sample of a mission asks of the vehicle."""
+
+    sample: Sample
+    tilt_rad: float
+    """For the reference's acceleration, the controller's answer to a jump and the compensator's force."""
+    thrust_n: float
+    """Of all rotors together, within the controller's limit of tilt, by the compensator's ratio."""
+    thrust_ratio: float
+    """By the compensator."""
+
+
+def check_flight(plan: FlightPlan) -> list[Finding]:
+    """All findings about a flight that has not begun, in the order in which a person asks."""
+    mission, settings, vehicle = plan.mission, plan.settings, plan.body.vehicle
+    samples = sampled(mission)
+    every = [sample for of_phase in samples for sample in of_phase]
+    findings = [_mission(mission, samples), *_compensator(plan)]
+    fit = all(finding.verdict is not Verdict.REFUSED for finding in findings)
+    compensator = Compensator(plan.compensator if fit else plan.body, settings.compensator_limits)
+    demands = [_demand(sample, vehicle, settings.controller, compensator) for sample in every]
+    in_air = demands[len(samples[0]) - 1 :]  # without the climb from the ground
+    return [
+        *findings,
+        _ground(in_air, vehicle, settings),
+        *_ceiling(mission, samples, vehicle),
+        _fence(mission, every),
+        _speed(every, settings),
+        _tilt(demands, settings),
+        _thrust(demands, vehicle, settings.controller),
+        *_band(in_air, settings),
+        _battery(mission, vehicle, settings),
+    ]
+
+
+def _demand(sample: Sample, vehicle: Vehicle, controller: ControllerSettings, compensator: Compensator) -> Demand:
+    north, east, up = (
+        own + answer
+        for own, answer in zip(sample.reference.acceleration_m_s2, _answer(sample.jump_m, controller), strict=True)
+    )
+    force_ned: Vec3 = (
+        vehicle.mass_kg * north,
+        vehicle.mass_kg * east,
+        -vehicle.mass_kg * max(up + GRAVITY_M_S2, 0.0),
+    )
+    x, y, z = sample.reference.position_m
+    u, v, w = sample.reference.velocity_m_s
+    state = VehicleState(sample.time_s, (x, y, -z), (u, v, -w), attitude_for_force(force_ned, 0.0))
+    here = compensator.surroundings(state, 0.0)
+    fx, fy, fz = compensator.force_ned_n(here, vehicle.weight_n)
+    force_ned = (force_ned[0] - fx, force_ned[1] - fy, force_ned[2] - fz)
+    tilt_rad = math.atan2(math.hypot(force_ned[0], force_ned[1]), max(-force_ned[2], 0.0))
+    given_n = math.hypot(*limit_tilt(force_ned, math.radians(controller.max_tilt_deg))) / vehicle.axial_share
+    ratio = compensator.thrust_ratio(here, given_n)
+    return Demand(sample, tilt_rad, given_n / ratio, ratio)
+
+
+def _answer(jump_m: Vec3, controller: ControllerSettings) -> Vec3:
+    """Acceleration (north, east, up) with which the controller answers a jump of the reference."""
+    north, east, up = (controller.position_p * jump for jump in jump_m)
+    level, upright = controller.velocity_horizontal.p, controller.velocity_vertical.p
+    climb = min(max(up, -controller.max_down_m_s), controller.max_up_m_s)
+    rise = min(max(upright * climb, -controller.max_acceleration_down_m_s2), controller.max_acceleration_up_m_s2)
+    return level * north, level * east, rise
+
+
+def _mission(mission: Mission, samples: Sequence[Sequence[Sample]]) -> Finding:
+    lowest, highest = flown_heights_m(samples)
+    limits = mission.limits
+    return judged(
+        "mission",
+        f"{mission.name}, {mission.duration_s:.0f} s in {len(mission.phases)} phases, heights {lowest:.2f} to "
+        f"{highest:.2f} m within its limits of {limits.min_z_m:g} to {limits.max_z_m:g} m",
+    )
+
+
+def _compensator(plan: FlightPlan) -> Iterator[Finding]:
+    model = plan.compensator
+    if not model.stack:
+        yield judged("compensator", "none")
+        return
+    names = ", ".join(effect.name for effect in model.effects)
+    low, high = plan.rotor_heights_m
+    where = f"{names}, rotor heights {low:.2f} to {high:.2f} m"
+    try:
+        warnings = check_compensator(model, low, high, model.name)
+    except SettingsError as error:
+        yield Finding(Verdict.REFUSED, "compensator", str(error))
+        return
+    yield judged("compensator", where, warning="; ".join(warnings) or None)
+    for item in model.stack:
+        fitted = item.fitted.height_m if item.fitted is not None else None
+        if fitted is None or "height_over_radius" not in item.effect.depends_on:
+            continue
+        outside = low < fitted[0] - 1e-6 or high > fitted[1] + 1e-6
+        fade = plan.settings.compensator_limits.fade_m
+        yield judged(
+            "compensator",
+            f"{item.effect.name} was fitted to rotor heights of {fitted[0]:.2f} to {fitted[1]:.2f} m",
+            warning=f"the mission's limits go beyond, where it fades out over {fade:g} m" if outside else None,
+        )
+
+
+def _ground(demands: Sequence[Demand], vehicle: Vehicle, settings: FlightSettings) -> Finding:
+    """The rotor that a tilted vehicle holds lowest must not touch the ground."""
+    reach = max(math.hypot(r.position_m[0], r.position_m[1]) for r in vehicle.rotors) + vehicle.rotor.radius_m
+    most = math.radians(settings.controller.max_tilt_deg)
+
+    def clearance_m(demand: Demand) -> float:
+        plane = demand.sample.reference.position_m[2] + vehicle.rotor_height_m
+        return plane - reach * math.sin(min(demand.tilt_rad, most))
+
+    worst = min(demands, key=clearance_m)
+    z, gap, lean = worst.sample.reference.position_m[2], clearance_m(worst), min(worst.tilt_rad, most)
+    refused = warning = None
+    lowest = min(demand.sample.reference.position_m[2] for demand in demands)
+    if gap <= 0.0:
+        refused = "it touches the ground"
+    elif settings.height_datum == "takeoff" and lowest < settings.rest_height_m:
+        refused = f"z = {lowest:.2f} m is below rest_height_m = {settings.rest_height_m:g}, where the vehicle stands"
+    elif gap < CLEARANCE_M:
+        warning = f"expected {CLEARANCE_M:g} m or more"
+    text = f"lowest rotor tip {gap:.2f} m above the ground (z = {z:.2f} m, {math.degrees(lean):.0f} deg tilt)"
+    return judged("ground", text, refused=refused, warning=warning)
+
+
+def _ceiling(mission: Mission, samples: Sequence[Sequence[Sample]], vehicle: Vehicle) -> Iterator[Finding]:
+    if vehicle.ceiling_m is None:
+        return
+    highest = flown_heights_m(samples)[1] + vehicle.rotor_height_m
+    guard = mission.limits.max_z_m + mission.limits.margin_m
+    refused = warning = None
+    if highest > vehicle.ceiling_m - vehicle.rotor.radius_m:
+        refused = f"expected a rotor radius ({vehicle.rotor.radius_m:g} m) or more below it"
+    elif guard + vehicle.rotor_height_m > vehicle.ceiling_m:
+        warning = f"the guard ends a climb at z = {guard:g} m (max_z_m + margin_m), which is above it"
+    text = f"rotors up to {highest:.2f} m, ceiling at {vehicle.ceiling_m:g} m"
+    yield judged("ceiling", text, refused=refused, warning=warning)
+
+
+def _fence(mission: Mission, samples: Sequence[Sample]) -> Finding:
+    farthest = max(math.hypot(*sample.reference.position_m[:2]) for sample in samples)
+    fence = mission.limits.max_distance_m + mission.limits.margin_m
+    return judged("fence", f"{farthest:.2f} m from take-off at most, the guard lands at {fence:g} m")
+
+
+def _speed(samples: Sequence[Sample], settings: FlightSettings) -> Finding:
+    guard, controller = settings.guards.max_speed_m_s, settings.controller
+    top = max(sample.speed_m_s for sample in samples)
+    level = max(math.hypot(*sample.reference.velocity_m_s[:2]) for sample in samples)
+    climb = max(max(0.0, sample.reference.velocity_m_s[2]) for sample in samples)
+    sink = max(max(0.0, -sample.reference.velocity_m_s[2]) for sample in samples)
+    lags = [
+        f"the controller flies at most {name} = {limit:g} m/s and falls behind {speed:.2f} m/s"
+        for name, speed, limit in (
+            ("max_horizontal_m_s", level, controller.max_horizontal_m_s),
+            ("max_up_m_s", climb, controller.max_up_m_s),
+            ("max_down_m_s", sink, controller.max_down_m_s),
+        )
+        if speed > limit + 1e-6
+    ]
+    near = f"closer than {1.0 - SPEED_MARGIN:.0%} to the guard" if top > SPEED_MARGIN * guard else None
+    return judged(
+        "speed",
+        f"up to {top:.2f} m/s (climb {climb:.2f}, descent {sink:.2f}), the guard lands at {guard:g} m/s",
+        refused="the guard would end the mission" if top >= guard else None,
+        warning="; ".join(lags) or near,
+    )
+
+
+def _tilt(demands: Sequence[Demand], settings: FlightSettings) -> Finding:
+    top = math.degrees(max(demand.tilt_rad for demand in demands))
+    limit, guard = settings.controller.max_tilt_deg, settings.guards.max_tilt_deg
+    refused = warning = None
+    if limit >= guard:
+        refused = "the controller may lean further than the guard allows, expected a guard above its limit"
+    elif top > limit:
+        warning = "the controller leans less and falls behind"
+    text = f"up to {top:.0f} deg, the controller leans {limit:g} deg at most, the guard hands over at {guard:g} deg"
+    return judged("tilt", text, refused=refused, warning=warning)
+
+
+def _thrust(demands: Sequence[Demand], vehicle: Vehicle, controller: ControllerSettings) -> Finding:
+    peak = max(demands, key=lambda demand: demand.thrust_n)
+    share, hover = peak.thrust_n / vehicle.max_thrust_n, vehicle.weight_n / vehicle.max_thrust_n
+    throttle = throttle_for_thrust(peak.thrust_n, vehicle, high=math.inf)
+    refused = warning = None
+    if share > 1.0 or throttle > controller.max_throttle:
+        refused = f"the rotors give {vehicle.max_thrust_n:.1f} N, max_throttle is {controller.max_throttle:g}"
+    elif share > THRUST_MARGIN:
+        warning = f"more than {THRUST_MARGIN:.0%} leaves little for attitude control"
+    return judged(
+        "thrust",
+        f"up to {peak.thrust_n:.1f} N of {vehicle.max_thrust_n:.1f} N ({share:.0%}, hover {hover:.0%}), "
+        f"throttle {throttle:.2f}, at {peak.sample.time_s:.0f} s",
+        refused=refused,
+        warning=warning,
+    )
+
+
+def _band(demands: Sequence[Demand], settings: FlightSettings) -> Iterator[Finding]:
+    """How far the compensator goes, and whether its limits cut it off."""
+    ratios = [demand.thrust_ratio for demand in demands]
+    if all(ratio == 1.0 for ratio in ratios):
+        return
+    low, high, band = min(ratios), max(ratios), settings.compensator_limits.band
+    cut = high >= 1.0 + band - 1e-9 or low <= 1.0 - band + 1e-9
+    yield judged(
+        "compensator",
+        f"thrust ratio {low:.3f} to {high:.3f} on the way, limited to {1.0 - band:g} to {1.0 + band:g}",
+        warning="it asks for more than the limit" if cut else None,
+    )
+
+
+def _battery(mission: Mission, vehicle: Vehicle, settings: FlightSettings) -> Finding:
+    limit_v, endurance_s = settings.guards.min_battery_v, vehicle.endurance_s
+    text = f"{mission.duration_s:.0f} s of flight"
+    if endurance_s is not None:
+        text += f", the vehicle hovers for {endurance_s:g} s"
+        if mission.duration_s > endurance_s:
+            return judged("battery", text, refused="it does not last")
+        if mission.duration_s > ENDURANCE_MARGIN * endurance_s:
+            return judged("battery", text, warning=f"less than {1.0 - ENDURANCE_MARGIN:.0%} is left")
+    objections = []
+    if limit_v == 0.0:
+        objections.append("its voltage is not guarded (guards.min_battery_v is 0)")
+    if endurance_s is None:
+        objections.append("how long it lasts is not known (endurance_s in the vehicle file)")
+    guarded = f", lands below {limit_v:g} V" if limit_v else ""
+    return judged("battery", text + guarded, warning=" and ".join(objections) or None)

@@ -1,0 +1,215 @@
+"""Asking the autopilot, on the ground, whether it is ready: its messages, its state, its parameters. Nothing moves."""
+
+import asyncio
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from quadctl.errors import FlightError
+from quadctl.flight.autopilot.firmware import Requirement
+from quadctl.flight.autopilot.mavsdk_autopilot import MavsdkAutopilot
+from quadctl.flight.autopilot.port import Autopilot
+from quadctl.flight.pilot.guards import defect
+from quadctl.flight.pilot.standing import not_standing, posture
+from quadctl.flight.preflight.findings import Finding, Verdict, judged
+from quadctl.flight.preflight.plan import FlightPlan
+from quadctl.flight.realtime import run
+from quadctl.state import VehicleState
+from quadctl.vehicle import Vehicle
+
+LOOK_EVERY_S = 0.002
+"""How often the state is looked at: shorter than the interval of the quickest message, so that each is counted."""
+MAX_SILENCE_S = 1.0
+"""After which an autopilot should act when setpoints stop."""
+MAX_HOVER_DIFFERENCE = 0.15
+"""Between the hover throttle of the vehicle file and the autopilot's: beyond it one of them is wrong."""
+
+LOST_OFFBOARD = {0: "Position", 1: "Altitude", 2: "Stabilized", 3: "Return", 4: "Land", 5: "Hold", 6: "Terminate",
+                 7: "Disarm"}  # fmt: skip
+"""PX4's COM_OBL_RC_ACT: what it does when offboard setpoints stop."""
+GOOD_LOST_OFFBOARD = (4, 5)
+HOVER_THROTTLE = ("MPC_THR_HOVER", "MOT_THST_HOVER")
+"""Of PX4, of ArduPilot."""
+
+
+class Inspected(Protocol):
+    """What is asked of an autopilot here: a part of the port `Autopilot`."""
+
+    warnings: list[str]
+
+    @property
+    def description(self) -> str: ...
+
+    @property
+    def requirements(self) -> Sequence[Requirement]: ...
+
+    @property
+    def checked(self) -> Sequence[str]: ...
+
+    async def request_telemetry(self) -> None: ...
+
+    def state(self) -> VehicleState: ...
+
+    async def parameters(self, names: Iterable[str]) -> dict[str, float]: ...
+
+
+@dataclass
+class Counted:
+    """What came in while we listened."""
+
+    seconds: float
+    updates: dict[str, int] = field(default_factory=dict)
+    oldest_s: dict[str, float] = field(default_factory=dict)
+    """The age that each part reached at most."""
+
+    def rate_hz(self, part: str) -> float:
+        return self.updates.get(part, 0) / self.seconds
+
+
+def ask_autopilot(plan: FlightPlan, url: str, seconds: float) -> list[Finding]:
+    """Connect to the autopilot at `url`, listen for `seconds`, ask for parameters, let go.
+
+    Raises
+    ------
+    LinkError
+        No autopilot answers.
+    """
+    autopilot = MavsdkAutopilot(url, plan.body.vehicle.n_rotors, plan.settings.link.timeout_s)
+    try:
+        return run(_ask(plan, autopilot, seconds))
+    except KeyboardInterrupt:
+        raise FlightError("interrupted while the autopilot was asked") from None
+
+
+async def _ask(plan: FlightPlan, autopilot: Autopilot, seconds: float) -> list[Finding]:
+    try:
+        await autopilot.connect()
+        return await inspect_autopilot(plan, autopilot, seconds)
+    finally:
+        await autopilot.close()
+
+
+async def inspect_autopilot(plan: FlightPlan, autopilot: Inspected, seconds: float) -> list[Finding]:
+    """All findings about an autopilot that is connected."""
+    try:
+        await autopilot.request_telemetry()
+    except FlightError as error:
+        return [Finding(Verdict.REFUSED, "messages", str(error))]
+    counted = await _listen(autopilot, seconds)
+    state = autopilot.state()
+    return [
+        judged("autopilot", autopilot.description),
+        *(Finding(Verdict.WARNING, "messages", warning) for warning in autopilot.warnings),
+        *_messages(counted, plan),
+        _estimator(state, plan),
+        _standing(state, plan),
+        _mode(state),
+        _battery(state, plan),
+        *await _parameters(autopilot, plan.body.vehicle),
+    ]
+
+
+async def _listen(autopilot: Inspected, seconds: float) -> Counted:
+    counted = Counted(seconds)
+    last = autopilot.state()
+    end_s = last.time_s + seconds
+    while last.time_s < end_s:
+        await asyncio.sleep(LOOK_EVERY_S)
+        state = autopilot.state()
+        for part, received_s in state.received_s.items():
+            if received_s > last.received_s.get(part, -math.inf):
+                counted.updates[part] = counted.updates.get(part, 0) + 1
+            counted.oldest_s[part] = max(counted.oldest_s.get(part, 0.0), state.age_s(part))
+        last = state
+    return counted
+
+
+def _messages(counted: Counted, plan: FlightPlan) -> Iterator[Finding]:
+    """Those that control stands on, at the rates at which they really arrive."""
+    allowed_s, wanted_hz = plan.settings.guards.max_state_age_s, plan.settings.controller.rate_hz
+    for part in ("position", "attitude"):
+        rate, oldest_s = counted.rate_hz(part), counted.oldest_s.get(part, math.inf)
+        refused = warning = None
+        if rate == 0.0:
+            refused = "none came"
+        elif oldest_s > allowed_s:
+            refused = f"the guard hands over at max_state_age_s = {allowed_s:g}"
+        elif rate < wanted_hz:
+            warning = f"control runs at {wanted_hz:g} Hz"
+        text = f"{part} at {rate:.0f} Hz, up to {1e3 * oldest_s:.0f} ms old"
+        yield judged("messages", text, refused=refused, warning=warning)
+    rpm_hz = counted.rate_hz("rpm")
+    lacking = "the lab will have to take thrust from the throttle" if rpm_hz == 0.0 else None
+    yield judged("messages", f"rotor speeds at {rpm_hz:.0f} Hz", warning=lacking)
+
+
+def _estimator(state: VehicleState, plan: FlightPlan) -> Finding:
+    return judged("estimator", "attitude, velocity and position", refused=defect(state, plan.settings.guards))
+
+
+def _standing(state: VehicleState, plan: FlightPlan) -> Finding:
+    unseen = None if state.landed else "the autopilot does not think that it has landed"
+    refused = not_standing(state, plan.settings.height_datum)
+    return judged("standing", posture(state), refused=refused, warning=unseen)
+
+
+def _mode(state: VehicleState) -> Finding:
+    armed = "armed" if state.armed else "disarmed"
+    refused = "expected a vehicle that is disarmed" if state.armed else None
+    if refused is None and not state.ready_to_arm:
+        refused = "its own checks do not pass (yet): it would not arm"
+    return judged("mode", f"{state.mode or 'unknown'}, {armed}", refused=refused)
+
+
+def _battery(state: VehicleState, plan: FlightPlan) -> Finding:
+    limit_v = plan.settings.guards.min_battery_v
+    if math.isnan(state.battery_v):
+        guarded = "guards.min_battery_v needs it" if limit_v else None
+        return judged("battery", "voltage unknown", refused=guarded, warning="the autopilot does not tell it")
+    low = f"expected {limit_v:g} V or more" if state.battery_v < limit_v else None
+    return judged("battery", f"{state.battery_v:.2f} V", refused=low)
+
+
+async def _parameters(autopilot: Inspected, vehicle: Vehicle) -> list[Finding]:
+    values = await autopilot.parameters(need.parameter for need in autopilot.requirements)
+    required = [_required(need, values) for need in autopilot.requirements]
+    return [*required, *await advisable_parameters(autopilot, vehicle)]
+
+
+async def advisable_parameters(autopilot: Inspected, vehicle: Vehicle) -> list[Finding]:
+    """Findings about the parameters that a flight does not require; nothing is refused for them."""
+    values = await autopilot.parameters(autopilot.checked)
+    if autopilot.checked and not values:
+        return [judged("parameters", ", ".join(autopilot.checked), warning="the autopilot tells none of them")]
+    return list(_checked(values, vehicle))
+
+
+def _required(need: Requirement, values: Mapping[str, float]) -> Finding:
+    """What `quadctl fly` refuses, or sets with --set-params."""
+    if need.parameter not in values:
+        return judged("parameters", need.parameter, refused="the autopilot does not tell it")
+    value = values[need.parameter]
+    problem = None if need.met(value) else f"expected {need.to_meet(value):g} (--set-params does it): {need.because}"
+    text = f"{need.parameter} = {value:g}"
+    return judged("parameters", text, refused=None if need.advice else problem, warning=problem)
+
+
+def _checked(values: Mapping[str, float], vehicle: Vehicle) -> Iterator[Finding]:
+    """What happens when we fall silent, and whether the autopilot's hover throttle is ours."""
+    if "COM_OF_LOSS_T" in values:
+        silence_s = values["COM_OF_LOSS_T"]
+        late = f"expected at most {MAX_SILENCE_S:g} s" if silence_s > MAX_SILENCE_S else None
+        yield judged("parameters", f"COM_OF_LOSS_T: acts {silence_s:g} s after the last setpoint", warning=late)
+    if "COM_OBL_RC_ACT" in values:
+        action = round(values["COM_OBL_RC_ACT"])
+        poor = None if action in GOOD_LOST_OFFBOARD else "expected 4 (Land) or 5 (Hold), which need nobody"
+        if action == 3 and vehicle.ceiling_m is not None:
+            poor = f"it climbs first, and there is a ceiling at {vehicle.ceiling_m:g} m; expected 4 (Land)"
+        text = f"COM_OBL_RC_ACT: then it goes to {LOST_OFFBOARD.get(action, 'an unknown mode')} ({action})"
+        yield judged("parameters", text, warning=poor)
+    for name in values.keys() & set(HOVER_THROTTLE):
+        theirs = values[name]
+        ours = vehicle.throttle.offset + vehicle.throttle.per_newton * vehicle.weight_n
+        apart = "one of them is wrong" if abs(theirs - ours) > MAX_HOVER_DIFFERENCE else None
+        yield judged("parameters", f"{name}: hovers at {theirs:.2f}, the vehicle file at {ours:.2f}", warning=apart)

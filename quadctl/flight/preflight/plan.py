@@ -1,0 +1,76 @@
+"""What a flight is made of: mission, settings and models, read from their files."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from quadctl.compensator import Compensator
+from quadctl.flight.pilot.pilot import Pilot
+from quadctl.flight.pilot.settings import FlightSettings, choose_models, find_config, load_flight_settings
+from quadctl.flight.preflight.findings import Finding
+from quadctl.flight.record.recorder import Recorder
+from quadctl.missions import Mission, load_mission
+from quadctl.model import Model
+
+
+class FlightPlan(NamedTuple):
+    """Everything that a flight is made of."""
+
+    mission: Mission
+    settings: FlightSettings
+    body: Model
+    compensator: Model
+    warnings: Sequence[Finding] = ()
+    """What a check of it found that does not stand in its way."""
+
+    @property
+    def rotor_heights_m(self) -> tuple[float, float]:
+        """Lowest and highest height of the rotor plane that the mission's limits allow."""
+        up = self.body.vehicle.rotor_height_m
+        return max(self.mission.limits.min_z_m + up, 0.01), self.mission.limits.max_z_m + up
+
+    def pilot(self, autopilot_takes_off: bool = False) -> Pilot:
+        compensator = Compensator(self.compensator, self.settings.compensator_limits)
+        return Pilot(self.mission, self.body, self.settings, compensator, autopilot_takes_off)
+
+    def recorder(self, log_dir: Path, autopilot: str, real_time: Sequence[str] = ()) -> Recorder:
+        """`real_time`: what keeps the ticks of a flight in real time punctual."""
+        vehicle = self.body.vehicle
+        meta: dict[str, Any] = {
+            "mission": self.mission.name,
+            "offset_up_m": self.mission.offset_up_m,
+            "parameters": dict(self.mission.parameters),
+            "autopilot": autopilot,
+            "compensator": self.compensator.name,
+            "model": [{"effect": e.name, "parameters": e.values()} for e in self.compensator.effects],
+            "vehicle": vehicle.model_dump(mode="json", exclude_none=True),
+            "controller": self.settings.controller.model_dump(mode="json"),
+            "guards": self.settings.guards.model_dump(mode="json"),
+            "real_time": list(real_time),
+        }
+        return Recorder(log_dir, self.mission.name, vehicle.n_rotors, meta)
+
+
+def read_flight(
+    mission: Path,
+    config: Path | None,
+    model: str | None,
+    offset_up_m: float | None,
+    overrides: Sequence[str] = (),
+    vehicle: Path | None = None,
+) -> FlightPlan:
+    """Read mission (with `overrides` of its parameters), configuration and model; `vehicle` goes before the
+    configuration's.
+
+    Raises
+    ------
+    SettingsError
+        One sentence that names the file, the field, the value and what was expected.
+    """
+    loaded = load_mission(mission, offset_up_m, overrides)
+    config_path = find_config(config, mission)
+    settings = load_flight_settings(config_path)
+    if vehicle is not None:
+        settings = settings.model_copy(update={"vehicle": str(vehicle.absolute())})
+    models = choose_models(settings, config_path, model)
+    return FlightPlan(loaded, settings, models.body, models.compensator)

@@ -1,0 +1,140 @@
+"""The flight's end of the live view: ten times a second a record goes out, one wish may come in, nothing ever waits.
+
+A pair of sockets that have no address, so that nobody but the flight and its viewer can speak on them: what a viewer
+does not take is dropped, and a viewer that is dead costs one failing call.
+"""
+
+import contextlib
+import math
+import pickle
+import socket
+from typing import NamedTuple, TypeAlias
+
+from quadctl.flight.pilot.pilot import Pilot
+from quadctl.flight.pilot.tick import Event, Stage, Tick
+from quadctl.frames import tilt
+from quadctl.state import NAN
+
+SEND_S = 0.1
+"""As often as a page can show it: most ticks pay nothing."""
+EVENTS_KEPT = 20
+"""Every record holds the last events, so that none is lost with a record that is dropped."""
+LANDED_BY = "asked to land on the live view"
+WISH_TO_LAND = b"land"
+WORD_BYTES, RECORD_BYTES = 16, 65_536
+"""More than any word or record has."""
+
+ViewEnd: TypeAlias = socket.socket
+"""One end of the link: datagrams, and nothing ever waits."""
+
+
+class Record(NamedTuple):
+    """A tick as the viewer gets it; height and distance from the ground at take-off, ages against the tick's time."""
+
+    time_s: float
+    """Since the first tick."""
+    stage: str
+    """Name of a `Stage`."""
+    phase: str
+    flight_s: float
+    """Time in the mission."""
+    height_m: float
+    height_ref_m: float
+    distance_m: float
+    """Horizontal, from the take-off point."""
+    speed_m_s: float
+    tilt_deg: float
+    throttle: float
+    thrust_n: float
+    battery_v: float
+    late_s: float
+    """The worst since the last record that was not dropped."""
+    state_age_s: float
+    """Of the older one of position and attitude."""
+    link_age_s: float
+    """Since the last heartbeat."""
+    estimator_ratio: float
+    armed: bool
+    mode: str
+    ended: str
+    """Why the flight ends; empty while it goes on."""
+    events: tuple[Event, ...]
+
+
+def connected_ends() -> tuple[ViewEnd, ViewEnd]:
+    """The flight's end and the viewer's."""
+    flight, viewer = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
+    flight.setblocking(False)
+    viewer.setblocking(False)
+    return flight, viewer
+
+
+def next_record(viewer: ViewEnd) -> Record | None:
+    """The oldest record that waits; None where none does. Raises OSError where the flight's end is closed."""
+    try:
+        record: Record = pickle.loads(viewer.recv(RECORD_BYTES))  # nobody else can have sent it
+    except BlockingIOError:
+        return None
+    return record
+
+
+class ViewLink:
+    """A listener of the loop that never blocks and never raises: a view is not worth a flight."""
+
+    def __init__(self, end: ViewEnd, pilot: Pilot) -> None:
+        self._end = end
+        self._pilot = pilot
+        self._events: tuple[Event, ...] = ()
+        self._late_s = 0.0
+        """Worst of the ticks that the viewer has not been told of."""
+        self._due_s = -math.inf
+        self._asked = False
+
+    def __call__(self, tick: Tick) -> None:
+        self._events = (*self._events, *tick.events)[-EVENTS_KEPT:]
+        self._late_s = max(self._late_s, tick.late_s)
+        if tick.time_s < self._due_s and tick.stage is not Stage.DONE:
+            return
+        self._due_s = tick.time_s + SEND_S
+        with contextlib.suppress(Exception):  # nobody there, no room, or a defect of ours
+            self._send(tick)
+        with contextlib.suppress(Exception):  # most of the time: nothing came
+            self._hear()
+
+    def _send(self, tick: Tick) -> None:
+        record = _record(tick, self._late_s, self._pilot, self._events)
+        self._end.send(pickle.dumps(record, pickle.HIGHEST_PROTOCOL))
+        self._late_s = 0.0
+
+    def _hear(self) -> None:
+        """At most one word. The wish counts once: repeated after a release, it would end the recording."""
+        word = self._end.recv(WORD_BYTES)
+        if word == WISH_TO_LAND and not self._asked:
+            self._asked = True
+            self._pilot.ask_to_land(LANDED_BY)
+
+
+def _record(tick: Tick, late_s: float, pilot: Pilot, events: tuple[Event, ...]) -> Record:
+    state = tick.state
+    return Record(
+        time_s=tick.time_s,
+        stage=tick.stage.name,
+        phase=tick.phase,
+        flight_s=pilot.flight_s,
+        height_m=tick.ground_down_m - state.position_ned_m[2],
+        height_ref_m=tick.ground_down_m - tick.setpoint.position_ned_m[2] if tick.setpoint else NAN,
+        distance_m=pilot.distance_m(state),
+        speed_m_s=math.hypot(*state.velocity_ned_m_s),
+        tilt_deg=math.degrees(tilt(state.attitude)),
+        throttle=tick.target.throttle if tick.target else NAN,
+        thrust_n=tick.output.thrust_n if tick.output else NAN,
+        battery_v=state.battery_v,
+        late_s=late_s,
+        state_age_s=state.control_age_s,
+        link_age_s=state.age_s("heartbeat"),
+        estimator_ratio=state.estimator_ratio,
+        armed=state.armed,
+        mode=state.mode,
+        ended=pilot.ended,
+        events=events,
+    )

@@ -1,0 +1,101 @@
+"""Compare a model with flights: how large is the error, how small could it be, where does the model fail?"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from rich.console import Group, RenderableType
+from rich.text import Text
+
+from quadctl.lab.arrays import Floats
+from quadctl.lab.comparison.failures import Failure, Profile, failures, profiles
+from quadctl.lab.comparison.noise_floor import flexible_residual, noise_floor
+from quadctl.lab.comparison.open_loop import OpenLoop, open_loop, open_loop_in_words, open_loop_table
+from quadctl.lab.flights.dataset import Dataset, rmse
+from quadctl.lab.results import Result, errors_table
+from quadctl.model import Model
+
+SHOWN_FAILURES = 6
+TOLD_HORIZON_S = 2.0
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Comparison(Result):
+    """A model against a dataset; errors in m/s^2 of kinematic acceleration, measured minus predicted."""
+
+    model: Model
+    dataset: Dataset
+    residual: Floats
+    """Shape (n, 3)."""
+    rmse: dict[str, float]
+    noise_floor: dict[str, float]
+    """Held-out error of a flexible regression on all logged variables: no model of them gets far below it."""
+    explained: float
+    """1 - residual power / power of the measured acceleration about its mean; negative: worse than saying nothing."""
+    fails_where: list[Failure]
+    profiles: list[Profile]
+    open_loop: list[OpenLoop]
+    """By horizon; empty where no flight is long enough."""
+
+    def to_dict(self) -> dict[str, Any]:
+        return {
+            "model": self.model.name,
+            "n_samples": len(self.residual),
+            "flights": self.dataset.names,
+            "bandwidth_hz": [round(flight.bandwidth_hz, 3) for flight in self.dataset.flights],
+            "rmse": self.rmse,
+            "noise_floor": self.noise_floor,
+            "explained": self.explained,
+            "open_loop": [errors.to_dict() for errors in self.open_loop],
+            "fails_where": [failure.to_dict() for failure in self.fails_where],
+            "notes": [f"{flight.name}: {note}" for flight in self.dataset.flights for note in flight.notes],
+        }
+
+    def __rich__(self) -> RenderableType:
+        title = f"{self.model.name} against {', '.join(self.dataset.names)}"
+        table = errors_table(title, (("error (RMSE)", self.rmse), ("noise floor", self.noise_floor)))
+        widths = ", ".join(sorted({f"{flight.bandwidth_hz:.1f}" for flight in self.dataset.flights}))
+        lines = [
+            f"{len(self.residual)} samples, filtered to {widths} Hz; "
+            + (
+                f"the model explains {self.explained:.1%} of the acceleration's variance."
+                if self.explained > 0.0
+                else "the model predicts worse than assuming no acceleration at all."
+            )
+        ]
+        if self.fails_where:
+            lines.append("It fails where:")
+            lines += [
+                f"  - {failure.text} ({abs(failure.sigma):.0f} sigma)" for failure in self.fails_where[:SHOWN_FAILURES]
+            ]
+            if len(self.fails_where) > SHOWN_FAILURES:
+                lines.append(f"  - and {len(self.fails_where) - SHOWN_FAILURES} more ranges (see --json or --html)")
+        else:
+            lines.append("It fails nowhere beyond the noise.")
+        lines += [open_loop_in_words(errors) for errors in self.open_loop if errors.horizon_s == TOLD_HORIZON_S]
+        shown = [open_loop_table(self.open_loop)] if self.open_loop else []
+        return Group(table, *shown, Text("\n".join(lines)))
+
+
+def compare(model: Model, dataset: Dataset) -> Comparison:
+    """Evaluate `model` on `dataset` as it stands; nothing is fitted."""
+    dataset = dataset.timed_for(model)
+    residual = dataset.residual(model)
+    noise = noise_floor(residual, flexible_residual(residual, dataset))
+    seen = profiles(residual, noise, dataset)
+    return Comparison(
+        model=model,
+        dataset=dataset,
+        residual=residual,
+        rmse=rmse(residual),
+        noise_floor=rmse(noise),
+        explained=explained(residual, dataset.measured),
+        fails_where=failures(residual, noise, dataset, seen),
+        profiles=seen,
+        open_loop=open_loop(model, dataset),
+    )
+
+
+def explained(residual: Floats, measured: Floats) -> float:
+    """Share of the variance that a model explains, as R^2: 1 - power of the residual / power about the mean."""
+    return float(1.0 - np.sum(residual**2) / np.sum((measured - measured.mean(axis=0)) ** 2))

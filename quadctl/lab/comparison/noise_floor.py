@@ -1,0 +1,86 @@
+"""A flexible regression of the residual on all logged variables: how much could any model of them still explain?
+
+It is no physics and is never flown. Its held-out error is the noise floor; its held-out gain over the model tells
+whether something is left to be found, also when no effect of the catalogue explains it.
+"""
+
+import numpy as np
+
+from quadctl.lab.arrays import Floats
+from quadctl.lab.flights.dataset import Dataset
+
+KNOTS = 6
+RIDGES = (3.0, 30.0, 300.0)
+
+
+def flexible_residual(residual: Floats, dataset: Dataset) -> Floats:
+    """What a ridge regression on piecewise linear functions of every variable predicts of `residual`, held out.
+
+    Shape (n, axes). Each fold is predicted from the others; per axis the ridge with the least held-out error is taken.
+    """
+    hinges = _Hinges(dataset)
+    sums = _sums_by_fold(hinges, residual, dataset)
+    others = [np.delete(sums, i, axis=0).sum(axis=0) for i in range(len(sums))]
+    weights = [[_ridge_weights(learnt, residual.shape[1], ridge) for ridge in RIDGES] for learnt in others]
+    tried = np.empty((len(RIDGES), *residual.shape))
+    for part in dataset.parts:
+        features = hinges.of(part)
+        for number, by_ridge in zip(dataset.folds, weights, strict=True):
+            held = dataset.fold[part] == number
+            for predicted, (slopes, mean) in zip(tried[:, part], by_ridge, strict=True):
+                predicted[held] = features[held] @ slopes + mean
+    best = np.argmin([np.mean((residual - predicted) ** 2, axis=0) for predicted in tried], axis=0)
+    return np.column_stack([tried[i, :, axis] for axis, i in enumerate(best)])
+
+
+def noise_floor(residual: Floats, flexible: Floats) -> Floats:
+    """What the flexible regression leaves, or the residual where that is less (it found nothing), shape (n, 3)."""
+    left = residual - flexible
+    better = np.mean(left**2, axis=0) < np.mean(residual**2, axis=0)
+    return np.where(better, left, residual)
+
+
+class _Hinges:
+    """The variables and their hinges at their quantiles, all standardised: the features of the regression."""
+
+    def __init__(self, dataset: Dataset) -> None:
+        self._variables: list[tuple[Floats, Floats]] = []
+        for name in dataset.flights[0].variables:
+            x = dataset.variable(name)
+            if x is None or np.ptp(x) < 1e-9:
+                continue
+            x = (x - x.mean()) / x.std()
+            self._variables.append((x, np.quantile(x, np.linspace(0.0, 1.0, KNOTS + 2)[1:-1])))
+        n = len(dataset.targets)
+        self._mean = sum(self._raw(part).sum(axis=0) for part in dataset.parts) / n
+        square = sum(((self._raw(part) - self._mean) ** 2).sum(axis=0) for part in dataset.parts) / n
+        self._std = np.maximum(np.sqrt(square), 1e-9)
+
+    def of(self, part: slice) -> Floats:
+        """Features of some of the samples, shape (n, p)."""
+        return np.asarray((self._raw(part) - self._mean) / self._std)
+
+    def _raw(self, part: slice) -> Floats:
+        columns = []
+        for x, knots in self._variables:
+            columns += [x[part], *(np.maximum(x[part] - knot, 0.0) for knot in knots)]
+        return np.column_stack(columns)
+
+
+def _sums_by_fold(hinges: _Hinges, residual: Floats, dataset: Dataset) -> Floats:
+    """Sums of the squares and products of the features, a constant and the axes of `residual`, (folds, m, m)."""
+    found: list[Floats] = []
+    for part in dataset.parts:
+        features = hinges.of(part)
+        columns = np.column_stack([features, np.ones(len(features)), residual[part]])
+        own = [columns[dataset.fold[part] == number] for number in dataset.folds]
+        found.append(np.array([rows.T @ rows for rows in own]))
+    return np.asarray(np.sum(found, axis=0))
+
+
+def _ridge_weights(sums: Floats, axes: int, ridge: float) -> tuple[Floats, Floats]:
+    """Slopes, shape (p, axes), and constants, (axes,), of a regression that has `sums` to learn from."""
+    p = len(sums) - 1 - axes
+    mean = sums[p, p + 1 :] / sums[p, p]
+    about_mean = sums[:p, p + 1 :] - np.outer(sums[:p, p], mean)
+    return np.asarray(np.linalg.solve(sums[:p, :p] + ridge * np.eye(p), about_mean)), np.asarray(mean)

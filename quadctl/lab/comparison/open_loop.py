@@ -1,0 +1,235 @@
+"""How far off is a simulation with the model after some seconds? Open-loop error of position and velocity.
+
+From many instants of a flight the equations of motion are integrated forward, driven by the logged attitude and rotor
+speeds alone: position and velocity, and every effect of them, are those of the prediction. What the log says some
+seconds later is compared with it. A steady error e of the acceleration grows to e t in velocity and e t^2 / 2 in
+position.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.table import Table
+from scipy.ndimage import gaussian_filter1d
+
+from quadctl.effects import Conditions
+from quadctl.frames import ned_from_neu, rotate, rotate_inverse
+from quadctl.lab.arrays import Floats
+from quadctl.lab.fitting.bootstrap import Estimate, estimates
+from quadctl.lab.flights.dataset import AXES, Dataset
+from quadctl.lab.flights.flight import Flight
+from quadctl.lab.flights.preparation import BLOCK_S
+from quadctl.model import Model
+
+HORIZONS_S = (1.0, 2.0, 5.0)
+START_EVERY_S = 0.25
+MAX_STARTS = 4000
+"""Per flight: of longer ones the starts lie further apart."""
+COLUMNS = (*AXES, "horizontal", "total")
+
+
+@dataclass(frozen=True, eq=False)
+class OpenLoop:
+    """Errors (RMSE) some seconds after the start; each by axis, `horizontal`, and `total` of all three axes."""
+
+    horizon_s: float
+    n_starts: int
+    position: dict[str, Estimate]
+    """m."""
+    velocity: dict[str, Estimate]
+    """m/s."""
+    held_position: dict[str, Estimate]
+    """Of holding the velocity of the start, without any model, m."""
+    held_velocity: dict[str, Estimate]
+
+    def to_dict(self) -> dict[str, Any]:
+        errors = {
+            "position_m": self.position,
+            "velocity_m_s": self.velocity,
+            "velocity_held_position_m": self.held_position,
+            "velocity_held_velocity_m_s": self.held_velocity,
+        }
+        return {
+            "horizon_s": self.horizon_s,
+            "n_starts": self.n_starts,
+            **{name: {axis: e.to_dict() for axis, e in by_axis.items()} for name, by_axis in errors.items()},
+        }
+
+
+def open_loop_in_words(errors: OpenLoop) -> str:
+    """`After 2 s the predicted position is off by 0.31 m [0.27, 0.35] (velocity held: 0.9 m).`"""
+    return (
+        f"After {errors.horizon_s:g} s the predicted position is off by {errors.position['total'].in_words('m')} "
+        f"(velocity held: {errors.held_position['total'].rmse:.3g} m)."
+    )
+
+
+def open_loop_table(by_horizon: Sequence[OpenLoop]) -> Table:
+    """Errors of position and velocity, beside those of holding the velocity of the start."""
+    table = Table(title="Open-loop prediction, error (RMSE)", title_justify="left")
+    table.add_column("after")
+    for name in ("horizontal, m", "up, m", "position, m [95 %]", "velocity, m/s", "velocity held, m"):
+        table.add_column(name, justify="right")
+    for e in by_horizon:
+        parts = (e.position["horizontal"], e.position["up"])
+        ends = (e.velocity["total"], e.held_position["total"])
+        table.add_row(
+            f"{e.horizon_s:g} s",
+            *(f"{part.rmse:.3g}" for part in parts),
+            e.position["total"].in_words(),
+            *(f"{end.rmse:.3g}" for end in ends),
+        )
+    return table
+
+
+def open_loop(model: Model, dataset: Dataset, horizons_s: Sequence[float] = HORIZONS_S) -> list[OpenLoop]:
+    """Open-loop errors of `model` after each of the ascending `horizons_s`, as far as the flights are long enough."""
+    flown = [_errors(model, flight, horizons_s) for flight in dataset.flights]
+    found = []
+    for place, horizon in enumerate(horizons_s):
+        errors = [flight[place] for flight in flown if len(flight[place].block)]
+        if not errors:
+            break
+        # Overlapping predictions are alike: a block is long enough to hold several that do not overlap its neighbours'.
+        offsets = np.cumsum([0, *(int(e.block.max()) + 1 for e in errors[:-1])])
+        block = np.concatenate([e.block + offset for e, offset in zip(errors, offsets, strict=True)])
+        squares = np.concatenate([e.squares for e in errors], axis=1)
+        by_kind = estimates(np.concatenate(squares, axis=1), block)
+        width = len(COLUMNS)
+        kinds = [dict(zip(COLUMNS, by_kind[i : i + width], strict=True)) for i in range(0, len(by_kind), width)]
+        found.append(OpenLoop(horizon, len(block), *kinds))
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class _Errors:
+    """Of one flight after one horizon."""
+
+    squares: Floats
+    """Of position, velocity and both with the velocity held, shape (4, starts, columns)."""
+    block: NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class _Track:
+    """What was flown, on the grid: north, east, up, shape (3, m) each."""
+
+    position: Floats
+    velocity: Floats
+    """Filtered: the noise of one sample would grow with the horizon."""
+    step_s: float
+
+
+def _errors(model: Model, flight: Flight, horizons_s: Sequence[float]) -> list[_Errors]:
+    track = _track(flight)
+    time, lasting = _starts(flight)
+    starts = np.rint((time - flight.grid_s[0]) / track.step_s).astype(np.int64)
+    found = []
+    for horizon, (position, velocity) in zip(
+        horizons_s, _simulated(model, flight, track, starts, horizons_s), strict=True
+    ):
+        usable = lasting >= horizon
+        first = starts[usable]
+        whole, share = _steps(horizon, track.step_s)
+        there = first + whole
+        true_position = (1.0 - share) * track.position[:, there] + share * track.position[:, there + 1]
+        true_velocity = (1.0 - share) * track.velocity[:, there] + share * track.velocity[:, there + 1]
+        held = track.velocity[:, first]
+        errors = (
+            position[:, usable] - true_position,
+            velocity[:, usable] - true_velocity,
+            track.position[:, first] + horizon * held - true_position,
+            held - true_velocity,
+        )
+        block = (time[usable] // max(BLOCK_S, 2.0 * horizon)).astype(np.int64)
+        found.append(_Errors(np.stack([_by_column(e**2) for e in errors]), block))
+    return found
+
+
+def _by_column(squares: Floats) -> Floats:
+    """Squares north, east, up, shape (3, s), as those of `COLUMNS`, shape (s, columns)."""
+    north, east, up = squares
+    return np.column_stack([north, east, up, north + east, north + east + up])
+
+
+def _track(flight: Flight) -> _Track:
+    c = flight.conditions
+    step = float(flight.grid_s[1] - flight.grid_s[0])
+    sigma_s = np.sqrt(np.log(2.0)) / (2.0 * np.pi * flight.bandwidth_hz)  # half the power at the bandwidth
+    velocity = np.stack(ned_from_neu(rotate(c.attitude, c.velocity_body_m_s)))
+    return _Track(
+        np.stack([*c.position_ne_m, c.height_m]),
+        gaussian_filter1d(velocity, sigma_s / step, axis=1, mode="nearest", truncate=3.0),
+        step,
+    )
+
+
+def _starts(flight: Flight) -> tuple[Floats, Floats]:
+    """Times to start from, and how long the flight then goes on without a gap, s."""
+    time = flight.time_s
+    spacing = float(np.median(np.diff(time)))
+    last = np.append(np.flatnonzero(np.diff(time) > 1.5 * spacing), len(time) - 1)
+    lasting = time[last[np.searchsorted(last, np.arange(len(time)))]] - time
+    stride = max(1, round(START_EVERY_S / spacing), -(-len(time) // MAX_STARTS))
+    return time[::stride], lasting[::stride]
+
+
+def _steps(horizon_s: float, step_s: float) -> tuple[int, float]:
+    """Whole steps within the horizon, and the share of the next one that is left."""
+    whole = int(horizon_s / step_s)
+    return whole, horizon_s / step_s - whole
+
+
+def _simulated(
+    model: Model, flight: Flight, track: _Track, starts: NDArray[np.int64], horizons_s: Sequence[float]
+) -> list[tuple[Floats, Floats]]:
+    """Predicted position and velocity, north, east, up, shape (3, starts) each, after every horizon.
+
+    All starts advance together. A step is Heun's: the acceleration at its end is taken where that at its beginning
+    leads to, and serves the next step too. What runs out of the flight goes on with its last sample and is not used.
+    """
+    nominal, immediate = _without_memory(model, flight)
+    last = len(flight.grid_s) - 1
+
+    def acceleration(step: int, position: Floats, velocity: Floats) -> Floats:
+        rows = np.minimum(starts + step, last)
+        c = _at(flight.conditions, rows)
+        north, east, height = position
+        body = rotate_inverse(c.attitude, ned_from_neu((velocity[0], velocity[1], velocity[2])))
+        there = replace(c, height_m=height, velocity_body_m_s=body, position_ne_m=(north, east))
+        return np.stack(ned_from_neu(immediate.acceleration_ned([thrust[rows] for thrust in nominal], there)))
+
+    h = track.step_s
+    ends = dict(_steps(horizon, h) for horizon in horizons_s)
+    found = []
+    p, v = track.position[:, starts], track.velocity[:, starts]
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # a wild model may run away to infinity
+        a = acceleration(0, p, v)
+        for step in range(max(ends) + 1):
+            next_a = acceleration(step + 1, p + h * v + 0.5 * h * h * a, v + h * a)
+            next_v = v + 0.5 * h * (a + next_a)
+            next_p = p + 0.5 * h * (v + next_v)
+            if step in ends:
+                share = ends[step]
+                found.append(((1.0 - share) * p + share * next_p, (1.0 - share) * v + share * next_v))
+            p, v, a = next_p, next_v, next_a
+    return found
+
+
+def _without_memory(model: Model, flight: Flight) -> tuple[Sequence[Floats], Model]:
+    """The rotors' thrust once a lag has acted on the whole log, and the model of all that acts at once."""
+    return model.late().rotor_thrust(flight.nominal_n, flight.conditions), model.prompt()
+
+
+def _at(c: Conditions, rows: NDArray[np.int64]) -> Conditions:
+    """The conditions at some samples."""
+
+    def chosen(value: Any) -> Any:
+        if isinstance(value, tuple):
+            return tuple(chosen(part) for part in value)
+        return value[rows] if isinstance(value, np.ndarray) else value
+
+    return Conditions(**{field.name: chosen(getattr(c, field.name)) for field in fields(c)})

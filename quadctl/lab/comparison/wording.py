@@ -1,0 +1,97 @@
+"""Sentences and numbers about results, as a person reads them: shared by the report and the page."""
+
+from collections.abc import Mapping, Sequence
+
+from quadctl.effects import Effect
+from quadctl.lab.comparison.comparison import Comparison
+from quadctl.lab.comparison.failures import Failure
+from quadctl.lab.flights.dataset import FOLDS, Dataset
+from quadctl.lab.flights.flight import VARIABLE_NAMES, VARIABLE_UNITS
+from quadctl.lab.flights.preparation import BLOCK_S
+
+UNIT = "m/s²"
+
+
+def number(value: float) -> str:
+    """Three significant digits."""
+    return f"{value:#.3g}".removesuffix(".")
+
+
+def quantity(value: float) -> str:
+    """An acceleration with its unit."""
+    return f"{number(value)} {UNIT}"
+
+
+def percent(share: float) -> str:
+    return f"{share:.0%}".replace("-", "\u2212")
+
+
+def p_in_words(p: float) -> str:
+    """`< 0.0001`, `0.003`, `0.62`"""
+    return "< 0.0001" if p < 1e-4 else f"{p:.1g}" if p < 0.01 else f"{p:.2f}"
+
+
+def change_in_words(drop: float) -> str:
+    """The change of an error whose drop is given, with a true minus sign; `0%` where it rounds to none."""
+    percent = round(-100.0 * drop)
+    return f"{percent:+d}%".replace("-", "\u2212") if percent else "0%"
+
+
+def plus(value: float) -> str:
+    return f"{value:+.3f}".replace("-", "\u2212")
+
+
+def parameters_in_text(effect: Effect, ci95: Mapping[str, tuple[float, float]]) -> str:
+    """`a = 0.114 [0.1, 0.12], b = 5.4 1/m [5, 5.8]`"""
+    values, units = effect.values(), {p.name: f" {p.unit}" if p.unit else "" for p in effect.parameters()}
+    parts = [
+        f"{name} = {_parameter(values[name])}{units[name]} [{_parameter(low)}, {_parameter(high)}]"
+        for name, (low, high) in ci95.items()
+    ]
+    return ", ".join(parts) or "no free parameters"
+
+
+def _parameter(value: float) -> str:
+    """Less than a millionth is a zero that the solver has not quite reached."""
+    return f"{value if abs(value) > 1e-6 else 0.0:.4g}".replace("-", "\u2212")
+
+
+def held_out(dataset: Dataset) -> str:
+    if dataset.hold_out == "flights" and len(dataset.flights) > 1:
+        return "whole flights that the fit had not used, each in turn"
+    return f"blocks of {BLOCK_S:.0f} s that the fit had not used ({FOLDS} folds of every flight)"
+
+
+def flights_in_words(names: Sequence[str]) -> str:
+    return listed(names) if len(names) <= 3 else f"{len(names)} flights"
+
+
+def variance_in_words(c: Comparison) -> str:
+    if c.explained > 0.0:
+        return f"The model explains {percent(c.explained)} of the acceleration's variance."
+    return "The model predicts worse than assuming no acceleration at all."
+
+
+def count(n: int, what: str) -> str:
+    return f"{n} {what}{'' if n == 1 else 's'}"
+
+
+def listed(words: Sequence[str]) -> str:
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
+
+
+def plain(family: str) -> str:
+    return family.replace("_", " ")
+
+
+def sentence(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+def failure_in_words(failure: Failure) -> str:
+    return sentence(failure.text).replace("m/s^2", UNIT)
+
+
+def label_of(variable: str) -> str:
+    """`climb rate / m/s`"""
+    return f"{VARIABLE_NAMES[variable]} / {VARIABLE_UNITS[variable]}"

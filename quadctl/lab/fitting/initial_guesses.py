@@ -1,0 +1,77 @@
+"""Where a fit of one more effect begins: the error may have several valleys, and some parameters no fit can move."""
+
+from functools import cached_property
+
+import numpy as np
+
+from quadctl.effects import Effect
+from quadctl.lab.arrays import Floats
+from quadctl.lab.fitting.fitter import noise_scale
+from quadctl.lab.fitting.linearisation import Tangent
+from quadctl.lab.flights.dataset import Dataset
+from quadctl.model import Model
+
+
+class Unmodelled:
+    """What a model leaves of the data, whatever its parameters and the nuisances of the flights.
+
+    `residual` is held out, shape (n, 3 or 6).
+    """
+
+    def __init__(self, model: Model, residual: Floats, dataset: Dataset) -> None:
+        self.model = model
+        self.dataset = dataset
+        self.residual = residual
+        self.scale = noise_scale(residual)
+
+    def explained_by(self, effect: Effect) -> float:
+        """Squared error, in units of the noise, that a multiple of what `effect` changes can take off.
+
+        Negative where the multiple is: less of nothing, unless the effect is reversible.
+        """
+        change = self._part(self._timed.predicted_targets(self.model.plus(effect)) - self._predicted)
+        along = float(np.vdot(change, self._left))
+        squared = along * (along if effect.reversible else abs(along))
+        return squared / max(float(np.vdot(change, change)), 1e-12)
+
+    # Only effects with several starts ask for these.
+
+    @cached_property
+    def _timed(self) -> Dataset:
+        return self.dataset.timed_for(self.model)
+
+    @cached_property
+    def _tangent(self) -> Tangent:
+        return Tangent(self.model, self._timed, self.scale)
+
+    @cached_property
+    def _predicted(self) -> Floats:
+        return self._timed.predicted_targets(self.model)
+
+    @cached_property
+    def _left(self) -> Floats:
+        return self._part(self.dataset.targets - self._predicted)
+
+    def _part(self, change: Floats) -> Floats:
+        """Of a change of the targets, in units of the noise: what no parameter could do, and nuisances hardly."""
+        return self._tangent.rest(change / self.scale)
+
+
+TIED = 0.02
+"""Starts that explain less than the best by no more than this share are all followed, but no more than `MOST`."""
+MOST = 6
+
+
+def best_starts(effect: type[Effect], left: Unmodelled) -> tuple[list[Effect], int]:
+    """The starts of a fit that explain most of what is left, and how many independent ones they were chosen from."""
+    dataset = left.dataset
+    flights = [flight.conditions for flight in dataset.flights]
+    starts = effect.starts(flights, left.model.vehicle)
+    if len(starts) == 1:
+        return list(starts), 1
+    explained = {start: left.explained_by(start) for start in starts}
+    first = max(starts, key=explained.__getitem__)
+    explained |= {start: left.explained_by(start) for start in first.closer(flights)}
+    best = sorted(explained, key=lambda start: -explained[start])[:MOST]
+    tied = [start for start in best if explained[start] >= explained[best[0]] - TIED * abs(explained[best[0]])]
+    return tied, min(len(explained), len(np.unique(dataset.block)))

@@ -1,0 +1,95 @@
+"""The parameters of a model that a fit may move: their values, what they do to a prediction, how sure they are."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from quadctl.effects import Effect, Parameter
+from quadctl.lab.arrays import Floats
+from quadctl.lab.flights.dataset import PREDICT, concerns
+from quadctl.lab.flights.flight import Flight
+from quadctl.model import Model
+
+STEP = 1e-4
+"""Of the differences that give the slopes, as a share of a parameter's range."""
+UNDETERMINED = 0.8
+"""A parameter whose 95 % interval spans more than this share of its range is not determined."""
+
+
+@dataclass(frozen=True)
+class Free:
+    """One fitted parameter: which effect of the stack, and its declaration."""
+
+    effect: int
+    parameter: Parameter
+
+
+def free_parameters(model: Model) -> list[Free]:
+    """The parameters of the stack that a fit may move."""
+    return [Free(i, p) for i, effect in enumerate(model.effects) for p in effect.parameters() if p.fitted]
+
+
+def values_of(model: Model, free: Sequence[Free]) -> Floats:
+    return np.array([getattr(model.effects[f.effect], f.parameter.name) for f in free])
+
+
+def with_values(model: Model, free: Sequence[Free], values: Floats) -> Model:
+    """The model with its free parameters at `values`."""
+    changed: list[dict[str, float]] = [effect.values() for effect in model.effects]
+    for f, value in zip(free, values, strict=True):
+        changed[f.effect][f.parameter.name] = float(value)
+    effects: list[Effect] = [type(e)(**v) for e, v in zip(model.effects, changed, strict=True)]
+    return model.with_effects(effects)
+
+
+def parameter_slopes(model: Model, flight: Flight, groups: Sequence[str], here: Floats) -> Floats:
+    """d prediction / d free parameter, shape (n, axes, p), by differences that stay within the bounds.
+
+    `here` is the prediction of the flight's targets by the model as it is, shape (n, axes).
+    """
+    free = free_parameters(model)
+    values = values_of(model, free)
+    found = np.zeros((*here.shape, len(free)))
+    for i, f in enumerate(free):
+        step = STEP * (f.parameter.high - f.parameter.low)
+        step = step if values[i] + step <= f.parameter.high else -step
+        moved = values.copy()
+        moved[i] += step
+        other = with_values(model, free, moved)
+        for first, group in enumerate(groups):
+            if concerns(model.effects[f.effect], group):
+                axes = slice(3 * first, 3 * first + 3)
+                found[:, axes, i] = (PREDICT[group](other, flight) - here[:, axes]) / step
+    return found
+
+
+def intervals(free: Sequence[Free], draws: Floats) -> list[tuple[float, float]]:
+    """95 % percentile interval of each free parameter."""
+    if not free:
+        return []
+    low, high = np.percentile(draws, [2.5, 97.5], axis=0)
+    return [(float(a), float(b)) for a, b in zip(low, high, strict=True)]
+
+
+def undetermined(free: Sequence[Free], ci: Sequence[tuple[float, float]]) -> list[Free]:
+    """The parameters whose intervals span most of what is possible."""
+    ranges = [f.parameter.high - f.parameter.low for f in free]
+    return [f for f, (low, high), span in zip(free, ci, ranges, strict=True) if high - low > UNDETERMINED * span]
+
+
+def remarks(free: Sequence[Free], values: Floats, ci: Sequence[tuple[float, float]]) -> list[str]:
+    """What a user must know about the fitted parameters: at a bound, or not determined by these data."""
+    found = []
+    for f, value, (low, high) in zip(free, values, ci, strict=True):
+        p = f.parameter
+        span = p.high - p.low
+        if p.high - value < 1e-3 * span:
+            found.append(f"{p.name} is at its upper bound {p.high:g}: the form does not fit, or the data do not tell")
+        elif value - p.low < 1e-3 * span and p.low == 0.0:
+            found.append(f"{p.name} came out as 0: these data show none of it")
+        elif value - p.low < 1e-3 * span:
+            found.append(f"{p.name} is at its lower bound {p.low:g}: the form does not fit, or the data do not tell")
+        if undetermined([f], [(low, high)]):
+            found.append(f"{p.name} is not determined by these data: its interval spans most of what is possible")
+    return found

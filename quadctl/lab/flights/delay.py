@@ -1,0 +1,63 @@
+"""How late a log's rotor signal is: estimated from the flight itself, beside what a model says the motors do."""
+
+import math
+
+import numpy as np
+
+from quadctl.lab.arrays import Floats
+from quadctl.lab.flights.flight import Flight
+from quadctl.model import Model
+
+DELAYS_S = np.arange(-0.04, 0.3001, 0.01)
+"""Of the rotor signal against the velocity. Estimators are up to 40 ms late; a force that comes later still is physics
+(`motor_lag`, or what changes with the climb rate)."""
+LEAST_EXPLAINED = 0.1
+"""Of the quick vertical acceleration: a delay that explains less of it is not known."""
+
+
+def timed_for(model: Model, flight: Flight) -> Flight:
+    """The flight with its rotor signal shifted to when the force came, beside what `model` says the motors do.
+
+    A delay that was estimated without a lag has some of the lag in it.
+    """
+    thrust_n = np.asarray(sum(model.late().rotor_thrust(flight.nominal_n, flight.conditions)))
+    return flight.shifted(estimated_delay(flight, thrust_n))
+
+
+def estimated_delay(flight: Flight, thrust_n: Floats) -> float:
+    """How much later the rotor signal is logged than the force it makes, s, from quick vertical changes.
+
+    The shift at which the change in thrust explains the change in vertical acceleration best, between the shifts tried
+    by a parabola; 0 where the flight has too little of both to tell.
+
+    Parameters
+    ----------
+    thrust_n
+        Of all rotors on the flight's grid, shape (m,): what comes late, comes as late after a signal that is shifted.
+    """
+    quick_up = _detrended(flight.measured[:, 2], flight.time_s)
+    if not np.any(quick_up):
+        return 0.0
+    shifted = (flight.filtered(flight.later(thrust_n, delay_s)) for delay_s in DELAYS_S)
+    scores = np.array([_correlation(_detrended(thrust, flight.time_s), quick_up) for thrust in shifted])
+    best = int(np.argmax(scores))
+    if scores[best] <= math.sqrt(LEAST_EXPLAINED):
+        return 0.0
+    if 0 < best < len(DELAYS_S) - 1:
+        before, here, after = scores[best - 1 : best + 2]
+        return float(
+            DELAYS_S[best] + 0.5 * (DELAYS_S[1] - DELAYS_S[0]) * (before - after) / (before - 2.0 * here + after)
+        )
+    return float(DELAYS_S[best])
+
+
+def _correlation(a: Floats, b: Floats) -> float:
+    power = float(np.sqrt(a @ a * (b @ b)))
+    return float(a @ b) / power if power > 0.0 else 0.0
+
+
+def _detrended(values: Floats, time_s: Floats, window_s: float = 3.0) -> Floats:
+    """What is left after a running mean over `window_s`."""
+    n = max(3, round(window_s / float(np.median(np.diff(time_s)))) | 1)
+    padded = np.pad(values, n // 2, mode="edge")
+    return values - np.convolve(padded, np.full(n, 1.0 / n), mode="valid")

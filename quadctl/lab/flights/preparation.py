@@ -1,0 +1,265 @@
+"""A flight log becomes what an analysis needs: the flight itself, on an even clock, with one filter for all signals.
+
+Logs hold values between updates, each channel at its own rate and age. So every channel is taken at its updates only,
+joined by straight lines, and compared after the same low-pass filter has gone over the measured and the predicted
+acceleration. The bandwidth of that filter is what the slowest channel can carry; it is stated with every result.
+"""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.sparse import csr_matrix
+
+from quadctl.effects import Conditions
+from quadctl.errors import LogError
+from quadctl.frames import (
+    GRAVITY_M_S2,
+    Quaternion,
+    quaternion_from_euler,
+    rotate,
+    rotate_inverse,
+)
+from quadctl.lab.arrays import Floats
+from quadctl.lab.flights.channels import THROTTLE, Signals, signals_of
+from quadctl.lab.flights.delay import timed_for
+from quadctl.lab.flights.flight import Flight, SlowFilter
+from quadctl.lab.flights.vehicle_match import motion_problem, sidecar_problem, thrust_problem
+from quadctl.logs.contradictions import contradictions
+from quadctl.logs.flight_log import ATTITUDE, POSITION, VELOCITY, FlightLog
+from quadctl.model import Model
+from quadctl.vehicle import Vehicle
+
+MAX_BANDWIDTH_HZ = 3.0
+MIN_UPDATE_RATE_HZ = 2.5
+"""Of the slowest channel: with less, what happens between its updates is taken for a force that nothing explains."""
+BANDWIDTH_PER_UPDATE_RATE = 0.35
+"""Of the slowest channel: well below half its rate, where its samples could not be told from an alias."""
+TRIM_START_S, TRIM_END_S = 2.0, 1.0
+"""Take-off transient and touchdown are not flight."""
+GROUND_PHASES = ("wait", "stream", "start", "spool_up", "land", "released", "done")
+"""Phases of our own logs in which nobody flies a mission."""
+MIN_DESCENT_M = 0.3
+"""Of flight below the height at rest: more is no slope but a z that points down."""
+MIN_CLEARANCE_M = 0.02
+"""Above the height at rest: less is contact with the ground."""
+MIN_FLIGHT_S, MIN_SEGMENT_S = 10.0, 2.0
+LONGEST_ROW_GAP_S = 10.0
+"""Between rows of one flight: after more, the clock has jumped, or another flight begins."""
+BLOCK_S = 5.0
+"""Length of the blocks of time that are held out, shuffled and resampled as one."""
+
+
+def prepare(log: FlightLog, vehicle: Vehicle) -> Flight:
+    """Make `log`, flown by `vehicle`, ready for analysis.
+
+    Raises
+    ------
+    LogError
+        The log lacks a signal, belongs to another vehicle, or holds no flight.
+    """
+    _require_columns(log)
+    for problem in (*contradictions(log), sidecar_problem(log, vehicle)):
+        _refuse(log.name, problem)
+    notes = list(log.notes)
+    signals = signals_of(log, vehicle, notes)
+    _refuse(log.name, _thrust_problem(log, signals, vehicle))
+    segments = _flight_segments(log, signals, vehicle, notes)
+    rates = {name: channel.rate_hz(segments) for name, channel in signals.timed.items()}
+    name, slowest = min(rates.items(), key=lambda item: item[1])
+    if slowest < MIN_UPDATE_RATE_HZ:
+        changes = f"has {slowest:.2f} updates per second" if slowest > 0.0 else "never changes"
+        raise LogError(
+            f"{log.name}: its slowest channel, {name}, {changes} in flight, expected at least {MIN_UPDATE_RATE_HZ:g} "
+            "updates per second"
+        )
+    bandwidth = min(MAX_BANDWIDTH_HZ, BANDWIDTH_PER_UPDATE_RATE * slowest)
+    sigma = math.sqrt(math.log(2.0)) / (2.0 * math.pi * bandwidth)
+    step = min(0.02, sigma / 2.5)
+    begin, end = segments[0][0], segments[-1][1]
+    grid = np.arange(begin, end, step)
+    segments = _without_gaps(segments, signals, max(8.0 / slowest, 1.0), notes, log.name)
+    time, smooth, derivative = _filter(grid, segments, sigma)
+    if len(time) < 40 or sum(b - a for a, b in segments) < MIN_FLIGHT_S:
+        seconds = sum(b - a for a, b in segments)
+        raise LogError(f"{log.name}: holds {seconds:.0f} s of usable flight, expected at least {MIN_FLIGHT_S:.0f} s")
+    flight = _assemble(log.name, vehicle, signals, grid, smooth, derivative, time, bandwidth, notes)
+    flight = timed_for(Model(vehicle), flight)
+    thrust = np.column_stack([flight.filtered(nominal) for nominal in flight.nominal_n])
+    _refuse(log.name, motion_problem(flight.measured, thrust, flight.torque, vehicle))
+    return flight
+
+
+def _refuse(name: str, problem: str | None) -> None:
+    if problem:
+        raise LogError(f"{name}: {problem}")
+
+
+def prepare_all(logs: Sequence[FlightLog], vehicle: Vehicle) -> list[Flight]:
+    """All logs, or the first reason why one cannot be analysed."""
+    return [prepare(log, vehicle) for log in logs]
+
+
+def _require_columns(log: FlightLog) -> None:
+    for name in (*POSITION, *VELOCITY, *ATTITUDE):
+        if not log.has(name):
+            raise LogError(f"{log.name}: holds no values of {name}, which an analysis needs")
+
+
+def _thrust_problem(log: FlightLog, signals: Signals, vehicle: Vehicle) -> str | None:
+    total = np.sum([channel.at(log.time_s) for channel in signals.rotor], axis=0)
+    return thrust_problem(total, signals.position[2].at(log.time_s), vehicle, signals.thrust_source)
+
+
+def _flight_segments(log: FlightLog, signals: Signals, vehicle: Vehicle, notes: list[str]) -> list[tuple[float, float]]:
+    """Intervals of time in which the vehicle flies: clear of the ground, rotors at work, ends trimmed."""
+    time = log.time_s
+    z = signals.position[2].at(time)
+    total = np.sum([channel.at(time) for channel in signals.rotor], axis=0)
+    # For an instant the rotors may be idle in the air too: at the top of a quick climb.
+    idle_s = 1.0
+    around = [np.searchsorted(time, time - idle_s), np.searchsorted(time, time + idle_s, side="right")]
+    count = np.concatenate([[0], np.cumsum(total > 0.4 * vehicle.weight_n)])
+    working = count[around[1]] - count[around[0]] > 0.25 * (around[1] - around[0])
+    still = ~working
+    if log.phase is not None:
+        working &= ~np.isin(log.phase, GROUND_PHASES)
+    # A log that begins and ends in the air says nothing about the height at rest.
+    rest = float(np.nanmedian(z[still])) if still.any() else -math.inf
+    flying = working & (z > rest + MIN_CLEARANCE_M)
+    flying[1:] &= np.diff(time) < LONGEST_ROW_GAP_S
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], flying.astype(np.int8), [0]])))
+    found = []
+    for first, last in zip(edges[::2], edges[1::2], strict=True):
+        begin, end = float(time[first]) + TRIM_START_S, float(time[last - 1]) - TRIM_END_S
+        if end - begin > MIN_SEGMENT_S:
+            found.append((begin, end))
+    if not found:
+        rise = float(np.nanmax(z) - np.nanmin(z))
+        lower = rest - float(np.median(z[working])) if working.any() else 0.0
+        if MIN_DESCENT_M < lower < math.inf:
+            raise LogError(
+                f"{log.name}: z_m is {lower:.2f} m lower while the rotors carry the vehicle than at rest, "
+                "expected it higher: are z_m and vz_m_s up?"
+            )
+        shortest_s = TRIM_START_S + TRIM_END_S + MIN_SEGMENT_S
+        raise LogError(
+            f"{log.name}: never leaves the ground for more than {shortest_s:g} s: z ranges over {rise:.2f} m (is it "
+            f"up?) and the rotors give at most {float(np.nanmax(total)):.1f} N of the vehicle's "
+            f"{vehicle.weight_n:.1f} N"
+        )
+    kept = sum(b - a for a, b in found)
+    notes.append(
+        f"{kept:.0f} s of {time[-1] - time[0]:.0f} s are flight; the ground, take-off and landing are left out"
+    )
+    return found
+
+
+def _without_gaps(
+    segments: list[tuple[float, float]], signals: Signals, longest_s: float, notes: list[str], name: str
+) -> list[tuple[float, float]]:
+    """Cut out the times in which a channel brought nothing new for longer than `longest_s`."""
+    lost = 0.0
+    for channel in signals.timed.values():
+        gaps = np.flatnonzero(np.diff(channel.time_s) > longest_s)
+        for a, b in zip(channel.time_s[gaps], channel.time_s[gaps + 1], strict=True):
+            lost += sum(max(0.0, min(b, end) - max(a, begin)) for begin, end in segments)
+            segments = [
+                piece
+                for begin, end in segments
+                for piece in ((begin, min(end, a)), (max(begin, b), end))
+                if piece[1] - piece[0] > 0.0
+            ]
+    if lost > 0.0:
+        notes.append(f"{lost:.1f} s without new values (gaps over {longest_s:.1f} s) are left out")
+    if not segments:
+        raise LogError(f"{name}: no stretch of the flight has new values at least every {longest_s:.1f} s")
+    return segments
+
+
+def _filter(
+    grid: Floats, segments: Sequence[tuple[float, float]], sigma: float
+) -> tuple[Floats, csr_matrix, csr_matrix]:
+    """Sample times 2 sigma apart, the Gaussian filter that takes a signal on the grid to them, and its derivative.
+
+    The derivative is taken by the filter's own slope, so that a velocity comes out as the filtered acceleration, with
+    the very response that the prediction gets.
+    """
+    reach = 3.0 * sigma
+    times = [np.arange(a + reach, b - reach, 2.0 * sigma) for a, b in segments if b - a > 2.0 * reach]
+    time = np.concatenate(times) if times else np.empty(0)
+    half = math.ceil(reach / (grid[1] - grid[0]))
+    centre = np.clip(np.rint((time - grid[0]) / (grid[1] - grid[0])).astype(int), half, len(grid) - 1 - half)
+    columns = centre[:, None] + np.arange(-half, half + 1)
+    offset = grid[columns] - time[:, None]
+    weights = np.exp(-0.5 * (offset / sigma) ** 2)
+    weights /= weights.sum(axis=1, keepdims=True)
+    slopes = weights * (offset - (weights * offset).sum(axis=1, keepdims=True))
+    slopes /= (slopes * offset).sum(axis=1, keepdims=True)
+    where = (np.repeat(np.arange(len(time)), columns.shape[1]), columns.ravel())
+    shape = (len(time), len(grid))
+    return time, csr_matrix((weights.ravel(), where), shape=shape), csr_matrix((slopes.ravel(), where), shape=shape)
+
+
+def _assemble(
+    name: str,
+    vehicle: Vehicle,
+    signals: Signals,
+    grid: Floats,
+    smooth: csr_matrix,
+    derivative: csr_matrix,
+    time: Floats,
+    bandwidth: float,
+    notes: list[str],
+) -> Flight:
+    roll, pitch, yaw = (channel.at(grid) for channel in signals.attitude)
+    attitude = quaternion_from_euler(roll, pitch, yaw)
+    north, east, up = (channel.at(grid) for channel in signals.velocity)
+    velocity_body = rotate_inverse(attitude, (north, east, -up))
+    battery = signals.battery.at(grid) if signals.battery else np.full_like(grid, np.nan)
+    height = signals.position[2].at(grid) + vehicle.rotor_height_m
+    position = (signals.position[0].at(grid), signals.position[1].at(grid))
+    measured = np.column_stack([derivative @ v for v in (north, east, up)])
+    return Flight(
+        name=name,
+        vehicle=vehicle,
+        grid_s=grid,
+        conditions=Conditions(height, velocity_body, attitude, grid, battery, position),
+        nominal_n=signals.thrust_on(grid),
+        smooth=smooth,
+        time_s=time,
+        slowly=SlowFilter(time),
+        measured=measured,
+        block=((time - time[0]) // BLOCK_S).astype(np.int64) if len(time) else np.empty(0, dtype=np.int64),
+        bandwidth_hz=bandwidth,
+        thrust_source=signals.thrust_source,
+        delay_s=0.0,
+        torque=_torque(vehicle, signals, grid, smooth, derivative),
+        imu_error=_imu_error(signals, grid, attitude, smooth, measured),
+        notes=notes,
+    )
+
+
+def _imu_error(
+    signals: Signals, grid: Floats, attitude: Quaternion, smooth: csr_matrix, measured: Floats
+) -> Floats | None:
+    """The accelerometer's kinematic acceleration minus that of the velocity, filtered, north, east, up."""
+    if not signals.imu:
+        return None
+    x, y, z = (channel.at(grid) for channel in signals.imu)
+    north, east, down = rotate(attitude, (x, y, z))
+    sensed = (north, east, -(down + GRAVITY_M_S2))
+    return np.column_stack([smooth @ component for component in sensed]) - measured
+
+
+def _torque(
+    vehicle: Vehicle, signals: Signals, grid: Floats, smooth: csr_matrix, derivative: csr_matrix
+) -> Floats | None:
+    """Euler's equation I dw/dt + w x I w, filtered, FRD, N m, shape (n, 3), where single rotors and rates are known."""
+    if not signals.rates or signals.thrust_source == THROTTLE:
+        return None
+    p, q, r = (channel.at(grid) for channel in signals.rates)
+    ix, iy, iz = vehicle.principal_inertia_kg_m2
+    turning = ((iz - iy) * q * r, (ix - iz) * r * p, (iy - ix) * p * q)
+    spin_up = (ix * (derivative @ p), iy * (derivative @ q), iz * (derivative @ r))
+    return np.column_stack([a + smooth @ b for a, b in zip(spin_up, turning, strict=True)])

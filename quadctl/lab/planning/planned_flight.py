@@ -1,0 +1,156 @@
+"""A mission not flown yet, as the flight that an analysis would get: an ideal vehicle follows its reference."""
+
+import math
+
+import numpy as np
+
+from quadctl.errors import SettingsError
+from quadctl.frames import GRAVITY_M_S2, Quaternion, quaternion_from_euler, rotate, rotate_inverse
+from quadctl.lab.arrays import Floats
+from quadctl.lab.flights.dataset import Dataset
+from quadctl.lab.flights.flight import Flight
+from quadctl.lab.flights.preparation import BANDWIDTH_PER_UPDATE_RATE, MIN_CLEARANCE_M, prepare
+from quadctl.logs.columns import rpm_columns
+from quadctl.logs.flight_log import ATTITUDE, POSITION, VELOCITY, FlightLog
+from quadctl.missions import Mission
+from quadctl.model import Model, conditions
+from quadctl.numeric import Vector, asin, atan2, sqrt
+
+STEP_S = 0.02
+JUMP_M = 0.005
+"""What the reference moves in a step beyond what its velocity says is a jump."""
+FOLLOWING_RAD_S = 1.5
+"""The vehicle follows a jump as a critically damped oscillator of this angular frequency, as position controllers of
+multirotors do: a metre with 2.3 m/s^2 at most."""
+ROUNDS = 4
+"""Of correction of attitude and thrust for the effects of the model, each of which takes most of the error off."""
+MAX_TILT_DEG = 35.0
+MAX_THRUST_SHARE = 0.9
+"""Of what the rotors can give: the rest is for attitude control."""
+
+
+def planned_flight(mission: Mission, model: Model, like: Dataset) -> Flight:
+    """The flight of `mission` by a vehicle that obeys `model`, without noise, logged as slowly as those of `like`.
+
+    The vehicle follows the reference, and its jumps as a well damped vehicle would. Attitude and rotor thrusts are
+    those that give the acceleration by `model`; the rotors share the thrust alike. A mission that keeps the heading of
+    take-off is flown with that of the last flight, and the battery falls as it did then.
+
+    Raises
+    ------
+    SettingsError
+        The mission cannot be flown by this vehicle: floor, ceiling, tilt or thrust.
+    LogError
+        The flight is too short for an analysis.
+    """
+    vehicle = model.vehicle
+    time, position, velocity, acceleration = _followed(mission)
+    _check_heights(mission, model, position[:, 2], time)
+    last = like.flights[-1].conditions
+    heading = _heading(last.attitude)
+    yaw = np.array([mission.yaw_rad(t, heading) for t in time.tolist()])
+    battery = _falling(np.asarray(last.battery_v), np.asarray(last.time_s), time)
+    wanted = _times(vehicle.mass_kg, (acceleration[:, 0], acceleration[:, 1], -acceleration[:, 2] - GRAVITY_M_S2))
+    command = wanted
+    for _ in range(ROUNDS):
+        roll, pitch = _lean(command, yaw)
+        attitude = quaternion_from_euler(roll, pitch, yaw)
+        each = _length(command) / (vehicle.n_rotors * vehicle.axial_share)
+        body = rotate_inverse(attitude, (velocity[:, 0], velocity[:, 1], -velocity[:, 2]))
+        c = conditions(vehicle, position[:, 2], body, attitude, time, battery, (position[:, 0], position[:, 1]))
+        given = rotate(attitude, model.body_force([each] * vehicle.n_rotors, c))
+        command = _plus(command, _plus(wanted, _times(-1.0, given)))
+    _check_forces(mission, model, roll, pitch, each)
+    columns = {
+        **dict(zip(POSITION, position.T, strict=True)),
+        **dict(zip(VELOCITY, velocity.T, strict=True)),
+        **dict(zip(ATTITUDE, np.degrees([roll, pitch, yaw]), strict=True)),
+        **dict.fromkeys(rpm_columns(vehicle.n_rotors), np.sqrt(each / vehicle.rotor.thrust_n_per_rpm2)),
+        "battery_v": battery,
+    }
+    return prepare(_log(mission.name, time, columns, min(flight.bandwidth_hz for flight in like.flights)), vehicle)
+
+
+def _followed(mission: Mission) -> tuple[Floats, Floats, Floats, Floats]:
+    """Time, shape (n,), position, velocity and acceleration, north, east, up, shape (n, 3), of the vehicle."""
+    time = np.arange(0.0, mission.duration_s, STEP_S)
+    references = [mission.reference(t) for t in time.tolist()]
+    position, velocity, acceleration = (np.array([r[i] for r in references]) for i in range(3))
+    jumps = np.diff(position, axis=0) - 0.5 * STEP_S * (velocity[1:] + velocity[:-1])
+    w = FOLLOWING_RAD_S
+    for k in np.flatnonzero(np.linalg.norm(jumps, axis=1) > JUMP_M) + 1:
+        left, since = jumps[k - 1], (time[k:] - time[k])[:, None]
+        decay = np.exp(-w * since) * left
+        position[k:] -= (1.0 + w * since) * decay
+        velocity[k:] += w * w * since * decay
+        acceleration[k:] += w * w * (1.0 - w * since) * decay
+    return time, position, velocity, acceleration
+
+
+def _log(name: str, time: Floats, columns: dict[str, Floats], bandwidth_hz: float) -> FlightLog:
+    """The flight as a log whose slowest channel, the position, can carry `bandwidth_hz`."""
+    slow = max(1, int(BANDWIDTH_PER_UPDATE_RATE / bandwidth_hz / STEP_S))
+    logged = {"time_s": time}
+    for column, values in columns.items():
+        rows = slow if column in POSITION else 1
+        update = np.arange(len(time)) // rows
+        # A value that does not change is no update to whoever reads a log: each differs by less than matters.
+        logged[column] = values[rows * update] + 1e-9 * (update % 2)
+    return FlightLog(name=name, path=None, columns=logged)
+
+
+def _lean(force_ned: Vector, yaw_rad: Floats) -> tuple[Floats, Floats]:
+    """Roll and pitch, radians, at which the thrust of a vehicle of heading `yaw_rad` points along `force_ned`."""
+    north, east, down = force_ned
+    ahead = np.cos(yaw_rad) * north + np.sin(yaw_rad) * east
+    right = np.cos(yaw_rad) * east - np.sin(yaw_rad) * north
+    return asin(right / _length(force_ned)), atan2(-ahead, -down)
+
+
+def _heading(attitude: Quaternion) -> float:
+    """Circular mean of the yaw of a flight, radians."""
+    w, x, y, z = attitude
+    east, north = 2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)
+    return math.atan2(float(np.mean(east)), float(np.mean(north)))
+
+
+def _falling(battery_v: Floats, time_s: Floats, time: Floats) -> Floats:
+    """A battery that begins as charged as in an earlier flight and falls as quickly; nan where it was not logged."""
+    if battery_v.ndim == 0 or not np.isfinite(battery_v).all():
+        return np.full_like(time, np.nan)
+    slope, begin = np.polyfit(time_s - time_s[0], battery_v, 1)
+    return np.asarray(begin + slope * time)
+
+
+def _check_heights(mission: Mission, model: Model, z_m: Floats, time: Floats) -> None:
+    vehicle = model.vehicle
+    lowest = float(np.min(z_m[time >= mission.phases[0].end_s], initial=math.inf))
+    if lowest < MIN_CLEARANCE_M:
+        raise SettingsError(f"{mission.name}: goes down to z = {lowest:.2f} m, expected {MIN_CLEARANCE_M:g} m or more")
+    highest = float(np.max(z_m)) + vehicle.rotor_height_m
+    if vehicle.ceiling_m is not None and highest > vehicle.ceiling_m - vehicle.rotor.radius_m:
+        raise SettingsError(
+            f"{mission.name}: the rotors come to {highest:.2f} m, expected a rotor radius or more below the ceiling at "
+            f"ceiling_m = {vehicle.ceiling_m:g}"
+        )
+
+
+def _check_forces(mission: Mission, model: Model, roll: Floats, pitch: Floats, each_n: Floats) -> None:
+    lean_deg = math.degrees(float(np.max(np.arccos(np.cos(roll) * np.cos(pitch)))))
+    if not lean_deg < MAX_TILT_DEG:
+        raise SettingsError(f"{mission.name}: leans by {lean_deg:.0f} degrees, expected less than {MAX_TILT_DEG:g}")
+    most, allowed = float(np.max(each_n)), MAX_THRUST_SHARE * model.vehicle.throttle.max_thrust_per_rotor_n
+    if not most < allowed:
+        raise SettingsError(f"{mission.name}: takes {most:.1f} N of each rotor, expected less than {allowed:.1f} N")
+
+
+def _plus(a: Vector, b: Vector) -> Vector:
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+def _times(factor: float, a: Vector) -> Vector:
+    return factor * a[0], factor * a[1], factor * a[2]
+
+
+def _length(a: Vector) -> Floats:
+    return np.asarray(sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2]))

@@ -1,0 +1,345 @@
+"""Which flight next? Every mission is flown in thought, and judged by what its data would add to those so far.
+
+Optimal design of experiments (Fedorov 1972; for rival models Atkinson & Fedorov 1975, Biometrika 62): before a flight
+its data are not known, but how much they will tell is, to first order: from the slopes of the predictions to the
+parameters, the noise of the data so far, and what nuisances can imitate.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from quadctl.effects import Effect, every_effect
+from quadctl.errors import QuadctlError
+from quadctl.lab.arrays import Floats
+from quadctl.lab.fitting.fitter import Fitted, Fitter, judged, noise_scale
+from quadctl.lab.fitting.initial_guesses import Unmodelled
+from quadctl.lab.fitting.noise import CorrelatedNoise
+from quadctl.lab.fitting.parameters import free_parameters, values_of
+from quadctl.lab.flights.dataset import Dataset, predict_targets
+from quadctl.lab.flights.flight import Flight
+from quadctl.lab.planning.information import Information, information, prior
+from quadctl.lab.planning.planned_flight import planned_flight
+from quadctl.lab.results import Result
+from quadctl.lab.selection.candidate import fit_on_top
+from quadctl.lab.selection.diagnosis import Diagnosis
+from quadctl.lab.threads import one_blas_thread
+from quadctl.missions import Mission, load_mission, mission_files
+from quadctl.model import Model
+
+ENOUGH_SIGMAS = 15.0
+"""Look-alikes that are expected so far apart are separated, even where most of it is lost to what was not foreseen."""
+NARROW = 0.1
+"""An interval narrower than this share of its value asks for no flight."""
+LEAST_VALUE = 0.01
+"""Share of a parameter's range below which its value is taken as this, where an interval is compared with it."""
+AS_GOOD = 0.1
+"""Missions whose gains differ by less answer a question as well; one that gains no more than this answers none."""
+UNKNOWN = 20.0
+"""An interval wider than so many times its value is not printed as a number."""
+
+
+@dataclass(frozen=True, eq=False)
+class Option:
+    """One mission, and what it would bring."""
+
+    mission: Mission
+    command: str
+    sigmas: list[float]
+    """By how many standard deviations its data are expected to tell each pair of look-alikes apart."""
+    width: float | None
+    """Expected 95 % interval of the parameter in question, relative to its value."""
+    tries: list[str]
+    """Effects that could be tried with its data and could not before."""
+    gains: tuple[float, float, float]
+    """How far it takes each question that is asked, 1 being all the way: look-alikes, interval, untried effects."""
+
+    @property
+    def tells_more(self) -> bool:
+        return max(self.gains) > AS_GOOD
+
+    def to_dict(self) -> dict[str, Any]:
+        return {
+            "mission": self.mission.name,
+            "command": self.command,
+            "duration_s": self.mission.duration_s,
+            "expected_sigmas": self.sigmas,
+            "expected_relative_width": self.width,
+            "tries": self.tries,
+            "gains": dict(zip(("look_alikes", "interval", "untried"), self.gains, strict=True)),
+        }
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Suggestion(Result):
+    """What `suggest` found: the options, the best first."""
+
+    options: list[Option]
+    pairs: list[tuple[str, str]]
+    """Families that the data so far do not tell apart."""
+    parameter: str | None
+    """The one with the widest interval that a flight can narrow."""
+    width: float | None
+    """Of its interval by the data so far, relative to its value."""
+    untried: list[str]
+    """Effects that the data so far could not tell from others."""
+    left_out: list[str]
+    """Missions that cannot be flown or analysed, and why."""
+    unexplained: bool
+    """Something is missing that is no effect of the catalogue: by that no mission can be judged."""
+
+    @property
+    def best(self) -> Option | None:
+        """The option to fly; None where no mission would tell anything new."""
+        return self.options[0] if self.options and self.options[0].tells_more else None
+
+    def to_dict(self) -> dict[str, Any]:
+        return {
+            "command": self.best.command if self.best else None,
+            "options": [option.to_dict() for option in self.options],
+            "confounded": [list(pair) for pair in self.pairs],
+            "parameter": self.parameter,
+            "relative_width": self.width,
+            "untried": self.untried,
+            "left_out": self.left_out,
+        }
+
+    def __rich__(self) -> RenderableType:
+        table = Table(title="What each mission would bring, together with the data so far", title_justify="left")
+        table.add_column("mission", no_wrap=True)
+        for one, other in self.pairs:
+            table.add_column(f"{one}\nor {other}", justify="right")
+        if self.width is not None:
+            table.add_column(f"{self.parameter}\n(now {_plus_minus(self.width)})", justify="right", overflow="fold")
+        if self.untried:
+            table.add_column("untried effects\nit can show", justify="right")
+        table.add_column("s", justify="right")
+        for option in self.options:
+            row = [option.mission.name, *(f"{sigma:.1f} sigma" for sigma in option.sigmas)]
+            row += [_plus_minus(option.width)] if option.width is not None else []
+            row += [f"{len(option.tries)} of {len(self.untried)}"] if self.untried else []
+            table.add_row(*row, f"{option.mission.duration_s:.0f}")
+        return Group(table, Text("\n".join(self.lines())))
+
+    def lines(self) -> list[str]:
+        """The suggestion in sentences."""
+        lines = [f"Left out: {reason}." for reason in self.left_out]
+        if self.best is not None:
+            lines += [f"With it can be tried: {', '.join(self.best.tries)}."] if self.best.tries else []
+            return [*lines, f"Fly next: {self.best.command}"]
+        asked = self.pairs or self.untried or (self.width is not None and self.width > NARROW)
+        why = (
+            "none of these missions would tell more"
+            if asked
+            else "what is unexplained is in no candidate, and by that no mission can be judged"
+            if self.unexplained
+            else "nothing is open"
+        )
+        return [*lines, f"No flight is suggested: {why}."]
+
+
+@dataclass(frozen=True, eq=False)
+class _Form:
+    """A model fitted to the data so far, and what they tell about its parameters."""
+
+    fitted: Fitted
+    known: Information
+
+    @property
+    def model(self) -> Model:
+        return self.fitted.model
+
+    def widths(self, more: Information | None = None) -> Floats:
+        """95 % interval of each free parameter over its value."""
+        free = free_parameters(self.model)
+        least = np.array([LEAST_VALUE * (f.parameter.high - f.parameter.low) for f in free])
+        known = self.known if more is None else self.known + more
+        return np.asarray(3.92 * known.standard_errors / np.maximum(np.abs(values_of(self.model, free)), least))
+
+
+@one_blas_thread
+def suggest(diagnosis: Diagnosis, missions: Path | str = Path("missions")) -> Suggestion:
+    """Which of the `missions` (the YAML files of a folder) would best answer what `diagnosis` leaves open?
+
+    Three things can be open: look-alikes that the data do not tell apart, a wide interval of a parameter, and effects
+    that could not be tried for want of variety. They count in this order: which effect it is matters more than how
+    large it is; what else could be there is asked when both are known.
+
+    Raises
+    ------
+    SettingsError
+        The folder holds no mission.
+    """
+    dataset, best = diagnosis.dataset, diagnosis.best
+    fitter = Fitter(best, dataset)
+    fitted = fitter.fit()
+    noise = _noise(dataset.targets - fitted.predicted(dataset), dataset)
+    form = _known(fitted, dataset, noise, considering=True)
+    rivals = _rivals(diagnosis, form, noise)
+    untried = _untried(diagnosis)
+    plans, left_out = _plans(Path(missions), best, dataset)
+    groups = dataset.groups
+    after = [form.widths(information(best, flight, groups, noise, considering=True)) for _, _, flight in plans]
+    asked = _widest(form.widths(), after)
+    names = [f"{f.parameter.name} of {best.effects[f.effect].name}" for f in free_parameters(best)]
+    width = None if asked is None else float(form.widths()[asked])
+    asking = bool(rivals) or (width is not None and width > NARROW)
+    options = []
+    for (mission, command, flight), widths in zip(plans, after, strict=True):
+        sigmas = [pair.sigmas(flight) for pair in rivals]
+        expected = None if asked is None else float(widths[asked])
+        tries = [effect.name for effect in untried if _brings(effect, dataset, flight)]
+        lets_try = 0.0 if asking else len(tries) / max(len(untried), 1)
+        gains = (_separated(sigmas), _narrowed(width, expected), lets_try)
+        options.append(Option(mission, command, sigmas, expected, tries, gains))
+    return Suggestion(
+        options=_ordered(options),
+        pairs=[pair.names for pair in rivals],
+        parameter=None if asked is None else names[asked],
+        width=width,
+        untried=[effect.name for effect in untried],
+        left_out=left_out,
+        unexplained=diagnosis.unexplained,
+    )
+
+
+class _Rivals:
+    """Two models that the data so far fit alike, but for one family."""
+
+    def __init__(self, names: tuple[str, str], one: _Form, other: _Form, dataset: Dataset, noise: Floats) -> None:
+        self.names = names
+        self.forms = one, other
+        self.groups, self.noise = dataset.groups, noise
+        difference = one.fitted.predicted(dataset) - other.fitted.predicted(dataset)
+        apart = [difference[part] for part in dataset.parts]
+        self._so_far = [
+            _sum(form.model, [self._imitating(form, f, sign * d) for f, d in zip(dataset.flights, apart, strict=True)])
+            for form, sign in ((other, 1.0), (one, -1.0))
+        ]
+
+    def sigmas(self, flight: Flight) -> float:
+        """By how much `flight` would move the two apart, whichever is true, standard deviations.
+
+        The squared distance is what is left of the difference of the predictions when the parameters of the wrong one,
+        held by the data so far, and the nuisances of every flight imitate as much as they can. What the data so far
+        have of it does not count: they had their say.
+        """
+        one, other = self.forms
+        by_one, by_other = (predict_targets(form.model, flight, self.groups) for form in self.forms)
+        new = self._imitating(other, flight, by_one - by_other), self._imitating(one, flight, by_other - by_one)
+        added = [(a + b).left - a.left for a, b in zip(self._so_far, new, strict=True)]
+        return math.sqrt(max(0.0, min(added)))
+
+    def _imitating(self, form: _Form, flight: Flight, difference: Floats) -> Information:
+        return information(form.model, flight, self.groups, self.noise, difference)
+
+
+def _rivals(diagnosis: Diagnosis, form: _Form, noise: Floats) -> list[_Rivals]:
+    """The pairs of look-alikes that matter to the model found: with either of the two in it, refitted."""
+    dataset, best = diagnosis.dataset, diagnosis.best
+    kinds = {effect.family(): effect for effect in reversed(every_effect(best.effect_files).values())}
+    kinds |= {
+        candidate.family: type(candidate.effect) for candidate in reversed(diagnosis.ranking)
+    }  # the best variants
+    present = {effect.family() for effect in best.effects}
+    found = []
+    for held, other in diagnosis.confounded:
+        if held not in present or other in present:
+            continue
+        stack = tuple(item for item in best.stack if item.effect.family() != held)
+        without, residual = judged(replace(best, stack=stack), dataset)
+        fitted = fit_on_top(kinds[other], Unmodelled(without, residual, dataset))[1]
+        found.append(_Rivals((held, other), form, _known(fitted, dataset, noise), dataset, noise))
+    return found
+
+
+def _known(fitted: Fitted, dataset: Dataset, noise: Floats, considering: bool = False) -> _Form:
+    model, groups = fitted.model, dataset.groups
+    flights = [information(model, flight, groups, noise, considering=considering) for flight in dataset.flights]
+    return _Form(fitted, _sum(fitted.model, flights))
+
+
+def _sum(model: Model, flights: Sequence[Information]) -> Information:
+    return sum(flights, prior(model))
+
+
+def _noise(residual: Floats, dataset: Dataset) -> Floats:
+    """Standard deviation of each axis, shape (axes,), as that of independent samples whose mean is as uncertain as that
+    of these, which are correlated in time."""
+    n = len(residual)
+    long_run = [CorrelatedNoise(axis, dataset).variance_of_sum(np.ones(n)) / n for axis in residual.T]
+    return np.asarray(np.maximum(np.sqrt(long_run), noise_scale(residual)))
+
+
+def _untried(diagnosis: Diagnosis) -> list[type[Effect]]:
+    """Effects that a diagnosis sets aside because the data lack the variety to tell them from others."""
+    model, dataset = diagnosis.model, diagnosis.dataset
+    present = {effect.family() for effect in diagnosis.best.effects}
+    pool = [e for e in every_effect(model.effect_files).values() if e.candidate and e.applies_to(model.vehicle)]
+    return [
+        e
+        for e in pool
+        if e.family() not in present and any(dataset.span(variable) < span for variable, span in e.needs.items())
+    ]
+
+
+def _brings(effect: type[Effect], dataset: Dataset, flight: Flight) -> bool:
+    """Whether the data with `flight` have the variety that `effect` needs."""
+    both = replace(dataset, flights=(*dataset.flights, flight))
+    return all(both.span(variable) >= span for variable, span in effect.needs.items())
+
+
+def _plans(folder: Path, model: Model, dataset: Dataset) -> tuple[list[tuple[Mission, str, Flight]], list[str]]:
+    """The missions that can be flown, the commands that fly them, the flights they would be; and why others cannot."""
+    plans, left_out = [], []
+    for path in mission_files(folder):
+        try:
+            mission = load_mission(path)
+            plans.append((mission, f"quadctl fly {path}", planned_flight(mission, model, dataset)))
+        except QuadctlError as error:
+            left_out.append(str(error))
+    return plans, left_out
+
+
+def _widest(now: Floats, after: Sequence[Floats]) -> int | None:
+    """The parameter with the widest interval that some mission narrows to the half or less, else to anything less."""
+    if not len(now) or not after:
+        return None
+    halved = np.min(after, axis=0) < 0.5 * now
+    return int(np.argmax(np.where(halved, now, 0.0) if halved.any() else now))
+
+
+def _separated(sigmas: Sequence[float]) -> float:
+    """Mean share of `ENOUGH_SIGMAS` to which a mission brings the pairs."""
+    return float(np.mean(np.minimum(sigmas, ENOUGH_SIGMAS))) / ENOUGH_SIGMAS if sigmas else 0.0
+
+
+def _narrowed(now: float | None, expected: float | None) -> float:
+    """Share of the way to `NARROW` that a mission takes an interval, counted in how many times narrower it gets."""
+    if now is None or expected is None or now <= NARROW:
+        return 0.0
+    return math.log(now / max(expected, NARROW)) / math.log(now / NARROW)
+
+
+def _ordered(options: Sequence[Option]) -> list[Option]:
+    """The best first: the first question decides; where several answer it as well, the next; then the shorter one."""
+    left, found = list(options), []
+    while left:
+        leading = left
+        for question in range(len(leading[0].gains)):
+            most = max(option.gains[question] for option in leading)
+            leading = [option for option in leading if option.gains[question] > most - AS_GOOD]
+        found.append(min(leading, key=lambda option: option.mission.duration_s))
+        left.remove(found[-1])
+    return found
+
+
+def _plus_minus(width: float) -> str:
+    return f"+-{width / 2.0:.0%}" if width < UNKNOWN else "unknown"

@@ -1,0 +1,50 @@
+"""Add an effect to a model: refit the stack, say how sure its parameters are, judge it on data it has not seen."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from quadctl.effects import Effect
+from quadctl.errors import SettingsError
+from quadctl.lab.fitting.fitter import judged
+from quadctl.lab.fitting.initial_guesses import Unmodelled
+from quadctl.lab.flights.dataset import Dataset
+from quadctl.lab.selection.candidate import SIGNIFICANT, fit_on_top
+from quadctl.lab.selection.refit import Refit, refitted
+from quadctl.model import Model
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Addition(Refit):
+    """A model without an effect and with it, the last of its stack, both refitted."""
+
+    @property
+    def added(self) -> Effect:
+        return self.model.effects[-1]
+
+    @property
+    def changed(self) -> Sequence[Effect]:
+        return [self.added]
+
+    @property
+    def title(self) -> str:
+        return f"Error on data the fit did not see, with {self.added.name}"
+
+    @property
+    def conclusion(self) -> str:
+        helps = self.held_out_drop > 0.0 and self.p_value < SIGNIFICANT
+        return "" if helps else "The effect does not help on unseen data: it is better left out."
+
+
+def add(effect: type[Effect], model: Model, dataset: Dataset) -> Addition:
+    """Fit `model` with `effect` on top of its stack.
+
+    Raises
+    ------
+    SettingsError
+        The model holds an effect of that family already.
+    """
+    if effect.family() in {present.family() for present in model.effects}:
+        raise SettingsError(f"{model.name}: holds a {effect.family()} already, expected another family to add")
+    current, before = judged(model, dataset)
+    _, fitted, _ = fit_on_top(effect, Unmodelled(current, before, dataset))
+    return refitted(Addition, model, fitted.model, dataset, before, keep=len(model.stack))

@@ -1,0 +1,62 @@
+"""Discover: compare, diagnose, add, until nothing significant is left; the ladder of held-out errors on the way."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Any
+
+from rich.console import Group, RenderableType
+from rich.text import Text
+
+from quadctl.effects import Effect
+from quadctl.lab.comparison.comparison import Comparison, compare
+from quadctl.lab.flights.dataset import Dataset
+from quadctl.lab.results import Result, errors_table
+from quadctl.lab.selection.addition import Addition, add
+from quadctl.lab.selection.diagnosis import Diagnosis, diagnose
+from quadctl.model import Model
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Discovery(Result):
+    """Where the walk began, what was found, and the model it ended with."""
+
+    before: Comparison
+    diagnosis: Diagnosis
+    additions: list[Addition]
+    """One for each missing family, in the order of adding."""
+
+    @property
+    def model(self) -> Model:
+        """The model with all that was found, or the one that it began with."""
+        return self.additions[-1].model if self.additions else self.diagnosis.model
+
+    def to_dict(self) -> dict[str, Any]:
+        return {
+            "before": self.before.to_dict(),
+            "diagnosis": self.diagnosis.to_dict(),
+            "additions": [addition.to_dict() for addition in self.additions],
+        }
+
+    def __rich__(self) -> RenderableType:
+        ladder = [(f"+ {step.effect}" if step.family else step.effect, step.rmse) for step in self.diagnosis.steps]
+        floor = ("noise floor", self.before.noise_floor)
+        table = errors_table("Error ladder, on data the fits did not see", [*ladder, floor])
+        return Group(table, Text("\n".join(self.diagnosis.lines())))
+
+
+def discover(
+    model: Model,
+    dataset: Dataset,
+    candidates: Iterable[type[Effect]] | None = None,
+    progress: Callable[[str], None] = lambda text: None,
+) -> Discovery:
+    """Add to `model` whatever of the `candidates` (as in `diagnose`) is missing, one family at a time."""
+    progress("comparing")
+    before = compare(model, dataset)
+    diagnosis = diagnose(model, dataset, candidates, progress)
+    kinds = {effect.family(): type(effect) for effect in diagnosis.best.effects}
+    additions: list[Addition] = []
+    for family in diagnosis.missing:
+        progress(f"adding {kinds[family].name}")
+        additions.append(add(kinds[family], additions[-1].model if additions else model, dataset))
+    return Discovery(before, diagnosis, additions)

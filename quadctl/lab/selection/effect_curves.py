@@ -1,0 +1,249 @@
+"""What a fitted effect does, over the variables that it depends on: numbers for a plot, none of its looks."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from quadctl.effects import Conditions, Effect
+from quadctl.effects.ground_effect import LOWEST_HEIGHT_OVER_RADIUS, NearGround
+from quadctl.frames import GRAVITY_M_S2, euler_from_quaternion
+from quadctl.lab.arrays import Floats
+from quadctl.lab.fitting.noise import CorrelatedNoise
+from quadctl.lab.fitting.parameters import free_parameters, with_values
+from quadctl.lab.flights.dataset import Dataset
+from quadctl.lab.selection.addition import Addition
+from quadctl.model import Model
+
+RATIO_DRAWS, CURVE_DRAWS = 400, 60
+"""Bootstrap draws behind a band: of a formula over height, and of a whole prediction."""
+RATIO_BINS = 14
+HIGHEST_HEIGHT_OVER_RADIUS = 10.0
+"""Above it nothing happens that a ground-effect plot should give room to."""
+BODY_AXES = ("forward", "right", "up")
+_ACROSS = {"speed_forward": "forward", "speed_right": "right"}
+"""Variables whose effects push along the heading; all others are looked at along up."""
+
+
+@dataclass(frozen=True, eq=False)
+class Binned:
+    """Means over bins of a variable."""
+
+    x: Floats
+    mean: Floats
+    error: Floats
+    """Standard error of the mean, autocorrelation included."""
+
+
+@dataclass(frozen=True, eq=False)
+class RatioCurve:
+    """A fitted ground effect: thrust ratio over height."""
+
+    height_over_radius: Floats
+    ratio: Floats
+    low: Floats
+    high: Floats
+    """95% band from the bootstrap draws."""
+    measured: Binned
+    """Measured over predicted specific force along up, the prediction without this effect."""
+    data_range: tuple[float, float]
+    """Heights flown, rotor radii."""
+
+
+def ratio_curve(addition: Addition, index: int) -> RatioCurve:
+    """The ground effect at place `index` of the stack, over the heights that a plot shows."""
+    vehicle, dataset = addition.model.vehicle, addition.dataset
+    radius = vehicle.rotor.radius_m
+    low, high = (h / radius for h in dataset.heights_m)
+    end = min(1.15 * high, max(HIGHEST_HEIGHT_OVER_RADIUS, 1.15 * low))
+    x = np.linspace(max(LOWEST_HEIGHT_OVER_RADIUS, min(0.75 * low, 1.0)), end, 160)
+    models = _drawn_models(addition, index, RATIO_DRAWS)
+    draws = [ratio_at(model.effects[index], x * radius, addition.model) for model in models]
+    band = np.percentile(draws, [2.5, 97.5], axis=0)
+
+    expected = dataset.predicted(_without(addition.model, index))[:, 2] + GRAVITY_M_S2
+    ratio = (dataset.measured[:, 2] + GRAVITY_M_S2) / expected
+    noise = dataset.residual(addition.model)[:, 2] / expected
+    heights = _variable(dataset, "height_over_radius")
+    shown = heights <= end
+    return RatioCurve(
+        x,
+        ratio_at(addition.model.effects[index], x * radius, addition.model),
+        band[0],
+        band[1],
+        binned(heights, ratio, noise, dataset, shown),
+        (low, high),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class EffectCurve:
+    """A fitted effect over one of its own variables, along one axis of the vehicle's heading."""
+
+    variable: str
+    component: str
+    x: Floats
+    before: Floats
+    """Residual without the effect, m/s^2, shape (n,)."""
+    after: Floats
+    """The same with it."""
+    binned_before: Binned
+    binned_after: Binned
+    fitted: Binned
+    """What the effect adds, in the same bins; its error is that of the bootstrap draws."""
+
+
+def effect_curves(addition: Addition, index: int) -> list[EffectCurve]:
+    """The effect at place `index` of the stack over the variables that it depends on.
+
+    Where it depends on none, over time, along the axes on which it does most.
+    """
+    dataset, effect = addition.dataset, addition.model.effects[index]
+    without = dataset.predicted(_without(addition.model, index))
+    full = dataset.predicted(addition.model)
+    heading = _heading(dataset)
+    before = _in_heading(dataset.measured - without, heading)
+    after = _in_heading(dataset.measured - full, heading)
+    push = _in_heading(full - without, heading)
+    draws = [_in_heading(dataset.predicted(m) - without, heading) for m in _drawn_models(addition, index, CURVE_DRAWS)]
+
+    variables = [name for name in effect.depends_on if dataset.variable(name) is not None]
+    pairs = [(name, _ACROSS.get(name, "up")) for name in variables] or [("time", c) for c in _pushed(push)]
+    found = []
+    for variable, component in pairs:
+        a = BODY_AXES.index(component)
+        x = _variable(dataset, variable)
+        fitted = binned(x, push[:, a], after[:, a], dataset)
+        spread = np.std([binned(x, d[:, a], None, dataset).mean for d in draws], axis=0)
+        found.append(
+            EffectCurve(
+                variable,
+                component,
+                x,
+                before[:, a],
+                after[:, a],
+                binned(x, before[:, a], after[:, a], dataset),
+                binned(x, after[:, a], after[:, a], dataset),
+                Binned(fitted.x, fitted.mean, spread),
+            )
+        )
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class Sketch:
+    """The last effect of a model in few points: what the residual does without it, and what it makes of that, m/s^2."""
+
+    variable: str
+    component: str
+    residual: Binned
+    effect: Binned
+
+
+def sketch(model: Model, dataset: Dataset) -> Sketch | None:
+    """The last effect of `model` over its first variable, along the axis it pushes most; None where it pushes none."""
+    index = len(model.stack) - 1
+    without = dataset.predicted(_without(model, index))
+    heading = _heading(dataset)
+    push = _in_heading(dataset.predicted(model) - without, heading)
+    if not push.any():
+        return None
+    residual = _in_heading(dataset.measured - without, heading)
+    names = [name for name in model.effects[index].depends_on if dataset.variable(name) is not None]
+    variable = names[0] if names else "time"
+    a = int(np.argmax(np.mean(push**2, axis=0)))
+    x = _variable(dataset, variable)
+    before, effect = (binned(x, values[:, a], None, dataset) for values in (residual, push))
+    return Sketch(variable, BODY_AXES[a], before, effect)
+
+
+def hover_ratio(model: Model, height_m: Floats, forward_m_s: Floats) -> Floats:
+    """Thrust that the rotors give over the thrust that k rpm^2 promises, level, at the hover's speed of the rotors."""
+    level = (1.0, 0.0, 0.0, 0.0)
+    c = model.in_air(Conditions(height_m, (forward_m_s, 0.0, 0.0), level))
+    each = np.full_like(height_m + forward_m_s, model.vehicle.weight_n / model.vehicle.n_rotors)
+    return np.asarray(sum(model.rotor_thrust([each] * model.vehicle.n_rotors, c)) / model.vehicle.weight_n)
+
+
+def measured_ratio(dataset: Dataset, variable: str) -> Binned | None:
+    """The same as measured: specific force along up over that of the rigid body, in bins; None where not logged."""
+    x = dataset.variable(variable)
+    if x is None:
+        return None
+    rigid = Model(dataset.flights[0].vehicle)
+    expected = dataset.predicted(rigid)[:, 2] + GRAVITY_M_S2
+    ratio = (dataset.measured[:, 2] + GRAVITY_M_S2) / expected
+    edges = np.quantile(x, np.linspace(0.0, 1.0, RATIO_BINS + 1))
+    level = np.interp(x, *_means(x, ratio, edges))
+    return binned(x, ratio, ratio - level, dataset)
+
+
+def _means(x: Floats, values: Floats, edges: Floats) -> tuple[Floats, Floats]:
+    """Mean of `x` and of `values` between neighbouring edges that have samples between them."""
+    index = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, len(edges) - 2)
+    inside = [index == b for b in np.unique(index)]
+    return np.array([x[i].mean() for i in inside]), np.array([values[i].mean() for i in inside])
+
+
+def binned(
+    x: Floats, values: Floats, noise: Floats | None, dataset: Dataset, shown: np.ndarray | None = None
+) -> Binned:
+    """Means of `values` in bins of `x` with about the same number of samples each, of the samples `shown`.
+
+    Standard errors come from `noise`, which is `values` without its structure; without it they are 0.
+    """
+    use = np.ones(len(x), dtype=bool) if shown is None else shown
+    edges = np.unique(np.quantile(x[use], np.linspace(0.0, 1.0, RATIO_BINS + 1)))
+    index = np.where(use, np.clip(np.searchsorted(edges, x, side="right") - 1, 0, max(len(edges) - 2, 0)), -1)
+    centre, mean, error = [], [], []
+    correlated = None if noise is None else CorrelatedNoise(noise, dataset)
+    for b in np.unique(index[use]):
+        inside = index == b
+        centre.append(x[inside].mean())
+        mean.append(values[inside].mean())
+        error.append(0.0 if correlated is None else correlated.variance_of_sum(inside / inside.sum()) ** 0.5)
+    return Binned(np.array(centre), np.array(mean), np.array(error))
+
+
+def _drawn_models(addition: Addition, index: int, number: int) -> list[Model]:
+    """The model with the parameters of one effect as some of the bootstrap draws have them."""
+    free = free_parameters(addition.model)
+    own = [i for i, f in enumerate(free) if f.effect == index]
+    draws = addition.draws[:number]
+    return [with_values(addition.model, [free[i] for i in own], draw[own]) for draw in draws]
+
+
+def _without(model: Model, index: int) -> Model:
+    return replace(model, stack=tuple(item for i, item in enumerate(model.stack) if i != index))
+
+
+def ratio_at(effect: Effect, height_m: Floats, model: Model) -> Floats:
+    if not isinstance(effect, NearGround):
+        raise TypeError(f"{effect.name} has no thrust ratio over height")
+    conditions = Conditions(height_m, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
+    return np.asarray(effect.ratio(conditions, model.vehicle) + 0.0 * height_m)
+
+
+def _variable(dataset: Dataset, name: str) -> Floats:
+    found = dataset.variable(name)
+    return np.zeros(len(dataset.measured)) if found is None else found
+
+
+def _heading(dataset: Dataset) -> Floats:
+    """Yaw of every sample, rad."""
+    yaw = [
+        flight.filtered(np.unwrap(np.asarray(euler_from_quaternion(flight.conditions.attitude)[2])))
+        for flight in dataset.flights
+    ]
+    return np.concatenate(yaw)
+
+
+def _in_heading(values: Floats, yaw: Floats) -> Floats:
+    """North, east, up as forward, right, up of a level vehicle with that heading."""
+    north, east, up = values.T
+    return np.column_stack([np.cos(yaw) * north + np.sin(yaw) * east, np.cos(yaw) * east - np.sin(yaw) * north, up])
+
+
+def _pushed(push: Floats) -> list[str]:
+    """The axes on which an effect does most."""
+    size = np.sqrt(np.mean(push**2, axis=0))
+    return [axis for axis, value in zip(BODY_AXES, size, strict=True) if value >= 0.3 * size.max()]

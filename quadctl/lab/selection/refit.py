@@ -1,0 +1,207 @@
+"""Refit a model to flights: all parameters together, how sure they are, and the error on data the fit did not see."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, TypeVar
+
+import numpy as np
+from rich.console import Group, RenderableType
+from rich.text import Text
+
+from quadctl import __version__
+from quadctl.effects import Effect
+from quadctl.errors import SettingsError
+from quadctl.lab.arrays import Floats
+from quadctl.lab.fitting.bootstrap import drop_interval
+from quadctl.lab.fitting.fitter import Fitted, Fitter, judged
+from quadctl.lab.fitting.parameters import free_parameters, intervals, remarks, undetermined, values_of
+from quadctl.lab.fitting.significance import improvement_p_value
+from quadctl.lab.flights.dataset import Dataset, rmse
+from quadctl.lab.results import Result, errors_table
+from quadctl.lab.selection.candidate import measure_of, parameters_in_words
+from quadctl.model import Model, Provenance, StackedEffect
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Refit(Result):
+    """A model before and after a refit, both judged on data that their fits did not see."""
+
+    before_model: Model
+    model: Model
+    dataset: Dataset
+    residual_before: Floats
+    """Held out, of the dataset's targets, shape (n, 3 or 6)."""
+    residual_after: Floats
+    draws: Floats
+    """Bootstrap draws of all free parameters of the stack, shape (draws, p), in the order of `Fitter.free`."""
+    remarks: list[str]
+
+    @cached_property
+    def before(self) -> dict[str, float]:
+        """Held-out RMSE per axis and total, m/s^2."""
+        return rmse(self.residual_before, self.dataset.groups)
+
+    @cached_property
+    def after(self) -> dict[str, float]:
+        return rmse(self.residual_after, self.dataset.groups)
+
+    @property
+    def changed(self) -> Sequence[Effect]:
+        """The effects that the two models differ in."""
+        return self.model.effects
+
+    @property
+    def measure(self) -> str:
+        """The error that the change is about: of the acceleration unless it does nothing to it."""
+        return measure_of(self.changed, self.before, self.after)
+
+    @property
+    def held_out_drop(self) -> float:
+        return 1.0 - self.after[self.measure] / self.before[self.measure]
+
+    @cached_property
+    def drop_ci95(self) -> tuple[float, float]:
+        first = 3 * self.dataset.groups.index(self.measure)
+        columns = slice(first, first + 3)
+        return drop_interval(self.residual_before[:, columns], self.residual_after[:, columns], self.dataset.block)
+
+    @cached_property
+    def p_value(self) -> float:
+        """Of the hypothesis that the larger of the two models does not help on unseen data."""
+        return improvement_p_value(self.residual_before, self.residual_before - self.residual_after, self.dataset)
+
+    @property
+    def title(self) -> str:
+        return f"Error of {self.model.name} on data the fit did not see, as it stood and refitted"
+
+    @property
+    def conclusion(self) -> str:
+        """What follows where the refit is no gain; empty where it is one."""
+        if self.held_out_drop > 0.0:
+            return ""
+        return "The refit does not help on unseen data: the parameters may as well stay as they were."
+
+    def to_dict(self) -> dict[str, Any]:
+        return {
+            "effects": [
+                {
+                    "effect": item.effect.name,
+                    "parameters": item.effect.values(),
+                    "ci95": {k: list(v) for k, v in item.fitted.ci95.items()} if item.fitted else {},
+                }
+                for item in self.model.stack
+            ],
+            "flights": self.dataset.names,
+            "rmse_before": self.before,
+            "rmse_after": self.after,
+            "held_out_drop": self.held_out_drop,
+            "held_out_drop_ci95": list(self.drop_ci95),
+            "p_value": self.p_value,
+            "held_out": self.dataset.hold_out,
+            "remarks": self.remarks,
+        }
+
+    def __rich__(self) -> RenderableType:
+        table = errors_table(self.title, (("before", self.before), ("after", self.after)))
+        low, high = self.drop_ci95
+        p = "< 1e-4" if self.p_value < 1e-4 else f"= {self.p_value:.2g}"
+        error = {"total": "error", "turning": "error of the moments", "sensing": "error of the IMU"}[self.measure]
+        lines = [f"The held-out {error} changes by {-self.held_out_drop:+.1%} [{-high:+.1%}, {-low:+.1%}], p {p}."]
+        lines.append("The model now holds:" if self.model.stack else "The model now holds no effect: the rigid body.")
+        for item in self.model.stack:
+            words = parameters_in_words(item.effect, item.fitted.ci95 if item.fitted else {})
+            lines.append(f"  {item.effect.name}: {words}")
+        lines += [f"Note: {remark}." for remark in self.remarks]
+        if self.conclusion:
+            lines.append(self.conclusion)
+        return Group(table, Text("\n".join(lines)))
+
+
+_Refit = TypeVar("_Refit", bound=Refit)
+
+
+def fit(model: Model, dataset: Dataset) -> Refit:
+    """Refit all parameters of `model` together; `before` is the model as it stands, with the flights' nuisances.
+
+    Raises
+    ------
+    SettingsError
+        The model holds no parameter that can be fitted.
+    """
+    if not free_parameters(model):
+        held = ", ".join(effect.name for effect in model.effects) or "no effect"
+        raise SettingsError(f"{model.name}: holds {held}, expected an effect with a parameter to fit")
+    standing = model.with_effects([_standing(effect) for effect in model.effects])
+    _, before = judged(standing, dataset)
+    return refitted(Refit, model, model, dataset, before)
+
+
+def refitted(
+    kind: type[_Refit],
+    before_model: Model,
+    start: Model,
+    dataset: Dataset,
+    residual_before: Floats,
+    keep: int = 0,
+    **further: Any,
+) -> _Refit:
+    """Fit `start`, and judge it against `residual_before`, the held-out residual of `before_model`.
+
+    The first `keep` effects of the stack keep the errors that their own adding had; `further` goes into the result.
+    """
+    fitter = Fitter(start, dataset)
+    fitted = fitter.fit()
+    residual = dataset.targets - fitter.held_out(fitted)
+    draws = fitter.bootstrap(fitted)
+    ci = intervals(fitter.free, draws)
+    before, after = rmse(residual_before, dataset.groups)["total"], rmse(residual, dataset.groups)["total"]
+    stack = []
+    for i, item in enumerate(fitted.model.stack):
+        old = item.fitted or Provenance()
+        provenance = Provenance(
+            logs=tuple(dataset.names),
+            rmse_before=old.rmse_before if i < keep else before,
+            rmse_after=old.rmse_after if i < keep else after,
+            held_out=True,
+            ci95={f.parameter.name: c for f, c in zip(fitter.free, ci, strict=True) if f.effect == i},
+            height_m=dataset.heights_m,
+            software=f"quadctl {__version__}",
+        )
+        stack.append(StackedEffect(item.effect, provenance))
+    model = replace(start, stack=tuple(stack))
+    notes = remarks(fitter.free, values_of(fitted.model, fitter.free), ci)
+    if dataset.whole_flights:
+        notes += _blind_folds(fitter, fitted, ci)
+    return kind(before_model, model, dataset, residual_before, residual, draws, notes, **further)
+
+
+def _blind_folds(fitter: Fitter, fitted: Fitted, ci: Sequence[tuple[float, float]]) -> list[str]:
+    """Of every fold of flights whose fit could not tell a parameter that all flights together do: a sentence.
+
+    `ci` are the intervals of the free parameters by all flights.
+    """
+    dataset, effects = fitter.dataset, fitted.model.effects
+    told = [f for f in fitter.free if f not in undetermined(fitter.free, ci)]
+    found = []
+    for number in dataset.folds:
+        held = np.unique(dataset.flight_index[dataset.fold == number])
+        others = np.setdiff1d(np.arange(len(dataset.flights)), held)
+        seen = replace(dataset, flights=tuple(dataset.flights[i] for i in others))
+        draws = Fitter(fitted.model, seen).bootstrap(Fitted(fitted.model, fitted.nuisances[others]))
+        missed = [f for f in undetermined(fitter.free, intervals(fitter.free, draws)) if f in told]
+        if missed:
+            flights = " and ".join(dataset.names[i] for i in held)
+            names = " and ".join(f"{f.parameter.name} of {effects[f.effect].name}" for f in missed)
+            found.append(
+                f"without {flights} the other flights do not determine {names}, so that the held-out error of "
+                f"{flights} says nothing of {'it' if len(missed) == 1 else 'them'}"
+            )
+    return found
+
+
+def _standing(effect: Effect) -> Effect:
+    """The same effect with parameters that no fit moves."""
+    kind = type(effect)
+    fixed: type[Effect] = type(kind.__name__, (kind,), {"parameters": classmethod(lambda cls: ())})
+    return fixed(**effect.values())

@@ -1,0 +1,116 @@
+"""ArduPilot Copter's rules of arming, modes and failsafes, on the same simulated vehicle."""
+
+import enum
+from typing import ClassVar
+
+from quadctl.sitl.rules.px4 import SimulatedAutopilot
+from quadctl.sitl.vehicle.inner_loops import level_with_yaw
+from quadctl.state import AttitudeTarget
+
+THRUST_AS_THRUST = 8
+"""Bit 3 of GUID_OPTIONS; clear, the thrust of a target is a climb rate."""
+MAX_CLIMB_M_S = 2.5
+"""Of a target's thrust of 1, PILOT_SPEED_UP."""
+NOT_ARMABLE = ("LAND", "RTL", "BRAKE")
+
+
+class Guided(enum.Enum):
+    """What GUIDED does: it obeys whatever came last."""
+
+    PLACE = "holds its place"
+    TAKE_OFF = "takes off"
+    TARGETS = "follows attitude targets"
+    LEVEL = "levels and holds its height"
+
+
+class SimulatedCopter(SimulatedAutopilot):
+    """An ArduPilot Copter in its defaults, at rest on the ground at the origin, disarmed, in STABILIZE."""
+
+    name: ClassVar[str] = "ArduPilot"
+    modes: ClassVar[tuple[str, ...]] = ("STABILIZE", "GUIDED", "LAND", "RTL", "BRAKE", "LOITER")
+    first_mode: ClassVar[str] = "STABILIZE"
+    offboard_mode: ClassVar[str] = "GUIDED"
+    default_parameters: ClassVar[dict[str, float]] = {
+        "GUID_OPTIONS": 0.0,
+        "GUID_TIMEOUT": 3.0,
+        "DISARM_DELAY": 10.0,
+        "LAND_SPEED": 50.0,
+        "FS_GCS_ENABLE": 0.0,
+        "MOT_THST_HOVER": 0.5,
+    }
+
+    guided = Guided.PLACE
+    _taken_off = False
+    """By command."""
+    _internal_error = False
+
+    def set_attitude_target(self, target: AttitudeTarget) -> None:
+        super().set_attitude_target(target)
+        if self.mode == "GUIDED" and self.armed:  # also in the middle of a take-off, which that ends
+            self.guided = Guided.TARGETS
+
+    def request_take_off(self, height_m: float) -> str | None:
+        if not (self.armed and self.mode == "GUIDED" and self.landed and height_m > 0.0):
+            return "Take-off needs GUIDED, armed, on the ground"
+        x, y, z = self.body.position
+        self._anchor = (x, y, z - height_m)
+        self.guided, self._taken_off = Guided.TAKE_OFF, True
+        return None
+
+    def _objection_to_arming(self) -> str | None:
+        if self.time_s < self.ready_after_s:
+            return "PreArm: EKF attitude is bad"
+        if self._internal_error:
+            return "PreArm: Internal errors 0x4000000"
+        return f"Arm: {self.mode.title()} mode not armable" if self.mode in NOT_ARMABLE else None
+
+    def _objection_to_mode(self, mode: str) -> str | None:
+        return None
+
+    @property
+    def _follows_targets(self) -> bool:
+        return self.mode == "GUIDED" and self.guided is Guided.TARGETS
+
+    @property
+    def _active(self) -> AttitudeTarget:
+        target = super()._active
+        if self._follows_targets and not int(self.parameters["GUID_OPTIONS"]) & THRUST_AS_THRUST:
+            climb_m_s = (2.0 * target.throttle - 1.0) * MAX_CLIMB_M_S
+            grounded = self.landed and climb_m_s <= 0.0
+            return target._replace(throttle=0.0 if grounded else self._throttle(target.attitude, -climb_m_s))
+        return target
+
+    def _watch_targets(self, silence_s: float) -> None:
+        if not self.landed and not self._taken_off:
+            self._internal_error = True  # lifted off by targets: what the real one does not forgive
+        if silence_s > self.parameters["GUID_TIMEOUT"]:
+            self._anchor = self.body.position
+            self.guided = Guided.LEVEL
+
+    def _enter(self, mode: str) -> None:
+        if mode != self.mode:
+            self.guided = Guided.PLACE
+        super()._enter(mode)
+
+    @property
+    def _disarm_after_s(self) -> float:
+        # On the ground after a landing in a mode that lands, at once; in any other, after DISARM_DELAY.
+        return 0.5 if self._flown and self.mode in ("LAND", "RTL") else self.parameters["DISARM_DELAY"]
+
+    def _after_disarming(self) -> None:
+        self.guided = Guided.PLACE
+        self._taken_off = False
+
+    @property
+    def _stands(self) -> bool:
+        return self.landed and self.guided is not Guided.TAKE_OFF
+
+    @property
+    def _land_speed_m_s(self) -> float:
+        return 0.01 * self.parameters["LAND_SPEED"]
+
+    def _position_control(self) -> AttitudeTarget:
+        own = super()._position_control()
+        if self.guided is Guided.LEVEL:
+            return own._replace(attitude=level_with_yaw(self.body.attitude))
+        return own

@@ -1,0 +1,290 @@
+"""The simulated autopilot: PX4's rules of arming, modes and failsafes around inner loops, estimator and body.
+
+It lives in simulated time: `step(until_s)` advances it. `run.py` drives it as fast as the machine can,
+`mavlink.py` in real time over MAVLink. `copter.py` has ArduPilot's rules instead.
+"""
+
+import math
+from typing import ClassVar, NamedTuple
+
+from quadctl.frames import GRAVITY_M_S2, multiply, quaternion_from_euler, rotate
+from quadctl.sitl.vehicle.body import STEP_S, SimulatedBody
+from quadctl.sitl.vehicle.estimator import Estimator
+from quadctl.sitl.vehicle.hidden import HiddenTruth, true_model
+from quadctl.sitl.vehicle.inner_loops import InnerLoops, level_with_yaw
+from quadctl.state import AttitudeTarget, Quat, Vec3, VehicleState
+from quadctl.vehicle import Vehicle
+
+STREAM_AGE_S = 0.5
+"""PX4 wants setpoints at 2 Hz or more before it enters offboard."""
+LEVEL: Quat = (1.0, 0.0, 0.0, 0.0)
+
+
+class MotorTest(NamedTuple):
+    """One rotor runs until a time."""
+
+    rotor: int
+    output: float
+    until_s: float
+
+
+class SimulatedAutopilot:
+    """A PX4-like autopilot on a simulated vehicle, at rest on the ground at the origin, disarmed, in HOLD."""
+
+    name: ClassVar[str] = "PX4"
+    modes: ClassVar[tuple[str, ...]] = ("HOLD", "OFFBOARD", "LAND", "RTL", "POSCTL")
+    first_mode: ClassVar[str] = "HOLD"
+    offboard_mode: ClassVar[str] = "OFFBOARD"
+    default_parameters: ClassVar[dict[str, float]] = {
+        "COM_OF_LOSS_T": 1.0,
+        "COM_OBL_RC_ACT": 3.0,
+        "COM_DISARM_LAND": 2.0,
+        "COM_DISARM_PRFLT": 10.0,
+        "MPC_LAND_SPEED": 0.7,
+        "MPC_THR_HOVER": 0.5,
+        "THR_MDL_FAC": 0.0,
+    }
+
+    def __init__(self, vehicle: Vehicle, truth: HiddenTruth | None = None, seed: int = 0, source: str = "") -> None:
+        truth = truth or HiddenTruth()
+        self.vehicle = vehicle
+        self.body = SimulatedBody(true_model(vehicle, truth, source))
+        self.estimator = Estimator(truth.noise, truth.telemetry, seed)
+        self.loops = InnerLoops(vehicle)
+        self.mode = self.first_mode
+        self.armed = False
+        self.landed = True
+        self.ready_after_s = 0.0
+        """Time after boot at which it lets itself be armed; real ones need up to 40 s."""
+        self.parameters = dict(self.default_parameters)
+        self.target = AttitudeTarget(LEVEL, 0.0)
+        self._own_target = AttitudeTarget(LEVEL, 0.0)
+        self.outputs = [0.0] * vehicle.n_rotors
+        self._rate_sp: Vec3 = (0.0, 0.0, 0.0)
+        self._target_s = -math.inf
+        self._armed_s = -math.inf
+        self._on_ground_s = 0.0
+        self._flown = False
+        self._anchor: Vec3 = (0.0, 0.0, 0.0)
+        self._sink_integral_m_s2 = 0.0
+        self._steps = 0
+        self._motor_test = MotorTest(0, 0.0, -math.inf)
+        self.estimator.observe(self.body.motion())
+
+    @property
+    def time_s(self) -> float:
+        return self._steps * STEP_S
+
+    # --- requests ----------------------------------------------------------------------------------------------
+
+    def set_attitude_target(self, target: AttitudeTarget) -> None:
+        """A setpoint arrives now."""
+        self.target = target
+        self._target_s = self.time_s
+
+    def request_arm(self) -> str | None:
+        """Arm; None when accepted, else the reason for the refusal."""
+        refusal = self._objection_to_arming()
+        if refusal is None and not self.armed:
+            self.armed, self._armed_s, self._flown = True, self.time_s, False
+            self.loops.reset()
+        return refusal
+
+    def request_take_off(self, height_m: float) -> str | None:
+        """The command is ArduPilot's start of a flight; here the targets of offboard lift off."""
+        del height_m
+        return "take-off by command is not simulated"
+
+    def request_disarm(self) -> str | None:
+        if self.armed and not self.landed:
+            return "the vehicle is not landed"
+        self._disarm()
+        return None
+
+    def request_motor_test(self, rotor: int, output: float, seconds: float) -> str | None:
+        """Run one rotor (from 0) at a motor output for a time, 0 to stop, on a vehicle that is fixed to a stand."""
+        if self.armed or not self.landed:
+            return "Motor Test: vehicle not landed and disarmed"
+        if not 0 <= rotor < self.vehicle.n_rotors:
+            return "Motor Test: no such motor"
+        self._motor_test = MotorTest(rotor, output, self.time_s + seconds)
+        return None
+
+    def request_mode(self, mode: str) -> str | None:
+        refusal = self._objection_to_mode(mode) if mode in self.modes else f"there is no mode {mode}"
+        if refusal is None:
+            self._enter(mode)
+        return refusal
+
+    def power_cycle(self) -> None:
+        """A loss of power: the motors are off, the mode is that of a start."""
+        self._disarm()
+        self._enter(self.first_mode)
+
+    # --- time --------------------------------------------------------------------------------------------------
+
+    def step(self, until_s: float) -> None:
+        """Advance to `until_s` in steps of the physics."""
+        steps = round(until_s / STEP_S)
+        while self._steps < steps:
+            if self.time_s < self._motor_test.until_s:
+                self.body.step_on_stand(self._motor_test.rotor, self._motor_test.output)
+                self._end_step()
+                continue
+            self._obey_rules()
+            if self._steps % 2 == 0:  # attitude loop at 250 Hz, rate loop at 500 Hz
+                self._attitude_loop()
+            airborne = not self.body.in_contact
+            self.outputs = self.loops.motor_outputs(
+                self._rate_sp, self.body.rates, self._active.throttle if self.armed else 0.0, STEP_S, airborne
+            )
+            self.body.step(self.outputs, self.armed)
+            self._end_step()
+
+    def _end_step(self) -> None:
+        self._steps += 1
+        self.body.time_s = self.time_s
+        self.estimator.observe(self.body.motion())
+
+    def estimate(self) -> VehicleState:
+        """What the estimator says now."""
+        e = self.estimator
+        now = self.time_s
+        return VehicleState(
+            time_s=now,
+            position_ned_m=e.position,
+            velocity_ned_m_s=e.velocity,
+            attitude=e.attitude,
+            rates_rad_s=e.rates,
+            rotor_rpm=e.rotor_rpm,
+            motor_current_a=self.body.motor_current_a(e.rotor_rpm),
+            motor_output=tuple(self.outputs),
+            battery_v=e.battery_v,
+            armed=self.armed,
+            landed=self.landed,
+            mode=self.mode,
+            offboard_mode=self.offboard_mode,
+            ready_to_arm=now >= self.ready_after_s,
+            connected=True,
+            received_s={
+                "position": e.updated_s,
+                "attitude": e.updated_s,
+                "rates": e.updated_s,
+                "rpm": e.rpm_updated_s,
+                "battery": e.rpm_updated_s,
+                "heartbeat": now,
+            },
+        )
+
+    # --- inside ------------------------------------------------------------------------------------------------
+
+    @property
+    def _streaming(self) -> bool:
+        return self.time_s - self._target_s < STREAM_AGE_S
+
+    def _objection_to_arming(self) -> str | None:
+        if self.time_s < self.ready_after_s:
+            return "Preflight Fail: ekf2 missing data"
+        return self._objection_to_mode(self.mode)
+
+    def _objection_to_mode(self, mode: str) -> str | None:
+        return "no offboard setpoints are arriving" if mode == "OFFBOARD" and not self._streaming else None
+
+    @property
+    def _follows_targets(self) -> bool:
+        return self.mode == self.offboard_mode
+
+    @property
+    def _active(self) -> AttitudeTarget:
+        """The companion's target while that is followed, the autopilot's own otherwise."""
+        return self.target if self._follows_targets else self._own_target
+
+    def _attitude_loop(self) -> None:
+        if not self._follows_targets:
+            self._own_target = self._position_control()
+        self._rate_sp = self.loops.rate_setpoint(self._active.attitude, self.body.attitude)
+
+    def _obey_rules(self) -> None:
+        now = self.time_s
+        pushing = self._active.throttle > 0.6 * self._hover_throttle
+        if not self.body.in_contact or pushing:
+            self._on_ground_s = now
+            if not self.body.in_contact and self.body.position[2] < -0.1:
+                self._flown, self.landed = True, False
+        elif now - self._on_ground_s > 0.3:
+            self.landed = True
+        if self._follows_targets:
+            self._watch_targets(now - self._target_s)
+        if self.armed and self.landed and now - max(self._on_ground_s, self._armed_s) > self._disarm_after_s:
+            self._disarm()
+
+    def _watch_targets(self, silence_s: float) -> None:
+        """The failsafe for a companion that has fallen silent."""
+        if silence_s > self.parameters["COM_OF_LOSS_T"]:
+            self._enter("RTL")
+
+    @property
+    def _disarm_after_s(self) -> float:
+        """On the ground."""
+        return self.parameters["COM_DISARM_LAND" if self._flown else "COM_DISARM_PRFLT"]
+
+    def _enter(self, mode: str) -> None:
+        if mode != self.mode:
+            self.mode = mode
+            home = mode == "RTL"
+            x, y, z = self.body.position
+            self._anchor = (0.0, 0.0, z) if home else (x, y, z)
+
+    def _disarm(self) -> None:
+        self.armed = False
+        self._on_ground_s = self.time_s
+        self._after_disarming()
+
+    def _after_disarming(self) -> None:
+        if self.mode in ("LAND", "RTL"):
+            self.mode = "HOLD"
+
+    @property
+    def _hover_throttle(self) -> float:
+        return self.vehicle.throttle.offset + self.vehicle.throttle.per_newton * self.vehicle.weight_n
+
+    @property
+    def _stands(self) -> bool:
+        """On the ground, and nothing asks for more."""
+        return self.mode == "HOLD" and self.landed
+
+    @property
+    def _land_speed_m_s(self) -> float:
+        return self.parameters["MPC_LAND_SPEED"]
+
+    def _position_control(self) -> AttitudeTarget:
+        """The autopilot's own modes: hold the anchor, or come down on it; PD on the true state, gentle."""
+        level = level_with_yaw(self.body.attitude)
+        if not self.armed or self._stands:
+            return AttitudeTarget(level, 0.0)
+        x, y, z = self.body.position
+        vx, vy, vz = self.body.velocity
+        ax, ay, az = self._anchor
+        landing = self.mode == "LAND" or (self.mode == "RTL" and math.hypot(x - ax, y - ay) < 0.3)
+        sink = self._land_speed_m_s if landing else min(max(az - z, -1.0), 1.0)
+        if landing and self.body.in_contact:
+            return AttitudeTarget(level, 0.0)
+        # Without an integrator a strong ground effect would carry the vehicle for ever.
+        integral = self._sink_integral_m_s2 + 1.5 * (sink - vz) * 2.0 * STEP_S if landing else 0.0
+        self._sink_integral_m_s2 = min(max(integral, -3.0), 6.0)
+        north = min(max(1.2 * (ax - x) - 1.6 * vx, -3.0), 3.0)
+        east = min(max(1.2 * (ay - y) - 1.6 * vy, -3.0), 3.0)
+        yaw = 2.0 * math.atan2(level[3], level[0])
+        forward, right = math.cos(yaw) * north + math.sin(yaw) * east, math.cos(yaw) * east - math.sin(yaw) * north
+        pitch, roll = -math.atan2(forward, GRAVITY_M_S2), math.atan2(right, GRAVITY_M_S2)
+        attitude = multiply(level, quaternion_from_euler(roll, pitch, 0.0))
+        return AttitudeTarget(attitude, self._throttle(attitude, sink, self._sink_integral_m_s2))
+
+    def _throttle(self, attitude: Quat, sink_m_s: float, integral_m_s2: float = 0.0) -> float:
+        """The throttle that brings the vehicle to a vertical speed, downwards."""
+        up = rotate(attitude, (0.0, 0.0, -1.0))[2]
+        error_m_s = sink_m_s - self.body.velocity[2]
+        thrust = self.vehicle.mass_kg * (GRAVITY_M_S2 - 3.0 * error_m_s - integral_m_s2) / max(-up, 0.5)
+        curve = self.vehicle.throttle
+        throttle: float = min(max(curve.offset + curve.per_newton * thrust, 0.1), 0.9)
+        return throttle

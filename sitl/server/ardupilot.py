@@ -1,0 +1,61 @@
+"""An ArduPilot Copter on the wire: silent but for heartbeats until it is asked, and thrust-linearised pulses."""
+
+import math
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from quadctl.sitl.rules.copter import SimulatedCopter
+from quadctl.sitl.server import messages
+from quadctl.sitl.server.manners import Manners, Stream
+from quadctl.sitl.server.server import MavlinkMock
+
+SPIN_MIN, SPIN_MAX, THRUST_EXPO = 0.15, 0.95, 0.65
+"""MOT_SPIN_MIN, MOT_SPIN_MAX and MOT_THST_EXPO by default."""
+
+
+class MavlinkArduPilot(MavlinkMock):
+    """An ArduPilot Copter on UDP."""
+
+    def __init__(
+        self, autopilot: SimulatedCopter, port: int = 14540, host: str = "127.0.0.1", heartbeat_hz: float = 1.0
+    ) -> None:
+        super().__init__(autopilot, ardupilot_manners(), port, host, heartbeat_hz)
+
+
+def ardupilot_manners() -> Manners:
+    return Manners(
+        mav_autopilot=mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA,
+        custom_modes={"STABILIZE": 0, "GUIDED": 4, "LOITER": 5, "RTL": 6, "LAND": 9, "BRAKE": 17},
+        sub_mode_shift=0,
+        streams={
+            mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: Stream(messages.local_position, 0.0, "position"),
+            mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION: Stream(messages.attitude_quaternion, 0.0, "attitude"),
+            mavlink.MAVLINK_MSG_ID_ATTITUDE: Stream(messages.attitude, 0.0, "attitude"),
+            mavlink.MAVLINK_MSG_ID_ESC_TELEMETRY_1_TO_4: Stream(messages.esc_telemetry, 0.0, "rpm"),
+            mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW: Stream(messages.servo_output_raw(pulse_us), 0.0, "heartbeat"),
+            mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT: Stream(messages.ekf_status_report, 0.0, "position"),
+            mavlink.MAVLINK_MSG_ID_SYS_STATUS: Stream(messages.sys_status, 0.0, "battery"),
+            mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: Stream(messages.battery_status, 0.0, "battery"),
+            mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: Stream(messages.extended_sys_state, 0.0, "heartbeat"),
+        },
+        unknown_interval=mavlink.MAV_RESULT_DENIED,
+        refusal=mavlink.MAV_RESULT_FAILED,
+        takes_off_by_command=True,
+        motor_test_output=output_of_share,
+        tests_motors_clockwise=True,
+        integer_parameters=frozenset({"GUID_OPTIONS", "DISARM_DELAY", "LAND_SPEED", "FS_GCS_ENABLE"}),
+        version=0x04050000,
+    )
+
+
+def pulse_us(throttle: float) -> float:
+    """Pulse length of a motor for a share of its greatest thrust, after ArduPilot's thrust linearisation."""
+    b, c = 1.0 - THRUST_EXPO, max(throttle, 0.0)
+    x = (math.sqrt(b * b + 4.0 * THRUST_EXPO * c) - b) / (2.0 * THRUST_EXPO)
+    return 1000.0 * (1.0 + SPIN_MIN + (SPIN_MAX - SPIN_MIN) * x)
+
+
+def output_of_share(share: float) -> float:
+    """What a share of the pulses' range gives of the greatest thrust: `pulse_us` turned round."""
+    x = min(max((share - SPIN_MIN) / (SPIN_MAX - SPIN_MIN), 0.0), 1.0)
+    return (1.0 - THRUST_EXPO) * x + THRUST_EXPO * x * x

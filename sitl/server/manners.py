@@ -1,0 +1,80 @@
+"""What differs from one autopilot to the next on the wire: modes, streams, parameters, refusals."""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from quadctl.sitl.server.messages import Builder
+from quadctl.state import VehicleState
+from quadctl.vehicle import Vehicle
+
+
+@dataclass
+class Stream:
+    """One kind of message on its way out at its own interval."""
+
+    build: Builder
+    default_rate_hz: float
+    """0: only when it is asked for."""
+    part: str
+    """The part of the estimate it carries: sent only when that is new, as autopilots do."""
+    interval_s: float = math.nan
+    due_s: float = 0.0
+    sample_s: float = -math.inf
+
+    def __post_init__(self) -> None:
+        self.interval_s = 1.0 / self.default_rate_hz if self.default_rate_hz > 0.0 else math.inf
+
+    def set_interval(self, microseconds: float, now_s: float) -> None:
+        """MAV_CMD_SET_MESSAGE_INTERVAL: 0 is the default rate, -1 is off."""
+        if microseconds == 0.0:
+            self.__post_init__()
+        else:
+            self.interval_s = math.inf if microseconds < 0.0 else 1e-6 * microseconds
+        self.due_s = now_s
+
+    def take(self, estimate: VehicleState) -> bool:
+        """Whether to send it now; notes that it is sent."""
+        now_s, sample_s = estimate.time_s, estimate.received_s[self.part]
+        if math.isinf(self.interval_s) or now_s < self.due_s or sample_s <= self.sample_s:
+            return False
+        self.due_s = max(self.due_s + self.interval_s, now_s)
+        self.sample_s = sample_s
+        return True
+
+
+@dataclass(frozen=True)
+class Manners:
+    """The ways of one autopilot; a new one for each mock, because the streams are at work in it."""
+
+    mav_autopilot: int
+    custom_modes: Mapping[str, int]
+    """`custom_mode` of the heartbeat, by name of the mode."""
+    sub_mode_shift: int
+    """Where parameters 2 and 3 of DO_SET_MODE go in the custom mode: parameter 2 at this bit, 3 eight bits above."""
+    streams: dict[int, Stream]
+    """By message id; HEARTBEAT comes by itself."""
+    unknown_interval: int
+    """MAV_RESULT for the interval of a message that it does not send."""
+    refusal: int
+    """MAV_RESULT of a request that it refuses, with a text that says why."""
+    takes_off_by_command: bool
+    motor_test_output: Callable[[float], float]
+    """From the share that a motor test asks for to the motor output of `SimulatedAutopilot`."""
+    tests_motors_clockwise: bool
+    """Whether a motor test counts the motors clockwise from the front."""
+    integer_parameters: frozenset[str] = field(default_factory=frozenset)
+    bytewise_integers: bool = False
+    """Whether an integer's bytes travel in the float field, or its value."""
+    capabilities: int = mavlink.MAV_PROTOCOL_CAPABILITY_MAVLINK2 | mavlink.MAV_PROTOCOL_CAPABILITY_SET_ATTITUDE_TARGET
+    version: int = 0
+
+    def tested_rotor(self, number: int, vehicle: Vehicle) -> int:
+        """Index of the rotor that a motor test calls `number`; -1 where there is none."""
+        places = [rotor.position_m for rotor in vehicle.rotors]
+        rotors = list(range(len(places)))
+        if self.tests_motors_clockwise:
+            rotors.sort(key=lambda i: math.atan2(places[i][1], places[i][0]) % math.tau)
+        return rotors[number - 1] if 0 < number <= len(rotors) else -1

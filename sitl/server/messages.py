@@ -1,0 +1,117 @@
+"""The estimate in MAVLink's words: one function for each message, alike for all autopilots."""
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from quadctl.frames import euler_from_quaternion
+from quadctl.sitl.server import dialect
+from quadctl.state import VehicleState
+
+Message = Any
+Builder = Callable[[VehicleState], Iterator[Message]]
+
+UNKNOWN_16_BIT = 65535
+ESTIMATOR_FLAGS = 0b11_1111
+"""Attitude, velocities, position horizontal and vertical, relative and absolute: all good."""
+
+
+def local_position(estimate: VehicleState) -> Iterator[Message]:
+    yield mavlink.MAVLink_local_position_ned_message(
+        _boot_ms(estimate), *estimate.position_ned_m, *estimate.velocity_ned_m_s
+    )
+
+
+def attitude_quaternion(estimate: VehicleState) -> Iterator[Message]:
+    yield mavlink.MAVLink_attitude_quaternion_message(_boot_ms(estimate), *estimate.attitude, *estimate.rates_rad_s)
+
+
+def attitude(estimate: VehicleState) -> Iterator[Message]:
+    yield mavlink.MAVLink_attitude_message(
+        _boot_ms(estimate), *euler_from_quaternion(estimate.attitude), *estimate.rates_rad_s
+    )
+
+
+def esc_status(estimate: VehicleState) -> Iterator[Message]:
+    """Four motors to a message; none where there are no rotor speeds."""
+    unknown = [math.nan] * 4
+    for first, rpm in _by_fours(estimate.rotor_rpm):
+        current = (list(estimate.motor_current_a[first : first + 4]) + unknown)[:4]
+        yield dialect.EscStatus(first, 1000 * _boot_ms(estimate), rpm, unknown, current)
+
+
+def esc_telemetry(estimate: VehicleState) -> Iterator[Message]:
+    """Zeros where there are no rotor speeds, as ArduPilot's simulator has."""
+    kinds = (mavlink.MAVLink_esc_telemetry_1_to_4_message, mavlink.MAVLink_esc_telemetry_5_to_8_message)
+    groups = list(_by_fours(estimate.rotor_rpm)) or [(0, [0] * 4)]
+    centivolts = round(100.0 * estimate.battery_v) if math.isfinite(estimate.battery_v) else 0
+    for kind, (first, rpm) in zip(kinds, groups, strict=False):
+        amperes = estimate.motor_current_a[first : first + 4]
+        centiamperes = ([round(100.0 * a) if math.isfinite(a) else 0 for a in amperes] + [0] * 4)[:4]
+        yield kind([25] * 4, [centivolts] * 4, centiamperes, [0] * 4, rpm, [1] * 4)
+
+
+def actuator_output_status(estimate: VehicleState) -> Iterator[Message]:
+    pulses = [1000.0 + 1000.0 * output for output in estimate.motor_output]
+    padded = (pulses + [math.nan] * 32)[:32]
+    yield mavlink.MAVLink_actuator_output_status_message(1000 * _boot_ms(estimate), len(pulses), padded)
+
+
+def servo_output_raw(pulse_us: Callable[[float], float]) -> Builder:
+    """With the autopilot's way from throttle to pulse length."""
+
+    def build(estimate: VehicleState) -> Iterator[Message]:
+        pulses = ([round(pulse_us(output)) for output in estimate.motor_output] + [0] * 16)[:16]
+        yield mavlink.MAVLink_servo_output_raw_message(1000 * _boot_ms(estimate), 0, *pulses)
+
+    return build
+
+
+def sys_status(estimate: VehicleState) -> Iterator[Message]:
+    checked = mavlink.MAV_SYS_STATUS_PREARM_CHECK
+    healthy = checked if estimate.ready_to_arm else 0
+    yield mavlink.MAVLink_sys_status_message(
+        checked, checked, healthy, 0, _millivolts(estimate), -1, -1, 0, 0, 0, 0, 0, 0
+    )
+
+
+def battery_status(estimate: VehicleState) -> Iterator[Message]:
+    cells = [_millivolts(estimate)] + [UNKNOWN_16_BIT] * 9
+    yield mavlink.MAVLink_battery_status_message(0, 0, 0, 32767, cells, -1, -1, -1, -1)
+
+
+def extended_sys_state(estimate: VehicleState) -> Iterator[Message]:
+    landed = mavlink.MAV_LANDED_STATE_ON_GROUND if estimate.landed else mavlink.MAV_LANDED_STATE_IN_AIR
+    yield mavlink.MAVLink_extended_sys_state_message(mavlink.MAV_VTOL_STATE_UNDEFINED, landed)
+
+
+def estimator_status(estimate: VehicleState) -> Iterator[Message]:
+    flags = ESTIMATOR_FLAGS if estimate.estimator_ok else 0
+    ratio = estimate.estimator_ratio
+    unknown = math.nan
+    yield mavlink.MAVLink_estimator_status_message(
+        1000 * _boot_ms(estimate), flags, 0.1, ratio, 0.1, 0.1, unknown, unknown, 0.1, 0.1
+    )
+
+
+def ekf_status_report(estimate: VehicleState) -> Iterator[Message]:
+    flags = ESTIMATOR_FLAGS if estimate.estimator_ok else 0
+    yield mavlink.MAVLink_ekf_status_report_message(flags, 0.1, estimate.estimator_ratio, 0.1, 0.1, 0.1)
+
+
+def _by_fours(rpm: Sequence[float]) -> Iterator[tuple[int, list[int]]]:
+    """Groups of four motors with the number of the first, the last one filled with zeros; none without speeds."""
+    if all(map(math.isfinite, rpm)):
+        for first in range(0, len(rpm), 4):
+            group = [round(v) for v in rpm[first : first + 4]]
+            yield first, group + [0] * (4 - len(group))
+
+
+def _boot_ms(estimate: VehicleState) -> int:
+    return round(1000.0 * estimate.time_s)
+
+
+def _millivolts(estimate: VehicleState) -> int:
+    return round(1000.0 * estimate.battery_v) if math.isfinite(estimate.battery_v) else UNKNOWN_16_BIT

@@ -1,0 +1,92 @@
+"""What the autopilot believes: the truth, late, with noise, at the rates of a real one."""
+
+import math
+import random
+from collections import deque
+
+from quadctl.frames import multiply, quaternion_from_euler
+from quadctl.sitl.vehicle.body import Motion
+from quadctl.sitl.vehicle.hidden import Noise, Telemetry
+from quadctl.state import NAN, Quat, Vec3
+
+UPDATE_S = 0.01
+"""Of position, velocity, attitude and rates: 100 Hz."""
+LAST_BITS = 1e-7
+"""Noise of velocity (m/s) and rates (rad/s) in a world without noise: no estimate repeats itself to the last bit, and
+one that does counts as frozen."""
+
+
+class Estimator:
+    """Feeds on the true motion of every physics step, gives the estimate of the latest update.
+
+    The power side (rotor speeds, battery) has a rate and a delay of its own.
+    """
+
+    def __init__(self, noise: Noise, telemetry: Telemetry, seed: int) -> None:
+        self._noise = noise
+        self._telemetry = telemetry
+        self._random = random.Random(seed)
+        self._past: deque[Motion] = deque()
+        self._drift: Vec3 = (0.0, 0.0, 0.0)
+        self._next_update_s = 0.0
+        self._next_rpm_s = 0.0
+        self.updated_s = -math.inf
+        self.rpm_updated_s = -math.inf
+        self.position: Vec3 = (NAN, NAN, NAN)
+        self.velocity: Vec3 = (NAN, NAN, NAN)
+        self.attitude: Quat = (NAN, NAN, NAN, NAN)
+        self.rates: Vec3 = (NAN, NAN, NAN)
+        self.rotor_rpm: tuple[float, ...] = ()
+        self.battery_v = NAN
+
+    def observe(self, motion: Motion) -> None:
+        """Take in the true motion; update what is due."""
+        past, now = self._past, motion.time_s
+        past.append(motion)
+        longest = max(self._telemetry.delay_s, self._telemetry.rpm_delay_s)
+        while past[0].time_s < now - longest - UPDATE_S:
+            past.popleft()
+        if now >= self._next_update_s - 1e-9:
+            self._next_update_s += UPDATE_S
+            self._update(self._at(now - self._telemetry.delay_s), now)
+        if now >= self._next_rpm_s - 1e-9:
+            self._next_rpm_s += 1.0 / self._telemetry.rpm_rate_hz
+            late = self._at(now - self._telemetry.rpm_delay_s)
+            known = self._telemetry.rotor_speeds
+            self.rotor_rpm = tuple(
+                max(0.0, round(r + self._gauss(self._noise.rpm))) if known else NAN for r in late.rotor_rpm
+            )
+            self.rpm_updated_s = now
+            self.battery_v = late.battery_v + self._gauss(self._noise.battery_v)
+
+    def _at(self, time_s: float) -> Motion:
+        """True motion at `time_s`, to the physics step before."""
+        past = self._past
+        step = past[1].time_s - past[0].time_s if len(past) > 1 else 1.0
+        index = round((time_s - past[0].time_s) / step)
+        return past[min(max(index, 0), len(past) - 1)]
+
+    def _update(self, motion: Motion, now: float) -> None:
+        noise, gauss = self._noise, self._gauss
+        x, y, z = motion.position_ned_m
+        vx, vy, vz = motion.velocity_ned_m_s
+        p, q, r = motion.rates_rad_s
+        s, v, w = noise.position_m, max(noise.velocity_m_s, LAST_BITS), max(noise.rates_rad_s, LAST_BITS)
+        angle = math.radians(noise.attitude_deg)
+        dx, dy, dz = self._drift = self._drifted()
+        self.position = (x + dx + gauss(s), y + dy + gauss(s), z + dz + gauss(s))
+        self.velocity = (vx + gauss(v), vy + gauss(v), vz + gauss(v))
+        self.rates = (p + gauss(w), q + gauss(w), r + gauss(w))
+        error = quaternion_from_euler(gauss(angle), gauss(angle), gauss(angle))
+        self.attitude = multiply(motion.attitude, error)
+        self.updated_s = now
+
+    def _drifted(self) -> Vec3:
+        """The slow error of the position one update later: a Gauss-Markov process in each axis."""
+        kept = math.exp(-UPDATE_S / self._noise.drift_time_s)
+        push = self._noise.position_drift_m * math.sqrt(1.0 - kept * kept)
+        dx, dy, dz = self._drift
+        return kept * dx + self._gauss(push), kept * dy + self._gauss(push), kept * dz + self._gauss(push)
+
+    def _gauss(self, sigma: float) -> float:
+        return self._random.gauss(0.0, sigma) if sigma > 0.0 else 0.0

@@ -1,0 +1,48 @@
+"""What one tick of control costs with each compensator, beside an empty function call."""
+
+import timeit
+from collections.abc import Iterator
+from pathlib import Path
+
+from quadctl.compensator import Compensator
+from quadctl.control import ControllerSettings, Memory, control
+from quadctl.effects import CATALOG
+from quadctl.model import Model, load_model
+from quadctl.state import Setpoint, VehicleState
+
+ROOT = Path(__file__).parents[2]
+Row = tuple[str, str, str]
+
+
+def rows() -> Iterator[Row]:
+    rigid = load_model(ROOT / "config/vehicles/raptor.yaml")
+    state = VehicleState(
+        0.0, (0.0, 0.0, -0.3), (0.1, 0.0, 0.1), (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (5600.0,) * 4, battery_v=16.0
+    )
+    setpoint, settings = Setpoint((0.0, 0.0, -0.4)), ControllerSettings()
+    empty = min(timeit.repeat(lambda: None, number=20000, repeat=5)) / 20000
+    for name, model in {"none": rigid, **{n: rigid.plus(e()) for n, e in CATALOG.items()}, "all": _all(rigid)}.items():
+        compensator = Compensator(model)
+
+        def tick(compensator: Compensator = compensator) -> object:
+            return control(setpoint, state, Memory(), 0.02, 0.0, rigid.vehicle, settings, compensator)
+
+        def alone(compensator: Compensator = compensator) -> object:
+            return compensator(state, 0.0, 14.7)
+
+        whole = min(timeit.repeat(tick, number=2000, repeat=5)) / 2000
+        only = min(timeit.repeat(alone, number=2000, repeat=5)) / 2000
+        yield (
+            f"control tick with {name}",
+            f"{1e6 * whole:.1f} us, of it the compensator {1e6 * only:.1f} us",
+            f"{whole / empty:.0f} empty calls",
+        )
+
+
+def _all(rigid: Model) -> Model:
+    """One effect of each family."""
+    model = rigid
+    for effect in CATALOG.values():
+        if effect.family() not in {e.family() for e in model.effects}:
+            model = model.plus(effect())
+    return model

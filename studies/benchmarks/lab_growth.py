@@ -1,0 +1,115 @@
+"""How time and memory of the lab grow with the rows of the logs: `python benchmarks/lab_growth.py [--rows N]...`.
+
+Flights of 50 000 rows at 50 Hz are made by a model, prepared and diagnosed, each number of rows in a process of its own
+for the sake of its peak memory. What counts is the time per row beside that of the smallest run: 1.0 where the time is
+linear. Up to a million rows by default; `--rows 50000 --rows 10000000` takes a quarter of an hour and some 5 GB.
+"""
+
+import argparse
+import json
+import resource
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+
+from quadctl.effects.base import Conditions
+from quadctl.effects.ground_effect import Exponential
+from quadctl.effects.inflow import AxialInflow
+from quadctl.effects.rotor_drag import LinearDrag
+from quadctl.effects.thrust_scale import ConstantScale
+from quadctl.frames import GRAVITY_M_S2
+from quadctl.lab.flights.dataset import load_dataset
+from quadctl.lab.selection.diagnosis import diagnose
+from quadctl.logs.columns import STATE_COLUMNS, rpm_columns
+from quadctl.logs.flight_log import FlightLog
+from quadctl.model import Model
+from quadctl.vehicle import Vehicle, load_vehicle
+
+ROWS_PER_FLIGHT = 50_000
+RATE_HZ = 50.0
+SIZES = (50_000, 200_000, 1_000_000)
+CANDIDATES = (ConstantScale, Exponential, LinearDrag, AxialInflow)
+RAPTOR = Path(__file__).parents[2] / "config/vehicles/raptor.yaml"
+Row = tuple[str, str, str]
+
+
+def rows(sizes: Sequence[int] = SIZES) -> Iterator[Row]:
+    first = None
+    for size in sizes:
+        run = [sys.executable, __file__, "--only", str(size)]
+        measured = json.loads(subprocess.run(run, check=True, capture_output=True, text=True).stdout)
+        prepared_s, diagnosed_s = measured["prepared_s"], measured["diagnosed_s"]
+        per_row = (prepared_s + diagnosed_s) / size
+        first = first or per_row
+        yield (
+            f"{size} rows prepared and diagnosed, {len(CANDIDATES)} candidates",
+            f"{prepared_s:.1f} + {diagnosed_s:.1f} s, peak {measured['peak_mb']:.0f} MB",
+            f"{per_row / first:.2f} x the time per row of {sizes[0]} rows",
+        )
+
+
+def measure(size: int) -> dict[str, float]:
+    """Time and memory of this process for so many rows; making up the flights does not count."""
+    vehicle = load_vehicle(RAPTOR)
+    made_s = 0.0
+
+    def logs() -> Iterator[FlightLog]:
+        nonlocal made_s
+        for seed in range(max(1, size // ROWS_PER_FLIGHT)):
+            begin = time.process_time()
+            log = made_up(vehicle, seed)
+            made_s += time.process_time() - begin
+            yield log
+
+    begin = time.process_time()
+    data = load_dataset(logs(), vehicle)
+    prepared = time.process_time()
+    missing = diagnose(Model(vehicle), data, CANDIDATES).missing
+    diagnosed = time.process_time()
+    assert missing == ["ground_effect"], missing
+    return {"prepared_s": prepared - begin - made_s, "diagnosed_s": diagnosed - prepared, "peak_mb": peak_mb()}
+
+
+def made_up(vehicle: Vehicle, seed: int) -> FlightLog:
+    """A level flight over the heights, whose rotor speeds obey a ground effect; white noise on the velocity."""
+    random = np.random.default_rng(seed)
+    t = np.arange(ROWS_PER_FLIGHT) / RATE_HZ
+    columns = {name: 1e-6 * random.standard_normal(len(t)) for name in STATE_COLUMNS}
+    w, swell = 2.0 * np.pi * 0.25, 2.0 * np.pi * 0.02
+    size, z = 0.45 * np.sin(swell * t) ** 2, 0.6
+    z = z + size * np.sin(w * t)
+    vz = np.gradient(z, t)
+    force = vehicle.mass_kg * (np.gradient(vz, t) + GRAVITY_M_S2)
+    level = (np.ones_like(t), 0.0 * t, 0.0 * t, 0.0 * t)
+    c = Conditions(z + vehicle.rotor_height_m, (0.0 * t, 0.0 * t, -vz), level, t)
+    each = force / Exponential(a=0.3, b=5.0).ratio(c, vehicle) / vehicle.n_rotors
+    columns |= {"time_s": t, "z_m": z, "vz_m_s": vz + 0.01 * random.standard_normal(len(t))}
+    columns |= {name: 0.01 * random.standard_normal(len(t)) for name in ("vx_m_s", "vy_m_s")}
+    columns |= dict.fromkeys(rpm_columns(vehicle.n_rotors), np.sqrt(each / vehicle.rotor.thrust_n_per_rpm2))
+    return FlightLog(name=f"made_{seed}.csv", path=None, columns=columns)
+
+
+def peak_mb() -> float:
+    """Of this process, since its start."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="How time and memory of the lab grow with the rows of the logs.")
+    parser.add_argument("--rows", type=int, action="append", help="may be repeated; the first is compared with")
+    parser.add_argument("--only", type=int, help=argparse.SUPPRESS)  # what the processes are started with
+    given = parser.parse_args()
+    if given.only:
+        print(json.dumps(measure(given.only)))
+        return
+    for line in rows(given.rows or SIZES):
+        Console(width=150).print(*line, sep=" | ", markup=False, highlight=False)
+
+
+if __name__ == "__main__":
+    main()

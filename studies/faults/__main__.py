@@ -1,0 +1,76 @@
+"""The fault table: `python -m studies.faults`, or `make faults`; writes docs/faults.md."""
+
+import argparse
+import math
+import re
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+
+from rich.console import Console
+
+from .cases import CASES
+from .fly import JOBS, Verdict, fly_all
+from .scene import PROFILES, ROOT
+
+ADDRESS = re.compile(r" \(system \d+\) at \S+")
+"""Of the simulated autopilot: another one in every flight."""
+PAGE = ROOT / "docs" / "faults.md"
+HEAD = """# Faults
+
+Every fault begins in a hover at 0.5 m, in real time over MAVLink, with quadctl in a process of its own and the
+simulated autopilot in another. Times are seconds after the fault began, as the autopilot saw them. In no flight does a
+setpoint reach the wire that is not a number or beyond the limits, or one after the last one named here. `make faults`
+writes this page; the tests fly what only real time shows. [docs/safety.md](safety.md) says why each answer is what it
+is. A flight that a busy machine spoilt is flown again alone, and says so.
+
+The limits are those of `config/flight.yaml`, with a battery guarded at 13.5 V; a landing that does not end is given up
+after 2 s (`max_over_time_s`), and the vehicle comes down a second later.
+
+ArduPilot's own answer to missing setpoints is to level and hold its height, in GUIDED, and it says so to nobody. What
+stays there for 3.5 s is landed by a person's switch.
+
+| fault | autopilot | answer | last setpoint | mode of the autopilot | at rest | how the log says it ended |
+|---|---|---|---|---|---|---|
+"""
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--only", default="", help="faults whose name contains this; the page is not written")
+    parser.add_argument("--autopilot", choices=PROFILES, action="append", help="may be repeated; all without it")
+    parser.add_argument("--jobs", type=int, default=JOBS)
+    parser.add_argument("--out", type=Path, default=PAGE)
+    options = parser.parse_args()
+    faults = [case.name for case in CASES if options.only in case.name]
+    console = Console(width=160)
+    verdicts = []
+    pairs = [(fault, autopilot) for fault in faults for autopilot in options.autopilot or PROFILES]
+    for verdict in fly_all(pairs, options.jobs):
+        verdicts.append(verdict)
+        console.print(row(verdict), markup=False, highlight=False, soft_wrap=True)
+        for sentence in verdict.wrong:
+            console.print(f"    {sentence}", style="red", markup=False, highlight=False, soft_wrap=True)
+    if not options.only and options.autopilot is None:
+        options.out.write_text(page(sorted(verdicts, key=lambda v: pairs.index((v.fault, v.autopilot)))))
+    sys.exit(any(verdict.wrong for verdict in verdicts))
+
+
+def page(verdicts: Iterable[Verdict]) -> str:
+    return HEAD + "".join(row(verdict) + "\n" for verdict in verdicts)
+
+
+def row(verdict: Verdict) -> str:
+    """A line of the table."""
+    seen = verdict.seen
+    answer = ", ".join(dict.fromkeys(answer for _, answer in seen.events)) or "none: the process is gone"
+    modes = ", ".join(f"{mode} at {after_s:.1f} s" for mode, after_s in seen.modes) or "unchanged"
+    last = f"{seen.last_setpoint_s:.2f} s" if seen.setpoints else "before it"
+    rest = "not" if math.isnan(seen.at_rest_s) else f"{seen.at_rest_s:.1f} s"
+    ended = ADDRESS.sub("", seen.ended) + (f" ({seen.problem.partition(': ')[2]})" if seen.problem else "")
+    again = f" (attempt {verdict.attempts})" if verdict.attempts > 1 else ""
+    return f"| {verdict.fault}{again} | {verdict.autopilot} | {answer} | {last} | {modes} | {rest} | {ended} |"
+
+
+if __name__ == "__main__":
+    main()

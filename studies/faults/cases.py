@@ -1,0 +1,255 @@
+"""The faults, each with what must come of it."""
+
+import math
+import resource
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from signal import SIGCONT, SIGINT, SIGKILL, SIGSTOP, SIGTERM, SIGUSR1, SIGUSR2
+from typing import Any
+
+from quadctl.sitl.server import faults
+
+from .scene import HERE, Profile, Scene, Seen, Setting
+
+SILENCE_S = 0.3
+"""After the last setpoint that a stalled or blind flight may send."""
+LAND_SEEN_S = 0.5
+"""A mode that has been taken shows in the next heartbeat."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A fault in the hover, and what it must lead to."""
+
+    name: str
+    inject: Callable[[Scene], None]
+    answer: str
+    """Of the guards, as in the log; empty where the process cannot answer any more. After a stall `hand over or
+    release`: that depends on which of the messages that have waited is the first to be read."""
+    said: str
+    """In the log, of why the flight ended."""
+    mode: str = "land"
+    """The mode that comes next: land, boot, failsafe or stick; empty for none."""
+    silent_s: float = SILENCE_S
+    """The last setpoint comes no later; for a landing, the change of mode."""
+    setting: Setting = field(default_factory=Setting)
+    """What is set for this flight."""
+    on_ardupilot: Mapping[str, Any] = field(default_factory=dict)
+    """What else it must lead to there, as fields of this class."""
+
+    def on(self, autopilot: str) -> "Case":
+        """What it must lead to there."""
+        return replace(self, **self.on_ardupilot) if autopilot == "ardupilot" else self
+
+    def wrong(self, seen: Seen, profile: Profile) -> list[str]:
+        """What is not as it must be."""
+        modes = {"land": "LAND", "boot": profile.boot, "failsafe": profile.failsafe, "stick": profile.stick}
+        expected = modes.get(self.mode, "")
+        silent_s = self.silent_s
+        if self.answer == "land" and seen.modes:
+            silent_s = seen.modes[0][1] + LAND_SEEN_S
+        checks = {
+            f"the next mode is {seen.mode or 'none'}, expected {expected or 'none'}": seen.mode == expected,
+            f"{len(seen.unfit)} setpoints were unfit: {seen.unfit[:1]}": not seen.unfit,
+            f"the last setpoint came {seen.last_setpoint_s:.2f} s after, allowed are {silent_s:.2f} s": (
+                seen.last_setpoint_s <= silent_s
+            ),
+            f"the log says {seen.ended!r}, expected {self.said!r}": self.said in seen.ended,
+            f"the log's answers are {seen.events}, expected {self.answer}": (
+                not self.answer or bool({answer for _, answer in seen.events} & set(self.answer.split(" or ")))
+            ),
+            f"{seen.rows_lost_s:.1f} s of log are lost": seen.rows_lost_s <= 1.0 or "incomplete" in seen.problem,
+            "it did not come to rest": not math.isnan(seen.at_rest_s),
+        }
+        if self.answer == "land" and seen.modes:
+            checks[f"the landing began after {seen.modes[0][1]:.2f} s"] = seen.modes[0][1] <= self.silent_s
+        return [sentence for sentence, holds in checks.items() if not holds]
+
+
+def _distort(make: Callable[[], faults.Distortion]) -> Callable[[Scene], None]:
+    def inject(scene: Scene) -> None:
+        scene.px.faults.distort = make()
+
+    return inject
+
+
+def _withhold(*names: str) -> Callable[[Scene], None]:
+    def inject(scene: Scene) -> None:
+        scene.px.faults.withheld = frozenset(names)
+
+    return inject
+
+
+def _stop(scene: Scene) -> None:
+    scene.signal(SIGSTOP)
+    scene.later(3.0, lambda: scene.signal(SIGCONT))
+
+
+def _stop_and_take(scene: Scene) -> None:
+    """Late enough that what was queued before still says offboard."""
+    _stop(scene)
+    scene.later(0.3, lambda: scene.stick(scene.profile.stick))
+    scene.later(4.5, lambda: scene.stick("LAND"))
+
+
+def _take(scene: Scene) -> None:
+    scene.stick(scene.profile.stick)
+    scene.later(1.5, lambda: scene.stick("LAND"))
+
+
+def _take_and_return(scene: Scene) -> None:
+    """The switch goes to the pilot's mode and back, as a finger slips: offboard is not flown on."""
+    scene.stick(scene.profile.stick)
+    scene.later(0.5, lambda: scene.px.autopilot._enter(scene.profile.offboard))
+
+
+def _be(**changes: object) -> Callable[[Scene], None]:
+    def inject(scene: Scene) -> None:
+        for name, value in changes.items():
+            setattr(scene.px.faults, name, value)
+
+    return inject
+
+
+def _restart(scene: Scene) -> None:
+    """Half a second deaf and without a word, then as after power-up."""
+    scene.px.faults.silent = scene.px.faults.deaf = True
+    scene.px.restart()
+    scene.later(0.5, lambda: _be(silent=False, deaf=False)(scene))
+
+
+def _restart_at_once(scene: Scene) -> None:
+    scene.px.restart()
+
+
+def _refuse_landing(scene: Scene) -> None:
+    """For 1.5 s: until PX4 has acted by itself, and before ArduPilot, which does not, is asked again."""
+    scene.px.faults.refuse_modes = "not now"
+    scene.signal(SIGINT)
+    scene.later(1.5, lambda: _be(refuse_modes="")(scene))
+
+
+def _interrupt_twice(scene: Scene) -> None:
+    scene.signal(SIGINT)
+    scene.later(0.05, lambda: scene.signal(SIGINT))
+
+
+def _interrupt_twice_unheard(scene: Scene) -> None:
+    """The autopilot hears neither the targets nor the wish to land."""
+    scene.px.faults.deaf = True
+    _interrupt_twice(scene)
+
+
+def _land_without_end(scene: Scene) -> None:
+    """The land mode is taken, and the vehicle stays up until somebody brings it down."""
+    name = scene.profile.land_speed
+    scene.px.autopilot.parameters[name], speed = 0.0, scene.px.autopilot.parameters[name]
+    scene.signal(SIGINT)
+    scene.later(OVER_TIME_S + 1.0, lambda: scene.px.autopilot.parameters.update({name: speed}))
+
+
+def _rise_out_of_the_data(scene: Scene) -> None:
+    """The estimate says so, and the vehicle goes down for it."""
+    scene.px.faults.distort = faults.displaced((0.0, 0.0, -0.45), 0.9)
+    scene.later(2.0, lambda: scene.signal(SIGINT))
+
+
+def _fill_disk(scene: Scene) -> None:
+    """No file may grow beyond what the log holds now."""
+    size = scene.log.stat().st_size
+    resource.prlimit(scene.process.pid, resource.RLIMIT_FSIZE, (size, size))
+    scene.later(1.0, lambda: scene.signal(SIGTERM))
+
+
+OVER_TIME_S = 2.0
+LET_GO = "hand over or release"
+NAN, STALE, STALL = "not a number", "s old, allowed are 0.2 s", "the control loop stalled for"
+
+PROCESS = (
+    Case("event loop frozen for 3 s", lambda s: s.signal(SIGUSR1), LET_GO, STALL, "failsafe"),
+    Case(
+        "event loop frozen for 0.6 s",
+        lambda s: s.signal(SIGUSR1),
+        "hand over",
+        STALL,
+        setting=Setting(stall_s=0.6),
+        on_ardupilot={"mode": "failsafe"},
+    ),
+    Case("interpreter held for 3 s", lambda s: s.signal(SIGUSR2), LET_GO, STALL, "failsafe"),
+    Case("process stopped for 3 s", _stop, LET_GO, STALL, "failsafe"),
+    Case("process stopped, the pilot takes the mode", _stop_and_take, LET_GO, STALL, "stick"),
+    Case("process killed", lambda s: s.signal(SIGKILL), "", "in flight", "failsafe"),
+    Case("disk full", _fill_disk, "land", "asked to land by SIGTERM", silent_s=2.0),
+)
+STATE = (
+    Case("position not a number", _distort(lambda: faults.nan_position), "hand over", NAN),
+    Case("attitude of zeros", _distort(lambda: faults.no_attitude), "hand over", "no unit quaternion"),
+    Case("position stops coming", _withhold("LOCAL_POSITION_NED"), "hand over", STALE),
+    Case("attitude stops coming", _withhold("ATTITUDE_QUATERNION"), "hand over", STALE),
+    Case(
+        "position frozen", _distort(lambda: faults.frozen("position")), "hand over", "position is frozen", silent_s=0.8
+    ),
+    Case(
+        "attitude frozen", _distort(lambda: faults.frozen("attitude")), "hand over", "attitude is frozen", silent_s=0.8
+    ),
+    Case("position jumps by 2 m", _distort(lambda: faults.displaced((2.0, 0.0, 0.0))), "hand over", "position jumped"),
+    Case("attitude jumps by 45 deg", _distort(lambda: faults.leaning(math.radians(45.0))), "hand over", "jumped"),
+    Case("estimator rejects its sensors", _be(estimator_ratio=2.0), "hand over", "estimator is in doubt", silent_s=0.6),
+)
+LIMITS = (
+    Case("tilt", _distort(lambda: faults.leaning(math.radians(60.0))), "hand over", "the tilt is"),
+    Case("speed", _distort(lambda: faults.hurried(12.0, 0.5)), "land", "the speed is", silent_s=1.5),
+    Case("fence", _distort(lambda: faults.displaced((0.0, 6.0, 0.0), 1.0)), "land", "from take-off", silent_s=2.0),
+    Case("ceiling", _distort(lambda: faults.displaced((0.0, 0.0, -6.0), 1.0)), "land", "allowed are 1.5", silent_s=2.0),
+    Case("floor", _distort(lambda: faults.displaced((0.0, 0.0, 6.0), 1.0)), "land", "m or more", silent_s=2.0),
+    Case(
+        "landing does not end",
+        _land_without_end,
+        "end",
+        f"did not land and disarm in {OVER_TIME_S:g} s",
+        silent_s=0.5,
+        setting=Setting(guards={"max_over_time_s": OVER_TIME_S}),
+    ),
+    Case(
+        "compensator beyond its data",
+        _rise_out_of_the_data,
+        "fade out",
+        "asked to land by SIGINT",
+        silent_s=2.5,
+        setting=Setting(model=HERE / "fitted.yaml"),
+    ),
+    Case("battery low", _distort(lambda: faults.battery_at(12.0)), "land", "the battery is at 12.00 V", silent_s=1.0),
+)
+LINK = (
+    Case("autopilot's messages stop", _be(silent=True), "hand over", STALE),
+    Case("heartbeats stop", _withhold("HEARTBEAT"), "hand over", "heartbeat is lost", "failsafe", silent_s=3.5),
+    Case("autopilot hears nothing", _be(deaf=True), "release", "left offboard", "failsafe", silent_s=1.5),
+    Case(
+        "disarmed in flight",
+        lambda s: s.px.autopilot._disarm(),
+        "release",
+        "disarmed",
+        "failsafe",
+        silent_s=0.5,
+        on_ardupilot={"mode": ""},
+    ),
+    Case("autopilot restarts within 0.5 s", _restart, "hand over", STALE, "boot"),
+    Case(
+        "autopilot restarts at once",
+        _restart_at_once,
+        "release",
+        "",
+        "boot",
+        silent_s=0.5,
+        on_ardupilot={"answer": LET_GO},
+    ),
+)
+PEOPLE = (
+    Case("the pilot takes the mode", _take, "release", "left offboard", "stick", silent_s=0.5),
+    Case("the mode is taken and given back", _take_and_return, "release", "left offboard", "stick", silent_s=0.5),
+    Case("Ctrl-C", lambda s: s.signal(SIGINT), "land", "asked to land by SIGINT", silent_s=0.5),
+    Case("Ctrl-C, landing refused", _refuse_landing, "silence", "refused to enter LAND", "failsafe", silent_s=1.0),
+    Case("Ctrl-C twice", _interrupt_twice, "hand over", "asked to let go", silent_s=0.5),
+    Case("Ctrl-C twice, autopilot hears nothing", _interrupt_twice_unheard, "hand over", "let go", "failsafe"),
+)
+CASES = (*PROCESS, *STATE, *LIMITS, *LINK, *PEOPLE)

@@ -1,0 +1,263 @@
+"""One flight with one fault: a simulated autopilot on the wire, the flight in a process of its own, what was seen."""
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from quadctl.flight.pilot.guards import GuardLimits, unfit
+from quadctl.logs.read import read_log
+from quadctl.sitl.rules.copter import Guided, SimulatedCopter
+from quadctl.sitl.rules.px4 import SimulatedAutopilot
+from quadctl.sitl.server.ardupilot import MavlinkArduPilot
+from quadctl.sitl.server.px4 import MavlinkPx4
+from quadctl.sitl.server.server import MavlinkMock
+from quadctl.vehicle import load_vehicle
+
+HERE = Path(__file__).parent
+ROOT = HERE.parents[1]
+CONFIG = ROOT / "config" / "flight.yaml"
+VEHICLE = load_vehicle(CONFIG.parent / "vehicles" / "raptor.yaml")
+PERSON_S = 3.5
+"""A person lands what nobody has landed for so long; a flight that was stalled for 3 s comes first."""
+HOVER_M = 0.4
+CALM_S = 0.3
+START_TIMEOUT_S, END_TIMEOUT_S, EXIT_TIMEOUT_S = 60.0, 20.0, 2.0
+TICK_S = 0.02
+MIN_BATTERY_V = 13.5
+
+
+@dataclass(frozen=True)
+class Profile:
+    """An autopilot that faults are tried on."""
+
+    name: str
+    make: Callable[[int], MavlinkMock]
+    """On the wire at a port."""
+    offboard: str
+    boot: str
+    """Its mode after power-up."""
+    failsafe: str
+    """What `mode_of` says when setpoints stop."""
+    stick: str
+    """The mode that a person's stick takes."""
+    land_speed: str
+    """Name of the parameter."""
+
+
+def px4(port: int) -> MavlinkMock:
+    autopilot = SimulatedAutopilot(VEHICLE)
+    autopilot.parameters["COM_DISARM_LAND"] = 0.3  # the default would only make us wait
+    return MavlinkPx4(autopilot, port)
+
+
+def ardupilot(port: int) -> MavlinkMock:
+    copter = SimulatedCopter(VEHICLE)
+    copter.parameters |= {"GUID_OPTIONS": 8.0, "GUID_TIMEOUT": 0.5}  # as quadctl wants them
+    return MavlinkArduPilot(copter, port)
+
+
+PROFILES = {
+    "px4": Profile("px4", px4, "OFFBOARD", "HOLD", "RTL", "POSCTL", "MPC_LAND_SPEED"),
+    "ardupilot": Profile("ardupilot", ardupilot, "GUIDED", "STABILIZE", "GUIDED levelled", "LOITER", "LAND_SPEED"),
+}
+
+
+def mode_of(autopilot: SimulatedAutopilot) -> str:
+    """Its mode; ArduPilot's failsafe for missing targets levels it, and the mode stays GUIDED."""
+    levelled = isinstance(autopilot, SimulatedCopter) and autopilot.guided is Guided.LEVEL
+    return f"{autopilot.mode} levelled" if levelled and autopilot.mode == "GUIDED" else autopilot.mode
+
+
+def waits_for_a_person(autopilot: SimulatedAutopilot) -> bool:
+    """Nothing of its own will ever land it."""
+    return (
+        isinstance(autopilot, SimulatedCopter) and autopilot.mode == "GUIDED" and autopilot.guided is not Guided.TARGETS
+    )
+
+
+@dataclass
+class Seen:
+    """What a fault led to; times are seconds after it began."""
+
+    last_setpoint_s: float = 0.0
+    setpoints: int = 0
+    """That arrived after the fault began."""
+    unfit: list[str] = field(default_factory=list)
+    """Setpoints of the whole flight that should not have reached the wire."""
+    modes: list[tuple[str, float]] = field(default_factory=list)
+    """Changes of mode."""
+    at_rest_s: float = float("nan")
+    """Landed and disarmed."""
+    ended: str = ""
+    """What the log says."""
+    events: list[tuple[str, str]] = field(default_factory=list)
+    """What and answer, from the log."""
+    rows_lost_s: float = 0.0
+    """Setpoints that arrived and are not in the log, in seconds of flight."""
+    exited_s: float = float("nan")
+    """When the flight's process had ended by itself."""
+    problem: str = ""
+    """What its result file says besides."""
+
+    @property
+    def mode(self) -> str:
+        """The first mode after the fault."""
+        return self.modes[0][0] if self.modes else ""
+
+
+@dataclass(frozen=True)
+class Setting:
+    """How one flight differs from the others before its fault."""
+
+    stall_s: float = 3.0
+    """How long SIGUSR1 and SIGUSR2 stall the process."""
+    guards: Mapping[str, float] = field(default_factory=dict)
+    model: Path | None = None
+    """Compensator."""
+
+
+class Scene:
+    """The stage on which a fault acts."""
+
+    def __init__(self, profile: Profile, where: Path, setting: Setting) -> None:
+        self.profile = profile
+        self.where = where
+        port = _free_port()
+        self.px = profile.make(port)
+        self.began_s = time.monotonic()
+        self._later: list[tuple[float, Callable[[], object]]] = []
+        words = ["fly", str(HERE / "hover.yaml"), "--link", f"udpin://127.0.0.1:{port}", "--log-dir", str(where)]
+        words += ["--config", str(_config(where, setting.guards)), "--json", str(where / "out.json")]
+        words += [] if setting.model is None else ["--model", str(setting.model)]
+        self._complaints = where / "stderr.txt"
+        with self._complaints.open("w") as complaints:
+            self.process = subprocess.Popen(
+                [sys.executable, "-m", "studies.faults.flier", *words],
+                cwd=ROOT,
+                env={**os.environ, "STALL_S": str(setting.stall_s)},
+                stdout=subprocess.DEVNULL,
+                stderr=complaints,
+                start_new_session=True,
+            )
+
+    @property
+    def log(self) -> Path:
+        (path,) = self.where.glob("*.csv")
+        return path
+
+    def signal(self, number: signal.Signals) -> None:
+        """Send a signal to the flight's process."""
+        self.process.send_signal(number)
+
+    def later(self, after_s: float, action: Callable[[], object]) -> None:
+        """Do `action` so long after the fault began."""
+        self._later.append((after_s, action))
+
+    def stick(self, mode: str) -> None:
+        """A person takes the mode."""
+        assert self.px.autopilot.request_mode(mode) is None
+
+    def watch(self, inject: Callable[["Scene"], None]) -> Seen:
+        """Fly, let the fault begin in the hover, watch until the vehicle is at rest."""
+        with self.px as px:
+            self._reach_hover()
+            seen = Seen()
+            before, mode = len(px.setpoints_received), mode_of(px.autopilot)
+            self.began_s = flown_s = time.monotonic()
+            inject(self)
+
+            def look() -> bool:
+                nonlocal mode, flown_s
+                now_s = time.monotonic() - self.began_s
+                if not waits_for_a_person(px.autopilot):
+                    flown_s = time.monotonic()
+                elif time.monotonic() - flown_s > PERSON_S:
+                    self.stick("LAND")
+                for entry in [e for e in self._later if e[0] <= now_s]:
+                    self._later.remove(entry)
+                    entry[1]()
+                if mode_of(px.autopilot) != mode:
+                    mode = mode_of(px.autopilot)
+                    seen.modes.append((mode, now_s))
+                if self.process.poll() is not None and np.isnan(seen.exited_s):
+                    seen.exited_s = now_s
+                if not px.autopilot.armed and px.autopilot.landed and np.isnan(seen.at_rest_s):
+                    seen.at_rest_s = now_s
+                return not np.isnan(seen.at_rest_s) and not self._later
+
+            px.wait_until(look, END_TIMEOUT_S)
+            px.wait_until(lambda: look() and not np.isnan(seen.exited_s), EXIT_TIMEOUT_S)
+            self._end()
+            received = list(px.setpoints_received)
+        seen.setpoints = len(received) - before
+        if seen.setpoints:
+            seen.last_setpoint_s = received[-1].received_s - self.began_s
+        limits = GuardLimits()
+        seen.unfit = [problem for s in received if (problem := unfit(s.target, limits, 0.9))]
+        self._read_log(seen, len(received))
+        return seen
+
+    def close(self) -> None:
+        """Leave nothing running."""
+        self.process.kill()
+        self.process.wait()
+
+    def _reach_hover(self) -> None:
+        px, autopilot = self.px, self.px.autopilot
+
+        def hovering() -> bool:
+            hovers = -autopilot.body.position[2] > HOVER_M and bool(px.setpoints_received)
+            return self.process.poll() is not None or hovers
+
+        hovers = px.wait_until(hovering, START_TIMEOUT_S) and self.process.poll() is None
+        if not hovers:
+            raise RuntimeError(f"the flight did not begin: {self._complaints.read_text().strip()}")
+        end_s = autopilot.time_s + CALM_S
+        px.wait_until(lambda: autopilot.time_s > end_s, START_TIMEOUT_S)
+
+    def _end(self) -> None:
+        """A process that waits for a link that does not come back is told to let go."""
+        for _ in range(2):
+            if self.process.poll() is None:
+                self.signal(signal.SIGINT)
+                time.sleep(0.1)
+        try:
+            self.process.wait(5.0 * EXIT_TIMEOUT_S)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+
+    def _read_log(self, seen: Seen, setpoints: int) -> None:
+        meta: dict[str, Any] = yaml.safe_load(self.log.with_suffix(".meta.yaml").read_text())
+        seen.ended = meta["ended"]
+        seen.events = [(event["what"], event["answer"]) for event in meta["events"]]
+        commanded = int(np.isfinite(read_log(self.log)["throttle_cmd"]).sum())
+        seen.rows_lost_s = max(setpoints - commanded, 0) * TICK_S
+        result = self.where / "out.json"
+        if result.is_file():
+            seen.problem = json.loads(result.read_text())["problem"] or ""
+
+
+def _config(where: Path, guards: Mapping[str, float]) -> Path:
+    settings = yaml.safe_load(CONFIG.read_text())
+    settings["vehicle"] = str(CONFIG.parent / settings["vehicle"])
+    settings["guards"] |= {"min_battery_v": MIN_BATTERY_V, **guards}
+    path = where / "flight.yaml"
+    path.write_text(yaml.safe_dump(settings))
+    return path
+
+
+def _free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])

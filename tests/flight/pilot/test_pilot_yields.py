@@ -1,0 +1,148 @@
+"""Somebody else flies: a mode that was taken is never taken back, known or not."""
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from quadctl.flight.pilot.tick import Request, Stage
+from quadctl.state import VehicleState
+from tests.support.watched import HAND_OVER, RATE_HZ, Flight, at_stage, in_flight, stall, take_over
+
+
+@pytest.mark.parametrize("mode", ["POSCTL", "HOLD", "RTL"])
+def test_a_mode_taken_by_somebody_is_never_taken_back(mode: str) -> None:
+    flight = Flight()
+    flight.when(in_flight(3.0), take_over(flight, mode)).fly()
+    assert flight.pilot.ended == f"the autopilot left offboard for {mode}"
+    taken = flight.watch.first(lambda t: t.state.mode == mode and t.state.armed)
+    assert taken.target is None
+    assert taken.stage is Stage.RELEASED
+    assert flight.autopilot.asked == ["OFFBOARD", "ARM"]
+    assert flight.at_rest
+    recorded = [t for t in flight.watch.ticks if t.stage is Stage.RELEASED]
+    assert len(recorded) > 2.0 * RATE_HZ
+    assert not flight.watch.ticks[-1].state.armed
+
+
+@pytest.mark.parametrize("trouble", ["no position", "stale position", "heartbeat", "tilt"])
+def test_it_is_not_taken_back_for_another_trouble_in_the_same_tick(trouble: str) -> None:
+    flight = Flight()
+    change = HAND_OVER[trouble][0]
+    flight.when(in_flight(3.0), take_over(flight, "POSCTL")).show(change, in_flight(3.0), until=0.02).fly()
+    assert flight.pilot.ended == "the autopilot left offboard for POSCTL"
+    assert "LAND" not in flight.autopilot.asked
+
+
+def test_it_is_not_taken_back_after_a_stall_a_failed_send_or_a_wish_to_land() -> None:
+    for action in (
+        lambda f: f.autopilot.step(f.autopilot.time_s + 0.5),
+        lambda f: f.pilot.fail("the cable is gone"),
+        lambda f: f.pilot.ask_to_land("asked to land by SIGINT"),
+    ):
+        flight = Flight()
+        flight.when(in_flight(3.0), take_over(flight, "POSCTL"))
+        flight.when(in_flight(3.0), lambda act=action, f=flight: act(f)).fly()  # type: ignore[misc]
+        assert flight.pilot.ended.endswith("the autopilot left offboard for POSCTL")
+        assert "LAND" not in flight.autopilot.asked
+        assert not flight.watch.ticks[-1].state.armed
+
+
+def test_a_mode_taken_and_given_back_is_not_flown_again() -> None:
+    flight = Flight()
+    flight.when(in_flight(3.0), take_over(flight, "POSCTL"))
+    flight.show(
+        lambda s: replace(s, mode="OFFBOARD") if s.mode == "POSCTL" else s, lambda t: t.stage is Stage.RELEASED
+    ).fly()
+    assert flight.pilot.ended == "the autopilot left offboard for POSCTL"
+
+
+def test_a_mode_taken_while_spooling_up_is_let_go() -> None:
+    flight = Flight()
+    flight.when(at_stage(Stage.SPOOL_UP, 20), take_over(flight, "POSCTL")).fly()
+    assert flight.pilot.ended == "the autopilot left offboard for POSCTL"
+    assert "LAND" not in flight.autopilot.asked
+
+
+def test_a_mode_taken_before_the_arming_is_let_go() -> None:
+    flight = Flight()
+    flight.autopilot.ignored.add("ARM")
+    flight.when(at_stage(Stage.START, 10), lambda: flight.autopilot.somebody("POSCTL")).fly()
+    assert flight.pilot.ended == "the autopilot went to POSCTL"
+    assert flight.autopilot.asked == ["OFFBOARD", "ARM"]
+
+
+def test_a_mode_taken_while_landing_is_let_go() -> None:
+    flight = Flight()
+    flight.when(at_stage(Stage.LAND, 5), take_over(flight, "POSCTL")).fly()
+    assert flight.autopilot.asked == ["OFFBOARD", "ARM", "LAND"]
+    assert flight.at_rest
+
+
+def test_when_somebody_else_flies_a_wish_to_land_only_ends_the_recording() -> None:
+    flight = Flight()
+    flight.when(in_flight(3.0), take_over(flight, "POSCTL"))
+    flight.when(at_stage(Stage.RELEASED, 50), lambda: flight.pilot.ask_to_land("asked to land by SIGINT")).fly()
+    assert flight.pilot.ended == "the autopilot left offboard for POSCTL"
+    assert flight.autopilot.mode == "POSCTL"
+
+
+def test_disarmed_in_flight() -> None:
+    flight = Flight()
+    flight.when(in_flight(3.0), flight.autopilot._disarm).fly()
+    assert flight.pilot.ended == "the vehicle was disarmed"
+    assert flight.watch.stages()[-2:] == [Stage.RELEASED, Stage.DONE]
+    assert "LAND" not in flight.autopilot.asked
+
+
+# --- not known whose the mode is -----------------------------------------------------------------------------------
+
+
+def test_after_a_stall_the_landing_is_asked_for_only_when_a_new_heartbeat_shows_offboard() -> None:
+    flight = Flight()
+    old_heartbeat_until_s = math.inf
+
+    def late_news(s: VehicleState) -> VehicleState:
+        if s.time_s >= old_heartbeat_until_s:
+            return s
+        return replace(s, mode="OFFBOARD", received_s={**s.received_s, "heartbeat": s.time_s - 0.6})
+
+    def stall_now() -> None:
+        nonlocal old_heartbeat_until_s
+        stall(flight, 0.5)()
+        old_heartbeat_until_s = flight.autopilot.time_s + 0.4
+
+    flight.show(late_news, in_flight(3.0)).when(in_flight(3.0), stall_now).fly()
+    (asked,) = flight.watch.with_request(Request.LAND)
+    assert asked.state.time_s == pytest.approx(old_heartbeat_until_s, abs=0.05)
+    assert not any(t.target for t in flight.watch.ticks if t.time_s > asked.time_s - 0.4)
+
+
+def test_a_mode_taken_during_a_stall_is_left_alone_though_the_old_one_is_still_shown() -> None:
+    flight = Flight()
+
+    def late_news(s: VehicleState) -> VehicleState:
+        if s.time_s > shown_until_s:
+            return s
+        return replace(s, mode="OFFBOARD", received_s={**s.received_s, "heartbeat": s.time_s - 0.6})
+
+    shown_until_s = 0.0
+
+    def take_over_in_a_stall() -> None:
+        nonlocal shown_until_s
+        take_over(flight, "POSCTL")()
+        stall(flight, 0.5)()
+        shown_until_s = flight.autopilot.time_s + 0.3
+
+    flight.show(late_news, in_flight(3.0)).when(in_flight(3.0), take_over_in_a_stall).fly()
+    assert flight.pilot.ended == "the control loop stalled for 0.48 s"
+    assert "LAND" not in flight.autopilot.asked
+    assert Stage.RELEASED in flight.watch.stages()  # recorded until the end
+    assert flight.at_rest
+
+
+def test_an_autopilot_that_restarts_is_let_go() -> None:
+    flight = Flight().show(lambda s: replace(s, boots=1), in_flight(3.0), until=0.1)
+    flight.when(at_stage(Stage.RELEASED, 25), lambda: flight.autopilot.somebody("LAND")).fly()
+    assert flight.pilot.ended == "the autopilot restarted"
+    assert "LAND" not in flight.autopilot.asked

@@ -1,0 +1,246 @@
+"""What `quadctl check` finds before anything moves: fit flights pass, unfit ones are refused, each for its reason."""
+
+import asyncio
+import itertools
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from quadctl.errors import FlightError
+from quadctl.flight.autopilot.firmware import Requirement
+from quadctl.flight.autopilot.px4 import PX4
+from quadctl.flight.preflight.check import check_flight
+from quadctl.flight.preflight.findings import Finding, Verdict
+from quadctl.flight.preflight.inquiry import inspect_autopilot
+from quadctl.flight.preflight.plan import FlightPlan, read_flight
+from quadctl.model import Provenance
+from quadctl.state import VehicleState
+from tests.support.places import ROOT
+
+UP = {"name": "up", "kind": "move", "to_m": [0, 0, 1], "speed_m_s": 0.5}
+LIMITS = {"min_z_m": 0.05, "max_z_m": 2.0, "max_distance_m": 20.0}
+
+
+def planned(where: Path, *phases: dict[str, Any], model: str = "none", config: Any = None, **limits: Any) -> FlightPlan:
+    """A flight of these phases after a climb to 1 m; `config` overwrites keys of the flight configuration."""
+    mission, flight = where / "m.yaml", where / "flight.yaml"
+    mission.write_text(yaml.safe_dump({"phases": [UP, *phases], "limits": {**LIMITS, **limits}}))
+    flight.write_text(yaml.safe_dump({"vehicle": str(ROOT / "config/vehicles/raptor.yaml"), **(config or {})}))
+    return read_flight(mission, flight, model, None)
+
+
+def found(findings: list[Finding], verdict: Verdict) -> dict[str, str]:
+    return {finding.topic: finding.text for finding in findings if finding.verdict is verdict}
+
+
+def with_vehicle(plan: FlightPlan, **keys: Any) -> FlightPlan:
+    vehicle = plan.body.vehicle.model_copy(update=keys)
+    return plan._replace(
+        body=replace(plan.body, vehicle=vehicle), compensator=replace(plan.compensator, vehicle=vehicle)
+    )
+
+
+# --- before the link -------------------------------------------------------------------------------------------------
+
+
+def test_a_fit_flight_passes_with_its_numbers(tmp_path: Path) -> None:
+    hover = {"kind": "hold", "duration_s": 10}
+    plan = with_vehicle(planned(tmp_path, hover, config={"guards": {"min_battery_v": 14}}), endurance_s=300.0)
+    findings = check_flight(plan)
+    assert {finding.verdict for finding in findings} == {Verdict.OK}
+    texts = found(findings, Verdict.OK)
+    # climb with 2 m/s^2: 1.5 kg (9.81 + 2.0) = 17.7 N of 4 x 8.9764 N
+    assert texts["thrust"].startswith("up to 17.7 N of 35.9 N (49%, hover 41%)")
+    assert texts["speed"].startswith("up to 0.50 m/s (climb 0.50, descent 0.00)")
+    assert texts["battery"] == "12 s of flight, the vehicle hovers for 300 s, lands below 14 V"
+
+
+@pytest.mark.parametrize(
+    ("topic", "phase", "said"),
+    [
+        # atan(9 / 9.81) = 43 deg, of which the controller leans 35; reach of a rotor tip 0.124 sqrt 2 + 0.12 = 0.295 m
+        ("ground", {"kind": "move", "to_m": [9, 0, 0.06], "acceleration_m_s2": 9}, "it touches the ground"),
+        (
+            "speed",
+            {"kind": "move", "to_m": [18, 0, 1], "speed_m_s": 9, "acceleration_m_s2": 5},
+            "would end the mission",
+        ),
+        ("thrust", {"kind": "cosine", "centre_z_m": 1.5, "amplitude_m": 0.4, "period_s": 1}, "the rotors give 35.9 N"),
+    ],
+)
+def test_what_the_vehicle_cannot_do_is_refused(tmp_path: Path, topic: str, phase: dict[str, Any], said: str) -> None:
+    refused = found(check_flight(planned(tmp_path, phase)), Verdict.REFUSED)
+    assert set(refused) == {topic}
+    assert said in refused[topic]
+
+
+def test_a_jump_of_the_reference_counts_with_the_controllers_answer(tmp_path: Path) -> None:
+    """A step of 5 m north: 1.4 / s x 0.95 / s x 5 m = 6.65 m/s^2, atan(6.65 / 9.81) = 34 deg."""
+    findings = check_flight(planned(tmp_path, {"kind": "step", "to_m": [5, 0, 1], "duration_s": 5}))
+    assert found(findings, Verdict.OK)["tilt"].startswith("up to 34 deg")
+
+
+def test_limits_that_contradict_each_other_are_refused(tmp_path: Path) -> None:
+    guards = {"guards": {"max_tilt_deg": 30}}
+    refused = found(check_flight(planned(tmp_path, config=guards)), Verdict.REFUSED)
+    assert "the controller may lean further than the guard allows" in refused["tilt"]
+    datum = {"height_datum": "takeoff", "rest_height_m": 0.3}
+    low = {"kind": "move", "to_m": [0, 0, 0.2]}
+    refused = found(check_flight(planned(tmp_path, low, config=datum)), Verdict.REFUSED)
+    assert "z = 0.20 m is below rest_height_m = 0.3" in refused["ground"]
+
+
+def test_a_ceiling_is_kept_away_from_by_mission_and_guard(tmp_path: Path) -> None:
+    plan = planned(tmp_path)
+    assert (
+        "the guard ends a climb at z = 2.5 m"
+        in found(check_flight(with_vehicle(plan, ceiling_m=2.4)), Verdict.WARNING)["ceiling"]
+    )
+    assert "ceiling at 1.1 m" in found(check_flight(with_vehicle(plan, ceiling_m=1.1)), Verdict.REFUSED)["ceiling"]
+    assert "ceiling" in found(check_flight(with_vehicle(plan, ceiling_m=2.6)), Verdict.OK)
+
+
+def test_a_battery_that_does_not_last_is_refused(tmp_path: Path) -> None:
+    plan = planned(tmp_path, {"kind": "hold", "duration_s": 90})
+    for endurance_s, verdict in ((80.0, Verdict.REFUSED), (100.0, Verdict.WARNING)):
+        assert "battery" in found(check_flight(with_vehicle(plan, endurance_s=endurance_s)), verdict)
+
+
+def test_a_descent_faster_than_the_controller_flies_is_a_warning(tmp_path: Path) -> None:
+    down = {"kind": "move", "to_m": [0, 0, 0.1], "speed_m_s": 1.2, "acceleration_m_s2": 4}
+    warned = found(check_flight(planned(tmp_path, down)), Verdict.WARNING)
+    assert "max_down_m_s = 1 m/s and falls behind 1.20 m/s" in warned["speed"]
+
+
+# --- compensators ----------------------------------------------------------------------------------------------------
+
+
+def test_an_unphysical_compensator_is_refused(tmp_path: Path) -> None:
+    assert "ground_effect.kan" in found(check_flight(planned(tmp_path, model="kan")), Verdict.REFUSED)["compensator"]
+    pole = planned(tmp_path, model="nobahari")  # at z = 0.625 R = 0.075 m, above min_z_m
+    assert "not safe to fly" in found(check_flight(pole), Verdict.REFUSED)["compensator"]
+
+
+def test_a_compensator_beyond_its_data_or_its_band_is_a_warning(tmp_path: Path) -> None:
+    plan = planned(tmp_path, {"kind": "move", "to_m": [0, 0, 0.1]}, model="sanchez")
+    assert "it asks for more than the limit" in found(check_flight(plan), Verdict.WARNING)["compensator"]
+    fitted = replace(plan.compensator.stack[0], fitted=Provenance(height_m=(0.3, 1.0)))
+    partial = plan._replace(compensator=replace(plan.compensator, stack=(fitted,)))
+    texts = [finding.text for finding in check_flight(partial) if finding.verdict is Verdict.WARNING]
+    assert any("fitted to rotor heights of 0.30 to 1.00 m: the mission's limits go beyond" in text for text in texts)
+
+
+# --- the autopilot ---------------------------------------------------------------------------------------------------
+
+GOOD = {"COM_OF_LOSS_T": 0.5, "COM_OBL_RC_ACT": 4.0, "MPC_THR_HOVER": 0.5}
+
+
+@dataclass
+class FakeAutopilot:
+    """Time passes by 2 ms with each look at the state; messages come at `rate_hz`."""
+
+    standing: VehicleState
+    rate_hz: float = 100.0
+    values: dict[str, float] = field(default_factory=lambda: dict(GOOD))
+    refusal: str = ""
+    warnings: list[str] = field(default_factory=list)
+    description: str = "an autopilot"
+    requirements: Sequence[Requirement] = ()
+    checked: Sequence[str] = PX4.checked
+
+    def __post_init__(self) -> None:
+        self._looks = itertools.count()
+
+    async def request_telemetry(self) -> None:
+        if self.refusal:
+            raise FlightError(self.refusal)
+
+    def state(self) -> VehicleState:
+        now = 100.0 + 0.002 * next(self._looks)
+        latest = math.floor(now * self.rate_hz) / self.rate_hz
+        parts = dict.fromkeys(("position", "attitude", "rates", "rpm", "battery", "heartbeat"), latest)
+        return replace(self.standing, time_s=now, received_s=parts)
+
+    async def parameters(self, names: Iterable[str]) -> dict[str, float]:
+        return {name: self.values[name] for name in names if name in self.values}
+
+
+STANDING = VehicleState(
+    0.0, (0.0, 0.0, -0.05), (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), battery_v=16.0, mode="HOLD",
+    connected=True,
+)  # fmt: skip
+
+
+@pytest.fixture(autouse=True)
+def _no_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The fake autopilot's time passes by itself."""
+    monkeypatch.setattr("quadctl.flight.preflight.inquiry.LOOK_EVERY_S", 0.0)
+
+
+def asked(where: Path, autopilot: FakeAutopilot, config: Any = None) -> list[Finding]:
+    return asyncio.run(inspect_autopilot(planned(where, config=config), autopilot, 0.5))
+
+
+def test_a_ready_autopilot_passes(tmp_path: Path) -> None:
+    findings = asked(tmp_path, FakeAutopilot(STANDING))
+    assert {finding.verdict for finding in findings} == {Verdict.OK}
+    texts = [finding.text for finding in findings]
+    assert "position at 100 Hz, up to 8 ms old" in texts  # looked at every 2 ms
+    assert "COM_OBL_RC_ACT: then it goes to Land (4)" in texts
+
+
+@pytest.mark.parametrize(
+    ("topic", "wrong", "said"),
+    [
+        ("mode", {"armed": True}, "expected a vehicle that is disarmed"),
+        ("mode", {"ready_to_arm": False}, "its own checks do not pass"),
+        ("estimator", {"estimator_ok": False}, "does not trust its attitude"),
+        ("estimator", {"position_ned_m": (math.nan, 0.0, 0.0)}, "not a number"),
+        ("standing", {"attitude": (math.cos(0.1), math.sin(0.1), 0.0, 0.0)}, "11.5 deg tilt"),
+        ("standing", {"velocity_ned_m_s": (0.4, 0.0, 0.0)}, "expected at most 0.3 m/s"),
+        ("standing", {"position_ned_m": (0.0, 0.0, -1.0)}, "height_datum: frame takes z = 0 for the ground"),
+        ("battery", {"battery_v": 13.0}, "13.00 V: expected 14 V or more"),
+        ("battery", {"battery_v": math.nan}, "guards.min_battery_v needs it"),
+    ],
+    ids=str,
+)
+def test_an_autopilot_that_is_not_ready_is_refused(
+    tmp_path: Path, topic: str, wrong: dict[str, Any], said: str
+) -> None:
+    findings = asked(tmp_path, FakeAutopilot(replace(STANDING, **wrong)), {"guards": {"min_battery_v": 14}})
+    assert said in found(findings, Verdict.REFUSED)[topic]
+
+
+def test_messages_that_come_too_seldom_are_refused_and_slow_ones_a_warning(tmp_path: Path) -> None:
+    seldom = [f for f in asked(tmp_path, FakeAutopilot(STANDING, rate_hz=4.0)) if f.topic == "messages"]
+    assert [finding.verdict for finding in seldom[:2]] == [Verdict.REFUSED] * 2
+    slow = [f for f in asked(tmp_path, FakeAutopilot(STANDING, rate_hz=30.0)) if f.topic == "messages"]
+    assert [finding.verdict for finding in slow[:2]] == [Verdict.WARNING] * 2
+    assert "control runs at 50 Hz" in slow[0].text
+
+
+def test_an_autopilot_that_refuses_a_message_is_refused(tmp_path: Path) -> None:
+    findings = asked(tmp_path, FakeAutopilot(STANDING, refusal="it refused to send LOCAL_POSITION_NED"))
+    assert found(findings, Verdict.REFUSED) == {"messages": "it refused to send LOCAL_POSITION_NED"}
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        ({"COM_OF_LOSS_T": 5.0}, "acts 5 s after the last setpoint: expected at most 1 s"),
+        ({"COM_OBL_RC_ACT": 0.0}, "goes to Position (0): expected 4 (Land)"),
+        ({"COM_OBL_RC_ACT": 3.0}, "it climbs first, and there is a ceiling at 2.6 m"),
+        ({"MPC_THR_HOVER": 0.3}, "hovers at 0.30, the vehicle file at 0.52: one of them is wrong"),
+    ],
+)
+def test_parameters_that_make_silence_dangerous_are_warnings(
+    tmp_path: Path, values: dict[str, float], said: str
+) -> None:
+    findings = asked(tmp_path, FakeAutopilot(STANDING, values={**GOOD, **values}))
+    assert said in found(findings, Verdict.WARNING)["parameters"]
+    assert not found(findings, Verdict.REFUSED)

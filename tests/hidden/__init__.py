@@ -1,1 +1,0 @@
-"""The blind proof of `quadctl.lab.diagnose`: flights whose hidden truth is physics of its own, and a scoreboard."""

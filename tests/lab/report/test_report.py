@@ -1,0 +1,367 @@
+"""The report as a specification: what a person finds on the page, and what the page never does."""
+
+import dataclasses
+import re
+from collections.abc import Iterator
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from quadctl.effects.ground_effect import CheesemanForward, Exponential
+from quadctl.effects.rotor_drag import LinearDrag
+from quadctl.effects.thrust_scale import ConstantScale
+from quadctl.errors import LogError, SettingsError
+from quadctl.lab import plots
+from quadctl.lab.comparison.comparison import Comparison, compare
+from quadctl.lab.comparison.wording import number, p_in_words, quantity
+from quadctl.lab.flights.dataset import load_dataset
+from quadctl.lab.report import Results, render_report, write_report
+from quadctl.lab.report.numbers import rmse_interval
+from quadctl.lab.selection.addition import Addition, add
+from quadctl.lab.selection.diagnosis import Diagnosis, Verdict, diagnose
+from quadctl.lab.selection.effect_curves import effect_curves, ratio_curve
+from quadctl.lab.tracking.metrics import Window, metrics
+from quadctl.lab.tracking.step_response import StepResponses, step_responses
+from quadctl.logs.flight_log import FlightLog
+from quadctl.model import Model
+from quadctl.vehicle import Vehicle
+from tests.support.flights import CUSHION, obedient, simulated, to_and_fro
+
+CANDIDATES = (ConstantScale, Exponential, LinearDrag)
+NASTY = '<script>alert("x")</script>&_$a$.csv'
+VOID = {"meta", "br", "link", "img", "input", "hr"}
+UNIT = re.compile(r" / (m/s²|m/s|m s|N|V|deg|s|m|mm|%|rotor radii)$")
+
+
+class Page(HTMLParser):
+    """What a browser makes of a page: elements with their attributes, texts, and whether all are closed in order."""
+
+    def __init__(self, html: str) -> None:
+        super().__init__(convert_charrefs=True)
+        self.open: list[str] = []
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.texts: list[str] = []
+        self.feed(html)
+        self.close()
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.texts.append(data)
+
+    @property
+    def text(self) -> str:
+        return re.sub(r"\s+", " ", " ".join(self.texts))
+
+    @property
+    def sections(self) -> list[str | None]:
+        return [attrs["id"] for tag, attrs in self.tags if tag == "section"]
+
+
+@dataclasses.dataclass(frozen=True)
+class Flown:
+    """The circle on simulated flights over a ground whose cushion is not in the catalogue."""
+
+    before: Comparison
+    diagnosis: Diagnosis
+    addition: Addition
+    before_unseen: Comparison
+    after: Comparison
+    steps: StepResponses
+
+    @property
+    def results(self) -> Results:
+        return Results(self.before, self.diagnosis, self.addition, self.before_unseen, self.after, self.steps)
+
+
+@pytest.fixture(scope="module")
+def flown(raptor: Vehicle, tmp_path_factory: pytest.TempPathFactory) -> Flown:
+    where = tmp_path_factory.mktemp("flown")
+    rigid = Model(raptor)
+    seen = load_dataset([simulated("hover_staircase", [CUSHION], 1, where)], raptor)
+    steps = _step_logs(where)
+    unseen = load_dataset([steps["none"]], raptor)
+    addition = add(Exponential, rigid, seen)
+    return Flown(
+        compare(rigid, seen),
+        diagnose(rigid, seen, CANDIDATES),
+        addition,
+        compare(rigid, unseen),
+        compare(addition.model, unseen),
+        _steps(steps),
+    )
+
+
+def _step_logs(where: Path) -> dict[str, FlightLog]:
+    return {
+        "none": simulated("step_response", [CUSHION], 3, where),
+        "models/found.yaml": simulated("step_response", [], 3, where),
+        "out of ground effect": simulated("step_response_high", [], 4, where),
+    }
+
+
+def _steps(logs: dict[str, FlightLog]) -> StepResponses:
+    flights = list(logs.values())
+    return step_responses(logs, metrics(flights[:2], flights[2:], window=Window(phase="step")), Window(phase="step"))
+
+
+@pytest.fixture(scope="module")
+def html(flown: Flown) -> str:
+    return render_report(flown.results)
+
+
+@pytest.fixture(scope="module")
+def page(html: str) -> Page:
+    return Page(html)
+
+
+@pytest.fixture(scope="module")
+def made(raptor: Vehicle) -> Comparison:
+    """A quick comparison, of a flight with a nasty name."""
+    log = obedient(Model(raptor).plus(ConstantScale(factor=1.1)), noise_m_s=0.01, name=NASTY)
+    return compare(Model(raptor, name="<b>rigid</b>"), load_dataset([log], raptor))
+
+
+class TestWhatThePageHolds:
+    def test_all_sections_in_reading_order(self, page: Page) -> None:
+        assert page.sections == [
+            *("flights", "over-time", "open-loop", "variables", "fails"),
+            *("missing", "before-after", "effects", "steps"),
+        ]
+        assert page.open == []
+
+    def test_only_the_comparison_is_required(self, made: Comparison) -> None:
+        assert Page(render_report(Results(made))).sections == [
+            *("flights", "over-time", "open-loop", "variables", "fails")
+        ]
+
+    def test_the_headline_is_the_error_on_unseen_flights_and_the_verdict(self, flown: Flown, page: Page) -> None:
+        start, end = page.text.index("Flight model report"), page.text.index("The flights")
+        headline = page.text[start:end]
+        before, after = flown.before_unseen.rmse["total"], flown.after.rmse["total"]
+        assert f"{number(before)} → {number(after)} m/s² \u2212{round(100 * (1 - after / before))}%" in headline
+        assert flown.after.dataset.names[0] in headline
+        assert "Missing from rigid body: ground effect." in headline
+        assert f"{after / flown.after.noise_floor['total']:.2f} times the noise floor" in headline
+
+    def test_before_on_unseen_flights_is_worked_out_where_it_is_not_given(self, flown: Flown) -> None:
+        text = Page(render_report(Results(flown.before, after=flown.after))).text
+        assert f"{number(flown.before_unseen.rmse['total'])} → {number(flown.after.rmse['total'])} m/s²" in text
+
+    def test_numbers_come_from_the_objects_with_unit_and_uncertainty(self, flown: Flown, page: Page) -> None:
+        low, high = rmse_interval(flown.before.residual, flown.before.dataset)
+        total = flown.before.rmse["total"]
+        assert low < total < high
+        assert f"{quantity(total)} on the whole (RMSE over all axes, 95% interval {low:.3g} to {high:.3g})" in page.text
+        a, b = flown.addition.model.effects[0].values()["a"], flown.addition.model.effects[0].values()["b"]
+        assert f"a = {a:.4g} [" in page.text
+        assert f"b = {b:.4g} 1/m [" in page.text
+        assert f"from {quantity(flown.diagnosis.steps[0].rmse['total'])} to " in page.text
+
+    def test_the_flights_say_what_was_dropped_and_how_they_were_read(self, flown: Flown, page: Page) -> None:
+        flight = flown.before.dataset.flights[0]
+        assert flight.notes
+        for note in flight.notes:
+            assert f"{flight.name}: {note}." in page.text
+        assert f"{flight.bandwidth_hz:.2f}" in page.text
+        assert flight.thrust_source in page.text
+
+    def test_candidates_come_with_physics_p_and_the_answer_none(self, flown: Flown, page: Page) -> None:
+        for candidate in flown.diagnosis.ranking:
+            assert candidate.effect.name in page.text
+            assert candidate.effect.physics in page.text
+            assert p_in_words(candidate.p_value) in page.text
+        for verdict in ("missing", "none", "unexplained"):
+            assert ("td", verdict) in _first_cells(page)
+
+    def test_the_verdict_is_said_in_words(self, flown: Flown, made: Comparison) -> None:
+        answers: tuple[tuple[Verdict, str], ...] = (
+            ("none", "Nothing significant is missing from <b>rigid</b>: what is left is noise."),
+            ("unexplained", "no effect of the catalogue explains it"),
+        )
+        for verdict, words in answers:
+            changed = dataclasses.replace(
+                flown.diagnosis,
+                verdict=verdict,
+                missing=[],
+                steps=flown.diagnosis.steps[:1],
+                unexplained=verdict == "unexplained",
+            )
+            text = Page(render_report(Results(made, changed))).text
+            assert words in text
+            assert "Missing, in the order of adding" not in text
+
+    def test_look_alikes_are_named_with_what_tells_them_apart(self, flown: Flown, made: Comparison) -> None:
+        confounded = dataclasses.replace(flown.diagnosis, confounded=[["ground_effect", "thrust_scale"]])
+        text = Page(render_report(Results(made, confounded))).text
+        assert "these data cannot tell ground effect from thrust scale" in text
+        assert ConstantScale.told_apart_by in text
+
+    def test_the_table_of_step_responses_labels_signed_and_absolute(self, flown: Flown, page: Page) -> None:
+        for heading in ("M_A signed / m s", "M_A absolute / m s", "M_B signed / m s", "M_B absolute / m s"):
+            assert heading in page.text
+        table = flown.steps.table
+        assert list(flown.steps.tracks) == ["none", "found", "out of ground effect"]
+        for flight in table.flights:
+            assert f"{flight.m_a_absolute:.3f}" in page.text
+            assert f"{flight.rmse_m:.3f}" in page.text
+        assert f"{table.flights[0].m_b_absolute:.3f} to {table.flights[1].m_b_absolute:.3f} m s" in page.text
+
+    def test_step_responses_of_other_flights_than_the_table_are_refused(self, flown: Flown) -> None:
+        with pytest.raises(LogError, match=r"expected those measured: .*step_response"):
+            step_responses({"none": FlightLog("other.csv", None, {"time_s": np.arange(3.0)})}, flown.steps.table)
+
+
+def _first_cells(page: Page) -> Iterator[tuple[str, str]]:
+    return (("td", text.strip()) for text in page.texts if text.strip())
+
+
+class TestWhatThePageNeverDoes:
+    def test_it_needs_nothing_from_outside(self, html: str, page: Page) -> None:
+        assert not re.search(r"https?:|@import|url\((?!#)", html)
+        assert "script" not in {tag for tag, _ in page.tags}
+        for tag, attributes in page.tags:
+            for name in ("src", "href", "xlink:href"):
+                value = attributes.get(name)
+                assert value is None or value.startswith(("#", "data:image/png;base64,")), (tag, name)
+
+    def test_it_stays_light(self, html: str) -> None:
+        assert len(html.encode()) < 3_000_000
+
+    def test_ids_that_figures_refer_to_are_there_once(self, html: str) -> None:
+        ids = re.findall(r' id="([^"]+)"', html)
+        for name in set(re.findall(r'(?:href="#|url\(#)([^")]+)', html)):
+            assert ids.count(name) == 1, name
+
+    def test_names_are_text_and_nothing_else(self, made: Comparison) -> None:
+        html = render_report(Results(made))
+        assert "<script" not in html
+        assert "<b>rigid" not in html
+        page = Page(html)
+        assert NASTY in page.text
+        assert "<b>rigid</b>" in page.text
+        assert page.open == []
+
+    def test_a_figure_takes_names_literally(self, flown: Flown) -> None:
+        track = next(iter(flown.steps.tracks.values()))
+        page = Page(plots.to_svg(plots.step_tail({f"_{NASTY}": track}), "tail"))
+        assert NASTY in page.text
+        assert "script" not in {tag for tag, _ in page.tags}
+
+
+class TestWriting:
+    def test_the_page_is_whole_and_nothing_else_is_left(self, made: Comparison, tmp_path: Path) -> None:
+        path = tmp_path / "new" / "report.html"
+        write_report(path, comparison=made)
+        assert path.read_text(encoding="utf-8").endswith("</html>")
+        assert [entry.name for entry in path.parent.iterdir()] == ["report.html"]
+
+    def test_the_old_page_stays_until_the_new_one_is_whole(
+        self, made: Comparison, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        path = tmp_path / "report.html"
+        path.write_text("old")
+
+        def full_disk(self: Path, text: str, **how: str) -> int:
+            self.touch()
+            raise OSError(28, "No space left on device")
+
+        monkeypatch.setattr(Path, "write_text", full_disk)
+        with pytest.raises(SettingsError, match="No space left on device"):
+            write_report(path, comparison=made)
+        assert path.read_text() == "old"
+        assert [entry.name for entry in tmp_path.iterdir()] == ["report.html"]
+
+    def test_a_path_that_cannot_be_written_is_one_sentence(self, made: Comparison, tmp_path: Path) -> None:
+        (tmp_path / "file").write_text("")
+        (tmp_path / "folder").mkdir()
+        for path in (tmp_path / "file" / "report.html", tmp_path / "folder"):
+            with pytest.raises(SettingsError) as error:
+                write_report(path, comparison=made)
+            assert str(error.value).startswith(f"{path}: the report cannot be written (")
+            assert "\n" not in str(error.value)
+        assert sorted(entry.name for entry in tmp_path.iterdir()) == ["file", "folder"]
+
+
+class TestFigures:
+    def test_axes_say_what_they_show_and_in_which_unit(self, flown: Flown, raptor: Vehicle) -> None:
+        flight = flown.before.dataset.flights[0]
+        floor = flown.before.noise_floor["total"]
+        two = _fitted_drag(raptor)
+        figures: dict[str, Figure] = {
+            "time": plots.acceleration_over_time(flight, flight.measured, {"rigid body": flight.measured}),
+            **{
+                f"{profile.axis} over {profile.variable}": plots.residual_over_variable(flown.before, profile)
+                for profile in flown.before.profiles
+            },
+            "before and after": plots.before_after(flown.addition.before, flown.addition.after, None),
+            "drag": plots.effect_over_variable(effect_curves(two, 1)[0]),
+            "scale": plots.effect_over_variable(effect_curves(two, 0)[0]),
+            "steps": plots.step_heights(flown.steps.on_one_reference),
+            "tail": plots.step_tail(flown.steps.on_one_reference),
+        }
+        for name, figure in figures.items():
+            assert isinstance(figure, Figure)
+            for ax in figure.axes:
+                assert UNIT.search(ax.get_ylabel()), (name, ax.get_ylabel())
+            named = [tick.get_text() for tick in figure.axes[-1].get_xticklabels()] == ["north", "east", "up", "total"]
+            assert named or UNIT.search(figure.axes[-1].get_xlabel()), (name, figure.axes[-1].get_xlabel())
+        for figure in (plots.ranking(flown.diagnosis, floor), plots.ladder(flown.diagnosis, floor)):
+            assert UNIT.search(figure.axes[0].get_xlabel())
+        ratio = plots.thrust_ratio(flown.addition, 0).axes[0]
+        assert UNIT.search(ratio.get_xlabel())
+        assert "thrust ratio" in ratio.get_ylabel()
+
+    def test_the_ranking_shows_every_candidate_and_none(self, flown: Flown) -> None:
+        ax = plots.ranking(flown.diagnosis, flown.before.noise_floor["total"]).axes[0]
+        names = [label.get_text() for label in ax.get_yticklabels()]
+        assert names == [*(c.effect.name for c in flown.diagnosis.ranking), "none"]
+
+    def test_the_curve_has_its_band_and_the_measured_ratio_lies_on_it(self, flown: Flown) -> None:
+        curve = ratio_curve(flown.addition, 0)
+        assert (curve.low <= curve.high).all()
+        # The hidden cushion has another form than the fitted one: they agree to a percent, not to the last digit.
+        fitted = np.interp(curve.measured.x, curve.height_over_radius, curve.ratio)
+        assert np.abs(curve.measured.mean - fitted).max() < 0.01
+        assert curve.measured.mean[0] > 1.1
+        assert (np.diff(curve.measured.x) > 0.0).all()
+
+    def test_a_form_that_knows_of_forward_speed_has_its_curve_too(self, made: Comparison) -> None:
+        html = render_report(Results(made, None, add(CheesemanForward, made.model, made.dataset), None, None, None))
+        assert "thrust ratio over height" in html
+
+    def test_an_effect_is_seen_in_the_residual_without_it_and_gone_with_it(self, raptor: Vehicle) -> None:
+        addition = _fitted_drag(raptor)
+        (scale,) = effect_curves(addition, 0)
+        assert (scale.variable, scale.component) == ("time", "up")
+        assert scale.binned_before.mean == pytest.approx(0.98, abs=0.15)  # a tenth of the weight
+        assert scale.binned_after.mean == pytest.approx(0.0, abs=0.02)
+        assert scale.fitted.mean == pytest.approx(scale.binned_before.mean, abs=0.02)
+        drag = effect_curves(addition, 1)
+        assert [(c.variable, c.component) for c in drag] == [("speed_forward", "forward"), ("speed_right", "right")]
+
+    def test_a_figure_is_the_same_whatever_style_the_caller_has_set(self, flown: Flown) -> None:
+        import matplotlib as mpl
+
+        expected = plots.to_svg(plots.before_after(flown.addition.before, flown.addition.after, None), "bars")
+        with mpl.rc_context({"font.size": 30.0, "svg.fonttype": "path"}):
+            again = plots.to_svg(plots.before_after(flown.addition.before, flown.addition.after, None), "bars")
+        assert again == expected
+
+
+def _fitted_drag(raptor: Vehicle) -> Addition:
+    """Drag on top of a thrust scale, fitted to a flight to and fro that has only the scale."""
+    log = to_and_fro(obedient(Model(raptor).plus(ConstantScale(factor=1.1)), noise_m_s=0.005), 0.8)
+    return add(LinearDrag, Model(raptor).plus(ConstantScale()), load_dataset([log], raptor))

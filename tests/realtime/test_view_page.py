@@ -1,0 +1,120 @@
+"""The live view in a real browser (headless Chromium), during flights on a simulated autopilot over MAVLink."""
+
+import http.client
+import socket
+import subprocess
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+import yaml
+
+from quadctl.flight.record.view_link import LANDED_BY
+from tests.support.visitors import (
+    DESK,
+    PATIENCE_MS,
+    PHONE,
+    Browser,
+    Visitor,
+    command,
+    expect,
+    free_tcp_port,
+    needs_chromium,
+    status,
+)
+
+pytestmark = [needs_chromium, pytest.mark.realtime]
+
+TOKEN = "a-token-of-the-test"
+LONG_HOVER = {
+    "name": "long_hover",
+    "phases": [
+        {"name": "takeoff", "kind": "move", "to_m": [0, 0, 0.6], "speed_m_s": 0.5},
+        {"name": "hover", "kind": "hold", "duration_s": 100},
+    ],
+    "limits": {"min_z_m": 0.1, "max_z_m": 1.0, "max_distance_m": 1.0, "max_duration_s": 120},
+}
+
+
+@contextmanager
+def flying(where: Path, *words: str) -> Iterator[tuple[int, subprocess.Popen[bytes]]]:
+    """A flight that hovers until it is asked to land; the port of its view, and its process."""
+    mission = where / "long_hover.yaml"
+    mission.write_text(yaml.safe_dump(LONG_HOVER))
+    port = free_tcp_port()
+    options = ["--sitl", "--view", "--view-port", str(port), "--log-dir", str(where)]
+    with command(port, where / "out.txt", "fly", str(mission), *options, *words) as process:
+        yield port, process
+
+
+def is_in(visitor: Visitor, phase: str) -> None:
+    expect(visitor.page.locator("#phase")).to_have_text(phase, timeout=PATIENCE_MS)
+
+
+def ending(where: Path) -> str:
+    (meta,) = where.glob("*.meta.yaml")
+    return str(yaml.safe_load(meta.read_text())["ended"])
+
+
+def test_a_flight_is_seen_in_four_tabs_and_landed_from_one(browser: Browser, tmp_path: Path) -> None:
+    with flying(tmp_path) as (port, process):
+        url = f"http://127.0.0.1:{port}"
+        desk = Visitor(browser, url)
+        for phase in ("takeoff", "hover"):
+            is_in(desk, phase)
+        phone, *_ = late = [Visitor(browser, url, PHONE, "dark"), Visitor(browser, url), Visitor(browser, url)]
+        phone.sees("#events :text('takeoff')")
+        phone.page.reload()
+        for each in late:
+            is_in(each, "hover")
+        desk.keeps("live-desk-light")
+        phone.keeps("live-phone-dark")
+
+        phone.click("#land")  # once is not enough, and is no second press of another tab's
+        expect(phone.page.locator("#land")).to_contain_text("Press again", timeout=PATIENCE_MS)
+        phone.keeps("live-sure")
+        desk.page.locator("#land").dblclick()
+        for each in (desk, *late):
+            expect(each.page.locator("#banner")).to_contain_text(f"{LANDED_BY} after", timeout=PATIENCE_MS)
+        phone.page.reload()
+        expect(phone.page.locator("#banner")).to_contain_text(LANDED_BY, timeout=PATIENCE_MS)
+        desk.keeps("live-over-desk-light")
+        phone.keeps("live-over-phone-dark")
+        assert process.poll() is None
+        for each in (desk, *late):
+            each.leaves()
+        assert process.wait(PATIENCE_MS / 1000.0) == 1
+    assert ending(tmp_path) == LANDED_BY
+
+
+def test_without_a_token_no_other_address_reaches_it_and_with_one_nobody_who_lacks_it(
+    browser: Browser, tmp_path: Path
+) -> None:
+    open_one, closed_one = tmp_path / "open", tmp_path / "closed"
+    open_one.mkdir()
+    closed_one.mkdir()
+    with flying(open_one) as (port, _), socket.socket() as outside:
+        assert outside.connect_ex(("127.0.0.2", port)) != 0
+        assert status(f"http://127.0.0.1:{port}", Host="elsewhere.example") == 400
+    with flying(closed_one, "--view-token", TOKEN) as (port, _):
+        assert status(f"http://127.0.0.2:{port}") == 401
+        assert status(f"http://127.0.0.2:{port}", Cookie="quadctl-view=wrong-token") == 401
+        assert _upgrade_status(port) == 403
+        visitor = Visitor(browser, f"http://127.0.0.2:{port}/?token={TOKEN}", DESK, "dark")
+        assert TOKEN not in visitor.page.url
+        is_in(visitor, "hover")
+        visitor.keeps("live-desk-dark")
+        visitor.page.keyboard.type("ll")
+        expect(visitor.page.locator("#banner")).to_contain_text(LANDED_BY, timeout=PATIENCE_MS)
+        visitor.page.context.close()
+    assert ending(closed_one) == LANDED_BY
+
+
+def _upgrade_status(port: int) -> int:
+    """What a web socket without the token is answered."""
+    connection = http.client.HTTPConnection("127.0.0.1", port)
+    headers = {"Connection": "Upgrade", "Upgrade": "websocket", "Sec-WebSocket-Version": "13"}
+    key = {"Sec-WebSocket-Key": "AAAAAAAAAAAAAAAAAAAAAA=="}
+    connection.request("GET", "/_nicegui_ws/socket.io/?EIO=4&transport=websocket", headers=headers | key)
+    return connection.getresponse().status

@@ -1,0 +1,319 @@
+"""The page in a real browser (headless Chromium): the newcomer's path, click by click, and what goes wrong on it.
+
+Screenshots go to build/screenshots. Times are printed, not judged: they say as much about the machine.
+"""
+
+import os
+import re
+import shutil
+import signal
+import subprocess
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from quadctl.model import load_model
+from quadctl.web.session import load_session
+from tests.support.lab_sessions import ADDED, fly_over_a_cushion, one_step_up, searched, unexplained, wrong_files
+from tests.support.visitors import (
+    DESK,
+    PATIENCE_MS,
+    PHONE,
+    ROOT,
+    Browser,
+    Visitor,
+    command,
+    expect,
+    free_tcp_port,
+    needs_chromium,
+    status,
+)
+
+pytestmark = [needs_chromium, pytest.mark.realtime]
+
+HOVERING = ROOT.parent / "shared" / "data" / "raptor" / "HOVERING.csv"
+MOST_CLICKS = 10
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return fly_over_a_cushion(tmp_path_factory.mktemp("flown"))
+
+
+@pytest.fixture(scope="module")
+def session(flown: Path) -> Path:
+    return searched(flown)
+
+
+@pytest.fixture(scope="module")
+def analysed(session: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """The address of a lab with that flight, the effect that was found, and few missions to choose the next from."""
+    where = tmp_path_factory.mktemp("analysed")
+    missions = where / "missions"
+    missions.mkdir()
+    for name in ("step_response.yaml", "forward_runs.yaml"):
+        shutil.copy(ROOT / "missions" / name, missions)
+    with served(where / "lab", "--session", str(one_step_up(session)), "--missions", str(missions)) as (url, _):
+        yield url
+
+
+@contextmanager
+def served(out: Path, *arguments: str, port: int | None = None) -> Iterator[tuple[str, subprocess.Popen[bytes]]]:
+    """The lab's address, and the process that serves it."""
+    port = port or free_tcp_port()
+    options = ["--no-open", "--port", str(port), "--out", str(out)]
+    with command(port, out.parent / f"{out.name}.log", "lab", *arguments, *options) as process:
+        yield f"http://127.0.0.1:{port}", process
+
+
+def stand_on(visitor: Visitor, step: str) -> None:
+    """A step of the ladder."""
+    visitor.click(f".step-button:has-text('{step}')")
+    visitor.sees(f".step.here:has-text('{step}')")
+    visitor.waits_until_done()
+
+
+def test_a_newcomer_finds_the_missing_effect_and_flies_it_in_at_most_ten_clicks(
+    browser: Browser, flown: Path, tmp_path: Path
+) -> None:
+    with served(tmp_path / "lab", "--hidden", str(flown.with_name("hidden.yaml"))) as (url, _):
+        visitor = Visitor(browser, url)
+        visitor.sees("text=Drop flight logs here")
+        visitor.keeps("1-start")
+        visitor.clicks += 1  # choosing the file
+        visitor.drops(flown)
+
+        assert "ground effect" in visitor.sees("#verdict[data-verdict=missing]")
+        before = visitor.error_now()
+        visitor.keeps("2-missing")
+        visitor.press("button[aria-label^='Add ground_effect']")
+        after = visitor.waits_for_less_than(0.5 * before)
+        assert "Nothing significant is missing" in visitor.sees("#verdict[data-verdict=none]")
+        visitor.keeps("3-added")
+
+        visitor.click("[role=tab]:has-text('Compensator')")
+        visitor.sees("text=The check finds nothing against flying it")
+        exported = visitor.keeps_file("main button:has-text('Export model')", tmp_path)
+        (effect,) = load_model(exported).effects
+        assert effect.family() == "ground_effect"
+        visitor.keeps("4-compensator")
+
+        visitor.click("button:has-text('Fly it in simulation')")
+        row = visitor.sees("table.metrics tr:has-text('M_B, absolute')")
+        without, compensated = (float(number) for number in re.findall(r"\d\.\d+", row)[:2])
+        assert compensated < 0.5 * without
+        visitor.page.locator("table.metrics").scroll_into_view_if_needed()
+        visitor.keeps("5-flown")
+
+        assert visitor.clicks <= MOST_CLICKS
+        print(f"\n{visitor.clicks} clicks; error {before:g} -> {after:g} m/s^2; M_B {without:g} -> {compensated:g} m s")
+        visitor.leaves()
+
+
+def test_two_tabs_show_the_same_and_neither_a_lost_connection_nor_a_new_start_loses_anything(
+    browser: Browser, session: Path, tmp_path: Path
+) -> None:
+    port = free_tcp_port()
+    with served(tmp_path / "lab", "--session", str(session), port=port) as (url, process):
+        one, other = Visitor(browser, url), Visitor(browser, url, PHONE, "dark")
+        before = other.error_now()
+        one.click("button[aria-label^='Add ground_effect']")
+        after = other.waits_for_less_than(0.5 * before)
+        other.keeps("phone-missing")
+        other.click(".step-button:has-text('rigid body')")
+        expect(one.page.locator("#error-now")).to_have_text(f"{before:#.3g}", timeout=PATIENCE_MS)
+        one.click(".step-button:has-text('+ ground effect')")
+        one.waits_for_less_than(before)
+        one.page.reload()
+        assert one.error_now() == after
+        one.sees("#verdict[data-verdict=none]")
+        process.send_signal(signal.SIGINT)
+        process.wait(30.0)
+        one.sees("text=Connection lost")
+        one.keeps("connection-lost")
+        other.page.context.close()
+    with served(tmp_path / "lab", "--session", str(tmp_path / "lab" / "session.lab.yaml"), port=port):
+        one.sees("#verdict[data-verdict=none]")  # the same tab, without a hand
+        assert one.error_now() == after
+        expect(one.page.locator("text=Looking for what is missing")).to_have_count(0)
+        one.leaves()
+
+
+class TestAnalysed:
+    """What can be done with flights that have been searched: nothing here searches again."""
+
+    @pytest.fixture
+    def visitor(self, browser: Browser, analysed: str) -> Iterator[Visitor]:
+        visitor = Visitor(browser, analysed)
+        visitor.sees("#error-now")
+        visitor.waits_until_done()
+        yield visitor
+        visitor.leaves()
+
+    def test_an_effect_is_switched_off_and_on_and_removed(self, visitor: Visitor) -> None:
+        stand_on(visitor, "+ ground effect")
+        after = visitor.error_now()
+        visitor.press("[role=switch][aria-label$='on or off']")
+        visitor.sees(".step.here:has-text('without ground effect')")
+        without = visitor.error_now()
+        assert without > 2.0 * after
+        visitor.sees("text=An effect is switched off")
+        visitor.waits_until_done()
+        visitor.press("[role=switch][aria-label$='on or off']")
+        assert visitor.waits_for_less_than(without) == after
+        visitor.waits_until_done()
+        visitor.press("button[aria-label^='Remove ground_effect']")
+        visitor.sees(".step.here:has-text('\N{MINUS SIGN} ground effect')")
+        assert visitor.error_now() > 2.0 * after
+        visitor.sees("text=None yet: the rigid body")
+        visitor.waits_until_done()
+        stand_on(visitor, "+ ground effect")
+        assert visitor.error_now() == after
+
+    def test_what_is_selected_with_the_mouse_stands_out_in_time_and_space(self, visitor: Visitor) -> None:
+        stand_on(visitor, "rigid body")
+        visitor.click("[role=tab]:has-text('Where it fails')")
+        profile = visitor.figure("residual up over height over radius")
+        area = visitor.page.locator(f"{profile} .nsewdrag").first
+        area.scroll_into_view_if_needed()
+        box = area.bounding_box()
+        assert box is not None
+        left, y = box["x"] + 0.05 * box["width"], box["y"] + 0.5 * box["height"]
+        visitor.page.mouse.move(left, y)
+        visitor.page.mouse.down()
+        visitor.page.mouse.move(left + 0.3 * box["width"], y, steps=4)
+        visitor.page.mouse.up()
+        assert "rotor height 1" in visitor.sees("text=Selected:")
+        visitor.click("button[aria-label='Show what is selected']")
+        in_time, path = visitor.figure("What is selected, over time"), visitor.figure("Flight path")
+        some = visitor.points(in_time, "selected")
+        assert 0 < some == visitor.points(path, "selected") < visitor.points(path, "flight")
+        visitor.keeps("selected")
+        visitor.click("[role=tab]:has-text('Over time')")
+        assert visitor.points(visitor.figure("Flight over time"), "selected") == some
+        visitor.click("button:has-text('Clear')")
+        expect(visitor.page.locator("text=Selected:")).to_have_count(0)
+
+    def test_what_is_said_is_shown_in_the_flight_without_a_mouse(self, visitor: Visitor) -> None:
+        stand_on(visitor, "rigid body")
+        visitor.click("[role=tab]:has-text('Where it fails')")
+        visitor.press("button[aria-label^='Show where in the flight']")
+        assert visitor.points(visitor.figure("What is selected, over time"), "selected") > 0
+
+    def test_all_can_be_taken_along(self, visitor: Visitor, tmp_path: Path) -> None:
+        stand_on(visitor, "+ ground effect")
+        report = visitor.keeps_file("button:has-text('Report')", tmp_path).read_text(encoding="utf-8")
+        assert "Missing, in the order of adding: ground effect" in report
+        assert "The fitted effect" in report
+        begins = {"png": b"\x89PNG", "svg": b"<svg", "csv": b"measured: time in the log / s,"}
+        for form, begin in begins.items():
+            path = visitor.keeps_file(f"figure button:has-text('{form.upper()}')", tmp_path)
+            assert path.suffix == f".{form}" and path.read_bytes().startswith(begin)
+        saved = visitor.keeps_file("button:has-text('Save session')", tmp_path)
+        assert [rung.name for rung in load_session(saved).rungs][:2] == ["rigid body", f"+ {ADDED}"]
+
+    def test_the_next_flight_is_suggested_with_its_command(self, visitor: Visitor) -> None:
+        stand_on(visitor, "rigid body")
+        visitor.sees("#verdict[data-verdict=missing]")
+        visitor.click("button:has-text('Suggest a flight')")
+        assert re.fullmatch(r"quadctl fly \S+/missions/\w+\.yaml", visitor.sees("code.command"))
+        visitor.keeps("suggested")
+
+    def test_what_goes_wrong_is_said_in_a_sentence_and_costs_nothing(self, visitor: Visitor, tmp_path: Path) -> None:
+        error = visitor.error_now()
+        visitor.click("[role=tab]:has-text('Flights')")
+        for path, said in wrong_files(tmp_path):
+            visitor.drops(path)
+            expect(visitor.page.locator("[role=alert]")).to_contain_text(said, timeout=PATIENCE_MS)
+        visitor.keeps("error")
+        visitor.click("[role=tab]:has-text('What is missing')")
+        visitor.sees("#verdict")  # what was found still holds: no flight was added
+        visitor.click("[role=tab]:has-text('Flights')")
+        visitor.click("button[aria-label='Leave out garbage.csv']")
+        expect(visitor.page.locator("[data-log='garbage.csv']")).to_have_count(0, timeout=PATIENCE_MS)
+        assert visitor.error_now() == error
+
+    def test_what_no_person_asks_for_is_refused(self, analysed: str) -> None:
+        assert status(analysed, Host="elsewhere.example") == 400
+        assert status(analysed, **{"Content-Length": str(2**30)}) == 413
+
+
+def test_what_no_effect_explains_is_said_as_an_expression_that_can_be_added(
+    browser: Browser, session: Path, tmp_path: Path
+) -> None:
+    with served(tmp_path / "lab", "--session", str(unexplained(session))) as (url, _):
+        visitor = Visitor(browser, url)
+        assert "no known effect explains" in visitor.sees("#verdict[data-verdict=unexplained]")
+        assert "exp(-" in visitor.sees("pre.expression")
+        before = visitor.error_now()
+        visitor.waits_until_done()
+        visitor.keeps("unexplained")
+        visitor.click("button:has-text('Add it as an effect of your own')")
+        visitor.waits_for_less_than(0.7 * before)
+        visitor.sees("text=Looking for what is missing")
+        visitor.click("main button:has-text('Cancel')")
+        visitor.sees("button:has-text('Look for what is missing')")
+        exported = visitor.keeps_file("header button:has-text('Export model')", tmp_path)
+        assert load_model(exported).effects[0].family() == "unexplained"
+        visitor.leaves()
+
+
+@pytest.mark.skipif(not HOVERING.is_file(), reason="the thesis' flights are not here")
+def test_how_fast_the_page_is_on_a_real_flight(browser: Browser, tmp_path: Path) -> None:
+    with served(tmp_path / "lab", str(HOVERING)) as (url, _):
+        Visitor(browser, url).sees("#verdict")  # the browser has loaded its libraries, the lab its own
+        began = time.perf_counter()
+        visitor = Visitor(browser, url)
+        visitor.sees(".js-plotly-plot .main-svg")
+        first_plot_s = time.perf_counter() - began
+        visitor.sees("#verdict")
+        error = visitor.error_now()
+        began = time.perf_counter()
+        visitor.click(".candidate.primary button")
+        visitor.waits_for_less_than(error)
+        added_s = time.perf_counter() - began
+        zoom_s = visitor.page.evaluate(_ZOOM) / 1000.0
+        print(f"\nHOVERING.csv: first plot {first_plot_s:.2f} s, Add {added_s:.2f} s, zoom {zoom_s:.3f} s")
+        visitor.leaves()
+
+
+@pytest.mark.skipif("SCREENSHOTS" not in os.environ, reason="`make screenshots` takes them")
+@pytest.mark.parametrize("theme", ["light", "dark"])
+@pytest.mark.parametrize("size", ["desk", "phone"])
+def test_pictures_of_every_part(browser: Browser, session: Path, tmp_path: Path, size: str, theme: str) -> None:
+    climbed, hidden = one_step_up(session), session.with_name("hidden.yaml")
+    with served(tmp_path / "lab", "--session", str(climbed), "--hidden", str(hidden)) as (url, _):
+        visitor = Visitor(browser, url, DESK if size == "desk" else PHONE, theme)
+        visitor.sees("#error-now")
+        stand_on(visitor, "rigid body")
+        visitor.keeps(f"{size}-{theme}-missing")
+        visitor.page.locator(".candidate.primary").scroll_into_view_if_needed()
+        visitor.keeps(f"{size}-{theme}-candidate")
+        stand_on(visitor, "+ ground effect")
+        for part, shown in (
+            ("Over time", "h2:has-text('The flight path')"),
+            ("Where it fails", "h2:has-text('On the flight path')"),
+            ("Compensator", "text=The check finds nothing against"),
+            ("Flights", "h2:has-text('Vehicle')"),
+        ):
+            visitor.click(f"[role=tab]:has-text('{part}')")
+            visitor.sees(shown)
+            visitor.keeps(f"{size}-{theme}-{part.lower().replace(' ', '-')}")
+            visitor.page.evaluate("() => scrollTo(0, 900)")
+            visitor.keeps(f"{size}-{theme}-{part.lower().replace(' ', '-')}-below")
+        visitor.leaves()
+
+
+_ZOOM = """async () => {
+  const plot = document.querySelector('.js-plotly-plot');
+  const began = performance.now();
+  await new Promise(done => {
+    plot.on('plotly_restyle', done);
+    plot.layout.xaxis.range = [40, 60];
+    plot.emit('plotly_relayout', {'xaxis.range[0]': 40, 'xaxis.range[1]': 60});
+  });
+  return performance.now() - began;
+}"""

@@ -1,0 +1,160 @@
+"""Autopilots on the wire for the tests: a mock, an adapter connected to it, and the lines between them."""
+
+import asyncio
+import os
+import select
+import socket
+import threading
+import tty
+from collections.abc import AsyncIterator, Callable, Iterator
+from contextlib import asynccontextmanager, contextmanager, suppress
+from pathlib import Path
+
+from quadctl.flight.autopilot.mavsdk_autopilot import MavsdkAutopilot
+from quadctl.flight.autopilot.port import Autopilot
+from quadctl.sitl.rules.copter import SimulatedCopter
+from quadctl.sitl.rules.px4 import SimulatedAutopilot
+from quadctl.sitl.server.ardupilot import MavlinkArduPilot
+from quadctl.sitl.server.px4 import MavlinkPx4
+from quadctl.sitl.server.server import MavlinkMock
+from quadctl.state import AttitudeTarget, VehicleState
+from quadctl.vehicle import Vehicle
+from tests.support.places import ROOT
+
+RAPTOR = ROOT / "config" / "vehicles" / "raptor.yaml"
+LEVEL = (1.0, 0.0, 0.0, 0.0)
+IDLE = AttitudeTarget(LEVEL, 0.0)
+TIMEOUT_S = 15.0
+
+
+def free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def hover_throttle(vehicle: Vehicle) -> float:
+    return vehicle.throttle.offset + vehicle.throttle.per_newton * vehicle.weight_n
+
+
+class Link:
+    """One vehicle and one connected adapter."""
+
+    def __init__(self, px: MavlinkMock, adapter: MavsdkAutopilot) -> None:
+        self.px = px
+        self.adapter = adapter
+
+    def wait(self, condition: Callable[[], bool]) -> None:
+        assert self.px.wait_until(condition, TIMEOUT_S), f"still {self.adapter.state()}"
+
+    async def until(self, condition: Callable[[VehicleState], bool]) -> VehicleState:
+        """Wait until the adapter's state is such; the loop runs on."""
+        await asyncio.to_thread(self.wait, lambda: condition(self.adapter.state()))
+        return self.adapter.state()
+
+    async def pass_time(self, seconds: float) -> None:
+        """Let the vehicle's clock run."""
+        end_s = self.px.autopilot.time_s + seconds
+        await asyncio.to_thread(self.wait, lambda: self.px.autopilot.time_s >= end_s)
+
+
+def mock(autopilot: SimulatedAutopilot, port: int) -> MavlinkMock:
+    """On the wire, with more heartbeats than the usual 1 Hz, which would only make the tests wait."""
+    if isinstance(autopilot, SimulatedCopter):
+        return MavlinkArduPilot(autopilot, port, heartbeat_hz=10.0)
+    return MavlinkPx4(autopilot, port, heartbeat_hz=10.0)
+
+
+@contextmanager
+def connected(autopilot: SimulatedAutopilot, n_rotors: int = 4) -> Iterator[Link]:
+    port = free_port()
+    adapter = MavsdkAutopilot(f"udpin://127.0.0.1:{port}", n_rotors)
+    try:
+        with mock(autopilot, port) as px:
+            asyncio.run(adapter.connect())
+            yield Link(px, adapter)
+    finally:
+        asyncio.run(adapter.close())
+
+
+class Stick:
+    """Sends its target at 50 Hz."""
+
+    def __init__(self, adapter: Autopilot) -> None:
+        self._adapter = adapter
+        self.target = IDLE
+        self.sent = 0
+
+    async def run(self) -> None:
+        while True:
+            self._adapter.send(self.target)
+            self.sent += 1
+            await asyncio.sleep(0.02)
+
+
+@asynccontextmanager
+async def streaming(link: Link) -> AsyncIterator[Stick]:
+    """A stick whose targets have begun to arrive, released at the end."""
+    stick = Stick(link.adapter)
+    before = len(link.px.setpoints_received)
+    task = asyncio.create_task(stick.run())
+    try:
+        await asyncio.to_thread(link.wait, lambda: len(link.px.setpoints_received) > before + 3)
+        yield stick
+    finally:
+        task.cancel()
+        with suppress(asyncio.CancelledError):
+            await task
+
+
+class SerialLine:
+    """A serial device that can be unplugged; what the autopilot sends to a UDP port comes out of it, and back."""
+
+    def __init__(self, device: Path, udp_port: int) -> None:
+        self.device = device
+        self._udp = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._udp.bind(("127.0.0.1", udp_port))
+        self._ends: tuple[int, int] | None = None
+        self._lock = threading.Lock()
+        self._stopping = threading.Event()
+        self._thread = threading.Thread(target=self._carry)
+        self.plug()
+
+    def plug(self) -> None:
+        with self._lock:
+            self._ends = os.openpty()
+            tty.setraw(self._ends[1])
+            self.device.symlink_to(os.ttyname(self._ends[1]))
+
+    def unplug(self) -> None:
+        with self._lock:
+            assert self._ends is not None
+            self.device.unlink()
+            for end in self._ends:
+                os.close(end)
+            self._ends = None
+
+    def __enter__(self) -> "SerialLine":
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stopping.set()
+        self._thread.join()
+        if self._ends is not None:
+            self.unplug()
+        self._udp.close()
+
+    def _carry(self) -> None:
+        peer = None
+        while not self._stopping.is_set():
+            ready = select.select([self._udp], [], [], 0.005)[0]
+            data, peer = self._udp.recvfrom(65536) if ready else (b"", peer)
+            with self._lock:
+                if self._ends is None:
+                    continue
+                line = self._ends[0]
+                if data:
+                    os.write(line, data)
+                while peer is not None and select.select([line], [], [], 0.0)[0]:
+                    self._udp.sendto(os.read(line, 65536), peer)

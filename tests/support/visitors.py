@@ -1,0 +1,171 @@
+"""What the tests of the pages share: a command that serves one, and a person who looks at it in headless Chromium.
+
+Screenshots go to build/screenshots.
+"""
+
+import http.client
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+from tests.support.places import ROOT
+
+sync_api = pytest.importorskip("playwright.sync_api")
+from playwright.sync_api import Browser, Page, expect  # noqa: E402
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium on this machine")
+
+SCREENSHOTS = ROOT / "build" / "screenshots"
+DESK, PHONE = {"width": 1280, "height": 800}, {"width": 390, "height": 844}
+PATIENCE_MS = 60_000.0
+IN_DOCS = {
+    "2-missing": "lab-page-see.png",
+    "3-added": "lab-page-added.png",
+    "5-flown": "lab-page-flown.png",
+    "live-desk-light": "live-view.png",
+}
+"""Screenshots that the documentation shows; `make screenshots` takes them anew."""
+FEW_COLOURS = 64
+"""A page has no more, and git keeps every picture for ever."""
+_ALL_DRAWN = "() => [...document.querySelectorAll('.js-plotly-plot')].every(p => p.querySelector('.main-svg'))"
+_TWO_FRAMES = "() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))"
+_POINTS = "(figure, curve) => figure.data.find(trace => trace.name === curve)?.x.length ?? 0"
+_IS_LESS = "than => parseFloat(document.querySelector('#error-now')?.innerText) < than"
+
+
+def free_tcp_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+@contextmanager
+def command(port: int, log: Path, *words: str) -> Iterator[subprocess.Popen[bytes]]:
+    """A command of quadctl that serves a page at `port`; ended by Ctrl-C. What it prints goes to `log`."""
+    # NiceGUI serves otherwise where it believes to be tested.
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST")}
+    environment["PYTHONPATH"] = str(ROOT)
+    code = "from quadctl.cli import main; main()"
+    with log.open("wb") as file:
+        process = subprocess.Popen(
+            [sys.executable, "-c", code, *words], cwd=ROOT, env=environment, stdout=file, stderr=file
+        )
+    try:
+        wait_for(port, process)
+        yield process
+    finally:
+        process.send_signal(signal.SIGINT)
+        try:
+            process.wait(30.0)
+        except subprocess.TimeoutExpired:  # a test has failed
+            process.kill()
+            raise
+
+
+def wait_for(port: int, process: subprocess.Popen[bytes]) -> None:
+    end = time.monotonic() + 90.0
+    while time.monotonic() < end:
+        assert process.poll() is None, "the page ended before it was served"
+        with socket.socket() as probe:
+            if probe.connect_ex(("127.0.0.1", port)) == 0:
+                return
+        time.sleep(0.1)
+    raise AssertionError("the page was not served")
+
+
+def status(url: str, **headers: str) -> int:
+    """What the server answers to a request with these headers."""
+    connection = http.client.HTTPConnection(url.removeprefix("http://"))
+    connection.request("GET", "/", headers=headers)
+    return connection.getresponse().status
+
+
+class Visitor:
+    """A person at the page who counts clicks; whatever the page asks of another machine is noted."""
+
+    def __init__(self, browser: Browser, url: str, size: dict[str, int] = DESK, theme: str = "light") -> None:
+        context = browser.new_context(viewport=size, color_scheme=theme, accept_downloads=True)  # type: ignore[arg-type]
+        context.set_default_timeout(PATIENCE_MS)
+        self.page: Page = context.new_page()
+        self.clicks = 0
+        self.elsewhere: list[str] = []
+        self.mistakes: list[str] = []
+        self.page.on("request", lambda request: self._note(request.url, url))
+        self.page.on("pageerror", lambda error: self.mistakes.append(str(error)))
+        self.page.goto(url)
+
+    def _note(self, asked: str, url: str) -> None:
+        if not asked.startswith((url, "data:", "blob:")):
+            self.elsewhere.append(asked)
+
+    def click(self, selector: str) -> None:
+        self.clicks += 1
+        self.page.locator(selector).first.click()
+
+    def press(self, selector: str) -> None:
+        """The same with the keyboard."""
+        self.clicks += 1
+        self.page.locator(selector).first.focus()
+        self.page.keyboard.press("Enter")
+
+    def sees(self, selector: str) -> str:
+        found = self.page.locator(selector).first
+        expect(found).to_be_visible(timeout=PATIENCE_MS)
+        return str(found.evaluate("element => element.innerText ?? ''"))
+
+    def error_now(self) -> float:
+        return float(self.sees("#error-now"))
+
+    def waits_for_less_than(self, error: float) -> float:
+        self.page.wait_for_function(_IS_LESS, arg=error)
+        return self.error_now()
+
+    def waits_until_done(self) -> None:
+        expect(self.page.locator(".banner.work")).to_have_count(0, timeout=PATIENCE_MS)
+
+    def keeps(self, name: str) -> None:
+        """A screenshot, as soon as all figures are drawn and nothing moves."""
+        SCREENSHOTS.mkdir(parents=True, exist_ok=True)
+        self.page.wait_for_function(_ALL_DRAWN)
+        self.page.evaluate(_TWO_FRAMES)
+        self.page.screenshot(path=SCREENSHOTS / f"{name}.png", animations="disabled")
+        if "SCREENSHOTS" in os.environ and name in IN_DOCS:
+            with Image.open(SCREENSHOTS / f"{name}.png") as picture:
+                picture.convert("RGB").quantize(FEW_COLOURS).save(ROOT / "docs" / IN_DOCS[name], optimize=True)
+
+    def keeps_file(self, selector: str, where: Path) -> Path:
+        """The file that a click downloads, in the folder `where`."""
+        with self.page.expect_download() as download:
+            self.click(selector)
+        path = where / download.value.suggested_filename
+        download.value.save_as(path)
+        return path
+
+    def figure(self, label: str) -> str:
+        """The selector of a figure, which is drawn."""
+        selector = f".js-plotly-plot[aria-label='{label}']"
+        self.sees(f"{selector} .main-svg")
+        return selector
+
+    def points(self, figure: str, curve: str) -> int:
+        """How many points a curve of a figure has; 0 where there is no such curve."""
+        return int(self.page.locator(figure).evaluate(_POINTS, curve))
+
+    def drops(self, *files: Path) -> None:
+        self.page.locator("input[type=file]").first.set_input_files(files)
+
+    def leaves(self) -> None:
+        assert not self.elsewhere, f"asked of another machine: {self.elsewhere}"
+        assert not self.mistakes, f"mistakes of the page: {self.mistakes}"
+        self.page.context.close()

@@ -1,0 +1,337 @@
+"""The page without a browser: sessions as values, work that can be cancelled, files that are kept out, figures."""
+
+import asyncio
+import csv
+import socket
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+import pytest
+
+from quadctl.cli import main
+from quadctl.effects.ground_effect import Exponential, Hayden
+from quadctl.errors import QuadctlError, SettingsError
+from quadctl.lab.comparison.comparison import Comparison, compare
+from quadctl.lab.flights.dataset import Dataset, load_dataset
+from quadctl.lab.selection.diagnosis import Diagnosis, diagnose
+from quadctl.lab.symbolic.effect_file import as_effect_file
+from quadctl.model import Model
+from quadctl.vehicle import Vehicle
+from quadctl.web.figures.base import Figure, to_csv
+from quadctl.web.figures.downsample import POINTS, downsampled
+from quadctl.web.figures.error_map import error_map
+from quadctl.web.figures.path import path_figure
+from quadctl.web.figures.profile import profile_figure
+from quadctl.web.figures.ratio import ratio_over_height
+from quadctl.web.figures.timeline import full_timeline
+from quadctl.web.files import keep_expression, own_effects, require_inside, upload_path
+from quadctl.web.findings import Findings, SavedFormula
+from quadctl.web.jobs import log_names
+from quadctl.web.session import Rung, Session, load_session, session_to_yaml
+from quadctl.web.theme import DARK, LIGHT
+from quadctl.web.worker import CancelledError, Worker
+from tests.support.flights import obedient
+from tests.support.places import ROOT
+
+A, B = Path("a.csv"), Path("b.csv")
+
+
+@pytest.fixture
+def climbed(raptor: Vehicle) -> Session:
+    """Two logs, and a ladder of three steps whose last one is where we stand."""
+    rigid = Model(raptor)
+    cushion = rigid.plus(Exponential(a=0.3, b=5.0))
+    session = Session().with_logs([A, B]).begun_with(rigid).judged(0.4)
+    session = session.climbed(Rung("+ ground_effect.exponential", cushion)).judged(0.1)
+    return session.climbed(Rung("refitted", cushion)).judged(0.09)
+
+
+class TestSession:
+    def test_going_back_and_adding_again_leaves_what_was_above_behind(self, climbed: Session) -> None:
+        again = climbed.at(0).climbed(Rung("+ other", climbed.rungs[1].model))
+        assert [rung.name for rung in again.rungs] == ["rigid body", "+ other"]
+        assert again.current == 1
+
+    def test_going_back_alone_loses_nothing(self, climbed: Session) -> None:
+        assert climbed.at(0).at(2) == climbed
+
+    def test_an_effect_is_switched_off_and_on_again(self, climbed: Session) -> None:
+        off = climbed.switched("ground_effect.exponential")
+        assert off.model is not None and off.model.stack == ()
+        assert off.switched("ground_effect.exponential").model == climbed.model
+
+    def test_other_flights_make_all_errors_unknown(self, climbed: Session) -> None:
+        assert [rung.error_m_s2 for rung in climbed.with_role(B, unseen=True).rungs] == [None, None, None]
+
+    def test_the_noise_floor_is_the_least_that_any_step_has_shown(self, climbed: Session, tmp_path: Path) -> None:
+        assert climbed.floor_m_s2 is None
+        session = climbed.judged(0.09, 0.05).at(0).judged(0.4, 0.16)
+        path = tmp_path / "session.lab.yaml"
+        path.write_text(session_to_yaml(session))
+        assert session.floor_m_s2 == load_session(path).floor_m_s2 == 0.05
+        assert session.unjudged().floor_m_s2 is None
+
+    def test_not_all_flights_can_be_held_out(self, climbed: Session) -> None:
+        held = climbed.with_role(A, unseen=True)
+        assert held.seen == (B,)
+        with pytest.raises(SettingsError, match="at least one"):
+            held.with_role(B, unseen=True)
+
+    def test_a_file_gives_the_session_back(self, climbed: Session, tmp_path: Path) -> None:
+        session = climbed.with_role(B, unseen=True).judged(0.09).at(1)
+        path = tmp_path / "session.lab.yaml"
+        path.write_text(session_to_yaml(session))
+        again = load_session(path)
+        assert [log.resolve() for log in again.logs] == [log.resolve() for log in session.logs]
+        assert again.seen == (A.resolve(),)
+        assert [(r.name, r.error_m_s2, r.model.effects) for r in again.rungs] == [
+            (r.name, r.error_m_s2, r.model.effects) for r in session.rungs
+        ]
+        assert again.current == 1
+
+    def test_what_was_found_is_found_again_in_the_file(self, found: Diagnosis, tmp_path: Path) -> None:
+        path = tmp_path / "found.lab.yaml"
+        session = Session().with_logs([A]).begun_with(found.model).searched(found.model, Findings.of(found, {}))
+        path.write_text(session_to_yaml(session))
+        rung = load_session(path).rungs[0]
+        assert rung.found is not None
+        again = rung.found.diagnosed(rung.model, found.dataset).diagnosis
+        assert str(again) == str(found)
+        assert [c.supported for c in again.ranking] == [c.supported for c in found.ranking]
+        assert again.best.effects == found.best.effects
+
+    def test_other_flights_make_what_was_found_unknown(self, found: Diagnosis) -> None:
+        session = Session().with_logs([A, B]).begun_with(found.model).searched(found.model, Findings.of(found, {}))
+        assert session.with_role(B, unseen=True).rungs[0].found is None
+
+    @pytest.mark.parametrize(
+        ("text", "said"),
+        [
+            ("switched_off: [ground_effect.hayden]", "switched_off holds ground_effect.hayden"),
+            ("rungs: [{name: x, model: {vehicle: RAPTOR, effects: []}, found: '{'}]", "found is not valid JSON"),
+            ("rungs: [{name: x, model: {vehicle: RAPTOR, effects: []}, found: '{}'}]", "found: verdict is missing"),
+            ("rungs: [{name: x, model: {effects: []}}]", "vehicle"),
+            ("steps: 1", "steps"),
+            ("- 1", "expected"),
+        ],
+    )
+    def test_what_is_no_session_is_refused_in_one_sentence(self, text: str, said: str, tmp_path: Path) -> None:
+        path = tmp_path / "no.lab.yaml"
+        path.write_text(text.replace("RAPTOR", str(ROOT / "config" / "vehicles" / "raptor.yaml")))
+        with pytest.raises(SettingsError, match=said) as caught:
+            load_session(path)
+        assert str(path) in str(caught.value)
+
+
+@pytest.fixture(scope="module")
+def flight(raptor: Vehicle) -> Dataset:
+    truth = Model(raptor).plus(Exponential(a=0.3, b=5.0))
+    return load_dataset([obedient(truth, noise_m_s=0.01)], raptor)
+
+
+@pytest.fixture(scope="module")
+def found(raptor: Vehicle, flight: Dataset) -> Diagnosis:
+    """What a search for two effects finds in a flight that obeys one of them."""
+    return diagnose(Model(raptor), flight, [Exponential, Hayden])
+
+
+class TestFindings:
+    def test_an_expression_becomes_the_same_effect_again_and_never_overwrites_another(
+        self, raptor: Vehicle, flight: Dataset, tmp_path: Path
+    ) -> None:
+        unexplained = diagnose(Model(raptor), flight, [])
+        symbolic = Findings.of(unexplained, {}).diagnosis(unexplained.model, flight).symbolic
+        assert unexplained.symbolic is not None and symbolic is not None
+        (tmp_path / "unexplained.py").write_text("another")
+        path = keep_expression(symbolic, unexplained.model, tmp_path)
+        assert path.read_text() == as_effect_file(unexplained.symbolic, "unexplained.expression")
+        assert keep_expression(symbolic, unexplained.model, tmp_path) == path
+        assert (tmp_path / "unexplained.py").read_text() == "another"
+
+    FORMULA: ClassVar[dict[str, Any]] = {
+        "variables": ["height_over_radius"],
+        "coefficients": {"a": 1.0, "k1": 2.0},
+        "ci95": {},
+        "bounds": {},
+        "held_out_share": 0.5,
+    }
+
+    @pytest.mark.parametrize(
+        "part", ["{a}*exp(-0.5*height_over_radius)", "{k1}*speed*abs(speed)", "{a}*exp(-((north + 1e-05)/0.3)**2)"]
+    )
+    def test_a_formula_is_taken(self, part: str) -> None:
+        assert SavedFormula(parts=(part,), **self.FORMULA).parts == (part,)
+
+    @pytest.mark.parametrize(
+        "part",
+        ["__import__('os')", "{a.__class__}", "{a}*eval(speed)", "speed.real", "speed; north", "{a!r}", "[speed]", "{"],
+    )
+    def test_what_would_be_a_program_is_refused(self, part: str) -> None:
+        with pytest.raises(ValueError, match="is no formula"):
+            SavedFormula(parts=(part,), **self.FORMULA)
+
+
+def _say_and_wait(progress: Callable[[str], None]) -> None:
+    progress("begun")
+    time.sleep(600.0)
+
+
+def _double(x: int, progress: Callable[[str], None]) -> int:
+    return 2 * x
+
+
+def _fail(progress: Callable[[str], None]) -> None:
+    raise SettingsError("it is wrong")
+
+
+class TestWorker:
+    def test_cancelled_work_ends_at_once_and_the_next_is_done(self) -> None:
+        async def story() -> int:
+            worker = Worker()
+            try:
+                begun = asyncio.Event()
+                work = asyncio.ensure_future(worker.run(_say_and_wait, progress=lambda text: begun.set()))
+                await begun.wait()
+                worker.cancel()
+                with pytest.raises(CancelledError):
+                    await work
+                with pytest.raises(QuadctlError, match="it is wrong"):
+                    await worker.run(_fail)
+                return int(await worker.run(_double, 21))
+            finally:
+                worker.close()
+
+        assert asyncio.run(asyncio.wait_for(story(), 120.0)) == 42
+
+
+class TestCommand:
+    @pytest.mark.parametrize(
+        ("arguments", "said"),
+        [
+            (["no_such.csv"], "no_such.csv: there is no such file"),
+            ([str(ROOT / "README.md")], "README.md: has no header"),
+            ([str(ROOT / "config" / "vehicles" / "raptor.yaml")], "expected a flight log, or --model raptor.yaml"),
+            ([str(ROOT / "missions")], "missions: is a directory, expected the flight logs in it"),
+            (["--model", "no_such.yaml"], "no_such.yaml"),
+            (["--session", "no_such.lab.yaml"], "no_such.lab.yaml"),
+            (["--out", str(ROOT / "README.md")], "README.md is a file, expected a folder"),
+            (["--missions", str(ROOT / "README.md")], "README.md is a file, expected a folder"),
+        ],
+    )
+    def test_what_is_not_there_is_said_before_anything_is_served(
+        self, arguments: list[str], said: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        monkeypatch.setattr("sys.argv", ["quadctl", "lab", "--no-open", *arguments])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        assert ended.value.code == 1
+        assert said in capsys.readouterr().err
+
+    def test_a_port_that_is_taken_is_said(
+        self, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        with socket.socket() as other:
+            other.bind(("127.0.0.1", 0))
+            other.listen()
+            port = str(other.getsockname()[1])
+            monkeypatch.setattr("sys.argv", ["quadctl", "lab", "--no-open", "--port", port])
+            with pytest.raises(SystemExit) as ended:
+                main()
+        assert ended.value.code == 1
+        assert f"port {port} is taken" in capsys.readouterr().err
+
+
+class TestFiles:
+    @pytest.mark.parametrize("name", ["../../etc/flight.csv", "/etc/flight.csv", "..\\flight.csv", ".flight.csv"])
+    def test_a_dropped_file_lands_in_the_folder_whatever_its_name(self, name: str, tmp_path: Path) -> None:
+        path = upload_path(tmp_path, name)
+        assert path == tmp_path / "flight.csv"
+
+    @pytest.mark.parametrize("name", ["photo.png", "flight", "", "run.csv.exe"])
+    def test_what_is_no_log_by_its_name_is_refused(self, name: str, tmp_path: Path) -> None:
+        with pytest.raises(QuadctlError, match=r"expected \.csv"):
+            upload_path(tmp_path, name)
+
+    def test_a_session_cannot_lead_out_of_the_folder(self, tmp_path: Path) -> None:
+        inside = tmp_path / "lab"
+        inside.mkdir()
+        (inside / "link.csv").symlink_to("/etc/passwd")
+        require_inside(inside, (inside / "a.csv",))
+        for path in (inside / "../secret.csv", Path("/etc/passwd"), inside / "link.csv"):
+            with pytest.raises(QuadctlError, match="outside"):
+                require_inside(inside, (path,))
+
+    def test_python_files_are_found_wherever_settings_name_them(self) -> None:
+        model = {"vehicle": "raptor.yaml", "effect_files": ["a.py"]}
+        assert list(own_effects(model)) == ["a.py"]
+        assert list(own_effects({"rungs": [{"model": model}, {"model": {"effect_files": "b"}}, 1]})) == ["a.py"]
+
+    def test_logs_of_the_same_name_are_told_apart_by_their_folders(self) -> None:
+        paths = [Path(name) for name in ("a/flight.csv", "b/flight.csv", "b/other.csv", "c/b/flight.csv")]
+        assert log_names(paths) == ["flight.csv (a)", "flight.csv (b)", "other.csv", "flight.csv (c/b)"]
+
+
+class TestDownsampling:
+    def test_a_long_line_keeps_its_peaks_its_gaps_and_few_points(self) -> None:
+        x = np.arange(60_000.0)
+        y = np.sin(x / 900.0)
+        y[31_234], y[40_000:41_000] = 9.0, np.nan
+        few_x, few_y = downsampled(x, y)
+        assert len(few_x) <= 2 * POINTS
+        assert np.nanmax(few_y) == 9.0 and np.isnan(few_y).any()
+        assert (np.diff(few_x) > 0.0).all()
+
+    def test_a_window_is_shown_in_full_detail_with_its_neighbours(self) -> None:
+        x = np.arange(60_000.0)
+        few_x, _ = downsampled(x, x, (100.5, 110.5))
+        assert few_x.tolist() == list(range(100, 112))
+
+
+@pytest.fixture(scope="module")
+def compared(raptor: Vehicle) -> Comparison:
+    truth = Model(raptor).plus(Exponential(a=0.3, b=5.0))
+    return compare(Model(raptor), load_dataset([obedient(truth, noise_m_s=0.01)], raptor))
+
+
+@pytest.fixture(scope="module")
+def figures(compared: Comparison) -> list[Figure]:
+    flight = compared.dataset.flights[0]
+    some = flight.variables["height_over_radius"] < 3.0
+    log = obedient(compared.model, noise_m_s=0.01)
+    timeline = full_timeline(flight, log, {"rigid body": flight.measured}, "up", DARK, some)
+    return [
+        timeline.figure(DARK),
+        profile_figure(compared, compared.profiles[0], LIGHT),
+        error_map(compared, "up", ("height_over_radius", "climb_rate"), LIGHT),
+        path_figure(flight, some, LIGHT),
+        ratio_over_height(compared.model.plus(Exponential()), compared.dataset, LIGHT),
+    ]
+
+
+class TestFigures:
+    def test_every_axis_has_a_title_with_a_unit(self, figures: list[Figure]) -> None:
+        for drawn in figures:
+            for title in _axis_titles(drawn):
+                assert " / " in title or title.startswith("thrust ratio"), title
+
+    def test_every_figure_gives_its_numbers_as_csv(self, figures: list[Figure]) -> None:
+        for drawn in figures:
+            rows = to_csv(drawn).splitlines()
+            assert len(rows) > 10
+            assert {len(row) for row in csv.reader(rows)} == {len(next(csv.reader(rows)))}
+
+    def test_the_brushed_samples_stand_out_in_the_timeline(self, figures: list[Figure], compared: Comparison) -> None:
+        (selected,) = [trace for trace in figures[0]["data"] if trace["name"] == "selected"]
+        heights = compared.dataset.variable("height_over_radius")
+        assert heights is not None
+        assert len(selected["x"]) == np.count_nonzero(heights < 3.0) > 0
+
+
+def _axis_titles(drawn: Figure) -> list[str]:
+    layout: dict[str, Any] = drawn["layout"].get("scene", drawn["layout"])
+    found = [value["title"]["text"] for key, value in layout.items() if key[1:5] == "axis"]
+    assert len(found) >= 2
+    return found
