@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from rich.console import Console, RenderableType
 from rich.table import Table
 
-from quadctl.lab.flights.dataset import AXES
+from quadctl.lab.flights.prediction import AXES
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

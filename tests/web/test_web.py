@@ -17,6 +17,7 @@ from quadctl.errors import QuadctlError, SettingsError
 from quadctl.lab.comparison.comparison import Comparison, compare
 from quadctl.lab.flights.dataset import Dataset, load_dataset
 from quadctl.lab.selection.diagnosis import Diagnosis, diagnose
+from quadctl.lab.selection.rule import is_supported
 from quadctl.lab.symbolic.effect_file import as_effect_file
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
@@ -100,7 +101,7 @@ class TestSession:
         assert rung.found is not None
         again = rung.found.diagnosed(rung.model, found.dataset).diagnosis
         assert str(again) == str(found)
-        assert [c.supported for c in again.ranking] == [c.supported for c in found.ranking]
+        assert [is_supported(c) for c in again.ranking] == [is_supported(c) for c in found.ranking]
         assert again.best.effects == found.best.effects
 
     def test_other_flights_make_what_was_found_unknown(self, found: Diagnosis) -> None:

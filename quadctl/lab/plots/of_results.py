@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from quadctl.lab import plots
 from quadctl.lab.comparison.comparison import Comparison
 from quadctl.lab.comparison.noise_floor import flexible_residual, noise_floor
-from quadctl.lab.flights.dataset import predict, rmse
+from quadctl.lab.flights.prediction import predict, rmse
 from quadctl.lab.planning.suggestion import Suggestion
 from quadctl.lab.results import Result
 from quadctl.lab.selection.diagnosis import Diagnosis
@@ -34,7 +34,7 @@ def _(result: Comparison) -> Figure:
 @drawn.register
 def _(result: Diagnosis) -> Figure:
     """The ranking."""
-    residual = result.dataset.residual(result.model)
+    residual = result.dataset.aligned_for(result.model).residual(result.model)
     floor = rmse(noise_floor(residual, flexible_residual(residual, result.dataset)))
     return plots.ranking(result, floor["total"])
 
