@@ -48,11 +48,11 @@ Setting = tuple[str, float]
 HEAD = """# The decision rule, and what its thresholds do
 
 Written by `make decision-rule`. The rule by which an effect is called missing is one file,
-`quadctl/lab/selection/rule.py`, which says for each threshold what it is and why. Here each is moved by itself, to about
-half and about twice its value, on the {count} hidden-effect cases of the set `tuning` at strength 1
-([hidden effects](hidden-effects.md)). The columns count the right verdicts by kind of case; bold is what differs from the
-rule as it stands. The lab was tuned on these seeds, so the first row says nothing of other data; the others say how much
-depends on a threshold.
+`quadctl/lab/selection/rule.py`, which says for each threshold what it is and why. Here each is moved by itself, to
+about half and about twice its value, on the {count} hidden-effect cases of the set `tuning` at strength 1
+([hidden effects](hidden-effects.md)). The columns count the right verdicts by kind of case; bold is what differs from
+the rule as it stands. The lab was tuned on these seeds, so the first row says nothing of other data; the others say how
+much depends on a threshold.
 
 | threshold | value | {kinds} |
 |---|---|{dashes}|
