@@ -54,8 +54,8 @@ Written by `make decision-rule`. The rule by which an effect is called missing i
 `quadctl/lab/selection/rule.py`, which says for each threshold what it is and why. Here each is moved by itself, to
 about half and about twice its value, on the {count} hidden-effect cases of the set `tuning` at strengths 1 and 0.3
 ([hidden effects](hidden-effects.md)). The columns count the right verdicts by kind of case, at either strength; bold is
-what differs from the rule as it stands. The lab was tuned on these seeds, so the first row says nothing of other data; the others say how
-much depends on a threshold.
+what differs from the rule as it stands. The lab was tuned on these seeds, so the first row says nothing of other data;
+the others say how much depends on a threshold.
 
 | threshold | value | {kinds} |
 |---|---|{dashes}|
