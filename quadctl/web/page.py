@@ -17,8 +17,8 @@ from nicegui.elements.upload_files import FileUpload
 
 from quadctl.lab.arrays import Floats, Mask
 from quadctl.lab.comparison.wording import listed
-from quadctl.lab.flights.dataset import AXES, predict
 from quadctl.lab.flights.flight import VARIABLE_NAMES, VARIABLE_UNITS, Flight
+from quadctl.lab.flights.prediction import AXES, predict
 from quadctl.web.colours import keep_theme, wanted_theme
 from quadctl.web.intake import Intake
 from quadctl.web.panels.compensator import draw_check, draw_export, draw_ratio, draw_simulation

@@ -6,9 +6,8 @@ from nicegui import ui
 from nicegui.events import GenericEventArguments
 
 from quadctl.lab.comparison.comparison import Comparison
-from quadctl.lab.comparison.failures import Failure, Profile, most_telling
+from quadctl.lab.comparison.failures import Failure, Profile, is_telling, most_telling
 from quadctl.lab.comparison.wording import failure_in_words
-from quadctl.lab.selection.candidate import MATERIAL, SIGNIFICANT
 from quadctl.web.figures.error_map import error_map
 from quadctl.web.figures.path import path_figure
 from quadctl.web.figures.profile import profile_figure
@@ -39,7 +38,7 @@ def draw_fails(page: "Page") -> None:
             tag("p", "verdict", "Nowhere beyond the noise.")
         for failure in most_telling(comparison.fails_where)[:SHOWN_SENTENCES]:
             _sentence(page, failure)
-    telling = [p for p in comparison.profiles if p.share > MATERIAL and p.p_value < SIGNIFICANT]
+    telling = [p for p in comparison.profiles if is_telling(p)]
     with tag("section", "card"):
         heading(
             "The residual over each variable, the most telling first"

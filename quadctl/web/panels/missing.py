@@ -15,6 +15,7 @@ from quadctl.lab.comparison.wording import (
 )
 from quadctl.lab.selection.candidate import Candidate
 from quadctl.lab.selection.diagnosis import Diagnosis
+from quadctl.lab.selection.rule import is_supported
 from quadctl.web.figures.sketch import sketch_svg
 from quadctl.web.figures.timeline import short_timeline
 from quadctl.web.findings import Diagnosed
@@ -162,7 +163,7 @@ def _candidates(page: "Page", found: Diagnosed) -> None:
     missing = {candidate.effect.name for candidate in chosen}
     alike = {other: first for first, other in diagnosis.confounded}
     rest = [c for c in diagnosis.ranking if c.effect.name not in missing]
-    near = [c for c in rest if c.supported or c.family in alike]
+    near = [c for c in rest if is_supported(c) or c.family in alike]
     others = [c for c in rest if c not in near]
     if chosen:
         heading("What is missing, in the order of adding")

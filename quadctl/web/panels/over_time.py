@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from nicegui import ui
 
 from quadctl.lab.comparison.wording import percent
-from quadctl.lab.flights.dataset import AXES
+from quadctl.lab.flights.prediction import AXES
 from quadctl.web.figures.path import path_figure
 from quadctl.web.figures.timeline import full_timeline
 from quadctl.web.panels.parts import empty, heading, plot, tag
