@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 
-.PHONY: demo test lint bench bench-loop faults papers hidden decision-rule tutorial real sitl-check screenshots clean
+.PHONY: demo test lint bench bench-loop faults papers hidden decision-rule tutorial real architecture sitl-check screenshots clean
 
 demo: $(INSTALLED)
 	$(BIN)/quadctl demo
@@ -50,6 +50,10 @@ tutorial: $(INSTALLED)
 # What is found in public logs of real flights.
 real: $(INSTALLED)
 	$(BIN)/python -m studies.real_flights
+
+# The pictures and tables of docs/architecture.md, from the imports of the code.
+architecture: $(INSTALLED)
+	$(BIN)/python -m studies.architecture
 
 # Pictures of the lab page (docs/lab-page.md) and of the live view, at both sizes, light and dark, in build/screenshots; needs Chromium.
 screenshots: $(INSTALLED)

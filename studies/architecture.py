@@ -1,7 +1,7 @@
 """Draw which part of the code imports which: the pictures and the tables of docs/architecture.md.
 
-A room is a package of `quadctl`, or a module that stands beside the packages. `make architecture` reads the imports with
-grimp (the library under import-linter), draws one picture for all of `quadctl` and one for each large package, and
+A room is a package of `quadctl`, or a module that stands beside the packages. `make architecture` reads the imports
+with grimp (the library under import-linter), draws one picture for all of `quadctl` and one for each large package, and
 writes the tables between the marks on the page.
 """
 
@@ -119,7 +119,9 @@ def tables(every: Sequence[Rooms], modules: Graph) -> str:
         f"Circles of single modules in all of `quadctl`: {_sizes(circling)}.",
     ]
     for rooms in every:
-        lines += ["", f"### {rooms.package}", "", f"![Imports between the rooms of {rooms.package}]({rooms.picture})"]
+        lines += ["", f"### {rooms.package}"]
+        if rooms.package != "quadctl":  # its picture is at the top of the page
+            lines += ["", f"![Imports between the rooms of {rooms.package}]({rooms.picture})"]
         lines += ["", "| room | contents | imports |", "|---|---|---|"]
         for room in sorted(rooms.imports):
             imported = ", ".join(f"`{other}`" for other in sorted(rooms.imports[room])) or "none"
@@ -147,7 +149,9 @@ def main() -> None:
     text = f"{before}<!-- rooms: written by `make architecture` -->\n\n{tables(every, modules)}\n\n{mark}{after}"
     PAGE.write_text(text, encoding="utf-8")
     for rooms in every:
-        print(f"{rooms.package}: {len(rooms.imports)} rooms, {rooms.arrows} arrows, {len(circles(rooms.imports))} circles")
+        print(
+            f"{rooms.package}: {len(rooms.imports)} rooms, {rooms.arrows} arrows, {len(circles(rooms.imports))} circles"
+        )
     print(f"circles of single modules: {len(circles(modules))}")
 
 
@@ -262,7 +266,9 @@ def _sizes(found: Sequence[Sequence[str]]) -> str:
 
 def _in_words(found: Sequence[Sequence[str]]) -> str:
     """Number of circles, and the rooms of each."""
-    return f"{len(found)} ({'; '.join(' - '.join(f'`{name}`' for name in circle) for circle in found)})" if found else "0"
+    return (
+        f"{len(found)} ({'; '.join(' - '.join(f'`{name}`' for name in circle) for circle in found)})" if found else "0"
+    )
 
 
 _SVG = """<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" width="{width}" height="{height}">
