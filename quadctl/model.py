@@ -1,4 +1,4 @@
-"""A flight model is a vehicle and a list of effects: load it, predict with it, save it (data contracts, section 4)."""
+"""A flight model is a vehicle and a list of effects: load it, predict with it, save it (docs/file-formats.md)."""
 
 import os
 from collections.abc import Iterable, Sequence

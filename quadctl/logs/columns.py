@@ -1,4 +1,4 @@
-"""Names of the columns of a flight log, in their order in the file (data contracts, section 2)."""
+"""Names of the columns of a flight log, in their order in the file (docs/log-format.md)."""
 
 STATE_COLUMNS = (
     "time_s",

@@ -1,4 +1,4 @@
-"""Write a log in another format: CSV (the data contracts'), Parquet for tables, MCAP for PlotJuggler and Foxglove."""
+"""Write a log in another format: CSV (docs/log-format.md), Parquet for tables, MCAP for PlotJuggler and Foxglove."""
 
 import json
 from collections.abc import Callable

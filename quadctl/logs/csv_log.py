@@ -1,4 +1,4 @@
-"""CSV flight logs (data contracts, section 2): our own, with a header, and the headerless ones of the RAPTOR flights.
+"""CSV flight logs (docs/log-format.md): our own, with a header, and the headerless ones of the RAPTOR flights.
 
 Real files are dirty: rows before the first fix, a last line cut by a power cut, damaged lines, a clock that jumps. What
 can be left out is left out and said in the log's `notes`; what cannot is one sentence in a `LogError`.

@@ -1,4 +1,4 @@
-"""A flight log in memory: one table with the columns of the data contracts, whatever file it came from."""
+"""A flight log in memory: one table with the columns of docs/log-format.md, whatever file it came from."""
 
 import difflib
 from dataclasses import dataclass, field, replace

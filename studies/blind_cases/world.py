@@ -60,7 +60,7 @@ class Truth:
     """Something that the world hides. Strength 1 is what real vehicles show; 0 is nothing."""
 
     family: ClassVar[str]
-    """Of the data contracts; "" for what no catalogue has."""
+    """Family in the catalogue; "" for physics that no effect of it describes."""
     also: ClassVar[tuple[str, ...]] = ()
     """Families that are really there besides, so that naming them after `family` is no mistake."""
 
