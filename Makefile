@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 
-.PHONY: demo test lint bench bench-loop faults papers hidden decision-rule tutorial real architecture sitl-check screenshots clean
+.PHONY: demo test lint docs bench bench-loop faults papers hidden decision-rule tutorial real architecture sitl-check screenshots clean
 
 demo: $(INSTALLED)
 	$(BIN)/quadctl demo
@@ -51,6 +51,12 @@ tutorial: $(INSTALLED)
 real: $(INSTALLED)
 	$(BIN)/python -m studies.real_flights
 
+# The documentation as a site, in build/site, without network; a link that leads nowhere fails.
+docs: $(VENV)/.docs
+	$(BIN)/python -m studies.site_pages
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --clean
+	@echo "open build/site/index.html"
+
 # The pictures and tables of docs/architecture.md, from the imports of the code.
 architecture: $(INSTALLED)
 	$(BIN)/python -m studies.architecture
@@ -72,4 +78,8 @@ $(INSTALLED): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --upgrade --constraint constraints.txt pip
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable ".[all]"
+	touch $@
+
+$(VENV)/.docs: $(INSTALLED)
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable ".[docs]"
 	touch $@
