@@ -51,10 +51,10 @@ tutorial: $(INSTALLED)
 real: $(INSTALLED)
 	$(BIN)/python -m studies.real_flights
 
-# The documentation as a site, in build/site, without network; a link that leads nowhere fails.
+# The documentation as a site, in build/site, without network; a link that leads nowhere fails (not with --quiet).
 docs: $(VENV)/.docs
 	$(BIN)/python -m studies.site_pages
-	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --clean
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --clean
 	@echo "open build/site/index.html"
 
 # The pictures and tables of docs/architecture.md, from the imports of the code.
