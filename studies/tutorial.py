@@ -36,14 +36,14 @@ PAGE = DOCS / "find-the-missing-effect.md"
 COLUMNS = 100
 WIDE_PX, COLOURS = 900, 64
 SHOWN_WIDTH_PX = 420
-"""On the page, of a figure that stands beside another."""
+"""Width on the page of a figure that stands beside another."""
 LOGS = ("staircase.csv", "runs.csv")
 VEHICLE = "config/vehicles/raptor.yaml"
 WHEN_FLOWN = re.compile(r"\b\d{8}_\d{6}_")
 
 
 class Tutorial:
-    """What the template calls: commands, files, results, figures."""
+    """Functions that the template calls: commands, files, results, figures."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -85,7 +85,7 @@ class Tutorial:
 
     @cached_property
     def found(self) -> Discovery:
-        """What the lab makes of the two flights."""
+        """Discovery on the two flights."""
         return discover(self.folder / VEHICLE, [self.folder / name for name in LOGS])
 
     @cached_property
@@ -101,11 +101,11 @@ class Tutorial:
 
     @property
     def trims(self) -> dict[str, float]:
-        """The most that each nuisance of a flight is believed to be, by name."""
+        """Bound of each nuisance of a flight, by name."""
         return {kind.name: kind.most for kind in KINDS}
 
     def parameter(self, name: str) -> dict[str, float]:
-        """Of the last model, such as `rotor_drag.linear d_x`: value, ends of its interval, and the hidden truth."""
+        """Parameter of the last model, such as `rotor_drag.linear d_x`: value, ends of its interval, hidden truth."""
         effect, _, symbol = name.partition(" ")
         model = self.found.model
         truth = true_model(model.vehicle, load_hidden(self.folder / "hidden.yaml"), "the hidden truth")
@@ -126,7 +126,7 @@ class Tutorial:
         return {name: tracking(log, Window(phase="step")) for name, log in zip(names, logs, strict=True)}
 
     def residual(self, variable: str, axis: str) -> Figure:
-        """What the rigid body does not explain, over a variable."""
+        """Residual of the rigid body over a variable."""
         before = self.found.before
         return plots.residual_over_variable(
             before, next(p for p in before.profiles if (p.variable, p.axis) == (variable, axis))
@@ -153,7 +153,7 @@ _DRAWN: dict[str, Callable[[Tutorial], Figure]] = {
 
 
 def _line(lines: list[str], beginning: str) -> int:
-    """The line that begins so."""
+    """Number of the first line that begins with `beginning`."""
     for i, line in enumerate(lines):
         if line.startswith(beginning):
             return i
@@ -161,7 +161,7 @@ def _line(lines: list[str], beginning: str) -> int:
 
 
 def _save(figure: Figure, path: Path) -> None:
-    """As a small PNG: `WIDE_PX` wide, with a palette."""
+    """Save a figure as a small PNG: `WIDE_PX` wide, with a palette."""
     drawn = io.BytesIO()
     figure.savefig(drawn, format="png", dpi=WIDE_PX / figure.get_figwidth())
     Image.open(drawn).convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE).save(path, optimize=True)

@@ -47,7 +47,7 @@ CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 VIEW_PORT = 8092
 IN_THE_AIR_M = 0.5
 MOST_TICKS = 100_000
-"""Of a flight: more than half an hour."""
+"""Largest number of ticks of a flight: more than half an hour."""
 SHARES = (50.0, 99.0, 99.9, 100.0)
 HEADINGS = ("what", "p50", "p99", "p99.9", "max", "goal", "")
 
@@ -56,7 +56,7 @@ Floats = np.ndarray[Any, np.dtype[np.float64]]
 
 
 class Unit(NamedTuple):
-    """Of the figures of a line."""
+    """Unit of the figures of a line."""
 
     name: str
     per_second: float
@@ -88,7 +88,8 @@ def main() -> None:
     parser.add_argument("--view", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.fly:
-        _fly(*options.fly, options.view)
+        url, mission, folder = options.fly
+        _fly(url, mission, folder, options.view)
         return
     table = Table(*HEADINGS, title=_machine())
     rows = []
@@ -131,7 +132,7 @@ def _rows(seconds: float, minutes: float) -> Iterator[Row]:
 
 
 class Flight(NamedTuple):
-    """What was measured in a flight; one value per tick, s."""
+    """Measurements of one flight; one value per tick, s."""
 
     late_s: Floats
     compute_s: Floats
@@ -182,12 +183,13 @@ def _flight(seconds: float, burners: int = 0, view: bool = False) -> Flight:
         log = read_log(found["log"])
         meta = yaml.safe_load(Path(found["log"]).with_suffix(".meta.yaml").read_text())
         hover = log["tick_late_s"][log.phase == "hover"]
-    measured = (np.array(found[name]) for name in ("compute_s", "out_s", "age_s"))
-    return Flight(hover, *measured, machine_s, found["memory_mb"], found["cpu"], ", ".join(meta["real_time"]))
+    compute_s, out_s, age_s = (np.array(found[name]) for name in ("compute_s", "out_s", "age_s"))
+    privileges = ", ".join(meta["real_time"])
+    return Flight(hover, compute_s, out_s, age_s, machine_s, found["memory_mb"], found["cpu"], privileges)
 
 
 def _asleep(child: "subprocess.Popen[bytes]") -> Floats:
-    """How much too long sleeps of 20 ms are until `child` ends, s: what the machine itself is late by."""
+    """Measure by how much sleeps of 20 ms are too long until `child` ends, s: the lateness of the machine itself."""
     late = []
     with contextlib.suppress(PermissionError):  # before the flight, so that it never waits for that
         os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(30))
@@ -270,12 +272,14 @@ TIMED: list[Timed] = []
 
 
 def _fly(url: str, mission: str, folder: str, view: bool) -> None:
-    """In the child."""
-    session.MavsdkAutopilot = Timed  # type: ignore[misc]  # the session makes its adapter itself
+    """Fly in the child process."""
+    session.MavsdkAutopilot = Timed  # type: ignore[attr-defined, assignment]  # the session makes its adapter itself
     plan = session.prepare_flight(Path(mission), _patient(Path(folder)), "sanchez", None)
     began_s, began_cpu_s = time.monotonic(), time.process_time()
     with _live_view(plan, Path(folder)) if view else contextlib.nullcontext() as viewer:
-        outcome = session.fly_real_time(plan, url, Path(folder), Console(quiet=True), view=viewer and viewer.end)
+        outcome = session.fly_real_time(
+            plan, url, Path(folder), Console(quiet=True), view=viewer.end if viewer else None
+        )
         if viewer is not None:
             viewer.tell(outcome)
     cpu = (time.process_time() - began_cpu_s) / (time.monotonic() - began_s)
@@ -313,7 +317,7 @@ def _live_view(plan: FlightPlan, folder: Path) -> Iterator[Viewer]:
 
 
 async def _plain_loop(seconds: float) -> list[float]:
-    """How much longer than 20 ms each round of the loop that everybody writes first takes, s."""
+    """Measure by how much each round of the simplest loop (work, then sleep for 20 ms) exceeds 20 ms, s."""
     late = []
     before = time.monotonic()
     for _ in range(int(seconds / 0.02)):

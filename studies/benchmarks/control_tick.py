@@ -1,4 +1,4 @@
-"""What one tick of control costs with each compensator, beside an empty function call."""
+"""Time of one tick of control with each compensator, beside an empty function call."""
 
 import timeit
 from collections.abc import Iterator

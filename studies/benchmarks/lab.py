@@ -1,4 +1,4 @@
-"""How long a diagnosis takes, on the public HOVERING log where it is there, else on a simulated flight."""
+"""Time of a diagnosis, on the public HOVERING log where it is there, else on a simulated flight."""
 
 import tempfile
 import time

@@ -1,4 +1,4 @@
-"""How time and memory of the lab grow with the rows of the logs: `python benchmarks/lab_growth.py [--rows N]...`.
+"""Growth of time and memory of the lab with the rows of the logs: `python -m studies.benchmarks.lab_growth [--rows N]`.
 
 Flights of 50 000 rows at 50 Hz are made by a model, prepared and diagnosed, each number of rows in a process of its own
 for the sake of its peak memory. What counts is the time per row beside that of the smallest run: 1.0 where the time is
@@ -81,8 +81,7 @@ def made_up(vehicle: Vehicle, seed: int) -> FlightLog:
     t = np.arange(ROWS_PER_FLIGHT) / RATE_HZ
     columns = {name: 1e-6 * random.standard_normal(len(t)) for name in STATE_COLUMNS}
     w, swell = 2.0 * np.pi * 0.25, 2.0 * np.pi * 0.02
-    size, z = 0.45 * np.sin(swell * t) ** 2, 0.6
-    z = z + size * np.sin(w * t)
+    z = 0.6 + 0.45 * np.sin(swell * t) ** 2 * np.sin(w * t)
     vz = np.gradient(z, t)
     force = vehicle.mass_kg * (np.gradient(vz, t) + GRAVITY_M_S2)
     level = (np.ones_like(t), 0.0 * t, 0.0 * t, 0.0 * t)
@@ -95,7 +94,7 @@ def made_up(vehicle: Vehicle, seed: int) -> FlightLog:
 
 
 def peak_mb() -> float:
-    """Of this process, since its start."""
+    """Largest memory of this process since its start, MB."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
 
 

@@ -1,4 +1,4 @@
-"""How much faster than real time a flight is simulated, recorder included, on one core."""
+"""Speed of a simulated flight as a multiple of real time, recorder included, on one core."""
 
 import tempfile
 import time

@@ -160,12 +160,12 @@ class Case:
 
     @property
     def imu(self) -> bool:
-        """Whether the logs hold the accelerometer: always where it matters, else in every third case."""
+        """True where the logs hold the accelerometer: always where it matters, else in every third case."""
         return "imu_bias" in self.families or self.seed % 3 == 0
 
     @property
     def outputs_only(self) -> bool:
-        """Whether the logs of a case without truths hold motor outputs instead of rotor speeds."""
+        """True where the logs of a case without truths hold motor outputs instead of rotor speeds."""
         return not self.truths and self.seed % 5 == 0
 
 
@@ -197,14 +197,14 @@ def _case(
     missions: Sequence[str] = (),
     salt: int = 0,
 ) -> Case:
-    """A case with a seed of its own, which does not change when others are added."""
+    """A case with a seed of its own that stays when other cases are added."""
     flown = tuple(missions) or _missions(truths)
     own = zlib.crc32(repr((truths, strength, vehicle, salt)).encode()) % 900_000
     return Case(truths, strength, vehicle, flown, FIRST_SEED[seeds] + own)
 
 
 def _missions(truths: tuple[str, ...]) -> tuple[str, ...]:
-    """What shows each truth first, and once more unseen: for two truths the first flight of each, then the second's."""
+    """Missions that show each truth, and one that no fit sees; for two truths the first of each, then the second's."""
     if len(truths) == 1:
         return MISSIONS[truths[0]]
     first, second = (MISSIONS[name] for name in truths)

@@ -1,5 +1,6 @@
 """Fly one hidden case: logs as a user has them, and, apart from them, what the truths did, for the judge alone."""
 
+import ast
 import hashlib
 import random
 from pathlib import Path
@@ -99,7 +100,10 @@ def fly(case: Case, number: int) -> tuple[FlightLog, Floats]:
 
 
 def generator_digest() -> str:
-    """Of everything that a flight is made by: flights of another generator are not mixed with these."""
+    """Digest of the code and the files that make a flight, but not of their comments and docstrings.
+
+    Flights of another generator are kept apart from these.
+    """
     sources = [p for p in sorted(HERE.rglob("*")) if p.suffix in (".py", ".yaml") and p.stem not in NO_PART_OF_FLIGHT]
     sources += [
         Path(module.__file__ or "")
@@ -110,7 +114,22 @@ def generator_digest() -> str:
             quadctl.sitl.vehicle.inner_loops,
         )
     ]
-    return hashlib.sha256(b"".join(path.read_bytes() for path in sources)).hexdigest()[:10]
+    return hashlib.sha256("\n".join(map(_content, sources)).encode()).hexdigest()[:10]
+
+
+def _content(path: Path) -> str:
+    """Text of a file; of a module only its code, so that better words do not make new flights."""
+    text = path.read_text(encoding="utf-8")
+    if path.suffix != ".py":
+        return text
+    return ast.dump(_WithoutDocstrings().visit(ast.parse(text)))
+
+
+class _WithoutDocstrings(ast.NodeTransformer):
+    """Leaves out strings that stand alone."""
+
+    def visit_Expr(self, node: ast.Expr) -> ast.Expr | None:
+        return None if isinstance(node.value, ast.Constant) else node
 
 
 def _log(name: str, rows: list[list[float | str]], vehicle: Vehicle, imu: bool, outputs_only: bool) -> FlightLog:

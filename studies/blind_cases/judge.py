@@ -26,7 +26,7 @@ NO_FORCE_TO_COMPARE = ("motor_lag", "imu_bias", "ground_torque")
 
 @dataclass(frozen=True)
 class Result:
-    """What the lab made of one case."""
+    """Verdict of the lab on one case."""
 
     case: Case
     verdict: str
@@ -34,13 +34,13 @@ class Result:
     effects: list[str]
     """The model's effects with their parameters, in words."""
     seconds: float
-    """Of the processor, from the files to the verdict."""
+    """Processor time from the files to the verdict."""
     error_left: float | None
-    """On the unseen flight: error with what was found over that with the truth itself."""
+    """Error of the found model divided by that of the true one, on the flight that no fit saw."""
     covered: list[bool]
-    """Of the true parameters that the catalogue has too: is each in its 95 % interval?"""
+    """True for each true parameter that lies in its 95 % interval, for truths that the catalogue holds too."""
     problem: str = ""
-    """Why there is no verdict."""
+    """Reason why there is no verdict."""
 
     @property
     def right(self) -> bool:
@@ -91,7 +91,7 @@ def error_left(case: Case, flown: FlownCase, found: Model) -> float | None:
 
 
 def covered(case: Case, diagnosis: Diagnosis) -> list[bool]:
-    """Whether the intervals of the missing effects hold the true parameters, where these are the catalogue's."""
+    """Tell for each true parameter of the missing effects whether its interval holds it, where the catalogue has it."""
     expected = true_parameters(case)
     found = []
     for candidate in diagnosis.ranking:

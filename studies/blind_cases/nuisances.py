@@ -1,4 +1,4 @@
-"""What is a little wrong in every real flight, drawn per case from a seed: no physics that a model should hold."""
+"""Errors that every real flight has, drawn per case from a seed: no physics that a model should hold."""
 
 import math
 import random
@@ -15,20 +15,20 @@ from quadctl.sitl.vehicle.hidden import Noise, Telemetry
 from quadctl.state import Quat, Vec3
 
 COEFFICIENT_ERROR = (0.007, 0.013)
-"""By which each rotor is off, up or down: rotors of one batch differ by about a percent."""
+"""Share by which each rotor is off, up or down: rotors of one batch differ by about a percent."""
 ATTITUDE_BIAS_DEG = 0.3
 DATUM_M = 0.01
 SLOPE_DEG = 1.0
-"""Of the ground against the frame of the log: the public RAPTOR logs have 0.9 degrees."""
+"""Slope of the ground in the frame of the log: the public RAPTOR logs have 0.9 degrees."""
 DELAY_S = (0.02, 0.04)
 RPM_EXTRA_DELAY_S = (0.01, 0.04)
-"""By which rotor speeds are older than the position."""
+"""Time by which rotor speeds are older than the position."""
 RPM_RATE_HZ = (10.0, 25.0)
 GUST_M_S2 = (0.02, 0.06)
 """Standard deviation of the push of light turbulence on a small vehicle."""
 GUST_TIME_S = 1.2
 IMU_BIAS_M_S2 = 0.03
-"""Of an accelerometer after calibration: 3 mg."""
+"""Bias of an accelerometer after calibration: 3 mg."""
 IMU_NOISE_M_S2 = 0.15
 HELD_SHARE, DROPPED_SHARE = 0.03, 0.02
 

@@ -10,7 +10,7 @@ from quadctl.vehicle import Vehicle
 from .world import Instant, Truth
 
 SOLIDITY, LIFT_SLOPE = 0.1, 5.0
-"""Of a two-bladed 10 x 4.5 propeller; lift slope per radian at low Reynolds numbers."""
+"""Solidity of a two-bladed 10 x 4.5 propeller; lift slope per radian at low Reynolds numbers."""
 
 
 class GroundCushion(Truth):

@@ -101,7 +101,7 @@ class BentArms(Truth):
             )
             for o in own
         ]
-        """Of each rotor about body x and y, radians."""
+        """Tilt of each rotor about body x and y, radians."""
         self.toward = toward
 
     def enter(self, body: HiddenBody) -> None:

@@ -19,7 +19,7 @@ from .nuisances import Nuisances
 
 
 class Instant:
-    """What a truth sees of the world at one physics step, and what it may change: `thrusts`, and by `push`, `turn`."""
+    """State of the world at one physics step; a truth may change `thrusts`, and call `push` and `turn`."""
 
     __slots__ = ("air_velocity", "attitude", "force", "heights", "position", "rpm", "thrusts", "time_s", "torque")
 
@@ -29,12 +29,12 @@ class Instant:
         """NED."""
         self.attitude: Quat = body.attitude
         self.air_velocity = air_velocity
-        """Of the body relative to the air, FRD."""
+        """Velocity of the body relative to the air, FRD."""
         self.rpm: Sequence[float] = body.rpm
         self.thrusts = thrusts
-        """Of each rotor, N."""
+        """Thrust of each rotor, N."""
         self.heights: list[float] = body.rotor_heights()
-        """Of each rotor above the ground below it."""
+        """Height of each rotor above the ground below it, m."""
         self.force = [0.0, 0.0, 0.0]
         self.torque = [0.0, 0.0, 0.0]
 
@@ -57,7 +57,7 @@ class Instant:
 
 
 class Truth:
-    """Something that the world hides. Strength 1 is what real vehicles show; 0 is nothing."""
+    """Hidden physics of a world. Strength 1 is that of real vehicles; 0 is none."""
 
     family: ClassVar[str]
     """Family in the catalogue; "" for physics that no effect of it describes."""
@@ -82,7 +82,7 @@ class Truth:
         """Change thrusts and forces of one step."""
 
     def mass_kg(self, time_s: float) -> float:
-        """What the vehicle carries beside the mass of its file."""
+        """Mass that the vehicle carries beyond that of its file."""
         return 0.0
 
     def parameters(self) -> dict[str, dict[str, float]]:
@@ -101,12 +101,12 @@ class HiddenBody(SimulatedBody):
         n = vehicle.n_rotors
         self.axes: list[Vec3] = [rotor.axis for rotor in vehicle.rotors]
         self.lag_s = (vehicle.rotor.time_constant_s, vehicle.rotor.time_constant_s)
-        """Of a rotor that speeds up, and of one that slows down."""
+        """Time constants of a rotor that speeds up, and of one that slows down."""
         self.voltage_exponent = 0.0
-        """Of rotor speed at a given output; 0: the speed controllers make up for the voltage."""
+        """Exponent of the voltage in the rotor speed at a given output; 0: speed controllers compensate the voltage."""
         self.file_vehicle = vehicle
         self.file_rpm = [0.0] * n
-        """What the vehicle file's lag and throttle line make of the same outputs."""
+        """Rotor speeds that follow from the same outputs with the lag and the throttle line of the vehicle file."""
         self.from_outputs = False
         """The log will hold motor outputs instead of rotor speeds."""
         self._air_exists = any(type(truth).wind is not Truth.wind for truth in truths)
@@ -117,7 +117,7 @@ class HiddenBody(SimulatedBody):
             truth.enter(self)
 
     def rotor_heights(self) -> list[float]:
-        """Of each rotor above a ground that may slope against the frame of the log."""
+        """Height of each rotor above a ground that may slope in the frame of the log, m."""
         w, x, y, z = self.attitude
         dx, dy = 2.0 * (x * z - w * y), 2.0 * (y * z + w * x)  # how far body x and y point down
         north, east, down = self.position

@@ -1,1 +1,1 @@
-"""What the papers behind quadctl print, computed again: `make papers` writes docs/papers.md. One module per result."""
+"""Results of the papers behind quadctl, computed again: `make papers` writes docs/papers.md. One module per result."""

@@ -25,7 +25,7 @@ MEANING = {
 }
 SURFACES = ("turf", "dirt", "dry soil", "irregular dry soil")
 FLIGHTS = 3
-"""Of each surface: 12 data sets in all."""
+"""Number of flights over each surface: 12 data sets in all."""
 HEIGHTS_M = np.linspace(1.0, 0.21, 13)
 K_B = 0.4509
 SPREADS = (0.1, 0.2, 0.4)
@@ -101,7 +101,7 @@ def errors(flights: Floats, rivals: Rivals) -> Floats:
 
 
 class Outcome(NamedTuple):
-    """What happens at one noise level and spread, over many draws."""
+    """Results at one noise level and spread, over many draws."""
 
     rmse: Floats
     """Mean over the draws, shape (models,)."""

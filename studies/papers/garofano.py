@@ -17,7 +17,7 @@ TILTS_DEG = (0.0, 10.0, 20.0, 30.0)
 """Cant and dihedral alike, as on the authors' vehicle."""
 UNEQUAL = ((30.0, 0.0), (0.0, 30.0))
 BOUNDARIES = (HexarotorTilted.LOW_ENDS, HexarotorTilted.HIGH_BEGINS, HIGHEST_HEIGHT_OVER_RADIUS)
-"""Where one section of the model ends, in rotor radii."""
+"""Heights at which a section of the model ends, in rotor radii."""
 
 
 def hexarotor(cant_deg: float = 0.0, dihedral_deg: float = 0.0) -> Vehicle:

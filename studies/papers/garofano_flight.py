@@ -36,11 +36,11 @@ HIGH = "none, 1 m higher"
 SEEDS = (1, 2, 3)
 STAIRCASE_SEEDS = (101, 102)
 GOAL = 0.2
-"""Of the error without compensation."""
+"""Largest share of the error without compensation that may remain."""
 
 
 class Errors(NamedTuple):
-    """Of the height over the phase 'cosine', m, one value per seed."""
+    """Height errors over the phase 'cosine', m, one value per seed."""
 
     largest: tuple[float, ...]
     rmse: tuple[float, ...]

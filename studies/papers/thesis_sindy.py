@@ -56,7 +56,7 @@ class Identified(NamedTuple):
     """The sparse expression, and how sure its terms are."""
 
     coefficients: dict[str, float]
-    """Of the terms that are in."""
+    """Coefficients of the selected terms."""
     frequency: dict[str, float]
     """Share of the resampled flights in which each term of the library is picked."""
     both_exponentials: float
@@ -66,7 +66,7 @@ class Identified(NamedTuple):
     rmse: dict[str, tuple[float, float]]
     """Held-out RMSE of K and its standard error over the folds, of each kind of model."""
     thresholded_terms: int
-    """How many terms sequential thresholding keeps when its threshold is chosen in the same way."""
+    """Number of terms that sequential thresholding keeps when its threshold is chosen in the same way."""
 
 
 def data_of(flight: Flight) -> Data:
@@ -104,7 +104,7 @@ def fit(data: Data, optimizer: Any) -> Any:
 
 
 def coefficients(model: Any) -> Floats:
-    """Of all terms of the library, 0 for those that are out."""
+    """Coefficients of all terms of the library, 0 for those not selected."""
     return np.asarray(model.coefficients()[0], dtype=float)
 
 

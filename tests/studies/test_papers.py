@@ -1,4 +1,4 @@
-"""What docs/papers.md rests on: fits that find known truths, and the published numbers where the logs are present."""
+"""Basis of docs/papers.md: fits that find known truths, and the published numbers where the logs are present."""
 
 from pathlib import Path
 
