@@ -15,7 +15,7 @@ from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.selection.candidate import Candidate
 from quadctl.lab.selection.diagnosis import Diagnosis, Verdict
 from quadctl.lab.selection.effect_curves import Binned, Sketch
-from quadctl.lab.selection.search import Step
+from quadctl.lab.selection.search import SelectionStep
 from quadctl.lab.symbolic.effect_file import CODE
 from quadctl.lab.symbolic.formula import Formula, Law, Symbolic
 from quadctl.model import EffectEntry, Model, StackedEffect
@@ -236,7 +236,7 @@ class Findings(_Saved):
             verdict=self.verdict,
             ranking=[c.candidate(_model(model, c.stack, known)) for c in self.ranking],
             missing=list(self.missing),
-            steps=[Step(step.family, step.effect, step.rmse) for step in self.steps],
+            steps=[SelectionStep(step.family, step.effect, step.rmse) for step in self.steps],
             best=_model(model, self.best, known),
             confounded=[list(pair) for pair in self.confounded],
             suggested_mission=self.suggested_mission,

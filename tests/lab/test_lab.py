@@ -15,7 +15,7 @@ from quadctl.errors import SettingsError
 from quadctl.lab.comparison.comparison import compare
 from quadctl.lab.fitting.fitter import Fitter
 from quadctl.lab.fitting.noise import CorrelatedNoise, autocovariance
-from quadctl.lab.fitting.nuisances import MOST
+from quadctl.lab.fitting.nuisances import BOUND
 from quadctl.lab.fitting.parameters import intervals
 from quadctl.lab.fitting.significance import difference_p_value, improvement_p_value
 from quadctl.lab.flights.dataset import Dataset, load_dataset
@@ -346,8 +346,8 @@ class TestNuisances:
     def test_they_are_held_to_what_is_believed(self, raptor: Vehicle) -> None:
         data = load_dataset([obedient(Model(raptor).plus(ConstantScale(0.8)), 60.0, noise_m_s=0.005)], raptor)
         fitted = Fitter(Model(raptor), data).fit()
-        assert np.all(np.abs(fitted.nuisances) <= MOST + 1e-12)
-        assert fitted.nuisances[0, 0] == pytest.approx(-MOST[0], abs=1e-4)
+        assert np.all(np.abs(fitted.nuisances) <= BOUND + 1e-12)
+        assert fitted.nuisances[0, 0] == pytest.approx(-BOUND[0], abs=1e-4)
 
     def test_each_flight_has_its_own(self, raptor: Vehicle) -> None:
         logs = [

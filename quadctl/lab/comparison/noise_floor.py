@@ -19,16 +19,16 @@ def flexible_residual(residual: Floats, dataset: Dataset) -> Floats:
     Shape (n, axes). Each fold is predicted from the others; per axis the ridge with the least held-out error is taken.
     """
     hinges = _Hinges(dataset)
-    sums = _sums_by_fold(hinges, residual, dataset)
-    others = [np.delete(sums, i, axis=0).sum(axis=0) for i in range(len(sums))]
-    weights = [[_ridge_weights(learnt, residual.shape[1], ridge) for ridge in RIDGES] for learnt in others]
+    gram = _gram_by_fold(hinges, residual, dataset)
+    others = [np.delete(gram, i, axis=0).sum(axis=0) for i in range(len(gram))]
+    fitted = [[_ridge_coefficients(learnt, residual.shape[1], ridge) for ridge in RIDGES] for learnt in others]
     tried = np.empty((len(RIDGES), *residual.shape))
     for part in dataset.parts:
         features = hinges.of(part)
-        for number, by_ridge in zip(dataset.folds, weights, strict=True):
+        for number, by_ridge in zip(dataset.folds, fitted, strict=True):
             held = dataset.fold[part] == number
-            for predicted, (slopes, mean) in zip(tried[:, part], by_ridge, strict=True):
-                predicted[held] = features[held] @ slopes + mean
+            for predicted, (coefficients, mean) in zip(tried[:, part], by_ridge, strict=True):
+                predicted[held] = features[held] @ coefficients + mean
     best = np.argmin([np.mean((residual - predicted) ** 2, axis=0) for predicted in tried], axis=0)
     return np.column_stack([tried[i, :, axis] for axis, i in enumerate(best)])
 
@@ -67,7 +67,7 @@ class _Hinges:
         return np.column_stack(columns)
 
 
-def _sums_by_fold(hinges: _Hinges, residual: Floats, dataset: Dataset) -> Floats:
+def _gram_by_fold(hinges: _Hinges, residual: Floats, dataset: Dataset) -> Floats:
     """Sums of the squares and products of the features, a constant and the axes of `residual`, (folds, m, m)."""
     found: list[Floats] = []
     for part in dataset.parts:
@@ -78,9 +78,9 @@ def _sums_by_fold(hinges: _Hinges, residual: Floats, dataset: Dataset) -> Floats
     return np.asarray(np.sum(found, axis=0))
 
 
-def _ridge_weights(sums: Floats, axes: int, ridge: float) -> tuple[Floats, Floats]:
-    """Slopes, shape (p, axes), and constants, (axes,), of a regression that has `sums` to learn from."""
-    p = len(sums) - 1 - axes
-    mean = sums[p, p + 1 :] / sums[p, p]
-    about_mean = sums[:p, p + 1 :] - np.outer(sums[:p, p], mean)
-    return np.asarray(np.linalg.solve(sums[:p, :p] + ridge * np.eye(p), about_mean)), np.asarray(mean)
+def _ridge_coefficients(gram: Floats, axes: int, ridge: float) -> tuple[Floats, Floats]:
+    """Slopes, shape (p, axes), and constants, (axes,), of a regression that has `gram` to learn from."""
+    p = len(gram) - 1 - axes
+    mean = gram[p, p + 1 :] / gram[p, p]
+    about_mean = gram[:p, p + 1 :] - np.outer(gram[:p, p], mean)
+    return np.asarray(np.linalg.solve(gram[:p, :p] + ridge * np.eye(p), about_mean)), np.asarray(mean)

@@ -27,14 +27,14 @@ what it does: published forms of the ground effect differ by that, and more."""
 UP = AXES.index("up")
 
 
-def error_slopes(model: Model, flight: Flight, groups: Sequence[str], here: Floats) -> Floats:
-    """What each error of its usual size does to the prediction `here`, shape (n, axes, errors)."""
-    found = [predict_targets(model, wrong, groups) - here for wrong in _wrong(flight)]
-    found += _misshapen(model, flight, here)
+def consider_jacobian(model: Model, flight: Flight, groups: Sequence[str], predicted: Floats) -> Floats:
+    """What each error of its usual size does to the prediction `predicted`, shape (n, axes, errors)."""
+    found = [predict_targets(model, disturbed, groups) - predicted for disturbed in _disturbed_flights(flight)]
+    found += _form_errors(model, flight, predicted)
     return np.stack(found, axis=-1)
 
 
-def _wrong(flight: Flight) -> list[Flight]:
+def _disturbed_flights(flight: Flight) -> list[Flight]:
     """The flight with one rotor after the other a little stronger, and over ground that rises to the north or east.
 
     What a stronger rotor does in hover is a nuisance of the flight already: here it acts on its thrust beyond the mean.
@@ -52,13 +52,13 @@ def _wrong(flight: Flight) -> list[Flight]:
     return [*stronger, *sloped]
 
 
-def _misshapen(model: Model, flight: Flight, here: Floats) -> Iterator[Floats]:
+def _form_errors(model: Model, flight: Flight, predicted: Floats) -> Iterator[Floats]:
     """Each effect that changes the thrust by a form, off by a constant."""
     for i, effect in enumerate(model.effects):
         if not effect.depends_on or effect.retards or effect not in model.effects_on_thrust:
             continue
         without = replace(model, stack=(*model.stack[:i], *model.stack[i + 1 :]))
-        does = here[:, UP] - predict(without, flight)[:, UP]
-        found = np.zeros_like(here)
+        does = predicted[:, UP] - predict(without, flight)[:, UP]
+        found = np.zeros_like(predicted)
         found[:, UP] = FORM * np.sqrt(np.mean(does**2))
         yield found

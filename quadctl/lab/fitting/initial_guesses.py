@@ -55,8 +55,8 @@ class Unmodelled:
 
 
 TIED = 0.02
-"""Starts that explain less than the best by no more than this share are all followed, but no more than `MOST`."""
-MOST = 6
+"""Starts that explain less than the best by no more than this share are all followed, but no more than `MAX_GUESSES`."""
+MAX_GUESSES = 6
 
 
 def best_guesses(effect: type[Effect], left: Unmodelled) -> tuple[list[Effect], int]:
@@ -69,6 +69,6 @@ def best_guesses(effect: type[Effect], left: Unmodelled) -> tuple[list[Effect], 
     explained = {start: left.explained_by(start) for start in starts}
     first = max(starts, key=explained.__getitem__)
     explained |= {start: left.explained_by(start) for start in first.closer(flights)}
-    best = sorted(explained, key=lambda start: -explained[start])[:MOST]
+    best = sorted(explained, key=lambda start: -explained[start])[:MAX_GUESSES]
     tied = [start for start in best if explained[start] >= explained[best[0]] - TIED * abs(explained[best[0]])]
     return tied, min(len(explained), len(np.unique(dataset.block)))

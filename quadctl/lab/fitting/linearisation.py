@@ -3,15 +3,15 @@
 import numpy as np
 
 from quadctl.lab.arrays import Floats
-from quadctl.lab.fitting.nuisances import FORCES, sensitivity, usual_sizes
-from quadctl.lab.fitting.parameters import free_parameters, parameter_slopes
+from quadctl.lab.fitting.nuisances import FORCES, nuisance_jacobian, prior_standard_deviations
+from quadctl.lab.fitting.parameters import free_parameters, parameter_jacobian
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.flights.prediction import predict_targets
 from quadctl.model import Model
 
-ANY = 1e3
+UNCONSTRAINED = 1e3
 """Times its usual size a nuisance may be anything."""
-SEEN = 1e-9
+RANK_TOLERANCE = 1e-9
 """A direction of the parameters, in units of their ranges, that does less than this share of what others do is none."""
 
 
@@ -26,19 +26,21 @@ class Tangent:
 
     def __init__(self, model: Model, dataset: Dataset, scale: Floats) -> None:
         self._parts = dataset.parts
-        self._own: list[_Wider] = []
-        sizes = usual_sizes(model)
-        sizes[:FORCES] *= ANY
+        self._own: list[_WidenedNoise] = []
+        prior_stds = prior_standard_deviations(model)
+        prior_stds[:FORCES] *= UNCONSTRAINED
         ranges = np.array([f.parameter.high - f.parameter.low for f in free_parameters(model)])
         size, beside = 0.0, []
         for flight in dataset.flights:
-            here = predict_targets(model, flight, dataset.groups)
-            own = _Wider(_flat(sensitivity(model, flight, dataset.groups, here) / scale[:, None] * sizes))
-            parameters = _flat(parameter_slopes(model, flight, dataset.groups, here) / scale[:, None] * ranges)
+            predicted = predict_targets(model, flight, dataset.groups)
+            own = _WidenedNoise(
+                _flat(nuisance_jacobian(model, flight, dataset.groups, predicted) / scale[:, None] * prior_stds)
+            )
+            parameters = _flat(parameter_jacobian(model, flight, dataset.groups, predicted) / scale[:, None] * ranges)
             size = max(size, float(np.linalg.norm(parameters)))
             self._own.append(own)
             beside.append(own.whitened(parameters))
-        self._shared = _orthonormal(np.concatenate(beside), SEEN * size)
+        self._shared = _orthonormal(np.concatenate(beside), RANK_TOLERANCE * size)
 
     def rest(self, change: Floats) -> Floats:
         """Of a change of the targets in units of the noise, shape (n, axes): what no parameter does, and nuisances
@@ -48,7 +50,7 @@ class Tangent:
         return np.asarray(flat - self._shared @ (self._shared.T @ flat)).reshape(change.shape)
 
 
-class _Wider:
+class _WidenedNoise:
     """White noise of variance 1 and, on top, errors along some columns: covariance I + N N'."""
 
     def __init__(self, columns: Floats) -> None:
@@ -60,12 +62,12 @@ class _Wider:
         return np.asarray(values - (self._along * self._taken) @ (self._along.T @ values))
 
 
-def _flat(slopes: Floats) -> Floats:
-    n, axes, columns = slopes.shape
-    return slopes.reshape(n * axes, columns)
+def _flat(jacobian: Floats) -> Floats:
+    n, axes, columns = jacobian.shape
+    return jacobian.reshape(n * axes, columns)
 
 
 def _orthonormal(columns: Floats, least: float) -> Floats:
     """Basis of what `columns` span, but for what is smaller than `least` or next to nothing; shape (n, r)."""
     u, size, _ = np.linalg.svd(columns, full_matrices=False)
-    return np.asarray(u[:, size > max(least, SEEN * max(float(size.max(initial=0.0)), SEEN))])
+    return np.asarray(u[:, size > max(least, RANK_TOLERANCE * max(float(size.max(initial=0.0)), RANK_TOLERANCE))])

@@ -23,8 +23,8 @@ class Kind:
     """One nuisance: its usual size (the standard deviation of its prior) and the most that is believed."""
 
     name: str
-    usual: float
-    most: float
+    prior_std: float
+    bound: float
 
 
 KINDS = (
@@ -42,8 +42,8 @@ do: 0.01 is that of rotors whose coefficients are 1 % off each, and whose motors
 grow with the thrust."""
 LEAN = np.radians(0.3)
 """Of each motor on its arm, beside coefficients that are 1 % off: about yaw, that is the larger error by far."""
-USUAL = np.array([kind.usual for kind in KINDS])
-MOST = np.array([kind.most for kind in KINDS])
+PRIOR_STD = np.array([kind.prior_std for kind in KINDS])
+BOUND = np.array([kind.bound for kind in KINDS])
 HELD = 1e-4
 """Usual size, as a share of the kind's, of a nuisance that an effect stands for: the two could not be told apart."""
 FORCES = 5
@@ -51,10 +51,10 @@ FORCES = 5
 HEIGHT, AGE = ([kind.name for kind in KINDS].index(name) for name in ("height_m", "delay_s"))
 
 
-def usual_sizes(model: Model) -> Floats:
+def prior_standard_deviations(model: Model) -> Floats:
     """Of the nuisances beside `model`, shape (kinds,)."""
     replaced = {name for effect in model.effects for name in effect.replaces}
-    return np.array([HELD * kind.usual if kind.name in replaced else kind.usual for kind in KINDS])
+    return np.array([HELD * kind.prior_std if kind.name in replaced else kind.prior_std for kind in KINDS])
 
 
 def disturbed(flight: Flight, nuisance: Floats) -> Flight:
@@ -72,21 +72,21 @@ def disturbed(flight: Flight, nuisance: Floats) -> Flight:
     )
 
 
-def sensitivity(
-    model: Model, flight: Flight, groups: Sequence[str], here: Floats, near: Floats | None = None
+def nuisance_jacobian(
+    model: Model, flight: Flight, groups: Sequence[str], predicted: Floats, nearby_jacobian: Floats | None = None
 ) -> Floats:
     """d prediction / d nuisance, at no nuisance, shape (n, 3 * groups, kinds): so small, they act linearly.
 
-    `here` is the prediction of the flight's targets without a nuisance, shape (n, 3 * groups). `near` are the
-    `acceleration_slopes` of the model with other parameters: they are about the same but for that to the height, which
+    `predicted` is the prediction of the flight's targets without a nuisance, shape (n, 3 * groups). `nearby_jacobian` are the
+    `acceleration_jacobian` of the model with other parameters: they are about the same but for that to the height, which
     is nothing without some effects, and is made anew.
     """
-    found = np.zeros((*here.shape, len(KINDS)))
-    if near is None:
-        found[:, :3, :FORCES] = acceleration_slopes(model, flight, here)
+    found = np.zeros((*predicted.shape, len(KINDS)))
+    if nearby_jacobian is None:
+        found[:, :3, :FORCES] = acceleration_jacobian(model, flight, predicted)
     else:
-        found[:, :3, :FORCES] = near
-        found[:, :3, HEIGHT] = _acceleration_slope(model, flight, here, HEIGHT)
+        found[:, :3, :FORCES] = nearby_jacobian
+        found[:, :3, HEIGHT] = _acceleration_derivative(model, flight, predicted, HEIGHT)
     if "turning" in groups:
         first = 3 * groups.index("turning")
         for i, moment in enumerate(rotor_moments_n_m(flight).T):
@@ -94,13 +94,13 @@ def sensitivity(
     return found
 
 
-def acceleration_slopes(model: Model, flight: Flight, here: Floats) -> Floats:
-    """d acceleration / d nuisance of the forces, at no nuisance, shape (n, 3, FORCES); `here` as in `sensitivity`."""
-    return np.stack([_acceleration_slope(model, flight, here, i) for i in range(FORCES)], axis=-1)
+def acceleration_jacobian(model: Model, flight: Flight, predicted: Floats) -> Floats:
+    """d acceleration / d nuisance of the forces, at no nuisance, shape (n, 3, FORCES); `predicted` as in `nuisance_jacobian`."""
+    return np.stack([_acceleration_derivative(model, flight, predicted, i) for i in range(FORCES)], axis=-1)
 
 
-def _acceleration_slope(model: Model, flight: Flight, here: Floats, i: int) -> Floats:
-    return np.asarray((predict(model, disturbed(flight, np.diag(USUAL)[i])) - here[:, :3]) / USUAL[i])
+def _acceleration_derivative(model: Model, flight: Flight, predicted: Floats, i: int) -> Floats:
+    return np.asarray((predict(model, disturbed(flight, np.diag(PRIOR_STD)[i])) - predicted[:, :3]) / PRIOR_STD[i])
 
 
 def predicted_with(model: Model, flight: Flight, nuisance: Floats, groups: Sequence[str]) -> Floats:

@@ -43,14 +43,14 @@ def with_values(model: Model, free: Sequence[Free], values: Floats) -> Model:
     return model.with_effects(effects)
 
 
-def parameter_slopes(model: Model, flight: Flight, groups: Sequence[str], here: Floats) -> Floats:
+def parameter_jacobian(model: Model, flight: Flight, groups: Sequence[str], predicted: Floats) -> Floats:
     """d prediction / d free parameter, shape (n, axes, p), by differences that stay within the bounds.
 
-    `here` is the prediction of the flight's targets by the model as it is, shape (n, axes).
+    `predicted` is the prediction of the flight's targets by the model as it is, shape (n, axes).
     """
     free = free_parameters(model)
     values = values_of(model, free)
-    found = np.zeros((*here.shape, len(free)))
+    found = np.zeros((*predicted.shape, len(free)))
     for i, f in enumerate(free):
         step = STEP * (f.parameter.high - f.parameter.low)
         step = step if values[i] + step <= f.parameter.high else -step
@@ -60,7 +60,7 @@ def parameter_slopes(model: Model, flight: Flight, groups: Sequence[str], here: 
         for first, group in enumerate(groups):
             if concerns(model.effects[f.effect], group):
                 axes = slice(3 * first, 3 * first + 3)
-                found[:, axes, i] = (PREDICT[group](other, flight) - here[:, axes]) / step
+                found[:, axes, i] = (PREDICT[group](other, flight) - predicted[:, axes]) / step
     return found
 
 

@@ -194,11 +194,12 @@ def _filter(
     offset = grid[columns] - time[:, None]
     weights = np.exp(-0.5 * (offset / sigma) ** 2)
     weights /= weights.sum(axis=1, keepdims=True)
-    slopes = weights * (offset - (weights * offset).sum(axis=1, keepdims=True))
-    slopes /= (slopes * offset).sum(axis=1, keepdims=True)
+    derivatives = weights * (offset - (weights * offset).sum(axis=1, keepdims=True))
+    derivatives /= (derivatives * offset).sum(axis=1, keepdims=True)
     where = (np.repeat(np.arange(len(time)), columns.shape[1]), columns.ravel())
     shape = (len(time), len(grid))
-    return time, csr_matrix((weights.ravel(), where), shape=shape), csr_matrix((slopes.ravel(), where), shape=shape)
+    smooth, derivative = (csr_matrix((rows.ravel(), where), shape=shape) for rows in (weights, derivatives))
+    return time, smooth, derivative
 
 
 def _assemble(

@@ -18,7 +18,7 @@ from quadctl.lab.flights.flight import SPAN_UNITS
 from quadctl.lab.results import Result
 from quadctl.lab.selection.candidate import Candidate
 from quadctl.lab.selection.rule import is_large, is_measured, is_mostly_left, is_supported, is_unexplained, score
-from quadctl.lab.selection.search import Path, Step, emptied, search
+from quadctl.lab.selection.search import Path, SelectionStep, emptied, search
 from quadctl.lab.selection.wording import candidate_to_dict
 from quadctl.lab.symbolic.formula import Symbolic
 from quadctl.lab.symbolic.identification import explain
@@ -41,7 +41,7 @@ class Diagnosis(Result):
     """First what is missing, each on top of those before it; then the others, each on top of what had been found when
     it was tried last."""
     missing: list[str]
-    steps: list[Step]
+    steps: list[SelectionStep]
     """The error ladder: the model as it is, then each missing family in the order of adding."""
     best: Model
     """The model with all missing effects, fitted on all data."""

@@ -38,7 +38,7 @@ Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
+class SelectionStep:
     """One step of the error ladder: the family added, and the held-out error once it is in."""
 
     family: str
@@ -53,7 +53,7 @@ class Path:
     start: FittedModel
     current: FittedModel
     """The start with all that is on the way, fitted."""
-    steps: tuple[Step, ...]
+    steps: tuple[SelectionStep, ...]
     """The start, then one step for each missing family in the order of adding."""
     missing: tuple[str, ...] = ()
     chosen: tuple[Candidate, ...] = ()
@@ -96,7 +96,7 @@ def search(start: FittedModel, pool: Sequence[type[Effect]], progress: Progress)
 def begun_at(start: FittedModel) -> Path:
     """The path that has not left its start."""
     name, errors = start.fitter.model.name, rmse(start.held_out_residual, start.dataset.groups)
-    return Path(start, start, (Step("", name, errors),))
+    return Path(start, start, (SelectionStep("", name, errors),))
 
 
 def forward(path: Path, pool: Sequence[type[Effect]], progress: Progress) -> Path:
@@ -113,7 +113,7 @@ def forward(path: Path, pool: Sequence[type[Effect]], progress: Progress) -> Pat
 
 def taken(path: Path, chosen: Candidate) -> Path:
     """The path with `chosen` added."""
-    step = Step(chosen.family, chosen.effect.name, rmse(chosen.residual, path.dataset.groups))
+    step = SelectionStep(chosen.family, chosen.effect.name, rmse(chosen.residual, path.dataset.groups))
     return replace(
         path,
         current=chosen.fit(path.dataset),

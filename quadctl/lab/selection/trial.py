@@ -6,7 +6,7 @@ from quadctl.effects import Effect
 from quadctl.lab.arrays import Floats
 from quadctl.lab.fitting.fitter import FittedModel, Fitter
 from quadctl.lab.fitting.initial_guesses import Unmodelled, best_guesses
-from quadctl.lab.fitting.nuisances import AGE, MOST
+from quadctl.lab.fitting.nuisances import AGE, BOUND
 from quadctl.lab.fitting.significance import improvement_p_value
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.flights.prediction import MOMENTS, rmse
@@ -52,11 +52,11 @@ def fit_on_top(effect: type[Effect], left: Unmodelled) -> tuple[FittedModel, int
     guesses, independent = best_guesses(effect, left)
     fitters = [Fitter(left.model.plus(guess), left.dataset) for guess in guesses]
     fits = [fitter.fit() for fitter in fitters]
-    misfits = [fitter.misfit(fitted, left.scale) for fitter, fitted in zip(fitters, fits, strict=True)]
-    best = misfits.index(min(misfits))
+    objectives = [fitter.objective(fitted, left.scale) for fitter, fitted in zip(fitters, fits, strict=True)]
+    best = objectives.index(min(objectives))
     fitter, fitted = fitters[best], fits[best]
     for _ in range(REALIGNED if effect.retards else 0):
-        if np.abs(fitted.nuisances[:, AGE]).max() < 0.5 * MOST[AGE]:
+        if np.abs(fitted.nuisances[:, AGE]).max() < 0.5 * BOUND[AGE]:
             break
         fitter = Fitter(fitted.model, left.dataset)
         fitted = fitter.fit()

@@ -48,11 +48,11 @@ FORMS = (
 
 @dataclass(frozen=True, eq=False)
 class FittedForm:
-    """A form with its parameters, in the order of `Form.names`, and their slopes at the samples, shape (n, p)."""
+    """A form with its parameters, in the order of `Form.names`, and their jacobian at the samples, shape (n, p)."""
 
     form: Form
     values: Floats
-    slopes: Floats
+    jacobian: Floats
 
 
 def usable_forms(x: Floats) -> list[Form]:

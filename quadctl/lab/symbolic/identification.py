@@ -167,13 +167,13 @@ def _sparse_formula(y: Floats, chosen: list[Term], share: float, dataset: Datase
     weights = _weights(y, chosen, np.ones(len(y), dtype=bool))
     names = [*(f"k{i}" for i in range(1, len(chosen) + 1)), "c"]
     parts = [f"{{{name}}}*{term.text}" for name, term in zip(names, chosen, strict=False)]
-    slopes = _columns(chosen, len(y))
-    predicted = slopes @ weights
+    jacobian = _columns(chosen, len(y))
+    predicted = jacobian @ weights
     return Formula(
         parts=(*(part.replace("*1/", "/") for part in parts), "{c}"),
         variables=tuple(dict.fromkeys(name for term in chosen for name in term.variables)),
         coefficients=dict(zip(names, map(float, weights), strict=True)),
-        ci95=_intervals(names, weights, slopes, y - predicted, dataset.block),
+        ci95=_intervals(names, weights, jacobian, y - predicted, dataset.block),
         bounds={name: _wide(weight) for name, weight in zip(names, weights, strict=True)},
         held_out_share=share,
         predicted=predicted,
@@ -205,7 +205,7 @@ def _compact_formula(y: Floats, names: Sequence[str], variables: dict[str, Float
         parts=(fitted.form.template.replace("{x}", name), "{c}"),
         variables=(name,),
         coefficients=dict(zip(own, map(float, fitted.values), strict=True)),
-        ci95=_intervals(own, fitted.values, fitted.slopes, y - predicted, dataset.block),
+        ci95=_intervals(own, fitted.values, fitted.jacobian, y - predicted, dataset.block),
         bounds={n: middle if n == "m" else _wide(v, n in "bw") for n, v in zip(own, fitted.values, strict=True)},
         held_out_share=_share(y, held_out[best]),
         predicted=predicted,
@@ -223,14 +223,14 @@ def _wide(value: float, of_one_sign: bool = False) -> tuple[float, float]:
 
 
 def _intervals(
-    names: Sequence[str], values: Floats, slopes: Floats, left: Floats, block: NDArray[np.int64]
+    names: Sequence[str], values: Floats, jacobian: Floats, left: Floats, block: NDArray[np.int64]
 ) -> dict[str, tuple[float, float]]:
     """95 % intervals: least squares, to first order, on blocks of time drawn with replacement.
 
-    `slopes`: d prediction / d value at the samples, shape (n, p); `left`: what the fit leaves, shape (n,).
+    `jacobian`: d prediction / d value at the samples, shape (n, p); `left`: what the fit leaves, shape (n,).
     """
-    size = np.maximum(np.linalg.norm(slopes, axis=0), 1e-12)
-    j = slopes / size
+    size = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-12)
+    j = jacobian / size
     place = np.unique(block, return_inverse=True)[1]
     count = int(place.max()) + 1
     normal, gradient = np.zeros((count, len(values), len(values))), np.zeros((count, len(values)))

@@ -20,8 +20,8 @@ from quadctl.lab.fitting.arrowhead import Arrow
 from quadctl.lab.fitting.fitter import Fitter, fit_model, noise_scale
 from quadctl.lab.fitting.initial_guesses import Unmodelled, best_guesses
 from quadctl.lab.fitting.linearisation import Tangent
-from quadctl.lab.fitting.normal_equations import worth
-from quadctl.lab.fitting.nuisances import KINDS, MOST, disturbed, rotor_moments_n_m
+from quadctl.lab.fitting.normal_equations import axis_weights
+from quadctl.lab.fitting.nuisances import BOUND, KINDS, disturbed, rotor_moments_n_m
 from quadctl.lab.fitting.parameters import intervals, values_of
 from quadctl.lab.flights.dataset import Dataset, HoldOut, load_dataset
 from quadctl.lab.flights.flight import Flight
@@ -92,7 +92,7 @@ class TestGaussNewton:
         fitter = Fitter(stacked(raptor, ConstantScale(), Exponential()), seen)
         fitted = fitter.fit()
         scale = noise_scale(seen.targets - fitted.predicted(fitter.dataset))
-        least = fitter.misfit(fitted, scale)
+        least = fitter.objective(fitted, scale)
         for i, effect in enumerate(fitted.model.effects):
             for parameter in (p for p in effect.parameters() if p.fitted):
                 for share in (-0.003, 0.003):
@@ -100,7 +100,7 @@ class TestGaussNewton:
                     effects = list(fitted.model.effects)
                     effects[i] = dataclasses.replace(effect, **{parameter.name: value})
                     beside = dataclasses.replace(fitted, model=fitted.model.with_effects(effects))
-                    assert fitter.misfit(beside, scale) > least - 1e-3 * abs(least), parameter.name
+                    assert fitter.objective(beside, scale) > least - 1e-3 * abs(least), parameter.name
 
     @pytest.mark.parametrize("start", [Exponential(0.0, 1.0), Exponential(1.5, 20.0), Exponential(0.1, 2.0)])
     def test_it_comes_from_far_away(self, raptor: Vehicle, seen: Dataset, start: Exponential) -> None:
@@ -125,21 +125,21 @@ class TestGaussNewton:
         high = np.array([f.parameter.high for f in fitter.free])
         for values in (values_of(fitted.model, fitter.free), *fitter.bootstrap(fitted)):
             assert np.all((low <= values) & (values <= high))
-        assert np.all(np.abs(fitted.nuisances) <= MOST + 1e-12)
+        assert np.all(np.abs(fitted.nuisances) <= BOUND + 1e-12)
 
-    def test_a_better_form_has_the_smaller_misfit(self, raptor: Vehicle, seen: Dataset) -> None:
-        misfits = []
+    def test_a_better_form_has_the_smaller_objective(self, raptor: Vehicle, seen: Dataset) -> None:
+        objectives = []
         for form in (Model(raptor), stacked(raptor, ConstantScale()), stacked(raptor, ConstantScale(), Exponential())):
             fitter = Fitter(form, seen)
-            misfits.append(fitter.misfit(fitter.fit(), np.full(seen.targets.shape[1], 0.1)))
-        assert misfits[0] > misfits[1] > misfits[2]
+            objectives.append(fitter.objective(fitter.fit(), np.full(seen.targets.shape[1], 0.1)))
+        assert objectives[0] > objectives[1] > objectives[2]
 
-    def test_slopes_to_nuisances_taken_for_constant_do_not_move_the_optimum(
+    def test_a_jacobian_of_the_nuisances_taken_for_constant_do_not_move_the_optimum(
         self, raptor: Vehicle, seen: Dataset
     ) -> None:
         fitter = Fitter(stacked(raptor, ConstantScale(), Exponential()), seen)
         fitted = fitter.fit()
-        again = fitter.fit(start=fitted)  # whose slopes are those at the optimum
+        again = fitter.fit(start=fitted)  # whose Jacobian is that at the optimum
         widths = np.ptp(intervals(fitter.free, fitter.bootstrap(fitted)), axis=1)
         moved = np.abs(values_of(again.model, fitter.free) - values_of(fitted.model, fitter.free))
         assert np.all(moved <= 0.02 * widths)
@@ -167,7 +167,7 @@ class TestManyFlights:
         monkeypatch.setattr(Arrow, "within", dense_solution_within)
         for name, mine, dense in zip(("values", "nuisances", "held out", "draws"), by_flight, found(), strict=True):
             assert mine == pytest.approx(dense, rel=1e-5, abs=1e-7), name
-        at_bound = np.isclose(np.abs(by_flight[1]), MOST)
+        at_bound = np.isclose(np.abs(by_flight[1]), BOUND)
         assert at_bound.any() and not at_bound.all()
 
 
@@ -269,7 +269,7 @@ class TestMoments:
         slow = flight.slowly(white)
         independent = slow.var() / slow.mean(axis=0).var()
         assert flight.slow_share * len(flight.time_s) == pytest.approx(independent, rel=0.2)
-        assert worth(flight, ("total", "turning")) == pytest.approx([1.0] * 3 + [flight.slow_share] * 3)
+        assert axis_weights(flight, ("total", "turning")) == pytest.approx([1.0] * 3 + [flight.slow_share] * 3)
 
     def test_about_yaw_motors_that_lean_turn_more_than_coefficients_do(self, raptor: Vehicle, flight: Flight) -> None:
         """0.01 of the unit: four rotors 1 % off, and leaning 0.3 degrees at a lever of 0.124 sqrt(2) m."""
