@@ -1,4 +1,4 @@
-"""The lab as a specification: how it fits, what it calls missing, and when it keeps silent."""
+"""Specification of the lab: the fit, what is called missing, and when nothing is."""
 
 import dataclasses
 import math
@@ -122,7 +122,7 @@ class TestFit:
         assert fitted.effects[0].values()["factor"] == pytest.approx(0.93, abs=3e-3)
 
     def test_a_fit_sees_only_what_it_may(self, raptor: Vehicle) -> None:
-        """Samples that are held out may hold anything: the fit on the others does not change."""
+        """Held-out samples may have any value: the fit to the others does not change."""
         truth = Model(raptor).plus(ConstantScale(0.93))
         data = load_dataset([obedient(truth, noise_m_s=0.005)], raptor)
         fitter = Fitter(Model(raptor).plus(ConstantScale()), data)
@@ -326,7 +326,7 @@ class TestSpans:
     def test_an_effect_is_not_tried_where_the_data_cannot_tell_it_from_others(
         self, staircases: list[FlightLog], rigid: Model
     ) -> None:
-        """A hover says nothing of drag with the square of the speed: the result says so, it does not guess."""
+        """A hover does not determine a drag with the square of the speed: the result says so."""
         result = diagnose(rigid, load_dataset(staircases[:1], rigid.vehicle))
         assert "body_drag" not in {candidate.family for candidate in result.ranking}
         assert any("body_drag.quadratic" in reason and "speed over 1 m/s" in reason for reason in result.untried)

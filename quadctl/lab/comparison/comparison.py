@@ -1,4 +1,4 @@
-"""Compare a model with flights: how large is the error, how small could it be, where does the model fail?"""
+"""Comparison of a model with flights: its error, the noise floor, and the conditions under which it fails."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -22,21 +22,23 @@ TOLD_HORIZON_S = 2.0
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Comparison(Result):
-    """A model against a dataset; errors in m/s^2 of kinematic acceleration, measured minus predicted."""
+    """Errors of a model on a dataset; accelerations are kinematic, m/s^2; a residual is measured minus predicted."""
 
     model: Model
     dataset: AlignedDataset
     residual: Floats
-    """Shape (n, 3)."""
+    """Residual acceleration, north, east, up, m/s^2, shape (n, 3)."""
     rmse: dict[str, float]
     noise_floor: dict[str, float]
-    """Held-out error of a flexible regression on all logged variables: no model of them gets far below it."""
+    """Noise floor per axis and total, m/s^2: held-out error of a flexible regression on all logged variables. A model
+    of these variables can hardly have a smaller error."""
     explained: float
-    """1 - residual power / power of the measured acceleration about its mean; negative: worse than saying nothing."""
+    """Share of the acceleration's variance that the model explains (R^2); negative where the model is worse than
+    predicting the mean."""
     fails_where: list[Failure]
     profiles: list[Profile]
     open_loop: list[OpenLoop]
-    """By horizon; empty where no flight is long enough."""
+    """Open-loop errors, one entry per horizon; empty where no flight is long enough."""
 
     def to_dict(self) -> dict[str, Any]:
         return {
@@ -79,7 +81,7 @@ class Comparison(Result):
 
 
 def compare(model: Model, dataset: Dataset) -> Comparison:
-    """Evaluate `model` on `dataset` as it stands; nothing is fitted."""
+    """Evaluate `model` on `dataset` with its present parameters; no parameter is fitted."""
     aligned = dataset.aligned_for(model)
     residual = aligned.residual(model)
     noise = noise_floor(residual, flexible_residual(residual, aligned))
@@ -98,5 +100,5 @@ def compare(model: Model, dataset: Dataset) -> Comparison:
 
 
 def explained(residual: Floats, measured: Floats) -> float:
-    """Share of the variance that a model explains, as R^2: 1 - power of the residual / power about the mean."""
+    """Share of the variance that a model explains (R^2), from residual and measured acceleration, shape (n, 3) each."""
     return float(1.0 - np.sum(residual**2) / np.sum((measured - measured.mean(axis=0)) ** 2))

@@ -1,7 +1,7 @@
-"""A flexible regression of the residual on all logged variables: how much could any model of them still explain?
+"""Noise floor: held-out error of a flexible regression of the residual on all logged variables.
 
-It is no physics and is never flown. Its held-out error is the noise floor; its held-out gain over the model tells
-whether something is left to be found, also when no effect of the catalogue explains it.
+The regression is not a physical model and is never used in flight. Its held-out error is the noise floor. Its held-out
+gain over the model tells whether something is missing, also when no effect of the catalogue explains it.
 """
 
 import numpy as np
@@ -14,9 +14,10 @@ RIDGES = (3.0, 30.0, 300.0)
 
 
 def flexible_residual(residual: Floats, dataset: Dataset) -> Floats:
-    """What a ridge regression on piecewise linear functions of every variable predicts of `residual`, held out.
+    """Held-out prediction of `residual`, shape (n, axes), by ridge regression on all variables; same shape.
 
-    Shape (n, axes). Each fold is predicted from the others; per axis the ridge with the least held-out error is taken.
+    The features are piecewise linear functions of each variable. Each fold is predicted from the other folds; for each
+    axis the ridge with the smallest held-out error is used.
     """
     hinges = _Hinges(dataset)
     gram = _gram_by_fold(hinges, residual, dataset)
@@ -34,14 +35,15 @@ def flexible_residual(residual: Floats, dataset: Dataset) -> Floats:
 
 
 def noise_floor(residual: Floats, flexible: Floats) -> Floats:
-    """What the flexible regression leaves, or the residual where that is less (it found nothing), shape (n, 3)."""
+    """Residual minus its held-out prediction `flexible`; per axis the residual itself where that is smaller, shape (n,
+    3)."""
     left = residual - flexible
     better = np.mean(left**2, axis=0) < np.mean(residual**2, axis=0)
     return np.where(better, left, residual)
 
 
 class _Hinges:
-    """The variables and their hinges at their quantiles, all standardised: the features of the regression."""
+    """Features of the regression: the variables and hinge functions at their quantiles, all standardised."""
 
     def __init__(self, dataset: Dataset) -> None:
         self._variables: list[tuple[Floats, Floats]] = []
@@ -57,7 +59,7 @@ class _Hinges:
         self._std = np.maximum(np.sqrt(square), 1e-9)
 
     def of(self, part: slice) -> Floats:
-        """Features of some of the samples, shape (n, p)."""
+        """Features of the samples `part`, shape (n, p)."""
         return np.asarray((self._raw(part) - self._mean) / self._std)
 
     def _raw(self, part: slice) -> Floats:
@@ -68,7 +70,7 @@ class _Hinges:
 
 
 def _gram_by_fold(hinges: _Hinges, residual: Floats, dataset: Dataset) -> Floats:
-    """Sums of the squares and products of the features, a constant and the axes of `residual`, (folds, m, m)."""
+    """Gram matrix of the features, a constant and the axes of `residual`, per fold, shape (folds, m, m)."""
     found: list[Floats] = []
     for part in dataset.parts:
         features = hinges.of(part)
@@ -79,7 +81,7 @@ def _gram_by_fold(hinges: _Hinges, residual: Floats, dataset: Dataset) -> Floats
 
 
 def _ridge_coefficients(gram: Floats, axes: int, ridge: float) -> tuple[Floats, Floats]:
-    """Slopes, shape (p, axes), and constants, (axes,), of a regression that has `gram` to learn from."""
+    """Ridge coefficients, shape (p, axes), and constants, shape (axes,), from the Gram matrix of the training folds."""
     p = len(gram) - 1 - axes
     mean = gram[p, p + 1 :] / gram[p, p]
     about_mean = gram[:p, p + 1 :] - np.outer(gram[:p, p], mean)

@@ -1,7 +1,8 @@
-"""Normal equations of many flights: parameters that all flights share, and a few unknowns that each has for itself.
+"""Normal equations of many flights, with p parameters that all flights share and k nuisances of each flight.
 
-The matrix is an arrow: what one flight has for itself meets the shared parameters and nothing of another flight. So the
-flights' own unknowns are eliminated flight by flight (Schur complement), in time and memory linear in the flights.
+The normal matrix has the shape of an arrowhead: nuisances of one flight are coupled with the shared parameters and with
+each other, not with those of another flight. The nuisances are eliminated flight by flight (Schur complement), so that
+time and memory are linear in the number of flights.
 """
 
 from dataclasses import dataclass, replace
@@ -16,32 +17,33 @@ _T = TypeVar("_T", bound=np.generic)
 
 MAX_NEWTON_STEPS = 100
 CLOSE = 1e-12
-"""To a bound, or to where a step began, in the units of the unknowns."""
+"""Distance below which an unknown is at its bound and a step is zero, in the units of the unknowns."""
 
 
 @dataclass(frozen=True, eq=False)
 class Arrow:
-    """a x = b, where x holds p shared unknowns and then k of each flight; further axes in front are further equations.
+    """Normal equations a x = b, where x holds p shared unknowns and then k of each flight; leading axes are further
+    equations.
 
     `a` is symmetric and positive definite.
     """
 
     shared: Floats
-    """Of `a`: (..., p, p)."""
+    """Block of `a` for the shared unknowns, shape (..., p, p)."""
     coupled: Floats
-    """(..., flights, k, p)."""
+    """Blocks of `a` that couple each flight's unknowns with the shared ones, shape (..., flights, k, p)."""
     own: Floats
-    """(..., flights, k, k)."""
+    """Block of `a` for each flight's unknowns, shape (..., flights, k, k)."""
     shared_rhs: Floats
-    """Of `b`: (..., p)."""
+    """Part of `b` for the shared unknowns, shape (..., p)."""
     own_rhs: Floats
-    """(..., flights, k)."""
+    """Part of `b` for each flight's unknowns, shape (..., flights, k)."""
 
     @classmethod
     def of_gram_matrices(cls, gram: Floats, p: int) -> "Arrow":
-        """From the gram of squares and products that each flight gives, shape (..., flights, p + k + 1, p + k + 1).
+        """Build the equations from the Gram matrix of each flight, shape (..., flights, p + k + 1, p + k + 1).
 
-        The columns are the slopes to the shared unknowns, to the flight's own, and the residual.
+        Its rows and columns: the Jacobian of the shared unknowns, that of the flight's unknowns, and the residual.
         """
         own = slice(p, -1)
         return cls(
@@ -54,20 +56,20 @@ class Arrow:
 
     @property
     def rhs(self) -> Floats:
-        """b, shape (..., p + flights * k)."""
+        """Right-hand side b, shape (..., p + flights * k)."""
         return self._joined(self.shared_rhs, self.own_rhs)
 
     def with_rhs(self, rhs: Floats) -> "Arrow":
-        """The same matrix with another b, shape (..., p + flights * k)."""
+        """Replace b, shape (..., p + flights * k); the matrix stays the same."""
         shared_rhs, own_rhs = self._parted(rhs)
         return replace(self, shared_rhs=shared_rhs, own_rhs=own_rhs)
 
     def ridged(self) -> "Arrow":
-        """With a tiny ridge, which decides only directions that the data do not see at all."""
+        """Add a tiny ridge, which matters only in directions that the data do not determine."""
         return replace(self, shared=_ridged(self.shared), own=_ridged(self.own))
 
     def times(self, x: Floats) -> Floats:
-        """a x, shape (..., p + flights * k)."""
+        """Product a x, shape (..., p + flights * k)."""
         shared, own = self._parted(x)
         to_shared = np.einsum("...pq,...q->...p", self.shared, shared)
         to_shared = to_shared + np.einsum("...fkp,...fk->...p", self.coupled, own)
@@ -75,7 +77,8 @@ class Arrow:
         return self._joined(to_shared, to_own + np.einsum("...fkl,...fl->...fk", self.own, own))
 
     def solve(self, free: Mask) -> Floats:
-        """x, where only the unknowns `free`, shape (p + flights * k,), differ from 0; shape (..., p + flights * k)."""
+        """Solve for x with all unknowns outside the mask `free`, shape (p + flights * k,), kept at 0; shape (..., p +
+        flights * k)."""
         shared_free, own_free = self._parted(free)
         own = _only(own_free, self.own)
         right = np.concatenate([self.coupled, self.own_rhs[..., None]], axis=-1) * own_free[..., None]
@@ -87,10 +90,11 @@ class Arrow:
         return self._joined(shared, alone - np.einsum("...fkp,...p->...fk", by_shared, shared))
 
     def within(self, low: Floats, high: Floats) -> Floats:
-        """The least of x a x / 2 - b x with `low` <= x <= `high`, which hold 0 between them; shape (p + flights * k,).
+        """Minimise x a x / 2 - b x subject to `low` <= x <= `high`, where `low` <= 0 <= `high`; shape (p + flights *
+        k,).
 
-        Projected Newton steps (Bertsekas 1982, SIAM J. Control Optim. 20): many unknowns reach or leave their bounds
-        in one step, so that there are few steps, however many flights there are.
+        Projected Newton steps (Bertsekas 1982, SIAM J. Control Optim. 20): many unknowns reach or leave their bounds in
+        one step, so that few steps are needed, however many flights there are.
         """
         x = np.zeros_like(low)
         gradient = -self.rhs
@@ -113,7 +117,7 @@ class Arrow:
         return np.clip(x, low, high)
 
     def _step_within(self, at_low: Mask, at_high: Mask, gradient: Floats) -> Floats:
-        """The Newton step of all unknowns but those that are at a bound and pressed against it."""
+        """Newton step of all unknowns except those that are held at a bound by the gradient."""
         leaving = (at_low & (gradient < 0.0)) | (at_high & (gradient > 0.0))
         strongest = leaving & (np.arange(len(gradient)) == np.argmax(np.abs(gradient) * leaving))
         downhill = self.with_rhs(-gradient)
@@ -126,7 +130,7 @@ class Arrow:
         return step
 
     def _parted(self, x: NDArray[_T]) -> tuple[NDArray[_T], NDArray[_T]]:
-        """The shared and the flights' own part of a vector."""
+        """Split a vector into its shared part and the part of each flight."""
         p, flights = self.shared.shape[-1], self.own_rhs.shape[-2]
         return x[..., :p], x[..., p:].reshape(*x.shape[:-1], flights, -1)
 
@@ -140,6 +144,6 @@ def _ridged(matrix: Floats) -> Floats:
 
 
 def _only(free: Mask, matrix: Floats) -> Floats:
-    """`matrix`, (..., k, k), for the unknowns that move; those that do not have an equation of their own, x = 0."""
+    """Copy of `matrix`, shape (..., k, k), in which every unknown outside the mask `free` has the equation x = 0."""
     both = free[..., :, None] & free[..., None, :]
     return np.where(both, matrix, np.eye(free.shape[-1]))

@@ -1,7 +1,7 @@
-"""Fit the parameters of all effects together: robust nonlinear least squares, intervals by block bootstrap.
+"""Fit of the parameters of all effects together: robust nonlinear least squares with bootstrap intervals.
 
-Flights are gone through one by one, and each leaves only gram of squares and products behind: time and memory are
-linear in the samples and in the flights.
+The flights are processed one by one, and each is reduced to Gram matrices: time and memory are linear in the number of
+samples and of flights.
 """
 
 import math
@@ -43,20 +43,22 @@ BOOTSTRAPS = 1000
 MAX_STEPS = 40
 MAX_HALVINGS = 6
 MAX_STEP = 0.3
-"""No step goes further than this share of a parameter's range."""
+"""Largest step of a parameter or nuisance, as a share of its range."""
 CONVERGED = 1e-3
-"""A step that moves the prediction by less than this share of the noise is the last."""
+"""Convergence: the iteration ends with a step that changes the prediction by less than this share of the noise
+(RMS)."""
 LEAST_NOISE = 1e-4
-"""The noise of no axis is taken as less than this share of the largest."""
+"""Least noise scale of an axis relative to the largest of all axes."""
 UNIDENTIFIABLE = 4.0
-"""A parameter that changes the sum of squares (in noise units) by less than this over its whole range is not seen."""
+"""A parameter is unidentifiable when its whole range changes the sum of squares (in units of the noise) by less than
+this."""
 WEIGHTS_AT_ONCE = 400_000
-"""Of blocks of time in draws: so many are worked on at once."""
+"""Number of block counts (draws times blocks) that the bootstrap works on at once."""
 
 
 @dataclass(frozen=True, eq=False)
 class Optimum:
-    """A model with fitted parameters, and the fitted nuisances of each flight, shape (flights, kinds)."""
+    """Model with fitted parameters, and the fitted nuisances of each flight, shape (flights, kinds)."""
 
     model: Model
     nuisances: Floats
@@ -69,15 +71,15 @@ class Optimum:
 
 @dataclass(frozen=True, eq=False)
 class FittedModel:
-    """A model fitted to flights: the value that adding, removing, searching and evaluating take and give.
+    """Model fitted to flights: the value that adding, removing, searching and evaluating take and return.
 
-    Its bootstrap draws are computed when they are first asked for, and kept.
+    The bootstrap draws are computed at the first access, and kept.
     """
 
     fitter: "Fitter"
     optimum: Optimum
     held_out_residual: Floats
-    """Targets minus predictions of refits that have not seen the sample, shape (n, 3 * groups)."""
+    """Held-out residual, shape (n, 3 * groups): targets minus predictions of refits that have not seen the sample."""
 
     @property
     def model(self) -> Model:
@@ -86,7 +88,7 @@ class FittedModel:
 
     @property
     def dataset(self) -> Dataset:
-        """The flights as they were prepared."""
+        """Prepared flights, not yet aligned for a model."""
         return self.fitter.dataset.source
 
     @property
@@ -96,7 +98,7 @@ class FittedModel:
 
     @property
     def flights(self) -> tuple[Flight, ...]:
-        """The flights as they were aligned for the fit."""
+        """Flights as aligned for the fit."""
         return self.fitter.dataset.flights
 
     @property
@@ -106,7 +108,7 @@ class FittedModel:
 
     @cached_property
     def held_out_rmse(self) -> dict[str, float]:
-        """Held-out error per axis and group (see `rmse`)."""
+        """Held-out RMSE per axis and group (see `rmse`)."""
         return rmse(self.held_out_residual, self.dataset.groups)
 
     @cached_property
@@ -120,7 +122,7 @@ class FittedModel:
         return intervals(self.free, self.draws)
 
     def refined(self) -> "FittedModel":
-        """The fit, gone on with: where the minimum is flat, a fit stops a little before it (see `CONVERGED`)."""
+        """Continue the fit: where the minimum is flat, a fit stops a little before it (see `CONVERGED`)."""
         return fit_model(self.model, self.dataset)
 
     def ci95(self, effect: int) -> dict[str, tuple[float, float]]:
@@ -128,14 +130,16 @@ class FittedModel:
         return {f.parameter.name: ci for f, ci in zip(self.free, self.intervals, strict=True) if f.effect == effect}
 
     def remarks(self, effect: int | None = None) -> list[str]:
-        """Remarks on the fitted parameters (see `remarks`), on those of one effect only where it is given."""
+        """Remarks on the fitted parameters (see `parameters.remarks`); only those of one effect where `effect` is
+        given."""
         own = [(f, ci) for f, ci in zip(self.free, self.intervals, strict=True) if effect in (None, f.effect)]
         free = [f for f, _ in own]
         return remarks(free, values_of(self.model, free), [ci for _, ci in own])
 
 
 def fit_model(model: Model, dataset: Dataset) -> FittedModel:
-    """Fit the parameters of `model`, from their present values on, and the nuisances of the flights of `dataset`."""
+    """Fit the parameters of `model`, starting from their present values, and the nuisances of the flights of
+    `dataset`."""
     fitter = Fitter(model, dataset)
     optimum = fitter.fit()
     return FittedModel(fitter, optimum, dataset.targets - fitter.held_out(optimum))
@@ -143,27 +147,27 @@ def fit_model(model: Model, dataset: Dataset) -> FittedModel:
 
 @dataclass(frozen=True, eq=False)
 class _Linearisation:
-    """Sums over the samples at an optimum, to first order in what changes."""
+    """Linearised least-squares problem at an optimum: Gram matrices of the samples."""
 
     residual: Floats
     scale: Floats
-    """Of the noise, per axis."""
+    """Noise scale per axis, shape (axes,)."""
     gram: Floats
-    """Of every block of time, weighted by the soft-L1 loss, shape (blocks, m, m)."""
+    """Gram matrix of every block of time, weighted by the soft-L1 loss, shape (blocks, m, m)."""
     starts: NDArray[np.intp]
-    """Where the blocks begin."""
+    """Index of the first sample of each block, shape (blocks,)."""
     power: Floats
-    """Plain squares of the jacobian to the parameters, shape (p,)."""
+    """Unweighted sums of squares of the columns of the parameter Jacobian, shape (p,)."""
     consider_gradients: Floats
-    """Products of each flight's jacobian and its errors that are not fitted, shape (errors, flights, m - 1)."""
+    """Weighted products of the Jacobian and the change by each considered error, shape (errors, flights, m - 1)."""
 
 
 class Fitter:
-    """Fits one form of model, and the nuisances of each flight, to parts of one dataset.
+    """Least-squares problem of one model and one dataset; fits it, also to parts of the data.
 
-    The fit minimises the robust sum of squares of the residual, in units of its noise, plus the squares of the
-    nuisances in units of their usual size. All that is fitted makes one vector: the p parameters, then the nuisances
-    flight by flight.
+    The objective is the robust sum of squares of the residual, in units of its noise, plus the squares of the
+    nuisances, in units of their prior standard deviations. The unknowns are one vector: the p parameters, then the
+    nuisances flight by flight.
     """
 
     def __init__(self, model: Model, dataset: Dataset) -> None:
@@ -181,8 +185,8 @@ class Fitter:
     def fit(self, used: Mask | None = None, start: Optimum | None = None) -> Optimum:
         """Fit on the samples `used` (all by default), from the model's present parameters or from an earlier fit.
 
-        Gauss-Newton with bounded linear least squares for each step. The scale of the noise, which says what an outlier
-        is, follows the fit.
+        Each Gauss-Newton step solves a bounded linear least-squares problem. The noise scale, which decides what an
+        outlier is, is estimated anew at each step.
         """
         fitted = start or Optimum(self.model, np.zeros((len(self.dataset.flights), len(KINDS))))
         rows = self._all() if used is None else used
@@ -200,17 +204,18 @@ class Fitter:
 
     @one_blas_thread
     def held_out(self, fitted: Optimum) -> Floats:
-        """Prediction of every sample's targets by a fit that has not seen its fold, shape (n, 3 or 6).
+        """Predict every sample's targets by a fit that has not seen its fold, shape (n, 3 * groups).
 
-        `fitted` is the fit to all samples. Without a few blocks the optimum moves little: one Gauss-Newton step from
-        it, no further than it is downhill, is the refit to first order. Without a whole flight it may move far, and the
-        fit is done again; the nuisances of that flight are then not known and stay where nothing consider_gradients them, at 0.
+        `fitted` is the fit to all samples. Without a few blocks the optimum changes little: the refit is approximated
+        to first order by one Gauss-Newton step from the optimum, shortened until the objective falls. Without a whole
+        flight the optimum may change much, and the fit is repeated; the nuisances of that flight are then unknown and
+        stay at the mean of their prior, 0.
         """
         left = self._without_flights(fitted) if self.dataset.whole_flights else self._without_blocks(fitted)
         return self.dataset.targets - left
 
     def _without_flights(self, fitted: Optimum) -> Floats:
-        """Residual of refits that have not seen the flight."""
+        """Residual of each flight by a refit that has not seen it, shape (n, 3 * groups)."""
         left = np.empty_like(self.dataset.targets)
         for number in self.dataset.folds:
             held = self.dataset.fold == number
@@ -220,7 +225,7 @@ class Fitter:
         return left
 
     def _without_blocks(self, fitted: Optimum) -> Floats:
-        """Residual of refits, to first order, that have not seen the blocks of the fold."""
+        """Residual of each fold by a first-order refit that has not seen it, shape (n, 3 * groups)."""
         tangent = self._linearisation_at(fitted)
         fold = self.dataset.fold[tangent.starts]
         first = np.flatnonzero(np.diff(self.dataset.flight_index[tangent.starts], prepend=-1))
@@ -235,11 +240,13 @@ class Fitter:
 
     @one_blas_thread
     def bootstrap(self, fitted: Optimum, seed: int = 0) -> Floats:
-        """Free parameters of `BOOTSTRAPS` refits on resampled blocks of time, shape (draws, p), within their bounds.
+        """Draw the free parameters from `BOOTSTRAPS` refits on resampled blocks of time, shape (draws, p), within their
+        bounds.
 
-        Each draw is one Gauss-Newton step from the optimum with the blocks' new weights, which is the refit to first
-        order, with the robust weights of the fit. What the data cannot tell of a nuisance is as uncertain as its prior
-        says: each draw has a prior of its own, about another centre, and errors of its own of what is not fitted.
+        Each draw is one Gauss-Newton step from the optimum with new weights of the blocks, i.e. the refit to first
+        order with the robust weights of the fit. Each draw also has its own prior means of the nuisances, since what
+        the data do not tell about a nuisance is as uncertain as its prior says, and its own considered errors
+        (`consider_parameters`).
         """
         p = len(self.free)
         if not p:
@@ -279,7 +286,7 @@ class Fitter:
         return draws
 
     def objective(self, fitted: Optimum, scale: Floats) -> float:
-        """What a fit of all samples minimises, for noise of `scale` per axis: to compare fits of other models."""
+        """Objective of a fit to all samples for a given noise `scale` per axis: comparable between models."""
         rows = self._all()
         return self._objective(fitted, self._residual(fitted, rows), scale, rows)
 
@@ -288,8 +295,8 @@ class Fitter:
     def _equations(self, gram: Floats, prior_offset: Floats) -> Arrow:
         """Normal equations, in units of the range of each parameter and nuisance.
 
-        `gram` are those of each flight (see `products`), `prior_offset` is where the prior would have the nuisances from where
-        they are, shape (flights, kinds); both may have an axis of draws in front.
+        `gram` holds the Gram matrix of each flight (see `gram_matrix`), `prior_offset` the prior mean minus the present
+        value of the nuisances, shape (flights, kinds); both may have a leading axis of draws.
         """
         p, kinds = len(self.free), np.arange(len(KINDS))
         unit = np.concatenate([self._unit[: p + len(KINDS)], [1.0]])
@@ -302,9 +309,11 @@ class Fitter:
     def _considered_steps(
         self, fitted: Optimum, gram: Floats, consider_gradients: Floats, random: np.random.Generator
     ) -> Floats:
-        """Where draws of errors that are not fitted lead the parameters, in units of their ranges, shape (draws, p).
+        """Parameter steps caused by random draws of the considered errors, in units of the parameters' ranges, shape
+        (draws, p).
 
-        `gram` are those of each flight, which takes up with its nuisances what it can of the `consider_gradients` of an error.
+        `gram` holds the Gram matrix of each flight: its nuisances absorb a part of an error. The errors enter by their
+        `consider_gradients`.
         """
         rhs_of_errors = np.repeat(gram[None], len(consider_gradients), axis=0)
         rhs_of_errors[..., :-1, -1] = consider_gradients
@@ -314,12 +323,12 @@ class Fitter:
         return np.asarray(random.standard_normal((BOOTSTRAPS, len(per_error))) @ per_error)
 
     def _free_mask(self, fitted: Optimum) -> Mask:
-        """What the fit has pushed against a bound stays there, as it would in a refit."""
+        """Mask of the unknowns that are not at a bound; those at a bound stay there, as they would in a refit."""
         values = self._values(fitted)
         return np.asarray((values - self._low > 1e-6 * self._unit) & (self._high - values > 1e-6 * self._unit))
 
     def _bounded_step(self, fitted: Optimum, gram: Floats) -> Floats:
-        """The Gauss-Newton step that stays within the bounds, and within `MAX_STEP` of the range of each of them."""
+        """Gauss-Newton step within the bounds, and within `MAX_STEP` of the range of each unknown."""
         values = self._values(fitted)
         low = np.maximum((self._low - values) / self._unit, -MAX_STEP)
         high = np.minimum((self._high - values) / self._unit, MAX_STEP)
@@ -328,8 +337,8 @@ class Fitter:
     def _line_search(
         self, fitted: Optimum, residual: Floats, step: Floats, scale: Floats, rows: Mask
     ) -> tuple[Optimum, Floats, float]:
-        """The fit after the longest of `step`, its half, its quarter... that lowers the cost, its residual, and that
-        share."""
+        """Try `step`, its half, its quarter, ... until the objective falls; return the fit, its residual, and the share
+        of `step` taken (0 if none)."""
         before = self._objective(fitted, residual, scale, rows)
         values = self._values(fitted)
         share = 1.0
@@ -342,7 +351,8 @@ class Fitter:
         return fitted, residual, 0.0
 
     def _mean_square(self, gram: Floats, step: Floats, rows: Mask) -> float:
-        """Of what `step` does to the predictions of the samples `rows`, to first order, in units of the noise."""
+        """Mean square of the change that `step` makes to the predictions of the samples `rows`, to first order, in
+        units of the noise."""
         p = len(self.free)
         own = step[p:].reshape(len(gram), -1)
         each = np.concatenate([np.broadcast_to(step[:p], (len(gram), p)), own], axis=-1)
@@ -357,11 +367,13 @@ class Fitter:
         return np.concatenate([values_of(fitted.model, self.free), fitted.nuisances.ravel()])
 
     def _unidentifiable(self, power: Floats) -> Mask:
-        """Parameters whose whole range changes the sum of squares by next to nothing; `power` of their jacobian."""
+        """Mask of the unidentifiable parameters (see `UNIDENTIFIABLE`); `power` are the sums of squares of the
+        Jacobian's columns."""
         return np.asarray(power * self._unit[: len(self.free)] ** 2 < UNIDENTIFIABLE)
 
     def _unidentifiable_at_bounds(self, values: Floats, draws: Floats, scale: Floats) -> Mask:
-        """Parameters that are not seen once another is at the bound that its interval reaches (no a, no b)."""
+        """Mask of the parameters that become unidentifiable where another one is at the bound that its interval
+        reaches, as b in a exp(b z) at a = 0."""
         p = len(self.free)
         lowest, highest = np.percentile(draws, [2.5, 97.5], axis=0)
         found = np.zeros(p, dtype=bool)
@@ -378,7 +390,7 @@ class Fitter:
         return np.ones(len(self.dataset.targets), dtype=bool)
 
     def _residual(self, fitted: Optimum, rows: Mask) -> Floats:
-        """What `fitted` leaves of the targets of all flights with samples in `rows`, shape (n, axes); 0 elsewhere."""
+        """Residual of the targets of all flights that have samples in `rows`, shape (n, axes); 0 elsewhere."""
         left = np.zeros_like(self.dataset.targets)
         for flight, part, nuisance in zip(self.dataset.flights, self.dataset.parts, fitted.nuisances, strict=True):
             if rows[part].any():
@@ -387,20 +399,23 @@ class Fitter:
         return left
 
     def _objective(self, fitted: Optimum, residual: Floats, scale: Floats, rows: Mask) -> float:
-        """Soft-L1 loss of the samples in units of their noise; a prior's term is never an outlier."""
+        """Objective: soft-L1 loss of the residual in units of the noise, plus the squared prior terms of the
+        nuisances."""
         total = float(np.sum((fitted.nuisances / self._prior_std) ** 2))
         for flight, part in zip(self.dataset.flights, self.dataset.parts, strict=True):
             total += soft_l1_loss(residual[part][rows[part]] / scale, axis_weights(flight, self.dataset.groups))
         return total
 
     def _nuisance_jacobians(self, model: Model) -> list[Floats]:
-        """Of the acceleration of each flight: a fit takes them for constant, which saves a third of its time."""
+        """Jacobian of each flight's acceleration with respect to its nuisances; a fit keeps it constant, which saves a
+        third of the time."""
         return [acceleration_jacobian(model, flight, predict(model, flight)) for flight in self.dataset.flights]
 
     def _gram_matrices(
         self, model: Model, residual: Floats, scale: Floats, rows: Mask, nearby_jacobian: list[Floats]
     ) -> tuple[Floats, Floats]:
-        """Sums of each flight's samples in `rows`, weighted by the soft-L1 loss, and plain."""
+        """Gram matrices of each flight's samples in `rows`: weighted by the soft-L1 loss, and unweighted; shape
+        (flights, m, m) each."""
         m, groups = len(self.free) + len(KINDS) + 1, self.dataset.groups
         robust, plain = np.zeros((2, len(self.dataset.flights), m, m))
         for i, (flight, part) in enumerate(zip(self.dataset.flights, self.dataset.parts, strict=True)):
@@ -413,7 +428,7 @@ class Fitter:
         return robust, plain
 
     def _linearisation_at(self, fitted: Optimum) -> _Linearisation:
-        """What the samples leave behind at `fitted`; kept, for intervals are asked for after the unseen error."""
+        """Linearisation at `fitted`; the last one is kept, because intervals are computed after the held-out error."""
         if self._last is None or self._last[0] is not fitted:
             self._last = fitted, self._linearise(fitted)
         return self._last[1]
@@ -437,7 +452,7 @@ class Fitter:
         return _Linearisation(residual, scale, np.array(gram), starts, power, np.stack(consider_gradients, axis=1))
 
     def _power(self, model: Model, scale: Floats) -> Floats:
-        """Sum of squares of the jacobian to the parameters of `model`, in units of the noise, shape (p,)."""
+        """Sum of squares of each column of the parameter Jacobian of `model`, in units of the noise, shape (p,)."""
         power, groups = np.zeros(len(self.free)), self.dataset.groups
         for flight in self.dataset.flights:
             j = parameter_jacobian(model, flight, groups, predict_targets(model, flight, groups)) / scale[:, None]

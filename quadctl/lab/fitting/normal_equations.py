@@ -1,4 +1,4 @@
-"""What the samples of one flight leave behind for a fit: gram of squares and products of slopes and residual."""
+"""Normal equations of one flight: Gram matrix of the Jacobian and the residual, with robust weights."""
 
 from collections.abc import Sequence
 
@@ -24,10 +24,10 @@ def jacobian_and_residual(
     scale: Floats,
     nearby_jacobian: Floats | None = None,
 ) -> Floats:
-    """Slopes of the prediction to the p parameters and the flight's nuisances, then its residual.
+    """Jacobian of the prediction with respect to the p parameters and the flight's nuisances, then the residual.
 
-    Shape (n, axes, m), m = p + kinds + 1, in units of the noise, which is `scale`, shape (axes,). `nearby_jacobian` as in
-    `nuisance_jacobian`.
+    Shape (n, axes, m) with m = p + kinds + 1, in units of the noise `scale`, shape (axes,). `nearby_jacobian` is that
+    of `nuisance_jacobian`.
     """
     p = len(free_parameters(model))
     predicted = predict_targets(model, flight, groups)
@@ -40,34 +40,36 @@ def jacobian_and_residual(
 
 
 def axis_weights(flight: Flight, groups: Sequence[str]) -> Floats:
-    """What a sample of each axis weights for, beside the priors of nuisances: moments go through a slow filter, which
-    makes them alike over seconds, shape (axes,)."""
+    """Weight of a sample of each axis relative to the priors of the nuisances, shape (axes,). Moments are filtered over
+    seconds, so that neighbouring samples are hardly independent."""
     return np.repeat([flight.slow_share if group == "turning" else 1.0 for group in groups], 3)
 
 
 def soft_l1_loss(residual: Floats, weights: Floats) -> float:
-    """Sum of the soft-L1 loss of residuals in units of the noise, shape (n, axes); `weights` as `worth` gives them."""
+    """Sum of the soft-L1 loss of residuals in units of the noise, shape (n, axes); `weights` are those of
+    `axis_weights`."""
     loss = 2.0 * HUBER_SIGMAS**2 * (np.sqrt(1.0 + (residual / HUBER_SIGMAS) ** 2) - 1.0)
     return float(np.sum(loss, axis=0) @ weights)
 
 
 def robust_weights(columns: Floats, weights: Floats) -> Floats:
-    """Of the samples, by the soft-L1 loss of their residual, the last of the columns; shape (n, axes)."""
+    """Weights of the samples, shape (n, axes), by the soft-L1 loss of their residual, which is the last of the
+    columns."""
     return np.asarray(weights / np.sqrt(1.0 + (columns[..., -1] / HUBER_SIGMAS) ** 2))
 
 
 def gram_matrix(columns: Floats, weights: Floats | None = None) -> Floats:
-    """Sums over samples and axes of the squares and products of `columns`, (n, axes, m); shape (m, m)."""
+    """Gram matrix of `columns`, shape (n, axes, m), summed over samples and axes; shape (m, m)."""
     flat = columns.reshape(-1, columns.shape[-1])
     weighted = flat if weights is None else flat * weights.reshape(-1, 1)
     return np.asarray(weighted.T @ flat)
 
 
 def resampled_gram_matrices(gram: Floats, times: NDArray[np.uint16], first: NDArray[np.intp]) -> Floats:
-    """The gram of each flight when every block of time weights so many `times`, shape (draws, flights, m, m).
+    """Gram matrix of each flight when every block of time counts `times`, shape (draws, flights, m, m).
 
-    `gram` are those of the blocks, shape (blocks, m, m); `times` has the shape (draws, blocks); `first` is the first
-    block of each flight.
+    `gram` holds the matrices of the blocks, shape (blocks, m, m); `times` has the shape (draws, blocks); `first` is the
+    first block of each flight.
     """
     count, m, _ = gram.shape
     flat = gram.reshape(count, m * m)

@@ -1,4 +1,4 @@
-"""The parameters of a model that a fit may move: their values, what they do to a prediction, how sure they are."""
+"""Free parameters of a model: their values, Jacobian, intervals, and remarks."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,21 +12,21 @@ from quadctl.lab.flights.prediction import PREDICT, concerns
 from quadctl.model import Model
 
 STEP = 1e-4
-"""Of the differences that give the slopes, as a share of a parameter's range."""
+"""Step of the finite differences of the Jacobian, as a share of a parameter's range."""
 UNDETERMINED = 0.8
 """A parameter whose 95 % interval spans more than this share of its range is not determined."""
 
 
 @dataclass(frozen=True)
 class Free:
-    """One fitted parameter: which effect of the stack, and its declaration."""
+    """One fitted parameter: index of its effect in the stack, and its declaration."""
 
     effect: int
     parameter: Parameter
 
 
 def free_parameters(model: Model) -> list[Free]:
-    """The parameters of the stack that a fit may move."""
+    """Parameters of the stack that a fit may change."""
     return [Free(i, p) for i, effect in enumerate(model.effects) for p in effect.parameters() if p.fitted]
 
 
@@ -35,7 +35,7 @@ def values_of(model: Model, free: Sequence[Free]) -> Floats:
 
 
 def with_values(model: Model, free: Sequence[Free], values: Floats) -> Model:
-    """The model with its free parameters at `values`."""
+    """Copy of the model with its free parameters at `values`."""
     changed: list[dict[str, float]] = [effect.values() for effect in model.effects]
     for f, value in zip(free, values, strict=True):
         changed[f.effect][f.parameter.name] = float(value)
@@ -44,9 +44,10 @@ def with_values(model: Model, free: Sequence[Free], values: Floats) -> Model:
 
 
 def parameter_jacobian(model: Model, flight: Flight, groups: Sequence[str], predicted: Floats) -> Floats:
-    """d prediction / d free parameter, shape (n, axes, p), by differences that stay within the bounds.
+    """Jacobian of the prediction with respect to the free parameters, shape (n, axes, p), by finite differences within
+    the bounds.
 
-    `predicted` is the prediction of the flight's targets by the model as it is, shape (n, axes).
+    `predicted` is the prediction of the flight's targets at the present parameters, shape (n, axes).
     """
     free = free_parameters(model)
     values = values_of(model, free)
@@ -73,13 +74,13 @@ def intervals(free: Sequence[Free], draws: Floats) -> list[tuple[float, float]]:
 
 
 def undetermined(free: Sequence[Free], ci: Sequence[tuple[float, float]]) -> list[Free]:
-    """The parameters whose intervals span most of what is possible."""
+    """Parameters whose intervals span more than `UNDETERMINED` of their range."""
     ranges = [f.parameter.high - f.parameter.low for f in free]
     return [f for f, (low, high), span in zip(free, ci, ranges, strict=True) if high - low > UNDETERMINED * span]
 
 
 def remarks(free: Sequence[Free], values: Floats, ci: Sequence[tuple[float, float]]) -> list[str]:
-    """What a user must know about the fitted parameters: at a bound, or not determined by these data."""
+    """Remarks for the user on the fitted parameters: at a bound, or not determined by these data."""
     found = []
     for f, value, (low, high) in zip(free, values, ci, strict=True):
         p = f.parameter

@@ -1,4 +1,4 @@
-"""What a flight tells about the parameters of a model, to first order, its nuisances being unknown."""
+"""Fisher information of a flight about the parameters of a model, to first order, with unknown nuisances."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,11 +16,11 @@ from quadctl.model import Model
 
 @dataclass(frozen=True, eq=False)
 class Information:
-    """A sum of squares over changes d of the free parameters, in units of the noise: power - 2 gradient d + d normal d.
+    """Quadratic function of changes d of the free parameters, in units of the noise: power - 2 gradient d + d normal d.
 
-    `normal` has the shape (p, p): it is Fisher's information. `gradient`, shape (p,), and `power` are of what the model
-    would have to imitate. `consider_gradient`, shape (p, errors), is that of errors that no data tell of (see `considered`), each of
-    its usual size. Independent data add up.
+    `normal`, shape (p, p), is the Fisher information (normal matrix). `gradient`, shape (p,), and `power` belong to the
+    difference that the parameters try to imitate. `consider_gradient`, shape (p, errors), is the gradient of each
+    considered error (`consider_parameters`) of one standard deviation. Information of independent data adds up.
     """
 
     normal: Floats
@@ -36,7 +36,7 @@ class Information:
 
     @property
     def standard_errors(self) -> Floats:
-        """Of the free parameters (the bound of Cramer and Rao, and what the errors that consider_gradient add), shape (p,)."""
+        """Standard errors of the free parameters, shape (p,): Cramer-Rao bound, and the considered errors."""
         unit = 1.0 / np.sqrt(np.diag(self.normal))  # parameters of very different size
         covariance = np.linalg.pinv(self.normal * np.outer(unit, unit), hermitian=True)
         variance = np.diag(covariance)
@@ -46,7 +46,7 @@ class Information:
 
     @property
     def left(self) -> float:
-        """Of the power: what no change of the parameters imitates."""
+        """Part of the power that no change of the parameters imitates."""
         if not len(self.gradient):
             return self.power
         unit = 1.0 / np.sqrt(np.diag(self.normal))
@@ -55,7 +55,7 @@ class Information:
 
 
 def prior(model: Model) -> Information:
-    """What is known before any flight: a parameter lies within its bounds, anywhere alike."""
+    """Information before any flight: a parameter is uniformly distributed between its bounds."""
     ranges = np.array([f.parameter.high - f.parameter.low for f in free_parameters(model)])
     return Information(np.diag(12.0 / ranges**2).reshape(len(ranges), len(ranges)), np.zeros(len(ranges)))
 
@@ -68,11 +68,11 @@ def information(
     difference: Floats | None = None,
     considering: bool = False,
 ) -> Information:
-    """What `flight` tells about the free parameters of `model`, whatever its nuisances within their usual size.
+    """Information of `flight` about the free parameters of `model`; nuisances have their priors.
 
-    `noise` is the standard deviation of each axis of the targets of `groups`, shape (axes,), as if the samples were
-    independent. `difference`, shape (n, axes), is what the model would have to imitate. `considering`: with the consider_gradient of
-    errors that no data tell of.
+    `noise` is the standard deviation of each axis of the targets of `groups`, shape (axes,), as if samples were
+    independent. `difference`, shape (n, axes), is what the parameters try to imitate. `considering` includes the
+    gradient of the considered errors.
     """
     prior_std = prior_standard_deviations(model)
     # In units of their usual size all nuisances have the prior 1.
@@ -90,6 +90,6 @@ def information(
 
 
 def _flat(jacobian: Floats, noise: Floats) -> Floats:
-    """Slopes, shape (n, axes, p), in units of the noise, as (n * axes, p)."""
+    """Reshape a Jacobian, shape (n, axes, p), to (n * axes, p), in units of the noise."""
     n, axes, p = jacobian.shape
     return np.asarray((jacobian / noise[None, :, None]).reshape(n * axes, p))

@@ -1,4 +1,4 @@
-"""Errors before and after."""
+"""Bars of the error before and after a change of the model."""
 
 from collections.abc import Mapping
 

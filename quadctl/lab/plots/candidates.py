@@ -1,4 +1,4 @@
-"""What each candidate takes off the error."""
+"""Held-out improvement by each candidate."""
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -10,13 +10,13 @@ from quadctl.lab.selection.rule import is_supported
 
 
 def chosen(diagnosis: Diagnosis) -> set[str]:
-    """Names of the effects that are missing."""
+    """Names of the missing effects."""
     return {step.effect for step in diagnosis.steps[1:]}
 
 
 @styled
 def ranking(diagnosis: Diagnosis, floor_total: float) -> Figure:
-    """Drop of the held-out error with each candidate of the ranking, and the drop that the noise allows."""
+    """Drop of the held-out error with each candidate, and the drop that the noise floor allows."""
     candidates = diagnosis.ranking
     figure, ax = panel(0.9 + 0.36 * (len(candidates) + 1))
     drops = [*(100.0 * c.held_out_drop for c in candidates), 0.0]

@@ -1,4 +1,4 @@
-"""What each mission would tell about what is open."""
+"""Expected gain of each mission for the open questions."""
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -12,7 +12,7 @@ MOST_MISSIONS = 12
 
 @styled
 def mission_gains(suggestion: Suggestion) -> Figure:
-    """How far each mission, the best first, takes each question that is asked: 1 is all the way."""
+    """Expected gain of each mission for each open question, the best mission first; 1 means fully answered."""
     options = suggestion.options[:MOST_MISSIONS]
     figure, ax = panel(1.3 + 0.5 * len(options))
     rows = np.arange(len(options))

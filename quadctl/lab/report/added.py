@@ -1,4 +1,4 @@
-"""The sections on what was added: errors before and after, and the fitted effects."""
+"""Sections on added effects: errors before and after, and the fitted effects."""
 
 from typing import NamedTuple
 
@@ -76,7 +76,7 @@ class _HeldOut(NamedTuple):
 
 
 def _held_out_results(r: Results) -> dict[str, _HeldOut]:
-    """All that was found missing, and what was added last where that is only a part of it."""
+    """Held-out errors with all missing effects, and with the effect added last where that is not the same."""
     found = {}
     d, a = r.diagnosis, r.addition
     if d is not None and len(d.steps) > 1:

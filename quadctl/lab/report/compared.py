@@ -1,4 +1,4 @@
-"""The sections on a model as it stands: the flights, its errors, and where it fails."""
+"""Sections on the model as given: the flights, its errors, and where it fails."""
 
 from collections.abc import Mapping, Sequence
 
@@ -83,7 +83,7 @@ def over_time(r: Results) -> Section:
 
 
 def time_figures(c: Comparison, models: Mapping[str, Comparison], name: str) -> list[Figure]:
-    """The flights with the largest errors, in the order of the dataset."""
+    """Figures of the flights with the largest errors, in the order of the dataset."""
     index = c.dataset.flight_index
     errors = [total(c.residual[index == i]) for i in range(len(c.dataset.flights))]
     chosen = sorted(np.argsort(errors)[::-1][:SHOWN_FLIGHTS].tolist())

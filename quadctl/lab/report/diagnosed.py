@@ -1,4 +1,4 @@
-"""The section on what is missing."""
+"""Section on missing effects."""
 
 from quadctl.lab import plots
 from quadctl.lab.comparison.wording import (

@@ -1,4 +1,4 @@
-"""The section on step responses flown."""
+"""Section on flown step responses."""
 
 from quadctl.lab import plots
 from quadctl.lab.comparison.wording import plus, sentence

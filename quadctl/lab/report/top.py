@@ -1,4 +1,4 @@
-"""The number that matters, at the top of a report."""
+"""Headline of a report: the main number and the verdict."""
 
 from quadctl.lab.comparison.failures import most_telling
 from quadctl.lab.comparison.wording import (
@@ -32,7 +32,7 @@ def headline(r: Results) -> Headline:
 
 
 def _main_number(r: Results) -> tuple[float, float | None, str]:
-    """Error before, after, and on which data: the strictest there is."""
+    """Error before and after, and the data that it refers to; unseen flights come first, then held-out data."""
     if r.after is not None:
         flights = flights_in_words(r.after.dataset.names)
         return unseen_before(r)["total"], r.after.rmse["total"], f"on {flights}, which no fit has seen"

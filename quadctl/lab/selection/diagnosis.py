@@ -1,4 +1,4 @@
-"""What is missing? Every effect of the catalogue is tried on top of the model; data that no fit saw decide."""
+"""Diagnosis: every effect of the catalogue is tried on top of the model, and judged on held-out data."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -32,29 +32,31 @@ Verdict = Literal["missing", "none", "unexplained"]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Diagnosis(Result):
-    """What `diagnose` found."""
+    """Result of `diagnose`."""
 
     model: Model
     dataset: Dataset
     verdict: Verdict
     ranking: list[Candidate]
-    """First what is missing, each on top of those before it; then the others, each on top of what had been found when
-    it was tried last."""
+    """Candidates: first the missing ones in the order of adding, each on top of those before it; then the others, each
+    on top of the effects found when it was tried last."""
     missing: list[str]
     steps: list[SelectionStep]
-    """The error ladder: the model as it is, then each missing family in the order of adding."""
+    """Selection steps: the model as given, then each missing family in the order of adding."""
     best: Model
-    """The model with all missing effects, fitted on all data."""
+    """Model with all missing effects, fitted to all data."""
     confounded: list[list[str]] = field(default_factory=list)
     suggested_mission: str | None = None
     untried: list[str] = field(default_factory=list)
-    """Effects that these data could not tell from their look-alikes, and why."""
+    """Effects that were not tried because these data do not distinguish them from their look-alikes, with the
+    reason."""
     unexplained: bool = False
-    """After all missing effects are in, the logged variables still explain a part of the error that is worth it."""
+    """True where the logged variables still explain a significant and material part of the error after all missing
+    effects are added."""
     symbolic: Symbolic | None = None
-    """The sparse expression of what is unexplained."""
+    """Sparse expression of the unexplained part."""
     fit: FittedModel | None = None
-    """The fit of `best`; None where the diagnosis was read from a session."""
+    """Fit of `best`; None where the diagnosis was read from a session."""
 
     def to_dict(self) -> dict[str, Any]:
         return {
@@ -87,7 +89,7 @@ class Diagnosis(Result):
         return Group(table, Text("\n".join(self.lines())), *([self.symbolic] if self.symbolic else []))
 
     def lines(self) -> list[str]:
-        """The verdict in sentences."""
+        """Sentences that state the verdict."""
         lines = []
         if self.verdict == "none":
             lines.append("Nothing significant is missing: what is left is noise.")
@@ -115,10 +117,10 @@ def diagnose(
     candidates: Iterable[type[Effect]] | None = None,
     progress: Callable[[str], None] = lambda text: None,
 ) -> Diagnosis:
-    """Rank what could be missing from `model`, judged on the parts of `dataset` that each fit did not see.
+    """Find the effects that are missing from `model`, judged on held-out parts of `dataset`.
 
     `candidates` are by default the catalogue's effects and those of the model's own files; families that the model
-    holds already are not tried again. `progress` is told in a few words what is being done.
+    already holds are not tried again. `progress` is called with short texts.
     """
     return diagnose_fit(fit_model(model, dataset), candidates, progress)
 
@@ -129,7 +131,7 @@ def diagnose_fit(
     candidates: Iterable[type[Effect]] | None = None,
     progress: Callable[[str], None] = lambda text: None,
 ) -> Diagnosis:
-    """Rank what could be missing from a fitted model (see `diagnose`)."""
+    """Find the effects that are missing from a fitted model (see `diagnose`)."""
     model, dataset = fit.fitter.model, fit.dataset
     pool = list(candidates if candidates is not None else every_effect(model.effect_files).values())
     present = {effect.family() for effect in model.effects}
@@ -165,7 +167,8 @@ def diagnose_fit(
 
 
 def _ranking(path: Path) -> list[Candidate]:
-    """The candidates that are missing, with parameters and intervals of the fit of all of them; then the others."""
+    """Missing candidates, with parameters and intervals of the fit of all of them; then the others by their
+    improvement."""
     first = [candidate for candidate in path.chosen if candidate.family in path.missing]
     shown = {candidate.effect.name for candidate in first}
     others = [candidate for name, candidate in path.latest.items() if name not in shown]
@@ -179,14 +182,14 @@ def _ranking(path: Path) -> list[Candidate]:
 def _suggestion(
     tried: Mapping[str, Candidate], confounded: Sequence[tuple[str, str]], unfit: list[type[Effect]]
 ) -> str | None:
-    """The mission that shows best what these data leave open: look-alikes first, then what could not be tried."""
+    """Mission that best answers what these data leave open: look-alikes first, then effects that could not be tried."""
     by_family = {candidate.family: candidate.effect.mission for candidate in reversed(list(tried.values()))}
     missions = [by_family[pair[-1]] for pair in confounded] + [effect.mission for effect in unfit]
     return missions[0] if missions else None
 
 
 def _reasons(unfit: list[type[Effect]], dataset: Dataset) -> list[str]:
-    """Why these effects were not tried."""
+    """Reasons why effects were not tried."""
     return [
         f"{effect.name} (to be told from others it takes {variable} over {span:g} {SPAN_UNITS[variable]}, "
         f"these data have {dataset.span(variable):.2g})"

@@ -7,7 +7,7 @@ from quadctl.lab.selection.rule import is_plausible, is_significant, is_supporte
 
 
 def candidate_in_words(c: Candidate) -> str:
-    """The physics of a candidate's effect, what held-out data say of it, and remarks on its parameters."""
+    """Sentences on a candidate: the physics of its effect, its held-out improvement, and remarks on its parameters."""
     axis = max(c.drops, key=c.drops.__getitem__)
     helps = f"It takes {c.held_out_drop:.0%} off the unseen error, {c.largest_drop:.0%} on the {axis} axis."
     verdict = (

@@ -1,4 +1,5 @@
-"""A formula becomes a Python file with an effect (docs/own-effect.md), so that it can be added, refitted and flown."""
+"""Conversion of a formula to a Python file with an effect (docs/own-effect.md), which can be added, refitted and
+flown."""
 
 from quadctl.lab.flights.flight import SPAN_UNITS
 from quadctl.lab.symbolic.formula import FRAME_AXES, Formula, Symbolic
@@ -13,14 +14,14 @@ CODE = {
     "north": "c.position_ne_m[0]",
     "east": "c.position_ne_m[1]",
 }
-"""How an effect gets at each variable of `symbolic_library.VARIABLES`."""
+"""Python expression of each variable of `library.VARIABLES` in an effect."""
 
 MISSIONS = {
     "height_over_radius": "missions/hover_staircase.yaml",
     "climb_rate": "missions/vertical_runs.yaml",
     "thrust": "missions/vertical_runs.yaml",
 }
-"""Where a variable is excited; the others in FORWARD_RUNS."""
+"""Missions that vary a variable; FORWARD_RUNS varies the others."""
 FORWARD_RUNS = "missions/forward_runs.yaml"
 
 TEMPLATE = '''"""{title}"""
@@ -53,10 +54,10 @@ class {kind}(Effect):
 
 
 def as_effect_file(symbolic: Symbolic, name: str) -> str:
-    """The text of a Python file whose effect `name`, as `family.variant`, pushes the body as the laws say.
+    """Text of a Python file whose effect `name`, as `family.variant`, has the force of the laws.
 
-    The force is the vehicle's mass times the acceleration of the law. Beyond the data of the fit each variable is held
-    at their edge: a formula without physics says nothing there.
+    The force is the vehicle's mass times the acceleration of the law. Outside the data of the fit each variable is held
+    at their limits: a formula without physics cannot be extrapolated.
     """
     laws = {law.axis: law.best for law in symbolic.laws}
     found = "; ".join(f"{axis} = {formula.text}" for axis, formula in laws.items())

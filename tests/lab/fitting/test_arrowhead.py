@@ -1,4 +1,4 @@
-"""The normal equations of many flights against the same equations as one dense matrix."""
+"""Normal equations of many flights, compared with the same equations as one dense matrix."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ KINDS = 7
 
 
 def columns(seed: int, p: int, flights: int) -> np.ndarray:
-    """Slopes and residual of each flight, shape (flights, 40, p + kinds + 1): of very different sizes, much alike."""
+    """Jacobian and residual of each flight, shape (flights, 40, p + kinds + 1), badly scaled and nearly collinear."""
     random = np.random.default_rng(seed)
     found = random.standard_normal((flights, 40, p + KINDS + 1)) * 10.0 ** random.uniform(-1.5, 1.5, p + KINDS + 1)
     found[..., 0] = found[..., p] + 0.03 * found[..., 0]  # a parameter that a nuisance nearly stands for
@@ -18,7 +18,7 @@ def columns(seed: int, p: int, flights: int) -> np.ndarray:
 
 
 def dense(each: np.ndarray, p: int) -> tuple[np.ndarray, np.ndarray]:
-    """All flights' jacobian, (flights * 40, p + flights * kinds), and residuals."""
+    """Dense Jacobian of all flights, shape (flights * 40, p + flights * kinds), and the residuals."""
     flights, n, _ = each.shape
     jacobian = np.zeros((flights, n, p + flights * KINDS))
     for i, flight in enumerate(each):

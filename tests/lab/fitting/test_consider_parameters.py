@@ -1,4 +1,4 @@
-"""Errors of a set-up that no fit can know: what they do to a prediction, and to the intervals of a fit."""
+"""Considered errors: their effect on a prediction and on the intervals of a fit."""
 
 import dataclasses
 import math
@@ -32,7 +32,7 @@ def flight(raptor: Vehicle) -> Flight:
 
 
 def jacobian(model: Model, flight: Flight) -> np.ndarray:
-    """Of the four rotors, the ground's slope north and east, then of each form."""
+    """Jacobian of the considered errors: four rotors, the ground's slope north and east, then each form."""
     return consider_jacobian(model, flight, GROUPS, predict_targets(model, flight, GROUPS))
 
 
@@ -74,7 +74,7 @@ def test_what_has_no_form_or_vanishes_in_hover_is_not_off(raptor: Vehicle, fligh
 
 
 def test_a_thrust_scale_is_less_sure_beside_a_form(raptor: Vehicle, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A ground effect whose tail is a little other than ours is a little more thrust everywhere."""
+    """A ground effect with a slightly different tail gives slightly more thrust everywhere."""
     model = Model(raptor).plus(ConstantScale(1.0)).plus(Exponential(0.3, 6.0))
     data = load_dataset([obedient(model, 60.0, noise_m_s=0.002)], raptor)
     wide = _spread(model, data)
@@ -83,7 +83,7 @@ def test_a_thrust_scale_is_less_sure_beside_a_form(raptor: Vehicle, monkeypatch:
 
 
 def test_intervals_grow_by_what_rotors_of_one_batch_differ(raptor: Vehicle, monkeypatch: pytest.MonkeyPatch) -> None:
-    """However long the flight: no data tell a weak rotor from one that was made a little weaker."""
+    """A longer flight does not help: no data distinguish a weak rotor from one with a slightly smaller coefficient."""
     log = obedient(Model(raptor), 60.0, noise_m_s=0.002)
     swing = np.sin(2.0 * np.pi * 0.2 * log.time_s)
     turned = {f"motor{i}_rpm": log[f"motor{i}_rpm"] * (1.0 + sign * 0.05 * swing) for i, sign in ((1, 1.0), (2, -1.0))}

@@ -1,4 +1,4 @@
-"""The report as a specification: what a person finds on the page, and what the page never does."""
+"""Specification of the report: what a person finds on the page, and what the page never does."""
 
 import dataclasses
 import re
@@ -37,7 +37,7 @@ UNIT = re.compile(r" / (m/s²|m/s|m s|N|V|deg|s|m|mm|%|rotor radii)$")
 
 
 class Page(HTMLParser):
-    """What a browser makes of a page: elements with their attributes, texts, and whether all are closed in order."""
+    """Parser of a page: elements with their attributes, texts, and whether all are closed in order."""
 
     def __init__(self, html: str) -> None:
         super().__init__(convert_charrefs=True)
@@ -72,7 +72,7 @@ class Page(HTMLParser):
 
 @dataclasses.dataclass(frozen=True)
 class Flown:
-    """The circle on simulated flights over a ground whose cushion is not in the catalogue."""
+    """Results on simulated flights over a ground whose effect is not in the catalogue."""
 
     before: Comparison
     diagnosis: Diagnosis
@@ -129,7 +129,7 @@ def page(html: str) -> Page:
 
 @pytest.fixture(scope="module")
 def made(raptor: Vehicle) -> Comparison:
-    """A quick comparison, of a flight with a nasty name."""
+    """Short comparison of a flight with HTML in its name."""
     log = obedient(Model(raptor).plus(ConstantScale(factor=1.1)), noise_m_s=0.01, name=NASTY)
     return compare(Model(raptor, name="<b>rigid</b>"), load_dataset([log], raptor))
 
