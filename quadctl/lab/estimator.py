@@ -26,20 +26,20 @@ class FlightModel:
     effects : sequence of str
         Names of effects to put on top of the model's own, such as "ground_effect.exponential".
     hold_out : "blocks" or "flights"
-        What a fit does not see when its error is judged: blocks of time of every flight, or flights.
+        Held-out data on which the error of a fit is judged: blocks of time of every flight, or whole flights.
 
     Attributes
     ----------
     model_ : Model
-        The fitted model, with provenance: what compensates and simulates.
+        Fitted model with provenance, usable by the compensator and the simulator.
     effects_ : tuple of Effect
         Its effects with their fitted parameters.
     ci95_ : dict
         95 % interval of each parameter, by name of effect and of parameter.
     rmse_ : dict
-        Error on data that the fit did not see: north, east, up and total, m/s^2.
+        Held-out acceleration error (RMSE): north, east, up and total, m/s^2.
     refit_ : Refit
-        All of it, to be printed and plotted.
+        Result of the fit, which prints and plots itself.
 
     References
     ----------

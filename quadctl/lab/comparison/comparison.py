@@ -55,7 +55,7 @@ class Comparison(Result):
         }
 
     def __rich__(self) -> RenderableType:
-        title = f"{self.model.name} against {', '.join(self.dataset.names)}"
+        title = f"Acceleration error of {self.model.name} on {', '.join(self.dataset.names)}"
         table = errors_table(title, (("error (RMSE)", self.rmse), ("noise floor", self.noise_floor)))
         widths = ", ".join(sorted({f"{flight.bandwidth_hz:.1f}" for flight in self.dataset.flights}))
         lines = [
@@ -63,18 +63,18 @@ class Comparison(Result):
             + (
                 f"the model explains {self.explained:.1%} of the acceleration's variance."
                 if self.explained > 0.0
-                else "the model predicts worse than assuming no acceleration at all."
+                else "the model is worse than predicting the mean acceleration."
             )
         ]
         if self.fails_where:
-            lines.append("It fails where:")
+            lines.append("The model fails in these ranges:")
             lines += [
                 f"  - {failure.text} ({abs(failure.sigma):.0f} sigma)" for failure in self.fails_where[:SHOWN_FAILURES]
             ]
             if len(self.fails_where) > SHOWN_FAILURES:
                 lines.append(f"  - and {len(self.fails_where) - SHOWN_FAILURES} more ranges (see --json or --html)")
         else:
-            lines.append("It fails nowhere beyond the noise.")
+            lines.append("The model has no significant error in any range of a variable.")
         lines += [open_loop_in_words(errors) for errors in self.open_loop if errors.horizon_s == TOLD_HORIZON_S]
         shown = [open_loop_table(self.open_loop)] if self.open_loop else []
         return Group(table, *shown, Text("\n".join(lines)))

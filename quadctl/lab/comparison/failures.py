@@ -86,7 +86,7 @@ def profiles(residual: Floats, noise: Floats, dataset: Dataset) -> list[Profile]
             continue
         found += [_profile(residual[:, a], by_axis[a], x, axis, name, dataset) for a, axis in enumerate(AXES)]
     total = float(np.mean(residual**2))
-    # The share is of all axes' power: a clear pattern in a small error comes after one in a large error.
+    # Shares of the squared residual of all axes: a clear pattern in a small error comes after one in a large error.
     power = {axis: float(np.mean(residual[:, a] ** 2)) / max(total, 1e-12) for a, axis in enumerate(AXES)}
     return sorted(found, key=lambda profile: -profile.share * power[profile.axis])
 
@@ -128,7 +128,7 @@ def _profile(values: Floats, noise: CorrelatedNoise, x: Floats, axis: str, varia
     weight = 1.0 / error**2
     centre = float((weight * mean).sum() / weight.sum())
     chi2 = float((weight * (mean - centre) ** 2).sum())
-    # The errors are themselves estimates, from so many independent stretches: an F distribution, not chi squared.
+    # The standard errors are estimated from a limited number of blocks: an F distribution, not chi squared.
     degrees = max(len(count) - 1, 1)
     p = float(stats.f.sf(chi2 / degrees, degrees, max(4, len(np.unique(dataset.block)) - len(count))))
     spread = float(count @ (mean - values.mean()) ** 2) / max(float(values @ values), 1e-12)

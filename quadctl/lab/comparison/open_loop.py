@@ -94,7 +94,7 @@ def open_loop(model: Model, dataset: Dataset, horizons_s: Sequence[float] = HORI
         errors = [flight[place] for flight in flown if len(flight[place].block)]
         if not errors:
             break
-        # Overlapping predictions are alike: a block is long enough to hold several that do not overlap its neighbours'.
+        # Overlapping predictions are correlated: a block is longer than several predictions.
         offsets = np.cumsum([0, *(int(e.block.max()) + 1 for e in errors[:-1])])
         block = np.concatenate([e.block + offset for e, offset in zip(errors, offsets, strict=True)])
         squares = np.concatenate([e.squares for e in errors], axis=1)
@@ -208,7 +208,7 @@ def _simulated(
     ends = dict(_steps(horizon, h) for horizon in horizons_s)
     found = []
     p, v = track.position[:, starts], track.velocity[:, starts]
-    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # a wild model may run away to infinity
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # a bad model may diverge
         a = acceleration(0, p, v)
         for step in range(max(ends) + 1):
             next_a = acceleration(step + 1, p + h * v + 0.5 * h * h * a, v + h * a)

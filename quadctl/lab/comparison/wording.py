@@ -66,8 +66,8 @@ def _parameter(value: float) -> str:
 
 def held_out(dataset: Dataset) -> str:
     if dataset.hold_out == "flights" and len(dataset.flights) > 1:
-        return "whole flights that the fit had not used, each in turn"
-    return f"blocks of {BLOCK_S:.0f} s that the fit had not used ({FOLDS} folds of every flight)"
+        return "held-out flights (cross-validation)"
+    return f"held-out blocks of {BLOCK_S:.0f} s ({FOLDS}-fold cross-validation)"
 
 
 def flights_in_words(names: Sequence[str]) -> str:
@@ -77,7 +77,7 @@ def flights_in_words(names: Sequence[str]) -> str:
 def variance_in_words(c: Comparison) -> str:
     if c.explained > 0.0:
         return f"The model explains {percent(c.explained)} of the acceleration's variance."
-    return "The model predicts worse than assuming no acceleration at all."
+    return "The model is worse than predicting the mean acceleration."
 
 
 def count(n: int, what: str) -> str:

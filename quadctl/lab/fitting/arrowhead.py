@@ -102,7 +102,7 @@ class Arrow:
             step = self._step_within(x - low < CLOSE, high - x < CLOSE, gradient)
             room = np.where(step > 0.0, high - x, x - low)
             moving = np.abs(step) > 0.0
-            # Up to the first bound on its way a Newton step leads downhill, projected beyond it perhaps.
+            # Up to the first bound a Newton step is a descent step; beyond it the projected step may not be.
             sure = float(np.min(room[moving] / np.abs(step[moving]), initial=1.0))
             share = 1.0
             while True:
@@ -122,7 +122,8 @@ class Arrow:
         strongest = leaving & (np.arange(len(gradient)) == np.argmax(np.abs(gradient) * leaving))
         downhill = self.with_rhs(-gradient)
         step = np.zeros_like(gradient)
-        # Together those that leave their bounds may push one another out; the strongest alone cannot for ever.
+        # Several unknowns that leave their bounds together may push one another out; then only the one with the largest
+        # gradient is released.
         for released in (leaving, strongest, np.zeros_like(leaving)):
             step = downhill.solve(released | ~(at_low | at_high))
             if not np.any((at_low & (step < 0.0)) | (at_high & (step > 0.0))):

@@ -22,7 +22,7 @@ class Estimate:
     def in_words(self, unit: str = "") -> str:
         """Format value and interval, such as `0.31 m [0.27, 0.35]`."""
         if not np.isfinite(self.rmse):
-            return "without bound"
+            return "unbounded"
         value = f"{self.rmse:.3g} {unit}".rstrip()
         return value if self.ci95 is None else f"{value} [{self.ci95[0]:.3g}, {self.ci95[1]:.3g}]"
 

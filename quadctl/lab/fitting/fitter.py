@@ -260,7 +260,7 @@ class Fitter:
         for now in parts:
             times[now] = random.multinomial(count, alike, now.stop - now.start)
         centres = self._prior_std * random.standard_normal((BOOTSTRAPS, *fitted.nuisances.shape))
-        # Few blocks know little of their own spread: Student's t for the normal distribution, n - 1 for n.
+        # The spread is estimated from few blocks: Student's t instead of the normal distribution, n - 1 instead of n.
         wider = float(stats.t.ppf(0.975, count - 1)) / 1.96 * math.sqrt(count / (count - 1)) if count > 1 else 1.0
         first = np.flatnonzero(np.diff(self.dataset.flight_index[tangent.starts], prepend=-1))
         free_mask = self._free_mask(fitted)
@@ -275,13 +275,13 @@ class Fitter:
         values, low, high = values_of(fitted.model, self.free), self._low[:p], self._high[:p]
         draws = np.clip(values + steps, low, high)
         lowest, highest = np.percentile(draws, [2.5, 97.5], axis=0)
-        # Where the refits go on, the fit came to rest in a flat valley.
+        # A fitted value outside the draws: the fit stopped in a flat valley before the minimum.
         adrift = (values < lowest) | (values > highest)
         unidentifiable = (
             adrift | self._unidentifiable(tangent.power) | self._unidentifiable_at_bounds(values, draws, tangent.scale)
         )
         either = random.integers(0, 2, size=draws.shape)
-        # A parameter that is not seen may be anything that is possible.
+        # An unidentifiable parameter may have any value within its bounds.
         draws[:, unidentifiable] = np.where(either, high, low)[:, unidentifiable]
         return draws
 

@@ -33,7 +33,7 @@ class Unmodelled:
         squared = along * (along if effect.reversible else abs(along))
         return squared / max(float(np.vdot(change, change)), 1e-12)
 
-    # Only effects with several starts ask for these.
+    # Computed only for effects with several starts.
 
     @cached_property
     def _aligned(self) -> AlignedDataset:

@@ -86,11 +86,11 @@ def remarks(free: Sequence[Free], values: Floats, ci: Sequence[tuple[float, floa
         p = f.parameter
         span = p.high - p.low
         if p.high - value < 1e-3 * span:
-            found.append(f"{p.name} is at its upper bound {p.high:g}: the form does not fit, or the data do not tell")
+            found.append(f"{p.name} is at its upper bound {p.high:g}: the form is wrong, or the data do not show it")
         elif value - p.low < 1e-3 * span and p.low == 0.0:
-            found.append(f"{p.name} came out as 0: these data show none of it")
+            found.append(f"{p.name} is 0: these data do not show it")
         elif value - p.low < 1e-3 * span:
-            found.append(f"{p.name} is at its lower bound {p.low:g}: the form does not fit, or the data do not tell")
+            found.append(f"{p.name} is at its lower bound {p.low:g}: the form is wrong, or the data do not show it")
         if undetermined([f], [(low, high)]):
-            found.append(f"{p.name} is not determined by these data: its interval spans most of what is possible")
+            found.append(f"{p.name} is not determined by these data: its interval spans most of its range")
     return found

@@ -119,7 +119,9 @@ def _without_spikes(channels: list[Channel], limit: float, what: str, notes: lis
     window = max(5, round(per_second * SPIKE_WINDOW_S) | 1)
     kept = np.all(np.abs(values - median_filter(values, size=(1, window), mode="nearest")) <= limit, axis=0)
     if not kept.all():
-        notes.append(f"{np.count_nonzero(~kept)} {what} that leap away and back, as nothing moves, are left out")
+        notes.append(
+            f"{np.count_nonzero(~kept)} {what} that jump away and back, faster than a multirotor can move, are left out"
+        )
     return [Channel(time[kept], value) for value in values[:, kept]]
 
 

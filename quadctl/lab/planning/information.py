@@ -75,7 +75,7 @@ def information(
     gradient of the considered errors.
     """
     prior_std = prior_standard_deviations(model)
-    # In units of their usual size all nuisances have the prior 1.
+    # In units of their prior standard deviations all nuisances have variance 1.
     predicted = predict_targets(model, flight, groups)
     n = _flat(nuisance_jacobian(model, flight, groups, predicted), noise) * prior_std
     j = _flat(parameter_jacobian(model, flight, groups, predicted), noise)

@@ -95,7 +95,7 @@ def _log(name: str, time: Floats, columns: dict[str, Floats], bandwidth_hz: floa
     for column, values in columns.items():
         rows = slow if column in POSITION else 1
         update = np.arange(len(time)) // rows
-        # A value that does not change is no update to whoever reads a log: each differs by less than matters.
+        # Readers of a log take a repeated value as no update: so consecutive values differ by a negligible amount.
         logged[column] = values[rows * update] + 1e-9 * (update % 2)
     return FlightLog(name=name, path=None, columns=logged)
 

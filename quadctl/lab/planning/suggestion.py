@@ -114,14 +114,14 @@ class Suggestion(Result):
         }
 
     def __rich__(self) -> RenderableType:
-        table = Table(title="What each mission would bring, together with the data so far", title_justify="left")
+        table = Table(title="Expected result of each mission, together with the data so far", title_justify="left")
         table.add_column("mission", no_wrap=True)
         for one, other in self.pairs:
             table.add_column(f"{one}\nor {other}", justify="right")
         if self.width is not None:
             table.add_column(f"{self.parameter}\n(now {_plus_minus(self.width)})", justify="right", overflow="fold")
         if self.untried:
-            table.add_column("untried effects\nit can show", justify="right")
+            table.add_column("untried effects\nit would show", justify="right")
         table.add_column("s", justify="right")
         for option in self.options:
             row = [option.mission.name, *(f"{sigma:.1f} sigma" for sigma in option.sigmas)]
@@ -134,15 +134,15 @@ class Suggestion(Result):
         """Sentences that state the suggestion."""
         lines = [f"Left out: {reason}." for reason in self.left_out]
         if self.best is not None:
-            lines += [f"With it can be tried: {', '.join(self.best.tries)}."] if self.best.tries else []
+            lines += [f"It makes these effects testable: {', '.join(self.best.tries)}."] if self.best.tries else []
             return [*lines, f"Fly next: {self.best.command}"]
         asked = self.pairs or self.untried or (self.width is not None and self.width > NARROW)
         why = (
-            "none of these missions would tell more"
+            "none of these missions would give more information"
             if asked
-            else "what is unexplained is in no candidate, and by that no mission can be judged"
+            else "no candidate explains the unexplained part, so the missions cannot be compared"
             if self.unexplained
-            else "nothing is open"
+            else "no question is open"
         )
         return [*lines, f"No flight is suggested: {why}."]
 

@@ -22,6 +22,6 @@ def ladder(diagnosis: Diagnosis, floor_total: float) -> Figure:
     ax.set_ylim(len(rows) - 0.5, -0.6)
     ax.set_xlim(0.0, 1.14 * max(*totals, floor_total))
     ax.grid(axis="y", visible=False)
-    ax.set_xlabel("held-out error, total RMSE / m/s²")
+    ax.set_xlabel("held-out acceleration error (RMSE) / m/s²")
     figure.legend(loc="outside upper left")
     return figure

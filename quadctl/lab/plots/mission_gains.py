@@ -6,7 +6,11 @@ from matplotlib.figure import Figure
 from quadctl.lab.planning.suggestion import Suggestion
 from quadctl.lab.plots.style import BLUE, GREEN, ORANGE, panel, styled
 
-QUESTIONS = (("look-alikes told apart", BLUE), ("widest interval narrowed", ORANGE), ("untried effects shown", GREEN))
+QUESTIONS = (
+    ("look-alikes distinguished", BLUE),
+    ("widest interval narrowed", ORANGE),
+    ("untried effects shown", GREEN),
+)
 MOST_MISSIONS = 12
 
 
@@ -22,6 +26,6 @@ def mission_gains(suggestion: Suggestion) -> Figure:
     ax.set_ylim(len(options) - 0.4, -0.6)
     ax.set_xlim(0.0, 1.02)
     ax.grid(axis="y", visible=False)
-    ax.set_xlabel("how far it answers, 1 is all the way")
+    ax.set_xlabel("expected gain (1: question answered)")
     figure.legend(loc="outside upper left")
     return figure

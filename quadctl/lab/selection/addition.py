@@ -28,12 +28,12 @@ class Addition(Refit):
 
     @property
     def title(self) -> str:
-        return f"Error on data the fit did not see, with {self.added.name}"
+        return f"Held-out acceleration error, without and with {self.added.name}"
 
     @property
     def conclusion(self) -> str:
         helps = self.held_out_drop > 0.0 and is_significant(self.p_value)
-        return "" if helps else "The effect does not help on unseen data: it is better left out."
+        return "" if helps else "The effect does not lower the held-out error significantly: leave it out."
 
 
 def add(effect: type[Effect], model: Model, dataset: Dataset) -> Addition:

@@ -72,7 +72,7 @@ class Diagnosis(Result):
         }
 
     def __rich__(self) -> RenderableType:
-        table = Table(title="What could be missing: what was found first, the rest on top of it", title_justify="left")
+        table = Table(title="Candidate effects: the missing ones first, in the order of adding", title_justify="left")
         table.add_column("effect", no_wrap=True)
         table.add_column("parameters [95 %]")
         table.add_column("held-out error", justify="right")
@@ -92,22 +92,26 @@ class Diagnosis(Result):
         """Sentences that state the verdict."""
         lines = []
         if self.verdict == "none":
-            lines.append("Nothing significant is missing: what is left is noise.")
+            lines.append("Nothing significant is missing: the remaining error is noise.")
         elif self.verdict == "unexplained":
-            lines.append("Something is there, but no effect of the catalogue explains it.")
+            lines.append(
+                "Part of the error depends on the logged variables, but no effect of the catalogue explains it."
+            )
         else:
-            lines.append("Missing, in the order of adding (held-out error, m/s^2):")
+            lines.append("Missing, in the order of adding (held-out acceleration error, m/s^2):")
             before = self.steps[0].rmse["total"]
             for step in self.steps[1:]:
                 total = step.rmse["total"]
                 lines.append(f"  {step.effect}: {before:.4f} -> {total:.4f}")
                 before = total
             if self.unexplained:
-                lines.append("Even so, something is left that the variables explain and these effects do not.")
-        lines += [f"These data cannot tell apart: {' and '.join(pair)}." for pair in self.confounded]
+                lines.append(
+                    "Part of the remaining error depends on the logged variables, but these effects do not explain it."
+                )
+        lines += [f"These data do not distinguish {' and '.join(pair)}." for pair in self.confounded]
         lines += [f"Not tried: {reason}." for reason in self.untried]
         if self.suggested_mission:
-            lines.append(f"To tell more, fly {self.suggested_mission}; `quadctl suggest` weighs all missions.")
+            lines.append(f"To learn more, fly {self.suggested_mission}; `quadctl suggest` compares all missions.")
         return lines
 
 
@@ -138,14 +142,14 @@ def diagnose_fit(
     pool = [e for e in pool if e.family() not in present and e.candidate and e.applies_to(model.vehicle)]
     unfit = [e for e in pool if any(dataset.span(variable) < span for variable, span in e.needs.items())]
     path = search(fit, [effect for effect in pool if effect not in unfit], progress)
-    progress("looking at what is left")
-    # A part that a small effect explains, smaller than what is called missing, is not unexplained.
+    progress("analysing the remaining error")
+    # The part explained by an effect that is too small to be called missing is not unexplained.
     small = [c.residual for c in path.latest.values() if is_measured(c) and not is_supported(c)]
     residual = min([path.residual, *small], key=score)[:, :3]
     flexible = flexible_residual(residual, dataset)
     matters = is_unexplained(residual, flexible, improvement_p_value(residual, flexible, dataset))
     symbolic = explain(residual, dataset) if matters else None
-    # Many variables together find a little in noise now and then; what is there also has an expression, or is large.
+    # A regression on many variables may explain a little of pure noise; a real cause has an expression or is large.
     unexplained = matters and (symbolic is not None or is_large(residual, flexible))
     if unexplained and path.missing and is_mostly_left(fit.held_out_residual[:, :3], residual, flexible):
         path = emptied(path)
@@ -191,8 +195,8 @@ def _suggestion(
 def _reasons(unfit: list[type[Effect]], dataset: Dataset) -> list[str]:
     """Reasons why effects were not tried."""
     return [
-        f"{effect.name} (to be told from others it takes {variable} over {span:g} {SPAN_UNITS[variable]}, "
-        f"these data have {dataset.span(variable):.2g})"
+        f"{effect.name} (to distinguish it from others, {variable} must span {span:g} {SPAN_UNITS[variable]}; "
+        f"in these data it spans {dataset.span(variable):.2g})"
         for effect in unfit
         for variable, span in effect.needs.items()
         if dataset.span(variable) < span

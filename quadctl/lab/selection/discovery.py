@@ -41,7 +41,7 @@ class Discovery(Result):
     def __rich__(self) -> RenderableType:
         ladder = [(f"+ {step.effect}" if step.family else step.effect, step.rmse) for step in self.diagnosis.steps]
         floor = ("noise floor", self.before.noise_floor)
-        table = errors_table("Error ladder, on data the fits did not see", [*ladder, floor])
+        table = errors_table("Held-out acceleration error after each selection step", [*ladder, floor])
         return Group(table, Text("\n".join(self.diagnosis.lines())))
 
 

@@ -95,14 +95,14 @@ class Refit(Result):
 
     @property
     def title(self) -> str:
-        return f"Error of {self.model.name} on data the fit did not see, as it stood and refitted"
+        return f"Held-out acceleration error of {self.model.name}, before and after the refit"
 
     @property
     def conclusion(self) -> str:
         """Conclusion where the refit does not reduce the held-out error; empty where it does."""
         if self.held_out_drop > 0.0:
             return ""
-        return "The refit does not help on unseen data: the parameters may as well stay as they were."
+        return "The refit does not lower the held-out error: keep the previous parameters."
 
     def to_dict(self) -> dict[str, Any]:
         return {
@@ -128,9 +128,13 @@ class Refit(Result):
         table = errors_table(self.title, (("before", self.before), ("after", self.after)))
         low, high = self.drop_ci95
         p = "< 1e-4" if self.p_value < 1e-4 else f"= {self.p_value:.2g}"
-        error = {"total": "error", "turning": "error of the moments", "sensing": "error of the IMU"}[self.measure]
+        error = {"total": "acceleration error", "turning": "moment error", "sensing": "accelerometer error"}[
+            self.measure
+        ]
         lines = [f"The held-out {error} changes by {-self.held_out_drop:+.1%} [{-high:+.1%}, {-low:+.1%}], p {p}."]
-        lines.append("The model now holds:" if self.model.stack else "The model now holds no effect: the rigid body.")
+        lines.append(
+            "The model now contains:" if self.model.stack else "The model now contains no effect: the rigid body."
+        )
         for item in self.model.stack:
             words = parameters_in_words(item.effect, item.fitted.ci95 if item.fitted else {})
             lines.append(f"  {item.effect.name}: {words}")
@@ -202,8 +206,8 @@ def _blind_folds(fit: FittedModel) -> list[str]:
             flights = " and ".join(dataset.names[i] for i in held)
             names = " and ".join(f"{f.parameter.name} of {effects[f.effect].name}" for f in missed)
             found.append(
-                f"without {flights} the other flights do not determine {names}, so that the held-out error of "
-                f"{flights} says nothing of {'it' if len(missed) == 1 else 'them'}"
+                f"without {flights} the other flights do not determine {names}, so the held-out error of "
+                f"{flights} is no test of {'it' if len(missed) == 1 else 'them'}"
             )
     return found
 

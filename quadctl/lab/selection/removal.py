@@ -33,13 +33,13 @@ class Removal(Refit):
 
     @property
     def title(self) -> str:
-        return f"Error on data the fit did not see, with {self.removed.name} and without it"
+        return f"Held-out acceleration error, with and without {self.removed.name}"
 
     @property
     def conclusion(self) -> str:
         if is_significant(self.p_value) and self.held_out_drop < 0.0:
-            return f"The unseen data support {self.removed.name}: the model is worse without it."
-        return f"The unseen data do not support {self.removed.name}: it is better left out."
+            return f"The held-out data support {self.removed.name}: the model is worse without it."
+        return f"The held-out data do not support {self.removed.name}: leave it out."
 
     def to_dict(self) -> dict[str, Any]:
         return {"removed": self.removed.name, **super().to_dict()}

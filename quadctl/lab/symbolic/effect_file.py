@@ -47,7 +47,7 @@ class {kind}(Effect):
     {parameters}
 
     def force(self, total_thrust_n: Number, c: Conditions, vehicle: Vehicle) -> Vector:
-        # Beyond the data of the fit a variable stays at their edge: a formula without physics says nothing there.
+        # Outside the data of the fit each variable is held at its limit: a formula without physics is not extrapolated.
         {steps}
         return {force}
 '''
@@ -71,10 +71,10 @@ def as_effect_file(symbolic: Symbolic, name: str) -> str:
     x, y, up = (axis if axis in laws else None for axis in FRAME_AXES[symbolic.frame])
     force = f"({_force(x)}, {_force(y)}, {_force(up, '-')})"
     return TEMPLATE.format(
-        title=f"A formula that quadctl found for what its catalogue does not explain, m/s^2, {symbolic.frame} axes.",
+        title=f"Formula found by quadctl for an acceleration that no effect explains, m/s^2, {symbolic.frame} axes.",
         kind="".join(word.capitalize() for word in name.replace(".", "_").split("_")),
         name=name,
-        source=f"sparse identification; share of the squared error explained on unseen data: {shares}",
+        source=f"sparse identification; share of the squared error explained on held-out data: {shares}",
         depends_on="".join(f'"{variable}", ' for variable in plotted).rstrip(),
         physics=f"Unknown: {found}.",
         told_apart_by=f"flights over the whole range of {', '.join(used)}",

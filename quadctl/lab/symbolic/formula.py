@@ -105,7 +105,9 @@ class Symbolic:
         }
 
     def __rich__(self) -> RenderableType:
-        table = Table(title=f"What the rest looks like, m/s^2, {self.frame} axes", title_justify="left")
+        table = Table(
+            title=f"Expressions for the unexplained acceleration, m/s^2, {self.frame} axes", title_justify="left"
+        )
         table.add_column("axis")
         table.add_column("expression")
         table.add_column("coefficients [95 %]")
@@ -120,5 +122,5 @@ class Symbolic:
                 p = "" if formula is law.compact else "< 1e-4" if law.p_value < 1e-4 else f"{law.p_value:.2g}"
                 axis = "  compact" if formula is law.compact else law.axis
                 table.add_row(axis, Text(formula.text), ci, f"{formula.held_out_share:.0%}", p)
-        share = "'explains' is the share of the squared error of that axis on data that the fit did not see."
+        share = "'explains' is the share of the squared error of that axis on held-out data."
         return Group(table, Text(share))

@@ -99,11 +99,11 @@ def _paths(y: Floats, terms: list[Term], used: Mask) -> list[list[int]]:
     rows = rows[:: max(1, len(rows) // MOST_SAMPLES)]
     columns = np.column_stack([term.values[rows] for term in terms])
     columns -= columns.mean(axis=0)
-    # Columns of equal length: the choice must not depend on units, nor tiny coefficients be taken for none.
+    # Columns of equal length: the choice must not depend on units, and tiny coefficients must not count as zero.
     columns /= np.maximum(np.linalg.norm(columns, axis=0), 1e-12)
     target = y[rows] - y[rows].mean()
     target /= max(float(np.linalg.norm(target)), 1e-12)
-    with warnings.catch_warnings():  # of terms that are nearly multiples of each other, either will do
+    with warnings.catch_warnings():  # terms that are nearly multiples of each other are equivalent
         warnings.simplefilter("ignore", LinAlgWarning)
         history = FROLS(max_iter=min(MOST_TERMS, len(terms)), alpha=0.0, unbias=False).fit(columns, target).history_
     return [[int(j) for j in np.flatnonzero(coefficients[0])] for coefficients in history]

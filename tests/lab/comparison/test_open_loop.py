@@ -143,7 +143,7 @@ class TestUncertainty:
 
     def test_it_reads_as_a_number_with_its_unit_and_interval(self) -> None:
         assert Estimate(0.31, (0.27, 0.352)).in_words("m") == "0.31 m [0.27, 0.352]"
-        assert Estimate(math.inf, None).in_words("m") == "without bound"
+        assert Estimate(math.inf, None).in_words("m") == "unbounded"
         assert Estimate(math.inf, None).to_dict() == {"rmse": None, "ci95": None}
 
 

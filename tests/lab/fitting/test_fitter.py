@@ -174,14 +174,14 @@ class TestManyFlights:
 
 def dense_equations(arrow: Arrow) -> tuple[np.ndarray, np.ndarray]:
     """Normal matrix and right-hand side, shapes (..., m, m) and (..., m)."""
-    unit = np.eye(arrow.side.shape[-1])
-    return np.stack([arrow.times(np.broadcast_to(e, arrow.side.shape)) for e in unit], axis=-1), arrow.side
+    unit = np.eye(arrow.rhs.shape[-1])
+    return np.stack([arrow.times(np.broadcast_to(e, arrow.rhs.shape)) for e in unit], axis=-1), arrow.rhs
 
 
-def dense_solution(arrow: Arrow, moves: np.ndarray) -> np.ndarray:
+def dense_solution(arrow: Arrow, free: np.ndarray) -> np.ndarray:
     a, b = dense_equations(arrow)
     x = np.zeros_like(b)
-    x[..., moves] = np.linalg.solve(a[..., moves, :][..., moves], b[..., moves, None])[..., 0]
+    x[..., free] = np.linalg.solve(a[..., free, :][..., free], b[..., free, None])[..., 0]
     return x
 
 

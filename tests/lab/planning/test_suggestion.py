@@ -191,8 +191,8 @@ def test_no_flight_is_suggested_when_none_tells_more(world: World, tmp_path: Pat
 
 def test_why_no_flight_is_suggested_is_said() -> None:
     nothing, unexplained = (Suggestion([], [], None, None, [], [], unexplained=flag) for flag in (False, True))
-    assert nothing.lines() == ["No flight is suggested: nothing is open."]
-    assert "what is unexplained is in no candidate" in unexplained.lines()[0]
+    assert nothing.lines() == ["No flight is suggested: no question is open."]
+    assert "no candidate explains the unexplained part" in unexplained.lines()[0]
 
 
 def test_a_folder_without_missions_is_one_sentence(world: World, tmp_path: Path) -> None:
@@ -281,7 +281,7 @@ def test_the_command_prints_what_to_run_and_writes_it(world: World, tmp_path: Pa
     told = json.loads(out.read_text())
     assert told["command"] in (None, f"quadctl fly {short / 'runs.yaml'}")
     assert [o["mission"] for o in told["options"]] == ["runs"]
-    assert "What each mission would bring" in result.output
+    assert "Expected result of each mission" in result.output
 
 
 def test_a_result_needs_no_more_than_a_diagnosis(world: World) -> None:

@@ -188,7 +188,7 @@ class TestWhatThePageHolds:
 
     def test_the_verdict_is_said_in_words(self, flown: Flown, made: Comparison) -> None:
         answers: tuple[tuple[Verdict, str], ...] = (
-            ("none", "Nothing significant is missing from <b>rigid</b>: what is left is noise."),
+            ("none", "Nothing significant is missing from <b>rigid</b>: the remaining error is noise."),
             ("unexplained", "no effect of the catalogue explains it"),
         )
         for verdict, words in answers:
@@ -206,7 +206,7 @@ class TestWhatThePageHolds:
     def test_look_alikes_are_named_with_what_tells_them_apart(self, flown: Flown, made: Comparison) -> None:
         confounded = dataclasses.replace(flown.diagnosis, confounded=[["ground_effect", "thrust_scale"]])
         text = Page(render_report(Results(made, confounded))).text
-        assert "these data cannot tell ground effect from thrust scale" in text
+        assert "these data do not distinguish ground effect from thrust scale" in text
         assert ConstantScale.told_apart_by in text
 
     def test_the_table_of_step_responses_labels_signed_and_absolute(self, flown: Flown, page: Page) -> None:
