@@ -131,6 +131,16 @@ def is_measured(c: Candidate) -> bool:
     return c.distinct and is_there(c)
 
 
+def is_promising(p_value: float) -> bool:
+    """Tell whether an effect with this p-value in the last round is worth trying in the next."""
+    return p_value <= PROMISING
+
+
+def is_replaceable(missing: Sequence[str]) -> bool:
+    """Tell whether one look-alike may replace all the families that were found."""
+    return len(missing) == REPLACED
+
+
 def is_needed(without: Floats, residual: Floats, p_value: float) -> bool:
     """Tell whether an effect is still needed beside the others, from the held-out residuals without and with it."""
     return is_significant(p_value) and is_material(without, residual)

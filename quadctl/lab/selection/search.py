@@ -21,13 +21,13 @@ from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.flights.prediction import rmse
 from quadctl.lab.selection.candidate import Candidate
 from quadctl.lab.selection.rule import (
-    PROMISING,
-    REPLACED,
     choose,
     indistinct,
     is_as_good,
     is_look_alike,
     is_needed,
+    is_promising,
+    is_replaceable,
     is_supported,
     score,
     unbelievable,
@@ -133,7 +133,7 @@ def pruned(path: Path) -> Path:
 def with_pair_replaced(path: Path, pool: Sequence[type[Effect]], progress: Progress) -> Path:
     """Path, or a path to a single look-alike of the first round that explains as much as the pair that was found."""
     for candidate in sorted(path.passed_over, key=lambda c: score(c.residual)):
-        if len(path.missing) != REPLACED or candidate.family in path.missing:
+        if not is_replaceable(path.missing) or candidate.family in path.missing:
             continue
         other = taken(replace(begun_at(path.start), latest=path.latest), candidate)
         if not is_as_good(other.residual, path.residual, path.dataset):
@@ -161,7 +161,7 @@ def _tried(path: Path, pool: Sequence[type[Effect]], progress: Progress) -> _Rou
         tried = _trials(effects, left, len(pool), progress)
         for c in tried:
             latest[c.effect.name] = c
-            failures[c.effect.name] = failures.get(c.effect.name, 0) + 1 if c.p_value > PROMISING else 0
+            failures[c.effect.name] = 0 if is_promising(c.p_value) else failures.get(c.effect.name, 0) + 1
         look_alikes += [c for c in tried if is_look_alike(c)]
         supported = sorted([c for c in tried if is_supported(c)], key=lambda c: score(c.residual))
         if supported:
