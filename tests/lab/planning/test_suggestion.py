@@ -185,7 +185,7 @@ def test_no_flight_is_suggested_when_none_tells_more(world: World, tmp_path: Pat
     write_mission(tmp_path, "hover_again", HOVER)
     result = asked(world.rigid, world.hover(), [], missions=tmp_path)
     assert result.best is None
-    assert "No flight is suggested: none of these missions would tell more." in str(result)
+    assert "No flight is suggested: none of these missions would give more information." in str(result)
     assert result.to_dict()["command"] is None
 
 

@@ -164,7 +164,7 @@ class TestWhatThePageHolds:
         low, high = rmse_interval(flown.before.residual, flown.before.dataset)
         total = flown.before.rmse["total"]
         assert low < total < high
-        assert f"{quantity(total)} on the whole (RMSE over all axes, 95% interval {low:.3g} to {high:.3g})" in page.text
+        assert f"{quantity(total)} (RMSE over all axes, 95% interval {low:.3g} to {high:.3g})" in page.text
         a, b = flown.addition.model.effects[0].values()["a"], flown.addition.model.effects[0].values()["b"]
         assert f"a = {a:.4g} [" in page.text
         assert f"b = {b:.4g} 1/m [" in page.text

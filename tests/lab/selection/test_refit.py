@@ -183,7 +183,7 @@ class TestCommands:
     def test_fit(self, run: Callable[..., tuple[int, str, str]], files: tuple[Path, Path]) -> None:
         log, model = files
         status, out, _ = run("fit", model, log, "-o", "new.yaml", "--json", "f.json")
-        assert status == 0 and "The held-out error changes by" in out and "Saved: new.yaml" in out
+        assert status == 0 and "The held-out acceleration error changes by" in out and "Saved: new.yaml" in out
         found = json.loads(Path("f.json").read_text())
         assert found["rmse_after"]["total"] < 0.5 * found["rmse_before"]["total"]
         low, high = found["held_out_drop_ci95"]
