@@ -258,7 +258,7 @@ def test_without_data_a_parameter_is_as_uncertain_as_its_bounds_leave_it(world: 
 
 
 def test_nuisances_take_information_away(world: World) -> None:
-    """In hover a hanging tether acts like a thrust scale that is off by 0.5 %, within the prior of every flight: more
+    """A hanging tether in hover acts like a thrust scale that is off by 0.5 %, within the prior of every flight: more
     noise-free samples do not help."""
     model = world.rigid.plus(find_effect("tether", "test")())
     flight = world.hover().flights[0]
