@@ -10,6 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from quadctl.cli.app import app, console
+from quadctl.cli.inputs import find, find_configuration
 from quadctl.cli.output import JsonOption, check_outputs, write_json
 from quadctl.errors import FlightError
 
@@ -24,17 +25,19 @@ class Simulated(enum.StrEnum):
     ARDUPILOT = "ardupilot"
 
 
-MissionArgument = Annotated[Path, typer.Argument(metavar="MISSION.yaml")]
+MissionArgument = Annotated[Path, typer.Argument(metavar="MISSION.yaml", callback=find)]
 ModelOption = Annotated[
     str | None,
     typer.Option("--model", metavar="MODEL", help="Compensator: none, an effect such as hayden, or a model file."),
 ]
 ConfigOption = Annotated[
-    Path | None, typer.Option("--config", metavar="FILE", help="Flight configuration [default: config/flight.yaml].")
+    Path | None,
+    typer.Option("--config", metavar="FILE", help="Flight configuration [default: config/flight.yaml].", callback=find),
 ]
 LogDirOption = Annotated[Path, typer.Option("--log-dir", metavar="DIR", help="Where the log goes.")]
 HiddenOption = Annotated[
-    Path | None, typer.Option("--hidden", metavar="FILE", help="What the simulated world hides from us.")
+    Path | None,
+    typer.Option("--hidden", metavar="FILE", help="Effects that the simulated world has and hides.", callback=find),
 ]
 SeedOption = Annotated[int, typer.Option("--seed", metavar="N", min=0, help="Same seed, same flight.")]
 OffsetOption = Annotated[
@@ -62,7 +65,7 @@ def simulate(
     from quadctl.flight.session import prepare_flight
 
     check_outputs([mission, config, hidden], json_out)
-    plan = prepare_flight(mission, config, model, offset_up, overrides or ())
+    plan = prepare_flight(mission, find_configuration(config, mission), model, offset_up, overrides or ())
     _print_warnings(plan, simulated=True)
     _finish(simulator().simulate(plan, log_dir, hidden, seed), json_out)
 
@@ -110,7 +113,7 @@ def fly(
     if view_token is not None and not TOKEN.fullmatch(view_token):
         raise typer.BadParameter("--view-token lands a vehicle: give 8 or more letters, digits, - or _")
     check_outputs([mission, config, hidden], json_out)
-    plan = prepare_flight(mission, config, model, offset_up, overrides or ())
+    plan = prepare_flight(mission, find_configuration(config, mission), model, offset_up, overrides or ())
     _print_warnings(plan, simulated=sitl)
     with ExitStack() as stack:
         viewer = stack.enter_context(_viewer(plan, view_port, view_token)) if view else None

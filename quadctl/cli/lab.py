@@ -7,12 +7,15 @@ from typing import Annotated, Any
 import typer
 
 from quadctl.cli.app import app, console
+from quadctl.cli.inputs import find, find_missions
 from quadctl.cli.output import JsonOption, check_outputs, print_saved, write_json, write_text
 
 MAX_NUMBER = 1e9
 """Of a height or a time on the command line, m or s."""
 
-ModelArgument = Annotated[Path, typer.Argument(metavar="MODEL.yaml", help="Model file, or a bare vehicle file.")]
+ModelArgument = Annotated[
+    Path, typer.Argument(metavar="MODEL.yaml", help="Model file, or a bare vehicle file.", callback=find)
+]
 LogArguments = Annotated[list[Path], typer.Argument(metavar="LOG...", help="Flight logs: .csv, .ulg, .bin, .tlog.")]
 HtmlOption = Annotated[Path | None, typer.Option("--html", metavar="OUT", help="Write a report with plots.")]
 HoldOutOption = Annotated[
@@ -91,7 +94,12 @@ def diagnose(
 def suggest(
     model: ModelArgument,
     logs: LogArguments,
-    missions: Annotated[Path, typer.Option("--missions", metavar="DIR", help="To choose from.")] = Path("missions"),
+    missions: Annotated[
+        Path,
+        typer.Option(
+            "--missions", metavar="DIR", help="Folder of the missions to choose from.", callback=find_missions
+        ),
+    ] = Path("missions"),
     json_out: JsonOption = None,
     hold_out: HoldOutOption = "blocks",
 ) -> None:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from quadctl.cli.app import app, console
+from quadctl.cli.inputs import find
 from quadctl.cli.output import JsonOption, check_outputs, print_saved, write_json, write_text
 from quadctl.errors import FlightError, QuadctlError
 from quadctl.vehicle import Vehicle, load_vehicle
@@ -23,7 +24,9 @@ TYPED = "typed"
 
 @app.command("thrust-stand")
 def thrust_stand(
-    vehicle: Annotated[Path, typer.Argument(metavar="VEHICLE.yaml", help="The vehicle whose rotor it is.")],
+    vehicle: Annotated[
+        Path, typer.Argument(metavar="VEHICLE.yaml", help="The vehicle whose rotor it is.", callback=find)
+    ],
     link: Annotated[
         str | None, typer.Option("--link", metavar="URL", help="Measure: auto, udpin://..., serial:///dev/...:BAUD")
     ] = None,

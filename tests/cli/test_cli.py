@@ -117,6 +117,55 @@ class TestCommands:
             assert "<html" in Path("r.html").read_text()
 
 
+INSTALLED = "the one installed with quadctl (quadctl init DIR copies it for editing)"
+
+
+class TestOutsideTheRepository:
+    """Every command runs in an empty folder, on what is installed with quadctl, and says so."""
+
+    def test_a_mission_is_flown_and_checked(self, quadctl: Callable[..., Result]) -> None:
+        done = quadctl("simulate", "missions/short_hop.yaml")
+        assert done.status == 0
+        assert f"missions/short_hop.yaml: {INSTALLED}\nconfiguration: {INSTALLED}\n" in done.out
+        done = quadctl("check", "config/vehicles/raptor.yaml", "missions/short_hop.yaml")
+        assert done.status == 0
+        assert f"config/vehicles/raptor.yaml: {INSTALLED}\n" in done.out
+
+    def test_a_mission_of_ones_own_needs_no_configuration_of_ones_own(self, quadctl: Callable[..., Result]) -> None:
+        shutil.copy(MISSION, "mine.yaml")
+        done = quadctl("simulate", "mine.yaml")
+        assert done.status == 0
+        assert done.out.startswith(f"configuration: {INSTALLED}\n")
+
+    def test_a_copy_for_editing_goes_first(self, quadctl: Callable[..., Result]) -> None:
+        assert quadctl("init", ".").status == 0
+        Path("config/flight.yaml").write_text("vehicle: vehicles/raptor.yaml\ncompensator: hayden\n")
+        done = quadctl("simulate", "missions/short_hop.yaml")
+        assert done.status == 0
+        assert done.out.startswith("configuration: config/flight.yaml\n") and "installed" not in done.out
+        assert yaml.safe_load(next(Path("logs").glob("*.meta.yaml")).read_text())["compensator"] == "hayden"
+        one_sentence(quadctl("init", "."), "config", "is there already and would be overwritten")
+
+    def test_a_log_is_analysed_and_the_next_flight_suggested(self, quadctl: Callable[..., Result], log: Path) -> None:
+        assert quadctl("add", "exponential", "config/vehicles/raptor.yaml", log, "-o", "new.yaml").status == 0
+        done = quadctl("suggest", "new.yaml", log, "--json", "s.json")
+        assert done.status == 0
+        assert "missions: those installed with quadctl" in done.out
+        commands = [option["command"] for option in json.loads(Path("s.json").read_text())["options"]]
+        assert "quadctl fly missions/forward_sweep.yaml" in commands
+
+    def test_missions_are_listed(self, quadctl: Callable[..., Result]) -> None:
+        done = quadctl("mission", "list")
+        assert done.status == 0 and "hover_staircase" in done.out and "those installed with quadctl" in done.out
+
+    def test_the_page_begins(self, quadctl: Callable[..., Result], monkeypatch: pytest.MonkeyPatch) -> None:
+        begun: list[Any] = []
+        monkeypatch.setattr("quadctl.web.serve.serve", lambda *arguments: begun.extend(arguments))
+        done = quadctl("lab")
+        assert done.status == 0 and "missions: those installed with quadctl" in done.out
+        assert begun[1].model.vehicle.name == "raptor"
+
+
 class TestBadInput:
     def test_of_logs(self, quadctl: Callable[..., Result], log: Path, tmp_path: Path) -> None:
         one_sentence(quadctl("compare", VEHICLE, "gone.csv"), "gone.csv", "no such file")
