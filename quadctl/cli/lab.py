@@ -9,6 +9,7 @@ import typer
 from quadctl.cli.app import app, console
 from quadctl.cli.inputs import find, find_missions
 from quadctl.cli.output import JsonOption, check_outputs, print_saved, write_json, write_text
+from quadctl.logs.formats import CONVERTERS, suffixes
 
 MAX_NUMBER = 1e9
 """Of a height or a time on the command line, m or s."""
@@ -16,7 +17,7 @@ MAX_NUMBER = 1e9
 ModelArgument = Annotated[
     Path, typer.Argument(metavar="MODEL.yaml", help="Model file, or a bare vehicle file.", callback=find)
 ]
-LogArguments = Annotated[list[Path], typer.Argument(metavar="LOG...", help="Flight logs: .csv, .ulg, .bin, .tlog.")]
+LogArguments = Annotated[list[Path], typer.Argument(metavar="LOG...", help=f"Flight logs: {', '.join(suffixes())}.")]
 HtmlOption = Annotated[Path | None, typer.Option("--html", metavar="OUT", help="Write a report with plots.")]
 HoldOutOption = Annotated[
     str,
@@ -284,8 +285,13 @@ def metrics(
 @app.command("logs")
 def inspect_logs(
     logs: LogArguments,
-    to: Annotated[str | None, typer.Option("--to", metavar="csv|parquet|mcap", help="Convert each log too.")] = None,
-    output: Annotated[Path | None, typer.Option("-o", "--output", metavar="DIR", help="Where to.")] = None,
+    to: Annotated[
+        str | None, typer.Option("--to", metavar="|".join(CONVERTERS), help="Convert each log to this format too.")
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", metavar="DIR", help="Folder to write to [default: beside each log]."),
+    ] = None,
     json_out: JsonOption = None,
 ) -> None:
     """What is in flight logs: true update rates, gaps, clock, and whether they can be analysed."""

@@ -10,9 +10,10 @@ import typer
 
 from quadctl.cli.app import console
 from quadctl.errors import QuadctlError
+from quadctl.logs.formats import suffixes
 
-LOG_SUFFIXES = (".csv", ".ulg", ".bin", ".tlog")
-"""Of flight logs: a flight cannot be flown again, so no result is ever written to such a file."""
+LOG_SUFFIXES = suffixes()
+"""A flight cannot be flown again: no result is ever written to a file that is named like a flight log."""
 
 JsonOption = Annotated[Path | None, typer.Option("--json", metavar="OUT", help="Write the result as JSON.")]
 

@@ -35,6 +35,11 @@ _Message: TypeAlias = dict[str, NDArray[Any]]
 """Arrays of shape (n,) by the names of the fields, in the units of ArduPilot's documentation."""
 
 
+def is_dataflash(head: bytes) -> bool:
+    """True for a file that begins with `head` as a DataFlash log does."""
+    return head.startswith(_HEAD)
+
+
 def read_dataflash(path: Path) -> FlightLog:
     """Read an ArduPilot DataFlash log.
 
