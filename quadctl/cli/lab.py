@@ -316,13 +316,12 @@ def _print_notes(dataset: Any) -> None:
             console.print(f"{flight.name}: {note}", soft_wrap=True, markup=False, highlight=False)
 
 
-def _model_and_data(model: Path, logs: list[Path], hold_out: str) -> tuple[Any, Any]:
-    from quadctl.lab.interface import prepare_flights
+def _model_and_data(model: Path, logs: list[Path], hold_out: Any) -> tuple[Any, Any]:
+    from quadctl.lab.interface import HoldOutError, prepare_flights
     from quadctl.model import load_model
 
-    if hold_out not in ("blocks", "flights"):
-        raise typer.BadParameter(f"--hold-out is '{hold_out}', expected blocks or flights")
-    if hold_out == "flights" and len(logs) < 2:
-        raise typer.BadParameter("--hold-out is flights with 1 log, expected at least 2 logs, or blocks")
     loaded = load_model(model)
-    return loaded, prepare_flights(logs, loaded.vehicle, "flights" if hold_out == "flights" else "blocks")
+    try:
+        return loaded, prepare_flights(logs, loaded.vehicle, hold_out)
+    except HoldOutError as error:  # wrong usage
+        raise typer.BadParameter(str(error).replace("hold_out", "--hold-out", 1)) from None

@@ -14,6 +14,7 @@ import yaml
 
 from quadctl.cli import main
 from quadctl.effects.ground_effect import Exponential
+from quadctl.lab.interface import HoldOutError
 from quadctl.logs.csv_log import write_csv
 from quadctl.model import Model, load_model
 from quadctl.vehicle import Vehicle
@@ -243,8 +244,23 @@ class TestBadInput:
         assert unasked.status == 2 and "need --sitl" in unasked.err
         assert quadctl("fly", MISSION, "--sitl", "--autopilot", "betaflight").status == 2
         assert quadctl("compare", VEHICLE).status == 2
-        assert quadctl("diagnose", VEHICLE, log, "--hold-out", "nothing").status == 2
+        refused = quadctl("diagnose", VEHICLE, log, "--hold-out", "nothing")
+        assert refused.status == 2
+        assert "--hold-out is 'nothing', expected blocks or flights" in refused.err
         assert quadctl("fligh").status == 2
+
+    def test_only_the_lab_knows_what_can_be_held_out(
+        self, quadctl: Callable[..., Result], log: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """The command hands on what it is given, and what the lab says of it: exit status 2, its own option's name."""
+
+        def refuse(logs: object, vehicle: object, hold_out: str) -> None:
+            raise HoldOutError(f"hold_out is {hold_out}, and no more than that")
+
+        monkeypatch.setattr("quadctl.lab.interface.prepare_flights", refuse)
+        refused = quadctl("compare", VEHICLE, log), quadctl("diagnose", VEHICLE, log, "--hold-out", "moons")
+        assert [result.status for result in refused] == [2, 2]
+        assert "--hold-out is moons, and no more than that" in refused[1].err
 
     def test_of_output_paths(self, quadctl: Callable[..., Result], log: Path) -> None:
         Path("file").touch()
