@@ -79,7 +79,10 @@ class TestCommands:
 
     def test_the_circle(self, quadctl: Callable[..., Result], log: Path, tmp_path: Path) -> None:
         """diagnose names the effect, add fits it, the error falls, the model flies and is measured."""
-        assert quadctl("diagnose", VEHICLE, log, "--json", "d.json").status == 0
+        done = quadctl("diagnose", VEHICLE, log, "--json", "d.json")
+        assert done.status == 0
+        rows = [line for line in done.out.splitlines() if line.startswith("ground_effect.") and " -> " in line]
+        assert rows and all(row.split()[2] == "->" and row.split()[4].endswith("%") for row in rows)  # 80 columns
         diagnosis = json.loads(Path("d.json").read_text())
         assert diagnosis["verdict"] == "missing" and diagnosis["missing"] == ["ground_effect"]
 
