@@ -39,7 +39,7 @@ VEHICLE = Path("config/vehicles/raptor.yaml")
 
 
 class Simulator(Protocol):
-    """What the demo needs of the simulator."""
+    """The part of the simulator that the demo needs."""
 
     def simulate(self, plan: FlightPlan, log_dir: Path, hidden: Path | None, seed: int) -> Outcome: ...
 
@@ -47,7 +47,7 @@ class Simulator(Protocol):
 
 
 class Demo(NamedTuple):
-    """Where things are."""
+    """Folder, hidden truth, simulator and console of one run."""
 
     out: Path
     hidden: Path

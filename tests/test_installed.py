@@ -87,7 +87,7 @@ class TestCopies:
 
 
 def test_the_package_holds_what_is_edited_in_the_repository() -> None:
-    """What `importlib.resources` finds is what the links in the package lead to, and the patterns of package-data."""
+    """`importlib.resources` finds every one of these files, here through the links in the package."""
     package = resources.files("quadctl")
     for path in EDITED:
         inside = path.relative_to(ROOT)

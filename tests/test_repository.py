@@ -1,4 +1,4 @@
-"""What may be in the repository."""
+"""No large files and no stray binaries are in the repository."""
 
 import subprocess
 from pathlib import Path

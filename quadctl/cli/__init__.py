@@ -1,4 +1,4 @@
-"""The commands: parse, call, print. What they do is elsewhere."""
+"""The commands: parse, call, print; the work is done elsewhere."""
 
 import os
 import sys
@@ -18,9 +18,9 @@ INTERRUPTED = 130
 """Exit status with which typer ends on Ctrl-C."""
 
 LAB_PACKAGES = ("scipy", "joblib", "polars", "matplotlib", "jinja2", "pyulog", "mcap", "pysindy")
-"""Of the extra `lab`: not on the companion computer."""
+"""Packages of the extra `lab`, which the companion computer does not have."""
 WEB_PACKAGES = ("nicegui", "cloudpickle")
-"""Of the extra `web`."""
+"""Packages of the extra `web`."""
 
 
 def _print_version(wanted: bool) -> None:

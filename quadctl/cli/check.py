@@ -1,4 +1,4 @@
-"""The command that asks whether a flight may begin."""
+"""The command that checks whether a flight may begin."""
 
 from pathlib import Path
 from typing import Annotated
@@ -35,7 +35,7 @@ def check(
     overrides: SetOption = None,
     json_out: JsonOption = None,
 ) -> None:
-    """Is everything ready to fly? Mission, vehicle, compensator and limits, and with --link the autopilot."""
+    """Check whether a flight may begin: mission, vehicle, compensator, limits, and with --link the autopilot."""
     from quadctl.flight.autopilot.ports import resolve
     from quadctl.flight.preflight.check import check_flight
     from quadctl.flight.preflight.findings import Verdict, of_verdict

@@ -15,7 +15,7 @@ from quadctl.cli.output import JsonOption, check_outputs, write_json
 from quadctl.errors import FlightError
 
 TOKEN = re.compile(r"[\w-]{8,}", re.ASCII)
-"""Of the live view: what an address can hold, and nobody guesses."""
+"""Token of the live view: characters that an address can hold, and too many to be guessed."""
 
 
 class Simulated(enum.StrEnum):
@@ -41,7 +41,7 @@ HiddenOption = Annotated[
 ]
 SeedOption = Annotated[int, typer.Option("--seed", metavar="N", min=0, help="Same seed, same flight.")]
 OffsetOption = Annotated[
-    float | None, typer.Option("--offset-up", metavar="M", help="Fly the mission so much higher than its file says.")
+    float | None, typer.Option("--offset-up", metavar="M", help="Height added to the whole mission.")
 ]
 SetOption = Annotated[
     list[str] | None,
@@ -94,7 +94,9 @@ def fly(
     view: Annotated[
         bool, typer.Option("--view", help="Show the flight on a page in the browser, with a button that lands.")
     ] = False,
-    view_port: Annotated[int, typer.Option("--view-port", metavar="N", min=1, max=65535, help="Of that page.")] = 8091,
+    view_port: Annotated[
+        int, typer.Option("--view-port", metavar="N", min=1, max=65535, help="Port of that page.")
+    ] = 8091,
     view_token: Annotated[
         str | None,
         typer.Option("--view-token", metavar="T", help="Let other machines see and land, if they know this word."),
@@ -135,7 +137,7 @@ def demo(
     ),
     real_time: Annotated[bool, typer.Option(help="Include a short flight over MAVLink in real time.")] = True,
 ) -> None:
-    """The whole circle without hardware: fly, compare, diagnose, add, fly again."""
+    """Run the whole workflow without hardware: fly, compare, diagnose, add, fly again."""
     from quadctl.demo import run
 
     run(out, console, simulator(), real_time)

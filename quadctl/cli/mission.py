@@ -49,7 +49,7 @@ def list_missions(
         Path, typer.Argument(metavar="DIR", help="Folder with mission files.", callback=find_missions)
     ] = Path("missions"),
 ) -> None:
-    """The missions of a folder: how long, how high, what for, and what can be set."""
+    """List the missions of a folder: duration, heights, purpose, and the parameters of --set."""
     from quadctl.missions import load_mission, mission_files
     from quadctl.missions.profile import flown_heights_m, sampled
 

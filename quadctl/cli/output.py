@@ -1,4 +1,4 @@
-"""What commands write and print alike; no result ever destroys what was recorded."""
+"""Files and lines that all commands write alike; no result ever overwrites a flight log."""
 
 import json
 import os

@@ -20,7 +20,9 @@ def lab_page(
     session: Annotated[
         Path | None, typer.Option("--session", metavar="FILE", help="Go on with a session that was saved.")
     ] = None,
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where all goes that is saved.")] = Path("lab"),
+    out: Annotated[
+        Path, typer.Option("--out", metavar="DIR", help="Folder for everything that the page saves.")
+    ] = Path("lab"),
     missions: Annotated[
         Path,
         typer.Option("--missions", metavar="DIR", help="Missions to suggest and to fly.", callback=find_missions),
@@ -29,7 +31,7 @@ def lab_page(
     port: Annotated[int, typer.Option("--port", metavar="N", min=1, max=65535)] = 8090,
     show: Annotated[bool, typer.Option("--open/--no-open", help="Open the browser.")] = True,
 ) -> None:
-    """The lab as a page in the browser: look, click, watch the error fall."""
+    """Open the lab as a page in the browser: look, click, watch the error fall."""
     from quadctl.web.intake import Intake
     from quadctl.web.serve import serve
     from quadctl.web.simulated import Simulation

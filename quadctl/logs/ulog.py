@@ -33,7 +33,7 @@ TOPICS = (
     "actuator_armed",
 )
 PARAMETERS = ("CA_ROTOR_COUNT", "MPC_THR_HOVER", "THR_MDL_FAC")
-"""What an analysis of motor outputs may want to know, kept in the log's `meta`."""
+"""Parameters that an analysis of motor outputs may need, kept in the log's `meta`."""
 MAGIC = b"ULog\x01\x12\x35"
 """The first bytes of every ULog."""
 NEEDED = "vehicle_local_position and vehicle_attitude"

@@ -1,4 +1,4 @@
-"""How well a flight held its height, and what the ground took from it: M_A, M_B, MAE, RMSE and the largest error.
+"""Tracking errors of flights, and the part of them that the ground causes: M_A, M_B, MAE, RMSE and the largest error.
 
 M_A is the integral of x - x_ref. M_B compares with reference flights out of ground effect (OGE), flown on the same
 trajectory shifted by dz = x_ref - x_ref_OGE: the integral of x - (x_OGE + dz), which is the integral of the difference
@@ -27,7 +27,7 @@ from quadctl.logs.contradictions import contradictions
 from quadctl.logs.flight_log import FlightLog, Floats, did_you_mean
 
 TEST_PHASE = "step"
-"""Phases with this in their name are what a log's metrics are about, unless others are asked for."""
+"""Phases with this in their name are measured unless others are asked for."""
 MAX_GAP_S = 0.5
 """A window may begin or end this much outside the data, and a reference flight be this much shorter."""
 SETPOINT_GRID_M = 0.05
@@ -70,7 +70,7 @@ def largest_error(error: Floats) -> float:
 
 @dataclass(frozen=True)
 class Window:
-    """Which part of a log is measured: the time in (from_s, to_s], or a mission phase."""
+    """Part of a log that is measured: the time in (from_s, to_s], or a mission phase."""
 
     from_s: float | None = None
     to_s: float | None = None
@@ -205,9 +205,9 @@ class FlightMetrics:
     max_error_m: float
     """The error of largest size, with its sign."""
     m_b_signed: float | None = None
-    """Against the mean of the reference flights; None without any."""
+    """Integral against the mean of the reference flights; None without any."""
     m_b_absolute: float | None = None
-    """The same; of a reference flight, how far it lies from the mean of all of them."""
+    """The same of absolute values; for a reference flight, its distance from the mean of all of them."""
 
 
 VALUES = ("m_a_signed", "m_a_absolute", "m_b_signed", "m_b_absolute", "mae_m", "rmse_m", "max_error_m")
@@ -356,7 +356,7 @@ def _mean_error_at(time_s: Floats, tracks: Sequence[Tracking]) -> Floats:
 
 
 def group_of(log: FlightLog) -> str:
-    """What `log` is a run of: its mission and compensator, or else its name up to the run number (`HAYDEN_02.csv`)."""
+    """Name that runs of a flight share: mission and compensator, or the log's name without its run number (`_02`)."""
     mission, compensator = log.meta.get("mission"), log.meta.get("compensator")
     if isinstance(mission, str) and isinstance(compensator, str):
         return f"{mission}, {compensator}"
