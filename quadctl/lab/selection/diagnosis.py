@@ -82,7 +82,7 @@ class Diagnosis(Result):
 
     def __rich__(self) -> RenderableType:
         title = "What could be missing: what was found first, the rest on top of it"
-        table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, show_edge=False, padding=0)
+        table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAVY, show_edge=False, padding=0)
         table.add_column("effect, and its parameters [95 %]")
         table.add_column("held-out error", justify="right", no_wrap=True)
         table.add_column("change", justify="right", no_wrap=True)
