@@ -7,6 +7,7 @@ import yaml
 from nicegui import ui
 from nicegui.events import GenericEventArguments, MultiUploadEventArguments
 
+from quadctl.logs.formats import labels
 from quadctl.model import Model
 from quadctl.web.files import LOG_SUFFIXES, MAX_UPLOAD_BYTES, SETTINGS_SUFFIXES
 from quadctl.web.jobs import OpenedLog
@@ -52,7 +53,7 @@ def drop_zone(page: "Page") -> None:
             choose = ui.button("Choose files", icon="folder_open").props("no-caps unelevated")
             # In the browser itself: only there does a click open the window in which files are chosen.
             choose.on("click", js_handler=f"() => getElement({upload.id}).pickFiles()")
-            tag("span", "muted grow", "CSV, PX4 ULog (.ulg), ArduPilot DataFlash (.bin), MAVLink (.tlog).")
+            tag("span", "muted grow", f"{labels()}.")
 
 
 async def _uploaded(page: "Page", upload: ui.upload, event: MultiUploadEventArguments) -> None:
