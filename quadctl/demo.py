@@ -15,7 +15,7 @@ from rich.console import Console
 from quadctl.errors import QuadctlError
 from quadctl.flight.pilot.outcome import Outcome
 from quadctl.flight.preflight.plan import FlightPlan
-from quadctl.flight.session import fly_real_time, prepare_flight
+from quadctl.flight.preflight.preparation import prepare_flight
 from quadctl.lab.comparison.comparison import compare
 from quadctl.lab.flights.dataset import load_dataset
 from quadctl.lab.report import write_report
@@ -150,6 +150,8 @@ def _fly_steps(demo: Demo, found: Path) -> Steps:
 
 
 def _fly_mavlink(demo: Demo, found: Path) -> None:
+    from quadctl.flight.session import fly_real_time  # loads MAVSDK, which the lockstep flights do without
+
     plan = prepare_flight(MISSIONS / "short_hop.yaml", None, str(found), None)
     with demo.simulator.mock_process(plan.body.vehicle, demo.hidden, 20) as url:
         outcome = fly_real_time(plan, url, demo.out / "logs", demo.console)

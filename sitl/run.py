@@ -7,19 +7,19 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from multiprocessing.connection import Connection
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from quadctl.errors import FlightError
 from quadctl.flight.pilot.outcome import Outcome, Tally
 from quadctl.flight.pilot.pilot import Pilot
 from quadctl.flight.pilot.tick import Request, Tick
 from quadctl.flight.preflight.plan import FlightPlan
-from quadctl.sitl.rules.copter import SimulatedCopter
 from quadctl.sitl.rules.px4 import SimulatedAutopilot
-from quadctl.sitl.server.ardupilot import MavlinkArduPilot
-from quadctl.sitl.server.px4 import MavlinkPx4
-from quadctl.sitl.server.server import MavlinkMock
 from quadctl.sitl.vehicle.hidden import HiddenTruth, load_hidden, true_model
 from quadctl.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    from quadctl.sitl.server.server import MavlinkMock
 
 START_TIMEOUT_S = 20.0
 
@@ -119,7 +119,12 @@ def _serve(vehicle: Vehicle, truth: HiddenTruth, seed: int, kind: str, port: int
             return
 
 
-def _mock(vehicle: Vehicle, truth: HiddenTruth, seed: int, kind: str, port: int) -> MavlinkMock:
+def _mock(vehicle: Vehicle, truth: HiddenTruth, seed: int, kind: str, port: int) -> "MavlinkMock":
+    # These load pymavlink, which flights in lockstep do without.
+    from quadctl.sitl.rules.copter import SimulatedCopter
+    from quadctl.sitl.server.ardupilot import MavlinkArduPilot
+    from quadctl.sitl.server.px4 import MavlinkPx4
+
     if kind == "ardupilot":
         return MavlinkArduPilot(SimulatedCopter(vehicle, truth, seed), port=port)
     return MavlinkPx4(SimulatedAutopilot(vehicle, truth, seed), port=port)

@@ -59,7 +59,7 @@ def simulate(
     json_out: JsonOption = None,
 ) -> None:
     """Fly a mission in simulated time, as fast as the machine can, reproducible from a seed."""
-    from quadctl.flight.session import prepare_flight
+    from quadctl.flight.preflight.preparation import prepare_flight
 
     check_outputs([mission, config, hidden], json_out)
     plan = prepare_flight(mission, config, model, offset_up, overrides or ())
@@ -99,7 +99,8 @@ def fly(
 ) -> None:
     """Fly a mission on an autopilot; what `check` refuses is not begun. Ctrl-C lands."""
     from quadctl.flight.autopilot.ports import resolve
-    from quadctl.flight.session import fly_real_time, prepare_flight
+    from quadctl.flight.preflight.preparation import prepare_flight
+    from quadctl.flight.session import fly_real_time
 
     if sitl and link is not None:
         raise typer.BadParameter("give --link or --sitl, not both")

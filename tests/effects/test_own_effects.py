@@ -15,7 +15,7 @@ from quadctl.cli import app
 from quadctl.effects import CATALOG, catalog, catalog_with, choose_effect, every_effect, find_effect
 from quadctl.effects.user import effects_of
 from quadctl.errors import SettingsError
-from quadctl.flight.session import prepare_flight
+from quadctl.flight.preflight.preparation import prepare_flight
 from quadctl.logs.convert import convert
 from quadctl.model import Model, load_model, save_model
 from quadctl.vehicle import Vehicle

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 import quadctl.sitl.run
-from quadctl.flight.session import prepare_flight
+from quadctl.flight.preflight.preparation import prepare_flight
 from quadctl.lab.comparison.comparison import compare
 from quadctl.lab.interface import prepare_flights
 from quadctl.logs.read import read_log
