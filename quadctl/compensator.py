@@ -6,7 +6,6 @@ a band around 1, and its correction fades out beyond the heights of the data tha
 
 import itertools
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -16,7 +15,6 @@ from quadctl.effects import Conditions
 from quadctl.errors import SettingsError
 from quadctl.frames import rotate, rotate_inverse
 from quadctl.model import Model, StackedEffect, conditions
-from quadctl.numeric import Number
 from quadctl.settings import Settings
 from quadctl.state import Vec3, VehicleState
 
@@ -70,7 +68,6 @@ class Compensator:
         self.model = model
         self.limits = limits or CompensatorLimits()
         self._trusted_m = [_trusted_heights(item) for item in model.stack]
-        self._pushing = [(i, e) for i, e in enumerate(model.acting) if e in model.effects_on_body]
         self._bent = any("thrust" in effect.depends_on and not effect.retards for effect in model.effects)
 
     def __call__(self, state: VehicleState, ground_down_m: float, thrust_n: float) -> Compensation:
@@ -96,13 +93,9 @@ class Compensator:
 
     def force_ned_n(self, here: Surroundings, thrust_n: float) -> Vec3:
         """Force of the effects that is not the rotors' thrust, which is `thrust_n` in all; within its band."""
-        if not self._pushing:
+        if not self.model.effects_on_body:
             return NOTHING.force_ned_n
-        fx = fy = fz = 0.0
-        for i, effect in self._pushing:
-            ex, ey, ez = effect.force(self._felt_n(thrust_n), here.conditions, self.model.vehicle)
-            trust = here.trusts[i]
-            fx, fy, fz = fx + trust * ex, fy + trust * ey, fz + trust * ez
+        fx, fy, fz = self.model.side_force(self._felt_n(thrust_n), here.conditions, here.trusts)
         longest = self.limits.band * self.model.vehicle.weight_n
         length = math.sqrt(fx * fx + fy * fy + fz * fz)
         shrink = longest / length if length > longest else 1.0
@@ -130,10 +123,9 @@ class Compensator:
 
     def _ratio(self, here: Surroundings, asked_n: float) -> float:
         """Thrust given over thrust asked, where `asked_n` is asked of all rotors alike."""
-        vehicle, total, ratio = self.model.vehicle, asked_n, 1.0
-        thrusts: Sequence[Number] = [asked_n / vehicle.n_rotors] * vehicle.n_rotors
-        for item, trust in zip(self.model.stack, here.trusts, strict=True):
-            thrusts = item.effect.rotor_thrust(thrusts, here.conditions, vehicle)
+        n, total, ratio = self.model.vehicle.n_rotors, asked_n, 1.0
+        by_effect = self.model.thrust_by_effect([asked_n / n] * n, here.conditions)
+        for thrusts, trust in zip(by_effect, here.trusts, strict=True):
             before, total = total, sum(thrusts)
             ratio *= 1.0 + trust * (total / before - 1.0)
         return ratio

@@ -134,17 +134,14 @@ class SimulatedBody:
     def _force_and_torque(self) -> tuple[Vec3, Vec3]:
         vehicle, truth = self.vehicle, self.truth
         k = vehicle.rotor.thrust_n_per_rpm2
-        thrusts = [k * rpm * rpm for rpm in self.rpm]
+        thrusts: Sequence[float] = [k * rpm * rpm for rpm in self.rpm]
         fx = fy = fz = tx = ty = tz = 0.0
         if truth.stack:
             north, east, down = self.position
             velocity_body = rotate_inverse(self.attitude, self.velocity)
             volts = self.battery.voltage_v
             c = conditions(vehicle, -down, velocity_body, self.attitude, self.time_s, volts, (north, east))
-            c = truth.in_air(c)
-            thrusts = list(truth.rotor_thrust(thrusts, c))
-            fx, fy, fz = truth.side_force(sum(thrusts), c)
-            tx, ty, tz = truth.side_torque(thrusts, c)
+            thrusts, (fx, fy, fz), (tx, ty, tz) = truth.loads(thrusts, c)
         for (ax, ay, az, mx, my, mz), thrust in zip(self._geometry, thrusts, strict=True):
             fx, fy, fz = fx + ax * thrust, fy + ay * thrust, fz + az * thrust
             tx, ty, tz = tx + mx * thrust, ty + my * thrust, tz + mz * thrust
