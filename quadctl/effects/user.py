@@ -24,7 +24,7 @@ GROUP = "quadctl.effects"
 MODULE = "quadctl_own_effects"
 """`__name__` of a user's file while it runs."""
 
-HOOKS = ("rotor_thrust", "force", "torque", "wind_ned_m_s")
+HOOKS = ("rotor_thrust", "force", "torque", "wind_ned_m_s", "sensed_m_s2")
 """An effect overrides at least one of them."""
 
 DECLARED = tuple(name for name in Effect.__annotations__ if not hasattr(Effect, name))
@@ -154,6 +154,8 @@ def _parameter_problem(kind: type[Effect]) -> str | None:
 def _hook_problem(kind: type[Effect]) -> str | None:
     if all(getattr(kind, hook) is getattr(Effect, hook) for hook in HOOKS):
         return f"does nothing, expected one of {', '.join(HOOKS)}"
+    if kind.sensed_m_s2 is not Effect.sensed_m_s2 and not kind.senses:
+        return "has sensed_m_s2 and senses = False, expected senses: ClassVar[bool] = True, or nobody asks for it"
     if (
         issubclass(kind, ThrustRatio)
         and kind.ratio is ThrustRatio.ratio
@@ -185,6 +187,7 @@ def _wrong_answer(effect: Effect, number: Any) -> str | None:
         "force": (effect.force(sum(thrust), c, SAMPLE), 3),
         "torque": (effect.torque(thrust, c, SAMPLE), 3),
         "wind_ned_m_s": (effect.wind_ned_m_s(c), 3),
+        "sensed_m_s2": (effect.sensed_m_s2(c), 3),
     }
     for hook, (answer, count) in answers.items():
         if not isinstance(answer, tuple | list) or len(answer) != count:
