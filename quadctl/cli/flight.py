@@ -1,6 +1,5 @@
 """The commands that fly, in the simulated world or the real one."""
 
-import enum
 import re
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import asdict
@@ -12,16 +11,10 @@ import typer
 from quadctl.cli.app import app, console
 from quadctl.cli.output import JsonOption, check_outputs, write_json
 from quadctl.errors import FlightError
+from quadctl.sitl.autopilots import Simulated
 
 TOKEN = re.compile(r"[\w-]{8,}", re.ASCII)
 """Of the live view: what an address can hold, and nobody guesses."""
-
-
-class Simulated(enum.StrEnum):
-    """The autopilots that the simulator can be."""
-
-    PX4 = "px4"
-    ARDUPILOT = "ardupilot"
 
 
 MissionArgument = Annotated[Path, typer.Argument(metavar="MISSION.yaml")]
@@ -116,7 +109,7 @@ def fly(
     with ExitStack() as stack:
         viewer = stack.enter_context(_viewer(plan, view_port, view_token)) if view else None
         if sitl:
-            kind = (autopilot or Simulated.PX4).value
+            kind = autopilot or Simulated.PX4
             url = stack.enter_context(simulator().mock_process(plan.body.vehicle, hidden, seed, kind))
         else:
             url = resolve(plan.settings.link.url if link is None else link, console)

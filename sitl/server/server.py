@@ -13,11 +13,12 @@ import socket
 import struct
 import threading
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import replace
 from types import TracebackType
-from typing import NamedTuple, Self
+from typing import ClassVar, NamedTuple, Self
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -44,18 +45,21 @@ class ReceivedSetpoint(NamedTuple):
     target: AttitudeTarget
 
 
-class MavlinkMock:
+class MavlinkMock(ABC):
     """An autopilot on UDP: sends to `host:port`, obeys whoever answers. A context manager, or `start` and `stop`.
 
     The vehicle belongs to the thread of this object while it runs; others may read its plain attributes.
     """
 
+    rules: ClassVar[type[SimulatedAutopilot]]
+    """The rules of arming, modes and failsafes that it obeys."""
+
     def __init__(
-        self, autopilot: SimulatedAutopilot, manners: Manners, port: int, host: str, heartbeat_hz: float
+        self, autopilot: SimulatedAutopilot, port: int = 14540, host: str = "127.0.0.1", heartbeat_hz: float = 1.0
     ) -> None:
         dialect.register(mavlink)
         self.autopilot = autopilot
-        self.manners = manners
+        self.manners = self.new_manners()
         self.faults = Faults()
         self.setpoints_received: list[ReceivedSetpoint] = []
         self.motor_tests_received = 0
@@ -69,7 +73,7 @@ class MavlinkMock:
         self._mav = mavlink.MAVLink(None, srcSystem=1, srcComponent=mavlink.MAV_COMP_ID_AUTOPILOT1)
         self._mav.robust_parsing = True
         self._streams = {
-            **manners.streams,
+            **self.manners.streams,
             mavlink.MAVLINK_MSG_ID_HEARTBEAT: Stream(self._heartbeat, heartbeat_hz, "heartbeat"),
             mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION: Stream(self._version, 0.0, "heartbeat"),
         }
@@ -95,6 +99,10 @@ class MavlinkMock:
             mavlink.MAV_CMD_SET_MESSAGE_INTERVAL: self._set_message_interval,
             mavlink.MAV_CMD_REQUEST_MESSAGE: self._request_message,
         }
+
+    @abstractmethod
+    def new_manners(self) -> Manners:
+        """The ways of this autopilot on the wire."""
 
     def also_send_to(self, port: int) -> None:
         """Another program at another port of the same host hears the same and may send too, as behind a router."""

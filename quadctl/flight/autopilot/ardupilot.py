@@ -4,7 +4,7 @@ Lifting off by targets works too, but leaves an internal error behind that block
 nothing but heartbeats: every message has to be asked for.
 """
 
-from quadctl.flight.autopilot.firmware import Firmware, Requirement, Stream, share_of_pulse
+from quadctl.flight.autopilot.firmware import Firmware, Requirement, Stream, hover_throttle_check, share_of_pulse
 
 THRUST_AS_THRUST = 8
 """Bit 3 of GUID_OPTIONS."""
@@ -78,5 +78,6 @@ ARDUPILOT = Firmware(
             advice=True,
         ),
     ),
-    checked=("MOT_THST_HOVER",),
+    checks=(hover_throttle_check("MOT_THST_HOVER"),),
+    serial_parameters=("SERIAL2_PROTOCOL", "SERIAL2_BAUD"),
 )

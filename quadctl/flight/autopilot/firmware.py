@@ -6,6 +6,12 @@ A new autopilot is a new file beside px4.py and ardupilot.py, and a line in firm
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
+from quadctl.vehicle import Vehicle
+
+MAX_HOVER_DIFFERENCE = 0.15
+"""Largest difference of the hover throttle in the autopilot's parameters from that of the vehicle file; beyond it one
+of them is wrong."""
+
 
 @dataclass(frozen=True, slots=True)
 class Stream:
@@ -36,6 +42,17 @@ class Requirement:
         return self.to_meet(value) == value
 
 
+@dataclass(frozen=True, slots=True)
+class Check:
+    """A parameter that is judged before a flight; a flight is warned of what it objects to, and never refused."""
+
+    parameter: str
+    finding: Callable[[float, Vehicle], str]
+    """Sentence about its value."""
+    objection: Callable[[float, Vehicle], str | None]
+    """Reason why the value is poor for this vehicle, or None."""
+
+
 @dataclass(frozen=True)
 class Firmware:
     """The ways of one autopilot on the wire."""
@@ -61,8 +78,10 @@ class Firmware:
     motor_throttle: Callable[[float], float]
     """From what it reports as a motor's output to the scale of the throttle target, 0..1."""
     requirements: Sequence[Requirement] = ()
-    checked: Sequence[str] = ()
-    """Parameters that a check before the flight judges, besides the requirements."""
+    checks: Sequence[Check] = ()
+    """Parameters that are judged before a flight, besides the requirements."""
+    serial_parameters: Sequence[str] = ()
+    """Parameters that make it speak MAVLink on its serial port for a companion, and at which baud rate."""
     tests_motors_clockwise: bool = False
     """Whether a motor test counts the motors clockwise from the front, not by their numbers."""
     throttle_bent_by: str = ""
@@ -72,6 +91,19 @@ class Firmware:
         """Name of a HEARTBEAT's `custom_mode`."""
         names = (name for name, number in self.modes.items() if number == custom_mode)
         return next(names, self.unknown_mode(custom_mode))
+
+
+def hover_throttle_check(parameter: str) -> Check:
+    """Check of the `parameter` that holds the throttle of hover, 0..1, against the vehicle file."""
+
+    def ours(vehicle: Vehicle) -> float:
+        return vehicle.throttle.offset + vehicle.throttle.per_newton * vehicle.weight_n
+
+    return Check(
+        parameter,
+        lambda theirs, vehicle: f"{parameter}: hovers at {theirs:.2f}, the vehicle file at {ours(vehicle):.2f}",
+        lambda theirs, vehicle: "one of them is wrong" if abs(theirs - ours(vehicle)) > MAX_HOVER_DIFFERENCE else None,
+    )
 
 
 def share_of_pulse(value: float) -> float:

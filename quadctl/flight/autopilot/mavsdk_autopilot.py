@@ -11,7 +11,7 @@ from functools import partial
 
 from quadctl.errors import FlightError, LinkError
 from quadctl.flight.autopilot import mavlink
-from quadctl.flight.autopilot.firmware import Firmware, Requirement, Stream
+from quadctl.flight.autopilot.firmware import Check, Firmware, Requirement, Stream
 from quadctl.flight.autopilot.firmwares import FIRMWARES
 from quadctl.flight.autopilot.mavsdk_link import MavsdkLink
 from quadctl.flight.autopilot.telemetry import Telemetry
@@ -55,8 +55,8 @@ class MavsdkAutopilot:
         return self._firmware.requirements
 
     @property
-    def checked(self) -> Sequence[str]:
-        return self._firmware.checked
+    def checks(self) -> Sequence[Check]:
+        return self._firmware.checks
 
     async def connect(self) -> None:
         """Open the link and wait for a heartbeat; raises LinkError when none comes."""

@@ -27,6 +27,7 @@ from mavsdk.plugins.param import Param, ParamError, ParamResult
 from mavsdk.system import System
 
 from quadctl.errors import FlightError, LinkError
+from quadctl.flight.autopilot.firmwares import FIRMWARES
 from quadctl.flight.autopilot.mavlink import MAV_COMP_ID_AUTOPILOT
 
 T = TypeVar("T")
@@ -233,10 +234,8 @@ def _checked(url: str) -> str:
 def _advice(url: str) -> str:
     """What to look at when this kind of link stays silent."""
     if url.startswith("serial"):
-        return (
-            "the device's name, its permissions and the baud rate "
-            "(PX4: MAV_1_CONFIG, SER_TEL2_BAUD; ArduPilot: SERIAL2_PROTOCOL, SERIAL2_BAUD)"
-        )
+        ports = "; ".join(f"{known.name}: {', '.join(known.serial_parameters)}" for known in FIRMWARES.values())
+        return f"the device's name, its permissions and the baud rate ({ports})"
     if url.startswith("udpin"):
         return "that it sends MAVLink to this port (a simulator: 14540) and that no other program holds it"
     return "the host, the port and that its MAVLink server is running"

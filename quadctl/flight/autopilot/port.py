@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Sequence
 from typing import Protocol
 
-from quadctl.flight.autopilot.firmware import Requirement
+from quadctl.flight.autopilot.firmware import Check, Requirement
 from quadctl.state import AttitudeTarget, VehicleState
 
 
@@ -32,8 +32,8 @@ class Autopilot(Protocol):
         ...
 
     @property
-    def checked(self) -> Sequence[str]:
-        """Parameters that a check before the flight judges, besides the requirements."""
+    def checks(self) -> Sequence[Check]:
+        """Parameters that are judged before a flight, besides the requirements."""
         ...
 
     async def connect(self) -> None:
