@@ -1,4 +1,4 @@
-"""A flight model is a vehicle and a list of effects: load it, predict with it, save it (data contracts, section 4)."""
+"""A flight model: a vehicle and a stack of effects, walked here and nowhere else; how its file is read and written."""
 
 import os
 from collections.abc import Iterable, Iterator, Sequence
@@ -20,7 +20,7 @@ from quadctl.vehicle import Vehicle
 
 
 class Provenance(Settings):
-    """Where the parameters of an effect come from: written by `add`, read by people and the compensator."""
+    """Origin of an effect's fitted parameters: written by `add`, read by people and the compensator."""
 
     logs: tuple[str, ...] = ()
     rmse_before: float | None = None
@@ -158,15 +158,15 @@ class Model:
         return fx / m, fy / m, fz / m + GRAVITY_M_S2
 
     def sensed_ned_m_s2(self, c: Conditions) -> Vector:
-        """What the accelerometer tells beyond the true acceleration, NED."""
+        """Reading of the accelerometer beyond the true acceleration, NED."""
         return rotate(c.attitude, _sum(effect.sensed_m_s2(c) for effect in self.effects if effect.senses))
 
     def late(self) -> "Model":
-        """The model with only those effects that make the thrust come later."""
+        """The model with only those effects that delay the thrust."""
         return replace(self, stack=tuple(item for item in self.stack if item.effect.retards))
 
     def prompt(self) -> "Model":
-        """The model with the others: those that act at once."""
+        """The model with the other effects, those that act without delay."""
         return replace(self, stack=tuple(item for item in self.stack if not item.effect.retards))
 
     def turning(self) -> "Model":
@@ -201,7 +201,7 @@ class Model:
 
     @cached_property
     def acting(self) -> tuple[Effect, ...]:
-        """The effects as they act beside each other."""
+        """The effects of the stack, each standing back for the others where it must."""
         present = {effect.family() for effect in self.effects}
         return tuple(e.standing_back() if present & set(e.stands_back_for) else e for e in self.effects)
 
@@ -293,7 +293,7 @@ def save_model(model: Model, path: Path | str) -> None:
 
 
 def model_to_dict(model: Model, folder: Path | None) -> dict[str, Any]:
-    """What the file of `model` holds; the vehicle is referred to relative to `folder`, or written out without one."""
+    """Content of the file of `model`; the vehicle is a path relative to `folder`, or written out without one."""
     vehicle: Any = model.vehicle.model_dump(mode="json", exclude_none=True)
     if model.vehicle_path is not None and folder is not None:
         vehicle = _relative(model.vehicle_path, folder)

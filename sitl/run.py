@@ -1,4 +1,4 @@
-"""The one entrance to the simulator: a flight in lockstep, or a mock autopilot on the wire."""
+"""The one entrance to the simulator: a flight in lockstep, or a simulated autopilot on the wire."""
 
 import multiprocessing
 import signal
@@ -111,7 +111,7 @@ def _says_ready(child: Connection) -> bool:
 
 
 def _serve(vehicle: Vehicle, truth: HiddenTruth, seed: int, kind: Simulated, port: int, parent: Connection) -> None:
-    """In the child: fly until the parent closes its end of the pipe. Ctrl-C is for the parent, which lands first."""
+    """Fly in the child until the parent closes its end of the pipe. Ctrl-C is left to the parent, which lands first."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     with kind.on_the_wire(kind.on_the_wire.rules(vehicle, truth, seed), port):
         parent.send("ready")

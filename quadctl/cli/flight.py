@@ -14,7 +14,7 @@ from quadctl.errors import FlightError
 from quadctl.sitl.autopilots import Simulated
 
 TOKEN = re.compile(r"[\w-]{8,}", re.ASCII)
-"""Of the live view: what an address can hold, and nobody guesses."""
+"""Token of the live view: characters that an address can hold, too many to be guessed."""
 
 
 MissionArgument = Annotated[Path, typer.Argument(metavar="MISSION.yaml")]

@@ -14,7 +14,7 @@ from quadctl.vehicle import Vehicle
 
 
 class Memory(NamedTuple):
-    """What control carries from one tick to the next."""
+    """State of control between one tick and the next."""
 
     velocity: VelocityMemory = VelocityMemory()
     thrust_n: float | None = None
@@ -23,11 +23,11 @@ class Memory(NamedTuple):
 
 
 class ControlOutput(NamedTuple):
-    """The target, and what led to it, for the log."""
+    """Target of one tick, and the intermediate results for the log."""
 
     target: AttitudeTarget
     thrust_n: float
-    """Wanted along the body axis, before compensation."""
+    """Wanted thrust along the body axis, N, before compensation."""
     compensation: Compensation
     velocity_sp: Vec3
     acceleration_sp: Vec3

@@ -13,7 +13,7 @@ from quadctl.state import Setpoint, Vec3
 
 
 class VelocityMemory(NamedTuple):
-    """What the PID carries from tick to tick."""
+    """State of the PID between one tick and the next."""
 
     integral_m_s2: Vec3 = (0.0, 0.0, 0.0)
     previous_velocity_m_s: Vec3 | None = None

@@ -8,7 +8,7 @@ from quadctl.numeric import Number, maximum, sqrt
 from quadctl.vehicle import Vehicle
 
 LOWEST_DISTANCE_OVER_RADIUS = 0.2
-"""The rotor plane is never taken as nearer to the ceiling than this many rotor radii."""
+"""Smallest distance of the rotor plane from the ceiling that is used, rotor radii."""
 
 
 @dataclass(frozen=True)

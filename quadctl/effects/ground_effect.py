@@ -22,7 +22,7 @@ LOWEST_HEIGHT_OVER_RADIUS = 0.5
 
 @dataclass(frozen=True)
 class NearGround(ThrustRatio):
-    """What all variants share."""
+    """Base of all variants."""
 
     depends_on: ClassVar[tuple[str, ...]] = ("height_over_radius",)
     physics: ClassVar[str] = (
@@ -34,7 +34,7 @@ class NearGround(ThrustRatio):
 
 @dataclass(frozen=True)
 class GroundEffect(NearGround):
-    """The variants that depend on height alone and are physical: never rising with height."""
+    """Base of the variants that depend on height alone and never rise with it."""
 
     def ratio(self, c: Conditions, vehicle: Vehicle) -> Number:
         return self.at_height(clamped_height(c, vehicle), vehicle)

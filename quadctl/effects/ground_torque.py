@@ -27,7 +27,7 @@ class Levelling(Effect):
     reach: float = parameter(1.0, 0.2, 10.0, "", "height, in rotor radii, over which it falls to 1/e")
 
     def negligible(self) -> bool:
-        """Next to nothing with the rotor plane one radius above the ground."""
+        """True where the moment is tiny with the rotor plane one radius above the ground."""
         return self.stiffness * math.exp(-1.0 / self.reach) < 0.2
 
     def torque(self, thrust_n: Sequence[Number], c: Conditions, vehicle: Vehicle) -> Vector:

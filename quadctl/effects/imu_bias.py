@@ -8,7 +8,7 @@ from quadctl.effects.base import Conditions, Effect, parameter
 from quadctl.numeric import Vector
 
 LEAST_M_S2 = 0.16
-"""Biases up to this are within the calibration of any small accelerometer."""
+"""Smallest bias that counts: less is within the calibration of any small accelerometer."""
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from quadctl.vehicle import Vehicle
 
 LEAST_S = 0.022
 MEMORY = 8.0
-"""Time constants after which nothing is left of a change."""
+"""Time constants after which a change has settled."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class FirstOrderLag(Effect):
 
 
 def lagged(signal: NDArray[np.float64], step_s: float, lag_s: float) -> NDArray[np.float64]:
-    """The answer of a first-order lag to `signal`, samples `step_s` apart, which is straight between them."""
+    """Response of a first-order lag to `signal`, sampled every `step_s` and linear in between."""
     if lag_s < 1e-3 * step_s:
         return signal
     reach = min(max(1, round(MEMORY * lag_s / step_s)), 4 * len(signal))

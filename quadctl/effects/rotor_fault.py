@@ -1,4 +1,4 @@
-"""Rotor fault: one rotor gives less thrust than its speed promises."""
+"""Rotor fault: one rotor gives less thrust than k rpm^2."""
 
 import math
 from collections.abc import Sequence
@@ -38,7 +38,7 @@ class WeakRotor(Effect):
         return "" if whole else f"parameter rotor of {self.name} is {self.rotor:g}, {expected}"
 
     def shows_in(self, vehicle: Vehicle) -> tuple[str, ...]:
-        """The moments that the rotor has a good lever for: one of two alone may be a centre of mass that is off.
+        """Axes on which the rotor has a long lever arm. An error on one of two alone may come from the centre of mass.
 
         Not yaw: there motors that lean by little turn the vehicle by more than a rotor's drag does.
         """

@@ -52,6 +52,6 @@ def pulse_us(throttle: float) -> float:
 
 
 def output_of_share(share: float) -> float:
-    """What a share of the pulses' range gives of the greatest thrust: `pulse_us` turned round."""
+    """Share of the greatest thrust from a share of the pulses' range: the inverse of `pulse_us`."""
     x = min(max((share - SPIN_MIN) / (SPIN_MAX - SPIN_MIN), 0.0), 1.0)
     return (1.0 - THRUST_EXPO) * x + THRUST_EXPO * x * x

@@ -1,4 +1,4 @@
-"""What can go wrong between a simulated autopilot and the flight, and inside what it says; set from any thread."""
+"""Faults of the link to a simulated autopilot, and of the estimate that it sends; set from any thread."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -11,31 +11,31 @@ Distortion = Callable[[VehicleState], VehicleState]
 
 
 def honest(estimate: VehicleState) -> VehicleState:
-    """What an estimator without a fault says."""
+    """Estimate without a fault."""
     return estimate
 
 
 @dataclass
 class Faults:
-    """What goes wrong on the link."""
+    """Faults of the link and of the estimate."""
 
     silent: bool = False
-    """Nothing is sent any more."""
+    """True: nothing is sent."""
     deaf: bool = False
-    """Nothing that arrives is read."""
+    """True: nothing that arrives is read."""
     withheld: frozenset[str] = frozenset()
     """Names of messages that are not sent, and refused when asked for."""
     distort: Distortion = honest
-    """The estimate as it goes out."""
+    """Function from the true estimate to the one that is sent."""
     estimator_ratio: float = 0.1
-    """Innovation test ratio of position that goes out; from 1 on the estimator rejects its sensors."""
+    """Innovation test ratio of position that is sent; from 1 on the estimator rejects its sensors."""
     refuse_arming: str = ""
-    """The reason to give, if any."""
+    """Reason with which arming is refused; empty: it is not."""
     refuse_modes: str = ""
-    """The same for every change of mode that is asked for over the link."""
+    """Reason with which every change of mode over the link is refused; empty: it is not."""
 
     def lets_out(self, name: str) -> bool:
-        """Whether a message of this name reaches the wire."""
+        """True when a message of this name reaches the wire."""
         return not self.silent and name not in self.withheld
 
 

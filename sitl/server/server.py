@@ -32,10 +32,11 @@ from quadctl.state import AttitudeTarget, VehicleState
 STEP_S = 0.004
 """Period of the loop: physics, streams."""
 MAX_LAG_S = 0.05
-"""A machine too busy to keep up delays the vehicle's time beyond this, so that it cannot miss setpoints by itself."""
+"""Largest lag of the vehicle's time. On a machine too busy to keep up, the vehicle's clock waits, so that the machine
+alone cannot make it miss setpoints."""
 
 PRIORITY = 10
-"""Of SCHED_FIFO: above all that is not real time, below the flight's."""
+"""Priority under SCHED_FIFO: above all ordinary processes, below the flight's."""
 
 
 class ReceivedSetpoint(NamedTuple):
@@ -64,7 +65,7 @@ class MavlinkMock(ABC):
         self.setpoints_received: list[ReceivedSetpoint] = []
         self.motor_tests_received = 0
         self.vision_poses_received: list[Message] = []
-        """VISION_POSITION_ESTIMATE, as it arrived; nothing is estimated from it."""
+        """VISION_POSITION_ESTIMATE messages as they arrived; the estimator does not use them."""
         self.lag_s = 0.0
         """Real time that the vehicle's clock has given up because the machine was too busy."""
         self._booted_s = 0.0
@@ -102,10 +103,10 @@ class MavlinkMock(ABC):
 
     @abstractmethod
     def new_manners(self) -> Manners:
-        """The ways of this autopilot on the wire."""
+        """Description of this autopilot on the wire."""
 
     def also_send_to(self, port: int) -> None:
-        """Another program at another port of the same host hears the same and may send too, as behind a router."""
+        """Send to another port of the same host too, from where commands are taken as well, as behind a router."""
         self._addresses.append((self._addresses[0][0], port))
 
     def start(self) -> None:
@@ -132,7 +133,7 @@ class MavlinkMock(ABC):
             raise failure
 
     def restart(self) -> None:
-        """As after a short loss of power: disarmed, its clock at 0, its messages at their default rates."""
+        """Restart as after a short loss of power: disarmed, clock at 0, messages at their default rates."""
         self.autopilot.power_cycle()
         self._booted_s = self.autopilot.time_s + self.lag_s
         for stream in self._streams.values():
@@ -216,7 +217,7 @@ class MavlinkMock(ABC):
                     self._send(message)
 
     def _stamped(self, estimate: VehicleState) -> VehicleState:
-        """With the time since boot on a clock that runs on while the vehicle's waits for a busy machine."""
+        """Estimate with the time since boot, on a clock that runs on while the vehicle's waits for a busy machine."""
         return replace(
             estimate,
             time_s=estimate.time_s + self.lag_s - self._booted_s,
@@ -249,7 +250,7 @@ class MavlinkMock(ABC):
         )
 
     def _answer(self, refusal: str | None) -> int:
-        """The result of a request; a refusal is told in words too, as PX4 does."""
+        """MAV_RESULT of a request; a refusal is also sent as a text, as PX4 does."""
         if refusal is None:
             return int(mavlink.MAV_RESULT_ACCEPTED)
         self._send(mavlink.MAVLink_statustext_message(mavlink.MAV_SEVERITY_CRITICAL, refusal.encode()[:50]))
@@ -274,7 +275,7 @@ class MavlinkMock(ABC):
         return self._answer(self.autopilot.request_take_off(command.param7))
 
     def _test_motor(self, command: Message) -> int:
-        """By whole percent, as ArduPilot has it."""
+        """Test one motor by whole percent, as ArduPilot does."""
         number, kind, percent, seconds = round(command.param1), command.param2, int(command.param3), command.param4
         if kind != mavlink.MOTOR_TEST_THROTTLE_PERCENT or not 0 <= percent <= 100:
             return int(mavlink.MAV_RESULT_UNSUPPORTED)
@@ -319,7 +320,7 @@ class MavlinkMock(ABC):
         self._send_parameter(name)
 
     def _send_parameter(self, name: str) -> None:
-        """The value, or nothing for a parameter that does not exist."""
+        """Send the value of a parameter, or nothing where it does not exist."""
         parameters = self.autopilot.parameters
         if name in parameters:
             value, kind = self._encoded(name, parameters[name]), self._parameter_type(name)

@@ -1,4 +1,4 @@
-"""What the autopilot believes: the truth, late, with noise, at the rates of a real one."""
+"""The estimate of the autopilot: the true state, delayed, with noise, at the rates of a real one."""
 
 import math
 import random
@@ -10,7 +10,7 @@ from quadctl.sitl.vehicle.hidden import Noise, Telemetry
 from quadctl.state import NAN, Quat, Vec3
 
 UPDATE_S = 0.01
-"""Of position, velocity, attitude and rates: 100 Hz."""
+"""Interval of position, velocity, attitude and rates: 100 Hz."""
 LAST_BITS = 1e-7
 """Noise of velocity (m/s) and rates (rad/s) in a world without noise: no estimate repeats itself to the last bit, and
 one that does counts as frozen."""

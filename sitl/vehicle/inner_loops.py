@@ -19,7 +19,7 @@ MAX_INTEGRAL_RAD_S2 = 12.0
 
 
 class InnerLoops:
-    """From attitude target and throttle to motor outputs; holds the rate integrator."""
+    """Controller from attitude target and throttle to motor outputs, with the state of its rate integrator."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._inertia = vehicle.principal_inertia_kg_m2

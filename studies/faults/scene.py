@@ -43,12 +43,12 @@ class Profile:
 
     name: str
     make: Callable[[int], MavlinkMock]
-    """On the wire at a port."""
+    """Function from a port to the autopilot on the wire."""
     offboard: str
     boot: str
     """Its mode after power-up."""
     failsafe: str
-    """What `mode_of` says when setpoints stop."""
+    """Result of `mode_of` when setpoints stop."""
     stick: str
     """The mode that a person's stick takes."""
     land_speed: str
@@ -88,7 +88,7 @@ def waits_for_a_person(autopilot: SimulatedAutopilot) -> bool:
 
 @dataclass
 class Seen:
-    """What a fault led to; times are seconds after it began."""
+    """Consequences of a fault; times are seconds after it began."""
 
     last_setpoint_s: float = 0.0
     setpoints: int = 0
@@ -100,15 +100,15 @@ class Seen:
     at_rest_s: float = float("nan")
     """Landed and disarmed."""
     ended: str = ""
-    """What the log says."""
+    """Content of the log."""
     events: list[tuple[str, str]] = field(default_factory=list)
-    """What and answer, from the log."""
+    """Events from the log, as (what, answer)."""
     rows_lost_s: float = 0.0
     """Setpoints that arrived and are not in the log, in seconds of flight."""
     exited_s: float = float("nan")
-    """When the flight's process had ended by itself."""
+    """Time at which the flight's process had ended by itself."""
     problem: str = ""
-    """What its result file says besides."""
+    """Further content of its result file."""
 
     @property
     def mode(self) -> str:
@@ -118,10 +118,10 @@ class Seen:
 
 @dataclass(frozen=True)
 class Setting:
-    """How one flight differs from the others before its fault."""
+    """Settings in which one flight differs from the others before its fault."""
 
     stall_s: float = 3.0
-    """How long SIGUSR1 and SIGUSR2 stall the process."""
+    """Time for which SIGUSR1 and SIGUSR2 stall the process, s."""
     guards: Mapping[str, float] = field(default_factory=dict)
     model: Path | None = None
     """Compensator."""

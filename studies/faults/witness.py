@@ -1,4 +1,4 @@
-"""Whether the machine itself stood still: a virtual one may be held up for longer than any flight in real time allows.
+"""Witness of pauses of the machine itself: a virtual one may be stopped for longer than a flight in real time allows.
 
 A test in real time that fails while that happened says nothing, and is run again.
 """
@@ -33,7 +33,7 @@ class Witness:
         return float(self._lost.value)
 
     def stood_still(self) -> bool:
-        """Whether it overslept by so much that the machine cannot have been running."""
+        """True when it overslept by so much that the machine cannot have been running."""
         return bool(self._longest.value > STOOD_STILL_S)
 
 

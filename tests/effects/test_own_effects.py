@@ -164,7 +164,7 @@ class TestAFile:
 
 
 class TestAnAnnouncedEffect:
-    """By the entry points of an installed package."""
+    """An effect announced by the entry points of an installed package."""
 
     @pytest.fixture
     def announce(self, monkeypatch: pytest.MonkeyPatch) -> Callable[[str, str], None]:

@@ -1,4 +1,4 @@
-"""What differs from one autopilot to the next: one `Firmware` describes it, in a file of its own.
+"""The description of an autopilot: everything that differs from one to the next is a `Firmware`, in a file of its own.
 
 A new autopilot is a new file beside px4.py and ardupilot.py, and a line in firmwares.py.
 """
@@ -21,22 +21,22 @@ class Stream:
     message_id: int
     rate_hz: float
     required: bool = False
-    """Control cannot fly without it."""
+    """True: control cannot fly without it."""
     alternative: bool = False
-    """One of several sources of the same thing: that it is refused is no news."""
+    """True: one of several sources of the same quantity, whose refusal is not reported."""
 
 
 @dataclass(frozen=True, slots=True)
 class Requirement:
-    """A parameter that must hold a certain value, or certain bits, before anything flies; or that had better."""
+    """A parameter that must have a certain value, or certain bits, before a flight."""
 
     parameter: str
     to_meet: Callable[[float], float]
-    """From the value that it has to the one that it must have."""
+    """Function from its present value to the required one."""
     because: str
-    """What goes wrong otherwise: the end of the sentence `GUID_OPTIONS is 0, expected 8: ...`."""
+    """Consequence if it is not met: the end of the sentence `GUID_OPTIONS is 0, expected 8: ...`."""
     advice: bool = False
-    """It flies without, warned."""
+    """True: recommended only; a flight without it is warned, not refused."""
 
     def met(self, value: float) -> bool:
         return self.to_meet(value) == value
@@ -55,7 +55,7 @@ class Check:
 
 @dataclass(frozen=True)
 class Firmware:
-    """The ways of one autopilot on the wire."""
+    """Description of one autopilot on the MAVLink wire."""
 
     name: str
     mav_autopilot: int
@@ -63,7 +63,7 @@ class Firmware:
     modes: Mapping[str, int]
     """`custom_mode` of its heartbeat, by the autopilot's own name of the mode."""
     unknown_mode: Callable[[int], str]
-    """What to call a `custom_mode` that is not among `modes`."""
+    """Name of a `custom_mode` that is not among `modes`."""
     set_mode_parameters: Callable[[int], tuple[float, float]]
     """Parameters 2 and 3 of DO_SET_MODE for a `custom_mode`."""
     offboard_mode: str
@@ -71,21 +71,21 @@ class Firmware:
     land_mode: str
     hold_mode: str
     takes_off_itself: bool
-    """Lift-off is a command of its own, before the first target; otherwise the targets lift it off."""
+    """True: lift-off is a command of its own, before the first target; False: the targets lift it off."""
     streams: Sequence[Stream]
     tells_readiness: bool
-    """Whether the pre-arm bit of SYS_STATUS holds for the mode that follows targets, not only for the present one."""
+    """True: the pre-arm bit of SYS_STATUS holds for the offboard mode too, not only for the present one."""
     motor_throttle: Callable[[float], float]
-    """From what it reports as a motor's output to the scale of the throttle target, 0..1."""
+    """Function from the motor output that it reports to the scale of the throttle target, 0..1."""
     requirements: Sequence[Requirement] = ()
     checks: Sequence[Check] = ()
     """Parameters that are judged before a flight, besides the requirements."""
     serial_parameters: Sequence[str] = ()
     """Parameters that make it speak MAVLink on its serial port for a companion, and at which baud rate."""
     tests_motors_clockwise: bool = False
-    """Whether a motor test counts the motors clockwise from the front, not by their numbers."""
+    """True: a motor test counts the motors clockwise from the front, not by their numbers."""
     throttle_bent_by: str = ""
-    """Parameter of a curve from throttle target to motor output that a motor test goes past; 0 is none."""
+    """Parameter that bends the throttle target on its way to the motor output, but not a motor test; 0 is no bend."""
 
     def mode_name(self, custom_mode: int) -> str:
         """Name of a HEARTBEAT's `custom_mode`."""

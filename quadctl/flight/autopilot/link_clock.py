@@ -19,13 +19,13 @@ class LinkClock:
     def __init__(self) -> None:
         self.restarts = 0
         self.delay_s = 0.0
-        """How late the latest stamped message was."""
+        """Delay of the latest stamped message, s."""
         self._usual_s = math.inf
         self._arrived_s = -math.inf
         self._stamp_s = -math.inf
 
     def sampled_s(self, stamp_s: float, now_s: float) -> float:
-        """When a message stamped `stamp_s` by the autopilot, arriving at `now_s`, was true on our clock."""
+        """Time on our clock at which a message stamped `stamp_s` by the autopilot, arriving at `now_s`, was true."""
         if stamp_s < self._stamp_s - RESTART_S:
             self.restarts += 1
             self._usual_s = math.inf

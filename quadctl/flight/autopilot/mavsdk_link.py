@@ -32,7 +32,7 @@ from quadctl.flight.autopilot.mavlink import MAV_COMP_ID_AUTOPILOT
 
 T = TypeVar("T")
 Receiver = Callable[[str, Mapping[str, Any], float], None]
-"""Takes a message's name, its fields and the time of `time.monotonic` at which it came; on a thread of MAVSDK."""
+"""Callback with a message's name, its fields and its time of arrival (`time.monotonic`), on a thread of MAVSDK."""
 
 SILENCE_S = 1.5
 """A serial line that brings nothing for so long is opened again: heartbeats alone come every second."""
@@ -170,7 +170,7 @@ class MavsdkLink:
         return MavlinkMessage(name, 0, 0, self.system_id, MAV_COMP_ID_AUTOPILOT, json.dumps(fields))
 
     def _keep_open(self) -> None:
-        """MAVSDK does not open a serial device again by itself."""
+        """Open the serial device again after a silence, which MAVSDK does not do by itself."""
         assert self._mavsdk is not None
         lost = False
         while not self._closing.wait(REOPEN_EVERY_S):
@@ -232,7 +232,7 @@ def _checked(url: str) -> str:
 
 
 def _advice(url: str) -> str:
-    """What to look at when this kind of link stays silent."""
+    """Advice for a link of this kind that stays silent."""
     if url.startswith("serial"):
         ports = "; ".join(f"{known.name}: {', '.join(known.serial_parameters)}" for known in FIRMWARES.values())
         return f"the device's name, its permissions and the baud rate ({ports})"

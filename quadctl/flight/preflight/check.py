@@ -1,4 +1,4 @@
-"""Is this mission, by this vehicle, with this compensator and these limits, fit to be flown? Nothing moves for it."""
+"""Check of a mission with this vehicle, compensator and limits, from the files alone: is it fit to be flown?"""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -19,24 +19,24 @@ from quadctl.state import Vec3, VehicleState
 from quadctl.vehicle import Vehicle
 
 THRUST_MARGIN = 0.85
-"""Of the largest thrust: what a mission asks beyond it leaves little for attitude control."""
+"""Share of the largest thrust beyond which a mission leaves little for attitude control."""
 SPEED_MARGIN = 0.8
-"""Of a guard's speed: the vehicle overshoots."""
+"""Share of a guard's speed that a mission may use without a warning, as the vehicle overshoots."""
 CLEARANCE_M = 0.05
-"""Between the lowest rotor tip and the ground: height control near the ground is no better."""
+"""Clearance between the lowest rotor tip and the ground: the accuracy of height control near the ground."""
 ENDURANCE_MARGIN = 0.8
 
 
 class Demand(NamedTuple):
-    """What one sample of a mission asks of the vehicle."""
+    """Demand of one sample of a mission on the vehicle."""
 
     sample: Sample
     tilt_rad: float
-    """For the reference's acceleration, the controller's answer to a jump and the compensator's force."""
+    """Tilt for the reference's acceleration, the controller's answer to a jump and the compensator's force."""
     thrust_n: float
-    """Of all rotors together, within the controller's limit of tilt, by the compensator's ratio."""
+    """Thrust to ask of all rotors together, within the controller's limit of tilt, by the compensator's ratio."""
     thrust_ratio: float
-    """By the compensator."""
+    """Thrust ratio of the compensator."""
 
 
 def check_flight(plan: FlightPlan) -> list[Finding]:
@@ -228,7 +228,7 @@ def _thrust(demands: Sequence[Demand], vehicle: Vehicle, controller: ControllerS
 
 
 def _band(demands: Sequence[Demand], settings: FlightSettings) -> Iterator[Finding]:
-    """How far the compensator goes, and whether its limits cut it off."""
+    """Range of the compensator's correction, with a warning where its limits cut it off."""
     ratios = [demand.thrust_ratio for demand in demands]
     if all(ratio == 1.0 for ratio in ratios):
         return

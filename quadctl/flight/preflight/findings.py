@@ -1,4 +1,4 @@
-"""What a check found: one line each, with a verdict."""
+"""Findings of a check: one line each, with a verdict."""
 
 import enum
 from collections.abc import Iterable
@@ -15,7 +15,7 @@ class Finding(NamedTuple):
     verdict: Verdict
     topic: str
     text: str
-    """What was found, with the numbers that it was judged by."""
+    """Result, with the numbers that it was judged by."""
 
     def __str__(self) -> str:
         return f"{self.topic}: {self.text}"

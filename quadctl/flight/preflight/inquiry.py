@@ -1,4 +1,4 @@
-"""Asking the autopilot, on the ground, whether it is ready: its messages, its state, its parameters. Nothing moves."""
+"""Inspection of an autopilot on the ground: its messages, its state, its parameters. Nothing moves."""
 
 import asyncio
 import math
@@ -19,11 +19,11 @@ from quadctl.state import VehicleState
 from quadctl.vehicle import Vehicle
 
 LOOK_EVERY_S = 0.002
-"""How often the state is looked at: shorter than the interval of the quickest message, so that each is counted."""
+"""Interval at which the state is read: shorter than that of the most frequent message, so that each is counted."""
 
 
 class Inspected(Protocol):
-    """What is asked of an autopilot here: a part of the port `Autopilot`."""
+    """Part of the port `Autopilot` that an inspection needs."""
 
     warnings: list[str]
 
@@ -45,12 +45,12 @@ class Inspected(Protocol):
 
 @dataclass
 class Counted:
-    """What came in while we listened."""
+    """Updates that arrived while listening."""
 
     seconds: float
     updates: dict[str, int] = field(default_factory=dict)
     oldest_s: dict[str, float] = field(default_factory=dict)
-    """The age that each part reached at most."""
+    """Largest age of each part."""
 
     def rate_hz(self, part: str) -> float:
         return self.updates.get(part, 0) / self.seconds
@@ -115,7 +115,7 @@ async def _listen(autopilot: Inspected, seconds: float) -> Counted:
 
 
 def _messages(counted: Counted, plan: FlightPlan) -> Iterator[Finding]:
-    """Those that control stands on, at the rates at which they really arrive."""
+    """Findings about the messages that control needs, at the rates at which they arrive."""
     allowed_s, wanted_hz = plan.settings.guards.max_state_age_s, plan.settings.controller.rate_hz
     for part in ("position", "attitude"):
         rate, oldest_s = counted.rate_hz(part), counted.oldest_s.get(part, math.inf)
@@ -180,7 +180,7 @@ async def advisable_parameters(autopilot: Inspected, vehicle: Vehicle) -> list[F
 
 
 def _required(need: Requirement, values: Mapping[str, float]) -> Finding:
-    """What `quadctl fly` refuses, or sets with --set-params."""
+    """Finding about a parameter that `quadctl fly` refuses to fly without, or sets with --set-params."""
     if need.parameter not in values:
         return judged("parameters", need.parameter, refused="the autopilot does not tell it")
     value = values[need.parameter]

@@ -1,4 +1,4 @@
-"""What a flight is made of: mission, settings and models, read from their files."""
+"""The plan of a flight: mission, settings and models, read from their files."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,14 +14,14 @@ from quadctl.model import Model
 
 
 class FlightPlan(NamedTuple):
-    """Everything that a flight is made of."""
+    """Mission, settings and models of one flight."""
 
     mission: Mission
     settings: FlightSettings
     body: Model
     compensator: Model
     warnings: Sequence[Finding] = ()
-    """What a check of it found that does not stand in its way."""
+    """Warnings of the check of this plan."""
 
     @property
     def rotor_heights_m(self) -> tuple[float, float]:

@@ -109,7 +109,7 @@ class Recorder:
         }
         self._events: list[dict[str, Any]] = []
         self.problem: str | None = None
-        """Why the log is incomplete, or None."""
+        """Reason why the log is incomplete, or None."""
         try:
             directory.mkdir(parents=True, exist_ok=True)
             self.path, self._file = _new_file(directory, mission)
@@ -179,7 +179,7 @@ class Recorder:
         self._events += [{**event._asdict(), "time_s": round(event.time_s, 3)} for event in tick.events]
 
     def _write_meta(self, ended: str) -> None:
-        """In one step: a full disk or a power cut leaves the old file, not half of a new one."""
+        """Write the meta file in one step: a full disk or a power cut leaves the old file, not half of a new one."""
         text = yaml.safe_dump({**self._meta, "events": self._events, "ended": ended}, sort_keys=False)
         new = self.meta_path.with_suffix(".new")
         try:
@@ -193,7 +193,7 @@ class Recorder:
 
 
 def _sync(file: TextIO) -> None:
-    """On the disk, not only on its way there."""
+    """Flush a file to the disk itself."""
     file.flush()
     os.fsync(file.fileno())
 

@@ -16,7 +16,7 @@ from quadctl.frames import tilt
 from quadctl.state import NAN
 
 SEND_S = 0.1
-"""As often as a page can show it: most ticks pay nothing."""
+"""Interval of the records: as often as a page can show them, so that most ticks cost nothing."""
 EVENTS_KEPT = 20
 """Every record holds the last events, so that none is lost with a record that is dropped."""
 LANDED_BY = "asked to land on the live view"
@@ -50,14 +50,14 @@ class Record(NamedTuple):
     late_s: float
     """The worst since the last record that was not dropped."""
     state_age_s: float
-    """Of the older one of position and attitude."""
+    """Age of the older one of position and attitude."""
     link_age_s: float
     """Since the last heartbeat."""
     estimator_ratio: float
     armed: bool
     mode: str
     ended: str
-    """Why the flight ends; empty while it goes on."""
+    """Reason why the flight ends; empty while it goes on."""
     events: tuple[Event, ...]
 
 
@@ -107,7 +107,7 @@ class ViewLink:
         self._late_s = 0.0
 
     def _hear(self) -> None:
-        """At most one word. The wish counts once: repeated after a release, it would end the recording."""
+        """Read at most one word. A wish counts once: repeated after a release, it would end the recording."""
         word = self._end.recv(WORD_BYTES)
         if word == WISH_TO_LAND and not self._asked:
             self._asked = True

@@ -1,4 +1,4 @@
-"""What `quadctl check` finds before anything moves: fit flights pass, unfit ones are refused, each for its reason."""
+"""`quadctl check` passes fit flights before anything moves, and refuses unfit ones, each for its reason."""
 
 import asyncio
 import itertools
