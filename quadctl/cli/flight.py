@@ -158,7 +158,7 @@ def _print_warnings(plan: Any, simulated: bool) -> None:
 
 
 def simulator() -> Any:
-    """The one way from the commands to the simulator."""
+    """Import the simulator: the one way from the commands to it."""
     import quadctl.sitl.run
 
     return quadctl.sitl.run

@@ -44,7 +44,10 @@ def control(
     settings: ControllerSettings,
     compensator: Compensator,
 ) -> ControlOutput:
-    """Position P -> velocity PID -> force -> compensation -> attitude and thrust -> throttle."""
+    """Compute one tick: position P -> velocity PID -> force -> compensation -> attitude and thrust -> throttle.
+
+    `dt` is the time since the last tick, s; `ground_down_m` the height of the ground, NED. State and setpoint are NED.
+    `memory` and the memory of the output carry the controller's state."""
     velocity_sp = velocity_setpoint(setpoint, state.position_ned_m, settings)
     acceleration, velocity_memory = acceleration_setpoint(
         velocity_sp, state.velocity_ned_m_s, setpoint.acceleration_ned_m_s2, memory.velocity, dt, settings

@@ -52,7 +52,7 @@ def privileges() -> Iterator[tuple[str, ...]]:
 
 
 def _memory_locked() -> bool:
-    """Pages stay in memory once they have been used."""
+    """Lock memory pages once they have been used."""
     try:
         return bool(_libc().mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT) == 0)
     except (AttributeError, OSError):  # no Linux

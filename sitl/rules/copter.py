@@ -8,7 +8,7 @@ from quadctl.sitl.vehicle.inner_loops import level_with_yaw
 from quadctl.state import AttitudeTarget
 
 THRUST_AS_THRUST = 8
-"""Bit 3 of GUID_OPTIONS; clear, the thrust of a target is a climb rate."""
+"""Bit 3 of GUID_OPTIONS: set, the thrust of a target is a thrust; clear, it is a climb rate."""
 MAX_CLIMB_M_S = 2.5
 """Climb rate of a target's thrust of 1 (PILOT_SPEED_UP)."""
 NOT_ARMABLE = ("LAND", "RTL", "BRAKE")

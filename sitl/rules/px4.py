@@ -16,7 +16,7 @@ from quadctl.state import AttitudeTarget, Quat, Vec3, VehicleState
 from quadctl.vehicle import Vehicle
 
 STREAM_AGE_S = 0.5
-"""PX4 wants setpoints at 2 Hz or more before it enters offboard."""
+"""Largest age of the last setpoint when offboard is entered: PX4 wants 2 Hz or more."""
 LEVEL: Quat = (1.0, 0.0, 0.0, 0.0)
 
 
@@ -91,7 +91,7 @@ class SimulatedAutopilot:
         return refusal
 
     def request_take_off(self, height_m: float) -> str | None:
-        """The command is ArduPilot's start of a flight; here the targets of offboard lift off."""
+        """Refuse to take off by command: here the targets of offboard lift the vehicle off."""
         del height_m
         return "take-off by command is not simulated"
 
@@ -219,7 +219,7 @@ class SimulatedAutopilot:
             self._disarm()
 
     def _watch_targets(self, silence_s: float) -> None:
-        """The failsafe for a companion that has fallen silent."""
+        """Apply the failsafe for a companion that has fallen silent."""
         if silence_s > self.parameters["COM_OF_LOSS_T"]:
             self._enter("RTL")
 

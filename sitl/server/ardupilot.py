@@ -1,4 +1,4 @@
-"""An ArduPilot Copter on the wire: silent but for heartbeats until it is asked, and thrust-linearised pulses."""
+"""An ArduPilot Copter on the wire: it sends only heartbeats until asked for more, and thrust-linearised pulses."""
 
 import math
 

@@ -48,7 +48,7 @@ def no_attitude(estimate: VehicleState) -> VehicleState:
 
 
 def frozen(part: Literal["position", "attitude"]) -> Distortion:
-    """The messages keep coming, with the values of the first estimate that is seen."""
+    """Freeze a part: the messages keep coming, with the values of the first estimate."""
     first: list[VehicleState] = []
 
     def distort(estimate: VehicleState) -> VehicleState:
@@ -91,7 +91,7 @@ def hurried(to_m_s: float, over_s: float) -> Distortion:
 
 
 def leaning(roll_rad: float) -> Distortion:
-    """The attitude is rolled by so much more."""
+    """Roll the attitude by `roll_rad` more."""
     roll = quaternion_from_euler(roll_rad, 0.0, 0.0)
     return lambda estimate: replace(estimate, attitude=multiply(estimate.attitude, roll))
 

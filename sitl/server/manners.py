@@ -13,7 +13,7 @@ from quadctl.vehicle import Vehicle
 
 @dataclass
 class Stream:
-    """One kind of message on its way out at its own interval."""
+    """One kind of message, sent at its own interval."""
 
     build: Builder
     default_rate_hz: float
@@ -28,7 +28,7 @@ class Stream:
         self.interval_s = 1.0 / self.default_rate_hz if self.default_rate_hz > 0.0 else math.inf
 
     def set_interval(self, microseconds: float, now_s: float) -> None:
-        """MAV_CMD_SET_MESSAGE_INTERVAL: 0 is the default rate, -1 is off."""
+        """Set the interval as MAV_CMD_SET_MESSAGE_INTERVAL does: 0 is the default rate, -1 is off."""
         if microseconds == 0.0:
             self.__post_init__()
         else:

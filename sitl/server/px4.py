@@ -1,4 +1,4 @@
-"""A PX4 on the wire, as measured on its onboard link: what it sends by itself, and how it refuses."""
+"""A PX4 on the wire, as measured on its onboard link: the messages that it sends by itself, and its refusals."""
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 

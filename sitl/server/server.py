@@ -47,7 +47,7 @@ class ReceivedSetpoint(NamedTuple):
 
 
 class MavlinkMock(ABC):
-    """An autopilot on UDP: sends to `host:port`, obeys whoever answers. A context manager, or `start` and `stop`.
+    """A simulated autopilot on UDP: sends to `host:port`, obeys any sender. A context manager, or `start` and `stop`.
 
     The vehicle belongs to the thread of this object while it runs; others may read its plain attributes.
     """
@@ -67,7 +67,7 @@ class MavlinkMock(ABC):
         self.vision_poses_received: list[Message] = []
         """VISION_POSITION_ESTIMATE messages as they arrived; the estimator does not use them."""
         self.lag_s = 0.0
-        """Real time that the vehicle's clock has given up because the machine was too busy."""
+        """Real time by which the vehicle's clock is behind because the machine was too busy, s."""
         self._booted_s = 0.0
         self._addresses = [(host, port)]
         self._socket: socket.socket | None = None
@@ -110,7 +110,7 @@ class MavlinkMock(ABC):
         self._addresses.append((self._addresses[0][0], port))
 
     def start(self) -> None:
-        """Open the socket and let time run."""
+        """Open the socket and start the vehicle's time."""
         host = self._addresses[0][0]
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.bind((host if host.startswith("127.") else "", 0))
@@ -120,7 +120,7 @@ class MavlinkMock(ABC):
         self._thread.start()
 
     def stop(self) -> None:
-        """Stop time and close the socket; raises what the thread died of, if it did."""
+        """Stop the vehicle's time and close the socket; raises the error of the thread, if it failed."""
         self._stopping.set()
         if self._thread is not None:
             self._thread.join()
@@ -185,7 +185,7 @@ class MavlinkMock(ABC):
                 self._news.notify_all()
 
     def _receive_until(self, deadline_s: float) -> None:
-        """Handle what arrives, as it arrives; at least what is there already."""
+        """Handle messages as they arrive, until `deadline_s`; those that wait already in any case."""
         assert self._socket is not None
         while True:
             wait_s = max(deadline_s - time.monotonic(), 0.0)

@@ -1,4 +1,4 @@
-"""The truth that a simulated flight hides: physics and noise that only the simulator reads.
+"""The hidden truth of a simulated flight: effects and noise that only the simulator reads.
 
 Besides the catalogue's effects, the truth may hold effects of other functional forms, so that an analysis is tested on
 a world that does not share its code.

@@ -1,4 +1,4 @@
-"""The faults, each with what must come of it."""
+"""The faults, each with its expected result."""
 
 import math
 import resource
@@ -12,14 +12,14 @@ from quadctl.sitl.server import faults
 from .scene import HERE, Profile, Scene, Seen, Setting
 
 SILENCE_S = 0.3
-"""After the last setpoint that a stalled or blind flight may send."""
+"""Longest time after the fault at which a stalled or blind flight may still send a setpoint."""
 LAND_SEEN_S = 0.5
-"""A mode that has been taken shows in the next heartbeat."""
+"""Longest time until a change of mode shows in a heartbeat."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """A fault in the hover, and what it must lead to."""
+    """A fault in hover, with its expected result."""
 
     name: str
     inject: Callable[[Scene], None]
@@ -29,9 +29,9 @@ class Case:
     said: str
     """Text in the log about the end of the flight."""
     mode: str = "land"
-    """The mode that comes next: land, boot, failsafe or stick; empty for none."""
+    """Expected next mode: land, boot, failsafe or stick; empty for none."""
     silent_s: float = SILENCE_S
-    """The last setpoint comes no later; for a landing, the change of mode."""
+    """Latest time of the last setpoint, s; for a landing, of the change of mode."""
     setting: Setting = field(default_factory=Setting)
     """Settings of this flight."""
     on_ardupilot: Mapping[str, Any] = field(default_factory=dict)

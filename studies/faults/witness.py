@@ -11,7 +11,7 @@ from typing import Any
 
 ROUND_S = 0.01
 STOOD_STILL_S = 0.1
-"""Half of the age at which a flight gives up on a state."""
+"""Longest sleep that is tolerated: half of the age at which a flight gives up on a state."""
 
 
 class Witness:
@@ -24,12 +24,12 @@ class Witness:
         context.Process(target=_sleep, args=(self._longest, self._lost), daemon=True).start()
 
     def forget(self) -> None:
-        """Look from now on."""
+        """Forget the sleeps noted so far."""
         self._longest.value = self._lost.value = 0.0
 
     @property
     def lost_s(self) -> float:
-        """All the time that it overslept by more than a round."""
+        """Sum of the times by which it overslept by more than a round."""
         return float(self._lost.value)
 
     def stood_still(self) -> bool:

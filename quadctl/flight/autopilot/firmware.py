@@ -67,7 +67,7 @@ class Firmware:
     set_mode_parameters: Callable[[int], tuple[float, float]]
     """Parameters 2 and 3 of DO_SET_MODE for a `custom_mode`."""
     offboard_mode: str
-    """The mode that follows attitude targets."""
+    """Name of the mode that follows attitude targets."""
     land_mode: str
     hold_mode: str
     takes_off_itself: bool
@@ -107,5 +107,5 @@ def hover_throttle_check(parameter: str) -> Check:
 
 
 def share_of_pulse(value: float) -> float:
-    """A pulse length in microseconds as a share of the usual range, 1000 to 2000; a share stays one."""
+    """Share, 0..1, of the usual range of pulses, 1000 to 2000 us; a value that is a share already is only clipped."""
     return min(max((value - 1000.0) / 1000.0, 0.0), 1.0) if value > 1.0 else max(value, 0.0)

@@ -3,9 +3,9 @@
 import math
 
 LEAK = 0.05
-"""Share of time by which the usual delay may drift: a simulator that is slower than real time by this is not late."""
+"""Rate at which the usual delay may grow, s/s: a simulator slower than real time by this much is not taken for late."""
 RESTART_S = 1.0
-"""A clock that goes back further than this has begun anew; less is a message overtaken by another."""
+"""Smallest step back of the autopilot's clock that is a restart; smaller ones are messages out of order."""
 
 
 class LinkClock:

@@ -57,7 +57,7 @@ def serial_ports() -> list[Port]:
 
 
 def resolve(url: str, console: Console) -> str:
-    """The link itself, or, for `auto`, the one at which an autopilot is heard.
+    """URL of the link: `url` itself, or for `auto` the one at which an autopilot is heard.
 
     Raises
     ------
@@ -152,7 +152,7 @@ def _listen_on_udp(udp_port: int, stop: Event) -> str | None:
 
 
 class _Ears:
-    """Waits for an autopilot's heartbeat in a stream of bytes."""
+    """Detector of an autopilot's heartbeat in a stream of bytes."""
 
     def __init__(self) -> None:
         self._parser = dialect.MAVLink(None)

@@ -1,4 +1,4 @@
-"""PX4 on the MAVLink wire: offboard follows targets, and lifts off by them."""
+"""PX4 on the MAVLink wire: offboard mode follows targets, which also lift the vehicle off."""
 
 from quadctl.flight.autopilot.firmware import Check, Firmware, Stream, hover_throttle_check, share_of_pulse
 from quadctl.vehicle import Vehicle

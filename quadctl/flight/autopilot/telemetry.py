@@ -220,7 +220,7 @@ class Telemetry:
             self._escs[group] = _Escs(now_s, rpm, voltage, current)
 
     def _on_esc_telemetry(self, group: int, fields: Fields, now_s: float) -> None:
-        """Hundredths of volt and ampere. Zeros for all rotors are what an autopilot without speed sensors sends."""
+        """Take in speeds, and hundredths of volt and ampere. An autopilot without speed sensors sends zeros for all."""
         if group < len(self._escs):
             rpm = tuple(map(float, fields["rpm"])) if any(fields["rpm"]) else _Escs().rpm
             voltage, current = (tuple(0.01 * v for v in fields[key]) for key in ("voltage", "current"))
@@ -240,10 +240,11 @@ class Telemetry:
             self._outputs = _Outputs(now_s, tuple(pulses))
 
     def _on_estimator(self, ratios: Sequence[str], fields: Fields, now_s: float) -> None:
-        """`ratios`: the fields with the tests of innovations, each the root of innovation^2 / (gate^2 variance).
+        """Take in the estimator's flags, and the largest of the innovation test ratios in the fields `ratios`.
 
-        So 1 is where a measurement is rejected, on both: PX4 sends what `Ekf::get_innovation_test_status` gives, nan
-        for a sensor that is not used; ArduPilot what `NavEKF3_core::getVariances` gives, and calls it a variance.
+        Each ratio is the root of innovation^2 / (gate^2 variance), so a measurement is rejected from 1 on. PX4 sends
+        what `Ekf::get_innovation_test_status` gives, nan for a sensor that is not used; ArduPilot what
+        `NavEKF3_core::getVariances` gives, and calls it a variance.
         ArduPilot's own failsafe (FS_EKF_THRESH, 0.8 of the same scale) wants two of them, for a second.
         """
         del now_s
@@ -282,7 +283,7 @@ class Telemetry:
 
 
 def _number(value: float | None) -> float:
-    """A number of a message; nan travels as null."""
+    """Number of a message; null stands for nan."""
     return NAN if value is None else float(value)
 
 

@@ -1,4 +1,4 @@
-"""Guards that need more than one state: does the state move, and does it move as a vehicle can?"""
+"""Guards that compare successive states: frozen values, and jumps that no vehicle can make."""
 
 import math
 from typing import NamedTuple

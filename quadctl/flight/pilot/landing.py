@@ -1,4 +1,4 @@
-"""The end of a flight: the autopilot lands, or somebody else flies. No mode is ever taken back."""
+"""The end of a flight: the autopilot lands, or somebody else flies. A mode is never taken back from them."""
 
 from quadctl.flight.pilot.guards import Answer, Breach
 from quadctl.flight.pilot.progress import Progress
@@ -33,7 +33,7 @@ class Landing:
         self._let_go: str | None = None
         self._let_go_s: float | None = None
 
-    # --- ways in -------------------------------------------------------------------------------------------------
+    # --- transitions ---------------------------------------------------------------------------------------------
 
     def begin(self, reason: str, state: VehicleState) -> Decision:
         """Begin to land from a valid state."""
@@ -86,7 +86,7 @@ class Landing:
             self._progress.enter(Stage.DONE)
         return Decision()
 
-    # --- what goes wrong meanwhile -------------------------------------------------------------------------------
+    # --- failures ------------------------------------------------------------------------------------------------
 
     def refused(self, reason: str) -> None:
         """The request to land failed: fall silent, so that the autopilot's own failsafe acts."""

@@ -12,7 +12,7 @@ COMPLETED = "completed"
 
 @dataclass(frozen=True)
 class Outcome:
-    """Printed by `fly` and `simulate`, and their `--json`."""
+    """Outcome of a flight, as `fly` and `simulate` print it and write it with `--json`."""
 
     mission: str
     ended: str
@@ -52,7 +52,7 @@ class Outcome:
 
 
 class Tally:
-    """Collects an `Outcome` tick by tick."""
+    """Listener that collects an `Outcome` tick by tick."""
 
     def __init__(self, period_s: float) -> None:
         self._period_s = period_s

@@ -28,7 +28,7 @@ CLIMBED_SHARE, CLIMBED_M_S = 0.9, 0.2
 STREAM_FIRST_S = 1.0
 """Time of idle setpoints before offboard is asked for: autopilots want a stream first."""
 SPOOL_UP_S = 1.0
-"""Throttle rises from idle to half of hover while the vehicle still stands."""
+"""Time in which the throttle rises from idle to half of hover while the vehicle still stands."""
 
 _Step = Callable[[VehicleState, float], Decision]
 """Function of a stage: (state, time since the last tick) -> decision."""
@@ -52,7 +52,7 @@ class Pilot:
         self._autopilot_takes_off = autopilot_takes_off
         first = mission.phases[0]
         self.take_off_m = mission.reference(first.end_s)[0][2]
-        """The autopilot's own take-off takes the place of the mission's first phase: it ends where that ends."""
+        """Height of the autopilot's own take-off, which replaces the mission's first phase and ends at its end."""
         self._begin_at_s = first.end_s if autopilot_takes_off else 0.0
         self._home = Home()
         self._progress = Progress()
@@ -105,14 +105,14 @@ class Pilot:
         self._landing.let_go(reason)
 
     def request_failed(self, request: Request, reason: str) -> None:
-        """The autopilot refused. Before the flight that ends it; a refused landing is answered by silence."""
+        """Note that the autopilot refused a request: a refused start ends the flight, a refused landing the targets."""
         if request is not Request.LAND:
             self._watch.refusal = reason
         elif self.stage is Stage.LAND:
             self._landing.refused(reason)
 
     def fail(self, reason: str) -> None:
-        """A target could not be sent: no more targets, let the autopilot land."""
+        """Note that a target could not be sent: no more targets, and the autopilot lands."""
         self._watch.failure = reason
 
     def tick(self, state: VehicleState, late_s: float) -> Tick:
@@ -137,7 +137,7 @@ class Pilot:
         )
 
     def _sound(self, step: _Step, state: VehicleState, dt: float) -> Decision:
-        """The decision of a stage. Whatever a compensator makes of a good state, it does not reach the motors."""
+        """Decision of the present stage, with a target only if it is fit to reach the motors."""
         decision = _NOTHING
         try:
             decision = step(state, dt)
@@ -219,7 +219,7 @@ class Pilot:
         return self._steering.standing(0.5 * share) if share < 1.0 else self._lift_off(state)
 
     def _climb(self, state: VehicleState, dt: float) -> Decision:
-        """The autopilot takes off, and we are silent: a target would break its take-off off."""
+        """One tick of CLIMB: the autopilot takes off, and we are silent, as a target would end its take-off."""
         breach = self._breach(state)
         if breach is None and self._watch.refusal is not None:
             breach = Breach(Answer.HAND_OVER, self._watch.refusal)
@@ -260,7 +260,7 @@ class Pilot:
         return Breach(Answer.LAND, wish) if found is None and wish else found
 
     def _notice_fading(self, decision: Decision) -> None:
-        """Once, for the log."""
+        """Note once, for the log, that the compensator has faded."""
         if decision.output is not None and decision.output.compensation.trust < 1.0 and not self._faded:
             self._faded = True
             self._progress.note("the compensator is beyond the heights of its data", "fade out")

@@ -56,7 +56,7 @@ class Steering:
         self._memory = Memory()
 
     def standing(self, share_of_hover: float) -> Decision:
-        """Level, in the heading it stands in, with a share of the throttle of hover; 0: no thrust."""
+        """Level target in the present heading, with a share of the throttle of hover; 0: no thrust."""
         curve = self._vehicle.throttle
         hover = curve.offset + curve.per_newton * self._vehicle.weight_n
         half_rad = 0.5 * self._home.heading_rad
@@ -78,7 +78,7 @@ class Steering:
         return self.towards(setpoint, state, dt)
 
     def towards(self, setpoint: Setpoint, state: VehicleState, dt: float) -> Decision:
-        """One step of control, `dt` after the last."""
+        """Make one step of control towards `setpoint`, `dt` after the last."""
         output = control(
             setpoint,
             state,

@@ -31,7 +31,7 @@ class Request(enum.Enum):
 
 
 class Event(NamedTuple):
-    """Something that a log must explain: a guard's answer, a wish, a refusal."""
+    """Event for the log: a guard's answer, a wish to land, a refusal."""
 
     time_s: float
     what: str

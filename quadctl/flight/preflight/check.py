@@ -40,7 +40,7 @@ class Demand(NamedTuple):
 
 
 def check_flight(plan: FlightPlan) -> list[Finding]:
-    """All findings about a flight that has not begun, in the order in which a person asks."""
+    """All findings about the plan of a flight."""
     mission, settings, vehicle = plan.mission, plan.settings, plan.body.vehicle
     samples = sampled(mission)
     every = [sample for of_phase in samples for sample in of_phase]
@@ -131,7 +131,7 @@ def _compensator(plan: FlightPlan) -> Iterator[Finding]:
 
 
 def _ground(demands: Sequence[Demand], vehicle: Vehicle, settings: FlightSettings) -> Finding:
-    """The rotor that a tilted vehicle holds lowest must not touch the ground."""
+    """Finding about the lowest rotor of the tilted vehicle, which must not touch the ground."""
     reach = max(math.hypot(r.position_m[0], r.position_m[1]) for r in vehicle.rotors) + vehicle.rotor.radius_m
     most = math.radians(settings.controller.max_tilt_deg)
 

@@ -25,7 +25,7 @@ class Finding(NamedTuple):
 
 
 def judged(topic: str, text: str, *, refused: str | None = None, warning: str | None = None) -> Finding:
-    """A finding with the gravest objection there is; each objection is None where there is none."""
+    """Finding with the most severe objection; `refused` and `warning` are None without one."""
     if refused is not None:
         return Finding(Verdict.REFUSED, topic, f"{text}: {refused}")
     if warning is not None:

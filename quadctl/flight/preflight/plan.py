@@ -34,7 +34,7 @@ class FlightPlan(NamedTuple):
         return Pilot(self.mission, self.body, self.settings, compensator, autopilot_takes_off)
 
     def recorder(self, log_dir: Path, autopilot: str, real_time: Sequence[str] = ()) -> Recorder:
-        """`real_time`: what keeps the ticks of a flight in real time punctual."""
+        """Recorder of this flight; `real_time` names the means that keep the ticks of a real flight punctual."""
         vehicle = self.body.vehicle
         meta: dict[str, Any] = {
             "mission": self.mission.name,

@@ -1,4 +1,4 @@
-"""The flight recorder: one CSV row per tick, and in the meta file what a log must explain (guards, wishes, refusals).
+"""The flight recorder: one CSV row per tick, and a meta file with the settings and the events of the flight.
 
 Written on a thread of its own, so that no disk can hold up the loop.
 
@@ -121,16 +121,16 @@ class Recorder:
             raise FlightError(f"{directory}: cannot be written for the flight log ({error.strerror})") from None
         self._queue: queue.SimpleQueue[Tick | None] = queue.SimpleQueue()
         self._closing = False
-        """The writer has taken the last word from the queue."""
+        """True when the writer thread has taken the last item from the queue."""
         self._thread = threading.Thread(target=self._write, name="recorder", daemon=True)
         self._thread.start()
 
     def __call__(self, tick: Tick) -> None:
-        """Take a copy; returns at once."""
+        """Take a copy of a tick; returns at once."""
         self._queue.put(tick)
 
     def close(self, ended: str) -> None:
-        """Write what is left and say in the meta file how the flight ended."""
+        """Write the remaining rows, and the end of the flight into the meta file."""
         self._queue.put(None)
         self._thread.join(timeout=CLOSE_TIMEOUT_S)
         if self._thread.is_alive():
