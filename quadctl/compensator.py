@@ -68,7 +68,7 @@ class Compensator:
         self.model = model
         self.limits = limits or CompensatorLimits()
         self._trusted_m = [_trusted_heights(item) for item in model.stack]
-        self._bent = any("thrust" in effect.depends_on and not effect.retards for effect in model.effects)
+        self._bent = any("thrust" in effect.depends_on and not effect.adds_lag for effect in model.effects)
 
     def __call__(self, state: VehicleState, ground_down_m: float, thrust_n: float) -> Compensation:
         """Correction for `state` with the ground at `ground_down_m` (NED), where the rotors are to give `thrust_n`."""

@@ -163,15 +163,15 @@ class Model:
 
     def late(self) -> "Model":
         """The model with only those effects that delay the thrust."""
-        return replace(self, stack=tuple(item for item in self.stack if item.effect.retards))
+        return replace(self, stack=tuple(item for item in self.stack if item.effect.adds_lag))
 
     def prompt(self) -> "Model":
         """The model with the other effects, those that act without delay."""
-        return replace(self, stack=tuple(item for item in self.stack if not item.effect.retards))
+        return replace(self, stack=tuple(item for item in self.stack if not item.effect.adds_lag))
 
     def turning(self) -> "Model":
         """The model with only those effects that the balance of moments can show."""
-        return replace(self, stack=tuple(item for item in self.stack if item.effect.turns))
+        return replace(self, stack=tuple(item for item in self.stack if item.effect.affects_moment))
 
     @cached_property
     def effects_on_thrust(self) -> tuple[Effect, ...]:

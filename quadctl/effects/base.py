@@ -77,7 +77,7 @@ class Effect:
     """Variables of the lab's residual plots that this effect varies with."""
     physics: ClassVar[str]
     """One sentence for the user: the physical cause and its consequence."""
-    told_apart_by: ClassVar[str]
+    distinguished_by: ClassVar[str]
     """Kind of flight that distinguishes it from effects that look alike."""
     mission: ClassVar[str]
     """Mission file that shows this effect best."""
@@ -85,11 +85,11 @@ class Effect:
     """Nuisance parameters of single flights that this effect stands for; they are not fitted together with it."""
     needs: ClassVar[dict[str, float]] = {}
     """Span of each variable that the data must have for this effect to be told from its look-alikes."""
-    turns: ClassVar[bool] = False
+    affects_moment: ClassVar[bool] = False
     """True: it changes the moments on the body by enough for the balance of moments to show it."""
     senses: ClassVar[bool] = False
     """True: it makes the accelerometer disagree with the change of velocity."""
-    retards: ClassVar[bool] = False
+    adds_lag: ClassVar[bool] = False
     """True: it delays the thrust, so that the delay of the log must be estimated together with it."""
     reversible: ClassVar[bool] = False
     """True: the effect with opposite sign explains as much at the start, so that a fit may go either way."""

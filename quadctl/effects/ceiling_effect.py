@@ -25,7 +25,7 @@ class MomentumCeiling(ThrustRatio):
     physics: ClassVar[str] = (
         "Close to a ceiling the rotors draw their air through a narrow gap: the same rotor speed gives more thrust."
     )
-    told_apart_by: ClassVar[str] = "hovering within two rotor radii of the ceiling"
+    distinguished_by: ClassVar[str] = "hovering within two rotor radii of the ceiling"
     mission: ClassVar[str] = "missions/hover_staircase_high.yaml"
 
     gain: float = parameter(1.0, 0.0, 10.0, "", "1 for a single rotor")

@@ -22,7 +22,7 @@ class ConstantBias(Effect):
     source: ClassVar[str] = "error model of inertial sensors, as in PX4's EKF2"
     depends_on: ClassVar[tuple[str, ...]] = ()
     physics: ClassVar[str] = "The accelerometer reads a force that is not there: the velocity does not follow it."
-    told_apart_by: ClassVar[str] = "accelerometer against the change of velocity: a real force moves both"
+    distinguished_by: ClassVar[str] = "accelerometer against the change of velocity: a real force moves both"
     mission: ClassVar[str] = "missions/hover_staircase_high.yaml"
     senses: ClassVar[bool] = True
 

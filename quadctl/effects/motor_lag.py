@@ -28,9 +28,9 @@ class FirstOrderLag(Effect):
     source: ClassVar[str] = "first-order actuator, as in RotorS (Furrer et al. 2016), eq. of the motor model"
     depends_on: ClassVar[tuple[str, ...]] = ("thrust",)
     physics: ClassVar[str] = "The thrust follows the logged commands or speeds late: motors and air take their time."
-    told_apart_by: ClassVar[str] = "quick changes of thrust; slow flight does not show it"
+    distinguished_by: ClassVar[str] = "quick changes of thrust; slow flight does not show it"
     mission: ClassVar[str] = "missions/vertical_runs.yaml"
-    retards: ClassVar[bool] = True
+    adds_lag: ClassVar[bool] = True
 
     time_constant_s: float = parameter(0.05, 0.0, 1.0, "s", "after which 63 % of a change are there")
 

@@ -24,7 +24,7 @@ class MassStep(ThrustRatio):
     source: ClassVar[str] = "Newton's second law"
     depends_on: ClassVar[tuple[str, ...]] = ("time",)
     physics: ClassVar[str] = "The mass changes at one moment: something is picked up or dropped."
-    told_apart_by: ClassVar[str] = "a step in time, at whatever height, speed and voltage"
+    distinguished_by: ClassVar[str] = "a step in time, at whatever height, speed and voltage"
     mission: ClassVar[str] = "missions/hover_staircase_high.yaml"
     reversible: ClassVar[bool] = True
     not_for_flight: ClassVar[str] = "the time of the change belongs to one flight"

@@ -19,7 +19,7 @@ class FixedTilt(Effect):
     physics: ClassVar[str] = (
         "The rotors' common axis leans against the attitude estimate's: a steady push to one side of the body."
     )
-    told_apart_by: ClassVar[str] = "hovering at several headings: the push turns with the body, wind does not"
+    distinguished_by: ClassVar[str] = "hovering at several headings: the push turns with the body, wind does not"
     mission: ClassVar[str] = "missions/headings.yaml"
     replaces: ClassVar[tuple[str, ...]] = ("roll_rad", "pitch_rad")
 

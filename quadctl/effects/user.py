@@ -27,6 +27,9 @@ MODULE = "quadctl_own_effects"
 HOOKS = ("rotor_thrust", "force", "torque", "wind_ned_m_s", "sensed_m_s2")
 """Methods of which an effect overrides at least one."""
 
+RENAMED = {"told_apart_by": "distinguished_by", "turns": "affects_moment", "retards": "adds_lag"}
+"""Former names of class variables, which users' files may still have, with the present names."""
+
 DECLARED = tuple(name for name in Effect.__annotations__ if not hasattr(Effect, name))
 """Class variables that every effect must declare: its name, source, physics, ..."""
 
@@ -126,8 +129,17 @@ def _run(path: Path) -> dict[str, Any]:
 
 def _problem(kind: type[Effect]) -> str | None:
     """First problem of an effect that lacks a declaration or does not work; None without one."""
+    _rename(kind)
     problem = _declaration_problem(kind) or _parameter_problem(kind) or _hook_problem(kind)
     return problem and f"{kind.__name__} {problem}"
+
+
+def _rename(kind: type[Effect]) -> None:
+    """Give `kind` the present names of what it declares by former ones."""
+    parameters = {field.name for field in dataclasses.fields(kind)}
+    for former, present in RENAMED.items():
+        if hasattr(kind, former) and former not in parameters:
+            setattr(kind, present, getattr(kind, former))
 
 
 def _declaration_problem(kind: type[Effect]) -> str | None:

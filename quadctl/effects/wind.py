@@ -35,7 +35,7 @@ class SteadyWind(Effect):
     physics: ClassVar[str] = (
         "A steady wind: the moving air drags on the vehicle, a push with its own direction over ground."
     )
-    told_apart_by: ClassVar[str] = "headings that differ: a tilted thrust turns with the body, the wind does not"
+    distinguished_by: ClassVar[str] = "headings that differ: a tilted thrust turns with the body, the wind does not"
     mission: ClassVar[str] = "missions/headings.yaml"
     stands_back_for: ClassVar[tuple[str, ...]] = ("rotor_drag", "body_drag")
     not_for_flight: ClassVar[str] = "the wind of another day is not that of today"

@@ -37,7 +37,7 @@ class Warmth(Effect):
     source: ClassVar[str] = "test"
     depends_on: ClassVar[tuple[str, ...]] = ("time_s",)
     physics: ClassVar[str] = "The accelerometer warms up."
-    told_apart_by: ClassVar[str] = "a long flight"
+    distinguished_by: ClassVar[str] = "a long flight"
     mission: ClassVar[str] = "missions/hover_staircase.yaml"
     senses: ClassVar[bool] = True
     per_s: float = parameter(0.0, -0.1, 0.1, "m/s^3", "growth of the bias along body z")
@@ -131,6 +131,14 @@ class TestAFile:
         path = write(change, *([("Conditions, ", "Conditions, Effect, ")] if change[1] == "(Effect)" else []))
         with pytest.raises(SettingsError, match=rf"^{re.escape(str(path))}: {sentence}$"):
             effects_of(path)
+
+    def test_may_declare_itself_by_former_names(self, write: WRITE) -> None:
+        path = write(
+            ("    distinguished_by:", "    turns: ClassVar[bool] = True\n    retards = True\n    told_apart_by:")
+        )
+        kind = effects_of(path)["vortex_ring.bump"]
+        assert kind.distinguished_by.startswith("descents at several rates")
+        assert (kind.affects_moment, kind.adds_lag) == (True, True)
 
     def test_may_act_on_the_accelerometer_alone(self, tmp_path: Path, raptor: Vehicle) -> None:
         path = tmp_path / "my_effect.py"

@@ -207,7 +207,7 @@ def predict_imu_error(model: Model, flight: Flight) -> Floats:
 
 def concerns(effect: Effect, group: str) -> bool:
     """Whether `effect` has a say in what `group` measures."""
-    return {"total": True, "turning": effect.turns, "sensing": effect.senses}[group]
+    return {"total": True, "turning": effect.affects_moment, "sensing": effect.senses}[group]
 
 
 PREDICT = {"total": predict, "turning": predict_torque, "sensing": predict_imu_error}

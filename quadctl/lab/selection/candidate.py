@@ -101,7 +101,7 @@ class Candidate:
         stand-in for another effect does."""
         drops = [self.drops.get(axis, 0.0) for axis in MOMENTS]
         all_in_all = min(drops) < -max(HARMLESS, HARMLESS_BESIDE * max(drops))
-        return self.effect.turns and (all_in_all or self.worst_flight < -max(HARMLESS, *drops))
+        return self.effect.affects_moment and (all_in_all or self.worst_flight < -max(HARMLESS, *drops))
 
     @property
     def supported(self) -> bool:
@@ -137,7 +137,7 @@ class Candidate:
         verdict = (
             helps
             if self.supported
-            else f"{helps} These data cannot tell it from what looks like it (told by {self.effect.told_apart_by})."
+            else f"{helps} These data cannot tell it from what looks like it (told by {self.effect.distinguished_by})."
             if self.plausible
             else "It is within the trims of any real vehicle."
             if self.effect.negligible() and self.p_value < SIGNIFICANT
@@ -162,7 +162,7 @@ class Candidate:
 def measure_of(effects: Iterable[Effect], before: Mapping[str, float], after: Mapping[str, float]) -> str:
     """Which error a change of `effects` is about: of the acceleration unless they do nothing to it."""
     changed = list(effects)
-    turning, sensing = any(e.turns for e in changed), any(e.senses for e in changed)
+    turning, sensing = any(e.affects_moment for e in changed), any(e.senses for e in changed)
     for group, possible in (("total", True), ("turning", turning), ("sensing", sensing)):
         if possible and group in after and abs(after[group] / max(before[group], NOTHING) - 1.0) >= IDLE:
             return group
@@ -202,7 +202,7 @@ def fit_on_top(effect: type[Effect], left: Unmodelled) -> tuple[Fitter, Fitted, 
     misfits = [fitter.misfit(fitted, left.scale) for fitter, fitted in zip(fitters, fits, strict=True)]
     best = misfits.index(min(misfits))
     fitter, fitted = fitters[best], fits[best]
-    for _ in range(RETIMED if effect.retards else 0):
+    for _ in range(RETIMED if effect.adds_lag else 0):
         if np.abs(fitted.nuisances[:, AGE]).max() < 0.5 * MOST[AGE]:
             break
         # The log was timed for the lag that the fit began with, and that was too far off.
