@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from pydantic import Field
 
 from quadctl.errors import SettingsError
-from quadctl.missions.expand import RawPhase, Value, check_size, expanded, known, names_in, put_in
+from quadctl.missions.expansion import RawPhase, Value, check_size, expanded, known, names_in, put_in
 from quadctl.missions.mission import Mission, MissionLimits, Phase, Turn
 from quadctl.missions.profile import sampled
 from quadctl.settings import Settings, read_value, read_yaml, validate

@@ -10,7 +10,7 @@ from pathlib import Path
 from rich.console import Console
 
 from .cases import CASES
-from .fly import JOBS, Verdict, fly_all
+from .flights import JOBS, Verdict, fly_all
 from .scene import PROFILES, ROOT
 
 ADDRESS = re.compile(r" \(system \d+\) at \S+")
