@@ -55,7 +55,7 @@ def _wrong(flight: Flight) -> list[Flight]:
 def _misshapen(model: Model, flight: Flight, here: Floats) -> Iterator[Floats]:
     """Each effect that changes the thrust by a form, off by a constant."""
     for i, effect in enumerate(model.effects):
-        if not effect.depends_on or effect.retards or effect not in model.effects_on_thrust:
+        if not effect.depends_on or effect.adds_lag or effect not in model.effects_on_thrust:
             continue
         without = replace(model, stack=(*model.stack[:i], *model.stack[i + 1 :]))
         does = here[:, UP] - predict(without, flight)[:, UP]
