@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 
 from quadctl.model import load_model
-from quadctl.web.session import load_session
+from quadctl.web.session.session import load_session
 from tests.support.lab_sessions import ADDED, fly_over_a_cushion, one_step_up, searched, unexplained, wrong_files
 from tests.support.visitors import (
     DESK,

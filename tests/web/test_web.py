@@ -20,19 +20,19 @@ from quadctl.lab.selection.diagnosis import Diagnosis, diagnose
 from quadctl.lab.symbolic.effect_file import as_effect_file
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
-from quadctl.web.figures.base import Figure, to_csv
+from quadctl.web.elements.figure import Figure, to_csv
+from quadctl.web.elements.theme import DARK, LIGHT
 from quadctl.web.figures.downsample import POINTS, downsampled
 from quadctl.web.figures.error_map import error_map
 from quadctl.web.figures.path import path_figure
 from quadctl.web.figures.profile import profile_figure
 from quadctl.web.figures.ratio import ratio_over_height
 from quadctl.web.figures.timeline import full_timeline
-from quadctl.web.files import keep_expression, own_effects, require_inside, upload_path
-from quadctl.web.findings import Findings, SavedFormula
-from quadctl.web.jobs import log_names
-from quadctl.web.session import Rung, Session, load_session, session_to_yaml
-from quadctl.web.theme import DARK, LIGHT
-from quadctl.web.worker import CancelledError, Worker
+from quadctl.web.session.files import keep_expression, own_effects, require_inside, upload_path
+from quadctl.web.session.findings import Findings, SavedFormula
+from quadctl.web.session.session import Rung, Session, load_session, session_to_yaml
+from quadctl.web.work.jobs import log_names
+from quadctl.web.work.worker import CancelledError, Worker
 from tests.support.flights import obedient
 from tests.support.places import ROOT
 

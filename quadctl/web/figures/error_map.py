@@ -8,8 +8,8 @@ from quadctl.lab.arrays import Floats
 from quadctl.lab.comparison.comparison import Comparison
 from quadctl.lab.comparison.wording import label_of
 from quadctl.lab.flights.dataset import AXES
-from quadctl.web.figures.base import Figure, axis, faded, figure
-from quadctl.web.theme import Theme
+from quadctl.web.elements.figure import Figure, axis, faded, figure
+from quadctl.web.elements.theme import Theme
 
 CELLS = 12
 LEAST_SAMPLES = 2

@@ -6,8 +6,8 @@ import numpy as np
 
 from quadctl.lab.arrays import Floats, Mask
 from quadctl.lab.flights.flight import Flight
-from quadctl.web.figures.base import Figure, axis, figure
-from quadctl.web.theme import Theme
+from quadctl.web.elements.figure import Figure, axis, figure
+from quadctl.web.elements.theme import Theme
 
 
 def path_figure(flight: Flight, brushed: Mask | None, theme: Theme) -> Figure:

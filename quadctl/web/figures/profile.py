@@ -6,8 +6,8 @@ from quadctl.lab.comparison.comparison import Comparison
 from quadctl.lab.comparison.failures import Profile
 from quadctl.lab.comparison.wording import label_of, p_in_words, percent
 from quadctl.lab.flights.dataset import AXES
-from quadctl.web.figures.base import Figure, axis, faded, figure
-from quadctl.web.theme import Theme
+from quadctl.web.elements.figure import Figure, axis, faded, figure
+from quadctl.web.elements.theme import Theme
 
 CLOUD = 1500
 """So many samples are drawn at most."""

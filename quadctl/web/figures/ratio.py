@@ -11,8 +11,8 @@ from quadctl.lab.comparison.wording import label_of
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.selection.effect_curves import Binned, hover_ratio, measured_ratio
 from quadctl.model import Model
-from quadctl.web.figures.base import Figure, axis, figure
-from quadctl.web.theme import Theme
+from quadctl.web.elements.figure import Figure, axis, figure
+from quadctl.web.elements.theme import Theme
 
 TEXTBOOK = ("cheeseman", "hayden", "sanchez")
 LOWEST, HIGHEST = 0.6, 10.0

@@ -6,7 +6,7 @@ import numpy as np
 
 from quadctl.lab.flights.flight import VARIABLE_NAMES
 from quadctl.lab.selection.effect_curves import Sketch
-from quadctl.web.theme import Theme
+from quadctl.web.elements.theme import Theme
 
 WIDTH, HEIGHT, MARGIN = 150, 64, 6
 

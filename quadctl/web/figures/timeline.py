@@ -11,9 +11,9 @@ from quadctl.lab.flights.dataset import AXES
 from quadctl.lab.flights.flight import Flight
 from quadctl.logs.columns import rpm_columns
 from quadctl.logs.flight_log import FlightLog
-from quadctl.web.figures.base import Figure, axis, faded, figure, stacked
+from quadctl.web.elements.figure import Figure, axis, faded, figure, stacked
+from quadctl.web.elements.theme import Theme
 from quadctl.web.figures.downsample import downsampled
-from quadctl.web.theme import Theme
 
 GAP_FACTOR = 3.0
 """An interval longer than so many usual ones is a gap in the line."""

@@ -3,22 +3,19 @@
 import asyncio
 import time
 from contextlib import suppress
-from typing import TYPE_CHECKING
 
 from nicegui import ui
 from nicegui.client import Client
 from nicegui.events import KeyEventArguments
 
 from quadctl.flight.pilot.tick import Stage
-from quadctl.web.colours import keep_theme, theme_button, wanted_theme
+from quadctl.web.elements.browser_theme import keep_theme, theme_button, wanted_theme
+from quadctl.web.elements.html import heading, plot, tag
+from quadctl.web.elements.theme import DARK, LIGHT, Theme
 from quadctl.web.live.land import LandButton
 from quadctl.web.live.panels import EventList, GuardList, NowPanel, Tiles
 from quadctl.web.live.strips import FLIGHT, MACHINE, WINDOW_ROWS, marks, points, strips
-from quadctl.web.panels.parts import heading, plot, tag
-from quadctl.web.theme import DARK, LIGHT, Theme
-
-if TYPE_CHECKING:
-    from quadctl.web.live.serve import Viewing
+from quadctl.web.live.viewing import Viewing
 
 REFRESH_S = 0.2
 SLOW_S = 10.0
@@ -38,7 +35,7 @@ _DRAWN = "return true"
 class LivePage:
     """What one tab shows."""
 
-    def __init__(self, viewing: "Viewing") -> None:
+    def __init__(self, viewing: Viewing) -> None:
         self._viewing = viewing
         self._history = viewing.history
         self._theme = LIGHT

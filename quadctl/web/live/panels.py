@@ -8,9 +8,9 @@ from nicegui.element import Element
 
 from quadctl.flight.pilot.tick import Stage
 from quadctl.flight.record.view_link import Record
+from quadctl.web.elements.html import tag
 from quadctl.web.live.history import Brief, History
 from quadctl.web.live.nearness import Nearness, guards
-from quadctl.web.panels.parts import tag
 
 NEAR = 0.7
 """Of the way to a limit: worth a look."""

@@ -4,9 +4,9 @@ import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from quadctl.web.figures.base import Figure, axis, figure, stacked
+from quadctl.web.elements.figure import Figure, axis, figure, stacked
+from quadctl.web.elements.theme import Theme
 from quadctl.web.live.history import Row
-from quadctl.web.theme import Theme
 
 WINDOW_ROWS = 600
 """A minute."""

@@ -86,7 +86,7 @@ def live_view(brief: Brief, port: int, token: str | None, announce: Callable[[st
 
 def _serve(brief: Brief, end: ViewEnd, pipe: Connection, host: str, port: int, token: str | None) -> None:
     """In the child."""
-    from quadctl.web.live.serve import serve
+    from quadctl.web.live.server import serve
 
     serve(brief, end, pipe, host, port, token)
 

@@ -6,13 +6,13 @@ from nicegui import ui
 
 from quadctl.lab.comparison.wording import change_in_words
 from quadctl.lab.tracking.step_response import StepResponses
+from quadctl.web.elements.html import empty, heading, plot, tag
 from quadctl.web.figures.ratio import ratio_over_height, ratio_over_speed
 from quadctl.web.figures.steps import step_figure
-from quadctl.web.panels.parts import empty, heading, plot, tag
-from quadctl.web.simulated import WITH, WITHOUT
+from quadctl.web.work.simulated import WITH, WITHOUT
 
 if TYPE_CHECKING:
-    from quadctl.web.page import Page
+    from quadctl.web.page.page import Page
 
 
 def draw_ratio(page: "Page") -> None:

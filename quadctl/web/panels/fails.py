@@ -9,16 +9,16 @@ from quadctl.lab.comparison.comparison import Comparison
 from quadctl.lab.comparison.failures import Failure, Profile, most_telling
 from quadctl.lab.comparison.wording import failure_in_words
 from quadctl.lab.selection.candidate import MATERIAL, SIGNIFICANT
+from quadctl.web.elements.html import empty, heading, loading, plot, tag
 from quadctl.web.figures.error_map import error_map
 from quadctl.web.figures.path import path_figure
 from quadctl.web.figures.profile import profile_figure
 from quadctl.web.figures.timeline import full_timeline
 from quadctl.web.panels.over_time import brush_note, choose_flight
-from quadctl.web.panels.parts import empty, heading, loading, plot, tag
 from quadctl.web.panels.zoomed import zoomed_plot
 
 if TYPE_CHECKING:
-    from quadctl.web.page import Page
+    from quadctl.web.page.page import Page
 
 _SCROLL = "document.querySelector('#selected').scrollIntoView()"
 SHOWN_SENTENCES, SHOWN_PANELS = 4, 6

@@ -8,12 +8,12 @@ from nicegui import ui
 from nicegui.events import GenericEventArguments, MultiUploadEventArguments
 
 from quadctl.model import Model
-from quadctl.web.files import LOG_SUFFIXES, MAX_UPLOAD_BYTES, SETTINGS_SUFFIXES
-from quadctl.web.jobs import OpenedLog
-from quadctl.web.panels.parts import heading, tag
+from quadctl.web.elements.html import heading, tag
+from quadctl.web.session.files import LOG_SUFFIXES, MAX_UPLOAD_BYTES, SETTINGS_SUFFIXES
+from quadctl.web.work.jobs import OpenedLog
 
 if TYPE_CHECKING:
-    from quadctl.web.page import Page
+    from quadctl.web.page.page import Page
 
 _NAMES_AND_SIZES = "(entries) => emit(entries.map(e => [e.file.name, e.file.size, e.failedPropValidation]))"
 

@@ -5,12 +5,12 @@ from typing import TYPE_CHECKING
 from nicegui import ui
 
 from quadctl.lab.comparison.wording import listed
-from quadctl.web.colours import theme_button
+from quadctl.web.elements.browser_theme import theme_button
+from quadctl.web.elements.html import busy, heading, tag
 from quadctl.web.panels.flights import draw_vehicle, drop_zone
-from quadctl.web.panels.parts import busy, heading, tag
 
 if TYPE_CHECKING:
-    from quadctl.web.page import Page
+    from quadctl.web.page.page import Page
 
 
 def draw_header(page: "Page") -> None:

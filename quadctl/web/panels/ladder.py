@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 from nicegui import ui
 
 from quadctl.lab.comparison.wording import change_in_words, held_out, listed, number, plain
-from quadctl.web.panels.parts import tag
+from quadctl.web.elements.html import tag
 
 if TYPE_CHECKING:
-    from quadctl.web.page import Page
+    from quadctl.web.page.page import Page
 
 
 def draw_ladder(page: "Page") -> None:

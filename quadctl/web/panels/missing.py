@@ -15,14 +15,14 @@ from quadctl.lab.comparison.wording import (
 )
 from quadctl.lab.selection.candidate import Candidate
 from quadctl.lab.selection.diagnosis import Diagnosis
+from quadctl.web.elements.html import busy, empty, heading, loading, tag
 from quadctl.web.figures.sketch import sketch_svg
 from quadctl.web.figures.timeline import short_timeline
-from quadctl.web.findings import Diagnosed
-from quadctl.web.panels.parts import busy, empty, heading, loading, tag
 from quadctl.web.panels.zoomed import zoomed_plot
+from quadctl.web.session.findings import Diagnosed
 
 if TYPE_CHECKING:
-    from quadctl.web.page import Page
+    from quadctl.web.page.page import Page
 
 NOT_NEEDED = "Other forms of the same, or look-alikes: not needed beside the above."
 NO_HELP = "They do not help on unseen data, or only with parameters that they cannot have."

@@ -6,13 +6,13 @@ from nicegui import ui
 
 from quadctl.lab.comparison.wording import percent
 from quadctl.lab.flights.dataset import AXES
+from quadctl.web.elements.html import empty, heading, plot, tag
 from quadctl.web.figures.path import path_figure
 from quadctl.web.figures.timeline import full_timeline
-from quadctl.web.panels.parts import empty, heading, plot, tag
 from quadctl.web.panels.zoomed import zoomed_plot
 
 if TYPE_CHECKING:
-    from quadctl.web.page import Page
+    from quadctl.web.page.page import Page
 
 
 def draw_over_time(page: "Page") -> None:

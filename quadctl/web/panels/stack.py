@@ -8,10 +8,10 @@ from nicegui import ui
 from quadctl.lab.comparison.wording import plain
 from quadctl.lab.fitting.nuisances import KINDS
 from quadctl.model import StackedEffect
-from quadctl.web.panels.parts import tag
+from quadctl.web.elements.html import tag
 
 if TYPE_CHECKING:
-    from quadctl.web.page import Page
+    from quadctl.web.page.page import Page
 
 NUISANCES = {
     "thrust_scale": ("thrust", 100.0, "%"),

@@ -6,8 +6,8 @@ from pathlib import Path
 from quadctl.errors import LogError, SettingsError
 from quadctl.logs.read import read_log
 from quadctl.model import load_model
-from quadctl.web.files import LOG_SUFFIXES, SETTINGS_SUFFIXES
-from quadctl.web.session import Session, load_session
+from quadctl.web.session.files import LOG_SUFFIXES, SETTINGS_SUFFIXES
+from quadctl.web.session.session import Session, load_session
 
 VEHICLES = Path("config/vehicles")
 

@@ -13,7 +13,7 @@ from quadctl.lab.tracking.step_response import StepResponses, step_responses
 from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.read import read_log
 from quadctl.model import Model, save_model
-from quadctl.web.worker import Progress
+from quadctl.web.work.progress import Progress
 
 MISSION, REFERENCE_MISSION = "step_response", "step_response_high"
 WITHOUT, WITH, FAR = "without compensator", "with this model", "far from the ground"

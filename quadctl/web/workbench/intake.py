@@ -10,9 +10,9 @@ from nicegui.elements.upload_files import FileUpload
 
 from quadctl.errors import QuadctlError
 from quadctl.settings import read_yaml
-from quadctl.web.files import SETTINGS_SUFFIXES, own_effects, require_inside, too_large, upload_path
-from quadctl.web.session import load_session
-from quadctl.web.workbench import Workbench
+from quadctl.web.session.files import SETTINGS_SUFFIXES, own_effects, require_inside, too_large, upload_path
+from quadctl.web.session.session import load_session
+from quadctl.web.workbench.workbench import Workbench
 
 TEMPLATE = """\
 name: my_vehicle

@@ -19,8 +19,9 @@ from quadctl.lab.arrays import Floats, Mask
 from quadctl.lab.comparison.wording import listed
 from quadctl.lab.flights.dataset import AXES, predict
 from quadctl.lab.flights.flight import VARIABLE_NAMES, VARIABLE_UNITS, Flight
-from quadctl.web.colours import keep_theme, wanted_theme
-from quadctl.web.intake import Intake
+from quadctl.web.elements.browser_theme import keep_theme, wanted_theme
+from quadctl.web.elements.html import tag
+from quadctl.web.elements.theme import DARK, LIGHT, Theme
 from quadctl.web.panels.compensator import draw_check, draw_export, draw_ratio, draw_simulation
 from quadctl.web.panels.fails import draw_brushed, draw_fails
 from quadctl.web.panels.flights import draw_flights, draw_intake, draw_vehicle
@@ -28,11 +29,10 @@ from quadctl.web.panels.frame import draw_header, draw_start, draw_status
 from quadctl.web.panels.ladder import draw_ladder
 from quadctl.web.panels.missing import draw_missing, draw_overview
 from quadctl.web.panels.over_time import draw_over_time
-from quadctl.web.panels.parts import tag
 from quadctl.web.panels.stack import draw_stack
-from quadctl.web.theme import DARK, LIGHT, Theme
-from quadctl.web.workbench import Workbench
-from quadctl.web.worker import CancelledError
+from quadctl.web.work.worker import CancelledError
+from quadctl.web.workbench.intake import Intake
+from quadctl.web.workbench.workbench import Workbench
 
 Brush = dict[str, tuple[float, float]]
 """Ranges of variables that are selected."""

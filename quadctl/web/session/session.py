@@ -16,7 +16,7 @@ from quadctl.errors import SettingsError
 from quadctl.lab.flights.dataset import HoldOut
 from quadctl.model import Model, model_from_dict, model_to_dict
 from quadctl.settings import MAX_YAML_BYTES, Settings, read_yaml, validate
-from quadctl.web.findings import Findings
+from quadctl.web.session.findings import Findings
 
 SUFFIX = ".lab.yaml"
 

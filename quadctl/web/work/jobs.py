@@ -26,10 +26,10 @@ from quadctl.logs.quality import QualityReport, quality
 from quadctl.logs.read import read_log
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
-from quadctl.web.findings import Findings
-from quadctl.web.session import Rung
-from quadctl.web.simulated import Simulation
-from quadctl.web.worker import Progress
+from quadctl.web.session.findings import Findings
+from quadctl.web.session.session import Rung
+from quadctl.web.work.progress import Progress
+from quadctl.web.work.simulated import Simulation
 
 
 @dataclass(frozen=True, eq=False)

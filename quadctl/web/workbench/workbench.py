@@ -17,13 +17,13 @@ from quadctl.lab.comparison.wording import quantity
 from quadctl.lab.flights.dataset import Dataset, HoldOut
 from quadctl.lab.selection.refit import Refit
 from quadctl.model import load_model, model_to_dict
-from quadctl.web import jobs
-from quadctl.web.files import keep_expression
-from quadctl.web.findings import Findings
-from quadctl.web.session import SUFFIX, Rung, Session, session_to_yaml
-from quadctl.web.simulated import Simulation
-from quadctl.web.state import Message, Results, Work
-from quadctl.web.worker import CancelledError, Worker
+from quadctl.web.session.files import keep_expression
+from quadctl.web.session.findings import Findings
+from quadctl.web.session.session import SUFFIX, Rung, Session, session_to_yaml
+from quadctl.web.work import jobs
+from quadctl.web.work.simulated import Simulation
+from quadctl.web.work.state import Message, Results, Work
+from quadctl.web.work.worker import CancelledError, Worker
 
 _LOG = logging.getLogger(__name__)
 AUTOSAVED = f"session{SUFFIX}"
@@ -47,7 +47,7 @@ class Workbench:
 
     def __post_init__(self) -> None:
         self._listeners: list[Callable[[], None]] = []
-        self._quick, self._slow = Worker(), Worker(patient=True)
+        self._quick, self._slow = Worker(jobs.__name__), Worker(jobs.__name__, patient=True)
         self._tasks: set[asyncio.Task[None]] = set()
 
     # --- who looks at it ----------------------------------------------------------------------------------------------

@@ -7,7 +7,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from quadctl.web.theme import Theme
+from quadctl.web.elements.theme import Theme
 
 Figure: TypeAlias = dict[str, Any]
 """`data`, `layout` and `config`, as plotly.js takes them."""

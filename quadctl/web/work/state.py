@@ -5,8 +5,8 @@ from typing import Literal
 
 from quadctl.lab.planning.suggestion import Suggestion
 from quadctl.lab.tracking.step_response import StepResponses
-from quadctl.web import jobs
-from quadctl.web.findings import Diagnosed
+from quadctl.web.session.findings import Diagnosed
+from quadctl.web.work import jobs
 
 
 @dataclass

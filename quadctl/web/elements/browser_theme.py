@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from nicegui import ui
 
-from quadctl.web.theme import DARK, LIGHT, Theme
+from quadctl.web.elements.theme import DARK, LIGHT, Theme
 
 ANSWER_S = 10.0
 """So long a browser may take to say which colours it wants."""

@@ -6,7 +6,7 @@ from functools import partial
 from nicegui import ui
 from nicegui.element import Element
 
-from quadctl.web.figures.base import Figure, to_csv
+from quadctl.web.elements.figure import Figure, to_csv
 
 PICTURE_PX = 1200
 
