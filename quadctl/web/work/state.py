@@ -1,4 +1,4 @@
-"""What the page shows besides the session: what is being done, what is said, what is known of the current model."""
+"""State of the analysis besides the session, as values: work in progress, the last message, results for the model."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -6,12 +6,12 @@ from typing import Literal
 from quadctl.lab.planning.suggestion import Suggestion
 from quadctl.lab.tracking.step_response import StepResponses
 from quadctl.web.session.findings import Diagnosed
-from quadctl.web.work import jobs
+from quadctl.web.work.jobs import Evaluation
 
 
-@dataclass
+@dataclass(frozen=True)
 class Work:
-    """What is being done now."""
+    """Work in progress: its title, and the step that it is at."""
 
     title: str
     detail: str = ""
@@ -25,17 +25,17 @@ class Message:
     text: str
 
 
-@dataclass
+@dataclass(frozen=True, eq=False)
 class Results:
-    """What is known of the current model; emptied when it changes."""
+    """Results for the current model; emptied when the model or the flights change."""
 
-    evaluation: jobs.Evaluation | None = None
+    evaluation: Evaluation | None = None
     found: Diagnosed | None = None
     before: Diagnosed | None = None
-    """What the search for an earlier model of this ladder found, until there is one for this."""
+    """Findings for an earlier model of this ladder, shown until there are some for this one."""
     suggestion: Suggestion | None = None
     steps: StepResponses | None = None
-    checked: list[str] | None = None
-    """What the check of the compensator warns of; None where it has not been asked."""
+    checked: tuple[str, ...] | None = None
+    """Warnings of the check of the compensator; None before the check."""
     refused: str = ""
-    """Why the compensator must not fly."""
+    """Reason why the compensator must not fly."""

@@ -37,10 +37,6 @@ class Intake:
     vehicles: list[Path]
     """Vehicle files to choose from."""
 
-    @property
-    def template(self) -> str:
-        return TEMPLATE
-
     async def take(self, files: Sequence[FileUpload]) -> None:
         """Keep files that were dropped: logs are opened; a model, vehicle or session is begun with."""
         logs = []

@@ -49,6 +49,7 @@ class Workbench:
         self._listeners: list[Callable[[], None]] = []
         self._quick, self._slow = Worker(jobs.__name__), Worker(jobs.__name__, patient=True)
         self._tasks: set[asyncio.Task[None]] = set()
+        self._searches = 0
 
     # --- who looks at it ----------------------------------------------------------------------------------------------
 
@@ -196,7 +197,7 @@ class Workbench:
         self._changed()
         evaluation = await self._quick.run(jobs.evaluate, model, opened.seen, opened.unseen, progress=progress)
         evaluation = replace(evaluation, comparison=replace(evaluation.comparison, dataset=opened.seen))
-        self.results.evaluation = evaluation
+        self.results = replace(self.results, evaluation=evaluation)
         if not self.session.off:
             self._judged(evaluation)
             if self.results.found is None:
@@ -209,7 +210,7 @@ class Workbench:
         known = None if rung is None else rung.error_m_s2
         if known is not None and abs(evaluation.error_m_s2 - known) > SAME_ERROR * known:
             self.session = self.session.unjudged()
-            self.results.found = None
+            self.results = replace(self.results, found=None)
             self.message = Message(
                 "error",
                 f"When this was saved the error was {quantity(known)}, now it is {quantity(evaluation.error_m_s2)}: "
@@ -223,7 +224,7 @@ class Workbench:
         if rung is None or rung.found is None or seen is None or self.session.off:
             return
         with suppress(SettingsError):  # found with another catalogue: then it is looked for again
-            self.results.found = rung.found.diagnosed(rung.model, seen)
+            self.results = replace(self.results, found=rung.found.diagnosed(rung.model, seen))
 
     # --- the search ---------------------------------------------------------------------------------------------------
 
@@ -232,11 +233,13 @@ class Workbench:
         model, seen = self.session.model, self.seen
         if model is None or seen is None or self.search is not None:
             return
-        self.search = search = Work("Looking for what is missing")
+        self.search = Work("Looking for what is missing")
+        self._searches += 1
+        number = self._searches
 
         def progress(text: str) -> None:
-            if self.search is search:
-                search.detail = text
+            if self.search is not None and number == self._searches:  # a search that was cancelled may still speak
+                self.search = replace(self.search, detail=text)
                 self._changed()
 
         self._changed()
@@ -250,7 +253,7 @@ class Workbench:
         except QuadctlError as error:
             self.message = Message("error", str(error))
         finally:
-            if self.search is search:
+            if number == self._searches:
                 self.search = None
             self._changed()
 
@@ -265,22 +268,26 @@ class Workbench:
         if found is None:
             return
         async with self._working("Choosing the next flight") as progress:
-            self.results.suggestion = await self._quick.run(
-                jobs.next_flight, found.diagnosis, self.simulation.missions, progress=progress
-            )
+            missions = self.simulation.missions
+            suggestion = await self._quick.run(jobs.next_flight, found.diagnosis, missions, progress=progress)
+            self.results = replace(self.results, suggestion=suggestion)
 
     # --- flying and taking away ---------------------------------------------------------------------------------------
 
     async def check(self) -> None:
-        """What the check of the current model as a compensator says."""
-        model, results = self.session.model, self.results
+        """Check the current model as a compensator."""
+        model = self.session.model
         if model is None:
             return
+        warnings: tuple[str, ...] | None = None
+        refused = ""
         try:
-            results.checked = await asyncio.to_thread(self.simulation.check, model)
+            warnings = tuple(await asyncio.to_thread(self.simulation.check, model))
         except QuadctlError as error:
-            results.refused = str(error)
-        self._changed()
+            refused = str(error)
+        if model == self.session.model:  # it may have changed meanwhile
+            self.results = replace(self.results, checked=warnings, refused=refused)
+            self._changed()
 
     async def fly(self) -> None:
         """Fly the step response in the simulated world."""
@@ -288,7 +295,8 @@ class Workbench:
         if model is None:
             return
         async with self._working("Flying in simulation") as progress:
-            self.results.steps = await self._quick.run(jobs.fly, self.simulation, model, progress=progress)
+            steps = await self._quick.run(jobs.fly, self.simulation, model, progress=progress)
+            self.results = replace(self.results, steps=steps)
 
     def model_file(self) -> str:
         """The current model as the text of a file that the commands and the compensator read."""
@@ -324,12 +332,12 @@ class Workbench:
         if self.work is not None:
             self.say("error", f"{self.work.title} is not finished yet: wait for it, or cancel it.")
             raise CancelledError
-        self.work = work = Work(title)
+        self.work = Work(title)
         self.message = None
         self._changed()
 
         def progress(text: str) -> None:
-            work.detail = text
+            self.work = Work(title, text)
             self._changed()
 
         try:
