@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 
-.PHONY: demo test lint bench bench-loop faults papers hidden tutorial real sitl-check screenshots clean
+.PHONY: demo test lint bench bench-loop faults papers hidden decision-rule tutorial real sitl-check screenshots clean
 
 demo: $(INSTALLED)
 	$(BIN)/quadctl demo
@@ -35,6 +35,10 @@ faults: $(INSTALLED)
 hidden: $(INSTALLED)
 	$(BIN)/python -m studies.blind_cases.scoreboard --set tuning
 	$(BIN)/python -m studies.blind_cases.scoreboard --set final
+
+# Moves every threshold of the decision rule; writes docs/decision-rule.md. Some ten minutes.
+decision-rule: $(INSTALLED)
+	$(BIN)/python -m studies.decision_rule
 
 papers: $(INSTALLED)
 	$(BIN)/python -m studies.papers

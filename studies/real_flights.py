@@ -12,7 +12,7 @@ from pathlib import Path
 
 from quadctl.errors import QuadctlError
 from quadctl.lab import discover
-from quadctl.lab.selection.candidate import parameters_in_words
+from quadctl.lab.comparison.wording import parameters_in_words
 from quadctl.lab.selection.discovery import Discovery
 
 ROOT = Path(__file__).parents[1]

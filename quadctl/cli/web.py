@@ -25,10 +25,10 @@ def lab_page(
     show: Annotated[bool, typer.Option("--open/--no-open", help="Open the browser.")] = True,
 ) -> None:
     """The lab as a page in the browser: look, click, watch the error fall."""
-    from quadctl.web.workbench.intake import Intake
     from quadctl.web.page.server import serve
-    from quadctl.web.work.simulated import Simulation
     from quadctl.web.session.start import check_folders, first_session, vehicle_files
+    from quadctl.web.work.simulated import Simulation
+    from quadctl.web.workbench.intake import Intake
     from quadctl.web.workbench.workbench import Workbench
 
     if session is not None and (logs or model is not None):

@@ -10,12 +10,14 @@ raptor against flight.csv
 ['ground_effect']
 """
 
-# Imported at once and not when first asked for: modules of the lab are called as their functions are (`compare`), and
-# importing one later would put the module in the function's place. What flies does not import the lab.
-from quadctl.lab.estimator import FlightModel
-from quadctl.lab.interface import add, compare, diagnose, discover, fit, prepare_flights, remove, suggest
-from quadctl.logs.read import read_log, read_logs
-from quadctl.model import Model, load_model, save_model
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from quadctl.lab.estimator import FlightModel
+    from quadctl.lab.interface import add, compare, diagnose, discover, fit, prepare_flights, remove, suggest
+    from quadctl.logs.read import read_log, read_logs
+    from quadctl.model import Model, load_model, save_model
 
 __all__ = [
     "FlightModel",
@@ -33,3 +35,21 @@ __all__ = [
     "save_model",
     "suggest",
 ]
+
+_HOMES = {
+    "FlightModel": "quadctl.lab.estimator",
+    **dict.fromkeys(("Model", "load_model", "save_model"), "quadctl.model"),
+    **dict.fromkeys(("read_log", "read_logs"), "quadctl.logs.read"),
+}
+"""Modules of the public names; all others are in `quadctl.lab.interface`."""
+
+
+def __getattr__(name: str) -> Any:
+    """Load a public name when it is first asked for (PEP 562): scipy and polars take seconds, a name takes none."""
+    if name not in __all__:
+        raise AttributeError(f"module 'quadctl.lab' has no attribute '{name}'")
+    return getattr(import_module(_HOMES.get(name, "quadctl.lab.interface")), name)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

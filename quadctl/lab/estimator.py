@@ -98,12 +98,12 @@ class FlightModel:
         Before `fit`, with the parameters that the model has. The samples' times are those of `prepare_flights`.
         """
         model = self._current()
-        return prepare_flights(flights, model.vehicle).predicted(model)
+        return prepare_flights(flights, model.vehicle).aligned_for(model).predicted(model)
 
     def score(self, flights: Flights) -> float:
         """Share of the acceleration's variance that the model explains, R^2: 1 at best, negative at worst."""
         model = self._current()
-        dataset = prepare_flights(flights, model.vehicle)
+        dataset = prepare_flights(flights, model.vehicle).aligned_for(model)
         return explained(dataset.residual(model), dataset.measured)
 
     def save(self, path: Path | str) -> None:

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TypeAlias
 
+import quadctl.lab.figures  # noqa: F401  (registers the figure of each result)
 from quadctl.effects import Effect, catalog_with, find_effect
 from quadctl.errors import SettingsError
 from quadctl.lab.comparison.comparison import Comparison

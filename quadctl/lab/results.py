@@ -1,13 +1,14 @@
-"""How the lab's results look: as tables on a terminal and in a notebook, and each as one figure."""
+"""Results of the lab: each prints as a table on a terminal and in a notebook, and draws itself as one figure.
+
+The figures register themselves (`quadctl.lab.figures`), so that no result imports a plot.
+"""
 
 import io
-from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterable, Mapping
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from rich.console import Console, RenderableType
 from rich.table import Table
-
-from quadctl.lab.flights.dataset import AXES
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -37,17 +38,39 @@ class Result:
         return console.export_html(inline_styles=True, code_format=_NOTEBOOK)
 
     def plot(self) -> "Figure":
-        """The one figure that says most of this result (`quadctl.lab.plots` has more)."""
-        from quadctl.lab.plots.of_results import drawn
+        """The one figure that says most of this result (`quadctl.lab.plots` has more).
 
-        return drawn(self)
+        Raises
+        ------
+        TypeError
+            No figure is registered for results of this kind.
+        """
+        for kind in type(self).__mro__:
+            if kind in _FIGURES:
+                return _FIGURES[kind](self)
+        raise TypeError(f"no figure is registered for {type(self).__name__}, expected one by `draws`")
+
+
+_FIGURES: dict[type, "Callable[[Any], Figure]"] = {}
+
+_Draw = TypeVar("_Draw", bound="Callable[[Any], Figure]")
+
+
+def draws(kind: type[Result]) -> "Callable[[_Draw], _Draw]":
+    """Decorator that registers a function as the figure of results of `kind`."""
+
+    def register(draw: _Draw) -> _Draw:
+        _FIGURES[kind] = draw
+        return draw
+
+    return register
 
 
 def errors_table(title: str, rows: Iterable[tuple[str, Mapping[str, float]]]) -> Table:
     """Errors per axis and total, m/s^2, a row each."""
     table = Table(title=title, title_justify="left")
     table.add_column("m/s^2")
-    columns = (*AXES, "total")
+    columns = ("north", "east", "up", "total")
     for axis in columns:
         table.add_column(axis, justify="right")
     for name, errors in rows:

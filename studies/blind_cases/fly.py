@@ -1,9 +1,7 @@
 """Fly one hidden case: logs as a user has them, and, apart from them, what the truths did, for the judge alone."""
 
 import hashlib
-import math
 import random
-from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -19,7 +17,6 @@ from quadctl.flight.pilot.pilot import Pilot
 from quadctl.flight.pilot.settings import load_flight_settings
 from quadctl.flight.pilot.tick import Tick
 from quadctl.flight.record.recorder import header, row
-from quadctl.frames import wrap_pi
 from quadctl.logs.columns import PHASE_COLUMN, motor_columns, rpm_columns
 from quadctl.logs.csv_log import write_csv
 from quadctl.logs.flight_log import FlightLog, Floats
@@ -27,7 +24,6 @@ from quadctl.missions import load_mission
 from quadctl.model import Model
 from quadctl.sitl.rules.px4 import SimulatedAutopilot
 from quadctl.sitl.run import fly_lockstep
-from quadctl.state import Setpoint
 from quadctl.vehicle import Vehicle, load_vehicle
 
 from .cases import HERE, Case, truth_kinds
@@ -35,7 +31,6 @@ from .nuisances import IMU_NOISE_M_S2, Nuisances
 from .truths_vehicle import ShiftedAccelerometer
 from .world import HiddenBody, Truth
 
-TURN_RATE_RAD_S = math.radians(60.0)
 NO_PART_OF_FLIGHT = ("cases", "judge", "scoreboard", "test_hidden")
 IMU_COLUMNS = ("imu_x_m_s2", "imu_y_m_s2", "imu_z_m_s2")
 
@@ -47,18 +42,6 @@ class FlownCase(NamedTuple):
     unseen: Path
     truth: Path
     """Time and acceleration by the truths (north, east, up) of the unseen flight, .npz."""
-
-
-class TurningPilot(Pilot):
-    """A pilot who looks another way every `turn_every_s`: the missions themselves know one heading only."""
-
-    turn_every_s = 10.0
-    turn_rad = 0.5 * math.pi
-
-    def _setpoint(self, t_s: float) -> Setpoint:
-        turns, since_s = divmod(t_s, self.turn_every_s)
-        turned = turns * self.turn_rad - max(self.turn_rad - TURN_RATE_RAD_S * since_s, 0.0) * (turns > 0)
-        return replace(super()._setpoint(t_s), yaw_rad=wrap_pi(self._heading_rad + turned))
 
 
 def truths_of(case: Case, vehicle: Vehicle) -> list[Truth]:
@@ -93,7 +76,7 @@ def fly(case: Case, number: int) -> tuple[FlightLog, Floats]:
     autopilot.body = body
     autopilot.estimator = nuisances.estimator()
     autopilot.estimator.observe(body.motion())
-    pilot = TurningPilot(mission, Model(vehicle), settings, Compensator(Model(vehicle), settings.compensator_limits))
+    pilot = Pilot(mission, Model(vehicle), settings, Compensator(Model(vehicle), settings.compensator_limits))
     chance = random.Random(f"imu {nuisances.seed}")
     bias = [
         b + sum(t.bias[i] for t in truths if isinstance(t, ShiftedAccelerometer))

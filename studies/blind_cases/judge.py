@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from quadctl.frames import euler_from_quaternion
-from quadctl.lab.flights.dataset import Dataset, load_dataset, rmse
+from quadctl.lab.flights.dataset import Dataset, load_dataset
+from quadctl.lab.flights.prediction import rmse
 from quadctl.lab.selection.diagnosis import Diagnosis, diagnose
 from quadctl.logs.read import read_logs
 from quadctl.model import Model, load_model
@@ -85,8 +86,8 @@ def error_left(case: Case, flown: FlownCase, found: Model) -> float | None:
         flight.filtered(np.interp(flight.grid_s - delay_s, truth["time_s"], component))
         for component in truth["acceleration"].T
     ]
-    best = rmse(data.residual(rigid)[:, :3] - np.column_stack(true))["total"]
-    return rmse(data.residual(found)[:, :3])["total"] / best
+    best = rmse(data.aligned_for(rigid).residual(rigid)[:, :3] - np.column_stack(true))["total"]
+    return rmse(data.aligned_for(found).residual(found)[:, :3])["total"] / best
 
 
 def covered(case: Case, diagnosis: Diagnosis) -> list[bool]:

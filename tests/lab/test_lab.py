@@ -18,7 +18,8 @@ from quadctl.lab.fitting.noise import CorrelatedNoise, autocovariance
 from quadctl.lab.fitting.nuisances import MOST
 from quadctl.lab.fitting.parameters import intervals
 from quadctl.lab.fitting.significance import difference_p_value, improvement_p_value
-from quadctl.lab.flights.dataset import Dataset, load_dataset, rmse
+from quadctl.lab.flights.dataset import Dataset, load_dataset
+from quadctl.lab.flights.prediction import rmse
 from quadctl.lab.flights.preparation import BLOCK_S, prepare
 from quadctl.lab.selection.addition import add
 from quadctl.lab.selection.diagnosis import diagnose
@@ -236,7 +237,7 @@ class TestAdd:
     def test_the_error_falls_on_a_flight_that_no_fit_has_seen(self, staircases: list[FlightLog], rigid: Model) -> None:
         seen, unseen = load_dataset(staircases[:1], rigid.vehicle), load_dataset(staircases[1:], rigid.vehicle)
         model = add(Exponential, rigid, seen).model
-        assert rmse(unseen.residual(model))["total"] < 0.3 * rmse(unseen.residual(rigid))["total"]
+        assert compare(model, unseen).rmse["total"] < 0.3 * compare(rigid, unseen).rmse["total"]
 
     def test_the_saved_model_tells_where_it_comes_from(
         self, staircases: list[FlightLog], raptor_path: Path, tmp_path: Path

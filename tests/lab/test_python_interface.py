@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+import quadctl.lab
 from quadctl.effects.ground_effect import Exponential
 from quadctl.errors import LogError, SettingsError
 from quadctl.lab import (
@@ -168,17 +169,26 @@ class TestResults:
         assert isinstance(figure, Figure) and figure.axes
 
 
-def test_the_functions_stay_functions_when_their_modules_are_imported() -> None:
-    code = "import quadctl.lab, quadctl.lab.comparison.comparison, quadctl.lab.report\n"
-    code += "print(callable(quadctl.lab.compare))"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "True"
+HEAVY = ("scipy", "polars", "matplotlib", "joblib", "pysindy", "pyulog", "jinja2", "nicegui", "mavsdk")
 
 
-def test_what_flies_imports_neither_the_lab_nor_its_libraries() -> None:
-    code = (
-        "import sys, quadctl.flight.session, quadctl.flight.pilot.pilot, quadctl.model\n"
-        "print([m for m in ('quadctl.lab', 'scipy', 'matplotlib', 'polars') if m in sys.modules])"
-    )
+def test_importing_the_lab_alone_loads_no_heavy_package() -> None:
+    code = f"import sys, quadctl.lab; print(*(name for name in {HEAVY} if name in sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"
+    assert done.stdout.split() == []
+
+
+def test_an_analysis_loads_no_plotting_before_something_is_drawn() -> None:
+    code = "import sys; from quadctl.lab import compare, diagnose, discover; print('matplotlib' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "False"
+
+
+def test_every_public_name_is_there() -> None:
+    assert all(callable(getattr(quadctl.lab, name)) for name in quadctl.lab.__all__)
+    assert dir(quadctl.lab) == sorted(quadctl.lab.__all__)
+
+
+def test_a_name_that_is_not_public_is_said_to_be_none() -> None:
+    with pytest.raises(AttributeError, match="has no attribute 'improve'"):
+        quadctl.lab.improve  # noqa: B018

@@ -201,7 +201,9 @@ def test_a_channel_that_says_nothing_is_named(runs: FlightLog, raptor: Vehicle, 
 def impaired(log: FlightLog, vehicle: Vehicle) -> tuple[float, str]:
     """Error of the rigid body, which flew, on what is left of a log, and what is said to have been left out."""
     data = load_dataset([log], vehicle)
-    return float(np.sqrt(np.mean(data.residual(Model(vehicle)) ** 2))), "; ".join(data.flights[0].notes)
+    return float(np.sqrt(np.mean(data.aligned_for(Model(vehicle)).residual(Model(vehicle)) ** 2))), "; ".join(
+        data.flights[0].notes
+    )
 
 
 @pytest.mark.parametrize(

@@ -10,8 +10,8 @@ from quadctl.flight.session import prepare_flight
 from quadctl.model import load_model
 from quadctl.sitl.run import simulate
 from quadctl.web.session.findings import Findings
-from quadctl.web.work.jobs import look_for, open_logs
 from quadctl.web.session.session import Rung, Session, load_session, session_to_yaml
+from quadctl.web.work.jobs import look_for, open_logs
 from tests.support.visitors import ROOT
 
 VEHICLE = ROOT / "config" / "vehicles" / "raptor.yaml"

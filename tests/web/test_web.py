@@ -13,10 +13,13 @@ import pytest
 
 from quadctl.cli import main
 from quadctl.effects.ground_effect import Exponential, Hayden
+from quadctl.effects.motor_lag import FirstOrderLag
 from quadctl.errors import QuadctlError, SettingsError
 from quadctl.lab.comparison.comparison import Comparison, compare
 from quadctl.lab.flights.dataset import Dataset, load_dataset
+from quadctl.lab.flights.prediction import rmse
 from quadctl.lab.selection.diagnosis import Diagnosis, diagnose
+from quadctl.lab.selection.rule import is_supported
 from quadctl.lab.symbolic.effect_file import as_effect_file
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
@@ -32,6 +35,7 @@ from quadctl.web.session.files import keep_expression, own_effects, require_insi
 from quadctl.web.session.findings import Findings, SavedFormula
 from quadctl.web.session.session import Rung, Session, load_session, session_to_yaml
 from quadctl.web.work.jobs import log_names
+from quadctl.web.work.predictions import predictions
 from quadctl.web.work.worker import CancelledError, Worker
 from tests.support.flights import obedient
 from tests.support.places import ROOT
@@ -100,7 +104,7 @@ class TestSession:
         assert rung.found is not None
         again = rung.found.diagnosed(rung.model, found.dataset).diagnosis
         assert str(again) == str(found)
-        assert [c.supported for c in again.ranking] == [c.supported for c in found.ranking]
+        assert [is_supported(c) for c in again.ranking] == [is_supported(c) for c in found.ranking]
         assert again.best.effects == found.best.effects
 
     def test_other_flights_make_what_was_found_unknown(self, found: Diagnosis) -> None:
@@ -328,6 +332,17 @@ class TestFigures:
         heights = compared.dataset.variable("height_over_radius")
         assert heights is not None
         assert len(selected["x"]) == np.count_nonzero(heights < 3.0) > 0
+
+
+class TestPredictions:
+    def test_a_figure_shows_the_residual_that_the_error_is_computed_from(self, raptor: Vehicle) -> None:
+        lagging = Model(raptor).plus(FirstOrderLag(time_constant_s=0.15))
+        dataset = load_dataset([obedient(lagging, noise_m_s=0.01)], raptor)
+        (flight,) = dataset.flights
+        shown = predictions({"lag": lagging, "rigid body": Model(raptor)}, flight)
+        for name, model in (("lag", lagging), ("rigid body", Model(raptor))):
+            residual = flight.measured - shown[name]
+            assert rmse(residual)["total"] == compare(model, dataset).rmse["total"]
 
 
 def _axis_titles(drawn: Figure) -> list[str]:

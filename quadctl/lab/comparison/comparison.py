@@ -11,7 +11,8 @@ from quadctl.lab.arrays import Floats
 from quadctl.lab.comparison.failures import Failure, Profile, failures, profiles
 from quadctl.lab.comparison.noise_floor import flexible_residual, noise_floor
 from quadctl.lab.comparison.open_loop import OpenLoop, open_loop, open_loop_in_words, open_loop_table
-from quadctl.lab.flights.dataset import Dataset, rmse
+from quadctl.lab.flights.dataset import AlignedDataset, Dataset
+from quadctl.lab.flights.prediction import rmse
 from quadctl.lab.results import Result, errors_table
 from quadctl.model import Model
 
@@ -24,7 +25,7 @@ class Comparison(Result):
     """A model against a dataset; errors in m/s^2 of kinematic acceleration, measured minus predicted."""
 
     model: Model
-    dataset: Dataset
+    dataset: AlignedDataset
     residual: Floats
     """Shape (n, 3)."""
     rmse: dict[str, float]
@@ -79,20 +80,20 @@ class Comparison(Result):
 
 def compare(model: Model, dataset: Dataset) -> Comparison:
     """Evaluate `model` on `dataset` as it stands; nothing is fitted."""
-    dataset = dataset.timed_for(model)
-    residual = dataset.residual(model)
-    noise = noise_floor(residual, flexible_residual(residual, dataset))
-    seen = profiles(residual, noise, dataset)
+    aligned = dataset.aligned_for(model)
+    residual = aligned.residual(model)
+    noise = noise_floor(residual, flexible_residual(residual, aligned))
+    seen = profiles(residual, noise, aligned)
     return Comparison(
         model=model,
-        dataset=dataset,
+        dataset=aligned,
         residual=residual,
         rmse=rmse(residual),
         noise_floor=rmse(noise),
-        explained=explained(residual, dataset.measured),
-        fails_where=failures(residual, noise, dataset, seen),
+        explained=explained(residual, aligned.measured),
+        fails_where=failures(residual, noise, aligned, seen),
         profiles=seen,
-        open_loop=open_loop(model, dataset),
+        open_loop=open_loop(model, aligned),
     )
 
 

@@ -13,8 +13,9 @@ from scipy import stats
 from quadctl.frames import GRAVITY_M_S2
 from quadctl.lab.arrays import Floats, Mask
 from quadctl.lab.fitting.noise import CorrelatedNoise
-from quadctl.lab.flights.dataset import AXES, Dataset
+from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.flights.flight import VARIABLE_NAMES, VARIABLE_UNITS
+from quadctl.lab.flights.prediction import AXES
 
 BINS = 10
 LEAST_ERROR_M_S2 = 1e-6
@@ -23,6 +24,8 @@ MIN_SIGMA = 4.0
 """Of the mean of a bin: with some hundred bins looked at, less happens by chance."""
 MIN_RESIDUAL_M_S2 = 0.02
 """Smaller errors are not worth a sentence."""
+TELLING_SHARE, TELLING_P_VALUE = 0.05, 0.01
+"""Least share of the squared residual in the bins' means, and largest p-value, of a variable worth showing."""
 
 
 @dataclass(frozen=True)
@@ -83,6 +86,11 @@ def profiles(residual: Floats, noise: Floats, dataset: Dataset) -> list[Profile]
     # The share is of all axes' power: a clear pattern in a small error comes after one in a large error.
     power = {axis: float(np.mean(residual[:, a] ** 2)) / max(total, 1e-12) for a, axis in enumerate(AXES)}
     return sorted(found, key=lambda profile: -profile.share * power[profile.axis])
+
+
+def is_telling(profile: Profile) -> bool:
+    """Tell whether the residual of a profile goes with its variable, by more than chance and enough to be shown."""
+    return profile.share > TELLING_SHARE and profile.p_value < TELLING_P_VALUE
 
 
 def failures(residual: Floats, noise: Floats, dataset: Dataset, tried: list[Profile]) -> list[Failure]:

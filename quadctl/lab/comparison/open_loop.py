@@ -19,8 +19,9 @@ from quadctl.effects import Conditions
 from quadctl.frames import ned_from_neu, rotate, rotate_inverse
 from quadctl.lab.arrays import Floats
 from quadctl.lab.fitting.bootstrap import Estimate, estimates
-from quadctl.lab.flights.dataset import AXES, Dataset
+from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.flights.flight import Flight
+from quadctl.lab.flights.prediction import AXES
 from quadctl.lab.flights.preparation import BLOCK_S
 from quadctl.model import Model
 

@@ -51,6 +51,14 @@ def parameters_in_text(effect: Effect, ci95: Mapping[str, tuple[float, float]]) 
     return ", ".join(parts) or "no free parameters"
 
 
+def parameters_in_words(effect: Effect, ci95: Mapping[str, tuple[float, float]]) -> str:
+    """`a = 0.114 [0.10, 0.12], b = 5.4 [5.0, 5.8]`; fixed parameters are left out."""
+    values = effect.values()
+    return (
+        ", ".join(f"{name} = {values[name]:.4g} [{low:.4g}, {high:.4g}]" for name, (low, high) in ci95.items()) or "-"
+    )
+
+
 def _parameter(value: float) -> str:
     """Less than a millionth is a zero that the solver has not quite reached."""
     return f"{value if abs(value) > 1e-6 else 0.0:.4g}".replace("-", "\u2212")

@@ -13,8 +13,8 @@ from dataclasses import replace
 import numpy as np
 
 from quadctl.lab.arrays import Floats
-from quadctl.lab.flights.dataset import AXES, predict, predict_targets
 from quadctl.lab.flights.flight import Flight
+from quadctl.lab.flights.prediction import AXES, predict, predict_targets
 from quadctl.model import Model
 
 ROTOR_COEFFICIENT = 0.01

@@ -6,6 +6,7 @@ linear in the samples and in the flights.
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,8 +24,18 @@ from quadctl.lab.fitting.normal_equations import (
     worth,
 )
 from quadctl.lab.fitting.nuisances import KINDS, MOST, acceleration_slopes, predicted_with, usual_sizes
-from quadctl.lab.fitting.parameters import free_parameters, parameter_slopes, values_of, with_values
-from quadctl.lab.flights.dataset import Dataset, predict, predict_targets
+from quadctl.lab.fitting.parameters import (
+    Free,
+    free_parameters,
+    intervals,
+    parameter_slopes,
+    remarks,
+    values_of,
+    with_values,
+)
+from quadctl.lab.flights.dataset import AlignedDataset, Dataset
+from quadctl.lab.flights.flight import Flight
+from quadctl.lab.flights.prediction import predict, predict_targets, rmse
 from quadctl.lab.threads import one_blas_thread
 from quadctl.model import Model
 
@@ -43,29 +54,96 @@ WEIGHTS_AT_ONCE = 400_000
 """Of blocks of time in draws: so many are worked on at once."""
 
 
-def judged(model: Model, dataset: Dataset) -> tuple[Model, Floats]:
-    """`model` fitted to all data, and what fits leave of the parts that they did not see, shape (n, 3 or 6)."""
-    fitter = Fitter(model, dataset)
-    fitted = fitter.fit()
-    return fitted.model, dataset.targets - fitter.held_out(fitted)
-
-
 @dataclass(frozen=True, eq=False)
-class Fitted:
-    """A fitted model and the nuisances of the flights it was fitted on, shape (flights, kinds)."""
+class Optimum:
+    """A model with fitted parameters, and the fitted nuisances of each flight, shape (flights, kinds)."""
 
     model: Model
     nuisances: Floats
 
-    def predicted(self, dataset: Dataset) -> Floats:
-        """Prediction of every sample's targets, nuisances included, shape (n, 3 or 6)."""
+    def predicted(self, dataset: AlignedDataset) -> Floats:
+        """Prediction of every sample's targets, nuisances included, shape (n, 3 * groups)."""
         flights = zip(dataset.flights, self.nuisances, strict=True)
         return np.concatenate([predicted_with(self.model, f, nuisance, dataset.groups) for f, nuisance in flights])
 
 
 @dataclass(frozen=True, eq=False)
-class _Around:
-    """What the samples leave behind at a fit to all of them, to first order in what changes."""
+class FittedModel:
+    """A model fitted to flights: the value that adding, removing, searching and evaluating take and give.
+
+    Its bootstrap draws are computed when they are first asked for, and kept.
+    """
+
+    fitter: "Fitter"
+    optimum: Optimum
+    held_out_residual: Floats
+    """Targets minus predictions of refits that have not seen the sample, shape (n, 3 * groups)."""
+
+    @property
+    def model(self) -> Model:
+        """The model with its fitted parameters."""
+        return self.optimum.model
+
+    @property
+    def dataset(self) -> Dataset:
+        """The flights as they were prepared."""
+        return self.fitter.dataset.source
+
+    @property
+    def free(self) -> list[Free]:
+        """The fitted parameters, in the order of `draws`."""
+        return self.fitter.free
+
+    @property
+    def flights(self) -> tuple[Flight, ...]:
+        """The flights as they were aligned for the fit."""
+        return self.fitter.dataset.flights
+
+    @property
+    def predicted(self) -> Floats:
+        """Prediction of every sample's targets, the flights' nuisances included, shape (n, 3 * groups)."""
+        return self.optimum.predicted(self.fitter.dataset)
+
+    @cached_property
+    def held_out_rmse(self) -> dict[str, float]:
+        """Held-out error per axis and group (see `rmse`)."""
+        return rmse(self.held_out_residual, self.dataset.groups)
+
+    @cached_property
+    def draws(self) -> Floats:
+        """Bootstrap draws of the fitted parameters, shape (draws, p)."""
+        return self.fitter.bootstrap(self.optimum)
+
+    @cached_property
+    def intervals(self) -> list[tuple[float, float]]:
+        """95 % interval of each fitted parameter."""
+        return intervals(self.free, self.draws)
+
+    def refined(self) -> "FittedModel":
+        """The fit, gone on with: where the minimum is flat, a fit stops a little before it (see `CLOSE_ENOUGH`)."""
+        return fit_model(self.model, self.dataset)
+
+    def ci95(self, effect: int) -> dict[str, tuple[float, float]]:
+        """95 % intervals of the fitted parameters of one effect of the stack, by their names."""
+        return {f.parameter.name: ci for f, ci in zip(self.free, self.intervals, strict=True) if f.effect == effect}
+
+    def remarks(self, effect: int | None = None) -> list[str]:
+        """Remarks on the fitted parameters (see `remarks`), on those of one effect only where it is given."""
+        own = [(f, ci) for f, ci in zip(self.free, self.intervals, strict=True) if effect in (None, f.effect)]
+        free = [f for f, _ in own]
+        return remarks(free, values_of(self.model, free), [ci for _, ci in own])
+
+
+def fit_model(model: Model, dataset: Dataset) -> FittedModel:
+    """Fit the parameters of `model`, from their present values on, and the nuisances of the flights of `dataset`."""
+    fitter = Fitter(model, dataset)
+    optimum = fitter.fit()
+    return FittedModel(fitter, optimum, dataset.targets - fitter.held_out(optimum))
+
+
+@dataclass(frozen=True, eq=False)
+class _Linearisation:
+    """Sums over the samples at an optimum, to first order in what changes."""
 
     residual: Floats
     scale: Floats
@@ -89,7 +167,7 @@ class Fitter:
     """
 
     def __init__(self, model: Model, dataset: Dataset) -> None:
-        self.dataset = dataset.timed_for(model)
+        self.dataset = dataset.aligned_for(model)
         self.model = model
         self.free = free_parameters(model)
         count = len(dataset.flights)
@@ -97,16 +175,16 @@ class Fitter:
         self._high = np.concatenate([[f.parameter.high for f in self.free], np.tile(MOST, count)])
         self._unit = self._high - self._low
         self._usual = usual_sizes(model)
-        self._last: tuple[Fitted, _Around] | None = None
+        self._last: tuple[Optimum, _Linearisation] | None = None
 
     @one_blas_thread
-    def fit(self, used: Mask | None = None, start: Fitted | None = None) -> Fitted:
+    def fit(self, used: Mask | None = None, start: Optimum | None = None) -> Optimum:
         """Fit on the samples `used` (all by default), from the model's present parameters or from an earlier fit.
 
         Gauss-Newton with bounded linear least squares for each step. The scale of the noise, which says what an outlier
         is, follows the fit.
         """
-        fitted = start or Fitted(self.model, np.zeros((len(self.dataset.flights), len(KINDS))))
+        fitted = start or Optimum(self.model, np.zeros((len(self.dataset.flights), len(KINDS))))
         rows = self._all() if used is None else used
         residual = self._residual(fitted, rows)
         near = self._nuisance_slopes(fitted.model)
@@ -121,7 +199,7 @@ class Fitter:
         return fitted
 
     @one_blas_thread
-    def held_out(self, fitted: Fitted) -> Floats:
+    def held_out(self, fitted: Optimum) -> Floats:
         """Prediction of every sample's targets by a fit that has not seen its fold, shape (n, 3 or 6).
 
         `fitted` is the fit to all samples. Without a few blocks the optimum moves little: one Gauss-Newton step from
@@ -131,19 +209,19 @@ class Fitter:
         left = self._without_flights(fitted) if self.dataset.whole_flights else self._without_blocks(fitted)
         return self.dataset.targets - left
 
-    def _without_flights(self, fitted: Fitted) -> Floats:
+    def _without_flights(self, fitted: Optimum) -> Floats:
         """Residual of refits that have not seen the flight."""
         left = np.empty_like(self.dataset.targets)
         for number in self.dataset.folds:
             held = self.dataset.fold == number
             known = np.array([not held[part.start] for part in self.dataset.parts])
-            refitted = self.fit(~held, Fitted(fitted.model, np.where(known[:, None], fitted.nuisances, 0.0)))
+            refitted = self.fit(~held, Optimum(fitted.model, np.where(known[:, None], fitted.nuisances, 0.0)))
             left[held] = self._residual(refitted, held)[held]
         return left
 
-    def _without_blocks(self, fitted: Fitted) -> Floats:
+    def _without_blocks(self, fitted: Optimum) -> Floats:
         """Residual of refits, to first order, that have not seen the blocks of the fold."""
-        here = self._around(fitted)
+        here = self._linearised(fitted)
         fold = self.dataset.fold[here.starts]
         first = np.flatnonzero(np.diff(self.dataset.flight_index[here.starts], prepend=-1))
         moves = self._moves(fitted)
@@ -156,7 +234,7 @@ class Fitter:
         return left
 
     @one_blas_thread
-    def bootstrap(self, fitted: Fitted, seed: int = 0) -> Floats:
+    def bootstrap(self, fitted: Optimum, seed: int = 0) -> Floats:
         """Free parameters of `BOOTSTRAPS` refits on resampled blocks of time, shape (draws, p), within their bounds.
 
         Each draw is one Gauss-Newton step from the optimum with the blocks' new weights, which is the refit to first
@@ -166,7 +244,7 @@ class Fitter:
         p = len(self.free)
         if not p:
             return np.empty((BOOTSTRAPS, 0))
-        here = self._around(fitted)
+        here = self._linearised(fitted)
         count = len(here.starts)
         random = np.random.default_rng(seed)
         at_once = max(1, WEIGHTS_AT_ONCE // count)
@@ -196,7 +274,7 @@ class Fitter:
         draws[:, unseen] = np.where(either, high, low)[:, unseen]
         return draws
 
-    def misfit(self, fitted: Fitted, scale: Floats) -> float:
+    def misfit(self, fitted: Optimum, scale: Floats) -> float:
         """What a fit of all samples minimises, for noise of `scale` per axis: to compare fits of other models."""
         rows = self._all()
         return self._cost(fitted, self._residual(fitted, rows), scale, rows)
@@ -217,7 +295,7 @@ class Fitter:
         scaled[..., p:-1, -1] += own / self._usual**2 * pull
         return Arrow.of_sums(scaled, p).ridged()
 
-    def _considered_steps(self, fitted: Fitted, sums: Floats, pulls: Floats, random: np.random.Generator) -> Floats:
+    def _considered_steps(self, fitted: Optimum, sums: Floats, pulls: Floats, random: np.random.Generator) -> Floats:
         """Where draws of errors that are not fitted lead the parameters, in units of their ranges, shape (draws, p).
 
         `sums` are those of each flight, which takes up with its nuisances what it can of the `pulls` of an error.
@@ -227,12 +305,12 @@ class Fitter:
         led = self._equations(pulled, np.zeros_like(fitted.nuisances)).solve(self._moves(fitted))[:, : len(self.free)]
         return np.asarray(random.standard_normal((BOOTSTRAPS, len(led))) @ led)
 
-    def _moves(self, fitted: Fitted) -> Mask:
+    def _moves(self, fitted: Optimum) -> Mask:
         """What the fit has pushed against a bound stays there, as it would in a refit."""
         values = self._values(fitted)
         return np.asarray((values - self._low > 1e-6 * self._unit) & (self._high - values > 1e-6 * self._unit))
 
-    def _bounded_step(self, fitted: Fitted, sums: Floats) -> Floats:
+    def _bounded_step(self, fitted: Optimum, sums: Floats) -> Floats:
         """The Gauss-Newton step that stays within the bounds, and within `LONGEST` of the range of each of them."""
         values = self._values(fitted)
         low = np.maximum((self._low - values) / self._unit, -LONGEST)
@@ -240,8 +318,8 @@ class Fitter:
         return np.asarray(self._unit * self._equations(sums, -fitted.nuisances).within(low, high))
 
     def _downhill(
-        self, fitted: Fitted, residual: Floats, step: Floats, scale: Floats, rows: Mask
-    ) -> tuple[Fitted, Floats, float]:
+        self, fitted: Optimum, residual: Floats, step: Floats, scale: Floats, rows: Mask
+    ) -> tuple[Optimum, Floats, float]:
         """The fit after the longest of `step`, its half, its quarter... that lowers the cost, its residual, and that
         share."""
         before = self._cost(fitted, residual, scale, rows)
@@ -263,11 +341,11 @@ class Fitter:
         square = np.sum(np.einsum("fm,fmk->fk", each, sums[:, :-1, :-1]) * each)
         return max(float(square), 0.0) / float(np.count_nonzero(rows) * self.dataset.targets.shape[1])
 
-    def _fitted(self, values: Floats) -> Fitted:
+    def _fitted(self, values: Floats) -> Optimum:
         p = len(self.free)
-        return Fitted(with_values(self.model, self.free, values[:p]), values[p:].reshape(-1, len(KINDS)))
+        return Optimum(with_values(self.model, self.free, values[:p]), values[p:].reshape(-1, len(KINDS)))
 
-    def _values(self, fitted: Fitted) -> Floats:
+    def _values(self, fitted: Optimum) -> Floats:
         return np.concatenate([values_of(fitted.model, self.free), fitted.nuisances.ravel()])
 
     def _unseen(self, power: Floats) -> Mask:
@@ -291,7 +369,7 @@ class Fitter:
     def _all(self) -> Mask:
         return np.ones(len(self.dataset.targets), dtype=bool)
 
-    def _residual(self, fitted: Fitted, rows: Mask) -> Floats:
+    def _residual(self, fitted: Optimum, rows: Mask) -> Floats:
         """What `fitted` leaves of the targets of all flights with samples in `rows`, shape (n, axes); 0 elsewhere."""
         left = np.zeros_like(self.dataset.targets)
         for flight, part, nuisance in zip(self.dataset.flights, self.dataset.parts, fitted.nuisances, strict=True):
@@ -300,7 +378,7 @@ class Fitter:
                 left[part] = self.dataset.targets[part] - predicted
         return left
 
-    def _cost(self, fitted: Fitted, residual: Floats, scale: Floats, rows: Mask) -> float:
+    def _cost(self, fitted: Optimum, residual: Floats, scale: Floats, rows: Mask) -> float:
         """Soft-L1 loss of the samples in units of their noise; a prior's term is never an outlier."""
         total = float(np.sum((fitted.nuisances / self._usual) ** 2))
         for flight, part in zip(self.dataset.flights, self.dataset.parts, strict=True):
@@ -326,13 +404,13 @@ class Fitter:
                 plain[i] = products(columns)
         return robust, plain
 
-    def _around(self, fitted: Fitted) -> _Around:
+    def _linearised(self, fitted: Optimum) -> _Linearisation:
         """What the samples leave behind at `fitted`; kept, for intervals are asked for after the unseen error."""
         if self._last is None or self._last[0] is not fitted:
             self._last = fitted, self._summed_up(fitted)
         return self._last[1]
 
-    def _summed_up(self, fitted: Fitted) -> _Around:
+    def _summed_up(self, fitted: Optimum) -> _Linearisation:
         model, groups, p = fitted.model, self.dataset.groups, len(self.free)
         residual = self._residual(fitted, self._all())
         scale = noise_scale(residual)
@@ -348,7 +426,7 @@ class Fitter:
             errors = error_slopes(model, flight, groups, predict_targets(model, flight, groups)) / scale[:, None]
             pulls.append(np.tensordot(errors, slopes * weights[..., None], axes=((0, 1), (0, 1))))
             power += np.einsum("nap,nap->p", slopes[..., :p], slopes[..., :p])
-        return _Around(residual, scale, np.array(sums), starts, power, np.stack(pulls, axis=1))
+        return _Linearisation(residual, scale, np.array(sums), starts, power, np.stack(pulls, axis=1))
 
     def _power(self, model: Model, scale: Floats) -> Floats:
         """Sum of squares of the slopes to the parameters of `model`, in units of the noise, shape (p,)."""

@@ -1,4 +1,4 @@
-"""Where a fit of one more effect begins: the error may have several valleys, and some parameters no fit can move."""
+"""Initial guesses for a fit of one more effect: the error has several minima, and no fit can move some parameters."""
 
 from functools import cached_property
 
@@ -6,30 +6,27 @@ import numpy as np
 
 from quadctl.effects import Effect
 from quadctl.lab.arrays import Floats
-from quadctl.lab.fitting.fitter import noise_scale
+from quadctl.lab.fitting.fitter import FittedModel, noise_scale
 from quadctl.lab.fitting.linearisation import Tangent
-from quadctl.lab.flights.dataset import Dataset
+from quadctl.lab.flights.dataset import AlignedDataset, Dataset
 from quadctl.model import Model
 
 
 class Unmodelled:
-    """What a model leaves of the data, whatever its parameters and the nuisances of the flights.
+    """The part of the data that a fitted model leaves, whatever its parameters and the nuisances of the flights."""
 
-    `residual` is held out, shape (n, 3 or 6).
-    """
-
-    def __init__(self, model: Model, residual: Floats, dataset: Dataset) -> None:
-        self.model = model
-        self.dataset = dataset
-        self.residual = residual
-        self.scale = noise_scale(residual)
+    def __init__(self, fit: FittedModel) -> None:
+        self.model: Model = fit.model
+        self.dataset: Dataset = fit.dataset
+        self.residual = fit.held_out_residual
+        self.scale = noise_scale(self.residual)
 
     def explained_by(self, effect: Effect) -> float:
         """Squared error, in units of the noise, that a multiple of what `effect` changes can take off.
 
         Negative where the multiple is: less of nothing, unless the effect is reversible.
         """
-        change = self._part(self._timed.predicted_targets(self.model.plus(effect)) - self._predicted)
+        change = self._part(self._aligned.predicted_targets(self.model.plus(effect)) - self._predicted)
         along = float(np.vdot(change, self._left))
         squared = along * (along if effect.reversible else abs(along))
         return squared / max(float(np.vdot(change, change)), 1e-12)
@@ -37,16 +34,16 @@ class Unmodelled:
     # Only effects with several starts ask for these.
 
     @cached_property
-    def _timed(self) -> Dataset:
-        return self.dataset.timed_for(self.model)
+    def _aligned(self) -> AlignedDataset:
+        return self.dataset.aligned_for(self.model)
 
     @cached_property
     def _tangent(self) -> Tangent:
-        return Tangent(self.model, self._timed, self.scale)
+        return Tangent(self.model, self._aligned, self.scale)
 
     @cached_property
     def _predicted(self) -> Floats:
-        return self._timed.predicted_targets(self.model)
+        return self._aligned.predicted_targets(self.model)
 
     @cached_property
     def _left(self) -> Floats:
@@ -62,8 +59,8 @@ TIED = 0.02
 MOST = 6
 
 
-def best_starts(effect: type[Effect], left: Unmodelled) -> tuple[list[Effect], int]:
-    """The starts of a fit that explain most of what is left, and how many independent ones they were chosen from."""
+def best_guesses(effect: type[Effect], left: Unmodelled) -> tuple[list[Effect], int]:
+    """The guesses that explain most of what is left, and how many independent ones they were chosen from."""
     dataset = left.dataset
     flights = [flight.conditions for flight in dataset.flights]
     starts = effect.starts(flights, left.model.vehicle)

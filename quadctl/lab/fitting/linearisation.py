@@ -5,7 +5,8 @@ import numpy as np
 from quadctl.lab.arrays import Floats
 from quadctl.lab.fitting.nuisances import FORCES, sensitivity, usual_sizes
 from quadctl.lab.fitting.parameters import free_parameters, parameter_slopes
-from quadctl.lab.flights.dataset import Dataset, predict_targets
+from quadctl.lab.flights.dataset import Dataset
+from quadctl.lab.flights.prediction import predict_targets
 from quadctl.model import Model
 
 ANY = 1e3

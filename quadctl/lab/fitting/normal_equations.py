@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from quadctl.lab.arrays import Floats
 from quadctl.lab.fitting.nuisances import KINDS, sensitivity
 from quadctl.lab.fitting.parameters import free_parameters, parameter_slopes
-from quadctl.lab.flights.dataset import predict_targets
 from quadctl.lab.flights.flight import Flight
+from quadctl.lab.flights.prediction import predict_targets
 from quadctl.model import Model
 
 HUBER_SIGMAS = 3.0

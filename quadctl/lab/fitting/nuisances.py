@@ -13,8 +13,8 @@ import numpy as np
 
 from quadctl.frames import multiply, quaternion_from_euler
 from quadctl.lab.arrays import Floats
-from quadctl.lab.flights.dataset import PREDICT, predict
 from quadctl.lab.flights.flight import Flight
+from quadctl.lab.flights.prediction import PREDICT, predict
 from quadctl.model import Model
 
 

@@ -7,8 +7,8 @@ import numpy as np
 
 from quadctl.effects import Effect, Parameter
 from quadctl.lab.arrays import Floats
-from quadctl.lab.flights.dataset import PREDICT, concerns
 from quadctl.lab.flights.flight import Flight
+from quadctl.lab.flights.prediction import PREDICT, concerns
 from quadctl.model import Model
 
 STEP = 1e-4

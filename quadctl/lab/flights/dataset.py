@@ -1,7 +1,7 @@
-"""Prepared flights as one set of samples: stacked residuals, folds for held-out errors, noise that respects time."""
+"""Prepared flights as one set of samples: folds that hold them out, and the same flights aligned for a model."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
 from typing import Literal
@@ -12,21 +12,15 @@ from numpy.typing import NDArray
 
 from quadctl.effects import Effect
 from quadctl.errors import LogError
-from quadctl.frames import ned_from_neu
 from quadctl.lab.arrays import Floats
-from quadctl.lab.flights.delay import timed_for
+from quadctl.lab.flights.delay import align
 from quadctl.lab.flights.flight import Flight
+from quadctl.lab.flights.prediction import measured_targets, predict, predict_targets
 from quadctl.lab.flights.preparation import prepare
 from quadctl.logs.flight_log import FlightLog
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
 
-AXES = ("north", "east", "up")
-MOMENTS = ("roll", "pitch", "yaw")
-SENSED = ("imu_north", "imu_east", "imu_up")
-GROUPS = {"total": AXES, "turning": MOMENTS, "sensing": SENSED}
-"""What is measured, by the name of the root of the sum of its squares: acceleration, torque, and by how much the
-accelerometer tells another acceleration than the velocity."""
 HoldOut = Literal["blocks", "flights"]
 FOLDS = 5
 MOST_FLIGHT_FOLDS = 10
@@ -64,7 +58,7 @@ class Dataset:
     @cached_property
     def targets(self) -> Floats:
         """What fits aim at: three columns for each of `groups`; the torque FRD, N m, the others north, east, up."""
-        return np.concatenate([np.column_stack(_measured(flight, self.groups)) for flight in self.flights])
+        return np.concatenate([measured_targets(flight, self.groups) for flight in self.flights])
 
     @cached_property
     def flight_index(self) -> NDArray[np.int64]:
@@ -99,31 +93,24 @@ class Dataset:
     def folds(self) -> list[int]:
         return [int(number) for number in np.unique(self.fold)]
 
-    def predicted(self, model: Model) -> Floats:
-        """What `model` says the filtered acceleration should have been, shape (n, 3)."""
-        return np.concatenate([predict(model, flight) for flight in self.timed_for(model).flights])
+    def aligned_for(self, model: Model) -> "AlignedDataset":
+        """The same flights with their rotor signals shifted to the force they make, beside the lag of `model`.
 
-    def residual(self, model: Model) -> Floats:
-        """Measured minus predicted, shape (n, 3)."""
-        return self.measured - self.predicted(model)
-
-    def predicted_targets(self, model: Model) -> Floats:
-        """What `model` says the `targets` should have been."""
-        return np.concatenate([predict_targets(model, flight, self.groups) for flight in self.flights])
-
-    def timed_for(self, model: Model) -> "Dataset":
-        """The same flights, their rotor signals timed beside what `model` says the motors do."""
-        late = model.late()
-        if not late.stack:
-            return self
-        if late.effects not in self._timed:
-            flights = tuple(timed_for(late, flight) for flight in self.flights)
-            self._timed[late.effects] = Dataset(flights, self.hold_out)
-        return self._timed[late.effects]
+        An aligned dataset aligns the flights that it was made from, so that aligning twice is aligning once.
+        """
+        lag = model.late()
+        if lag.effects not in self._aligned:
+            flights = tuple(align(flight, lag) for flight in self.flights) if lag.stack else self.flights
+            self._aligned[lag.effects] = AlignedDataset(flights, self.hold_out, source=self)
+        return self._aligned[lag.effects]
 
     @cached_property
-    def _timed(self) -> "dict[tuple[Effect, ...], Dataset]":
+    def _aligned(self) -> "dict[tuple[Effect, ...], AlignedDataset]":
         return {}
+
+    def some(self, which: Iterable[int]) -> "Dataset":
+        """A dataset of the flights with these numbers only."""
+        return Dataset(tuple(self.flights[i] for i in which), self.hold_out)
 
     def variable(self, name: str) -> Floats | None:
         """A variable of all samples, or None where a flight lacks it.
@@ -153,6 +140,36 @@ class Dataset:
         return float(min(h.min() for h in z)), float(max(h.max() for h in z))
 
 
+@dataclass(frozen=True, eq=False)
+class AlignedDataset(Dataset):
+    """Flights whose rotor signals are aligned with the force they make: the only dataset that can be predicted.
+
+    The delay of a rotor signal and the lag of a model's motors shift the thrust alike, so the delay is known only
+    beside a lag. Parameters of a fit may move away from the lag that the flights were aligned for.
+    """
+
+    source: Dataset = field(kw_only=True)
+    """The flights as they were prepared."""
+
+    def aligned_for(self, model: Model) -> "AlignedDataset":
+        return self.source.aligned_for(model)
+
+    def some(self, which: Iterable[int]) -> Dataset:
+        return self.source.some(which)
+
+    def predicted(self, model: Model) -> Floats:
+        """Filtered acceleration by `model`, north, east, up, m/s^2, shape (n, 3)."""
+        return np.concatenate([predict(model, flight) for flight in self.flights])
+
+    def residual(self, model: Model) -> Floats:
+        """Measured minus predicted acceleration, m/s^2, shape (n, 3)."""
+        return self.measured - self.predicted(model)
+
+    def predicted_targets(self, model: Model) -> Floats:
+        """Prediction of the `targets` by `model`, shape (n, 3 * groups)."""
+        return np.concatenate([predict_targets(model, flight, self.groups) for flight in self.flights])
+
+
 def load_dataset(logs: Iterable[FlightLog], vehicle: Vehicle, hold_out: HoldOut = "blocks") -> Dataset:
     """Prepare `logs`, flown by `vehicle`; spread as `joblib.parallel_config` says, one after the other without.
 
@@ -177,58 +194,3 @@ def _require_one_vehicle(flights: Sequence[Flight]) -> None:
                 f"{most}: by its {source} the rotors give {share[most]:.2f} times the weight in flight, in {least} "
                 f"{share[least]:.2f} times, expected about the same: were they flown by different vehicles?"
             )
-
-
-def predict(model: Model, flight: Flight) -> Floats:
-    """Filtered acceleration of one flight by `model`, north, east, up, shape (n, 3)."""
-    acceleration = ned_from_neu(model.acceleration_ned(flight.nominal_n, flight.conditions))
-    return np.column_stack([flight.filtered(component) for component in acceleration])
-
-
-def predict_torque(model: Model, flight: Flight) -> Floats:
-    """Torque of one flight by `model`, filtered and slowly, FRD, N m, shape (n, 3).
-
-    It is that of the effects that the balance of moments can show: the others scale what is near zero on average.
-    """
-    turning = model.turning()
-    if not turning.stack:
-        return flight.nominal_torque
-    torque = turning.body_torque(flight.nominal_n, flight.conditions)
-    return flight.slowly(np.column_stack([flight.filtered(component) for component in torque]))
-
-
-def predict_imu_error(model: Model, flight: Flight) -> Floats:
-    """Filtered: what the accelerometer tells beyond the acceleration, by `model`, north, east, up, shape (n, 3)."""
-    if not any(effect.senses for effect in model.effects):
-        return np.zeros_like(flight.measured)
-    sensed = ned_from_neu(model.sensed_ned_m_s2(flight.conditions))
-    return np.column_stack([flight.filtered(component) for component in sensed])
-
-
-def concerns(effect: Effect, group: str) -> bool:
-    """Whether `effect` has a say in what `group` measures."""
-    return {"total": True, "turning": effect.turns, "sensing": effect.senses}[group]
-
-
-PREDICT = {"total": predict, "turning": predict_torque, "sensing": predict_imu_error}
-
-
-def predict_targets(model: Model, flight: Flight, groups: Sequence[str]) -> Floats:
-    """Prediction of what is measured in `groups`, shape (n, 3 * groups)."""
-    return np.column_stack([PREDICT[group](model, flight) for group in groups])
-
-
-def _measured(flight: Flight, groups: Sequence[str]) -> list[Floats]:
-    known = {"total": flight.measured, "turning": flight.moments, "sensing": flight.imu_error}
-    return [values for group in groups if (values := known[group]) is not None]
-
-
-def rmse(residual: Floats, groups: Sequence[str] = ("total",)) -> dict[str, float]:
-    """Root mean square per axis, and of each group the root of the sum of the squares of its axes."""
-    squares = np.mean(residual**2, axis=0)
-    errors: dict[str, float] = {}
-    for i, group in enumerate(groups):
-        three = squares[3 * i : 3 * i + 3]
-        errors |= {axis: float(np.sqrt(value)) for axis, value in zip(GROUPS[group], three, strict=True)}
-        errors[group] = float(np.sqrt(three.sum()))
-    return errors

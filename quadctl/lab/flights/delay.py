@@ -1,4 +1,4 @@
-"""How late a log's rotor signal is: estimated from the flight itself, beside what a model says the motors do."""
+"""Delay of a log's rotor signal against the force it makes, estimated from the flight beside a model's motor lag."""
 
 import math
 
@@ -15,12 +15,12 @@ LEAST_EXPLAINED = 0.1
 """Of the quick vertical acceleration: a delay that explains less of it is not known."""
 
 
-def timed_for(model: Model, flight: Flight) -> Flight:
-    """The flight with its rotor signal shifted to when the force came, beside what `model` says the motors do.
+def align(flight: Flight, lag: Model) -> Flight:
+    """The flight with its rotor signal shifted to when the force came, beside the motor lag that the model `lag` holds.
 
-    A delay that was estimated without a lag has some of the lag in it.
+    A delay that is estimated without a lag has some of the lag in it.
     """
-    thrust_n = np.asarray(sum(model.late().rotor_thrust(flight.nominal_n, flight.conditions)))
+    thrust_n = np.asarray(sum(lag.late().rotor_thrust(flight.nominal_n, flight.conditions)))
     return flight.shifted(estimated_delay(flight, thrust_n))
 
 

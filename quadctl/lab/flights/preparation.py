@@ -22,7 +22,7 @@ from quadctl.frames import (
 )
 from quadctl.lab.arrays import Floats
 from quadctl.lab.flights.channels import THROTTLE, Signals, signals_of
-from quadctl.lab.flights.delay import timed_for
+from quadctl.lab.flights.delay import align
 from quadctl.lab.flights.flight import Flight, SlowFilter
 from quadctl.lab.flights.vehicle_match import motion_problem, sidecar_problem, thrust_problem
 from quadctl.logs.contradictions import contradictions
@@ -84,7 +84,7 @@ def prepare(log: FlightLog, vehicle: Vehicle) -> Flight:
         seconds = sum(b - a for a, b in segments)
         raise LogError(f"{log.name}: holds {seconds:.0f} s of usable flight, expected at least {MIN_FLIGHT_S:.0f} s")
     flight = _assemble(log.name, vehicle, signals, grid, smooth, derivative, time, bandwidth, notes)
-    flight = timed_for(Model(vehicle), flight)
+    flight = align(flight, Model(vehicle))
     thrust = np.column_stack([flight.filtered(nominal) for nominal in flight.nominal_n])
     _refuse(log.name, motion_problem(flight.measured, thrust, flight.torque, vehicle))
     return flight

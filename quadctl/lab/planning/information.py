@@ -9,8 +9,8 @@ from quadctl.lab.arrays import Floats
 from quadctl.lab.fitting.consider_parameters import error_slopes
 from quadctl.lab.fitting.nuisances import sensitivity, usual_sizes
 from quadctl.lab.fitting.parameters import free_parameters, parameter_slopes
-from quadctl.lab.flights.dataset import predict_targets
 from quadctl.lab.flights.flight import Flight
+from quadctl.lab.flights.prediction import predict_targets
 from quadctl.model import Model
 
 

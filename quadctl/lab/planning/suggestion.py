@@ -19,17 +19,18 @@ from rich.text import Text
 from quadctl.effects import Effect, every_effect
 from quadctl.errors import QuadctlError
 from quadctl.lab.arrays import Floats
-from quadctl.lab.fitting.fitter import Fitted, Fitter, judged, noise_scale
+from quadctl.lab.fitting.fitter import FittedModel, fit_model, noise_scale
 from quadctl.lab.fitting.initial_guesses import Unmodelled
 from quadctl.lab.fitting.noise import CorrelatedNoise
 from quadctl.lab.fitting.parameters import free_parameters, values_of
-from quadctl.lab.flights.dataset import Dataset, predict_targets
+from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.flights.flight import Flight
+from quadctl.lab.flights.prediction import predict_targets
 from quadctl.lab.planning.information import Information, information, prior
 from quadctl.lab.planning.planned_flight import planned_flight
 from quadctl.lab.results import Result
-from quadctl.lab.selection.candidate import fit_on_top
 from quadctl.lab.selection.diagnosis import Diagnosis
+from quadctl.lab.selection.trial import fit_on_top
 from quadctl.lab.threads import one_blas_thread
 from quadctl.missions import Mission, load_mission, mission_files
 from quadctl.model import Model
@@ -40,7 +41,7 @@ NARROW = 0.1
 """An interval narrower than this share of its value asks for no flight."""
 LEAST_VALUE = 0.01
 """Share of a parameter's range below which its value is taken as this, where an interval is compared with it."""
-AS_GOOD = 0.1
+EQUAL_GAIN = 0.1
 """Missions whose gains differ by less answer a question as well; one that gains no more than this answers none."""
 UNKNOWN = 20.0
 """An interval wider than so many times its value is not printed as a number."""
@@ -63,7 +64,7 @@ class Option:
 
     @property
     def tells_more(self) -> bool:
-        return max(self.gains) > AS_GOOD
+        return max(self.gains) > EQUAL_GAIN
 
     def to_dict(self) -> dict[str, Any]:
         return {
@@ -149,12 +150,12 @@ class Suggestion(Result):
 class _Form:
     """A model fitted to the data so far, and what they tell about its parameters."""
 
-    fitted: Fitted
+    fit: FittedModel
     known: Information
 
     @property
     def model(self) -> Model:
-        return self.fitted.model
+        return self.fit.model
 
     def widths(self, more: Information | None = None) -> Floats:
         """95 % interval of each free parameter over its value."""
@@ -178,10 +179,9 @@ def suggest(diagnosis: Diagnosis, missions: Path | str = Path("missions")) -> Su
         The folder holds no mission.
     """
     dataset, best = diagnosis.dataset, diagnosis.best
-    fitter = Fitter(best, dataset)
-    fitted = fitter.fit()
-    noise = _noise(dataset.targets - fitted.predicted(dataset), dataset)
-    form = _known(fitted, dataset, noise, considering=True)
+    fit = diagnosis.fit or fit_model(best, dataset)
+    noise = _noise(dataset.targets - fit.predicted, dataset)
+    form = _known(fit, noise, considering=True)
     rivals = _rivals(diagnosis, form, noise)
     untried = _untried(diagnosis)
     plans, left_out = _plans(Path(missions), best, dataset)
@@ -217,10 +217,13 @@ class _Rivals:
         self.names = names
         self.forms = one, other
         self.groups, self.noise = dataset.groups, noise
-        difference = one.fitted.predicted(dataset) - other.fitted.predicted(dataset)
+        difference = one.fit.predicted - other.fit.predicted
         apart = [difference[part] for part in dataset.parts]
         self._so_far = [
-            _sum(form.model, [self._imitating(form, f, sign * d) for f, d in zip(dataset.flights, apart, strict=True)])
+            _sum(
+                form.model,
+                [self._imitating(form, f, sign * d) for f, d in zip(form.fit.flights, apart, strict=True)],
+            )
             for form, sign in ((other, 1.0), (one, -1.0))
         ]
 
@@ -254,16 +257,16 @@ def _rivals(diagnosis: Diagnosis, form: _Form, noise: Floats) -> list[_Rivals]:
         if held not in present or other in present:
             continue
         stack = tuple(item for item in best.stack if item.effect.family() != held)
-        without, residual = judged(replace(best, stack=stack), dataset)
-        fitted = fit_on_top(kinds[other], Unmodelled(without, residual, dataset))[1]
-        found.append(_Rivals((held, other), form, _known(fitted, dataset, noise), dataset, noise))
+        without = fit_model(replace(best, stack=stack), dataset)
+        fit, _ = fit_on_top(kinds[other], Unmodelled(without))
+        found.append(_Rivals((held, other), form, _known(fit, noise), dataset, noise))
     return found
 
 
-def _known(fitted: Fitted, dataset: Dataset, noise: Floats, considering: bool = False) -> _Form:
-    model, groups = fitted.model, dataset.groups
-    flights = [information(model, flight, groups, noise, considering=considering) for flight in dataset.flights]
-    return _Form(fitted, _sum(fitted.model, flights))
+def _known(fit: FittedModel, noise: Floats, considering: bool = False) -> _Form:
+    model, groups = fit.model, fit.dataset.groups
+    flights = [information(model, flight, groups, noise, considering=considering) for flight in fit.flights]
+    return _Form(fit, _sum(model, flights))
 
 
 def _sum(model: Model, flights: Sequence[Information]) -> Information:
@@ -292,7 +295,7 @@ def _untried(diagnosis: Diagnosis) -> list[type[Effect]]:
 
 def _brings(effect: type[Effect], dataset: Dataset, flight: Flight) -> bool:
     """Whether the data with `flight` have the variety that `effect` needs."""
-    both = replace(dataset, flights=(*dataset.flights, flight))
+    both = Dataset((*dataset.flights, flight), dataset.hold_out)
     return all(both.span(variable) >= span for variable, span in effect.needs.items())
 
 
@@ -335,7 +338,7 @@ def _ordered(options: Sequence[Option]) -> list[Option]:
         leading = left
         for question in range(len(leading[0].gains)):
             most = max(option.gains[question] for option in leading)
-            leading = [option for option in leading if option.gains[question] > most - AS_GOOD]
+            leading = [option for option in leading if option.gains[question] > most - EQUAL_GAIN]
         found.append(min(leading, key=lambda option: option.mission.duration_s))
         left.remove(found[-1])
     return found

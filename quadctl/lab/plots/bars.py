@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 from matplotlib.figure import Figure
 
-from quadctl.lab.flights.dataset import AXES
+from quadctl.lab.flights.prediction import AXES
 from quadctl.lab.plots.style import (
     AFTER,
     BEFORE,

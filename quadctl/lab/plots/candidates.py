@@ -6,6 +6,7 @@ from matplotlib.figure import Figure
 from quadctl.lab.comparison.wording import change_in_words, p_in_words
 from quadctl.lab.plots.style import AFTER, BLACK, FLOOR, LIGHT, SKY, beside, panel, styled
 from quadctl.lab.selection.diagnosis import Diagnosis
+from quadctl.lab.selection.rule import is_supported
 
 
 def chosen(diagnosis: Diagnosis) -> set[str]:
@@ -20,7 +21,7 @@ def ranking(diagnosis: Diagnosis, floor_total: float) -> Figure:
     figure, ax = panel(0.9 + 0.36 * (len(candidates) + 1))
     drops = [*(100.0 * c.held_out_drop for c in candidates), 0.0]
     low = max(-20.0, min(0.0, *drops) - 2.0)
-    colours = [AFTER if c.effect.name in chosen(diagnosis) else SKY if c.supported else LIGHT for c in candidates]
+    colours = [AFTER if c.effect.name in chosen(diagnosis) else SKY if is_supported(c) else LIGHT for c in candidates]
     possible = 100.0 * (1.0 - floor_total / diagnosis.steps[0].rmse["total"])
     ax.axvline(possible, color=FLOOR, linestyle="--", label="all that the logged variables explain")
     ax.axvline(0.0, color=BLACK, linewidth=0.8)

@@ -8,8 +8,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from quadctl.lab.arrays import Floats
-from quadctl.lab.flights.dataset import AXES
 from quadctl.lab.flights.flight import Flight
+from quadctl.lab.flights.prediction import AXES
 from quadctl.lab.plots.style import (
     AFTER,
     BEFORE,

@@ -9,7 +9,7 @@ from quadctl.lab.arrays import Floats
 from quadctl.lab.comparison.comparison import Comparison
 from quadctl.lab.comparison.failures import Profile
 from quadctl.lab.comparison.wording import label_of
-from quadctl.lab.flights.dataset import AXES
+from quadctl.lab.flights.prediction import AXES
 from quadctl.lab.plots.style import BEFORE, BLACK, GREY, cloud, inner_range, limits, panel, points, styled
 
 

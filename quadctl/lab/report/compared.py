@@ -7,7 +7,7 @@ import numpy as np
 from quadctl.frames import GRAVITY_M_S2
 from quadctl.lab import plots
 from quadctl.lab.comparison.comparison import Comparison
-from quadctl.lab.comparison.failures import most_telling
+from quadctl.lab.comparison.failures import is_telling, most_telling
 from quadctl.lab.comparison.open_loop import OpenLoop, open_loop, open_loop_in_words
 from quadctl.lab.comparison.wording import (
     UNIT,
@@ -23,11 +23,10 @@ from quadctl.lab.comparison.wording import (
     sentence,
     variance_in_words,
 )
-from quadctl.lab.flights.dataset import AXES, predict
 from quadctl.lab.flights.flight import VARIABLE_NAMES, Flight
+from quadctl.lab.flights.prediction import AXES, predict
 from quadctl.lab.report.numbers import duration_s, rmse_interval, total
 from quadctl.lab.report.parts import Cell, Figure, Results, Section, Table, both_widths, figure
-from quadctl.lab.selection.candidate import MATERIAL, SIGNIFICANT
 
 SHOWN_FLIGHTS, SHOWN_PANELS, SHOWN_FAILURES = 2, 6, 12
 
@@ -148,7 +147,7 @@ def _open_loop_rows(name: str, by_horizon: Sequence[OpenLoop]) -> list[list[Cell
 
 def over_variables(r: Results) -> Section:
     c = r.comparison
-    telling = [p for p in c.profiles if p.share > MATERIAL and p.p_value < SIGNIFICANT]
+    telling = [p for p in c.profiles if is_telling(p)]
     shown = (telling or c.profiles[:2])[:SHOWN_PANELS]
     text = [
         "Dots are means over equal numbers of samples with their 95% error bars (autocorrelation included); grey is "

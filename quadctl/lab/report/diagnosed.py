@@ -15,8 +15,9 @@ from quadctl.lab.comparison.wording import (
     quantity,
 )
 from quadctl.lab.report.parts import Cell, Results, Section, Table, figure
-from quadctl.lab.selection.candidate import MATERIAL, SIGNIFICANT, Candidate
+from quadctl.lab.selection.candidate import Candidate
 from quadctl.lab.selection.diagnosis import Diagnosis
+from quadctl.lab.selection.rule import MATERIAL, SIGNIFICANT, is_supported
 
 SHOWN_CANDIDATES = 8
 
@@ -93,7 +94,7 @@ def _verdict_table(d: Diagnosis) -> Table:
 
 
 def _ranking_table(d: Diagnosis) -> Table:
-    shown = [c for i, c in enumerate(d.ranking) if i < SHOWN_CANDIDATES or c.supported]
+    shown = [c for i, c in enumerate(d.ranking) if i < SHOWN_CANDIDATES or is_supported(c)]
     first_of_family = {c.family: c for c in reversed(shown)}
     rows = [
         [

@@ -5,8 +5,9 @@ import numpy as np
 from quadctl.errors import LogError
 from quadctl.lab.arrays import Floats
 from quadctl.lab.fitting.bootstrap import resampled_means
-from quadctl.lab.flights.dataset import Dataset, rmse
+from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.flights.flight import Flight
+from quadctl.lab.flights.prediction import rmse
 from quadctl.lab.report.parts import Results
 
 
@@ -23,7 +24,8 @@ def unseen_residuals(r: Results) -> tuple[Floats, Floats]:
         raise LogError("no unseen flights are given, expected the comparison of the improved model on some")
     if r.before_unseen is not None:
         return r.before_unseen.residual, r.after.residual
-    return r.after.dataset.residual(r.comparison.model), r.after.residual
+    before = r.comparison.model
+    return r.after.dataset.aligned_for(before).residual(before), r.after.residual
 
 
 def unseen_before(r: Results) -> dict[str, float]:

@@ -5,11 +5,12 @@ from dataclasses import dataclass
 
 from quadctl.effects import Effect
 from quadctl.errors import SettingsError
-from quadctl.lab.fitting.fitter import judged
+from quadctl.lab.fitting.fitter import FittedModel, fit_model
 from quadctl.lab.fitting.initial_guesses import Unmodelled
 from quadctl.lab.flights.dataset import Dataset
-from quadctl.lab.selection.candidate import SIGNIFICANT, fit_on_top
 from quadctl.lab.selection.refit import Refit, refitted
+from quadctl.lab.selection.rule import is_significant
+from quadctl.lab.selection.trial import fit_on_top
 from quadctl.model import Model
 
 
@@ -31,7 +32,7 @@ class Addition(Refit):
 
     @property
     def conclusion(self) -> str:
-        helps = self.held_out_drop > 0.0 and self.p_value < SIGNIFICANT
+        helps = self.held_out_drop > 0.0 and is_significant(self.p_value)
         return "" if helps else "The effect does not help on unseen data: it is better left out."
 
 
@@ -45,6 +46,10 @@ def add(effect: type[Effect], model: Model, dataset: Dataset) -> Addition:
     """
     if effect.family() in {present.family() for present in model.effects}:
         raise SettingsError(f"{model.name}: holds a {effect.family()} already, expected another family to add")
-    current, before = judged(model, dataset)
-    _, fitted, _ = fit_on_top(effect, Unmodelled(current, before, dataset))
-    return refitted(Addition, model, fitted.model, dataset, before, keep=len(model.stack))
+    return add_to_fit(effect, model, fit_model(model, dataset))
+
+
+def add_to_fit(effect: type[Effect], model: Model, fit: FittedModel) -> Addition:
+    """Fit `model`, whose fit is given, with `effect` on top of its stack; the model has no effect of that family."""
+    on_top, _ = fit_on_top(effect, Unmodelled(fit))
+    return refitted(Addition, model, fit, on_top.refined(), keep=len(model.stack))

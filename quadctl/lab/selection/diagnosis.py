@@ -1,40 +1,29 @@
 """What is missing? Every effect of the catalogue is tried on top of the model; data that no fit saw decide."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
-import numpy as np
 from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
 from quadctl.effects import Effect, every_effect
-from quadctl.lab.arrays import Floats
 from quadctl.lab.comparison.noise_floor import flexible_residual
-from quadctl.lab.fitting.fitter import Fitter
-from quadctl.lab.fitting.parameters import intervals
+from quadctl.lab.comparison.wording import parameters_in_words
+from quadctl.lab.fitting.fitter import FittedModel, fit_model
 from quadctl.lab.fitting.significance import improvement_p_value
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.flights.flight import SPAN_UNITS
 from quadctl.lab.results import Result
-from quadctl.lab.selection.candidate import (
-    MATERIAL,
-    SIGNIFICANT,
-    Candidate,
-    parameters_in_words,
-    unseen_score,
-)
-from quadctl.lab.selection.search import Search, Step, largest_gain, searched
+from quadctl.lab.selection.candidate import Candidate
+from quadctl.lab.selection.rule import is_large, is_measured, is_mostly_left, is_supported, is_unexplained, score
+from quadctl.lab.selection.search import Path, Step, emptied, search
+from quadctl.lab.selection.wording import candidate_to_dict
 from quadctl.lab.symbolic.formula import Symbolic
 from quadctl.lab.symbolic.identification import explain
 from quadctl.lab.threads import one_blas_thread
 from quadctl.model import Model
-
-LARGE = 0.1
-"""A share of the error of an axis that no noise lets a regression take off by chance."""
-MOSTLY = 0.5
-"""Where the effects found leave more than this share of what could be explained, they are not what is there."""
 
 UNITS = {"total": "", "turning": " N m", "sensing": " (IMU)"}
 
@@ -64,11 +53,13 @@ class Diagnosis(Result):
     """After all missing effects are in, the logged variables still explain a part of the error that is worth it."""
     symbolic: Symbolic | None = None
     """The sparse expression of what is unexplained."""
+    fit: FittedModel | None = None
+    """The fit of `best`; None where the diagnosis was read from a session."""
 
     def to_dict(self) -> dict[str, Any]:
         return {
             "verdict": self.verdict,
-            "ranking": [candidate.to_dict() for candidate in self.ranking],
+            "ranking": [candidate_to_dict(candidate) for candidate in self.ranking],
             "missing": self.missing,
             "confounded": self.confounded,
             "suggested_mission": self.suggested_mission,
@@ -87,7 +78,7 @@ class Diagnosis(Result):
         table.add_column("p", justify="right", no_wrap=True)
         for c in self.ranking:
             table.add_row(
-                f"[bold]{c.effect.name}[/]" if c.supported else c.effect.name,
+                f"[bold]{c.effect.name}[/]" if is_supported(c) else c.effect.name,
                 parameters_in_words(c.effect, c.ci95),
                 f"{c.before[c.measure]:.3f} -> {c.after[c.measure]:.3f}" + UNITS[c.measure],
                 f"{-c.held_out_drop:+.1%}",
@@ -118,7 +109,6 @@ class Diagnosis(Result):
         return lines
 
 
-@one_blas_thread
 def diagnose(
     model: Model,
     dataset: Dataset,
@@ -130,74 +120,69 @@ def diagnose(
     `candidates` are by default the catalogue's effects and those of the model's own files; families that the model
     holds already are not tried again. `progress` is told in a few words what is being done.
     """
+    return diagnose_fit(fit_model(model, dataset), candidates, progress)
+
+
+@one_blas_thread
+def diagnose_fit(
+    fit: FittedModel,
+    candidates: Iterable[type[Effect]] | None = None,
+    progress: Callable[[str], None] = lambda text: None,
+) -> Diagnosis:
+    """Rank what could be missing from a fitted model (see `diagnose`)."""
+    model, dataset = fit.fitter.model, fit.dataset
     pool = list(candidates if candidates is not None else every_effect(model.effect_files).values())
     present = {effect.family() for effect in model.effects}
     pool = [e for e in pool if e.family() not in present and e.candidate and e.applies_to(model.vehicle)]
     unfit = [e for e in pool if any(dataset.span(variable) < span for variable, span in e.needs.items())]
-    search = searched(Search(model, dataset, [effect for effect in pool if effect not in unfit], progress))
+    path = search(fit, [effect for effect in pool if effect not in unfit], progress)
     progress("looking at what is left")
-    # What a small effect explains, less than what is called missing, is not unexplained.
-    trims = [candidate.residual for candidate in search.latest.values() if candidate.seen and not candidate.supported]
-    residual = min([search.residual, *trims], key=unseen_score)[:, :3]
+    # A part that a small effect explains, smaller than what is called missing, is not unexplained.
+    small = [c.residual for c in path.latest.values() if is_measured(c) and not is_supported(c)]
+    residual = min([path.residual, *small], key=score)[:, :3]
     flexible = flexible_residual(residual, dataset)
-    matters = _matters(residual, flexible, improvement_p_value(residual, flexible, dataset))
+    matters = is_unexplained(residual, flexible, improvement_p_value(residual, flexible, dataset))
     symbolic = explain(residual, dataset) if matters else None
     # Many variables together find a little in noise now and then; what is there also has an expression, or is large.
-    unexplained = matters and (symbolic is not None or largest_gain(residual, residual - flexible) > LARGE)
-    if unexplained and search.missing and _share_left(search.first_residual[:, :3], residual, flexible) > MOSTLY:
-        search.forget()
-    missing = search.missing
-    first = [candidate for candidate in search.chosen if candidate.family in missing]
-    shown = {candidate.effect.name for candidate in first}
-    others = [candidate for name, candidate in search.latest.items() if name not in shown]
+    unexplained = matters and (symbolic is not None or is_large(residual, flexible))
+    if unexplained and path.missing and is_mostly_left(fit.held_out_residual[:, :3], residual, flexible):
+        path = emptied(path)
     return Diagnosis(
         model=model,
         dataset=dataset,
-        verdict="missing" if missing else "unexplained" if unexplained else "none",
-        ranking=[*_beside_each_other(first, search.current, dataset), *sorted(others, key=lambda c: -c.held_out_drop)],
-        missing=missing,
-        steps=search.steps,
-        best=search.current,
-        confounded=search.confounded,
-        suggested_mission=_suggestion(search.latest, search.confounded, unfit),
+        verdict="missing" if path.missing else "unexplained" if unexplained else "none",
+        ranking=_ranking(path),
+        missing=list(path.missing),
+        steps=list(path.steps),
+        best=path.current.model,
+        confounded=[list(pair) for pair in path.confounded],
+        suggested_mission=_suggestion(path.latest, path.confounded, unfit),
         unexplained=unexplained,
         untried=_reasons(unfit, dataset),
         symbolic=symbolic,
+        fit=path.current,
     )
 
 
-def _beside_each_other(chosen: list[Candidate], best: Model, dataset: Dataset) -> list[Candidate]:
-    """The candidates with parameters and intervals as they come out of one fit of all of them."""
-    if len(chosen) < 2:
-        return chosen
-    fitter = Fitter(best, dataset)
-    fitted = fitter.fit()
-    ci = intervals(fitter.free, fitter.bootstrap(fitted))
-    families = [effect.family() for effect in fitted.model.effects]
-    found = []
-    for candidate in chosen:
-        index = families.index(candidate.family)
-        own = {f.parameter.name: c for f, c in zip(fitter.free, ci, strict=True) if f.effect == index}
-        found.append(replace(candidate, effect=fitted.model.effects[index], ci95=own))
-    return found
+def _ranking(path: Path) -> list[Candidate]:
+    """The candidates that are missing, with parameters and intervals of the fit of all of them; then the others."""
+    first = [candidate for candidate in path.chosen if candidate.family in path.missing]
+    shown = {candidate.effect.name for candidate in first}
+    others = [candidate for name, candidate in path.latest.items() if name not in shown]
+    if len(first) > 1 or len(path.chosen) > len(first):
+        fit = path.current.refined()
+        places = {effect.family(): place for place, effect in enumerate(fit.model.effects)}
+        first = [replace(c, effect=fit.model.effects[places[c.family]], ci95=fit.ci95(places[c.family])) for c in first]
+    return [*first, *sorted(others, key=lambda c: -c.held_out_drop)]
 
 
-def _matters(residual: Floats, flexible: Floats, p_value: float) -> bool:
-    """The flexible regression finds structure that is significant and worth explaining."""
-    return p_value < SIGNIFICANT and largest_gain(residual, residual - flexible) > MATERIAL
-
-
-def _suggestion(tried: dict[str, Candidate], confounded: list[list[str]], unfit: list[type[Effect]]) -> str | None:
+def _suggestion(
+    tried: Mapping[str, Candidate], confounded: Sequence[tuple[str, str]], unfit: list[type[Effect]]
+) -> str | None:
     """The mission that shows best what these data leave open: look-alikes first, then what could not be tried."""
-    by_family = {candidate.family: candidate.effect.mission for candidate in reversed(tried.values())}
+    by_family = {candidate.family: candidate.effect.mission for candidate in reversed(list(tried.values()))}
     missions = [by_family[pair[-1]] for pair in confounded] + [effect.mission for effect in unfit]
     return missions[0] if missions else None
-
-
-def _share_left(first: Floats, residual: Floats, flexible: Floats) -> float:
-    """Of what could be explained of the first residual: the share that the effects found leave unexplained."""
-    floor = float(np.sum((residual - flexible) ** 2))
-    return (float(np.sum(residual**2)) - floor) / max(float(np.sum(first**2)) - floor, 1e-12)
 
 
 def _reasons(unfit: list[type[Effect]], dataset: Dataset) -> list[str]:

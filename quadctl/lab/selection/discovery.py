@@ -9,10 +9,11 @@ from rich.text import Text
 
 from quadctl.effects import Effect
 from quadctl.lab.comparison.comparison import Comparison, compare
+from quadctl.lab.fitting.fitter import fit_model
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.results import Result, errors_table
-from quadctl.lab.selection.addition import Addition, add
-from quadctl.lab.selection.diagnosis import Diagnosis, diagnose
+from quadctl.lab.selection.addition import Addition, add_to_fit
+from quadctl.lab.selection.diagnosis import Diagnosis, diagnose_fit
 from quadctl.model import Model
 
 
@@ -53,10 +54,12 @@ def discover(
     """Add to `model` whatever of the `candidates` (as in `diagnose`) is missing, one family at a time."""
     progress("comparing")
     before = compare(model, dataset)
-    diagnosis = diagnose(model, dataset, candidates, progress)
+    fit = fit_model(model, dataset)
+    diagnosis = diagnose_fit(fit, candidates, progress)
     kinds = {effect.family(): type(effect) for effect in diagnosis.best.effects}
     additions: list[Addition] = []
     for family in diagnosis.missing:
         progress(f"adding {kinds[family].name}")
-        additions.append(add(kinds[family], additions[-1].model if additions else model, dataset))
+        last = (additions[-1].model, additions[-1].fit_after) if additions else (model, fit)
+        additions.append(add_to_fit(kinds[family], *last))
     return Discovery(before, diagnosis, additions)

@@ -60,9 +60,9 @@ def ratio_curve(addition: Addition, index: int) -> RatioCurve:
     draws = [ratio_at(model.effects[index], x * radius, addition.model) for model in models]
     band = np.percentile(draws, [2.5, 97.5], axis=0)
 
-    expected = dataset.predicted(_without(addition.model, index))[:, 2] + GRAVITY_M_S2
+    expected = _predicted(_without(addition.model, index), dataset)[:, 2] + GRAVITY_M_S2
     ratio = (dataset.measured[:, 2] + GRAVITY_M_S2) / expected
-    noise = dataset.residual(addition.model)[:, 2] / expected
+    noise = (dataset.measured - _predicted(addition.model, dataset))[:, 2] / expected
     heights = _variable(dataset, "height_over_radius")
     shown = heights <= end
     return RatioCurve(
@@ -98,13 +98,14 @@ def effect_curves(addition: Addition, index: int) -> list[EffectCurve]:
     Where it depends on none, over time, along the axes on which it does most.
     """
     dataset, effect = addition.dataset, addition.model.effects[index]
-    without = dataset.predicted(_without(addition.model, index))
-    full = dataset.predicted(addition.model)
+    without = _predicted(_without(addition.model, index), dataset)
+    full = _predicted(addition.model, dataset)
     heading = _heading(dataset)
     before = _in_heading(dataset.measured - without, heading)
     after = _in_heading(dataset.measured - full, heading)
     push = _in_heading(full - without, heading)
-    draws = [_in_heading(dataset.predicted(m) - without, heading) for m in _drawn_models(addition, index, CURVE_DRAWS)]
+    models = _drawn_models(addition, index, CURVE_DRAWS)
+    draws = [_in_heading(_predicted(model, dataset) - without, heading) for model in models]
 
     variables = [name for name in effect.depends_on if dataset.variable(name) is not None]
     pairs = [(name, _ACROSS.get(name, "up")) for name in variables] or [("time", c) for c in _pushed(push)]
@@ -142,9 +143,9 @@ class Sketch:
 def sketch(model: Model, dataset: Dataset) -> Sketch | None:
     """The last effect of `model` over its first variable, along the axis it pushes most; None where it pushes none."""
     index = len(model.stack) - 1
-    without = dataset.predicted(_without(model, index))
+    without = _predicted(_without(model, index), dataset)
     heading = _heading(dataset)
-    push = _in_heading(dataset.predicted(model) - without, heading)
+    push = _in_heading(_predicted(model, dataset) - without, heading)
     if not push.any():
         return None
     residual = _in_heading(dataset.measured - without, heading)
@@ -170,7 +171,7 @@ def measured_ratio(dataset: Dataset, variable: str) -> Binned | None:
     if x is None:
         return None
     rigid = Model(dataset.flights[0].vehicle)
-    expected = dataset.predicted(rigid)[:, 2] + GRAVITY_M_S2
+    expected = _predicted(rigid, dataset)[:, 2] + GRAVITY_M_S2
     ratio = (dataset.measured[:, 2] + GRAVITY_M_S2) / expected
     edges = np.quantile(x, np.linspace(0.0, 1.0, RATIO_BINS + 1))
     level = np.interp(x, *_means(x, ratio, edges))
@@ -210,6 +211,11 @@ def _drawn_models(addition: Addition, index: int, number: int) -> list[Model]:
     own = [i for i, f in enumerate(free) if f.effect == index]
     draws = addition.draws[:number]
     return [with_values(addition.model, [free[i] for i in own], draw[own]) for draw in draws]
+
+
+def _predicted(model: Model, dataset: Dataset) -> Floats:
+    """Predicted acceleration, each model on the flights as they are aligned for it, m/s^2, shape (n, 3)."""
+    return dataset.aligned_for(model).predicted(model)
 
 
 def _without(model: Model, index: int) -> Model:

@@ -13,13 +13,14 @@ from quadctl import __version__
 from quadctl.effects import Effect
 from quadctl.errors import SettingsError
 from quadctl.lab.arrays import Floats
+from quadctl.lab.comparison.wording import parameters_in_words
 from quadctl.lab.fitting.bootstrap import drop_interval
-from quadctl.lab.fitting.fitter import Fitted, Fitter, judged
-from quadctl.lab.fitting.parameters import free_parameters, intervals, remarks, undetermined, values_of
+from quadctl.lab.fitting.fitter import FittedModel, Fitter, Optimum, fit_model
+from quadctl.lab.fitting.parameters import free_parameters, intervals, undetermined
 from quadctl.lab.fitting.significance import improvement_p_value
-from quadctl.lab.flights.dataset import Dataset, rmse
+from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.results import Result, errors_table
-from quadctl.lab.selection.candidate import measure_of, parameters_in_words
+from quadctl.lab.selection.candidate import measure_of
 from quadctl.model import Model, Provenance, StackedEffect
 
 
@@ -28,23 +29,43 @@ class Refit(Result):
     """A model before and after a refit, both judged on data that their fits did not see."""
 
     before_model: Model
+    """The model as it was given."""
     model: Model
-    dataset: Dataset
-    residual_before: Floats
-    """Held out, of the dataset's targets, shape (n, 3 or 6)."""
-    residual_after: Floats
-    draws: Floats
-    """Bootstrap draws of all free parameters of the stack, shape (draws, p), in the order of `Fitter.free`."""
+    """The refitted model, with the provenance of its parameters."""
+    fit_before: FittedModel
+    fit_after: FittedModel
     remarks: list[str]
+    """Remarks on the fitted parameters, and on flights that cannot tell them."""
 
-    @cached_property
+    @property
+    def dataset(self) -> Dataset:
+        """The flights of the fit."""
+        return self.fit_after.dataset
+
+    @property
+    def residual_before(self) -> Floats:
+        """Held-out residual of the dataset's targets before, shape (n, 3 * groups)."""
+        return self.fit_before.held_out_residual
+
+    @property
+    def residual_after(self) -> Floats:
+        """Held-out residual after, shape (n, 3 * groups)."""
+        return self.fit_after.held_out_residual
+
+    @property
+    def draws(self) -> Floats:
+        """Bootstrap draws of all free parameters of the stack, shape (draws, p), in the order of `free_parameters`."""
+        return self.fit_after.draws
+
+    @property
     def before(self) -> dict[str, float]:
-        """Held-out RMSE per axis and total, m/s^2."""
-        return rmse(self.residual_before, self.dataset.groups)
+        """Held-out RMSE per axis and group before; the acceleration's in m/s^2."""
+        return self.fit_before.held_out_rmse
 
-    @cached_property
+    @property
     def after(self) -> dict[str, float]:
-        return rmse(self.residual_after, self.dataset.groups)
+        """Held-out RMSE per axis and group after."""
+        return self.fit_after.held_out_rmse
 
     @property
     def changed(self) -> Sequence[Effect]:
@@ -133,63 +154,49 @@ def fit(model: Model, dataset: Dataset) -> Refit:
         held = ", ".join(effect.name for effect in model.effects) or "no effect"
         raise SettingsError(f"{model.name}: holds {held}, expected an effect with a parameter to fit")
     standing = model.with_effects([_standing(effect) for effect in model.effects])
-    _, before = judged(standing, dataset)
-    return refitted(Refit, model, model, dataset, before)
+    return refitted(Refit, model, fit_model(standing, dataset), fit_model(model, dataset))
 
 
 def refitted(
-    kind: type[_Refit],
-    before_model: Model,
-    start: Model,
-    dataset: Dataset,
-    residual_before: Floats,
-    keep: int = 0,
-    **further: Any,
+    kind: type[_Refit], before_model: Model, before: FittedModel, after: FittedModel, keep: int = 0, **further: Any
 ) -> _Refit:
-    """Fit `start`, and judge it against `residual_before`, the held-out residual of `before_model`.
+    """The result of a change of model, of the kind wanted, from the fits before and after it.
 
     The first `keep` effects of the stack keep the errors that their own adding had; `further` goes into the result.
     """
-    fitter = Fitter(start, dataset)
-    fitted = fitter.fit()
-    residual = dataset.targets - fitter.held_out(fitted)
-    draws = fitter.bootstrap(fitted)
-    ci = intervals(fitter.free, draws)
-    before, after = rmse(residual_before, dataset.groups)["total"], rmse(residual, dataset.groups)["total"]
+    dataset = after.dataset
+    errors = before.held_out_rmse["total"], after.held_out_rmse["total"]
+    known = {item.effect.name: item.fitted for item in before_model.stack}
     stack = []
-    for i, item in enumerate(fitted.model.stack):
-        old = item.fitted or Provenance()
+    for i, effect in enumerate(after.model.effects):
+        old = known.get(effect.name) or Provenance()
         provenance = Provenance(
             logs=tuple(dataset.names),
-            rmse_before=old.rmse_before if i < keep else before,
-            rmse_after=old.rmse_after if i < keep else after,
+            rmse_before=old.rmse_before if i < keep else errors[0],
+            rmse_after=old.rmse_after if i < keep else errors[1],
             held_out=True,
-            ci95={f.parameter.name: c for f, c in zip(fitter.free, ci, strict=True) if f.effect == i},
+            ci95=after.ci95(i),
             height_m=dataset.heights_m,
             software=f"quadctl {__version__}",
         )
-        stack.append(StackedEffect(item.effect, provenance))
-    model = replace(start, stack=tuple(stack))
-    notes = remarks(fitter.free, values_of(fitted.model, fitter.free), ci)
+        stack.append(StackedEffect(effect, provenance))
+    model = replace(after.fitter.model, stack=tuple(stack))
+    notes = after.remarks()
     if dataset.whole_flights:
-        notes += _blind_folds(fitter, fitted, ci)
-    return kind(before_model, model, dataset, residual_before, residual, draws, notes, **further)
+        notes += _blind_folds(after)
+    return kind(before_model, model, before, after, notes, **further)
 
 
-def _blind_folds(fitter: Fitter, fitted: Fitted, ci: Sequence[tuple[float, float]]) -> list[str]:
-    """Of every fold of flights whose fit could not tell a parameter that all flights together do: a sentence.
-
-    `ci` are the intervals of the free parameters by all flights.
-    """
-    dataset, effects = fitter.dataset, fitted.model.effects
-    told = [f for f in fitter.free if f not in undetermined(fitter.free, ci)]
+def _blind_folds(fit: FittedModel) -> list[str]:
+    """A sentence for every fold of flights whose fit cannot tell a parameter that all flights together do."""
+    dataset, effects = fit.dataset, fit.model.effects
+    told = [f for f in fit.free if f not in undetermined(fit.free, fit.intervals)]
     found = []
     for number in dataset.folds:
         held = np.unique(dataset.flight_index[dataset.fold == number])
         others = np.setdiff1d(np.arange(len(dataset.flights)), held)
-        seen = replace(dataset, flights=tuple(dataset.flights[i] for i in others))
-        draws = Fitter(fitted.model, seen).bootstrap(Fitted(fitted.model, fitted.nuisances[others]))
-        missed = [f for f in undetermined(fitter.free, intervals(fitter.free, draws)) if f in told]
+        draws = Fitter(fit.model, dataset.some(others)).bootstrap(Optimum(fit.model, fit.optimum.nuisances[others]))
+        missed = [f for f in undetermined(fit.free, intervals(fit.free, draws)) if f in told]
         if missed:
             flights = " and ".join(dataset.names[i] for i in held)
             names = " and ".join(f"{f.parameter.name} of {effects[f.effect].name}" for f in missed)

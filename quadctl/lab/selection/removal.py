@@ -7,11 +7,11 @@ from typing import Any
 
 from quadctl.effects import Effect
 from quadctl.errors import SettingsError
-from quadctl.lab.fitting.fitter import judged
+from quadctl.lab.fitting.fitter import FittedModel, fit_model
 from quadctl.lab.fitting.significance import improvement_p_value
 from quadctl.lab.flights.dataset import Dataset
-from quadctl.lab.selection.candidate import SIGNIFICANT
 from quadctl.lab.selection.refit import Refit, refitted
+from quadctl.lab.selection.rule import is_significant
 from quadctl.model import Model
 from quadctl.settings import nearest
 
@@ -37,7 +37,7 @@ class Removal(Refit):
 
     @property
     def conclusion(self) -> str:
-        if self.p_value < SIGNIFICANT and self.held_out_drop < 0.0:
+        if is_significant(self.p_value) and self.held_out_drop < 0.0:
             return f"The unseen data support {self.removed.name}: the model is worse without it."
         return f"The unseen data do not support {self.removed.name}: it is better left out."
 
@@ -54,8 +54,12 @@ def remove(word: str, model: Model, dataset: Dataset) -> Removal:
         The model does not hold it.
     """
     effect = held_effect(word, model)
-    _, before = judged(model, dataset)
-    return refitted(Removal, model, without(effect, model), dataset, before, removed=effect)
+    return remove_from_fit(effect, model, fit_model(model, dataset))
+
+
+def remove_from_fit(effect: Effect, model: Model, fit: FittedModel) -> Removal:
+    """Take `effect`, one of the stack, out of `model`, whose fit is given, and refit what is left."""
+    return refitted(Removal, model, fit, fit_model(without(effect, model), fit.dataset), removed=effect)
 
 
 def without(effect: Effect, model: Model) -> Model:

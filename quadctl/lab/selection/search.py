@@ -1,195 +1,201 @@
-"""The walk from a model to one that lacks nothing the data can show.
+"""The search for missing effects: a path from a fitted model to one that lacks nothing the data can show.
 
-Every effect is tried on top of the model and judged on data its fit did not see. The best significant one is added, all
-parameters are refitted together, and the rest are tried again, until nothing significant is left; then each family that
-has become superfluous once the others are in is taken out again. Where one effect, which these data do not tell from
-another, explains as much as the two that were found, it is taken.
+Forward selection tries every effect on top of the model, judges it on data its fit did not see, adds the best supported
+one, and tries the rest again until none is supported. Pruning then takes out what has become superfluous beside the
+others. A pair is replaced where one look-alike explains as much alone. A path is a value: each of these steps is a
+function from a path to a path.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
-import numpy as np
 from joblib import Parallel, delayed
 
 from quadctl.effects import Effect
 from quadctl.lab.arrays import Floats
-from quadctl.lab.fitting.fitter import judged
+from quadctl.lab.fitting.fitter import FittedModel, fit_model
 from quadctl.lab.fitting.initial_guesses import Unmodelled
-from quadctl.lab.fitting.parameters import free_parameters
-from quadctl.lab.fitting.significance import difference_p_value, improvement_p_value
-from quadctl.lab.flights.dataset import Dataset, rmse
-from quadctl.lab.selection.candidate import (
-    MATERIAL,
-    SIGNIFICANT,
-    Candidate,
+from quadctl.lab.fitting.significance import improvement_p_value
+from quadctl.lab.flights.dataset import Dataset
+from quadctl.lab.flights.prediction import rmse
+from quadctl.lab.selection.candidate import Candidate
+from quadctl.lab.selection.rule import (
+    choose,
     indistinct,
-    try_effect,
+    is_as_good,
+    is_look_alike,
+    is_needed,
+    is_promising,
+    is_replaceable,
+    is_supported,
+    score,
     unbelievable,
-    unseen_score,
 )
-from quadctl.model import Model
+from quadctl.lab.selection.trial import try_effect
 
-ALIKE = 0.05
-"""Candidates whose held-out errors differ with a larger p-value cannot be told apart by these data."""
-AS_GOOD = 0.01
-"""Of families that cannot be told apart and come within this share of the best error, the simplest is taken."""
-PROMISING = 0.05
-"""Effects whose p-value was larger twice running are tried again only at the end, when all others are in."""
+Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """One rung of the ladder: the family added, and the held-out error once it is in."""
+    """One step of the error ladder: the family added, and the held-out error once it is in."""
 
     family: str
     effect: str
     rmse: dict[str, float]
 
 
-class Search:
-    """The walk from a model to one that lacks nothing the data can show."""
+@dataclass(frozen=True, eq=False)
+class Path:
+    """A way from a fitted model to one with more effects, and every trial on it."""
 
-    def __init__(
-        self, model: Model, dataset: Dataset, pool: list[type[Effect]], progress: Callable[[str], None]
-    ) -> None:
-        self.start = model
-        self.dataset = dataset
-        self.pool = pool
-        self.progress = progress
-        self.current, self.residual = judged(model, dataset)
-        self.first_residual = self.residual
-        self.steps = [Step("", model.name, rmse(self.residual, dataset.groups))]
-        self.missing: list[str] = []
-        self.chosen: list[Candidate] = []
-        """Also those that turned out to be superfluous."""
-        self.latest: dict[str, Candidate] = {}
-        """Each effect as it was tried last, by name."""
-        self._failures: dict[str, int] = {}
-        """How often running each effect was of no use."""
-        self.confounded: list[list[str]] = []
-        self._look_alikes: list[Candidate] = []
-        """Of the last round: what would be supported, if these data could tell it from something else."""
-        self.passed_over: list[Candidate] = []
-        """Those of the first round."""
+    start: FittedModel
+    current: FittedModel
+    """The start with all that is on the way, fitted."""
+    steps: tuple[Step, ...]
+    """The start, then one step for each missing family in the order of adding."""
+    missing: tuple[str, ...] = ()
+    chosen: tuple[Candidate, ...] = ()
+    """All candidates that were added, those too that became superfluous later."""
+    latest: Mapping[str, Candidate] = field(default_factory=dict)
+    """The last trial of each effect, by its name."""
+    failures: Mapping[str, int] = field(default_factory=dict)
+    """Number of trials running in which each effect was of no use."""
+    confounded: tuple[tuple[str, str], ...] = ()
+    """Pairs of families that these data do not tell apart: the one that was added, and the other."""
+    passed_over: tuple[Candidate, ...] = ()
+    """Look-alikes of the first round: plausible then, but not told from something else."""
 
-    def run(self) -> None:
-        """Add what is missing, take out what has become superfluous."""
-        alike: list[str] = []
-        while supported := self._supported():
-            self._note(alike, supported)
-            chosen, alike = _choose(supported, self._look_alikes, self.dataset)
-            self.passed_over = self.passed_over if self.chosen else self._look_alikes
-            self._take(chosen)
-        self._note(alike, [])
-        for family in self.missing[:-1]:
-            self._drop_if_superfluous(family)
+    @property
+    def dataset(self) -> Dataset:
+        return self.start.dataset
 
-    def begun_with(self, candidate: Candidate) -> "Search":
-        """Another search, with `candidate` taken first."""
-        other = Search(self.start, self.dataset, self.pool, self.progress)
-        other.latest = dict(self.latest)
-        other._take(candidate)
-        return other
-
-    def forget(self) -> None:
-        """Back to the beginning: what was found is not what is there."""
-        self.current, self.residual = judged(self.start, self.dataset)
-        self.steps, self.missing, self.confounded = self.steps[:1], [], []
-
-    def _supported(self) -> list[Candidate]:
-        """The candidates that the data support on top of the current model, the best first."""
-        pool = [effect for effect in self.pool if effect.family() not in self.missing]
-        left = Unmodelled(self.current, self.residual, self.dataset)
-        self._look_alikes = []
-        promising = [effect for effect in pool if self._failures.get(effect.name, 0) < 2]
-        for effects in (promising, [effect for effect in pool if effect not in promising]):
-            tried = self._try(effects, left)
-            self._look_alikes += [c for c in tried if c.plausible and not c.distinct]
-            supported = [candidate for candidate in tried if candidate.supported]
-            if supported:
-                return sorted(supported, key=lambda candidate: candidate.score)
-        return []
-
-    def _try(self, effects: list[type[Effect]], left: Unmodelled) -> list[Candidate]:
-        """Try `effects`, each by itself: spread as `joblib.parallel_config` says, one after the other without."""
-        work = Parallel(return_as="generator")(delayed(try_effect)(effect, left, len(self.pool)) for effect in effects)
-        tried = []
-        for effect, candidate in zip(effects, work, strict=True):
-            self.progress(f"tried {effect.name}")
-            self.latest[effect.name] = candidate
-            failures = self._failures.get(effect.name, 0)
-            self._failures[effect.name] = failures + 1 if candidate.p_value > PROMISING else 0
-            tried.append(candidate)
-        return tried
-
-    def _take(self, chosen: Candidate) -> None:
-        self.current, self.residual = chosen.model, chosen.residual
-        self.missing.append(chosen.family)
-        self.chosen.append(chosen)
-        self.steps.append(Step(chosen.family, chosen.effect.name, rmse(self.residual, self.dataset.groups)))
-
-    def _note(self, alike: list[str], supported: list[Candidate]) -> None:
-        """Look-alikes are those that did as well as the one chosen and are not needed once it is in."""
-        still_needed = {candidate.family for candidate in [*supported, *self._look_alikes]}
-        self.confounded += [[self.missing[-1], other] for other in alike if other not in still_needed]
-
-    def _drop_if_superfluous(self, family: str) -> None:
-        """Take a family out again where it is no longer needed now that the others are in."""
-        kept = tuple(item for item in self.current.stack if item.effect.family() != family)
-        smaller, without = judged(replace(self.start, stack=kept), self.dataset)
-        p_value = improvement_p_value(without, without - self.residual, self.dataset)
-        needed = p_value < SIGNIFICANT and largest_gain(without, self.residual) > MATERIAL
-        doubtful = unbelievable(smaller, self.dataset) | indistinct(smaller, self.dataset)
-        doubtful -= unbelievable(self.current, self.dataset) | indistinct(self.current, self.dataset)
-        if needed or doubtful:
-            return
-        self.current, self.residual = smaller, without
-        self.missing = [name for name in self.missing if name != family]
-        last = Step(self.steps[-1].family, self.steps[-1].effect, rmse(without, self.dataset.groups))
-        self.steps = [*(step for step in self.steps[:-1] if step.family != family), last]
+    @property
+    def residual(self) -> Floats:
+        """Held-out residual of the current model, shape (n, 3 * groups)."""
+        return self.current.held_out_residual
 
 
-def searched(search: Search) -> Search:
-    """The search, run, or one that found, in place of two effects, one it passed over that explains as much alone.
+class _Round(NamedTuple):
+    """One round of trials on top of a path's current model."""
 
-    Of two and no more: beside several others it would make up for what it is not: on real flights, for a thrust scale.
-    """
-    search.run()
-    for candidate in sorted(search.passed_over, key=lambda c: c.score):
-        if len(search.missing) != 2 or candidate.family in search.missing:
+    path: Path
+    """The path with what the trials brought to light."""
+    supported: list[Candidate]
+    """The supported candidates, the best first."""
+    look_alikes: list[Candidate]
+
+
+def search(start: FittedModel, pool: Sequence[type[Effect]], progress: Progress) -> Path:
+    """Search `pool` for the effects that the fitted model `start` is missing."""
+    path = pruned(forward(begun_at(start), pool, progress))
+    return with_pair_replaced(path, pool, progress)
+
+
+def begun_at(start: FittedModel) -> Path:
+    """The path that has not left its start."""
+    name, errors = start.fitter.model.name, rmse(start.held_out_residual, start.dataset.groups)
+    return Path(start, start, (Step("", name, errors),))
+
+
+def forward(path: Path, pool: Sequence[type[Effect]], progress: Progress) -> Path:
+    """Forward selection: add the best supported effect of `pool`, and try again, until none is supported."""
+    alike: list[str] = []
+    while True:
+        path, supported, look_alikes = _tried(path, pool, progress)
+        path = _with_confounded(path, alike, [*supported, *look_alikes])
+        if not supported:
+            return path
+        chosen, alike = choose(supported, look_alikes, path.dataset)
+        path = taken(path if path.chosen else replace(path, passed_over=tuple(look_alikes)), chosen)
+
+
+def taken(path: Path, chosen: Candidate) -> Path:
+    """The path with `chosen` added."""
+    step = Step(chosen.family, chosen.effect.name, rmse(chosen.residual, path.dataset.groups))
+    return replace(
+        path,
+        current=chosen.fit(path.dataset),
+        steps=(*path.steps, step),
+        missing=(*path.missing, chosen.family),
+        chosen=(*path.chosen, chosen),
+    )
+
+
+def pruned(path: Path) -> Path:
+    """The path without the effects that are no longer needed now that the others are in; the last one stays."""
+    for family in path.missing[:-1]:
+        path = _without_superfluous(path, family)
+    return path
+
+
+def with_pair_replaced(path: Path, pool: Sequence[type[Effect]], progress: Progress) -> Path:
+    """The path, or one to a single look-alike of the first round that explains as much as the pair that was found."""
+    for candidate in sorted(path.passed_over, key=lambda c: score(c.residual)):
+        if not is_replaceable(path.missing) or candidate.family in path.missing:
             continue
-        other = search.begun_with(candidate)
-        if _as_good(other.residual, search.residual, search.dataset):
-            other.run()
-            if other.missing == [candidate.family]:
-                other.confounded.append([candidate.family, search.missing[-1]])
-                return other
-    return search
+        other = taken(replace(begun_at(path.start), latest=path.latest), candidate)
+        if not is_as_good(other.residual, path.residual, path.dataset):
+            continue
+        other = pruned(forward(other, pool, progress))
+        if other.missing == (candidate.family,):
+            return replace(other, confounded=(*other.confounded, (candidate.family, path.missing[-1])))
+    return path
 
 
-def _as_good(one: Floats, other: Floats, dataset: Dataset) -> bool:
-    """Whether the unseen residual `one` is no larger than the `other`, to the percent and to what the data can tell."""
-    worse_by = unseen_score(one) - unseen_score(other)
-    alike = difference_p_value(other, one, dataset) > ALIKE
-    return worse_by < 0.0 or (worse_by < AS_GOOD and alike)
+def emptied(path: Path) -> Path:
+    """The path back at its start, with its trials: what was found is not what is there."""
+    return replace(path, current=path.start, steps=path.steps[:1], missing=(), confounded=())
 
 
-def _choose(supported: list[Candidate], look_alikes: list[Candidate], dataset: Dataset) -> tuple[Candidate, list[str]]:
-    """The best candidate, and the other families that do as well, `look_alikes` among them.
+def _tried(path: Path, pool: Sequence[type[Effect]], progress: Progress) -> _Round:
+    """Try the families of `pool` that are not in yet: the promising first, then, if none is supported, the others."""
+    left = Unmodelled(path.current)
+    open_ = [effect for effect in pool if effect.family() not in path.missing]
+    promising = [effect for effect in open_ if path.failures.get(effect.name, 0) < 2]
+    latest, failures, look_alikes = dict(path.latest), dict(path.failures), []
+    supported: list[Candidate] = []
+    for effects in (promising, [effect for effect in open_ if effect not in promising]):
+        tried = _trials(effects, left, len(pool), progress)
+        for c in tried:
+            latest[c.effect.name] = c
+            failures[c.effect.name] = 0 if is_promising(c.p_value) else failures.get(c.effect.name, 0) + 1
+        look_alikes += [c for c in tried if is_look_alike(c)]
+        supported = sorted([c for c in tried if is_supported(c)], key=lambda c: score(c.residual))
+        if supported:
+            break
+    return _Round(replace(path, latest=latest, failures=failures), supported, look_alikes)
 
-    Each family stands with its best variant. Of families that do as well as the best, to the percent and to what these
-    data can tell, the one with the fewest parameters is taken.
-    """
-    best = supported[0]
-    every = [*supported, *look_alikes]
-    leaders = [c for i, c in enumerate(every) if c.family not in {other.family for other in every[:i]}]
-    alike = [c for c in leaders if c is best or difference_p_value(best.residual, c.residual, dataset) > ALIKE]
-    as_good = [c for c in alike if c.supported and c.score < best.score + AS_GOOD]
-    chosen = min(as_good, key=lambda c: (len(free_parameters(c.model)), c.score))
-    return chosen, sorted({c.family for c in alike} - {chosen.family})
+
+def _trials(effects: Sequence[type[Effect]], left: Unmodelled, n_tried: int, progress: Progress) -> list[Candidate]:
+    """Trials of `effects`, each by itself: spread as `joblib.parallel_config` says, one after the other without."""
+    work = Parallel(return_as="generator")(delayed(try_effect)(effect, left, n_tried) for effect in effects)
+    tried = []
+    for effect, candidate in zip(effects, work, strict=True):
+        progress(f"tried {effect.name}")
+        tried.append(candidate)
+    return tried
 
 
-def largest_gain(before: Floats, after: Floats) -> float:
-    """Largest share taken off the RMSE of an axis."""
-    return float(np.max(1.0 - np.sqrt(np.mean(after**2, axis=0) / np.maximum(np.mean(before**2, axis=0), 1e-18))))
+def _with_confounded(path: Path, alike: Sequence[str], still_needed: Sequence[Candidate]) -> Path:
+    """The path with the pairs that did equally well, where the one left out is not needed once the other is in."""
+    needed = {candidate.family for candidate in still_needed}
+    pairs = tuple((path.missing[-1], other) for other in alike if other not in needed)
+    return replace(path, confounded=(*path.confounded, *pairs))
+
+
+def _without_superfluous(path: Path, family: str) -> Path:
+    """The path without `family`, or as it is where the family is needed, or keeps the others what they can be."""
+    dataset, model = path.dataset, path.current.model
+    kept = tuple(item for item in model.stack if item.effect.family() != family)
+    smaller = fit_model(replace(path.start.fitter.model, stack=kept), dataset)
+    without = smaller.held_out_residual
+    p_value = improvement_p_value(without, without - path.residual, dataset)
+    doubtful = unbelievable(smaller.model, dataset) | indistinct(smaller.model, dataset)
+    doubtful -= unbelievable(model, dataset) | indistinct(model, dataset)
+    if is_needed(without, path.residual, p_value) or doubtful:
+        return path
+    first, last = path.steps[:-1], path.steps[-1]
+    steps = (*(step for step in first if step.family != family), replace(last, rmse=rmse(without, dataset.groups)))
+    return replace(path, current=smaller, steps=steps, missing=tuple(name for name in path.missing if name != family))

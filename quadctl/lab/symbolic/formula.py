@@ -14,7 +14,7 @@ Frame = Literal["world", "body"]
 FRAME_AXES: dict[Frame, tuple[str, str, str]] = {"world": ("north", "east", "up"), "body": ("forward", "right", "top")}
 """`top` is against body z: along the thrust."""
 
-AS_GOOD = 0.95
+COMPACT_SHARE = 0.95
 """A compact form that explains this part of what the sparse expression explains is preferred to it."""
 
 
@@ -68,7 +68,7 @@ class Law:
     @property
     def best(self) -> Formula:
         """The compact form where it explains about as much on unseen data, else the sparse expression."""
-        as_good = self.compact.held_out_share >= AS_GOOD * self.sparse.held_out_share
+        as_good = self.compact.held_out_share >= COMPACT_SHARE * self.sparse.held_out_share
         return self.compact if as_good else self.sparse
 
     def to_dict(self) -> dict[str, Any]:

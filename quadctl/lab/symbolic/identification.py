@@ -24,11 +24,11 @@ from quadctl.lab.threads import one_blas_thread
 MOST_TERMS = 5
 MOST_SAMPLES = 2000
 """The search for terms looks at no more, evenly spread."""
-SIGNIFICANT = 0.001
+LAW_P_VALUE = 0.001
 """After multiplication with the number of axes and lengths tried (Bonferroni). Stricter than for an effect with
 physics: the terms are chosen from some hundred, and slow noise looks like one of them."""
 TRIED = MOST_TERMS * sum(len(axes) for axes in FRAME_AXES.values())
-MATERIAL = 0.1
+LAW_SHARE = 0.1
 """Share of the axis' squared error that must be explained on unseen data: 5 % of its RMSE, as in `diagnose`."""
 DRAWS = 1000
 
@@ -84,7 +84,7 @@ def _law(
     change[:, i] = held_out[count] - held_out[0]
     p = min(1.0, improvement_p_value(before, change, dataset) * TRIED)
     share = _share(y, held_out[count])
-    if p > SIGNIFICANT or share < MATERIAL:
+    if p > LAW_P_VALUE or share < LAW_SHARE:
         return None
     chosen = [terms[j] for j in _paths(y, terms, np.ones(len(y), dtype=bool))[count]]
     sparse = _sparse_formula(y, chosen, share, dataset)

@@ -7,7 +7,7 @@ import numpy as np
 from quadctl.lab.arrays import Floats
 from quadctl.lab.comparison.comparison import Comparison
 from quadctl.lab.comparison.wording import label_of
-from quadctl.lab.flights.dataset import AXES
+from quadctl.lab.flights.prediction import AXES
 from quadctl.web.elements.figure import Figure, axis, faded, figure
 from quadctl.web.elements.theme import Theme
 

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from quadctl.lab.arrays import Floats, Mask
-from quadctl.lab.flights.dataset import AXES
 from quadctl.lab.flights.flight import Flight
+from quadctl.lab.flights.prediction import AXES
 from quadctl.logs.columns import rpm_columns
 from quadctl.logs.flight_log import FlightLog
 from quadctl.web.elements.figure import Figure, axis, faded, figure, stacked

@@ -10,7 +10,7 @@ from nicegui.element import Element
 from nicegui.elements.mixins.disableable_element import DisableableElement
 from nicegui.elements.upload_files import FileUpload
 
-from quadctl.lab.flights.dataset import AXES
+from quadctl.lab.flights.prediction import AXES
 from quadctl.web.elements.browser_theme import keep_theme, wanted_theme
 from quadctl.web.elements.html import tag
 from quadctl.web.elements.theme import DARK, LIGHT, Theme

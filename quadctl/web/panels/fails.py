@@ -8,10 +8,9 @@ from nicegui.events import GenericEventArguments
 
 from quadctl.lab.arrays import Mask
 from quadctl.lab.comparison.comparison import Comparison
-from quadctl.lab.comparison.failures import Failure, Profile, most_telling
+from quadctl.lab.comparison.failures import Failure, Profile, is_telling, most_telling
 from quadctl.lab.comparison.wording import failure_in_words
 from quadctl.lab.flights.flight import Flight
-from quadctl.lab.selection.candidate import MATERIAL, SIGNIFICANT
 from quadctl.logs.flight_log import FlightLog
 from quadctl.model import Model
 from quadctl.web.elements.html import empty, heading, loading, plot, tag
@@ -52,7 +51,7 @@ class Failures(Panel):
                 tag("p", "verdict", "Nowhere beyond the noise.")
             for failure in most_telling(comparison.fails_where)[:SHOWN_SENTENCES]:
                 _draw_sentence(do, failure)
-        telling = [p for p in comparison.profiles if p.share > MATERIAL and p.p_value < SIGNIFICANT]
+        telling = [p for p in comparison.profiles if is_telling(p)]
         with tag("section", "card"):
             heading(
                 "Residual over each variable, the largest share of the error first"

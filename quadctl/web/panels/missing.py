@@ -18,6 +18,7 @@ from quadctl.lab.flights.flight import Flight
 from quadctl.lab.planning.suggestion import Suggestion
 from quadctl.lab.selection.candidate import Candidate
 from quadctl.lab.selection.diagnosis import Diagnosis
+from quadctl.lab.selection.rule import is_supported
 from quadctl.model import Model
 from quadctl.web.elements.html import busy, empty, heading, loading, tag
 from quadctl.web.elements.theme import Theme
@@ -184,7 +185,7 @@ class Candidates(Panel):
         missing = {candidate.effect.name for candidate in chosen}
         alike = {other: first for first, other in diagnosis.confounded}
         rest = [c for c in diagnosis.ranking if c.effect.name not in missing]
-        near = [c for c in rest if c.supported or c.family in alike]
+        near = [c for c in rest if is_supported(c) or c.family in alike]
         others = [c for c in rest if c not in near]
         if chosen:
             heading("Missing effects, in the order of adding")

@@ -6,8 +6,8 @@ from nicegui import ui
 
 from quadctl.lab.arrays import Mask
 from quadctl.lab.comparison.wording import listed, percent
-from quadctl.lab.flights.dataset import AXES
 from quadctl.lab.flights.flight import VARIABLE_NAMES, VARIABLE_UNITS, Flight
+from quadctl.lab.flights.prediction import AXES
 from quadctl.logs.flight_log import FlightLog
 from quadctl.model import Model
 from quadctl.web.elements.html import empty, heading, plot, tag

@@ -10,8 +10,8 @@ from quadctl.effects import catalog_with, choose_effect, find_effect
 from quadctl.errors import QuadctlError
 from quadctl.lab.arrays import Floats
 from quadctl.lab.comparison.comparison import Comparison, compare
-from quadctl.lab.fitting.fitter import Fitter
-from quadctl.lab.flights.dataset import Dataset, HoldOut, rmse
+from quadctl.lab.fitting.fitter import fit_model
+from quadctl.lab.flights.dataset import Dataset, HoldOut
 from quadctl.lab.interface import prepare_flights
 from quadctl.lab.planning.suggestion import Suggestion, suggest
 from quadctl.lab.report import Results, render_report
@@ -136,11 +136,12 @@ def _dataset(logs: Sequence[FlightLog | None], vehicle: Vehicle, hold_out: HoldO
 def evaluate(model: Model, seen: Dataset, unseen: Dataset | None, progress: Progress) -> Evaluation:
     """How wrong is `model`, and how wrong is it on data that its fit has not seen?"""
     progress("comparing")
-    fitter = Fitter(model, seen)
-    fitted = fitter.fit()
-    held_out = rmse(seen.targets - fitter.held_out(fitted), seen.groups)
+    fit = fit_model(model, seen)
     return Evaluation(
-        compare(model, seen), None if unseen is None else compare(model, unseen), held_out, fitted.nuisances
+        compare(model, seen),
+        None if unseen is None else compare(model, unseen),
+        fit.held_out_rmse,
+        fit.optimum.nuisances,
     )
 
 

@@ -4,7 +4,7 @@ from collections import deque
 from collections.abc import Mapping
 
 from quadctl.lab.arrays import Floats
-from quadctl.lab.flights.dataset import predict
+from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.flights.flight import Flight
 from quadctl.model import Model
 
@@ -21,6 +21,6 @@ def _prediction(model: Model, flight: Flight) -> Floats:
     for known, on, values in _kept:
         if on is flight and known == model:
             return values
-    values = predict(model, flight)
+    values = Dataset((flight,)).aligned_for(model).predicted(model)
     _kept.append((model, flight, values))
     return values

@@ -196,7 +196,9 @@ class Workbench:
         self._show_found()
         self._changed()
         evaluation = await self._quick.run(jobs.evaluate, model, opened.seen, opened.unseen, progress=progress)
-        evaluation = replace(evaluation, comparison=replace(evaluation.comparison, dataset=opened.seen))
+        evaluation = replace(
+            evaluation, comparison=replace(evaluation.comparison, dataset=opened.seen.aligned_for(model))
+        )
         self.results = replace(self.results, evaluation=evaluation)
         if not self.session.off:
             self._judged(evaluation)

@@ -14,8 +14,9 @@ from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.lab.fitting import consider_parameters as considered
 from quadctl.lab.fitting.consider_parameters import FORM, GROUND_SLOPE, ROTOR_COEFFICIENT, error_slopes
 from quadctl.lab.fitting.fitter import Fitter
-from quadctl.lab.flights.dataset import Dataset, load_dataset, predict_targets
+from quadctl.lab.flights.dataset import Dataset, load_dataset
 from quadctl.lab.flights.flight import Flight
+from quadctl.lab.flights.prediction import predict_targets
 from quadctl.lab.flights.preparation import prepare
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle

@@ -8,11 +8,13 @@ import pytest
 
 from quadctl.effects.motor_lag import FirstOrderLag
 from quadctl.errors import LogError
-from quadctl.lab.fitting.fitter import judged
+from quadctl.lab.fitting.fitter import fit_model
 from quadctl.lab.fitting.initial_guesses import Unmodelled
-from quadctl.lab.flights.dataset import load_dataset, rmse
+from quadctl.lab.flights.dataset import load_dataset
+from quadctl.lab.flights.prediction import rmse
 from quadctl.lab.flights.preparation import prepare
-from quadctl.lab.selection.candidate import try_effect
+from quadctl.lab.selection.rule import is_supported
+from quadctl.lab.selection.trial import try_effect
 from quadctl.logs.flight_log import FlightLog
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
@@ -34,14 +36,14 @@ class TestPrepare:
 
     def test_both_sides_of_the_comparison_agree_for_a_log_that_obeys_the_model(self, rigid: Model) -> None:
         data = load_dataset([obedient(rigid)], rigid.vehicle)
-        assert rmse(data.residual(rigid))["up"] < 0.01 * float(np.std(data.measured[:, 2]))
+        assert rmse(data.aligned_for(rigid).residual(rigid))["up"] < 0.01 * float(np.std(data.measured[:, 2]))
 
     def test_held_values_are_joined_not_stepped(self, rigid: Model) -> None:
         log = obedient(rigid, rate_hz=100.0)
         held = {name: np.repeat(values[::10], 10) for name, values in log.columns.items() if name != "time_s"}
         slow = dataclasses.replace(log, columns={**held, "time_s": log.time_s})
         flight = prepare(slow, rigid.vehicle)
-        residual = load_dataset([slow], rigid.vehicle).residual(rigid)
+        residual = load_dataset([slow], rigid.vehicle).aligned_for(rigid).residual(rigid)
         assert rmse(residual)["up"] < 0.1 * float(np.std(flight.measured[:, 2]))
 
     @pytest.mark.parametrize("delay_s", [-3.0, -0.037, -0.0001, 0.0, 0.02, 0.1234, 1e4])
@@ -60,11 +62,10 @@ class TestPrepare:
     def test_a_lag_is_told_from_the_age_of_the_rotor_signal(self, rigid: Model, late_s: float) -> None:
         """Half of a lag looks like an age: they are right only when they are found together."""
         data = load_dataset([with_late_rotors(obedient(rigid), late_s, lag_s=0.08)], rigid.vehicle)
-        _, residual = judged(rigid, data)
-        found = try_effect(FirstOrderLag, Unmodelled(rigid, residual, data), 1)
-        assert found.supported
+        found = try_effect(FirstOrderLag, Unmodelled(fit_model(rigid, data)), 1)
+        assert is_supported(found)
         assert found.effect.values()["time_constant_s"] == pytest.approx(0.08, rel=0.05)
-        assert data.timed_for(found.model).flights[0].delay_s == pytest.approx(late_s, abs=0.005)
+        assert data.aligned_for(found.model).flights[0].delay_s == pytest.approx(late_s, abs=0.005)
 
     def test_only_the_flight_is_used(self, staircases: list[FlightLog], raptor: Vehicle) -> None:
         flight = prepare(staircases[0], raptor)
@@ -87,7 +88,7 @@ class TestPrepare:
         columns["throttle_cmd"] = vehicle.throttle.offset + vehicle.throttle.per_newton * total
         data = load_dataset([dataclasses.replace(log, columns=columns)], vehicle)
         assert data.flights[0].thrust_source == "throttle command"
-        assert rmse(data.residual(rigid))["up"] < 0.1 * float(np.std(data.measured[:, 2]))
+        assert rmse(data.aligned_for(rigid).residual(rigid))["up"] < 0.1 * float(np.std(data.measured[:, 2]))
 
     def test_the_torque_is_what_the_body_rates_tell(self, raptor: Vehicle) -> None:
         """I dw/dt + w x I w, filtered as the acceleration: turning about two axes takes a torque about the third."""

@@ -17,7 +17,8 @@ from quadctl.errors import SettingsError
 from quadctl.frames import rotate
 from quadctl.lab import diagnose, prepare_flights
 from quadctl.lab.fitting.fitter import Fitter
-from quadctl.lab.flights.dataset import Dataset, load_dataset, predict
+from quadctl.lab.flights.dataset import Dataset, load_dataset
+from quadctl.lab.flights.prediction import predict
 from quadctl.lab.planning.information import Information, information, prior
 from quadctl.lab.planning.planned_flight import planned_flight
 from quadctl.lab.planning.suggestion import Option, Suggestion, suggest

@@ -255,7 +255,9 @@ class TestTheEffectFile:
         found = explain(with_law(noise, axis, law(plain)), plain)
         assert found
         model = rigid.plus(load(as_effect_file(found, "unexplained.found"))())
-        change = in_frames(plain.predicted(model) - plain.predicted(rigid), plain)[found.frame]
+        change = in_frames(
+            plain.aligned_for(model).predicted(model) - plain.aligned_for(rigid).predicted(rigid), plain
+        )[found.frame]
         expected = np.zeros_like(change)
         for item in found.laws:
             column = {"north": 0, "forward": 0, "east": 1, "right": 1, "up": 2, "top": 2}[item.axis]
@@ -275,5 +277,5 @@ class TestTheEffectFile:
         text = as_effect_file(found, "unexplained.found")
         result = add(load(text), rigid, seen)
         assert result.held_out_drop > 0.1
-        before, after = (other.residual(model)[:, UP] for model in (rigid, result.model))
+        before, after = (other.aligned_for(m).residual(m)[:, UP] for m in (rigid, result.model))
         assert np.mean(after**2) < 0.5 * np.mean(before**2)

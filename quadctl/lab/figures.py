@@ -1,57 +1,65 @@
-"""The one figure by which each result of the lab draws itself."""
+"""The one figure of each kind of result, registered for `Result.plot`.
 
-from functools import singledispatch
+matplotlib is loaded when a figure is drawn, not when a result is made.
+"""
+
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.figure import Figure
 
-from quadctl.lab import plots
 from quadctl.lab.comparison.comparison import Comparison
 from quadctl.lab.comparison.noise_floor import flexible_residual, noise_floor
-from quadctl.lab.flights.dataset import predict, rmse
+from quadctl.lab.flights.prediction import predict, rmse
 from quadctl.lab.planning.suggestion import Suggestion
-from quadctl.lab.results import Result
+from quadctl.lab.results import draws
 from quadctl.lab.selection.diagnosis import Diagnosis
 from quadctl.lab.selection.discovery import Discovery
 from quadctl.lab.selection.refit import Refit
 
-
-@singledispatch
-def drawn(result: Result) -> Figure:
-    """The figure that says most of `result`."""
-    raise TypeError(f"{type(result).__name__} has no figure")
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
-@drawn.register
-def _(result: Comparison) -> Figure:
+@draws(Comparison)
+def draw_comparison(result: Comparison) -> "Figure":
     """Measured against predicted acceleration of the flight with the largest error."""
+    from quadctl.lab import plots
+
     index = result.dataset.flight_index
     errors = [np.mean(result.residual[index == i] ** 2) for i in range(len(result.dataset.flights))]
     flight = result.dataset.flights[int(np.argmax(errors))]
     return plots.acceleration_over_time(flight, flight.measured, {result.model.name: predict(result.model, flight)})
 
 
-@drawn.register
-def _(result: Diagnosis) -> Figure:
+@draws(Diagnosis)
+def draw_diagnosis(result: Diagnosis) -> "Figure":
     """The ranking."""
-    residual = result.dataset.residual(result.model)
+    from quadctl.lab import plots
+
+    residual = result.dataset.aligned_for(result.model).residual(result.model)
     floor = rmse(noise_floor(residual, flexible_residual(residual, result.dataset)))
     return plots.ranking(result, floor["total"])
 
 
-@drawn.register
-def _(result: Refit) -> Figure:
+@draws(Refit)
+def draw_refit(result: Refit) -> "Figure":
     """Held-out errors before and after."""
+    from quadctl.lab import plots
+
     return plots.before_after(result.before, result.after, None)
 
 
-@drawn.register
-def _(result: Discovery) -> Figure:
+@draws(Discovery)
+def draw_discovery(result: Discovery) -> "Figure":
     """The ladder of held-out errors."""
+    from quadctl.lab import plots
+
     return plots.ladder(result.diagnosis, result.before.noise_floor["total"])
 
 
-@drawn.register
-def _(result: Suggestion) -> Figure:
+@draws(Suggestion)
+def draw_suggestion(result: Suggestion) -> "Figure":
     """What each mission would tell."""
+    from quadctl.lab import plots
+
     return plots.mission_gains(result)

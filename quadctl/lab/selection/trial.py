@@ -1,0 +1,72 @@
+"""A trial: one effect fitted on top of a fitted model, and what held-out data say of it."""
+
+import numpy as np
+
+from quadctl.effects import Effect
+from quadctl.lab.arrays import Floats
+from quadctl.lab.fitting.fitter import FittedModel, Fitter
+from quadctl.lab.fitting.initial_guesses import Unmodelled, best_guesses
+from quadctl.lab.fitting.nuisances import AGE, MOST
+from quadctl.lab.fitting.significance import improvement_p_value
+from quadctl.lab.flights.dataset import Dataset
+from quadctl.lab.flights.prediction import MOMENTS, rmse
+from quadctl.lab.selection.candidate import LEAST_ERROR, Candidate
+from quadctl.lab.selection.rule import indistinct, unbelievable
+from quadctl.lab.threads import one_blas_thread
+
+REALIGNED = 3
+"""Largest number of times that a lag and the delay of the log beside it are found in turn."""
+
+
+@one_blas_thread
+def try_effect(effect: type[Effect], left: Unmodelled, n_tried: int) -> Candidate:
+    """Fit `effect` on top of the fitted model that `left` is of; `n_tried` candidates are tried on these data."""
+    dataset, residual = left.dataset, left.residual
+    fit, independent = fit_on_top(effect, left)
+    last = len(fit.model.effects) - 1
+    ci95 = fit.ci95(last)
+    after = fit.held_out_residual
+    return Candidate(
+        effect=fit.model.effects[last],
+        model=fit.model,
+        ci95=ci95,
+        before=rmse(residual, dataset.groups),
+        after=rmse(after, dataset.groups),
+        p_value=min(1.0, improvement_p_value(residual, residual - after, dataset) * n_tried * independent),
+        residual=after,
+        worst_flight=_worst_flight(residual, after, dataset),
+        remarks=fit.remarks(last),
+        believable=unbelievable(fit.model, dataset) <= unbelievable(left.model, dataset),
+        distinct=effect.name not in indistinct(fit.model, dataset),
+        start=fit.fitter.model,
+        nuisances=fit.optimum.nuisances,
+    )
+
+
+def fit_on_top(effect: type[Effect], left: Unmodelled) -> tuple[FittedModel, int]:
+    """The best fit of the model that `left` is of with `effect` on top, and from how many independent guesses it came.
+
+    A motor lag and the delay of a log shift the thrust alike: where a fit has moved the delay far, the flights are
+    aligned anew beside the lag that was found, and fitted again.
+    """
+    guesses, independent = best_guesses(effect, left)
+    fitters = [Fitter(left.model.plus(guess), left.dataset) for guess in guesses]
+    fits = [fitter.fit() for fitter in fitters]
+    misfits = [fitter.misfit(fitted, left.scale) for fitter, fitted in zip(fitters, fits, strict=True)]
+    best = misfits.index(min(misfits))
+    fitter, fitted = fitters[best], fits[best]
+    for _ in range(REALIGNED if effect.retards else 0):
+        if np.abs(fitted.nuisances[:, AGE]).max() < 0.5 * MOST[AGE]:
+            break
+        fitter = Fitter(fitted.model, left.dataset)
+        fitted = fitter.fit()
+    return FittedModel(fitter, fitted, left.dataset.targets - fitter.held_out(fitted)), independent
+
+
+def _worst_flight(before: Floats, after: Floats, dataset: Dataset) -> float:
+    """Least share taken off the error of a moment in a single flight, or 0 where none is negative."""
+    worst = 0.0
+    for part in dataset.parts:
+        had, left = rmse(before[part], dataset.groups), rmse(after[part], dataset.groups)
+        worst = min([worst, *(1.0 - left[axis] / max(had[axis], LEAST_ERROR) for axis in MOMENTS if axis in had)])
+    return worst
