@@ -15,16 +15,16 @@ def lab_page(
     model: Annotated[
         Path | None, typer.Option("--model", metavar="MODEL.yaml", help="Model or vehicle file to begin with.")
     ] = None,
-    session: Annotated[
-        Path | None, typer.Option("--session", metavar="FILE", help="Go on with a session that was saved.")
-    ] = None,
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where all goes that is saved.")] = Path("lab"),
-    missions: Annotated[Path, typer.Option("--missions", metavar="DIR", help="To suggest, to fly.")] = Path("missions"),
+    session: Annotated[Path | None, typer.Option("--session", metavar="FILE", help="Continue a saved session.")] = None,
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for all that is saved.")] = Path("lab"),
+    missions: Annotated[Path, typer.Option("--missions", metavar="DIR", help="Folder of the missions.")] = Path(
+        "missions"
+    ),
     hidden: HiddenOption = None,
     port: Annotated[int, typer.Option("--port", metavar="N", min=1, max=65535)] = 8090,
     show: Annotated[bool, typer.Option("--open/--no-open", help="Open the browser.")] = True,
 ) -> None:
-    """The lab as a page in the browser: look, click, watch the error fall."""
+    """Find what a model is missing, on a page in the browser."""
     from quadctl.web.page.server import serve
     from quadctl.web.session.start import check_folders, first_session, vehicle_files
     from quadctl.web.work.simulated import Simulation

@@ -1,4 +1,4 @@
-"""What the tests of the lab page look at: a simulated flight, sessions in which it has been searched, wrong files."""
+"""Data of the tests of the lab page: a simulated flight, sessions with findings in it, wrong files."""
 
 import shutil
 from pathlib import Path
@@ -16,7 +16,7 @@ from tests.support.visitors import ROOT
 
 VEHICLE = ROOT / "config" / "vehicles" / "raptor.yaml"
 ADDED = "ground_effect.exponential"
-"""What a search finds in that flight."""
+"""Effect that a search finds in that flight."""
 EXPRESSION = {
     "parts": ["{a}*exp(-{b}*height_over_radius)", "{c}"],
     "variables": ["height_over_radius"],

@@ -138,7 +138,7 @@ def flight(raptor: Vehicle) -> Dataset:
 
 @pytest.fixture(scope="module")
 def found(raptor: Vehicle, flight: Dataset) -> Diagnosis:
-    """What a search for two effects finds in a flight that obeys one of them."""
+    """Diagnosis of a flight that obeys one of the two effects searched for."""
     return diagnose(Model(raptor), flight, [Exponential, Hayden])
 
 

@@ -1,4 +1,4 @@
-"""Step responses flown in simulation: height over time, and what the ground does after the step."""
+"""Step responses flown in simulation: height over time, and the error after the step."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""One open tab of the live view: drawn once, and after that only numbers and curves move."""
+"""One open tab of the live view: drawn once; after that only numbers and curves are updated."""
 
 import asyncio
 import time
@@ -19,7 +19,7 @@ from quadctl.web.live.viewing import Viewing
 
 REFRESH_S = 0.2
 SLOW_S = 10.0
-"""A browser that takes longer to draw is not waited for any more."""
+"""Longest time to wait for a browser to draw."""
 LAND_KEY = "l"
 LOADING_S = 60.0
 _CHARTS_ARE_THERE = """return new Promise(done => {
@@ -29,11 +29,11 @@ _CHARTS_ARE_THERE = """return new Promise(done => {
 
 
 _DRAWN = "return true"
-"""Answered after all that was asked of the browser before."""
+"""Script whose answer comes after everything sent to the browser before."""
 
 
 class LivePage:
-    """What one tab shows."""
+    """Content of one tab."""
 
     def __init__(self, viewing: Viewing) -> None:
         self._viewing = viewing
@@ -44,7 +44,7 @@ class LivePage:
         self._phases_drawn = 0
         self._all_drawn = False
         self._can_extend = False
-        """Plotly is large: until it is loaded, what is new waits."""
+        """False until the browser has loaded Plotly, which takes long: until then new rows wait."""
 
     async def open(self, client: Client) -> None:
         """Draw all of it, and follow the flight until the tab is closed."""
@@ -100,7 +100,7 @@ class LivePage:
             theme_button(self._theme, self._toggle_theme)
 
     def _draw_charts(self) -> None:
-        """The last minute; when the flight is over, all of it."""
+        """Draw the curves of the last minute; when the flight is over, those of all of it."""
         history = self._history
         self._all_drawn = history.over
         rows = history.since(0, len(history.rows) if history.over else WINDOW_ROWS)
@@ -120,7 +120,7 @@ class LivePage:
     # --- following ----------------------------------------------------------------------------------------------------
 
     async def _follow(self) -> None:
-        """Refresh, and let the browser draw that before it gets more: what a slow one cannot draw would heap up."""
+        """Refresh, and wait until the browser has drawn: otherwise updates would queue up in a slow one."""
         began = time.monotonic()
         self._refresh()
         with suppress(TimeoutError):

@@ -21,7 +21,10 @@ POLITENESS = 5
 
 
 def serve(brief: Brief, end: ViewEnd, pipe: Connection, host: str, port: int, token: str | None) -> None:
-    """Serve the page of one flight. In a session of its own: Ctrl-C in the terminal is for the flight, which lands."""
+    """Serve the page of one flight.
+
+    The process gets a session of its own: Ctrl-C in the terminal then reaches the flight only, which lands.
+    """
     os.setsid()
     os.nice(POLITENESS)
     viewing = Viewing(History(brief), end, pipe)

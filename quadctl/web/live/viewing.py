@@ -18,7 +18,7 @@ GRACE_S = 5.0
 
 
 class Viewing:
-    """The viewer's end of the link."""
+    """The viewer's end of the link, and the tabs that are open."""
 
     def __init__(self, history: History, end: ViewEnd, pipe: Connection) -> None:
         self.history = history

@@ -20,7 +20,7 @@ HOST = "127.0.0.1"
 EARLY = '<script type="module">import("nicegui-plotly");</script>'
 """Plotly is large: it is loaded while the page is still being connected, not when the first figure comes."""
 FORM_BYTES = 2**20
-"""What a browser adds to the files that it sends."""
+"""Allowance for the form that a browser sends the files in."""
 
 
 def serve(

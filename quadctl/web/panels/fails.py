@@ -115,12 +115,12 @@ class Selected(Panel):
         with tag("div", "card brush-bar"):
             draw_brush_note(do, self.brush, brushed)
             show = ui.button("Show", icon="south", on_click=lambda: ui.run_javascript(_SCROLL))
-            show.props('no-caps unelevated dense aria-label="Show what is selected"')
+            show.props('no-caps unelevated dense aria-label="Show the selected samples"')
         with tag("section", "card"):
             heading("In time")
             predicted = predictions(self.models, flight)
             timeline = full_timeline(flight, self.log, predicted, self.axis, self.theme, brushed)
-            zoomed_plot(timeline, self.theme, f"{flight.name}_selected", "What is selected, over time")
+            zoomed_plot(timeline, self.theme, f"{flight.name}_selected", "Selected samples over time")
 
 
 def _two_strongest(profiles: list[Profile]) -> tuple[str, tuple[str, str]] | None:

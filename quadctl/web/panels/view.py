@@ -156,7 +156,7 @@ class View:
             return {}
         first = session.rungs[0]
         changed = session.current > 0 or session.off
-        return {first.name: first.model} | ({"with what was added": session.model} if changed else {})
+        return {first.name: first.model} | ({"with added effects": session.model} if changed else {})
 
     # --- results for the current model --------------------------------------------------------------------------------
 

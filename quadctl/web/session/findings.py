@@ -1,4 +1,4 @@
-"""What a search found, without the flights it was found in: small enough for a session file, and all that the page, the
+"""Findings of a search, without the samples of the flights: small enough for a session file, and all that the page, the
 report and the choice of the next flight need."""
 
 import re
@@ -33,7 +33,7 @@ _NO_SAMPLES: Floats = np.empty(0)
 
 
 class _Saved(Settings):
-    """As settings are, but what was never known (nan), or has no bound, stays so."""
+    """Settings in which nan (unknown) and infinity (no bound) are allowed."""
 
     model_config = ConfigDict(allow_inf_nan=True, ser_json_inf_nan="constants")
 
@@ -50,7 +50,7 @@ class SavedFormula(_Saved):
 
     @model_validator(mode="after")
     def _nothing_but_a_formula(self) -> "SavedFormula":
-        """It becomes Python when it is saved as an effect, and a session may come from anybody."""
+        """Refuse anything but a formula: it becomes Python when saved as an effect, and anybody may write a session."""
         known = {*CODE, *_FUNCTIONS, *(f"{{{name}}}" for name in self.coefficients)}
         for part in self.parts:
             words = set(_WORD.findall(_NUMBER.sub("", part)))
@@ -187,7 +187,7 @@ class SavedStep(_Saved):
 
 
 class Findings(_Saved):
-    """What was `Diagnosed`."""
+    """A `Diagnosed` that can be saved."""
 
     verdict: Verdict
     ranking: tuple[SavedCandidate, ...]
@@ -217,7 +217,7 @@ class Findings(_Saved):
         )
 
     def diagnosed(self, model: Model, dataset: Dataset) -> Diagnosed:
-        """The same again, for the model and the flights that it was found in; raises as `diagnosis` does."""
+        """The diagnosis with its sketches, for the model and flights of the search; raises as `diagnosis` does."""
         sketches = {c.stack[-1].effect: c.sketch.sketch() for c in self.ranking if c.sketch is not None}
         return Diagnosed(self.diagnosis(model, dataset), sketches)
 
@@ -257,7 +257,7 @@ def _model(like: Model, stack: Iterable[EffectEntry], known: Mapping[str, type[E
 
 
 def _short(errors: Mapping[str, float]) -> Errors:
-    """More digits than anybody reads, fewer than a computer writes."""
+    """Errors rounded to seven digits."""
     return {name: float(f"{value:.7g}") for name, value in errors.items()}
 
 

@@ -1,4 +1,4 @@
-"""What comes in through the page: files that are dropped and vehicles that are written down."""
+"""Intake of the page: files that are dropped, and vehicles that are written down."""
 
 import filecmp
 import os

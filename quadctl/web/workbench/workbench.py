@@ -1,4 +1,4 @@
-"""The page's state and what can be done to it, without any user interface: all tabs look at the same workbench.
+"""State of the page and the actions on it, without any user interface: all tabs show the same workbench.
 
 Short work (open, add, remove) and the search for what is missing have a process each, so that neither waits for the
 other. Whoever shows the state asks to be told when it changes.
@@ -28,15 +28,15 @@ from quadctl.web.work.worker import CancelledError, Worker
 _LOG = logging.getLogger(__name__)
 AUTOSAVED = f"session{SUFFIX}"
 SAME_ERROR = 0.01
-"""Between two computers, the same fit to the same flights does not differ by such a share."""
+"""Largest relative difference of the same fit on two computers."""
 
 
 @dataclass
 class Workbench:
-    """One analysis."""
+    """One analysis: its session, its results, and the work on it."""
 
     folder: Path
-    """Where everything goes that is saved."""
+    """Folder for everything that is saved."""
     simulation: Simulation
     session: Session = field(default_factory=Session)
     opened: jobs.Opened | None = None
@@ -113,9 +113,9 @@ class Workbench:
         await self._with_flights(session)
 
     async def _with_flights(self, session: Session, known: bool = False) -> None:
-        """Read the flights of `session` and judge its model; where that fails, all stays as it was.
+        """Read the flights of `session` and evaluate its model; where that fails, nothing changes.
 
-        What is `known` of the models holds as long as the flights that can be used are the same.
+        Results are kept where they are `known` and the flights that can be used are the same.
         """
         async with self._working("Reading flights") as progress:
             opened = None
@@ -159,7 +159,7 @@ class Workbench:
                 await self._climb(f"+ {effect}", progress, jobs.add_effect, effect)
 
     async def add_expression(self) -> None:
-        """Add what no effect explains as an effect of one's own, whose file is kept."""
+        """Add the expression for the unexplained residual as an effect of one's own, whose file is kept."""
         found = self.results.found
         if found is None or found.diagnosis.symbolic is None:
             return
@@ -207,7 +207,7 @@ class Workbench:
         self._autosave()
 
     def _judged(self, evaluation: jobs.Evaluation) -> None:
-        """The error of the step is known; where it was known before as another, nothing else that was known holds."""
+        """Keep the error of the current step; where a saved one differs from it, drop all saved results."""
         rung = self.session.rung
         known = None if rung is None else rung.error_m_s2
         if known is not None and abs(evaluation.error_m_s2 - known) > SAME_ERROR * known:
@@ -215,13 +215,13 @@ class Workbench:
             self.results = replace(self.results, found=None)
             self.message = Message(
                 "error",
-                f"When this was saved the error was {quantity(known)}, now it is {quantity(evaluation.error_m_s2)}: "
-                "the logs have changed, or quadctl has. Everything is worked out anew.",
+                f"The saved error is {quantity(known)}, now it is {quantity(evaluation.error_m_s2)}: "
+                "the logs or quadctl have changed. All results are computed again.",
             )
         self.session = self.session.judged(evaluation.error_m_s2, evaluation.floor_m_s2)
 
     def _show_found(self) -> None:
-        """What a search for the current step has found already."""
+        """Restore the findings of an earlier search for the current step."""
         rung, seen = self.session.rung, self.seen
         if rung is None or rung.found is None or seen is None or self.session.off:
             return
@@ -330,7 +330,7 @@ class Workbench:
 
     @asynccontextmanager
     async def _working(self, title: str) -> AsyncIterator[Callable[[str], None]]:
-        """One work at a time: what it says while it runs, and what is said when it fails."""
+        """Run one work at a time: show its progress, and say so when it fails or is cancelled."""
         if self.work is not None:
             self.say("error", f"{self.work.title} is not finished yet: wait for it, or cancel it.")
             raise CancelledError
