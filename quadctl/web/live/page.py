@@ -76,7 +76,7 @@ class LivePage:
                     self._land_hint = ui.label().classes("land-hint")
                 self._land.on("click", self._press)
                 with tag("section", "card").props('aria-label="Guards"'):
-                    heading("Guards", "How near the flight is to each limit.")
+                    heading("Guards", "Present value and limit of each guard.")
                     self._guards = GuardList(brief)
             with tag("main", "main"):
                 self._banner = tag("div", "banner").props('role="status" aria-live="assertive" id="banner"')
@@ -166,7 +166,7 @@ class LivePage:
         elif silent_s is not None:
             self._say(
                 "error",
-                f"No word from the flight for {silent_s:.0f} s. LAND may not reach it: Ctrl-C in its terminal lands, "
+                f"No data from the flight for {silent_s:.0f} s. LAND may not reach it: Ctrl-C in its terminal lands, "
                 "and the switch on the remote control takes the vehicle.",
             )
         elif latest is None:

@@ -135,7 +135,7 @@ def _number(value: float, decimals: int) -> str:
 
 def _height(record: Record, history: History) -> tuple[str, str]:
     known = math.isfinite(record.height_ref_m)
-    return _number(record.height_m, 2), f"wanted {record.height_ref_m:.2f}" if known else "no reference"
+    return _number(record.height_m, 2), f"reference {record.height_ref_m:.2f}" if known else "no reference"
 
 
 def _speed(record: Record, history: History) -> tuple[str, str]:

@@ -105,7 +105,7 @@ class SimulatedFlight(Panel):
         if self.model is None or self.seen is None:
             return
         with tag("section", "card"):
-            world = "that obeys this model" if self.hidden is None else f"as in {self.hidden.name}"
+            world = "that obeys this model" if self.hidden is None else f"that obeys {self.hidden.name}"
             heading("Fly it in simulation", f"A step down to the ground, flown twice in a simulated world {world}.")
             fly = ui.button("Fly it in simulation", icon="flight_takeoff", on_click=lambda: do.act(do.bench.fly()))
             do.when_idle(fly.props("no-caps unelevated"), not self.refused)

@@ -54,9 +54,9 @@ class Failures(Panel):
         telling = [p for p in comparison.profiles if is_telling(p)]
         with tag("section", "card"):
             heading(
-                "Residual over each variable, the largest share of the error first"
+                "Residual over each variable, the one that explains most of it first"
                 if telling
-                else "No variable explains a significant share of the residual; the two with the largest share",
+                else "No variable explains a significant share of the residual; these two explain most",
                 "Where the mean is on the zero line, the model is right. "
                 "Drag over a range to see where in the flight it occurred.",
             )
@@ -98,7 +98,7 @@ class Selected(Panel):
             if over is not None:
                 axis_name, variables = over
                 with tag("section", "card"):
-                    heading("Residual over the two variables with the largest share", "Drag a box to select.")
+                    heading("Residual over the two variables that explain most of it", "Drag a box to select.")
                     drawn = error_map(self.comparison, axis_name, variables, self.theme)
                     shown = plot(drawn, f"residual_{axis_name}_map", "Residual over two variables")
                     _let_select(do, shown, axis_name, variables)

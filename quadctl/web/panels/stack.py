@@ -74,7 +74,7 @@ def _draw_effect(do: Controls, item: StackedEffect, on: bool) -> None:
 
 
 def _draw_nuisances(evaluation: Evaluation, seen: Dataset) -> None:
-    with ui.expansion("Trim and calibration of each flight").classes("nuisances").props("dense"):
+    with ui.expansion("Trim and calibration").classes("nuisances").props("dense"):
         tag(
             "p",
             "muted",
