@@ -36,7 +36,7 @@ hidden: $(INSTALLED)
 	$(BIN)/python -m studies.blind_cases.scoreboard --set tuning
 	$(BIN)/python -m studies.blind_cases.scoreboard --set final
 
-# Moves every threshold of the decision rule; writes docs/decision-rule.md. Some ten minutes.
+# Moves every threshold of the decision rule; writes docs/decision-rule.md. Some twenty minutes.
 decision-rule: $(INSTALLED)
 	$(BIN)/python -m studies.decision_rule
 

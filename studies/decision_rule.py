@@ -1,6 +1,6 @@
 """Write docs/decision-rule.md: verdicts on hidden-effect cases with each threshold of the decision rule moved.
 
-`make decision-rule` runs this on the cases of the set `tuning` at strength 1, whose flights are kept in build/hidden.
+`make decision-rule` runs this on cases of the set `tuning`, whose flights are kept in build/hidden.
 """
 
 import argparse
@@ -43,16 +43,19 @@ MOVED: dict[str, tuple[float, ...]] = {
 }
 """Thresholds of `quadctl.lab.selection.rule`, and the values that are tried instead of theirs."""
 KINDS = {"single": "one effect", "pair": "two effects", "unexplained": "unexplained", "none": "nothing hidden"}
+STRENGTHS = (1.0, 0.3)
 Setting = tuple[str, float]
+Cell = tuple[str, float]
+"""Kind of case, and strength."""
 
 HEAD = """# The decision rule, and what its thresholds do
 
 Written by `make decision-rule`. The rule by which an effect is called missing is one file,
-`quadctl/lab/selection/rule.py`, which says for each threshold what it is and why. Here each is moved by itself, to about
-half and about twice its value, on the {count} hidden-effect cases of the set `tuning` at strength 1
-([hidden effects](hidden-effects.md)). The columns count the right verdicts by kind of case; bold is what differs from the
-rule as it stands. The lab was tuned on these seeds, so the first row says nothing of other data; the others say how much
-depends on a threshold.
+`quadctl/lab/selection/rule.py`, which says for each threshold what it is and why. Here each is moved by itself, to
+about half and about twice its value, on the {count} hidden-effect cases of the set `tuning` at strengths 1 and 0.3
+([hidden effects](hidden-effects.md)). The columns count the right verdicts by kind of case, at either strength; bold is
+what differs from the rule as it stands. The lab was tuned on these seeds, so the first row says nothing of other data;
+the others say how much depends on a threshold.
 
 | threshold | value | {kinds} |
 |---|---|{dashes}|
@@ -111,16 +114,16 @@ def remembered() -> Iterator[None]:
         yield
 
 
-def page(right: Mapping[Setting, Counter[str]], totals: Mapping[str, int]) -> str:
+def page(right: Mapping[Setting, Counter[Cell]], totals: Mapping[Cell, int]) -> str:
     """The page, with one row for each setting."""
     kinds, dashes = " | ".join(KINDS.values()), "|".join(["---:"] * len(KINDS))
-    standing = right["", 0.0]
     rows = []
     for name, value in settings():
         cells = []
         for kind in KINDS:
-            share = f"{right[name, value][kind]} of {totals[kind]}"
-            cells.append(share if right[name, value][kind] == standing[kind] else f"**{share}**")
+            now, standing = ([right[setting][kind, s] for s in STRENGTHS] for setting in ((name, value), ("", 0.0)))
+            counts = [str(n) if n == before else f"**{n}**" for n, before in zip(now, standing, strict=True)]
+            cells.append(f"{', '.join(counts[: 1 if kind == 'none' else None])} of {totals[kind, 1.0]}")
         words = f"`{name}`" if name else "as it stands"
         moved = f"{getattr(rule, name):g} -> {value:g}" if name else ""
         rows.append(f"| {words} | {moved} | {' | '.join(cells)} |")
@@ -132,17 +135,17 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=2)
     options = parser.parse_args()
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # for the processes: two of them have two cores
-    cases = [case for case in all_cases("tuning") if case.strength == 1.0]
+    cases = [case for case in all_cases("tuning") if case.strength in STRENGTHS]
     folder = ROOT / "build" / "hidden" / generator_digest()
-    right: dict[Setting, Counter[str]] = {setting: Counter() for setting in settings()}
+    right: dict[Setting, Counter[Cell]] = {setting: Counter() for setting in settings()}
     with ProcessPoolExecutor(options.jobs, mp_context=multiprocessing.get_context("spawn")) as pool:
         for number, (case, found) in enumerate(
             zip(cases, pool.map(verdicts, cases, [folder] * len(cases)), strict=True)
         ):
             for setting, is_right in found.items():
-                right[setting][case.kind] += is_right
+                right[setting][case.kind, case.strength] += is_right
             print(f"{number + 1}/{len(cases)} {case.name}", flush=True)
-    PAGE.write_text(page(right, Counter(case.kind for case in cases)), encoding="utf-8")
+    PAGE.write_text(page(right, Counter((case.kind, case.strength) for case in cases)), encoding="utf-8")
     print(f"written: {PAGE}")
 
 

@@ -58,9 +58,11 @@ def searched(log: Path) -> Path:
 def one_step_up(session: Path) -> Path:
     """The same, and one step more: the effect that was found, and nothing left."""
     begun, found = _begun(session)
-    assert found.missing == ("ground_effect",)
-    added = begun.rungs[0].model.plus(CATALOG[ADDED].from_values(found.best[0].parameters, ""))
-    nothing = found.model_copy(update={"verdict": "none", "missing": (), "steps": found.steps[:1], "best": ()})
+    assert found.content["missing"] == ["ground_effect"]
+    added = begun.rungs[0].model.plus(CATALOG[ADDED].from_values(found.content["best"][0]["parameters"], ""))
+    nothing = Findings(
+        found.content | {"verdict": "none", "missing": [], "steps": found.content["steps"][:1], "best": []}
+    )
     return _saved(begun.climbed(Rung(f"+ {ADDED}", added, found=nothing)), session.with_name("two.lab.yaml"))
 
 
@@ -69,8 +71,8 @@ def unexplained(session: Path) -> Path:
     begun, found = _begun(session)
     law = {"axis": "up", "sparse": EXPRESSION, "compact": EXPRESSION, "p_value": 1e-6}
     symbolic = {"frame": "world", "laws": [law], "ranges": {"height_over_radius": (0.8, 7.5)}}
-    nothing = {"verdict": "unexplained", "missing": (), "unexplained": True, "steps": found.steps[:1]}
-    other = Findings.model_validate(found.model_dump() | nothing | {"symbolic": symbolic})
+    nothing = {"verdict": "unexplained", "missing": [], "unexplained": True, "steps": found.content["steps"][:1]}
+    other = Findings(found.content | nothing | {"symbolic": symbolic})
     return _saved(begun.searched(begun.rungs[0].model, other), session.with_name("unexplained.lab.yaml"))
 
 

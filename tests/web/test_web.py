@@ -5,8 +5,9 @@ import csv
 import socket
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,6 +22,7 @@ from quadctl.lab.flights.prediction import rmse
 from quadctl.lab.selection.diagnosis import Diagnosis, diagnose
 from quadctl.lab.selection.rule import is_supported
 from quadctl.lab.symbolic.effect_file import as_effect_file
+from quadctl.lab.symbolic.formula import Formula, Law, Symbolic
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
 from quadctl.web.elements.figure import Figure, to_csv
@@ -32,7 +34,7 @@ from quadctl.web.figures.profile import profile_figure
 from quadctl.web.figures.ratio import ratio_over_height
 from quadctl.web.figures.timeline import full_timeline
 from quadctl.web.session.files import keep_expression, own_effects, require_inside, upload_path
-from quadctl.web.session.findings import Findings, SavedFormula
+from quadctl.web.session.findings import Findings, require_formula
 from quadctl.web.session.session import Rung, Session, load_session, session_to_yaml
 from quadctl.web.work.jobs import log_names
 from quadctl.web.work.predictions import predictions
@@ -115,8 +117,11 @@ class TestSession:
         ("text", "said"),
         [
             ("switched_off: [ground_effect.hayden]", "switched_off holds ground_effect.hayden"),
-            ("rungs: [{name: x, model: {vehicle: RAPTOR, effects: []}, found: '{'}]", "found is not valid JSON"),
-            ("rungs: [{name: x, model: {vehicle: RAPTOR, effects: []}, found: '{}'}]", "found: verdict is missing"),
+            ("rungs: [{name: x, model: {vehicle: RAPTOR, effects: []}, found: '{'}]", "found: is not valid JSON"),
+            (
+                "rungs: [{name: x, model: {vehicle: RAPTOR, effects: []}, found: '{}'}]",
+                r"found: required field missing @ \$.verdict",
+            ),
             ("rungs: [{name: x, model: {effects: []}}]", "vehicle"),
             ("steps: 1", "steps"),
             ("- 1", "expected"),
@@ -147,7 +152,7 @@ class TestFindings:
         self, raptor: Vehicle, flight: Dataset, tmp_path: Path
     ) -> None:
         unexplained = diagnose(Model(raptor), flight, [])
-        symbolic = Findings.of(unexplained, {}).diagnosis(unexplained.model, flight).symbolic
+        symbolic = Findings.of(unexplained, {}).diagnosed(unexplained.model, flight).diagnosis.symbolic
         assert unexplained.symbolic is not None and symbolic is not None
         (tmp_path / "unexplained.py").write_text("another")
         path = keep_expression(symbolic, unexplained.model, tmp_path)
@@ -155,27 +160,29 @@ class TestFindings:
         assert keep_expression(symbolic, unexplained.model, tmp_path) == path
         assert (tmp_path / "unexplained.py").read_text() == "another"
 
-    FORMULA: ClassVar[dict[str, Any]] = {
-        "variables": ["height_over_radius"],
-        "coefficients": {"a": 1.0, "k1": 2.0},
-        "ci95": {},
-        "bounds": {},
-        "held_out_share": 0.5,
-    }
+    def formula(self, part: str) -> Formula:
+        return Formula((part,), ("height_over_radius",), {"a": 1.0, "k1": 2.0}, {}, {}, 0.5, np.empty(0))
+
+    def test_a_session_holds_no_program(self, raptor: Vehicle, flight: Dataset, found: Diagnosis) -> None:
+        law = Law("up", self.formula("__import__('os')"), self.formula("{a}"), 0.0)
+        evil = replace(found, symbolic=Symbolic("world", (law,), {}))
+        text = Findings.of(evil, {}).to_json()
+        with pytest.raises(SettingsError, match="is no formula"):
+            Findings.from_json(text, found.model)
 
     @pytest.mark.parametrize(
         "part", ["{a}*exp(-0.5*height_over_radius)", "{k1}*speed*abs(speed)", "{a}*exp(-((north + 1e-05)/0.3)**2)"]
     )
     def test_a_formula_is_taken(self, part: str) -> None:
-        assert SavedFormula(parts=(part,), **self.FORMULA).parts == (part,)
+        assert require_formula(self.formula(part)).parts == (part,)
 
     @pytest.mark.parametrize(
         "part",
         ["__import__('os')", "{a.__class__}", "{a}*eval(speed)", "speed.real", "speed; north", "{a!r}", "[speed]", "{"],
     )
     def test_what_would_be_a_program_is_refused(self, part: str) -> None:
-        with pytest.raises(ValueError, match="is no formula"):
-            SavedFormula(parts=(part,), **self.FORMULA)
+        with pytest.raises(SettingsError, match="is no formula"):
+            require_formula(self.formula(part))
 
 
 def _say_and_wait(progress: Callable[[str], None]) -> None:

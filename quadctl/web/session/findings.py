@@ -1,28 +1,29 @@
-"""Findings of a search, without the samples of the flights: small enough for a session file, and all that the page, the
-report and the choice of the next flight need."""
+"""Search results as JSON, without the flights they were found in: small enough for a session file.
 
+The lab's own results are written and read field by field (`cattrs`); only what differs from that is said here.
+"""
+
+import json
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any
 
 import numpy as np
-from pydantic import ConfigDict, Field, model_validator
+from cattrs import ClassValidationError, Converter, transform_error
+from cattrs.gen import make_dict_structure_fn, make_dict_unstructure_fn, override
 
-from quadctl.effects import Effect, every_effect, find_effect
+from quadctl.effects import every_effect, find_effect
+from quadctl.errors import SettingsError
 from quadctl.lab.arrays import Floats
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.selection.candidate import Candidate
-from quadctl.lab.selection.diagnosis import Diagnosis, Verdict
+from quadctl.lab.selection.diagnosis import Diagnosis
 from quadctl.lab.selection.effect_curves import Binned, Sketch
-from quadctl.lab.selection.search import Step
 from quadctl.lab.symbolic.effect_file import CODE
-from quadctl.lab.symbolic.formula import Formula, Law, Symbolic
-from quadctl.model import EffectEntry, Model, StackedEffect
-from quadctl.settings import Settings
-
-Range = tuple[float, float]
-Errors = dict[str, float]
+from quadctl.lab.symbolic.formula import Formula
+from quadctl.model import Model, StackedEffect
 
 _FUNCTIONS = {"abs", "exp", "sqrt"}
 _ARITHMETIC = re.compile(r"[\w\s.*/+(){}-]*", re.ASCII)
@@ -30,146 +31,11 @@ _NUMBER = re.compile(r"\b\d+(\.\d+)?(e-?\d+)?")
 _WORD = re.compile(r"\{\w*\}?|\w+|[{}]|\.")
 _COEFFICIENT = re.compile(r"[a-z]\d*")
 _NO_SAMPLES: Floats = np.empty(0)
+_SOURCE = "the results in the session"
 
 
-class _Saved(Settings):
-    """Settings in which nan (unknown) and infinity (no bound) are allowed."""
-
-    model_config = ConfigDict(allow_inf_nan=True, ser_json_inf_nan="constants")
-
-
-class SavedFormula(_Saved):
-    """A `Formula` without its values at the samples."""
-
-    parts: tuple[str, ...]
-    variables: tuple[str, ...]
-    coefficients: dict[str, float]
-    ci95: dict[str, Range]
-    bounds: dict[str, Range]
-    held_out_share: float
-
-    @model_validator(mode="after")
-    def _nothing_but_a_formula(self) -> "SavedFormula":
-        """Refuse anything but a formula: it becomes Python when saved as an effect, and anybody may write a session."""
-        known = {*CODE, *_FUNCTIONS, *(f"{{{name}}}" for name in self.coefficients)}
-        for part in self.parts:
-            words = set(_WORD.findall(_NUMBER.sub("", part)))
-            if not _ARITHMETIC.fullmatch(part) or not words <= known:
-                raise ValueError(f"'{part}' is no formula of {', '.join(CODE)}")
-        if not set(self.variables) <= set(CODE) or not all(map(_COEFFICIENT.fullmatch, self.coefficients)):
-            raise ValueError("variables or coefficients have names that no formula has")
-        return self
-
-    @classmethod
-    def of(cls, formula: Formula) -> "SavedFormula":
-        return cls(
-            parts=formula.parts,
-            variables=formula.variables,
-            coefficients=formula.coefficients,
-            ci95=formula.ci95,
-            bounds=formula.bounds,
-            held_out_share=formula.held_out_share,
-        )
-
-    def formula(self) -> Formula:
-        return Formula(
-            self.parts, self.variables, self.coefficients, self.ci95, self.bounds, self.held_out_share, _NO_SAMPLES
-        )
-
-
-class SavedLaw(_Saved):
-    axis: str = Field(pattern="^(north|east|up|forward|right|top)$")
-    sparse: SavedFormula
-    compact: SavedFormula
-    p_value: float
-
-
-class SavedSymbolic(_Saved):
-    """A `Symbolic`."""
-
-    frame: Literal["world", "body"]
-    laws: tuple[SavedLaw, ...]
-    ranges: dict[str, Range]
-
-    @classmethod
-    def of(cls, symbolic: Symbolic) -> "SavedSymbolic":
-        laws = [
-            SavedLaw(
-                axis=law.axis,
-                sparse=SavedFormula.of(law.sparse),
-                compact=SavedFormula.of(law.compact),
-                p_value=law.p_value,
-            )
-            for law in symbolic.laws
-        ]
-        return cls(frame=symbolic.frame, laws=tuple(laws), ranges=symbolic.ranges)
-
-    def symbolic(self) -> Symbolic:
-        laws = [Law(law.axis, law.sparse.formula(), law.compact.formula(), law.p_value) for law in self.laws]
-        return Symbolic(self.frame, tuple(laws), self.ranges)
-
-
-class SavedSketch(_Saved):
-    """A `Sketch`: places and heights of its dots, and of its line."""
-
-    variable: str
-    component: str
-    dots: tuple[tuple[float, ...], tuple[float, ...]]
-    line: tuple[tuple[float, ...], tuple[float, ...]]
-
-    @classmethod
-    def of(cls, sketch: Sketch) -> "SavedSketch":
-        dots, line = ((_rounded(binned.x), _rounded(binned.mean)) for binned in (sketch.residual, sketch.effect))
-        return cls(variable=sketch.variable, component=sketch.component, dots=dots, line=line)
-
-    def sketch(self) -> Sketch:
-        dots, line = (Binned(np.array(x), np.array(mean), np.zeros(len(x))) for x, mean in (self.dots, self.line))
-        return Sketch(self.variable, self.component, dots, line)
-
-
-class SavedCandidate(_Saved):
-    """A `Candidate` without its residual; the last effect of `stack` is the one that was tried."""
-
-    stack: tuple[EffectEntry, ...]
-    ci95: dict[str, Range]
-    before: Errors
-    after: Errors
-    p_value: float
-    remarks: tuple[str, ...]
-    worst_flight: float
-    believable: bool
-    distinct: bool = True  # sessions of before hold none
-    sketch: SavedSketch | None = None
-
-    @classmethod
-    def of(cls, candidate: Candidate, sketch: Sketch | None) -> "SavedCandidate":
-        return cls(
-            stack=_entries(candidate.model),
-            ci95=candidate.ci95,
-            before=_short(candidate.before),
-            after=_short(candidate.after),
-            p_value=candidate.p_value,
-            remarks=tuple(candidate.remarks),
-            worst_flight=candidate.worst_flight,
-            believable=candidate.believable,
-            distinct=candidate.distinct,
-            sketch=None if sketch is None else SavedSketch.of(sketch),
-        )
-
-    def candidate(self, model: Model) -> Candidate:
-        return Candidate(
-            effect=model.effects[-1],
-            model=model,
-            ci95=dict(self.ci95),
-            before=self.before,
-            after=self.after,
-            p_value=self.p_value,
-            residual=_NO_SAMPLES,
-            remarks=list(self.remarks),
-            worst_flight=self.worst_flight,
-            believable=self.believable,
-            distinct=self.distinct,
-        )
+class OtherCatalogueError(SettingsError):
+    """The results name an effect or a parameter that is not known."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,86 +46,174 @@ class Diagnosed:
     sketches: dict[str, Sketch]
 
 
-class SavedStep(_Saved):
-    family: str
-    effect: str
-    rmse: Errors
+@dataclass(frozen=True, eq=False)
+class Findings:
+    """A diagnosis and its sketches, as JSON holds them."""
 
-
-class Findings(_Saved):
-    """A `Diagnosed` that can be saved."""
-
-    verdict: Verdict
-    ranking: tuple[SavedCandidate, ...]
-    missing: tuple[str, ...]
-    steps: tuple[SavedStep, ...]
-    best: tuple[EffectEntry, ...]
-    confounded: tuple[tuple[str, str], ...]
-    suggested_mission: str | None
-    untried: tuple[str, ...]
-    unexplained: bool
-    symbolic: SavedSymbolic | None
+    content: dict[str, Any]
 
     @classmethod
     def of(cls, diagnosis: Diagnosis, sketches: Mapping[str, Sketch]) -> "Findings":
-        """`sketches` by the name of the effect."""
-        return cls(
-            verdict=diagnosis.verdict,
-            ranking=tuple(SavedCandidate.of(c, sketches.get(c.effect.name)) for c in diagnosis.ranking),
-            missing=tuple(diagnosis.missing),
-            steps=tuple(SavedStep(family=s.family, effect=s.effect, rmse=s.rmse) for s in diagnosis.steps),
-            best=_entries(diagnosis.best),
-            confounded=tuple((one, other) for one, other in diagnosis.confounded),
-            suggested_mission=diagnosis.suggested_mission,
-            untried=tuple(diagnosis.untried),
-            unexplained=diagnosis.unexplained,
-            symbolic=None if diagnosis.symbolic is None else SavedSymbolic.of(diagnosis.symbolic),
-        )
+        """Findings of a diagnosis, with `sketches` by the name of the effect."""
+        content = _writer().unstructure(diagnosis)
+        for entry in content["ranking"]:
+            sketch = sketches.get(entry["stack"][-1]["effect"])
+            entry["sketch"] = None if sketch is None else _sketch_to_dict(sketch)
+        return cls(content)
 
-    def diagnosed(self, model: Model, dataset: Dataset) -> Diagnosed:
-        """The diagnosis with its sketches, for the model and flights of the search; raises as `diagnosis` does."""
-        sketches = {c.stack[-1].effect: c.sketch.sketch() for c in self.ranking if c.sketch is not None}
-        return Diagnosed(self.diagnosis(model, dataset), sketches)
+    def to_json(self) -> str:
+        return json.dumps(self.content)
 
-    def diagnosis(self, model: Model, dataset: Dataset) -> Diagnosis:
-        """The diagnosis as it was made of `model` on `dataset`, without its values at the samples.
+    @classmethod
+    def from_json(cls, text: str, model: Model) -> "Findings":
+        """Findings of a search for what `model` is missing.
 
         Raises
         ------
         SettingsError
-            It names an effect, or a parameter, that there is none of.
+            The text is no JSON, or a field is missing or wrong.
         """
-        known = every_effect(model.effect_files)
-        return Diagnosis(
-            model=model,
-            dataset=dataset,
-            verdict=self.verdict,
-            ranking=[c.candidate(_model(model, c.stack, known)) for c in self.ranking],
-            missing=list(self.missing),
-            steps=[Step(step.family, step.effect, step.rmse) for step in self.steps],
-            best=_model(model, self.best, known),
-            confounded=[list(pair) for pair in self.confounded],
-            suggested_mission=self.suggested_mission,
-            untried=list(self.untried),
-            unexplained=self.unexplained,
-            symbolic=None if self.symbolic is None else self.symbolic.symbolic(),
-        )
+        try:
+            content = json.loads(text)
+        except ValueError as error:
+            raise SettingsError(f"is not valid JSON: {error}") from None
+        if not isinstance(content, dict):
+            raise SettingsError(f"is {type(content).__name__}, expected the results of a search")
+        findings = cls(content)
+        with suppress(OtherCatalogueError):  # then it is looked for again
+            findings.diagnosed(model, Dataset(()))
+        return findings
+
+    def diagnosed(self, model: Model, dataset: Dataset) -> Diagnosed:
+        """The diagnosis of `model` on `dataset` as it was made, without its values at the samples.
+
+        Raises
+        ------
+        OtherCatalogueError
+            The results name an effect or a parameter that is not known.
+        SettingsError
+            A field is missing or wrong.
+        """
+        context = {"model": None, "dataset": None}
+        try:
+            diagnosis = _reader(model, dataset).structure(self.content | context, Diagnosis)
+            sketches = {
+                entry["stack"][-1]["effect"]: _sketch(entry["sketch"])
+                for entry in self.content["ranking"]
+                if entry.get("sketch") is not None
+            }
+        except ClassValidationError as error:
+            raise _first_settings_error(error) or SettingsError(transform_error(error)[0]) from None
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            raise SettingsError(f"the results are damaged ({error!r}), expected those of a search") from None
+        return Diagnosed(diagnosis, sketches)
 
 
-def _entries(model: Model) -> tuple[EffectEntry, ...]:
-    return tuple(EffectEntry(effect=effect.name, parameters=effect.values()) for effect in model.effects)
+def require_formula(formula: Formula) -> Formula:
+    """The formula, if it is arithmetic of known variables: it becomes Python when it is saved as an effect.
+
+    Raises
+    ------
+    SettingsError
+        It could be another program: a session may come from anybody.
+    """
+    known = {*CODE, *_FUNCTIONS, *(f"{{{name}}}" for name in formula.coefficients)}
+    for part in formula.parts:
+        words = set(_WORD.findall(_NUMBER.sub("", part)))
+        if not _ARITHMETIC.fullmatch(part) or not words <= known:
+            raise SettingsError(f"'{part}' is no formula of {', '.join(CODE)}")
+    if not set(formula.variables) <= set(CODE) or not all(map(_COEFFICIENT.fullmatch, formula.coefficients)):
+        raise SettingsError("variables or coefficients have names that no formula has")
+    return formula
 
 
-def _model(like: Model, stack: Iterable[EffectEntry], known: Mapping[str, type[Effect]]) -> Model:
-    source = "the results in the session"
-    effects = [find_effect(e.effect, source, known).from_values(e.parameters, source) for e in stack]
-    return replace(like, stack=tuple(StackedEffect(effect) for effect in effects))
+def _writer() -> Converter:
+    """Converter from results to JSON; a class is registered before those that hold it."""
+    converter = Converter()
+    left_out = override(omit=True)
+    converter.register_unstructure_hook(Model, _entries)
+    converter.register_unstructure_hook(Formula, make_dict_unstructure_fn(Formula, converter, predicted=left_out))
+    of_candidate = make_dict_unstructure_fn(
+        Candidate,
+        converter,
+        model=override(rename="stack"),
+        before=override(unstruct_hook=_short),
+        after=override(unstruct_hook=_short),
+        effect=left_out,
+        residual=left_out,
+        start=left_out,
+        nuisances=left_out,
+    )
+    converter.register_unstructure_hook(Candidate, of_candidate)
+    of_diagnosis = make_dict_unstructure_fn(Diagnosis, converter, model=left_out, dataset=left_out, fit=left_out)
+    converter.register_unstructure_hook(Diagnosis, of_diagnosis)
+    return converter
 
 
-def _short(errors: Mapping[str, float]) -> Errors:
+def _reader(model: Model, dataset: Dataset) -> Converter:
+    """Converter from JSON to the results of a search for what `model` is missing in `dataset`."""
+    converter = Converter()
+    known = every_effect(model.effect_files)
+
+    def read_model(entries: list[dict[str, Any]], kind: Any = Model) -> Model:
+        try:
+            effects = [find_effect(e["effect"], _SOURCE, known).from_values(e["parameters"], _SOURCE) for e in entries]
+        except SettingsError as error:
+            raise OtherCatalogueError(str(error)) from None
+        return replace(model, stack=tuple(StackedEffect(effect) for effect in effects))
+
+    def no_samples(value: Any, kind: Any) -> Floats:
+        return _NO_SAMPLES
+
+    converter.register_structure_hook(Model, read_model)
+    of_formula = make_dict_structure_fn(Formula, converter, predicted=override(rename="parts", struct_hook=no_samples))
+    converter.register_structure_hook(Formula, lambda value, kind: require_formula(of_formula(value, kind)))
+    of_candidate = make_dict_structure_fn(
+        Candidate,
+        converter,
+        model=override(rename="stack"),
+        effect=override(rename="stack", struct_hook=lambda entries, kind: read_model(entries).effects[-1]),
+        residual=override(rename="stack", struct_hook=no_samples),
+    )
+    converter.register_structure_hook(Candidate, of_candidate)
+    of_diagnosis = make_dict_structure_fn(
+        Diagnosis,
+        converter,
+        model=override(struct_hook=lambda value, kind: model),
+        dataset=override(struct_hook=lambda value, kind: dataset),
+        fit=override(omit=True),
+    )
+    converter.register_structure_hook(Diagnosis, of_diagnosis)
+    return converter
+
+
+def _entries(model: Model) -> list[dict[str, Any]]:
+    return [{"effect": effect.name, "parameters": effect.values()} for effect in model.effects]
+
+
+def _sketch_to_dict(sketch: Sketch) -> dict[str, Any]:
+    """Places and heights of the dots of a sketch and of its line."""
+    dots, line = ([_rounded(binned.x), _rounded(binned.mean)] for binned in (sketch.residual, sketch.effect))
+    return {"variable": sketch.variable, "component": sketch.component, "dots": dots, "line": line}
+
+
+def _sketch(entry: dict[str, Any]) -> Sketch:
+    dots, line = (Binned(np.array(x), np.array(mean), np.zeros(len(x))) for x, mean in (entry["dots"], entry["line"]))
+    return Sketch(entry["variable"], entry["component"], dots, line)
+
+
+def _short(errors: Mapping[str, float]) -> dict[str, float]:
     """Errors rounded to seven digits."""
     return {name: float(f"{value:.7g}") for name, value in errors.items()}
 
 
-def _rounded(values: Floats) -> tuple[float, ...]:
-    return tuple(float(f"{value:.4g}") for value in values)
+def _rounded(values: Floats) -> list[float]:
+    return [float(f"{value:.4g}") for value in values]
+
+
+def _first_settings_error(error: BaseException) -> SettingsError | None:
+    """The first sentence that was meant for the user among nested errors."""
+    if isinstance(error, SettingsError):
+        return error
+    inner = error.exceptions if isinstance(error, BaseExceptionGroup) else ()
+    return next((found for one in inner if (found := _first_settings_error(one)) is not None), None)

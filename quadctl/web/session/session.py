@@ -3,7 +3,6 @@
 A session is a value: every action gives a new one. It can be written to a file and read again.
 """
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -181,7 +180,7 @@ def _to_yaml(session: Session) -> str:
                 "error_m_s2": rung.error_m_s2,
                 "floor_m_s2": rung.floor_m_s2,
                 "model": model_to_dict(rung.model, None),
-                **({} if rung.found is None else {"found": rung.found.model_dump_json()}),
+                **({} if rung.found is None else {"found": rung.found.to_json()}),
             }
             for rung in session.rungs
         ],
@@ -204,10 +203,7 @@ def load_session(path: Path) -> Session:
         raise SettingsError(f"{path}: unseen holds {', '.join(entry.unseen)}, expected some of the logs")
     if entry.rungs and entry.current >= len(entry.rungs):
         raise SettingsError(f"{path}: current is {entry.current}, expected a step from 0 to {len(entry.rungs) - 1}")
-    rungs = tuple(
-        Rung(rung.name, _model(rung.model, path), rung.error_m_s2, rung.floor_m_s2, _found(rung.found, path))
-        for rung in entry.rungs
-    )
+    rungs = tuple(_rung(rung, path) for rung in entry.rungs)
     session = Session(logs, unseen, entry.hold_out, rungs, entry.current)
     held = {item.effect.name for item in session.rung.model.stack} if session.rung else set()
     if not set(entry.switched_off) <= held:
@@ -216,14 +212,13 @@ def load_session(path: Path) -> Session:
     return replace(session, off=frozenset(entry.switched_off))
 
 
-def _found(text: str | None, path: Path) -> Findings | None:
-    if text is None:
-        return None
+def _rung(entry: _RungEntry, path: Path) -> Rung:
+    model = _model(entry.model, path)
     try:
-        entry = json.loads(text)
-    except ValueError as error:
-        raise SettingsError(f"{path}: found is not valid JSON: {error}") from None
-    return validate(entry, Findings, f"{path}: found")
+        found = None if entry.found is None else Findings.from_json(entry.found, model)
+    except SettingsError as error:
+        raise SettingsError(f"{path}: found: {error}") from None
+    return Rung(entry.name, model, entry.error_m_s2, entry.floor_m_s2, found)
 
 
 def _model(entry: dict[str, Any], path: Path) -> Model:

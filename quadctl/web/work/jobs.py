@@ -191,7 +191,7 @@ def report(rungs: Sequence[Rung], opened: Opened, steps: StepResponses | None, p
         raise QuadctlError("there is no flight to report on, expected at least one log")
     progress("comparing")
     comparison = compare(first.model, seen)
-    diagnosis = None if first.found is None else first.found.diagnosis(first.model, seen)
+    diagnosis = None if first.found is None else first.found.diagnosed(first.model, seen).diagnosis
     addition, after = None, None
     if len(last.model.stack) > len(first.model.stack):
         progress(f"judging {last.model.effects[-1].name}")
