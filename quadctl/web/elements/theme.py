@@ -1,7 +1,7 @@
 """Colours of the page and its figures, light and dark: Okabe and Ito's, which colour-blind readers tell apart.
 
-They mean what they mean in the report: measured is black (white in the dark), what was there before is vermilion, what
-the model makes of it is blue, what no model can better is green.
+They mean the same as in the report: measured is black (white on dark), the model before is vermilion, the model after
+is blue, the noise floor is green.
 """
 
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ class Theme:
     highlight: str
     others: tuple[str, ...]
     band: str
-    """Behind what was measured or may be trusted."""
+    """Background of a range that was measured."""
 
 
 LIGHT = Theme(

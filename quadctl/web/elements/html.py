@@ -1,4 +1,4 @@
-"""Small things that several panels are made of."""
+"""Building blocks of the pages: headings, placeholders, and a figure with its download buttons."""
 
 from collections.abc import Callable
 from functools import partial
@@ -6,7 +6,7 @@ from functools import partial
 from nicegui import ui
 from nicegui.element import Element
 
-from quadctl.web.figures.base import Figure, to_csv
+from quadctl.web.elements.figure import Figure, to_csv
 
 PICTURE_PX = 1200
 
@@ -27,7 +27,7 @@ def heading(title: str, text: str = "") -> None:
 
 
 def empty(icon: str, title: str, text: str) -> None:
-    """What is shown where there is nothing yet."""
+    """Draw a placeholder for content that does not exist yet."""
     with tag("div", "empty"):
         ui.icon(icon).classes("empty-icon")
         tag("h3", "", title)
@@ -35,7 +35,7 @@ def empty(icon: str, title: str, text: str) -> None:
 
 
 def busy() -> None:
-    """A sign that work goes on. It blinks, twice a second: what moves smoothly costs the machine that does the work."""
+    """Draw a sign of work in progress. It blinks twice a second: a smooth animation would slow down the work."""
     tag("span", "busy").props('aria-hidden="true"')
 
 
@@ -46,7 +46,7 @@ def loading(text: str) -> None:
 
 
 def plot(drawn: Figure, name: str, label: str) -> ui.plotly:
-    """A figure, and below it the ways to take it along: PNG, SVG and CSV, named `name`; `label` is read aloud."""
+    """Draw a figure and its buttons for PNG, SVG and CSV files called `name`; screen readers read `label`."""
     with tag("figure", "figure"):
         shown = ui.plotly(drawn).props(f'role="img" aria-label="{label}"')
         with tag("div", "take"):

@@ -1,4 +1,4 @@
-"""What a person has done so far: flights, the ladder of models with what is known of each, where on it we stand.
+"""The session: flights, the ladder of models with the results for each, and the current step.
 
 A session is a value: every action gives a new one. It can be written to a file and read again.
 """
@@ -15,7 +15,7 @@ from quadctl.errors import SettingsError
 from quadctl.lab.flights.dataset import HoldOut
 from quadctl.model import Model, model_from_dict, model_to_dict
 from quadctl.settings import MAX_YAML_BYTES, Settings, read_yaml, validate
-from quadctl.web.findings import Findings
+from quadctl.web.session.findings import Findings
 
 SUFFIX = ".lab.yaml"
 
@@ -25,27 +25,27 @@ class Rung:
     """One step of the error ladder."""
 
     name: str
-    """What was done: `rigid body`, `+ ground_effect.exponential`, `refitted`."""
+    """Name of the action: `rigid body`, `+ ground_effect.exponential`, `refitted`."""
     model: Model
     error_m_s2: float | None = None
-    """Total, on data that no fit of it has seen; None until it is known."""
+    """Acceleration error (RMSE) of all axes on held-out data; None until it is known."""
     floor_m_s2: float | None = None
-    """The noise floor as estimated with this model."""
+    """Noise floor, estimated with this model."""
     found: Findings | None = None
-    """What a search found missing from it; None where none has come to its end."""
+    """Findings of the search for what this model is missing; None before its end."""
 
 
 @dataclass(frozen=True)
 class Session:
-    """Which flights, which of them are held out, and the models in the order in which they were made."""
+    """Flights, those of them that are held out, and the models in the order in which they were made."""
 
     logs: tuple[Path, ...] = ()
     unseen: frozenset[Path] = frozenset()
     """Logs that no fit may see."""
     hold_out: HoldOut = "blocks"
-    """What a fit does not see of the other logs, when its error is judged."""
+    """Parts of the other logs that cross-validation leaves out, one fold at a time."""
     rungs: tuple[Rung, ...] = ()
-    """The first is the model that all began with; none where no vehicle has been chosen."""
+    """Steps of the ladder, beginning with the first model; empty until a vehicle is chosen."""
     current: int = 0
     off: frozenset[str] = field(default_factory=frozenset)
     """Effects of the current model that are switched off, by name."""
@@ -69,7 +69,7 @@ class Session:
 
     @property
     def floor_m_s2(self) -> float | None:
-        """The least noise floor that any step has shown: each estimate is a bound from above."""
+        """Lowest noise floor of all steps, m/s²: each estimate is an upper bound."""
         return min((rung.floor_m_s2 for rung in self.rungs if rung.floor_m_s2 is not None), default=None)
 
     def begun_with(self, model: Model) -> "Session":
@@ -78,12 +78,12 @@ class Session:
         return replace(self, rungs=(Rung(name, model),), current=0, off=frozenset())
 
     def climbed(self, rung: Rung) -> "Session":
-        """One step up from where we stand; steps above it are gone."""
+        """Session with one more step after the current one; later steps are dropped."""
         rungs = (*self.rungs[: self.current + 1], rung)
         return replace(self, rungs=rungs, current=len(rungs) - 1, off=frozenset())
 
     def at(self, step: int) -> "Session":
-        """The same ladder, standing on another step.
+        """Session with another current step.
 
         Raises
         ------
@@ -95,36 +95,36 @@ class Session:
         return replace(self, current=step, off=frozenset())
 
     def switched(self, effect: str) -> "Session":
-        """The effect of that name switched off, or on again."""
+        """Session with the effect of that name switched off, or on again."""
         return replace(self, off=self.off ^ {effect})
 
     def judged(self, error_m_s2: float, floor_m_s2: float | None = None) -> "Session":
-        """The error of the current step is known, and the noise floor below it."""
+        """Session with the error and the noise floor of the current step, m/s²."""
         rungs = list(self.rungs)
         rungs[self.current] = replace(rungs[self.current], error_m_s2=error_m_s2, floor_m_s2=floor_m_s2)
         return replace(self, rungs=tuple(rungs))
 
     def searched(self, model: Model, found: Findings) -> "Session":
-        """A search for what `model` is missing has come to its end."""
+        """Session with the findings of a search on `model`."""
         return replace(
             self, rungs=tuple(replace(rung, found=found) if rung.model == model else rung for rung in self.rungs)
         )
 
     def unjudged(self) -> "Session":
-        """The flights have changed: no error holds any more, and nothing that was found."""
+        """Session without errors, noise floors and findings, for when the flights change."""
         return replace(self, rungs=tuple(Rung(rung.name, rung.model) for rung in self.rungs))
 
     def with_logs(self, logs: Sequence[Path]) -> "Session":
-        """Further logs; those that are there already stay once. What is known holds if none of them can be used."""
+        """Session with further logs, each once. Results stay valid if none of the new logs can be used."""
         return replace(self, logs=tuple(dict.fromkeys([*self.logs, *logs])))
 
     def without_log(self, log: Path) -> "Session":
-        """Leave out a log. What is known holds if it could not be used."""
+        """Session without a log. Results stay valid if the log could not be used."""
         logs = tuple(other for other in self.logs if other != log)
         return replace(self, logs=logs, unseen=self.unseen - {log})
 
     def with_role(self, log: Path, unseen: bool) -> "Session":
-        """Hold `log` out of all fits, or let them see it.
+        """Session in which `log` is held out of all fits, or used by them.
 
         Raises
         ------
@@ -143,7 +143,7 @@ class _RungEntry(Settings):
     floor_m_s2: float | None = None
     model: dict[str, Any]
     found: str | None = None
-    """JSON: of so many numbers, YAML would be read for seconds."""
+    """JSON text: so many numbers would take seconds to read as YAML."""
 
 
 class _SessionFile(Settings):
@@ -158,7 +158,7 @@ class _SessionFile(Settings):
 def session_to_yaml(session: Session) -> str:
     """The session as the text of a file; logs by their full path, vehicles written out.
 
-    Of a very long ladder only the present step keeps what was found: a file of settings has an end.
+    Of a very long ladder only the current step keeps its findings: the size of a settings file is limited.
     """
     text = _to_yaml(session)
     if len(text.encode()) < MAX_YAML_BYTES:

@@ -1,4 +1,4 @@
-"""The one folder that the page writes to, and what may be dropped into it."""
+"""Files in the one folder that the page writes to: names, limits, and checks of dropped files."""
 
 import re
 from collections.abc import Iterator
@@ -20,7 +20,7 @@ _UNUSUAL = re.compile(r"[^\w.+ -]")
 
 
 def upload_path(folder: Path, name: str) -> Path:
-    """Where a file that was dropped goes: into `folder`, whatever its name says.
+    """Path for a dropped file: inside `folder`, whatever its name says.
 
     Raises
     ------
@@ -75,7 +75,7 @@ def keep_expression(symbolic: Symbolic, model: Model, folder: Path) -> Path:
 
 
 def own_effects(settings: Any) -> Iterator[str]:
-    """Python files that a model, or one in a session, names for its effects: to load it is to run them."""
+    """Python files that a model, or a session, names for its effects: loading the model would run them."""
     if isinstance(settings, dict):
         named = settings.get("effect_files")
         yield from map(str, named if isinstance(named, list) else [])
@@ -86,7 +86,7 @@ def own_effects(settings: Any) -> Iterator[str]:
 
 
 def too_large(name: str, size: float) -> str:
-    """What is said of a file that is refused for its size."""
+    """Sentence for a file that is refused for its size."""
     return (
         f"{name}: has {size / 2**20:,.0f} MB, expected at most {MAX_UPLOAD_BYTES / 2**20:.0f} MB: "
         f"name it on the command line instead, quadctl lab {name}"

@@ -26,10 +26,10 @@ from quadctl.logs.quality import QualityReport, quality
 from quadctl.logs.read import read_log
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
-from quadctl.web.findings import Findings
-from quadctl.web.session import Rung
-from quadctl.web.simulated import Simulation
-from quadctl.web.worker import Progress
+from quadctl.web.session.findings import Findings
+from quadctl.web.session.session import Rung
+from quadctl.web.work.progress import Progress
+from quadctl.web.work.simulated import Simulation
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,12 +48,12 @@ class Opened:
 
     logs: list[OpenedLog]
     seen: Dataset | None
-    """Those that fits may use; None where none can be analysed."""
+    """Flights that fits may use; None where none can be analysed."""
     unseen: Dataset | None
 
     @property
     def usable(self) -> list[Path]:
-        """Of the logs, those that can be analysed."""
+        """Paths of the logs that can be analysed."""
         return [opened.path for opened in self.logs if not opened.problem]
 
     def log(self, name: str) -> FlightLog | None:
@@ -62,20 +62,20 @@ class Opened:
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """How wrong a model is."""
+    """Errors of a model on the flights of a session."""
 
     comparison: Comparison
-    """On the flights that fits may use, as the model stands."""
+    """Comparison on the flights that fits may use, without a fit."""
     unseen: Comparison | None
-    """On those held out of all fits."""
+    """Comparison on the flights held out of all fits."""
     held_out: dict[str, float]
-    """RMSE on the parts of the first that each fit did not see."""
+    """Cross-validated RMSE on the flights that fits may use."""
     nuisances: Floats
-    """What single flights have of their own, shape (flights, kinds), see `quadctl.lab.fitting.nuisances`."""
+    """Trim and calibration of each flight, shape (flights, kinds), see `quadctl.lab.fitting.nuisances`."""
 
     @property
     def error_m_s2(self) -> float:
-        """The number that matters: on the strictest data there are."""
+        """Total error on the held-out flights; where there are none, the cross-validated one."""
         return self.held_out["total"] if self.unseen is None else self.unseen.rmse["total"]
 
     @property
@@ -134,7 +134,7 @@ def _dataset(logs: Sequence[FlightLog | None], vehicle: Vehicle, hold_out: HoldO
 
 
 def evaluate(model: Model, seen: Dataset, unseen: Dataset | None, progress: Progress) -> Evaluation:
-    """How wrong is `model`, and how wrong is it on data that its fit has not seen?"""
+    """Compute the errors of `model`: as it stands, on held-out flights, and cross-validated."""
     progress("comparing")
     fit = fit_model(model, seen)
     return Evaluation(
@@ -146,7 +146,7 @@ def evaluate(model: Model, seen: Dataset, unseen: Dataset | None, progress: Prog
 
 
 def look_for(model: Model, dataset: Dataset, progress: Progress) -> Findings:
-    """What is missing, and what each candidate would explain."""
+    """Search for what `model` is missing, and sketch each candidate."""
     found = diagnose(model, dataset, progress=progress)
     drawn = {candidate.effect.name: sketch(candidate.model, dataset) for candidate in found.ranking}
     return Findings.of(found, {name: drawing for name, drawing in drawn.items() if drawing is not None})
@@ -175,7 +175,7 @@ def remove_effect(name: str, model: Model, dataset: Dataset, progress: Progress)
 
 
 def next_flight(diagnosis: Diagnosis, missions: Path, progress: Progress) -> Suggestion:
-    progress("flying the missions in thought")
+    progress("predicting the data of each mission")
     return suggest(diagnosis, missions)
 
 

@@ -9,18 +9,18 @@ from starlette.middleware.trustedhost import TrustedHostMiddleware
 from starlette.requests import Request
 from starlette.responses import PlainTextResponse, Response
 
-from quadctl.web.files import MAX_UPLOAD_BYTES
-from quadctl.web.intake import Intake
-from quadctl.web.page import Page
+from quadctl.web.page.page import Page
 from quadctl.web.port import require_free, run_pages
-from quadctl.web.session import Session
-from quadctl.web.workbench import Workbench
+from quadctl.web.session.files import MAX_UPLOAD_BYTES
+from quadctl.web.session.session import Session
+from quadctl.web.workbench.intake import Intake
+from quadctl.web.workbench.workbench import Workbench
 
 HOST = "127.0.0.1"
 EARLY = '<script type="module">import("nicegui-plotly");</script>'
 """Plotly is large: it is loaded while the page is still being connected, not when the first figure comes."""
 FORM_BYTES = 2**20
-"""What a browser adds to the files that it sends."""
+"""Allowance for the form that a browser sends the files in."""
 
 
 def serve(

@@ -1,4 +1,4 @@
-"""The page's state and what can be done to it, without any user interface: all tabs look at the same workbench.
+"""State of the page and the actions on it, without any user interface: all tabs show the same workbench.
 
 Short work (open, add, remove) and the search for what is missing have a process each, so that neither waits for the
 other. Whoever shows the state asks to be told when it changes.
@@ -17,26 +17,26 @@ from quadctl.lab.comparison.wording import quantity
 from quadctl.lab.flights.dataset import Dataset, HoldOut
 from quadctl.lab.selection.refit import Refit
 from quadctl.model import load_model, model_to_dict
-from quadctl.web import jobs
-from quadctl.web.files import keep_expression
-from quadctl.web.findings import Findings
-from quadctl.web.session import SUFFIX, Rung, Session, session_to_yaml
-from quadctl.web.simulated import Simulation
-from quadctl.web.state import Message, Results, Work
-from quadctl.web.worker import CancelledError, Worker
+from quadctl.web.session.files import keep_expression
+from quadctl.web.session.findings import Findings
+from quadctl.web.session.session import SUFFIX, Rung, Session, session_to_yaml
+from quadctl.web.work import jobs
+from quadctl.web.work.simulated import Simulation
+from quadctl.web.work.state import Message, Results, Work
+from quadctl.web.work.worker import CancelledError, Worker
 
 _LOG = logging.getLogger(__name__)
 AUTOSAVED = f"session{SUFFIX}"
 SAME_ERROR = 0.01
-"""Between two computers, the same fit to the same flights does not differ by such a share."""
+"""Largest relative difference of the same fit on two computers."""
 
 
 @dataclass
 class Workbench:
-    """One analysis."""
+    """One analysis: its session, its results, and the work on it."""
 
     folder: Path
-    """Where everything goes that is saved."""
+    """Folder for everything that is saved."""
     simulation: Simulation
     session: Session = field(default_factory=Session)
     opened: jobs.Opened | None = None
@@ -47,8 +47,9 @@ class Workbench:
 
     def __post_init__(self) -> None:
         self._listeners: list[Callable[[], None]] = []
-        self._quick, self._slow = Worker(), Worker(patient=True)
+        self._quick, self._slow = Worker(jobs.__name__), Worker(jobs.__name__, patient=True)
         self._tasks: set[asyncio.Task[None]] = set()
+        self._searches = 0
 
     # --- who looks at it ----------------------------------------------------------------------------------------------
 
@@ -112,9 +113,9 @@ class Workbench:
         await self._with_flights(session)
 
     async def _with_flights(self, session: Session, known: bool = False) -> None:
-        """Read the flights of `session` and judge its model; where that fails, all stays as it was.
+        """Read the flights of `session` and evaluate its model; where that fails, nothing changes.
 
-        What is `known` of the models holds as long as the flights that can be used are the same.
+        Results are kept where they are `known` and the flights that can be used are the same.
         """
         async with self._working("Reading flights") as progress:
             opened = None
@@ -158,7 +159,7 @@ class Workbench:
                 await self._climb(f"+ {effect}", progress, jobs.add_effect, effect)
 
     async def add_expression(self) -> None:
-        """Add what no effect explains as an effect of one's own, whose file is kept."""
+        """Add the expression for the unexplained residual as an effect of one's own, whose file is kept."""
         found = self.results.found
         if found is None or found.diagnosis.symbolic is None:
             return
@@ -198,7 +199,7 @@ class Workbench:
         evaluation = replace(
             evaluation, comparison=replace(evaluation.comparison, dataset=opened.seen.aligned_for(model))
         )
-        self.results.evaluation = evaluation
+        self.results = replace(self.results, evaluation=evaluation)
         if not self.session.off:
             self._judged(evaluation)
             if self.results.found is None:
@@ -206,26 +207,26 @@ class Workbench:
         self._autosave()
 
     def _judged(self, evaluation: jobs.Evaluation) -> None:
-        """The error of the step is known; where it was known before as another, nothing else that was known holds."""
+        """Keep the error of the current step; where a saved one differs from it, drop all saved results."""
         rung = self.session.rung
         known = None if rung is None else rung.error_m_s2
         if known is not None and abs(evaluation.error_m_s2 - known) > SAME_ERROR * known:
             self.session = self.session.unjudged()
-            self.results.found = None
+            self.results = replace(self.results, found=None)
             self.message = Message(
                 "error",
-                f"When this was saved the error was {quantity(known)}, now it is {quantity(evaluation.error_m_s2)}: "
-                "the logs have changed, or quadctl has. Everything is worked out anew.",
+                f"The saved error is {quantity(known)}, now it is {quantity(evaluation.error_m_s2)}: "
+                "the logs or quadctl have changed. All results are computed again.",
             )
         self.session = self.session.judged(evaluation.error_m_s2, evaluation.floor_m_s2)
 
     def _show_found(self) -> None:
-        """What a search for the current step has found already."""
+        """Restore the findings of an earlier search for the current step."""
         rung, seen = self.session.rung, self.seen
         if rung is None or rung.found is None or seen is None or self.session.off:
             return
         with suppress(SettingsError):  # found with another catalogue: then it is looked for again
-            self.results.found = rung.found.diagnosed(rung.model, seen)
+            self.results = replace(self.results, found=rung.found.diagnosed(rung.model, seen))
 
     # --- the search ---------------------------------------------------------------------------------------------------
 
@@ -234,11 +235,13 @@ class Workbench:
         model, seen = self.session.model, self.seen
         if model is None or seen is None or self.search is not None:
             return
-        self.search = search = Work("Looking for what is missing")
+        self.search = Work("Looking for what is missing")
+        self._searches += 1
+        number = self._searches
 
         def progress(text: str) -> None:
-            if self.search is search:
-                search.detail = text
+            if self.search is not None and number == self._searches:  # a search that was cancelled may still speak
+                self.search = replace(self.search, detail=text)
                 self._changed()
 
         self._changed()
@@ -252,7 +255,7 @@ class Workbench:
         except QuadctlError as error:
             self.message = Message("error", str(error))
         finally:
-            if self.search is search:
+            if number == self._searches:
                 self.search = None
             self._changed()
 
@@ -267,22 +270,26 @@ class Workbench:
         if found is None:
             return
         async with self._working("Choosing the next flight") as progress:
-            self.results.suggestion = await self._quick.run(
-                jobs.next_flight, found.diagnosis, self.simulation.missions, progress=progress
-            )
+            missions = self.simulation.missions
+            suggestion = await self._quick.run(jobs.next_flight, found.diagnosis, missions, progress=progress)
+            self.results = replace(self.results, suggestion=suggestion)
 
     # --- flying and taking away ---------------------------------------------------------------------------------------
 
     async def check(self) -> None:
-        """What the check of the current model as a compensator says."""
-        model, results = self.session.model, self.results
+        """Check the current model as a compensator."""
+        model = self.session.model
         if model is None:
             return
+        warnings: tuple[str, ...] | None = None
+        refused = ""
         try:
-            results.checked = await asyncio.to_thread(self.simulation.check, model)
+            warnings = tuple(await asyncio.to_thread(self.simulation.check, model))
         except QuadctlError as error:
-            results.refused = str(error)
-        self._changed()
+            refused = str(error)
+        if model == self.session.model:  # it may have changed meanwhile
+            self.results = replace(self.results, checked=warnings, refused=refused)
+            self._changed()
 
     async def fly(self) -> None:
         """Fly the step response in the simulated world."""
@@ -290,7 +297,8 @@ class Workbench:
         if model is None:
             return
         async with self._working("Flying in simulation") as progress:
-            self.results.steps = await self._quick.run(jobs.fly, self.simulation, model, progress=progress)
+            steps = await self._quick.run(jobs.fly, self.simulation, model, progress=progress)
+            self.results = replace(self.results, steps=steps)
 
     def model_file(self) -> str:
         """The current model as the text of a file that the commands and the compensator read."""
@@ -322,16 +330,16 @@ class Workbench:
 
     @asynccontextmanager
     async def _working(self, title: str) -> AsyncIterator[Callable[[str], None]]:
-        """One work at a time: what it says while it runs, and what is said when it fails."""
+        """Run one work at a time: show its progress, and say so when it fails or is cancelled."""
         if self.work is not None:
             self.say("error", f"{self.work.title} is not finished yet: wait for it, or cancel it.")
             raise CancelledError
-        self.work = work = Work(title)
+        self.work = Work(title)
         self.message = None
         self._changed()
 
         def progress(text: str) -> None:
-            work.detail = text
+            self.work = Work(title, text)
             self._changed()
 
         try:

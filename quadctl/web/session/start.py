@@ -1,4 +1,4 @@
-"""What the page begins with."""
+"""The session that the page begins with, from the arguments of the command."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -7,8 +7,8 @@ from quadctl.errors import LogError, SettingsError
 from quadctl.installed import locate
 from quadctl.logs.read import read_log
 from quadctl.model import load_model
-from quadctl.web.files import LOG_SUFFIXES, SETTINGS_SUFFIXES
-from quadctl.web.session import Session, load_session
+from quadctl.web.session.files import LOG_SUFFIXES, SETTINGS_SUFFIXES
+from quadctl.web.session.session import Session, load_session
 
 VEHICLES = Path("config/vehicles")
 
@@ -19,7 +19,7 @@ def vehicle_files() -> list[Path]:
 
 
 def check_folders(out: Path, missions: Path) -> None:
-    """Whether `out` and `missions` can be the folders that they are named as; neither has to be there yet.
+    """Check that neither `out` nor `missions` is a file; they need not exist.
 
     Raises
     ------
@@ -32,14 +32,14 @@ def check_folders(out: Path, missions: Path) -> None:
 
 
 def first_session(logs: Sequence[Path], model: Path | None, session: Path | None) -> Session:
-    """A session that goes on, or one with `logs` and `model`; where the vehicle can only be one, it is taken.
+    """Load `session`, or begin one with `logs` and `model`; a single vehicle file is taken by itself.
 
     Raises
     ------
     SettingsError
         A settings file cannot be read.
     LogError
-        There is no such log, or it is none and not named like one either; of the others the page says what is in them.
+        A log does not exist, or neither its name nor its content is that of a log.
     """
     if session is not None:
         return load_session(session)

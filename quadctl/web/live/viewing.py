@@ -1,33 +1,24 @@
-"""The viewer's process: takes records from the flight, serves the page, and ends when nobody looks any more."""
+"""The viewer's end of the link to a flight: takes its records, sends the wish to land, ends when nobody looks."""
 
 import asyncio
 import contextlib
-import os
 import time
-from collections.abc import Callable
-from importlib.resources import files
 from multiprocessing.connection import Connection
 
-from nicegui import app, ui
+from nicegui import app
 from nicegui.client import Client
-from starlette.middleware.trustedhost import TrustedHostMiddleware
 
 from quadctl.flight.record.view_link import WISH_TO_LAND, ViewEnd, next_record
-from quadctl.web.live.gate import Gate
-from quadctl.web.live.history import LOST, Brief, History
-from quadctl.web.live.page import LivePage
-from quadctl.web.port import run_pages
+from quadctl.web.live.history import LOST, History
 
-POLITENESS = 5
-"""Of nice: the flight goes first."""
 ASK_AGAIN_S = 0.2
-"""A wish to land is repeated until the flight ends."""
+"""A wish to land is repeated at this interval until the flight ends."""
 GRACE_S = 5.0
-"""How long a page may be away, to be loaded again for example, when the flight is over."""
+"""Longest time that all tabs may be away, to be loaded again for example, when the flight is over."""
 
 
 class Viewing:
-    """The viewer's end of the link."""
+    """The viewer's end of the link, and the tabs that are open."""
 
     def __init__(self, history: History, end: ViewEnd, pipe: Connection) -> None:
         self.history = history
@@ -77,34 +68,3 @@ class Viewing:
             if self.history.ending is None or any(tab.has_socket_connection for tab in self._tabs):
                 seen_s = time.monotonic()
         app.shutdown()
-
-
-def serve(brief: Brief, end: ViewEnd, pipe: Connection, host: str, port: int, token: str | None) -> None:
-    """Serve the page of one flight. In a session of its own: Ctrl-C in the terminal is for the flight, which lands."""
-    os.setsid()
-    os.nice(POLITENESS)
-    viewing = Viewing(History(brief), end, pipe)
-    css = _css()
-
-    @ui.page("/", title=f"quadctl live: {brief.mission.name}")
-    async def index(client: Client) -> None:
-        ui.add_css(css)
-        viewing.opened(client)
-        await LivePage(viewing).open(client)
-
-    app.on_startup(viewing.begin)
-    _guard(host, token)
-    run_pages(host, port, show=False)
-
-
-def _guard(host: str, token: str | None) -> None:
-    add: Callable[..., None] = app.add_middleware
-    if token is None:
-        add(TrustedHostMiddleware, allowed_hosts=[host, "localhost"])
-    else:
-        add(Gate, token=token)
-
-
-def _css() -> str:
-    static = files("quadctl.web").joinpath("static")
-    return "".join(static.joinpath(name).read_text(encoding="utf-8") for name in ("page.css", "live.css"))

@@ -13,7 +13,7 @@ from quadctl.lab.tracking.step_response import StepResponses, step_responses
 from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.read import read_log
 from quadctl.model import Model, save_model
-from quadctl.web.worker import Progress
+from quadctl.web.work.progress import Progress
 
 MISSION, REFERENCE_MISSION = "step_response", "step_response_high"
 WITHOUT, WITH, FAR = "without compensator", "with this model", "far from the ground"
@@ -21,18 +21,18 @@ WITHOUT, WITH, FAR = "without compensator", "with this model", "far from the gro
 
 @dataclass(frozen=True)
 class Simulation:
-    """How to reach the simulated world, and what it is like; it can be sent to another process."""
+    """Access to the simulated world; it can be sent to another process."""
 
     simulate: Callable[..., Any]
     """Flies a plan: (plan, log folder, hidden truth, seed) -> outcome."""
     missions: Path
     folder: Path
-    """Where logs and models go."""
+    """Folder for logs and models."""
     hidden: Path | None = None
-    """What the world is like; None: as the model says that is flown."""
+    """File that describes the world; None: the world obeys the model that is flown."""
 
     def check(self, model: Model) -> list[str]:
-        """What is said of `model` as a compensator before a flight: warnings.
+        """Check `model` as a compensator before a flight, and return warnings.
 
         Raises
         ------

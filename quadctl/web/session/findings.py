@@ -203,7 +203,7 @@ def _sketch(entry: dict[str, Any]) -> Sketch:
 
 
 def _short(errors: Mapping[str, float]) -> dict[str, float]:
-    """Errors with more digits than anybody reads, and fewer than a computer writes."""
+    """Errors rounded to seven digits."""
     return {name: float(f"{value:.7g}") for name, value in errors.items()}
 
 

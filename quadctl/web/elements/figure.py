@@ -1,4 +1,4 @@
-"""What the figures share: the frame, the axes, the buttons."""
+"""Frame, axes and buttons of a figure, and its numbers as CSV."""
 
 import csv
 import io
@@ -7,13 +7,13 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from quadctl.web.theme import Theme
+from quadctl.web.elements.theme import Theme
 
 Figure: TypeAlias = dict[str, Any]
 """`data`, `layout` and `config`, as plotly.js takes them."""
 
 GAP_PX = 10
-"""Between axes below each other."""
+"""Gap between axes below each other."""
 UNWANTED_BUTTONS = ["toImage", "lasso2d", "autoScale2d", "zoomIn2d", "zoomOut2d", "toggleSpikelines"]
 
 
@@ -35,7 +35,7 @@ def figure(data: Sequence[Mapping[str, Any]], theme: Theme, height: int, **layou
 
 
 def _sendable(trace: Mapping[str, Any]) -> dict[str, Any]:
-    """Arrays in one piece: what the page is sent with knows no others."""
+    """Make arrays contiguous: the encoder of the page takes no others."""
     return {key: np.ascontiguousarray(v) if isinstance(v, np.ndarray) else v for key, v in trace.items()}
 
 

@@ -1,6 +1,7 @@
-"""Long work in a process of its own: the page stays fluid, progress comes back, and cancelling ends the process."""
+"""A process for long work: the page keeps responding, progress comes back, and cancelling ends the process."""
 
 import asyncio
+import importlib
 import multiprocessing
 import os
 import traceback
@@ -11,8 +12,7 @@ from typing import Any
 import cloudpickle  # effects in a person's own file are in no module that another process could import
 
 from quadctl.errors import QuadctlError
-
-Progress = Callable[[str], None]
+from quadctl.web.work.progress import Progress
 
 _CONTEXT = multiprocessing.get_context("spawn")
 """A server with threads cannot be forked."""
@@ -23,19 +23,23 @@ class CancelledError(Exception):
 
 
 class Worker:
-    """One process that does one job after the other; it is ready before the first one comes.
+    """One process that does one job after the other.
 
-    A `patient` one lets all others go first: what a person waits for is more urgent.
+    Parameters
+    ----------
+    jobs: name of the module that holds the jobs. Its libraries take seconds to load: the process imports it as soon as
+        it starts, not within the first job.
+    patient: run at low priority, for work that nobody waits for.
     """
 
-    def __init__(self, patient: bool = False) -> None:
-        self._patient = patient
+    def __init__(self, jobs: str | None = None, *, patient: bool = False) -> None:
+        self._jobs, self._patient = jobs, patient
         self._one_at_a_time = asyncio.Lock()
         self._working = False
         self._start()
 
     async def run(self, job: Callable[..., Any], *args: Any, progress: Progress = lambda text: None) -> Any:
-        """What `job(*args, progress=...)` gives; `progress` is called here with what the job says there.
+        """Run `job(*args, progress=...)` in the process and return its result; `progress` is called in this process.
 
         Raises
         ------
@@ -74,16 +78,17 @@ class Worker:
 
     def _start(self) -> None:
         self._pipe, theirs = _CONTEXT.Pipe()
-        self._process = _CONTEXT.Process(target=_serve, args=(theirs, self._patient), daemon=True)
+        self._process = _CONTEXT.Process(target=_serve, args=(theirs, self._jobs, self._patient), daemon=True)
         self._process.start()
         theirs.close()
 
 
-def _serve(pipe: Connection, patient: bool) -> None:
-    """In the process: job after job, until the other end is closed."""
+def _serve(pipe: Connection, jobs: str | None, patient: bool) -> None:
+    """Run job after job in the worker's process, until the other end of `pipe` is closed."""
     if patient:
         os.nice(5)
-    import quadctl.web.jobs  # noqa: F401  (its libraries take seconds to load: before the first job, not within it)
+    if jobs is not None:
+        importlib.import_module(jobs)
 
     def say(kind: str, value: Any) -> None:
         pipe.send_bytes(cloudpickle.dumps((kind, value)))

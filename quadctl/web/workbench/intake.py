@@ -1,4 +1,4 @@
-"""What comes in through the page: files that are dropped and vehicles that are written down."""
+"""Intake of the page: files that are dropped, and vehicles that are written down."""
 
 import filecmp
 import os
@@ -10,9 +10,9 @@ from nicegui.elements.upload_files import FileUpload
 
 from quadctl.errors import QuadctlError
 from quadctl.settings import read_yaml
-from quadctl.web.files import SETTINGS_SUFFIXES, own_effects, require_inside, too_large, upload_path
-from quadctl.web.session import load_session
-from quadctl.web.workbench import Workbench
+from quadctl.web.session.files import SETTINGS_SUFFIXES, own_effects, require_inside, too_large, upload_path
+from quadctl.web.session.session import load_session
+from quadctl.web.workbench.workbench import Workbench
 
 TEMPLATE = """\
 name: my_vehicle
@@ -36,10 +36,6 @@ class Intake:
     bench: Workbench
     vehicles: list[Path]
     """Vehicle files to choose from."""
-
-    @property
-    def template(self) -> str:
-        return TEMPLATE
 
     async def take(self, files: Sequence[FileUpload]) -> None:
         """Keep files that were dropped: logs are opened; a model, vehicle or session is begun with."""
