@@ -57,7 +57,7 @@ def _disturbed_flights(flight: Flight) -> list[Flight]:
 def _form_errors(model: Model, flight: Flight, predicted: Floats) -> Iterator[Floats]:
     """Change of the prediction where the form of each effect on the thrust is off by a constant."""
     for i, effect in enumerate(model.effects):
-        if not effect.depends_on or effect.retards or effect not in model.effects_on_thrust:
+        if not effect.depends_on or effect.adds_lag or effect not in model.effects_on_thrust:
             continue
         without = replace(model, stack=(*model.stack[:i], *model.stack[i + 1 :]))
         does = predicted[:, UP] - predict(without, flight)[:, UP]

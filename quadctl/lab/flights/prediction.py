@@ -51,7 +51,7 @@ def predict_imu_error(model: Model, flight: Flight) -> Floats:
 
 def concerns(effect: Effect, group: str) -> bool:
     """Tell whether `effect` changes what `group` measures."""
-    return {"total": True, "turning": effect.turns, "sensing": effect.senses}[group]
+    return {"total": True, "turning": effect.affects_moment, "sensing": effect.senses}[group]
 
 
 PREDICT = {"total": predict, "turning": predict_torque, "sensing": predict_imu_error}

@@ -126,7 +126,7 @@ def _look_alikes(d: Diagnosis) -> list[str]:
     text = []
     for pair in d.confounded:
         known = [by_family[family] for family in pair if family in by_family]
-        how = "; ".join(f"{plain(effect.family())} is distinguished by {effect.told_apart_by}" for effect in known)
+        how = "; ".join(f"{plain(effect.family())} is distinguished by {effect.distinguished_by}" for effect in known)
         text.append(
             f"Look-alikes: these data do not distinguish {' from '.join(plain(family) for family in pair)}"
             + (f" ({how})." if how else ".")

@@ -86,7 +86,7 @@ def is_harmful(c: Candidate) -> bool:
     """
     drops = [c.drops.get(axis, 0.0) for axis in MOMENTS]
     overall = min(drops) < -max(HARMLESS, HARMLESS_BESIDE * max(drops))
-    return c.effect.turns and (overall or c.worst_flight < -max(HARMLESS, *drops))
+    return c.effect.affects_moment and (overall or c.worst_flight < -max(HARMLESS, *drops))
 
 
 def shows_in_moments(c: Candidate) -> bool:

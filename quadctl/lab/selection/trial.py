@@ -56,7 +56,7 @@ def fit_on_top(effect: type[Effect], left: Unmodelled) -> tuple[FittedModel, int
     objectives = [fitter.objective(fitted, left.scale) for fitter, fitted in zip(fitters, fits, strict=True)]
     best = objectives.index(min(objectives))
     fitter, fitted = fitters[best], fits[best]
-    for _ in range(REALIGNED if effect.retards else 0):
+    for _ in range(REALIGNED if effect.adds_lag else 0):
         if np.abs(fitted.nuisances[:, AGE]).max() < 0.5 * BOUND[AGE]:
             break
         fitter = Fitter(fitted.model, left.dataset)

@@ -41,7 +41,7 @@ class {kind}(Effect):
     source: ClassVar[str] = "{source}"
     depends_on: ClassVar[tuple[str, ...]] = ({depends_on})
     physics: ClassVar[str] = "{physics}"
-    told_apart_by: ClassVar[str] = "{told_apart_by}"
+    distinguished_by: ClassVar[str] = "{distinguished_by}"
     mission: ClassVar[str] = "{mission}"
 
     {parameters}
@@ -77,7 +77,7 @@ def as_effect_file(symbolic: Symbolic, name: str) -> str:
         source=f"sparse identification; share of the squared error explained on held-out data: {shares}",
         depends_on="".join(f'"{variable}", ' for variable in plotted).rstrip(),
         physics=f"Unknown: {found}.",
-        told_apart_by=f"flights over the whole range of {', '.join(used)}",
+        distinguished_by=f"flights over the whole range of {', '.join(used)}",
         mission=MISSIONS.get(used[0], FORWARD_RUNS),
         parameters="\n    ".join(parameters),
         steps="\n        ".join(steps),

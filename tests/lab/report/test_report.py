@@ -207,7 +207,7 @@ class TestWhatThePageHolds:
         confounded = dataclasses.replace(flown.diagnosis, confounded=[["ground_effect", "thrust_scale"]])
         text = Page(render_report(Results(made, confounded))).text
         assert "these data do not distinguish ground effect from thrust scale" in text
-        assert ConstantScale.told_apart_by in text
+        assert ConstantScale.distinguished_by in text
 
     def test_the_table_of_step_responses_labels_signed_and_absolute(self, flown: Flown, page: Page) -> None:
         for heading in ("M_A signed / m s", "M_A absolute / m s", "M_B signed / m s", "M_B absolute / m s"):
