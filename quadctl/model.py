@@ -160,7 +160,9 @@ class Model:
 
     def sensed_ned_m_s2(self, c: Conditions) -> Vector:
         """Reading of the accelerometer beyond the true acceleration, NED."""
-        return rotate(c.attitude, _sum(effect.sensed_m_s2(c) for effect in self.effects if effect.senses))
+        return rotate(
+            c.attitude, _sum(effect.sensed_m_s2(c) for effect in self.effects if effect.affects_accelerometer)
+        )
 
     def late(self) -> "Model":
         """The model with only those effects that delay the thrust."""

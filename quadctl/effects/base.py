@@ -87,7 +87,7 @@ class Effect:
     """Span of each variable that the data must have for this effect to be told from its look-alikes."""
     affects_moment: ClassVar[bool] = False
     """True: it changes the moments on the body by enough for the balance of moments to show it."""
-    senses: ClassVar[bool] = False
+    affects_accelerometer: ClassVar[bool] = False
     """True: it makes the accelerometer disagree with the change of velocity."""
     adds_lag: ClassVar[bool] = False
     """True: it delays the thrust, so that the delay of the log must be estimated together with it."""

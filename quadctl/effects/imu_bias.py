@@ -24,7 +24,7 @@ class ConstantBias(Effect):
     physics: ClassVar[str] = "The accelerometer reads a force that is not there: the velocity does not follow it."
     distinguished_by: ClassVar[str] = "accelerometer against the change of velocity: a real force moves both"
     mission: ClassVar[str] = "missions/hover_staircase_high.yaml"
-    senses: ClassVar[bool] = True
+    affects_accelerometer: ClassVar[bool] = True
 
     x: float = parameter(0.0, -5.0, 5.0, "m/s^2", "bias forward")
     y: float = parameter(0.0, -5.0, 5.0, "m/s^2", "bias to the right")

@@ -27,7 +27,12 @@ MODULE = "quadctl_own_effects"
 HOOKS = ("rotor_thrust", "force", "torque", "wind_ned_m_s", "sensed_m_s2")
 """Methods of which an effect overrides at least one."""
 
-RENAMED = {"told_apart_by": "distinguished_by", "turns": "affects_moment", "retards": "adds_lag"}
+RENAMED = {
+    "told_apart_by": "distinguished_by",
+    "turns": "affects_moment",
+    "retards": "adds_lag",
+    "senses": "affects_accelerometer",
+}
 """Former names of class variables, which users' files may still have, with the present names."""
 
 DECLARED = tuple(name for name in Effect.__annotations__ if not hasattr(Effect, name))
@@ -166,8 +171,8 @@ def _parameter_problem(kind: type[Effect]) -> str | None:
 def _hook_problem(kind: type[Effect]) -> str | None:
     if all(getattr(kind, hook) is getattr(Effect, hook) for hook in HOOKS):
         return f"does nothing, expected one of {', '.join(HOOKS)}"
-    if kind.sensed_m_s2 is not Effect.sensed_m_s2 and not kind.senses:
-        return "has sensed_m_s2 and senses = False, expected senses: ClassVar[bool] = True, or nobody asks for it"
+    if kind.sensed_m_s2 is not Effect.sensed_m_s2 and not kind.affects_accelerometer:
+        return "has sensed_m_s2, expected affects_accelerometer: ClassVar[bool] = True beside it"
     if (
         issubclass(kind, ThrustRatio)
         and kind.ratio is ThrustRatio.ratio

@@ -39,7 +39,7 @@ class Warmth(Effect):
     physics: ClassVar[str] = "The accelerometer warms up."
     distinguished_by: ClassVar[str] = "a long flight"
     mission: ClassVar[str] = "missions/hover_staircase.yaml"
-    senses: ClassVar[bool] = True
+    affects_accelerometer: ClassVar[bool] = True
     per_s: float = parameter(0.0, -0.1, 0.1, "m/s^3", "growth of the bias along body z")
 
     def sensed_m_s2(self, c: Conditions) -> Vector:
@@ -134,11 +134,14 @@ class TestAFile:
 
     def test_may_declare_itself_by_former_names(self, write: WRITE) -> None:
         path = write(
-            ("    distinguished_by:", "    turns: ClassVar[bool] = True\n    retards = True\n    told_apart_by:")
+            (
+                "    distinguished_by:",
+                "    turns: ClassVar[bool] = True\n    retards = senses = True\n    told_apart_by:",
+            )
         )
         kind = effects_of(path)["vortex_ring.bump"]
         assert kind.distinguished_by.startswith("descents at several rates")
-        assert (kind.affects_moment, kind.adds_lag) == (True, True)
+        assert kind.affects_moment and kind.adds_lag and kind.affects_accelerometer
 
     def test_may_act_on_the_accelerometer_alone(self, tmp_path: Path, raptor: Vehicle) -> None:
         path = tmp_path / "my_effect.py"
@@ -149,8 +152,8 @@ class TestAFile:
 
     def test_that_acts_on_the_accelerometer_must_say_so(self, tmp_path: Path) -> None:
         path = tmp_path / "my_effect.py"
-        path.write_text(WARM_ACCELEROMETER.replace("    senses: ClassVar[bool] = True\n", ""))
-        with pytest.raises(SettingsError, match=r"Warmth has sensed_m_s2 and senses = False, expected senses: .+"):
+        path.write_text(WARM_ACCELEROMETER.replace("    affects_accelerometer: ClassVar[bool] = True\n", ""))
+        with pytest.raises(SettingsError, match=r"Warmth has sensed_m_s2, expected affects_accelerometer: .+"):
             effects_of(path)
 
     def test_that_is_missing(self, tmp_path: Path) -> None:
