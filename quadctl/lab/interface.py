@@ -163,7 +163,7 @@ def open_model(model: AnyModel) -> Model:
 
 
 class HoldOutError(SettingsError):
-    """What is asked to be held out of the fits cannot be; the message begins with `hold_out`."""
+    """Error of a request to hold out what cannot be held out; the message begins with `hold_out`."""
 
 
 def prepare_flights(flights: Flights, vehicle: Vehicle, hold_out: HoldOut = "blocks") -> Dataset:

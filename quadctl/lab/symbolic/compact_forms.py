@@ -15,8 +15,8 @@ Shape = Callable[..., Floats]
 
 
 _overflow_allowed = np.errstate(over="ignore", invalid="ignore", divide="ignore")
-"""Decorator that permits overflow: an exponential of a variable far from 0 overflows, and such a parameter is rejected for
-its infinite error. scipy's solver divides by the derivative of a parameter that no longer matters."""
+"""Decorator that permits overflow: an exponential of a variable far from 0 overflows, and such a parameter is rejected
+because its error is infinite. scipy's solver divides by the derivative of a parameter that no longer matters."""
 
 
 @dataclass(frozen=True)
