@@ -164,7 +164,7 @@ class TestOutsideTheRepository:
 
     def test_the_page_begins(self, quadctl: Callable[..., Result], monkeypatch: pytest.MonkeyPatch) -> None:
         begun: list[Any] = []
-        monkeypatch.setattr("quadctl.web.serve.serve", lambda *arguments: begun.extend(arguments))
+        monkeypatch.setattr("quadctl.web.page.server.serve", lambda *arguments: begun.extend(arguments))
         done = quadctl("lab")
         assert done.status == 0 and "missions: those installed with quadctl" in done.out
         assert begun[1].model.vehicle.name == "raptor"

@@ -34,7 +34,7 @@ PAGE = """
 from pathlib import Path
 import quadctl.sitl.run
 from quadctl.model import load_model
-from quadctl.web.simulated import Simulation
+from quadctl.web.work.simulated import Simulation
 model, folder = Path("config/vehicles/raptor.yaml"), Path({folder!r})
 world = Simulation(quadctl.sitl.run.simulate, Path("missions"), folder)
 saved = world._saved(load_model(model))
