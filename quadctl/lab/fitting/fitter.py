@@ -70,6 +70,21 @@ class Optimum:
 
 
 @dataclass(frozen=True, eq=False)
+class Solution:
+    """Result of a fit without its flights: small enough to be kept for many fits, and to be sent to another process."""
+
+    start: Model
+    """Model that the fit started from, for whose lag the flights were aligned."""
+    optimum: Optimum
+    held_out_residual: Floats
+    """Held-out residual, shape (n, 3 * groups)."""
+
+    def on(self, dataset: Dataset) -> "FittedModel":
+        """The fitted model on the flights that it was fitted to."""
+        return FittedModel(Fitter(self.start, dataset), self.optimum, self.held_out_residual)
+
+
+@dataclass(frozen=True, eq=False)
 class FittedModel:
     """Model fitted to flights: the value that adding, removing, searching and evaluating take and return.
 
@@ -90,6 +105,11 @@ class FittedModel:
     def dataset(self) -> Dataset:
         """Prepared flights, not yet aligned for a model."""
         return self.fitter.dataset.source
+
+    @property
+    def solution(self) -> Solution:
+        """The fit without its flights."""
+        return Solution(self.fitter.model, self.optimum, self.held_out_residual)
 
     @property
     def free(self) -> list[Free]:

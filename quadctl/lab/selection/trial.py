@@ -38,8 +38,7 @@ def try_effect(effect: type[Effect], left: Unmodelled, n_tried: int) -> Candidat
         remarks=fit.remarks(last),
         believable=unbelievable(fit.model, dataset) <= unbelievable(left.model, dataset),
         distinct=effect.name not in indistinct(fit.model, dataset),
-        start=fit.fitter.model,
-        nuisances=fit.optimum.nuisances,
+        solution=fit.solution,
     )
 
 
