@@ -13,6 +13,7 @@ from pydantic import Field
 from quadctl.effects import Conditions, Effect, catalog_with, find_effect
 from quadctl.errors import SettingsError
 from quadctl.frames import GRAVITY_M_S2, Quaternion, rotate, rotate_inverse
+from quadctl.installed import is_installed
 from quadctl.numeric import Number, Vector
 from quadctl.settings import Settings, read_yaml, validate
 from quadctl.vehicle import Vehicle
@@ -240,9 +241,11 @@ def save_model(model: Model, path: Path | str) -> None:
 
 
 def model_to_dict(model: Model, folder: Path | None) -> dict[str, Any]:
-    """What the file of `model` holds; the vehicle is referred to relative to `folder`, or written out without one."""
+    """What the file of `model` holds; the vehicle is referred to relative to `folder`; it is written out where
+    `folder` is None or its file is one that is installed with quadctl."""
     vehicle: Any = model.vehicle.model_dump(mode="json", exclude_none=True)
-    if model.vehicle_path is not None and folder is not None:
+    # An installed vehicle file moves and changes with the installation: a model that is kept holds the vehicle itself.
+    if model.vehicle_path is not None and folder is not None and not is_installed(model.vehicle_path):
         vehicle = _relative(model.vehicle_path, folder)
     effects = []
     for item in model.stack:

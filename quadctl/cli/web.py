@@ -7,19 +7,24 @@ import typer
 
 from quadctl.cli.app import app, console
 from quadctl.cli.flight import HiddenOption, simulator
+from quadctl.cli.inputs import find, find_missions
 
 
 @app.command("lab")
 def lab_page(
     logs: Annotated[list[Path] | None, typer.Argument(metavar="[LOG...]", help="Flight logs, or drop them in.")] = None,
     model: Annotated[
-        Path | None, typer.Option("--model", metavar="MODEL.yaml", help="Model or vehicle file to begin with.")
+        Path | None,
+        typer.Option("--model", metavar="MODEL.yaml", help="Model or vehicle file to begin with.", callback=find),
     ] = None,
     session: Annotated[Path | None, typer.Option("--session", metavar="FILE", help="Continue a saved session.")] = None,
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for all that is saved.")] = Path("lab"),
-    missions: Annotated[Path, typer.Option("--missions", metavar="DIR", help="Folder of the missions.")] = Path(
-        "missions"
-    ),
+    out: Annotated[
+        Path, typer.Option("--out", metavar="DIR", help="Folder for everything that the page saves.")
+    ] = Path("lab"),
+    missions: Annotated[
+        Path,
+        typer.Option("--missions", metavar="DIR", help="Missions to suggest and to fly.", callback=find_missions),
+    ] = Path("missions"),
     hidden: HiddenOption = None,
     port: Annotated[int, typer.Option("--port", metavar="N", min=1, max=65535)] = 8090,
     show: Annotated[bool, typer.Option("--open/--no-open", help="Open the browser.")] = True,

@@ -162,6 +162,10 @@ def open_model(model: AnyModel) -> Model:
     return model if isinstance(model, Model) else load_model(model)
 
 
+class HoldOutError(SettingsError):
+    """What is asked to be held out of the fits cannot be; the message begins with `hold_out`."""
+
+
 def prepare_flights(flights: Flights, vehicle: Vehicle, hold_out: HoldOut = "blocks") -> Dataset:
     """The flights, flown by `vehicle`, ready for any analysis: worth keeping where several follow.
 
@@ -172,7 +176,9 @@ def prepare_flights(flights: Flights, vehicle: Vehicle, hold_out: HoldOut = "blo
     LogError
         A log cannot be read or analysed, or contradicts itself.
     SettingsError
-        There is no log, or `hold_out` asks for flights to be held out of one.
+        There is no log.
+    HoldOutError
+        `hold_out` is neither "blocks" nor "flights", or asks for flights to be held out of one.
     """
     if isinstance(flights, Dataset):
         return flights
@@ -180,9 +186,9 @@ def prepare_flights(flights: Flights, vehicle: Vehicle, hold_out: HoldOut = "blo
     if not given:
         raise SettingsError("no flight is given, expected at least one log")
     if hold_out not in ("blocks", "flights"):
-        raise SettingsError(f"hold_out is '{hold_out}', expected blocks or flights")
+        raise HoldOutError(f"hold_out is '{hold_out}', expected blocks or flights")
     if hold_out == "flights" and len(given) < 2:
-        raise SettingsError("hold_out is flights with 1 log, expected at least 2 logs, or blocks")
+        raise HoldOutError("hold_out is flights with 1 log, expected at least 2 logs, or blocks")
     read = iter(read_logs(log for log in given if not isinstance(log, FlightLog)))
     logs = [log if isinstance(log, FlightLog) else next(read) for log in given]
     return load_dataset(logs, vehicle, hold_out)

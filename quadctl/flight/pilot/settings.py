@@ -10,6 +10,7 @@ from quadctl.control import ControllerSettings
 from quadctl.effects import find_effect
 from quadctl.errors import SettingsError
 from quadctl.flight.pilot.guards import GuardLimits
+from quadctl.installed import locate
 from quadctl.model import Model, load_model
 from quadctl.settings import Settings, load
 from quadctl.vehicle import load_vehicle
@@ -53,19 +54,14 @@ DEFAULT_CONFIG = Path("config/flight.yaml")
 
 
 def find_config(given: Path | None, mission: Path) -> Path:
-    """The configuration file: the one given, else config/flight.yaml here, else beside the mission's folder.
-
-    Raises
-    ------
-    SettingsError
-        None of them is there.
-    """
+    """The configuration file: the one given, else config/flight.yaml here, else beside the mission's folder, else the
+    one installed with quadctl."""
     if given is not None:
         return given
     for candidate in (DEFAULT_CONFIG, mission.parent.parent / DEFAULT_CONFIG):
         if candidate.is_file():
             return candidate
-    raise SettingsError(f"{DEFAULT_CONFIG}: there is no such file here; name the flight configuration with --config")
+    return locate(DEFAULT_CONFIG)
 
 
 def load_flight_settings(path: Path) -> FlightSettings:

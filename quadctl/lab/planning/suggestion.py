@@ -18,6 +18,7 @@ from rich.text import Text
 
 from quadctl.effects import Effect, every_effect
 from quadctl.errors import QuadctlError
+from quadctl.installed import locate, name_of
 from quadctl.lab.arrays import Floats
 from quadctl.lab.fitting.fitter import FittedModel, fit_model, noise_scale
 from quadctl.lab.fitting.initial_guesses import Unmodelled
@@ -184,7 +185,7 @@ def suggest(diagnosis: Diagnosis, missions: Path | str = Path("missions")) -> Su
     form = _known(fit, noise, considering=True)
     rivals = _rivals(diagnosis, form, noise)
     untried = _untried(diagnosis)
-    plans, left_out = _plans(Path(missions), best, dataset)
+    plans, left_out = _plans(locate(Path(missions)), best, dataset)
     groups = dataset.groups
     after = [form.widths(information(best, flight, groups, noise, considering=True)) for _, _, flight in plans]
     asked = _widest(form.widths(), after)
@@ -305,7 +306,7 @@ def _plans(folder: Path, model: Model, dataset: Dataset) -> tuple[list[tuple[Mis
     for path in mission_files(folder):
         try:
             mission = load_mission(path)
-            plans.append((mission, f"quadctl fly {path}", planned_flight(mission, model, dataset)))
+            plans.append((mission, f"quadctl fly {name_of(path)}", planned_flight(mission, model, dataset)))
         except QuadctlError as error:
             left_out.append(str(error))
     return plans, left_out

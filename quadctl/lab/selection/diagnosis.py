@@ -4,7 +4,9 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
+from rich import box
 from rich.console import Group, RenderableType
+from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
@@ -70,16 +72,17 @@ class Diagnosis(Result):
         }
 
     def __rich__(self) -> RenderableType:
-        table = Table(title="What could be missing: what was found first, the rest on top of it", title_justify="left")
-        table.add_column("effect", no_wrap=True)
-        table.add_column("parameters [95 %]")
-        table.add_column("held-out error", justify="right")
+        title = "What could be missing: what was found first, the rest on top of it"
+        table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAVY, show_edge=False, padding=0)
+        table.add_column("effect, and its parameters [95 %]")
+        table.add_column("held-out error", justify="right", no_wrap=True)
         table.add_column("change", justify="right", no_wrap=True)
         table.add_column("p", justify="right", no_wrap=True)
         for c in self.ranking:
+            name = Text(c.effect.name, style="bold" if is_supported(c) else "")
+            parameters = parameters_in_words(c.effect, c.ci95).replace("], ", "]\n")  # one a line
             table.add_row(
-                f"[bold]{c.effect.name}[/]" if is_supported(c) else c.effect.name,
-                parameters_in_words(c.effect, c.ci95),
+                Group(name, *([Padding(Text(parameters), (0, 1, 0, 2))] if c.ci95 else [])),
                 f"{c.before[c.measure]:.3f} -> {c.after[c.measure]:.3f}" + UNITS[c.measure],
                 f"{-c.held_out_drop:+.1%}",
                 "< 1e-4" if c.p_value < 1e-4 else f"{c.p_value:.2g}",

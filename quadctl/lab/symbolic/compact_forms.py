@@ -14,6 +14,11 @@ from quadctl.lab.arrays import Floats
 Shape = Callable[..., Floats]
 
 
+_overflow_allowed = np.errstate(over="ignore", invalid="ignore", divide="ignore")
+"""Decorator: an exponential of a variable far from 0 overflows; such a parameter has an infinite error, and loses.
+scipy's solver divides by the slope of a parameter that no longer matters."""
+
+
 @dataclass(frozen=True)
 class Form:
     """a * shape(x, *parameters) + c"""
@@ -30,6 +35,7 @@ class Form:
     def names(self) -> tuple[str, ...]:
         return ("a", *self.parameters, "c")
 
+    @_overflow_allowed
     def __call__(self, x: Floats, values: Floats) -> Floats:
         """Value at `x` for the parameters in the order of `names`."""
         return np.asarray(values[0] * self.shape(x, *values[1:-1]) + values[-1])
@@ -59,12 +65,18 @@ def usable_forms(x: Floats) -> list[Form]:
     return [form for form in FORMS if not form.positive or x.min() > 0.1]
 
 
+@_overflow_allowed
 def fit_form(form: Form, x: Floats, y: Floats) -> FittedForm:
-    """Least squares of `form` on `y`; of the starts for the shape's parameters, the best on a grid is taken."""
+    """Least squares of `form` on `y`; of the starts for the shape's parameters, the best on a grid is taken.
+
+    Starts and steps at which the form is not finite at all samples are passed over.
+    """
     low, high = _bounds(form, x)
     best, least = np.zeros(len(form.names)), np.inf
     for start in _starts(form, x):
         columns = np.column_stack([form.shape(x, *start), np.ones_like(x)])
+        if not np.isfinite(columns).all():
+            continue
         (a, c), *_ = np.linalg.lstsq(columns, y, rcond=None)
         values = np.clip(np.array([a, *start, c]), low, high)
         error = float(np.sum((y - form(x, values)) ** 2))
@@ -74,7 +86,9 @@ def fit_form(form: Form, x: Floats, y: Floats) -> FittedForm:
     def left(values: Floats) -> Floats:
         return form(x, values) - y
 
-    result = least_squares(left, best, bounds=(low, high), x_scale=np.maximum(np.abs(best), 1e-6), max_nfev=50)
+    scale = np.maximum(np.abs(best), 1e-6)
+    # The solver shortens a step that leads to where the residual is not finite.
+    result = least_squares(left, best, bounds=(low, high), x_scale=scale, max_nfev=50)
     return FittedForm(form, np.asarray(result.x), np.asarray(result.jac))
 
 

@@ -8,6 +8,7 @@ from nicegui import ui
 from nicegui.events import GenericEventArguments, MultiUploadEventArguments
 
 from quadctl.lab.flights.dataset import HoldOut
+from quadctl.logs.formats import labels
 from quadctl.vehicle import Vehicle
 from quadctl.web.elements.html import heading, tag
 from quadctl.web.panels.panel import Controls, Panel, Tab
@@ -112,7 +113,7 @@ def drop_zone(do: Controls) -> None:
             choose = ui.button("Choose files", icon="folder_open").props("no-caps unelevated")
             # In the browser itself: only there does a click open the window in which files are chosen.
             choose.on("click", js_handler=f"() => getElement({upload.id}).pickFiles()")
-            tag("span", "muted grow", "CSV, PX4 ULog (.ulg), ArduPilot DataFlash (.bin), MAVLink (.tlog).")
+            tag("span", "muted grow", f"{labels()}.")
 
 
 async def _take(do: Controls, upload: ui.upload, event: MultiUploadEventArguments) -> None:

@@ -8,10 +8,11 @@ from typing import Any
 from quadctl.errors import QuadctlError
 from quadctl.lab.symbolic.effect_file import as_effect_file
 from quadctl.lab.symbolic.formula import Symbolic
+from quadctl.logs.formats import suffixes
 from quadctl.model import Model
 
 MAX_UPLOAD_BYTES = 512 * 2**20
-LOG_SUFFIXES = (".csv", ".ulg", ".bin", ".tlog")
+LOG_SUFFIXES = suffixes()
 SETTINGS_SUFFIXES = (".yaml", ".yml")
 EXPRESSION = "unexplained"
 """Family of the effects that come from an expression."""

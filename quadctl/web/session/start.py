@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from quadctl.errors import LogError, SettingsError
+from quadctl.installed import locate
 from quadctl.logs.read import read_log
 from quadctl.model import load_model
 from quadctl.web.session.files import LOG_SUFFIXES, SETTINGS_SUFFIXES
@@ -13,8 +14,8 @@ VEHICLES = Path("config/vehicles")
 
 
 def vehicle_files() -> list[Path]:
-    """Vehicle files to choose from."""
-    return sorted(VEHICLES.glob("*.yaml"))
+    """Vehicle files to choose from: those here, else those installed with quadctl."""
+    return sorted(locate(VEHICLES).glob("*.yaml"))
 
 
 def check_folders(out: Path, missions: Path) -> None:

@@ -2,6 +2,7 @@
 
 import json
 import math
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -33,6 +34,24 @@ from tests.support.places import DATA
 
 HOVERING = DATA / "raptor/HOVERING.csv"
 NORTH, EAST, UP = 0, 1, 2
+
+
+class TestCompactForms:
+    @pytest.mark.parametrize(("place", "width"), [(0.0, 1.0), (100.0, 1.0), (-5000.0, 1.0), (16.0, 0.1)])
+    @pytest.mark.parametrize("form", FORMS, ids=lambda form: form.template)
+    def test_are_fitted_wherever_the_variable_lies(
+        self, form: Form, place: float, width: float, capfd: pytest.CaptureFixture[str]
+    ) -> None:
+        """Far from 0, as north 100 m from the origin, the exponential overflows at most of the starts."""
+        random = np.random.default_rng(1)
+        x = place + width * random.normal(1.0, 0.2, 500)
+        y = 0.2 * (x - place) / width + random.normal(0.0, 0.05, 500)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            fitted = fit_form(form, x, y)
+        assert np.isfinite(fitted.values).all() and np.isfinite(fitted.slopes).all()
+        assert np.sum((form(x, fitted.values) - y) ** 2) <= np.sum(y**2)
+        assert capfd.readouterr().err == ""
 
 
 @pytest.fixture(scope="module")
