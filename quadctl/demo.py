@@ -16,7 +16,7 @@ from quadctl.errors import QuadctlError
 from quadctl.flight.pilot.outcome import Outcome
 from quadctl.flight.pilot.settings import DEFAULT_CONFIG
 from quadctl.flight.preflight.plan import FlightPlan
-from quadctl.flight.session import fly_real_time, prepare_flight
+from quadctl.flight.preflight.preparation import prepare_flight
 from quadctl.installed import describe, locate
 from quadctl.lab.comparison.comparison import compare
 from quadctl.lab.flights.dataset import load_dataset
@@ -158,6 +158,8 @@ def _fly_steps(demo: Demo, found: Path) -> Steps:
 
 
 def _fly_mavlink(demo: Demo, found: Path) -> None:
+    from quadctl.flight.session import fly_real_time  # loads MAVSDK, which the lockstep flights do without
+
     plan = prepare_flight(_mission("short_hop"), None, str(found), None)
     with demo.simulator.mock_process(plan.body.vehicle, demo.hidden, 20) as url:
         outcome = fly_real_time(plan, url, demo.out / "logs", demo.console)

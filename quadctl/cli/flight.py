@@ -1,6 +1,5 @@
 """The commands that fly, in the simulated world or the real one."""
 
-import enum
 import re
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import asdict
@@ -13,16 +12,10 @@ from quadctl.cli.app import app, console
 from quadctl.cli.inputs import find, find_configuration
 from quadctl.cli.output import JsonOption, check_outputs, write_json
 from quadctl.errors import FlightError
+from quadctl.sitl.autopilots import Simulated
 
 TOKEN = re.compile(r"[\w-]{8,}", re.ASCII)
-"""Token of the live view: characters that an address can hold, and too many to be guessed."""
-
-
-class Simulated(enum.StrEnum):
-    """The autopilots that the simulator can be."""
-
-    PX4 = "px4"
-    ARDUPILOT = "ardupilot"
+"""Token of the live view: characters that an address can hold, too many to be guessed."""
 
 
 MissionArgument = Annotated[Path, typer.Argument(metavar="MISSION.yaml", callback=find)]
@@ -62,7 +55,7 @@ def simulate(
     json_out: JsonOption = None,
 ) -> None:
     """Fly a mission in simulated time, as fast as the machine can, reproducible from a seed."""
-    from quadctl.flight.session import prepare_flight
+    from quadctl.flight.preflight.preparation import prepare_flight
 
     check_outputs([mission, config, hidden], json_out)
     plan = prepare_flight(mission, find_configuration(config, mission), model, offset_up, overrides or ())
@@ -104,7 +97,8 @@ def fly(
 ) -> None:
     """Fly a mission on an autopilot; what `check` refuses is not begun. Ctrl-C lands."""
     from quadctl.flight.autopilot.ports import resolve
-    from quadctl.flight.session import fly_real_time, prepare_flight
+    from quadctl.flight.preflight.preparation import prepare_flight
+    from quadctl.flight.session import fly_real_time
 
     if sitl and link is not None:
         raise typer.BadParameter("give --link or --sitl, not both")
@@ -120,7 +114,7 @@ def fly(
     with ExitStack() as stack:
         viewer = stack.enter_context(_viewer(plan, view_port, view_token)) if view else None
         if sitl:
-            kind = (autopilot or Simulated.PX4).value
+            kind = autopilot or Simulated.PX4
             url = stack.enter_context(simulator().mock_process(plan.body.vehicle, hidden, seed, kind))
         else:
             url = resolve(plan.settings.link.url if link is None else link, console)
@@ -169,7 +163,7 @@ def _print_warnings(plan: Any, simulated: bool) -> None:
 
 
 def simulator() -> Any:
-    """The one way from the commands to the simulator."""
+    """Import the simulator: the one way from the commands to it."""
     import quadctl.sitl.run
 
     return quadctl.sitl.run

@@ -18,12 +18,9 @@ def lab_page(
         typer.Option("--model", metavar="MODEL.yaml", help="Model or vehicle file to begin with.", callback=find),
     ] = None,
     session: Annotated[Path | None, typer.Option("--session", metavar="FILE", help="Continue a saved session.")] = None,
-    out: Annotated[
-        Path, typer.Option("--out", metavar="DIR", help="Folder for everything that the page saves.")
-    ] = Path("lab"),
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for all that is saved.")] = Path("lab"),
     missions: Annotated[
-        Path,
-        typer.Option("--missions", metavar="DIR", help="Missions to suggest and to fly.", callback=find_missions),
+        Path, typer.Option("--missions", metavar="DIR", help="Folder of the missions.", callback=find_missions)
     ] = Path("missions"),
     hidden: HiddenOption = None,
     port: Annotated[int, typer.Option("--port", metavar="N", min=1, max=65535)] = 8090,

@@ -6,7 +6,7 @@ from pathlib import Path
 import yaml
 
 from quadctl.effects import CATALOG
-from quadctl.flight.session import prepare_flight
+from quadctl.flight.preflight.preparation import prepare_flight
 from quadctl.model import load_model
 from quadctl.sitl.run import simulate
 from quadctl.web.session.findings import Findings

@@ -1,4 +1,4 @@
-"""What a flight needs besides its mission (config/flight.yaml): vehicle, compensator, controller, link, guards."""
+"""Settings of a flight besides its mission (config/flight.yaml): vehicle, compensator, controller, link, guards."""
 
 from pathlib import Path
 from typing import Literal, NamedTuple
@@ -21,7 +21,7 @@ HeightDatum = Literal["frame", "takeoff"]
 
 
 class LinkSettings(Settings):
-    """How the autopilot is reached."""
+    """Link to the autopilot."""
 
     url: str = "udpin://0.0.0.0:14540"
     timeout_s: float = Field(default=10.0, gt=0.0, le=120.0)
@@ -34,7 +34,7 @@ class FlightSettings(Settings):
     compensator: str = NO_COMPENSATION
     """`none`, the name of an effect with its textbook parameters, or a model file."""
     height_datum: HeightDatum = "frame"
-    """Where the ground is: at z = 0 of the autopilot's frame (motion capture), or where the vehicle took off."""
+    """Height of the ground: z = 0 of the autopilot's frame (motion capture), or the place of take-off."""
     rest_height_m: float = Field(default=0.05, ge=0.0, lt=5.0)
     """Height of the logged body point when the vehicle stands on the ground; used with `takeoff`."""
     controller: ControllerSettings = ControllerSettings()
@@ -44,7 +44,7 @@ class FlightSettings(Settings):
 
 
 class FlightModels(NamedTuple):
-    """What flies: the vehicle that control assumes, and the model that the compensator inverts."""
+    """Models of a flight: the vehicle that control assumes, and the model that the compensator inverts."""
 
     body: Model
     compensator: Model

@@ -67,7 +67,7 @@ class Simulation:
         return step_responses(logs, table)
 
     def _fly(self, mission: str, model: Path, hidden: Path, seed: int) -> FlightLog:
-        from quadctl.flight.session import prepare_flight
+        from quadctl.flight.preflight.preparation import prepare_flight
 
         plan = prepare_flight(self._mission(mission), None, str(model), None)
         outcome = self.simulate(plan, self.folder / "simulated", hidden, seed)

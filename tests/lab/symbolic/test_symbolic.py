@@ -1,4 +1,4 @@
-"""What no effect of the catalogue explains becomes a formula: found if it is there, silent if not, flown if wanted."""
+"""Formulas for what no effect of the catalogue explains: found if it is there, none if it is not, usable in flight."""
 
 import json
 import math
@@ -64,7 +64,7 @@ def plain(raptor: Vehicle, tmp_path_factory: pytest.TempPathFactory) -> Dataset:
 
 @pytest.fixture(scope="module")
 def noise(rigid: Model, plain: Dataset) -> Floats:
-    """What the rigid body leaves of it, shape (n, 3)."""
+    """Residual of the rigid body, shape (n, 3)."""
     return held_out_residual(rigid, plain)
 
 
@@ -86,7 +86,7 @@ def with_law(noise: Floats, axis: int, law: Floats) -> Floats:
 
 
 def covers(formula: Formula, name: str, truth: float, slack: float = 0.0) -> bool:
-    """The interval holds the truth, or misses it by no more than `slack`."""
+    """Check that the interval contains the truth, or misses it by no more than `slack`."""
     low, high = formula.ci95[name]
     return low - slack <= truth <= high + slack
 
@@ -198,7 +198,7 @@ class TestTheLibrary:
 
 @pytest.fixture(scope="module")
 def found(plain: Dataset, noise: Floats) -> Symbolic:
-    """Of an updraft of 0.5 m/s^2, 0.5 m wide, 1 m north."""
+    """Flight through an updraft of 0.5 m/s^2, 0.5 m wide, 1 m north."""
     result = explain(with_law(noise, UP, 0.5 * np.exp(-(((value(plain, "north") - 1.0) / 0.5) ** 2))), plain)
     assert result
     return result
@@ -232,7 +232,7 @@ class TestWhatAUserSees:
 
 @dataclass(frozen=True)
 class Updraft(Effect):
-    """Air that rises at one place: no catalogue has it."""
+    """Updraft at one place, which is in no catalogue."""
 
     name: ClassVar[str] = "hidden.updraft"
     depends_on: ClassVar[tuple[str, ...]] = ("north", "east")

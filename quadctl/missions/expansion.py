@@ -1,4 +1,4 @@
-"""The short form of a mission's phases to the long one: parameters put in, groups repeated and taken apart.
+"""The expansion of a mission's phases: parameters are inserted, groups repeated and unrolled.
 
 `$name` or `${name}` stands for a parameter, or for the value of a `for_each` around it. A phase, or a group of
 `phases`, is flown `repeat` times, and once for each value of `for_each: {name: [values]}`.
@@ -17,9 +17,9 @@ Value = float | str | list[float | str]
 Values = Mapping[str, Any]
 
 MAX_PHASES = 10_000
-"""More than that is a slip of a `repeat`, not a flight."""
+"""Largest number of phases: more is a mistake in a `repeat`."""
 MAX_VALUES = 100_000
-"""In a file: YAML's aliases within aliases make a short file a huge one, or one without end."""
+"""Largest number of values in a file: YAML's nested aliases can make a short file huge, or endless."""
 _REFERENCE = re.compile(r"\$(?:([A-Za-z_]\w*)|\{([A-Za-z_]\w*)\})")
 
 
@@ -32,14 +32,14 @@ class RawPhase(NamedTuple):
 
 
 class _Loop(Settings):
-    """What makes more of one entry of `phases`."""
+    """Keys that make several phases of one entry of `phases`."""
 
     repeat: int = Field(default=1, ge=1, le=1000)
     for_each: dict[str, Annotated[list[Value], Field(min_length=1)]] = Field(default={}, max_length=1)
 
 
 def check_size(data: Any, source: str) -> None:
-    """Refuse a file of which no walk would come to an end; raises SettingsError."""
+    """Refuse a file with too many values, or endless ones; raises SettingsError."""
     left, seen = [data], 0
     while left:
         item = left.pop()
@@ -130,7 +130,7 @@ def _value(match: re.Match[str], values: Values, source: str) -> Any:
 
 
 def known(name: str, values: Values) -> str:
-    """What may have been meant by a name that is none of these parameters."""
+    """Hint at the parameter that an unknown name may stand for."""
     listed = f", expected one of: {', '.join(sorted(values))}" if values else ", the mission declares none"
     return nearest(name, values) + listed
 

@@ -1,4 +1,4 @@
-"""Fly faults, some at a time, and judge what came of them."""
+"""Fly faults, several at a time, and judge the results."""
 
 import tempfile
 from collections.abc import Iterable, Iterator
@@ -12,11 +12,11 @@ from .scene import PROFILES, Scene, Seen
 from .witness import Witness
 
 JOBS = 4
-"""Each takes real time, and little of the machine."""
+"""Flights at a time: each takes real time, and little of the processor."""
 ALONE = 2
-"""A busy machine can spoil a flight in real time: it is flown again, up to so often, with nothing beside it."""
+"""Times that a flight is repeated alone, as a busy machine can spoil a flight in real time."""
 MOST = 6
-"""Flights alone, those included that do not count because the machine itself stood still."""
+"""Flights alone, including those that do not count because the machine itself stood still."""
 
 
 class Verdict(NamedTuple):
@@ -30,7 +30,7 @@ class Verdict(NamedTuple):
 
 
 def fly(fault: str, autopilot: str, attempt: int = 1) -> Verdict:
-    """One flight with the fault of that name."""
+    """Fly once with the fault of that name."""
     return _attempt(case_named(fault).on(autopilot), autopilot)._replace(attempts=attempt)
 
 
