@@ -28,8 +28,10 @@ from quadctl.lab.fitting.parameters import (
     Free,
     free_parameters,
     intervals,
+    is_at_bound,
     parameter_jacobian,
     remarks,
+    undetermined,
     values_of,
     with_values,
 )
@@ -155,6 +157,16 @@ class FittedModel:
         own = [(f, ci) for f, ci in zip(self.free, self.intervals, strict=True) if effect in (None, f.effect)]
         free = [f for f, _ in own]
         return remarks(free, values_of(self.model, free), [ci for _, ci in own])
+
+    def at_bound(self, effect: int) -> bool:
+        """Tell whether a parameter of one effect of the stack ran into a bound."""
+        free = [f for f in self.free if f.effect == effect]
+        return any(is_at_bound(f, value) for f, value in zip(free, values_of(self.model, free), strict=True))
+
+    def determined(self, effect: int) -> bool:
+        """Tell whether the data determine at least one parameter of one effect of the stack, or it has none."""
+        own = [(f, ci) for f, ci in zip(self.free, self.intervals, strict=True) if f.effect == effect]
+        return not own or len(undetermined([f for f, _ in own], [ci for _, ci in own])) < len(own)
 
 
 def fit_model(model: Model, dataset: Dataset) -> FittedModel:

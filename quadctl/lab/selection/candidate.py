@@ -43,6 +43,10 @@ class Candidate:
     """False where fitted parameters of this effect, or of others because of it, are not physically plausible."""
     distinct: bool = True
     """False where these data do not distinguish the effect from its look-alikes."""
+    at_bound: bool = False
+    """True where a parameter of the effect ran into a bound."""
+    determined: bool = True
+    """False where the data determine none of the effect's parameters."""
     solution: Solution | None = None
     """Fit of the model; None when the candidate was read from a session."""
 
