@@ -7,11 +7,13 @@ FROM python:3.12-slim-bookworm
 WORKDIR /flight
 COPY pyproject.toml constraints.txt README.md LICENSE /src/
 COPY quadctl /src/quadctl
+# quadctl links to these and packs them.
 COPY sitl /src/sitl
+COPY config /src/config
+COPY missions /src/missions
 RUN pip install --no-cache-dir --constraint /src/constraints.txt /src && rm -rf /src
 
-COPY config /flight/config
-COPY missions /flight/missions
+RUN quadctl init /flight
 
 # Not root; dialout may open serial devices.
 RUN useradd --create-home --groups dialout pilot && mkdir logs && chown pilot logs

@@ -21,7 +21,7 @@ class GroundBell(ThrustRatio):
     source: ClassVar[str] = "examples/write_your_own_effect.py"
     depends_on: ClassVar[tuple[str, ...]] = ("height_over_radius",)
     physics: ClassVar[str] = "Near the ground the rotors give more thrust, in the shape of a bell."
-    told_apart_by: ClassVar[str] = "hover at many heights"
+    distinguished_by: ClassVar[str] = "hover at many heights"
     mission: ClassVar[str] = "missions/hover_staircase.yaml"
 
     gain: float = parameter(0.1, 0.0, 1.0, "", "share of thrust that is added at the ground")

@@ -1,4 +1,4 @@
-"""A model turned round: the force we want -> the force to ask the rotors for, all of the model's effects considered.
+"""The inverse of a model: from the wanted force to the force to ask of the rotors, with all effects of the model.
 
 Any model can be the compensator, the one without effects too. A compensator is limited on purpose: it corrects at most
 a band around 1, and its correction fades out beyond the heights of the data that its effects were fitted on.
@@ -6,7 +6,6 @@ a band around 1, and its correction fades out beyond the heights of the data tha
 
 import itertools
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -16,52 +15,51 @@ from quadctl.effects import Conditions
 from quadctl.errors import SettingsError
 from quadctl.frames import rotate, rotate_inverse
 from quadctl.model import Model, StackedEffect, conditions
-from quadctl.numeric import Number
 from quadctl.settings import Settings
 from quadctl.state import Vec3, VehicleState
 
 
 class CompensatorLimits(Settings):
-    """How far a compensator may go."""
+    """Limits of a compensator's correction."""
 
     band: float = Field(default=0.3, gt=0.0, lt=1.0)
-    """Thrust is corrected by at most this fraction either way; side forces up to this fraction of the weight."""
+    """Largest correction: of the thrust as a fraction of it, of the side force as a fraction of the weight."""
     fade_m: float = Field(default=0.3, gt=0.0)
-    """Beyond the heights of the fit the correction falls to nothing over this distance."""
+    """Distance beyond the heights of the fit over which the correction falls linearly to zero."""
 
 
 class Compensation(NamedTuple):
-    """What the compensator makes of one tick."""
+    """Correction for one tick."""
 
     thrust_ratio: float
-    """Thrust that the rotors give over the thrust that k rpm^2 promises: divide the command by it."""
+    """Thrust of the rotors over the nominal thrust k rpm^2: divide the commanded thrust by it."""
     force_ned_n: Vec3
     """Force of the effects that is not thrust: subtract it from the wanted force."""
     trust: float = 1.0
-    """The smallest share of an effect's correction that is left, here, beyond the heights of its data."""
+    """Smallest of the effects' shares of correction, 0..1; below 1 beyond the heights of an effect's data."""
 
 
 NOTHING = Compensation(1.0, (0.0, 0.0, 0.0))
 
 
 class Surroundings(NamedTuple):
-    """What the effects depend on at one tick, beside the thrust."""
+    """Conditions at one tick that the effects depend on, without the thrust."""
 
     conditions: Conditions
     trusts: tuple[float, ...]
-    """Of each effect, the share of its correction that is left here."""
+    """Share of each effect's correction that is used here, 0..1, in the order of the stack."""
     trust: float = 1.0
-    """The smallest of them."""
+    """Smallest of `trusts`."""
 
 
 LEAST_POWER = 0.1
-"""Below it, asking for more hardly gives more: nothing is gained by it."""
+"""Smallest exponent of the thrust given as a power of the thrust asked at which asking for more is worthwhile."""
 
 EMPTY = Surroundings(Conditions(0.0, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)), ())
 
 
 class Compensator:
-    """Turns a model round at the present state of flight; within one tick each of its answers stands on the one before.
+    """Inverts a model at the present state of flight: call `surroundings`, then `force_ned_n`, then `thrust_ratio`.
 
     The wanted force less `force_ned_n` is what the rotors must give; that over `thrust_ratio` is what to ask of them.
     """
@@ -70,8 +68,7 @@ class Compensator:
         self.model = model
         self.limits = limits or CompensatorLimits()
         self._trusted_m = [_trusted_heights(item) for item in model.stack]
-        self._pushing = [(i, e) for i, e in enumerate(model.acting) if e in model.effects_on_body]
-        self._bent = any("thrust" in effect.depends_on and not effect.retards for effect in model.effects)
+        self._bent = any("thrust" in effect.depends_on and not effect.adds_lag for effect in model.effects)
 
     def __call__(self, state: VehicleState, ground_down_m: float, thrust_n: float) -> Compensation:
         """Correction for `state` with the ground at `ground_down_m` (NED), where the rotors are to give `thrust_n`."""
@@ -79,7 +76,7 @@ class Compensator:
         return Compensation(self.thrust_ratio(here, thrust_n), self.force_ned_n(here, thrust_n), here.trust)
 
     def surroundings(self, state: VehicleState, ground_down_m: float) -> Surroundings:
-        """What the effects see at `state`, the ground being at `ground_down_m` (NED)."""
+        """Conditions of the effects at `state`, with the ground at `ground_down_m` (NED)."""
         if not self.model.stack:
             return EMPTY
         c = conditions(
@@ -95,29 +92,26 @@ class Compensator:
         return Surroundings(self.model.in_air(c), trusts, min(trusts))
 
     def force_ned_n(self, here: Surroundings, thrust_n: float) -> Vec3:
-        """Force of the effects that is not the rotors' thrust, which is `thrust_n` in all; within its band."""
-        if not self._pushing:
+        """Force of the effects besides the rotors' total thrust `thrust_n`, NED, N, limited to its band."""
+        if not self.model.effects_on_body:
             return NOTHING.force_ned_n
-        fx = fy = fz = 0.0
-        for i, effect in self._pushing:
-            ex, ey, ez = effect.force(self._felt_n(thrust_n), here.conditions, self.model.vehicle)
-            trust = here.trusts[i]
-            fx, fy, fz = fx + trust * ex, fy + trust * ey, fz + trust * ez
+        fx, fy, fz = self.model.side_force(self._felt_n(thrust_n), here.conditions, here.trusts)
         longest = self.limits.band * self.model.vehicle.weight_n
         length = math.sqrt(fx * fx + fy * fy + fz * fz)
         shrink = longest / length if length > longest else 1.0
         return rotate(here.conditions.attitude, (shrink * fx, shrink * fy, shrink * fz))
 
     def thrust_ratio(self, here: Surroundings, thrust_n: float) -> float:
-        """Thrust of the rotors over the thrust to ask for, where they are to give `thrust_n`; within its band."""
+        """Thrust of the rotors over the thrust to ask for, where they are to give `thrust_n`, limited to its band."""
         given_n = self._felt_n(thrust_n)
         ratio = self._ratio(here, given_n)
         return self._in_band(self._bent_ratio(here, given_n, ratio) if self._bent else ratio)
 
     def _bent_ratio(self, here: Surroundings, given_n: float, ratio: float) -> float:
-        """The ratio where `given_n` is given, from the `ratio` where as much is asked.
+        """Thrust ratio at which the rotors give `given_n`, from the `ratio` at which `given_n` is asked of them.
 
-        What is given grows by some power of what is asked: a secant on logarithms meets it, a pure power exactly.
+        The thrust given is taken for a power of the thrust asked: one secant step on logarithms, exact where the
+        exponent is constant.
         """
         asked_n = given_n / self._in_band(ratio)
         there = self._ratio(here, asked_n)
@@ -129,30 +123,29 @@ class Compensator:
         return given_n / asked_n * math.pow(asked_n * there / given_n, 1.0 / power)
 
     def _ratio(self, here: Surroundings, asked_n: float) -> float:
-        """Thrust given over thrust asked, where `asked_n` is asked of all rotors alike."""
-        vehicle, total, ratio = self.model.vehicle, asked_n, 1.0
-        thrusts: Sequence[Number] = [asked_n / vehicle.n_rotors] * vehicle.n_rotors
-        for item, trust in zip(self.model.stack, here.trusts, strict=True):
-            thrusts = item.effect.rotor_thrust(thrusts, here.conditions, vehicle)
+        """Thrust given over thrust asked, where `asked_n` is asked in total and shared equally by the rotors."""
+        n, total, ratio = self.model.vehicle.n_rotors, asked_n, 1.0
+        by_effect = self.model.thrust_by_effect([asked_n / n] * n, here.conditions)
+        for thrusts, trust in zip(by_effect, here.trusts, strict=True):
             before, total = total, sum(thrusts)
             ratio *= 1.0 + trust * (total / before - 1.0)
         return ratio
 
     def _felt_n(self, thrust_n: float) -> float:
-        """No less than a tenth of the weight: rotors that give nothing have no ratio."""
+        """Thrust, but at least a tenth of the weight: rotors that give nothing have no thrust ratio."""
         return max(thrust_n, 0.1 * self.model.vehicle.weight_n)
 
     def _in_band(self, ratio: float) -> float:
         return min(max(ratio, 1.0 - self.limits.band), 1.0 + self.limits.band)
 
     def _trust(self, height_m: float, trusted_m: tuple[float, float]) -> float:
-        """1 inside the heights of an effect's data, falling linearly to 0 beyond them."""
+        """Share of an effect's correction: 1 inside the heights of its data, falling linearly to 0 beyond them."""
         outside = max(trusted_m[0] - height_m, height_m - trusted_m[1], 0.0)
         return max(0.0, 1.0 - outside / self.limits.fade_m)
 
 
 def _trusted_heights(item: StackedEffect) -> tuple[float, float]:
-    """Heights of the rotor plane that the data of a fitted, height-dependent effect cover; else all heights."""
+    """Lowest and highest rotor plane, m, in the data of a fitted effect that depends on height; infinite for others."""
     if item.fitted is None or item.fitted.height_m is None or "height_over_radius" not in item.effect.depends_on:
         return -math.inf, math.inf
     return item.fitted.height_m

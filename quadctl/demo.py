@@ -14,8 +14,10 @@ from rich.console import Console
 
 from quadctl.errors import QuadctlError
 from quadctl.flight.pilot.outcome import Outcome
+from quadctl.flight.pilot.settings import DEFAULT_CONFIG
 from quadctl.flight.preflight.plan import FlightPlan
-from quadctl.flight.session import fly_real_time, prepare_flight
+from quadctl.flight.preflight.preparation import prepare_flight
+from quadctl.installed import describe, locate
 from quadctl.lab.comparison.comparison import compare
 from quadctl.lab.flights.dataset import load_dataset
 from quadctl.lab.report import write_report
@@ -37,7 +39,7 @@ VEHICLE = Path("config/vehicles/raptor.yaml")
 
 
 class Simulator(Protocol):
-    """What the demo needs of the simulator."""
+    """The part of the simulator that the demo needs."""
 
     def simulate(self, plan: FlightPlan, log_dir: Path, hidden: Path | None, seed: int) -> Outcome: ...
 
@@ -45,7 +47,7 @@ class Simulator(Protocol):
 
 
 class Demo(NamedTuple):
-    """Where things are."""
+    """Folder, hidden truth, simulator and console of one run."""
 
     out: Path
     hidden: Path
@@ -53,7 +55,7 @@ class Demo(NamedTuple):
     console: Console
 
     def fly(self, mission: str, model: str, seed: int) -> FlightLog:
-        plan = prepare_flight(MISSIONS / f"{mission}.yaml", None, model, None)
+        plan = prepare_flight(_mission(mission), None, model, None)
         outcome = self.simulator.simulate(plan, self.out / "logs", self.hidden, seed)
         if not outcome.completed:
             raise QuadctlError(f"the simulated flight of {mission} was not completed: {outcome.ended}")
@@ -73,10 +75,12 @@ def run(out: Path, console: Console, simulator: Simulator, real_time: bool) -> N
         A step did not do what it should.
     """
     demo = Demo(out, _write_hidden(out), simulator, console)
+    for what, path in (("missions", MISSIONS), ("configuration", DEFAULT_CONFIG), ("vehicle", VEHICLE)):
+        demo.say(describe(what, locate(path)))
     demo.say("[bold]1. Fly[/]: three hover staircases in a world whose ground effect nobody has told us.")
     logs = [demo.fly("hover_staircase", "none", seed) for seed in (1, 2, 3)]
 
-    rigid = load_model(VEHICLE)
+    rigid = load_model(locate(VEHICLE))
     seen, unseen = load_dataset(logs[:2], rigid.vehicle, "flights"), load_dataset(logs[2:], rigid.vehicle)
     with console.status("comparing, diagnosing, adding"):
         discovery = discover(rigid, seen)
@@ -130,6 +134,10 @@ class Steps(NamedTuple):
     table: MetricsTable
 
 
+def _mission(name: str) -> Path:
+    return locate(MISSIONS / f"{name}.yaml")
+
+
 def _write_hidden(out: Path) -> Path:
     path = out / "hidden.yaml"
     try:
@@ -150,7 +158,9 @@ def _fly_steps(demo: Demo, found: Path) -> Steps:
 
 
 def _fly_mavlink(demo: Demo, found: Path) -> None:
-    plan = prepare_flight(MISSIONS / "short_hop.yaml", None, str(found), None)
+    from quadctl.flight.session import fly_real_time  # loads MAVSDK, which the lockstep flights do without
+
+    plan = prepare_flight(_mission("short_hop"), None, str(found), None)
     with demo.simulator.mock_process(plan.body.vehicle, demo.hidden, 20) as url:
         outcome = fly_real_time(plan, url, demo.out / "logs", demo.console)
     demo.say("\n".join(outcome.lines()))

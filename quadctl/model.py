@@ -1,25 +1,27 @@
-"""A flight model is a vehicle and a list of effects: load it, predict with it, save it (docs/file-formats.md)."""
+"""A flight model: a vehicle and a stack of effects, walked here and nowhere else; its file (docs/file-formats.md)."""
 
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import yaml
 from pydantic import Field
 
 from quadctl.effects import Conditions, Effect, catalog_with, find_effect
+from quadctl.effects.base import NO_TORQUE
 from quadctl.errors import SettingsError
 from quadctl.frames import GRAVITY_M_S2, Quaternion, rotate, rotate_inverse
+from quadctl.installed import is_installed
 from quadctl.numeric import Number, Vector
 from quadctl.settings import Settings, read_yaml, validate
 from quadctl.vehicle import Vehicle
 
 
 class Provenance(Settings):
-    """Where the parameters of an effect come from: written by `add`, read by people and the compensator."""
+    """Origin of an effect's fitted parameters: written by `add`, read by people and the compensator."""
 
     logs: tuple[str, ...] = ()
     rmse_before: float | None = None
@@ -37,6 +39,17 @@ class StackedEffect:
 
     effect: Effect
     fitted: Provenance | None = None
+
+
+class Loads(NamedTuple):
+    """Thrusts, force and moment on a vehicle, the effects of its model included; weight excluded."""
+
+    thrust_n: Sequence[Number]
+    """Thrust of each rotor, N."""
+    force_n: Vector
+    """Force on the body besides the rotors' thrust, FRD, N."""
+    torque_n_m: Vector
+    """Moment on the body besides that of the rotors' thrust, FRD, N m."""
 
 
 @dataclass(frozen=True)
@@ -72,20 +85,51 @@ class Model:
             c = replace(c, velocity_body_m_s=(u - air[0], v - air[1], w - air[2]))
         return c
 
+    def thrust_by_effect(self, nominal_n: Sequence[Number], c: Conditions) -> Iterator[Sequence[Number]]:
+        """Thrust of each rotor, N, after the first effect of the stack, after the second, and so on to the last.
+
+        `nominal_n` is k rpm^2 of each rotor; `c` is as `in_air` gives it. Each effect acts on the thrust that the
+        effects before it leave.
+        """
+        thrust, vehicle = nominal_n, self.vehicle
+        for effect in self._thrusting:
+            if effect is not None:
+                thrust = effect.rotor_thrust(thrust, c, vehicle)
+            yield thrust
+
     def rotor_thrust(self, nominal_n: Sequence[Number], c: Conditions) -> Sequence[Number]:
         """Thrust of each rotor, N, all effects included, from the nominal k rpm^2 of each; `c` as `in_air` gives it."""
         thrust = nominal_n
-        for effect in self.effects_on_thrust:
-            thrust = effect.rotor_thrust(thrust, c, self.vehicle)
+        for thrust in self.thrust_by_effect(nominal_n, c):  # noqa: B007
+            pass
         return thrust
 
-    def side_force(self, total_thrust_n: Number, c: Conditions) -> Vector:
-        """Force of the effects that is not the rotors' thrust, FRD, N; `c` as `in_air` gives it."""
-        return _sum(effect.force(total_thrust_n, c, self.vehicle) for effect in self.effects_on_body)
+    def side_force(self, total_thrust_n: Number, c: Conditions, shares: Sequence[float] | None = None) -> Vector:
+        """Force of the effects that is not the rotors' thrust, FRD, N; `c` as `in_air` gives it.
+
+        `shares` has a factor for each effect of the stack, by which its force is multiplied; None: all forces in full.
+        """
+        x: Number = 0.0
+        y: Number = 0.0
+        z: Number = 0.0
+        for i, effect in self._pushing:
+            fx, fy, fz = effect.force(total_thrust_n, c, self.vehicle)
+            if shares is not None:
+                fx, fy, fz = shares[i] * fx, shares[i] * fy, shares[i] * fz
+            x, y, z = x + fx, y + fy, z + fz
+        return x, y, z
 
     def side_torque(self, thrust_n: Sequence[Number], c: Conditions) -> Vector:
         """Moment of the effects that is not the rotors', FRD, N m; `c` as `in_air` gives it."""
-        return _sum(effect.torque(thrust_n, c, self.vehicle) for effect in self.effects_on_turning)
+        if not self.effects_on_turning:
+            return NO_TORQUE
+        return _sum([effect.torque(thrust_n, c, self.vehicle) for effect in self.effects_on_turning])
+
+    def loads(self, nominal_n: Sequence[Number], c: Conditions) -> Loads:
+        """All that the effects make of the nominal thrust of each rotor, N; the velocity in `c` is over ground."""
+        c = self.in_air(c)
+        thrust = self.rotor_thrust(nominal_n, c)
+        return Loads(thrust, self.side_force(sum(thrust), c), self.side_torque(thrust, c))
 
     def body_force(self, nominal_n: Sequence[Number], c: Conditions) -> Vector:
         """Force on the body without weight, FRD, N, from the nominal thrust of each rotor."""
@@ -115,28 +159,40 @@ class Model:
         return fx / m, fy / m, fz / m + GRAVITY_M_S2
 
     def sensed_ned_m_s2(self, c: Conditions) -> Vector:
-        """What the accelerometer tells beyond the true acceleration, NED."""
-        return rotate(c.attitude, _sum(effect.sensed_m_s2(c) for effect in self.effects if effect.senses))
+        """Reading of the accelerometer beyond the true acceleration, NED."""
+        return rotate(
+            c.attitude, _sum(effect.sensed_m_s2(c) for effect in self.effects if effect.affects_accelerometer)
+        )
 
     def late(self) -> "Model":
-        """The model with only those effects that make the thrust come later."""
-        return replace(self, stack=tuple(item for item in self.stack if item.effect.retards))
+        """The model with only those effects that delay the thrust."""
+        return replace(self, stack=tuple(item for item in self.stack if item.effect.adds_lag))
 
     def prompt(self) -> "Model":
-        """The model with the others: those that act at once."""
-        return replace(self, stack=tuple(item for item in self.stack if not item.effect.retards))
+        """The model with the other effects, those that act without delay."""
+        return replace(self, stack=tuple(item for item in self.stack if not item.effect.adds_lag))
 
     def turning(self) -> "Model":
         """The model with only those effects that the balance of moments can show."""
-        return replace(self, stack=tuple(item for item in self.stack if item.effect.turns))
+        return replace(self, stack=tuple(item for item in self.stack if item.effect.affects_moment))
 
     @cached_property
     def effects_on_thrust(self) -> tuple[Effect, ...]:
-        return tuple(e for e in self.effects if type(e).rotor_thrust is not Effect.rotor_thrust)
+        return tuple(effect for effect in self._thrusting if effect is not None)
 
     @cached_property
     def effects_on_body(self) -> tuple[Effect, ...]:
-        return tuple(e for e in self.acting if type(e).force is not Effect.force)
+        return tuple(effect for _, effect in self._pushing)
+
+    @cached_property
+    def _thrusting(self) -> tuple[Effect | None, ...]:
+        """The stack, with None for each effect that leaves the rotors' thrust as it is."""
+        return tuple(e if type(e).rotor_thrust is not Effect.rotor_thrust else None for e in self.effects)
+
+    @cached_property
+    def _pushing(self) -> tuple[tuple[int, Effect], ...]:
+        """The effects with a force, each with its place in the stack."""
+        return tuple((i, e) for i, e in enumerate(self.acting) if type(e).force is not Effect.force)
 
     @cached_property
     def effects_on_turning(self) -> tuple[Effect, ...]:
@@ -148,7 +204,7 @@ class Model:
 
     @cached_property
     def acting(self) -> tuple[Effect, ...]:
-        """The effects as they act beside each other."""
+        """The effects of the stack, each standing back for the others where it must."""
         present = {effect.family() for effect in self.effects}
         return tuple(e.standing_back() if present & set(e.stands_back_for) else e for e in self.effects)
 
@@ -240,9 +296,14 @@ def save_model(model: Model, path: Path | str) -> None:
 
 
 def model_to_dict(model: Model, folder: Path | None) -> dict[str, Any]:
-    """What the file of `model` holds; the vehicle is referred to relative to `folder`, or written out without one."""
+    """Content of the file of `model`.
+
+    The vehicle is a path relative to `folder`; it is written out without one, and where its file is installed with
+    quadctl.
+    """
     vehicle: Any = model.vehicle.model_dump(mode="json", exclude_none=True)
-    if model.vehicle_path is not None and folder is not None:
+    # An installed vehicle file moves and changes with the installation: a model that is kept holds the vehicle itself.
+    if model.vehicle_path is not None and folder is not None and not is_installed(model.vehicle_path):
         vehicle = _relative(model.vehicle_path, folder)
     effects = []
     for item in model.stack:

@@ -38,19 +38,19 @@ maximum = _either(max, np.maximum)
 
 
 def clip(value: Any, low: float, high: float) -> Any:
-    """`value`, but no less than `low` and no more than `high`."""
+    """Clip `value` to `low` and `high`."""
     if isinstance(value, np.ndarray):
         return np.clip(value, low, high)
     return low if value < low else high if value > high else value
 
 
 def step(value: Any) -> Any:
-    """0 below zero, 1 from zero on."""
+    """Step function: 0 below zero, 1 from zero on."""
     return (value >= 0.0) * 1.0
 
 
 def known_or(value: Any, otherwise: float) -> Any:
-    """`value`, or `otherwise` where it is not a number."""
+    """Replace nan in `value` by `otherwise`."""
     if isinstance(value, np.ndarray):
         return np.where(np.isnan(value), otherwise, value)
     return otherwise if math.isnan(value) else value

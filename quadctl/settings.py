@@ -17,7 +17,7 @@ from quadctl.errors import SettingsError
 
 
 class Settings(BaseModel):
-    """Base of all that is read from YAML: unknown keys and non-finite numbers are refused, values never change."""
+    """Base class of all settings: unknown keys and non-finite numbers are refused, values never change."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
@@ -30,7 +30,7 @@ class Settings(BaseModel):
         return value
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
-        """As pydantic's, but what the original had computed and cached does not outlive an update."""
+        """Copy as pydantic does, without the values that the original had computed and cached."""
         copy = super().model_copy(update=update, deep=deep)
         for name in copy.__dict__.keys() - type(self).model_fields.keys():
             del copy.__dict__[name]
@@ -38,7 +38,7 @@ class Settings(BaseModel):
 
 
 MAX_YAML_BYTES = 1_000_000
-"""More is no settings file, but for example a flight log in its place, on which YAML would take minutes."""
+"""Largest settings file. A larger one is for example a flight log by mistake, on which YAML would take minutes."""
 
 S = TypeVar("S", bound=BaseModel)
 
@@ -69,7 +69,7 @@ def read_yaml(path: Path) -> dict[str, Any]:
 
 
 def parse_yaml(text: str, path: Path) -> dict[str, Any]:
-    """As `read_yaml`, of text; `path` names it in error messages."""
+    """Read text as `read_yaml` reads a file; `path` names it in error messages."""
     data = read_value(text, str(path))
     if data is None:
         raise SettingsError(f"{path}: is empty, expected settings in YAML")
@@ -79,7 +79,7 @@ def parse_yaml(text: str, path: Path) -> dict[str, Any]:
 
 
 def read_value(text: str, source: str) -> Any:
-    """What a piece of YAML holds; raises SettingsError, with `source` to name it, where it is none."""
+    """Value that a piece of YAML holds; raises SettingsError, naming `source`, where it is not valid YAML."""
     try:
         return yaml.load(text, Loader=_StrictLoader)
     except (yaml.YAMLError, ValueError) as error:  # ValueError: what looks like a date or a whole number but is none
@@ -130,7 +130,7 @@ def _holds_bool(value: Any) -> bool:
 
 
 def _is_numeric(annotation: Any) -> bool:
-    """Whether a field of this type holds numbers, alone or in a list."""
+    """True where a field of this type holds numbers, alone or in a list."""
     if isinstance(annotation, type) and not typing.get_args(annotation):
         return annotation in (int, float)
     return any(_is_numeric(argument) for argument in typing.get_args(annotation))
@@ -191,7 +191,7 @@ _EXPECTATIONS = {
 
 
 def _location(problem: Mapping[str, Any], data: Any) -> list[int | str]:
-    """Where in `data` the problem is; pydantic also names the alternatives of a field's type, which no user knows."""
+    """Keys and indices that lead to the problem in `data`; pydantic also names alternatives of a field's type."""
     location = []
     for part in problem["loc"]:
         inside = isinstance(data, list | tuple) and isinstance(part, int) and part < len(data)

@@ -1,4 +1,4 @@
-"""What the controller knows about the vehicle and what it asks for: the types that pass between the rooms."""
+"""State of the vehicle, setpoint and target: the types that autopilot, control and recorder pass to each other."""
 
 import math
 from collections.abc import Mapping
@@ -26,7 +26,7 @@ class VehicleState:
     motor_voltage_v: tuple[float, ...] = ()
     motor_current_a: tuple[float, ...] = ()
     motor_output: tuple[float, ...] = ()
-    """What the autopilot gives each motor, on the scale of the throttle target, 0..1."""
+    """Output of the autopilot to each motor, on the scale of the throttle target, 0..1."""
     battery_v: float = NAN
     armed: bool = False
     landed: bool = True
@@ -35,19 +35,19 @@ class VehicleState:
     offboard_mode: str = "OFFBOARD"
     """The mode that follows our targets, by the autopilot's own name."""
     estimator_ok: bool = True
-    """Unless the autopilot's estimator says that attitude, velocity or position are not to be trusted."""
+    """False when the autopilot's estimator says that attitude, velocity or position are not to be trusted."""
     ready_to_arm: bool = True
-    """Unless the autopilot says that its own checks, of the time after boot for example, do not pass."""
+    """False when the autopilot says that its own checks do not pass, for example soon after boot."""
     connected: bool = False
-    """Heartbeats arrive."""
+    """True when heartbeats arrive."""
     received_s: Mapping[str, float] = field(default_factory=dict)
-    """When each part was last true, same clock as `time_s`: position, attitude, rates, rpm, battery, heartbeat.
+    """Time at which each part was true, on the clock of `time_s`: position, attitude, rates, rpm, battery, heartbeat.
 
     The time of arrival, earlier by what the link has delayed it beyond its usual delay: a burst of queued messages is
     old, however new its arrival.
     """
     boots: int = 0
-    """How often the autopilot's clock has begun anew since the link was opened."""
+    """Number of restarts of the autopilot's clock since the link was opened."""
     estimator_ratio: float = NAN
     """Worst innovation test ratio of position and velocity; from 1 on the estimator rejects its own sensors."""
 
@@ -57,23 +57,23 @@ class VehicleState:
 
     @property
     def control_age_s(self) -> float:
-        """Age of the oldest part that control stands on."""
+        """Age of the oldest part that control uses, s."""
         return max(self.age_s("position"), self.age_s("attitude"))
 
     @property
     def offboard(self) -> bool:
-        """The autopilot is in the mode that follows our targets."""
+        """True when the autopilot is in the mode that follows our targets."""
         return self.mode == self.offboard_mode
 
     @property
     def finite(self) -> bool:
-        """All that control stands on is a number."""
+        """True when every value that control uses is finite."""
         return all(map(math.isfinite, (*self.position_ned_m, *self.velocity_ned_m_s, *self.attitude)))
 
 
 @dataclass(frozen=True, slots=True)
 class Setpoint:
-    """The reference at one instant, NED. A component of the position that is nan is flown by velocity alone."""
+    """Setpoint at one instant, NED. An axis whose position is nan is flown by velocity alone."""
 
     position_ned_m: Vec3
     velocity_ned_m_s: Vec3 = (0.0, 0.0, 0.0)
@@ -82,7 +82,7 @@ class Setpoint:
 
 
 class AttitudeTarget(NamedTuple):
-    """What goes to the autopilot: attitude (body to world) and throttle 0..1."""
+    """Target for the autopilot: attitude (body to world) and throttle 0..1."""
 
     attitude: Quat
     throttle: float

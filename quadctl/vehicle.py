@@ -14,11 +14,11 @@ Triple = tuple[float, float, float]
 _Arm = Annotated[float, Field(gt=-20.0, lt=20.0)]
 
 MIN_THRUST_COEFFICIENT, MAX_THRUST_COEFFICIENT = 1e-3, 0.2
-"""C_T = T / (rho A (omega R)^2); real propellers have 0.005 to 0.03, so what lies outside is a wrong unit."""
+"""Possible C_T = T / (rho A (omega R)^2): propellers have 0.005 to 0.03, so a value outside is a wrong unit."""
 
 
 class Rotor(Settings):
-    """What all rotors have in common."""
+    """Properties that all rotors share."""
 
     radius_m: float = Field(gt=0.0, lt=5.0)
     thrust_n_per_rpm2: PositiveFloat
@@ -27,7 +27,7 @@ class Rotor(Settings):
 
 
 class RotorPlace(Settings):
-    """Where one rotor is (FRD, from the centre of mass), which way it turns seen from above, how it is tilted."""
+    """Place of one rotor (FRD, from the centre of mass), its sense of rotation seen from above, and its tilt."""
 
     position_m: tuple[_Arm, _Arm, _Arm]
     spin: Literal["cw", "ccw"]
@@ -73,11 +73,11 @@ class Vehicle(Settings):
     ceiling_m: PositiveFloat | None = None
     air_density_kg_m3: PositiveFloat = 1.225
     endurance_s: PositiveFloat | None = None
-    """How long it hovers on a full battery until the voltage at which a flight should end."""
+    """Hover time on a full battery, until the voltage at which a flight should end."""
 
     @model_validator(mode="after")
     def _can_fly(self) -> Self:
-        """Numbers that are each possible, but not together: nearly always a wrong unit or a copied line."""
+        """Check values that are possible one by one, but not together: usually a wrong unit or a copied line."""
         problem = _geometry_problem(self.rotors) or _thrust_problem(self) or _inertia_problem(self.inertia_kg_m2)
         if problem:
             raise ValueError(problem)
@@ -93,7 +93,7 @@ class Vehicle(Settings):
 
     @cached_property
     def max_thrust_n(self) -> float:
-        """Of all rotors together."""
+        """Largest thrust of all rotors together."""
         return self.throttle.max_thrust_per_rotor_n * self.n_rotors
 
     @cached_property

@@ -1,4 +1,4 @@
-"""The one entrance to the simulator: a flight in lockstep, or a mock autopilot on the wire."""
+"""The one entrance to the simulator: a flight in lockstep, or a simulated autopilot on the wire."""
 
 import multiprocessing
 import signal
@@ -13,11 +13,8 @@ from quadctl.flight.pilot.outcome import Outcome, Tally
 from quadctl.flight.pilot.pilot import Pilot
 from quadctl.flight.pilot.tick import Request, Tick
 from quadctl.flight.preflight.plan import FlightPlan
-from quadctl.sitl.rules.copter import SimulatedCopter
+from quadctl.sitl.autopilots import Simulated
 from quadctl.sitl.rules.px4 import SimulatedAutopilot
-from quadctl.sitl.server.ardupilot import MavlinkArduPilot
-from quadctl.sitl.server.px4 import MavlinkPx4
-from quadctl.sitl.server.server import MavlinkMock
 from quadctl.sitl.vehicle.hidden import HiddenTruth, load_hidden, true_model
 from quadctl.vehicle import Vehicle
 
@@ -37,7 +34,7 @@ def simulate(plan: FlightPlan, log_dir: Path, hidden: Path | None, seed: int) ->
     autopilot = SimulatedAutopilot(plan.body.vehicle, load_hidden(hidden), seed, str(hidden or "hidden truth"))
     pilot = plan.pilot()
     rate_hz = plan.settings.controller.rate_hz
-    recorder = plan.recorder(log_dir, f"simulated PX4 in lockstep, seed {seed}")
+    recorder = plan.recorder(log_dir, f"simulated {autopilot.name} in lockstep, seed {seed}")
     tally = Tally(1.0 / rate_hz)
     try:
         fly_lockstep(autopilot, pilot, rate_hz, [recorder, tally])
@@ -75,16 +72,21 @@ def _carry_out(request: Request, autopilot: SimulatedAutopilot, pilot: Pilot) ->
 
 
 @contextmanager
-def mock_process(vehicle: Vehicle, hidden: Path | None, seed: int, kind: str = "px4") -> Iterator[str]:
+def mock_process(vehicle: Vehicle, hidden: Path | None, seed: int, kind: Simulated = Simulated.PX4) -> Iterator[str]:
     """A simulated autopilot on the wire, in real time; gives the URL at which it is found.
 
-    `kind` is `px4` or `ardupilot`.
+    The autopilot has a process of its own, as a real one has a computer of its own: the flight's loop must not share
+    an interpreter with the physics.
 
-    It has a process of its own, as a real autopilot has a computer of its own: the flight's loop must not share an
-    interpreter with the physics.
+    Raises
+    ------
+    SettingsError
+        The file `hidden` cannot be used.
+    FlightError
+        The process did not start.
     """
     truth = load_hidden(hidden)
-    true_model(vehicle, truth, str(hidden))  # complain here, not in the child
+    true_model(vehicle, truth, str(hidden))  # raise here what would be lost in the child
     port = _free_port()
     context = multiprocessing.get_context("spawn")
     here, there = context.Pipe()
@@ -108,21 +110,15 @@ def _says_ready(child: Connection) -> bool:
         return False
 
 
-def _serve(vehicle: Vehicle, truth: HiddenTruth, seed: int, kind: str, port: int, parent: Connection) -> None:
-    """In the child: fly until the parent closes its end of the pipe. Ctrl-C is for the parent, which lands first."""
+def _serve(vehicle: Vehicle, truth: HiddenTruth, seed: int, kind: Simulated, port: int, parent: Connection) -> None:
+    """Fly in the child until the parent closes its end of the pipe. Ctrl-C is left to the parent, which lands first."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    with _mock(vehicle, truth, seed, kind, port):
+    with kind.on_the_wire(kind.on_the_wire.rules(vehicle, truth, seed), port):
         parent.send("ready")
         try:
             parent.recv()
         except EOFError:
             return
-
-
-def _mock(vehicle: Vehicle, truth: HiddenTruth, seed: int, kind: str, port: int) -> MavlinkMock:
-    if kind == "ardupilot":
-        return MavlinkArduPilot(SimulatedCopter(vehicle, truth, seed), port=port)
-    return MavlinkPx4(SimulatedAutopilot(vehicle, truth, seed), port=port)
 
 
 def _free_port() -> int:

@@ -102,7 +102,7 @@ class Tutorial:
     @property
     def trims(self) -> dict[str, float]:
         """Bound of each nuisance of a flight, by name."""
-        return {kind.name: kind.most for kind in KINDS}
+        return {kind.name: kind.bound for kind in KINDS}
 
     def parameter(self, name: str) -> dict[str, float]:
         """Parameter of the last model, such as `rotor_drag.linear d_x`: value, ends of its interval, hidden truth."""

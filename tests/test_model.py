@@ -149,6 +149,31 @@ def test_effects_multiply_and_add(raptor: Vehicle) -> None:
     assert Model(raptor, stack).body_force([3.0] * 4, c) == pytest.approx((-1.2, 0.0, -12.96))
 
 
+def test_the_thrust_after_each_effect_is_that_of_the_effects_before_it(raptor: Vehicle) -> None:
+    stack = (StackedEffect(ConstantScale(1.2)), StackedEffect(LinearDrag(0.4, 0.4)), StackedEffect(ConstantScale(0.9)))
+    c = Conditions(1.0, (2.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
+    after_each = Model(raptor, stack).thrust_by_effect([3.0] * 4, c)
+    assert [sum(thrust) for thrust in after_each] == pytest.approx([14.4, 14.4, 12.96])  # drag leaves it as it is
+
+
+def test_the_loads_are_thrusts_force_and_moment_in_the_air_that_moves(raptor: Vehicle) -> None:
+    # Over ground it stands still: 1 m/s of wind from ahead drags with 1.5 * 0.4 * 1 N, the weak rotor gives 2.7 N.
+    stack = tuple(map(StackedEffect, (WeakRotor(loss=0.1, rotor=2.0), LinearDrag(0.4, 0.4), SteadyWind(-1.0, 0.0))))
+    c = Conditions(1.0, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
+    loads = Model(raptor, stack).loads([3.0] * 4, c)
+    assert loads.thrust_n == pytest.approx([3.0, 2.7, 3.0, 3.0])
+    assert loads.force_n == pytest.approx((-0.6, 0.0, 0.0))
+    assert loads.torque_n_m == pytest.approx((0.0, 0.0, 0.0))
+
+
+def test_a_force_counts_by_the_share_of_its_own_effect(raptor: Vehicle) -> None:
+    c = Conditions(1.0, (2.0, 1.0, 0.0), (1.0, 0.0, 0.0, 0.0))
+    model = Model(raptor).plus(ConstantScale(1.2)).plus(LinearDrag(0.4, 0.4)).plus(QuadraticDrag())
+    drag, draught = (Model(raptor).plus(effect).side_force(12.0, c) for effect in model.effects[1:])
+    expected = [0.25 * a + 0.5 * b for a, b in zip(drag, draught, strict=True)]
+    assert model.side_force(12.0, c, (0.0, 0.25, 0.5)) == pytest.approx(expected)
+
+
 def test_forces_see_the_whole_thrust_whatever_the_order(raptor: Vehicle) -> None:
     tilt, scale = StackedEffect(FixedTilt(roll_deg=5.0)), StackedEffect(ConstantScale(1.3))
     c = attitude(0.0, 0.0, 0.0)

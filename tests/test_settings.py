@@ -21,7 +21,7 @@ def vehicle_data(raptor_path: Path) -> dict[str, Any]:
 
 
 def refusal(path: Path, kind: Any = Vehicle) -> str:
-    """What is said about the file, without its name in front."""
+    """Error message about the file, without its name in front."""
     with pytest.raises(SettingsError) as caught:
         load(path, kind)
     return checked_sentence(str(caught.value), path)

@@ -1,4 +1,4 @@
-"""The commands: parse, call, print. What they do is elsewhere."""
+"""The commands: parse, call, print; the work is done elsewhere."""
 
 import os
 import sys
@@ -8,19 +8,19 @@ import typer
 from rich.console import Console
 
 from quadctl import __version__
-from quadctl.cli import check, flight, lab, mission, mocap, ports, thrust_stand, web
+from quadctl.cli import check, flight, init, lab, mission, mocap, ports, thrust_stand, web
 from quadctl.cli.app import app, console
 from quadctl.errors import QuadctlError
 
-__all__ = ["app", "check", "flight", "lab", "main", "mission", "mocap", "ports", "thrust_stand", "web"]
+__all__ = ["app", "check", "flight", "init", "lab", "main", "mission", "mocap", "ports", "thrust_stand", "web"]
 
 INTERRUPTED = 130
 """Exit status with which typer ends on Ctrl-C."""
 
 LAB_PACKAGES = ("scipy", "joblib", "polars", "matplotlib", "jinja2", "pyulog", "mcap", "pysindy")
-"""Of the extra `lab`: not on the companion computer."""
+"""Packages of the extra `lab`, which the companion computer does not have."""
 WEB_PACKAGES = ("nicegui", "cloudpickle")
-"""Of the extra `web`."""
+"""Packages of the extra `web`."""
 
 
 def _print_version(wanted: bool) -> None:

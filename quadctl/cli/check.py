@@ -1,4 +1,4 @@
-"""The command that asks whether a flight may begin."""
+"""The command that checks whether a flight may begin."""
 
 from pathlib import Path
 from typing import Annotated
@@ -8,6 +8,7 @@ from rich.text import Text
 
 from quadctl.cli.app import app, console
 from quadctl.cli.flight import ConfigOption, ModelOption, OffsetOption, SetOption
+from quadctl.cli.inputs import find_all, find_configuration
 from quadctl.cli.output import JsonOption, check_outputs, write_json
 from quadctl.errors import FlightError
 
@@ -18,7 +19,9 @@ STYLES = {"ok": "green", "warning": "yellow", "refused": "bold red"}
 def check(
     files: Annotated[
         list[Path],
-        typer.Argument(metavar="[VEHICLE.yaml] MISSION.yaml", help="Without a vehicle: the configuration's."),
+        typer.Argument(
+            metavar="[VEHICLE.yaml] MISSION.yaml", help="Without a vehicle: the configuration's.", callback=find_all
+        ),
     ],
     model: ModelOption = None,
     config: ConfigOption = None,
@@ -32,7 +35,7 @@ def check(
     overrides: SetOption = None,
     json_out: JsonOption = None,
 ) -> None:
-    """Is everything ready to fly? Mission, vehicle, compensator and limits, and with --link the autopilot."""
+    """Check whether a flight may begin: mission, vehicle, compensator, limits, and with --link the autopilot."""
     from quadctl.flight.autopilot.ports import resolve
     from quadctl.flight.preflight.check import check_flight
     from quadctl.flight.preflight.findings import Verdict, of_verdict
@@ -43,7 +46,14 @@ def check(
         raise typer.BadParameter(f"{len(files)} files are given, expected a mission, or a vehicle and a mission")
     *vehicles, mission = files
     check_outputs([*files, config], json_out)
-    plan = read_flight(mission, config, model, offset_up, overrides or (), vehicles[0] if vehicles else None)
+    plan = read_flight(
+        mission,
+        find_configuration(config, mission),
+        model,
+        offset_up,
+        overrides or (),
+        vehicles[0] if vehicles else None,
+    )
     findings = check_flight(plan)
     if link is not None:
         url = resolve(link, console)

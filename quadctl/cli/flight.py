@@ -1,6 +1,5 @@
 """The commands that fly, in the simulated world or the real one."""
 
-import enum
 import re
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import asdict
@@ -10,35 +9,33 @@ from typing import Annotated, Any
 import typer
 
 from quadctl.cli.app import app, console
+from quadctl.cli.inputs import find, find_configuration
 from quadctl.cli.output import JsonOption, check_outputs, write_json
 from quadctl.errors import FlightError
+from quadctl.installed import is_installed
+from quadctl.sitl.autopilots import Simulated
 
 TOKEN = re.compile(r"[\w-]{8,}", re.ASCII)
-"""Of the live view: what an address can hold, and nobody guesses."""
+"""Token of the live view: characters that an address can hold, too many to be guessed."""
 
 
-class Simulated(enum.StrEnum):
-    """The autopilots that the simulator can be."""
-
-    PX4 = "px4"
-    ARDUPILOT = "ardupilot"
-
-
-MissionArgument = Annotated[Path, typer.Argument(metavar="MISSION.yaml")]
+MissionArgument = Annotated[Path, typer.Argument(metavar="MISSION.yaml", callback=find)]
 ModelOption = Annotated[
     str | None,
     typer.Option("--model", metavar="MODEL", help="Compensator: none, an effect such as hayden, or a model file."),
 ]
 ConfigOption = Annotated[
-    Path | None, typer.Option("--config", metavar="FILE", help="Flight configuration [default: config/flight.yaml].")
+    Path | None,
+    typer.Option("--config", metavar="FILE", help="Flight configuration [default: config/flight.yaml].", callback=find),
 ]
 LogDirOption = Annotated[Path, typer.Option("--log-dir", metavar="DIR", help="Where the log goes.")]
 HiddenOption = Annotated[
-    Path | None, typer.Option("--hidden", metavar="FILE", help="What the simulated world hides from us.")
+    Path | None,
+    typer.Option("--hidden", metavar="FILE", help="Effects that the simulated world has and hides.", callback=find),
 ]
 SeedOption = Annotated[int, typer.Option("--seed", metavar="N", min=0, help="Same seed, same flight.")]
 OffsetOption = Annotated[
-    float | None, typer.Option("--offset-up", metavar="M", help="Fly the mission so much higher than its file says.")
+    float | None, typer.Option("--offset-up", metavar="M", help="Height added to the whole mission.")
 ]
 SetOption = Annotated[
     list[str] | None,
@@ -59,10 +56,10 @@ def simulate(
     json_out: JsonOption = None,
 ) -> None:
     """Fly a mission in simulated time, as fast as the machine can, reproducible from a seed."""
-    from quadctl.flight.session import prepare_flight
+    from quadctl.flight.preflight.preparation import prepare_flight
 
     check_outputs([mission, config, hidden], json_out)
-    plan = prepare_flight(mission, config, model, offset_up, overrides or ())
+    plan = prepare_flight(mission, find_configuration(config, mission), model, offset_up, overrides or ())
     _print_warnings(plan, simulated=True)
     _finish(simulator().simulate(plan, log_dir, hidden, seed), json_out)
 
@@ -91,7 +88,9 @@ def fly(
     view: Annotated[
         bool, typer.Option("--view", help="Show the flight on a page in the browser, with a button that lands.")
     ] = False,
-    view_port: Annotated[int, typer.Option("--view-port", metavar="N", min=1, max=65535, help="Of that page.")] = 8091,
+    view_port: Annotated[
+        int, typer.Option("--view-port", metavar="N", min=1, max=65535, help="Port of that page.")
+    ] = 8091,
     view_token: Annotated[
         str | None,
         typer.Option("--view-token", metavar="T", help="Let other machines see and land, if they know this word."),
@@ -99,7 +98,8 @@ def fly(
 ) -> None:
     """Fly a mission on an autopilot; what `check` refuses is not begun. Ctrl-C lands."""
     from quadctl.flight.autopilot.ports import resolve
-    from quadctl.flight.session import fly_real_time, prepare_flight
+    from quadctl.flight.preflight.preparation import prepare_flight
+    from quadctl.flight.session import fly_real_time
 
     if sitl and link is not None:
         raise typer.BadParameter("give --link or --sitl, not both")
@@ -110,12 +110,18 @@ def fly(
     if view_token is not None and not TOKEN.fullmatch(view_token):
         raise typer.BadParameter("--view-token lands a vehicle: give 8 or more letters, digits, - or _")
     check_outputs([mission, config, hidden], json_out)
-    plan = prepare_flight(mission, config, model, offset_up, overrides or ())
+    configuration = find_configuration(config, mission)
+    if not sitl and is_installed(configuration):
+        raise FlightError(
+            "there is no config/flight.yaml here, expected one that describes your vehicle: `quadctl init DIR` writes "
+            "an example to edit, --config names another file"
+        )
+    plan = prepare_flight(mission, configuration, model, offset_up, overrides or ())
     _print_warnings(plan, simulated=sitl)
     with ExitStack() as stack:
         viewer = stack.enter_context(_viewer(plan, view_port, view_token)) if view else None
         if sitl:
-            kind = (autopilot or Simulated.PX4).value
+            kind = autopilot or Simulated.PX4
             url = stack.enter_context(simulator().mock_process(plan.body.vehicle, hidden, seed, kind))
         else:
             url = resolve(plan.settings.link.url if link is None else link, console)
@@ -132,7 +138,7 @@ def demo(
     ),
     real_time: Annotated[bool, typer.Option(help="Include a short flight over MAVLink in real time.")] = True,
 ) -> None:
-    """The whole circle without hardware: fly, compare, diagnose, add, fly again."""
+    """Run the whole workflow without hardware: fly, compare, diagnose, add, fly again."""
     from quadctl.demo import run
 
     run(out, console, simulator(), real_time)
@@ -164,7 +170,7 @@ def _print_warnings(plan: Any, simulated: bool) -> None:
 
 
 def simulator() -> Any:
-    """The one way from the commands to the simulator."""
+    """Import the simulator: the one way from the commands to it."""
     import quadctl.sitl.run
 
     return quadctl.sitl.run

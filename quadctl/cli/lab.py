@@ -1,4 +1,4 @@
-"""The commands of the workbench: logs in, what a model is missing out."""
+"""The commands of the lab: from logs to the effects that a model is missing."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -7,24 +7,29 @@ from typing import Annotated, Any
 import typer
 
 from quadctl.cli.app import app, console
+from quadctl.cli.inputs import find, find_missions
 from quadctl.cli.output import JsonOption, check_outputs, print_saved, write_json, write_text
+from quadctl.logs.formats import CONVERTERS, suffixes
 
 MAX_NUMBER = 1e9
-"""Of a height or a time on the command line, m or s."""
+"""Largest height or time on the command line, m or s."""
 
-ModelArgument = Annotated[Path, typer.Argument(metavar="MODEL.yaml", help="Model file, or a bare vehicle file.")]
-LogArguments = Annotated[list[Path], typer.Argument(metavar="LOG...", help="Flight logs: .csv, .ulg, .bin, .tlog.")]
+ModelArgument = Annotated[
+    Path, typer.Argument(metavar="MODEL.yaml", help="Model file, or a bare vehicle file.", callback=find)
+]
+LogArguments = Annotated[list[Path], typer.Argument(metavar="LOG...", help=f"Flight logs: {', '.join(suffixes())}.")]
 HtmlOption = Annotated[Path | None, typer.Option("--html", metavar="OUT", help="Write a report with plots.")]
 HoldOutOption = Annotated[
     str,
     typer.Option(
         "--hold-out",
         metavar="blocks|flights",
-        help="What a fit does not see: blocks of time of every flight, or flights.",
+        help="Held out of each fit in turn: blocks of time of every flight, or whole flights.",
     ),
 ]
 JobsOption = Annotated[
-    int, typer.Option("--jobs", metavar="N", min=1, help="Processes that share the work; worth it with many logs.")
+    int,
+    typer.Option("--jobs", metavar="N", min=1, help="Number of processes; more than one is worth it with many logs."),
 ]
 
 
@@ -35,7 +40,7 @@ def compare(
     json_out: JsonOption = None,
     html: HtmlOption = None,
 ) -> None:
-    """How wrong is a model, where, and how small could the error be?"""
+    """Compare a model with flights: its acceleration error, where it fails, and the noise floor."""
     from quadctl.lab.comparison.comparison import compare as run
     from quadctl.lab.report import write_report
 
@@ -60,10 +65,14 @@ def diagnose(
     jobs: JobsOption = 1,
     expression: Annotated[
         Path | None,
-        typer.Option("--save-expression", metavar="FILE.py", help="Save what is unexplained as an effect of your own."),
+        typer.Option(
+            "--save-expression",
+            metavar="FILE.py",
+            help="Save an unexplained residual's formula as an effect of your own.",
+        ),
     ] = None,
 ) -> None:
-    """Which physical effect is missing from a model?"""
+    """Diagnose which physical effects are missing from a model."""
     from joblib import parallel_config
 
     from quadctl.lab.comparison.comparison import compare as run_compare
@@ -91,11 +100,16 @@ def diagnose(
 def suggest(
     model: ModelArgument,
     logs: LogArguments,
-    missions: Annotated[Path, typer.Option("--missions", metavar="DIR", help="To choose from.")] = Path("missions"),
+    missions: Annotated[
+        Path,
+        typer.Option(
+            "--missions", metavar="DIR", help="Folder of the missions to choose from.", callback=find_missions
+        ),
+    ] = Path("missions"),
     json_out: JsonOption = None,
     hold_out: HoldOutOption = "blocks",
 ) -> None:
-    """Which mission would tell most about what these logs leave open?"""
+    """Suggest the mission that would best answer what these logs leave open."""
     from quadctl.lab.planning.suggestion import suggest as run
     from quadctl.lab.selection.diagnosis import diagnose as run_diagnose
 
@@ -127,7 +141,7 @@ def add(
     html: HtmlOption = None,
     hold_out: HoldOutOption = "blocks",
 ) -> None:
-    """Add an effect to a model: fit it, and see the error on data that the fit did not see."""
+    """Add an effect to a model, fit it, and see how the held-out error changes."""
     from quadctl.effects import choose_effect
     from quadctl.lab.comparison.comparison import compare as run_compare
     from quadctl.lab.report import write_report
@@ -156,7 +170,7 @@ def fit(
     json_out: JsonOption = None,
     hold_out: HoldOutOption = "blocks",
 ) -> None:
-    """Refit all effects of a model, and see the error on data that the fit did not see."""
+    """Refit all effects of a model, and see how the held-out error changes."""
     from quadctl.lab.selection.refit import fit as run
     from quadctl.model import save_model
 
@@ -176,12 +190,12 @@ def remove(
     model: ModelArgument,
     output: Annotated[Path, typer.Option("-o", "--output", metavar="NEW.yaml", help="The new model file.")],
     logs: Annotated[
-        list[Path] | None, typer.Argument(metavar="LOG...", help="Flight logs to refit the rest on.")
+        list[Path] | None, typer.Argument(metavar="LOG...", help="Flight logs to refit the other effects on.")
     ] = None,
     json_out: JsonOption = None,
     hold_out: HoldOutOption = "blocks",
 ) -> None:
-    """Take an effect out of a model; with logs, refit the rest and see what it costs on data the fit did not see."""
+    """Remove an effect from a model; with logs, refit the others and see how the held-out error changes."""
     from quadctl.lab.selection.removal import held_effect, without
     from quadctl.lab.selection.removal import remove as run
     from quadctl.model import load_model, save_model
@@ -210,7 +224,9 @@ def remove(
 def discover(
     model: ModelArgument,
     logs: LogArguments,
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="NEW.yaml", help="The model with what was found.")],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="NEW.yaml", help="The model file with the effects found.")
+    ],
     json_out: JsonOption = None,
     html: HtmlOption = None,
     hold_out: HoldOutOption = "blocks",
@@ -245,14 +261,17 @@ def metrics(
         typer.Option("--reference", metavar="LOG", help="The same flight out of ground effect (may be repeated)."),
     ] = None,
     setpoint: Annotated[
-        float | None, typer.Option("--setpoint", metavar="Z", help="Where the log has none, m.")
+        float | None, typer.Option("--setpoint", metavar="Z", help="Constant reference, m, where the log has none.")
     ] = None,
-    begin: Annotated[float | None, typer.Option("--from", metavar="T", help="Begin of the window, s.")] = None,
+    begin: Annotated[float | None, typer.Option("--from", metavar="T", help="Start of the window, s.")] = None,
     end: Annotated[float | None, typer.Option("--to", metavar="T", help="End of the window, s.")] = None,
     phase: Annotated[str | None, typer.Option("--phase", metavar="NAME", help="Mission phase to measure.")] = None,
     json_out: JsonOption = None,
 ) -> None:
-    """Tracking errors: M_A, M_B (signed and absolute), MAE, RMSE."""
+    """Measure tracking errors over a step: M_A, M_B (signed and absolute), MAE, RMSE.
+
+    The window is --from and --to, or --phase, or the phases named 'step'; without phases, the step seen in the log.
+    """
     from quadctl.lab.tracking.metrics import Window, render
     from quadctl.lab.tracking.metrics import metrics as run
     from quadctl.logs.read import read_logs
@@ -276,11 +295,16 @@ def metrics(
 @app.command("logs")
 def inspect_logs(
     logs: LogArguments,
-    to: Annotated[str | None, typer.Option("--to", metavar="csv|parquet|mcap", help="Convert each log too.")] = None,
-    output: Annotated[Path | None, typer.Option("-o", "--output", metavar="DIR", help="Where to.")] = None,
+    to: Annotated[
+        str | None, typer.Option("--to", metavar="|".join(CONVERTERS), help="Convert each log to this format too.")
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", metavar="DIR", help="Folder to write to [default: beside each log]."),
+    ] = None,
     json_out: JsonOption = None,
 ) -> None:
-    """What is in flight logs: true update rates, gaps, clock, and whether they can be analysed."""
+    """Inspect flight logs: true update rates, gaps, clock, and whether they can be analysed."""
     from quadctl.logs.convert import convert
     from quadctl.logs.quality import quality
     from quadctl.logs.read import read_logs
@@ -296,19 +320,18 @@ def inspect_logs(
 
 
 def _print_notes(dataset: Any) -> None:
-    """What was left out of the logs, and why: a result on half of a file must not look like one on all of it."""
+    """Print which parts of the logs were left out, and why: a result on half a file must not look like one on all."""
     for flight in dataset.flights:
         for note in flight.notes:
             console.print(f"{flight.name}: {note}", soft_wrap=True, markup=False, highlight=False)
 
 
-def _model_and_data(model: Path, logs: list[Path], hold_out: str) -> tuple[Any, Any]:
-    from quadctl.lab.interface import prepare_flights
+def _model_and_data(model: Path, logs: list[Path], hold_out: Any) -> tuple[Any, Any]:
+    from quadctl.lab.interface import HoldOutError, prepare_flights
     from quadctl.model import load_model
 
-    if hold_out not in ("blocks", "flights"):
-        raise typer.BadParameter(f"--hold-out is '{hold_out}', expected blocks or flights")
-    if hold_out == "flights" and len(logs) < 2:
-        raise typer.BadParameter("--hold-out is flights with 1 log, expected at least 2 logs, or blocks")
     loaded = load_model(model)
-    return loaded, prepare_flights(logs, loaded.vehicle, "flights" if hold_out == "flights" else "blocks")
+    try:
+        return loaded, prepare_flights(logs, loaded.vehicle, hold_out)
+    except HoldOutError as error:  # wrong usage
+        raise typer.BadParameter(str(error).replace("hold_out", "--hold-out", 1)) from None

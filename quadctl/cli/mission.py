@@ -8,6 +8,7 @@ from rich.table import Table
 
 from quadctl.cli.app import app, console
 from quadctl.cli.flight import ConfigOption, MissionArgument, OffsetOption, SetOption
+from quadctl.cli.inputs import find_configuration, find_missions
 from quadctl.cli.output import check_outputs, print_saved
 
 missions = typer.Typer(no_args_is_help=True, help="Look at missions: list, show.", rich_markup_mode=None)
@@ -25,13 +26,13 @@ def show(
     overrides: SetOption = None,
 ) -> None:
     """Draw a mission with its limits, and list its phases."""
-    from quadctl.flight.pilot.settings import find_config, load_flight_settings
+    from quadctl.flight.pilot.settings import load_flight_settings
     from quadctl.missions import load_mission
     from quadctl.missions.sketch import sketch
 
     check_outputs([mission, config], output)
     loaded = load_mission(mission, offset_up, overrides or ())
-    settings = load_flight_settings(find_config(config, mission))
+    settings = load_flight_settings(find_configuration(config, mission))
     speed, tilt_deg = settings.guards.max_speed_m_s, settings.controller.max_tilt_deg
     if output is None:
         console.print(sketch(loaded, speed, tilt_deg), highlight=False)
@@ -44,9 +45,11 @@ def show(
 
 @missions.command("list")
 def list_missions(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder with mission files.")] = Path("missions"),
+    folder: Annotated[
+        Path, typer.Argument(metavar="DIR", help="Folder with mission files.", callback=find_missions)
+    ] = Path("missions"),
 ) -> None:
-    """The missions of a folder: how long, how high, what for, and what can be set."""
+    """List the missions of a folder: duration, heights, purpose, and the parameters of --set."""
     from quadctl.missions import load_mission, mission_files
     from quadctl.missions.profile import flown_heights_m, sampled
 

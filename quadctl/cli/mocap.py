@@ -41,7 +41,7 @@ def mocap(
         typer.Option("--yaw", metavar="DEG", min=-360.0, max=360.0, help="Heading of motion capture's north axis."),
     ] = 0.0,
 ) -> None:
-    """Forward motion-capture poses to the autopilot's estimator, until Ctrl-C; says how late they are."""
+    """Forward motion-capture poses to the autopilot's estimator until Ctrl-C, and report their age."""
     from quadctl.flight.autopilot.ports import resolve
     from quadctl.mocap.forward import forward
     from quadctl.mocap.urls import open_source

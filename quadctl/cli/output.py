@@ -1,4 +1,4 @@
-"""What commands write and print alike; no result ever destroys what was recorded."""
+"""Files and lines that all commands write alike; no result ever overwrites a flight log."""
 
 import json
 import os
@@ -10,9 +10,10 @@ import typer
 
 from quadctl.cli.app import console
 from quadctl.errors import QuadctlError
+from quadctl.logs.formats import suffixes
 
-LOG_SUFFIXES = (".csv", ".ulg", ".bin", ".tlog")
-"""Of flight logs: a flight cannot be flown again, so no result is ever written to such a file."""
+LOG_SUFFIXES = suffixes()
+"""A flight cannot be flown again: no result is ever written to a file that is named like a flight log."""
 
 JsonOption = Annotated[Path | None, typer.Option("--json", metavar="OUT", help="Write the result as JSON.")]
 

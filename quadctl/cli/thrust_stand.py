@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from quadctl.cli.app import app, console
+from quadctl.cli.inputs import find
 from quadctl.cli.output import JsonOption, check_outputs, print_saved, write_json, write_text
 from quadctl.errors import FlightError, QuadctlError
 from quadctl.vehicle import Vehicle, load_vehicle
@@ -23,7 +24,9 @@ TYPED = "typed"
 
 @app.command("thrust-stand")
 def thrust_stand(
-    vehicle: Annotated[Path, typer.Argument(metavar="VEHICLE.yaml", help="The vehicle whose rotor it is.")],
+    vehicle: Annotated[
+        Path, typer.Argument(metavar="VEHICLE.yaml", help="The vehicle whose rotor it is.", callback=find)
+    ],
     link: Annotated[
         str | None, typer.Option("--link", metavar="URL", help="Measure: auto, udpin://..., serial:///dev/...:BAUD")
     ] = None,
@@ -31,34 +34,44 @@ def thrust_stand(
         Path | None, typer.Option("--from", metavar="FILE.csv", help="Fit a former measurement instead.")
     ] = None,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="NEW.yaml", help="The vehicle file with what was found.")
+        Path | None, typer.Option("-o", "--output", metavar="NEW.yaml", help="New vehicle file with the values found.")
     ] = None,
     raw: Annotated[
         Path | None,
-        typer.Option("--raw", metavar="FILE.csv", help="Where the measured points go [default: named after the time]."),
+        typer.Option("--raw", metavar="FILE.csv", help="File for the measured points [default: named after the time]."),
     ] = None,
     scale: Annotated[
         str, typer.Option("--scale", metavar="PORT", help="serial:///dev/ttyUSB0:9600, or typed: it asks.")
     ] = TYPED,
     unit: Annotated[
-        str | None, typer.Option("--unit", metavar="g|kg|n", help="Of a scale that names none, and of what is typed.")
+        str | None,
+        typer.Option("--unit", metavar="g|kg|n", help="Unit of a scale that names none, and of typed readings."),
     ] = None,
     reads_less: Annotated[
         bool, typer.Option("--reads-less", help="The motor lifts: the scale reads less with thrust.")
     ] = False,
-    motor: Annotated[int, typer.Option("--motor", metavar="N", min=1, help="As the vehicle file counts.")] = 1,
+    motor: Annotated[
+        int, typer.Option("--motor", metavar="N", min=1, help="Number of the motor in the vehicle file.")
+    ] = 1,
     steps: Annotated[int, typer.Option("--steps", min=3, max=50, help="Throttle steps.")] = 12,
     lowest: Annotated[int, typer.Option("--lowest", metavar="PERCENT", min=1, max=100, help="First step.")] = 15,
     highest: Annotated[int, typer.Option("--highest", metavar="PERCENT", min=1, max=100, help="Last step.")] = 85,
-    settle: Annotated[float, typer.Option("--settle", metavar="S", min=0.1, max=20.0, help="Before reading.")] = 1.5,
-    average: Annotated[float, typer.Option("--average", metavar="S", min=0.1, max=20.0, help="Reading.")] = 2.0,
+    settle: Annotated[
+        float, typer.Option("--settle", metavar="S", min=0.1, max=20.0, help="Time to settle before each reading.")
+    ] = 1.5,
+    average: Annotated[
+        float,
+        typer.Option("--average", metavar="S", min=0.1, max=20.0, help="Time over which each reading is averaged."),
+    ] = 2.0,
     max_current: Annotated[
-        float | None, typer.Option("--max-current", metavar="A", min=0.0, help="Stop above.")
+        float | None, typer.Option("--max-current", metavar="A", min=0.0, help="Stop above this current.")
     ] = None,
     safe: Annotated[
         bool, typer.Option("--yes-props-are-safe", help="The vehicle is fixed and nobody is near: do not ask.")
     ] = False,
-    plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE.png", help="Draw it.")] = None,
+    plot: Annotated[
+        Path | None, typer.Option("--plot", metavar="FILE.png", help="Draw the measured points and the fitted curves.")
+    ] = None,
     json_out: JsonOption = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite files of earlier runs.")] = False,
 ) -> None:
@@ -103,7 +116,7 @@ def thrust_stand(
 
 
 def _confirm(safe: bool, motor: int, vehicle: Vehicle) -> None:
-    """Nothing turns before somebody has said that it may."""
+    """Ask for confirmation that the vehicle is fixed; nothing turns before."""
     if safe:
         return
     console.print(

@@ -7,29 +7,31 @@ import typer
 
 from quadctl.cli.app import app, console
 from quadctl.cli.flight import HiddenOption, simulator
+from quadctl.cli.inputs import find, find_missions
 
 
 @app.command("lab")
 def lab_page(
     logs: Annotated[list[Path] | None, typer.Argument(metavar="[LOG...]", help="Flight logs, or drop them in.")] = None,
     model: Annotated[
-        Path | None, typer.Option("--model", metavar="MODEL.yaml", help="Model or vehicle file to begin with.")
+        Path | None,
+        typer.Option("--model", metavar="MODEL.yaml", help="Model or vehicle file to begin with.", callback=find),
     ] = None,
-    session: Annotated[
-        Path | None, typer.Option("--session", metavar="FILE", help="Go on with a session that was saved.")
-    ] = None,
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where all goes that is saved.")] = Path("lab"),
-    missions: Annotated[Path, typer.Option("--missions", metavar="DIR", help="To suggest, to fly.")] = Path("missions"),
+    session: Annotated[Path | None, typer.Option("--session", metavar="FILE", help="Continue a saved session.")] = None,
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for all that is saved.")] = Path("lab"),
+    missions: Annotated[
+        Path, typer.Option("--missions", metavar="DIR", help="Folder of the missions.", callback=find_missions)
+    ] = Path("missions"),
     hidden: HiddenOption = None,
     port: Annotated[int, typer.Option("--port", metavar="N", min=1, max=65535)] = 8090,
     show: Annotated[bool, typer.Option("--open/--no-open", help="Open the browser.")] = True,
 ) -> None:
-    """The lab as a page in the browser: look, click, watch the error fall."""
-    from quadctl.web.intake import Intake
-    from quadctl.web.serve import serve
-    from quadctl.web.simulated import Simulation
-    from quadctl.web.start import check_folders, first_session, vehicle_files
-    from quadctl.web.workbench import Workbench
+    """Find what a model is missing, on a page in the browser."""
+    from quadctl.web.page.server import serve
+    from quadctl.web.session.start import check_folders, first_session, vehicle_files
+    from quadctl.web.work.simulated import Simulation
+    from quadctl.web.workbench.intake import Intake
+    from quadctl.web.workbench.workbench import Workbench
 
     if session is not None and (logs or model is not None):
         raise typer.BadParameter("give --session, or LOG and --model, not both")

@@ -1,4 +1,4 @@
-"""Wanted force and yaw to an attitude, and the thrust along the axis that the vehicle has now. Pure functions."""
+"""Attitude and thrust from the wanted force: pure functions."""
 
 import math
 
@@ -43,7 +43,7 @@ def limit_tilt(force_ned: Vec3, max_tilt_rad: float) -> Vec3:
 
 
 def thrust_along_body(force_ned: Vec3, attitude: Quat) -> float:
-    """Thrust, N, whose part along the wanted force is right although the vehicle has not yet turned there; >= 0.
+    """Thrust, N, >= 0, along the present body axis for the wanted force, to which the vehicle has not yet turned.
 
     Projection on the present body axis (Faessler et al. 2018, eq. 13): while the attitude lags, thrust that would push
     the wrong way is not given.

@@ -9,25 +9,25 @@ from quadctl.control.settings import ControllerSettings
 from quadctl.control.throttle import throttle_for_thrust
 from quadctl.control.velocity import VelocityMemory, acceleration_setpoint, velocity_setpoint
 from quadctl.frames import GRAVITY_M_S2
-from quadctl.model import Model
 from quadctl.state import AttitudeTarget, Setpoint, Vec3, VehicleState
 from quadctl.vehicle import Vehicle
 
 
 class Memory(NamedTuple):
-    """What control carries from one tick to the next."""
+    """State of control between one tick and the next."""
 
     velocity: VelocityMemory = VelocityMemory()
-    thrust_n: float = 0.0
-    """Thrust that the rotors were to give at the last tick: on it stand the compensator's forces now."""
+    thrust_n: float | None = None
+    """Thrust asked of the rotors at the last tick, N, from which the compensator's forces follow; None before the
+    first tick, which takes the weight."""
 
 
 class ControlOutput(NamedTuple):
-    """The target, and what led to it, for the log."""
+    """Target of one tick, and the intermediate results for the log."""
 
     target: AttitudeTarget
     thrust_n: float
-    """Wanted along the body axis, before compensation."""
+    """Wanted thrust along the body axis, N, before compensation."""
     compensation: Compensation
     velocity_sp: Vec3
     acceleration_sp: Vec3
@@ -42,9 +42,12 @@ def control(
     ground_down_m: float,
     vehicle: Vehicle,
     settings: ControllerSettings,
-    compensator: Compensator | None = None,
+    compensator: Compensator,
 ) -> ControlOutput:
-    """Position P -> velocity PID -> force -> compensation -> attitude and thrust -> throttle."""
+    """Compute one tick: position P -> velocity PID -> force -> compensation -> attitude and thrust -> throttle.
+
+    `dt` is the time since the last tick, s; `ground_down_m` the height of the ground, NED. State and setpoint are NED.
+    `memory` and the memory of the output carry the controller's state."""
     velocity_sp = velocity_setpoint(setpoint, state.position_ned_m, settings)
     acceleration, velocity_memory = acceleration_setpoint(
         velocity_sp, state.velocity_ned_m_s, setpoint.acceleration_ned_m_s2, memory.velocity, dt, settings
@@ -52,9 +55,9 @@ def control(
     # Gravity is fed forward: the integrator must not have to find the weight.
     m = vehicle.mass_kg
     wanted: Vec3 = (m * acceleration[0], m * acceleration[1], m * (acceleration[2] - GRAVITY_M_S2))
-    compensator = compensator or Compensator(Model(vehicle))
     here = compensator.surroundings(state, ground_down_m)
-    side_force = fx, fy, fz = compensator.force_ned_n(here, memory.thrust_n or vehicle.weight_n)
+    previous_thrust_n = vehicle.weight_n if memory.thrust_n is None else memory.thrust_n
+    side_force = fx, fy, fz = compensator.force_ned_n(here, previous_thrust_n)
     # The acceleration was limited, but what compensation adds may lean further, or even point down.
     rotor_force = limit_tilt((wanted[0] - fx, wanted[1] - fy, wanted[2] - fz), math.radians(settings.max_tilt_deg))
     attitude = attitude_for_force(rotor_force, setpoint.yaw_rad)

@@ -29,7 +29,7 @@ class ControllerSettings(Settings):
     """Largest acceleration that the integrator of one axis may ask for."""
     max_acceleration_up_m_s2: PositiveFloat = 8.0
     max_acceleration_down_m_s2: float = Field(default=7.0, gt=0.0, lt=9.0)
-    """Below gravity: a vehicle that may not push down keeps thrust, and with it attitude control."""
+    """Largest acceleration downwards: less than gravity, so that some thrust, and with it attitude control, is left."""
     derivative_time_s: PositiveFloat = 0.05
     """Time constant of the filter on the measured acceleration of the D term."""
     min_throttle: float = Field(default=0.05, ge=0.0, lt=1.0)

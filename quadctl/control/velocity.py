@@ -13,7 +13,7 @@ from quadctl.state import Setpoint, Vec3
 
 
 class VelocityMemory(NamedTuple):
-    """What the PID carries from tick to tick."""
+    """State of the PID between one tick and the next."""
 
     integral_m_s2: Vec3 = (0.0, 0.0, 0.0)
     previous_velocity_m_s: Vec3 | None = None
@@ -65,7 +65,7 @@ def _pid(error: float, integral: float, measured: float, feed_forward: float, ga
 
 
 def _filtered_acceleration(velocity: Vec3, memory: VelocityMemory, dt: float, time_constant_s: float) -> Vec3:
-    """Derivative of the measured velocity, first-order filter. Not of the error: a setpoint's step must not kick."""
+    """Filtered derivative of the measured velocity (first order); not of the error, which jumps with the setpoint."""
     if memory.previous_velocity_m_s is None or dt <= 0.0:
         return memory.acceleration_m_s2
     share = dt / (dt + time_constant_s)
@@ -78,7 +78,7 @@ def _filtered_acceleration(velocity: Vec3, memory: VelocityMemory, dt: float, ti
 
 
 def _limit_acceleration(wanted: Vec3, settings: ControllerSettings) -> Vec3:
-    """Vertical first, then as much horizontal as the tilt limit leaves (PX4's order)."""
+    """Limit the acceleration: vertical first, then as much horizontal as the tilt limit leaves (PX4's order)."""
     down = min(max(wanted[2], -settings.max_acceleration_up_m_s2), settings.max_acceleration_down_m_s2)
     horizontal = math.tan(math.radians(settings.max_tilt_deg)) * (GRAVITY_M_S2 - down)
     north, east = _limit_length(wanted[0], wanted[1], horizontal)

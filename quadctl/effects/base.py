@@ -1,4 +1,4 @@
-"""What an effect is: a frozen dataclass of named, bounded parameters and pure functions of the flight conditions.
+"""The base of all effects: a frozen dataclass of bounded parameters, and pure functions of the flight conditions.
 
 The same object predicts (arrays: a whole log), compensates (floats: one control tick) and simulates (floats: one
 physics step). An effect overrides the hooks of the ways in which it acts:
@@ -29,24 +29,24 @@ NO_BIAS: Vector = (0.0, 0.0, 0.0)
 
 @dataclass(frozen=True, slots=True)
 class Conditions:
-    """What an effect may depend on; every field is one value or an array with one value per sample, shape (n,)."""
+    """Flight conditions that an effect may depend on; each field is one value, or one per sample, shape (n,)."""
 
     height_m: Number
     """Height of the rotor plane above the ground."""
     velocity_body_m_s: Vector
     """Velocity relative to the air, FRD; over ground where no wind is known."""
     attitude: Quaternion
-    """Body to world."""
+    """Attitude, body to world."""
     time_s: Number = 0.0
-    """Since the start of the log or flight."""
+    """Time since the start of the log or flight."""
     battery_v: Number = float("nan")
     position_ne_m: tuple[Number, Number] = (0.0, 0.0)
-    """North and east."""
+    """Position north and east, from the origin of the log."""
 
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """Declaration of one parameter: its bounds are those of physics, not of taste."""
+    """Declaration of one parameter; its bounds are what physics allows."""
 
     name: str
     default: float
@@ -55,7 +55,7 @@ class Parameter:
     unit: str
     meaning: str
     fitted: bool = True
-    """False: kept at its value; the effect's `starts` choose it where data can."""
+    """False: not fitted but kept at its value, which the effect's `starts` may choose from the data."""
 
 
 def parameter(default: float, low: float, high: float, unit: str, meaning: str, *, fitted: bool = True) -> Any:
@@ -70,36 +70,36 @@ class Effect:
     """Base of all effects. Subclasses are frozen dataclasses whose fields are declared with `parameter`."""
 
     name: ClassVar[str]
-    """`family.variant`, as in model files."""
+    """Name as `family.variant`, as in model files."""
     source: ClassVar[str]
-    """Paper and equation."""
+    """Source: paper and equation."""
     depends_on: ClassVar[tuple[str, ...]]
     """Variables of the lab's residual plots that this effect varies with."""
     physics: ClassVar[str]
-    """One sentence for a person: what happens and why."""
-    told_apart_by: ClassVar[str]
-    """What flight distinguishes it from its look-alikes."""
+    """One sentence for the user: the physical cause and its consequence."""
+    distinguished_by: ClassVar[str]
+    """Kind of flight that distinguishes it from effects that look alike."""
     mission: ClassVar[str]
-    """The mission file that shows this effect best."""
+    """Mission file that shows this effect best."""
     replaces: ClassVar[tuple[str, ...]] = ()
-    """Nuisances of single flights (`lab.nuisance`) that this effect stands for: they are not fitted beside it."""
+    """Nuisance parameters of single flights that this effect stands for; they are not fitted together with it."""
     needs: ClassVar[dict[str, float]] = {}
-    """Variables, and the span of each that data must have for this effect to be told from its look-alikes."""
-    turns: ClassVar[bool] = False
-    """Its rotor thrusts or its torque turn the body by what the balance of moments can show."""
-    senses: ClassVar[bool] = False
-    """It shows where the accelerometer and the change of velocity disagree."""
-    retards: ClassVar[bool] = False
-    """It makes the thrust come later; by how much a log itself is late has to be estimated along with it."""
+    """Span of each variable that the data must have for this effect to be told from its look-alikes."""
+    affects_moment: ClassVar[bool] = False
+    """True: it changes the moments on the body by enough for the balance of moments to show it."""
+    affects_accelerometer: ClassVar[bool] = False
+    """True: it makes the accelerometer disagree with the change of velocity."""
+    adds_lag: ClassVar[bool] = False
+    """True: it delays the thrust, so that the delay of the log must be estimated together with it."""
     reversible: ClassVar[bool] = False
-    """A fit may go either way from a start: it explains as much as its opposite does."""
+    """True: the effect with opposite sign explains as much at the start, so that a fit may go either way."""
     stands_back_for: ClassVar[tuple[str, ...]] = ()
-    """Families beside which it is used as `standing_back`, because they say a part of it better."""
+    """Families that model a part of it better: in a stack with one of them, `standing_back` takes its place."""
 
     candidate: ClassVar[bool] = True
     """False: the lab does not propose it by itself; a model file may still name it."""
     not_for_flight: ClassVar[str] = ""
-    """Why a compensator must not hold this effect; empty: it may."""
+    """Reason why a compensator must not hold this effect; empty where it may."""
 
     @classmethod
     def family(cls) -> str:
@@ -107,19 +107,19 @@ class Effect:
 
     @classmethod
     def applies_to(cls, vehicle: Vehicle) -> bool:
-        """Whether the effect can be there at all; the lab does not try it otherwise."""
+        """True where `vehicle` can have this effect; the lab does not try it otherwise."""
         return True
 
     @classmethod
     def starts(cls, flights: Sequence[Conditions], vehicle: Vehicle) -> "Sequence[Effect]":
-        """Where a fit to these flights may begin: several where the error has several valleys.
+        """Initial guesses for a fit to these flights: several where the error has several local minima.
 
         Parameters that are not fitted keep the value of the start that explains most.
         """
         return [cls()]
 
     def closer(self, flights: Sequence[Conditions]) -> "Sequence[Effect]":
-        """Further starts about this one, tried where it explains most of all: a coarse search made fine."""
+        """Further initial guesses near this one, tried where it explains most: a fine search after the coarse one."""
         return []
 
     @classmethod
@@ -158,31 +158,32 @@ class Effect:
         return {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
 
     def negligible(self) -> bool:
-        """No more than what coefficients and trims of any real vehicle are off by: then it is not called missing."""
+        """True where it is smaller than the usual error of coefficients and trims: then it is not called missing."""
         return False
 
     def believable(self, flights: Sequence[Conditions], vehicle: Vehicle) -> bool:
-        """Whether parameters fitted to these flights are what the effect can be, or the form stands in for another."""
+        """True where the parameters fitted to these flights are physically possible for this effect; otherwise its form
+        stands in for another effect."""
         return True
 
     def distinct(self, flights: Sequence[Conditions], vehicle: Vehicle) -> bool:
-        """Whether these flights can tell it, with the parameters fitted to them, from what looks like it."""
+        """True where these flights can tell it, with the parameters fitted to them, from effects that look alike."""
         return True
 
     def mismatch(self, vehicle: Vehicle) -> str:
-        """Why these parameters cannot be those of `vehicle`; empty: they can."""
+        """Reason why these parameters cannot be those of `vehicle`; empty where they can."""
         return ""
 
     def shows_in(self, vehicle: Vehicle) -> tuple[str, ...]:
-        """Axes of the moments (roll, pitch, yaw) whose error it must lower, all of them, to be what it says it is."""
+        """Axes (roll, pitch, yaw) whose moment error must fall, on each of them, for the effect to be accepted."""
         return ()
 
     def standing_back(self) -> Self:
-        """The same effect beside one that it stands back for: without what that one says better."""
+        """The same effect without the part that an effect of `stands_back_for` models better."""
         return self
 
     def rotor_thrust(self, thrust_n: Sequence[Number], c: Conditions, vehicle: Vehicle) -> Sequence[Number]:
-        """Thrust of each rotor, N, given what it would be without this effect."""
+        """Thrust of each rotor, N, from `thrust_n`, the thrust without this effect."""
         return thrust_n
 
     def force(self, total_thrust_n: Number, c: Conditions, vehicle: Vehicle) -> Vector:
@@ -198,7 +199,7 @@ class Effect:
         return NO_WIND
 
     def sensed_m_s2(self, c: Conditions) -> Vector:
-        """What the accelerometer reads beyond the specific force, FRD."""
+        """Reading of the accelerometer beyond the specific force, FRD."""
         return NO_BIAS
 
 

@@ -28,7 +28,7 @@ class LinearSag(ThrustRatio):
     source: ClassVar[str] = "first order in the voltage, as the battery compensation of autopilots has it"
     depends_on: ClassVar[tuple[str, ...]] = ("battery",)
     physics: ClassVar[str] = "The thrust falls with the battery's voltage, more than the rotor speeds or commands tell."
-    told_apart_by: ClassVar[str] = "following the voltage, up again with it, and not the time or the height"
+    distinguished_by: ClassVar[str] = "following the voltage, up again with it, and not the time or the height"
     mission: ClassVar[str] = "missions/hover_staircase_high.yaml"
     needs: ClassVar[dict[str, float]] = {"battery": 0.1}
 

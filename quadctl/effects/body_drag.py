@@ -16,7 +16,9 @@ class QuadraticDrag(Effect):
     source: ClassVar[str] = "definition of the drag coefficient; Hattenberger et al. 2022 for multirotors"
     depends_on: ClassVar[tuple[str, ...]] = ("speed_forward", "speed_right")
     physics: ClassVar[str] = "The frame's pressure drag pushes against the flight velocity and grows with its square."
-    told_apart_by: ClassVar[str] = "runs at several speeds: linear drag doubles with the speed, this one grows fourfold"
+    distinguished_by: ClassVar[str] = (
+        "runs at several speeds: linear drag doubles with the speed, this one grows fourfold"
+    )
     mission: ClassVar[str] = "missions/forward_runs.yaml"
     needs: ClassVar[dict[str, float]] = {"speed": 1.0}
 

@@ -8,7 +8,7 @@ from quadctl.numeric import Number, maximum, sqrt
 from quadctl.vehicle import Vehicle
 
 LOWEST_DISTANCE_OVER_RADIUS = 0.2
-"""The rotor plane is never taken as nearer to the ceiling than this many rotor radii."""
+"""Smallest distance of the rotor plane from the ceiling that is used, rotor radii."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class MomentumCeiling(ThrustRatio):
     physics: ClassVar[str] = (
         "Close to a ceiling the rotors draw their air through a narrow gap: the same rotor speed gives more thrust."
     )
-    told_apart_by: ClassVar[str] = "hovering within two rotor radii of the ceiling"
+    distinguished_by: ClassVar[str] = "hovering within two rotor radii of the ceiling"
     mission: ClassVar[str] = "missions/hover_staircase_high.yaml"
 
     gain: float = parameter(1.0, 0.0, 10.0, "", "1 for a single rotor")

@@ -22,19 +22,19 @@ LOWEST_HEIGHT_OVER_RADIUS = 0.5
 
 @dataclass(frozen=True)
 class NearGround(ThrustRatio):
-    """What all variants share."""
+    """Base of all variants."""
 
     depends_on: ClassVar[tuple[str, ...]] = ("height_over_radius",)
     physics: ClassVar[str] = (
         "Near the ground the rotors' downwash is dammed up: the lower, the more thrust the same rotor speed gives."
     )
-    told_apart_by: ClassVar[str] = "hovering at many heights, the lowest within one rotor radius of the ground"
+    distinguished_by: ClassVar[str] = "hovering at many heights, the lowest within one rotor radius of the ground"
     mission: ClassVar[str] = "missions/hover_staircase.yaml"
 
 
 @dataclass(frozen=True)
 class GroundEffect(NearGround):
-    """The variants that depend on height alone and are physical: never rising with height."""
+    """Base of the variants that depend on height alone and never rise with it."""
 
     def ratio(self, c: Conditions, vehicle: Vehicle) -> Number:
         return self.at_height(clamped_height(c, vehicle), vehicle)
@@ -80,7 +80,7 @@ class CheesemanForward(NearGround):
     physics: ClassVar[str] = (
         "Near the ground the downwash is dammed up and thrust grows; in forward flight the vehicle leaves it behind."
     )
-    told_apart_by: ClassVar[str] = "low runs at several speeds: the gain near the ground fades with the speed"
+    distinguished_by: ClassVar[str] = "low runs at several speeds: the gain near the ground fades with the speed"
     mission: ClassVar[str] = "missions/forward_runs.yaml"
     needs: ClassVar[dict[str, float]] = {"speed": 1.0}
 

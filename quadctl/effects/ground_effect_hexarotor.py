@@ -106,7 +106,7 @@ class HexarotorTilted(NearGround):
 
 
 def rotor_images(z: Number, vehicle: Vehicle) -> Number:
-    """S: what the images of the rotors take away from the inflow, as a fraction of it."""
+    """S: reduction of the inflow by the images of the rotors, as a fraction of it."""
     r2, d2 = vehicle.rotor.radius_m**2, vehicle.adjacent_distance_m**2
     z4 = 4.0 * z * z
     whole = (0.25 * d2 + z4) ** -1.5 + (3.25 * d2 + z4) ** -1.5
@@ -115,7 +115,7 @@ def rotor_images(z: Number, vehicle: Vehicle) -> Number:
 
 
 def fountain(z: Number, vehicle: Vehicle, j_k: float, c_m: float) -> Number:
-    """F: what the air that rises between the rotors does to the body, as a fraction of the inflow."""
+    """F: effect of the air that rises between the rotors on the body, as a fraction of the inflow."""
     r_d = 2.0 * vehicle.adjacent_distance_m - c_m
     return 2.0 * vehicle.rotor.radius_m**2 * z * j_k * (r_d * r_d + 4.0 * z * z) ** -1.5
 

@@ -19,15 +19,15 @@ class Levelling(Effect):
     source: ClassVar[str] = "Kan et al. 2019, IEEE RA-L: restoring moment near the ground, in outline"
     depends_on: ClassVar[tuple[str, ...]] = ("height_over_radius",)
     physics: ClassVar[str] = "Near the ground the lower rotors of a tilted vehicle lift more and turn it back to level."
-    told_apart_by: ClassVar[str] = "the balance of moments in runs close to the ground"
+    distinguished_by: ClassVar[str] = "the balance of moments in runs close to the ground"
     mission: ClassVar[str] = "missions/forward_runs.yaml"
-    turns: ClassVar[bool] = True
+    affects_moment: ClassVar[bool] = True
 
     stiffness: float = parameter(0.5, 0.0, 50.0, "1/rad", "moment at the ground, over thrust and rotor radius")
     reach: float = parameter(1.0, 0.2, 10.0, "", "height, in rotor radii, over which it falls to 1/e")
 
     def negligible(self) -> bool:
-        """Next to nothing with the rotor plane one radius above the ground."""
+        """True where the moment is tiny with the rotor plane one radius above the ground."""
         return self.stiffness * math.exp(-1.0 / self.reach) < 0.2
 
     def torque(self, thrust_n: Sequence[Number], c: Conditions, vehicle: Vehicle) -> Vector:

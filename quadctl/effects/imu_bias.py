@@ -8,7 +8,7 @@ from quadctl.effects.base import Conditions, Effect, parameter
 from quadctl.numeric import Vector
 
 LEAST_M_S2 = 0.16
-"""Biases up to this are within the calibration of any small accelerometer."""
+"""Smallest bias that counts: less is within the calibration of any small accelerometer."""
 
 
 @dataclass(frozen=True)
@@ -22,9 +22,9 @@ class ConstantBias(Effect):
     source: ClassVar[str] = "error model of inertial sensors, as in PX4's EKF2"
     depends_on: ClassVar[tuple[str, ...]] = ()
     physics: ClassVar[str] = "The accelerometer reads a force that is not there: the velocity does not follow it."
-    told_apart_by: ClassVar[str] = "accelerometer against the change of velocity: a real force moves both"
+    distinguished_by: ClassVar[str] = "accelerometer against the change of velocity: a real force moves both"
     mission: ClassVar[str] = "missions/hover_staircase_high.yaml"
-    senses: ClassVar[bool] = True
+    affects_accelerometer: ClassVar[bool] = True
 
     x: float = parameter(0.0, -5.0, 5.0, "m/s^2", "bias forward")
     y: float = parameter(0.0, -5.0, 5.0, "m/s^2", "bias to the right")

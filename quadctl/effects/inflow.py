@@ -25,7 +25,7 @@ class AxialInflow(ThrustRatio):
     physics: ClassVar[str] = (
         "In a climb the blades meet the air at a smaller angle of attack: the same rotor speed gives less thrust."
     )
-    told_apart_by: ClassVar[str] = "climbs and descents at several rates, away from the ground"
+    distinguished_by: ClassVar[str] = "climbs and descents at several rates, away from the ground"
     mission: ClassVar[str] = "missions/vertical_runs.yaml"
 
     k: float = parameter(0.3, 0.0, 2.0, "", "loss of thrust, as a fraction, at a climb rate of v_h")

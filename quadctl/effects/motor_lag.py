@@ -13,7 +13,7 @@ from quadctl.vehicle import Vehicle
 
 LEAST_S = 0.022
 MEMORY = 8.0
-"""Time constants after which nothing is left of a change."""
+"""Time constants after which a change has settled."""
 
 
 @dataclass(frozen=True)
@@ -28,9 +28,9 @@ class FirstOrderLag(Effect):
     source: ClassVar[str] = "first-order actuator, as in RotorS (Furrer et al. 2016), eq. of the motor model"
     depends_on: ClassVar[tuple[str, ...]] = ("thrust",)
     physics: ClassVar[str] = "The thrust follows the logged commands or speeds late: motors and air take their time."
-    told_apart_by: ClassVar[str] = "quick changes of thrust; slow flight does not show it"
+    distinguished_by: ClassVar[str] = "quick changes of thrust; slow flight does not show it"
     mission: ClassVar[str] = "missions/vertical_runs.yaml"
-    retards: ClassVar[bool] = True
+    adds_lag: ClassVar[bool] = True
 
     time_constant_s: float = parameter(0.05, 0.0, 1.0, "s", "after which 63 % of a change are there")
 
@@ -45,7 +45,7 @@ class FirstOrderLag(Effect):
 
 
 def lagged(signal: NDArray[np.float64], step_s: float, lag_s: float) -> NDArray[np.float64]:
-    """The answer of a first-order lag to `signal`, samples `step_s` apart, which is straight between them."""
+    """Response of a first-order lag to `signal`, sampled every `step_s` and linear in between."""
     if lag_s < 1e-3 * step_s:
         return signal
     reach = min(max(1, round(MEMORY * lag_s / step_s)), 4 * len(signal))

@@ -18,13 +18,13 @@ explains little less of another one that is a few seconds off."""
 
 @dataclass(frozen=True)
 class MassStep(ThrustRatio):
-    """From `time_s` on the mass is `mass_kg` more: the same thrust accelerates m + mass_kg, K = m / (m + mass_kg)."""
+    """The mass grows by `mass_kg` at `time_s`: the same thrust accelerates m + mass_kg, K = m / (m + mass_kg)."""
 
     name: ClassVar[str] = "payload.step"
     source: ClassVar[str] = "Newton's second law"
     depends_on: ClassVar[tuple[str, ...]] = ("time",)
     physics: ClassVar[str] = "The mass changes at one moment: something is picked up or dropped."
-    told_apart_by: ClassVar[str] = "a step in time, at whatever height, speed and voltage"
+    distinguished_by: ClassVar[str] = "a step in time, at whatever height, speed and voltage"
     mission: ClassVar[str] = "missions/hover_staircase_high.yaml"
     reversible: ClassVar[bool] = True
     not_for_flight: ClassVar[str] = "the time of the change belongs to one flight"
@@ -34,7 +34,7 @@ class MassStep(ThrustRatio):
 
     @classmethod
     def starts(cls, flights: Sequence[Conditions], vehicle: Vehicle) -> Sequence[Effect]:
-        """A small change every few seconds but near the ends, where it would be a thrust scale."""
+        """A small change every few seconds, but not near the ends, where it would look like a thrust scale."""
         begin, end = _searched(flights)
         times = np.arange(begin, end, COARSE_S)
         return [cls(0.02 * vehicle.mass_kg, float(t)) for t in times] or [cls()]
@@ -45,7 +45,7 @@ class MassStep(ThrustRatio):
         return [replace(self, time_s=float(t)) for t in times if begin <= t < end and t != self.time_s]
 
     def believable(self, flights: Sequence[Conditions], vehicle: Vehicle) -> bool:
-        """No more is dropped than a vehicle that still flies can lose, and no less than a thrust scale drifts by."""
+        """True for changes above 1 % of the mass, by which a thrust scale may drift, except for losses above 70 %."""
         return self.mass_kg / vehicle.mass_kg > -0.7 and abs(self.mass_kg) > 0.01 * vehicle.mass_kg
 
     def ratio(self, c: Conditions, vehicle: Vehicle) -> Number:
@@ -54,7 +54,7 @@ class MassStep(ThrustRatio):
 
 
 def _searched(flights: Sequence[Conditions]) -> tuple[float, float]:
-    """Between these times, s, a change of mass is looked for."""
+    """Earliest and latest time, s, at which a change of mass is looked for."""
     begin = min(float(c.time_s[0]) for c in flights)
     end = max(float(c.time_s[-1]) for c in flights)
     return begin + MARGIN_S, end - MARGIN_S

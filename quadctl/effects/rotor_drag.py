@@ -21,7 +21,9 @@ class LinearDrag(Effect):
     physics: ClassVar[str] = (
         "Blade flapping and the rotors' induced drag push against the flight velocity, in proportion to it."
     )
-    told_apart_by: ClassVar[str] = "steady runs at several speeds, both ways, so that wind and a tilted thrust cancel"
+    distinguished_by: ClassVar[str] = (
+        "steady runs at several speeds, both ways, so that wind and a tilted thrust cancel"
+    )
     mission: ClassVar[str] = "missions/forward_runs.yaml"
 
     d_x: float = parameter(0.3, 0.0, 3.0, "1/s", "deceleration per forward velocity")

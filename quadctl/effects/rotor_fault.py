@@ -1,4 +1,4 @@
-"""Rotor fault: one rotor gives less thrust than its speed promises."""
+"""Rotor fault: one rotor gives less thrust than k rpm^2."""
 
 import math
 from collections.abc import Sequence
@@ -18,9 +18,9 @@ class WeakRotor(Effect):
     source: ClassVar[str] = "loss of effectiveness of one actuator, as in fault-tolerant control (Lanzon et al. 2014)"
     depends_on: ClassVar[tuple[str, ...]] = ()
     physics: ClassVar[str] = "One rotor gives less thrust at its speed than the others: a chipped or loose propeller."
-    told_apart_by: ClassVar[str] = "the balance of moments: this rotor turns faster than its neighbours in hover"
+    distinguished_by: ClassVar[str] = "the balance of moments: this rotor turns faster than its neighbours in hover"
     mission: ClassVar[str] = "missions/hover_staircase_high.yaml"
-    turns: ClassVar[bool] = True
+    affects_moment: ClassVar[bool] = True
 
     loss: float = parameter(0.05, 0.0, 0.9, "", "share of the rotor's thrust that is missing")
     rotor: float = parameter(1.0, 1.0, 64.0, "", "number of the rotor, as motor1, motor2, ...", fitted=False)
@@ -38,7 +38,7 @@ class WeakRotor(Effect):
         return "" if whole else f"parameter rotor of {self.name} is {self.rotor:g}, {expected}"
 
     def shows_in(self, vehicle: Vehicle) -> tuple[str, ...]:
-        """The moments that the rotor has a good lever for: one of two alone may be a centre of mass that is off.
+        """Axes on which the rotor has a long lever arm. An error on one of two alone may come from the centre of mass.
 
         Not yaw: there motors that lean by little turn the vehicle by more than a rotor's drag does.
         """

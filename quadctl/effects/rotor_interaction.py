@@ -23,9 +23,9 @@ class FrontWake(Effect):
     physics: ClassVar[str] = (
         "In forward flight the rear rotors work in the front rotors' downwash: less thrust, and a moment nose-up."
     )
-    told_apart_by: ClassVar[str] = "the pitching moment in runs at several speeds; drag has none"
+    distinguished_by: ClassVar[str] = "the pitching moment in runs at several speeds; drag has none"
     mission: ClassVar[str] = "missions/forward_runs.yaml"
-    turns: ClassVar[bool] = True
+    affects_moment: ClassVar[bool] = True
     needs: ClassVar[dict[str, float]] = {"speed": 0.7}
 
     loss: float = parameter(0.1, 0.0, 3.0, "", "share of thrust that the rearmost rotors lose at an airspeed of v_h")

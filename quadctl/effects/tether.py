@@ -17,7 +17,7 @@ class HangingTether(Effect):
     source: ClassVar[str] = "weight of the lifted part of a cable"
     depends_on: ClassVar[tuple[str, ...]] = ("height_over_radius",)
     physics: ClassVar[str] = "A cable hangs below the vehicle: the higher it flies, the more of it must be carried."
-    told_apart_by: ClassVar[str] = "growing with height without end, where a ground effect fades"
+    distinguished_by: ClassVar[str] = "growing with height without end, where a ground effect fades"
     mission: ClassVar[str] = "missions/hover_staircase_high.yaml"
 
     weight_n_per_m: float = parameter(0.2, 0.0, 20.0, "N/m", "weight of the cable per length")

@@ -22,7 +22,7 @@ class PowerCurve(Effect):
     source: ClassVar[str] = "thrust-stand data of Appius' thesis, section 3.3: T / rpm^2 rises by 20 % over the range"
     depends_on: ClassVar[tuple[str, ...]] = ("thrust",)
     physics: ClassVar[str] = "Thrust does not grow with the square of the rotor speed, but by another exponent."
-    told_apart_by: ClassVar[str] = "strong and quick changes of thrust, away from the ground"
+    distinguished_by: ClassVar[str] = "strong and quick changes of thrust, away from the ground"
     mission: ClassVar[str] = "missions/vertical_runs.yaml"
     needs: ClassVar[dict[str, float]] = {"thrust_share": 0.1}
 

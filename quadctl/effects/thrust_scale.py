@@ -18,7 +18,7 @@ class ConstantScale(ThrustRatio):
     physics: ClassVar[str] = (
         "The thrust coefficient (or the mass) in the vehicle file is off by a factor: the error is the same everywhere."
     )
-    told_apart_by: ClassVar[str] = "being the same at all heights, speeds and voltages"
+    distinguished_by: ClassVar[str] = "being the same at all heights, speeds and voltages"
     mission: ClassVar[str] = "missions/hover_staircase_high.yaml"
     replaces: ClassVar[tuple[str, ...]] = ("thrust_scale",)
 

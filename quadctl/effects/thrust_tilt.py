@@ -1,4 +1,4 @@
-"""Thrust tilt: the thrust axis is not the body axis that the attitude estimate speaks of."""
+"""Thrust tilt: the thrust axis is not the vertical axis of the body to which the attitude refers."""
 
 import math
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from quadctl.vehicle import Vehicle
 
 @dataclass(frozen=True)
 class FixedTilt(Effect):
-    """The thrust points where that of a vehicle rolled by `roll_deg` and pitched by `pitch_deg` more would point."""
+    """The thrust points as if the vehicle were rolled by `roll_deg` and pitched by `pitch_deg` more."""
 
     name: ClassVar[str] = "thrust_tilt.fixed"
     source: ClassVar[str] = "geometry: R_y(pitch) R_x(roll) (0, 0, -1)"
@@ -19,7 +19,7 @@ class FixedTilt(Effect):
     physics: ClassVar[str] = (
         "The rotors' common axis leans against the attitude estimate's: a steady push to one side of the body."
     )
-    told_apart_by: ClassVar[str] = "hovering at several headings: the push turns with the body, wind does not"
+    distinguished_by: ClassVar[str] = "hovering at several headings: the push turns with the body, wind does not"
     mission: ClassVar[str] = "missions/headings.yaml"
     replaces: ClassVar[tuple[str, ...]] = ("roll_rad", "pitch_rad")
 

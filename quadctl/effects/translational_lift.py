@@ -22,7 +22,7 @@ class HorizontalLift(ThrustRatio):
     physics: ClassVar[str] = (
         "In horizontal flight the rotors meet fresh air and need less of it pushed down: more thrust at the same speed."
     )
-    told_apart_by: ClassVar[str] = "level runs at several speeds, both ways: the extra thrust has no sign"
+    distinguished_by: ClassVar[str] = "level runs at several speeds, both ways: the extra thrust has no sign"
     mission: ClassVar[str] = "missions/forward_runs.yaml"
     needs: ClassVar[dict[str, float]] = {"speed": 0.7}
 

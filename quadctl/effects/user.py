@@ -19,16 +19,24 @@ from quadctl.errors import SettingsError
 from quadctl.vehicle import Vehicle
 
 GROUP = "quadctl.effects"
-"""Entry points of this group: `"family.variant" = "package.module:Class"`."""
+"""Group of the entry points `"family.variant" = "package.module:Class"`."""
 
 MODULE = "quadctl_own_effects"
 """`__name__` of a user's file while it runs."""
 
-HOOKS = ("rotor_thrust", "force", "torque", "wind_ned_m_s")
-"""An effect overrides at least one of them."""
+HOOKS = ("rotor_thrust", "force", "torque", "wind_ned_m_s", "sensed_m_s2")
+"""Methods of which an effect overrides at least one."""
+
+RENAMED = {
+    "told_apart_by": "distinguished_by",
+    "turns": "affects_moment",
+    "retards": "adds_lag",
+    "senses": "affects_accelerometer",
+}
+"""Former names of class variables, which users' files may still have, with the present names."""
 
 DECLARED = tuple(name for name in Effect.__annotations__ if not hasattr(Effect, name))
-"""What every effect says of itself: its name, source, physics, ..."""
+"""Class variables that every effect must declare: its name, source, physics, ..."""
 
 SAMPLE = Vehicle.model_validate(
     {
@@ -44,11 +52,11 @@ SAMPLE = Vehicle.model_validate(
         "ceiling_m": 3.0,
     }
 )
-"""A vehicle on which a user's effect is tried once, so that a slip in it is one sentence."""
+"""Vehicle on which a user's effect is tried once, so that a mistake in it gives one clear sentence."""
 
 
 def effects_of(path: Path) -> dict[str, type[Effect]]:
-    """The effects that a Python file defines, by name; classes whose names begin with an underscore are its own affair.
+    """Effects that a Python file defines, by name; classes whose names begin with an underscore are ignored.
 
     The file is run, once for each version of it: while it does not change, the same classes come back.
 
@@ -68,7 +76,7 @@ def effects_of(path: Path) -> dict[str, type[Effect]]:
 
 @lru_cache(maxsize=64)
 def _effects_of(path: Path, version: tuple[int, int]) -> dict[str, type[Effect]]:
-    """As `effects_of`; what is wrong is said without naming the file, which others may call by another path."""
+    """Effects as from `effects_of`; errors do not name the file, which callers may know by another path."""
     found: dict[str, type[Effect]] = {}
     for kind in _run(path).values():
         own = isinstance(kind, type) and issubclass(kind, Effect) and kind.__module__ == MODULE
@@ -85,7 +93,7 @@ def _effects_of(path: Path, version: tuple[int, int]) -> dict[str, type[Effect]]
 
 
 def installed() -> dict[str, EntryPoint]:
-    """What installed packages announce, by the name of the effect; nothing of theirs is imported yet."""
+    """Entry points of installed packages, by the name of the effect; no package is imported yet."""
     return {entry.name: entry for entry in entry_points(group=GROUP)}
 
 
@@ -113,7 +121,7 @@ def load_installed(entry: EntryPoint) -> type[Effect]:
 
 
 def _run(path: Path) -> dict[str, Any]:
-    """What the file defines."""
+    """Run the file and return the names that it defines."""
     try:
         return runpy.run_path(str(path), run_name=MODULE)
     except SyntaxError as error:
@@ -125,9 +133,18 @@ def _run(path: Path) -> dict[str, Any]:
 
 
 def _problem(kind: type[Effect]) -> str | None:
-    """What is wrong first with an effect that does not say all that is asked of it, or does not work."""
+    """First problem of an effect that lacks a declaration or does not work; None without one."""
+    _rename(kind)
     problem = _declaration_problem(kind) or _parameter_problem(kind) or _hook_problem(kind)
     return problem and f"{kind.__name__} {problem}"
+
+
+def _rename(kind: type[Effect]) -> None:
+    """Give `kind` the present names of what it declares by former ones."""
+    parameters = {field.name for field in dataclasses.fields(kind)}
+    for former, present in RENAMED.items():
+        if hasattr(kind, former) and former not in parameters:
+            setattr(kind, present, getattr(kind, former))
 
 
 def _declaration_problem(kind: type[Effect]) -> str | None:
@@ -154,6 +171,8 @@ def _parameter_problem(kind: type[Effect]) -> str | None:
 def _hook_problem(kind: type[Effect]) -> str | None:
     if all(getattr(kind, hook) is getattr(Effect, hook) for hook in HOOKS):
         return f"does nothing, expected one of {', '.join(HOOKS)}"
+    if kind.sensed_m_s2 is not Effect.sensed_m_s2 and not kind.affects_accelerometer:
+        return "has sensed_m_s2, expected affects_accelerometer: ClassVar[bool] = True beside it"
     if (
         issubclass(kind, ThrustRatio)
         and kind.ratio is ThrustRatio.ratio
@@ -185,6 +204,7 @@ def _wrong_answer(effect: Effect, number: Any) -> str | None:
         "force": (effect.force(sum(thrust), c, SAMPLE), 3),
         "torque": (effect.torque(thrust, c, SAMPLE), 3),
         "wind_ned_m_s": (effect.wind_ned_m_s(c), 3),
+        "sensed_m_s2": (effect.sensed_m_s2(c), 3),
     }
     for hook, (answer, count) in answers.items():
         if not isinstance(answer, tuple | list) or len(answer) != count:

@@ -15,9 +15,9 @@ from quadctl.vehicle import Vehicle
 LEAST_M_S = 0.3
 """Slower air than this moves in any hall."""
 TURNED_DEG = 60.0
-"""Headings that differ by this much tell a wind from a tilted thrust."""
+"""Difference of headings that tells a wind from a tilted thrust."""
 TILT_M_S2 = 0.4
-"""A tilted thrust pushes no more than this: leaning by 2.3 degrees."""
+"""Largest acceleration taken for that of a tilted thrust: a tilt of 2.3 degrees."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class SteadyWind(Effect):
     physics: ClassVar[str] = (
         "A steady wind: the moving air drags on the vehicle, a push with its own direction over ground."
     )
-    told_apart_by: ClassVar[str] = "headings that differ: a tilted thrust turns with the body, the wind does not"
+    distinguished_by: ClassVar[str] = "headings that differ: a tilted thrust turns with the body, the wind does not"
     mission: ClassVar[str] = "missions/headings.yaml"
     stands_back_for: ClassVar[tuple[str, ...]] = ("rotor_drag", "body_drag")
     not_for_flight: ClassVar[str] = "the wind of another day is not that of today"
@@ -46,20 +46,20 @@ class SteadyWind(Effect):
 
     @classmethod
     def starts(cls, flights: Sequence[Conditions], vehicle: Vehicle) -> Sequence[Effect]:
-        """From each side: where there is no wind, the drag has no slope to follow."""
+        """Initial guesses from four directions: at zero wind the drag has no gradient."""
         return [cls(north, east) for north, east in ((1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0))]
 
     def negligible(self) -> bool:
         return math.hypot(self.north_m_s, self.east_m_s) < LEAST_M_S
 
     def distinct(self, flights: Sequence[Conditions], vehicle: Vehicle) -> bool:
-        """Without different headings only a push that no tilted thrust would give is told from one."""
+        """True with different headings, or with a push larger than a tilted thrust would give."""
         headings = [np.degrees(np.unwrap(euler_from_quaternion(c.attitude)[2])) for c in flights]
         turned = max(float(h.max()) for h in headings) - min(float(h.min()) for h in headings) > TURNED_DEG
         return turned or self.drag * math.hypot(self.north_m_s, self.east_m_s) > TILT_M_S2
 
     def standing_back(self) -> Self:
-        """Beside a drag: without its own."""
+        """The same wind without its own drag, beside an effect that models the drag."""
         return replace(self, drag=0.0)
 
     def wind_ned_m_s(self, c: Conditions) -> Vector:

@@ -59,7 +59,7 @@ async def fly(autopilot: Autopilot, pilot: Pilot, rate_hz: float, listeners: Seq
 
 
 def _send(target: AttitudeTarget, began_s: float, autopilot: Autopilot, pilot: Pilot) -> None:
-    """Put the target on the wire, unless this very tick was stalled: the state it stands on is old by now."""
+    """Send the target, unless this very tick was stalled: then the state behind it is too old."""
     stalled_s = time.monotonic() - began_s
     if stalled_s > pilot.settings.guards.max_tick_late_s:
         pilot.fail(f"the control loop stalled for {stalled_s:.2f} s")
@@ -86,7 +86,7 @@ async def _carry_out(request: Request, autopilot: Autopilot, pilot: Pilot) -> No
 
 @contextlib.contextmanager
 def landing_on_signals(pilot: Pilot) -> Iterator[None]:
-    """Ctrl-C, SIGTERM and a terminal that goes away (ssh over a radio link) make the pilot land.
+    """Context in which Ctrl-C, SIGTERM and the loss of the terminal (ssh over a radio link) make the pilot land.
 
     A second Ctrl-C makes it let go at once. The other signals may come twice for one cause, so they do not.
     """

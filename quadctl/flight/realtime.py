@@ -1,4 +1,4 @@
-"""What this machine permits against late ticks: used where it can be, undone at the end, and told."""
+"""Means of the operating system against late ticks: used where permitted, undone at the end, and reported."""
 
 import asyncio
 import contextlib
@@ -13,9 +13,9 @@ from typing import Any, TypeVar
 T = TypeVar("T")
 
 PRIORITY = 20
-"""Of SCHED_FIFO: above everything of the ordinary kind, below the kernel's interrupt threads (50)."""
+"""Priority under SCHED_FIFO: above all ordinary processes, below the kernel's interrupt threads (50)."""
 SWITCH_INTERVAL_S = 0.0005
-"""How long another thread (recorder, display) may keep the interpreter from the loop; by default 5 ms."""
+"""Longest time for which another thread (recorder, display) may keep the interpreter from the loop; by default 5 ms."""
 MCL_CURRENT, MCL_FUTURE, MCL_ONFAULT = 1, 2, 4
 
 
@@ -27,7 +27,7 @@ def run(main: Coroutine[Any, Any, T]) -> T:
 
 @contextlib.contextmanager
 def privileges() -> Iterator[tuple[str, ...]]:
-    """Everything that helps and is permitted; gives what was used, in words, for the log and the user.
+    """Context with every permitted means in use; gives their names for the log and the user.
 
     Threads inherit the scheduler from the one that starts them, so open the link inside: the library's threads, and
     those that share the interpreter's lock with the loop, must not be held up either.
@@ -52,7 +52,7 @@ def privileges() -> Iterator[tuple[str, ...]]:
 
 
 def _memory_locked() -> bool:
-    """Pages stay in memory once they have been used."""
+    """Lock memory pages once they have been used."""
     try:
         return bool(_libc().mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT) == 0)
     except (AttributeError, OSError):  # no Linux

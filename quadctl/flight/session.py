@@ -1,4 +1,4 @@
-"""One flight from its files to its outcome: read and check everything before anything moves, then fly, then report."""
+"""One flight in real time: connect to the autopilot, meet its requirements, fly the plan, record, report."""
 
 from collections.abc import Sequence
 from contextlib import ExitStack
@@ -11,34 +11,13 @@ from quadctl.flight.autopilot.mavsdk_autopilot import MavsdkAutopilot
 from quadctl.flight.autopilot.port import Autopilot
 from quadctl.flight.loop import fly, landing_on_signals
 from quadctl.flight.pilot.outcome import Outcome, Tally
-from quadctl.flight.preflight.check import check_flight
 from quadctl.flight.preflight.findings import Verdict, of_verdict
 from quadctl.flight.preflight.inquiry import advisable_parameters
-from quadctl.flight.preflight.plan import FlightPlan, read_flight
+from quadctl.flight.preflight.plan import FlightPlan
 from quadctl.flight.preflight.requirements import requirements_met
 from quadctl.flight.realtime import privileges, run
 from quadctl.flight.record.display import Display
 from quadctl.flight.record.view_link import ViewEnd, ViewLink
-
-
-def prepare_flight(
-    mission: Path, config: Path | None, model: str | None, offset_up_m: float | None, overrides: Sequence[str] = ()
-) -> FlightPlan:
-    """Read a flight as `read_flight` does, and check it: what is no more than a warning is kept in the plan.
-
-    Raises
-    ------
-    SettingsError
-        One sentence that names the file, the field, the value and what was expected.
-    FlightError
-        A check refuses the flight: it is not to be begun.
-    """
-    plan = read_flight(mission, config, model, offset_up_m, overrides)
-    findings = check_flight(plan)
-    refused = of_verdict(findings, Verdict.REFUSED)
-    if refused:
-        raise FlightError(f"{mission} must not be flown so: {'; '.join(map(str, refused))}")
-    return plan._replace(warnings=of_verdict(findings, Verdict.WARNING))
 
 
 def fly_real_time(

@@ -1,10 +1,10 @@
-"""The lab: how wrong a flight model is, where, what it lacks, and what that costs on flights it has not seen.
+"""The lab: measures the error of a flight model, finds where it is large and which physical effect is missing.
 
 Examples
 --------
 >>> from quadctl.lab import compare, diagnose
 >>> print(compare("raptor.yaml", "flight.csv"))  # doctest: +ELLIPSIS
-raptor against flight.csv
+Acceleration error of raptor on flight.csv
 ...
 >>> diagnose("raptor.yaml", "flight.csv", ["thrust_scale", "ground_effect.exponential"]).missing
 ['ground_effect']
@@ -45,7 +45,7 @@ _HOMES = {
 
 
 def __getattr__(name: str) -> Any:
-    """Load a public name when it is first asked for (PEP 562): scipy and polars take seconds, a name takes none."""
+    """Load a public name at its first use (PEP 562): importing scipy and polars takes seconds."""
     if name not in __all__:
         raise AttributeError(f"module 'quadctl.lab' has no attribute '{name}'")
     return getattr(import_module(_HOMES.get(name, "quadctl.lab.interface")), name)

@@ -1,4 +1,4 @@
-"""The arrays of the lab, by their types."""
+"""Array types of the lab."""
 
 from typing import TypeAlias
 

@@ -1,4 +1,4 @@
-"""A flight model in the manner of scikit-learn: fit, predict, score."""
+"""Flight model with the interface of scikit-learn: fit, predict, score."""
 
 import inspect
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ from quadctl.model import Model, save_model
 
 
 class FlightModel:
-    """A vehicle and its effects, whose parameters are learned from flights.
+    """Vehicle and its effects, whose parameters are learned from flights.
 
     Parameters
     ----------
@@ -26,20 +26,20 @@ class FlightModel:
     effects : sequence of str
         Names of effects to put on top of the model's own, such as "ground_effect.exponential".
     hold_out : "blocks" or "flights"
-        What a fit does not see when its error is judged: blocks of time of every flight, or flights.
+        Held-out data on which the error of a fit is judged: blocks of time of every flight, or whole flights.
 
     Attributes
     ----------
     model_ : Model
-        The fitted model, with provenance: what compensates and simulates.
+        Fitted model with provenance, usable by the compensator and the simulator.
     effects_ : tuple of Effect
         Its effects with their fitted parameters.
     ci95_ : dict
         95 % interval of each parameter, by name of effect and of parameter.
     rmse_ : dict
-        Error on data that the fit did not see: north, east, up and total, m/s^2.
+        Held-out acceleration error (RMSE): north, east, up and total, m/s^2.
     refit_ : Refit
-        All of it, to be printed and plotted.
+        Result of the fit, which prints and plots itself.
 
     References
     ----------
@@ -70,7 +70,7 @@ class FlightModel:
         self.hold_out = hold_out
 
     def fit(self, flights: Flights) -> Self:
-        """Learn all parameters together, as `fit` does; further effects are added one after the other, as `add` does.
+        """Fit all parameters together, as `fit` does; further effects are added one after the other, as `add` does.
 
         Raises
         ------
@@ -93,9 +93,11 @@ class FlightModel:
         return self
 
     def predict(self, flights: Flights) -> Floats:
-        """Filtered acceleration north, east, up at the samples of the prepared flights, m/s^2, shape (n, 3).
+        """Predict the filtered acceleration, north, east, up, at the samples of the prepared flights, m/s^2, shape (n,
+        3).
 
-        Before `fit`, with the parameters that the model has. The samples' times are those of `prepare_flights`.
+        Before `fit` the present parameters of the model are used. The times of the samples are those of
+        `prepare_flights`.
         """
         model = self._current()
         return prepare_flights(flights, model.vehicle).aligned_for(model).predicted(model)
@@ -111,11 +113,11 @@ class FlightModel:
         save_model(self._current(), path)
 
     def get_params(self, deep: bool = True) -> dict[str, Any]:
-        """What the constructor was given; `deep` is there for scikit-learn's sake."""
+        """Arguments of the constructor; `deep` is accepted for compatibility with scikit-learn."""
         return {name: getattr(self, name) for name in self._parameter_names()}
 
     def set_params(self, **params: Any) -> Self:
-        """Change what the constructor was given; what was learned stays until the next `fit`.
+        """Change arguments of the constructor; fitted attributes stay as they are until the next `fit`.
 
         Raises
         ------
@@ -142,14 +144,14 @@ class FlightModel:
         return self.model_ if hasattr(self, "model_") else self._start()
 
     def _start(self) -> Model:
-        """The model with the further effects on top, at their usual parameters."""
+        """Model with the further effects on top, with their default parameters."""
         model = open_model(self.model)
         for kind in self._kinds(model):
             model = model.plus(kind())
         return model
 
     def _kinds(self, model: Model) -> list[type[Effect]]:
-        """The effects to put on top of `model`."""
+        """Effect classes to put on top of `model`."""
         known = catalog_with(model.effect_files)
         kinds = [find_effect(name, "effects", known) for name in self.effects]
         families = {effect.family() for effect in model.effects}

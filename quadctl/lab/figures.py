@@ -1,4 +1,4 @@
-"""The one figure of each kind of result, registered for `Result.plot`.
+"""Figure of each kind of result, registered for `Result.plot`.
 
 matplotlib is loaded when a figure is drawn, not when a result is made.
 """
@@ -33,7 +33,7 @@ def draw_comparison(result: Comparison) -> "Figure":
 
 @draws(Diagnosis)
 def draw_diagnosis(result: Diagnosis) -> "Figure":
-    """The ranking."""
+    """Held-out improvement by each candidate."""
     from quadctl.lab import plots
 
     residual = result.dataset.aligned_for(result.model).residual(result.model)
@@ -51,7 +51,7 @@ def draw_refit(result: Refit) -> "Figure":
 
 @draws(Discovery)
 def draw_discovery(result: Discovery) -> "Figure":
-    """The ladder of held-out errors."""
+    """Held-out error after each selection step."""
     from quadctl.lab import plots
 
     return plots.ladder(result.diagnosis, result.before.noise_floor["total"])
@@ -59,7 +59,7 @@ def draw_discovery(result: Discovery) -> "Figure":
 
 @draws(Suggestion)
 def draw_suggestion(result: Suggestion) -> "Figure":
-    """What each mission would tell."""
+    """Expected gain of each mission."""
     from quadctl.lab import plots
 
     return plots.mission_gains(result)

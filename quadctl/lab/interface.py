@@ -1,4 +1,4 @@
-"""The lab from Python: the analyses, from whatever a person has at hand: logs, their paths, or a prepared dataset."""
+"""Python interface of the lab: the analyses take logs, their paths, or a prepared dataset."""
 
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
@@ -29,13 +29,13 @@ from quadctl.vehicle import Vehicle
 
 Log: TypeAlias = FlightLog | Path | str
 Flights: TypeAlias = Dataset | Log | Sequence[Log]
-"""One or several flights: logs, paths of logs, or what `prepare_flights` made of them."""
+"""One or several flights: logs, paths of logs, or the result of `prepare_flights`."""
 AnyModel: TypeAlias = Model | Path | str
-"""A model, or the path of a model or vehicle file."""
+"""Model, or the path of a model or vehicle file."""
 
 
 def compare(model: AnyModel, flights: Flights) -> Comparison:
-    """How wrong is `model`, where, and how small could the error be? Nothing is fitted.
+    """Compare `model` with flights: its error, the noise floor, and where it fails. No parameter is fitted.
 
     Examples
     --------
@@ -55,10 +55,10 @@ def diagnose(
     hold_out: HoldOut = "blocks",
     progress: Callable[[str], None] = lambda text: None,
 ) -> Diagnosis:
-    """Which physical effect is missing from `model`?
+    """Find the physical effects that are missing from `model`.
 
-    `candidates` are effects or their names; all known ones by default. What a fit does not see are blocks of time of
-    every flight, or flights (`hold_out`).
+    `candidates` are effects or their names; all known ones by default. `hold_out` says what each fit does not see:
+    blocks of time of every flight, or whole flights. `progress` is called with short texts.
 
     Examples
     --------
@@ -79,15 +79,15 @@ def suggest(
     hold_out: HoldOut = "blocks",
     progress: Callable[[str], None] = lambda text: None,
 ) -> Suggestion:
-    """Which mission of the folder `missions` would tell most about what `flights` leave open?
+    """Suggest the mission of the folder `missions` that best answers what `flights` leave open.
 
-    `candidates`, `hold_out` and `progress` are those of `diagnose`, which comes first.
+    `candidates`, `hold_out` and `progress` are those of `diagnose`, which is run first.
     """
     return run_suggest(diagnose(model, flights, candidates, hold_out, progress), missions)
 
 
 def add(effect: type[Effect] | str, model: AnyModel, flights: Flights, hold_out: HoldOut = "blocks") -> Addition:
-    """Add `effect` to `model` and refit all of it.
+    """Add `effect` to `model` and refit all parameters.
 
     Examples
     --------
@@ -117,7 +117,7 @@ def fit(model: AnyModel, flights: Flights, hold_out: HoldOut = "blocks") -> Refi
 
 
 def remove(effect: str, model: AnyModel, flights: Flights, hold_out: HoldOut = "blocks") -> Removal:
-    """Take `effect` (name, family or variant) out of `model`, and refit what is left.
+    """Remove `effect` (name, family or variant) from `model`, and refit the remaining parameters.
 
     Examples
     --------
@@ -137,7 +137,7 @@ def discover(
     hold_out: HoldOut = "blocks",
     progress: Callable[[str], None] = lambda text: None,
 ) -> Discovery:
-    """Compare, diagnose and add, until nothing significant is missing.
+    """Compare, diagnose and add, until no significant effect is missing.
 
     Examples
     --------
@@ -152,7 +152,7 @@ def discover(
 
 
 def open_model(model: AnyModel) -> Model:
-    """The model, read where a path is given.
+    """Return the model, read from its file where a path is given.
 
     Raises
     ------
@@ -162,17 +162,23 @@ def open_model(model: AnyModel) -> Model:
     return model if isinstance(model, Model) else load_model(model)
 
 
-def prepare_flights(flights: Flights, vehicle: Vehicle, hold_out: HoldOut = "blocks") -> Dataset:
-    """The flights, flown by `vehicle`, ready for any analysis: worth keeping where several follow.
+class HoldOutError(SettingsError):
+    """Error of a request to hold out what cannot be held out; the message begins with `hold_out`."""
 
-    A dataset is given back as it is.
+
+def prepare_flights(flights: Flights, vehicle: Vehicle, hold_out: HoldOut = "blocks") -> Dataset:
+    """Prepare the flights, flown by `vehicle`, for any analysis; keep the result where several analyses follow.
+
+    A dataset is returned as it is.
 
     Raises
     ------
     LogError
         A log cannot be read or analysed, or contradicts itself.
     SettingsError
-        There is no log, or `hold_out` asks for flights to be held out of one.
+        There is no log.
+    HoldOutError
+        `hold_out` is neither "blocks" nor "flights", or asks for flights to be held out of one.
     """
     if isinstance(flights, Dataset):
         return flights
@@ -180,9 +186,9 @@ def prepare_flights(flights: Flights, vehicle: Vehicle, hold_out: HoldOut = "blo
     if not given:
         raise SettingsError("no flight is given, expected at least one log")
     if hold_out not in ("blocks", "flights"):
-        raise SettingsError(f"hold_out is '{hold_out}', expected blocks or flights")
+        raise HoldOutError(f"hold_out is '{hold_out}', expected blocks or flights")
     if hold_out == "flights" and len(given) < 2:
-        raise SettingsError("hold_out is flights with 1 log, expected at least 2 logs, or blocks")
+        raise HoldOutError("hold_out is flights with 1 log, expected at least 2 logs, or blocks")
     read = iter(read_logs(log for log in given if not isinstance(log, FlightLog)))
     logs = [log if isinstance(log, FlightLog) else next(read) for log in given]
     return load_dataset(logs, vehicle, hold_out)

@@ -1,6 +1,6 @@
-"""Results of the lab: each prints as a table on a terminal and in a notebook, and draws itself as one figure.
+"""Base class of the lab's results: they print as a table on a terminal and in a notebook, and have one figure.
 
-The figures register themselves (`quadctl.lab.figures`), so that no result imports a plot.
+The figures register themselves (`quadctl.lab.figures`), so that no result imports plotting code.
 """
 
 import io
@@ -14,12 +14,12 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 WIDTH = 120
-"""Of a result as text, characters."""
+"""Width of a result as text, characters."""
 _NOTEBOOK = '<pre style="white-space:pre;overflow-x:auto;line-height:normal">{code}</pre>'
 
 
 class Result:
-    """What every result of the lab does: it prints as a table, in a notebook too, and draws itself."""
+    """Base of all results: prints as a table, also in a notebook, and has one figure."""
 
     def __rich__(self) -> RenderableType:
         raise TypeError(f"{type(self).__name__} does not say how it looks")
@@ -38,7 +38,7 @@ class Result:
         return console.export_html(inline_styles=True, code_format=_NOTEBOOK)
 
     def plot(self) -> "Figure":
-        """The one figure that says most of this result (`quadctl.lab.plots` has more).
+        """Draw the most informative figure of this result (`quadctl.lab.plots` has more).
 
         Raises
         ------
@@ -57,7 +57,7 @@ _Draw = TypeVar("_Draw", bound="Callable[[Any], Figure]")
 
 
 def draws(kind: type[Result]) -> "Callable[[_Draw], _Draw]":
-    """Decorator that registers a function as the figure of results of `kind`."""
+    """Register the decorated function as the figure of results of `kind`."""
 
     def register(draw: _Draw) -> _Draw:
         _FIGURES[kind] = draw
@@ -67,7 +67,7 @@ def draws(kind: type[Result]) -> "Callable[[_Draw], _Draw]":
 
 
 def errors_table(title: str, rows: Iterable[tuple[str, Mapping[str, float]]]) -> Table:
-    """Errors per axis and total, m/s^2, a row each."""
+    """Table of errors per axis and total, m/s^2, one row each."""
     table = Table(title=title, title_justify="left")
     table.add_column("m/s^2")
     columns = ("north", "east", "up", "total")

@@ -1,4 +1,4 @@
-"""One thread for small matrices: several BLAS threads on them only wait for each other (ten times slower)."""
+"""Limit of linear algebra to one thread: for small matrices several BLAS threads are ten times slower."""
 
 import functools
 from collections.abc import Callable
@@ -12,7 +12,7 @@ _CONTROLLER = ThreadpoolController()
 
 
 def one_blas_thread(function: Callable[P, T]) -> Callable[P, T]:
-    """Decorator of functions that do much linear algebra on little matrices."""
+    """Run the decorated function with one BLAS thread, for linear algebra with small matrices."""
 
     @functools.wraps(function)
     def wrapped(*args: P.args, **kwargs: P.kwargs) -> T:

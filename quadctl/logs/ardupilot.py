@@ -1,4 +1,4 @@
-"""What ArduPilot's parameters say of its motor outputs; shared by its two kinds of log."""
+"""Motor outputs of ArduPilot, as its parameters describe them; shared by its two kinds of log."""
 
 from collections.abc import Mapping
 
@@ -18,7 +18,7 @@ PARAMETERS = (
     "MOT_THST_EXPO",
     "MOT_THST_HOVER",
 )
-"""What an analysis of motor outputs may want to know, kept in the log's `meta`."""
+"""Parameters that an analysis of motor outputs may need, kept in the log's `meta`."""
 PWM_US = (1000.0, 2000.0)
 """Range of the motor outputs where MOT_PWM_MIN and MOT_PWM_MAX do not say."""
 
@@ -50,7 +50,7 @@ def motor_outputs(pulses_us: Mapping[int, Floats], parameters: Mapping[str, floa
 
 
 def output_note(parameters: Mapping[str, float]) -> str:
-    """What is to be known of motor outputs before thrust is taken from them."""
+    """Note on the motor outputs, to be read before thrust is taken from them."""
     expo = parameters.get("MOT_THST_EXPO")
     curve = "" if expo is None else f" (MOT_THST_EXPO = {expo:g})"
     return (

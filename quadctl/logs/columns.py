@@ -34,7 +34,7 @@ OPTIONAL_COLUMNS = (
 )
 PHASE_COLUMN = "phase"
 MOTOR_QUANTITIES = ("rpm", "voltage_v", "current_a", "output")
-"""Of each motor, in their order in the file. `output` is what the autopilot gave the motor, 0..1 of its full range."""
+"""Quantities of each motor, in their order in the file. `output` is the command to the motor, 0..1 of its range."""
 
 
 def rpm_columns(n_rotors: int) -> list[str]:

@@ -18,12 +18,12 @@ from quadctl.logs.flight_log import ATTITUDE, IMU, POSITION, RATES, VELOCITY, Fl
 MAX_FACTOR = 2.0
 """Things that should be equal and differ by more are not in the units that they are said to be in."""
 MIN_CORRELATION, MAX_SPREAD = 0.8, 0.35
-"""Of two changes, and of their quotient about its median, relative to it: a factor is clear from there on."""
+"""Least correlation of two changes, and largest relative spread of their quotients, for a factor to be clear."""
 STRANGER_CORRELATION, TWIN_CORRELATION = 0.5, 0.9
 """Changes that go together less do not belong together; those that do more are the same thing."""
 MIN_STRETCHES = 8
 LIVELY_SHARE = 0.125
-"""Of all stretches, those with the largest changes."""
+"""Share of all stretches that is looked at: those with the largest changes."""
 POSITION_STRETCH_S, ATTITUDE_STRETCH_S = 1.0, 0.2
 MIN_MOVE_M, MIN_TURN_RAD, MIN_SPEED_UP_M_S = 0.02, 0.005, 0.15
 """Median change over the lively stretches from which on sensor noise is no matter."""
@@ -33,7 +33,7 @@ UPDATES_OF_A_STRETCH = 25
 MIN_ROWS = 100
 """A shorter log may hold a constant by chance."""
 SILENT_ROTOR_SHARE = 0.1
-"""Of the middle rotor's speed: slower than this for most of a log, its sensor is dead."""
+"""Share of the middle rotor's speed: a rotor slower than this for most of a log has a dead sensor."""
 SPECIFIC_FORCE_RANGE = (0.5, 2.0)
 """Median of the accelerometer's reading over g: hover is 1."""
 
@@ -60,7 +60,7 @@ _ACCELERATION_UNITS = {GRAVITY_M_S2: "is the acceleration in g"}
 
 
 def contradictions(log: FlightLog) -> list[str]:
-    """What cannot be true, a sentence each without the log's name; [] when nothing is amiss. Nothing is raised.
+    """Contradictions in a log, a sentence each without the log's name; [] without any. Nothing is raised.
 
     Of the comparisons only the first that fails is told: the others may fail because of it.
     """
@@ -80,19 +80,19 @@ def contradictions(log: FlightLog) -> list[str]:
 
 @dataclass(frozen=True)
 class _Agreement:
-    """How changes go with the changes that they should equal, over the liveliest stretches."""
+    """Agreement of changes with those that they should equal, over the stretches with the largest changes."""
 
     factor: float
     """Median quotient."""
     spread: float
     """Median deviation of the quotients from it, relative."""
     correlation: float
-    """Of ranks over the lively stretches, or of the changes over all, whichever is weaker."""
+    """Correlation of ranks over those stretches, or of the changes over all, whichever is weaker."""
     size: float
     """The larger of the two median changes."""
 
     def is_wrong(self, min_size: float) -> bool:
-        """Whether the factor is clear, and far from one."""
+        """True where the factor is clear, and far from one."""
         clear = abs(self.correlation) > MIN_CORRELATION and self.spread < MAX_SPREAD and self.size > min_size
         return clear and not 1.0 / MAX_FACTOR < self.factor < MAX_FACTOR
 
@@ -157,7 +157,7 @@ def _known(log: FlightLog, names: Sequence[str]) -> list[Floats] | None:
 
 
 def _question(factor: float, units: dict[float, str], otherwise: str) -> str:
-    """What may have happened, by the known factor that is nearest."""
+    """Question that names the likely cause, by the known factor that is nearest."""
     nearest = min(units, key=lambda known: abs(np.log(factor / known)))
     return f"{units[nearest]}?" if 0.8 < factor / nearest < 1.25 else otherwise
 
@@ -198,7 +198,7 @@ def _swapped(log: FlightLog) -> str | None:
 def _are_swapped(
     first: Sequence[tuple[Floats, Floats]], second: Sequence[tuple[Floats, Floats]], min_size: float
 ) -> bool:
-    """Whether a change has nothing to do with its own cause and is what the other's cause says: (own, other's)."""
+    """True where both changes ignore their own cause and follow the other's; each is a list of (own, other's)."""
     for own, other in (first, second):
         mine, others = _agreement(*own), _agreement(*other)
         if (

@@ -3,7 +3,7 @@
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any
 
 import numpy as np
 import polars as pl
@@ -11,12 +11,10 @@ import polars as pl
 from quadctl import __version__
 from quadctl.errors import LogError
 from quadctl.logs.columns import PHASE_COLUMN
-from quadctl.logs.csv_log import meta_path, write_csv
+from quadctl.logs.csv_log import meta_path
 from quadctl.logs.flight_log import FlightLog
+from quadctl.logs.formats import CONVERTERS, writer
 from quadctl.logs.quality import channel_groups, updates_of_any
-
-Format = Literal["csv", "parquet", "mcap"]
-FORMATS: tuple[Format, ...] = get_args(Format)
 
 
 def convert(log: FlightLog, to: str, directory: Path | None = None) -> Path:
@@ -25,22 +23,17 @@ def convert(log: FlightLog, to: str, directory: Path | None = None) -> Path:
     Parameters
     ----------
     to
-        One of FORMATS.
+        One of `quadctl.logs.formats.CONVERTERS`.
     directory
-        Where to; beside the log if None.
+        Folder to write to; the log's own if None.
 
     Raises
     ------
     LogError
         There is no such format, the file is there already, or it cannot be written.
     """
-    writers: dict[str, Callable[[FlightLog, Path], None]] = {
-        "csv": write_csv,
-        "parquet": write_parquet,
-        "mcap": write_mcap,
-    }
-    if to not in writers:
-        raise LogError(f"'{to}' is no format to convert to, expected one of {', '.join(FORMATS)}")
+    if to not in CONVERTERS:
+        raise LogError(f"'{to}' is no format to convert to, expected one of {', '.join(CONVERTERS)}")
     source = log.path or Path(log.name)
     target = (source.parent if directory is None else directory) / f"{source.stem}.{to}"
     for path in (target, *([meta_path(target)] if to == "csv" and log.meta else [])):
@@ -50,7 +43,7 @@ def convert(log: FlightLog, to: str, directory: Path | None = None) -> Path:
         target.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise LogError(f"{target.parent}: cannot be made ({error.strerror})") from None
-    writers[to](log, target)
+    writer(to)(log, target)
     return target
 
 

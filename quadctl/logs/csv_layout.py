@@ -1,4 +1,4 @@
-"""What the fields of a CSV flight log are: by its header, or by how many there are."""
+"""Names of the fields of a CSV flight log: by its header, or by how many there are."""
 
 import re
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ from quadctl.logs.csv_lines import Lines, split_line
 from quadctl.logs.flight_log import did_you_mean
 
 _SEPARATORS = {";": "semicolons", "\t": "tabs", " ": "blanks"}
-"""What other programs write where we expect commas."""
+"""Separators of other programs, in place of commas."""
 _MOTOR_COLUMN = re.compile(rf"motor([1-9]\d*)_({'|'.join(MOTOR_QUANTITIES)})")
 _COMMANDS_OF_17 = ("roll_cmd_deg", "pitch_cmd_deg", "yaw_cmd_deg", "throttle_cmd")
 _HEADERLESS = (
@@ -31,7 +31,7 @@ _HEADERLESS = (
 
 @dataclass(frozen=True)
 class Layout:
-    """What the fields of each line are."""
+    """Names of the fields of each line."""
 
     names: tuple[str | None, ...]
     """Name of each field of a line, None for one that is left out."""
@@ -92,7 +92,7 @@ def _by_count(path: Path, raw: Lines) -> Layout:
 
 
 def _holds_throttle(lines: Sequence[str]) -> bool:
-    """Whether the last column lies in 0..1, as a throttle does and the speed of a rotor does not."""
+    """True where the last column lies in 0..1, as a throttle does and the speed of a rotor does not."""
     last = pl.Series(lines).str.split(",").list.last().str.strip_chars().cast(pl.Float64, strict=False)
     values = last.drop_nulls().drop_nans().to_numpy()
     return len(values) == 0 or bool(np.median(np.abs(values)) <= 1.0)
@@ -111,7 +111,7 @@ def _known_columns(n_rotors: int) -> list[str]:
 
 
 def column_order(name: str) -> tuple[int, int]:
-    """Sorting key for the order in the file; what the contracts do not name goes last."""
+    """Sorting key for the order in the file; names that are no column of a log go last."""
     if name in STATE_COLUMNS:
         return 0, STATE_COLUMNS.index(name)
     if motor := _MOTOR_COLUMN.fullmatch(name):

@@ -55,7 +55,7 @@ def _read_bytes(path: Path) -> bytes:
 
 
 def reason_of(error: OSError) -> str:
-    """In words."""
+    """The reason of a failure, in words."""
     return error.strerror or (os.strerror(error.errno) if error.errno else str(error))
 
 

@@ -25,7 +25,7 @@ MAX_STANDSTILL_ROWS = 50
 """More consecutive rows than this without time going on are no glitch: two flights in one file, or no clock."""
 
 MAX_RPM, MAX_VALUE, MAX_TIME = 3e5, 1e12, 1e19
-"""What no rotor, nothing else in a log and no clock (nanoseconds since 1970 included) ever reaches: a damaged value."""
+"""Limits of rotor speeds, other values and clocks (nanoseconds since 1970 included): beyond them a value is damaged."""
 
 _Rows: TypeAlias = tuple[pl.DataFrame, NDArray[np.int64]]
 """Values, and the number in the file of the line that each row comes from."""
@@ -161,7 +161,7 @@ def _finite(values: pl.Series, notes: list[str]) -> Floats:
 
 
 def _is_padded(fields: pl.DataFrame) -> bool:
-    """Whether the last line of a headerless file was cut and then filled up with commas."""
+    """True where the last line of a headerless file was cut and then filled up with commas."""
     last_field = fields[:, -1].fill_null("")
     return len(last_field) > 1 and last_field[-1] == "" and last_field[-2] != ""
 

@@ -25,7 +25,7 @@ _HEAD = b"\xa3\x95"
 _FMT = 0x80
 _FMT_BODY = struct.Struct("<BB4s16s64s")
 _TEXT_FIELDS = ("Name", "FWS")
-"""Of the MESSAGES' fields those that are no numbers."""
+"""Fields of the MESSAGES that are no numbers."""
 _NEEDED_FIELDS = {"PARM": ("Name",), "ESC": ("Instance", "RPM"), "ARM": ("ArmState",)}
 """Fields, beside the time, without which a message says nothing; any other may be missing."""
 _INSTANCE_FIELDS = ("I", "C", "Inst", "Instance")
@@ -33,6 +33,11 @@ _MAX_OUTPUTS = 14
 
 _Message: TypeAlias = dict[str, NDArray[Any]]
 """Arrays of shape (n,) by the names of the fields, in the units of ArduPilot's documentation."""
+
+
+def is_dataflash(head: bytes) -> bool:
+    """True for a file that begins with `head` as a DataFlash log does."""
+    return head.startswith(_HEAD)
 
 
 def read_dataflash(path: Path) -> FlightLog:
@@ -77,7 +82,7 @@ class _Format:
     scale: dict[str, float]
     """By the names of the fields that are logged as scaled integers."""
     offsets: list[int]
-    """Where the bodies begin in the file."""
+    """Positions in the file at which the bodies begin."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +90,7 @@ class _Index:
     formats: dict[str, _Format]
     """By the names of the MESSAGES."""
     is_cut_short: bool
-    """Whether the file ends within a message."""
+    """True where the file ends within a message."""
     n_damaged_bytes: int
     first_damage: int | None
 
@@ -126,7 +131,7 @@ def _index(data: bytes) -> _Index:
 
 
 def _format(name: str, letters: str, fields: list[str], length: int) -> _Format | None:
-    """How a message is laid out, None when its description is damaged."""
+    """Layout of a message, None where its description is damaged."""
     from pymavlink.DFReader import FORMAT_TO_STRUCT
 
     try:

@@ -35,9 +35,9 @@ class FlightLog:
     phase: NDArray[np.str_] | None = None
     """Name of the mission phase, shape (n,), "" where there is none."""
     meta: dict[str, Any] = field(default_factory=dict)
-    """What the sidecar file says of the flight."""
+    """Content of the sidecar file."""
     notes: list[str] = field(default_factory=list)
-    """What was left out of the file or read in a way that needs saying, one sentence each."""
+    """Remarks on parts of the file that were left out or read in an unusual way, one sentence each."""
 
     def __post_init__(self) -> None:
         if "time_s" not in self.columns:
@@ -69,7 +69,7 @@ class FlightLog:
             raise LogError(f"{self.name}: has no column '{name}'{hint}") from None
 
     def has(self, name: str) -> bool:
-        """Whether the column is there and holds at least one finite value."""
+        """True where the column is there and holds at least one finite value."""
         return name in self.columns and bool(np.isfinite(self.columns[name]).any())
 
     @property

@@ -29,7 +29,7 @@ class Channel:
     """Columns that arrive together, at their own updates."""
 
     source: str
-    """Where in the log they were found, e.g. the name of the message."""
+    """Source in the log, e.g. the name of the message."""
     time_s: Floats
     """On the autopilot's clock, shape (n,)."""
     columns: dict[str, Floats]
@@ -46,7 +46,7 @@ class Channel:
 
 @dataclass(frozen=True)
 class Origin:
-    """Where the channels come from, for the log's `meta` and its error messages."""
+    """Origin of the channels, for the log's `meta` and its error messages."""
 
     path: Path
     needs: str
@@ -58,7 +58,7 @@ class Origin:
 
 
 def merge(channels: Iterable[Channel], origin: Origin) -> FlightLog:
-    """The table of all `channels`, as this module's first lines say.
+    """Merge all `channels` into one table, by the rules of this module's docstring.
 
     Raises
     ------
@@ -134,7 +134,7 @@ def _with_increasing_time(channel: Channel, notes: list[str]) -> Channel:
 
 
 def finite(values: Any) -> Floats:
-    """`values` as floats, what is not finite made NaN."""
+    """`values` as floats, with NaN for any that is not finite."""
     with np.errstate(invalid="ignore"):  # damage can look like a signalling NaN
         array = np.asarray(values, dtype=np.float64)
     return np.where(np.isfinite(array), array, np.nan)

@@ -1,4 +1,4 @@
-"""What is in a log and how good it is: true update rates, gaps, clock, and whether it can be analysed.
+"""Content and quality of a log: true update rates, gaps, clock, and whether it can be analysed.
 
 Rows say little: a log holds a slow channel's value from row to row. So everything is counted in updates, the rows in
 which a channel got a new value.
@@ -27,7 +27,7 @@ MIN_CLEARANCE_M = 0.05
 """Higher than this above the height at rest is flight."""
 NEEDED = ("position", "velocity", "attitude")
 ROTORS = ("rpm", "motor output", "throttle command")
-"""What thrust can be known from, the best first."""
+"""Channels from which thrust can be known, the best first."""
 MOVING_M = 0.5
 """A stretch of a second in which the vehicle covers more than this along an axis tells of the clock."""
 MIN_MOVING_STRETCHES = 20
@@ -68,9 +68,9 @@ class ChannelQuality:
     n_gaps: int
     """Intervals between updates longer than GAP_FACTOR median ones."""
     held_share: float
-    """Of the rows that hold a value, those that repeat the one before."""
+    """Share of the rows with a value that repeat the one before."""
     nan_share: float
-    """Of all rows."""
+    """Share of all rows without a value."""
 
 
 @dataclass(frozen=True)
@@ -92,13 +92,13 @@ class ClockQuality:
 
     @property
     def runs_wrong(self) -> bool:
-        """Whether `scale` differs from 1 by more than chance."""
+        """True where `scale` differs from 1 by more than chance."""
         return abs(self.scale - 1.0) > max(MIN_CLOCK_ERROR, CLOCK_ERROR_SIGMA * self.scale_error)
 
 
 @dataclass(frozen=True)
 class QualityReport:
-    """What is in one log. Prints as a table."""
+    """Content and quality of one log. Prints as a table."""
 
     name: str
     duration_s: float

@@ -2,30 +2,28 @@
 
 import os
 import stat
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from pathlib import Path
-from typing import TypeAlias
 
 from quadctl.errors import LogError
-from quadctl.logs.csv_log import read_csv
+from quadctl.logs.csv_lines import reason_of
 from quadctl.logs.flight_log import FlightLog
+from quadctl.logs.formats import HEAD_BYTES, format_of
 
-_ULOG, _DATAFLASH = b"ULog\x01\x12\x35", b"\xa3\x95"
 _NO_LOGS = {
     b"\x1f\x8b": "is compressed by gzip, expected it unpacked",
     b"PK\x03\x04": "is a zip archive, expected the log in it, unpacked",
     b"\xff\xfe": "is text in UTF-16, expected UTF-8",
     b"\xfe\xff": "is text in UTF-16, expected UTF-8",
 }
-"""How files begin that hold a log in a wrapping, or may."""
+"""Beginnings of files that hold no log, or one in a wrapping; and the problem in words."""
 _SETTINGS_SUFFIXES = (".yaml", ".yml")
-_Reader: TypeAlias = Callable[[Path], FlightLog]
 
 
 def read_log(path: Path | str) -> FlightLog:
-    """The flight log in `path`: CSV, PX4 ULog, ArduPilot DataFlash or MAVLink telemetry log.
+    """The flight log in `path`, in any of `quadctl.logs.formats.FORMATS`.
 
-    The format is told by the content, and by the extension where the content is damaged.
+    The format is recognised by the content, and by the extension where the content is damaged.
 
     Raises
     ------
@@ -34,7 +32,7 @@ def read_log(path: Path | str) -> FlightLog:
     """
     path = Path(path)
     _require_file(path)
-    return _reader(path)(path)
+    return format_of(_head(path), path.suffix).read(path)
 
 
 def read_logs(paths: Iterable[Path | str]) -> list[FlightLog]:
@@ -66,30 +64,22 @@ def _require_file(path: Path) -> None:
         raise LogError(f"{path}: is a device or a pipe, expected a file that holds a flight log")
 
 
-def _reader(path: Path) -> _Reader:
-    from quadctl.logs import dataflash, tlog, ulog  # they load their libraries when they read
-
+def _head(path: Path) -> bytes:
+    """The first bytes of a file that may hold a flight log."""
     try:
         with path.open("rb") as file:
-            head = file.read(16)
+            head = file.read(HEAD_BYTES)
     except IsADirectoryError:
         raise LogError(f"{path}: is a directory, expected a flight log") from None
-    except OSError:
-        return read_csv  # which says why it cannot be opened
-    suffix = path.suffix.lower()
+    except FileNotFoundError:
+        raise LogError(f"{path}: there is no such file") from None
+    except OSError as error:
+        raise LogError(f"{path}: cannot be read ({reason_of(error)})") from None
     if not head:
         raise LogError(f"{path}: is empty, expected a flight log")
-    for start, what in _NO_LOGS.items():
+    for start, problem in _NO_LOGS.items():
         if head.startswith(start):
-            raise LogError(f"{path}: {what}")
-    if suffix in _SETTINGS_SUFFIXES:
+            raise LogError(f"{path}: {problem}")
+    if path.suffix.lower() in _SETTINGS_SUFFIXES:
         raise LogError(f"{path}: is named as settings in YAML, expected a flight log: MODEL comes first, then LOG")
-    if head.startswith(_ULOG):
-        return ulog.read_ulog
-    if head.startswith(_DATAFLASH):
-        return dataflash.read_dataflash
-    if suffix == ".tlog" or tlog.is_tlog(head):
-        return tlog.read_tlog
-    if suffix == ".ulg":
-        raise LogError(f"{path}: does not begin as a PX4 ULog does, expected a .ulg file of PX4")
-    return dataflash.read_dataflash if suffix == ".bin" else read_csv
+    return head

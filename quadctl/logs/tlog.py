@@ -68,7 +68,7 @@ _Sender: TypeAlias = tuple[int, int]
 @dataclass(frozen=True)
 class _Record:
     number: int
-    """Of the record in the file."""
+    """Number of the record in the file."""
     arrival_s: float
     kind: str
     fields: Any
@@ -87,7 +87,7 @@ class _EscStatus:
 
 
 def is_tlog(head: bytes) -> bool:
-    """Whether a file that begins with `head` (at least 9 bytes) can be a telemetry log."""
+    """True where a file that begins with `head` (at least 9 bytes) can be a telemetry log."""
     return len(head) >= 9 and _is_record(head, 0)
 
 
@@ -162,7 +162,7 @@ def _is_record(data: bytes, at: int) -> bool:
 
 
 def _end_of_record(data: bytes, at: int) -> int | None:
-    """Where the record ends that begins at `at`; None when there is none."""
+    """Position of the end of the record that begins at `at`; None where there is none."""
     if not _is_record(data, at):
         return None
     length = data[at + 9]

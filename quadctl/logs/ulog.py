@@ -33,7 +33,9 @@ TOPICS = (
     "actuator_armed",
 )
 PARAMETERS = ("CA_ROTOR_COUNT", "MPC_THR_HOVER", "THR_MDL_FAC")
-"""What an analysis of motor outputs may want to know, kept in the log's `meta`."""
+"""Parameters that an analysis of motor outputs may need, kept in the log's `meta`."""
+MAGIC = b"ULog\x01\x12\x35"
+"""The first bytes of every ULog."""
 NEEDED = "vehicle_local_position and vehicle_attitude"
 
 FIRST_MOTOR_FUNCTION = 101
@@ -45,6 +47,11 @@ ATTITUDE_COMMAND = ("roll_cmd_deg", "pitch_cmd_deg", "yaw_cmd_deg")
 
 _Topic: TypeAlias = dict[str, Any]
 """Arrays of shape (n,) by the names of the fields."""
+
+
+def is_ulog(head: bytes) -> bool:
+    """True for a file that begins with `head` as a ULog does."""
+    return head.startswith(MAGIC)
 
 
 def read_ulog(path: Path) -> FlightLog:
@@ -83,11 +90,16 @@ def _parsed(path: Path) -> Any:
     try:
         # It prints what it finds damaged, and leaves a file open that it cannot read.
         with path.open("rb") as file, contextlib.redirect_stdout(io.StringIO()):
-            return ULog(file, list(TOPICS))
+            recognised = is_ulog(file.read(len(MAGIC)))
+            file.seek(0)
+            log = ULog(file, list(TOPICS)) if recognised else None
     except OSError as error:
         raise LogError(f"{path}: cannot be read ({error.strerror})") from None
     except Exception as error:  # the parser stumbles over damage in any way that Python can
         raise LogError(f"{path}: cannot be parsed as a PX4 ULog ({type(error).__name__}: {error})") from None
+    if log is None:
+        raise LogError(f"{path}: does not begin as a PX4 ULog does, expected a {path.suffix} file of PX4")
+    return log
 
 
 def _version(info: dict[str, Any]) -> str:

@@ -1,4 +1,4 @@
-"""A mission file: read it, put in what it extends and its parameters, lay it out, hold it to its own limits."""
+"""A mission file: read, merged with the file that it extends, expanded, laid out in time, checked for its limits."""
 
 import math
 import re
@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from pydantic import Field
 
 from quadctl.errors import SettingsError
-from quadctl.missions.expand import RawPhase, Value, check_size, expanded, known, names_in, put_in
+from quadctl.missions.expansion import RawPhase, Value, check_size, expanded, known, names_in, put_in
 from quadctl.missions.mission import Mission, MissionLimits, Phase, Turn
 from quadctl.missions.profile import sampled
 from quadctl.settings import Settings, read_value, read_yaml, validate
@@ -18,7 +18,7 @@ from quadctl.trajectories import Trajectory, find_trajectory
 
 START_M: Vec3 = (0.0, 0.0, 0.0)
 _NAME = re.compile(r"[\w.+-]+( [\w.+-]+)*")
-"""Of a phase or a mission: it goes into a CSV without quotes, and into the name of a file."""
+"""Name of a phase or a mission: it goes into a CSV without quotes, and into the name of a file."""
 MAX_NAME_LENGTH = 100
 
 

@@ -19,7 +19,7 @@ class MissionLimits(Settings):
     min_z_m: float = Field(default=0.05, ge=0.0)
     max_z_m: float = Field(gt=0.0)
     max_distance_m: float = Field(default=5.0, gt=0.0)
-    """Horizontal, from the take-off point."""
+    """Largest horizontal distance from the take-off point."""
     max_duration_s: float = Field(default=900.0, gt=0.0, le=36000.0)
     margin_m: float = Field(default=0.5, gt=0.0)
 
@@ -35,7 +35,7 @@ class Phase(NamedTuple):
 
 
 class Turn(NamedTuple):
-    """From `start_s` on the vehicle turns to the heading `yaw_rad`, until it is there or another turn begins."""
+    """A turn that begins at `start_s` and ends at the heading `yaw_rad`, or when the next turn begins."""
 
     start_s: float
     yaw_rad: float
@@ -50,11 +50,11 @@ class Mission(NamedTuple):
     phases: tuple[Phase, ...]
     limits: MissionLimits
     turns: tuple[Turn, ...] = ()
-    """In time; before the first the heading at take-off is kept."""
+    """Turns in the order of time; before the first, the heading at take-off is kept."""
     yaw_rate_rad_s: float = math.radians(45.0)
     offset_up_m: float = 0.0
     parameters: Mapping[str, Any] = {}
-    """As flown: the file's, or what took their place."""
+    """Values of the mission's parameters as flown: those of the file, or those that override them."""
 
     @property
     def duration_s(self) -> float:

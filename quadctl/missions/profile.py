@@ -1,4 +1,4 @@
-"""What a mission asks of the vehicle: its reference in samples, and the extremes of each phase."""
+"""Demands of a mission on the vehicle: its reference in samples, and the extremes of each phase."""
 
 import math
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ from quadctl.trajectories import Reference
 
 STEP_S = 0.05
 JUMP_M = 0.005
-"""What the reference moves in a step beyond what its velocity says is a jump."""
+"""Motion of the reference in one step, beyond that of its velocity, that counts as a jump."""
 
 
 class Sample(NamedTuple):
@@ -28,13 +28,13 @@ class Sample(NamedTuple):
 
     @property
     def tilt_rad(self) -> float:
-        """Lean of the thrust that gives the reference's acceleration."""
+        """Tilt of the thrust that gives the reference's acceleration, rad."""
         north, east, up = self.reference.acceleration_m_s2
         return math.atan2(math.hypot(north, east), GRAVITY_M_S2 + up)
 
 
 class PhaseProfile(NamedTuple):
-    """One phase in numbers."""
+    """Extremes of one phase."""
 
     phase: Phase
     end_m: Vec3
@@ -92,7 +92,7 @@ def _steps(times: Sequence[float]) -> list[float]:
 
 
 def _jump(before: Reference, after: Reference, dt: float) -> Vec3:
-    """What the position moves from one to the other beyond what their velocities say; zeros for next to nothing."""
+    """Motion between two samples beyond that of their velocities, m; zeros below the threshold."""
     x, y, z = (
         q - p - 0.5 * dt * (u + v)
         for p, q, u, v in zip(before.position_m, after.position_m, before.velocity_m_s, after.velocity_m_s, strict=True)

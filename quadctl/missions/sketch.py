@@ -13,12 +13,12 @@ from quadctl.missions.mission import Mission
 from quadctl.missions.profile import PhaseProfile, Sample, profiles, sampled
 
 WIDTH = 78
-"""Of a drawing over time, characters."""
+"""Width of a drawing over time, characters."""
 MAP_ROWS = 12
 NEAR = 1.5
-"""A limit further from the curve than this many times its peak would flatten it."""
+"""Largest limit that is drawn, as a multiple of the curve's peak: beyond it the curve would be flat."""
 NOTHING = 1e-3
-"""A curve lower than that is none."""
+"""Peak below which a curve is not drawn."""
 _AXIS = 7
 """Characters left of a drawing, for its numbers."""
 _DOTS = ((0x01, 0x08), (0x02, 0x10), (0x04, 0x20), (0x40, 0x80))

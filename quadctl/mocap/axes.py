@@ -21,7 +21,7 @@ _SAME: Quat = (1.0, 0.0, 0.0, 0.0)
 
 @dataclass(frozen=True)
 class Frame:
-    """How a motion-capture system counts."""
+    """Axes of a motion-capture system."""
 
     world_to_ned: Quat
     frd_to_body: Quat

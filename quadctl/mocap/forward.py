@@ -28,7 +28,7 @@ from quadctl.mocap.statistics import Flow
 from quadctl.state import NAN, Quat, Vec3, VehicleState
 
 STREAMS = {"ATTITUDE_QUATERNION": (31, 20.0), "LOCAL_POSITION_NED": (32, 10.0)}
-"""What is compared with the poses: message id and rate."""
+"""Messages that are compared with the poses: id and rate, Hz."""
 MESSAGES = (*STREAMS, "HEARTBEAT")
 CONNECT_S = 10.0
 FIRST_POSE_S = 10.0
@@ -83,7 +83,7 @@ class Forwarder:
         return [warning for warning in warnings if warning]
 
     def _compared(self, pose: Pose, position: Vec3, attitude: Quat) -> list[str]:
-        """What the autopilot says against the pose; empty texts among it."""
+        """Differences between the autopilot's estimate and the pose, in words; some of the texts are empty."""
         state = self._state()
         warnings = []
         if state.connected != self._heard:

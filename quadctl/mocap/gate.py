@@ -14,7 +14,7 @@ FASTEST_M_S = 20.0
 
 
 class Pose(NamedTuple):
-    """Of one rigid body, in the axes of the motion-capture system."""
+    """Pose of one rigid body, in the axes of the motion-capture system."""
 
     name: str
     received_s: float

@@ -1,4 +1,4 @@
-"""Where poses come from: UDP datagrams or a recording; capture.py has the motion-capture systems."""
+"""Sources of poses: UDP datagrams or a recording; capture.py has the motion-capture systems."""
 
 import json
 import math

@@ -1,4 +1,4 @@
-"""How the poses flow: rate, age when they leave, jitter, dropouts, what was withheld."""
+"""Statistics of the flow of poses: rate, age when they leave, jitter, dropouts, poses withheld."""
 
 import math
 import statistics
@@ -55,7 +55,7 @@ class Flow:
         return text
 
     def rate_hz(self, window: int | None = WINDOW) -> float:
-        """Of the poses sent; 0 before the second."""
+        """Rate of the poses sent; 0 before the second."""
         intervals = list(self._intervals)
         if window is not None:
             intervals = intervals[-window:]

@@ -1,4 +1,4 @@
-"""What `--source` may say."""
+"""URLs that `--source` accepts."""
 
 from pathlib import Path
 

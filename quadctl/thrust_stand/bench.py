@@ -28,7 +28,7 @@ RPM_AGE_S = 0.5
 
 @dataclass(frozen=True)
 class Schedule:
-    """What to run and how long."""
+    """Throttle steps to run, and how long."""
 
     percents: Sequence[int]
     """Motor outputs, one step each, rising."""

@@ -19,15 +19,15 @@ from quadctl.vehicle import Vehicle
 Floats = npt.NDArray[np.float64]
 
 SIGNIFICANCE = 0.01
-"""Of all alternatives together."""
+"""Probability that any of the alternatives is chosen by chance."""
 RELEVANCE = 0.02
-"""Of the greatest thrust: what the simple law is off by less than that does no harm, however sure it is."""
+"""Share of the greatest thrust: a smaller error of the simple law does no harm, however significant it is."""
 FLYING = (0.3, 2.0)
 """Total thrust over weight: where the throttle line is flown, and so where it is fitted."""
 MIN_FLYING = 4
 """With fewer points there, the line is fitted to all of them."""
 REFINEMENTS = 50
-"""Of the exponent, by Gauss and Newton; some five are enough."""
+"""Most Gauss-Newton steps of the exponent; some five are enough."""
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,7 @@ class ThrottleLine:
     offset: Estimate
     max_thrust_per_rotor_n: float
     reached_full: bool
-    """Whether the greatest thrust was measured; else it is the line's, at full throttle."""
+    """True where the greatest thrust was measured; else it is the line's, at full throttle."""
     from_throttle: float
     to_throttle: float
     n_points: int

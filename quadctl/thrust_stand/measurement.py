@@ -1,4 +1,4 @@
-"""What a thrust stand measures, one point for each throttle step: as CSV, and whether it can be true."""
+"""Measured points of a thrust stand, one for each throttle step: as CSV, and checked for plausibility."""
 
 import csv
 import math
@@ -19,9 +19,9 @@ MIN_POINTS = 3
 """One more than the two numbers that a line has: what fits exactly says nothing about how well."""
 MAX_ROWS = 10_000
 DROP = 0.05
-"""Of the greatest thrust or rotor speed: a fall by more while the throttle rises is no noise."""
+"""Share of the greatest thrust or rotor speed: a larger fall while the throttle rises is no noise."""
 NOISE = 0.2
-"""Of the greatest that the vehicle's rotor has: `DROP` counts from there at least, because idling motors are noisy."""
+"""Share of the greatest values of the vehicle's rotor from which `DROP` counts, because idling motors are noisy."""
 WRONG_UNIT = 20.0
 """A thrust so many times the vehicle's greatest is in another unit: grams for newtons are 102."""
 
@@ -33,7 +33,7 @@ class Point(NamedTuple):
     """On the scale of the flight's throttle target, 0..1."""
     rpm: float
     thrust_n: float
-    """Of the one rotor."""
+    """Thrust of the one rotor."""
     voltage_v: float = NAN
     current_a: float = NAN
 

@@ -1,4 +1,4 @@
-"""What a measurement on the stand says: lines for the terminal, numbers for scripts, values for the vehicle file."""
+"""Result of a measurement on the stand: lines for the terminal, numbers for scripts, values for the vehicle file."""
 
 import math
 from collections.abc import Sequence
@@ -31,7 +31,7 @@ class StandResult:
     throttle: ThrottleLine
 
     def vehicle_values(self) -> dict[tuple[str, ...], float]:
-        """What changes in the vehicle file, by its keys."""
+        """New values of the vehicle file, by its keys."""
         values: dict[tuple[str, ...], float] = {
             ("throttle", "per_newton"): self.throttle.per_newton.value,
             ("throttle", "offset"): self.throttle.offset.value,

@@ -1,4 +1,4 @@
-"""Where the thrust comes from: a scale on a serial line, or a person who reads one."""
+"""Sources of the thrust: a scale on a serial line, or a person who reads one."""
 
 import asyncio
 import math
@@ -78,7 +78,7 @@ class SerialScale:
         return self._sign * (await self._mean(seconds) - self._zero_n)
 
     async def _mean(self, seconds: float) -> float:
-        """Of the readings that arrive from now on; waits a little longer where they are rare."""
+        """Mean of the readings that arrive from now on; waits a little longer where they are rare."""
         begin_s = time.monotonic()
         await asyncio.sleep(seconds)
         while True:

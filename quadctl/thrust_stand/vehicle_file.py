@@ -41,7 +41,7 @@ def with_values(path: Path, values: Mapping[Keys, float]) -> str:
 
 
 def _edit(root: yaml.Node | None, keys: Keys, new: str) -> tuple[int, int, str]:
-    """Where to put what: in place of the value, or before the first key where this key is not there."""
+    """Edit (begin, end, text) that sets a value: in its place, or before the first key where its key is not there."""
     node = root
     for i, key in enumerate(keys):
         if not isinstance(node, yaml.MappingNode) or not node.value:

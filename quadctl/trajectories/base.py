@@ -1,4 +1,4 @@
-"""What a trajectory is: settings of one mission phase and a pure function of time that gives the reference."""
+"""The base of all trajectories: settings of one mission phase, and a pure function of time that gives the reference."""
 
 import math
 from typing import ClassVar, NamedTuple, Self
@@ -8,13 +8,13 @@ from quadctl.state import Vec3
 
 
 class Reference(NamedTuple):
-    """Where to be, in the mission's frame: north, east from the take-off point, up from the ground."""
+    """Reference in the mission's frame: north and east from the take-off point, up from the ground."""
 
     position_m: Vec3
     velocity_m_s: Vec3 = (0.0, 0.0, 0.0)
     acceleration_m_s2: Vec3 = (0.0, 0.0, 0.0)
     by_velocity: tuple[bool, bool, bool] = (False, False, False)
-    """Axes flown by velocity alone: there the position says where that should lead, and nothing pulls towards it."""
+    """Axes flown by velocity alone: control does not correct their position, to which the velocity should lead."""
 
 
 class Trajectory(Settings):
@@ -23,7 +23,7 @@ class Trajectory(Settings):
     kind: ClassVar[str]
 
     def duration_s(self, start_m: Vec3) -> float:
-        """How long it takes from `start_m`."""
+        """Duration, s, of the phase that begins at `start_m`."""
         raise TypeError(f"{type(self).__name__} does not say its duration")
 
     def reference(self, t_s: float, start_m: Vec3) -> Reference:

@@ -46,6 +46,6 @@ class Figure8(Trajectory):
         )
 
     def _angle(self) -> Trapezoid:
-        """The angle over time, in radians."""
+        """Angle over time, rad, from rest to rest."""
         rate = 2.0 * math.pi / self.lap_s
         return Trapezoid.over(2.0 * math.pi * self.laps, rate, rate / self.fade_s)

@@ -35,7 +35,7 @@ class Move(Trajectory):
         return Reference(moved(start_m, travelled, ahead), scaled(speed, ahead), scaled(push, ahead))
 
     def _target_m(self, start_m: Vec3) -> Vec3:
-        """Where the line leads."""
+        """End of the line."""
         return self.to_m
 
     def _way(self, start_m: Vec3) -> Trapezoid:

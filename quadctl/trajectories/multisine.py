@@ -12,7 +12,7 @@ from quadctl.state import Vec3
 from quadctl.trajectories.base import Reference, Trajectory
 
 SAMPLES_PER_WAVE = 40
-"""Of the quickest wave, where the peaks are looked for: between samples no peak is more than 0.3 % higher."""
+"""Samples per period of the quickest wave when peaks are searched: between samples none is more than 0.3 % higher."""
 
 _Excursion = Annotated[float, Field(ge=0.0, le=100.0)]
 
@@ -77,7 +77,7 @@ class Multisine(Trajectory):
 
     @cached_property
     def _sizes(self) -> Vec3:
-        """By which the sum of waves of each axis is multiplied."""
+        """Factor by which the sum of waves of each axis is multiplied."""
         steps = math.ceil(self.seconds * self.fastest_hz * SAMPLES_PER_WAVE) + 1
         t = np.linspace(0.0, self.seconds, max(steps, 1000))
         window = _Motion(*(np.array(part) for part in zip(*map(self._window, t.tolist()), strict=True)))
@@ -92,7 +92,7 @@ class Multisine(Trajectory):
         return shrink * sizes[0], shrink * sizes[1], shrink * sizes[2]
 
     def _sum(self, axis: int, t_s: Number) -> _Motion:
-        """Sum of the waves of one axis, before its size and the window are put on it."""
+        """Sum of the waves of one axis, before scaling and window."""
         x: Number = 0.0
         v: Number = 0.0
         a: Number = 0.0
@@ -102,7 +102,7 @@ class Multisine(Trajectory):
         return _Motion(x, v, a)
 
     def _window(self, t_s: float) -> _Motion:
-        """From 0 to 1 and back to 0 at the end, with no jump up to the second derivative (6 p^5 - 15 p^4 + 10 p^3)."""
+        """Envelope from 0 to 1 and back to 0, smooth up to the second derivative (6 p^5 - 15 p^4 + 10 p^3)."""
         rising = t_s < 0.5 * self.seconds
         p = min((t_s if rising else self.seconds - t_s) / self.fade_s, 1.0)
         rate = (1.0 if rising else -1.0) / self.fade_s

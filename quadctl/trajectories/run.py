@@ -1,4 +1,4 @@
-"""Run: a line flown by velocity, so that what the speed does to the vehicle is not mixed with a pull to a place."""
+"""Run: a line flown by velocity alone, so that no position control disturbs the effects of speed."""
 
 from typing import ClassVar
 

@@ -37,5 +37,5 @@ class Swoop(Move):
         )
 
     def _target_m(self, start_m: Vec3) -> Vec3:
-        """At the height of the start."""
+        """End of the swoop, at the height of its start."""
         return self.to_m[0], self.to_m[1], start_m[2]

@@ -1,4 +1,4 @@
-"""Trapezoid: how far along a way of given length one is, from rest to rest, at a limited speed and acceleration."""
+"""Trapezoid: motion along a given length, from rest to rest, at limited speed and acceleration."""
 
 import math
 from typing import NamedTuple
@@ -21,7 +21,7 @@ class Trapezoid(NamedTuple):
 
     @classmethod
     def over(cls, length: float, speed: float, acceleration: float) -> "Trapezoid":
-        """At `speed` where the way is long enough for it."""
+        """Profile over `length` that reaches `speed` where the way is long enough."""
         return cls(length, min(speed, math.sqrt(length * acceleration)), acceleration)
 
     @property
@@ -35,7 +35,7 @@ class Trapezoid(NamedTuple):
         return 2.0 * self.ramp_s + max(0.0, self.length / self.top_speed - self.ramp_s)
 
     def at(self, t_s: float) -> Along:
-        """At `t_s` since the start; at rest before it and after the end."""
+        """Distance, speed and acceleration at `t_s` since the start; at rest before it and after the end."""
         left_s = self.duration_s - t_s
         if t_s < 0.0 or left_s <= 0.0:
             return Along(0.0 if t_s < 0.0 else self.length, 0.0, 0.0)

@@ -1,15 +1,15 @@
-"""The port that a page is served at, and how."""
+"""Ports and the web server, for both pages."""
 
 import socket
 
 from quadctl.errors import QuadctlError
 
 RECONNECT_S = 120.0
-"""So long a tab may be away and find its page as it was."""
+"""Longest time for which a tab may lose its connection and find its page unchanged."""
 
 
 def require_free(host: str, port: int, option: str) -> None:
-    """Better said before anything is done; `option` is that of the command line which names another.
+    """Refuse a taken port before any work is done; `option` is the option of the command line that names another.
 
     Raises
     ------
@@ -25,7 +25,7 @@ def require_free(host: str, port: int, option: str) -> None:
 
 
 def run_pages(host: str, port: int, *, show: bool) -> None:
-    """Serve the pages that are registered until the process ends; `show`: in a browser that is opened."""
+    """Serve the registered pages until the process ends; `show`: open a browser too."""
     from nicegui import ui  # not in the process that flies: it only asks whether a port is free
 
     ui.run(

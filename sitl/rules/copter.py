@@ -8,14 +8,14 @@ from quadctl.sitl.vehicle.inner_loops import level_with_yaw
 from quadctl.state import AttitudeTarget
 
 THRUST_AS_THRUST = 8
-"""Bit 3 of GUID_OPTIONS; clear, the thrust of a target is a climb rate."""
+"""Bit 3 of GUID_OPTIONS: set, the thrust of a target is a thrust; clear, it is a climb rate."""
 MAX_CLIMB_M_S = 2.5
-"""Of a target's thrust of 1, PILOT_SPEED_UP."""
+"""Climb rate of a target's thrust of 1 (PILOT_SPEED_UP)."""
 NOT_ARMABLE = ("LAND", "RTL", "BRAKE")
 
 
 class Guided(enum.Enum):
-    """What GUIDED does: it obeys whatever came last."""
+    """Activity of GUIDED mode, which obeys the last command or target."""
 
     PLACE = "holds its place"
     TAKE_OFF = "takes off"
@@ -41,7 +41,7 @@ class SimulatedCopter(SimulatedAutopilot):
 
     guided = Guided.PLACE
     _taken_off = False
-    """By command."""
+    """True after a take-off by command."""
     _internal_error = False
 
     def set_attitude_target(self, target: AttitudeTarget) -> None:

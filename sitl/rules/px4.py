@@ -1,7 +1,7 @@
 """The simulated autopilot: PX4's rules of arming, modes and failsafes around inner loops, estimator and body.
 
-It lives in simulated time: `step(until_s)` advances it. `run.py` drives it as fast as the machine can,
-`mavlink.py` in real time over MAVLink. `copter.py` has ArduPilot's rules instead.
+It runs in simulated time: `step(until_s)` advances it. `run.py` drives it as fast as the machine can, `server/` in
+real time over MAVLink. `copter.py` has ArduPilot's rules instead.
 """
 
 import math
@@ -16,12 +16,12 @@ from quadctl.state import AttitudeTarget, Quat, Vec3, VehicleState
 from quadctl.vehicle import Vehicle
 
 STREAM_AGE_S = 0.5
-"""PX4 wants setpoints at 2 Hz or more before it enters offboard."""
+"""Largest age of the last setpoint when offboard is entered: PX4 wants 2 Hz or more."""
 LEVEL: Quat = (1.0, 0.0, 0.0, 0.0)
 
 
 class MotorTest(NamedTuple):
-    """One rotor runs until a time."""
+    """A motor test: one rotor runs until a time."""
 
     rotor: int
     output: float
@@ -78,7 +78,7 @@ class SimulatedAutopilot:
     # --- requests ----------------------------------------------------------------------------------------------
 
     def set_attitude_target(self, target: AttitudeTarget) -> None:
-        """A setpoint arrives now."""
+        """Take in a setpoint that arrives now."""
         self.target = target
         self._target_s = self.time_s
 
@@ -91,7 +91,7 @@ class SimulatedAutopilot:
         return refusal
 
     def request_take_off(self, height_m: float) -> str | None:
-        """The command is ArduPilot's start of a flight; here the targets of offboard lift off."""
+        """Refuse to take off by command: here the targets of offboard lift the vehicle off."""
         del height_m
         return "take-off by command is not simulated"
 
@@ -117,7 +117,7 @@ class SimulatedAutopilot:
         return refusal
 
     def power_cycle(self) -> None:
-        """A loss of power: the motors are off, the mode is that of a start."""
+        """Restart after a loss of power: motors off, in the mode of a fresh start."""
         self._disarm()
         self._enter(self.first_mode)
 
@@ -147,7 +147,7 @@ class SimulatedAutopilot:
         self.estimator.observe(self.body.motion())
 
     def estimate(self) -> VehicleState:
-        """What the estimator says now."""
+        """State estimate at this time."""
         e = self.estimator
         now = self.time_s
         return VehicleState(
@@ -219,13 +219,13 @@ class SimulatedAutopilot:
             self._disarm()
 
     def _watch_targets(self, silence_s: float) -> None:
-        """The failsafe for a companion that has fallen silent."""
+        """Apply the failsafe for a companion that has fallen silent."""
         if silence_s > self.parameters["COM_OF_LOSS_T"]:
             self._enter("RTL")
 
     @property
     def _disarm_after_s(self) -> float:
-        """On the ground."""
+        """Time on the ground after which it disarms, s."""
         return self.parameters["COM_DISARM_LAND" if self._flown else "COM_DISARM_PRFLT"]
 
     def _enter(self, mode: str) -> None:
@@ -250,7 +250,7 @@ class SimulatedAutopilot:
 
     @property
     def _stands(self) -> bool:
-        """On the ground, and nothing asks for more."""
+        """True on the ground, in a mode that does not ask for lift-off."""
         return self.mode == "HOLD" and self.landed
 
     @property
@@ -258,7 +258,7 @@ class SimulatedAutopilot:
         return self.parameters["MPC_LAND_SPEED"]
 
     def _position_control(self) -> AttitudeTarget:
-        """The autopilot's own modes: hold the anchor, or come down on it; PD on the true state, gentle."""
+        """Target of the autopilot's own modes, which hold the anchor or land on it: a slow PD on the true state."""
         level = level_with_yaw(self.body.attitude)
         if not self.armed or self._stands:
             return AttitudeTarget(level, 0.0)
@@ -281,7 +281,7 @@ class SimulatedAutopilot:
         return AttitudeTarget(attitude, self._throttle(attitude, sink, self._sink_integral_m_s2))
 
     def _throttle(self, attitude: Quat, sink_m_s: float, integral_m_s2: float = 0.0) -> float:
-        """The throttle that brings the vehicle to a vertical speed, downwards."""
+        """Throttle that brings the vehicle to the vertical speed `sink_m_s`, down."""
         up = rotate(attitude, (0.0, 0.0, -1.0))[2]
         error_m_s = sink_m_s - self.body.velocity[2]
         thrust = self.vehicle.mass_kg * (GRAVITY_M_S2 - 3.0 * error_m_s - integral_m_s2) / max(-up, 0.5)

@@ -1,4 +1,4 @@
-"""An ArduPilot Copter on the wire: silent but for heartbeats until it is asked, and thrust-linearised pulses."""
+"""An ArduPilot Copter on the wire: it sends only heartbeats until asked for more, and thrust-linearised pulses."""
 
 import math
 
@@ -16,36 +16,32 @@ SPIN_MIN, SPIN_MAX, THRUST_EXPO = 0.15, 0.95, 0.65
 class MavlinkArduPilot(MavlinkMock):
     """An ArduPilot Copter on UDP."""
 
-    def __init__(
-        self, autopilot: SimulatedCopter, port: int = 14540, host: str = "127.0.0.1", heartbeat_hz: float = 1.0
-    ) -> None:
-        super().__init__(autopilot, ardupilot_manners(), port, host, heartbeat_hz)
+    rules = SimulatedCopter
 
-
-def ardupilot_manners() -> Manners:
-    return Manners(
-        mav_autopilot=mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA,
-        custom_modes={"STABILIZE": 0, "GUIDED": 4, "LOITER": 5, "RTL": 6, "LAND": 9, "BRAKE": 17},
-        sub_mode_shift=0,
-        streams={
-            mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: Stream(messages.local_position, 0.0, "position"),
-            mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION: Stream(messages.attitude_quaternion, 0.0, "attitude"),
-            mavlink.MAVLINK_MSG_ID_ATTITUDE: Stream(messages.attitude, 0.0, "attitude"),
-            mavlink.MAVLINK_MSG_ID_ESC_TELEMETRY_1_TO_4: Stream(messages.esc_telemetry, 0.0, "rpm"),
-            mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW: Stream(messages.servo_output_raw(pulse_us), 0.0, "heartbeat"),
-            mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT: Stream(messages.ekf_status_report, 0.0, "position"),
-            mavlink.MAVLINK_MSG_ID_SYS_STATUS: Stream(messages.sys_status, 0.0, "battery"),
-            mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: Stream(messages.battery_status, 0.0, "battery"),
-            mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: Stream(messages.extended_sys_state, 0.0, "heartbeat"),
-        },
-        unknown_interval=mavlink.MAV_RESULT_DENIED,
-        refusal=mavlink.MAV_RESULT_FAILED,
-        takes_off_by_command=True,
-        motor_test_output=output_of_share,
-        tests_motors_clockwise=True,
-        integer_parameters=frozenset({"GUID_OPTIONS", "DISARM_DELAY", "LAND_SPEED", "FS_GCS_ENABLE"}),
-        version=0x04050000,
-    )
+    def new_manners(self) -> Manners:
+        return Manners(
+            mav_autopilot=mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA,
+            custom_modes={"STABILIZE": 0, "GUIDED": 4, "LOITER": 5, "RTL": 6, "LAND": 9, "BRAKE": 17},
+            sub_mode_shift=0,
+            streams={
+                mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: Stream(messages.local_position, 0.0, "position"),
+                mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION: Stream(messages.attitude_quaternion, 0.0, "attitude"),
+                mavlink.MAVLINK_MSG_ID_ATTITUDE: Stream(messages.attitude, 0.0, "attitude"),
+                mavlink.MAVLINK_MSG_ID_ESC_TELEMETRY_1_TO_4: Stream(messages.esc_telemetry, 0.0, "rpm"),
+                mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW: Stream(messages.servo_output_raw(pulse_us), 0.0, "heartbeat"),
+                mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT: Stream(messages.ekf_status_report, 0.0, "position"),
+                mavlink.MAVLINK_MSG_ID_SYS_STATUS: Stream(messages.sys_status, 0.0, "battery"),
+                mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: Stream(messages.battery_status, 0.0, "battery"),
+                mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: Stream(messages.extended_sys_state, 0.0, "heartbeat"),
+            },
+            unknown_interval=mavlink.MAV_RESULT_DENIED,
+            refusal=mavlink.MAV_RESULT_FAILED,
+            takes_off_by_command=True,
+            motor_test_output=output_of_share,
+            tests_motors_clockwise=True,
+            integer_parameters=frozenset({"GUID_OPTIONS", "DISARM_DELAY", "LAND_SPEED", "FS_GCS_ENABLE"}),
+            version=0x04050000,
+        )
 
 
 def pulse_us(throttle: float) -> float:
@@ -56,6 +52,6 @@ def pulse_us(throttle: float) -> float:
 
 
 def output_of_share(share: float) -> float:
-    """What a share of the pulses' range gives of the greatest thrust: `pulse_us` turned round."""
+    """Share of the greatest thrust from a share of the pulses' range: the inverse of `pulse_us`."""
     x = min(max((share - SPIN_MIN) / (SPIN_MAX - SPIN_MIN), 0.0), 1.0)
     return (1.0 - THRUST_EXPO) * x + THRUST_EXPO * x * x

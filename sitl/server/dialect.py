@@ -48,5 +48,5 @@ class EscStatus(ardupilotmega.MAVLink_message):  # type: ignore[misc]
 
 
 def register(dialect: Any = ardupilotmega) -> None:
-    """Let a pymavlink dialect module parse the messages of this file; once more does no harm."""
+    """Let a pymavlink dialect module parse the messages of this file; may be called again."""
     dialect.mavlink_map.setdefault(ESC_STATUS_ID, EscStatus)

@@ -1,4 +1,4 @@
-"""What can go wrong between a simulated autopilot and the flight, and inside what it says; set from any thread."""
+"""Faults of the link to a simulated autopilot, and of the estimate that it sends; set from any thread."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -11,31 +11,31 @@ Distortion = Callable[[VehicleState], VehicleState]
 
 
 def honest(estimate: VehicleState) -> VehicleState:
-    """What an estimator without a fault says."""
+    """Estimate without a fault."""
     return estimate
 
 
 @dataclass
 class Faults:
-    """What goes wrong on the link."""
+    """Faults of the link and of the estimate."""
 
     silent: bool = False
-    """Nothing is sent any more."""
+    """True: nothing is sent."""
     deaf: bool = False
-    """Nothing that arrives is read."""
+    """True: nothing that arrives is read."""
     withheld: frozenset[str] = frozenset()
     """Names of messages that are not sent, and refused when asked for."""
     distort: Distortion = honest
-    """The estimate as it goes out."""
+    """Function from the true estimate to the one that is sent."""
     estimator_ratio: float = 0.1
-    """Innovation test ratio of position that goes out; from 1 on the estimator rejects its sensors."""
+    """Innovation test ratio of position that is sent; from 1 on the estimator rejects its sensors."""
     refuse_arming: str = ""
-    """The reason to give, if any."""
+    """Reason with which arming is refused; empty: it is not."""
     refuse_modes: str = ""
-    """The same for every change of mode that is asked for over the link."""
+    """Reason with which every change of mode over the link is refused; empty: it is not."""
 
     def lets_out(self, name: str) -> bool:
-        """Whether a message of this name reaches the wire."""
+        """True when a message of this name reaches the wire."""
         return not self.silent and name not in self.withheld
 
 
@@ -48,7 +48,7 @@ def no_attitude(estimate: VehicleState) -> VehicleState:
 
 
 def frozen(part: Literal["position", "attitude"]) -> Distortion:
-    """The messages keep coming, with the values of the first estimate that is seen."""
+    """Freeze a part: the messages keep coming, with the values of the first estimate."""
     first: list[VehicleState] = []
 
     def distort(estimate: VehicleState) -> VehicleState:
@@ -91,7 +91,7 @@ def hurried(to_m_s: float, over_s: float) -> Distortion:
 
 
 def leaning(roll_rad: float) -> Distortion:
-    """The attitude is rolled by so much more."""
+    """Roll the attitude by `roll_rad` more."""
     roll = quaternion_from_euler(roll_rad, 0.0, 0.0)
     return lambda estimate: replace(estimate, attitude=multiply(estimate.attitude, roll))
 

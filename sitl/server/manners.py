@@ -1,4 +1,4 @@
-"""What differs from one autopilot to the next on the wire: modes, streams, parameters, refusals."""
+"""The description of a simulated autopilot on the wire: modes, streams, parameters, refusals."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -13,13 +13,13 @@ from quadctl.vehicle import Vehicle
 
 @dataclass
 class Stream:
-    """One kind of message on its way out at its own interval."""
+    """One kind of message, sent at its own interval."""
 
     build: Builder
     default_rate_hz: float
-    """0: only when it is asked for."""
+    """Rate without a request, Hz; 0: only when it is asked for."""
     part: str
-    """The part of the estimate it carries: sent only when that is new, as autopilots do."""
+    """Part of the estimate that it carries; it is sent only when that is new, as autopilots do."""
     interval_s: float = math.nan
     due_s: float = 0.0
     sample_s: float = -math.inf
@@ -28,7 +28,7 @@ class Stream:
         self.interval_s = 1.0 / self.default_rate_hz if self.default_rate_hz > 0.0 else math.inf
 
     def set_interval(self, microseconds: float, now_s: float) -> None:
-        """MAV_CMD_SET_MESSAGE_INTERVAL: 0 is the default rate, -1 is off."""
+        """Set the interval as MAV_CMD_SET_MESSAGE_INTERVAL does: 0 is the default rate, -1 is off."""
         if microseconds == 0.0:
             self.__post_init__()
         else:
@@ -36,7 +36,7 @@ class Stream:
         self.due_s = now_s
 
     def take(self, estimate: VehicleState) -> bool:
-        """Whether to send it now; notes that it is sent."""
+        """True when it is due; the message then counts as sent."""
         now_s, sample_s = estimate.time_s, estimate.received_s[self.part]
         if math.isinf(self.interval_s) or now_s < self.due_s or sample_s <= self.sample_s:
             return False
@@ -47,27 +47,27 @@ class Stream:
 
 @dataclass(frozen=True)
 class Manners:
-    """The ways of one autopilot; a new one for each mock, because the streams are at work in it."""
+    """Description of one autopilot on the wire; each mock needs a new one, as the streams hold their state."""
 
     mav_autopilot: int
     custom_modes: Mapping[str, int]
     """`custom_mode` of the heartbeat, by name of the mode."""
     sub_mode_shift: int
-    """Where parameters 2 and 3 of DO_SET_MODE go in the custom mode: parameter 2 at this bit, 3 eight bits above."""
+    """First bit of parameter 2 of DO_SET_MODE in the custom mode; parameter 3 begins eight bits above."""
     streams: dict[int, Stream]
-    """By message id; HEARTBEAT comes by itself."""
+    """Streams by message id, without HEARTBEAT, which every autopilot sends."""
     unknown_interval: int
     """MAV_RESULT for the interval of a message that it does not send."""
     refusal: int
     """MAV_RESULT of a request that it refuses, with a text that says why."""
     takes_off_by_command: bool
     motor_test_output: Callable[[float], float]
-    """From the share that a motor test asks for to the motor output of `SimulatedAutopilot`."""
+    """Function from the share that a motor test asks for to the motor output of `SimulatedAutopilot`."""
     tests_motors_clockwise: bool
-    """Whether a motor test counts the motors clockwise from the front."""
+    """True: a motor test counts the motors clockwise from the front."""
     integer_parameters: frozenset[str] = field(default_factory=frozenset)
     bytewise_integers: bool = False
-    """Whether an integer's bytes travel in the float field, or its value."""
+    """True: the bytes of an integer parameter travel in the float field; False: its value."""
     capabilities: int = mavlink.MAV_PROTOCOL_CAPABILITY_MAVLINK2 | mavlink.MAV_PROTOCOL_CAPABILITY_SET_ATTITUDE_TARGET
     version: int = 0
 

@@ -1,4 +1,4 @@
-"""The estimate in MAVLink's words: one function for each message, alike for all autopilots."""
+"""The estimate as MAVLink messages: one function for each message, the same for all autopilots."""
 
 import math
 from collections.abc import Callable, Iterator, Sequence
@@ -35,7 +35,7 @@ def attitude(estimate: VehicleState) -> Iterator[Message]:
 
 
 def esc_status(estimate: VehicleState) -> Iterator[Message]:
-    """Four motors to a message; none where there are no rotor speeds."""
+    """ESC_STATUS of four motors each; no message where there are no rotor speeds."""
     unknown = [math.nan] * 4
     for first, rpm in _by_fours(estimate.rotor_rpm):
         current = (list(estimate.motor_current_a[first : first + 4]) + unknown)[:4]
@@ -43,7 +43,7 @@ def esc_status(estimate: VehicleState) -> Iterator[Message]:
 
 
 def esc_telemetry(estimate: VehicleState) -> Iterator[Message]:
-    """Zeros where there are no rotor speeds, as ArduPilot's simulator has."""
+    """ESC_TELEMETRY, with zeros where there are no rotor speeds, as ArduPilot's simulator sends it."""
     kinds = (mavlink.MAVLink_esc_telemetry_1_to_4_message, mavlink.MAVLink_esc_telemetry_5_to_8_message)
     groups = list(_by_fours(estimate.rotor_rpm)) or [(0, [0] * 4)]
     centivolts = round(100.0 * estimate.battery_v) if math.isfinite(estimate.battery_v) else 0
@@ -60,7 +60,7 @@ def actuator_output_status(estimate: VehicleState) -> Iterator[Message]:
 
 
 def servo_output_raw(pulse_us: Callable[[float], float]) -> Builder:
-    """With the autopilot's way from throttle to pulse length."""
+    """Builder of SERVO_OUTPUT_RAW; `pulse_us` is the autopilot's function from throttle to pulse length."""
 
     def build(estimate: VehicleState) -> Iterator[Message]:
         pulses = ([round(pulse_us(output)) for output in estimate.motor_output] + [0] * 16)[:16]

@@ -1,4 +1,4 @@
-"""A PX4 on the wire, as measured on its onboard link: what it sends by itself, and how it refuses."""
+"""A PX4 on the wire, as measured on its onboard link: the messages that it sends by itself, and its refusals."""
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -11,43 +11,41 @@ from quadctl.sitl.server.server import MavlinkMock
 class MavlinkPx4(MavlinkMock):
     """A PX4 on UDP."""
 
-    def __init__(
-        self, autopilot: SimulatedAutopilot, port: int = 14540, host: str = "127.0.0.1", heartbeat_hz: float = 1.0
-    ) -> None:
-        super().__init__(autopilot, px4_manners(), port, host, heartbeat_hz)
+    rules = SimulatedAutopilot
 
-
-def px4_manners() -> Manners:
-    return Manners(
-        mav_autopilot=mavlink.MAV_AUTOPILOT_PX4,
-        custom_modes={
-            "POSCTL": 3 << 16,
-            "HOLD": 4 << 16 | 3 << 24,
-            "RTL": 4 << 16 | 5 << 24,
-            "LAND": 4 << 16 | 6 << 24,
-            "OFFBOARD": 6 << 16,
-        },
-        sub_mode_shift=16,
-        streams={
-            mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: Stream(messages.local_position, 30.0, "position"),
-            mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION: Stream(messages.attitude_quaternion, 50.0, "attitude"),
-            mavlink.MAVLINK_MSG_ID_ATTITUDE: Stream(messages.attitude, 100.0, "attitude"),
-            dialect.ESC_STATUS_ID: Stream(messages.esc_status, 10.0, "rpm"),
-            mavlink.MAVLINK_MSG_ID_ACTUATOR_OUTPUT_STATUS: Stream(messages.actuator_output_status, 0.0, "heartbeat"),
-            mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS: Stream(messages.estimator_status, 1.0, "position"),
-            mavlink.MAVLINK_MSG_ID_SYS_STATUS: Stream(messages.sys_status, 5.0, "battery"),
-            mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: Stream(messages.battery_status, 0.5, "battery"),
-            mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: Stream(messages.extended_sys_state, 5.0, "heartbeat"),
-        },
-        unknown_interval=mavlink.MAV_RESULT_FAILED,
-        refusal=mavlink.MAV_RESULT_TEMPORARILY_REJECTED,
-        takes_off_by_command=False,
-        motor_test_output=lambda share: share,
-        tests_motors_clockwise=False,
-        integer_parameters=frozenset({"COM_OBL_RC_ACT"}),
-        bytewise_integers=True,
-        capabilities=mavlink.MAV_PROTOCOL_CAPABILITY_MAVLINK2
-        | mavlink.MAV_PROTOCOL_CAPABILITY_SET_ATTITUDE_TARGET
-        | mavlink.MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_BYTEWISE,
-        version=0x010F00FF,  # 1.15.0, a release
-    )
+    def new_manners(self) -> Manners:
+        return Manners(
+            mav_autopilot=mavlink.MAV_AUTOPILOT_PX4,
+            custom_modes={
+                "POSCTL": 3 << 16,
+                "HOLD": 4 << 16 | 3 << 24,
+                "RTL": 4 << 16 | 5 << 24,
+                "LAND": 4 << 16 | 6 << 24,
+                "OFFBOARD": 6 << 16,
+            },
+            sub_mode_shift=16,
+            streams={
+                mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: Stream(messages.local_position, 30.0, "position"),
+                mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION: Stream(messages.attitude_quaternion, 50.0, "attitude"),
+                mavlink.MAVLINK_MSG_ID_ATTITUDE: Stream(messages.attitude, 100.0, "attitude"),
+                dialect.ESC_STATUS_ID: Stream(messages.esc_status, 10.0, "rpm"),
+                mavlink.MAVLINK_MSG_ID_ACTUATOR_OUTPUT_STATUS: Stream(
+                    messages.actuator_output_status, 0.0, "heartbeat"
+                ),
+                mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS: Stream(messages.estimator_status, 1.0, "position"),
+                mavlink.MAVLINK_MSG_ID_SYS_STATUS: Stream(messages.sys_status, 5.0, "battery"),
+                mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: Stream(messages.battery_status, 0.5, "battery"),
+                mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: Stream(messages.extended_sys_state, 5.0, "heartbeat"),
+            },
+            unknown_interval=mavlink.MAV_RESULT_FAILED,
+            refusal=mavlink.MAV_RESULT_TEMPORARILY_REJECTED,
+            takes_off_by_command=False,
+            motor_test_output=lambda share: share,
+            tests_motors_clockwise=False,
+            integer_parameters=frozenset({"COM_OBL_RC_ACT"}),
+            bytewise_integers=True,
+            capabilities=mavlink.MAV_PROTOCOL_CAPABILITY_MAVLINK2
+            | mavlink.MAV_PROTOCOL_CAPABILITY_SET_ATTITUDE_TARGET
+            | mavlink.MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_BYTEWISE,
+            version=0x010F00FF,  # 1.15.0, a release
+        )

@@ -13,11 +13,12 @@ import socket
 import struct
 import threading
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import replace
 from types import TracebackType
-from typing import NamedTuple, Self
+from typing import ClassVar, NamedTuple, Self
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -31,10 +32,11 @@ from quadctl.state import AttitudeTarget, VehicleState
 STEP_S = 0.004
 """Period of the loop: physics, streams."""
 MAX_LAG_S = 0.05
-"""A machine too busy to keep up delays the vehicle's time beyond this, so that it cannot miss setpoints by itself."""
+"""Largest lag of the vehicle's time. On a machine too busy to keep up, the vehicle's clock waits, so that the machine
+alone cannot make it miss setpoints."""
 
 PRIORITY = 10
-"""Of SCHED_FIFO: above all that is not real time, below the flight's."""
+"""Priority under SCHED_FIFO: above all ordinary processes, below the flight's."""
 
 
 class ReceivedSetpoint(NamedTuple):
@@ -44,32 +46,35 @@ class ReceivedSetpoint(NamedTuple):
     target: AttitudeTarget
 
 
-class MavlinkMock:
-    """An autopilot on UDP: sends to `host:port`, obeys whoever answers. A context manager, or `start` and `stop`.
+class MavlinkMock(ABC):
+    """A simulated autopilot on UDP: sends to `host:port`, obeys any sender. A context manager, or `start` and `stop`.
 
     The vehicle belongs to the thread of this object while it runs; others may read its plain attributes.
     """
 
+    rules: ClassVar[type[SimulatedAutopilot]]
+    """The rules of arming, modes and failsafes that it obeys."""
+
     def __init__(
-        self, autopilot: SimulatedAutopilot, manners: Manners, port: int, host: str, heartbeat_hz: float
+        self, autopilot: SimulatedAutopilot, port: int = 14540, host: str = "127.0.0.1", heartbeat_hz: float = 1.0
     ) -> None:
         dialect.register(mavlink)
         self.autopilot = autopilot
-        self.manners = manners
+        self.manners = self.new_manners()
         self.faults = Faults()
         self.setpoints_received: list[ReceivedSetpoint] = []
         self.motor_tests_received = 0
         self.vision_poses_received: list[Message] = []
-        """VISION_POSITION_ESTIMATE, as it arrived; nothing is estimated from it."""
+        """VISION_POSITION_ESTIMATE messages as they arrived; the estimator does not use them."""
         self.lag_s = 0.0
-        """Real time that the vehicle's clock has given up because the machine was too busy."""
+        """Real time by which the vehicle's clock is behind because the machine was too busy, s."""
         self._booted_s = 0.0
         self._addresses = [(host, port)]
         self._socket: socket.socket | None = None
         self._mav = mavlink.MAVLink(None, srcSystem=1, srcComponent=mavlink.MAV_COMP_ID_AUTOPILOT1)
         self._mav.robust_parsing = True
         self._streams = {
-            **manners.streams,
+            **self.manners.streams,
             mavlink.MAVLINK_MSG_ID_HEARTBEAT: Stream(self._heartbeat, heartbeat_hz, "heartbeat"),
             mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION: Stream(self._version, 0.0, "heartbeat"),
         }
@@ -96,12 +101,16 @@ class MavlinkMock:
             mavlink.MAV_CMD_REQUEST_MESSAGE: self._request_message,
         }
 
+    @abstractmethod
+    def new_manners(self) -> Manners:
+        """Description of this autopilot on the wire."""
+
     def also_send_to(self, port: int) -> None:
-        """Another program at another port of the same host hears the same and may send too, as behind a router."""
+        """Send to another port of the same host too, from where commands are taken as well, as behind a router."""
         self._addresses.append((self._addresses[0][0], port))
 
     def start(self) -> None:
-        """Open the socket and let time run."""
+        """Open the socket and start the vehicle's time."""
         host = self._addresses[0][0]
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.bind((host if host.startswith("127.") else "", 0))
@@ -111,7 +120,7 @@ class MavlinkMock:
         self._thread.start()
 
     def stop(self) -> None:
-        """Stop time and close the socket; raises what the thread died of, if it did."""
+        """Stop the vehicle's time and close the socket; raises the error of the thread, if it failed."""
         self._stopping.set()
         if self._thread is not None:
             self._thread.join()
@@ -124,7 +133,7 @@ class MavlinkMock:
             raise failure
 
     def restart(self) -> None:
-        """As after a short loss of power: disarmed, its clock at 0, its messages at their default rates."""
+        """Restart as after a short loss of power: disarmed, clock at 0, messages at their default rates."""
         self.autopilot.power_cycle()
         self._booted_s = self.autopilot.time_s + self.lag_s
         for stream in self._streams.values():
@@ -176,7 +185,7 @@ class MavlinkMock:
                 self._news.notify_all()
 
     def _receive_until(self, deadline_s: float) -> None:
-        """Handle what arrives, as it arrives; at least what is there already."""
+        """Handle messages as they arrive, until `deadline_s`; those that wait already in any case."""
         assert self._socket is not None
         while True:
             wait_s = max(deadline_s - time.monotonic(), 0.0)
@@ -208,7 +217,7 @@ class MavlinkMock:
                     self._send(message)
 
     def _stamped(self, estimate: VehicleState) -> VehicleState:
-        """With the time since boot on a clock that runs on while the vehicle's waits for a busy machine."""
+        """Estimate with the time since boot, on a clock that runs on while the vehicle's waits for a busy machine."""
         return replace(
             estimate,
             time_s=estimate.time_s + self.lag_s - self._booted_s,
@@ -241,7 +250,7 @@ class MavlinkMock:
         )
 
     def _answer(self, refusal: str | None) -> int:
-        """The result of a request; a refusal is told in words too, as PX4 does."""
+        """MAV_RESULT of a request; a refusal is also sent as a text, as PX4 does."""
         if refusal is None:
             return int(mavlink.MAV_RESULT_ACCEPTED)
         self._send(mavlink.MAVLink_statustext_message(mavlink.MAV_SEVERITY_CRITICAL, refusal.encode()[:50]))
@@ -266,7 +275,7 @@ class MavlinkMock:
         return self._answer(self.autopilot.request_take_off(command.param7))
 
     def _test_motor(self, command: Message) -> int:
-        """By whole percent, as ArduPilot has it."""
+        """Test one motor by whole percent, as ArduPilot does."""
         number, kind, percent, seconds = round(command.param1), command.param2, int(command.param3), command.param4
         if kind != mavlink.MOTOR_TEST_THROTTLE_PERCENT or not 0 <= percent <= 100:
             return int(mavlink.MAV_RESULT_UNSUPPORTED)
@@ -311,7 +320,7 @@ class MavlinkMock:
         self._send_parameter(name)
 
     def _send_parameter(self, name: str) -> None:
-        """The value, or nothing for a parameter that does not exist."""
+        """Send the value of a parameter, or nothing where it does not exist."""
         parameters = self.autopilot.parameters
         if name in parameters:
             value, kind = self._encoded(name, parameters[name]), self._parameter_type(name)

@@ -19,7 +19,7 @@ REST_HEIGHT_M = 0.05
 """Height of the logged body point when the vehicle stands on its legs."""
 
 IDLE_RPM = 1000.0
-"""Of an armed motor at zero output."""
+"""Rotor speed of an armed motor at zero output."""
 
 
 class Motion(NamedTuple):
@@ -112,11 +112,11 @@ class SimulatedBody:
         self.time_s += STEP_S
 
     def motor_current_a(self, rpm: Sequence[float]) -> tuple[float, ...]:
-        """What the motors draw at these rotor speeds."""
+        """Current of each motor, A, at these rotor speeds."""
         return tuple(self._watts_per_rpm3 * r**3 * Battery.AMPERE_PER_WATT for r in rpm)
 
     def _turn_rotors(self, outputs: Sequence[float | None]) -> None:
-        """None is a motor that is stopped; one that is armed idles at an output of 0."""
+        """Advance the rotor speeds by STEP_S. An output of None stops a motor; at an output of 0 it idles."""
         vehicle, curve, rpm = self.vehicle, self.vehicle.throttle, self.rpm
         k, n, share = vehicle.rotor.thrust_n_per_rpm2, vehicle.n_rotors, self._rotor_share
         # Rotor speed follows the voltage: half of a change shows, the rest is the load line of the motor.
@@ -134,17 +134,14 @@ class SimulatedBody:
     def _force_and_torque(self) -> tuple[Vec3, Vec3]:
         vehicle, truth = self.vehicle, self.truth
         k = vehicle.rotor.thrust_n_per_rpm2
-        thrusts = [k * rpm * rpm for rpm in self.rpm]
+        thrusts: Sequence[float] = [k * rpm * rpm for rpm in self.rpm]
         fx = fy = fz = tx = ty = tz = 0.0
         if truth.stack:
             north, east, down = self.position
             velocity_body = rotate_inverse(self.attitude, self.velocity)
             volts = self.battery.voltage_v
             c = conditions(vehicle, -down, velocity_body, self.attitude, self.time_s, volts, (north, east))
-            c = truth.in_air(c)
-            thrusts = list(truth.rotor_thrust(thrusts, c))
-            fx, fy, fz = truth.side_force(sum(thrusts), c)
-            tx, ty, tz = truth.side_torque(thrusts, c)
+            thrusts, (fx, fy, fz), (tx, ty, tz) = truth.loads(thrusts, c)
         for (ax, ay, az, mx, my, mz), thrust in zip(self._geometry, thrusts, strict=True):
             fx, fy, fz = fx + ax * thrust, fy + ay * thrust, fz + az * thrust
             tx, ty, tz = tx + mx * thrust, ty + my * thrust, tz + mz * thrust
@@ -162,7 +159,7 @@ class SimulatedBody:
         return -grip * vx, -grip * vy, -push
 
     def _levelled(self, torque: Vec3) -> Vec3:
-        """The legs hold the vehicle level."""
+        """Moment with that of the legs, which hold the vehicle level."""
         roll_axis, pitch_axis, _ = rotate_inverse(self.attitude, (0.0, 0.0, 1.0))
         ix, iy, iz = self._inertia
         p, q, r = self.rates

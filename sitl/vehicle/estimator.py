@@ -1,4 +1,4 @@
-"""What the autopilot believes: the truth, late, with noise, at the rates of a real one."""
+"""The estimate of the autopilot: the true state, delayed, with noise, at the rates of a real one."""
 
 import math
 import random
@@ -10,14 +10,14 @@ from quadctl.sitl.vehicle.hidden import Noise, Telemetry
 from quadctl.state import NAN, Quat, Vec3
 
 UPDATE_S = 0.01
-"""Of position, velocity, attitude and rates: 100 Hz."""
+"""Interval of position, velocity, attitude and rates: 100 Hz."""
 LAST_BITS = 1e-7
 """Noise of velocity (m/s) and rates (rad/s) in a world without noise: no estimate repeats itself to the last bit, and
 one that does counts as frozen."""
 
 
 class Estimator:
-    """Feeds on the true motion of every physics step, gives the estimate of the latest update.
+    """Estimator: takes the true motion of every physics step, gives the estimate of the latest update.
 
     The power side (rotor speeds, battery) has a rate and a delay of its own.
     """
@@ -40,7 +40,7 @@ class Estimator:
         self.battery_v = NAN
 
     def observe(self, motion: Motion) -> None:
-        """Take in the true motion; update what is due."""
+        """Take in the true motion, and update the parts that are due."""
         past, now = self._past, motion.time_s
         past.append(motion)
         longest = max(self._telemetry.delay_s, self._telemetry.rpm_delay_s)
@@ -60,7 +60,7 @@ class Estimator:
             self.battery_v = late.battery_v + self._gauss(self._noise.battery_v)
 
     def _at(self, time_s: float) -> Motion:
-        """True motion at `time_s`, to the physics step before."""
+        """True motion of the last physics step before `time_s`."""
         past = self._past
         step = past[1].time_s - past[0].time_s if len(past) > 1 else 1.0
         index = round((time_s - past[0].time_s) / step)

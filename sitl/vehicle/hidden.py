@@ -1,4 +1,4 @@
-"""The truth that a simulated flight hides: physics and noise that only the simulator reads.
+"""The hidden truth of a simulated flight: effects and noise that only the simulator reads.
 
 Besides the catalogue's effects, the truth may hold effects of other functional forms, so that an analysis is tested on
 a world that does not share its code.
@@ -19,11 +19,11 @@ from quadctl.vehicle import Vehicle
 
 
 class Noise(Settings):
-    """Standard deviations of the autopilot's estimate, white from one update to the next, but for the drift."""
+    """Standard deviations of the noise of the autopilot's estimate, white except for the drift."""
 
     position_m: NonNegativeFloat = 0.0005
     position_drift_m: NonNegativeFloat = 0.0
-    """Of a slow error of the position in each axis, such as satellite navigation has."""
+    """Standard deviation of a slow position error in each axis, such as satellite navigation has."""
     drift_time_s: float = Field(default=30.0, gt=0.0)
     """Correlation time of the drift."""
     velocity_m_s: NonNegativeFloat = 0.01
@@ -34,18 +34,18 @@ class Noise(Settings):
 
 
 class Telemetry(Settings):
-    """How old and how frequent the estimate is, as seen in public flight logs."""
+    """Delay and rate of the estimate, as seen in public flight logs."""
 
     delay_s: float = Field(default=0.02, ge=0.0, le=0.5)
     """Age of position, velocity and attitude."""
     rotor_speeds: bool = True
-    """Whether there are any."""
+    """True: rotor speeds are sent."""
     rpm_delay_s: float = Field(default=0.03, ge=0.0, le=0.5)
     rpm_rate_hz: float = Field(default=25.0, gt=0.0, le=100.0)
 
 
 class HiddenTruth(Settings):
-    """What `simulate --hidden FILE` reads."""
+    """Content of the file of `simulate --hidden FILE`."""
 
     effects: list[EffectEntry] = Field(default_factory=list)
     noise: Noise = Noise()
@@ -74,7 +74,7 @@ HIDDEN_EFFECTS: dict[str, type[Effect]] = {GroundCushion.name: GroundCushion}
 
 
 def load_hidden(path: Path | str | None) -> HiddenTruth:
-    """The truth of a file, or none but noise."""
+    """Read the truth of a file; None: no effects, default noise."""
     return HiddenTruth() if path is None else load(path, HiddenTruth)
 
 

@@ -9,17 +9,17 @@ from quadctl.state import Quat, Vec3
 from quadctl.vehicle import Vehicle
 
 ATTITUDE_P = (6.5, 6.5, 2.8)
-"""1/s, PX4's MC_ROLL_P, MC_PITCH_P, MC_YAW_P."""
+"""Gains of the attitude loop, 1/s: PX4's MC_ROLL_P, MC_PITCH_P, MC_YAW_P."""
 RATE_P = (20.0, 20.0, 6.0)
-"""1/s: angular acceleration per rate error."""
+"""Gains of the rate loop, 1/s: angular acceleration per rate error."""
 RATE_I = (25.0, 25.0, 6.0)
-"""1/s^2."""
+"""Integral gains of the rate loop, 1/s^2."""
 MAX_RATE_RAD_S = (3.8, 3.8, 3.5)
 MAX_INTEGRAL_RAD_S2 = 12.0
 
 
 class InnerLoops:
-    """From attitude target and throttle to motor outputs; holds the rate integrator."""
+    """Controller from attitude target and throttle to motor outputs, with the state of its rate integrator."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._inertia = vehicle.principal_inertia_kg_m2
@@ -72,7 +72,7 @@ def allocation(vehicle: Vehicle) -> list[tuple[float, float, float]]:
 
 
 def level_with_yaw(attitude: Quat) -> Quat:
-    """The level attitude of the same heading."""
+    """Level attitude with the heading of `attitude`."""
     w, x, y, z = attitude
     yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
     return math.cos(0.5 * yaw), 0.0, 0.0, math.sin(0.5 * yaw)

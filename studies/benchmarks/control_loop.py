@@ -33,6 +33,7 @@ from quadctl.effects import CATALOG
 from quadctl.flight import session
 from quadctl.flight.autopilot.mavsdk_autopilot import MavsdkAutopilot
 from quadctl.flight.preflight.plan import FlightPlan
+from quadctl.flight.preflight.preparation import prepare_flight
 from quadctl.logs.read import read_log
 from quadctl.model import load_model
 from quadctl.state import AttitudeTarget, Setpoint, VehicleState
@@ -274,7 +275,7 @@ TIMED: list[Timed] = []
 def _fly(url: str, mission: str, folder: str, view: bool) -> None:
     """Fly in the child process."""
     session.MavsdkAutopilot = Timed  # type: ignore[attr-defined, assignment]  # the session makes its adapter itself
-    plan = session.prepare_flight(Path(mission), _patient(Path(folder)), "sanchez", None)
+    plan = prepare_flight(Path(mission), _patient(Path(folder)), "sanchez", None)
     began_s, began_cpu_s = time.monotonic(), time.process_time()
     with _live_view(plan, Path(folder)) if view else contextlib.nullcontext() as viewer:
         outcome = session.fly_real_time(

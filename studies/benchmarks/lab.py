@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import quadctl.sitl.run
-from quadctl.flight.session import prepare_flight
+from quadctl.flight.preflight.preparation import prepare_flight
 from quadctl.lab.flights.dataset import load_dataset
 from quadctl.lab.selection.diagnosis import diagnose
 from quadctl.logs.read import read_log

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import quadctl.sitl.run
-from quadctl.flight.session import prepare_flight
+from quadctl.flight.preflight.preparation import prepare_flight
 
 ROOT = Path(__file__).parents[2]
 Row = tuple[str, str, str]

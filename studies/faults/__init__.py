@@ -1,1 +1,1 @@
-"""Every fault on every autopilot, in real time over MAVLink: what happened, and after how long."""
+"""Every fault on every simulated autopilot, in real time over MAVLink: the answer of the flight, and its time."""

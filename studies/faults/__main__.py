@@ -10,11 +10,11 @@ from pathlib import Path
 from rich.console import Console
 
 from .cases import CASES
-from .fly import JOBS, Verdict, fly_all
+from .flights import JOBS, Verdict, fly_all
 from .scene import PROFILES, ROOT
 
 ADDRESS = re.compile(r" \(system \d+\) at \S+")
-"""Of the simulated autopilot: another one in every flight."""
+"""Address of the simulated autopilot in a message: another one in every flight."""
 PAGE = ROOT / "docs" / "faults.md"
 HEAD = """# Faults
 

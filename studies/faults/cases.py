@@ -1,4 +1,4 @@
-"""The faults, each with what must come of it."""
+"""The faults, each with its expected result."""
 
 import math
 import resource
@@ -12,37 +12,37 @@ from quadctl.sitl.server import faults
 from .scene import HERE, Profile, Scene, Seen, Setting
 
 SILENCE_S = 0.3
-"""After the last setpoint that a stalled or blind flight may send."""
+"""Longest time after the fault at which a stalled or blind flight may still send a setpoint."""
 LAND_SEEN_S = 0.5
-"""A mode that has been taken shows in the next heartbeat."""
+"""Longest time until a change of mode shows in a heartbeat."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """A fault in the hover, and what it must lead to."""
+    """A fault in hover, with its expected result."""
 
     name: str
     inject: Callable[[Scene], None]
     answer: str
-    """Of the guards, as in the log; empty where the process cannot answer any more. After a stall `hand over or
-    release`: that depends on which of the messages that have waited is the first to be read."""
+    """Answer of the guards, as in the log; empty where the process can no longer answer. After a stall `hand over or
+    release`, depending on which of the waiting messages is read first."""
     said: str
-    """In the log, of why the flight ended."""
+    """Text in the log about the end of the flight."""
     mode: str = "land"
-    """The mode that comes next: land, boot, failsafe or stick; empty for none."""
+    """Expected next mode: land, boot, failsafe or stick; empty for none."""
     silent_s: float = SILENCE_S
-    """The last setpoint comes no later; for a landing, the change of mode."""
+    """Latest time of the last setpoint, s; for a landing, of the change of mode."""
     setting: Setting = field(default_factory=Setting)
-    """What is set for this flight."""
+    """Settings of this flight."""
     on_ardupilot: Mapping[str, Any] = field(default_factory=dict)
-    """What else it must lead to there, as fields of this class."""
+    """Fields of this class that differ on ArduPilot."""
 
     def on(self, autopilot: str) -> "Case":
-        """What it must lead to there."""
+        """Expected result on `autopilot`."""
         return replace(self, **self.on_ardupilot) if autopilot == "ardupilot" else self
 
     def wrong(self, seen: Seen, profile: Profile) -> list[str]:
-        """What is not as it must be."""
+        """Differences from the expected result."""
         modes = {"land": "LAND", "boot": profile.boot, "failsafe": profile.failsafe, "stick": profile.stick}
         expected = modes.get(self.mode, "")
         silent_s = self.silent_s
@@ -123,7 +123,7 @@ def _restart_at_once(scene: Scene) -> None:
 
 
 def _refuse_landing(scene: Scene) -> None:
-    """For 1.5 s: until PX4 has acted by itself, and before ArduPilot, which does not, is asked again."""
+    """Refuse modes for 1.5 s: until PX4 has acted by itself, and before ArduPilot, which does not, is asked again."""
     scene.px.faults.refuse_modes = "not now"
     scene.signal(SIGINT)
     scene.later(1.5, lambda: _be(refuse_modes="")(scene))
@@ -155,7 +155,7 @@ def _rise_out_of_the_data(scene: Scene) -> None:
 
 
 def _fill_disk(scene: Scene) -> None:
-    """No file may grow beyond what the log holds now."""
+    """Limit the size of files to the present size of the log."""
     size = scene.log.stat().st_size
     resource.prlimit(scene.process.pid, resource.RLIMIT_FSIZE, (size, size))
     scene.later(1.0, lambda: scene.signal(SIGTERM))

@@ -1,4 +1,4 @@
-"""One flight with one fault: a simulated autopilot on the wire, the flight in a process of its own, what was seen."""
+"""One flight with one fault: a simulated autopilot on the wire, the flight in its own process, and the observations."""
 
 import json
 import os
@@ -29,7 +29,7 @@ ROOT = HERE.parents[1]
 CONFIG = ROOT / "config" / "flight.yaml"
 VEHICLE = load_vehicle(CONFIG.parent / "vehicles" / "raptor.yaml")
 PERSON_S = 3.5
-"""A person lands what nobody has landed for so long; a flight that was stalled for 3 s comes first."""
+"""Time after which a person lands a vehicle that nothing has landed: longer than the stall of 3 s."""
 HOVER_M = 0.4
 CALM_S = 0.3
 START_TIMEOUT_S, END_TIMEOUT_S, EXIT_TIMEOUT_S = 60.0, 20.0, 2.0
@@ -43,16 +43,16 @@ class Profile:
 
     name: str
     make: Callable[[int], MavlinkMock]
-    """On the wire at a port."""
+    """Function from a port to the autopilot on the wire."""
     offboard: str
     boot: str
     """Its mode after power-up."""
     failsafe: str
-    """What `mode_of` says when setpoints stop."""
+    """Result of `mode_of` when setpoints stop."""
     stick: str
     """The mode that a person's stick takes."""
     land_speed: str
-    """Name of the parameter."""
+    """Name of the parameter with the landing speed."""
 
 
 def px4(port: int) -> MavlinkMock:
@@ -80,7 +80,7 @@ def mode_of(autopilot: SimulatedAutopilot) -> str:
 
 
 def waits_for_a_person(autopilot: SimulatedAutopilot) -> bool:
-    """Nothing of its own will ever land it."""
+    """True when no failsafe of its own will ever land it."""
     return (
         isinstance(autopilot, SimulatedCopter) and autopilot.mode == "GUIDED" and autopilot.guided is not Guided.TARGETS
     )
@@ -88,27 +88,27 @@ def waits_for_a_person(autopilot: SimulatedAutopilot) -> bool:
 
 @dataclass
 class Seen:
-    """What a fault led to; times are seconds after it began."""
+    """Consequences of a fault; times are seconds after it began."""
 
     last_setpoint_s: float = 0.0
     setpoints: int = 0
-    """That arrived after the fault began."""
+    """Setpoints that arrived after the fault began."""
     unfit: list[str] = field(default_factory=list)
     """Setpoints of the whole flight that should not have reached the wire."""
     modes: list[tuple[str, float]] = field(default_factory=list)
-    """Changes of mode."""
+    """Changes of mode after the fault."""
     at_rest_s: float = float("nan")
-    """Landed and disarmed."""
+    """Time at which the vehicle was landed and disarmed."""
     ended: str = ""
-    """What the log says."""
+    """End of the flight, as the log says."""
     events: list[tuple[str, str]] = field(default_factory=list)
-    """What and answer, from the log."""
+    """Events from the log, as (what, answer)."""
     rows_lost_s: float = 0.0
     """Setpoints that arrived and are not in the log, in seconds of flight."""
     exited_s: float = float("nan")
-    """When the flight's process had ended by itself."""
+    """Time at which the flight's process had ended by itself."""
     problem: str = ""
-    """What its result file says besides."""
+    """Further content of its result file."""
 
     @property
     def mode(self) -> str:
@@ -118,13 +118,13 @@ class Seen:
 
 @dataclass(frozen=True)
 class Setting:
-    """How one flight differs from the others before its fault."""
+    """Settings in which one flight differs from the others before its fault."""
 
     stall_s: float = 3.0
-    """How long SIGUSR1 and SIGUSR2 stall the process."""
+    """Time for which SIGUSR1 and SIGUSR2 stall the process, s."""
     guards: Mapping[str, float] = field(default_factory=dict)
     model: Path | None = None
-    """Compensator."""
+    """Compensator of the flight."""
 
 
 class Scene:
@@ -227,7 +227,7 @@ class Scene:
         px.wait_until(lambda: autopilot.time_s > end_s, START_TIMEOUT_S)
 
     def _end(self) -> None:
-        """A process that waits for a link that does not come back is told to let go."""
+        """Interrupt a process that waits for a link that does not come back."""
         for _ in range(2):
             if self.process.poll() is None:
                 self.signal(signal.SIGINT)

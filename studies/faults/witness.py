@@ -1,4 +1,4 @@
-"""Whether the machine itself stood still: a virtual one may be held up for longer than any flight in real time allows.
+"""Witness of pauses of the machine itself: a virtual one may be stopped for longer than a flight in real time allows.
 
 A test in real time that fails while that happened says nothing, and is run again.
 """
@@ -11,7 +11,7 @@ from typing import Any
 
 ROUND_S = 0.01
 STOOD_STILL_S = 0.1
-"""Half of the age at which a flight gives up on a state."""
+"""Longest sleep that is tolerated: half of the age at which a flight gives up on a state."""
 
 
 class Witness:
@@ -24,16 +24,16 @@ class Witness:
         context.Process(target=_sleep, args=(self._longest, self._lost), daemon=True).start()
 
     def forget(self) -> None:
-        """Look from now on."""
+        """Forget the sleeps noted so far."""
         self._longest.value = self._lost.value = 0.0
 
     @property
     def lost_s(self) -> float:
-        """All the time that it overslept by more than a round."""
+        """Sum of the times by which it overslept by more than a round."""
         return float(self._lost.value)
 
     def stood_still(self) -> bool:
-        """Whether it overslept by so much that the machine cannot have been running."""
+        """True when it overslept by so much that the machine cannot have been running."""
         return bool(self._longest.value > STOOD_STILL_S)
 
 

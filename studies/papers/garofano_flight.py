@@ -14,7 +14,7 @@ import yaml
 
 from quadctl.effects.ground_effect import Exponential
 from quadctl.errors import QuadctlError
-from quadctl.flight.session import prepare_flight
+from quadctl.flight.preflight.preparation import prepare_flight
 from quadctl.lab.flights.dataset import load_dataset
 from quadctl.lab.selection.addition import add
 from quadctl.lab.tracking.metrics import Window, metrics

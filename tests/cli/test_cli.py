@@ -14,6 +14,7 @@ import yaml
 
 from quadctl.cli import main
 from quadctl.effects.ground_effect import Exponential
+from quadctl.lab.interface import HoldOutError
 from quadctl.logs.csv_log import write_csv
 from quadctl.model import Model, load_model
 from quadctl.vehicle import Vehicle
@@ -78,7 +79,10 @@ class TestCommands:
 
     def test_the_circle(self, quadctl: Callable[..., Result], log: Path, tmp_path: Path) -> None:
         """diagnose names the effect, add fits it, the error falls, the model flies and is measured."""
-        assert quadctl("diagnose", VEHICLE, log, "--json", "d.json").status == 0
+        done = quadctl("diagnose", VEHICLE, log, "--json", "d.json")
+        assert done.status == 0
+        rows = [line for line in done.out.splitlines() if line.startswith("ground_effect.") and " -> " in line]
+        assert rows and all(row.split()[2] == "->" and row.split()[4].endswith("%") for row in rows)  # 80 columns
         diagnosis = json.loads(Path("d.json").read_text())
         assert diagnosis["verdict"] == "missing" and diagnosis["missing"] == ["ground_effect"]
 
@@ -115,6 +119,59 @@ class TestCommands:
         for command in (("compare", VEHICLE, log), ("diagnose", VEHICLE, log)):
             assert quadctl(*command, "--html", "r.html").status == 0
             assert "<html" in Path("r.html").read_text()
+
+
+INSTALLED = "the one installed with quadctl (quadctl init DIR copies it for editing)"
+
+
+class TestOutsideTheRepository:
+    """Every command runs in an empty folder, on what is installed with quadctl, and says so."""
+
+    def test_a_mission_is_flown_and_checked(self, quadctl: Callable[..., Result]) -> None:
+        done = quadctl("simulate", "missions/short_hop.yaml")
+        assert done.status == 0
+        assert f"missions/short_hop.yaml: {INSTALLED}\nconfiguration: {INSTALLED}\n" in done.out
+        done = quadctl("check", "config/vehicles/raptor.yaml", "missions/short_hop.yaml")
+        assert done.status == 0
+        assert f"config/vehicles/raptor.yaml: {INSTALLED}\n" in done.out
+
+    def test_a_mission_of_ones_own_needs_no_configuration_of_ones_own(self, quadctl: Callable[..., Result]) -> None:
+        shutil.copy(MISSION, "mine.yaml")
+        done = quadctl("simulate", "mine.yaml")
+        assert done.status == 0
+        assert done.out.startswith(f"configuration: {INSTALLED}\n")
+
+    def test_a_copy_for_editing_goes_first(self, quadctl: Callable[..., Result]) -> None:
+        assert quadctl("init", ".").status == 0
+        Path("config/flight.yaml").write_text("vehicle: vehicles/raptor.yaml\ncompensator: hayden\n")
+        done = quadctl("simulate", "missions/short_hop.yaml")
+        assert done.status == 0
+        assert done.out.startswith("configuration: config/flight.yaml\n") and "installed" not in done.out
+        assert yaml.safe_load(next(Path("logs").glob("*.meta.yaml")).read_text())["compensator"] == "hayden"
+        one_sentence(quadctl("init", "."), "config", "is there already and would be overwritten")
+
+    def test_a_log_is_analysed_and_the_next_flight_suggested(self, quadctl: Callable[..., Result], log: Path) -> None:
+        assert quadctl("add", "exponential", "config/vehicles/raptor.yaml", log, "-o", "new.yaml").status == 0
+        done = quadctl("suggest", "new.yaml", log, "--json", "s.json")
+        assert done.status == 0
+        assert "missions: those installed with quadctl" in done.out
+        commands = [option["command"] for option in json.loads(Path("s.json").read_text())["options"]]
+        assert "quadctl fly missions/forward_sweep.yaml" in commands
+
+    def test_missions_are_listed(self, quadctl: Callable[..., Result]) -> None:
+        done = quadctl("mission", "list")
+        assert done.status == 0 and "hover_staircase" in done.out and "those installed with quadctl" in done.out
+
+    def test_a_real_vehicle_is_not_flown_with_the_example_configuration(self, quadctl: Callable[..., Result]) -> None:
+        refused = quadctl("fly", "missions/short_hop.yaml", "--link", "udpin://127.0.0.1:1")
+        one_sentence(refused, "there is no config/flight.yaml here", "quadctl init DIR")
+
+    def test_the_page_begins(self, quadctl: Callable[..., Result], monkeypatch: pytest.MonkeyPatch) -> None:
+        begun: list[Any] = []
+        monkeypatch.setattr("quadctl.web.page.server.serve", lambda *arguments: begun.extend(arguments))
+        done = quadctl("lab")
+        assert done.status == 0 and "missions: those installed with quadctl" in done.out
+        assert begun[1].model.vehicle.name == "raptor"
 
 
 class TestBadInput:
@@ -194,8 +251,23 @@ class TestBadInput:
         assert unasked.status == 2 and "need --sitl" in unasked.err
         assert quadctl("fly", MISSION, "--sitl", "--autopilot", "betaflight").status == 2
         assert quadctl("compare", VEHICLE).status == 2
-        assert quadctl("diagnose", VEHICLE, log, "--hold-out", "nothing").status == 2
+        refused = quadctl("diagnose", VEHICLE, log, "--hold-out", "nothing")
+        assert refused.status == 2
+        assert "--hold-out is 'nothing', expected blocks or flights" in refused.err
         assert quadctl("fligh").status == 2
+
+    def test_only_the_lab_knows_what_can_be_held_out(
+        self, quadctl: Callable[..., Result], log: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        """The command hands on what it is given, and what the lab says of it: exit status 2, its own option's name."""
+
+        def refuse(logs: object, vehicle: object, hold_out: str) -> None:
+            raise HoldOutError(f"hold_out is {hold_out}, and no more than that")
+
+        monkeypatch.setattr("quadctl.lab.interface.prepare_flights", refuse)
+        refused = quadctl("compare", VEHICLE, log), quadctl("diagnose", VEHICLE, log, "--hold-out", "moons")
+        assert [result.status for result in refused] == [2, 2]
+        assert "--hold-out is moons, and no more than that" in refused[1].err
 
     def test_of_output_paths(self, quadctl: Callable[..., Result], log: Path) -> None:
         Path("file").touch()

@@ -44,8 +44,8 @@ def compensator(vehicle: Vehicle, *effects: Effect, band: float = 0.3) -> Compen
 
 
 def tick(vehicle: Vehicle, setpoint: Setpoint, state: VehicleState, **changes: Any) -> ControlOutput:
-    arguments: dict[str, Any] = {"memory": Memory(), "settings": SETTINGS, "compensator": None} | changes
-    return control(setpoint, state, dt=DT, ground_down_m=0.0, vehicle=vehicle, **arguments)
+    usual: dict[str, Any] = {"memory": Memory(), "settings": SETTINGS, "compensator": compensator(vehicle)}
+    return control(setpoint, state, dt=DT, ground_down_m=0.0, vehicle=vehicle, **{**usual, **changes})
 
 
 # --- position to velocity ------------------------------------------------------------------------------------------
@@ -433,6 +433,19 @@ def test_a_lift_that_carries_the_vehicle_does_not_turn_it_over(raptor: Vehicle) 
     assert out.acceleration_sp[2] == 7.0
     assert out.target.attitude == pytest.approx(LEVEL)
     assert out.memory.thrust_n == 0.0
+
+
+def test_no_thrust_at_the_last_tick_is_no_thrust_to_the_effects(raptor: Vehicle) -> None:
+    # A thrust axis leaning 5 deg pushes with thrust * sin 5; the rotors count for no less than a tenth of the weight.
+    leaning = compensator(raptor, FixedTilt(roll_deg=5.0))
+    for memory, felt_n in ((Memory(thrust_n=0.0), 0.1 * WEIGHT_N), (Memory(thrust_n=20.0), 20.0), (Memory(), WEIGHT_N)):
+        out = tick(raptor, Setpoint(ORIGIN), hovering(), memory=memory, compensator=leaning)
+        assert out.compensation.force_ned_n[1] == pytest.approx(math.sin(math.radians(5.0)) * felt_n)
+
+
+def test_control_makes_no_compensator_of_its_own_at_every_tick(raptor: Vehicle) -> None:
+    with pytest.raises(TypeError, match="compensator"):
+        control(Setpoint(ORIGIN), hovering(), Memory(), DT, 0.0, raptor, SETTINGS)  # type: ignore[call-arg]
 
 
 def test_gains_of_zero_leave_the_reference_alone(raptor: Vehicle) -> None:

@@ -239,7 +239,7 @@ def test_an_effect_declares_itself(kind: type[Effect]) -> None:
     assert kind.family() == family
     assert CATALOG[kind.name] is kind
     assert find_effect(variant, "model.yaml") is kind
-    assert all((kind.source, kind.physics, kind.told_apart_by, kind.mission))
+    assert all((kind.source, kind.physics, kind.distinguished_by, kind.mission))
     for p in kind.parameters():
         assert p.low <= p.default <= p.high
         assert p.low < p.high

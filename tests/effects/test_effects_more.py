@@ -39,7 +39,7 @@ from quadctl.vehicle import Rotor, RotorPlace, Vehicle
 LEVEL = (1.0, 0.0, 0.0, 0.0)
 WEIGHT_N = 14.709975
 RADIUS_M = 0.1194
-"""Of the hexarotor."""
+"""Rotor radius of the hexarotor."""
 
 
 def hexarotor(raptor: Vehicle, cant_deg: float = 0.0, dihedral_deg: float = 0.0) -> Vehicle:

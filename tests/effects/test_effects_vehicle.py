@@ -415,7 +415,7 @@ def test_what_turns_the_body_says_so(raptor: Vehicle) -> None:
     balanced = Model(raptor).body_torque([3.0] * 4, c)
     for kind in THEM:
         turned = Model(raptor).plus(kind()).body_torque([3.0] * 4, c)
-        assert (math.dist(turned, balanced) > 1e-6) is kind.turns, kind.name
+        assert (math.dist(turned, balanced) > 1e-6) is kind.affects_moment, kind.name
 
 
 @pytest.mark.parametrize("effect", [SteadyWind(), MassStep()])

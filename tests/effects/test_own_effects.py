@@ -12,10 +12,10 @@ from typer.testing import CliRunner
 
 import quadctl.sitl.run
 from quadctl.cli import app
-from quadctl.effects import CATALOG, catalog, catalog_with, choose_effect, every_effect, find_effect
+from quadctl.effects import CATALOG, Conditions, catalog, catalog_with, choose_effect, every_effect, find_effect
 from quadctl.effects.user import effects_of
 from quadctl.errors import SettingsError
-from quadctl.flight.session import prepare_flight
+from quadctl.flight.preflight.preparation import prepare_flight
 from quadctl.logs.convert import convert
 from quadctl.model import Model, load_model, save_model
 from quadctl.vehicle import Vehicle
@@ -24,6 +24,27 @@ from tests.support.places import ROOT
 
 TRUTH = {"loss": 0.15, "worst_m_s": 0.5}
 WRITE = Callable[..., Path]
+
+WARM_ACCELEROMETER = """
+from dataclasses import dataclass
+from typing import ClassVar
+from quadctl.effects import Conditions, Effect, parameter
+from quadctl.numeric import Vector
+
+@dataclass(frozen=True)
+class Warmth(Effect):
+    name: ClassVar[str] = "imu_warmth.ramp"
+    source: ClassVar[str] = "test"
+    depends_on: ClassVar[tuple[str, ...]] = ("time_s",)
+    physics: ClassVar[str] = "The accelerometer warms up."
+    distinguished_by: ClassVar[str] = "a long flight"
+    mission: ClassVar[str] = "missions/hover_staircase.yaml"
+    affects_accelerometer: ClassVar[bool] = True
+    per_s: float = parameter(0.0, -0.1, 0.1, "m/s^3", "growth of the bias along body z")
+
+    def sensed_m_s2(self, c: Conditions) -> Vector:
+        return 0.0, 0.0, self.per_s * c.time_s
+"""
 
 
 @pytest.fixture(scope="session")
@@ -111,6 +132,30 @@ class TestAFile:
         with pytest.raises(SettingsError, match=rf"^{re.escape(str(path))}: {sentence}$"):
             effects_of(path)
 
+    def test_may_declare_itself_by_former_names(self, write: WRITE) -> None:
+        path = write(
+            (
+                "    distinguished_by:",
+                "    turns: ClassVar[bool] = True\n    retards = senses = True\n    told_apart_by:",
+            )
+        )
+        kind = effects_of(path)["vortex_ring.bump"]
+        assert kind.distinguished_by.startswith("descents at several rates")
+        assert kind.affects_moment and kind.adds_lag and kind.affects_accelerometer
+
+    def test_may_act_on_the_accelerometer_alone(self, tmp_path: Path, raptor: Vehicle) -> None:
+        path = tmp_path / "my_effect.py"
+        path.write_text(WARM_ACCELEROMETER)
+        warm = effects_of(path)["imu_warmth.ramp"].from_values({"per_s": 0.001}, "test")
+        level = Conditions(1.0, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), time_s=20.0)
+        assert Model(raptor).plus(warm).sensed_ned_m_s2(level) == pytest.approx((0.0, 0.0, 0.02))
+
+    def test_that_acts_on_the_accelerometer_must_say_so(self, tmp_path: Path) -> None:
+        path = tmp_path / "my_effect.py"
+        path.write_text(WARM_ACCELEROMETER.replace("    affects_accelerometer: ClassVar[bool] = True\n", ""))
+        with pytest.raises(SettingsError, match=r"Warmth has sensed_m_s2, expected affects_accelerometer: .+"):
+            effects_of(path)
+
     def test_that_is_missing(self, tmp_path: Path) -> None:
         with pytest.raises(
             SettingsError, match=r"none\.py: there is no such file, expected a Python file with an effect$"
@@ -130,7 +175,7 @@ class TestAFile:
 
 
 class TestAnAnnouncedEffect:
-    """By the entry points of an installed package."""
+    """An effect announced by the entry points of an installed package."""
 
     @pytest.fixture
     def announce(self, monkeypatch: pytest.MonkeyPatch) -> Callable[[str, str], None]:

@@ -1,4 +1,4 @@
-"""The lab as a specification: how it fits, what it calls missing, and when it keeps silent."""
+"""Specification of the lab: the fit, what is called missing, and when nothing is."""
 
 import dataclasses
 import math
@@ -15,7 +15,7 @@ from quadctl.errors import SettingsError
 from quadctl.lab.comparison.comparison import compare
 from quadctl.lab.fitting.fitter import Fitter
 from quadctl.lab.fitting.noise import CorrelatedNoise, autocovariance
-from quadctl.lab.fitting.nuisances import MOST
+from quadctl.lab.fitting.nuisances import BOUND
 from quadctl.lab.fitting.parameters import intervals
 from quadctl.lab.fitting.significance import difference_p_value, improvement_p_value
 from quadctl.lab.flights.dataset import Dataset, load_dataset
@@ -122,7 +122,7 @@ class TestFit:
         assert fitted.effects[0].values()["factor"] == pytest.approx(0.93, abs=3e-3)
 
     def test_a_fit_sees_only_what_it_may(self, raptor: Vehicle) -> None:
-        """Samples that are held out may hold anything: the fit on the others does not change."""
+        """Held-out samples may have any value: the fit to the others does not change."""
         truth = Model(raptor).plus(ConstantScale(0.93))
         data = load_dataset([obedient(truth, noise_m_s=0.005)], raptor)
         fitter = Fitter(Model(raptor).plus(ConstantScale()), data)
@@ -326,10 +326,10 @@ class TestSpans:
     def test_an_effect_is_not_tried_where_the_data_cannot_tell_it_from_others(
         self, staircases: list[FlightLog], rigid: Model
     ) -> None:
-        """A hover says nothing of drag with the square of the speed: the result says so, it does not guess."""
+        """A hover does not determine a drag with the square of the speed: the result says so."""
         result = diagnose(rigid, load_dataset(staircases[:1], rigid.vehicle))
         assert "body_drag" not in {candidate.family for candidate in result.ranking}
-        assert any("body_drag.quadratic" in reason and "speed over 1 m/s" in reason for reason in result.untried)
+        assert any("body_drag.quadratic" in reason and "speed must span 1 m/s" in reason for reason in result.untried)
 
 
 class TestNuisances:
@@ -346,8 +346,8 @@ class TestNuisances:
     def test_they_are_held_to_what_is_believed(self, raptor: Vehicle) -> None:
         data = load_dataset([obedient(Model(raptor).plus(ConstantScale(0.8)), 60.0, noise_m_s=0.005)], raptor)
         fitted = Fitter(Model(raptor), data).fit()
-        assert np.all(np.abs(fitted.nuisances) <= MOST + 1e-12)
-        assert fitted.nuisances[0, 0] == pytest.approx(-MOST[0], abs=1e-4)
+        assert np.all(np.abs(fitted.nuisances) <= BOUND + 1e-12)
+        assert fitted.nuisances[0, 0] == pytest.approx(-BOUND[0], abs=1e-4)
 
     def test_each_flight_has_its_own(self, raptor: Vehicle) -> None:
         logs = [

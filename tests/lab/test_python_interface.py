@@ -1,4 +1,5 @@
-"""The lab from Python: the examples of its documentation run, results show themselves, and inputs are forgiving."""
+"""Python interface of the lab: the examples of its documentation run, results print themselves, and inputs are
+flexible."""
 
 import doctest
 import importlib
@@ -40,7 +41,7 @@ GROUND = "ground_effect.exponential"
 
 @pytest.fixture(scope="module")
 def folder(raptor: Vehicle, raptor_path: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder that the examples are run in: a vehicle, and two flights over a ground with a = 0.3, b = 6."""
+    """Folder in which the examples are run: a vehicle, and two flights over a ground with a = 0.3, b = 6."""
     where = tmp_path_factory.mktemp("examples")
     shutil.copy(raptor_path, where / "raptor.yaml")
     truth = Model(raptor).plus(Exponential(a=0.3, b=6.0))

@@ -41,7 +41,7 @@ def log(raptor: Vehicle, tmp_path: Path) -> Path:
 
 
 def refusal(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, *arguments: object) -> str:
-    """What a command says on its way out with status 1 or 2."""
+    """Message of a command that ends with status 1 or 2."""
     monkeypatch.setattr(sys, "argv", ["quadctl", *map(str, arguments)])
     with pytest.raises(SystemExit) as ended:
         cli.main()

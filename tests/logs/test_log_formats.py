@@ -1,15 +1,20 @@
-"""Any format: told by its content, damaged or not, there and back."""
+"""Any format: told by its content, damaged or not, there and back; a new one is one file and one line."""
 
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
+from pkgutil import resolve_name
 
 import numpy as np
 import pytest
 
 from quadctl.errors import LogError
 from quadctl.logs.csv_log import read_csv, write_csv
+from quadctl.logs.formats import CONVERTERS, FORMATS, writer
 from quadctl.logs.read import read_log
 from tests.support.log_files import sentence_of, small_dataflash, small_ulog, telemetry, tlog_bytes
+from tests.support.places import ROOT
 
 SMALL: dict[str, Callable[[], bytes]] = {
     ".ulg": small_ulog,
@@ -65,3 +70,73 @@ class TestAnyFormat:
 
     def test_missing_file_is_missing(self, tmp_path: Path) -> None:
         assert sentence_of(tmp_path / "a.ulg").endswith("there is no such file")
+
+
+class TestNewFormat:
+    """A module with its functions and one entry in a table: reader, commands and page know it."""
+
+    MODULE = """
+from pathlib import Path
+import numpy as np
+from quadctl.logs.flight_log import FlightLog
+
+def is_toy(head):
+    return head.startswith(b"TOY")
+
+def read_toy(path):
+    return FlightLog(path.name, path, {"time_s": np.array(path.read_text().split()[1:], dtype=float)})
+
+def write_toy(log, path):
+    path.write_text(" ".join(["TOY", *map(str, log.time_s.tolist())]))
+"""
+    ENTRY = """
+import sys
+from quadctl.logs import formats
+formats.FORMATS += (formats.LogFormat("Toy", ".toy", "toy:read_toy", "toy:is_toy"),)
+formats.CONVERTERS["toy"] = "toy:write_toy"
+"""
+
+    @pytest.fixture
+    def run(self, tmp_path: Path) -> Callable[[str], str]:
+        """Run code after the entry was made, in a folder with a log of that format; what it prints."""
+        (tmp_path / "toy.py").write_text(self.MODULE)
+        (tmp_path / "flight.log").write_text("TOY 0 0.5 1")
+
+        def run(code: str) -> str:
+            code = f"import sys; sys.path[:0] = [{str(tmp_path)!r}, {str(ROOT)!r}]\n{self.ENTRY}\n{code}"
+            command = [sys.executable, "-c", code]
+            return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True).stdout
+
+        return run
+
+    def test_is_read_and_written(self, run: Callable[[str], str], tmp_path: Path) -> None:
+        read = "from quadctl.logs.read import read_log; log = read_log('flight.log'); print(len(log))"
+        assert run(read) == "3\n"
+        run(f"{read}; from quadctl.logs.convert import convert; convert(log, 'toy')")
+        assert (tmp_path / "flight.toy").read_text() == "TOY 0.0 0.5 1.0"
+
+    def test_is_in_the_help_and_guarded_by_the_commands(self, run: Callable[[str], str]) -> None:
+        helped = run("sys.argv = ['quadctl', 'logs', '--help']; from quadctl.cli import main; main()")
+        assert ".tlog, .toy" in helped and "csv|parquet|mcap|toy" in helped
+        refused = "from quadctl.errors import QuadctlError\nfrom pathlib import Path\n"
+        refused += "from quadctl.cli.output import check_outputs\n"
+        refused += "try: check_outputs([], Path('a.toy'))\nexcept QuadctlError as error: print(error)"
+        assert "is the name of a flight log" in run(refused)
+
+    def test_may_be_dropped_on_the_page(self, run: Callable[[str], str]) -> None:
+        dropped = "from pathlib import Path; from quadctl.web.session.files import upload_path; "
+        assert run(dropped + "print(upload_path(Path('in'), 'a.toy'))") == "in/a.toy\n"
+        assert "Toy (.toy)" in run("from quadctl.logs.formats import labels; print(labels())")
+
+
+def test_every_function_that_the_tables_name_is_there() -> None:
+    for form in FORMATS:
+        assert callable(resolve_name(form.reader)) and (
+            form.recogniser is None or callable(resolve_name(form.recogniser))
+        )
+    assert all(callable(writer(to)) for to in CONVERTERS)
+
+
+def test_formats_are_listed_without_their_libraries() -> None:
+    code = "import sys, quadctl.logs.formats; print([m for m in ('numpy', 'polars', 'pyulog') if m in sys.modules])"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"

@@ -1,4 +1,4 @@
-"""What is said of a log is what is in it; a converted log holds the same."""
+"""The quality report says what is in a log; a converted log holds the same."""
 
 import io
 import json

@@ -44,7 +44,7 @@ def load(where: Path, **keys: Any) -> Mission:
 
 
 def sentence(where: Path, **keys: Any) -> str:
-    """What is said about a mission file with these keys; it names the file."""
+    """Error about a mission file with these keys; it names the file."""
     path = mission_file(where, **keys)
     with pytest.raises(SettingsError) as caught:
         load_mission(path)
@@ -393,7 +393,7 @@ def test_ordinary_phase_names_are_allowed(tmp_path: Path, name: str) -> None:
 
 @pytest.mark.parametrize("name", ["../../etc/passwd", "a/b", "a\nb", ""])
 def test_a_mission_name_that_is_no_file_name_is_refused(tmp_path: Path, name: str) -> None:
-    """It becomes part of the log's name."""
+    """A mission's name becomes part of the log's name."""
     text = sentence(tmp_path, name=name)
     assert text.startswith("name is ")
     assert "expected words" in text

@@ -18,8 +18,8 @@ from quadctl.flight.autopilot.telemetry import Telemetry
 from quadctl.flight.pilot.guards import GuardLimits
 from quadctl.flight.pilot.pilot import Pilot
 from quadctl.flight.pilot.tick import Request, Stage, Tick
+from quadctl.flight.preflight.preparation import prepare_flight
 from quadctl.flight.preflight.requirements import requirements_met
-from quadctl.flight.session import prepare_flight
 from quadctl.lab.comparison.comparison import compare
 from quadctl.lab.flights.channels import ROTOR_SPEED, signals_of
 from quadctl.lab.interface import prepare_flights

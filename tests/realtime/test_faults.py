@@ -7,7 +7,7 @@ say is flown in lockstep (tests/flight/pilot), and all of it on both autopilots 
 import pytest
 
 from studies.faults.cases import LINK, PEOPLE, PROCESS
-from studies.faults.fly import Verdict, fly_all
+from studies.faults.flights import Verdict, fly_all
 
 pytestmark = [
     pytest.mark.realtime,

@@ -13,8 +13,9 @@ from quadctl.flight.loop import fly
 from quadctl.flight.pilot.guards import GuardLimits
 from quadctl.flight.pilot.pilot import Pilot
 from quadctl.flight.pilot.tick import Stage, Tick
+from quadctl.flight.preflight.plan import FlightPlan
+from quadctl.flight.preflight.preparation import prepare_flight
 from quadctl.flight.realtime import run
-from quadctl.flight.session import FlightPlan, prepare_flight
 from quadctl.sitl.rules.px4 import SimulatedAutopilot
 from quadctl.state import AttitudeTarget, VehicleState
 from tests.support.places import ROOT

@@ -62,7 +62,7 @@ BODY: dict[str, Callable[[Vec3], Vec3]] = {**WORLD, "enu": WORLD["nwu"]}
 
 
 def quaternion_of(columns: tuple[Vec3, Vec3, Vec3]) -> Quat:
-    """Of the rotation that brings x, y, z to `columns`: Shepperd's method, for a rotation with the largest w."""
+    """Quaternion of the rotation that brings x, y, z to `columns`, by Shepperd's method where w is the largest."""
     (a, b, c), (d, e, f), (g, h, i) = columns
     values = [1 + a + e + i, 1 + a - e - i, 1 - a + e - i, 1 - a - e + i]
     largest = max(range(4), key=lambda n: values[n])
@@ -383,7 +383,7 @@ def more_poses(px: MavlinkMock, count: int) -> bool:
 
 
 def silent_for(px: MavlinkMock, seconds: float) -> bool:
-    """Of the vehicle's time, no pose arrives, after a moment for those under way."""
+    """True where no pose arrives for `seconds` of the vehicle's time, after a moment for those under way."""
     settled_s = px.autopilot.time_s + 0.3
     assert px.wait_until(lambda: px.autopilot.time_s > settled_s, TIMEOUT_S)
     before = len(px.vision_poses_received)

@@ -19,8 +19,9 @@ import pytest
 import yaml
 from rich.console import Console
 
+from quadctl.flight.preflight.preparation import prepare_flight
 from quadctl.flight.realtime import privileges
-from quadctl.flight.session import fly_real_time, prepare_flight
+from quadctl.flight.session import fly_real_time
 from quadctl.logs.read import read_log
 from quadctl.sitl.run import mock_process
 from studies.faults.witness import Witness

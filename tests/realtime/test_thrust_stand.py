@@ -292,7 +292,7 @@ def test_a_person_is_asked_again_after_what_is_no_number() -> None:
 
 
 def weighed(px: MavlinkMock, rotor: int) -> Callable[[], bytes]:
-    """What a scale shows, in grams, on which there is also a mount of 50 g."""
+    """Readings of a scale, in grams, on which there is also a mount of 50 g."""
     return lambda: b"%.2f g\r\n" % (50.0 + 1000.0 * K * px.autopilot.body.rpm[rotor] ** 2 / GRAVITY_M_S2)
 
 

@@ -41,7 +41,7 @@ def ends() -> Iterator[tuple[ViewEnd, ViewEnd]]:
 
 
 def taken(end: ViewEnd) -> list[Record]:
-    """What waits at the viewer's end."""
+    """Records that wait at the viewer's end."""
     found = []
     while (record := next_record(end)) is not None:
         found.append(record)
@@ -55,7 +55,7 @@ def first_tick() -> tuple[ViewLink, Tick, ViewEnd, ViewEnd]:
 
 
 def flown(flight: ViewEnd, viewer: ViewEnd, words: list[bytes]) -> str:
-    """How a flight ends in which, once it is in the air, the viewer says these words."""
+    """Ending of a flight to which the viewer sends `words` once it is in the air."""
     autopilot, pilot, ticks = InProcess(), plan().pilot(), list[Tick]()
 
     def say(tick: Tick) -> None:

@@ -112,7 +112,7 @@ def test_without_a_token_no_other_address_reaches_it_and_with_one_nobody_who_lac
 
 
 def _upgrade_status(port: int) -> int:
-    """What a web socket without the token is answered."""
+    """Answer to a web socket without the token."""
     connection = http.client.HTTPConnection("127.0.0.1", port)
     headers = {"Connection": "Upgrade", "Upgrade": "websocket", "Sec-WebSocket-Version": "13"}
     key = {"Sec-WebSocket-Key": "AAAAAAAAAAAAAAAAAAAAAA=="}

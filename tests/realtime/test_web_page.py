@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 
 from quadctl.model import load_model
-from quadctl.web.session import load_session
+from quadctl.web.session.session import load_session
 from tests.support.lab_sessions import ADDED, fly_over_a_cushion, one_step_up, searched, unexplained, wrong_files
 from tests.support.visitors import (
     DESK,
@@ -143,7 +143,7 @@ def test_two_tabs_show_the_same_and_neither_a_lost_connection_nor_a_new_start_lo
 
 
 class TestAnalysed:
-    """What can be done with flights that have been searched: nothing here searches again."""
+    """Actions on flights that have been searched: nothing here searches again."""
 
     @pytest.fixture
     def visitor(self, browser: Browser, analysed: str) -> Iterator[Visitor]:
@@ -187,8 +187,8 @@ class TestAnalysed:
         visitor.page.mouse.move(left + 0.3 * box["width"], y, steps=4)
         visitor.page.mouse.up()
         assert "rotor height 1" in visitor.sees("text=Selected:")
-        visitor.click("button[aria-label='Show what is selected']")
-        in_time, path = visitor.figure("What is selected, over time"), visitor.figure("Flight path")
+        visitor.click("button[aria-label='Show the selected samples']")
+        in_time, path = visitor.figure("Selected samples over time"), visitor.figure("Flight path")
         some = visitor.points(in_time, "selected")
         assert 0 < some == visitor.points(path, "selected") < visitor.points(path, "flight")
         visitor.keeps("selected")
@@ -201,7 +201,7 @@ class TestAnalysed:
         stand_on(visitor, "rigid body")
         visitor.click("[role=tab]:has-text('Where it fails')")
         visitor.press("button[aria-label^='Show where in the flight']")
-        assert visitor.points(visitor.figure("What is selected, over time"), "selected") > 0
+        assert visitor.points(visitor.figure("Selected samples over time"), "selected") > 0
 
     def test_all_can_be_taken_along(self, visitor: Visitor, tmp_path: Path) -> None:
         stand_on(visitor, "+ ground effect")

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 import quadctl.sitl.run
-from quadctl.flight.session import prepare_flight
+from quadctl.flight.preflight.preparation import prepare_flight
 from quadctl.lab.comparison.comparison import compare
 from quadctl.lab.interface import prepare_flights
 from quadctl.logs.read import read_log
@@ -25,7 +25,7 @@ SHORTER = {
     "step_forward": ["runs=[2]"],
     "swoop": ["times=1"],
 }
-"""What is long is flown in part, twins alike: at the lowest height and the highest speed."""
+"""Overrides that shorten long missions, at the lowest height and the highest speed."""
 
 
 @pytest.mark.parametrize("path", MISSIONS, ids=lambda path: path.stem)
@@ -45,7 +45,7 @@ def test_it_is_fit_to_fly_and_flies_to_its_end(path: Path, tmp_path: Path) -> No
 
 
 def test_the_log_of_runs_flown_by_velocity_is_compared_in_the_lab(tmp_path: Path) -> None:
-    """Where the position is not held there is no reference of it: the columns say so, and nothing stumbles over it."""
+    """A position that is not held has no reference: its columns are empty, and the lab reads the log."""
     path = next(path for path in MISSIONS if path.stem == "forward_sweep")
     plan = prepare_flight(path, None, "none", None, SHORTER["forward_sweep"])
     log = quadctl.sitl.run.simulate(plan, tmp_path, None, seed=1).log

@@ -13,7 +13,7 @@ import yaml
 
 from quadctl.effects import find_effect
 from quadctl.errors import SettingsError
-from quadctl.flight.session import prepare_flight
+from quadctl.flight.preflight.preparation import prepare_flight
 from quadctl.frames import GRAVITY_M_S2, quaternion_from_euler, rotate
 from quadctl.logs.read import read_log
 from quadctl.model import Model

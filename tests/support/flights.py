@@ -9,7 +9,7 @@ import numpy as np
 import yaml
 
 import quadctl.sitl.run
-from quadctl.flight.session import prepare_flight
+from quadctl.flight.preflight.preparation import prepare_flight
 from quadctl.frames import GRAVITY_M_S2
 from quadctl.lab.arrays import Floats
 from quadctl.logs.columns import STATE_COLUMNS, rpm_columns

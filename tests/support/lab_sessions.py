@@ -1,4 +1,4 @@
-"""What the tests of the lab page look at: a simulated flight, sessions in which it has been searched, wrong files."""
+"""Data of the tests of the lab page: a simulated flight, sessions with findings in it, wrong files."""
 
 import shutil
 from pathlib import Path
@@ -6,17 +6,17 @@ from pathlib import Path
 import yaml
 
 from quadctl.effects import CATALOG
-from quadctl.flight.session import prepare_flight
+from quadctl.flight.preflight.preparation import prepare_flight
 from quadctl.model import load_model
 from quadctl.sitl.run import simulate
-from quadctl.web.findings import Findings
-from quadctl.web.jobs import look_for, open_logs
-from quadctl.web.session import Rung, Session, load_session, session_to_yaml
+from quadctl.web.session.findings import Findings
+from quadctl.web.session.session import Rung, Session, load_session, session_to_yaml
+from quadctl.web.work.jobs import Current, look_for, open_logs
 from tests.support.visitors import ROOT
 
 VEHICLE = ROOT / "config" / "vehicles" / "raptor.yaml"
 ADDED = "ground_effect.exponential"
-"""What a search finds in that flight."""
+"""Effect that a search finds in that flight."""
 EXPRESSION = {
     "parts": ["{a}*exp(-{b}*height_over_radius)", "{c}"],
     "variables": ["height_over_radius"],
@@ -51,7 +51,7 @@ def searched(log: Path) -> Path:
     model = load_model(VEHICLE)
     opened = open_logs([log], frozenset(), model.vehicle, "blocks", _say_nothing)
     assert opened.seen is not None
-    found = look_for(model, opened.seen, _say_nothing)
+    found = look_for(Current(model), opened.seen, _say_nothing)
     return _saved(Session().with_logs([log]).begun_with(model).searched(model, found), log.with_name("one.lab.yaml"))
 
 

@@ -1,4 +1,4 @@
-"""What the tests of the pages share: a command that serves one, and a person who looks at it in headless Chromium.
+"""Tools for tests of the pages: a command that serves one, and a visitor in headless Chromium.
 
 Screenshots go to build/screenshots.
 """
@@ -85,7 +85,7 @@ def wait_for(port: int, process: subprocess.Popen[bytes]) -> None:
 
 
 def status(url: str, **headers: str) -> int:
-    """What the server answers to a request with these headers."""
+    """Status of the server's answer to a request with these headers."""
     connection = http.client.HTTPConnection(url.removeprefix("http://"))
     connection.request("GET", "/", headers=headers)
     return connection.getresponse().status
@@ -159,7 +159,7 @@ class Visitor:
         return selector
 
     def points(self, figure: str, curve: str) -> int:
-        """How many points a curve of a figure has; 0 where there is no such curve."""
+        """Number of points of a curve of a figure; 0 where there is no such curve."""
         return int(self.page.locator(figure).evaluate(_POINTS, curve))
 
     def drops(self, *files: Path) -> None:

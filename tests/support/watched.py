@@ -17,7 +17,8 @@ from quadctl.compensator import Compensator
 from quadctl.flight.pilot.guards import GuardLimits, defect
 from quadctl.flight.pilot.pilot import Pilot
 from quadctl.flight.pilot.tick import Request, Stage, Tick
-from quadctl.flight.session import FlightPlan, prepare_flight
+from quadctl.flight.preflight.plan import FlightPlan
+from quadctl.flight.preflight.preparation import prepare_flight
 from quadctl.frames import quaternion_from_euler
 from quadctl.sitl.rules.px4 import SimulatedAutopilot
 from quadctl.sitl.run import fly_lockstep

@@ -14,28 +14,33 @@ import pytest
 
 from quadctl.cli import main
 from quadctl.effects.ground_effect import Exponential, Hayden
+from quadctl.effects.motor_lag import FirstOrderLag
 from quadctl.errors import QuadctlError, SettingsError
 from quadctl.lab.comparison.comparison import Comparison, compare
+from quadctl.lab.fitting.fitter import Fitter, Optimum, fit_model
 from quadctl.lab.flights.dataset import Dataset, load_dataset
+from quadctl.lab.flights.prediction import rmse
 from quadctl.lab.selection.diagnosis import Diagnosis, diagnose
 from quadctl.lab.selection.rule import is_supported
 from quadctl.lab.symbolic.effect_file import as_effect_file
 from quadctl.lab.symbolic.formula import Formula, Law, Symbolic
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
-from quadctl.web.figures.base import Figure, to_csv
+from quadctl.web.elements.figure import Figure, to_csv
+from quadctl.web.elements.theme import DARK, LIGHT
 from quadctl.web.figures.downsample import POINTS, downsampled
 from quadctl.web.figures.error_map import error_map
 from quadctl.web.figures.path import path_figure
 from quadctl.web.figures.profile import profile_figure
 from quadctl.web.figures.ratio import ratio_over_height
 from quadctl.web.figures.timeline import full_timeline
-from quadctl.web.files import keep_expression, own_effects, require_inside, upload_path
-from quadctl.web.findings import Findings, require_formula
-from quadctl.web.jobs import log_names
-from quadctl.web.session import Rung, Session, load_session, session_to_yaml
-from quadctl.web.theme import DARK, LIGHT
-from quadctl.web.worker import CancelledError, Worker
+from quadctl.web.session.files import keep_expression, own_effects, require_inside, upload_path
+from quadctl.web.session.findings import Findings, require_formula
+from quadctl.web.session.session import Rung, Session, load_session, session_to_yaml
+from quadctl.web.work import jobs
+from quadctl.web.work.jobs import log_names
+from quadctl.web.work.predictions import predictions
+from quadctl.web.work.worker import CancelledError, Worker
 from tests.support.flights import obedient
 from tests.support.places import ROOT
 
@@ -140,7 +145,7 @@ def flight(raptor: Vehicle) -> Dataset:
 
 @pytest.fixture(scope="module")
 def found(raptor: Vehicle, flight: Dataset) -> Diagnosis:
-    """What a search for two effects finds in a flight that obeys one of them."""
+    """Diagnosis of a flight that obeys one of the two effects searched for."""
     return diagnose(Model(raptor), flight, [Exponential, Hayden])
 
 
@@ -180,6 +185,34 @@ class TestFindings:
     def test_what_would_be_a_program_is_refused(self, part: str) -> None:
         with pytest.raises(SettingsError, match="is no formula"):
             require_formula(self.formula(part))
+
+
+class TestFitOnce:
+    """The fit of a model goes with it from action to action."""
+
+    def test_a_step_that_was_climbed_is_evaluated_without_another_fit(
+        self, raptor: Vehicle, flight: Dataset, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        before = jobs.evaluate(jobs.Current(Model(raptor)), flight, None, lambda text: None)
+        fitted: list[tuple[str, ...]] = []
+
+        def counted(self: Fitter, *arguments: Any, **named: Any) -> Optimum:
+            fitted.append(tuple(effect.name for effect in self.model.effects))
+            return fit(self, *arguments, **named)
+
+        fit = Fitter.fit
+        monkeypatch.setattr(Fitter, "fit", counted)
+        current = jobs.Current(Model(raptor), before.solution)
+        climbed = jobs.add_effect("ground_effect.exponential", current, flight, None, lambda text: None)
+        assert fitted == [("ground_effect.exponential",)] * 2  # on top of the model, and continued to the minimum
+        assert climbed.evaluation.error_m_s2 == climbed.model.stack[-1].fitted.rmse_after  # type: ignore[union-attr]
+        jobs.look_for(jobs.Current(climbed.model, climbed.evaluation.solution), flight, lambda text: None)
+        assert ("ground_effect.exponential",) not in fitted[2:]
+
+    def test_a_fit_without_its_flights_is_the_same_fit_on_them_again(self, raptor: Vehicle, flight: Dataset) -> None:
+        fit = fit_model(Model(raptor).plus(Exponential()), flight)
+        again = fit.solution.on(flight)
+        assert again.model == fit.model and np.array_equal(again.draws, fit.draws)
 
 
 def _say_and_wait(progress: Callable[[str], None]) -> None:
@@ -336,6 +369,17 @@ class TestFigures:
         heights = compared.dataset.variable("height_over_radius")
         assert heights is not None
         assert len(selected["x"]) == np.count_nonzero(heights < 3.0) > 0
+
+
+class TestPredictions:
+    def test_a_figure_shows_the_residual_that_the_error_is_computed_from(self, raptor: Vehicle) -> None:
+        lagging = Model(raptor).plus(FirstOrderLag(time_constant_s=0.15))
+        dataset = load_dataset([obedient(lagging, noise_m_s=0.01)], raptor)
+        (flight,) = dataset.flights
+        shown = predictions({"lag": lagging, "rigid body": Model(raptor)}, flight)
+        for name, model in (("lag", lagging), ("rigid body", Model(raptor))):
+            residual = flight.measured - shown[name]
+            assert rmse(residual)["total"] == compare(model, dataset).rmse["total"]
 
 
 def _axis_titles(drawn: Figure) -> list[str]:

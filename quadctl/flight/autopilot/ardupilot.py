@@ -4,18 +4,18 @@ Lifting off by targets works too, but leaves an internal error behind that block
 nothing but heartbeats: every message has to be asked for.
 """
 
-from quadctl.flight.autopilot.firmware import Firmware, Requirement, Stream, share_of_pulse
+from quadctl.flight.autopilot.firmware import Firmware, Requirement, Stream, hover_throttle_check, share_of_pulse
 
 THRUST_AS_THRUST = 8
-"""Bit 3 of GUID_OPTIONS."""
+"""Bit 3 of GUID_OPTIONS: the thrust of a target is a thrust, not a climb rate."""
 SILENCE_S = 0.5
-"""Ten setpoints or more are missing then."""
+"""Longest silence after which GUIDED should act: ten setpoints or more are missing then."""
 SPIN_MIN, SPIN_MAX, THRUST_EXPO = 0.15, 0.95, 0.65
 """Defaults of MOT_SPIN_MIN, MOT_SPIN_MAX, MOT_THST_EXPO."""
 
 
 def throttle_of_pulse(pulse_us: float) -> float:
-    """The throttle whose thrust a motor's pulse asks for: ArduPilot's thrust linearisation, undone.
+    """Throttle from the pulse length of a motor: the inverse of ArduPilot's thrust linearisation.
 
     By the default parameters; the battery's voltage, which it compensates too, is left out.
     """
@@ -78,5 +78,6 @@ ARDUPILOT = Firmware(
             advice=True,
         ),
     ),
-    checked=("MOT_THST_HOVER",),
+    checks=(hover_throttle_check("MOT_THST_HOVER"),),
+    serial_parameters=("SERIAL2_PROTOCOL", "SERIAL2_BAUD"),
 )

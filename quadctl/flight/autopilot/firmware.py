@@ -1,10 +1,16 @@
-"""What differs from one autopilot to the next: one `Firmware` describes it, in a file of its own.
+"""The description of an autopilot: everything that differs from one to the next is a `Firmware`, in a file of its own.
 
 A new autopilot is a new file beside px4.py and ardupilot.py, and a line in firmwares.py.
 """
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+
+from quadctl.vehicle import Vehicle
+
+MAX_HOVER_DIFFERENCE = 0.15
+"""Largest difference of the hover throttle in the autopilot's parameters from that of the vehicle file; beyond it one
+of them is wrong."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -15,30 +21,41 @@ class Stream:
     message_id: int
     rate_hz: float
     required: bool = False
-    """Control cannot fly without it."""
+    """True: control cannot fly without it."""
     alternative: bool = False
-    """One of several sources of the same thing: that it is refused is no news."""
+    """True: one of several sources of the same quantity, whose refusal is not reported."""
 
 
 @dataclass(frozen=True, slots=True)
 class Requirement:
-    """A parameter that must hold a certain value, or certain bits, before anything flies; or that had better."""
+    """A parameter that must have a certain value, or certain bits, before a flight."""
 
     parameter: str
     to_meet: Callable[[float], float]
-    """From the value that it has to the one that it must have."""
+    """Function from its present value to the required one."""
     because: str
-    """What goes wrong otherwise: the end of the sentence `GUID_OPTIONS is 0, expected 8: ...`."""
+    """Consequence if it is not met: the end of the sentence `GUID_OPTIONS is 0, expected 8: ...`."""
     advice: bool = False
-    """It flies without, warned."""
+    """True: recommended only; a flight without it is warned, not refused."""
 
     def met(self, value: float) -> bool:
         return self.to_meet(value) == value
 
 
+@dataclass(frozen=True, slots=True)
+class Check:
+    """A parameter that is judged before a flight; a flight is warned of what it objects to, and never refused."""
+
+    parameter: str
+    finding: Callable[[float, Vehicle], str]
+    """Sentence about its value."""
+    objection: Callable[[float, Vehicle], str | None]
+    """Reason why the value is poor for this vehicle, or None."""
+
+
 @dataclass(frozen=True)
 class Firmware:
-    """The ways of one autopilot on the wire."""
+    """Description of one autopilot on the MAVLink wire."""
 
     name: str
     mav_autopilot: int
@@ -46,27 +63,29 @@ class Firmware:
     modes: Mapping[str, int]
     """`custom_mode` of its heartbeat, by the autopilot's own name of the mode."""
     unknown_mode: Callable[[int], str]
-    """What to call a `custom_mode` that is not among `modes`."""
+    """Name of a `custom_mode` that is not among `modes`."""
     set_mode_parameters: Callable[[int], tuple[float, float]]
     """Parameters 2 and 3 of DO_SET_MODE for a `custom_mode`."""
     offboard_mode: str
-    """The mode that follows attitude targets."""
+    """Name of the mode that follows attitude targets."""
     land_mode: str
     hold_mode: str
     takes_off_itself: bool
-    """Lift-off is a command of its own, before the first target; otherwise the targets lift it off."""
+    """True: lift-off is a command of its own, before the first target; False: the targets lift it off."""
     streams: Sequence[Stream]
     tells_readiness: bool
-    """Whether the pre-arm bit of SYS_STATUS holds for the mode that follows targets, not only for the present one."""
+    """True: the pre-arm bit of SYS_STATUS holds for the offboard mode too, not only for the present one."""
     motor_throttle: Callable[[float], float]
-    """From what it reports as a motor's output to the scale of the throttle target, 0..1."""
+    """Function from the motor output that it reports to the scale of the throttle target, 0..1."""
     requirements: Sequence[Requirement] = ()
-    checked: Sequence[str] = ()
-    """Parameters that a check before the flight judges, besides the requirements."""
+    checks: Sequence[Check] = ()
+    """Parameters that are judged before a flight, besides the requirements."""
+    serial_parameters: Sequence[str] = ()
+    """Parameters that make it speak MAVLink on its serial port for a companion, and at which baud rate."""
     tests_motors_clockwise: bool = False
-    """Whether a motor test counts the motors clockwise from the front, not by their numbers."""
+    """True: a motor test counts the motors clockwise from the front, not by their numbers."""
     throttle_bent_by: str = ""
-    """Parameter of a curve from throttle target to motor output that a motor test goes past; 0 is none."""
+    """Parameter that bends the throttle target on its way to the motor output, but not a motor test; 0 is no bend."""
 
     def mode_name(self, custom_mode: int) -> str:
         """Name of a HEARTBEAT's `custom_mode`."""
@@ -74,6 +93,19 @@ class Firmware:
         return next(names, self.unknown_mode(custom_mode))
 
 
+def hover_throttle_check(parameter: str) -> Check:
+    """Check of the `parameter` that holds the throttle of hover, 0..1, against the vehicle file."""
+
+    def ours(vehicle: Vehicle) -> float:
+        return vehicle.throttle.offset + vehicle.throttle.per_newton * vehicle.weight_n
+
+    return Check(
+        parameter,
+        lambda theirs, vehicle: f"{parameter}: hovers at {theirs:.2f}, the vehicle file at {ours(vehicle):.2f}",
+        lambda theirs, vehicle: "one of them is wrong" if abs(theirs - ours(vehicle)) > MAX_HOVER_DIFFERENCE else None,
+    )
+
+
 def share_of_pulse(value: float) -> float:
-    """A pulse length in microseconds as a share of the usual range, 1000 to 2000; a share stays one."""
+    """Share, 0..1, of the usual range of pulses, 1000 to 2000 us; a value that is a share already is only clipped."""
     return min(max((value - 1000.0) / 1000.0, 0.0), 1.0) if value > 1.0 else max(value, 0.0)

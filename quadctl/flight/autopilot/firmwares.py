@@ -1,4 +1,4 @@
-"""The autopilots that quadctl flies, by MAV_AUTOPILOT of their heartbeat."""
+"""The autopilots that quadctl flies, by MAV_AUTOPILOT of their heartbeat. A new one is a file and its name here."""
 
 from quadctl.flight.autopilot.ardupilot import ARDUPILOT
 from quadctl.flight.autopilot.firmware import Firmware

@@ -3,9 +3,9 @@
 import math
 
 LEAK = 0.05
-"""Share of time by which the usual delay may drift: a simulator that is slower than real time by this is not late."""
+"""Rate at which the usual delay may grow, s/s: a simulator slower than real time by this much is not taken for late."""
 RESTART_S = 1.0
-"""A clock that goes back further than this has begun anew; less is a message overtaken by another."""
+"""Smallest step back of the autopilot's clock that is a restart; smaller ones are messages out of order."""
 
 
 class LinkClock:
@@ -19,13 +19,13 @@ class LinkClock:
     def __init__(self) -> None:
         self.restarts = 0
         self.delay_s = 0.0
-        """How late the latest stamped message was."""
+        """Delay of the latest stamped message, s."""
         self._usual_s = math.inf
         self._arrived_s = -math.inf
         self._stamp_s = -math.inf
 
     def sampled_s(self, stamp_s: float, now_s: float) -> float:
-        """When a message stamped `stamp_s` by the autopilot, arriving at `now_s`, was true on our clock."""
+        """Time on our clock at which a message stamped `stamp_s` by the autopilot, arriving at `now_s`, was true."""
         if stamp_s < self._stamp_s - RESTART_S:
             self.restarts += 1
             self._usual_s = math.inf

@@ -6,7 +6,7 @@ MAV_MODE_FLAG_SAFETY_ARMED = 128
 MAV_LANDED_STATE_ON_GROUND = 1
 MAV_SYS_STATUS_PREARM_CHECK = 1 << 28
 MAV_SEVERITY_WARNING = 4
-"""Of a STATUSTEXT; smaller numbers are graver."""
+"""Severity of a STATUSTEXT; smaller numbers are more severe."""
 
 CMD_NAV_TAKEOFF = 22
 CMD_DO_SET_MODE = 176

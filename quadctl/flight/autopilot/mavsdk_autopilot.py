@@ -11,18 +11,18 @@ from functools import partial
 
 from quadctl.errors import FlightError, LinkError
 from quadctl.flight.autopilot import mavlink
-from quadctl.flight.autopilot.firmware import Firmware, Requirement, Stream
+from quadctl.flight.autopilot.firmware import Check, Firmware, Requirement, Stream
 from quadctl.flight.autopilot.firmwares import FIRMWARES
 from quadctl.flight.autopilot.mavsdk_link import MavsdkLink
 from quadctl.flight.autopilot.telemetry import Telemetry
 from quadctl.state import AttitudeTarget, VehicleState
 
 HEARTBEAT_WAIT_S = 3.0
-"""For the next heartbeat of an autopilot that has been found, and for one that shows what was accepted."""
+"""Longest wait for the next heartbeat after an autopilot is found, and for one that shows an accepted request."""
 REASON_WAIT_S = 0.3
-"""For the text that explains a refusal: it comes just before or just after the acknowledgement."""
+"""Longest wait for the text that explains a refusal: it comes just before or after the acknowledgement."""
 ROTORS_WAIT_S = 0.5
-"""For the first message with rotor speeds: that they will be sent is promised by autopilots that have none."""
+"""Longest wait for the first rotor speeds: autopilots without speed sensors accept the request too."""
 UNIT_TOLERANCE = 1e-3
 
 
@@ -37,11 +37,11 @@ class MavsdkAutopilot:
         self._link.on_reopened = self._ask_again
         self._start_s = time.monotonic()
         self.warnings: list[str] = []
-        """What the autopilot cannot give and the flight can do without, one sentence each."""
+        """One sentence for each thing that the autopilot does not provide and the flight can do without."""
 
     @property
     def description(self) -> str:
-        """For the log: what it is and where."""
+        """Kind and address of the autopilot, for the log."""
         firmware = self._telemetry.firmware
         name = "autopilot" if firmware is None else firmware.name
         return f"{name} (system {self._link.system_id}) at {self._link.url}"
@@ -55,8 +55,8 @@ class MavsdkAutopilot:
         return self._firmware.requirements
 
     @property
-    def checked(self) -> Sequence[str]:
-        return self._firmware.checked
+    def checks(self) -> Sequence[Check]:
+        return self._firmware.checks
 
     async def connect(self) -> None:
         """Open the link and wait for a heartbeat; raises LinkError when none comes."""
@@ -168,7 +168,7 @@ class MavsdkAutopilot:
         )
 
     def _ask_again(self) -> None:
-        """The line is back after a silence: an autopilot that was without power has forgotten the rates."""
+        """Request the rates again after a silence of the line: an autopilot without power has forgotten them."""
         try:
             for stream in self._firmware.streams:
                 self._request_stream(stream)
@@ -187,7 +187,7 @@ class MavsdkAutopilot:
     async def _request(
         self, what: str, command: int, *parameters: float, until: Callable[[], bool] = lambda: True
     ) -> None:
-        """Command it and return when a heartbeat shows it: until then the state would contradict the answer."""
+        """Send a command, and return when a heartbeat shows its effect: until then the state contradicts the answer."""
         asked_s = time.monotonic()
         result = await self._link.run(lambda: self._link.command(command, *parameters, what=what))
         if result != mavlink.ACCEPTED:

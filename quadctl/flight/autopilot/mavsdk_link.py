@@ -27,14 +27,15 @@ from mavsdk.plugins.param import Param, ParamError, ParamResult
 from mavsdk.system import System
 
 from quadctl.errors import FlightError, LinkError
+from quadctl.flight.autopilot.firmwares import FIRMWARES
 from quadctl.flight.autopilot.mavlink import MAV_COMP_ID_AUTOPILOT
 
 T = TypeVar("T")
 Receiver = Callable[[str, Mapping[str, Any], float], None]
-"""Takes a message's name, its fields and the time of `time.monotonic` at which it came; on a thread of MAVSDK."""
+"""Callback with a message's name, its fields and its time of arrival (`time.monotonic`), on a thread of MAVSDK."""
 
 SILENCE_S = 1.5
-"""A serial line that brings nothing for so long is opened again: heartbeats alone come every second."""
+"""Silence after which a serial line is opened again: heartbeats alone come every second."""
 REOPEN_EVERY_S = 0.5
 
 _URL = re.compile(r"(?:(?:udpin|udpout|tcpin|tcpout)://[^\s/:]+:\d{1,5}|serial://[^\s:]+:\d+)")
@@ -121,7 +122,7 @@ class MavsdkLink:
         return int(json.loads(ack.fields_json)["result"])
 
     def read_parameter(self, name: str) -> float | int | None:
-        """The value, an int where the autopilot holds one; None when no answer comes.
+        """Value of a parameter, an int where the autopilot holds one; None when no answer comes.
 
         MAVSDK wants to know the type, and says when it was the other one.
         """
@@ -137,7 +138,7 @@ class MavsdkLink:
             return None
 
     def write_parameter(self, name: str, value: float) -> None:
-        """Set it, as an integer where the autopilot holds one. Raises FlightError when that is not confirmed."""
+        """Set a parameter, as an integer where the autopilot holds one; raises FlightError when it is not confirmed."""
         param = self._opened(self._param)
         known = self.read_parameter(name)
         if known is None:
@@ -160,7 +161,7 @@ class MavsdkLink:
         return plugin
 
     def _receive(self, message: MavlinkMessage, _: object) -> None:
-        """A message has arrived; on MAVSDK's thread."""
+        """Hand over a message that has arrived; runs on MAVSDK's thread."""
         if message.component_id == MAV_COMP_ID_AUTOPILOT:
             self._heard_s = time.monotonic()
             self._receiver(message.message_name, json.loads(message.fields_json), self._heard_s)
@@ -169,7 +170,7 @@ class MavsdkLink:
         return MavlinkMessage(name, 0, 0, self.system_id, MAV_COMP_ID_AUTOPILOT, json.dumps(fields))
 
     def _keep_open(self) -> None:
-        """MAVSDK does not open a serial device again by itself."""
+        """Open the serial device again after a silence, which MAVSDK does not do by itself."""
         assert self._mavsdk is not None
         lost = False
         while not self._closing.wait(REOPEN_EVERY_S):
@@ -215,7 +216,7 @@ async def _first_autopilot(mavsdk: Mavsdk, timeout_s: float) -> System | None:
 
 
 def _log(level: LogLevel, text: str, *_: object) -> bool:
-    """MAVSDK's own log goes to `logging`: written to the terminal by C++ it would tear the display apart."""
+    """Send MAVSDK's own log to `logging`: written to the terminal, it would break the display."""
     severity = {LogLevel.WARN: logging.WARNING, LogLevel.ERROR: logging.ERROR}.get(level, logging.DEBUG)
     logging.getLogger("mavsdk").log(severity, text)
     return True
@@ -231,12 +232,10 @@ def _checked(url: str) -> str:
 
 
 def _advice(url: str) -> str:
-    """What to look at when this kind of link stays silent."""
+    """Advice for a link of this kind that stays silent."""
     if url.startswith("serial"):
-        return (
-            "the device's name, its permissions and the baud rate "
-            "(PX4: MAV_1_CONFIG, SER_TEL2_BAUD; ArduPilot: SERIAL2_PROTOCOL, SERIAL2_BAUD)"
-        )
+        ports = "; ".join(f"{known.name}: {', '.join(known.serial_parameters)}" for known in FIRMWARES.values())
+        return f"the device's name, its permissions and the baud rate ({ports})"
     if url.startswith("udpin"):
         return "that it sends MAVLink to this port (a simulator: 14540) and that no other program holds it"
     return "the host, the port and that its MAVLink server is running"

@@ -1,9 +1,9 @@
-"""The port to an autopilot: what the flight needs of it, whether it is real, on the wire or in this process."""
+"""The port to an autopilot: the operations that a flight needs, for a real autopilot and for a simulated one."""
 
 from collections.abc import Iterable, Sequence
 from typing import Protocol
 
-from quadctl.flight.autopilot.firmware import Requirement
+from quadctl.flight.autopilot.firmware import Check, Requirement
 from quadctl.state import AttitudeTarget, VehicleState
 
 
@@ -14,26 +14,26 @@ class Autopilot(Protocol):
     """
 
     warnings: list[str]
-    """What the autopilot cannot give and the flight can do without, one sentence each."""
+    """One sentence for each thing that the autopilot does not provide and the flight can do without."""
 
     @property
     def description(self) -> str:
-        """For the log: what it is and where."""
+        """Kind and address of the autopilot, for the log."""
         ...
 
     @property
     def takes_off_itself(self) -> bool:
-        """Whether lift-off is `take_off`, before the first target; otherwise the targets lift it off."""
+        """True: lift-off is `take_off`, before the first target; False: the targets lift it off."""
         ...
 
     @property
     def requirements(self) -> Sequence[Requirement]:
-        """Parameters without which it must not fly."""
+        """Parameters that must have certain values before a flight."""
         ...
 
     @property
-    def checked(self) -> Sequence[str]:
-        """Parameters that a check before the flight judges, besides the requirements."""
+    def checks(self) -> Sequence[Check]:
+        """Parameters that are judged before a flight, besides the requirements."""
         ...
 
     async def connect(self) -> None:

@@ -1,4 +1,4 @@
-"""Where an autopilot may be: the serial ports with what is plugged in, and which of them speaks MAVLink."""
+"""Search for an autopilot: the serial ports with the devices behind them, and the links at which MAVLink is heard."""
 
 import errno
 import socket
@@ -19,11 +19,11 @@ from quadctl.flight.autopilot.mavlink import MAV_COMP_ID_AUTOPILOT
 
 AUTO = "auto"
 UDP_PORT = 14540
-"""To which PX4 and ArduPilot are told to send, and PX4's simulator sends by itself."""
+"""Port to which autopilots are usually configured to send, and PX4's simulator sends by default."""
 BAUD_RATES = (921600, 115200, 57600, 500000)
-"""In the order in which they are tried: telemetry to a companion, USB, telemetry radios."""
+"""Baud rates in the order in which they are tried: telemetry to a companion, USB, telemetry radios."""
 LISTEN_S = 1.6
-"""At one baud rate: heartbeats come every second."""
+"""Listening time at one baud rate: heartbeats come every second."""
 
 USB_AUTOPILOTS = {
     0x26AC: "3D Robotics autopilot",
@@ -33,10 +33,10 @@ USB_AUTOPILOTS = {
     0x1FC9: "NXP autopilot",
     0x0483: "autopilot with an STM32",
 }
-"""By USB vendor: what a flight controller's own USB port shows."""
+"""Names by USB vendor of a flight controller's own USB port."""
 USB_ADAPTERS = {0x0403: "FTDI", 0x10C4: "Silicon Labs CP210x", 0x1A86: "WCH CH34x", 0x067B: "Prolific"}
 UARTS = {"ttyAMA": "UART of a Raspberry Pi", "serial": "UART of a Raspberry Pi", "ttyTHS": "UART of a Jetson"}
-"""By the beginning of the device's name. What hangs on their pins only the autopilot itself can tell."""
+"""Names by the beginning of the device's name; a UART does not tell which device is wired to its pins."""
 
 
 @dataclass(frozen=True)
@@ -45,9 +45,9 @@ class Port:
 
     device: str
     what: str
-    """What is plugged in, as far as it tells."""
+    """Description of the device behind it, as far as known."""
     likely: bool
-    """An autopilot may be behind it."""
+    """True: an autopilot may be behind it."""
 
 
 def serial_ports() -> list[Port]:
@@ -57,7 +57,7 @@ def serial_ports() -> list[Port]:
 
 
 def resolve(url: str, console: Console) -> str:
-    """The link itself, or, for `auto`, the one at which an autopilot is heard.
+    """URL of the link: `url` itself, or for `auto` the one at which an autopilot is heard.
 
     Raises
     ------
@@ -152,7 +152,7 @@ def _listen_on_udp(udp_port: int, stop: Event) -> str | None:
 
 
 class _Ears:
-    """Waits for an autopilot's heartbeat in a stream of bytes."""
+    """Detector of an autopilot's heartbeat in a stream of bytes."""
 
     def __init__(self) -> None:
         self._parser = dialect.MAVLink(None)

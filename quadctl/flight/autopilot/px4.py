@@ -1,6 +1,15 @@
-"""PX4 on the MAVLink wire: offboard follows targets, and lifts off by them."""
+"""PX4 on the MAVLink wire: offboard mode follows targets, which also lift the vehicle off."""
 
-from quadctl.flight.autopilot.firmware import Firmware, Stream, share_of_pulse
+from quadctl.flight.autopilot.firmware import Check, Firmware, Stream, hover_throttle_check, share_of_pulse
+from quadctl.vehicle import Vehicle
+
+MAX_SILENCE_S = 1.0
+"""Longest time without setpoints after which the autopilot should act."""
+LOST_OFFBOARD = {0: "Position", 1: "Altitude", 2: "Stabilized", 3: "Return", 4: "Land", 5: "Hold", 6: "Terminate",
+                 7: "Disarm"}  # fmt: skip
+"""COM_OBL_RC_ACT: the mode that it enters when setpoints stop in offboard."""
+RETURN = 3
+GOOD_LOST_OFFBOARD = (4, 5)
 
 _MAIN_AND_SUB_MODE = {
     "MANUAL": (1, 0),
@@ -23,6 +32,26 @@ _MAIN_AND_SUB_MODE = {
 
 def _main_and_sub(custom_mode: int) -> tuple[int, int]:
     return custom_mode >> 16 & 0xFF, custom_mode >> 24 & 0xFF
+
+
+def _silence(seconds: float, vehicle: Vehicle) -> str:
+    return f"COM_OF_LOSS_T: acts {seconds:g} s after the last setpoint"
+
+
+def _too_patient(seconds: float, vehicle: Vehicle) -> str | None:
+    return f"expected at most {MAX_SILENCE_S:g} s" if seconds > MAX_SILENCE_S else None
+
+
+def _action(value: float, vehicle: Vehicle) -> str:
+    action = round(value)
+    return f"COM_OBL_RC_ACT: then it goes to {LOST_OFFBOARD.get(action, 'an unknown mode')} ({action})"
+
+
+def _poor_action(value: float, vehicle: Vehicle) -> str | None:
+    action = round(value)
+    if action == RETURN and vehicle.ceiling_m is not None:
+        return f"it climbs first, and there is a ceiling at {vehicle.ceiling_m:g} m; expected 4 (Land)"
+    return None if action in GOOD_LOST_OFFBOARD else "expected 4 (Land) or 5 (Hold), which need nobody"
 
 
 PX4 = Firmware(
@@ -49,6 +78,11 @@ PX4 = Firmware(
     ),
     tells_readiness=False,
     motor_throttle=share_of_pulse,
-    checked=("COM_OF_LOSS_T", "COM_OBL_RC_ACT", "MPC_THR_HOVER"),
+    checks=(
+        Check("COM_OF_LOSS_T", _silence, _too_patient),
+        Check("COM_OBL_RC_ACT", _action, _poor_action),
+        hover_throttle_check("MPC_THR_HOVER"),
+    ),
+    serial_parameters=("MAV_1_CONFIG", "SER_TEL2_BAUD"),
     throttle_bent_by="THR_MDL_FAC",
 )

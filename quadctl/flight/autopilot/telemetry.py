@@ -1,4 +1,4 @@
-"""The latest word of the autopilot: MAVLink messages in, one snapshot out."""
+"""The latest state that the autopilot has sent: MAVLink messages in, one snapshot out."""
 
 import math
 import threading
@@ -46,7 +46,7 @@ class _Escs(NamedTuple):
 
 
 class _Outputs(NamedTuple):
-    """What the autopilot gives the motors, as it says it: microseconds or shares."""
+    """Motor outputs in the autopilot's own unit: microseconds or shares."""
 
     received_s: float = -math.inf
     value: tuple[float, ...] = ()
@@ -60,7 +60,7 @@ class _Heartbeat(NamedTuple):
 
 
 class StatusText(NamedTuple):
-    """What the autopilot told the pilot."""
+    """A text message of the autopilot."""
 
     received_s: float
     severity: int
@@ -119,7 +119,7 @@ class Telemetry:
         self._handlers[name](fields, now_s)
 
     def state(self, now_s: float) -> VehicleState:
-        """The latest of everything, at `now_s` on the clock of `receive`."""
+        """Latest state, at `now_s` on the clock of `receive`."""
         position, attitude, escs, heartbeat = self._position, self._attitude, tuple(self._escs), self._heartbeat
         battery_s, battery_v = self._battery
         rpm_s, rpm = self._rpm()
@@ -157,17 +157,17 @@ class Telemetry:
 
     @property
     def firmware(self) -> Firmware | None:
-        """Whose heartbeats arrive; None before the first, and for an autopilot that quadctl does not fly."""
+        """Firmware whose heartbeats arrive; None before the first, and for one that quadctl does not fly."""
         return FIRMWARES.get(self._heartbeat.autopilot)
 
     @property
     def has_rpm(self) -> bool:
-        """Messages about rotor speeds arrive."""
+        """True when rotor speeds have arrived."""
         return math.isfinite(self._rpm()[0])
 
     @property
     def has_outputs(self) -> bool:
-        """Motor outputs have arrived."""
+        """True when motor outputs have arrived."""
         return math.isfinite(self._outputs.received_s)
 
     @property
@@ -177,16 +177,16 @@ class Telemetry:
 
     @property
     def armed(self) -> bool:
-        """As the last heartbeat says."""
+        """True when the last heartbeat says armed."""
         return self._heartbeat.armed
 
     @property
     def mode(self) -> str:
-        """As the last heartbeat says; empty before the first."""
+        """Mode in the last heartbeat; empty before the first."""
         return self._heartbeat.mode
 
     def warnings_since(self, since_s: float) -> list[str]:
-        """What the autopilot complained about from `since_s` on, oldest first."""
+        """Warnings and errors of the autopilot since `since_s`, oldest first."""
         return [
             t.text for t in list(self._texts) if t.received_s >= since_s and t.severity <= mavlink.MAV_SEVERITY_WARNING
         ]
@@ -206,7 +206,7 @@ class Telemetry:
         self._attitude = _Attitude(sampled_s, quaternion, _vector(fields, "rollspeed", "pitchspeed", "yawspeed"))
 
     def _rpm(self) -> tuple[float, tuple[float, ...]]:
-        """When the rotor speeds came, and what they are: of the speed controllers, else of rpm sensors."""
+        """Time of arrival and rotor speeds, from the speed controllers, or else from rpm sensors."""
         escs = tuple(self._escs)
         received_s = min(group.received_s for group in escs)
         if math.isfinite(received_s):
@@ -220,7 +220,7 @@ class Telemetry:
             self._escs[group] = _Escs(now_s, rpm, voltage, current)
 
     def _on_esc_telemetry(self, group: int, fields: Fields, now_s: float) -> None:
-        """Hundredths of volt and ampere. Zeros for all rotors are what an autopilot without speed sensors sends."""
+        """Take in speeds, and hundredths of volt and ampere. An autopilot without speed sensors sends zeros for all."""
         if group < len(self._escs):
             rpm = tuple(map(float, fields["rpm"])) if any(fields["rpm"]) else _Escs().rpm
             voltage, current = (tuple(0.01 * v for v in fields[key]) for key in ("voltage", "current"))
@@ -240,10 +240,11 @@ class Telemetry:
             self._outputs = _Outputs(now_s, tuple(pulses))
 
     def _on_estimator(self, ratios: Sequence[str], fields: Fields, now_s: float) -> None:
-        """`ratios`: the fields with the tests of innovations, each the root of innovation^2 / (gate^2 variance).
+        """Take in the estimator's flags, and the largest of the innovation test ratios in the fields `ratios`.
 
-        So 1 is where a measurement is rejected, on both: PX4 sends what `Ekf::get_innovation_test_status` gives, nan
-        for a sensor that is not used; ArduPilot what `NavEKF3_core::getVariances` gives, and calls it a variance.
+        Each ratio is the root of innovation^2 / (gate^2 variance), so a measurement is rejected from 1 on. PX4 sends
+        what `Ekf::get_innovation_test_status` gives, nan for a sensor that is not used; ArduPilot what
+        `NavEKF3_core::getVariances` gives, and calls it a variance.
         ArduPilot's own failsafe (FS_EKF_THRESH, 0.8 of the same scale) wants two of them, for a second.
         """
         del now_s
@@ -282,7 +283,7 @@ class Telemetry:
 
 
 def _number(value: float | None) -> float:
-    """A number of a message; nan travels as null."""
+    """Number of a message; null stands for nan."""
     return NAN if value is None else float(value)
 
 

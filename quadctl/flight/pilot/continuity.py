@@ -1,4 +1,4 @@
-"""Guards that need more than one state: does the state move, and does it move as a vehicle can?"""
+"""Guards that compare successive states: frozen values, and jumps that no vehicle can make."""
 
 import math
 from typing import NamedTuple
@@ -9,23 +9,24 @@ from quadctl.settings import Settings
 from quadctl.state import VehicleState
 
 MAX_RATE_RAD_S = 10.0
-"""What a turn between two states may owe to rates that neither of them shows."""
+"""Largest angular rate between two states that neither of them shows."""
 MAX_ACCELERATION_M_S2 = 40.0
-"""4 g: more than a multirotor's rotors give; what is beyond it, the limit of the jump must cover."""
+"""4 g: more than the rotors of a multirotor give; a change of velocity beyond it counts as a jump."""
 
 
 class ContinuityLimits(Settings):
-    """Limits of these guards, in YAML under `guards: continuity`. A limit of 0 guards nothing."""
+    """Limits of these guards, in YAML under `guards: continuity`; 0 turns a guard off."""
 
     max_frozen_s: float = Field(default=0.5, ge=0.0, le=10.0)
-    """Position and velocity, or attitude and rates, may keep arriving with exactly the same values for so long. Noise
+    """Longest time for which position and velocity, or attitude and rates, may arrive with the very same values. Noise
     moves the last bits of every real estimate; one that is updated at 5 Hz only stands still for 0.2 s."""
     max_position_jump_m: float = Field(default=0.5, ge=0.0)
-    """Between two updates, beyond what the velocity explains. Resets of an estimator by decimetres are flown."""
+    """Largest jump of the position between two updates, beyond what the velocity explains. Smaller resets of an
+    estimator are tolerated."""
     max_velocity_jump_m_s: float = Field(default=2.0, ge=0.0)
-    """Between two updates, beyond 4 g."""
+    """Largest change of velocity between two updates, beyond 4 g."""
     max_attitude_jump_deg: float = Field(default=30.0, ge=0.0, lt=180.0)
-    """Between two updates, beyond 10 rad/s."""
+    """Largest turn between two updates, beyond 10 rad/s."""
 
 
 class _Part(NamedTuple):
@@ -34,11 +35,11 @@ class _Part(NamedTuple):
     sampled_s: float
     values: tuple[float, ...]
     moved_s: float
-    """When its values were last different from those before."""
+    """Time of the last update that changed its values."""
 
 
 class Continuity:
-    """Watches a state from tick to tick; sees only parts that have been updated since the last tick."""
+    """Compares each state with the one before; only parts that have been updated since are compared."""
 
     def __init__(self, limits: ContinuityLimits) -> None:
         self._limits = limits
@@ -46,7 +47,7 @@ class Continuity:
         self._attitude: _Part | None = None
 
     def defect(self, state: VehicleState) -> str | None:
-        """Why this state cannot follow those before it, or None. The state's numbers must be finite."""
+        """Reason why this state cannot follow those before it, or None. The state's numbers must be finite."""
         position = _follow(self._position, state, "position", (*state.position_ned_m, *state.velocity_ned_m_s))
         attitude = _follow(self._attitude, state, "attitude", (*state.attitude, *state.rates_rad_s))
         problem = (

@@ -1,4 +1,4 @@
-"""Guards: what must be true for us to go on commanding. Pure functions of the state; the first breach decides.
+"""Guards: conditions for going on to command. Pure functions of the state; the first breach decides.
 
 Each breach has one answer. LAND: the autopilot's land mode, from our last good state. HAND_OVER: our setpoints stop at
 once and the autopilot is asked to land by its own means; where even that does not arrive, the silence triggers its own
@@ -36,27 +36,27 @@ class GuardLimits(Settings):
     max_tilt_deg: float = Field(default=50.0, gt=0.0, lt=90.0)
     max_speed_m_s: float = Field(default=8.0, gt=0.0, le=50.0)
     max_tick_late_s: float = Field(default=0.2, gt=0.0, le=1.0)
-    """A loop that wakes up later than this has been stalled: it hands over instead of going on."""
+    """Largest lateness of a tick: a loop that wakes up later has been stalled, and hands over instead of going on."""
     min_battery_v: float = Field(default=0.0, ge=0.0)
-    """0: not guarded."""
+    """Voltage below which the flight lands; 0: not guarded."""
     max_estimator_ratio: float = Field(default=1.0, ge=0.0)
-    """Of innovations to their gates, where the autopilot tells it: beyond 1 it rejects them. 0: not guarded."""
+    """Largest ratio of innovation to gate, if known: above 1 the autopilot rejects measurements. 0: not guarded."""
     max_over_time_s: float = Field(default=60.0, gt=0.0, le=600.0)
-    """How much longer than its mission a flight may last, by a slow take-off, and how long the landing after it."""
+    """Longest time by which a flight may exceed its mission, by a slow take-off, and longest landing."""
     continuity: ContinuityLimits = ContinuityLimits()
 
 
 UNIT_TOLERANCE = 0.01
-"""Of an attitude quaternion's norm. One of zeros is a number, but no attitude."""
+"""Tolerance of the norm of an attitude quaternion; one of zeros is finite, but no attitude."""
 
 
 def floor(mission: MissionLimits) -> float:
-    """The height below which a flight lands, m; negative where the mission goes close to the ground."""
+    """Height below which a flight lands, m; negative where the mission goes close to the ground."""
     return mission.min_z_m - mission.margin_m
 
 
 def defect(state: VehicleState, limits: GuardLimits) -> str | None:
-    """Why control must not stand on this state, in words, or None."""
+    """Reason why control must not use this state, or None."""
     if not state.connected:
         return "the autopilot's heartbeat is lost"
     for part in ("position", "attitude"):
@@ -79,7 +79,7 @@ def defect(state: VehicleState, limits: GuardLimits) -> str | None:
 
 
 def unfit(target: AttitudeTarget, limits: GuardLimits, max_throttle: float) -> str | None:
-    """Why this target must not reach the motors, whatever made it, or None."""
+    """Reason why this target must not reach the motors, whatever its origin, or None."""
     if not all(map(math.isfinite, (*target.attitude, target.throttle))):
         return "control gave a value that is not a number"
     if not 0.0 <= target.throttle <= max_throttle:
@@ -102,7 +102,7 @@ def inspect(
     mission: MissionLimits,
     above_floor: bool = True,
 ) -> Breach | None:
-    """The first reason not to go on, or None.
+    """First breach of a limit, or None.
 
     `in_air_s` is the time since the take-off began, `mission_s` how long the mission lasts, `height_m` the vehicle's
     height above the ground and `distance_m` its horizontal distance from the take-off point. `above_floor`: it has been

@@ -1,4 +1,4 @@
-"""The end of a flight: the autopilot lands, or somebody else flies. No mode is ever taken back."""
+"""The end of a flight: the autopilot lands, or somebody else flies. A mode is never taken back from them."""
 
 from quadctl.flight.pilot.guards import Answer, Breach
 from quadctl.flight.pilot.progress import Progress
@@ -8,19 +8,19 @@ from quadctl.flight.pilot.tick import Decision, Request, Stage
 from quadctl.state import Setpoint, VehicleState
 
 HOLD_S = 2.0
-"""How long the place is held while the autopilot takes its land mode."""
+"""Longest time for which the position is held while the autopilot enters its land mode."""
 ASK_AGAIN_S = 2.0
-"""A landing that could not be asked for (a pulled plug) is asked for again, while the mode is known to be ours."""
+"""Time after which a failed request to land (a pulled plug) is repeated, while the mode is known to be ours."""
 MODE_FRESH_S = 0.5
-"""A mode is asked for only while a heartbeat as recent as this shows that it is still ours to change."""
+"""Largest age of the heartbeat that shows that the mode is still ours to change; no mode is asked for without it."""
 LET_GO_S = 1.0
-"""How long a second Ctrl-C waits for the autopilot to take its land mode."""
+"""Longest time for which a second Ctrl-C waits for the autopilot to enter its land mode."""
 LINK_TIMEOUT_S = 60.0
-"""How long a link that is lost while somebody else flies is waited for."""
+"""Longest wait for a link that is lost while somebody else flies."""
 
 
 class Landing:
-    """The stages LAND and RELEASED, and the ways into them."""
+    """The stages LAND and RELEASED, and the transitions into them."""
 
     def __init__(self, progress: Progress, watch: Supervisor, steering: Steering) -> None:
         self._progress = progress
@@ -33,10 +33,10 @@ class Landing:
         self._let_go: str | None = None
         self._let_go_s: float | None = None
 
-    # --- ways in -------------------------------------------------------------------------------------------------
+    # --- transitions ---------------------------------------------------------------------------------------------
 
     def begin(self, reason: str, state: VehicleState) -> Decision:
-        """Land from a state that is good."""
+        """Begin to land from a valid state."""
         return self.answer(Breach(Answer.LAND, reason), state)
 
     def answer(self, breach: Breach, state: VehicleState) -> Decision:
@@ -51,13 +51,14 @@ class Landing:
         return self._wait_for_mode(state, 0.0)
 
     def let_go(self, reason: str) -> None:
-        """At the next tick: no more targets, and gone as soon as the autopilot lands."""
+        """Stop sending targets at the next tick, and end as soon as the autopilot lands."""
         self._let_go = reason
 
     # --- stages: (state, time since the last tick) ---------------------------------------------------------------
 
     def land(self, state: VehicleState, dt: float) -> Decision:
-        """The autopilot lands. Until it has taken the mode we hold our place, while our state is good, not for long."""
+        """One tick of LAND: the autopilot lands. Until it has entered the mode, and for HOLD_S at most, the position is
+        held, if the state is valid."""
         if self._watch.motors_off(state, self._progress.in_stage_s):
             self._progress.enter(Stage.DONE)
             return Decision()
@@ -78,17 +79,17 @@ class Landing:
         return self._wait_for_mode(state, dt)
 
     def released(self, state: VehicleState, dt: float) -> Decision:
-        """Somebody else flies: record until the vehicle is disarmed, never take the mode back."""
+        """One tick of RELEASED: somebody else flies; record until the vehicle is disarmed, never take the mode back."""
         if not state.connected and self._progress.in_stage_s > LINK_TIMEOUT_S:
             self._progress.end(f"{self._progress.ended}; the link did not come back in {LINK_TIMEOUT_S:g} s")
         elif self._watch.motors_off(state, self._progress.in_stage_s) or self._watch.want_land:
             self._progress.enter(Stage.DONE)
         return Decision()
 
-    # --- what goes wrong meanwhile -------------------------------------------------------------------------------
+    # --- failures ------------------------------------------------------------------------------------------------
 
     def refused(self, reason: str) -> None:
-        """The landing could not be asked for: silence makes the autopilot's own failsafe act."""
+        """The request to land failed: fall silent, so that the autopilot's own failsafe acts."""
         self._silent = self._failed = True
         if reason not in self._progress.ended:
             self._progress.note(reason, "silence")
@@ -96,7 +97,7 @@ class Landing:
                 self._progress.ended = f"{self._progress.ended}; {reason}"
 
     def unsound(self, problem: str, decision: Decision, state: VehicleState) -> Decision:
-        """Control fails: land without it; what `decision` asked for beside its target stays asked for."""
+        """Land without control, which has failed; the requests of `decision` are kept."""
         self._progress.note(problem, "silence")
         self._silent = True
         return Decision(None, decision.requests + self._request(state))
@@ -128,8 +129,8 @@ class Landing:
         return Decision(None, self._request(state))
 
     def _request(self, state: VehicleState) -> tuple[Request, ...]:
-        """Asked for when the mode is known to be ours (after a stall somebody else may have taken it), and again after
-        a failure."""
+        """Request to land: made when the mode is known to be ours (after a stall somebody else may have taken it), and
+        repeated after a failure."""
         now_s = self._progress.now_s
         due = self._asked_s is None or (self._failed and now_s - self._asked_s > ASK_AGAIN_S)
         if not due or not state.offboard or state.age_s("heartbeat") > MODE_FRESH_S:

@@ -1,4 +1,4 @@
-"""What is left of a flight when it is over: how it ended, its log, how well it tracked, how late the ticks were."""
+"""Summary of a flight: its end, its log, its tracking error, and the lateness of its ticks."""
 
 import math
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ COMPLETED = "completed"
 
 @dataclass(frozen=True)
 class Outcome:
-    """Printed by `fly` and `simulate`, and their `--json`."""
+    """Outcome of a flight, as `fly` and `simulate` print it and write it with `--json`."""
 
     mission: str
     ended: str
@@ -22,16 +22,16 @@ class Outcome:
     flight_s: float
     ticks: int
     tracking_rmse_m: dict[str, float]
-    """Of the position against its reference: north, east, up."""
+    """RMSE of the position against its reference: north, east, up."""
     late_ms: dict[str, float]
     """Tick lateness: p50, p99, max. All 0 in lockstep."""
     late_ticks: int
     """Ticks more than half a period late."""
     problem: str | None = None
-    """What went wrong beside the flight, such as a full disk."""
+    """Problem beside the flight, such as a full disk."""
 
     def lines(self) -> list[str]:
-        """For the terminal."""
+        """Lines for the terminal."""
         rmse = self.tracking_rmse_m
         found = [
             f"{self.mission}: {self.ended} after {self.flight_s:.1f} s of flight",
@@ -52,7 +52,7 @@ class Outcome:
 
 
 class Tally:
-    """Collects an `Outcome` tick by tick."""
+    """Listener that collects an `Outcome` tick by tick."""
 
     def __init__(self, period_s: float) -> None:
         self._period_s = period_s

@@ -1,4 +1,4 @@
-"""The pilot: what to do at each tick of a flight, from the first message to the disarmed motors.
+"""The pilot: decides at each tick of a flight, from the first message to the disarmed motors.
 
 A state machine without clock and without I/O: the real-time loop and the lockstep simulation call `tick` with the
 state and carry out what it asks for. So both fly the very same flight.
@@ -20,18 +20,18 @@ from quadctl.state import VehicleState
 
 READY_TIMEOUT_S = 15.0
 BOOT_TIMEOUT_S = 60.0
-"""For an autopilot that says of itself that it is not ready, as it does for some time after boot."""
+"""Longest wait for an autopilot that reports that it is not ready, as it does for some time after boot."""
 START_TIMEOUT_S = 8.0
 CLIMB_TIMEOUT_S = 20.0
 CLIMBED_SHARE, CLIMBED_M_S = 0.9, 0.2
-"""Of its height and its vertical speed, when an autopilot's own take-off is over."""
+"""Share of the height, and vertical speed, at which the autopilot's own take-off counts as finished."""
 STREAM_FIRST_S = 1.0
-"""Idle setpoints before offboard is asked for: autopilots want a stream first."""
+"""Time of idle setpoints before offboard is asked for: autopilots want a stream first."""
 SPOOL_UP_S = 1.0
-"""Throttle rises from idle to half of hover while the vehicle still stands."""
+"""Time in which the throttle rises from idle to half of hover while the vehicle still stands."""
 
 _Step = Callable[[VehicleState, float], Decision]
-"""A stage: (state, time since the last tick)."""
+"""Function of a stage: (state, time since the last tick) -> decision."""
 _NOTHING = Decision()
 
 
@@ -52,7 +52,7 @@ class Pilot:
         self._autopilot_takes_off = autopilot_takes_off
         first = mission.phases[0]
         self.take_off_m = mission.reference(first.end_s)[0][2]
-        """The autopilot's own take-off takes the place of the mission's first phase: it ends where that ends."""
+        """Height of the autopilot's own take-off, which replaces the mission's first phase and ends at its end."""
         self._begin_at_s = first.end_s if autopilot_takes_off else 0.0
         self._home = Home()
         self._progress = Progress()
@@ -83,7 +83,7 @@ class Pilot:
 
     @property
     def ended(self) -> str:
-        """How the flight ended: `completed`, or the reason why it did not; empty before."""
+        """End of the flight: `completed`, or the reason why it was not; empty before."""
         return self._progress.ended
 
     @property
@@ -92,7 +92,7 @@ class Pilot:
         return self._progress.flight_s
 
     def distance_m(self, state: VehicleState) -> float:
-        """Horizontal, from the take-off point."""
+        """Horizontal distance from the take-off point."""
         return self._home.distance_m(state)
 
     def ask_to_land(self, reason: str) -> None:
@@ -105,14 +105,14 @@ class Pilot:
         self._landing.let_go(reason)
 
     def request_failed(self, request: Request, reason: str) -> None:
-        """The autopilot refused. Before the flight that ends it; a refused landing is answered by silence."""
+        """Note that the autopilot refused a request: a refused start ends the flight, a refused landing the targets."""
         if request is not Request.LAND:
             self._watch.refusal = reason
         elif self.stage is Stage.LAND:
             self._landing.refused(reason)
 
     def fail(self, reason: str) -> None:
-        """A target could not be sent: no more targets, let the autopilot land."""
+        """Note that a target could not be sent: no more targets, and the autopilot lands."""
         self._watch.failure = reason
 
     def tick(self, state: VehicleState, late_s: float) -> Tick:
@@ -137,7 +137,7 @@ class Pilot:
         )
 
     def _sound(self, step: _Step, state: VehicleState, dt: float) -> Decision:
-        """The decision of a stage. Whatever a compensator makes of a good state, it does not reach the motors."""
+        """Decision of the present stage, with a target only if it is fit to reach the motors."""
         decision = _NOTHING
         try:
             decision = step(state, dt)
@@ -219,7 +219,7 @@ class Pilot:
         return self._steering.standing(0.5 * share) if share < 1.0 else self._lift_off(state)
 
     def _climb(self, state: VehicleState, dt: float) -> Decision:
-        """The autopilot takes off, and we are silent: a target would break its take-off off."""
+        """One tick of CLIMB: the autopilot takes off, and we are silent, as a target would end its take-off."""
         breach = self._breach(state)
         if breach is None and self._watch.refusal is not None:
             breach = Breach(Answer.HAND_OVER, self._watch.refusal)
@@ -254,19 +254,19 @@ class Pilot:
     # --- inside --------------------------------------------------------------------------------------------------
 
     def _breach(self, state: VehicleState) -> Breach | None:
-        """Why the flight must not go on, a wish to land included."""
+        """Breach because of which the flight must not go on, or None; a wish to land counts."""
         wish = self._watch.want_land
         found = self._watch.breach(state, self._progress.in_air_s, off_ground=self.stage is Stage.FLY)
         return Breach(Answer.LAND, wish) if found is None and wish else found
 
     def _notice_fading(self, decision: Decision) -> None:
-        """Once, for the log."""
+        """Note once, for the log, that the compensator has faded."""
         if decision.output is not None and decision.output.compensation.trust < 1.0 and not self._faded:
             self._faded = True
             self._progress.note("the compensator is beyond the heights of its data", "fade out")
 
     def _idle(self, requests: tuple[Request, ...] = ()) -> Decision:
-        """No thrust, the heading we stand in; silence where a target would stand in the way of the take-off."""
+        """Level target without thrust; none where the autopilot takes off itself, which a target would prevent."""
         if self._autopilot_takes_off:
             return Decision(requests=requests)
         return self._steering.standing(0.0)._replace(requests=requests)

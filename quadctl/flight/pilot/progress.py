@@ -1,26 +1,26 @@
-"""Where a flight is, since when, and what its log must explain."""
+"""Progress of a flight: its stage, the time since it began, and the events for the log."""
 
 from quadctl.flight.pilot.tick import Event, Stage
 
 
 class Progress:
-    """Kept by the pilot, shared with those who carry out a stage for it."""
+    """Progress of one flight; the pilot shares it with the objects that carry out a stage."""
 
     def __init__(self) -> None:
         self.stage = Stage.WAIT
         self.ended = ""
-        """How the flight ended: `completed`, or the reason why it did not."""
+        """End of the flight: `completed`, or the reason why it was not; empty before."""
         self.flight_s = 0.0
         """Time in the mission."""
         self.now_s = 0.0
-        """Of this tick, on the clock of the state."""
+        """Time of this tick, on the clock of the state."""
         self._began_s: float | None = None
         self._took_off_s: float | None = None
         self._entered_s = 0.0
         self._events: list[Event] = []
 
     def advance(self, now_s: float) -> float:
-        """A tick begins; the time since the last one, s."""
+        """Begin a tick; return the time since the last one, s."""
         if self._began_s is None:
             self._began_s = self._entered_s = self.now_s = now_s
         dt = max(now_s - self.now_s, 0.0)
@@ -29,21 +29,21 @@ class Progress:
 
     @property
     def time_s(self) -> float:
-        """Since the first tick."""
+        """Time since the first tick."""
         return self.now_s - (self._began_s or 0.0)
 
     @property
     def in_stage_s(self) -> float:
-        """Since this stage began."""
+        """Time since this stage began."""
         return self.now_s - self._entered_s
 
     @property
     def in_air_s(self) -> float:
-        """Since the take-off began; 0 before."""
+        """Time since the take-off began; 0 before."""
         return 0.0 if self._took_off_s is None else self.now_s - self._took_off_s
 
     def take_off(self) -> None:
-        """From now on the vehicle climbs, by its autopilot's means or by ours."""
+        """Note that the vehicle climbs from now on, by the autopilot's take-off or by our targets."""
         if self._took_off_s is None:
             self._took_off_s = self.now_s
 
@@ -52,16 +52,16 @@ class Progress:
         self._entered_s = self.now_s
 
     def end(self, reason: str) -> None:
-        """There is nothing more to do."""
+        """End the flight."""
         self.note(reason, "end")
         self.ended = reason
         self.enter(Stage.DONE)
 
     def note(self, what: str, answer: str) -> None:
-        """For the log."""
+        """Note an event for the log."""
         self._events.append(Event(self.time_s, what, answer))
 
     def take_events(self) -> tuple[Event, ...]:
-        """What was noted since they were last taken."""
+        """Events noted since the last call."""
         events, self._events = tuple(self._events), []
         return events

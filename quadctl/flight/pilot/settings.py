@@ -1,4 +1,4 @@
-"""What a flight needs besides its mission (config/flight.yaml): vehicle, compensator, controller, link, guards."""
+"""Settings of a flight besides its mission (config/flight.yaml): vehicle, compensator, controller, link, guards."""
 
 from pathlib import Path
 from typing import Literal, NamedTuple
@@ -10,6 +10,7 @@ from quadctl.control import ControllerSettings
 from quadctl.effects import find_effect
 from quadctl.errors import SettingsError
 from quadctl.flight.pilot.guards import GuardLimits
+from quadctl.installed import locate
 from quadctl.model import Model, load_model
 from quadctl.settings import Settings, load
 from quadctl.vehicle import load_vehicle
@@ -20,7 +21,7 @@ HeightDatum = Literal["frame", "takeoff"]
 
 
 class LinkSettings(Settings):
-    """How the autopilot is reached."""
+    """Link to the autopilot."""
 
     url: str = "udpin://0.0.0.0:14540"
     timeout_s: float = Field(default=10.0, gt=0.0, le=120.0)
@@ -33,7 +34,7 @@ class FlightSettings(Settings):
     compensator: str = NO_COMPENSATION
     """`none`, the name of an effect with its textbook parameters, or a model file."""
     height_datum: HeightDatum = "frame"
-    """Where the ground is: at z = 0 of the autopilot's frame (motion capture), or where the vehicle took off."""
+    """Height of the ground: z = 0 of the autopilot's frame (motion capture), or the place of take-off."""
     rest_height_m: float = Field(default=0.05, ge=0.0, lt=5.0)
     """Height of the logged body point when the vehicle stands on the ground; used with `takeoff`."""
     controller: ControllerSettings = ControllerSettings()
@@ -43,7 +44,7 @@ class FlightSettings(Settings):
 
 
 class FlightModels(NamedTuple):
-    """What flies: the vehicle that control assumes, and the model that the compensator inverts."""
+    """Models of a flight: the vehicle that control assumes, and the model that the compensator inverts."""
 
     body: Model
     compensator: Model
@@ -53,19 +54,14 @@ DEFAULT_CONFIG = Path("config/flight.yaml")
 
 
 def find_config(given: Path | None, mission: Path) -> Path:
-    """The configuration file: the one given, else config/flight.yaml here, else beside the mission's folder.
-
-    Raises
-    ------
-    SettingsError
-        None of them is there.
-    """
+    """The configuration file: the one given, else config/flight.yaml here, else beside the mission's folder, else the
+    one installed with quadctl."""
     if given is not None:
         return given
     for candidate in (DEFAULT_CONFIG, mission.parent.parent / DEFAULT_CONFIG):
         if candidate.is_file():
             return candidate
-    raise SettingsError(f"{DEFAULT_CONFIG}: there is no such file here; name the flight configuration with --config")
+    return locate(DEFAULT_CONFIG)
 
 
 def load_flight_settings(path: Path) -> FlightSettings:

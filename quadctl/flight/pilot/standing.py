@@ -1,4 +1,4 @@
-"""Whether a vehicle stands on the ground as before a flight; what it shows else is an error of the estimate."""
+"""Check that a vehicle stands still and level on the ground before a flight; if not, its estimate is wrong."""
 
 import math
 
@@ -9,7 +9,7 @@ from quadctl.state import VehicleState
 MAX_TILT_DEG = 10.0
 MAX_SPEED_M_S = 0.3
 MAX_HEIGHT_M = 0.3
-"""What a vehicle that stands on the ground may show."""
+"""Largest tilt, speed and height in the estimate of a vehicle that stands on the ground."""
 
 
 def posture(state: VehicleState) -> str:
@@ -19,7 +19,7 @@ def posture(state: VehicleState) -> str:
 
 
 def not_standing(state: VehicleState, height_datum: HeightDatum) -> str | None:
-    """What was expected of a vehicle that stands still and level on the ground, where it does not; else None."""
+    """Expectation that a vehicle standing on the ground does not meet, or None."""
     lean_deg, speed, height_m = _shown(state)
     if not lean_deg <= MAX_TILT_DEG:
         return f"expected at most {MAX_TILT_DEG:g} deg"

@@ -1,4 +1,4 @@
-"""From the mission and the state to the target: the mission placed where the vehicle took off, and control along it."""
+"""Targets from mission and state: the mission is placed where the vehicle took off, and control follows it."""
 
 import math
 from dataclasses import dataclass
@@ -15,18 +15,18 @@ from quadctl.vehicle import Vehicle
 
 @dataclass
 class Home:
-    """Where the vehicle took off: the origin of the mission, in the autopilot's frame (NED)."""
+    """Place of take-off: the origin of the mission, in the autopilot's frame (NED)."""
 
     position_ned_m: Vec3 = (0.0, 0.0, 0.0)
     ground_down_m: float = 0.0
     heading_rad: float = 0.0
 
     def height_m(self, state: VehicleState) -> float:
-        """Of the vehicle above the ground."""
+        """Height of the vehicle above the ground."""
         return self.ground_down_m - state.position_ned_m[2]
 
     def distance_m(self, state: VehicleState) -> float:
-        """Horizontal, from the take-off point."""
+        """Horizontal distance from the take-off point."""
         return math.dist(state.position_ned_m[:2], self.position_ned_m[:2])
 
 
@@ -45,18 +45,18 @@ class Steering:
         self._memory = Memory()
 
     def start_at(self, state: VehicleState) -> None:
-        """The vehicle stands at home."""
+        """Make the place of the standing vehicle the home of the flight."""
         self._home.position_ned_m = state.position_ned_m
         if self._settings.height_datum == "takeoff":
             self._home.ground_down_m = state.position_ned_m[2] + self._settings.rest_height_m
         self._home.heading_rad = self._yaw_rad = euler_from_quaternion(state.attitude)[2]
 
     def forget(self) -> None:
-        """What control has learned on the ground does not count."""
+        """Forget the controller's state from the ground."""
         self._memory = Memory()
 
     def standing(self, share_of_hover: float) -> Decision:
-        """Level, in the heading it stands in, with a share of the throttle of hover; 0: no thrust."""
+        """Level target in the present heading, with a share of the throttle of hover; 0: no thrust."""
         curve = self._vehicle.throttle
         hover = curve.offset + curve.per_newton * self._vehicle.weight_n
         half_rad = 0.5 * self._home.heading_rad
@@ -78,7 +78,7 @@ class Steering:
         return self.towards(setpoint, state, dt)
 
     def towards(self, setpoint: Setpoint, state: VehicleState, dt: float) -> Decision:
-        """One step of control, `dt` after the last."""
+        """Make one step of control towards `setpoint`, `dt` after the last."""
         output = control(
             setpoint,
             state,
@@ -93,5 +93,5 @@ class Steering:
         return Decision(output.target, (), setpoint, output)
 
     def place_of(self, state: VehicleState) -> Setpoint:
-        """To stay where it is, in the heading last asked for."""
+        """Setpoint to stay at the place of `state`, in the last heading."""
         return Setpoint(state.position_ned_m, yaw_rad=self._yaw_rad)

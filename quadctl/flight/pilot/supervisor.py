@@ -1,4 +1,4 @@
-"""The guards with what they must remember: the state before, a floor once passed, what failed and what was asked."""
+"""The guards and their memory: the last state, whether the floor was passed, failures, and requests to land."""
 
 from quadctl.flight.pilot.continuity import Continuity
 from quadctl.flight.pilot.guards import Answer, Breach, defect, floor, inspect
@@ -9,11 +9,11 @@ from quadctl.missions import Mission
 from quadctl.state import VehicleState
 
 ARM_SETTLE_S = 2.0
-"""An arming that was asked for may still come so long after it was given up."""
+"""Longest time after which an arming request that was given up may still take effect."""
 
 
 class Supervisor:
-    """Says at every tick whether the flight may begin, or go on."""
+    """Decides at every tick if the flight may begin, or go on."""
 
     def __init__(self, mission: Mission, settings: FlightSettings, home: Home) -> None:
         self._mission = mission
@@ -24,13 +24,13 @@ class Supervisor:
         self.arm_asked = False
         self.armed_seen = False
         self.want_land: str | None = None
-        """Why somebody wants the flight to end."""
+        """Reason why somebody wants the flight to end."""
         self.refusal: str | None = None
-        """Why the autopilot refused what a start needs."""
+        """Reason why the autopilot refused a request that a start needs."""
         self.failure: str | None = None
-        """Why we cannot go on commanding."""
+        """Reason why we cannot go on commanding."""
         self.restarted = False
-        """The autopilot's clock has begun anew: it has forgotten what we asked of it."""
+        """True when the autopilot has restarted, and forgotten our requests."""
         self._boots: int | None = None
         self._continuity = Continuity(settings.guards.continuity)
         self._above_floor = False
@@ -41,7 +41,7 @@ class Supervisor:
         return self._guards.max_over_time_s
 
     def look(self, state: VehicleState, late_s: float, dt: float) -> None:
-        """At every tick, before anything is asked. `late_s`: how late it is; `dt`: its distance from the last one."""
+        """Take in the state, at every tick, before any question. `late_s`: its lateness; `dt`: time since the last."""
         self.armed_seen = self.armed_seen or state.armed
         stalled_s = max(late_s, dt - self._period_s)
         stalled = stalled_s > self._guards.max_tick_late_s
@@ -50,7 +50,7 @@ class Supervisor:
         self.restarted = self.restarted or state.boots != self._boots
 
     def defect(self, state: VehicleState) -> str | None:
-        """Why the flight cannot stand on this state, or None."""
+        """Reason why the flight cannot use this state, or None."""
         least_v = self._guards.min_battery_v
         if least_v > 0.0 and not state.battery_v >= least_v:
             return f"the battery is at {state.battery_v:.2f} V, expected {least_v:g} V or more"
@@ -59,22 +59,22 @@ class Supervisor:
         return defect(state, self._guards)
 
     def unsettled(self, state: VehicleState) -> str | None:
-        """Why a vehicle that is to take off does not look as if it stood on the ground, or None."""
+        """Reason why a vehicle that is to take off does not seem to stand on the ground, or None."""
         expected = not_standing(state, self._height_datum)
         return expected and f"the vehicle does not stand on the ground: {posture(state)}: {expected}"
 
     def objection(self, state: VehicleState) -> str | None:
-        """Why the flight must not begin, or None."""
+        """Reason why the flight must not begin, or None."""
         restarted = "the autopilot restarted" if self.restarted else None
         return self.want_land or self.refusal or self.failure or restarted or self.defect(state)
 
     def motors_off(self, state: VehicleState, given_up_s: float) -> bool:
-        """The vehicle is disarmed, and no arming of ours, given up so long ago, is under way that could still come."""
+        """True when the vehicle is disarmed and no arming request, given up `given_up_s` ago, can still take effect."""
         under_way = self.arm_asked and not self.armed_seen and given_up_s < ARM_SETTLE_S
         return not state.armed and not under_way
 
     def breach(self, state: VehicleState, in_air_s: float, off_ground: bool = True) -> Breach | None:
-        """Why the flight must not go on as it does, or None.
+        """Breach because of which the flight must not go on as it does, or None.
 
         `off_ground` is False for a vehicle that stands, whose state need not move. A wish to land is not among the
         reasons.

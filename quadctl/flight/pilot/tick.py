@@ -1,4 +1,4 @@
-"""What one tick of a flight decides: the words that pilot, loop and listeners share."""
+"""Decisions of one tick of a flight: the types that pilot, loop and listeners share."""
 
 import enum
 from typing import NamedTuple
@@ -8,7 +8,7 @@ from quadctl.state import AttitudeTarget, Setpoint, VehicleState
 
 
 class Stage(enum.Enum):
-    """Where the flight is."""
+    """Stage of a flight."""
 
     WAIT = "waiting for telemetry"
     STREAM = "streaming idle setpoints"
@@ -22,7 +22,7 @@ class Stage(enum.Enum):
 
 
 class Request(enum.Enum):
-    """What the pilot wants the autopilot to do; carried out beside the loop."""
+    """Request of the pilot to the autopilot; carried out beside the loop."""
 
     OFFBOARD = "enter offboard"
     ARM = "arm"
@@ -31,7 +31,7 @@ class Request(enum.Enum):
 
 
 class Event(NamedTuple):
-    """Something that a log must explain: a guard's answer, a wish, a refusal."""
+    """Event for the log: a guard's answer, a wish to land, a refusal."""
 
     time_s: float
     what: str
@@ -39,23 +39,23 @@ class Event(NamedTuple):
 
 
 class Decision(NamedTuple):
-    """What one stage makes of one state."""
+    """Decision of one stage about one state."""
 
     target: AttitudeTarget | None = None
-    """To be sent now; None: silence."""
+    """Target to be sent now; None: send nothing."""
     requests: tuple[Request, ...] = ()
     setpoint: Setpoint | None = None
     output: ControlOutput | None = None
 
 
 class Tick(NamedTuple):
-    """What one tick decided."""
+    """Decision of one tick, with what led to it."""
 
     time_s: float
     stage: Stage
     phase: str
     target: AttitudeTarget | None
-    """To be sent now; None: silence."""
+    """Target to be sent now; None: send nothing."""
     requests: tuple[Request, ...]
     state: VehicleState
     setpoint: Setpoint | None

@@ -1,4 +1,4 @@
-"""Is this mission, by this vehicle, with this compensator and these limits, fit to be flown? Nothing moves for it."""
+"""Check of a mission with this vehicle, compensator and limits, from the files alone: is it fit to be flown?"""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -19,28 +19,28 @@ from quadctl.state import Vec3, VehicleState
 from quadctl.vehicle import Vehicle
 
 THRUST_MARGIN = 0.85
-"""Of the largest thrust: what a mission asks beyond it leaves little for attitude control."""
+"""Share of the largest thrust beyond which a mission leaves little for attitude control."""
 SPEED_MARGIN = 0.8
-"""Of a guard's speed: the vehicle overshoots."""
+"""Share of a guard's speed that a mission may use without a warning, as the vehicle overshoots."""
 CLEARANCE_M = 0.05
-"""Between the lowest rotor tip and the ground: height control near the ground is no better."""
+"""Clearance between the lowest rotor tip and the ground: the accuracy of height control near the ground."""
 ENDURANCE_MARGIN = 0.8
 
 
 class Demand(NamedTuple):
-    """What one sample of a mission asks of the vehicle."""
+    """Demand of one sample of a mission on the vehicle."""
 
     sample: Sample
     tilt_rad: float
-    """For the reference's acceleration, the controller's answer to a jump and the compensator's force."""
+    """Tilt for the reference's acceleration, the controller's answer to a jump and the compensator's force."""
     thrust_n: float
-    """Of all rotors together, within the controller's limit of tilt, by the compensator's ratio."""
+    """Thrust to ask of all rotors together, within the controller's limit of tilt, by the compensator's ratio."""
     thrust_ratio: float
-    """By the compensator."""
+    """Thrust ratio of the compensator."""
 
 
 def check_flight(plan: FlightPlan) -> list[Finding]:
-    """All findings about a flight that has not begun, in the order in which a person asks."""
+    """All findings about the plan of a flight."""
     mission, settings, vehicle = plan.mission, plan.settings, plan.body.vehicle
     samples = sampled(mission)
     every = [sample for of_phase in samples for sample in of_phase]
@@ -131,7 +131,7 @@ def _compensator(plan: FlightPlan) -> Iterator[Finding]:
 
 
 def _ground(demands: Sequence[Demand], vehicle: Vehicle, settings: FlightSettings) -> Finding:
-    """The rotor that a tilted vehicle holds lowest must not touch the ground."""
+    """Finding about the lowest rotor of the tilted vehicle, which must not touch the ground."""
     reach = max(math.hypot(r.position_m[0], r.position_m[1]) for r in vehicle.rotors) + vehicle.rotor.radius_m
     most = math.radians(settings.controller.max_tilt_deg)
 
@@ -228,7 +228,7 @@ def _thrust(demands: Sequence[Demand], vehicle: Vehicle, controller: ControllerS
 
 
 def _band(demands: Sequence[Demand], settings: FlightSettings) -> Iterator[Finding]:
-    """How far the compensator goes, and whether its limits cut it off."""
+    """Range of the compensator's correction, with a warning where its limits cut it off."""
     ratios = [demand.thrust_ratio for demand in demands]
     if all(ratio == 1.0 for ratio in ratios):
         return

@@ -1,4 +1,4 @@
-"""What a check found: one line each, with a verdict."""
+"""Findings of a check: one line each, with a verdict."""
 
 import enum
 from collections.abc import Iterable
@@ -15,7 +15,7 @@ class Finding(NamedTuple):
     verdict: Verdict
     topic: str
     text: str
-    """What was found, with the numbers that it was judged by."""
+    """Result, with the numbers that it was judged by."""
 
     def __str__(self) -> str:
         return f"{self.topic}: {self.text}"
@@ -25,7 +25,7 @@ class Finding(NamedTuple):
 
 
 def judged(topic: str, text: str, *, refused: str | None = None, warning: str | None = None) -> Finding:
-    """A finding with the gravest objection there is; each objection is None where there is none."""
+    """Finding with the most severe objection; `refused` and `warning` are None without one."""
     if refused is not None:
         return Finding(Verdict.REFUSED, topic, f"{text}: {refused}")
     if warning is not None:

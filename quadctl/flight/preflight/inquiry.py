@@ -1,4 +1,4 @@
-"""Asking the autopilot, on the ground, whether it is ready: its messages, its state, its parameters. Nothing moves."""
+"""Inspection of an autopilot on the ground: its messages, its state, its parameters. Nothing moves."""
 
 import asyncio
 import math
@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 from quadctl.errors import FlightError
-from quadctl.flight.autopilot.firmware import Requirement
+from quadctl.flight.autopilot.firmware import Check, Requirement
 from quadctl.flight.autopilot.mavsdk_autopilot import MavsdkAutopilot
 from quadctl.flight.autopilot.port import Autopilot
 from quadctl.flight.pilot.guards import defect
@@ -19,22 +19,11 @@ from quadctl.state import VehicleState
 from quadctl.vehicle import Vehicle
 
 LOOK_EVERY_S = 0.002
-"""How often the state is looked at: shorter than the interval of the quickest message, so that each is counted."""
-MAX_SILENCE_S = 1.0
-"""After which an autopilot should act when setpoints stop."""
-MAX_HOVER_DIFFERENCE = 0.15
-"""Between the hover throttle of the vehicle file and the autopilot's: beyond it one of them is wrong."""
-
-LOST_OFFBOARD = {0: "Position", 1: "Altitude", 2: "Stabilized", 3: "Return", 4: "Land", 5: "Hold", 6: "Terminate",
-                 7: "Disarm"}  # fmt: skip
-"""PX4's COM_OBL_RC_ACT: what it does when offboard setpoints stop."""
-GOOD_LOST_OFFBOARD = (4, 5)
-HOVER_THROTTLE = ("MPC_THR_HOVER", "MOT_THST_HOVER")
-"""Of PX4, of ArduPilot."""
+"""Interval at which the state is read: shorter than that of the most frequent message, so that each is counted."""
 
 
 class Inspected(Protocol):
-    """What is asked of an autopilot here: a part of the port `Autopilot`."""
+    """Part of the port `Autopilot` that an inspection needs."""
 
     warnings: list[str]
 
@@ -45,7 +34,7 @@ class Inspected(Protocol):
     def requirements(self) -> Sequence[Requirement]: ...
 
     @property
-    def checked(self) -> Sequence[str]: ...
+    def checks(self) -> Sequence[Check]: ...
 
     async def request_telemetry(self) -> None: ...
 
@@ -56,12 +45,12 @@ class Inspected(Protocol):
 
 @dataclass
 class Counted:
-    """What came in while we listened."""
+    """Updates that arrived while listening."""
 
     seconds: float
     updates: dict[str, int] = field(default_factory=dict)
     oldest_s: dict[str, float] = field(default_factory=dict)
-    """The age that each part reached at most."""
+    """Largest age of each part."""
 
     def rate_hz(self, part: str) -> float:
         return self.updates.get(part, 0) / self.seconds
@@ -126,7 +115,7 @@ async def _listen(autopilot: Inspected, seconds: float) -> Counted:
 
 
 def _messages(counted: Counted, plan: FlightPlan) -> Iterator[Finding]:
-    """Those that control stands on, at the rates at which they really arrive."""
+    """Findings about the messages that control needs, at the rates at which they arrive."""
     allowed_s, wanted_hz = plan.settings.guards.max_state_age_s, plan.settings.controller.rate_hz
     for part in ("position", "attitude"):
         rate, oldest_s = counted.rate_hz(part), counted.oldest_s.get(part, math.inf)
@@ -179,37 +168,22 @@ async def _parameters(autopilot: Inspected, vehicle: Vehicle) -> list[Finding]:
 
 async def advisable_parameters(autopilot: Inspected, vehicle: Vehicle) -> list[Finding]:
     """Findings about the parameters that a flight does not require; nothing is refused for them."""
-    values = await autopilot.parameters(autopilot.checked)
-    if autopilot.checked and not values:
-        return [judged("parameters", ", ".join(autopilot.checked), warning="the autopilot tells none of them")]
-    return list(_checked(values, vehicle))
+    names = [check.parameter for check in autopilot.checks]
+    values = await autopilot.parameters(names)
+    if names and not values:
+        return [judged("parameters", ", ".join(names), warning="the autopilot tells none of them")]
+    found = [(check, values[check.parameter]) for check in autopilot.checks if check.parameter in values]
+    return [
+        judged("parameters", check.finding(value, vehicle), warning=check.objection(value, vehicle))
+        for check, value in found
+    ]
 
 
 def _required(need: Requirement, values: Mapping[str, float]) -> Finding:
-    """What `quadctl fly` refuses, or sets with --set-params."""
+    """Finding about a parameter that `quadctl fly` refuses to fly without, or sets with --set-params."""
     if need.parameter not in values:
         return judged("parameters", need.parameter, refused="the autopilot does not tell it")
     value = values[need.parameter]
     problem = None if need.met(value) else f"expected {need.to_meet(value):g} (--set-params does it): {need.because}"
     text = f"{need.parameter} = {value:g}"
     return judged("parameters", text, refused=None if need.advice else problem, warning=problem)
-
-
-def _checked(values: Mapping[str, float], vehicle: Vehicle) -> Iterator[Finding]:
-    """What happens when we fall silent, and whether the autopilot's hover throttle is ours."""
-    if "COM_OF_LOSS_T" in values:
-        silence_s = values["COM_OF_LOSS_T"]
-        late = f"expected at most {MAX_SILENCE_S:g} s" if silence_s > MAX_SILENCE_S else None
-        yield judged("parameters", f"COM_OF_LOSS_T: acts {silence_s:g} s after the last setpoint", warning=late)
-    if "COM_OBL_RC_ACT" in values:
-        action = round(values["COM_OBL_RC_ACT"])
-        poor = None if action in GOOD_LOST_OFFBOARD else "expected 4 (Land) or 5 (Hold), which need nobody"
-        if action == 3 and vehicle.ceiling_m is not None:
-            poor = f"it climbs first, and there is a ceiling at {vehicle.ceiling_m:g} m; expected 4 (Land)"
-        text = f"COM_OBL_RC_ACT: then it goes to {LOST_OFFBOARD.get(action, 'an unknown mode')} ({action})"
-        yield judged("parameters", text, warning=poor)
-    for name in values.keys() & set(HOVER_THROTTLE):
-        theirs = values[name]
-        ours = vehicle.throttle.offset + vehicle.throttle.per_newton * vehicle.weight_n
-        apart = "one of them is wrong" if abs(theirs - ours) > MAX_HOVER_DIFFERENCE else None
-        yield judged("parameters", f"{name}: hovers at {theirs:.2f}, the vehicle file at {ours:.2f}", warning=apart)

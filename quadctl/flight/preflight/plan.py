@@ -1,4 +1,4 @@
-"""What a flight is made of: mission, settings and models, read from their files."""
+"""The plan of a flight: mission, settings and models, read from their files."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,14 +14,14 @@ from quadctl.model import Model
 
 
 class FlightPlan(NamedTuple):
-    """Everything that a flight is made of."""
+    """Mission, settings and models of one flight."""
 
     mission: Mission
     settings: FlightSettings
     body: Model
     compensator: Model
     warnings: Sequence[Finding] = ()
-    """What a check of it found that does not stand in its way."""
+    """Warnings of the check of this plan."""
 
     @property
     def rotor_heights_m(self) -> tuple[float, float]:
@@ -34,7 +34,7 @@ class FlightPlan(NamedTuple):
         return Pilot(self.mission, self.body, self.settings, compensator, autopilot_takes_off)
 
     def recorder(self, log_dir: Path, autopilot: str, real_time: Sequence[str] = ()) -> Recorder:
-        """`real_time`: what keeps the ticks of a flight in real time punctual."""
+        """Recorder of this flight; `real_time` names the means that keep the ticks of a real flight punctual."""
         vehicle = self.body.vehicle
         meta: dict[str, Any] = {
             "mission": self.mission.name,

@@ -12,7 +12,7 @@ from quadctl.flight.autopilot.port import Autopilot
 async def requirements_met(
     autopilot: Autopilot, set_parameters: bool, warn: Callable[[str], None]
 ) -> AsyncIterator[None]:
-    """What `autopilot` requires holds inside; what was set for that is restored at the end, however it ends.
+    """Context in which the autopilot's requirements are met; parameters set for that are restored at its end.
 
     Raises
     ------
@@ -40,7 +40,7 @@ async def requirements_met(
 
 
 async def _unmet(autopilot: Autopilot) -> list[tuple[Requirement, float]]:
-    """What has to be set, with the value that it has."""
+    """Requirements that are not met, each with the present value of its parameter."""
     values = await autopilot.parameters(need.parameter for need in autopilot.requirements)
     for need in autopilot.requirements:
         if need.parameter not in values:
@@ -51,7 +51,7 @@ async def _unmet(autopilot: Autopilot) -> list[tuple[Requirement, float]]:
 
 
 async def _restore(autopilot: Autopilot, before: Mapping[str, float], warn: Callable[[str], None]) -> None:
-    """Not while it flies: what a parameter means must not change under whoever flies now."""
+    """Restore parameters, but not while the vehicle is armed: they must not change under whoever flies now."""
     for name, value in before.items():
         by_hand = f"{name} could not be restored; set it to {value:g} by hand"
         if autopilot.state().armed:

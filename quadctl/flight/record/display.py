@@ -1,4 +1,4 @@
-"""What a person sees during a flight: phase, progress, height, tracking error, lateness. Drawn on a thread of its own,
+"""The display of a flight in the terminal: phase, progress, height, tracking error, lateness. Drawn on its own thread,
 because a terminal can block (a slow ssh link, Ctrl-S) and the loop must not."""
 
 import math

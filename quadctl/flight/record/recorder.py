@@ -1,4 +1,4 @@
-"""The flight recorder: one CSV row per tick, and in the meta file what a log must explain (guards, wishes, refusals).
+"""The flight recorder: one CSV row per tick, and a meta file with the settings and the events of the flight.
 
 Written on a thread of its own, so that no disk can hold up the loop.
 
@@ -109,7 +109,7 @@ class Recorder:
         }
         self._events: list[dict[str, Any]] = []
         self.problem: str | None = None
-        """Why the log is incomplete, or None."""
+        """Reason why the log is incomplete, or None."""
         try:
             directory.mkdir(parents=True, exist_ok=True)
             self.path, self._file = _new_file(directory, mission)
@@ -121,16 +121,16 @@ class Recorder:
             raise FlightError(f"{directory}: cannot be written for the flight log ({error.strerror})") from None
         self._queue: queue.SimpleQueue[Tick | None] = queue.SimpleQueue()
         self._closing = False
-        """The writer has taken the last word from the queue."""
+        """True when the writer thread has taken the last item from the queue."""
         self._thread = threading.Thread(target=self._write, name="recorder", daemon=True)
         self._thread.start()
 
     def __call__(self, tick: Tick) -> None:
-        """Take a copy; returns at once."""
+        """Take a copy of a tick; returns at once."""
         self._queue.put(tick)
 
     def close(self, ended: str) -> None:
-        """Write what is left and say in the meta file how the flight ended."""
+        """Write the remaining rows, and the end of the flight into the meta file."""
         self._queue.put(None)
         self._thread.join(timeout=CLOSE_TIMEOUT_S)
         if self._thread.is_alive():
@@ -179,7 +179,7 @@ class Recorder:
         self._events += [{**event._asdict(), "time_s": round(event.time_s, 3)} for event in tick.events]
 
     def _write_meta(self, ended: str) -> None:
-        """In one step: a full disk or a power cut leaves the old file, not half of a new one."""
+        """Write the meta file in one step: a full disk or a power cut leaves the old file, not half of a new one."""
         text = yaml.safe_dump({**self._meta, "events": self._events, "ended": ended}, sort_keys=False)
         new = self.meta_path.with_suffix(".new")
         try:
@@ -193,7 +193,7 @@ class Recorder:
 
 
 def _sync(file: TextIO) -> None:
-    """On the disk, not only on its way there."""
+    """Flush a file to the disk itself."""
     file.flush()
     os.fsync(file.fileno())
 

@@ -1,4 +1,4 @@
-"""The flight's end of the live view: ten times a second a record goes out, one wish may come in, nothing ever waits.
+"""The flight's end of the live view: records go out ten times a second, a wish may come in, and nothing blocks.
 
 A pair of sockets that have no address, so that nobody but the flight and its viewer can speak on them: what a viewer
 does not take is dropped, and a viewer that is dead costs one failing call.
@@ -16,53 +16,53 @@ from quadctl.frames import tilt
 from quadctl.state import NAN
 
 SEND_S = 0.1
-"""As often as a page can show it: most ticks pay nothing."""
+"""Interval of the records: as often as a page can show them, so that most ticks cost nothing."""
 EVENTS_KEPT = 20
-"""Every record holds the last events, so that none is lost with a record that is dropped."""
+"""Number of last events in every record, so that none is lost with a record that is dropped."""
 LANDED_BY = "asked to land on the live view"
 WISH_TO_LAND = b"land"
 WORD_BYTES, RECORD_BYTES = 16, 65_536
-"""More than any word or record has."""
+"""Size of the buffer, bytes: more than any word or record has."""
 
 ViewEnd: TypeAlias = socket.socket
-"""One end of the link: datagrams, and nothing ever waits."""
+"""One end of the link: a non-blocking socket for datagrams."""
 
 
 class Record(NamedTuple):
     """A tick as the viewer gets it; height and distance from the ground at take-off, ages against the tick's time."""
 
     time_s: float
-    """Since the first tick."""
+    """Time since the first tick."""
     stage: str
     """Name of a `Stage`."""
     phase: str
     flight_s: float
-    """Time in the mission."""
+    """Time in the mission, s."""
     height_m: float
     height_ref_m: float
     distance_m: float
-    """Horizontal, from the take-off point."""
+    """Horizontal distance from the take-off point."""
     speed_m_s: float
     tilt_deg: float
     throttle: float
     thrust_n: float
     battery_v: float
     late_s: float
-    """The worst since the last record that was not dropped."""
+    """Largest lateness since the last record that was not dropped."""
     state_age_s: float
-    """Of the older one of position and attitude."""
+    """Age of the older one of position and attitude."""
     link_age_s: float
-    """Since the last heartbeat."""
+    """Time since the last heartbeat."""
     estimator_ratio: float
     armed: bool
     mode: str
     ended: str
-    """Why the flight ends; empty while it goes on."""
+    """Reason why the flight ends; empty while it goes on."""
     events: tuple[Event, ...]
 
 
 def connected_ends() -> tuple[ViewEnd, ViewEnd]:
-    """The flight's end and the viewer's."""
+    """Make the flight's end and the viewer's end."""
     flight, viewer = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
     flight.setblocking(False)
     viewer.setblocking(False)
@@ -79,14 +79,14 @@ def next_record(viewer: ViewEnd) -> Record | None:
 
 
 class ViewLink:
-    """A listener of the loop that never blocks and never raises: a view is not worth a flight."""
+    """Listener of the loop that never blocks and never raises, so that the view cannot disturb the flight."""
 
     def __init__(self, end: ViewEnd, pilot: Pilot) -> None:
         self._end = end
         self._pilot = pilot
         self._events: tuple[Event, ...] = ()
         self._late_s = 0.0
-        """Worst of the ticks that the viewer has not been told of."""
+        """Largest lateness of the ticks since the last record that was sent."""
         self._due_s = -math.inf
         self._asked = False
 
@@ -107,7 +107,7 @@ class ViewLink:
         self._late_s = 0.0
 
     def _hear(self) -> None:
-        """At most one word. The wish counts once: repeated after a release, it would end the recording."""
+        """Read at most one word. A wish counts once: repeated after a release, it would end the recording."""
         word = self._end.recv(WORD_BYTES)
         if word == WISH_TO_LAND and not self._asked:
             self._asked = True

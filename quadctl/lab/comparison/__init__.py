@@ -1,5 +1,5 @@
-"""Comparison: the error of a model on flights, where it is large, and how small it could be.
+"""Comparison: the error of a model on flights, the conditions under which it is large, and its noise floor.
 
-In come a `Model` and a `Dataset`; out comes a `Comparison`: residual, noise floor, ranges of the variables in which the
-model fails, open-loop error, and all of it in words. Nothing is fitted to the model.
+Input: a `Model` and a `Dataset`. Output: a `Comparison` with the residual, the noise floor, the ranges of the variables
+in which the model fails, the open-loop error, and sentences about them. No parameter is fitted.
 """

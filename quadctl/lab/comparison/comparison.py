@@ -1,4 +1,4 @@
-"""Compare a model with flights: how large is the error, how small could it be, where does the model fail?"""
+"""Comparison of a model with flights: its error, the noise floor, and the conditions under which it fails."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -22,21 +22,23 @@ TOLD_HORIZON_S = 2.0
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Comparison(Result):
-    """A model against a dataset; errors in m/s^2 of kinematic acceleration, measured minus predicted."""
+    """Errors of a model on a dataset; accelerations are kinematic, m/s^2; a residual is measured minus predicted."""
 
     model: Model
     dataset: AlignedDataset
     residual: Floats
-    """Shape (n, 3)."""
+    """Residual acceleration, north, east, up, m/s^2, shape (n, 3)."""
     rmse: dict[str, float]
     noise_floor: dict[str, float]
-    """Held-out error of a flexible regression on all logged variables: no model of them gets far below it."""
+    """Noise floor per axis and total, m/s^2: held-out error of a flexible regression on all logged variables. A model
+    of these variables can hardly have a smaller error."""
     explained: float
-    """1 - residual power / power of the measured acceleration about its mean; negative: worse than saying nothing."""
+    """Share of the acceleration's variance that the model explains (R^2); negative where the model is worse than
+    predicting the mean."""
     fails_where: list[Failure]
     profiles: list[Profile]
     open_loop: list[OpenLoop]
-    """By horizon; empty where no flight is long enough."""
+    """Open-loop errors, one entry per horizon; empty where no flight is long enough."""
 
     def to_dict(self) -> dict[str, Any]:
         return {
@@ -53,7 +55,7 @@ class Comparison(Result):
         }
 
     def __rich__(self) -> RenderableType:
-        title = f"{self.model.name} against {', '.join(self.dataset.names)}"
+        title = f"Acceleration error of {self.model.name} on {', '.join(self.dataset.names)}"
         table = errors_table(title, (("error (RMSE)", self.rmse), ("noise floor", self.noise_floor)))
         widths = ", ".join(sorted({f"{flight.bandwidth_hz:.1f}" for flight in self.dataset.flights}))
         lines = [
@@ -61,25 +63,25 @@ class Comparison(Result):
             + (
                 f"the model explains {self.explained:.1%} of the acceleration's variance."
                 if self.explained > 0.0
-                else "the model predicts worse than assuming no acceleration at all."
+                else "the model is worse than predicting the mean acceleration."
             )
         ]
         if self.fails_where:
-            lines.append("It fails where:")
+            lines.append("The model fails in these ranges:")
             lines += [
                 f"  - {failure.text} ({abs(failure.sigma):.0f} sigma)" for failure in self.fails_where[:SHOWN_FAILURES]
             ]
             if len(self.fails_where) > SHOWN_FAILURES:
                 lines.append(f"  - and {len(self.fails_where) - SHOWN_FAILURES} more ranges (see --json or --html)")
         else:
-            lines.append("It fails nowhere beyond the noise.")
+            lines.append("The model has no significant error in any range of a variable.")
         lines += [open_loop_in_words(errors) for errors in self.open_loop if errors.horizon_s == TOLD_HORIZON_S]
         shown = [open_loop_table(self.open_loop)] if self.open_loop else []
         return Group(table, *shown, Text("\n".join(lines)))
 
 
 def compare(model: Model, dataset: Dataset) -> Comparison:
-    """Evaluate `model` on `dataset` as it stands; nothing is fitted."""
+    """Evaluate `model` on `dataset` with its present parameters; no parameter is fitted."""
     aligned = dataset.aligned_for(model)
     residual = aligned.residual(model)
     noise = noise_floor(residual, flexible_residual(residual, aligned))
@@ -98,5 +100,5 @@ def compare(model: Model, dataset: Dataset) -> Comparison:
 
 
 def explained(residual: Floats, measured: Floats) -> float:
-    """Share of the variance that a model explains, as R^2: 1 - power of the residual / power about the mean."""
+    """Share of the variance that a model explains (R^2), from residual and measured acceleration, shape (n, 3) each."""
     return float(1.0 - np.sum(residual**2) / np.sum((measured - measured.mean(axis=0)) ** 2))

@@ -1,7 +1,8 @@
-"""Where does the model fail? Residuals binned over what they may depend on, with honest standard errors.
+"""Ranges of the flight variables in which a model fails: binned residuals with standard errors.
 
-The standard error of a bin's mean comes from what a flexible regression leaves of the residual (the noise), with its
-autocorrelation: structure that is to be found must not count as noise, and neighbouring samples not as independent.
+The standard error of a bin's mean is computed from the noise, i.e. from the residual minus the prediction of a flexible
+regression, with its autocorrelation: the structure to be found must not count as noise, and neighbouring samples must
+not count as independent.
 """
 
 import math
@@ -19,18 +20,19 @@ from quadctl.lab.flights.prediction import AXES
 
 BINS = 10
 LEAST_ERROR_M_S2 = 1e-6
-"""Of a mean: flights that were made up have less."""
+"""Smallest standard error of a mean; synthetic flights without noise have less."""
 MIN_SIGMA = 4.0
-"""Of the mean of a bin: with some hundred bins looked at, less happens by chance."""
+"""Least deviation of a bin's mean in standard errors; with some hundred bins, smaller deviations happen by chance."""
 MIN_RESIDUAL_M_S2 = 0.02
-"""Smaller errors are not worth a sentence."""
+"""Least mean residual that is reported, m/s^2."""
 TELLING_SHARE, TELLING_P_VALUE = 0.05, 0.01
-"""Least share of the squared residual in the bins' means, and largest p-value, of a variable worth showing."""
+"""Least share of the squared residual in the bins' means, and largest p-value, of a profile that is shown."""
 
 
 @dataclass(frozen=True)
 class Failure:
-    """A range of one variable in which the model is wrong on one axis, m/s^2, measured minus predicted."""
+    """A range of one variable in which the model is wrong along one axis; mean residual in m/s^2, measured minus
+    predicted."""
 
     axis: str
     variable: str
@@ -56,25 +58,26 @@ class Failure:
 
 @dataclass(frozen=True)
 class Profile:
-    """Binned residual of one axis over one variable: what a residual plot shows."""
+    """Binned residual of one axis over one variable."""
 
     axis: str
     variable: str
     edges: Floats
-    """Shape (b + 1,)."""
+    """Bin edges in the unit of the variable, shape (b + 1,)."""
     mean: Floats
-    """m/s^2, shape (b,)."""
+    """Mean residual of each bin, m/s^2, shape (b,)."""
     error: Floats
-    """Standard error of the mean, autocorrelation included, shape (b,)."""
+    """Standard error of the mean with autocorrelation included, m/s^2, shape (b,)."""
     count: Floats
     p_value: float
-    """That the bins differ from each other by chance alone."""
+    """Probability that the bins' means differ as much by chance alone."""
     share: float
-    """Of the axis' residual power that lies in the bins' means; the more, the closer the variable is to the cause."""
+    """Share of the axis' squared residual that lies in the bins' means; the larger, the closer the variable is to the
+    cause."""
 
 
 def profiles(residual: Floats, noise: Floats, dataset: Dataset) -> list[Profile]:
-    """Every axis over every variable, the most telling first."""
+    """Profiles of every axis over every variable, sorted by the share of the squared residual that they hold."""
     found = []
     by_axis = [CorrelatedNoise(noise[:, a], dataset) for a in range(len(AXES))]
     for name in dataset.flights[0].variables:
@@ -83,18 +86,19 @@ def profiles(residual: Floats, noise: Floats, dataset: Dataset) -> list[Profile]
             continue
         found += [_profile(residual[:, a], by_axis[a], x, axis, name, dataset) for a, axis in enumerate(AXES)]
     total = float(np.mean(residual**2))
-    # The share is of all axes' power: a clear pattern in a small error comes after one in a large error.
+    # Shares of the squared residual of all axes: a clear pattern in a small error comes after one in a large error.
     power = {axis: float(np.mean(residual[:, a] ** 2)) / max(total, 1e-12) for a, axis in enumerate(AXES)}
     return sorted(found, key=lambda profile: -profile.share * power[profile.axis])
 
 
 def is_telling(profile: Profile) -> bool:
-    """Tell whether the residual of a profile goes with its variable, by more than chance and enough to be shown."""
+    """Tell whether the residual depends on the variable of a profile, significantly and enough to be shown."""
     return profile.share > TELLING_SHARE and profile.p_value < TELLING_P_VALUE
 
 
 def failures(residual: Floats, noise: Floats, dataset: Dataset, tried: list[Profile]) -> list[Failure]:
-    """Where the model fails, in words: axes that are wrong as a whole, then ranges, the most telling variable first."""
+    """Failures of the model: axes with an offset over the whole flight, then ranges, the profile with the largest share
+    first."""
     found = []
     by_axis = [CorrelatedNoise(noise[:, a], dataset) for a in range(len(AXES))]
     for a, axis in enumerate(AXES):
@@ -111,7 +115,7 @@ def failures(residual: Floats, noise: Floats, dataset: Dataset, tried: list[Prof
 
 
 def most_telling(found: list[Failure]) -> list[Failure]:
-    """Ranges that hold most of the squared error first."""
+    """Failures sorted by their squared error, the largest first."""
     return sorted(found, key=lambda failure: -failure.n * failure.mean_residual**2)
 
 
@@ -124,7 +128,7 @@ def _profile(values: Floats, noise: CorrelatedNoise, x: Floats, axis: str, varia
     weight = 1.0 / error**2
     centre = float((weight * mean).sum() / weight.sum())
     chi2 = float((weight * (mean - centre) ** 2).sum())
-    # The errors are themselves estimates, from so many independent stretches: an F distribution, not chi squared.
+    # The standard errors are estimated from a limited number of blocks: an F distribution, not chi squared.
     degrees = max(len(count) - 1, 1)
     p = float(stats.f.sf(chi2 / degrees, degrees, max(4, len(np.unique(dataset.block)) - len(count))))
     spread = float(count @ (mean - values.mean()) ** 2) / max(float(values @ values), 1e-12)
@@ -132,15 +136,14 @@ def _profile(values: Floats, noise: CorrelatedNoise, x: Floats, axis: str, varia
 
 
 def _standard_error(inside: Mask, noise: CorrelatedNoise) -> float:
-    """Of the mean over the samples `inside`."""
+    """Standard error of the mean over the samples `inside`."""
     return max(math.sqrt(noise.variance_of_sum(inside / max(int(inside.sum()), 1))), LEAST_ERROR_M_S2)
 
 
 def _runs(profile: Profile, values: Floats, noise: CorrelatedNoise, dataset: Dataset) -> list[Failure]:
-    """Neighbouring bins that are wrong in the same direction, joined.
+    """Failures of one profile: neighbouring bins with the same sign of the error, joined.
 
-    Where the axis is wrong everywhere by about the same amount, that is said once, by `_offset`; here it is what
-    differs from it that counts.
+    An offset common to all bins is reported once, by `_offset`; here only the deviation from it counts.
     """
     x = dataset.variable(profile.variable)
     if x is None:
@@ -167,7 +170,7 @@ def _runs(profile: Profile, values: Floats, noise: CorrelatedNoise, dataset: Dat
 
 
 def _common_level(profile: Profile) -> float:
-    """The mean over all bins where no bin is nearly right, else 0."""
+    """Mean over all bins where the whole profile is offset, i.e. no bin is nearly right; else 0."""
     smallest, largest = np.abs(profile.mean).min(), np.abs(profile.mean).max()
     same_sign = bool((profile.mean > 0.0).all() or (profile.mean < 0.0).all())
     if not same_sign or smallest < 0.3 * largest:

@@ -1,7 +1,7 @@
-"""A flexible regression of the residual on all logged variables: how much could any model of them still explain?
+"""Noise floor: held-out error of a flexible regression of the residual on all logged variables.
 
-It is no physics and is never flown. Its held-out error is the noise floor; its held-out gain over the model tells
-whether something is left to be found, also when no effect of the catalogue explains it.
+The regression is not a physical model and is never used in flight. Its held-out error is the noise floor. Its held-out
+gain over the model tells whether something is missing, also when no effect of the catalogue explains it.
 """
 
 import numpy as np
@@ -14,34 +14,36 @@ RIDGES = (3.0, 30.0, 300.0)
 
 
 def flexible_residual(residual: Floats, dataset: Dataset) -> Floats:
-    """What a ridge regression on piecewise linear functions of every variable predicts of `residual`, held out.
+    """Held-out prediction of `residual`, shape (n, axes), by ridge regression on all variables; same shape.
 
-    Shape (n, axes). Each fold is predicted from the others; per axis the ridge with the least held-out error is taken.
+    The features are piecewise linear functions of each variable. Each fold is predicted from the other folds; for each
+    axis the ridge with the smallest held-out error is used.
     """
     hinges = _Hinges(dataset)
-    sums = _sums_by_fold(hinges, residual, dataset)
-    others = [np.delete(sums, i, axis=0).sum(axis=0) for i in range(len(sums))]
-    weights = [[_ridge_weights(learnt, residual.shape[1], ridge) for ridge in RIDGES] for learnt in others]
+    gram = _gram_by_fold(hinges, residual, dataset)
+    others = [np.delete(gram, i, axis=0).sum(axis=0) for i in range(len(gram))]
+    fitted = [[_ridge_coefficients(learnt, residual.shape[1], ridge) for ridge in RIDGES] for learnt in others]
     tried = np.empty((len(RIDGES), *residual.shape))
     for part in dataset.parts:
         features = hinges.of(part)
-        for number, by_ridge in zip(dataset.folds, weights, strict=True):
+        for number, by_ridge in zip(dataset.folds, fitted, strict=True):
             held = dataset.fold[part] == number
-            for predicted, (slopes, mean) in zip(tried[:, part], by_ridge, strict=True):
-                predicted[held] = features[held] @ slopes + mean
+            for predicted, (coefficients, mean) in zip(tried[:, part], by_ridge, strict=True):
+                predicted[held] = features[held] @ coefficients + mean
     best = np.argmin([np.mean((residual - predicted) ** 2, axis=0) for predicted in tried], axis=0)
     return np.column_stack([tried[i, :, axis] for axis, i in enumerate(best)])
 
 
 def noise_floor(residual: Floats, flexible: Floats) -> Floats:
-    """What the flexible regression leaves, or the residual where that is less (it found nothing), shape (n, 3)."""
+    """Residual minus its held-out prediction `flexible`; per axis the residual itself where that is smaller, shape (n,
+    3)."""
     left = residual - flexible
     better = np.mean(left**2, axis=0) < np.mean(residual**2, axis=0)
     return np.where(better, left, residual)
 
 
 class _Hinges:
-    """The variables and their hinges at their quantiles, all standardised: the features of the regression."""
+    """Features of the regression: the variables and hinge functions at their quantiles, all standardised."""
 
     def __init__(self, dataset: Dataset) -> None:
         self._variables: list[tuple[Floats, Floats]] = []
@@ -57,7 +59,7 @@ class _Hinges:
         self._std = np.maximum(np.sqrt(square), 1e-9)
 
     def of(self, part: slice) -> Floats:
-        """Features of some of the samples, shape (n, p)."""
+        """Features of the samples `part`, shape (n, p)."""
         return np.asarray((self._raw(part) - self._mean) / self._std)
 
     def _raw(self, part: slice) -> Floats:
@@ -67,8 +69,8 @@ class _Hinges:
         return np.column_stack(columns)
 
 
-def _sums_by_fold(hinges: _Hinges, residual: Floats, dataset: Dataset) -> Floats:
-    """Sums of the squares and products of the features, a constant and the axes of `residual`, (folds, m, m)."""
+def _gram_by_fold(hinges: _Hinges, residual: Floats, dataset: Dataset) -> Floats:
+    """Gram matrix of the features, a constant and the axes of `residual`, per fold, shape (folds, m, m)."""
     found: list[Floats] = []
     for part in dataset.parts:
         features = hinges.of(part)
@@ -78,9 +80,9 @@ def _sums_by_fold(hinges: _Hinges, residual: Floats, dataset: Dataset) -> Floats
     return np.asarray(np.sum(found, axis=0))
 
 
-def _ridge_weights(sums: Floats, axes: int, ridge: float) -> tuple[Floats, Floats]:
-    """Slopes, shape (p, axes), and constants, (axes,), of a regression that has `sums` to learn from."""
-    p = len(sums) - 1 - axes
-    mean = sums[p, p + 1 :] / sums[p, p]
-    about_mean = sums[:p, p + 1 :] - np.outer(sums[:p, p], mean)
-    return np.asarray(np.linalg.solve(sums[:p, :p] + ridge * np.eye(p), about_mean)), np.asarray(mean)
+def _ridge_coefficients(gram: Floats, axes: int, ridge: float) -> tuple[Floats, Floats]:
+    """Ridge coefficients, shape (p, axes), and constants, shape (axes,), from the Gram matrix of the training folds."""
+    p = len(gram) - 1 - axes
+    mean = gram[p, p + 1 :] / gram[p, p]
+    about_mean = gram[:p, p + 1 :] - np.outer(gram[:p, p], mean)
+    return np.asarray(np.linalg.solve(gram[:p, :p] + ridge * np.eye(p), about_mean)), np.asarray(mean)

@@ -1,9 +1,8 @@
-"""How far off is a simulation with the model after some seconds? Open-loop error of position and velocity.
+"""Open-loop prediction error of position and velocity some seconds after the start of a simulation.
 
-From many instants of a flight the equations of motion are integrated forward, driven by the logged attitude and rotor
-speeds alone: position and velocity, and every effect of them, are those of the prediction. What the log says some
-seconds later is compared with it. A steady error e of the acceleration grows to e t in velocity and e t^2 / 2 in
-position.
+From many instants of a flight the equations of motion are integrated forward. Attitude and rotor speeds are those of
+the log; position, velocity and all effects that depend on them are those of the simulation. The result is compared with
+the log. A constant error e of the acceleration grows to e t in velocity and e t^2 / 2 in position.
 """
 
 from collections.abc import Sequence
@@ -28,22 +27,22 @@ from quadctl.model import Model
 HORIZONS_S = (1.0, 2.0, 5.0)
 START_EVERY_S = 0.25
 MAX_STARTS = 4000
-"""Per flight: of longer ones the starts lie further apart."""
+"""Largest number of starts per flight; in longer flights the starts are further apart."""
 COLUMNS = (*AXES, "horizontal", "total")
 
 
 @dataclass(frozen=True, eq=False)
 class OpenLoop:
-    """Errors (RMSE) some seconds after the start; each by axis, `horizontal`, and `total` of all three axes."""
+    """Errors (RMSE) at one horizon after the start: per axis, `horizontal`, and `total` of all three axes."""
 
     horizon_s: float
     n_starts: int
     position: dict[str, Estimate]
-    """m."""
+    """Position error, m."""
     velocity: dict[str, Estimate]
-    """m/s."""
+    """Velocity error, m/s."""
     held_position: dict[str, Estimate]
-    """Of holding the velocity of the start, without any model, m."""
+    """Position error without any model, when the velocity stays as it is at the start, m."""
     held_velocity: dict[str, Estimate]
 
     def to_dict(self) -> dict[str, Any]:
@@ -61,7 +60,7 @@ class OpenLoop:
 
 
 def open_loop_in_words(errors: OpenLoop) -> str:
-    """`After 2 s the predicted position is off by 0.31 m [0.27, 0.35] (velocity held: 0.9 m).`"""
+    """Sentence such as `After 2 s the predicted position is off by 0.31 m [0.27, 0.35] (velocity held: 0.9 m).`"""
     return (
         f"After {errors.horizon_s:g} s the predicted position is off by {errors.position['total'].in_words('m')} "
         f"(velocity held: {errors.held_position['total'].rmse:.3g} m)."
@@ -69,7 +68,7 @@ def open_loop_in_words(errors: OpenLoop) -> str:
 
 
 def open_loop_table(by_horizon: Sequence[OpenLoop]) -> Table:
-    """Errors of position and velocity, beside those of holding the velocity of the start."""
+    """Table of the errors of position and velocity, with those of a constant velocity for comparison."""
     table = Table(title="Open-loop prediction, error (RMSE)", title_justify="left")
     table.add_column("after")
     for name in ("horizontal, m", "up, m", "position, m [95 %]", "velocity, m/s", "velocity held, m"):
@@ -87,14 +86,15 @@ def open_loop_table(by_horizon: Sequence[OpenLoop]) -> Table:
 
 
 def open_loop(model: Model, dataset: Dataset, horizons_s: Sequence[float] = HORIZONS_S) -> list[OpenLoop]:
-    """Open-loop errors of `model` after each of the ascending `horizons_s`, as far as the flights are long enough."""
+    """Open-loop errors of `model` at each of the ascending `horizons_s`, s; horizons longer than all flights are left
+    out."""
     flown = [_errors(model, flight, horizons_s) for flight in dataset.flights]
     found = []
     for place, horizon in enumerate(horizons_s):
         errors = [flight[place] for flight in flown if len(flight[place].block)]
         if not errors:
             break
-        # Overlapping predictions are alike: a block is long enough to hold several that do not overlap its neighbours'.
+        # Overlapping predictions are correlated: a block is longer than several predictions.
         offsets = np.cumsum([0, *(int(e.block.max()) + 1 for e in errors[:-1])])
         block = np.concatenate([e.block + offset for e, offset in zip(errors, offsets, strict=True)])
         squares = np.concatenate([e.squares for e in errors], axis=1)
@@ -107,20 +107,20 @@ def open_loop(model: Model, dataset: Dataset, horizons_s: Sequence[float] = HORI
 
 @dataclass(frozen=True, eq=False)
 class _Errors:
-    """Of one flight after one horizon."""
+    """Squared errors of one flight at one horizon."""
 
     squares: Floats
-    """Of position, velocity and both with the velocity held, shape (4, starts, columns)."""
+    """Squares of the errors of position, velocity, and both with the velocity held, shape (4, starts, columns)."""
     block: NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
 class _Track:
-    """What was flown, on the grid: north, east, up, shape (3, m) each."""
+    """Flown position and velocity on the grid, north, east, up, shape (3, m) each."""
 
     position: Floats
     velocity: Floats
-    """Filtered: the noise of one sample would grow with the horizon."""
+    """Filtered velocity: the error of a single sample would grow with the horizon."""
     step_s: float
 
 
@@ -151,7 +151,7 @@ def _errors(model: Model, flight: Flight, horizons_s: Sequence[float]) -> list[_
 
 
 def _by_column(squares: Floats) -> Floats:
-    """Squares north, east, up, shape (3, s), as those of `COLUMNS`, shape (s, columns)."""
+    """Squares of the columns `COLUMNS`, shape (s, columns), from those north, east, up, shape (3, s)."""
     north, east, up = squares
     return np.column_stack([north, east, up, north + east, north + east + up])
 
@@ -169,7 +169,7 @@ def _track(flight: Flight) -> _Track:
 
 
 def _starts(flight: Flight) -> tuple[Floats, Floats]:
-    """Times to start from, and how long the flight then goes on without a gap, s."""
+    """Start times, and the time that the flight then goes on without a gap, s."""
     time = flight.time_s
     spacing = float(np.median(np.diff(time)))
     last = np.append(np.flatnonzero(np.diff(time) > 1.5 * spacing), len(time) - 1)
@@ -189,8 +189,9 @@ def _simulated(
 ) -> list[tuple[Floats, Floats]]:
     """Predicted position and velocity, north, east, up, shape (3, starts) each, after every horizon.
 
-    All starts advance together. A step is Heun's: the acceleration at its end is taken where that at its beginning
-    leads to, and serves the next step too. What runs out of the flight goes on with its last sample and is not used.
+    All starts advance together with Heun's method: the acceleration at the end of a step is evaluated at the Euler
+    prediction, and is used again at the beginning of the next step. Simulations that run past the end of the flight
+    continue with its last sample and are not used.
     """
     nominal, immediate = _without_memory(model, flight)
     last = len(flight.grid_s) - 1
@@ -207,7 +208,7 @@ def _simulated(
     ends = dict(_steps(horizon, h) for horizon in horizons_s)
     found = []
     p, v = track.position[:, starts], track.velocity[:, starts]
-    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # a wild model may run away to infinity
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # a bad model may diverge
         a = acceleration(0, p, v)
         for step in range(max(ends) + 1):
             next_a = acceleration(step + 1, p + h * v + 0.5 * h * h * a, v + h * a)
@@ -221,12 +222,12 @@ def _simulated(
 
 
 def _without_memory(model: Model, flight: Flight) -> tuple[Sequence[Floats], Model]:
-    """The rotors' thrust once a lag has acted on the whole log, and the model of all that acts at once."""
+    """Thrust of the rotors after the motor lag has been applied to the whole log, and the model without the lag."""
     return model.late().rotor_thrust(flight.nominal_n, flight.conditions), model.prompt()
 
 
 def _at(c: Conditions, rows: NDArray[np.int64]) -> Conditions:
-    """The conditions at some samples."""
+    """Conditions at the samples `rows`."""
 
     def chosen(value: Any) -> Any:
         if isinstance(value, tuple):

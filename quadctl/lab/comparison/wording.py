@@ -1,4 +1,4 @@
-"""Sentences and numbers about results, as a person reads them: shared by the report and the page."""
+"""Sentences and numbers about results, shared by the report and the page."""
 
 from collections.abc import Mapping, Sequence
 
@@ -13,12 +13,12 @@ UNIT = "m/s²"
 
 
 def number(value: float) -> str:
-    """Three significant digits."""
+    """Format with three significant digits."""
     return f"{value:#.3g}".removesuffix(".")
 
 
 def quantity(value: float) -> str:
-    """An acceleration with its unit."""
+    """Format an acceleration with its unit."""
     return f"{number(value)} {UNIT}"
 
 
@@ -27,12 +27,12 @@ def percent(share: float) -> str:
 
 
 def p_in_words(p: float) -> str:
-    """`< 0.0001`, `0.003`, `0.62`"""
+    """Format a p-value, such as `< 0.0001`, `0.003`, `0.62`."""
     return "< 0.0001" if p < 1e-4 else f"{p:.1g}" if p < 0.01 else f"{p:.2f}"
 
 
 def change_in_words(drop: float) -> str:
-    """The change of an error whose drop is given, with a true minus sign; `0%` where it rounds to none."""
+    """Format the change of an error from its relative drop, with a true minus sign; `0%` where it rounds to zero."""
     percent = round(-100.0 * drop)
     return f"{percent:+d}%".replace("-", "\u2212") if percent else "0%"
 
@@ -42,7 +42,7 @@ def plus(value: float) -> str:
 
 
 def parameters_in_text(effect: Effect, ci95: Mapping[str, tuple[float, float]]) -> str:
-    """`a = 0.114 [0.1, 0.12], b = 5.4 1/m [5, 5.8]`"""
+    """Fitted parameters with units and 95 % intervals: `a = 0.114 [0.1, 0.12], b = 5.4 1/m [5, 5.8]`."""
     values, units = effect.values(), {p.name: f" {p.unit}" if p.unit else "" for p in effect.parameters()}
     parts = [
         f"{name} = {_parameter(values[name])}{units[name]} [{_parameter(low)}, {_parameter(high)}]"
@@ -52,7 +52,7 @@ def parameters_in_text(effect: Effect, ci95: Mapping[str, tuple[float, float]]) 
 
 
 def parameters_in_words(effect: Effect, ci95: Mapping[str, tuple[float, float]]) -> str:
-    """`a = 0.114 [0.10, 0.12], b = 5.4 [5.0, 5.8]`; fixed parameters are left out."""
+    """Fitted parameters with 95 % intervals: `a = 0.114 [0.10, 0.12], b = 5.4 [5.0, 5.8]`; fixed ones are left out."""
     values = effect.values()
     return (
         ", ".join(f"{name} = {values[name]:.4g} [{low:.4g}, {high:.4g}]" for name, (low, high) in ci95.items()) or "-"
@@ -60,14 +60,14 @@ def parameters_in_words(effect: Effect, ci95: Mapping[str, tuple[float, float]])
 
 
 def _parameter(value: float) -> str:
-    """Less than a millionth is a zero that the solver has not quite reached."""
+    """Format a value; less than a millionth is shown as 0, which the solver has not quite reached."""
     return f"{value if abs(value) > 1e-6 else 0.0:.4g}".replace("-", "\u2212")
 
 
 def held_out(dataset: Dataset) -> str:
     if dataset.hold_out == "flights" and len(dataset.flights) > 1:
-        return "whole flights that the fit had not used, each in turn"
-    return f"blocks of {BLOCK_S:.0f} s that the fit had not used ({FOLDS} folds of every flight)"
+        return "held-out flights (cross-validation)"
+    return f"held-out blocks of {BLOCK_S:.0f} s ({FOLDS}-fold cross-validation)"
 
 
 def flights_in_words(names: Sequence[str]) -> str:
@@ -77,7 +77,7 @@ def flights_in_words(names: Sequence[str]) -> str:
 def variance_in_words(c: Comparison) -> str:
     if c.explained > 0.0:
         return f"The model explains {percent(c.explained)} of the acceleration's variance."
-    return "The model predicts worse than assuming no acceleration at all."
+    return "The model is worse than predicting the mean acceleration."
 
 
 def count(n: int, what: str) -> str:
@@ -101,5 +101,5 @@ def failure_in_words(failure: Failure) -> str:
 
 
 def label_of(variable: str) -> str:
-    """`climb rate / m/s`"""
+    """Axis label of a variable with its unit, such as `climb rate / m/s`."""
     return f"{VARIABLE_NAMES[variable]} / {VARIABLE_UNITS[variable]}"

@@ -1,6 +1,5 @@
-"""Fitting: the parameters of a model and the nuisances of single flights, by robust nonlinear least squares.
+"""Fitting: the parameters of a model and the nuisances of each flight, by robust nonlinear least squares.
 
-In come a `Model` and a `Dataset`; out comes a `FittedModel`: parameters, nuisances, held-out residual, and bootstrap
-draws for intervals. Also here is what a fit stands on (Jacobian, normal equations, priors, noise, tests of
-significance).
+Input: a `Model` and a `Dataset`. Output: a `FittedModel` with parameters, nuisances, held-out residual, and bootstrap
+draws for intervals. The parts of a fit are here too: Jacobian, normal equations, priors, noise, significance tests.
 """

@@ -1,4 +1,4 @@
-"""How sure is a root mean square? Bootstrap over blocks of time, so that neighbouring samples count as alike."""
+"""Bootstrap over blocks of time: intervals of a root mean square error of correlated samples."""
 
 from dataclasses import dataclass
 
@@ -9,20 +9,20 @@ from quadctl.lab.arrays import Floats
 
 RESAMPLES = 1000
 FEWEST_BLOCKS = 4
-"""With fewer, resampling says nothing of how much the next flight may differ."""
+"""Least number of blocks for an interval: with fewer, resampling does not tell how much the next flight may differ."""
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """A root mean square with its 95 % interval; without one where the data are too few."""
+    """Root mean square with its 95 % interval, which is None where there are too few data."""
 
     rmse: float
     ci95: tuple[float, float] | None
 
     def in_words(self, unit: str = "") -> str:
-        """`0.31 m [0.27, 0.35]`"""
+        """Format value and interval, such as `0.31 m [0.27, 0.35]`."""
         if not np.isfinite(self.rmse):
-            return "without bound"
+            return "unbounded"
         value = f"{self.rmse:.3g} {unit}".rstrip()
         return value if self.ci95 is None else f"{value} [{self.ci95[0]:.3g}, {self.ci95[1]:.3g}]"
 
@@ -37,8 +37,8 @@ class Estimate:
 def resampled_means(values: Floats, block: NDArray[np.int64]) -> Floats:
     """Means of `values`, shape (n, k), over bootstrap draws of whole blocks, shape (draws, k).
 
-    `block` holds the number of the block of each sample, shape (n,). The draws are the same for the same blocks, so
-    that means of two quantities over them are paired.
+    `block` is the block number of each sample, shape (n,). The same blocks give the same draws, so that means of two
+    quantities over them are paired.
     """
     _, place, counts = np.unique(block, return_inverse=True, return_counts=True)
     sums = np.zeros((len(counts), values.shape[1]))
@@ -52,7 +52,7 @@ def resampled_means(values: Floats, block: NDArray[np.int64]) -> Floats:
 
 
 def estimates(squares: Floats, block: NDArray[np.int64]) -> list[Estimate]:
-    """Root mean of each column of squared errors, shape (n, k), with its interval."""
+    """Root mean and its interval for each column of squared errors, shape (n, k)."""
     roots = np.sqrt(squares.mean(axis=0))
     if len(np.unique(block)) < FEWEST_BLOCKS or not np.isfinite(roots).all():
         return [Estimate(float(root), None) for root in roots]
@@ -61,7 +61,8 @@ def estimates(squares: Floats, block: NDArray[np.int64]) -> list[Estimate]:
 
 
 def drop_interval(before: Floats, after: Floats, block: NDArray[np.int64]) -> tuple[float, float]:
-    """95 % interval of 1 - RMSE after / RMSE before of paired residuals, shape (n, 3) each, all axes together."""
+    """95 % interval of the relative drop 1 - RMSE after / RMSE before of paired residuals, shape (n, 3) each, all axes
+    together."""
     squares = np.column_stack([np.sum(before**2, axis=1), np.sum(after**2, axis=1)])
     means = resampled_means(squares, block)
     low, high = np.percentile(1.0 - np.sqrt(means[:, 1] / means[:, 0]), [2.5, 97.5])

@@ -1,9 +1,9 @@
-"""Errors that no fit can know, but that its parameters are uncertain by: considered, not estimated.
+"""Consider parameters: errors that are not estimated, but widen the intervals of the fitted parameters.
 
-Schmidt 1966 (consider parameters): what a fit makes of them follows from how they change the predictions, and widens
-the intervals. They are the same in all flights, so more flights do not average them out. Some are of the set-up: rotors
-that are not all alike, ground that slopes. The others are of the model: an effect that depends on something has a form,
-and no form is quite that of nature.
+Schmidt (1966). Such errors are the same in all flights, so that more flights do not average them out. The effect on a
+fit follows from the Jacobian of the prediction with respect to them. Some are errors of the vehicle and the set-up:
+rotors that are not all alike, ground that is not level. The others are errors of the model: the assumed form of an
+effect is never exactly the true one.
 """
 
 import math
@@ -18,26 +18,28 @@ from quadctl.lab.flights.prediction import AXES, predict, predict_targets
 from quadctl.model import Model
 
 ROTOR_COEFFICIENT = 0.01
-"""Standard deviation of the thrust coefficients of rotors of one batch, as a share."""
+"""Standard deviation of the thrust coefficients of rotors of one batch, relative."""
 GROUND_SLOPE = math.tan(math.radians(0.5))
-"""Of the ground against the frame of the log; the public RAPTOR logs have 0.9 degrees."""
+"""Standard deviation of the slope of the ground in the frame of the log; the public RAPTOR logs have 0.9 degrees."""
 FORM = 0.1
-"""What the form of an effect on the thrust is off by where it should be nothing, as a share of the root mean square of
-what it does: published forms of the ground effect differ by that, and more."""
+"""Standard deviation of the error of an effect's form, constant over the flight, relative to the root mean square of
+the effect; published forms of the ground effect differ by as much or more."""
 UP = AXES.index("up")
 
 
-def error_slopes(model: Model, flight: Flight, groups: Sequence[str], here: Floats) -> Floats:
-    """What each error of its usual size does to the prediction `here`, shape (n, axes, errors)."""
-    found = [predict_targets(model, wrong, groups) - here for wrong in _wrong(flight)]
-    found += _misshapen(model, flight, here)
+def consider_jacobian(model: Model, flight: Flight, groups: Sequence[str], predicted: Floats) -> Floats:
+    """Change of the prediction by one standard deviation of each considered error, shape (n, axes, errors)."""
+    found = [predict_targets(model, disturbed, groups) - predicted for disturbed in _disturbed_flights(flight)]
+    found += _form_errors(model, flight, predicted)
     return np.stack(found, axis=-1)
 
 
-def _wrong(flight: Flight) -> list[Flight]:
-    """The flight with one rotor after the other a little stronger, and over ground that rises to the north or east.
+def _disturbed_flights(flight: Flight) -> list[Flight]:
+    """Copies of the flight: each with one rotor a little stronger, then over ground that rises to the north, and to the
+    east.
 
-    What a stronger rotor does in hover is a nuisance of the flight already: here it acts on its thrust beyond the mean.
+    The effect of a stronger rotor in hover is a nuisance of the flight already; so only its thrust beyond the mean of
+    all rotors is scaled.
     """
     thrusts = flight.nominal_n
     mean = sum(thrusts) / len(thrusts)
@@ -52,13 +54,13 @@ def _wrong(flight: Flight) -> list[Flight]:
     return [*stronger, *sloped]
 
 
-def _misshapen(model: Model, flight: Flight, here: Floats) -> Iterator[Floats]:
-    """Each effect that changes the thrust by a form, off by a constant."""
+def _form_errors(model: Model, flight: Flight, predicted: Floats) -> Iterator[Floats]:
+    """Change of the prediction where the form of each effect on the thrust is off by a constant."""
     for i, effect in enumerate(model.effects):
-        if not effect.depends_on or effect.retards or effect not in model.effects_on_thrust:
+        if not effect.depends_on or effect.adds_lag or effect not in model.effects_on_thrust:
             continue
         without = replace(model, stack=(*model.stack[:i], *model.stack[i + 1 :]))
-        does = here[:, UP] - predict(without, flight)[:, UP]
-        found = np.zeros_like(here)
+        does = predicted[:, UP] - predict(without, flight)[:, UP]
+        found = np.zeros_like(predicted)
         found[:, UP] = FORM * np.sqrt(np.mean(does**2))
         yield found

@@ -1,4 +1,5 @@
-"""Initial guesses for a fit of one more effect: the error has several minima, and no fit can move some parameters."""
+"""Initial guesses for the fit of one more effect: the objective has several minima, and some parameters are not
+fitted."""
 
 from functools import cached_property
 
@@ -13,7 +14,8 @@ from quadctl.model import Model
 
 
 class Unmodelled:
-    """The part of the data that a fitted model leaves, whatever its parameters and the nuisances of the flights."""
+    """Part of the data that a fitted model does not explain, whatever its parameters and the nuisances of the
+    flights."""
 
     def __init__(self, fit: FittedModel) -> None:
         self.model: Model = fit.model
@@ -22,16 +24,16 @@ class Unmodelled:
         self.scale = noise_scale(self.residual)
 
     def explained_by(self, effect: Effect) -> float:
-        """Squared error, in units of the noise, that a multiple of what `effect` changes can take off.
+        """Squared error, in units of the noise, that `effect` times a fitted factor explains.
 
-        Negative where the multiple is: less of nothing, unless the effect is reversible.
+        Negative where the factor is negative and the effect is not reversible.
         """
         change = self._part(self._aligned.predicted_targets(self.model.plus(effect)) - self._predicted)
         along = float(np.vdot(change, self._left))
         squared = along * (along if effect.reversible else abs(along))
         return squared / max(float(np.vdot(change, change)), 1e-12)
 
-    # Only effects with several starts ask for these.
+    # Computed only for effects with several starts.
 
     @cached_property
     def _aligned(self) -> AlignedDataset:
@@ -50,17 +52,18 @@ class Unmodelled:
         return self._part(self.dataset.targets - self._predicted)
 
     def _part(self, change: Floats) -> Floats:
-        """Of a change of the targets, in units of the noise: what no parameter could do, and nuisances hardly."""
+        """Part of a change of the targets, in units of the noise, that parameters and nuisances cannot explain."""
         return self._tangent.rest(change / self.scale)
 
 
 TIED = 0.02
-"""Starts that explain less than the best by no more than this share are all followed, but no more than `MOST`."""
-MOST = 6
+"""Starts that explain less than the best by no more than this share are all fitted, up to `MAX_GUESSES`."""
+MAX_GUESSES = 6
 
 
 def best_guesses(effect: type[Effect], left: Unmodelled) -> tuple[list[Effect], int]:
-    """The guesses that explain most of what is left, and how many independent ones they were chosen from."""
+    """Guesses that explain most of the unexplained part, and the number of independent guesses that they were chosen
+    from."""
     dataset = left.dataset
     flights = [flight.conditions for flight in dataset.flights]
     starts = effect.starts(flights, left.model.vehicle)
@@ -69,6 +72,6 @@ def best_guesses(effect: type[Effect], left: Unmodelled) -> tuple[list[Effect], 
     explained = {start: left.explained_by(start) for start in starts}
     first = max(starts, key=explained.__getitem__)
     explained |= {start: left.explained_by(start) for start in first.closer(flights)}
-    best = sorted(explained, key=lambda start: -explained[start])[:MOST]
+    best = sorted(explained, key=lambda start: -explained[start])[:MAX_GUESSES]
     tied = [start for start in best if explained[start] >= explained[best[0]] - TIED * abs(explained[best[0]])]
     return tied, min(len(explained), len(np.unique(dataset.block)))

@@ -1,4 +1,4 @@
-"""Noise that is alike from one sample to the next: how uncertain are sums and means of it?"""
+"""Autocorrelated noise: uncertainty of weighted sums and means."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,7 +7,7 @@ from quadctl.lab.arrays import Floats
 from quadctl.lab.flights.dataset import Dataset
 
 MAX_LAG_S = 3.0
-"""Beyond this, residuals of a flight are taken as uncorrelated."""
+"""Time lag beyond which residuals of a flight are taken as uncorrelated, s."""
 LEAST_VARIANCE = 1e-30
 
 
@@ -23,7 +23,7 @@ def autocovariance(values: Floats, dataset: Dataset) -> list[Floats]:
 
 
 class CorrelatedNoise:
-    """Noise of one axis, shape (n,), that is correlated in time as `values` are (Bartlett weights)."""
+    """Noise of one axis, shape (n,), with the autocovariance of `values` (Bartlett weights)."""
 
     def __init__(self, values: Floats, dataset: Dataset) -> None:
         self._parts = dataset.parts
@@ -31,7 +31,7 @@ class CorrelatedNoise:
             gamma * (2.0 - (np.arange(len(gamma)) == 0)) * (1.0 - np.arange(len(gamma)) / len(gamma))
             for gamma in autocovariance(values, dataset)
         ]
-        """What the products of samples so many steps apart add to a variance, per flight."""
+        """Contribution of pairs of samples so many steps apart to a variance, per flight."""
 
     def variance_of_sum(self, weights: Floats) -> float:
         """Variance of sum(weights * noise)."""

@@ -1,9 +1,9 @@
-"""Nuisances: what is a little wrong in every real flight and is no physics that a model should hold.
+"""Nuisances: small errors of every real flight that are not physics that a model should hold.
 
-Each flight has its own: the thrust coefficient of its rotors and battery, the trim of its attitude estimate, the datum
-of its height, the age of its rotor signal, a moment from rotors that are not all alike and a centre of mass that is
-off. They are fitted along with the effects, so that they do not masquerade as one, and held to what rotors and sensors
-really do, so that they do not swallow one.
+Each flight has its own nuisances: the scale of its thrust (rotors, battery), the trim of its attitude estimate, the
+datum of its height, the delay of its rotor signal, and a moment from rotors that are not all alike and a centre of mass
+that is off. They are fitted together with the effects, so that an effect does not explain them, and held by priors and
+bounds, so that they do not explain an effect.
 """
 
 from collections.abc import Sequence
@@ -20,11 +20,11 @@ from quadctl.model import Model
 
 @dataclass(frozen=True)
 class Kind:
-    """One nuisance: its usual size (the standard deviation of its prior) and the most that is believed."""
+    """One nuisance: standard deviation of its prior (mean 0), and the bound of its absolute value."""
 
     name: str
-    usual: float
-    most: float
+    prior_std: float
+    bound: float
 
 
 KINDS = (
@@ -37,28 +37,30 @@ KINDS = (
     Kind("pitch_moment", 0.01, 0.025),
     Kind("yaw_moment", 0.01, 0.025),
 )
-"""The moments are in units of what all rotors together would turn with if their thrusts added up as independent errors
-do: 0.01 is that of rotors whose coefficients are 1 % off each, and whose motors lean by `LEAN`. Like these errors, they
-grow with the thrust."""
+"""Kinds of nuisances. Moments are in units of the root of the summed squares of the rotors' moments: 0.01 is the
+standard deviation of the moment of rotors whose coefficients are independently 1 % off each, and whose motors lean by
+`LEAN`. Like these errors, they grow with the thrust."""
 LEAN = np.radians(0.3)
-"""Of each motor on its arm, beside coefficients that are 1 % off: about yaw, that is the larger error by far."""
-USUAL = np.array([kind.usual for kind in KINDS])
-MOST = np.array([kind.most for kind in KINDS])
+"""Lean of each motor on its arm, standard deviation, rad; about yaw it matters much more than coefficients that are 1 %
+off."""
+PRIOR_STD = np.array([kind.prior_std for kind in KINDS])
+BOUND = np.array([kind.bound for kind in KINDS])
 HELD = 1e-4
-"""Usual size, as a share of the kind's, of a nuisance that an effect stands for: the two could not be told apart."""
+"""Factor on the prior standard deviation of a nuisance that an effect of the model replaces: the two could not be told
+apart."""
 FORCES = 5
-"""So many of the kinds act on the acceleration, the others on the moments."""
+"""Number of the kinds that act on the acceleration; the others act on the moments."""
 HEIGHT, AGE = ([kind.name for kind in KINDS].index(name) for name in ("height_m", "delay_s"))
 
 
-def usual_sizes(model: Model) -> Floats:
-    """Of the nuisances beside `model`, shape (kinds,)."""
+def prior_standard_deviations(model: Model) -> Floats:
+    """Prior standard deviations of the nuisances when `model` is fitted, shape (kinds,)."""
     replaced = {name for effect in model.effects for name in effect.replaces}
-    return np.array([HELD * kind.usual if kind.name in replaced else kind.usual for kind in KINDS])
+    return np.array([HELD * kind.prior_std if kind.name in replaced else kind.prior_std for kind in KINDS])
 
 
 def disturbed(flight: Flight, nuisance: Floats) -> Flight:
-    """The flight as it would have been logged without its nuisance: what the prediction has to be made from."""
+    """Correct the logged flight by its nuisance; predictions are made from the result."""
     if not nuisance[:FORCES].any():
         return flight
     scale, roll, pitch, height, delay_s = (float(value) for value in nuisance[:FORCES])
@@ -72,21 +74,21 @@ def disturbed(flight: Flight, nuisance: Floats) -> Flight:
     )
 
 
-def sensitivity(
-    model: Model, flight: Flight, groups: Sequence[str], here: Floats, near: Floats | None = None
+def nuisance_jacobian(
+    model: Model, flight: Flight, groups: Sequence[str], predicted: Floats, nearby_jacobian: Floats | None = None
 ) -> Floats:
-    """d prediction / d nuisance, at no nuisance, shape (n, 3 * groups, kinds): so small, they act linearly.
+    """Jacobian of the prediction with respect to the nuisances at 0, shape (n, 3 * groups, kinds); they act linearly.
 
-    `here` is the prediction of the flight's targets without a nuisance, shape (n, 3 * groups). `near` are the
-    `acceleration_slopes` of the model with other parameters: they are about the same but for that to the height, which
-    is nothing without some effects, and is made anew.
+    `predicted` is the prediction of the flight's targets without a nuisance, shape (n, 3 * groups). `nearby_jacobian`
+    is the `acceleration_jacobian` at other parameters. It is used where it is given, except for the column of the
+    height, which depends strongly on the effects and is computed anew.
     """
-    found = np.zeros((*here.shape, len(KINDS)))
-    if near is None:
-        found[:, :3, :FORCES] = acceleration_slopes(model, flight, here)
+    found = np.zeros((*predicted.shape, len(KINDS)))
+    if nearby_jacobian is None:
+        found[:, :3, :FORCES] = acceleration_jacobian(model, flight, predicted)
     else:
-        found[:, :3, :FORCES] = near
-        found[:, :3, HEIGHT] = _acceleration_slope(model, flight, here, HEIGHT)
+        found[:, :3, :FORCES] = nearby_jacobian
+        found[:, :3, HEIGHT] = _acceleration_derivative(model, flight, predicted, HEIGHT)
     if "turning" in groups:
         first = 3 * groups.index("turning")
         for i, moment in enumerate(rotor_moments_n_m(flight).T):
@@ -94,17 +96,17 @@ def sensitivity(
     return found
 
 
-def acceleration_slopes(model: Model, flight: Flight, here: Floats) -> Floats:
-    """d acceleration / d nuisance of the forces, at no nuisance, shape (n, 3, FORCES); `here` as in `sensitivity`."""
-    return np.stack([_acceleration_slope(model, flight, here, i) for i in range(FORCES)], axis=-1)
+def acceleration_jacobian(model: Model, flight: Flight, predicted: Floats) -> Floats:
+    """Jacobian of the acceleration with respect to the nuisances of the forces at 0, shape (n, 3, FORCES)."""
+    return np.stack([_acceleration_derivative(model, flight, predicted, i) for i in range(FORCES)], axis=-1)
 
 
-def _acceleration_slope(model: Model, flight: Flight, here: Floats, i: int) -> Floats:
-    return np.asarray((predict(model, disturbed(flight, np.diag(USUAL)[i])) - here[:, :3]) / USUAL[i])
+def _acceleration_derivative(model: Model, flight: Flight, predicted: Floats, i: int) -> Floats:
+    return np.asarray((predict(model, disturbed(flight, np.diag(PRIOR_STD)[i])) - predicted[:, :3]) / PRIOR_STD[i])
 
 
 def predicted_with(model: Model, flight: Flight, nuisance: Floats, groups: Sequence[str]) -> Floats:
-    """Prediction of one flight's targets with its nuisance, shape (n, 3 * groups)."""
+    """Predict the targets of one flight with its nuisance, shape (n, 3 * groups)."""
     predicted = {group: PREDICT[group](model, flight) for group in groups if group != "total"}
     if "turning" in predicted:
         predicted["turning"] = predicted["turning"] + nuisance[FORCES:] * rotor_moments_n_m(flight)

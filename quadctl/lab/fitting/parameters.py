@@ -1,4 +1,4 @@
-"""The parameters of a model that a fit may move: their values, what they do to a prediction, how sure they are."""
+"""Free parameters of a model: their values, Jacobian, intervals, and remarks."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,21 +12,21 @@ from quadctl.lab.flights.prediction import PREDICT, concerns
 from quadctl.model import Model
 
 STEP = 1e-4
-"""Of the differences that give the slopes, as a share of a parameter's range."""
+"""Step of the finite differences of the Jacobian, as a share of a parameter's range."""
 UNDETERMINED = 0.8
 """A parameter whose 95 % interval spans more than this share of its range is not determined."""
 
 
 @dataclass(frozen=True)
 class Free:
-    """One fitted parameter: which effect of the stack, and its declaration."""
+    """One fitted parameter: index of its effect in the stack, and its declaration."""
 
     effect: int
     parameter: Parameter
 
 
 def free_parameters(model: Model) -> list[Free]:
-    """The parameters of the stack that a fit may move."""
+    """Parameters of the stack that a fit may change."""
     return [Free(i, p) for i, effect in enumerate(model.effects) for p in effect.parameters() if p.fitted]
 
 
@@ -35,7 +35,7 @@ def values_of(model: Model, free: Sequence[Free]) -> Floats:
 
 
 def with_values(model: Model, free: Sequence[Free], values: Floats) -> Model:
-    """The model with its free parameters at `values`."""
+    """Copy of the model with its free parameters at `values`."""
     changed: list[dict[str, float]] = [effect.values() for effect in model.effects]
     for f, value in zip(free, values, strict=True):
         changed[f.effect][f.parameter.name] = float(value)
@@ -43,14 +43,15 @@ def with_values(model: Model, free: Sequence[Free], values: Floats) -> Model:
     return model.with_effects(effects)
 
 
-def parameter_slopes(model: Model, flight: Flight, groups: Sequence[str], here: Floats) -> Floats:
-    """d prediction / d free parameter, shape (n, axes, p), by differences that stay within the bounds.
+def parameter_jacobian(model: Model, flight: Flight, groups: Sequence[str], predicted: Floats) -> Floats:
+    """Jacobian of the prediction with respect to the free parameters, shape (n, axes, p), by finite differences within
+    the bounds.
 
-    `here` is the prediction of the flight's targets by the model as it is, shape (n, axes).
+    `predicted` is the prediction of the flight's targets at the present parameters, shape (n, axes).
     """
     free = free_parameters(model)
     values = values_of(model, free)
-    found = np.zeros((*here.shape, len(free)))
+    found = np.zeros((*predicted.shape, len(free)))
     for i, f in enumerate(free):
         step = STEP * (f.parameter.high - f.parameter.low)
         step = step if values[i] + step <= f.parameter.high else -step
@@ -60,7 +61,7 @@ def parameter_slopes(model: Model, flight: Flight, groups: Sequence[str], here: 
         for first, group in enumerate(groups):
             if concerns(model.effects[f.effect], group):
                 axes = slice(3 * first, 3 * first + 3)
-                found[:, axes, i] = (PREDICT[group](other, flight) - here[:, axes]) / step
+                found[:, axes, i] = (PREDICT[group](other, flight) - predicted[:, axes]) / step
     return found
 
 
@@ -73,23 +74,33 @@ def intervals(free: Sequence[Free], draws: Floats) -> list[tuple[float, float]]:
 
 
 def undetermined(free: Sequence[Free], ci: Sequence[tuple[float, float]]) -> list[Free]:
-    """The parameters whose intervals span most of what is possible."""
+    """Parameters whose intervals span more than `UNDETERMINED` of their range."""
     ranges = [f.parameter.high - f.parameter.low for f in free]
     return [f for f, (low, high), span in zip(free, ci, ranges, strict=True) if high - low > UNDETERMINED * span]
 
 
+AT_BOUND = 1e-3
+"""Distance to a bound, relative to the parameter's range, within which a parameter is at the bound."""
+
+
+def is_at_bound(free: Free, value: float) -> bool:
+    """Tell whether a parameter ran into a bound; a lower bound of 0 is none: there the effect vanishes."""
+    p = free.parameter
+    near = AT_BOUND * (p.high - p.low)
+    return p.high - value < near or (value - p.low < near and p.low != 0.0)
+
+
 def remarks(free: Sequence[Free], values: Floats, ci: Sequence[tuple[float, float]]) -> list[str]:
-    """What a user must know about the fitted parameters: at a bound, or not determined by these data."""
+    """Remarks for the user on the fitted parameters: at a bound, or not determined by these data."""
     found = []
     for f, value, (low, high) in zip(free, values, ci, strict=True):
         p = f.parameter
-        span = p.high - p.low
-        if p.high - value < 1e-3 * span:
-            found.append(f"{p.name} is at its upper bound {p.high:g}: the form does not fit, or the data do not tell")
-        elif value - p.low < 1e-3 * span and p.low == 0.0:
-            found.append(f"{p.name} came out as 0: these data show none of it")
-        elif value - p.low < 1e-3 * span:
-            found.append(f"{p.name} is at its lower bound {p.low:g}: the form does not fit, or the data do not tell")
+        if is_at_bound(f, value) and value > 0.5 * (p.low + p.high):
+            found.append(f"{p.name} is at its upper bound {p.high:g}: the form is wrong, or the data do not show it")
+        elif value - p.low < AT_BOUND * (p.high - p.low) and p.low == 0.0:
+            found.append(f"{p.name} is 0: these data do not show it")
+        elif is_at_bound(f, value):
+            found.append(f"{p.name} is at its lower bound {p.low:g}: the form is wrong, or the data do not show it")
         if undetermined([f], [(low, high)]):
-            found.append(f"{p.name} is not determined by these data: its interval spans most of what is possible")
+            found.append(f"{p.name} is not determined by these data: its interval spans most of its range")
     return found

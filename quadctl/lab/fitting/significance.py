@@ -1,4 +1,4 @@
-"""Is a smaller held-out error more than luck? Tests that know that neighbouring residuals are alike."""
+"""Significance tests of held-out errors, with the autocorrelation of the residual accounted for."""
 
 import math
 
@@ -10,16 +10,17 @@ from quadctl.lab.fitting.noise import CorrelatedNoise
 from quadctl.lab.flights.dataset import Dataset
 
 NO_CHANGE = 1e-3
-"""A change of the prediction that is smaller than this share of the residual comes from where a fit stopped."""
+"""Least change of the prediction relative to the residual that is tested; a smaller change comes from the convergence
+of the fit."""
 
 
 def improvement_p_value(before: Floats, predicted_change: Floats, dataset: Dataset) -> float:
-    """One-sided p-value that a model's change of the prediction points along the error it should explain.
+    """One-sided p-value of the hypothesis that a candidate's change of the prediction does not explain the residual.
 
-    `before` is the residual without the candidate and `predicted_change` what the candidate adds to the prediction,
-    both shape (n, axes), the latter from fits that have not seen the sample. When the candidate is irrelevant their
-    products sum to zero on average (Clark & West 2007, J. Econometrics 138, the test for nested models); the variance
-    of the sum comes from the autocovariance of what the candidate leaves.
+    `before` is the residual without the candidate and `predicted_change` the held-out change of the prediction by the
+    candidate, both of shape (n, axes). For an irrelevant candidate their product has mean zero (Clark & West 2007, J.
+    Econometrics 138, test for nested models). The variance of the sum comes from the autocovariance of the residual
+    with the candidate.
     """
     score, variance = 0.0, 0.0
     after = before - predicted_change
@@ -38,7 +39,7 @@ def improvement_p_value(before: Floats, predicted_change: Floats, dataset: Datas
 def difference_p_value(better: Floats, other: Floats, dataset: Dataset) -> float:
     """Two-sided p-value of the difference of two held-out residuals, by blocks of time (paired t test).
 
-    Used between candidates that do not contain each other; axes weigh as their noise in `better`.
+    Used for candidates that do not contain each other; axes are weighted by their noise in `better`.
     """
     power = np.array([_power(better[:, axis]) for axis in range(better.shape[1])])
     gain = ((other**2 - better**2) / power).sum(axis=1)

@@ -1,6 +1,6 @@
-"""Flights: a log becomes a prepared flight, flights become a dataset.
+"""Flights: logs become prepared flights, and flights become a dataset.
 
-In come a `FlightLog` and the vehicle that flew it; out comes a `Dataset` of filtered samples on an even clock with
-the folds that hold them out, and, aligned for a model, its prediction. Nothing is fitted here but the delay of the
-rotor signal.
+Input: a `FlightLog` and the vehicle that flew it. Output: a `Dataset` of filtered samples on an even clock with folds
+that hold them out, and, aligned for a model, its prediction. Nothing is fitted here except the delay of the rotor
+signal.
 """

@@ -1,4 +1,4 @@
-"""The signals of a log that an analysis needs, each at its own updates."""
+"""Signals of a log that an analysis needs, each sampled at its own updates."""
 
 import math
 from collections.abc import Sequence
@@ -16,14 +16,14 @@ from quadctl.logs.flight_log import ATTITUDE, IMU, POSITION, RATES, VELOCITY, Fl
 from quadctl.vehicle import Vehicle
 
 ROTOR_SPEED, THROTTLE = "rotor speed", "throttle command"
-"""Where the thrust comes from, at best, and when nothing is known of single rotors."""
+"""Sources of the thrust signal: the best one, and the one without information on single rotors."""
 MAX_SPEED_JUMP_M_S, SPIKE_WINDOW_S = 15.0, 1.0
-"""From the running median over this window: no multirotor speeds up so."""
+"""Largest deviation of a velocity from its running median over the window; no multirotor accelerates faster."""
 
 
 @dataclass(frozen=True)
 class Channel:
-    """A signal at its own updates."""
+    """Signal sampled at its own updates."""
 
     time_s: Floats
     value: Floats
@@ -42,7 +42,7 @@ class Signals:
     position: list[Channel]
     velocity: list[Channel]
     attitude: list[Channel]
-    """Roll, pitch, yaw, radians, unwrapped."""
+    """Roll, pitch, yaw, rad, unwrapped."""
     rotor: list[Channel]
     """Nominal thrust of each rotor, N."""
     rates: list[Channel]
@@ -52,7 +52,8 @@ class Signals:
     battery: Channel | None
     thrust_source: str
     lag_s: float = 0.0
-    """With which the rotors follow `rotor`, by the vehicle's file: 0 where it is their speed."""
+    """Time constant with which the rotors follow `rotor`, s, from the vehicle file; 0 where `rotor` is measured
+    speed."""
 
     def thrust_on(self, grid_s: Floats) -> list[Floats]:
         """Nominal thrust of each rotor on an even clock, N."""
@@ -61,7 +62,7 @@ class Signals:
 
     @property
     def timed(self) -> dict[str, Channel]:
-        """One channel of each group, by the group's name, for rates and gaps."""
+        """One channel of each group, by the name of the group, for update rates and gaps."""
         return {
             "position": self.position[0],
             "velocity": self.velocity[0],
@@ -110,7 +111,7 @@ def signals_of(log: FlightLog, vehicle: Vehicle, notes: list[str]) -> Signals:
 
 
 def _without_spikes(channels: list[Channel], limit: float, what: str, notes: list[str]) -> list[Channel]:
-    """Channels of common updates without those in which one of them is further than `limit` from its running median."""
+    """Remove the updates in which one of the channels is further than `limit` from its running median."""
     time, values = channels[0].time_s, np.array([channel.value for channel in channels])
     if not np.any(np.abs(np.diff(values)) > limit):
         return channels
@@ -118,12 +119,15 @@ def _without_spikes(channels: list[Channel], limit: float, what: str, notes: lis
     window = max(5, round(per_second * SPIKE_WINDOW_S) | 1)
     kept = np.all(np.abs(values - median_filter(values, size=(1, window), mode="nearest")) <= limit, axis=0)
     if not kept.all():
-        notes.append(f"{np.count_nonzero(~kept)} {what} that leap away and back, as nothing moves, are left out")
+        notes.append(
+            f"{np.count_nonzero(~kept)} {what} that jump away and back, faster than a multirotor can move, are left out"
+        )
     return [Channel(time[kept], value) for value in values[:, kept]]
 
 
 def _rotorsignals_of(log: FlightLog, vehicle: Vehicle) -> tuple[list[Channel], str]:
-    """Nominal thrust of each rotor: from rpm, else from motor outputs, else from the throttle, by the file's line."""
+    """Nominal thrust of each rotor from the rpm, else from the motor outputs, else from the throttle by the vehicle's
+    curve."""
     if log.n_rotors and log.has("motor1_rpm"):
         if log.n_rotors != vehicle.n_rotors:
             raise LogError(

@@ -1,4 +1,4 @@
-"""Prepared flights as one set of samples: folds that hold them out, and the same flights aligned for a model."""
+"""Dataset: prepared flights as one set of samples with folds, and the same flights aligned for a model."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
@@ -24,20 +24,21 @@ from quadctl.vehicle import Vehicle
 HoldOut = Literal["blocks", "flights"]
 FOLDS = 5
 MOST_FLIGHT_FOLDS = 10
-"""More flights than these share the folds: a fit without each of very many flights would tell little more."""
+"""Largest number of folds of whole flights; with more flights, several share a fold."""
 MOVED = {"north": 0.5, "east": 0.5, "speed_forward": 0.5, "speed_right": 0.5, "roll": 3.0, "pitch": 3.0}
-"""In their units: a vehicle that a controller holds in its place against gusts wanders, moves and leans less."""
+"""Least span of a variable that counts as varied, in its unit; gusts alone move a position-controlled vehicle by
+less."""
 MAX_FACTOR_BETWEEN_FLIGHTS = 1.6
-"""Of thrust over weight in flight: batteries and payloads explain less."""
+"""Largest ratio of thrust over weight between flights of one vehicle; batteries and payloads explain less."""
 
 
 @dataclass(frozen=True, eq=False)
 class Dataset:
-    """Flights of one vehicle, and how part of them is held out.
+    """Flights of one vehicle, and the way in which parts of them are held out.
 
-    With `hold_out="blocks"` every flight is cut into blocks of `BLOCK_S`, dealt to the folds in turn; with "flights"
-    whole flights are the folds, or dealt to `MOST_FLIGHT_FOLDS` in turn. Each fold is predicted by a fit that has seen
-    only the others.
+    With `hold_out="blocks"` every flight is cut into blocks of `BLOCK_S`, which are assigned to the folds in turn. With
+    "flights" each flight is a fold; more than `MOST_FLIGHT_FOLDS` flights share the folds. Each fold is predicted by a
+    fit to the other folds.
     """
 
     flights: tuple[Flight, ...]
@@ -45,19 +46,19 @@ class Dataset:
 
     @cached_property
     def measured(self) -> Floats:
-        """Kinematic acceleration, north, east, up, m/s^2, shape (n, 3)."""
+        """Filtered kinematic acceleration, north, east, up, m/s^2, shape (n, 3)."""
         return np.concatenate([flight.measured for flight in self.flights])
 
     @cached_property
     def groups(self) -> tuple[str, ...]:
-        """Of `GROUPS`, those that all flights have."""
+        """Measured groups (see `GROUPS`) that all flights have."""
         turning = all(flight.torque is not None for flight in self.flights)
         sensing = all(flight.imu_error is not None for flight in self.flights)
         return ("total", *(["turning"] if turning else []), *(["sensing"] if sensing else []))
 
     @cached_property
     def targets(self) -> Floats:
-        """What fits aim at: three columns for each of `groups`; the torque FRD, N m, the others north, east, up."""
+        """Targets of a fit, three columns for each of `groups`: torque FRD, N m; the others north, east, up, m/s^2."""
         return np.concatenate([measured_targets(flight, self.groups) for flight in self.flights])
 
     @cached_property
@@ -66,13 +67,13 @@ class Dataset:
 
     @cached_property
     def parts(self) -> list[slice]:
-        """Where the samples of each flight are."""
+        """Slice of the samples of each flight."""
         ends = np.cumsum([0, *(len(flight.time_s) for flight in self.flights)])
         return [slice(int(a), int(b)) for a, b in pairwise(ends)]
 
     @cached_property
     def block(self) -> NDArray[np.int64]:
-        """Number of the block of each sample, unique over all flights."""
+        """Block number of each sample, unique over all flights, shape (n,)."""
         numbers, offset = [], 0
         for flight in self.flights:
             numbers.append(flight.block + offset)
@@ -81,12 +82,12 @@ class Dataset:
 
     @cached_property
     def fold(self) -> NDArray[np.int64]:
-        """Number of the fold that holds each sample out."""
+        """Number of the fold that holds each sample out, shape (n,)."""
         return self.flight_index % MOST_FLIGHT_FOLDS if self.whole_flights else self.block % FOLDS
 
     @property
     def whole_flights(self) -> bool:
-        """Whether folds are flights: one flight alone has to be cut into blocks."""
+        """True where the folds are whole flights; a single flight is always cut into blocks."""
         return self.hold_out == "flights" and len(self.flights) > 1
 
     @cached_property
@@ -94,9 +95,10 @@ class Dataset:
         return [int(number) for number in np.unique(self.fold)]
 
     def aligned_for(self, model: Model) -> "AlignedDataset":
-        """The same flights with their rotor signals shifted to the force they make, beside the lag of `model`.
+        """Align the rotor signals with the force that they make, given the motor lag of `model`.
 
-        An aligned dataset aligns the flights that it was made from, so that aligning twice is aligning once.
+        An aligned dataset aligns the flights that it was made from, so that aligning twice is the same as aligning
+        once.
         """
         lag = model.late()
         if lag.effects not in self._aligned:
@@ -109,13 +111,14 @@ class Dataset:
         return {}
 
     def some(self, which: Iterable[int]) -> "Dataset":
-        """A dataset of the flights with these numbers only."""
+        """Select the flights with the given indices."""
         return Dataset(tuple(self.flights[i] for i in which), self.hold_out)
 
     def variable(self, name: str) -> Floats | None:
-        """A variable of all samples, or None where a flight lacks it.
+        """Values of a variable at all samples, shape (n,), or None where a flight lacks it.
 
-        A position, a speed or a tilt that hardly changes is none: it follows the pushes that it would seem to explain.
+        None also where a position, a speed or a tilt hardly changes: it then follows the disturbances that it would
+        seem to explain.
         """
         if any(name not in flight.variables for flight in self.flights):
             return None
@@ -124,7 +127,7 @@ class Dataset:
         return np.concatenate([flight.variables[name] for flight in self.flights])
 
     def span(self, name: str) -> float:
-        """How far a variable ranges over all flights (see `Flight.span`); 0 where it is not logged."""
+        """Span of a variable over all flights (see `Flight.span`); 0 where it is not logged."""
         ends = np.array([flight.span(name) for flight in self.flights])
         reach = float(ends[:, 1].max() - ends[:, 0].min())
         return reach if np.isfinite(reach) else 0.0
@@ -135,21 +138,21 @@ class Dataset:
 
     @cached_property
     def heights_m(self) -> tuple[float, float]:
-        """Range of the rotor plane's height."""
+        """Lowest and highest height of the rotor plane, m."""
         z = [flight.filtered(flight.conditions.height_m) for flight in self.flights]
         return float(min(h.min() for h in z)), float(max(h.max() for h in z))
 
 
 @dataclass(frozen=True, eq=False)
 class AlignedDataset(Dataset):
-    """Flights whose rotor signals are aligned with the force they make: the only dataset that can be predicted.
+    """Flights whose rotor signals are aligned with the force that they make: the only dataset that can be predicted.
 
-    The delay of a rotor signal and the lag of a model's motors shift the thrust alike, so the delay is known only
-    beside a lag. Parameters of a fit may move away from the lag that the flights were aligned for.
+    The delay of a rotor signal and the motor lag of a model shift the thrust alike, so the delay is estimated for a
+    given lag. During a fit the lag may move away from the one that the flights were aligned for.
     """
 
     source: Dataset = field(kw_only=True)
-    """The flights as they were prepared."""
+    """Prepared flights before the alignment."""
 
     def aligned_for(self, model: Model) -> "AlignedDataset":
         return self.source.aligned_for(model)
@@ -158,7 +161,7 @@ class AlignedDataset(Dataset):
         return self.source.some(which)
 
     def predicted(self, model: Model) -> Floats:
-        """Filtered acceleration by `model`, north, east, up, m/s^2, shape (n, 3)."""
+        """Predicted filtered acceleration by `model`, north, east, up, m/s^2, shape (n, 3)."""
         return np.concatenate([predict(model, flight) for flight in self.flights])
 
     def residual(self, model: Model) -> Floats:
@@ -171,7 +174,7 @@ class AlignedDataset(Dataset):
 
 
 def load_dataset(logs: Iterable[FlightLog], vehicle: Vehicle, hold_out: HoldOut = "blocks") -> Dataset:
-    """Prepare `logs`, flown by `vehicle`; spread as `joblib.parallel_config` says, one after the other without.
+    """Prepare `logs`, flown by `vehicle`; parallel as `joblib.parallel_config` says, serial by default.
 
     Raises
     ------
@@ -184,7 +187,8 @@ def load_dataset(logs: Iterable[FlightLog], vehicle: Vehicle, hold_out: HoldOut 
 
 
 def _require_one_vehicle(flights: Sequence[Flight]) -> None:
-    """Of one vehicle, the thrust over the weight in flight is about the same by the same kind of signal."""
+    """Raise LogError where the ratio of thrust to weight in flight differs too much between flights with one kind of
+    thrust signal."""
     for source in sorted({flight.thrust_source for flight in flights}):
         of_source = [flight for flight in flights if flight.thrust_source == source]
         share = {f.name: float(np.median(f.variables["thrust"])) / f.vehicle.weight_n for f in of_source}

@@ -1,4 +1,4 @@
-"""Delay of a log's rotor signal against the force it makes, estimated from the flight beside a model's motor lag."""
+"""Delay of a log's rotor signal relative to the force it makes, estimated from the flight for a given motor lag."""
 
 import math
 
@@ -9,26 +9,27 @@ from quadctl.lab.flights.flight import Flight
 from quadctl.model import Model
 
 DELAYS_S = np.arange(-0.04, 0.3001, 0.01)
-"""Of the rotor signal against the velocity. Estimators are up to 40 ms late; a force that comes later still is physics
-(`motor_lag`, or what changes with the climb rate)."""
+"""Delays that are tried, s. Position estimators are up to 40 ms late; a force that comes later still is physics
+(`motor_lag`, or an effect of the climb rate)."""
 LEAST_EXPLAINED = 0.1
-"""Of the quick vertical acceleration: a delay that explains less of it is not known."""
+"""Least share of the variance of the quick vertical acceleration that the thrust must explain for the delay to be
+known."""
 
 
 def align(flight: Flight, lag: Model) -> Flight:
-    """The flight with its rotor signal shifted to when the force came, beside the motor lag that the model `lag` holds.
+    """Shift the rotor signal to the time of its force, given the motor lag that the model `lag` holds.
 
-    A delay that is estimated without a lag has some of the lag in it.
+    A delay that is estimated without the lag would contain a part of the lag.
     """
     thrust_n = np.asarray(sum(lag.late().rotor_thrust(flight.nominal_n, flight.conditions)))
     return flight.shifted(estimated_delay(flight, thrust_n))
 
 
 def estimated_delay(flight: Flight, thrust_n: Floats) -> float:
-    """How much later the rotor signal is logged than the force it makes, s, from quick vertical changes.
+    """Delay of the rotor signal relative to the force that it makes, s, estimated from quick vertical motion.
 
-    The shift at which the change in thrust explains the change in vertical acceleration best, between the shifts tried
-    by a parabola; 0 where the flight has too little of both to tell.
+    The delay is the shift with the largest correlation between thrust and vertical acceleration, interpolated by a
+    parabola; 0 where the correlation is too small.
 
     Parameters
     ----------
@@ -57,7 +58,7 @@ def _correlation(a: Floats, b: Floats) -> float:
 
 
 def _detrended(values: Floats, time_s: Floats, window_s: float = 3.0) -> Floats:
-    """What is left after a running mean over `window_s`."""
+    """Subtract a running mean over `window_s`."""
     n = max(3, round(window_s / float(np.median(np.diff(time_s)))) | 1)
     padded = np.pad(values, n // 2, mode="edge")
     return values - np.convolve(padded, np.full(n, 1.0 / n), mode="valid")

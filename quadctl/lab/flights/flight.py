@@ -1,4 +1,4 @@
-"""One prepared flight: what every analysis works on."""
+"""Prepared flight, on which every analysis works."""
 
 import math
 from dataclasses import dataclass, field, replace
@@ -15,19 +15,19 @@ from quadctl.lab.arrays import Floats
 from quadctl.vehicle import Vehicle
 
 MOMENTS_S = 0.5
-"""Standard deviation of the filter of the moments: they are compared as they stand over seconds. What turns the vehicle
-this way and that within one is inertia that vehicle files tell by a guess, and rotor speeds that come late."""
+"""Standard deviation of the Gaussian filter of the moments, s. Moments are compared over seconds only: faster ones
+depend on the inertia, which vehicle files often guess, and on delays of the rotor speeds."""
 
 
 class SlowFilter:
-    """The filter of the moments over the samples at `time_s`. Its matrix is made when first asked for, and is shared by
+    """Gaussian filter of the moments over the samples at `time_s`. Its matrix is built at the first use and shared by
     all copies of a flight."""
 
     def __init__(self, time_s: Floats) -> None:
         self._time_s = time_s
 
     def __call__(self, values: Floats) -> Floats:
-        """Values at the samples, shape (n,) or (n, k), filtered."""
+        """Filter values at the samples, shape (n,) or (n, k)."""
         return np.asarray(self._matrix @ values)
 
     @cached_property
@@ -43,45 +43,47 @@ class SlowFilter:
 
 @dataclass(frozen=True, eq=False)
 class Flight:
-    """One prepared flight. `grid` signals are raw on an even clock, `samples` are filtered and nearly independent."""
+    """Prepared flight. Signals on the `grid` are unfiltered, on an even clock; those at the samples are filtered and
+    nearly independent."""
 
     name: str
     vehicle: Vehicle
     grid_s: Floats
-    """Even clock, shape (m,)."""
+    """Even clock, s, shape (m,)."""
     conditions: Conditions
-    """On the grid."""
+    """Conditions on the grid."""
     nominal_n: list[Floats]
-    """k rpm^2 of each rotor on the grid, N."""
+    """Nominal thrust k rpm^2 of each rotor on the grid, N, shape (m,) each."""
     smooth: csr_matrix
-    """Filter and sampling in one: (n, m), applied to any signal on the grid."""
+    """Matrix of filter and sampling, shape (n, m), applicable to any signal on the grid."""
     time_s: Floats
-    """Of the samples, shape (n,)."""
+    """Time of the samples, s, shape (n,)."""
     slowly: SlowFilter
-    """Applied to the measured and the predicted torque at the samples."""
+    """Filter of the measured and the predicted torque at the samples."""
     measured: Floats
-    """Filtered kinematic acceleration, north, east, up, shape (n, 3)."""
+    """Filtered kinematic acceleration, north, east, up, m/s^2, shape (n, 3)."""
     block: NDArray[np.int64]
-    """Number of the block of time that each sample belongs to, shape (n,)."""
+    """Block number of each sample, shape (n,)."""
     bandwidth_hz: float
     thrust_source: str
     delay_s: float
-    """By which the rotor signal was shifted: it is logged that much later (+) than the force it makes."""
+    """Delay of the logged rotor signal relative to its force, s, which has been taken out; positive: logged late."""
     torque: Floats | None = None
-    """Filtered torque that the body rates tell of, FRD, N m, shape (n, 3); None without rates or single rotors."""
+    """Filtered torque from the body rates, FRD, N m, shape (n, 3); None without rates or signals of single rotors."""
     imu_error: Floats | None = None
-    """Filtered: the accelerometer's acceleration minus `measured`, north, east, up, shape (n, 3); None without one."""
+    """Filtered acceleration by the accelerometer minus `measured`, north, east, up, m/s^2, shape (n, 3); None without
+    one."""
     notes: list[str] = field(default_factory=list)
 
     def shifted(self, delay_s: float) -> "Flight":
-        """The flight with its rotor signal taken so much later."""
+        """Copy of the flight with its rotor signal read `delay_s` later."""
         if delay_s == 0.0:
             return self
         nominal = [self.later(thrust, delay_s) for thrust in self.nominal_n]
         return replace(self, nominal_n=nominal, delay_s=self.delay_s + delay_s)
 
     def later(self, signal: Floats, delay_s: float) -> Floats:
-        """A signal on the grid taken so much later, by a line between its values; before and after them it stays."""
+        """Signal on the grid read `delay_s` later, by linear interpolation; constant beyond its ends."""
         steps = delay_s / (self.grid_s[1] - self.grid_s[0])
         whole, n = math.floor(steps), len(signal)
         between = signal[:-1] + (steps - whole) * np.diff(signal)
@@ -90,34 +92,35 @@ class Flight:
         return np.concatenate([between[whole:], np.full(min(whole + 1, n), signal[-1])])
 
     def filtered(self, signal: Any) -> Floats:
-        """A signal on the grid, filtered, at the samples."""
+        """Filter a signal on the grid; values at the samples."""
         return np.asarray(self.smooth @ np.broadcast_to(np.asarray(signal, dtype=float), self.grid_s.shape))
 
     @cached_property
     def slow_share(self) -> float:
-        """Independent moments per sample: a Gaussian filter makes one of those within 2 sqrt(pi) of its deviations."""
+        """Number of independent moments per sample: a Gaussian filter makes one of those within 2 sqrt(pi) of its
+        standard deviations."""
         every_s = float(np.median(np.diff(self.time_s)))
         return min(every_s / (2.0 * math.sqrt(math.pi) * MOMENTS_S), 1.0)
 
     @cached_property
     def moments(self) -> Floats | None:
-        """`torque`, slowly."""
+        """Slowly filtered `torque`, FRD, N m, shape (n, 3)."""
         return None if self.torque is None else self.slowly(self.torque)
 
     @cached_property
     def nominal_torque(self) -> Floats:
-        """Torque of the nominal rotor thrusts, filtered and slowly, FRD, N m, shape (n, 3)."""
+        """Slowly filtered torque of the nominal rotor thrusts, FRD, N m, shape (n, 3)."""
         torque = self.smooth @ (np.column_stack(self.nominal_n) @ np.array(self.vehicle.moment_arms_m))
         return self.slowly(np.asarray(torque))
 
     @cached_property
     def load(self) -> Floats:
-        """Nominal thrust of all rotors over the weight, filtered and slowly, shape (n,)."""
+        """Slowly filtered nominal thrust of all rotors over the weight, shape (n,)."""
         return self.slowly(self.filtered(sum(self.nominal_n))) / self.vehicle.weight_n
 
     @cached_property
     def variables(self) -> dict[str, Floats]:
-        """What residuals are looked at over, at the samples."""
+        """Variables over which residuals are analysed, by name, at the samples, shape (n,) each."""
         c = self.conditions
         roll, pitch, _ = euler_from_quaternion(c.attitude)
         u, v, w = (self.filtered(component) for component in c.velocity_body_m_s)
@@ -139,7 +142,7 @@ class Flight:
         return found
 
     def span(self, name: str) -> tuple[float, float]:
-        """5th and 95th percentile of a variable, or of another of `SPAN_UNITS`; nan: not logged."""
+        """5th and 95th percentile of a variable or another entry of `SPAN_UNITS`; nan where it is not logged."""
         u, v, _ = self.conditions.velocity_body_m_s
         if name == "heading":
             values = np.degrees(np.unwrap(euler_from_quaternion(self.conditions.attitude)[2]))

@@ -1,7 +1,7 @@
-"""Prediction of one flight by a model, filtered as the measured signals are, and the error that is left.
+"""Prediction of one flight by a model, with the filter of the measured signals, and the error.
 
-A flight measures up to three groups of three axes: the acceleration, where rates and single rotors are logged the
-torque, and where an accelerometer is logged its error. Each group has one function that predicts it.
+A flight measures up to three groups of three axes: the acceleration; the torque, where body rates and signals of single
+rotors are logged; and the error of the accelerometer, where there is one. One function predicts each group.
 """
 
 from collections.abc import Sequence
@@ -18,20 +18,21 @@ AXES = ("north", "east", "up")
 MOMENTS = ("roll", "pitch", "yaw")
 SENSED = ("imu_north", "imu_east", "imu_up")
 GROUPS = {"total": AXES, "turning": MOMENTS, "sensing": SENSED}
-"""Axes of each measured group, by the name of the root of the sum of its squares: kinematic acceleration (m/s^2),
-torque (N m), and accelerometer minus acceleration (m/s^2)."""
+"""Axes of each measured group: kinematic acceleration (m/s^2), torque (N m), and accelerometer minus acceleration
+(m/s^2). The key of a group also names the root of the sum of the squares of its axes."""
 
 
 def predict(model: Model, flight: Flight) -> Floats:
-    """Filtered kinematic acceleration of one flight by `model`, north, east, up, m/s^2, shape (n, 3)."""
+    """Predict the filtered kinematic acceleration of one flight, north, east, up, m/s^2, shape (n, 3)."""
     acceleration = ned_from_neu(model.acceleration_ned(flight.nominal_n, flight.conditions))
     return np.column_stack([flight.filtered(component) for component in acceleration])
 
 
 def predict_torque(model: Model, flight: Flight) -> Floats:
-    """Torque of one flight by `model`, after the slow filter, FRD, N m, shape (n, 3).
+    """Predict the slowly filtered torque of one flight, FRD, N m, shape (n, 3).
 
-    Only the effects that the balance of moments can show are in it: the others scale what is near zero on average.
+    Only effects that are visible in the balance of moments are included: the others scale a moment that is nearly zero
+    on average.
     """
     turning = model.turning()
     if not turning.stack:
@@ -41,8 +42,8 @@ def predict_torque(model: Model, flight: Flight) -> Floats:
 
 
 def predict_imu_error(model: Model, flight: Flight) -> Floats:
-    """Filtered error of the accelerometer by `model`, north, east, up, m/s^2, shape (n, 3)."""
-    if not any(effect.senses for effect in model.effects):
+    """Predict the filtered error of the accelerometer, north, east, up, m/s^2, shape (n, 3)."""
+    if not any(effect.affects_accelerometer for effect in model.effects):
         return np.zeros_like(flight.measured)
     sensed = ned_from_neu(model.sensed_ned_m_s2(flight.conditions))
     return np.column_stack([flight.filtered(component) for component in sensed])
@@ -50,14 +51,14 @@ def predict_imu_error(model: Model, flight: Flight) -> Floats:
 
 def concerns(effect: Effect, group: str) -> bool:
     """Tell whether `effect` changes what `group` measures."""
-    return {"total": True, "turning": effect.turns, "sensing": effect.senses}[group]
+    return {"total": True, "turning": effect.affects_moment, "sensing": effect.affects_accelerometer}[group]
 
 
 PREDICT = {"total": predict, "turning": predict_torque, "sensing": predict_imu_error}
 
 
 def predict_targets(model: Model, flight: Flight, groups: Sequence[str]) -> Floats:
-    """Prediction of the measured `groups` of one flight, shape (n, 3 * groups)."""
+    """Predict the measured `groups` of one flight, shape (n, 3 * groups)."""
     return np.column_stack([PREDICT[group](model, flight) for group in groups])
 
 
@@ -68,7 +69,7 @@ def measured_targets(flight: Flight, groups: Sequence[str]) -> Floats:
 
 
 def rmse(residual: Floats, groups: Sequence[str] = ("total",)) -> dict[str, float]:
-    """Root mean square per axis, and for each group the root of the sum of the squares of its axes."""
+    """Root mean square of each axis, and for each group the root of the sum of the squares of its axes."""
     squares = np.mean(residual**2, axis=0)
     errors: dict[str, float] = {}
     for i, group in enumerate(groups):

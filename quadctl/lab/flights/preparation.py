@@ -1,8 +1,8 @@
-"""A flight log becomes what an analysis needs: the flight itself, on an even clock, with one filter for all signals.
+"""Preparation of a flight log: the part in flight, on an even clock, with one filter for all signals.
 
-Logs hold values between updates, each channel at its own rate and age. So every channel is taken at its updates only,
-joined by straight lines, and compared after the same low-pass filter has gone over the measured and the predicted
-acceleration. The bandwidth of that filter is what the slowest channel can carry; it is stated with every result.
+Logs repeat a value between updates, and each channel has its own rate and delay. So each channel is read at its updates
+only and interpolated linearly. The measured and the predicted acceleration go through the same low-pass filter. The
+bandwidth of that filter is limited by the slowest channel, and is stated with every result.
 """
 
 import math
@@ -32,26 +32,27 @@ from quadctl.vehicle import Vehicle
 
 MAX_BANDWIDTH_HZ = 3.0
 MIN_UPDATE_RATE_HZ = 2.5
-"""Of the slowest channel: with less, what happens between its updates is taken for a force that nothing explains."""
+"""Least update rate of the slowest channel; below it, motion between the updates would look like an unexplained
+force."""
 BANDWIDTH_PER_UPDATE_RATE = 0.35
-"""Of the slowest channel: well below half its rate, where its samples could not be told from an alias."""
+"""Filter bandwidth over the update rate of the slowest channel: well below the Nyquist frequency, half that rate."""
 TRIM_START_S, TRIM_END_S = 2.0, 1.0
-"""Take-off transient and touchdown are not flight."""
+"""Times cut off at the beginning and end of each stretch of flight, for the take-off transient and the touchdown."""
 GROUND_PHASES = ("wait", "stream", "start", "spool_up", "land", "released", "done")
-"""Phases of our own logs in which nobody flies a mission."""
+"""Phases of quadctl's own logs in which no mission is flown."""
 MIN_DESCENT_M = 0.3
-"""Of flight below the height at rest: more is no slope but a z that points down."""
+"""Least height of flight below the height at rest that is reported as a z axis that points down."""
 MIN_CLEARANCE_M = 0.02
-"""Above the height at rest: less is contact with the ground."""
+"""Least height above the height at rest in flight; lower is contact with the ground."""
 MIN_FLIGHT_S, MIN_SEGMENT_S = 10.0, 2.0
 LONGEST_ROW_GAP_S = 10.0
-"""Between rows of one flight: after more, the clock has jumped, or another flight begins."""
+"""Largest time between rows of one flight; after a longer gap the clock has jumped, or another flight begins."""
 BLOCK_S = 5.0
-"""Length of the blocks of time that are held out, shuffled and resampled as one."""
+"""Length of the blocks of time that are held out and resampled as a whole."""
 
 
 def prepare(log: FlightLog, vehicle: Vehicle) -> Flight:
-    """Make `log`, flown by `vehicle`, ready for analysis.
+    """Prepare `log`, flown by `vehicle`, for analysis.
 
     Raises
     ------
@@ -96,7 +97,7 @@ def _refuse(name: str, problem: str | None) -> None:
 
 
 def prepare_all(logs: Sequence[FlightLog], vehicle: Vehicle) -> list[Flight]:
-    """All logs, or the first reason why one cannot be analysed."""
+    """Prepare all logs; raises LogError for the first that cannot be analysed."""
     return [prepare(log, vehicle) for log in logs]
 
 
@@ -112,7 +113,7 @@ def _thrust_problem(log: FlightLog, signals: Signals, vehicle: Vehicle) -> str |
 
 
 def _flight_segments(log: FlightLog, signals: Signals, vehicle: Vehicle, notes: list[str]) -> list[tuple[float, float]]:
-    """Intervals of time in which the vehicle flies: clear of the ground, rotors at work, ends trimmed."""
+    """Intervals of time in flight: clear of the ground, rotors working, ends trimmed; s."""
     time = log.time_s
     z = signals.position[2].at(time)
     total = np.sum([channel.at(time) for channel in signals.rotor], axis=0)
@@ -180,10 +181,10 @@ def _without_gaps(
 def _filter(
     grid: Floats, segments: Sequence[tuple[float, float]], sigma: float
 ) -> tuple[Floats, csr_matrix, csr_matrix]:
-    """Sample times 2 sigma apart, the Gaussian filter that takes a signal on the grid to them, and its derivative.
+    """Sample times 2 sigma apart, the matrix of the Gaussian filter from the grid to them, and that of its derivative.
 
-    The derivative is taken by the filter's own slope, so that a velocity comes out as the filtered acceleration, with
-    the very response that the prediction gets.
+    The derivative matrix differentiates the Gaussian, so that a velocity becomes the filtered acceleration, with
+    exactly the frequency response that the prediction has.
     """
     reach = 3.0 * sigma
     times = [np.arange(a + reach, b - reach, 2.0 * sigma) for a, b in segments if b - a > 2.0 * reach]
@@ -194,11 +195,12 @@ def _filter(
     offset = grid[columns] - time[:, None]
     weights = np.exp(-0.5 * (offset / sigma) ** 2)
     weights /= weights.sum(axis=1, keepdims=True)
-    slopes = weights * (offset - (weights * offset).sum(axis=1, keepdims=True))
-    slopes /= (slopes * offset).sum(axis=1, keepdims=True)
+    derivatives = weights * (offset - (weights * offset).sum(axis=1, keepdims=True))
+    derivatives /= (derivatives * offset).sum(axis=1, keepdims=True)
     where = (np.repeat(np.arange(len(time)), columns.shape[1]), columns.ravel())
     shape = (len(time), len(grid))
-    return time, csr_matrix((weights.ravel(), where), shape=shape), csr_matrix((slopes.ravel(), where), shape=shape)
+    smooth, derivative = (csr_matrix((rows.ravel(), where), shape=shape) for rows in (weights, derivatives))
+    return time, smooth, derivative
 
 
 def _assemble(
@@ -243,7 +245,7 @@ def _assemble(
 def _imu_error(
     signals: Signals, grid: Floats, attitude: Quaternion, smooth: csr_matrix, measured: Floats
 ) -> Floats | None:
-    """The accelerometer's kinematic acceleration minus that of the velocity, filtered, north, east, up."""
+    """Acceleration by the accelerometer minus that of the velocity, filtered, north, east, up, m/s^2, shape (n, 3)."""
     if not signals.imu:
         return None
     x, y, z = (channel.at(grid) for channel in signals.imu)

@@ -1,4 +1,4 @@
-"""Was a log flown by the vehicle that it is given with? An analysis by another one's numbers blames physics for it."""
+"""Check that a log was flown by the given vehicle; the parameters of another one would look like missing physics."""
 
 import math
 from typing import Any
@@ -10,17 +10,19 @@ from quadctl.logs.flight_log import FlightLog, Floats
 from quadctl.vehicle import Vehicle
 
 MAX_THRUST_FACTOR = 2.5
-"""Of the rotors' thrust over the weight in flight, both ways: more is another vehicle or unit, not a thrust scale."""
+"""Largest ratio of the rotors' thrust to the weight in flight, or of the weight to the thrust: more is another vehicle
+or unit, not a thrust scale."""
 MIN_HEIGHT_CHANGE_M = 0.3
-"""A log in which height never changes by as much may be one of idle rotors on the ground."""
+"""Least change of height that shows a flight; below it the rotors may be idling on the ground."""
 MAX_SETTING_DIFFERENCE = 0.1
-"""Relative, between the sidecar's vehicle of another name and the one given: less, and only the name is another."""
+"""Largest relative difference between the sidecar's vehicle and the given one if only the name differs."""
 MIN_CORRELATION, STRANGER_CORRELATION = 0.4, 0.15
-"""Of the moments that rotors should make with those that turn the vehicle: in the right order, and in a wrong one."""
+"""Correlation of the rotors' moments with the measured ones: least in the right order of the motors, largest in a wrong
+one."""
 MIN_LIFT_CORRELATION = 0.7
-"""Of thrust with vertical acceleration: from there on, sign and factor are clear."""
+"""Least correlation of thrust with vertical acceleration at which sign and factor are clear."""
 MAX_ACCELERATION_FACTOR = 2.5
-"""Vertical acceleration over what the thrust explains: less may be a thrust scale."""
+"""Largest ratio of vertical acceleration to thrust over mass; less may be a thrust scale."""
 
 _SPEED_UNITS = {
     math.pi / 30.0: "are the rotor speeds in rad/s",
@@ -30,7 +32,8 @@ _POLE_PAIRS = range(3, 29)
 
 
 def sidecar_problem(log: FlightLog, vehicle: Vehicle) -> str | None:
-    """What says that the vehicle in the log's sidecar is another one; None where it is the same or not named."""
+    """Problem with the vehicle named in the log's sidecar, as a sentence; None where it is the given one or none is
+    named."""
     flown = log.meta.get("vehicle")
     if not isinstance(flown, dict) or flown.get("name") in (None, vehicle.name):
         return None
@@ -53,7 +56,8 @@ def sidecar_problem(log: FlightLog, vehicle: Vehicle) -> str | None:
 
 
 def thrust_problem(total_n: Floats, z_m: Floats, vehicle: Vehicle, source: str) -> str | None:
-    """What says that the rotors carry another weight; None where they fit or the vehicle stays on the ground.
+    """Problem with the thrust, as a sentence: it carries another weight; None where it fits, or the vehicle stays on
+    the ground.
 
     `total_n`: nominal thrust of all rotors over the whole log, shape (n,); `z_m`: altitude, shape (n,).
     """
@@ -84,10 +88,11 @@ def _reason(factor: float, source: str) -> str:
 
 
 def motion_problem(measured: Floats, thrust_n: Floats, torque: Floats | None, vehicle: Vehicle) -> str | None:
-    """What says that the vehicle does not move as its rotors drive it; None where it does, or moves too little.
+    """Problem with the motion, as a sentence: the vehicle does not move as its rotors drive it; None if it does or
+    hardly moves.
 
-    All filtered alike: `measured`, acceleration north, east, up, m/s^2, shape (n, 3); `thrust_n`, nominal thrust of
-    each rotor, N, shape (n, rotors); `torque`, what the body rates tell of, FRD, N m, shape (n, 3), if known.
+    All arguments have the same filter: `measured`, acceleration north, east, up, m/s^2, shape (n, 3); `thrust_n`,
+    nominal thrust of each rotor, N, shape (n, rotors); `torque`, from the body rates, FRD, N m, shape (n, 3), if known.
     """
     return _upside_down(measured[:, 2], thrust_n.sum(axis=1) / vehicle.mass_kg) or (
         None if torque is None else _motor_order(torque[:, :2], thrust_n, vehicle)
@@ -95,7 +100,7 @@ def motion_problem(measured: Floats, thrust_n: Floats, torque: Floats | None, ve
 
 
 def _upside_down(up: Floats, by_thrust: Floats) -> str | None:
-    """Vertical acceleration against thrust over mass, both of shape (n,): opposite, or in another unit."""
+    """Compare vertical acceleration with thrust over mass, both of shape (n,): opposite sign, or another unit."""
     if not np.std(by_thrust) or not np.std(up):
         return None
     correlation = float(np.corrcoef(by_thrust, up)[0, 1])
@@ -114,10 +119,10 @@ def _upside_down(up: Floats, by_thrust: Floats) -> str | None:
 
 
 def _motor_order(torque: Floats, thrust_n: Floats, vehicle: Vehicle) -> str | None:
-    """Roll and pitch moments of the rotors against those that turn the vehicle, and the order that fits best.
+    """Compare the rotors' roll and pitch moments with the measured ones; find the order of motors that fits best.
 
-    The order of motors whose moments have the largest covariance with those needed is a linear assignment of speeds
-    to places.
+    The order whose moments have the largest covariance with the measured ones is the solution of a linear assignment
+    problem.
     """
     needed = torque - torque.mean(axis=0)
     thrust = thrust_n - thrust_n.mean(axis=0)
@@ -136,6 +141,6 @@ def _motor_order(torque: Floats, thrust_n: Floats, vehicle: Vehicle) -> str | No
 
 
 def _correlations(made: Floats, needed: Floats) -> list[float]:
-    """Of the columns; 0 where one of them does not change."""
+    """Correlation of each pair of columns; 0 where one of them is constant."""
     power = np.sqrt((made**2).sum(axis=0) * (needed**2).sum(axis=0))
     return [float(c) for c in (made * needed).sum(axis=0) / np.maximum(power, 1e-30)]

@@ -1,5 +1,5 @@
-"""Planning: which mission to fly next.
+"""Planning: choice of the mission to fly next.
 
-In come a `Diagnosis` and a folder of missions; out comes a `Suggestion`: how far each mission would separate look-
-alikes, narrow an interval, or show effects that could not be tried, computed before anything flies.
+Input: a `Diagnosis` and a folder of missions. Output: a `Suggestion`. Before any flight it is computed how well each
+mission would separate look-alikes, narrow an interval, or show effects that could not be tried.
 """

@@ -1,4 +1,5 @@
-"""A mission not flown yet, as the flight that an analysis would get: an ideal vehicle follows its reference."""
+"""Planned flight: the prepared flight of a mission that has not been flown, by an ideal vehicle that follows its
+reference."""
 
 import math
 
@@ -18,23 +19,23 @@ from quadctl.numeric import Vector, asin, atan2, sqrt
 
 STEP_S = 0.02
 JUMP_M = 0.005
-"""What the reference moves in a step beyond what its velocity says is a jump."""
+"""Change of the reference in a step beyond what its velocity explains that counts as a jump."""
 FOLLOWING_RAD_S = 1.5
-"""The vehicle follows a jump as a critically damped oscillator of this angular frequency, as position controllers of
-multirotors do: a metre with 2.3 m/s^2 at most."""
+"""Angular frequency of the critically damped oscillator by which the vehicle follows a jump, as position controllers of
+multirotors do: 1 m with at most 2.3 m/s^2."""
 ROUNDS = 4
-"""Of correction of attitude and thrust for the effects of the model, each of which takes most of the error off."""
+"""Iterations that correct attitude and thrust for the effects of the model; each removes most of the error."""
 MAX_TILT_DEG = 35.0
 MAX_THRUST_SHARE = 0.9
-"""Of what the rotors can give: the rest is for attitude control."""
+"""Largest share of the rotors' maximum thrust; the rest is for attitude control."""
 
 
 def planned_flight(mission: Mission, model: Model, like: Dataset) -> Flight:
-    """The flight of `mission` by a vehicle that obeys `model`, without noise, logged as slowly as those of `like`.
+    """Flight of `mission` by a vehicle that obeys `model`, without noise, logged as slowly as the flights of `like`.
 
     The vehicle follows the reference, and its jumps as a well damped vehicle would. Attitude and rotor thrusts are
-    those that give the acceleration by `model`; the rotors share the thrust alike. A mission that keeps the heading of
-    take-off is flown with that of the last flight, and the battery falls as it did then.
+    those that give the reference's acceleration by `model`; all rotors give the same thrust. A mission that keeps the
+    heading of take-off has the heading of the last flight, and the battery voltage falls as it did then.
 
     Raises
     ------
@@ -72,7 +73,7 @@ def planned_flight(mission: Mission, model: Model, like: Dataset) -> Flight:
 
 
 def _followed(mission: Mission) -> tuple[Floats, Floats, Floats, Floats]:
-    """Time, shape (n,), position, velocity and acceleration, north, east, up, shape (n, 3), of the vehicle."""
+    """Time, shape (n,), and position, velocity and acceleration of the vehicle, north, east, up, shape (n, 3) each."""
     time = np.arange(0.0, mission.duration_s, STEP_S)
     references = [mission.reference(t) for t in time.tolist()]
     position, velocity, acceleration = (np.array([r[i] for r in references]) for i in range(3))
@@ -88,19 +89,19 @@ def _followed(mission: Mission) -> tuple[Floats, Floats, Floats, Floats]:
 
 
 def _log(name: str, time: Floats, columns: dict[str, Floats], bandwidth_hz: float) -> FlightLog:
-    """The flight as a log whose slowest channel, the position, can carry `bandwidth_hz`."""
+    """Log of the flight, in which the position has the update rate that allows a filter of `bandwidth_hz`."""
     slow = max(1, int(BANDWIDTH_PER_UPDATE_RATE / bandwidth_hz / STEP_S))
     logged = {"time_s": time}
     for column, values in columns.items():
         rows = slow if column in POSITION else 1
         update = np.arange(len(time)) // rows
-        # A value that does not change is no update to whoever reads a log: each differs by less than matters.
+        # Readers of a log take a repeated value as no update: so consecutive values differ by a negligible amount.
         logged[column] = values[rows * update] + 1e-9 * (update % 2)
     return FlightLog(name=name, path=None, columns=logged)
 
 
 def _lean(force_ned: Vector, yaw_rad: Floats) -> tuple[Floats, Floats]:
-    """Roll and pitch, radians, at which the thrust of a vehicle of heading `yaw_rad` points along `force_ned`."""
+    """Roll and pitch, rad, at which the thrust of a vehicle with heading `yaw_rad` points along `force_ned`."""
     north, east, down = force_ned
     ahead = np.cos(yaw_rad) * north + np.sin(yaw_rad) * east
     right = np.cos(yaw_rad) * east - np.sin(yaw_rad) * north
@@ -108,14 +109,14 @@ def _lean(force_ned: Vector, yaw_rad: Floats) -> tuple[Floats, Floats]:
 
 
 def _heading(attitude: Quaternion) -> float:
-    """Circular mean of the yaw of a flight, radians."""
+    """Circular mean of the yaw of a flight, rad."""
     w, x, y, z = attitude
     east, north = 2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)
     return math.atan2(float(np.mean(east)), float(np.mean(north)))
 
 
 def _falling(battery_v: Floats, time_s: Floats, time: Floats) -> Floats:
-    """A battery that begins as charged as in an earlier flight and falls as quickly; nan where it was not logged."""
+    """Battery voltage with the initial value and the slope of an earlier flight; nan where it was not logged."""
     if battery_v.ndim == 0 or not np.isfinite(battery_v).all():
         return np.full_like(time, np.nan)
     slope, begin = np.polyfit(time_s - time_s[0], battery_v, 1)

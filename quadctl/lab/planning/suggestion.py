@@ -1,8 +1,8 @@
-"""Which flight next? Every mission is flown in thought, and judged by what its data would add to those so far.
+"""Suggestion of the next flight: every mission is simulated, and rated by what its data would add to those so far.
 
-Optimal design of experiments (Fedorov 1972; for rival models Atkinson & Fedorov 1975, Biometrika 62): before a flight
-its data are not known, but how much they will tell is, to first order: from the slopes of the predictions to the
-parameters, the noise of the data so far, and what nuisances can imitate.
+Optimal design of experiments (Fedorov 1972; for rival models Atkinson & Fedorov 1975, Biometrika 62). The data of a
+flight are not known before it, but their information is, to first order: it follows from the Jacobian of the
+predictions, the noise of the data so far, and the priors of the nuisances.
 """
 
 import math
@@ -18,6 +18,7 @@ from rich.text import Text
 
 from quadctl.effects import Effect, every_effect
 from quadctl.errors import QuadctlError
+from quadctl.installed import locate, name_of
 from quadctl.lab.arrays import Floats
 from quadctl.lab.fitting.fitter import FittedModel, fit_model, noise_scale
 from quadctl.lab.fitting.initial_guesses import Unmodelled
@@ -36,31 +37,32 @@ from quadctl.missions import Mission, load_mission, mission_files
 from quadctl.model import Model
 
 ENOUGH_SIGMAS = 15.0
-"""Look-alikes that are expected so far apart are separated, even where most of it is lost to what was not foreseen."""
+"""Expected distance of look-alikes, in standard deviations, at which they count as separated, with a margin for
+unforeseen errors."""
 NARROW = 0.1
-"""An interval narrower than this share of its value asks for no flight."""
+"""Relative width below which an interval is narrow enough."""
 LEAST_VALUE = 0.01
-"""Share of a parameter's range below which its value is taken as this, where an interval is compared with it."""
+"""Least value of a parameter, as a share of its range, with which the width of its interval is compared."""
 EQUAL_GAIN = 0.1
-"""Missions whose gains differ by less answer a question as well; one that gains no more than this answers none."""
+"""Gains that differ by less are equal; a mission whose gains are all smaller is not worth flying."""
 UNKNOWN = 20.0
-"""An interval wider than so many times its value is not printed as a number."""
+"""Relative width beyond which an interval is printed as unknown."""
 
 
 @dataclass(frozen=True, eq=False)
 class Option:
-    """One mission, and what it would bring."""
+    """One mission and its expected gains."""
 
     mission: Mission
     command: str
     sigmas: list[float]
-    """By how many standard deviations its data are expected to tell each pair of look-alikes apart."""
+    """Expected distance of each pair of look-alikes by its data, in standard deviations."""
     width: float | None
-    """Expected 95 % interval of the parameter in question, relative to its value."""
+    """Expected width of the parameter's 95 % interval, relative to its value."""
     tries: list[str]
-    """Effects that could be tried with its data and could not before."""
+    """Effects that could be tried with its data, but not with those so far."""
     gains: tuple[float, float, float]
-    """How far it takes each question that is asked, 1 being all the way: look-alikes, interval, untried effects."""
+    """Gain for each open question, from 0 to 1 (fully answered): look-alikes, interval, untried effects."""
 
     @property
     def tells_more(self) -> bool:
@@ -80,25 +82,25 @@ class Option:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Suggestion(Result):
-    """What `suggest` found: the options, the best first."""
+    """Result of `suggest`: the options, the best first."""
 
     options: list[Option]
     pairs: list[tuple[str, str]]
-    """Families that the data so far do not tell apart."""
+    """Pairs of families that the data so far cannot distinguish."""
     parameter: str | None
-    """The one with the widest interval that a flight can narrow."""
+    """Parameter with the widest interval that a flight can narrow."""
     width: float | None
-    """Of its interval by the data so far, relative to its value."""
+    """Width of its interval by the data so far, relative to its value."""
     untried: list[str]
-    """Effects that the data so far could not tell from others."""
+    """Effects that could not be tried because the data so far could not distinguish them from others."""
     left_out: list[str]
-    """Missions that cannot be flown or analysed, and why."""
+    """Reasons why missions cannot be flown or analysed."""
     unexplained: bool
-    """Something is missing that is no effect of the catalogue: by that no mission can be judged."""
+    """True where something is missing that is no effect of the catalogue; missions cannot be rated by it."""
 
     @property
     def best(self) -> Option | None:
-        """The option to fly; None where no mission would tell anything new."""
+        """Option to fly; None where no mission would tell anything new."""
         return self.options[0] if self.options and self.options[0].tells_more else None
 
     def to_dict(self) -> dict[str, Any]:
@@ -113,14 +115,14 @@ class Suggestion(Result):
         }
 
     def __rich__(self) -> RenderableType:
-        table = Table(title="What each mission would bring, together with the data so far", title_justify="left")
+        table = Table(title="Expected result of each mission, together with the data so far", title_justify="left")
         table.add_column("mission", no_wrap=True)
         for one, other in self.pairs:
             table.add_column(f"{one}\nor {other}", justify="right")
         if self.width is not None:
             table.add_column(f"{self.parameter}\n(now {_plus_minus(self.width)})", justify="right", overflow="fold")
         if self.untried:
-            table.add_column("untried effects\nit can show", justify="right")
+            table.add_column("untried effects\nit would show", justify="right")
         table.add_column("s", justify="right")
         for option in self.options:
             row = [option.mission.name, *(f"{sigma:.1f} sigma" for sigma in option.sigmas)]
@@ -130,25 +132,25 @@ class Suggestion(Result):
         return Group(table, Text("\n".join(self.lines())))
 
     def lines(self) -> list[str]:
-        """The suggestion in sentences."""
+        """Sentences that state the suggestion."""
         lines = [f"Left out: {reason}." for reason in self.left_out]
         if self.best is not None:
-            lines += [f"With it can be tried: {', '.join(self.best.tries)}."] if self.best.tries else []
+            lines += [f"It makes these effects testable: {', '.join(self.best.tries)}."] if self.best.tries else []
             return [*lines, f"Fly next: {self.best.command}"]
         asked = self.pairs or self.untried or (self.width is not None and self.width > NARROW)
         why = (
-            "none of these missions would tell more"
+            "none of these missions would give more information"
             if asked
-            else "what is unexplained is in no candidate, and by that no mission can be judged"
+            else "no candidate explains the unexplained part, so the missions cannot be compared"
             if self.unexplained
-            else "nothing is open"
+            else "no question is open"
         )
         return [*lines, f"No flight is suggested: {why}."]
 
 
 @dataclass(frozen=True, eq=False)
 class _Form:
-    """A model fitted to the data so far, and what they tell about its parameters."""
+    """Model fitted to the data so far, and their information about its parameters."""
 
     fit: FittedModel
     known: Information
@@ -158,7 +160,7 @@ class _Form:
         return self.fit.model
 
     def widths(self, more: Information | None = None) -> Floats:
-        """95 % interval of each free parameter over its value."""
+        """Width of the 95 % interval of each free parameter relative to its value, shape (p,)."""
         free = free_parameters(self.model)
         least = np.array([LEAST_VALUE * (f.parameter.high - f.parameter.low) for f in free])
         known = self.known if more is None else self.known + more
@@ -167,11 +169,10 @@ class _Form:
 
 @one_blas_thread
 def suggest(diagnosis: Diagnosis, missions: Path | str = Path("missions")) -> Suggestion:
-    """Which of the `missions` (the YAML files of a folder) would best answer what `diagnosis` leaves open?
+    """Suggest which of the `missions` (YAML files of a folder) best answers what `diagnosis` leaves open.
 
-    Three things can be open: look-alikes that the data do not tell apart, a wide interval of a parameter, and effects
-    that could not be tried for want of variety. They count in this order: which effect it is matters more than how
-    large it is; what else could be there is asked when both are known.
+    There are three kinds of open questions, in the order of their weight: look-alikes that the data do not distinguish,
+    a wide interval of a parameter, and effects that could not be tried because the data vary too little.
 
     Raises
     ------
@@ -184,7 +185,7 @@ def suggest(diagnosis: Diagnosis, missions: Path | str = Path("missions")) -> Su
     form = _known(fit, noise, considering=True)
     rivals = _rivals(diagnosis, form, noise)
     untried = _untried(diagnosis)
-    plans, left_out = _plans(Path(missions), best, dataset)
+    plans, left_out = _plans(locate(Path(missions)), best, dataset)
     groups = dataset.groups
     after = [form.widths(information(best, flight, groups, noise, considering=True)) for _, _, flight in plans]
     asked = _widest(form.widths(), after)
@@ -211,7 +212,7 @@ def suggest(diagnosis: Diagnosis, missions: Path | str = Path("missions")) -> Su
 
 
 class _Rivals:
-    """Two models that the data so far fit alike, but for one family."""
+    """Two models that differ in one family and fit the data so far equally well."""
 
     def __init__(self, names: tuple[str, str], one: _Form, other: _Form, dataset: Dataset, noise: Floats) -> None:
         self.names = names
@@ -228,11 +229,11 @@ class _Rivals:
         ]
 
     def sigmas(self, flight: Flight) -> float:
-        """By how much `flight` would move the two apart, whichever is true, standard deviations.
+        """Expected distance between the two models by the data of `flight`, whichever is true, in standard deviations.
 
-        The squared distance is what is left of the difference of the predictions when the parameters of the wrong one,
-        held by the data so far, and the nuisances of every flight imitate as much as they can. What the data so far
-        have of it does not count: they had their say.
+        The squared distance is the difference of the predictions that the wrong model cannot imitate: by its
+        parameters, held by the data so far, and by the nuisances of every flight. Only the part that the new flight
+        adds is counted, since the data so far did not distinguish the two.
         """
         one, other = self.forms
         by_one, by_other = (predict_targets(form.model, flight, self.groups) for form in self.forms)
@@ -245,7 +246,7 @@ class _Rivals:
 
 
 def _rivals(diagnosis: Diagnosis, form: _Form, noise: Floats) -> list[_Rivals]:
-    """The pairs of look-alikes that matter to the model found: with either of the two in it, refitted."""
+    """Pairs of look-alikes that concern the best model: with one or the other of the two in it, refitted."""
     dataset, best = diagnosis.dataset, diagnosis.best
     kinds = {effect.family(): effect for effect in reversed(every_effect(best.effect_files).values())}
     kinds |= {
@@ -274,15 +275,15 @@ def _sum(model: Model, flights: Sequence[Information]) -> Information:
 
 
 def _noise(residual: Floats, dataset: Dataset) -> Floats:
-    """Standard deviation of each axis, shape (axes,), as that of independent samples whose mean is as uncertain as that
-    of these, which are correlated in time."""
+    """Standard deviation of each axis, shape (axes,), for independent samples whose mean has the same standard error as
+    the mean of these correlated samples."""
     n = len(residual)
     long_run = [CorrelatedNoise(axis, dataset).variance_of_sum(np.ones(n)) / n for axis in residual.T]
     return np.asarray(np.maximum(np.sqrt(long_run), noise_scale(residual)))
 
 
 def _untried(diagnosis: Diagnosis) -> list[type[Effect]]:
-    """Effects that a diagnosis sets aside because the data lack the variety to tell them from others."""
+    """Effects that a diagnosis does not try because the data vary too little to distinguish them from others."""
     model, dataset = diagnosis.model, diagnosis.dataset
     present = {effect.family() for effect in diagnosis.best.effects}
     pool = [e for e in every_effect(model.effect_files).values() if e.candidate and e.applies_to(model.vehicle)]
@@ -294,25 +295,26 @@ def _untried(diagnosis: Diagnosis) -> list[type[Effect]]:
 
 
 def _brings(effect: type[Effect], dataset: Dataset, flight: Flight) -> bool:
-    """Whether the data with `flight` have the variety that `effect` needs."""
+    """Tell whether the data together with `flight` vary as much as `effect` needs."""
     both = Dataset((*dataset.flights, flight), dataset.hold_out)
     return all(both.span(variable) >= span for variable, span in effect.needs.items())
 
 
 def _plans(folder: Path, model: Model, dataset: Dataset) -> tuple[list[tuple[Mission, str, Flight]], list[str]]:
-    """The missions that can be flown, the commands that fly them, the flights they would be; and why others cannot."""
+    """Missions that can be flown with their commands and planned flights, and the reasons why others cannot."""
     plans, left_out = [], []
     for path in mission_files(folder):
         try:
             mission = load_mission(path)
-            plans.append((mission, f"quadctl fly {path}", planned_flight(mission, model, dataset)))
+            plans.append((mission, f"quadctl fly {name_of(path)}", planned_flight(mission, model, dataset)))
         except QuadctlError as error:
             left_out.append(str(error))
     return plans, left_out
 
 
 def _widest(now: Floats, after: Sequence[Floats]) -> int | None:
-    """The parameter with the widest interval that some mission narrows to the half or less, else to anything less."""
+    """Index of the parameter with the widest interval that some mission at least halves, else of the widest
+    interval."""
     if not len(now) or not after:
         return None
     halved = np.min(after, axis=0) < 0.5 * now
@@ -320,19 +322,20 @@ def _widest(now: Floats, after: Sequence[Floats]) -> int | None:
 
 
 def _separated(sigmas: Sequence[float]) -> float:
-    """Mean share of `ENOUGH_SIGMAS` to which a mission brings the pairs."""
+    """Mean ratio of the distances to `ENOUGH_SIGMAS`, each at most 1."""
     return float(np.mean(np.minimum(sigmas, ENOUGH_SIGMAS))) / ENOUGH_SIGMAS if sigmas else 0.0
 
 
 def _narrowed(now: float | None, expected: float | None) -> float:
-    """Share of the way to `NARROW` that a mission takes an interval, counted in how many times narrower it gets."""
+    """Logarithmic share of the narrowing from the present width to `NARROW` that a mission is expected to achieve."""
     if now is None or expected is None or now <= NARROW:
         return 0.0
     return math.log(now / max(expected, NARROW)) / math.log(now / NARROW)
 
 
 def _ordered(options: Sequence[Option]) -> list[Option]:
-    """The best first: the first question decides; where several answer it as well, the next; then the shorter one."""
+    """Options sorted, the best first: the first question decides; among equal ones the next question; then the shorter
+    flight."""
     left, found = list(options), []
     while left:
         leading = left

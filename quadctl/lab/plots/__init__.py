@@ -1,4 +1,4 @@
-"""Figures of the lab: pure functions from results to matplotlib figures, one kind a file, and figures to SVG."""
+"""Plots: pure functions from results to matplotlib figures, one kind per file, and conversion of figures to SVG."""
 
 from quadctl.lab.plots.bars import before_after
 from quadctl.lab.plots.candidates import chosen, ranking

@@ -1,4 +1,4 @@
-"""Errors before and after."""
+"""Bars of the error before and after a change of the model."""
 
 from collections.abc import Mapping
 
@@ -33,6 +33,6 @@ def before_after(before: Mapping[str, float], after: Mapping[str, float], floor:
     ax.set_xticks(x, names)
     ax.grid(axis="x", visible=False)
     ax.margins(y=0.1)
-    ax.set_ylabel("error (RMSE) / m/s²")
+    ax.set_ylabel("acceleration error (RMSE) / m/s²")
     legend_above(ax, columns=3)
     return figure

@@ -1,4 +1,4 @@
-"""What each candidate takes off the error."""
+"""Held-out improvement by each candidate."""
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -10,24 +10,24 @@ from quadctl.lab.selection.rule import is_supported
 
 
 def chosen(diagnosis: Diagnosis) -> set[str]:
-    """Names of the effects that are missing."""
+    """Names of the missing effects."""
     return {step.effect for step in diagnosis.steps[1:]}
 
 
 @styled
 def ranking(diagnosis: Diagnosis, floor_total: float) -> Figure:
-    """Drop of the held-out error with each candidate of the ranking, and the drop that the noise allows."""
+    """Drop of the held-out error with each candidate, and the drop that the noise floor allows."""
     candidates = diagnosis.ranking
     figure, ax = panel(0.9 + 0.36 * (len(candidates) + 1))
     drops = [*(100.0 * c.held_out_drop for c in candidates), 0.0]
     low = max(-20.0, min(0.0, *drops) - 2.0)
     colours = [AFTER if c.effect.name in chosen(diagnosis) else SKY if is_supported(c) else LIGHT for c in candidates]
     possible = 100.0 * (1.0 - floor_total / diagnosis.steps[0].rmse["total"])
-    ax.axvline(possible, color=FLOOR, linestyle="--", label="all that the logged variables explain")
+    ax.axvline(possible, color=FLOOR, linestyle="--", label="drop to the noise floor")
     ax.axvline(0.0, color=BLACK, linewidth=0.8)
     ax.barh(range(len(drops)), np.maximum(drops, low), color=[*colours, LIGHT], height=0.66)
     notes = [f"{change_in_words(c.held_out_drop)}, p {p_in_words(c.p_value)}" for c in candidates]
-    for row, (drop, note) in enumerate(zip(drops, [*notes, "the model as it is"], strict=True)):
+    for row, (drop, note) in enumerate(zip(drops, [*notes, "the given model"], strict=True)):
         beside(ax, max(drop, 0.0), row, note)
     ax.set_yticks(range(len(drops)), [*(c.effect.name for c in candidates), "none"])
     ax.set_xlim(low, max(possible, 5.0, *drops) * 1.05 + 38.0)

@@ -22,7 +22,7 @@ from quadctl.lab.selection.effect_curves import EffectCurve
 
 @styled
 def effect_over_variable(curve: EffectCurve) -> Figure:
-    """Residual before and after an effect is in, over the effect's own variable, and what the effect adds."""
+    """Residual without and with an effect over one of its variables, and the contribution of the effect."""
     figure, ax = panel(4.4)
     cloud(ax, curve.x, curve.before, GREY)
     limits(ax, np.concatenate([curve.before, curve.after]))

@@ -1,4 +1,4 @@
-"""The held-out error, effect by effect."""
+"""Held-out error after each selection step."""
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -9,7 +9,7 @@ from quadctl.lab.selection.diagnosis import Diagnosis
 
 @styled
 def ladder(diagnosis: Diagnosis, floor_total: float) -> Figure:
-    """Held-out error of the model as it is, then with each missing family in the order of adding."""
+    """Held-out error of the given model, then with each missing family, in the order of adding."""
     figure, ax = panel(0.9 + 0.46 * len(diagnosis.steps))
     totals = [step.rmse["total"] for step in diagnosis.steps]
     names = [diagnosis.model.name, *(f"+ {step.effect}" for step in diagnosis.steps[1:])]
@@ -22,6 +22,6 @@ def ladder(diagnosis: Diagnosis, floor_total: float) -> Figure:
     ax.set_ylim(len(rows) - 0.5, -0.6)
     ax.set_xlim(0.0, 1.14 * max(*totals, floor_total))
     ax.grid(axis="y", visible=False)
-    ax.set_xlabel("held-out error, total RMSE / m/s²")
+    ax.set_xlabel("held-out acceleration error (RMSE) / m/s²")
     figure.legend(loc="outside upper left")
     return figure

@@ -11,7 +11,8 @@ from quadctl.lab.selection.effect_curves import ratio_at, ratio_curve
 
 @styled
 def thrust_ratio(addition: Addition, index: int, width_px: float = WIDE_PX) -> Figure:
-    """Fitted thrust ratio over height with its 95% band, the measured ratio in bins, the textbook's curves faint."""
+    """Fitted thrust ratio over height with its 95% band, the measured ratio in bins, and textbook curves for
+    comparison."""
     curve = ratio_curve(addition, index)
     radius = addition.model.vehicle.rotor.radius_m
     x = curve.height_over_radius

@@ -1,4 +1,4 @@
-"""A mission as a picture: height, speed and tilt over time, the path from above, each with its limits."""
+"""Figure of a mission: height, speed and tilt over time, the path from above, each with its limits."""
 
 import math
 from pathlib import Path
@@ -15,13 +15,13 @@ from quadctl.missions import Mission
 from quadctl.missions.profile import sampled
 
 MAX_NAMED = 12
-"""More phases are shaded in turn but not named: the names would lie over each other."""
+"""Largest number of phases that are named; more are only shaded, because the names would overlap."""
 NARROW_SHARE = 0.03
-"""Of the flight's time: a shorter phase has no room for its name."""
+"""Least share of the flight's time of a phase whose name is shown."""
 LEGIBLE = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0}
-"""Behind a name that may lie on a line."""
+"""Background of a name that may lie on a line."""
 NEAR = 1.6
-"""A limit further from the curve than this many times its peak is named in the title only."""
+"""Largest ratio of a limit to the peak of the curve at which the limit is drawn; others are named in the title only."""
 
 
 def mission_figure(mission: Mission, max_speed_m_s: float, max_tilt_deg: float) -> Figure:
@@ -49,7 +49,7 @@ def mission_figure(mission: Mission, max_speed_m_s: float, max_tilt_deg: float) 
 
 
 def save_mission_plot(mission: Mission, max_speed_m_s: float, max_tilt_deg: float, path: Path) -> None:
-    """Write the picture as PNG; raises SettingsError when `path` is no place for one."""
+    """Write the figure as PNG; raises SettingsError when `path` does not end in .png or cannot be written."""
     if path.suffix.lower() != ".png":
         raise SettingsError(f"{path}: ends in '{path.suffix}', expected .png")
     try:
@@ -59,7 +59,7 @@ def save_mission_plot(mission: Mission, max_speed_m_s: float, max_tilt_deg: floa
 
 
 def _curve(ax: Axes, time: Floats, values: Floats, label: str, limits: dict[str, float]) -> None:
-    """A curve over time with those limits that lie near it."""
+    """Draw a curve over time with those limits that lie near it."""
     ax.plot(time, values, color=BLUE)
     peak = max(float(np.max(values)), 1e-3)
     far = []

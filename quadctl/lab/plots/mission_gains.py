@@ -1,4 +1,4 @@
-"""What each mission would tell about what is open."""
+"""Expected gain of each mission for the open questions."""
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -6,13 +6,17 @@ from matplotlib.figure import Figure
 from quadctl.lab.planning.suggestion import Suggestion
 from quadctl.lab.plots.style import BLUE, GREEN, ORANGE, panel, styled
 
-QUESTIONS = (("look-alikes told apart", BLUE), ("widest interval narrowed", ORANGE), ("untried effects shown", GREEN))
+QUESTIONS = (
+    ("look-alikes distinguished", BLUE),
+    ("widest interval narrowed", ORANGE),
+    ("untried effects shown", GREEN),
+)
 MOST_MISSIONS = 12
 
 
 @styled
 def mission_gains(suggestion: Suggestion) -> Figure:
-    """How far each mission, the best first, takes each question that is asked: 1 is all the way."""
+    """Expected gain of each mission for each open question, the best mission first; 1 means fully answered."""
     options = suggestion.options[:MOST_MISSIONS]
     figure, ax = panel(1.3 + 0.5 * len(options))
     rows = np.arange(len(options))
@@ -22,6 +26,6 @@ def mission_gains(suggestion: Suggestion) -> Figure:
     ax.set_ylim(len(options) - 0.4, -0.6)
     ax.set_xlim(0.0, 1.02)
     ax.grid(axis="y", visible=False)
-    ax.set_xlabel("how far it answers, 1 is all the way")
+    ax.set_xlabel("expected gain (1: question answered)")
     figure.legend(loc="outside upper left")
     return figure

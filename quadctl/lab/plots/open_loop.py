@@ -1,4 +1,4 @@
-"""Errors of a simulation with the model, by how long it ran."""
+"""Open-loop error over the time simulated."""
 
 from collections.abc import Mapping, Sequence
 
@@ -11,7 +11,7 @@ from quadctl.lab.plots.style import AFTER, BEFORE, GREY, legend_above, legend_na
 
 @styled
 def open_loop_errors(models: Mapping[str, Sequence[OpenLoop]]) -> Figure:
-    """Error of the predicted position of one or two models after each horizon, and of holding the velocity."""
+    """Error of the predicted position of one or two models at each horizon, and of a constant velocity."""
     figure, ax = panel()
     held = next(iter(models.values()))
     curves = {"velocity held": [e.held_position["total"] for e in held]}

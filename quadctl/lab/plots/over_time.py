@@ -28,7 +28,7 @@ from quadctl.lab.plots.style import (
 def acceleration_over_time(
     flight: Flight, measured: Floats, predicted: Mapping[str, Floats], width_px: float = WIDE_PX
 ) -> Figure:
-    """Measured acceleration of one flight and what one or two models predict, shape (n, 3) each; the height below."""
+    """Measured acceleration of one flight and predictions of one or two models, shape (n, 3) each; the height below."""
     figure = Figure(figsize=(width_px / 72, 6.6))
     axes = figure.subplots(4, 1, sharex=True, height_ratios=[2.4, 1.0, 1.0, 0.8])
     pixels = len(flight.time_s) > MAX_DRAWN or width_px < WIDE_PX

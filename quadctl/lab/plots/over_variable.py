@@ -1,4 +1,4 @@
-"""The residual over one variable."""
+"""Residual over one variable."""
 
 from itertools import pairwise
 

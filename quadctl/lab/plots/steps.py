@@ -13,7 +13,7 @@ from quadctl.lab.tracking.metrics import Tracking
 
 @styled
 def step_heights(tracks: Mapping[str, Tracking], width_px: float = PANEL_PX) -> Figure:
-    """Heights over time against the reference."""
+    """Height over time of step responses, with the reference."""
     figure, ax = panel(4.2, width_px)
     _draw_steps(ax, tracks)
     ax.set_ylabel("height / m")
@@ -22,7 +22,7 @@ def step_heights(tracks: Mapping[str, Tracking], width_px: float = PANEL_PX) -> 
 
 @styled
 def step_tail(tracks: Mapping[str, Tracking], width_px: float = PANEL_PX) -> Figure:
-    """The same after the step has been flown: millimetres above the reference."""
+    """Height above the reference after the step, mm."""
     figure, ax = panel(4.2, width_px)
     settled = []
     for i, (name, track) in enumerate(tracks.items()):

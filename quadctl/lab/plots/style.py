@@ -1,8 +1,8 @@
-"""What the figures share: sizes, colours, and the parts they are drawn from.
+"""Style of all figures: sizes, colours, and common parts.
 
 Sizes are in CSS pixels and fonts are drawn at their size on screen, so that text stays legible where a figure is shown
-at its own width. Colours are Okabe and Ito's, which colour-blind readers tell apart: what was measured is black, what
-was there before is vermilion, what an added effect makes of it is blue, what no model can better is green.
+at its own width. The colours are those of Okabe and Ito, which colour-blind readers can distinguish: black is measured,
+vermilion is before, blue is after (with the added effect), green is the noise floor.
 """
 
 from collections.abc import Callable
@@ -18,7 +18,7 @@ from quadctl.lab.arrays import Floats
 
 WIDE_PX, PANEL_PX, NARROW_PX = 980, 440, 360
 MAX_DRAWN = 4000
-"""Longer lines are drawn as pixels, and of longer clouds only so many points: a page must stay light."""
+"""Number of points beyond which lines are drawn as pixels and clouds are thinned out, so that a page stays small."""
 BLACK, ORANGE, SKY, GREEN, BLUE, VERMILION, PURPLE, GREY = (
     *("#222222", "#E69F00", "#56B4E9", "#009E73", "#0072B2", "#D55E00", "#CC79A7", "#8A8A8A"),
 )
@@ -55,7 +55,7 @@ _P = ParamSpec("_P")
 
 
 def styled(draw: Callable[_P, Figure]) -> Callable[_P, Figure]:
-    """The house style for the figures that `draw` makes, whatever the caller's style is."""
+    """Apply the common style to the figures that `draw` makes, whatever the caller's style is."""
 
     @wraps(draw)
     def styled(*args: _P.args, **kwargs: _P.kwargs) -> Figure:
@@ -71,7 +71,7 @@ def panel(height_in: float = 4.0, width_px: float = PANEL_PX) -> tuple[Figure, A
 
 
 def beside(ax: Axes, x: float, row: int, text: str) -> None:
-    """A note to the right of the end of a bar."""
+    """Write a note to the right of the end of a bar."""
     white = {"facecolor": "white", "edgecolor": "none", "pad": 1.0}
     ax.annotate(
         text, (x, row), (5, 0), textcoords="offset points", va="center", fontsize=10.0, color="#333333", bbox=white
@@ -79,7 +79,7 @@ def beside(ax: Axes, x: float, row: int, text: str) -> None:
 
 
 def legend_name(name: str) -> str:
-    """matplotlib leaves out labels that begin with an underscore."""
+    """Make a legend name visible that begins with an underscore, which matplotlib would leave out."""
     return f"\u200b{name}" if name.startswith("_") else name
 
 
@@ -102,14 +102,14 @@ def cloud(ax: Axes, x: Floats, y: Floats, colour: str) -> None:
 def points(
     ax: Axes, x: Floats, mean: Floats, error: Floats, colour: str, label: str | None = None, marker: str = "o"
 ) -> None:
-    """Means with 95% error bars."""
+    """Draw means with 95% error bars."""
     ax.errorbar(
         x, mean, 1.96 * error, fmt=marker, color=colour, label=label, markersize=5, linewidth=1.4, capsize=2, zorder=4
     )
 
 
 def limits(ax: Axes, values: Floats, whole: bool = False) -> None:
-    """Room for zero and all but the wildest values."""
+    """Set the y limits so that zero and all but the most extreme values are visible."""
     low, high = np.quantile(values, [0.0, 1.0] if whole else [0.002, 0.998])
     low, high = min(low, 0.0), max(high, 0.0)
     room = 0.08 * max(float(high - low), 1e-3)

@@ -1,4 +1,4 @@
-"""A figure as SVG for a page."""
+"""Conversion of a figure to SVG for a page."""
 
 import io
 import re
@@ -16,7 +16,7 @@ _LONG_NUMBER = re.compile(r"-?\d+\.\d{3,}")
 
 
 def to_svg(figure: Figure, name: str) -> str:
-    """The figure as an SVG element for a page: text as text, no addresses, ids that are unique to `name`."""
+    """Convert a figure to an SVG element for a page: text as text, no addresses, ids that are unique to `name`."""
     out = io.StringIO()
     with mpl.rc_context({**STYLE, "svg.hashsalt": name}):
         nothing = dict.fromkeys(("Date", "Creator", "Format", "Type"))
@@ -35,5 +35,5 @@ def to_svg(figure: Figure, name: str) -> str:
 
 
 def _rounded(digits: re.Match[str]) -> str:
-    """A tenth of a pixel is more than anyone sees."""
+    """Round to a tenth of a pixel, which is as much as can be seen."""
     return f"{float(digits[0]):.1f}"

@@ -1,7 +1,7 @@
-"""The lab's results as one page that a person reads from top to bottom: sentences, figures, tables, nothing external.
+"""Report: the lab's results as one HTML page with sentences, figures and tables, without external resources.
 
-Every section is a function from the results to a `Section`; the template only sets them. All text passes through the
-template's escaping, and the figures carry their text as escaped SVG.
+Each section is a function from the results to a `Section`; the template only lays them out. All text is escaped by the
+template, and the figures contain their text as escaped SVG.
 """
 
 from quadctl.lab.report.page import render_report, write_report

@@ -1,4 +1,4 @@
-"""The sections on what was added: errors before and after, and the fitted effects."""
+"""Sections on added effects: errors before and after, and the fitted effects."""
 
 from typing import NamedTuple
 
@@ -33,11 +33,11 @@ def before_and_after(r: Results) -> Section | None:
     for name, (what, dataset, before, after) in _held_out_results(r).items():
         change = change_in_words(1.0 - after["total"] / before["total"])
         text.append(
-            f"On {held_out(dataset)}, the error goes from {quantity(before['total'])} to {quantity(after['total'])} "
-            f"({change}) with {what} in."
+            f"On {held_out(dataset)}, the acceleration error goes from {quantity(before['total'])} to "
+            f"{quantity(after['total'])} ({change}) with {what} added."
         )
         floor = r.comparison.noise_floor if dataset.names == r.comparison.dataset.names else None
-        caption = f"The flights of the fit, held-out parts: without and with {what}."
+        caption = f"Held-out parts of the flights of the fit, without and with {what}."
         figures.append(figure(plots.before_after(before, after, floor), name, caption))
     if r.after is not None:
         old, new = unseen_residuals(r)
@@ -45,7 +45,7 @@ def before_and_after(r: Results) -> Section | None:
         flights = flights_in_words(r.after.dataset.names)
         before = unseen_before(r)
         text.append(
-            f"On {flights}, which no fit has seen, the error goes from {quantity(before['total'])} to "
+            f"On {flights}, which no fit has seen, the acceleration error goes from {quantity(before['total'])} to "
             f"{quantity(r.after.rmse['total'])}: {percent(1.0 - r.after.rmse['total'] / before['total'])} less "
             f"(95% interval {percent(low)} to {percent(high)})."
         )
@@ -54,7 +54,7 @@ def before_and_after(r: Results) -> Section | None:
             f"There the improved model still fails in {count(places, 'range')}. "
             f"{failure_in_words(most_telling(r.after.fails_where)[0])}."
             if places
-            else "There the improved model fails nowhere beyond the noise."
+            else "There the improved model has no significant error in any range of a variable."
         )
         figures.append(
             figure(
@@ -65,7 +65,9 @@ def before_and_after(r: Results) -> Section | None:
         figures += time_figures(r.after, improved, "unseen")
     if not figures:
         return None
-    return Section("before-after", "Error before and after, on data that the fit has not seen", text, figures)
+    return Section(
+        "before-after", "Acceleration error before and after, on data that the fit has not seen", text, figures
+    )
 
 
 class _HeldOut(NamedTuple):
@@ -76,7 +78,7 @@ class _HeldOut(NamedTuple):
 
 
 def _held_out_results(r: Results) -> dict[str, _HeldOut]:
-    """All that was found missing, and what was added last where that is only a part of it."""
+    """Held-out errors with all missing effects, and with the effect added last where that is not the same."""
     found = {}
     d, a = r.diagnosis, r.addition
     if d is not None and len(d.steps) > 1:
@@ -106,7 +108,7 @@ def fitted_effects(r: Results) -> Section | None:
     figures.sort(key=lambda figure: not figure.whole_width)
     if any(not isinstance(effect, NearGround) for effect in a.model.effects):
         text.append(
-            "For effects that are not a ratio over height: the residual without the effect, with it, and what it adds "
+            "For effects that are not a ratio over height: residual without and with the effect, and its contribution "
             "(band: 95% of its parameters' bootstrap draws); forward and right are those of the vehicle's heading."
         )
     return Section(
@@ -129,8 +131,8 @@ def _ground_effect(a: Addition, index: int) -> tuple[list[str], Figure]:
     text = [
         f"At the lowest height flown, {lowest:.2f} rotor radii, the rotors give {ratio:.3f} times the thrust they give "
         f"far from the ground ({sure}).",
-        "Dots are the measured thrust over what the model without this effect predicts: no form was assumed for them, "
-        "so where they leave the curve, the fitted form is wrong.",
+        "Dots are the measured thrust divided by the prediction without this effect. They assume no form: where they "
+        "differ from the curve, the fitted form is wrong.",
     ]
     name = a.model.effects[index].name
     figure = both_widths(

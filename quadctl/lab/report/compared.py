@@ -1,4 +1,4 @@
-"""The sections on a model as it stands: the flights, its errors, and where it fails."""
+"""Sections on the model as given: the flights, its errors, and where it fails."""
 
 from collections.abc import Mapping, Sequence
 
@@ -37,14 +37,15 @@ def flights(r: Results) -> Section:
     duration = sum(duration_s(flight) for flight in dataset.flights)
     text = [
         f"{count(len(dataset.flights), 'flight')} with {duration:.0f} s in the air and {len(dataset.measured)} "
-        f"nearly independent samples, filtered to {listed(widths)} Hz: what the slowest logged channel can carry. "
-        "Measured and predicted acceleration have gone through the same filter.",
-        f"Held-out errors below are on {held_out(dataset)}. The rotor delay is how much later the rotor signal is "
-        "logged than the force it makes; it is taken out. Below the table: what was left out of the logs, and why.",
+        f"nearly independent samples, filtered to {listed(widths)} Hz, the bandwidth that the slowest channel allows. "
+        "Measured and predicted acceleration pass the same filter.",
+        f"Held-out errors below refer to {held_out(dataset)}. The rotor delay is the delay of the logged rotor signal "
+        "relative to the force it makes; it has been corrected. Parts of the logs that are not used are listed below "
+        "the table, with the reason.",
     ]
     rows = [[Cell(f.name), *_flight_cells(f)] for f in dataset.flights]
     if r.after is not None:
-        rows += [[Cell(f.name, "unseen: no fit has used it"), *_flight_cells(f)] for f in r.after.dataset.flights]
+        rows += [[Cell(f.name, "unseen: used by no fit"), *_flight_cells(f)] for f in r.after.dataset.flights]
     head = ["flight", "thrust from", "in the air / s", "samples", "bandwidth / Hz", "rotor delay / ms"]
     shown = [*dataset.flights, *(r.after.dataset.flights if r.after else ())]
     return Section(
@@ -73,17 +74,17 @@ def over_time(r: Results) -> Section:
     worst = max(AXES, key=lambda axis: c.rmse[axis])
     low, high = rmse_interval(c.residual, c.dataset)
     text = [
-        f"Where the coloured line leaves the black one, {c.model.name} is wrong: by {quantity(c.rmse['total'])} on the "
-        f"whole (RMSE over all axes, 95% interval {low:.3g} to {high:.3g}), most on the {worst} axis "
-        f"({quantity(c.rmse[worst])}).",
+        f"The difference between the coloured and the black line is the acceleration error of {c.model.name}: "
+        f"{quantity(c.rmse['total'])} (RMSE over all axes, 95% interval {low:.3g} to {high:.3g}), largest on the "
+        f"{worst} axis ({quantity(c.rmse[worst])}).",
         f"{variance_in_words(c)} The noise floor is {quantity(c.noise_floor['total'])}: "
-        "less than that is chance, or something that the log does not hold.",
+        "a model of the logged variables can hardly have a smaller error.",
     ]
     return Section("over-time", "Measured against predicted", text, time_figures(c, {c.model.name: c}, "seen"))
 
 
 def time_figures(c: Comparison, models: Mapping[str, Comparison], name: str) -> list[Figure]:
-    """The flights with the largest errors, in the order of the dataset."""
+    """Figures of the flights with the largest errors, in the order of the dataset."""
     index = c.dataset.flight_index
     errors = [total(c.residual[index == i]) for i in range(len(c.dataset.flights))]
     chosen = sorted(np.argsort(errors)[::-1][:SHOWN_FLIGHTS].tolist())
@@ -112,9 +113,9 @@ def open_loop_section(r: Results) -> Section | None:
     told = c.open_loop[min(1, len(c.open_loop) - 1)]
     text = [
         open_loop_in_words(told),
-        "A simulation with the model is started at many instants of the flights and driven by the logged attitude and "
-        "rotor speeds alone; height, velocity and every effect of them are its own. The brackets and error bars are "
-        "95% intervals. To beat is the grey line: no model at all, only the velocity at the start.",
+        "Simulations with the model start at many instants of the flights. Their inputs are the logged attitude and "
+        "rotor speeds; height and velocity are simulated. Brackets and error bars are 95% intervals. The grey line "
+        "(velocity held) is the baseline without a model: the velocity stays as it was at the start.",
     ]
     names = flights_in_words(c.dataset.names)
     figures = [figure(plots.open_loop_errors({c.model.name: c.open_loop}), "open-loop", f"Flights analysed: {names}.")]
@@ -128,7 +129,7 @@ def open_loop_section(r: Results) -> Section | None:
             rows += _open_loop_rows(f"{name}, unseen data", errors)
     head = ["model", "after", "horizontal / m", "up / m", "position / m", "velocity / m/s", "velocity held / m"]
     return Section(
-        "open-loop", "Simulated for seconds: open-loop prediction", text, figures, tables=[Table(head, rows, words=2)]
+        "open-loop", "Open-loop prediction over several seconds", text, figures, tables=[Table(head, rows, words=2)]
     )
 
 
@@ -150,33 +151,32 @@ def over_variables(r: Results) -> Section:
     telling = [p for p in c.profiles if is_telling(p)]
     shown = (telling or c.profiles[:2])[:SHOWN_PANELS]
     text = [
-        "Dots are means over equal numbers of samples with their 95% error bars (autocorrelation included); grey is "
-        "every sample. A model that lacks nothing has all dots on the zero line. The most telling variables come first."
+        "Dots are means over equal numbers of samples with 95% error bars (autocorrelation included); grey points are "
+        "the samples. A complete model has all dots on the zero line. Variables that explain most come first."
     ]
     if shown:
         best = shown[0]
         text.append(
-            f"The {best.axis} residual goes with {VARIABLE_NAMES[best.variable]} most: its means hold "
-            f"{percent(best.share)} of that axis' error power (p {p_in_words(best.p_value)} "
-            "that they differ by chance)."
+            f"The {best.axis} residual depends most on {VARIABLE_NAMES[best.variable]}: the means of the bins explain "
+            f"{percent(best.share)} of that axis' squared residual (p {p_in_words(best.p_value)})."
         )
     figures = [
         figure(
             plots.residual_over_variable(c, profile),
             f"profile-{i}",
             f"{sentence(profile.axis)} over {VARIABLE_NAMES[profile.variable]}: {percent(profile.share)} of the "
-            f"axis' error power, p {p_in_words(profile.p_value)}.",
+            f"axis' squared residual, p {p_in_words(profile.p_value)}.",
         )
         for i, profile in enumerate(shown)
     ]
-    return Section("variables", "The residual against the variables that matter", text, figures)
+    return Section("variables", "The residual over the variables that explain most of it", text, figures)
 
 
 def where_it_fails(r: Results) -> Section:
     c = r.comparison
     title = "Where the model fails"
     if not c.fails_where:
-        return Section("fails", title, [f"{c.model.name} fails nowhere beyond the noise."])
+        return Section("fails", title, [f"{c.model.name} has no significant error in any range of a variable."])
     shown = most_telling(c.fails_where)[:SHOWN_FAILURES]
     rows = [
         [
@@ -188,10 +188,9 @@ def where_it_fails(r: Results) -> Section:
         for f in shown
     ]
     text = [
-        f"{count(len(c.fails_where), 'range')} in which the residual's mean is off by more than its noise explains; "
-        f"on the up axis, thrust is a share of the weight (1% is {0.01 * GRAVITY_M_S2:.2f} {UNIT}). "
-        "Ranges of different variables may well be the same thing seen from two sides. Those that hold most of the "
-        "squared error come first."
+        f"{count(len(c.fails_where), 'range')} in which the mean residual differs significantly from zero. "
+        f"On the up axis it is given as a share of the weight (1% is {0.01 * GRAVITY_M_S2:.2f} {UNIT}). "
+        "Ranges of different variables may have the same cause. Those with the largest squared error come first."
     ]
     more = len(c.fails_where) - len(shown)
     return Section(
@@ -199,5 +198,5 @@ def where_it_fails(r: Results) -> Section:
         title,
         text,
         tables=[Table(["where and how", f"mean residual / {UNIT}", "sigma", "samples"], rows)],
-        after_text=[f"{count(more, 'range')} more, all less telling, are in the JSON output."] if more else [],
+        after_text=[f"{count(more, 'range')} more, with smaller errors, are in the JSON output."] if more else [],
     )

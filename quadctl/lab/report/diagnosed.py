@@ -1,4 +1,4 @@
-"""The section on what is missing."""
+"""Section on missing effects."""
 
 from quadctl.lab import plots
 from quadctl.lab.comparison.wording import (
@@ -33,13 +33,13 @@ def missing(r: Results) -> Section | None:
             figure(
                 plots.ranking(d, floor),
                 "ranking",
-                "Error drop on held-out parts of the flights analysed: what is missing, each on top of those before "
-                "it, then the rest on top of what was found. Dark blue: missing; light blue: did well too, but is not "
-                "needed; grey: not supported.",
+                "Drop of the held-out error by each candidate: first the missing effects, each added to those before "
+                "it; then the other candidates, each added to the missing ones. Dark blue: missing; light blue: "
+                "supported, but not needed; grey: not supported.",
             )
         )
     if len(d.steps) > 1:
-        caption = "The error ladder: held-out error of the model as it is, then with each family added, all refitted."
+        caption = "Selection steps: held-out error of the given model, then with each missing family added."
         figures.append(figure(plots.ladder(d, floor), "ladder", caption))
     tables = [_verdict_table(d)]
     if d.ranking:
@@ -53,39 +53,44 @@ def _diagnosis_text(d: Diagnosis, floor: float) -> list[str]:
     tried = count(len(d.ranking), "effect")
     text = [
         f"{tried} of the catalogue were fitted on top of {d.model.name}, each judged on {held_out(d.dataset)}. "
-        "p counts autocorrelation and the number of candidates tried."
+        "p-values account for autocorrelation and for the number of candidates tried."
     ]
     if d.verdict == "missing":
         first, last = d.steps[0].rmse["total"], d.steps[-1].rmse["total"]
         them = "it" if len(d.steps) == 2 else "them"
         families = listed([f"{plain(step.family)} ({step.effect})" for step in d.steps[1:]])
         text.append(
-            f"Missing, in the order of adding: {families}. With {them} in, the held-out error goes "
+            f"Missing, in the order of adding: {families}. With {them} added, the held-out error goes "
             f"from {quantity(first)} to {quantity(last)}, {percent(1.0 - last / first)} less; the noise floor is "
             f"{quantity(floor)}."
         )
         if d.unexplained:
-            text.append("Even so, something is left that the logged variables explain and these effects do not.")
+            text.append(
+                "Part of the remaining error depends on the logged variables, but these effects do not explain it."
+            )
     elif d.verdict == "none":
-        text.append("No effect earns its place on unseen data: nothing significant is missing, what is left is noise.")
+        text.append("No effect lowers the held-out error significantly: the remaining error is noise.")
     else:
         text.append(
-            "No effect earns its place on unseen data, yet the logged variables explain part of what is left: "
-            "something is there that the catalogue does not hold."
+            "No effect lowers the held-out error significantly, but a part of the error depends on the logged "
+            "variables: something is missing that the catalogue does not contain."
         )
     return text
 
 
 def _verdict_table(d: Diagnosis) -> Table:
     finding = f"yes: {listed([step.effect for step in d.steps[1:]])}" if d.missing else "no effect does"
-    explained = "explain a part that matters" if d.unexplained else "explain nothing that matters"
-    left = f"the variables {explained} of what {'these leave' if d.missing else 'the model leaves'}"
-    test = f"an effect has p < {SIGNIFICANT:g} and takes more than {MATERIAL:.0%} off one axis, on unseen data"
+    explained = "explain a significant part" if d.unexplained else "explain no significant part"
+    left = f"the logged variables {explained} of the {'remaining error' if d.missing else 'error'}"
+    test = f"an effect has p < {SIGNIFICANT:g} and lowers the held-out error of one axis by more than {MATERIAL:.0%}"
     rows = {
         "missing": [Cell("missing", test), Cell(finding)],
-        "none": [Cell("none", "no effect does, and the logged variables explain nothing of what is left"), Cell(left)],
+        "none": [
+            Cell("none", "no effect does, and the logged variables do not explain the remaining error"),
+            Cell(left),
+        ],
         "unexplained": [
-            Cell("unexplained", "no effect does, yet the variables explain some of what is left"),
+            Cell("unexplained", "no effect does, but the logged variables explain a part of the error"),
             Cell(left),
         ],
     }
@@ -121,13 +126,13 @@ def _look_alikes(d: Diagnosis) -> list[str]:
     text = []
     for pair in d.confounded:
         known = [by_family[family] for family in pair if family in by_family]
-        how = "; ".join(f"{plain(effect.family())} is told by {effect.told_apart_by}" for effect in known)
+        how = "; ".join(f"{plain(effect.family())} is distinguished by {effect.distinguished_by}" for effect in known)
         text.append(
-            f"Look-alikes: these data cannot tell {' from '.join(plain(family) for family in pair)}"
+            f"Look-alikes: these data do not distinguish {' from '.join(plain(family) for family in pair)}"
             + (f" ({how})." if how else ".")
         )
     if not d.confounded and d.verdict == "missing":
-        text.append("Look-alikes: none; no other effect did as well as those found.")
+        text.append("Look-alikes: none; no other effect explains these data as well.")
     if d.suggested_mission:
-        text.append(f"To tell more, fly {d.suggested_mission}.")
+        text.append(f"To learn more, fly {d.suggested_mission}.")
     return text

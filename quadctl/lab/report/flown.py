@@ -1,4 +1,4 @@
-"""The section on step responses flown."""
+"""Section on flown step responses."""
 
 from quadctl.lab import plots
 from quadctl.lab.comparison.wording import plus, sentence
@@ -13,17 +13,21 @@ def step_section(r: Results) -> Section | None:
     tracks = steps.on_one_reference
     figures = [
         figure(plots.step_heights(tracks), "steps", "Height over time; flights at other heights are shifted."),
-        figure(plots.step_tail(tracks), "steps-tail", "The same, about the reference: what the ground does."),
+        figure(
+            plots.step_tail(tracks),
+            "steps-tail",
+            "Height above the reference after the step, which shows the effect of the ground.",
+        ),
     ]
     note = "Flights out of ground effect are shifted to the same reference. " if len(tracks) > len(steps.flown) else ""
     explained = (
-        f"{note}M_A is the integral of the tracking error, M_B of what differs from the flight out of ground effect; "
-        "signed, too high at one time pays for too low at another (as in the published tables); absolute, nothing "
-        f"cancels. Measured over the {steps.table.window}."
+        f"{note}M_A is the integral of the tracking error, M_B that of the difference to the flight out of ground "
+        "effect. In signed integrals positive and negative errors cancel (as in the published tables), in absolute "
+        f"ones they do not. Measured over the {steps.table.window}."
     )
     return Section(
         "steps",
-        "Flown again: step responses",
+        "Step responses",
         [*steps_in_words(steps), explained],
         figures,
         tables=[_metrics_table(steps)],

@@ -1,4 +1,4 @@
-"""Numbers that only a report asks for."""
+"""Numbers that only the report needs."""
 
 import numpy as np
 
@@ -19,7 +19,7 @@ def rmse_interval(residual: Floats, dataset: Dataset) -> tuple[float, float]:
 
 
 def unseen_residuals(r: Results) -> tuple[Floats, Floats]:
-    """Of the model as it was and as it is now, on the flights of `after`."""
+    """Residuals of the model before and after the change, on the flights of `after`, shape (n, 3) each."""
     if r.after is None:
         raise LogError("no unseen flights are given, expected the comparison of the improved model on some")
     if r.before_unseen is not None:
@@ -37,5 +37,5 @@ def total(residual: Floats) -> float:
 
 
 def duration_s(flight: Flight) -> float:
-    """In the air, gaps left out: every sample stands for one sampling step."""
+    """Time in the air without gaps, s; each sample counts as one sampling step."""
     return float(len(flight.time_s) * np.median(np.diff(flight.time_s)))

@@ -1,4 +1,4 @@
-"""The report as one file of HTML, written whole or not at all."""
+"""Report as one HTML file."""
 
 import os
 from datetime import UTC, datetime
@@ -31,7 +31,7 @@ def write_report(
     after: Comparison | None = None,
     steps: StepResponses | None = None,
 ) -> None:
-    """Write the page to `path`, whole or not at all.
+    """Write the page to `path`, completely or not at all.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def _remove(temporary: Path) -> None:
 
 
 def render_report(results: Results) -> str:
-    """The page as HTML."""
+    """Render the page as HTML."""
     sections = [section for make in _SECTIONS if (section := make(results)) is not None]
     template = files("quadctl.lab.report").joinpath("report.html.j2").read_text(encoding="utf-8")
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)

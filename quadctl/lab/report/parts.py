@@ -1,4 +1,4 @@
-"""What a report consists of."""
+"""Parts of a report."""
 
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -14,7 +14,7 @@ from quadctl.lab.tracking.step_response import StepResponses
 
 
 class Results(NamedTuple):
-    """What a page is made from."""
+    """Results that a page is made from."""
 
     comparison: Comparison
     diagnosis: Diagnosis | None = None
@@ -25,7 +25,7 @@ class Results(NamedTuple):
 
 
 class Cell(NamedTuple):
-    """One cell of a table, with smaller text below it where there is some."""
+    """Cell of a table, with an optional note in smaller text."""
 
     text: str
     note: str = ""
@@ -33,18 +33,18 @@ class Cell(NamedTuple):
 
 @dataclass(frozen=True)
 class Table:
-    """Columns after the first `words` hold numbers."""
+    """Table; columns after the first `words` hold numbers."""
 
     head: list[str]
     rows: list[list[Cell]]
     words: int = 1
     marked: frozenset[int] = frozenset()
-    """Rows that stand out."""
+    """Indices of the highlighted rows."""
 
 
 @dataclass(frozen=True)
 class Figure:
-    """SVG for a screen, and for a telephone where the same would be too small."""
+    """SVG figure for a screen, and a narrow one for a telephone where the wide one would be too small."""
 
     svg: Markup
     caption: str
@@ -54,7 +54,7 @@ class Figure:
 
 @dataclass(frozen=True)
 class Section:
-    """Sentences first, then figures, lists, and tables."""
+    """Section with sentences, then figures, lists, and tables."""
 
     anchor: str
     title: str
@@ -66,7 +66,7 @@ class Section:
 
 
 class Tile(NamedTuple):
-    """One number at the top of the page."""
+    """One number at the top of the page, with its name."""
 
     value: str
     name: str
@@ -74,7 +74,7 @@ class Tile(NamedTuple):
 
 @dataclass(frozen=True)
 class Headline:
-    """The number that matters, and what it means."""
+    """Main number of the page: the error before and after, with sentences about it."""
 
     before: str
     after: str

@@ -1,4 +1,4 @@
-"""The number that matters, at the top of a report."""
+"""Headline of a report: the main number and the verdict."""
 
 from quadctl.lab.comparison.failures import most_telling
 from quadctl.lab.comparison.wording import (
@@ -32,7 +32,7 @@ def headline(r: Results) -> Headline:
 
 
 def _main_number(r: Results) -> tuple[float, float | None, str]:
-    """Error before, after, and on which data: the strictest there is."""
+    """Error before and after, and the data that it refers to; unseen flights come first, then held-out data."""
     if r.after is not None:
         flights = flights_in_words(r.after.dataset.names)
         return unseen_before(r)["total"], r.after.rmse["total"], f"on {flights}, which no fit has seen"
@@ -49,17 +49,17 @@ def _verdict(r: Results) -> list[str]:
     name = r.comparison.model.name
     if r.diagnosis is not None:
         if r.diagnosis.verdict == "none":
-            return [f"Nothing significant is missing from {name}: what is left is noise."]
+            return [f"Nothing significant is missing from {name}: the remaining error is noise."]
         if r.diagnosis.verdict == "unexplained":
             return [f"Something is missing from {name}, and no effect of the catalogue explains it."]
         return [f"Missing from {name}: {listed([plain(f) for f in r.diagnosis.missing])}."]
     if r.addition is not None:
         added = r.addition.added.name
         if r.addition.conclusion:
-            return [f"{added} does not help on unseen data: it is better left out."]
-        return [f"{added} takes {percent(r.addition.held_out_drop)} off the error on unseen data."]
+            return [f"{added} does not lower the held-out error significantly: leave it out."]
+        return [f"{added} lowers the held-out error by {percent(r.addition.held_out_drop)}."]
     if not r.comparison.fails_where:
-        return [f"{name} fails nowhere beyond the noise."]
+        return [f"{name} has no significant error in any range of a variable."]
     return [f"{failure_in_words(most_telling(r.comparison.fails_where)[0])}."]
 
 
@@ -71,23 +71,25 @@ def _what_is_left(r: Results) -> list[str]:
         return [
             f"The error on the unseen data falls by {percent(1.0 - total(new) / total(old))} "
             f"(95% interval {percent(low)} to {percent(high)}).",
-            f"What is left is {r.after.rmse['total'] / floor:.2f} times the noise floor of {quantity(floor)}.",
+            f"The remaining error is {r.after.rmse['total'] / floor:.2f} times the noise floor of {quantity(floor)}.",
         ]
     floor = r.comparison.noise_floor["total"]
     if r.diagnosis is not None and r.diagnosis.verdict == "missing":
         left = r.diagnosis.steps[-1].rmse["total"]
-        return [f"With all of it in, what is left is {left / floor:.2f} times the noise floor of {quantity(floor)}."]
+        return [
+            f"With these effects, the remaining error is {left / floor:.2f} times the noise floor of {quantity(floor)}."
+        ]
     low, high = rmse_interval(r.comparison.residual, r.comparison.dataset)
     return [
-        f"The model's error is {quantity(r.comparison.rmse['total'])} (95% interval {low:.3g} to {high:.3g}); "
-        f"no model of the logged variables would get far below {quantity(floor)}, the noise floor."
+        f"The acceleration error of the model is {quantity(r.comparison.rmse['total'])} (95% interval {low:.3g} to "
+        f"{high:.3g}); a model of the logged variables can hardly be below the noise floor of {quantity(floor)}."
     ]
 
 
 def _tiles(r: Results) -> list[Tile]:
     c = r.comparison
     tiles = [
-        Tile(quantity(c.rmse["total"]), f"error of {c.model.name} on the flights analysed"),
+        Tile(quantity(c.rmse["total"]), f"acceleration error of {c.model.name} on the flights analysed"),
         Tile(quantity(c.noise_floor["total"]), "noise floor of the same flights"),
     ]
     if c.explained > 0.0:

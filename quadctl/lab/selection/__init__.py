@@ -1,5 +1,5 @@
-"""Selection: which effects a model is missing, and models with effects added, removed and refitted.
+"""Selection: the effects that a model is missing; models with effects added, removed and refitted.
 
-In comes a `FittedModel`; out come a `Diagnosis` (candidates, the path of the search, what stays unexplained) or a
-`Refit`. The decision is in one file, `rule.py`; candidates hold the data that it decides on.
+Input: a `FittedModel`. Output: a `Diagnosis` (candidates, path of the search, unexplained part) or a `Refit`. All
+decisions are made in `rule.py`; candidates hold the data that it decides on.
 """

@@ -1,4 +1,4 @@
-"""Add an effect to a model: refit the stack, say how sure its parameters are, judge it on data it has not seen."""
+"""Addition of an effect to a model: refit of the stack with intervals, and the held-out error."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from quadctl.model import Model
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Addition(Refit):
-    """A model without an effect and with it, the last of its stack, both refitted."""
+    """Refits of a model without an effect and with it, the last of its stack."""
 
     @property
     def added(self) -> Effect:
@@ -28,12 +28,12 @@ class Addition(Refit):
 
     @property
     def title(self) -> str:
-        return f"Error on data the fit did not see, with {self.added.name}"
+        return f"Held-out acceleration error, without and with {self.added.name}"
 
     @property
     def conclusion(self) -> str:
         helps = self.held_out_drop > 0.0 and is_significant(self.p_value)
-        return "" if helps else "The effect does not help on unseen data: it is better left out."
+        return "" if helps else "The effect does not lower the held-out error significantly: leave it out."
 
 
 def add(effect: type[Effect], model: Model, dataset: Dataset) -> Addition:
@@ -50,6 +50,7 @@ def add(effect: type[Effect], model: Model, dataset: Dataset) -> Addition:
 
 
 def add_to_fit(effect: type[Effect], model: Model, fit: FittedModel) -> Addition:
-    """Fit `model`, whose fit is given, with `effect` on top of its stack; the model has no effect of that family."""
+    """Fit `model`, whose fit is given, with `effect` on top of its stack; the model must not hold an effect of that
+    family."""
     on_top, _ = fit_on_top(effect, Unmodelled(fit))
     return refitted(Addition, model, fit, on_top.refined(), keep=len(model.stack))

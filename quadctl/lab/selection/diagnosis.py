@@ -1,10 +1,12 @@
-"""What is missing? Every effect of the catalogue is tried on top of the model; data that no fit saw decide."""
+"""Diagnosis: every effect of the catalogue is tried on top of the model, and judged on held-out data."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
+from rich import box
 from rich.console import Group, RenderableType
+from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
@@ -18,7 +20,7 @@ from quadctl.lab.flights.flight import SPAN_UNITS
 from quadctl.lab.results import Result
 from quadctl.lab.selection.candidate import Candidate
 from quadctl.lab.selection.rule import is_large, is_measured, is_mostly_left, is_supported, is_unexplained, score
-from quadctl.lab.selection.search import Path, Step, emptied, search
+from quadctl.lab.selection.search import Path, SelectionStep, emptied, search
 from quadctl.lab.selection.wording import candidate_to_dict
 from quadctl.lab.symbolic.formula import Symbolic
 from quadctl.lab.symbolic.identification import explain
@@ -32,29 +34,31 @@ Verdict = Literal["missing", "none", "unexplained"]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Diagnosis(Result):
-    """What `diagnose` found."""
+    """Result of `diagnose`."""
 
     model: Model
     dataset: Dataset
     verdict: Verdict
     ranking: list[Candidate]
-    """First what is missing, each on top of those before it; then the others, each on top of what had been found when
-    it was tried last."""
+    """Candidates: first the missing ones in the order of adding, each on top of those before it; then the others, each
+    on top of the effects found when it was tried last."""
     missing: list[str]
-    steps: list[Step]
-    """The error ladder: the model as it is, then each missing family in the order of adding."""
+    steps: list[SelectionStep]
+    """Selection steps: the model as given, then each missing family in the order of adding."""
     best: Model
-    """The model with all missing effects, fitted on all data."""
+    """Model with all missing effects, fitted to all data."""
     confounded: list[list[str]] = field(default_factory=list)
     suggested_mission: str | None = None
     untried: list[str] = field(default_factory=list)
-    """Effects that these data could not tell from their look-alikes, and why."""
+    """Effects that were not tried because these data do not distinguish them from their look-alikes, with the
+    reason."""
     unexplained: bool = False
-    """After all missing effects are in, the logged variables still explain a part of the error that is worth it."""
+    """True where the logged variables still explain a significant and material part of the error after all missing
+    effects are added."""
     symbolic: Symbolic | None = None
-    """The sparse expression of what is unexplained."""
+    """Sparse expression of the unexplained part."""
     fit: FittedModel | None = None
-    """The fit of `best`; None where the diagnosis was read from a session."""
+    """Fit of `best`; None where the diagnosis was read from a session."""
 
     def to_dict(self) -> dict[str, Any]:
         return {
@@ -70,16 +74,17 @@ class Diagnosis(Result):
         }
 
     def __rich__(self) -> RenderableType:
-        table = Table(title="What could be missing: what was found first, the rest on top of it", title_justify="left")
-        table.add_column("effect", no_wrap=True)
-        table.add_column("parameters [95 %]")
-        table.add_column("held-out error", justify="right")
+        title = "Candidate effects: the missing ones first, in the order of adding"
+        table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAVY, show_edge=False, padding=0)
+        table.add_column("effect, and its parameters [95 %]")
+        table.add_column("held-out error", justify="right", no_wrap=True)
         table.add_column("change", justify="right", no_wrap=True)
         table.add_column("p", justify="right", no_wrap=True)
         for c in self.ranking:
+            name = Text(c.effect.name, style="bold" if is_supported(c) else "")
+            parameters = parameters_in_words(c.effect, c.ci95).replace("], ", "]\n")  # one a line
             table.add_row(
-                f"[bold]{c.effect.name}[/]" if is_supported(c) else c.effect.name,
-                parameters_in_words(c.effect, c.ci95),
+                Group(name, *([Padding(Text(parameters), (0, 1, 0, 2))] if c.ci95 else [])),
                 f"{c.before[c.measure]:.3f} -> {c.after[c.measure]:.3f}" + UNITS[c.measure],
                 f"{-c.held_out_drop:+.1%}",
                 "< 1e-4" if c.p_value < 1e-4 else f"{c.p_value:.2g}",
@@ -87,25 +92,29 @@ class Diagnosis(Result):
         return Group(table, Text("\n".join(self.lines())), *([self.symbolic] if self.symbolic else []))
 
     def lines(self) -> list[str]:
-        """The verdict in sentences."""
+        """Sentences that state the verdict."""
         lines = []
         if self.verdict == "none":
-            lines.append("Nothing significant is missing: what is left is noise.")
+            lines.append("Nothing significant is missing: the remaining error is noise.")
         elif self.verdict == "unexplained":
-            lines.append("Something is there, but no effect of the catalogue explains it.")
+            lines.append(
+                "Part of the error depends on the logged variables, but no effect of the catalogue explains it."
+            )
         else:
-            lines.append("Missing, in the order of adding (held-out error, m/s^2):")
+            lines.append("Missing, in the order of adding (held-out acceleration error, m/s^2):")
             before = self.steps[0].rmse["total"]
             for step in self.steps[1:]:
                 total = step.rmse["total"]
                 lines.append(f"  {step.effect}: {before:.4f} -> {total:.4f}")
                 before = total
             if self.unexplained:
-                lines.append("Even so, something is left that the variables explain and these effects do not.")
-        lines += [f"These data cannot tell apart: {' and '.join(pair)}." for pair in self.confounded]
+                lines.append(
+                    "Part of the remaining error depends on the logged variables, but these effects do not explain it."
+                )
+        lines += [f"These data do not distinguish {' and '.join(pair)}." for pair in self.confounded]
         lines += [f"Not tried: {reason}." for reason in self.untried]
         if self.suggested_mission:
-            lines.append(f"To tell more, fly {self.suggested_mission}; `quadctl suggest` weighs all missions.")
+            lines.append(f"To learn more, fly {self.suggested_mission}; `quadctl suggest` compares all missions.")
         return lines
 
 
@@ -115,10 +124,10 @@ def diagnose(
     candidates: Iterable[type[Effect]] | None = None,
     progress: Callable[[str], None] = lambda text: None,
 ) -> Diagnosis:
-    """Rank what could be missing from `model`, judged on the parts of `dataset` that each fit did not see.
+    """Find the effects that are missing from `model`, judged on held-out parts of `dataset`.
 
     `candidates` are by default the catalogue's effects and those of the model's own files; families that the model
-    holds already are not tried again. `progress` is told in a few words what is being done.
+    already holds are not tried again. `progress` is called with short texts.
     """
     return diagnose_fit(fit_model(model, dataset), candidates, progress)
 
@@ -129,21 +138,21 @@ def diagnose_fit(
     candidates: Iterable[type[Effect]] | None = None,
     progress: Callable[[str], None] = lambda text: None,
 ) -> Diagnosis:
-    """Rank what could be missing from a fitted model (see `diagnose`)."""
+    """Find the effects that are missing from a fitted model (see `diagnose`)."""
     model, dataset = fit.fitter.model, fit.dataset
     pool = list(candidates if candidates is not None else every_effect(model.effect_files).values())
     present = {effect.family() for effect in model.effects}
     pool = [e for e in pool if e.family() not in present and e.candidate and e.applies_to(model.vehicle)]
     unfit = [e for e in pool if any(dataset.span(variable) < span for variable, span in e.needs.items())]
     path = search(fit, [effect for effect in pool if effect not in unfit], progress)
-    progress("looking at what is left")
-    # A part that a small effect explains, smaller than what is called missing, is not unexplained.
+    progress("analysing the remaining error")
+    # The part explained by an effect that is too small to be called missing is not unexplained.
     small = [c.residual for c in path.latest.values() if is_measured(c) and not is_supported(c)]
     residual = min([path.residual, *small], key=score)[:, :3]
     flexible = flexible_residual(residual, dataset)
     matters = is_unexplained(residual, flexible, improvement_p_value(residual, flexible, dataset))
     symbolic = explain(residual, dataset) if matters else None
-    # Many variables together find a little in noise now and then; what is there also has an expression, or is large.
+    # A regression on many variables may explain a little of pure noise; a real cause has an expression or is large.
     unexplained = matters and (symbolic is not None or is_large(residual, flexible))
     if unexplained and path.missing and is_mostly_left(fit.held_out_residual[:, :3], residual, flexible):
         path = emptied(path)
@@ -165,7 +174,8 @@ def diagnose_fit(
 
 
 def _ranking(path: Path) -> list[Candidate]:
-    """The candidates that are missing, with parameters and intervals of the fit of all of them; then the others."""
+    """Missing candidates, with parameters and intervals of the fit of all of them; then the others by their
+    improvement."""
     first = [candidate for candidate in path.chosen if candidate.family in path.missing]
     shown = {candidate.effect.name for candidate in first}
     others = [candidate for name, candidate in path.latest.items() if name not in shown]
@@ -179,17 +189,17 @@ def _ranking(path: Path) -> list[Candidate]:
 def _suggestion(
     tried: Mapping[str, Candidate], confounded: Sequence[tuple[str, str]], unfit: list[type[Effect]]
 ) -> str | None:
-    """The mission that shows best what these data leave open: look-alikes first, then what could not be tried."""
+    """Mission that best answers what these data leave open: look-alikes first, then effects that could not be tried."""
     by_family = {candidate.family: candidate.effect.mission for candidate in reversed(list(tried.values()))}
     missions = [by_family[pair[-1]] for pair in confounded] + [effect.mission for effect in unfit]
     return missions[0] if missions else None
 
 
 def _reasons(unfit: list[type[Effect]], dataset: Dataset) -> list[str]:
-    """Why these effects were not tried."""
+    """Reasons why effects were not tried."""
     return [
-        f"{effect.name} (to be told from others it takes {variable} over {span:g} {SPAN_UNITS[variable]}, "
-        f"these data have {dataset.span(variable):.2g})"
+        f"{effect.name} (to distinguish it from others, {variable} must span {span:g} {SPAN_UNITS[variable]}; "
+        f"in these data it spans {dataset.span(variable):.2g})"
         for effect in unfit
         for variable, span in effect.needs.items()
         if dataset.span(variable) < span

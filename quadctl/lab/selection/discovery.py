@@ -1,4 +1,4 @@
-"""Discover: compare, diagnose, add, until nothing significant is left; the ladder of held-out errors on the way."""
+"""Discovery: compare, diagnose and add until no significant effect is missing."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -19,16 +19,16 @@ from quadctl.model import Model
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Discovery(Result):
-    """Where the walk began, what was found, and the model it ended with."""
+    """Result of `discover`: the comparison before, the diagnosis, and the additions."""
 
     before: Comparison
     diagnosis: Diagnosis
     additions: list[Addition]
-    """One for each missing family, in the order of adding."""
+    """Additions, one for each missing family, in the order of adding."""
 
     @property
     def model(self) -> Model:
-        """The model with all that was found, or the one that it began with."""
+        """Model with all effects found; the given model where none was found."""
         return self.additions[-1].model if self.additions else self.diagnosis.model
 
     def to_dict(self) -> dict[str, Any]:
@@ -41,7 +41,7 @@ class Discovery(Result):
     def __rich__(self) -> RenderableType:
         ladder = [(f"+ {step.effect}" if step.family else step.effect, step.rmse) for step in self.diagnosis.steps]
         floor = ("noise floor", self.before.noise_floor)
-        table = errors_table("Error ladder, on data the fits did not see", [*ladder, floor])
+        table = errors_table("Held-out acceleration error after each selection step", [*ladder, floor])
         return Group(table, Text("\n".join(self.diagnosis.lines())))
 
 
@@ -51,7 +51,7 @@ def discover(
     candidates: Iterable[type[Effect]] | None = None,
     progress: Callable[[str], None] = lambda text: None,
 ) -> Discovery:
-    """Add to `model` whatever of the `candidates` (as in `diagnose`) is missing, one family at a time."""
+    """Add to `model` each missing effect of the `candidates` (as in `diagnose`), one family at a time."""
     progress("comparing")
     before = compare(model, dataset)
     fit = fit_model(model, dataset)

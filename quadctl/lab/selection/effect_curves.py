@@ -1,4 +1,4 @@
-"""What a fitted effect does, over the variables that it depends on: numbers for a plot, none of its looks."""
+"""Curves of a fitted effect over the variables that it depends on: numbers for a plot, without its style."""
 
 from dataclasses import dataclass, replace
 
@@ -15,13 +15,13 @@ from quadctl.lab.selection.addition import Addition
 from quadctl.model import Model
 
 RATIO_DRAWS, CURVE_DRAWS = 400, 60
-"""Bootstrap draws behind a band: of a formula over height, and of a whole prediction."""
+"""Number of bootstrap draws for a band: of a formula over height, and of a whole prediction."""
 RATIO_BINS = 14
 HIGHEST_HEIGHT_OVER_RADIUS = 10.0
-"""Above it nothing happens that a ground-effect plot should give room to."""
+"""Largest rotor height over radius in a plot of the ground effect, which is negligible above."""
 BODY_AXES = ("forward", "right", "up")
 _ACROSS = {"speed_forward": "forward", "speed_right": "right"}
-"""Variables whose effects push along the heading; all others are looked at along up."""
+"""Component of the effects that depend on these variables; all other effects are plotted along up."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,21 +36,21 @@ class Binned:
 
 @dataclass(frozen=True, eq=False)
 class RatioCurve:
-    """A fitted ground effect: thrust ratio over height."""
+    """Thrust ratio of a fitted ground effect over height."""
 
     height_over_radius: Floats
     ratio: Floats
     low: Floats
     high: Floats
-    """95% band from the bootstrap draws."""
+    """Ends `low` and `high` of the 95% band from the bootstrap draws."""
     measured: Binned
-    """Measured over predicted specific force along up, the prediction without this effect."""
+    """Measured over predicted upward specific force; predicted without this effect."""
     data_range: tuple[float, float]
-    """Heights flown, rotor radii."""
+    """Lowest and highest rotor height flown, in rotor radii."""
 
 
 def ratio_curve(addition: Addition, index: int) -> RatioCurve:
-    """The ground effect at place `index` of the stack, over the heights that a plot shows."""
+    """Thrust ratio of the ground effect with index `index` of the stack over the heights that a plot shows."""
     vehicle, dataset = addition.model.vehicle, addition.dataset
     radius = vehicle.rotor.radius_m
     low, high = (h / radius for h in dataset.heights_m)
@@ -77,7 +77,7 @@ def ratio_curve(addition: Addition, index: int) -> RatioCurve:
 
 @dataclass(frozen=True, eq=False)
 class EffectCurve:
-    """A fitted effect over one of its own variables, along one axis of the vehicle's heading."""
+    """Residuals and contribution of an effect over one of its variables, along one axis of the vehicle's heading."""
 
     variable: str
     component: str
@@ -85,17 +85,17 @@ class EffectCurve:
     before: Floats
     """Residual without the effect, m/s^2, shape (n,)."""
     after: Floats
-    """The same with it."""
+    """Residual with the effect, m/s^2, shape (n,)."""
     binned_before: Binned
     binned_after: Binned
     fitted: Binned
-    """What the effect adds, in the same bins; its error is that of the bootstrap draws."""
+    """Contribution of the effect in the same bins; its error is the spread of the bootstrap draws."""
 
 
 def effect_curves(addition: Addition, index: int) -> list[EffectCurve]:
-    """The effect at place `index` of the stack over the variables that it depends on.
+    """Curves of the effect with index `index` of the stack over each variable that it depends on.
 
-    Where it depends on none, over time, along the axes on which it does most.
+    An effect that depends on no variable is shown over time, along the axes on which it is largest.
     """
     dataset, effect = addition.dataset, addition.model.effects[index]
     without = _predicted(_without(addition.model, index), dataset)
@@ -132,7 +132,7 @@ def effect_curves(addition: Addition, index: int) -> list[EffectCurve]:
 
 @dataclass(frozen=True, eq=False)
 class Sketch:
-    """The last effect of a model in few points: what the residual does without it, and what it makes of that, m/s^2."""
+    """Coarse curve of a model's last effect: residual without it, and its contribution, m/s^2."""
 
     variable: str
     component: str
@@ -141,7 +141,7 @@ class Sketch:
 
 
 def sketch(model: Model, dataset: Dataset) -> Sketch | None:
-    """The last effect of `model` over its first variable, along the axis it pushes most; None where it pushes none."""
+    """Sketch the last effect of `model` over its first variable, along its largest axis; None where it has no force."""
     index = len(model.stack) - 1
     without = _predicted(_without(model, index), dataset)
     heading = _heading(dataset)
@@ -158,7 +158,7 @@ def sketch(model: Model, dataset: Dataset) -> Sketch | None:
 
 
 def hover_ratio(model: Model, height_m: Floats, forward_m_s: Floats) -> Floats:
-    """Thrust that the rotors give over the thrust that k rpm^2 promises, level, at the hover's speed of the rotors."""
+    """Thrust of the rotors over k rpm^2 in level attitude, at the rotor speed of hover."""
     level = (1.0, 0.0, 0.0, 0.0)
     c = model.in_air(Conditions(height_m, (forward_m_s, 0.0, 0.0), level))
     each = np.full_like(height_m + forward_m_s, model.vehicle.weight_n / model.vehicle.n_rotors)
@@ -166,7 +166,8 @@ def hover_ratio(model: Model, height_m: Floats, forward_m_s: Floats) -> Floats:
 
 
 def measured_ratio(dataset: Dataset, variable: str) -> Binned | None:
-    """The same as measured: specific force along up over that of the rigid body, in bins; None where not logged."""
+    """Measured counterpart of `hover_ratio` in bins: upward specific force over that of the rigid body; None where
+    `variable` is not logged."""
     x = dataset.variable(variable)
     if x is None:
         return None
@@ -179,7 +180,7 @@ def measured_ratio(dataset: Dataset, variable: str) -> Binned | None:
 
 
 def _means(x: Floats, values: Floats, edges: Floats) -> tuple[Floats, Floats]:
-    """Mean of `x` and of `values` between neighbouring edges that have samples between them."""
+    """Means of `x` and of `values` between neighbouring edges, without empty bins."""
     index = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, len(edges) - 2)
     inside = [index == b for b in np.unique(index)]
     return np.array([x[i].mean() for i in inside]), np.array([values[i].mean() for i in inside])
@@ -188,9 +189,9 @@ def _means(x: Floats, values: Floats, edges: Floats) -> tuple[Floats, Floats]:
 def binned(
     x: Floats, values: Floats, noise: Floats | None, dataset: Dataset, shown: np.ndarray | None = None
 ) -> Binned:
-    """Means of `values` in bins of `x` with about the same number of samples each, of the samples `shown`.
+    """Means of `values` in bins of `x` with about the same number of samples each, for the samples `shown`.
 
-    Standard errors come from `noise`, which is `values` without its structure; without it they are 0.
+    Standard errors are computed from `noise`, i.e. `values` without their structure; without `noise` they are 0.
     """
     use = np.ones(len(x), dtype=bool) if shown is None else shown
     edges = np.unique(np.quantile(x[use], np.linspace(0.0, 1.0, RATIO_BINS + 1)))
@@ -206,7 +207,7 @@ def binned(
 
 
 def _drawn_models(addition: Addition, index: int, number: int) -> list[Model]:
-    """The model with the parameters of one effect as some of the bootstrap draws have them."""
+    """Copies of the model, in which one effect has the parameters of some of the bootstrap draws."""
     free = free_parameters(addition.model)
     own = [i for i, f in enumerate(free) if f.effect == index]
     draws = addition.draws[:number]
@@ -214,7 +215,7 @@ def _drawn_models(addition: Addition, index: int, number: int) -> list[Model]:
 
 
 def _predicted(model: Model, dataset: Dataset) -> Floats:
-    """Predicted acceleration, each model on the flights as they are aligned for it, m/s^2, shape (n, 3)."""
+    """Predicted acceleration, m/s^2, shape (n, 3); the flights are aligned for the model."""
     return dataset.aligned_for(model).predicted(model)
 
 
@@ -244,12 +245,12 @@ def _heading(dataset: Dataset) -> Floats:
 
 
 def _in_heading(values: Floats, yaw: Floats) -> Floats:
-    """North, east, up as forward, right, up of a level vehicle with that heading."""
+    """Rotate north, east, up to forward, right, up of a level vehicle with that heading."""
     north, east, up = values.T
     return np.column_stack([np.cos(yaw) * north + np.sin(yaw) * east, np.cos(yaw) * east - np.sin(yaw) * north, up])
 
 
 def _pushed(push: Floats) -> list[str]:
-    """The axes on which an effect does most."""
+    """Axes along which an effect is at least 0.3 of its largest."""
     size = np.sqrt(np.mean(push**2, axis=0))
     return [axis for axis, value in zip(BODY_AXES, size, strict=True) if value >= 0.3 * size.max()]

@@ -1,4 +1,4 @@
-"""Refit a model to flights: all parameters together, how sure they are, and the error on data the fit did not see."""
+"""Refit of a model to flights: all parameters together, their intervals, and the held-out error."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -26,25 +26,25 @@ from quadctl.model import Model, Provenance, StackedEffect
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Refit(Result):
-    """A model before and after a refit, both judged on data that their fits did not see."""
+    """Model before and after a refit, with the held-out error of both."""
 
     before_model: Model
-    """The model as it was given."""
+    """Model as given."""
     model: Model
-    """The refitted model, with the provenance of its parameters."""
+    """Refitted model, with the provenance of its parameters."""
     fit_before: FittedModel
     fit_after: FittedModel
     remarks: list[str]
-    """Remarks on the fitted parameters, and on flights that cannot tell them."""
+    """Remarks on the fitted parameters, and on flights that do not determine them."""
 
     @property
     def dataset(self) -> Dataset:
-        """The flights of the fit."""
+        """Dataset of the fit."""
         return self.fit_after.dataset
 
     @property
     def residual_before(self) -> Floats:
-        """Held-out residual of the dataset's targets before, shape (n, 3 * groups)."""
+        """Held-out residual of the targets before, shape (n, 3 * groups)."""
         return self.fit_before.held_out_residual
 
     @property
@@ -69,12 +69,13 @@ class Refit(Result):
 
     @property
     def changed(self) -> Sequence[Effect]:
-        """The effects that the two models differ in."""
+        """Effects in which the two models differ."""
         return self.model.effects
 
     @property
     def measure(self) -> str:
-        """The error that the change is about: of the acceleration unless it does nothing to it."""
+        """Name of the error by which the change is judged: the acceleration's, unless the change does not concern
+        it."""
         return measure_of(self.changed, self.before, self.after)
 
     @property
@@ -89,19 +90,19 @@ class Refit(Result):
 
     @cached_property
     def p_value(self) -> float:
-        """Of the hypothesis that the larger of the two models does not help on unseen data."""
+        """p-value of the hypothesis that the larger of the two models does not help on unseen data."""
         return improvement_p_value(self.residual_before, self.residual_before - self.residual_after, self.dataset)
 
     @property
     def title(self) -> str:
-        return f"Error of {self.model.name} on data the fit did not see, as it stood and refitted"
+        return f"Held-out acceleration error of {self.model.name}, before and after the refit"
 
     @property
     def conclusion(self) -> str:
-        """What follows where the refit is no gain; empty where it is one."""
+        """Conclusion where the refit does not reduce the held-out error; empty where it does."""
         if self.held_out_drop > 0.0:
             return ""
-        return "The refit does not help on unseen data: the parameters may as well stay as they were."
+        return "The refit does not lower the held-out error: keep the previous parameters."
 
     def to_dict(self) -> dict[str, Any]:
         return {
@@ -127,9 +128,13 @@ class Refit(Result):
         table = errors_table(self.title, (("before", self.before), ("after", self.after)))
         low, high = self.drop_ci95
         p = "< 1e-4" if self.p_value < 1e-4 else f"= {self.p_value:.2g}"
-        error = {"total": "error", "turning": "error of the moments", "sensing": "error of the IMU"}[self.measure]
+        error = {"total": "acceleration error", "turning": "moment error", "sensing": "accelerometer error"}[
+            self.measure
+        ]
         lines = [f"The held-out {error} changes by {-self.held_out_drop:+.1%} [{-high:+.1%}, {-low:+.1%}], p {p}."]
-        lines.append("The model now holds:" if self.model.stack else "The model now holds no effect: the rigid body.")
+        lines.append(
+            "The model now contains:" if self.model.stack else "The model now contains no effect: the rigid body."
+        )
         for item in self.model.stack:
             words = parameters_in_words(item.effect, item.fitted.ci95 if item.fitted else {})
             lines.append(f"  {item.effect.name}: {words}")
@@ -143,7 +148,7 @@ _Refit = TypeVar("_Refit", bound=Refit)
 
 
 def fit(model: Model, dataset: Dataset) -> Refit:
-    """Refit all parameters of `model` together; `before` is the model as it stands, with the flights' nuisances.
+    """Refit all parameters of `model` together; `before` is the model with its present parameters and fitted nuisances.
 
     Raises
     ------
@@ -160,9 +165,9 @@ def fit(model: Model, dataset: Dataset) -> Refit:
 def refitted(
     kind: type[_Refit], before_model: Model, before: FittedModel, after: FittedModel, keep: int = 0, **further: Any
 ) -> _Refit:
-    """The result of a change of model, of the kind wanted, from the fits before and after it.
+    """Build the result, of class `kind`, from the fits before and after a change of the model.
 
-    The first `keep` effects of the stack keep the errors that their own adding had; `further` goes into the result.
+    The first `keep` effects of the stack keep the errors of their own addition; `further` are fields of the result.
     """
     dataset = after.dataset
     errors = before.held_out_rmse["total"], after.held_out_rmse["total"]
@@ -188,7 +193,7 @@ def refitted(
 
 
 def _blind_folds(fit: FittedModel) -> list[str]:
-    """A sentence for every fold of flights whose fit cannot tell a parameter that all flights together do."""
+    """Remarks on folds of flights: parameters that all flights determine, but the fit without that fold does not."""
     dataset, effects = fit.dataset, fit.model.effects
     told = [f for f in fit.free if f not in undetermined(fit.free, fit.intervals)]
     found = []
@@ -201,14 +206,14 @@ def _blind_folds(fit: FittedModel) -> list[str]:
             flights = " and ".join(dataset.names[i] for i in held)
             names = " and ".join(f"{f.parameter.name} of {effects[f.effect].name}" for f in missed)
             found.append(
-                f"without {flights} the other flights do not determine {names}, so that the held-out error of "
-                f"{flights} says nothing of {'it' if len(missed) == 1 else 'them'}"
+                f"without {flights} the other flights do not determine {names}, so the held-out error of "
+                f"{flights} is no test of {'it' if len(missed) == 1 else 'them'}"
             )
     return found
 
 
 def _standing(effect: Effect) -> Effect:
-    """The same effect with parameters that no fit moves."""
+    """Copy of an effect without free parameters."""
     kind = type(effect)
     fixed: type[Effect] = type(kind.__name__, (kind,), {"parameters": classmethod(lambda cls: ())})
     return fixed(**effect.values())

@@ -1,4 +1,4 @@
-"""Take an effect out of a model, refit the rest, and see on data the fits did not see what it was worth."""
+"""Removal of an effect from a model: refit of the rest, and the held-out error."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -18,7 +18,7 @@ from quadctl.settings import nearest
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Removal(Refit):
-    """A model with an effect and without it, both refitted."""
+    """Refits of a model with an effect and without it."""
 
     removed: Effect
 
@@ -28,25 +28,25 @@ class Removal(Refit):
 
     @cached_property
     def p_value(self) -> float:
-        """Of the hypothesis that the effect does not help on unseen data."""
+        """p-value of the hypothesis that the effect does not help on unseen data."""
         return improvement_p_value(self.residual_after, self.residual_after - self.residual_before, self.dataset)
 
     @property
     def title(self) -> str:
-        return f"Error on data the fit did not see, with {self.removed.name} and without it"
+        return f"Held-out acceleration error, with and without {self.removed.name}"
 
     @property
     def conclusion(self) -> str:
         if is_significant(self.p_value) and self.held_out_drop < 0.0:
-            return f"The unseen data support {self.removed.name}: the model is worse without it."
-        return f"The unseen data do not support {self.removed.name}: it is better left out."
+            return f"The held-out data support {self.removed.name}: the model is worse without it."
+        return f"The held-out data do not support {self.removed.name}: leave it out."
 
     def to_dict(self) -> dict[str, Any]:
         return {"removed": self.removed.name, **super().to_dict()}
 
 
 def remove(word: str, model: Model, dataset: Dataset) -> Removal:
-    """Take the effect called `word` (see `held_effect`) out of `model`, and refit what is left.
+    """Remove the effect called `word` (see `held_effect`) from `model`, and refit the rest.
 
     Raises
     ------
@@ -58,17 +58,17 @@ def remove(word: str, model: Model, dataset: Dataset) -> Removal:
 
 
 def remove_from_fit(effect: Effect, model: Model, fit: FittedModel) -> Removal:
-    """Take `effect`, one of the stack, out of `model`, whose fit is given, and refit what is left."""
+    """Remove `effect`, one of the stack, from `model`, whose fit is given, and refit the rest."""
     return refitted(Removal, model, fit, fit_model(without(effect, model), fit.dataset), removed=effect)
 
 
 def without(effect: Effect, model: Model) -> Model:
-    """`model` without `effect`; the others keep their parameters."""
+    """Copy of `model` without `effect`; the others keep their parameters."""
     return replace(model, stack=tuple(item for item in model.stack if item.effect is not effect))
 
 
 def held_effect(word: str, model: Model) -> Effect:
-    """The effect of `model` called `word`: by its full name, its family, or its variant alone.
+    """Find the effect of `model` called `word`: by its full name, its family, or its variant alone.
 
     Raises
     ------

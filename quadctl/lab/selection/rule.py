@@ -19,71 +19,74 @@ from quadctl.model import Model
 # --- there at all -----------------------------------------------------------------------------------------------------
 
 SIGNIFICANT = 0.01
-"""Largest p-value of an effect that is there, after the correction for autocorrelation and for the number of candidates
+"""Largest p-value of a significant effect, corrected for autocorrelation and for the number of candidates
 (Bonferroni)."""
 MATERIAL = 0.05
-"""Least share that a missing effect takes off the held-out error of one axis: unknown trims and coefficients of any
-real vehicle do as much as less."""
+"""Least relative drop of the held-out error of one axis by a missing effect: unknown trims and coefficients of any real
+vehicle cause drops up to this."""
 
 # --- moments ----------------------------------------------------------------------------------------------------------
 
 HARMLESS = 0.01
-"""Largest share that an effect on the moments may add to the held-out error of any of them,"""
+"""Largest relative increase of the held-out error of a moment by an effect on the moments (or `HARMLESS_BESIDE`)."""
 HARMLESS_BESIDE = 0.2
-"""or this share of what it takes off another moment: more is a stand-in for another effect."""
+"""Largest such increase as a share of the effect's largest drop on a moment; the larger of the two limits counts. With
+more, the effect stands in for another one."""
 SHOWN = 0.01
-"""Least share that an effect takes off the error of each moment that it must show in,"""
+"""Least relative drop of the error of each moment in which an effect must be visible, if there are several."""
 SHOWN_ALONE = 0.2
-"""or this share where it must show in one moment only,"""
+"""Least relative drop where the effect must be visible in one moment only."""
 SHOWN_BESIDE = 0.2
-"""and this share of what it takes off any axis: nuisances can hide as much of one moment as of another, and what lowers
-the error of the thrust alone is another family."""
+"""Least drop of each such moment as a share of the largest drop on any axis: nuisances can explain as much of a moment,
+and an effect that lowers only the error of the thrust belongs to another family."""
 
 # --- alike ------------------------------------------------------------------------------------------------------------
 
 ALIKE = 0.05
-"""Least p-value of the difference between the held-out errors of two candidates that the data cannot tell apart."""
+"""Least p-value of the difference between the held-out errors of two candidates that the data do not distinguish."""
 EQUAL_SCORE = 0.01
 """Largest difference of the scores (logarithms of the held-out error) of candidates that count as equally good: the
 simplest of them is taken."""
 REPLACED = 2
-"""Number of found effects that one look-alike can replace when it explains as much alone. One for one is settled by the
-score; beside three and more, a single effect that matches them all has more freedom than they have."""
+"""Number of found effects that one look-alike can replace when it explains as much alone. One effect against one is
+decided by the score; a single effect that matches three or more has more freedom than they have."""
 
 # --- search -----------------------------------------------------------------------------------------------------------
 
 PROMISING = 0.05
-"""Largest p-value of an effect that is tried in every round: one that was above it twice running is tried again only
-when all others have been (saves time, not a matter of the verdict)."""
+"""Largest p-value of an effect that is tried in every round. An effect that was above it twice in a row is tried again
+only when no other effect is supported (this saves time and does not change the verdict)."""
 
 # --- unexplained ------------------------------------------------------------------------------------------------------
 
 LARGE = 0.1
-"""Share of the error of an axis that a regression on noise never takes off by chance: so much is unexplained even where
-no expression says it."""
+"""Relative drop of an axis' error that a regression on noise never reaches by chance: a larger one is unexplained even
+without an expression."""
 MOSTLY = 0.5
-"""Share of the explainable error beyond which the effects that were found are not what is there: nothing is called
-missing then, all is unexplained."""
+"""Share of the explainable error above which the effects found are rejected: then nothing is called missing, and all is
+unexplained."""
 
 
 def is_significant(p_value: float) -> bool:
-    """Tell whether a corrected p-value is small enough to speak of an effect."""
+    """Tell whether a corrected p-value is significant."""
     return p_value < SIGNIFICANT
 
 
 def is_material(before: Floats, after: Floats) -> bool:
-    """Tell whether a change of the held-out residual, shape (n, axes), takes a material share off an axis."""
+    """Tell whether a change of the held-out residual, shape (n, axes), lowers the error of an axis by a material
+    share."""
     return largest_gain(before, after) > MATERIAL
 
 
 def is_harmful(c: Candidate) -> bool:
     """Tell whether a candidate that acts on the moments makes one of them worse.
 
-    In all flights together, or in one flight by more than it helps in all of them, as a stand-in for another does.
+    Either in all flights together, or in one flight by more than it helps in all, as a stand-in for another effect
+    does.
     """
     drops = [c.drops.get(axis, 0.0) for axis in MOMENTS]
     overall = min(drops) < -max(HARMLESS, HARMLESS_BESIDE * max(drops))
-    return c.effect.turns and (overall or c.worst_flight < -max(HARMLESS, *drops))
+    return c.effect.affects_moment and (overall or c.worst_flight < -max(HARMLESS, *drops))
 
 
 def shows_in_moments(c: Candidate) -> bool:
@@ -94,36 +97,30 @@ def shows_in_moments(c: Candidate) -> bool:
     return not shown or (min(shown) > enough and min(moments) > -HARMLESS)
 
 
-def is_determined(c: Candidate) -> bool:
-    """Tell whether the data determine at least one parameter of a candidate, and none of them ran into a bound."""
-    at_bound = any("bound" in remark for remark in c.remarks)
-    undetermined = sum("not determined" in remark for remark in c.remarks)
-    return not at_bound and (not c.ci95 or undetermined < len(c.ci95))
-
-
 def is_there(c: Candidate) -> bool:
-    """Tell whether held-out data show the effect of a candidate, be it as little as what is off in every vehicle."""
+    """Tell whether held-out data show the effect of a candidate, even if it is too small to be called missing."""
     helps = c.held_out_drop > 0.0 and not is_harmful(c) and is_significant(c.p_value)
-    return helps and shows_in_moments(c) and c.believable and is_determined(c)
+    return helps and shows_in_moments(c) and c.believable and c.determined and not c.at_bound
 
 
 def is_plausible(c: Candidate) -> bool:
-    """Tell whether a candidate would be supported if the data told it from its look-alikes."""
+    """Tell whether a candidate would be supported if the data distinguished it from its look-alikes."""
     return is_there(c) and c.largest_drop > MATERIAL and not c.effect.negligible()
 
 
 def is_supported(c: Candidate) -> bool:
-    """Tell whether held-out data support a candidate: it is there, more than a trim, and told from its look-alikes."""
+    """Tell whether held-out data support a candidate: it is there, larger than a trim, and not a look-alike."""
     return c.distinct and is_plausible(c)
 
 
 def is_look_alike(c: Candidate) -> bool:
-    """Tell whether a candidate is plausible, but not told from something else by these data."""
+    """Tell whether a candidate is plausible, but not distinguished from its look-alikes by these data."""
     return is_plausible(c) and not c.distinct
 
 
 def is_measured(c: Candidate) -> bool:
-    """Tell whether a candidate is there and told from its look-alikes, be it too small to be called missing."""
+    """Tell whether a candidate is there and distinguished from its look-alikes, even if too small to be called
+    missing."""
     return c.distinct and is_there(c)
 
 
@@ -143,12 +140,12 @@ def is_needed(without: Floats, residual: Floats, p_value: float) -> bool:
 
 
 def are_alike(one: Floats, other: Floats, dataset: Dataset) -> bool:
-    """Tell whether the data cannot tell two held-out residuals apart."""
+    """Tell whether the data do not distinguish two held-out residuals."""
     return difference_p_value(one, other, dataset) > ALIKE
 
 
 def is_as_good(one: Floats, other: Floats, dataset: Dataset) -> bool:
-    """Tell whether the held-out residual `one` is no larger than `other`, as far as data can tell."""
+    """Tell whether the held-out residual `one` is not significantly larger than `other`."""
     worse_by = score(one) - score(other)
     return worse_by < 0.0 or (worse_by < EQUAL_SCORE and are_alike(other, one, dataset))
 
@@ -156,10 +153,10 @@ def is_as_good(one: Floats, other: Floats, dataset: Dataset) -> bool:
 def choose(
     supported: Sequence[Candidate], look_alikes: Sequence[Candidate], dataset: Dataset
 ) -> tuple[Candidate, list[str]]:
-    """The candidate to add, and the other families that do as well, `look_alikes` among them.
+    """Choose the candidate to add, and list the other families that do as well, `look_alikes` among them.
 
-    Each family stands with its best variant. Of families that are as good as the best, the one with the fewest
-    parameters is taken. `supported` comes with the best first.
+    Each family is represented by its best variant. Of the families that are as good as the best, the one with the
+    fewest parameters is chosen. `supported` is sorted, the best first.
     """
     best = supported[0]
     every = [*supported, *look_alikes]
@@ -179,7 +176,7 @@ def is_unexplained(residual: Floats, flexible: Floats, p_value: float) -> bool:
 
 
 def is_large(residual: Floats, flexible: Floats) -> bool:
-    """Tell whether a regression explains more of the residual than it ever does by chance."""
+    """Tell whether a regression explains more of the residual than is possible by chance."""
     return largest_gain(residual, residual - flexible) > LARGE
 
 
@@ -193,7 +190,7 @@ def is_mostly_left(first: Floats, residual: Floats, flexible: Floats) -> bool:
 def score(residual: Floats) -> float:
     """Logarithm of the held-out RMSE of the acceleration, plus the mean logarithms of the other measured groups.
 
-    Logarithms, so that forces and moments, with units of their own, add up.
+    Logarithms make forces and moments, which have different units, comparable.
     """
     power = np.maximum(np.mean(residual**2, axis=0), 1e-12)
     others = [float(np.log(power[i : i + 3]).mean()) for i in range(3, len(power), 3)]
@@ -201,17 +198,17 @@ def score(residual: Floats) -> float:
 
 
 def largest_gain(before: Floats, after: Floats) -> float:
-    """Largest share taken off the RMSE of an axis."""
+    """Largest relative drop of the RMSE of an axis."""
     return float(np.max(1.0 - np.sqrt(np.mean(after**2, axis=0) / np.maximum(np.mean(before**2, axis=0), 1e-18))))
 
 
 def unbelievable(model: Model, dataset: Dataset) -> set[str]:
-    """Names of the effects of a fitted model whose parameters are not what they can be."""
+    """Names of the effects of a fitted model whose parameters are not physically plausible."""
     flights = [flight.conditions for flight in dataset.flights]
     return {effect.name for effect in model.acting if not effect.believable(flights, model.vehicle)}
 
 
 def indistinct(model: Model, dataset: Dataset) -> set[str]:
-    """Names of the effects of a fitted model that `dataset` does not tell from their look-alikes."""
+    """Names of the effects of a fitted model that `dataset` does not distinguish from their look-alikes."""
     flights = [flight.conditions for flight in dataset.flights]
     return {effect.name for effect in model.acting if not effect.distinct(flights, model.vehicle)}

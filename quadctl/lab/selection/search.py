@@ -1,9 +1,9 @@
-"""The search for missing effects: a path from a fitted model to one that lacks nothing the data can show.
+"""Search for missing effects: a path from a fitted model to one in which no supported effect is missing.
 
-Forward selection tries every effect on top of the model, judges it on data its fit did not see, adds the best supported
-one, and tries the rest again until none is supported. Pruning then takes out what has become superfluous beside the
-others. A pair is replaced where one look-alike explains as much alone. A path is a value: each of these steps is a
-function from a path to a path.
+Forward selection tries every effect on top of the model, judges it on held-out data, adds the best supported one, and
+repeats until none is supported. Pruning then removes effects that the later ones made superfluous. A pair of effects is
+replaced where one look-alike explains as much alone. A path is a value: each of these is a function from a path to a
+path.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -38,8 +38,8 @@ Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
-    """One step of the error ladder: the family added, and the held-out error once it is in."""
+class SelectionStep:
+    """Selection step: the family added, and the held-out error with it."""
 
     family: str
     effect: str
@@ -48,24 +48,24 @@ class Step:
 
 @dataclass(frozen=True, eq=False)
 class Path:
-    """A way from a fitted model to one with more effects, and every trial on it."""
+    """Path from a fitted model to one with more effects, with every trial."""
 
     start: FittedModel
     current: FittedModel
-    """The start with all that is on the way, fitted."""
-    steps: tuple[Step, ...]
-    """The start, then one step for each missing family in the order of adding."""
+    """Fit of the start with all effects of the path."""
+    steps: tuple[SelectionStep, ...]
+    """Start, then one selection step for each missing family in the order of adding."""
     missing: tuple[str, ...] = ()
     chosen: tuple[Candidate, ...] = ()
-    """All candidates that were added, those too that became superfluous later."""
+    """All candidates that were added, including those that became superfluous later."""
     latest: Mapping[str, Candidate] = field(default_factory=dict)
-    """The last trial of each effect, by its name."""
+    """Last trial of each effect, by its name."""
     failures: Mapping[str, int] = field(default_factory=dict)
-    """Number of trials running in which each effect was of no use."""
+    """Number of consecutive trials in which each effect was not promising."""
     confounded: tuple[tuple[str, str], ...] = ()
-    """Pairs of families that these data do not tell apart: the one that was added, and the other."""
+    """Pairs of families that these data do not distinguish: the one that was added, and the other."""
     passed_over: tuple[Candidate, ...] = ()
-    """Look-alikes of the first round: plausible then, but not told from something else."""
+    """Look-alikes of the first round: plausible, but not distinguished from another effect."""
 
     @property
     def dataset(self) -> Dataset:
@@ -81,9 +81,9 @@ class _Round(NamedTuple):
     """One round of trials on top of a path's current model."""
 
     path: Path
-    """The path with what the trials brought to light."""
+    """Path with the results of the trials."""
     supported: list[Candidate]
-    """The supported candidates, the best first."""
+    """Supported candidates, the best first."""
     look_alikes: list[Candidate]
 
 
@@ -94,9 +94,9 @@ def search(start: FittedModel, pool: Sequence[type[Effect]], progress: Progress)
 
 
 def begun_at(start: FittedModel) -> Path:
-    """The path that has not left its start."""
+    """Path without any step."""
     name, errors = start.fitter.model.name, rmse(start.held_out_residual, start.dataset.groups)
-    return Path(start, start, (Step("", name, errors),))
+    return Path(start, start, (SelectionStep("", name, errors),))
 
 
 def forward(path: Path, pool: Sequence[type[Effect]], progress: Progress) -> Path:
@@ -112,8 +112,8 @@ def forward(path: Path, pool: Sequence[type[Effect]], progress: Progress) -> Pat
 
 
 def taken(path: Path, chosen: Candidate) -> Path:
-    """The path with `chosen` added."""
-    step = Step(chosen.family, chosen.effect.name, rmse(chosen.residual, path.dataset.groups))
+    """Path with `chosen` added."""
+    step = SelectionStep(chosen.family, chosen.effect.name, rmse(chosen.residual, path.dataset.groups))
     return replace(
         path,
         current=chosen.fit(path.dataset),
@@ -124,14 +124,14 @@ def taken(path: Path, chosen: Candidate) -> Path:
 
 
 def pruned(path: Path) -> Path:
-    """The path without the effects that are no longer needed now that the others are in; the last one stays."""
+    """Path without the effects that are no longer needed beside the others; the one added last stays."""
     for family in path.missing[:-1]:
         path = _without_superfluous(path, family)
     return path
 
 
 def with_pair_replaced(path: Path, pool: Sequence[type[Effect]], progress: Progress) -> Path:
-    """The path, or one to a single look-alike of the first round that explains as much as the pair that was found."""
+    """Path, or a path to a single look-alike of the first round that explains as much as the pair that was found."""
     for candidate in sorted(path.passed_over, key=lambda c: score(c.residual)):
         if not is_replaceable(path.missing) or candidate.family in path.missing:
             continue
@@ -145,12 +145,13 @@ def with_pair_replaced(path: Path, pool: Sequence[type[Effect]], progress: Progr
 
 
 def emptied(path: Path) -> Path:
-    """The path back at its start, with its trials: what was found is not what is there."""
+    """Path back at its start, with its trials: the effects found do not explain the residual."""
     return replace(path, current=path.start, steps=path.steps[:1], missing=(), confounded=())
 
 
 def _tried(path: Path, pool: Sequence[type[Effect]], progress: Progress) -> _Round:
-    """Try the families of `pool` that are not in yet: the promising first, then, if none is supported, the others."""
+    """Try the families of `pool` that are not in the model: the promising ones first, then, if none is supported, the
+    others."""
     left = Unmodelled(path.current)
     open_ = [effect for effect in pool if effect.family() not in path.missing]
     promising = [effect for effect in open_ if path.failures.get(effect.name, 0) < 2]
@@ -169,7 +170,7 @@ def _tried(path: Path, pool: Sequence[type[Effect]], progress: Progress) -> _Rou
 
 
 def _trials(effects: Sequence[type[Effect]], left: Unmodelled, n_tried: int, progress: Progress) -> list[Candidate]:
-    """Trials of `effects`, each by itself: spread as `joblib.parallel_config` says, one after the other without."""
+    """Try each of `effects` by itself; parallel as `joblib.parallel_config` says, serial by default."""
     work = Parallel(return_as="generator")(delayed(try_effect)(effect, left, n_tried) for effect in effects)
     tried = []
     for effect, candidate in zip(effects, work, strict=True):
@@ -179,14 +180,15 @@ def _trials(effects: Sequence[type[Effect]], left: Unmodelled, n_tried: int, pro
 
 
 def _with_confounded(path: Path, alike: Sequence[str], still_needed: Sequence[Candidate]) -> Path:
-    """The path with the pairs that did equally well, where the one left out is not needed once the other is in."""
+    """Path with the pairs that did equally well, where the one left out is not needed once the other is in."""
     needed = {candidate.family for candidate in still_needed}
     pairs = tuple((path.missing[-1], other) for other in alike if other not in needed)
     return replace(path, confounded=(*path.confounded, *pairs))
 
 
 def _without_superfluous(path: Path, family: str) -> Path:
-    """The path without `family`, or as it is where the family is needed, or keeps the others what they can be."""
+    """Path without `family`; unchanged where it is needed, or where other effects would become implausible without
+    it."""
     dataset, model = path.dataset, path.current.model
     kept = tuple(item for item in model.stack if item.effect.family() != family)
     smaller = fit_model(replace(path.start.fitter.model, stack=kept), dataset)

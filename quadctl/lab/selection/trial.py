@@ -1,4 +1,4 @@
-"""A trial: one effect fitted on top of a fitted model, and what held-out data say of it."""
+"""Trial of one effect: fit on top of a fitted model, and its held-out error."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from quadctl.effects import Effect
 from quadctl.lab.arrays import Floats
 from quadctl.lab.fitting.fitter import FittedModel, Fitter
 from quadctl.lab.fitting.initial_guesses import Unmodelled, best_guesses
-from quadctl.lab.fitting.nuisances import AGE, MOST
+from quadctl.lab.fitting.nuisances import AGE, BOUND
 from quadctl.lab.fitting.significance import improvement_p_value
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.flights.prediction import MOMENTS, rmse
@@ -15,12 +15,12 @@ from quadctl.lab.selection.rule import indistinct, unbelievable
 from quadctl.lab.threads import one_blas_thread
 
 REALIGNED = 3
-"""Largest number of times that a lag and the delay of the log beside it are found in turn."""
+"""Largest number of iterations between the fit of a lag and the alignment of the flights for it."""
 
 
 @one_blas_thread
 def try_effect(effect: type[Effect], left: Unmodelled, n_tried: int) -> Candidate:
-    """Fit `effect` on top of the fitted model that `left` is of; `n_tried` candidates are tried on these data."""
+    """Fit `effect` on top of the fitted model of `left`; `n_tried` is the number of candidates tried on these data."""
     dataset, residual = left.dataset, left.residual
     fit, independent = fit_on_top(effect, left)
     last = len(fit.model.effects) - 1
@@ -38,25 +38,27 @@ def try_effect(effect: type[Effect], left: Unmodelled, n_tried: int) -> Candidat
         remarks=fit.remarks(last),
         believable=unbelievable(fit.model, dataset) <= unbelievable(left.model, dataset),
         distinct=effect.name not in indistinct(fit.model, dataset),
-        start=fit.fitter.model,
-        nuisances=fit.optimum.nuisances,
+        at_bound=fit.at_bound(last),
+        determined=fit.determined(last),
+        solution=fit.solution,
     )
 
 
 def fit_on_top(effect: type[Effect], left: Unmodelled) -> tuple[FittedModel, int]:
-    """The best fit of the model that `left` is of with `effect` on top, and from how many independent guesses it came.
+    """Fit the model of `left` with `effect` on top, from the best initial guesses; also return the number of
+    independent guesses.
 
-    A motor lag and the delay of a log shift the thrust alike: where a fit has moved the delay far, the flights are
-    aligned anew beside the lag that was found, and fitted again.
+    A motor lag and the delay of a log shift the thrust alike: where a fit has changed the delay much, the flights are
+    aligned again for the lag that was found, and the fit is repeated.
     """
     guesses, independent = best_guesses(effect, left)
     fitters = [Fitter(left.model.plus(guess), left.dataset) for guess in guesses]
     fits = [fitter.fit() for fitter in fitters]
-    misfits = [fitter.misfit(fitted, left.scale) for fitter, fitted in zip(fitters, fits, strict=True)]
-    best = misfits.index(min(misfits))
+    objectives = [fitter.objective(fitted, left.scale) for fitter, fitted in zip(fitters, fits, strict=True)]
+    best = objectives.index(min(objectives))
     fitter, fitted = fitters[best], fits[best]
-    for _ in range(REALIGNED if effect.retards else 0):
-        if np.abs(fitted.nuisances[:, AGE]).max() < 0.5 * MOST[AGE]:
+    for _ in range(REALIGNED if effect.adds_lag else 0):
+        if np.abs(fitted.nuisances[:, AGE]).max() < 0.5 * BOUND[AGE]:
             break
         fitter = Fitter(fitted.model, left.dataset)
         fitted = fitter.fit()
@@ -64,7 +66,7 @@ def fit_on_top(effect: type[Effect], left: Unmodelled) -> tuple[FittedModel, int
 
 
 def _worst_flight(before: Floats, after: Floats, dataset: Dataset) -> float:
-    """Least share taken off the error of a moment in a single flight, or 0 where none is negative."""
+    """Smallest relative drop of the error of a moment in a single flight; 0 where none is negative."""
     worst = 0.0
     for part in dataset.parts:
         had, left = rmse(before[part], dataset.groups), rmse(after[part], dataset.groups)

@@ -7,17 +7,17 @@ from quadctl.lab.selection.rule import is_plausible, is_significant, is_supporte
 
 
 def candidate_in_words(c: Candidate) -> str:
-    """The physics of a candidate's effect, what held-out data say of it, and remarks on its parameters."""
+    """Sentences on a candidate: the physics of its effect, its held-out improvement, and remarks on its parameters."""
     axis = max(c.drops, key=c.drops.__getitem__)
-    helps = f"It takes {c.held_out_drop:.0%} off the unseen error, {c.largest_drop:.0%} on the {axis} axis."
+    helps = f"It lowers the held-out error by {c.held_out_drop:.0%}, on the {axis} axis by {c.largest_drop:.0%}."
     verdict = (
         helps
         if is_supported(c)
-        else f"{helps} These data cannot tell it from what looks like it (told by {c.effect.told_apart_by})."
+        else f"{helps} These data do not tell it from look-alikes (distinguished by {c.effect.distinguished_by})."
         if is_plausible(c)
-        else "It is within the trims of any real vehicle."
+        else "It is no larger than the trim errors of any real vehicle."
         if c.effect.negligible() and is_significant(c.p_value)
-        else "The unseen data do not support it."
+        else "The held-out data do not support it."
     )
     return " ".join([c.effect.physics, verdict, *(f"Note: {remark}." for remark in c.remarks)])
 

@@ -1,5 +1,5 @@
 """Symbolic: expressions for a residual that no effect of the catalogue explains.
 
-In come a held-out residual and its `Dataset`; out comes a `Symbolic`, a sparse expression and a compact form along each
-axis with intervals and held-out share, and on request the text of a Python file that makes it an effect.
+Input: a held-out residual and its `Dataset`. Output: a `Symbolic` with a sparse expression and a compact form for each
+axis, their intervals and held-out shares, and on request the text of a Python file that makes it an effect.
 """

@@ -1,6 +1,6 @@
-"""The compact ansatz: a c plus one shape of one variable, whose few parameters are refitted together.
+"""Compact forms: a constant plus one function of one variable, whose few parameters are fitted together.
 
-Appius' a exp(b z) + c and its relatives.
+The form a exp(b z) + c is that of the thesis by Appius; the others are alternatives to it.
 """
 
 from collections.abc import Callable
@@ -14,22 +14,28 @@ from quadctl.lab.arrays import Floats
 Shape = Callable[..., Floats]
 
 
+_overflow_allowed = np.errstate(over="ignore", invalid="ignore", divide="ignore")
+"""Decorator that permits overflow: an exponential of a variable far from 0 overflows, and such a parameter is rejected
+because its error is infinite. scipy's solver divides by the derivative of a parameter that no longer matters."""
+
+
 @dataclass(frozen=True)
 class Form:
-    """a * shape(x, *parameters) + c"""
+    """Compact form a * shape(x, *parameters) + c."""
 
     template: str
-    """Python text of a * shape with the parameters in braces, `{x}` for the variable."""
+    """Python text of a * shape with the parameters in braces, and `{x}` for the variable."""
     shape: Shape
     parameters: tuple[str, ...] = ()
-    """Those of the shape; they enter nonlinearly."""
+    """Names of the nonlinear parameters, those of the shape."""
     positive: bool = False
-    """Whether it needs a variable that stays above 0."""
+    """True where the variable must be above 0."""
 
     @property
     def names(self) -> tuple[str, ...]:
         return ("a", *self.parameters, "c")
 
+    @_overflow_allowed
     def __call__(self, x: Floats, values: Floats) -> Floats:
         """Value at `x` for the parameters in the order of `names`."""
         return np.asarray(values[0] * self.shape(x, *values[1:-1]) + values[-1])
@@ -43,28 +49,34 @@ FORMS = (
     Form("{a}*exp(-(({x} - {m})/{w})**2)", lambda x, m, w: np.exp(-(((x - m) / w) ** 2)), ("m", "w")),
     Form("{a}*({x} - {m})/(({x} - {m})**2 + {w}**2)", lambda x, m, w: (x - m) / ((x - m) ** 2 + w**2), ("m", "w")),
 )
-"""In the order of their number of parameters; the last two are a bump and a pull toward, or a push from, a point."""
+"""Forms, sorted by their number of parameters; the last two are a bump, and attraction to or repulsion from a point."""
 
 
 @dataclass(frozen=True, eq=False)
 class FittedForm:
-    """A form with its parameters, in the order of `Form.names`, and their slopes at the samples, shape (n, p)."""
+    """Form with its fitted parameters, in the order of `Form.names`, and its Jacobian at the samples, shape (n, p)."""
 
     form: Form
     values: Floats
-    slopes: Floats
+    jacobian: Floats
 
 
 def usable_forms(x: Floats) -> list[Form]:
     return [form for form in FORMS if not form.positive or x.min() > 0.1]
 
 
+@_overflow_allowed
 def fit_form(form: Form, x: Floats, y: Floats) -> FittedForm:
-    """Least squares of `form` on `y`; of the starts for the shape's parameters, the best on a grid is taken."""
+    """Fit `form` to `y` by least squares, from the best initial guess of the shape's parameters on a grid.
+
+    Initial guesses and steps at which the form is not finite at all samples are rejected.
+    """
     low, high = _bounds(form, x)
     best, least = np.zeros(len(form.names)), np.inf
     for start in _starts(form, x):
         columns = np.column_stack([form.shape(x, *start), np.ones_like(x)])
+        if not np.isfinite(columns).all():
+            continue
         (a, c), *_ = np.linalg.lstsq(columns, y, rcond=None)
         values = np.clip(np.array([a, *start, c]), low, high)
         error = float(np.sum((y - form(x, values)) ** 2))
@@ -74,7 +86,9 @@ def fit_form(form: Form, x: Floats, y: Floats) -> FittedForm:
     def left(values: Floats) -> Floats:
         return form(x, values) - y
 
-    result = least_squares(left, best, bounds=(low, high), x_scale=np.maximum(np.abs(best), 1e-6), max_nfev=50)
+    scale = np.maximum(np.abs(best), 1e-6)
+    # The solver shortens a step that leads to where the residual is not finite.
+    result = least_squares(left, best, bounds=(low, high), x_scale=scale, max_nfev=50)
     return FittedForm(form, np.asarray(result.x), np.asarray(result.jac))
 
 
@@ -90,7 +104,7 @@ def _starts(form: Form, x: Floats) -> list[tuple[float, ...]]:
 
 
 def _bounds(form: Form, x: Floats) -> tuple[Floats, Floats]:
-    """What the data could show: no sharper than a thirtieth of the range, no bump that lies beside it."""
+    """Bounds of the parameters: no feature narrower than a thirtieth of the range, and no bump outside the data."""
     low, high = np.percentile(x, [1.0, 99.0])
     reach = float(high - low)
     limits = {

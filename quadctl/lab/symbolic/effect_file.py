@@ -1,4 +1,5 @@
-"""A formula becomes a Python file with an effect (docs/own-effect.md), so that it can be added, refitted and flown."""
+"""Conversion of a formula to a Python file with an effect (docs/own-effect.md), which can be added, refitted and
+flown."""
 
 from quadctl.lab.flights.flight import SPAN_UNITS
 from quadctl.lab.symbolic.formula import FRAME_AXES, Formula, Symbolic
@@ -13,14 +14,14 @@ CODE = {
     "north": "c.position_ne_m[0]",
     "east": "c.position_ne_m[1]",
 }
-"""How an effect gets at each variable of `symbolic_library.VARIABLES`."""
+"""Python expression of each variable of `library.VARIABLES` in an effect."""
 
 MISSIONS = {
     "height_over_radius": "missions/hover_staircase.yaml",
     "climb_rate": "missions/vertical_runs.yaml",
     "thrust": "missions/vertical_runs.yaml",
 }
-"""Where a variable is excited; the others in FORWARD_RUNS."""
+"""Missions that vary a variable; FORWARD_RUNS varies the others."""
 FORWARD_RUNS = "missions/forward_runs.yaml"
 
 TEMPLATE = '''"""{title}"""
@@ -40,23 +41,23 @@ class {kind}(Effect):
     source: ClassVar[str] = "{source}"
     depends_on: ClassVar[tuple[str, ...]] = ({depends_on})
     physics: ClassVar[str] = "{physics}"
-    told_apart_by: ClassVar[str] = "{told_apart_by}"
+    distinguished_by: ClassVar[str] = "{distinguished_by}"
     mission: ClassVar[str] = "{mission}"
 
     {parameters}
 
     def force(self, total_thrust_n: Number, c: Conditions, vehicle: Vehicle) -> Vector:
-        # Beyond the data of the fit a variable stays at their edge: a formula without physics says nothing there.
+        # Outside the data of the fit each variable is held at its limit: a formula without physics is not extrapolated.
         {steps}
         return {force}
 '''
 
 
 def as_effect_file(symbolic: Symbolic, name: str) -> str:
-    """The text of a Python file whose effect `name`, as `family.variant`, pushes the body as the laws say.
+    """Text of a Python file whose effect `name`, as `family.variant`, has the force of the laws.
 
-    The force is the vehicle's mass times the acceleration of the law. Beyond the data of the fit each variable is held
-    at their edge: a formula without physics says nothing there.
+    The force is the vehicle's mass times the acceleration of the law. Outside the data of the fit each variable is held
+    at their limits: a formula without physics cannot be extrapolated.
     """
     laws = {law.axis: law.best for law in symbolic.laws}
     found = "; ".join(f"{axis} = {formula.text}" for axis, formula in laws.items())
@@ -70,13 +71,13 @@ def as_effect_file(symbolic: Symbolic, name: str) -> str:
     x, y, up = (axis if axis in laws else None for axis in FRAME_AXES[symbolic.frame])
     force = f"({_force(x)}, {_force(y)}, {_force(up, '-')})"
     return TEMPLATE.format(
-        title=f"A formula that quadctl found for what its catalogue does not explain, m/s^2, {symbolic.frame} axes.",
+        title=f"Formula found by quadctl for an acceleration that no effect explains, m/s^2, {symbolic.frame} axes.",
         kind="".join(word.capitalize() for word in name.replace(".", "_").split("_")),
         name=name,
-        source=f"sparse identification; share of the squared error explained on unseen data: {shares}",
+        source=f"sparse identification; share of the squared error explained on held-out data: {shares}",
         depends_on="".join(f'"{variable}", ' for variable in plotted).rstrip(),
         physics=f"Unknown: {found}.",
-        told_apart_by=f"flights over the whole range of {', '.join(used)}",
+        distinguished_by=f"flights over the whole range of {', '.join(used)}",
         mission=MISSIONS.get(used[0], FORWARD_RUNS),
         parameters="\n    ".join(parameters),
         steps="\n        ".join(steps),

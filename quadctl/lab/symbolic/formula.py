@@ -1,4 +1,4 @@
-"""What a search for formulas gives: laws with their numbers, how sure they are, as text, table and JSON."""
+"""Result of the search for formulas: laws with coefficients and intervals, as text, table and JSON."""
 
 import re
 from dataclasses import dataclass
@@ -12,32 +12,32 @@ from quadctl.lab.arrays import Floats
 
 Frame = Literal["world", "body"]
 FRAME_AXES: dict[Frame, tuple[str, str, str]] = {"world": ("north", "east", "up"), "body": ("forward", "right", "top")}
-"""`top` is against body z: along the thrust."""
+"""Names of the axes in each frame; `top` is opposite to body z, i.e. along the thrust."""
 
 COMPACT_SHARE = 0.95
-"""A compact form that explains this part of what the sparse expression explains is preferred to it."""
+"""Least share of the sparse expression's explained error at which the compact form is preferred."""
 
 
 @dataclass(frozen=True, eq=False)
 class Formula:
-    """An expression with numbers: acceleration along one axis, m/s^2, over `symbolic_library.VARIABLES`."""
+    """Expression with numbers: acceleration along one axis, m/s^2, as a function of `library.VARIABLES`."""
 
     parts: tuple[str, ...]
-    """Python text of the terms, to be added up, with the coefficients' names in braces."""
+    """Python text of the terms of the sum, with the names of the coefficients in braces."""
     variables: tuple[str, ...]
     coefficients: dict[str, float]
     ci95: dict[str, tuple[float, float]]
-    """By bootstrap over blocks of time."""
+    """95 % intervals by bootstrap over blocks of time."""
     bounds: dict[str, tuple[float, float]]
-    """Between which a refit to other data may look for each coefficient."""
+    """Bounds of each coefficient in a refit to other data."""
     held_out_share: float
-    """Of the axis' squared residual, explained on data that the fit did not see."""
+    """Share of the axis' squared residual that is explained on held-out data."""
     predicted: Floats
-    """At the samples, shape (n,)."""
+    """Prediction at the samples, m/s^2, shape (n,)."""
 
     @property
     def text(self) -> str:
-        """The expression as a person writes it."""
+        """Readable text of the expression."""
         numbers = {k: f"({v:.4g})" if v < 0.0 else f"{v:.4g}" for k, v in self.coefficients.items()}
         text = " + ".join(self.parts).format(**numbers)
         text = re.sub(r"\+ \(-([^()]*)\)", r"- \1", text)
@@ -56,18 +56,18 @@ class Formula:
 
 @dataclass(frozen=True, eq=False)
 class Law:
-    """What was found along one axis."""
+    """Formulas found for one axis."""
 
     axis: str
     sparse: Formula
     compact: Formula
-    """The ansatz on the one variable that carries it best."""
+    """Compact form of the single variable that explains most."""
     p_value: float
-    """That the sparse expression helps on unseen data by chance; corrected for the axes and lengths tried."""
+    """Probability of such a held-out improvement by chance, corrected for the axes and numbers of terms tried."""
 
     @property
     def best(self) -> Formula:
-        """The compact form where it explains about as much on unseen data, else the sparse expression."""
+        """Compact form where it explains about as much on held-out data, else the sparse expression."""
         as_good = self.compact.held_out_share >= COMPACT_SHARE * self.sparse.held_out_share
         return self.compact if as_good else self.sparse
 
@@ -82,16 +82,16 @@ class Law:
 
 @dataclass(frozen=True, eq=False)
 class Symbolic:
-    """Laws of one frame, the one that explains most first."""
+    """Laws of one frame; the one that explains most comes first."""
 
     frame: Frame
     laws: tuple[Law, ...]
     ranges: dict[str, tuple[float, float]]
-    """Of the variables, in the data."""
+    """Range of each variable in the data."""
 
     @property
     def variables(self) -> list[str]:
-        """All that the laws depend on."""
+        """Variables that the laws depend on."""
         return list(dict.fromkeys(name for law in self.laws for name in law.best.variables))
 
     def to_dict(self) -> dict[str, Any]:
@@ -105,7 +105,9 @@ class Symbolic:
         }
 
     def __rich__(self) -> RenderableType:
-        table = Table(title=f"What the rest looks like, m/s^2, {self.frame} axes", title_justify="left")
+        table = Table(
+            title=f"Expressions for the unexplained acceleration, m/s^2, {self.frame} axes", title_justify="left"
+        )
         table.add_column("axis")
         table.add_column("expression")
         table.add_column("coefficients [95 %]")
@@ -120,5 +122,5 @@ class Symbolic:
                 p = "" if formula is law.compact else "< 1e-4" if law.p_value < 1e-4 else f"{law.p_value:.2g}"
                 axis = "  compact" if formula is law.compact else law.axis
                 table.add_row(axis, Text(formula.text), ci, f"{formula.held_out_share:.0%}", p)
-        share = "'explains' is the share of the squared error of that axis on data that the fit did not see."
+        share = "'explains' is the share of the squared error of that axis on held-out data."
         return Group(table, Text(share))

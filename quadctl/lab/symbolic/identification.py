@@ -1,8 +1,8 @@
-"""A formula for what no effect of the catalogue explains: a sparse expression, then the compact ansatz.
+"""Identification of a formula for the unexplained residual: a sparse expression, then a compact form.
 
-The expression is found by sparse identification (Brunton, Proctor & Kutz 2016, PNAS 113, SINDy; greedy choice of terms
-by orthogonal least squares, Billings 2013, as in pysindy) over `symbolic_library`. How many terms it gets, and whether
-it is believed at all, is decided on data that its fit has not seen.
+The sparse expression is found by sparse identification of dynamics (SINDy; Brunton, Proctor & Kutz 2016, PNAS 113),
+with terms chosen one by one by orthogonal least squares (Billings 2013, as in pysindy) from `library`. The number of
+terms, and the decision whether there is a law at all, come from held-out data.
 """
 
 import warnings
@@ -23,21 +23,21 @@ from quadctl.lab.threads import one_blas_thread
 
 MOST_TERMS = 5
 MOST_SAMPLES = 2000
-"""The search for terms looks at no more, evenly spread."""
+"""Largest number of samples in the search for terms; of more, evenly spaced ones are used."""
 LAW_P_VALUE = 0.001
-"""After multiplication with the number of axes and lengths tried (Bonferroni). Stricter than for an effect with
-physics: the terms are chosen from some hundred, and slow noise looks like one of them."""
+"""Largest p-value of a law, after multiplication by the number of axes and lengths tried (Bonferroni). It is stricter
+than for a physical effect: terms are chosen from about a hundred, and slow noise resembles some of them."""
 TRIED = MOST_TERMS * sum(len(axes) for axes in FRAME_AXES.values())
 LAW_SHARE = 0.1
-"""Share of the axis' squared error that must be explained on unseen data: 5 % of its RMSE, as in `diagnose`."""
+"""Least share of the axis' squared error explained on held-out data: 5 % of its RMSE, as in `diagnose`."""
 DRAWS = 1000
 
 
 @one_blas_thread
 def explain(residual: Floats, dataset: Dataset) -> Symbolic | None:
-    """A formula for `residual` = measured minus predicted, m/s^2, its first three columns being north, east, up.
+    """Find a formula for `residual`, measured minus predicted, m/s^2; its first three columns are north, east, up.
 
-    None where nothing of the library helps significantly on unseen data.
+    Return None where no term of the library helps significantly on held-out data.
     """
     variables = variables_of(dataset)
     if not variables:
@@ -59,7 +59,7 @@ def explain(residual: Floats, dataset: Dataset) -> Symbolic | None:
 
 
 def in_frames(residual: Floats, dataset: Dataset) -> dict[Frame, Floats]:
-    """The residual along the `FRAME_AXES` of each frame, shape (n, 3)."""
+    """Residual along the `FRAME_AXES` of each frame, shape (n, 3)."""
     attitude = [
         np.concatenate([np.interp(f.time_s, f.grid_s, f.conditions.attitude[i]) for f in dataset.flights])
         for i in range(4)
@@ -73,7 +73,7 @@ def in_frames(residual: Floats, dataset: Dataset) -> dict[Frame, Floats]:
 def _law(
     axis: str, rows: Floats, i: int, terms: list[Term], variables: dict[str, Floats], dataset: Dataset
 ) -> Law | None:
-    """The law of column `i` of `rows`, if unseen data support one: more than the constant that every law has."""
+    """Law of column `i` of `rows`, or None where held-out data do not support more than a constant."""
     y = rows[:, i]
     held_out = _held_out_paths(y, terms, dataset)
     count = _fewest_as_good([(y - predicted) ** 2 for predicted in held_out], dataset)
@@ -92,25 +92,25 @@ def _law(
 
 
 def _paths(y: Floats, terms: list[Term], used: Mask) -> list[list[int]]:
-    """The best 0, 1, 2, ... terms beside a constant for the samples `used`, each chosen after the ones before."""
+    """Indices of the best 0, 1, 2, ... terms beside a constant for the samples `used`, chosen one after the other."""
     from pysindy import FROLS
 
     rows = np.flatnonzero(used)
     rows = rows[:: max(1, len(rows) // MOST_SAMPLES)]
     columns = np.column_stack([term.values[rows] for term in terms])
     columns -= columns.mean(axis=0)
-    # Columns of equal length: the choice must not depend on units, nor tiny coefficients be taken for none.
+    # Columns of equal length: the choice must not depend on units, and tiny coefficients must not count as zero.
     columns /= np.maximum(np.linalg.norm(columns, axis=0), 1e-12)
     target = y[rows] - y[rows].mean()
     target /= max(float(np.linalg.norm(target)), 1e-12)
-    with warnings.catch_warnings():  # of terms that are nearly multiples of each other, either will do
+    with warnings.catch_warnings():  # terms that are nearly multiples of each other are equivalent
         warnings.simplefilter("ignore", LinAlgWarning)
         history = FROLS(max_iter=min(MOST_TERMS, len(terms)), alpha=0.0, unbias=False).fit(columns, target).history_
     return [[int(j) for j in np.flatnonzero(coefficients[0])] for coefficients in history]
 
 
 def _reach(rows: Floats, terms: list[Term]) -> float:
-    """How much of the squared residual, all axes together, expressions of most terms reach on all data."""
+    """Squared residual, summed over the axes, that expressions with the largest number of terms explain in all data."""
     everything = np.ones(len(rows), dtype=bool)
     found = 0.0
     for y in rows.T:
@@ -120,7 +120,8 @@ def _reach(rows: Floats, terms: list[Term]) -> float:
 
 
 def _held_out_paths(y: Floats, terms: list[Term], dataset: Dataset) -> list[Floats]:
-    """Prediction by 0, 1, 2, ... terms and a constant, chosen and weighed on the other folds, shape (n,) each."""
+    """Held-out predictions by 0, 1, 2, ... terms and a constant, selected and fitted on the other folds, shape (n,)
+    each."""
     predicted: list[Floats] = []
     for number in dataset.folds:
         held = dataset.fold == number
@@ -133,21 +134,22 @@ def _held_out_paths(y: Floats, terms: list[Term], dataset: Dataset) -> list[Floa
 
 
 def _columns(chosen: Sequence[Term], n: int) -> Floats:
-    """Values of the terms, and the constant as the last column, shape (n, p + 1)."""
+    """Values of the terms, and a constant as the last column, shape (n, p + 1)."""
     return np.column_stack([*(term.values for term in chosen), np.ones(n)])
 
 
 def _weights(y: Floats, chosen: Sequence[Term], used: Mask) -> Floats:
-    """Least squares on the samples `used`; the constant's weight is the last."""
+    """Least-squares coefficients from the samples `used`; the constant is the last."""
     columns = _columns(chosen, len(y))[used]
     size = np.maximum(np.linalg.norm(columns, axis=0), 1e-12)
     return np.asarray(np.linalg.lstsq(columns / size, y[used], rcond=None)[0] / size)
 
 
 def _fewest_as_good(errors: Sequence[Floats], dataset: Dataset) -> int:
-    """The first of these held-out squared errors, simple to complex, that is within a standard error of the least.
+    """Index of the first of these held-out squared errors, simple to complex, within one standard error of the
+    smallest.
 
-    The standard error is that of the difference to the least, by blocks of time (the one-standard-error rule of
+    The standard error is that of the difference to the smallest, over blocks of time (one-standard-error rule of
     Breiman et al. 1984, paired).
     """
     best = min(range(len(errors)), key=lambda k: float(errors[k].sum()))
@@ -167,13 +169,13 @@ def _sparse_formula(y: Floats, chosen: list[Term], share: float, dataset: Datase
     weights = _weights(y, chosen, np.ones(len(y), dtype=bool))
     names = [*(f"k{i}" for i in range(1, len(chosen) + 1)), "c"]
     parts = [f"{{{name}}}*{term.text}" for name, term in zip(names, chosen, strict=False)]
-    slopes = _columns(chosen, len(y))
-    predicted = slopes @ weights
+    jacobian = _columns(chosen, len(y))
+    predicted = jacobian @ weights
     return Formula(
         parts=(*(part.replace("*1/", "/") for part in parts), "{c}"),
         variables=tuple(dict.fromkeys(name for term in chosen for name in term.variables)),
         coefficients=dict(zip(names, map(float, weights), strict=True)),
-        ci95=_intervals(names, weights, slopes, y - predicted, dataset.block),
+        ci95=_intervals(names, weights, jacobian, y - predicted, dataset.block),
         bounds={name: _wide(weight) for name, weight in zip(names, weights, strict=True)},
         held_out_share=share,
         predicted=predicted,
@@ -181,7 +183,7 @@ def _sparse_formula(y: Floats, chosen: list[Term], share: float, dataset: Datase
 
 
 def _compact_formula(y: Floats, names: Sequence[str], variables: dict[str, Floats], dataset: Dataset) -> Formula:
-    """The ansatz on the strongest of the variables `names`: the one on which it comes closest."""
+    """Fit a compact form of that variable of `names` on which it comes closest."""
     closest = {
         name: min(_error(fit_form(f, variables[name], y), variables[name], y) for f in usable_forms(variables[name]))
         for name in names
@@ -205,7 +207,7 @@ def _compact_formula(y: Floats, names: Sequence[str], variables: dict[str, Float
         parts=(fitted.form.template.replace("{x}", name), "{c}"),
         variables=(name,),
         coefficients=dict(zip(own, map(float, fitted.values), strict=True)),
-        ci95=_intervals(own, fitted.values, fitted.slopes, y - predicted, dataset.block),
+        ci95=_intervals(own, fitted.values, fitted.jacobian, y - predicted, dataset.block),
         bounds={n: middle if n == "m" else _wide(v, n in "bw") for n, v in zip(own, fitted.values, strict=True)},
         held_out_share=_share(y, held_out[best]),
         predicted=predicted,
@@ -217,20 +219,20 @@ def _error(fitted: FittedForm, x: Floats, y: Floats) -> float:
 
 
 def _wide(value: float, of_one_sign: bool = False) -> tuple[float, float]:
-    """Bounds around a value, about five times as large."""
+    """Bounds of a coefficient in a refit, up to about five times its value."""
     ends = (value / 5.0, 5.0 * value) if of_one_sign else (-5.0 * abs(value) - 0.01, 5.0 * abs(value) + 0.01)
     return min(ends), max(ends)
 
 
 def _intervals(
-    names: Sequence[str], values: Floats, slopes: Floats, left: Floats, block: NDArray[np.int64]
+    names: Sequence[str], values: Floats, jacobian: Floats, left: Floats, block: NDArray[np.int64]
 ) -> dict[str, tuple[float, float]]:
-    """95 % intervals: least squares, to first order, on blocks of time drawn with replacement.
+    """95 % intervals by bootstrap over blocks of time, with least squares to first order.
 
-    `slopes`: d prediction / d value at the samples, shape (n, p); `left`: what the fit leaves, shape (n,).
+    `jacobian`: d prediction / d value at the samples, shape (n, p); `left`: residual of the fit, shape (n,).
     """
-    size = np.maximum(np.linalg.norm(slopes, axis=0), 1e-12)
-    j = slopes / size
+    size = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-12)
+    j = jacobian / size
     place = np.unique(block, return_inverse=True)[1]
     count = int(place.max()) + 1
     normal, gradient = np.zeros((count, len(values), len(values))), np.zeros((count, len(values)))

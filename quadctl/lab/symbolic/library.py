@@ -1,7 +1,7 @@
-"""The functions that a sparse expression may be made of: those of the thesis' table 1 (Appius), bumps, and products.
+"""Library of functions for sparse expressions: those of table 1 of the thesis (Appius), bumps, and products.
 
-Each term is a piece of Python over the names of `VARIABLES`, so that what was found can be printed, and saved as an
-effect, as it stands.
+Each term is a Python expression of the names of `VARIABLES`, so that a result can be printed, and saved as an effect,
+as it is.
 """
 
 from collections.abc import Iterator
@@ -22,34 +22,36 @@ VARIABLES = (
     "north",
     "east",
 )
-"""Height in rotor radii; velocities, m/s, FRD but the climb rate, which is up; horizontal speed, m/s; thrust, N; m.
+"""Variables of the library: height in rotor radii; climb rate (up), forward and right speed, horizontal speed, m/s;
+thrust, N; position, m.
 
-Time and battery are left out because a law of them does not come again, roll and pitch because the error of an
-attitude is in both the residual and the variable."""
+Time and battery are left out because a law of them does not repeat. Roll and pitch are left out because the error of
+the attitude is in both the residual and the variable.
+"""
 
 MANOEUVRES = 0.5
-"""Share of the variance of the thrust that vertical acceleration must explain for the thrust to be a variable: in
-steady flight the controller makes it mirror whatever else is missing."""
+"""Least share of the variance of the thrust that the vertical acceleration must explain for the thrust to be a
+variable: in steady flight the controller makes the thrust follow any missing effect."""
 
 SIGNED = ("climb_rate", "speed_forward", "speed_right")
 DECAYS = (0.5, 1.0, 2.0, 4.0)
-"""Of exponentials, per rotor radius of height."""
+"""Decay rates of the exponentials, per rotor radius of height."""
 SPREAD = 0.01
-"""A variable with a smaller standard deviation, in its unit, is constant but for noise."""
+"""Standard deviation, in the unit of the variable, below which a variable is constant except for noise."""
 BUMPS = ((7, 6.0), (3, 3.0))
-"""How many over the range of a variable, and the part of the range that is the half width of each."""
+"""Bumps: number over the range of a variable, and ratio of the range to the half width."""
 SAME = 0.9999
-"""A term that correlates more with an earlier one is left out."""
+"""Correlation with an earlier term above which a term is left out."""
 
 
 @dataclass(frozen=True, eq=False)
 class Term:
-    """One function of the library."""
+    """Term of the library."""
 
     text: str
     variables: tuple[str, ...]
     values: Floats
-    """At the samples, shape (n,)."""
+    """Values at the samples, shape (n,)."""
 
 
 def variables_of(dataset: Dataset) -> dict[str, Floats]:
@@ -76,7 +78,7 @@ def _manoeuvres(dataset: Dataset) -> bool:
 
 
 def library(variables: dict[str, Floats]) -> list[Term]:
-    """All terms but the constant, without those that these data cannot tell from an earlier one."""
+    """All terms except the constant, without those that these data do not distinguish from an earlier one."""
     terms: list[Term] = []
     units: list[Floats] = []
     for term in _candidates(variables):
@@ -112,7 +114,7 @@ def _candidates(variables: dict[str, Floats]) -> Iterator[Term]:
 
 
 def _near_ground(variables: dict[str, Floats]) -> Iterator[Term]:
-    """What fades with height."""
+    """Terms that fade with height."""
     name = "height_over_radius"
     if name not in variables:
         return

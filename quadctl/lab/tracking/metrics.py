@@ -1,4 +1,4 @@
-"""How well a flight held its height, and what the ground took from it: M_A, M_B, MAE, RMSE and the largest error.
+"""Tracking errors of flights, and the part of them that the ground causes: M_A, M_B, MAE, RMSE and the largest error.
 
 M_A is the integral of x - x_ref. M_B compares with reference flights out of ground effect (OGE), flown on the same
 trajectory shifted by dz = x_ref - x_ref_OGE: the integral of x - (x_OGE + dz), which is the integral of the difference
@@ -6,6 +6,7 @@ of the two tracking errors. Both are given **signed**, as the published tables a
 pays for what is too low at another; and **absolute**, where nothing cancels.
 """
 
+import itertools
 import re
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
@@ -15,15 +16,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from rich import box
+from rich.console import Group, RenderableType
 from rich.markup import escape
 from rich.table import Table
+from rich.text import Text
 
 from quadctl.errors import LogError
+from quadctl.lab.tracking.steps import only_step, source_of_steps
 from quadctl.logs.contradictions import contradictions
 from quadctl.logs.flight_log import FlightLog, Floats, did_you_mean
 
 TEST_PHASE = "step"
-"""Phases with this in their name are what a log's metrics are about, unless others are asked for."""
+"""Phases with this in their name are measured unless others are asked for."""
 MAX_GAP_S = 0.5
 """A window may begin or end this much outside the data, and a reference flight be this much shorter."""
 SETPOINT_GRID_M = 0.05
@@ -66,7 +70,7 @@ def largest_error(error: Floats) -> float:
 
 @dataclass(frozen=True)
 class Window:
-    """Which part of a log is measured: the time in (from_s, to_s], or a mission phase."""
+    """Part of a log that is measured: the time in (from_s, to_s], or a mission phase."""
 
     from_s: float | None = None
     to_s: float | None = None
@@ -85,14 +89,22 @@ class Window:
             return f"time in ({self.from_s:g}, {self.to_s:g}] s"
         return f"phase '{self.phase}'" if self.phase else f"phases named '{TEST_PHASE}'"
 
-    def bounds_s(self, log: FlightLog) -> tuple[float, float]:
+    def is_seen_in(self, log: FlightLog) -> bool:
+        """True where the log must show its step itself: nothing is asked for, and it has no phases."""
+        return self.from_s is None and self.phase is None and log.phase is None
+
+    def bounds_s(self, log: FlightLog, axis: str = "z") -> tuple[float, float]:
         """Start and end in the log's own time.
 
         Raises
         ------
         LogError
-            The log does not cover the window, or has no such phase, or flies it more than once.
+            The log does not cover the window, has no such phase (or, without phases, not one step along `axis`), or
+            flies it more than once.
         """
+        if self.is_seen_in(log):
+            step = only_step(log, axis)
+            return step.start_s, step.end_s
         if self.from_s is None or self.to_s is None:
             rows = self._rows_of_phase(log)
             return float(log.time_s[rows[0]]), float(log.time_s[rows[-1]])
@@ -105,7 +117,7 @@ class Window:
 
     def _rows_of_phase(self, log: FlightLog) -> NDArray[np.intp]:
         if log.phase is None:
-            raise LogError(f"{log.name}: has no phases, expected a time window (--from, --to) to measure it in")
+            raise LogError(f"{log.name}: has no phases, expected a time window (--from, --to) in place of --phase")
         names = [str(name) for name in dict.fromkeys(log.phase.tolist()) if name]
         if self.phase is None:
             wanted = [name for name in names if TEST_PHASE in name.lower()]
@@ -143,15 +155,25 @@ class Tracking:
         return np.interp(time_s, self.time_s, self.error_m)
 
 
-def tracking(log: FlightLog, window: Window, axis: str = "z", setpoint_m: float | None = None) -> Tracking:
-    """How `log` follows its own reference along `axis` (x north, y east, z up), or the constant `setpoint_m` if given.
+def tracking(
+    log: FlightLog, window: Window, axis: str = "z", setpoint_m: float | None = None, longest_s: float = np.inf
+) -> Tracking:
+    """Position and error of `log` to its own reference along `axis` (x north, y east, z up), or to a constant one.
+
+    Parameters
+    ----------
+    setpoint_m
+        Constant reference in place of the log's own.
+    longest_s
+        A longer window is cut to this.
 
     Raises
     ------
     LogError
         The log lacks the window, the position, or a reference.
     """
-    start, end = window.bounds_s(log)
+    start, end = window.bounds_s(log, axis)
+    end = min(end, start + longest_s)
     position = log[f"{axis}_m"]
     reference = np.full(len(log), np.nan if setpoint_m is None else setpoint_m)
     if setpoint_m is None:
@@ -183,9 +205,9 @@ class FlightMetrics:
     max_error_m: float
     """The error of largest size, with its sign."""
     m_b_signed: float | None = None
-    """Against the mean of the reference flights; None without any."""
+    """Integral against the mean of the reference flights; None without any."""
     m_b_absolute: float | None = None
-    """The same; of a reference flight, how far it lies from the mean of all of them."""
+    """The same of absolute values; for a reference flight, its distance from the mean of all of them."""
 
 
 VALUES = ("m_a_signed", "m_a_absolute", "m_b_signed", "m_b_absolute", "mae_m", "rmse_m", "max_error_m")
@@ -246,7 +268,8 @@ def metrics(
     Parameters
     ----------
     window
-        What to measure in every log; by default the phases that have `step` in their name.
+        The part of every log to measure. By default the phases that have `step` in their name; in a log without
+        phases the one step that can be seen in its reference or position, all cut to the shortest.
     setpoint_m
         Constant reference of `logs` in place of their own reference column.
     reference_setpoint_m
@@ -263,23 +286,35 @@ def metrics(
         if problems := contradictions(log):
             raise LogError(f"{log.name}: {problems[0]}")
     window = window or Window()
-    notes: list[str] = []
-    tracks = [tracking(log, window, axis, setpoint_m) for log in logs]
+    longest, notes = _steps_seen([*logs, *references], window, axis)
+    tracks = [tracking(log, window, axis, setpoint_m, longest) for log in logs]
     if references and reference_setpoint_m is None and not all(log.has(f"{axis}_ref_m") for log in references):
-        reference_setpoint_m = settled_setpoint_m(references, window, axis)
+        reference_setpoint_m = settled_setpoint_m(references, window, axis, longest)
         notes.append(f"the reference flights have no reference column, and settled at {reference_setpoint_m:.2f} m")
-    reference_tracks = [tracking(log, window, axis, reference_setpoint_m) for log in references]
+    reference_tracks = [tracking(log, window, axis, reference_setpoint_m, longest) for log in references]
 
     measured = [(track, False) for track in tracks] + [(track, True) for track in reference_tracks]
     flights = tuple(_flight_metrics(track, reference_tracks, is_reference) for track, is_reference in measured)
-    return MetricsTable(axis, str(window), flights, _groups(flights, measured, reference_tracks), tuple(notes))
+    said = "the steps seen in the logs" if all(map(window.is_seen_in, (*logs, *references))) else str(window)
+    return MetricsTable(axis, said, flights, _groups(flights, measured, reference_tracks), tuple(notes))
 
 
-def settled_setpoint_m(logs: Sequence[FlightLog], window: Window, axis: str = "z") -> float:
-    """Where the flights settled in the last third of the window, m, on a grid of 0.05 m: their setpoint was round."""
+def _steps_seen(logs: Sequence[FlightLog], window: Window, axis: str) -> tuple[float, list[str]]:
+    """Length of the shortest step among the logs that show theirs themselves, s, and a note on each; else infinity."""
+    steps = {log.name: (only_step(log, axis), source_of_steps(log, axis)) for log in logs if window.is_seen_in(log)}
+    longest = min((step.end_s - step.start_s for step, _ in steps.values()), default=np.inf)
+    notes = [
+        f"{name} has no phases: measured is its step {step}, as seen in the {source}, for {longest:.2f} s"
+        for name, (step, source) in steps.items()
+    ]
+    return longest, notes
+
+
+def settled_setpoint_m(logs: Sequence[FlightLog], window: Window, axis: str = "z", longest_s: float = np.inf) -> float:
+    """Level at which the flights settled in the last third of the window, m, on a grid of 0.05 m, as setpoints are."""
     positions = []
     for log in logs:
-        track = tracking(log, window, axis, setpoint_m=0.0)
+        track = tracking(log, window, axis, 0.0, longest_s)
         positions.append(np.median(track.position_m[track.time_s > (1.0 - _LAST_PART) * track.time_s[-1]]))
     return round(float(np.mean(positions)) / SETPOINT_GRID_M) * SETPOINT_GRID_M
 
@@ -321,7 +356,7 @@ def _mean_error_at(time_s: Floats, tracks: Sequence[Tracking]) -> Floats:
 
 
 def group_of(log: FlightLog) -> str:
-    """What `log` is a run of: its mission and compensator, or else its name up to the run number (`HAYDEN_02.csv`)."""
+    """Name that runs of a flight share: mission and compensator, or the log's name without its run number (`_02`)."""
     mission, compensator = log.meta.get("mission"), log.meta.get("compensator")
     if isinstance(mission, str) and isinstance(compensator, str):
         return f"{mission}, {compensator}"
@@ -374,24 +409,31 @@ _HEADINGS = {
 }
 
 
-def render(result: MetricsTable) -> Table:
+def render(result: MetricsTable) -> RenderableType:
     """The metrics as a table: one line per flight, then mean and deviation of flights flown more than once."""
+    return Group(_table(result), *(Text(f"{note}.") for note in result.notes))
+
+
+def _table(result: MetricsTable) -> Table:
     columns = [value for value in VALUES if any(getattr(flight, value) is not None for flight in result.flights)]
     table = Table(
         title=escape(f"Tracking of {result.axis}, {result.window}: integrals in m s, errors in m"),
-        caption=escape("; ".join(result.notes)) or None,
+        title_justify="left",
         box=box.SIMPLE_HEAD,
-        pad_edge=False,
-        padding=(0, 1, 0, 0),
+        show_edge=False,
+        padding=0,
     )
     table.add_column("flight", overflow="fold")
     for value in columns:
         table.add_column(_HEADINGS[value], justify="right", no_wrap=True)
     alone = {group.group for group in result.groups if group.n_runs == 1}
-    for flight in result.flights:
-        name = flight.group if flight.group in alone else Path(flight.flight).stem
-        name += " (reference)" if flight.is_reference else ""
-        table.add_row(escape(name), *(_number(getattr(flight, value)) for value in columns))
+    for is_reference, flights in itertools.groupby(result.flights, key=lambda flight: flight.is_reference):
+        if is_reference:
+            table.add_section()
+            table.add_row("reference flights:")
+        for flight in flights:
+            name = flight.group if flight.group in alone else Path(flight.flight).stem
+            table.add_row(escape(name), *(_number(getattr(flight, value)) for value in columns))
     for group in result.groups:
         if group.n_runs > 1:
             table.add_section()

@@ -1,1 +1,4 @@
-"""Figures of the page: pure functions from results to what Plotly draws, one kind a file."""
+"""Figures of the lab page: pure functions, one kind of figure a file.
+
+Results of the lab and a theme come in; figures go out, as Plotly takes them.
+"""

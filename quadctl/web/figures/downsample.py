@@ -1,4 +1,4 @@
-"""Long lines in as few points as a screen can show, with every peak still there."""
+"""Long lines reduced to as many points as a screen can show, without losing a peak."""
 
 import numpy as np
 

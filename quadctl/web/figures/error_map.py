@@ -1,4 +1,4 @@
-"""The residual over the two variables that it goes with most, as a map."""
+"""Map of the mean residual over two variables."""
 
 from typing import Any
 
@@ -8,16 +8,16 @@ from quadctl.lab.arrays import Floats
 from quadctl.lab.comparison.comparison import Comparison
 from quadctl.lab.comparison.wording import label_of
 from quadctl.lab.flights.prediction import AXES
-from quadctl.web.figures.base import Figure, axis, faded, figure
-from quadctl.web.theme import Theme
+from quadctl.web.elements.figure import Figure, axis, faded, figure
+from quadctl.web.elements.theme import Theme
 
 CELLS = 12
 LEAST_SAMPLES = 2
-"""A cell with fewer is left empty."""
+"""Fewest samples of a cell that is drawn."""
 
 
 def error_map(comparison: Comparison, axis_name: str, over: tuple[str, str], theme: Theme) -> Figure:
-    """Mean residual in cells of two variables; blue: less than the model says, vermilion: more."""
+    """Mean residual in cells of two variables, m/s²; blue: less than predicted, vermilion: more."""
     x, y = (comparison.dataset.variable(name) for name in over)
     if x is None or y is None:
         raise ValueError(f"a map over {' and '.join(over)} is asked for, expected variables that all flights have")

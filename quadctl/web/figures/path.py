@@ -1,4 +1,4 @@
-"""The flight's path through space, with what is selected standing out."""
+"""Path of a flight in space, with the selected samples marked."""
 
 from typing import Any
 
@@ -6,12 +6,12 @@ import numpy as np
 
 from quadctl.lab.arrays import Floats, Mask
 from quadctl.lab.flights.flight import Flight
-from quadctl.web.figures.base import Figure, axis, figure
-from quadctl.web.theme import Theme
+from quadctl.web.elements.figure import Figure, axis, figure
+from quadctl.web.elements.theme import Theme
 
 
 def path_figure(flight: Flight, brushed: Mask | None, theme: Theme) -> Figure:
-    """North, east and height of the rotors at the samples, shape (n,) each; `brushed` has the same shape."""
+    """North, east and rotor height of the samples, m; those in `brushed`, shape (n,), are marked."""
     north, east = flight.variables["north"], flight.variables["east"]
     height = flight.filtered(np.asarray(flight.conditions.height_m))
     some = np.zeros(len(north), dtype=bool) if brushed is None else brushed
@@ -35,7 +35,7 @@ def path_figure(flight: Flight, brushed: Mask | None, theme: Theme) -> Figure:
 
 
 def _space_axis(title: str, values: Floats, reach: float, theme: Theme) -> dict[str, Any]:
-    """One direction of space, to the same scale as the others; axes in space know fewer words than those of a plane."""
+    """Axis in space, to the scale of the others; Plotly refuses some settings of plane axes here."""
     middle = float(values.min() + values.max()) / 2.0
     words = axis(title, theme, range=[middle - reach, middle + reach], nticks=5, backgroundcolor=theme.surface)
     return {**{key: word for key, word in words.items() if key != "automargin"}, "title": {"text": title}}

@@ -6,15 +6,15 @@ from quadctl.lab.comparison.comparison import Comparison
 from quadctl.lab.comparison.failures import Profile
 from quadctl.lab.comparison.wording import label_of, p_in_words, percent
 from quadctl.lab.flights.prediction import AXES
-from quadctl.web.figures.base import Figure, axis, faded, figure
-from quadctl.web.theme import Theme
+from quadctl.web.elements.figure import Figure, axis, faded, figure
+from quadctl.web.elements.theme import Theme
 
 CLOUD = 1500
-"""So many samples are drawn at most."""
+"""Most samples that are drawn."""
 
 
 def profile_figure(comparison: Comparison, profile: Profile, theme: Theme, height: int = 260) -> Figure:
-    """A model that lacks nothing has all points on the zero line. Selecting a part of it is brushing."""
+    """Residual of one axis over one variable, m/s²; of a complete model, all means are on the zero line."""
     x = comparison.dataset.variable(profile.variable)
     values = comparison.residual[:, AXES.index(profile.axis)]
     if x is None:
@@ -40,7 +40,7 @@ def profile_figure(comparison: Comparison, profile: Profile, theme: Theme, heigh
         },
     ]  # fmt: skip
     reach = 1.15 * max(float(np.quantile(np.abs(values), 0.98)), float(np.max(np.abs([low, high]))))
-    share = f"{percent(profile.share)} of the axis' error power, p {p_in_words(profile.p_value)}"
+    share = f"{percent(profile.share)} of the squared residual on this axis, p {p_in_words(profile.p_value)}"
     return figure(
         data,
         theme,

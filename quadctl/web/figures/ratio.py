@@ -11,18 +11,18 @@ from quadctl.lab.comparison.wording import label_of
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.selection.effect_curves import Binned, hover_ratio, measured_ratio
 from quadctl.model import Model
-from quadctl.web.figures.base import Figure, axis, figure
-from quadctl.web.theme import Theme
+from quadctl.web.elements.figure import Figure, axis, figure
+from quadctl.web.elements.theme import Theme
 
 TEXTBOOK = ("cheeseman", "hayden", "sanchez")
 LOWEST, HIGHEST = 0.6, 10.0
-"""Rotor radii that are drawn."""
+"""Range of heights that is drawn, in rotor radii."""
 MARGIN = 0.15
-"""Room beyond the heights flown, as a share of the highest."""
+"""Margin above the heights flown, as a share of the highest."""
 
 
 def ratio_over_height(model: Model, dataset: Dataset, theme: Theme, height_px: int = 380) -> Figure:
-    """Thrust ratio in hover of the model and of the textbook's ground effects, with what was measured."""
+    """Thrust ratio in hover over height: of the model, of the textbook's ground effects, and as measured."""
     radius = model.vehicle.rotor.radius_m
     flown = [h / radius for h in dataset.heights_m]
     x = np.linspace(max(LOWEST, min(0.75 * flown[0], 1.0)), min(HIGHEST, (1.0 + MARGIN) * flown[1]), 200)
@@ -46,7 +46,7 @@ def ratio_over_height(model: Model, dataset: Dataset, theme: Theme, height_px: i
 
 
 def ratio_over_speed(model: Model, dataset: Dataset, theme: Theme, height_px: int = 380) -> Figure | None:
-    """The same over forward speed, at the mean height flown; None where the flights have hardly moved."""
+    """Thrust ratio over forward speed, at the mean height flown; None where the flights have hardly moved."""
     measured = measured_ratio(dataset, "speed_forward")
     if measured is None or dataset.span("speed_forward") < 1.0:
         return None
@@ -83,7 +83,7 @@ def _points(measured: Binned | None, theme: Theme) -> list[dict[str, Any]]:
 
 
 def _top(shown: Sequence[dict[str, Any]]) -> list[float]:
-    """Room for the model and the data; textbook curves may leave it."""
+    """Range of the vertical axis, for the model and the data; textbook curves may leave it."""
     values = np.concatenate([trace["y"] for trace in shown])
     values = values[np.isfinite(values)]
     low, high = min(float(values.min()), 1.0), max(float(values.max()), 1.0)
@@ -92,7 +92,7 @@ def _top(shown: Sequence[dict[str, Any]]) -> list[float]:
 
 
 def _trusted(flown: Sequence[float], x: Floats, theme: Theme) -> dict[str, Any]:
-    label = {"text": "heights flown: trusted", "textposition": "bottom right", "font": {"color": theme.muted}}
+    label = {"text": "heights flown", "textposition": "bottom right", "font": {"color": theme.muted}}
     return {
         "type": "rect", "x0": max(flown[0], float(x[0])), "x1": min(flown[1], float(x[-1])), "yref": "paper", "y0": 0,
         "y1": 1, "fillcolor": theme.band, "line": {"width": 0}, "layer": "below", "label": label,

@@ -1,4 +1,4 @@
-"""A candidate in one small picture: dots are what the model leaves unexplained, the line what the effect explains."""
+"""Small picture of a candidate: dots are the mean residual of the model, the line is the prediction of the effect."""
 
 from html import escape
 
@@ -6,13 +6,13 @@ import numpy as np
 
 from quadctl.lab.flights.flight import VARIABLE_NAMES
 from quadctl.lab.selection.effect_curves import Sketch
-from quadctl.web.theme import Theme
+from quadctl.web.elements.theme import Theme
 
 WIDTH, HEIGHT, MARGIN = 150, 64, 6
 
 
 def sketch_svg(sketch: Sketch, theme: Theme) -> str:
-    """An SVG element for a page."""
+    """Draw a sketch as an SVG element."""
     values = np.concatenate([sketch.residual.mean, sketch.effect.mean, [0.0]])
     low, high = float(values.min()), float(values.max())
     left, right = float(sketch.effect.x.min()), float(sketch.effect.x.max())
@@ -28,7 +28,9 @@ def sketch_svg(sketch: Sketch, theme: Theme) -> str:
         for x, y in zip(sketch.residual.x, sketch.residual.mean, strict=True)
     )
     line = " ".join("{:.1f},{:.1f}".format(*at(x, y)) for x, y in zip(sketch.effect.x, sketch.effect.mean, strict=True))
-    what = escape(f"residual {sketch.component} over {VARIABLE_NAMES[sketch.variable]}, and what the effect explains")
+    what = escape(
+        f"residual {sketch.component} over {VARIABLE_NAMES[sketch.variable]}, and the prediction of the effect"
+    )
     return (
         f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" width="{WIDTH}" height="{HEIGHT}" role="img" aria-label="{what}">'
         f"<title>{what}</title>"

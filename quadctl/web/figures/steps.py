@@ -1,11 +1,11 @@
-"""Step responses flown in simulation: height over time, and what the ground does after the step."""
+"""Step responses flown in simulation: height over time, and the error after the step."""
 
 import numpy as np
 
 from quadctl.lab.tracking.step_response import StepResponses
-from quadctl.web.figures.base import Figure, axis, figure
-from quadctl.web.simulated import FAR, WITH, WITHOUT
-from quadctl.web.theme import Theme
+from quadctl.web.elements.figure import Figure, axis, figure
+from quadctl.web.elements.theme import Theme
+from quadctl.web.work.simulated import FAR, WITH, WITHOUT
 
 
 def step_figure(steps: StepResponses, theme: Theme, close_up: bool) -> Figure:

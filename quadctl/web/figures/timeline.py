@@ -1,4 +1,4 @@
-"""One flight over time: measured against predicted, what is left, and what the vehicle did meanwhile."""
+"""One flight over time: measured and predicted acceleration, residual, and the state of the vehicle."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -11,14 +11,14 @@ from quadctl.lab.flights.flight import Flight
 from quadctl.lab.flights.prediction import AXES
 from quadctl.logs.columns import rpm_columns
 from quadctl.logs.flight_log import FlightLog
-from quadctl.web.figures.base import Figure, axis, faded, figure, stacked
+from quadctl.web.elements.figure import Figure, axis, faded, figure, stacked
+from quadctl.web.elements.theme import Theme
 from quadctl.web.figures.downsample import downsampled
-from quadctl.web.theme import Theme
 
 GAP_FACTOR = 3.0
-"""An interval longer than so many usual ones is a gap in the line."""
+"""Shortest gap in a line, in median sample intervals."""
 NAMED_SHARE = 0.08
-"""Shorter phases, of the whole, have no room for their name."""
+"""Shortest phase that gets its name, as a share of all phases."""
 FIRST_PANE_PX, PANE_PX = 170, 84
 
 
@@ -33,7 +33,7 @@ class Series:
     values: Floats
     width: float = 1.3
     marked: bool = False
-    """Drawn as dots: a part of another line that is pointed at."""
+    """Draw dots instead of a line."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +46,7 @@ class Timeline:
     phases: list[tuple[str, float, float]] = field(default_factory=list)
 
     def points(self, window: tuple[float, float] | None = None) -> tuple[list[Floats], list[Floats]]:
-        """Times and values of every line inside a window of time, in as few points as a screen can show."""
+        """Times and values of every line inside a window of time, downsampled for a screen."""
         pairs = [downsampled(s.time_s, s.values, window) for s in self.series]
         return [x for x, _ in pairs], [y for _, y in pairs]
 
@@ -91,7 +91,7 @@ def _number(pane: int) -> str:
 
 
 def _draw_phase(layout: dict[str, Any], name: str, start: float, theme: Theme) -> None:
-    """A line where a phase begins, and its name at the top."""
+    """Draw a line at the begin of a phase, with its name at the top."""
     line = {"color": theme.muted, "width": 1, "dash": "dot"}
     layout["shapes"].append({"type": "line", "x0": start, "x1": start, "yref": "paper", "y0": 0, "y1": 1, "line": line})
     layout["annotations"].append(
@@ -103,7 +103,7 @@ def _draw_phase(layout: dict[str, Any], name: str, start: float, theme: Theme) -
 
 
 def short_timeline(flight: Flight, predicted: Mapping[str, Floats], axis_name: str, theme: Theme) -> Timeline:
-    """Measured acceleration on one axis, what one or two models predict, and the height."""
+    """Measured acceleration on one axis, the prediction of one or two models, and the height."""
     a = AXES.index(axis_name)
     first, height = f"{axis_name} / m/s²", "height / m"
     series = [_line(first, "measured", theme.measured, flight.time_s, flight.measured[:, a], 1.7)]
@@ -121,7 +121,7 @@ def full_timeline(
     theme: Theme,
     brushed: Mask | None = None,
 ) -> Timeline:
-    """The same with residual, speed, rotor speed, voltage, and the mission's phases; `brushed` samples stand out."""
+    """`short_timeline` with residual, speed, rotor speed, voltage and mission phases; `brushed` samples are marked."""
     short = short_timeline(flight, predicted, axis_name, theme)
     residual = "residual / m/s²"
     panes, series = [short.panes[0], residual, *short.panes[1:]], list(short.series)

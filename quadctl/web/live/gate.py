@@ -1,4 +1,4 @@
-"""Who reaches the live view: with a token, only those who know it; without one, only this machine."""
+"""Access to the live view: with a token, for those who know it; without one, for this machine."""
 
 import hmac
 from collections.abc import Iterable

@@ -1,4 +1,4 @@
-"""What the viewer knows of a flight: the last record, curves over time, phases as they began, how it ended."""
+"""History of a flight as the viewer knows it: last record, curves over time, phases, ending."""
 
 import math
 import time
@@ -12,14 +12,14 @@ from quadctl.flight.record.view_link import Record
 from quadctl.missions import Mission
 
 ROWS_KEPT = 36_000
-"""An hour."""
+"""One hour of rows."""
 SILENT_S = 1.0
-"""Without a record for so long, something is wrong with the flight or the way to it."""
+"""Longest normal time between two records; after it, the flight or the link has a fault."""
 ENDING = (Stage.LAND.name, Stage.RELEASED.name, Stage.DONE.name)
 
 
 class Brief(NamedTuple):
-    """What is known before a flight."""
+    """Facts known before a flight."""
 
     mission: Mission
     guards: GuardLimits
@@ -28,7 +28,7 @@ class Brief(NamedTuple):
 
 
 class Row(NamedTuple):
-    """The curves at one time."""
+    """Values of all curves at one time."""
 
     time_s: float
     height_m: float
@@ -43,7 +43,7 @@ class Row(NamedTuple):
 
 
 class Ending(NamedTuple):
-    """What the flight's process said last."""
+    """Last message of the flight's process."""
 
     completed: bool
     lines: Sequence[str]
@@ -60,10 +60,10 @@ class History:
         self.latest: Record | None = None
         self.ending: Ending | None = None
         self.phases: list[tuple[float, str]] = []
-        """When each began, and its name; those of the ground and of the landing among them."""
+        """Start time and name of each phase, those on the ground and the landing included."""
         self.rows: deque[Row] = deque(maxlen=ROWS_KEPT)
         self.n_rows = 0
-        """All that ever were, those that are forgotten included."""
+        """Number of all rows so far, those no longer kept included."""
         self.worst_late_s = 0.0
         self._heard_s = time.monotonic()
 
@@ -77,7 +77,7 @@ class History:
         self.n_rows += 1
 
     def since(self, n_rows: int, most: int) -> list[Row]:
-        """The rows after the first `n_rows` ones, the last `most` of them."""
+        """Rows after the first `n_rows`, at most the last `most` of them."""
         new = min(self.n_rows - n_rows, most, len(self.rows))
         return [self.rows[i] for i in range(len(self.rows) - new, len(self.rows))]
 
@@ -87,12 +87,12 @@ class History:
 
     @property
     def can_land(self) -> bool:
-        """There is a flight that a wish to land would end."""
+        """A flight is under way that a wish to land would end."""
         return not self.over and self.latest is not None and self.latest.stage not in ENDING
 
     @property
     def silent_s(self) -> float | None:
-        """For how long a flight that is not over has said nothing, where that is long; None where all is well."""
+        """Time without a record of a flight that is not over; None while it is shorter than `SILENT_S`."""
         silent = time.monotonic() - self._heard_s
         return silent if silent > SILENT_S and self.latest is not None and not self.over else None
 

@@ -1,4 +1,4 @@
-"""How near a flight is to each of its guards' limits, and which of them has acted."""
+"""Nearness of a flight to the limit of each guard, and the guards that have acted."""
 
 import math
 import re
@@ -12,7 +12,7 @@ from quadctl.web.live.history import Brief
 
 
 class Nearness(NamedTuple):
-    """One guard."""
+    """Value and limit of one guard."""
 
     name: str
     value: float
@@ -20,12 +20,12 @@ class Nearness(NamedTuple):
     unit: str
     decimals: int
     share: float
-    """Of the way to the limit; it acts beyond 1. nan where nothing is known."""
+    """Value as a share of the limit; the guard acts above 1. nan where the value is unknown."""
     says: str
-    """What a breach of it reads like, a regular expression."""
+    """Regular expression that matches the message of this guard."""
 
     def acted(self, record: Record) -> str | None:
-        """The answer it gave, or None."""
+        """Answer of the guard, or None where it has not acted."""
         return next((event.answer for event in record.events if re.search(self.says, event.what)), None)
 
 

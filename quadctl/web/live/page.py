@@ -1,28 +1,25 @@
-"""One open tab of the live view: drawn once, and after that only numbers and curves move."""
+"""One open tab of the live view: drawn once; after that only numbers and curves are updated."""
 
 import asyncio
 import time
 from contextlib import suppress
-from typing import TYPE_CHECKING
 
 from nicegui import ui
 from nicegui.client import Client
 from nicegui.events import KeyEventArguments
 
 from quadctl.flight.pilot.tick import Stage
-from quadctl.web.colours import keep_theme, theme_button, wanted_theme
+from quadctl.web.elements.browser_theme import keep_theme, theme_button, wanted_theme
+from quadctl.web.elements.html import heading, plot, tag
+from quadctl.web.elements.theme import DARK, LIGHT, Theme
 from quadctl.web.live.land import LandButton
 from quadctl.web.live.panels import EventList, GuardList, NowPanel, Tiles
 from quadctl.web.live.strips import FLIGHT, MACHINE, WINDOW_ROWS, marks, points, strips
-from quadctl.web.panels.parts import heading, plot, tag
-from quadctl.web.theme import DARK, LIGHT, Theme
-
-if TYPE_CHECKING:
-    from quadctl.web.live.serve import Viewing
+from quadctl.web.live.viewing import Viewing
 
 REFRESH_S = 0.2
 SLOW_S = 10.0
-"""A browser that takes longer to draw is not waited for any more."""
+"""Longest time to wait for a browser to draw."""
 LAND_KEY = "l"
 LOADING_S = 60.0
 _CHARTS_ARE_THERE = """return new Promise(done => {
@@ -32,13 +29,13 @@ _CHARTS_ARE_THERE = """return new Promise(done => {
 
 
 _DRAWN = "return true"
-"""Answered after all that was asked of the browser before."""
+"""Script whose answer comes after everything sent to the browser before."""
 
 
 class LivePage:
-    """What one tab shows."""
+    """Content of one tab."""
 
-    def __init__(self, viewing: "Viewing") -> None:
+    def __init__(self, viewing: Viewing) -> None:
         self._viewing = viewing
         self._history = viewing.history
         self._theme = LIGHT
@@ -47,7 +44,7 @@ class LivePage:
         self._phases_drawn = 0
         self._all_drawn = False
         self._can_extend = False
-        """Plotly is large: until it is loaded, what is new waits."""
+        """False until the browser has loaded Plotly, which takes long: until then new rows wait."""
 
     async def open(self, client: Client) -> None:
         """Draw all of it, and follow the flight until the tab is closed."""
@@ -79,7 +76,7 @@ class LivePage:
                     self._land_hint = ui.label().classes("land-hint")
                 self._land.on("click", self._press)
                 with tag("section", "card").props('aria-label="Guards"'):
-                    heading("Guards", "How near the flight is to each limit.")
+                    heading("Guards", "Present value and limit of each guard.")
                     self._guards = GuardList(brief)
             with tag("main", "main"):
                 self._banner = tag("div", "banner").props('role="status" aria-live="assertive" id="banner"')
@@ -103,7 +100,7 @@ class LivePage:
             theme_button(self._theme, self._toggle_theme)
 
     def _draw_charts(self) -> None:
-        """The last minute; when the flight is over, all of it."""
+        """Draw the curves of the last minute; when the flight is over, those of all of it."""
         history = self._history
         self._all_drawn = history.over
         rows = history.since(0, len(history.rows) if history.over else WINDOW_ROWS)
@@ -123,7 +120,7 @@ class LivePage:
     # --- following ----------------------------------------------------------------------------------------------------
 
     async def _follow(self) -> None:
-        """Refresh, and let the browser draw that before it gets more: what a slow one cannot draw would heap up."""
+        """Refresh, and wait until the browser has drawn: otherwise updates would queue up in a slow one."""
         began = time.monotonic()
         self._refresh()
         with suppress(TimeoutError):
@@ -169,7 +166,7 @@ class LivePage:
         elif silent_s is not None:
             self._say(
                 "error",
-                f"No word from the flight for {silent_s:.0f} s. LAND may not reach it: Ctrl-C in its terminal lands, "
+                f"No data from the flight for {silent_s:.0f} s. LAND may not reach it: Ctrl-C in its terminal lands, "
                 "and the switch on the remote control takes the vehicle.",
             )
         elif latest is None:

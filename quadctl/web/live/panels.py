@@ -1,4 +1,4 @@
-"""The parts of the live view that are numbers and words: drawn once, then told."""
+"""Numbers and words of the live view: each is drawn once, and `show` updates it."""
 
 import math
 from collections.abc import Callable
@@ -8,17 +8,17 @@ from nicegui.element import Element
 
 from quadctl.flight.pilot.tick import Stage
 from quadctl.flight.record.view_link import Record
+from quadctl.web.elements.html import tag
 from quadctl.web.live.history import Brief, History
 from quadctl.web.live.nearness import Nearness, guards
-from quadctl.web.panels.parts import tag
 
 NEAR = 0.7
-"""Of the way to a limit: worth a look."""
+"""Share of a limit above which a guard is highlighted."""
 UNKNOWN = "\u2013"
 
 
 class NowPanel:
-    """Where the flight is."""
+    """Present phase of the flight, and the next one."""
 
     def __init__(self, brief: Brief) -> None:
         self._mission = brief.mission
@@ -53,7 +53,7 @@ class NowPanel:
 
 
 class Tiles:
-    """The numbers of this moment."""
+    """The present values: height, speed, throttle, battery, lateness, age of the state."""
 
     def __init__(self) -> None:
         self._tiles: list[tuple[ui.label, ui.label, Callable[[Record, History], tuple[str, str]]]] = []
@@ -76,7 +76,7 @@ class Tiles:
 
 
 class GuardList:
-    """Every limit, how near it is, and whether it acted."""
+    """A bar for each guard: value, limit, and the answer of a guard that has acted."""
 
     def __init__(self, brief: Brief) -> None:
         self._brief = brief
@@ -106,7 +106,7 @@ class GuardList:
 
 
 class EventList:
-    """What happened, the newest on top: phases as they begin, and what the log must explain."""
+    """List of events, the newest on top: phases as they begin, and the events that go into the log."""
 
     def __init__(self) -> None:
         self._shown = -1
@@ -135,7 +135,7 @@ def _number(value: float, decimals: int) -> str:
 
 def _height(record: Record, history: History) -> tuple[str, str]:
     known = math.isfinite(record.height_ref_m)
-    return _number(record.height_m, 2), f"wanted {record.height_ref_m:.2f}" if known else "no reference"
+    return _number(record.height_m, 2), f"reference {record.height_ref_m:.2f}" if known else "no reference"
 
 
 def _speed(record: Record, history: History) -> tuple[str, str]:

@@ -4,15 +4,15 @@ import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from quadctl.web.figures.base import Figure, axis, figure, stacked
+from quadctl.web.elements.figure import Figure, axis, figure, stacked
+from quadctl.web.elements.theme import Theme
 from quadctl.web.live.history import Row
-from quadctl.web.theme import Theme
 
 WINDOW_ROWS = 600
-"""A minute."""
+"""One minute of rows."""
 PANE_PX, FIRST_PANE_PX = 84, 130
 NAMED_SHARE = 0.03
-"""A phase that is followed by another one sooner, of the time shown, has no room for its name."""
+"""Shortest phase that gets its name, as a share of the time shown."""
 
 
 class Curve(NamedTuple):
@@ -41,7 +41,7 @@ MACHINE: Panes = {
 
 
 def strips(panes: Panes, rows: Sequence[Row], phases: Sequence[tuple[float, str]], theme: Theme) -> Figure:
-    """The panes below each other, over a common time."""
+    """Figure of the panes below each other, over a common time."""
     heights = [FIRST_PANE_PX, *[PANE_PX] * (len(panes) - 1)]
     domains, total = stacked(heights)
     layout: dict[str, Any] = {
@@ -75,7 +75,7 @@ def strips(panes: Panes, rows: Sequence[Row], phases: Sequence[tuple[float, str]
 
 
 def points(panes: Panes, rows: Sequence[Row]) -> tuple[list[list[float]], list[list[float | None]]]:
-    """Times and values of every curve; what is not known is None, which is a gap."""
+    """Times and values of every curve; unknown values are None, which is a gap."""
     curves = [curve for shown in panes.values() for curve in shown]
     times = [row.time_s for row in rows]
     values = [[_known(getattr(row, curve.value)) for row in rows] for curve in curves]
@@ -83,7 +83,7 @@ def points(panes: Panes, rows: Sequence[Row]) -> tuple[list[list[float]], list[l
 
 
 def marks(phases: Sequence[tuple[float, str]], theme: Theme) -> dict[str, Any]:
-    """A line where each phase begins, and its name at the top."""
+    """Lines at the begin of each phase, with their names at the top."""
     line = {"color": theme.muted, "width": 1, "dash": "dot"}
     shapes = [{"type": "line", "x0": t, "x1": t, "yref": "paper", "y0": 0, "y1": 1, "line": line} for t, _ in phases]
     ends = [*[t for t, _ in phases[1:]], math.inf]

@@ -1,6 +1,6 @@
-"""Start the live view beside a flight, in a process of its own, and let it go when nobody looks any more.
+"""Start the live view of a flight in a process of its own, and end it when its last tab is closed.
 
-Nothing of the page is imported here: what flies stays lean.
+The process that flies imports this module, so it imports nothing of the page itself.
 """
 
 import contextlib
@@ -21,7 +21,7 @@ START_TIMEOUT_S = 60.0
 
 
 class Viewer:
-    """The live view as the flight sees it."""
+    """The flight's end of the link to the live view."""
 
     def __init__(self, end: ViewEnd, pipe: Connection) -> None:
         self.end = end
@@ -29,11 +29,11 @@ class Viewer:
         self._told = False
 
     def tell(self, outcome: Outcome) -> None:
-        """How the flight went."""
+        """Tell the viewer the outcome of the flight."""
         self._say(Ending(outcome.completed, outcome.lines()))
 
     def fail(self, sentence: str) -> None:
-        """Why there was no flight; where there was one, it has been told."""
+        """Tell the viewer why there was no flight, unless it has been told an outcome."""
         if not self._told:
             self._say(Ending(False, [sentence]))
 
@@ -45,7 +45,9 @@ class Viewer:
 
 @contextlib.contextmanager
 def live_view(brief: Brief, port: int, token: str | None, announce: Callable[[str], None]) -> Iterator[Viewer]:
-    """A viewer for one flight; at the end, wait until its last tab is closed, or Ctrl-C. `announce` is told sentences.
+    """Run a viewer for one flight; at the end, wait until its last tab is closed, or Ctrl-C.
+
+    `announce` is called with sentences for the terminal.
 
     Raises
     ------
@@ -85,8 +87,8 @@ def live_view(brief: Brief, port: int, token: str | None, announce: Callable[[st
 
 
 def _serve(brief: Brief, end: ViewEnd, pipe: Connection, host: str, port: int, token: str | None) -> None:
-    """In the child."""
-    from quadctl.web.live.serve import serve
+    """Serve the page, in the child process."""
+    from quadctl.web.live.server import serve
 
     serve(brief, end, pipe, host, port, token)
 

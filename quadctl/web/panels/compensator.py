@@ -1,87 +1,124 @@
-"""The model as a compensator: its thrust ratio, what the check says, export, and a flight in simulation."""
+"""The model as a compensator: its thrust ratio, its check before a flight, its file, and a flight in simulation."""
 
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from pathlib import Path
 
 from nicegui import ui
 
 from quadctl.lab.comparison.wording import change_in_words
+from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.tracking.step_response import StepResponses
+from quadctl.model import Model
+from quadctl.web.elements.html import empty, heading, plot, tag
+from quadctl.web.elements.theme import Theme
 from quadctl.web.figures.ratio import ratio_over_height, ratio_over_speed
 from quadctl.web.figures.steps import step_figure
-from quadctl.web.panels.parts import empty, heading, plot, tag
-from quadctl.web.simulated import WITH, WITHOUT
-
-if TYPE_CHECKING:
-    from quadctl.web.page import Page
+from quadctl.web.panels.panel import Controls, Panel, Tab
+from quadctl.web.work.simulated import WITH, WITHOUT
 
 
-def draw_ratio(page: "Page") -> None:
-    model, seen = page.bench.session.model, page.bench.seen
-    if model is None or seen is None:
-        empty("flight", "No model to fly yet", "Open a flight log and add what is missing.")
-        return
-    with tag("section", "card"):
-        heading("What the compensator corrects", "It divides the thrust command by this ratio.")
-        with tag("div", "panes"):
-            drawn = ratio_over_height(model, seen, page.theme)
-            plot(drawn, "thrust_ratio_over_height", "Thrust ratio over height")
-            over_speed = ratio_over_speed(model, seen, page.theme)
-            if over_speed is not None:
-                plot(over_speed, "thrust_ratio_over_speed", "Thrust ratio over forward speed")
+@dataclass(frozen=True)
+class Ratio(Panel):
+    """The thrust ratio that the compensator divides by."""
 
+    model: Model | None
+    seen: Dataset | None
+    theme: Theme
 
-def draw_check(page: "Page") -> None:
-    """What the check before a flight says; it is asked when this is first looked at."""
-    results = page.bench.results
-    if page.bench.session.model is None or page.bench.seen is None:
-        return
-    if results.checked is None and not results.refused:
-        ui.timer(0.0, page.bench.check, once=True)
-    with tag("div", "line check"):
-        if results.refused:
-            ui.icon("block").classes("bad")
-            tag("p", "grow", f"The check refuses it: {results.refused}.")
-        elif results.checked is None:
-            tag("p", "muted grow", "Checking\u2026")
-        elif not page.bench.session.model.stack:
-            ui.icon("info").classes("muted")
-            tag("p", "muted grow", "The model holds no effect: nothing is corrected.")
-        elif results.checked:
-            ui.icon("warning").classes("warn")
-            tag("p", "grow", f"The check warns: {'; '.join(results.checked)}.")
-        else:
-            ui.icon("check_circle").classes("good")
-            tag("p", "grow", "The check finds nothing against flying it: finite, positive, and falling with height.")
-
-
-def draw_export(page: "Page") -> None:
-    if page.bench.session.model is None or page.bench.seen is None:
-        return
-    with tag("section", "card"):
-        heading("Take it along")
-        with tag("div", "line wrap"):
-            ui.button("Export model", icon="download", on_click=page.export_model).props("no-caps unelevated")
-            tag("code", "command grow", "quadctl fly missions/step_response.yaml --model model.yaml --link URL")
-
-
-def draw_simulation(page: "Page") -> None:
-    bench, steps = page.bench, page.bench.results.steps
-    if bench.session.model is None or bench.seen is None:
-        return
-    with tag("section", "card"):
-        world = "as this model says" if bench.simulation.hidden is None else f"of {bench.simulation.hidden.name}"
-        heading("Fly it in simulation", f"A step down to the ground, flown twice in a world {world}.")
-        fly = ui.button("Fly it in simulation", icon="flight_takeoff", on_click=lambda: page.act(bench.fly()))
-        page.when_idle(fly.props("no-caps unelevated"), not bench.results.refused)
-        if steps is None:
+    def draw(self, do: Controls) -> None:
+        if self.model is None or self.seen is None:
+            empty("flight", "No model to fly yet", "Open a flight log and add what is missing.")
             return
-        with tag("div", "panes"):
-            plot(step_figure(steps, page.theme, close_up=False), "step_response", "Step response")
-            plot(step_figure(steps, page.theme, close_up=True), "step_response_error", "Step response, close up")
-        _metrics(steps)
+        with tag("section", "card"):
+            heading("Thrust ratio", "The compensator divides the thrust command by this ratio.")
+            with tag("div", "panes"):
+                drawn = ratio_over_height(self.model, self.seen, self.theme)
+                plot(drawn, "thrust_ratio_over_height", "Thrust ratio over height")
+                over_speed = ratio_over_speed(self.model, self.seen, self.theme)
+                if over_speed is not None:
+                    plot(over_speed, "thrust_ratio_over_speed", "Thrust ratio over forward speed")
 
 
-def _metrics(steps: StepResponses) -> None:
+@dataclass(frozen=True)
+class Check(Panel):
+    """The result of the check before a flight; the check begins when this is drawn."""
+
+    model: Model | None
+    seen: Dataset | None
+    checked: tuple[str, ...] | None
+    refused: str
+
+    def draw(self, do: Controls) -> None:
+        if self.model is None or self.seen is None:
+            return
+        if self.checked is None and not self.refused:
+            ui.timer(0.0, do.bench.check, once=True)
+        with tag("div", "line check"):
+            if self.refused:
+                ui.icon("block").classes("bad")
+                tag("p", "grow", f"The check refuses it: {self.refused}.")
+            elif self.checked is None:
+                tag("p", "muted grow", "Checking\u2026")
+            elif not self.model.stack:
+                ui.icon("info").classes("muted")
+                tag("p", "muted grow", "The model holds no effect: nothing is corrected.")
+            elif self.checked:
+                ui.icon("warning").classes("warn")
+                tag("p", "grow", f"The check warns: {'; '.join(self.checked)}.")
+            else:
+                ui.icon("check_circle").classes("good")
+                text = (
+                    "The check finds nothing against flying it: the ratio is finite, positive, and falls with height."
+                )
+                tag("p", "grow", text)
+
+
+@dataclass(frozen=True)
+class Export(Panel):
+    """The model as a file, and the command that flies it."""
+
+    model: Model | None
+    seen: Dataset | None
+
+    def draw(self, do: Controls) -> None:
+        if self.model is None or self.seen is None:
+            return
+        with tag("section", "card"):
+            heading("Export")
+            with tag("div", "line wrap"):
+                ui.button("Export model", icon="download", on_click=do.export_model).props("no-caps unelevated")
+                tag("code", "command grow", "quadctl fly missions/step_response.yaml --model model.yaml --link URL")
+
+
+@dataclass(frozen=True)
+class SimulatedFlight(Panel):
+    """Step responses flown in simulation, with the compensator and without it."""
+
+    model: Model | None
+    seen: Dataset | None
+    hidden: Path | None
+    steps: StepResponses | None
+    refused: str
+    theme: Theme
+
+    def draw(self, do: Controls) -> None:
+        if self.model is None or self.seen is None:
+            return
+        with tag("section", "card"):
+            world = "that obeys this model" if self.hidden is None else f"that obeys {self.hidden.name}"
+            heading("Fly it in simulation", f"A step down to the ground, flown twice in a simulated world {world}.")
+            fly = ui.button("Fly it in simulation", icon="flight_takeoff", on_click=lambda: do.act(do.bench.fly()))
+            do.when_idle(fly.props("no-caps unelevated"), not self.refused)
+            if self.steps is None:
+                return
+            with tag("div", "panes"):
+                plot(step_figure(self.steps, self.theme, close_up=False), "step_response", "Step response")
+                close_up = step_figure(self.steps, self.theme, close_up=True)
+                plot(close_up, "step_response_error", "Step response, close up")
+            _draw_metrics(self.steps)
+
+
+def _draw_metrics(steps: StepResponses) -> None:
     flown = steps.flown
     rows = (
         ("M_A, absolute", "m s", "m_a_absolute"),
@@ -103,5 +140,8 @@ def _metrics(steps: StepResponses) -> None:
     tag(
         "p",
         "muted",
-        "M_A: integral of the tracking error. M_B: of what differs from the step far from the ground.",
+        "M_A: integral of the tracking error. M_B: integral of the difference from the same step far from the ground.",
     )
+
+
+TAB = Tab("compensator", "Compensator", "flight_takeoff", (Ratio, Check, Export, SimulatedFlight))

@@ -1,108 +1,130 @@
-"""Where the model fails: in words, over each variable, on a map; what is selected stands out in the flight."""
+"""Regions where the model fails: in words, over each variable, on a map; the selected samples, in time and space."""
 
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import Any
 
 from nicegui import ui
 from nicegui.events import GenericEventArguments
 
+from quadctl.lab.arrays import Mask
 from quadctl.lab.comparison.comparison import Comparison
 from quadctl.lab.comparison.failures import Failure, Profile, is_telling, most_telling
 from quadctl.lab.comparison.wording import failure_in_words
+from quadctl.lab.flights.flight import Flight
+from quadctl.logs.flight_log import FlightLog
+from quadctl.model import Model
+from quadctl.web.elements.html import empty, heading, loading, plot, tag
+from quadctl.web.elements.theme import Theme
 from quadctl.web.figures.error_map import error_map
 from quadctl.web.figures.path import path_figure
 from quadctl.web.figures.profile import profile_figure
 from quadctl.web.figures.timeline import full_timeline
-from quadctl.web.panels.over_time import brush_note, choose_flight
-from quadctl.web.panels.parts import empty, heading, loading, plot, tag
+from quadctl.web.panels.over_time import draw_brush_note, draw_flight_choice, selected
+from quadctl.web.panels.panel import Controls, Panel, Tab
+from quadctl.web.panels.view import Brush
 from quadctl.web.panels.zoomed import zoomed_plot
-
-if TYPE_CHECKING:
-    from quadctl.web.page import Page
+from quadctl.web.work.predictions import predictions
 
 _SCROLL = "document.querySelector('#selected').scrollIntoView()"
-SHOWN_SENTENCES, SHOWN_PANELS = 4, 6
+SHOWN_SENTENCES, SHOWN_PROFILES = 4, 6
 
 
-def draw_fails(page: "Page") -> None:
-    evaluation = page.bench.results.evaluation
-    if evaluation is None:
-        if page.bench.work is not None:
-            loading("Comparing the model with the flights")
-        else:
-            empty("troubleshoot", "No flight yet", "Open a flight log to see where your model fails.")
-        return
-    comparison = evaluation.comparison
-    with tag("section", "card"):
-        heading("Where the model fails")
-        if not comparison.fails_where:
-            tag("p", "verdict", "Nowhere beyond the noise.")
-        for failure in most_telling(comparison.fails_where)[:SHOWN_SENTENCES]:
-            _sentence(page, failure)
-    telling = [p for p in comparison.profiles if is_telling(p)]
-    with tag("section", "card"):
-        heading(
-            "The residual over each variable, the most telling first"
-            if telling
-            else "No variable goes with what is left; these two come closest",
-            "Points on the zero line: nothing is missing there. Drag over a range to see where in the flight it was.",
-        )
-        with tag("div", "panes"):
-            for profile in (telling or comparison.profiles[:2])[:SHOWN_PANELS]:
-                _profile(page, comparison, profile)
+@dataclass(frozen=True)
+class Failures(Panel):
+    """Sentences on where the model fails, and the residual over the variables that explain most of it."""
+
+    comparison: Comparison | None
+    comparing: bool
+    theme: Theme
+
+    def draw(self, do: Controls) -> None:
+        comparison = self.comparison
+        if comparison is None:
+            if self.comparing:
+                loading("Comparing the model with the flights")
+            else:
+                empty("troubleshoot", "No flight yet", "Open a flight log to see where your model fails.")
+            return
+        with tag("section", "card"):
+            heading("Where the model fails")
+            if not comparison.fails_where:
+                tag("p", "verdict", "Nowhere beyond the noise.")
+            for failure in most_telling(comparison.fails_where)[:SHOWN_SENTENCES]:
+                _draw_sentence(do, failure)
+        telling = [p for p in comparison.profiles if is_telling(p)]
+        with tag("section", "card"):
+            heading(
+                "Residual over each variable, the one that explains most of it first"
+                if telling
+                else "No variable explains a significant share of the residual; these two explain most",
+                "Where the mean is on the zero line, the model is right. "
+                "Drag over a range to see where in the flight it occurred.",
+            )
+            with tag("div", "panes"):
+                for profile in (telling or comparison.profiles[:2])[:SHOWN_PROFILES]:
+                    name = f"residual_{profile.axis}_over_{profile.variable}"
+                    shown = plot(profile_figure(comparison, profile, self.theme), name, name.replace("_", " "))
+                    _let_select(do, shown, profile.axis, (profile.variable,))
 
 
-def _sentence(page: "Page", failure: Failure) -> None:
-    """What is said, and a way to see it in the flight that needs no mouse."""
+def _draw_sentence(do: Controls, failure: Failure) -> None:
+    """Draw one sentence, with a button that selects its range: the same as a mouse does, for the keyboard."""
     with tag("div", "line top said"):
         tag("p", "grow", f"{failure_in_words(failure)} ({abs(failure.sigma):.0f} sigma).")
         ranges = {failure.variable: (failure.low, failure.high)}
-        show = ui.button("Show", icon="my_location", on_click=lambda: page.select(ranges, failure.axis))
+        show = ui.button("Show", icon="my_location", on_click=lambda: do.select(ranges, failure.axis))
         show.props(f'flat dense no-caps size=sm aria-label="Show where in the flight: {failure.text}"')
 
 
-def _profile(page: "Page", comparison: Comparison, profile: Profile) -> None:
-    name = f"residual_{profile.axis}_over_{profile.variable}"
-    shown = plot(profile_figure(comparison, profile, page.theme), name, name.replace("_", " "))
-    _brushes(page, shown, profile.axis, (profile.variable,))
+@dataclass(frozen=True)
+class Selected(Panel):
+    """The map of the residual, and the selected samples: on the path of the flight and in time."""
 
+    comparison: Comparison | None
+    flight: Flight | None
+    flight_names: tuple[str, ...]
+    log: FlightLog | None
+    models: dict[str, Model]
+    axis: str
+    brush: Brush
+    theme: Theme
 
-def draw_brushed(page: "Page") -> None:
-    """The map, and what is selected: on the path of the flight and in time."""
-    evaluation = page.bench.results.evaluation
-    if evaluation is None:
-        return
-    comparison = evaluation.comparison
-    over = _two_strongest(comparison.profiles)
-    flight, opened = page.flight, page.bench.opened
-    with tag("div", "panes").props('id="selected"'):
-        if over is not None:
-            axis_name, variables = over
-            with tag("section", "card"):
-                heading("Over the two most telling variables", "Drag a box to select.")
-                drawn = error_map(comparison, axis_name, variables, page.theme)
-                map_shown = plot(drawn, f"residual_{axis_name}_map", "Residual over two variables")
-                _brushes(page, map_shown, axis_name, variables)
-        if flight is not None:
-            with tag("section", "card"):
-                with tag("div", "line wrap"):
-                    tag("h2", "title grow", "On the flight path")
-                    choose_flight(page)
-                plot(path_figure(flight, page.brushed(flight), page.theme), f"{flight.name}_path", "Flight path")
-    if page.brush and flight is not None and opened is not None:
+    def draw(self, do: Controls) -> None:
+        if self.comparison is None:
+            return
+        flight, over = self.flight, _two_strongest(self.comparison.profiles)
+        brushed = None if flight is None else selected(flight, self.brush)
+        with tag("div", "panes").props('id="selected"'):
+            if over is not None:
+                axis_name, variables = over
+                with tag("section", "card"):
+                    heading("Residual over the two variables that explain most of it", "Drag a box to select.")
+                    drawn = error_map(self.comparison, axis_name, variables, self.theme)
+                    shown = plot(drawn, f"residual_{axis_name}_map", "Residual over two variables")
+                    _let_select(do, shown, axis_name, variables)
+            if flight is not None:
+                with tag("section", "card"):
+                    with tag("div", "line wrap"):
+                        tag("h2", "title grow", "On the flight path")
+                        draw_flight_choice(do, flight, self.flight_names)
+                    plot(path_figure(flight, brushed, self.theme), f"{flight.name}_path", "Flight path")
+        if flight is not None and brushed is not None:
+            self._draw_in_time(do, flight, brushed)
+
+    def _draw_in_time(self, do: Controls, flight: Flight, brushed: Mask) -> None:
         with tag("div", "card brush-bar"):
-            brush_note(page)
+            draw_brush_note(do, self.brush, brushed)
             show = ui.button("Show", icon="south", on_click=lambda: ui.run_javascript(_SCROLL))
-            show.props('no-caps unelevated dense aria-label="Show what is selected"')
+            show.props('no-caps unelevated dense aria-label="Show the selected samples"')
         with tag("section", "card"):
             heading("In time")
-            timeline = full_timeline(
-                flight, opened.log(flight.name), page.predictions(flight), page.axis, page.theme, page.brushed(flight)
-            )
-            zoomed_plot(timeline, page.theme, f"{flight.name}_selected", "What is selected, over time")
+            predicted = predictions(self.models, flight)
+            timeline = full_timeline(flight, self.log, predicted, self.axis, self.theme, brushed)
+            zoomed_plot(timeline, self.theme, f"{flight.name}_selected", "Selected samples over time")
 
 
 def _two_strongest(profiles: list[Profile]) -> tuple[str, tuple[str, str]] | None:
-    """The axis that is most wrong, and the two variables that its residual goes with most."""
+    """The axis with the largest error, and the two variables that explain most of its residual."""
     if not profiles:
         return None
     axis_name = profiles[0].axis
@@ -110,15 +132,15 @@ def _two_strongest(profiles: list[Profile]) -> tuple[str, tuple[str, str]] | Non
     return (axis_name, (variables[0], variables[1])) if len(variables) > 1 else None
 
 
-def _brushes(page: "Page", shown: ui.plotly, axis_name: str, variables: tuple[str, ...]) -> None:
-    """Selecting a part of a figure over `variables` selects it everywhere."""
+def _let_select(do: Controls, shown: ui.plotly, axis_name: str, variables: tuple[str, ...]) -> None:
+    """Select ranges of `variables` with the mouse, on a figure over them."""
     # Of the event only the range: it also holds the points, each with the whole figure, which is too much to be sent.
-    shown.on("plotly_selected", lambda event: _select(page, event, axis_name, variables), args=["range"])
-    shown.on("plotly_deselect", page.clear_brush, args=[])
+    shown.on("plotly_selected", lambda event: _select(do, event, axis_name, variables), args=["range"])
+    shown.on("plotly_deselect", do.clear_brush, args=[])
 
 
-def _select(page: "Page", event: GenericEventArguments, axis_name: str, variables: tuple[str, ...]) -> None:
-    """What the mouse selected becomes ranges of variables; nothing where the selection was taken back."""
+def _select(do: Controls, event: GenericEventArguments, axis_name: str, variables: tuple[str, ...]) -> None:
+    """Turn the box drawn with the mouse into ranges of variables; nothing where it was taken back."""
     ranges = event.args.get("range") if isinstance(event.args, dict) else None
     if not isinstance(ranges, dict):
         return
@@ -126,4 +148,7 @@ def _select(page: "Page", event: GenericEventArguments, axis_name: str, variable
     if not all(isinstance(pair, list) and len(pair) == 2 for pair in ends):
         return
     chosen = {name: (min(pair), max(pair)) for name, pair in zip(variables, ends, strict=True)}
-    page.select(chosen, axis_name)
+    do.select(chosen, axis_name)
+
+
+TAB = Tab("fails", "Where it fails", "troubleshoot", (Failures, Selected))

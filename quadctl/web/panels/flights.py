@@ -1,93 +1,76 @@
 """The flights and the vehicle: open, look at their quality, choose which are held out; choose or edit the vehicle."""
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import yaml
 from nicegui import ui
 from nicegui.events import GenericEventArguments, MultiUploadEventArguments
 
-from quadctl.model import Model
-from quadctl.web.files import LOG_SUFFIXES, MAX_UPLOAD_BYTES, SETTINGS_SUFFIXES
-from quadctl.web.jobs import OpenedLog
-from quadctl.web.panels.parts import heading, tag
-
-if TYPE_CHECKING:
-    from quadctl.web.page import Page
+from quadctl.lab.flights.dataset import HoldOut
+from quadctl.logs.formats import labels
+from quadctl.vehicle import Vehicle
+from quadctl.web.elements.html import heading, tag
+from quadctl.web.panels.panel import Controls, Panel, Tab
+from quadctl.web.session.files import LOG_SUFFIXES, MAX_UPLOAD_BYTES, SETTINGS_SUFFIXES
+from quadctl.web.work.jobs import Opened, OpenedLog
 
 _NAMES_AND_SIZES = "(entries) => emit(entries.map(e => [e.file.name, e.file.size, e.failedPropValidation]))"
 
 
-def draw_flights(page: "Page") -> None:
-    opened = page.bench.opened
-    if opened is not None:
+@dataclass(frozen=True)
+class Flights(Panel):
+    """The logs, each with its quality report and its role: for fitting, or held out."""
+
+    opened: Opened | None
+    unseen: frozenset[Path]
+    hold_out: HoldOut
+
+    def draw(self, do: Controls) -> None:
+        if self.opened is None:
+            return
+        several = len(self.opened.usable) > 1
         with tag("section", "card"):
-            heading("Flights", "Held out: no fit sees it, and the error on top is the error on it.")
-            for log in opened.logs:
-                _log(page, log)
-            if len(opened.usable) > 1:
-                _hold_out(page)
+            heading("Flights", "Held out: no fit uses the flight, and the error on top is computed on it.")
+            for log in self.opened.logs:
+                held_out = log.path in self.unseen if several and not log.problem else None
+                _draw_log(do, log, held_out)
+            if several:
+                self._draw_hold_out(do)
 
-
-def draw_intake(page: "Page") -> None:
-    """A part of its own that is never drawn again: a drop zone that is replaced loses what is being dropped."""
-    with tag("section", "card"):
-        heading("Open flight logs")
-        drop_zone(page)
-
-
-def drop_zone(page: "Page") -> None:
-    """Where files are dropped, or chosen with a click."""
-    with tag("div", "drop"):
-        upload = ui.upload(
-            multiple=True,
-            auto_upload=True,
-            max_file_size=MAX_UPLOAD_BYTES,
-            label="Drop flight logs here",
-        )
-        upload.props(f'accept="{",".join((*LOG_SUFFIXES, *SETTINGS_SUFFIXES))}" flat bordered color="transparent"')
-        upload.on_multi_upload(lambda event: _uploaded(page, upload, event))
-        upload.on("rejected", lambda event: _rejected(page, event), js_handler=_NAMES_AND_SIZES)
+    def _draw_hold_out(self, do: Controls) -> None:
         with tag("div", "line wrap"):
-            choose = ui.button("Choose files", icon="folder_open").props("no-caps unelevated")
-            # In the browser itself: only there does a click open the window in which files are chosen.
-            choose.on("click", js_handler=f"() => getElement({upload.id}).pickFiles()")
-            tag("span", "muted grow", "CSV, PX4 ULog (.ulg), ArduPilot DataFlash (.bin), MAVLink (.tlog).")
+            tag("span", "muted grow", "Cross-validation on the other flights leaves out, one fold at a time:")
+            choice = ui.toggle(
+                {"blocks": "blocks of time", "flights": "whole flights"},
+                value=self.hold_out,
+                on_change=lambda e: do.act(do.bench.hold_out_by(e.value)),
+            )
+            do.when_idle(choice.props("dense no-caps unelevated"))
 
 
-async def _uploaded(page: "Page", upload: ui.upload, event: MultiUploadEventArguments) -> None:
-    await page.take_files(event.files)
-    upload.reset()  # what became of them stands above
-
-
-def _rejected(page: "Page", event: GenericEventArguments) -> None:
-    for name, size, why in event.args:
-        page.refuse_file(str(name), float(size), why == "max-file-size")
-
-
-def _log(page: "Page", log: OpenedLog) -> None:
-    bench = page.bench
+def _draw_log(do: Controls, log: OpenedLog, held_out: bool | None) -> None:
+    """Draw one log; `held_out`: None where there is nothing to choose."""
     with tag("div", "flight") as row:
         row.props["data-log"] = log.path.name
         with tag("div", "line wrap"):
             ui.icon("error" if log.problem else "check_circle").classes("bad" if log.problem else "good")
             tag("span", "effect-name grow", log.path.name)
-            if not log.problem and bench.opened is not None and len(bench.opened.usable) > 1:
-                unseen = log.path in bench.session.unseen
+            if held_out is not None:
                 held = ui.switch(
-                    "held out", value=unseen, on_change=lambda e: page.act(bench.hold_out_log(log.path, e.value))
+                    "held out", value=held_out, on_change=lambda e: do.act(do.bench.hold_out_log(log.path, e.value))
                 )
-                page.when_idle(held.props("dense"))
-            away = ui.button(icon="close", on_click=lambda: page.act(bench.forget_log(log.path)))
+                do.when_idle(held.props("dense"))
+            away = ui.button(icon="close", on_click=lambda: do.act(do.bench.forget_log(log.path)))
             away.props["aria-label"] = f"Leave out {log.path.name}"
-            page.when_idle(away.props("flat dense round size=sm"))
+            do.when_idle(away.props("flat dense round size=sm"))
         if log.problem:
             tag("p", "problem", f"{log.problem}.")
         if log.quality is None:
             return
         report = log.quality
         source = f"thrust from {report.thrust_source}" if report.thrust_source else "thrust unknown"
-        tag("p", "muted", f"{report.duration_s:.0f} s, of it {report.flight_s:.0f} s in flight; {source}.")
+        tag("p", "muted", f"{report.duration_s:.0f} s, of which {report.flight_s:.0f} s in flight; {source}.")
         with ui.expansion("Quality report").props("dense"), tag("div", "scroll"), tag("table", "small"):
             with tag("tr"):
                 for head in ("channel", "updates", "rate / Hz", "longest gap / s", "missing / %"):
@@ -104,40 +87,78 @@ def _log(page: "Page", log: OpenedLog) -> None:
             tag("p", "muted", f"Note: {note}.")
 
 
-def _hold_out(page: "Page") -> None:
-    with tag("div", "line wrap"):
-        tag("span", "muted grow", "Of the flights that are fitted, what does each fit not see when it is judged?")
-        choice = ui.toggle(
-            {"blocks": "blocks of time", "flights": "whole flights"},
-            value=page.bench.session.hold_out,
-            on_change=lambda e: page.act(page.bench.hold_out_by(e.value)),
+@dataclass(frozen=True)
+class DropZone(Panel):
+    """A place to drop flight logs. Without fields it is never drawn again: that would lose what is being dropped."""
+
+    def draw(self, do: Controls) -> None:
+        with tag("section", "card"):
+            heading("Open flight logs")
+            drop_zone(do)
+
+
+def drop_zone(do: Controls) -> None:
+    """Draw a box in which files are dropped, or chosen with a click."""
+    with tag("div", "drop"):
+        upload = ui.upload(
+            multiple=True,
+            auto_upload=True,
+            max_file_size=MAX_UPLOAD_BYTES,
+            label="Drop flight logs here",
         )
-        page.when_idle(choice.props("dense no-caps unelevated"))
+        upload.props(f'accept="{",".join((*LOG_SUFFIXES, *SETTINGS_SUFFIXES))}" flat bordered color="transparent"')
+        upload.on_multi_upload(lambda event: _take(do, upload, event))
+        upload.on("rejected", lambda event: _refuse(do, event), js_handler=_NAMES_AND_SIZES)
+        with tag("div", "line wrap"):
+            choose = ui.button("Choose files", icon="folder_open").props("no-caps unelevated")
+            # In the browser itself: only there does a click open the window in which files are chosen.
+            choose.on("click", js_handler=f"() => getElement({upload.id}).pickFiles()")
+            tag("span", "muted grow", f"{labels()}.")
 
 
-def draw_vehicle(page: "Page") -> None:
-    """The vehicle in use, as the text of its file; others to choose from."""
-    model = page.bench.session.rungs[0].model if page.bench.session.rungs else None
-    with tag("section", "card vehicle"):
-        heading("Vehicle" if model is None else f"Vehicle: {model.vehicle.name}")
-        if model is None:
-            tag("p", "muted", "Choose the vehicle that flew, or write down its numbers.")
-        if page.vehicles:
-            with tag("div", "line wrap"):
-                for path in page.vehicles:
-                    _choice(page, path)
-        text = page.template if model is None else _as_text(model)
-        with ui.expansion("Edit its numbers").props("dense"):
-            box = ui.textarea("Vehicle file (YAML)", value=text).props("outlined autogrow").classes("yaml")
-            use = ui.button("Use this vehicle", on_click=lambda: page.use_vehicle(box.value))
-            page.when_idle(use.props("no-caps outline"))
+async def _take(do: Controls, upload: ui.upload, event: MultiUploadEventArguments) -> None:
+    await do.take_files(event.files)
+    upload.reset()  # the list of flights says what became of them
 
 
-def _choice(page: "Page", path: Path) -> None:
-    button = ui.button(path.stem, icon="flight", on_click=lambda: page.act(page.bench.begin_with(path)))
-    page.when_idle(button.props("no-caps outline"))
+def _refuse(do: Controls, event: GenericEventArguments) -> None:
+    for name, size, why in event.args:
+        do.refuse_file(str(name), float(size), why == "max-file-size")
 
 
-def _as_text(model: Model) -> str:
-    content = model.vehicle.model_dump(mode="json", exclude_none=True)
+@dataclass(frozen=True)
+class VehicleChoice(Panel):
+    """The vehicle in use, as the text of its file, and others to choose from."""
+
+    vehicle: Vehicle | None
+    vehicles: tuple[Path, ...]
+    template: str
+
+    def draw(self, do: Controls) -> None:
+        vehicle = self.vehicle
+        with tag("section", "card vehicle"):
+            heading("Vehicle" if vehicle is None else f"Vehicle: {vehicle.name}")
+            if vehicle is None:
+                tag("p", "muted", "Choose the vehicle that flew, or write down its numbers.")
+            if self.vehicles:
+                with tag("div", "line wrap"):
+                    for path in self.vehicles:
+                        _draw_choice(do, path)
+            text = self.template if vehicle is None else _as_text(vehicle)
+            with ui.expansion("Edit its numbers").props("dense"):
+                box = ui.textarea("Vehicle file (YAML)", value=text).props("outlined autogrow").classes("yaml")
+                use = ui.button("Use this vehicle", on_click=lambda: do.use_vehicle(box.value))
+                do.when_idle(use.props("no-caps outline"))
+
+
+def _draw_choice(do: Controls, path: Path) -> None:
+    button = ui.button(path.stem, icon="flight", on_click=lambda: do.act(do.bench.begin_with(path)))
+    do.when_idle(button.props("no-caps outline"))
+
+
+def _as_text(vehicle: Vehicle) -> str:
+    content = vehicle.model_dump(mode="json", exclude_none=True)
     return yaml.safe_dump(content, sort_keys=False, default_flow_style=None)
+
+
+TAB = Tab("flights", "Flights", "folder_open", (Flights, DropZone, VehicleChoice))

@@ -1,65 +1,100 @@
-"""The frame of the page: the bar on top, what is being done, and where one begins without a flight."""
+"""The frame of the page: the bar on top, the work in progress, and the place to begin without a flight."""
 
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from pathlib import Path
 
 from nicegui import ui
 
 from quadctl.lab.comparison.wording import listed
-from quadctl.web.colours import theme_button
-from quadctl.web.panels.flights import draw_vehicle, drop_zone
-from quadctl.web.panels.parts import busy, heading, tag
-
-if TYPE_CHECKING:
-    from quadctl.web.page import Page
-
-
-def draw_header(page: "Page") -> None:
-    tag("span", "brand", "quadctl lab")
-    tag("span", "grow")
-    if not page.starting:
-        for label, icon, act in (
-            ("Save session", "save", page.save_session),
-            ("Report", "description", page.save_report),
-            ("Export model", "download", page.export_model),
-        ):
-            button = ui.button(label, icon=icon, on_click=act).props(f'flat no-caps aria-label="{label}"')
-            button.classes("header-button")
-    theme_button(page.theme, page.toggle_theme)
+from quadctl.web.elements.browser_theme import theme_button
+from quadctl.web.elements.html import busy, heading, tag
+from quadctl.web.elements.theme import Theme
+from quadctl.web.panels.flights import VehicleChoice, drop_zone
+from quadctl.web.panels.panel import Controls, Panel
+from quadctl.web.work.state import Message
 
 
-def draw_status(page: "Page") -> None:
-    work, message = page.bench.work, page.bench.message
-    if work is not None:
-        with tag("div", "banner work").props('role="status"'):
-            busy()
-            tag("span", "grow", f"{work.title}: {work.detail}\u2026" if work.detail else f"{work.title}\u2026")
-            ui.button("Cancel", on_click=page.bench.cancel).props("flat dense no-caps")
-    if message is not None:
-        with tag("div", f"banner {message.kind}").props('role="alert"' if message.kind == "error" else 'role="status"'):
-            ui.icon("error" if message.kind == "error" else "info")
-            tag("span", "grow", message.text if message.text.endswith((".", "?")) else f"{message.text}.")
-            ui.button(icon="close", on_click=page.bench.dismiss).props('flat dense round aria-label="Dismiss"')
+@dataclass(frozen=True)
+class Header(Panel):
+    """The bar on top: files to save, and the colours."""
+
+    theme: Theme
+    starting: bool
+
+    def draw(self, do: Controls) -> None:
+        tag("span", "brand", "quadctl lab")
+        tag("span", "grow")
+        if not self.starting:
+            for label, icon, act in (
+                ("Save session", "save", do.save_session),
+                ("Report", "description", do.save_report),
+                ("Export model", "download", do.export_model),
+            ):
+                button = ui.button(label, icon=icon, on_click=act).props(f'flat no-caps aria-label="{label}"')
+                button.classes("header-button")
+        theme_button(self.theme, do.toggle_theme)
 
 
-def draw_start(page: "Page") -> None:
-    """Where a person begins who has named no flight."""
-    if not page.starting:
-        return
-    with tag("section", "card start"):
-        heading("Find what your flight model is missing")
-        tag(
-            "p",
-            "",
-            "Open a log of a flight. You will see where the model of your vehicle is wrong, which physical effect "
-            "explains it, and how far the error falls when you add it.",
-        )
-        waiting = page.bench.session.logs
-        if waiting:
-            names = listed([path.name for path in waiting])
-            tag("p", "verdict", f"Waiting for their vehicle: {names}. Choose below what flew.")
-        drop_zone(page)
-        with tag("p", "muted"):
-            ui.label("No log at hand? ").style("display:contents")
-            tag("code", "", "quadctl demo")
-            ui.label(" flies one with a hidden effect, in a minute.").style("display:contents")
-    draw_vehicle(page)
+@dataclass(frozen=True)
+class Status(Panel):
+    """The work in progress, with a way to cancel it, and the last message."""
+
+    work_title: str | None
+    message: Message | None
+
+    def draw(self, do: Controls) -> None:
+        if self.work_title is not None:
+            with tag("div", "banner work").props('role="status"'):
+                busy()
+                do.nest(WorkInWords, "grow")
+                ui.button("Cancel", on_click=do.bench.cancel).props("flat dense no-caps")
+        message = self.message
+        if message is not None:
+            role = 'role="alert"' if message.kind == "error" else 'role="status"'
+            with tag("div", f"banner {message.kind}").props(role):
+                ui.icon("error" if message.kind == "error" else "info")
+                tag("span", "grow", message.text if message.text.endswith((".", "?")) else f"{message.text}.")
+                ui.button(icon="close", on_click=do.bench.dismiss).props('flat dense round aria-label="Dismiss"')
+
+
+@dataclass(frozen=True)
+class WorkInWords(Panel):
+    """Title and step of the work in progress.
+
+    A panel of its own: if the Cancel button beside it were replaced at every step, clicks on it would be lost.
+    """
+
+    work_title: str | None
+    work_detail: str
+
+    def draw(self, do: Controls) -> None:
+        ui.label(f"{self.work_title}: {self.work_detail}\u2026" if self.work_detail else f"{self.work_title}\u2026")
+
+
+@dataclass(frozen=True)
+class Start(Panel):
+    """The page before a flight is open: a place to drop one, and the choice of the vehicle."""
+
+    starting: bool
+    logs: tuple[Path, ...]
+
+    def draw(self, do: Controls) -> None:
+        if not self.starting:
+            return
+        with tag("section", "card start"):
+            heading("Find what your flight model is missing")
+            tag(
+                "p",
+                "",
+                "Open a log of a flight. You will see where the model of your vehicle is wrong, which physical effect "
+                "explains it, and how far the error falls when you add it.",
+            )
+            if self.logs:
+                names = listed([path.name for path in self.logs])
+                tag("p", "verdict", f"Open: {names}. Choose below the vehicle that flew.")
+            drop_zone(do)
+            with tag("p", "muted"):
+                ui.label("No log at hand? ").style("display:contents")
+                tag("code", "", "quadctl demo")
+                ui.label(" flies one with a hidden effect, in a minute.").style("display:contents")
+        do.nest(VehicleChoice)

@@ -1,6 +1,6 @@
-"""What could be missing: the verdict, the candidates with their Add buttons, and the next flight."""
+"""The search for missing effects: its verdict, the candidates with their Add buttons, and the next flight."""
 
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
 
 from nicegui import ui
 
@@ -13,75 +13,94 @@ from quadctl.lab.comparison.wording import (
     plain,
     quantity,
 )
+from quadctl.lab.flights.dataset import Dataset
+from quadctl.lab.flights.flight import Flight
+from quadctl.lab.planning.suggestion import Suggestion
 from quadctl.lab.selection.candidate import Candidate
 from quadctl.lab.selection.diagnosis import Diagnosis
 from quadctl.lab.selection.rule import is_supported
+from quadctl.model import Model
+from quadctl.web.elements.html import busy, empty, heading, loading, tag
+from quadctl.web.elements.theme import Theme
 from quadctl.web.figures.sketch import sketch_svg
 from quadctl.web.figures.timeline import short_timeline
-from quadctl.web.findings import Diagnosed
-from quadctl.web.panels.parts import busy, empty, heading, loading, tag
+from quadctl.web.panels.panel import Controls, Panel, Tab
 from quadctl.web.panels.zoomed import zoomed_plot
+from quadctl.web.session.findings import Diagnosed
+from quadctl.web.work.predictions import predictions
 
-if TYPE_CHECKING:
-    from quadctl.web.page import Page
-
-NOT_NEEDED = "Other forms of the same, or look-alikes: not needed beside the above."
-NO_HELP = "They do not help on unseen data, or only with parameters that they cannot have."
-
-
-def draw_overview(page: "Page") -> None:
-    """The first thing that a person sees: measured against predicted."""
-    flight = page.flight
-    if flight is None and page.bench.work is not None:
-        loading("Reading the flights")
-        return
-    if flight is None:
-        empty("insights", "No flight yet", "Open a flight log to see where your model is wrong.")
-        return
-    with tag("section", "card"):
-        heading(f"{flight.name}: measured against predicted")
-        timeline = short_timeline(flight, page.predictions(flight), page.axis, page.theme)
-        zoomed_plot(timeline, page.theme, "measured_and_predicted", "Measured against predicted acceleration over time")
+NOT_NEEDED = "Other forms of these effects, or look-alikes: not needed together with those above."
+NO_HELP = "They do not reduce the held-out error, or only with parameters outside their physical bounds."
 
 
-def draw_missing(page: "Page") -> None:
-    """What could make up the difference."""
-    page.search_detail = None
-    if page.bench.seen is None:
-        return
-    with tag("section", "card").props('aria-live="polite"'):
-        _verdict(page)
-    found, before = page.bench.results.found, page.bench.results.before
-    if found is not None:
-        _candidates(page, found)
-        if found.diagnosis.verdict == "missing" and found.diagnosis.unexplained:
+@dataclass(frozen=True)
+class Overview(Panel):
+    """Measured and predicted acceleration: the first figure that a person sees."""
+
+    flight: Flight | None
+    reading: bool
+    models: dict[str, Model]
+    axis: str
+    theme: Theme
+
+    def draw(self, do: Controls) -> None:
+        flight = self.flight
+        if flight is None and self.reading:
+            loading("Reading the flights")
+        elif flight is None:
+            empty("insights", "No flight yet", "Open a flight log to see where your model is wrong.")
+        else:
             with tag("section", "card"):
-                heading("What these effects do not explain")
-                _expression(page, found.diagnosis)
-        _next_flight(page)
-    elif before is not None and not page.bench.session.off:
-        _expected(page, before)
+                heading(f"{flight.name}: measured and predicted acceleration")
+                timeline = short_timeline(flight, predictions(self.models, flight), self.axis, self.theme)
+                label = "Measured and predicted acceleration over time"
+                zoomed_plot(timeline, self.theme, "measured_and_predicted", label)
 
 
-def _verdict(page: "Page") -> None:
-    bench = page.bench
-    if bench.search is not None:
+@dataclass(frozen=True)
+class Verdict(Panel):
+    """The state of the search, or its verdict, with a button that adds all that is missing."""
+
+    seen: Dataset | None
+    search_title: str | None
+    found: Diagnosed | None
+    off: frozenset[str]
+
+    def draw(self, do: Controls) -> None:
+        if self.seen is None:
+            return
+        with tag("section", "card").props('aria-live="polite"'):
+            if self.search_title is not None:
+                with tag("div", "line"):
+                    busy()
+                    tag("span", "verdict grow", f"{self.search_title}\u2026")
+                    ui.button("Cancel", on_click=do.bench.cancel_search).props("flat dense no-caps")
+                do.nest(SearchInWords)
+            elif self.found is None:
+                self._draw_invitation(do)
+            else:
+                _draw_verdict(do, self.found.diagnosis)
+
+    def _draw_invitation(self, do: Controls) -> None:
         with tag("div", "line"):
-            busy()
-            tag("span", "verdict grow", f"{bench.search.title}\u2026")
-            ui.button("Cancel", on_click=bench.cancel_search).props("flat dense no-caps")
-        page.search_detail = ui.label(bench.search.detail or "Every effect of the catalogue is tried.").classes("muted")
-        return
-    if bench.results.found is None:
-        with tag("div", "line"):
-            off = bench.session.off
-            why = "An effect is switched off: switch it on again to look." if off else "Not looked yet."
+            why = "An effect is switched off: switch it on again to search." if self.off else "Not searched yet."
             tag("span", "verdict grow", why)
-            if not off:
-                look = ui.button("Look for what is missing", on_click=lambda: page.act(bench.look()))
+            if not self.off:
+                look = ui.button("Look for what is missing", on_click=lambda: do.act(do.bench.look()))
                 look.props("no-caps unelevated")
-        return
-    diagnosis = bench.results.found.diagnosis
+
+
+@dataclass(frozen=True)
+class SearchInWords(Panel):
+    """The step of the search; a panel of its own for the reason of `WorkInWords`."""
+
+    search_detail: str
+
+    def draw(self, do: Controls) -> None:
+        ui.label(self.search_detail or "Every effect of the catalogue is tried.").classes("muted")
+
+
+def _draw_verdict(do: Controls, diagnosis: Diagnosis) -> None:
     icon, text, more = _in_words(diagnosis)
     with tag("div", "line top verdict-line"):
         ui.icon(icon).classes(f"verdict-icon {diagnosis.verdict}")
@@ -92,141 +111,188 @@ def _verdict(page: "Page") -> None:
         names = [step.effect for step in diagnosis.steps[1:]]
         if names:
             label = f"Add {plain(diagnosis.missing[0])}" if len(names) == 1 else f"Add all {len(names)}"
-            add = ui.button(label, on_click=lambda: page.act(bench.add(*names)))
-            page.when_idle(add.props(f'no-caps unelevated aria-label="Add {listed(names)}"'))
+            add = ui.button(label, on_click=lambda: do.act(do.bench.add(*names)))
+            do.when_idle(add.props(f'no-caps unelevated aria-label="Add {listed(names)}"'))
     if diagnosis.verdict == "unexplained":
-        _expression(page, diagnosis)
-
-
-def _expression(page: "Page", diagnosis: Diagnosis) -> None:
-    """What no effect explains, as formulas."""
-    if not diagnosis.unexplained:
-        return
-    if diagnosis.symbolic is None:
-        tag("p", "muted", "No expression of a few terms says it: what the flights have in common may not be logged.")
-        return
-    tag("p", "", "What is left, as an expression of the logged variables:")
-    for law in diagnosis.symbolic.laws:
-        tag("pre", "expression", f"{law.axis} acceleration / m/s² = {law.best.text}")
-        share = percent(law.best.held_out_share)
-        tag("p", "muted", f"It explains {share} of the squared error left on that axis, on unseen data.")
-    with tag("div", "line wrap"):
-        add = ui.button(
-            "Add it as an effect of your own", icon="add", on_click=lambda: page.act(page.bench.add_expression())
-        )
-        page.when_idle(add.props("no-caps unelevated"))
-        tag("span", "muted grow", "A formula without physics: it holds where these flights were, and nowhere else.")
+        _draw_expression(do, diagnosis)
 
 
 def _in_words(diagnosis: Diagnosis) -> tuple[str, str, list[str]]:
-    """Icon, verdict, and what else is to be said."""
+    """Icon, verdict, and further sentences."""
     more = []
     if diagnosis.verdict == "none":
-        text = "Nothing significant is missing."
-        more.append("What is left is noise: no effect of the catalogue earns its place on unseen data.")
-        return "check_circle", text, more
+        more.append("No effect of the catalogue reduces the held-out error, and the rest of the residual is noise.")
+        return "check_circle", "Nothing significant is missing.", more
     if diagnosis.verdict == "unexplained":
-        more.append("No effect of the catalogue explains it on unseen data, yet it goes with the logged variables.")
+        more.append(
+            "No effect of the catalogue reduces the held-out error, yet the residual depends on the logged variables."
+        )
         return "help", "Something is there that no known effect explains.", more
     first, last = diagnosis.steps[0].rmse["total"], diagnosis.steps[-1].rmse["total"]
     them = "it" if len(diagnosis.missing) == 1 else "them"
     more.append(
-        f"With {them} in, the error on unseen data goes from {quantity(first)} to {quantity(last)}, "
-        f"{percent(1.0 - last / first)} less."
+        f"Adding {them} reduces the held-out error from {quantity(first)} to {quantity(last)}, "
+        f"by {percent(1.0 - last / first)}."
     )
     if diagnosis.unexplained:
-        more.append("Even so, something is left that the variables explain and these effects do not.")
+        more.append("The residual after that still depends on the logged variables; no known effect explains it.")
     return "lightbulb", f"Missing: {listed([plain(family) for family in diagnosis.missing])}.", more
 
 
-def _expected(page: "Page", before: Diagnosed) -> None:
-    """What the last search found and is not added yet, while it is looked at again."""
-    model = page.bench.session.model
-    held = {effect.family() for effect in model.effects} if model is not None else set()
-    left = [candidate for candidate in _chosen(before.diagnosis) if candidate.family not in held]
-    if left:
-        heading("Found before, and not added yet")
-        with tag("div", "candidates"):
-            for i, candidate in enumerate(left):
-                _card(page, before, candidate, [], primary=i == 0)
+def _draw_expression(do: Controls, diagnosis: Diagnosis) -> None:
+    """Draw the formulas for what no effect explains."""
+    if not diagnosis.unexplained:
+        return
+    if diagnosis.symbolic is None:
+        text = "No expression of a few terms describes it: its cause may not be logged."
+        tag("p", "muted", text)
+        return
+    tag("p", "", "The residual as an expression of the logged variables:")
+    for law in diagnosis.symbolic.laws:
+        tag("pre", "expression", f"{law.axis} acceleration / m/s² = {law.best.text}")
+        share = percent(law.best.held_out_share)
+        tag("p", "muted", f"It explains {share} of the squared residual on that axis, on held-out data.")
+    with tag("div", "line wrap"):
+        add = ui.button(
+            "Add it as an effect of your own", icon="add", on_click=lambda: do.act(do.bench.add_expression())
+        )
+        do.when_idle(add.props("no-caps unelevated"))
+        tag("span", "muted grow", "A formula without physics: valid only within the range of these flights.")
+
+
+@dataclass(frozen=True)
+class Candidates(Panel):
+    """The effects that were tried, best first; while a new search runs, those that the last one found missing."""
+
+    seen: Dataset | None
+    model: Model | None
+    off: frozenset[str]
+    found: Diagnosed | None
+    before: Diagnosed | None
+    theme: Theme
+
+    def draw(self, do: Controls) -> None:
+        if self.seen is None:
+            return
+        if self.found is not None:
+            self._draw_found(do, self.found)
+        elif self.before is not None and not self.off:
+            self._draw_expected(do, self.before)
+
+    def _draw_found(self, do: Controls, found: Diagnosed) -> None:
+        diagnosis = found.diagnosis
+        chosen = _chosen(diagnosis)
+        missing = {candidate.effect.name for candidate in chosen}
+        alike = {other: first for first, other in diagnosis.confounded}
+        rest = [c for c in diagnosis.ranking if c.effect.name not in missing]
+        near = [c for c in rest if is_supported(c) or c.family in alike]
+        others = [c for c in rest if c not in near]
+        if chosen:
+            heading("Missing effects, in the order of adding")
+            with tag("div", "candidates"):
+                for i, candidate in enumerate(chosen):
+                    looks = [other for other, first in alike.items() if first == candidate.family]
+                    self._draw_card(do, found, candidate, looks, primary=i == 0)
+        for title, text, group in (
+            ("Also supported", NOT_NEEDED, near),
+            ("Not supported by these data", NO_HELP, others),
+        ):
+            if group:
+                more = ui.expansion(f"{title} ({len(group)})", caption=text).classes("more")
+                with more, tag("div", "candidates"):
+                    for candidate in group:
+                        self._draw_card(do, found, candidate, [], primary=False)
+        if diagnosis.untried:
+            text = "The flights do not vary enough to identify these effects."
+            with (
+                ui.expansion(f"Not tried ({len(diagnosis.untried)})", caption=text).classes("more"),
+                tag("ul", "plain"),
+            ):
+                for reason in diagnosis.untried:
+                    tag("li", "", f"{reason}.")
+        if diagnosis.verdict == "missing" and diagnosis.unexplained:
+            with tag("section", "card"):
+                heading("Residual that these effects do not explain")
+                _draw_expression(do, diagnosis)
+
+    def _draw_expected(self, do: Controls, before: Diagnosed) -> None:
+        held = {effect.family() for effect in self.model.effects} if self.model is not None else set()
+        left = [candidate for candidate in _chosen(before.diagnosis) if candidate.family not in held]
+        if left:
+            heading("Found by the last search, and not added yet")
+            with tag("div", "candidates"):
+                for i, candidate in enumerate(left):
+                    self._draw_card(do, before, candidate, [], primary=i == 0)
+
+    def _draw_card(
+        self, do: Controls, found: Diagnosed, candidate: Candidate, looks_like: list[str], primary: bool
+    ) -> None:
+        name = candidate.effect.name
+        with tag("article", "card candidate primary" if primary else "card candidate").props(f'data-effect="{name}"'):
+            with tag("div", "line top"):
+                if name in found.sketches:
+                    ui.html(sketch_svg(found.sketches[name], self.theme), sanitize=False).classes("sketch")
+                with tag("div", "grow"):
+                    tag("h3", "", plain(candidate.family).capitalize())
+                    tag("div", "mono muted", name)
+                    with tag("div", "numbers"):
+                        tag("span", "fall", f"{change_in_words(candidate.held_out_drop)} held-out error")
+                        tag("span", "muted", f"p {p_in_words(candidate.p_value)}")
+            tag("p", "", candidate.effect.physics)
+            tag("p", "mono muted", parameters_in_text(candidate.effect, candidate.ci95))
+            if looks_like:
+                families = listed([plain(family) for family in looks_like])
+                tag("p", "note", f"Looks like {families}: these data cannot tell them apart.")
+            for remark in candidate.remarks:
+                tag("p", "note", f"Note: {remark}.")
+            held = candidate.family in {effect.family() for effect in candidate.model.effects[:-1]}
+            add = ui.button("Add", icon="add", on_click=lambda: do.act(do.bench.add(name)))
+            add.props(f'no-caps aria-label="Add {name}"').props("unelevated" if primary else "outline")
+            do.when_idle(add, not held)
 
 
 def _chosen(diagnosis: Diagnosis) -> list[Candidate]:
-    """What is missing, in the order of adding."""
+    """Candidates for the missing effects, in the order of adding."""
     missing = {step.effect for step in diagnosis.steps[1:]}
     return [candidate for candidate in diagnosis.ranking if candidate.effect.name in missing]
 
 
-def _candidates(page: "Page", found: Diagnosed) -> None:
-    diagnosis = found.diagnosis
-    chosen = _chosen(diagnosis)
-    missing = {candidate.effect.name for candidate in chosen}
-    alike = {other: first for first, other in diagnosis.confounded}
-    rest = [c for c in diagnosis.ranking if c.effect.name not in missing]
-    near = [c for c in rest if is_supported(c) or c.family in alike]
-    others = [c for c in rest if c not in near]
-    if chosen:
-        heading("What is missing, in the order of adding")
-        with tag("div", "candidates"):
-            for i, candidate in enumerate(chosen):
-                looks = [other for other, first in alike.items() if first == candidate.family]
-                _card(page, found, candidate, looks, primary=i == 0)
-    for title, text, group in (("Did well too", NOT_NEEDED, near), ("Not supported by these data", NO_HELP, others)):
-        if group:
-            more = ui.expansion(f"{title} ({len(group)})", caption=text).classes("more")
-            with more, tag("div", "candidates"):
-                for candidate in group:
-                    _card(page, found, candidate, [], primary=False)
-    if diagnosis.untried:
-        text = "These flights lack the variety to tell them from others."
-        with ui.expansion(f"Not tried ({len(diagnosis.untried)})", caption=text).classes("more"), tag("ul", "plain"):
-            for reason in diagnosis.untried:
-                tag("li", "", f"{reason}.")
+@dataclass(frozen=True)
+class NextFlight(Panel):
+    """The mission whose data would tell most."""
 
+    seen: Dataset | None
+    found: Diagnosed | None
+    suggestion: Suggestion | None
 
-def _card(page: "Page", found: Diagnosed, candidate: Candidate, looks_like: list[str], primary: bool) -> None:
-    name = candidate.effect.name
-    with tag("article", "card candidate primary" if primary else "card candidate").props(f'data-effect="{name}"'):
-        with tag("div", "line top"):
-            if name in found.sketches:
-                ui.html(sketch_svg(found.sketches[name], page.theme), sanitize=False).classes("sketch")
-            with tag("div", "grow"):
-                tag("h3", "", plain(candidate.family).capitalize())
-                tag("div", "mono muted", name)
-                with tag("div", "numbers"):
-                    tag("span", "fall", f"{change_in_words(candidate.held_out_drop)} error on unseen data")
-                    tag("span", "muted", f"p {p_in_words(candidate.p_value)}")
-        tag("p", "", candidate.effect.physics)
-        tag("p", "mono muted", parameters_in_text(candidate.effect, candidate.ci95))
-        if looks_like:
-            tag("p", "note", f"Looks like {listed([plain(f) for f in looks_like])} in these data: they cannot tell.")
-        for remark in candidate.remarks:
-            tag("p", "note", f"Note: {remark}.")
-        held = {effect.family() for effect in candidate.model.effects[:-1]} & {candidate.family}
-        add = ui.button("Add", icon="add", on_click=lambda: page.act(page.bench.add(name)))
-        add.props(f'no-caps aria-label="Add {name}"').props("unelevated" if primary else "outline")
-        page.when_idle(add, not held)
-
-
-def _next_flight(page: "Page") -> None:
-    bench, suggestion = page.bench, page.bench.results.suggestion
-    with tag("section", "card"):
-        heading("Which flight next?")
-        if suggestion is None:
-            with tag("div", "line"):
-                tag("p", "muted grow", "Every mission is flown in thought, and judged by what its data would add.")
-                ask = ui.button("Suggest a flight", on_click=lambda: page.act(bench.suggest()))
-                page.when_idle(ask.props("no-caps outline"))
+    def draw(self, do: Controls) -> None:
+        if self.seen is None or self.found is None:
             return
-        *reasons, answer = suggestion.lines()
-        if suggestion.best is None:
-            tag("p", "", answer)
-        else:
-            command = suggestion.best.command
-            with tag("div", "line"):
-                tag("code", "command grow", command)
-                ui.button(icon="content_copy", on_click=lambda: ui.clipboard.write(command)).props(
-                    'flat dense round aria-label="Copy the command"'
-                )
-        for reason in reasons:
-            tag("p", "muted", reason)
+        with tag("section", "card"):
+            heading("Which flight next?")
+            if self.suggestion is None:
+                with tag("div", "line"):
+                    text = "Every mission is predicted with the model, and ranked by the information that it adds."
+                    tag("p", "muted grow", text)
+                    ask = ui.button("Suggest a flight", on_click=lambda: do.act(do.bench.suggest()))
+                    do.when_idle(ask.props("no-caps outline"))
+            else:
+                _draw_suggestion(self.suggestion)
+
+
+def _draw_suggestion(suggestion: Suggestion) -> None:
+    *reasons, answer = suggestion.lines()
+    if suggestion.best is None:
+        tag("p", "", answer)
+    else:
+        command = suggestion.best.command
+        with tag("div", "line"):
+            tag("code", "command grow", command)
+            ui.button(icon="content_copy", on_click=lambda: ui.clipboard.write(command)).props(
+                'flat dense round aria-label="Copy the command"'
+            )
+    for reason in reasons:
+        tag("p", "muted", reason)
+
+
+TAB = Tab("missing", "What is missing", "search", (Overview, Verdict, Candidates, NextFlight))

@@ -1,55 +1,65 @@
-"""The effect stack: what the model holds, how sure its parameters are, and what single flights have of their own."""
+"""The effect stack: the effects of the model, their parameters with intervals, and the trim of each flight."""
 
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
 
 import numpy as np
 from nicegui import ui
 
 from quadctl.lab.comparison.wording import plain
 from quadctl.lab.fitting.nuisances import KINDS
+from quadctl.lab.flights.dataset import Dataset
 from quadctl.model import StackedEffect
-from quadctl.web.panels.parts import tag
-
-if TYPE_CHECKING:
-    from quadctl.web.page import Page
+from quadctl.web.elements.html import tag
+from quadctl.web.panels.panel import Controls, Panel
+from quadctl.web.session.session import Rung
+from quadctl.web.work.jobs import Evaluation
 
 NUISANCES = {
     "thrust_scale": ("thrust", 100.0, "%"),
     "roll_rad": ("roll", np.degrees(1.0), "°"),
     "pitch_rad": ("pitch", np.degrees(1.0), "°"),
     "height_m": ("height", 1000.0, "mm"),
-    "delay_s": ("age of rotor signal", 1000.0, "ms"),
+    "delay_s": ("rotor signal delay", 1000.0, "ms"),
 }
-"""Those that act on the acceleration, as a person reads them: name, factor, unit."""
+"""Name, factor and unit of each nuisance parameter that acts on the acceleration, for a table."""
 
 
-def draw_stack(page: "Page") -> None:
-    rung = page.bench.session.rung
-    if rung is None:
-        return
-    with tag("section", "card stack").props('aria-label="Effect stack"'):
-        with tag("div", "line"):
-            tag("h2", "title grow", "Effects in the model")
-            if rung.model.stack:
-                refit = ui.button("Refit", on_click=lambda: page.act(page.bench.refit()))
-                page.when_idle(refit.props("flat dense no-caps"), not page.bench.session.off)
-        if not rung.model.stack:
-            tag("p", "muted", f"None yet: the rigid body of {rung.model.vehicle.name}, weight and rotor thrust alone.")
-        for item in rung.model.stack:
-            _effect(page, item)
-        _nuisances(page)
+@dataclass(frozen=True)
+class Stack(Panel):
+    """The effects of the model, each with a switch and a button that removes it."""
+
+    rung: Rung | None
+    off: frozenset[str]
+    seen: Dataset | None
+    evaluation: Evaluation | None
+
+    def draw(self, do: Controls) -> None:
+        if self.rung is None:
+            return
+        model = self.rung.model
+        with tag("section", "card stack").props('aria-label="Effect stack"'):
+            with tag("div", "line"):
+                tag("h2", "title grow", "Effects in the model")
+                if model.stack:
+                    refit = ui.button("Refit", on_click=lambda: do.act(do.bench.refit()))
+                    do.when_idle(refit.props("flat dense no-caps"), not self.off)
+            if not model.stack:
+                tag("p", "muted", f"None yet: the rigid body of {model.vehicle.name}, weight and rotor thrust alone.")
+            for item in model.stack:
+                _draw_effect(do, item, on=item.effect.name not in self.off)
+            if self.evaluation is not None and self.seen is not None:
+                _draw_nuisances(self.evaluation, self.seen)
 
 
-def _effect(page: "Page", item: StackedEffect) -> None:
-    effect, bench = item.effect, page.bench
-    on = effect.name not in bench.session.off
+def _draw_effect(do: Controls, item: StackedEffect, on: bool) -> None:
+    effect = item.effect
     with tag("div", "effect" if on else "effect off"):
         with tag("div", "line"):
-            switch = ui.switch(value=on, on_change=lambda: page.act(bench.switch(effect.name)))
-            page.when_idle(switch.props(f'dense aria-label="{effect.name} on or off"'))
+            switch = ui.switch(value=on, on_change=lambda: do.act(do.bench.switch(effect.name)))
+            do.when_idle(switch.props(f'dense aria-label="{effect.name} on or off"'))
             tag("span", "effect-name grow", plain(effect.family())).props(f'title="{effect.name}"')
-            remove = ui.button(icon="close", on_click=lambda: page.act(bench.remove(effect.name)))
-            page.when_idle(remove.props(f'flat dense round size=sm aria-label="Remove {effect.name}"'))
+            remove = ui.button(icon="close", on_click=lambda: do.act(do.bench.remove(effect.name)))
+            do.when_idle(remove.props(f'flat dense round size=sm aria-label="Remove {effect.name}"'))
         tag("div", "mono muted", effect.name)
         ci95 = item.fitted.ci95 if item.fitted else {}
         units = {p.name: p.unit for p in effect.parameters()}
@@ -60,22 +70,24 @@ def _effect(page: "Page", item: StackedEffect) -> None:
                     tag("span", "", f"{value:.4g} {units[name]}".strip())
                     if name in ci95:
                         low, high = ci95[name]
-                        tag("span", "muted", f" [{low:.3g}, {high:.3g}]").props('title="95% interval"')
+                        tag("span", "muted", f" [{low:.3g}, {high:.3g}]").props('title="95% confidence interval"')
 
 
-def _nuisances(page: "Page") -> None:
-    evaluation, seen = page.bench.results.evaluation, page.bench.seen
-    if evaluation is None or seen is None:
-        return
-    with ui.expansion("What single flights have of their own").classes("nuisances").props("dense"):
-        tag("p", "muted", "Trims that differ from flight to flight; fitted beside the effects, not part of the model.")
+def _draw_nuisances(evaluation: Evaluation, seen: Dataset) -> None:
+    with ui.expansion("Trim and calibration").classes("nuisances").props("dense"):
+        tag(
+            "p",
+            "muted",
+            "Nuisance parameters: small offsets that differ between flights. They are fitted together with the "
+            "effects, and are not saved with the model.",
+        )
         kinds = [kind.name for kind in KINDS]
         with tag("table", "small"):
             with tag("tr"):
                 tag("th", "", "flight")
                 for name, _, unit in NUISANCES.values():
                     tag("th", "number", f"{name} / {unit}")
-            for flight, values in zip(seen.names, evaluation.nuisances, strict=True):
+            for flight, values in zip(seen.names, evaluation.solution.optimum.nuisances, strict=True):
                 with tag("tr"):
                     tag("td", "", flight)
                     for kind, (_, factor, _) in NUISANCES.items():

@@ -5,9 +5,9 @@ from typing import Any
 from nicegui import ui
 from nicegui.events import GenericEventArguments
 
+from quadctl.web.elements.html import plot
+from quadctl.web.elements.theme import Theme
 from quadctl.web.figures.timeline import Timeline
-from quadctl.web.panels.parts import plot
-from quadctl.web.theme import Theme
 
 
 def zoomed_plot(timeline: Timeline, theme: Theme, name: str, label: str) -> ui.plotly:

@@ -22,7 +22,7 @@ def test_an_armed_vehicle_is_not_taken() -> None:
 
 @pytest.mark.parametrize("stage", [Stage.STREAM, Stage.START])
 def test_a_vehicle_that_somebody_arms_is_not_taken(stage: Stage) -> None:
-    """It may be in the air a moment later: idle throttle in offboard would drop it."""
+    """The vehicle may be in the air a moment later: idle throttle in offboard would drop it."""
     flight = Flight()
     flight.autopilot.ignored.add("OFFBOARD")
 

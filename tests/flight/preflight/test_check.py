@@ -1,4 +1,4 @@
-"""What `quadctl check` finds before anything moves: fit flights pass, unfit ones are refused, each for its reason."""
+"""`quadctl check` passes fit flights before anything moves, and refuses unfit ones, each for its reason."""
 
 import asyncio
 import itertools
@@ -12,7 +12,7 @@ import pytest
 import yaml
 
 from quadctl.errors import FlightError
-from quadctl.flight.autopilot.firmware import Requirement
+from quadctl.flight.autopilot.firmware import Check, Requirement
 from quadctl.flight.autopilot.px4 import PX4
 from quadctl.flight.preflight.check import check_flight
 from quadctl.flight.preflight.findings import Finding, Verdict
@@ -151,7 +151,7 @@ class FakeAutopilot:
     warnings: list[str] = field(default_factory=list)
     description: str = "an autopilot"
     requirements: Sequence[Requirement] = ()
-    checked: Sequence[str] = PX4.checked
+    checks: Sequence[Check] = PX4.checks
 
     def __post_init__(self) -> None:
         self._looks = itertools.count()
@@ -244,3 +244,14 @@ def test_parameters_that_make_silence_dangerous_are_warnings(
     findings = asked(tmp_path, FakeAutopilot(STANDING, values={**GOOD, **values}))
     assert said in found(findings, Verdict.WARNING)["parameters"]
     assert not found(findings, Verdict.REFUSED)
+
+
+def test_what_is_judged_of_a_parameter_belongs_to_the_autopilot(tmp_path: Path) -> None:
+    patience = Check(
+        "ACME_PATIENCE",
+        finding=lambda seconds, _: f"ACME_PATIENCE: waits {seconds:g} s",
+        objection=lambda seconds, _: "expected 1 s" if seconds > 1.0 else None,
+    )
+    autopilot = FakeAutopilot(STANDING, values={"ACME_PATIENCE": 3.0, "COM_OF_LOSS_T": 5.0}, checks=[patience])
+    findings = [finding for finding in asked(tmp_path, autopilot) if finding.topic == "parameters"]
+    assert [str(finding) for finding in findings] == ["parameters: ACME_PATIENCE: waits 3 s: expected 1 s"]

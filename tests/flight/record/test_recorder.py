@@ -21,8 +21,8 @@ from quadctl.compensator import Compensation
 from quadctl.control import ControlOutput, Memory
 from quadctl.errors import FlightError
 from quadctl.flight.pilot.tick import Event, Stage, Tick
+from quadctl.flight.preflight.preparation import prepare_flight
 from quadctl.flight.record.recorder import Recorder, header, row
-from quadctl.flight.session import prepare_flight
 from quadctl.frames import quaternion_from_euler
 from quadctl.logs.read import read_log
 from quadctl.sitl.run import simulate

@@ -23,7 +23,8 @@ from tests.support.flights import obedient
 
 
 def hover(vehicle: Vehicle, thrust_over_weight: float, forward_m_s: float = 0.0, seconds: float = 60.0) -> FlightLog:
-    """A level flight at 1 m and a steady speed north, whose rotors tell of another thrust than that of the weight."""
+    """Level flight at 1 m with a steady speed north; the logged rotor speeds belong to another thrust than the
+    weight."""
     log = obedient(Model(vehicle), seconds)
     t = log.time_s
     random = np.random.default_rng(1)
@@ -41,7 +42,7 @@ def data(*logs: FlightLog, vehicle: Vehicle) -> Dataset:
 
 class TestByHand:
     def test_a_steady_error_of_the_acceleration_grows_with_time_and_its_square(self, raptor: Vehicle) -> None:
-        """Rotors that tell of 2 % more thrust than there is: e = 0.02 g, e t after t, e t^2 / 2 in position."""
+        """Rotor speeds for 2 % too much thrust: e = 0.02 g, velocity error e t, position error e t^2 / 2."""
         e = 0.02 * GRAVITY_M_S2
         for errors in open_loop(Model(raptor), data(hover(raptor, 1.02), vehicle=raptor)):
             t = errors.horizon_s
@@ -52,7 +53,8 @@ class TestByHand:
             assert errors.held_position["total"].rmse < 1e-4
 
     def test_drag_acts_on_the_predicted_velocity_not_on_the_logged_one(self, raptor: Vehicle) -> None:
-        """A drag that the flight has not: v = v0 exp(-t/T) with T = 1 / d, and the position stays behind."""
+        """Model with a drag that the flight does not have: v = v0 exp(-t/T) with T = 1 / d, and the position falls
+        behind."""
         d, v0 = 0.6, 2.0
         model = Model(raptor).plus(LinearDrag(d_x=d, d_y=d))
         tau = 1.0 / d
@@ -78,7 +80,7 @@ class TestByHand:
             assert errors.held_position["north"].rmse == pytest.approx(0.5 * a * t * t, rel=1e-3)
 
     def test_a_lag_of_the_motors_acts_along_the_log(self, raptor: Vehicle) -> None:
-        """In steady flight it changes nothing, however many predictions run side by side."""
+        """A motor lag changes nothing in steady flight, however many predictions run in parallel."""
         model = Model(raptor).plus(FirstOrderLag(0.2))
         errors = open_loop(model, data(hover(raptor, 1.02), vehicle=raptor))[0]
         assert errors.position["up"].rmse == pytest.approx(0.5 * 0.02 * GRAVITY_M_S2, rel=1e-4)
@@ -86,7 +88,7 @@ class TestByHand:
 
 class TestStarts:
     def test_no_prediction_crosses_a_gap(self, raptor: Vehicle) -> None:
-        """Beyond the gap the vehicle is elsewhere: a single prediction across would be off by metres."""
+        """The vehicle is elsewhere after the gap: a prediction across it would be wrong by metres."""
         log = hover(raptor, 1.0)
         columns = {**log.columns, "x_m": log["x_m"] + 50.0 * (log.time_s > 31.0)}
         kept = (log.time_s < 30.0) | (log.time_s > 34.0)
@@ -102,7 +104,7 @@ class TestStarts:
         assert two.position["up"].rmse < 0.5 * noise * two.horizon_s
 
     def test_a_short_flight_has_only_short_horizons(self, raptor: Vehicle) -> None:
-        """Of 4 s nothing can be said about 5."""
+        """A flight of 4 s has no errors after 5 s."""
         log = hover(raptor, 1.0, seconds=30.0)
         pieces = np.floor(log.time_s / 5.0) % 2 == 0
         found = open_loop(Model(raptor), data(log.rows(pieces), vehicle=raptor))
@@ -128,7 +130,7 @@ class TestUncertainty:
         assert width[1] < 0.6 * width[0]
 
     def test_samples_of_one_block_are_no_independent_witnesses(self) -> None:
-        """The same squares, in many blocks or in few that are all alike inside: the latter say less."""
+        """The same squares in many blocks, and in few blocks of equal values: the latter give a wider interval."""
         squares = np.repeat(np.random.default_rng(2).chisquare(1, 40), 25)[:, None]
         (known,) = estimates(squares, np.arange(1000))
         (blocked,) = estimates(squares, np.repeat(np.arange(40), 25))
@@ -141,7 +143,7 @@ class TestUncertainty:
 
     def test_it_reads_as_a_number_with_its_unit_and_interval(self) -> None:
         assert Estimate(0.31, (0.27, 0.352)).in_words("m") == "0.31 m [0.27, 0.352]"
-        assert Estimate(math.inf, None).in_words("m") == "without bound"
+        assert Estimate(math.inf, None).in_words("m") == "unbounded"
         assert Estimate(math.inf, None).to_dict() == {"rmse": None, "ci95": None}
 
 

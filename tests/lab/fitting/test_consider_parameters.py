@@ -1,4 +1,4 @@
-"""Errors of a set-up that no fit can know: what they do to a prediction, and to the intervals of a fit."""
+"""Considered errors: their effect on a prediction and on the intervals of a fit."""
 
 import dataclasses
 import math
@@ -12,7 +12,7 @@ from quadctl.effects.rotor_drag import LinearDrag
 from quadctl.effects.rotor_fault import WeakRotor
 from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.lab.fitting import consider_parameters as considered
-from quadctl.lab.fitting.consider_parameters import FORM, GROUND_SLOPE, ROTOR_COEFFICIENT, error_slopes
+from quadctl.lab.fitting.consider_parameters import FORM, GROUND_SLOPE, ROTOR_COEFFICIENT, consider_jacobian
 from quadctl.lab.fitting.fitter import Fitter
 from quadctl.lab.flights.dataset import Dataset, load_dataset
 from quadctl.lab.flights.flight import Flight
@@ -31,20 +31,20 @@ def flight(raptor: Vehicle) -> Flight:
     return prepare(obedient(Model(raptor)), raptor)
 
 
-def slopes(model: Model, flight: Flight) -> np.ndarray:
-    """Of the four rotors, the ground's slope north and east, then of each form."""
-    return error_slopes(model, flight, GROUPS, predict_targets(model, flight, GROUPS))
+def jacobian(model: Model, flight: Flight) -> np.ndarray:
+    """Jacobian of the considered errors: four rotors, the ground's slope north and east, then each form."""
+    return consider_jacobian(model, flight, GROUPS, predict_targets(model, flight, GROUPS))
 
 
 def test_rotors_that_all_give_the_same_say_nothing_of_their_differences(raptor: Vehicle, flight: Flight) -> None:
-    assert slopes(Model(raptor), flight)[..., :4] == pytest.approx(0.0, abs=1e-12)
+    assert jacobian(Model(raptor), flight)[..., :4] == pytest.approx(0.0, abs=1e-12)
 
 
 def test_a_stronger_rotor_acts_by_its_thrust_beyond_the_mean(raptor: Vehicle, flight: Flight) -> None:
     first, *others = flight.nominal_n
     uneven = dataclasses.replace(flight, nominal_n=[first + 1.0, *others])
     expected = ROTOR_COEFFICIENT * 0.75 / raptor.mass_kg  # N above the mean of four
-    assert slopes(Model(raptor), uneven)[:, UP, 0] == pytest.approx(expected, rel=1e-3)
+    assert jacobian(Model(raptor), uneven)[:, UP, 0] == pytest.approx(expected, rel=1e-3)
 
 
 def test_ground_that_rises_to_the_north_is_nearer_there(raptor: Vehicle, flight: Flight) -> None:
@@ -53,9 +53,9 @@ def test_ground_that_rises_to_the_north_is_nearer_there(raptor: Vehicle, flight:
     north = dataclasses.replace(flight, conditions=dataclasses.replace(c, position_ne_m=(2.0 + 0.0 * c.height_m, 0.0)))
     lower = dataclasses.replace(c, height_m=c.height_m - 2.0 * GROUND_SLOPE)
     nearer = predict_targets(model, dataclasses.replace(flight, conditions=lower), GROUPS)
-    assert slopes(model, north)[..., 4] == pytest.approx(nearer - predict_targets(model, flight, GROUPS), abs=1e-9)
-    assert slopes(model, north)[..., 5] == pytest.approx(0.0, abs=1e-12)
-    assert (slopes(model, north)[:, UP, 4] > 0.0).all()
+    assert jacobian(model, north)[..., 4] == pytest.approx(nearer - predict_targets(model, flight, GROUPS), abs=1e-9)
+    assert jacobian(model, north)[..., 5] == pytest.approx(0.0, abs=1e-12)
+    assert (jacobian(model, north)[:, UP, 4] > 0.0).all()
 
 
 def test_a_form_is_off_by_a_share_of_what_its_effect_does(raptor: Vehicle, flight: Flight) -> None:
@@ -63,18 +63,18 @@ def test_a_form_is_off_by_a_share_of_what_its_effect_does(raptor: Vehicle, fligh
     does = predict_targets(model, flight, GROUPS) - predict_targets(
         Model(raptor).plus(ConstantScale(1.1)), flight, GROUPS
     )
-    off = slopes(model, flight)[..., 6]
+    off = jacobian(model, flight)[..., 6]
     assert off[:, UP] == pytest.approx(FORM * math.sqrt(np.mean(does[:, UP] ** 2)))
     assert off[:, :UP] == pytest.approx(0.0)
 
 
 @pytest.mark.parametrize("effect", [ConstantScale(1.1), LinearDrag(0.3, 0.3)], ids=lambda effect: effect.name)
 def test_what_has_no_form_or_vanishes_in_hover_is_not_off(raptor: Vehicle, flight: Flight, effect: Effect) -> None:
-    assert slopes(Model(raptor).plus(effect), flight).shape[-1] == 6
+    assert jacobian(Model(raptor).plus(effect), flight).shape[-1] == 6
 
 
 def test_a_thrust_scale_is_less_sure_beside_a_form(raptor: Vehicle, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A ground effect whose tail is a little other than ours is a little more thrust everywhere."""
+    """A ground effect with a slightly different tail gives slightly more thrust everywhere."""
     model = Model(raptor).plus(ConstantScale(1.0)).plus(Exponential(0.3, 6.0))
     data = load_dataset([obedient(model, 60.0, noise_m_s=0.002)], raptor)
     wide = _spread(model, data)
@@ -83,7 +83,7 @@ def test_a_thrust_scale_is_less_sure_beside_a_form(raptor: Vehicle, monkeypatch:
 
 
 def test_intervals_grow_by_what_rotors_of_one_batch_differ(raptor: Vehicle, monkeypatch: pytest.MonkeyPatch) -> None:
-    """However long the flight: no data tell a weak rotor from one that was made a little weaker."""
+    """A longer flight does not help: no data distinguish a weak rotor from one with a slightly smaller coefficient."""
     log = obedient(Model(raptor), 60.0, noise_m_s=0.002)
     swing = np.sin(2.0 * np.pi * 0.2 * log.time_s)
     turned = {f"motor{i}_rpm": log[f"motor{i}_rpm"] * (1.0 + sign * 0.05 * swing) for i, sign in ((1, 1.0), (2, -1.0))}

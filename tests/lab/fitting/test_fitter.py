@@ -1,4 +1,5 @@
-"""The fit as a specification: what it finds, within which bounds, how sure it is, and what does not fool it."""
+"""Specification of the fit: what it finds, within which bounds, how large its intervals are, and what does not mislead
+it."""
 
 import dataclasses
 from pathlib import Path
@@ -20,8 +21,8 @@ from quadctl.lab.fitting.arrowhead import Arrow
 from quadctl.lab.fitting.fitter import Fitter, fit_model, noise_scale
 from quadctl.lab.fitting.initial_guesses import Unmodelled, best_guesses
 from quadctl.lab.fitting.linearisation import Tangent
-from quadctl.lab.fitting.normal_equations import worth
-from quadctl.lab.fitting.nuisances import KINDS, MOST, disturbed, rotor_moments_n_m
+from quadctl.lab.fitting.normal_equations import axis_weights
+from quadctl.lab.fitting.nuisances import BOUND, KINDS, disturbed, rotor_moments_n_m
 from quadctl.lab.fitting.parameters import intervals, values_of
 from quadctl.lab.flights.dataset import Dataset, HoldOut, load_dataset
 from quadctl.lab.flights.flight import Flight
@@ -63,12 +64,12 @@ def shaken(log: FlightLog, seed: int = 0) -> FlightLog:
 
 
 def data_of(model: Model, seconds: float = 60.0, seed: int = 0) -> Dataset:
-    """A flight that obeys `model`, but for noise."""
+    """Flight that obeys `model`, with noise."""
     return load_dataset([shaken(obedient(model, seconds, noise_m_s=NOISE_M_S, seed=seed), seed)], model.vehicle)
 
 
 def with_weak_rotor(vehicle: Vehicle, rotor: int, loss: float, seconds: float = 90.0) -> FlightLog:
-    """A flight in balance in which one rotor turns faster, as it gives less at its speed."""
+    """Balanced flight in which one weak rotor turns faster than the others."""
     log = shaken(obedient(Model(vehicle), seconds, noise_m_s=NOISE_M_S))
     name = f"motor{rotor}_rpm"
     return dataclasses.replace(log, columns={**log.columns, name: log[name] / np.sqrt(1.0 - loss)})
@@ -76,13 +77,13 @@ def with_weak_rotor(vehicle: Vehicle, rotor: int, loss: float, seconds: float = 
 
 @pytest.fixture(scope="module")
 def seen(raptor: Vehicle) -> Dataset:
-    """Scale and ground effect, 90 s."""
+    """Flight of 90 s with a thrust scale and a ground effect."""
     return data_of(stacked(raptor, *SCALE_AND_GROUND), 90.0)
 
 
 @pytest.fixture(scope="module")
 def uneven_logs(raptor: Vehicle) -> list[FlightLog]:
-    """Of rotors some of which are weaker than is believed: nuisances end within their bounds and at them."""
+    """Flights with some rotors weaker than the bounds allow: nuisances end inside their bounds and at them."""
     truths = [stacked(raptor, ConstantScale(factor), Exponential(0.3, 6.0)) for factor in (0.95, 1.0, 1.008, 1.05)]
     return [shaken(obedient(t, 30.0, noise_m_s=NOISE_M_S, seed=i, name=f"{i}.csv"), i) for i, t in enumerate(truths)]
 
@@ -92,7 +93,7 @@ class TestGaussNewton:
         fitter = Fitter(stacked(raptor, ConstantScale(), Exponential()), seen)
         fitted = fitter.fit()
         scale = noise_scale(seen.targets - fitted.predicted(fitter.dataset))
-        least = fitter.misfit(fitted, scale)
+        least = fitter.objective(fitted, scale)
         for i, effect in enumerate(fitted.model.effects):
             for parameter in (p for p in effect.parameters() if p.fitted):
                 for share in (-0.003, 0.003):
@@ -100,7 +101,7 @@ class TestGaussNewton:
                     effects = list(fitted.model.effects)
                     effects[i] = dataclasses.replace(effect, **{parameter.name: value})
                     beside = dataclasses.replace(fitted, model=fitted.model.with_effects(effects))
-                    assert fitter.misfit(beside, scale) > least - 1e-3 * abs(least), parameter.name
+                    assert fitter.objective(beside, scale) > least - 1e-3 * abs(least), parameter.name
 
     @pytest.mark.parametrize("start", [Exponential(0.0, 1.0), Exponential(1.5, 20.0), Exponential(0.1, 2.0)])
     def test_it_comes_from_far_away(self, raptor: Vehicle, seen: Dataset, start: Exponential) -> None:
@@ -117,7 +118,7 @@ class TestGaussNewton:
 
     @pytest.mark.parametrize("kind", [k for k in FOR_RAPTOR if k.candidate and k.parameters()])
     def test_nothing_leaves_its_bounds(self, raptor: Vehicle, kind: type[Effect]) -> None:
-        """Whatever is fitted to a flight whose rotors give 40 % more than promised."""
+        """All fits to a flight whose rotors give 40 % more than nominal."""
         data = data_of(stacked(raptor, ConstantScale(1.4)), 30.0)
         fitter = Fitter(stacked(raptor, kind()), data)
         fitted = fitter.fit()
@@ -125,28 +126,28 @@ class TestGaussNewton:
         high = np.array([f.parameter.high for f in fitter.free])
         for values in (values_of(fitted.model, fitter.free), *fitter.bootstrap(fitted)):
             assert np.all((low <= values) & (values <= high))
-        assert np.all(np.abs(fitted.nuisances) <= MOST + 1e-12)
+        assert np.all(np.abs(fitted.nuisances) <= BOUND + 1e-12)
 
-    def test_a_better_form_has_the_smaller_misfit(self, raptor: Vehicle, seen: Dataset) -> None:
-        misfits = []
+    def test_a_better_form_has_the_smaller_objective(self, raptor: Vehicle, seen: Dataset) -> None:
+        objectives = []
         for form in (Model(raptor), stacked(raptor, ConstantScale()), stacked(raptor, ConstantScale(), Exponential())):
             fitter = Fitter(form, seen)
-            misfits.append(fitter.misfit(fitter.fit(), np.full(seen.targets.shape[1], 0.1)))
-        assert misfits[0] > misfits[1] > misfits[2]
+            objectives.append(fitter.objective(fitter.fit(), np.full(seen.targets.shape[1], 0.1)))
+        assert objectives[0] > objectives[1] > objectives[2]
 
-    def test_slopes_to_nuisances_taken_for_constant_do_not_move_the_optimum(
+    def test_a_jacobian_of_the_nuisances_taken_for_constant_do_not_move_the_optimum(
         self, raptor: Vehicle, seen: Dataset
     ) -> None:
         fitter = Fitter(stacked(raptor, ConstantScale(), Exponential()), seen)
         fitted = fitter.fit()
-        again = fitter.fit(start=fitted)  # whose slopes are those at the optimum
+        again = fitter.fit(start=fitted)  # whose Jacobian is that at the optimum
         widths = np.ptp(intervals(fitter.free, fitter.bootstrap(fitted)), axis=1)
         moved = np.abs(values_of(again.model, fitter.free) - values_of(fitted.model, fitter.free))
         assert np.all(moved <= 0.02 * widths)
 
 
 class TestManyFlights:
-    """Eliminated one by one, the nuisances of many flights come out as from one dense least-squares problem."""
+    """Eliminating the nuisances flight by flight gives the solution of one dense least-squares problem."""
 
     FORM = (Exponential(), MassStep(0.1, 20.0))
 
@@ -167,20 +168,20 @@ class TestManyFlights:
         monkeypatch.setattr(Arrow, "within", dense_solution_within)
         for name, mine, dense in zip(("values", "nuisances", "held out", "draws"), by_flight, found(), strict=True):
             assert mine == pytest.approx(dense, rel=1e-5, abs=1e-7), name
-        at_bound = np.isclose(np.abs(by_flight[1]), MOST)
+        at_bound = np.isclose(np.abs(by_flight[1]), BOUND)
         assert at_bound.any() and not at_bound.all()
 
 
 def dense_equations(arrow: Arrow) -> tuple[np.ndarray, np.ndarray]:
-    """The matrix and the right-hand side, shapes (..., m, m) and (..., m)."""
-    unit = np.eye(arrow.side.shape[-1])
-    return np.stack([arrow.times(np.broadcast_to(e, arrow.side.shape)) for e in unit], axis=-1), arrow.side
+    """Normal matrix and right-hand side, shapes (..., m, m) and (..., m)."""
+    unit = np.eye(arrow.rhs.shape[-1])
+    return np.stack([arrow.times(np.broadcast_to(e, arrow.rhs.shape)) for e in unit], axis=-1), arrow.rhs
 
 
-def dense_solution(arrow: Arrow, moves: np.ndarray) -> np.ndarray:
+def dense_solution(arrow: Arrow, free: np.ndarray) -> np.ndarray:
     a, b = dense_equations(arrow)
     x = np.zeros_like(b)
-    x[..., moves] = np.linalg.solve(a[..., moves, :][..., moves], b[..., moves, None])[..., 0]
+    x[..., free] = np.linalg.solve(a[..., free, :][..., free], b[..., free, None])[..., 0]
     return x
 
 
@@ -212,7 +213,7 @@ class TestHeldOut:
         assert own < unseen < 1.2 * own
 
     def test_a_flight_that_is_held_out_does_not_tell_its_nuisance(self, raptor: Vehicle) -> None:
-        """Of a thrust 0.8 % off in each flight, one way and the other, a whole unseen flight shows all."""
+        """A thrust that is alternately 0.8 % too large and too small shows fully in the error of an unseen flight."""
         logs = [
             obedient(stacked(raptor, ConstantScale(factor)), 40.0, noise_m_s=0.005, name=f"{factor}.csv")
             for factor in (0.992, 1.008)
@@ -254,7 +255,7 @@ class TestIntervals:
 
 
 QUIET = 1e-5
-"""Noise beside which all that a nuisance may do is seen."""
+"""Noise so small that any nuisance within its bounds is visible."""
 
 
 class TestMoments:
@@ -264,15 +265,16 @@ class TestMoments:
         return flight
 
     def test_their_samples_count_as_often_as_the_slow_filter_leaves_them_independent(self, flight: Flight) -> None:
-        """White noise through it: the variance of the mean, over that of one sample, is one over that number."""
+        """White noise through the filter: variance of the mean over that of one sample is one over the number of
+        independent moments."""
         white = np.random.default_rng(1).standard_normal((len(flight.time_s), 400))
         slow = flight.slowly(white)
         independent = slow.var() / slow.mean(axis=0).var()
         assert flight.slow_share * len(flight.time_s) == pytest.approx(independent, rel=0.2)
-        assert worth(flight, ("total", "turning")) == pytest.approx([1.0] * 3 + [flight.slow_share] * 3)
+        assert axis_weights(flight, ("total", "turning")) == pytest.approx([1.0] * 3 + [flight.slow_share] * 3)
 
     def test_about_yaw_motors_that_lean_turn_more_than_coefficients_do(self, raptor: Vehicle, flight: Flight) -> None:
-        """0.01 of the unit: four rotors 1 % off, and leaning 0.3 degrees at a lever of 0.124 sqrt(2) m."""
+        """A yaw moment of 0.01: four rotors that are 1 % off and lean by 0.3 degrees at a lever of 0.124 sqrt(2) m."""
         each = raptor.weight_n / 4.0 * flight.load
         roll, _, yaw = 0.01 * rotor_moments_n_m(flight).T
         assert roll == pytest.approx(0.01 * 2.0 * 0.124 * each)
@@ -355,7 +357,7 @@ class TestStarts:
 
 
 class TestToldApart:
-    """What the balance of moments, the clock and the speed tell apart."""
+    """Effects that are distinguished by the balance of moments, the clock and the speed."""
 
     PAIR = (ConstantScale, WeakRotor)
 
@@ -424,7 +426,7 @@ class TestToldApart:
 
 class TestBesideEachOther:
     def test_what_is_found_first_is_as_it_is_beside_what_is_found_next(self, raptor: Vehicle) -> None:
-        """By itself, the thrust scale makes up for a part of the ground effect too."""
+        """A thrust scale alone also makes up for a part of the ground effect."""
         data = load_dataset([obedient(stacked(raptor, *SCALE_AND_GROUND), noise_m_s=NOISE_M_S)], raptor)
         found = diagnose(Model(raptor), data, [ConstantScale, Exponential])
         assert sorted(found.missing) == ["ground_effect", "thrust_scale"]
@@ -449,7 +451,7 @@ ERRORS = {
 
 
 class TestOtherAxes:
-    """What an effect that is about moments takes off one of them it must not put on another."""
+    """An effect on the moments that lowers the error of one moment must not raise that of another."""
 
     def candidate(self, vehicle: Vehicle, effect: Effect, **after: float) -> Candidate:
         model = stacked(vehicle, effect)
@@ -465,7 +467,7 @@ class TestOtherAxes:
         assert not is_supported(self.candidate(raptor, WeakRotor(0.1), **turning))
 
     def test_a_weak_rotor_shows_in_all_its_moments_alike(self, raptor: Vehicle) -> None:
-        """Yaw alone, with a trace of the others, is motors that lean."""
+        """A yaw moment with a trace of the others is explained by leaning motors."""
         leaning = self.candidate(raptor, WeakRotor(0.1), roll=0.098, pitch=0.098, yaw=0.05, turning=0.148)
         assert not is_supported(leaning)
 
@@ -474,7 +476,7 @@ class TestOtherAxes:
         assert not is_supported(scaled)
 
     def test_a_rotor_with_one_lever_must_explain_a_good_part_of_that_moment(self) -> None:
-        """A little of one moment is a centre of mass that is off."""
+        """A small moment about one axis is explained by an offset of the centre of mass."""
         weak = WeakRotor(0.1, rotor=2.0)  # at x = 0
         assert weak.shows_in(HEXAROTOR) == ("roll",)
         assert not is_supported(self.candidate(HEXAROTOR, weak, roll=0.09, turning=0.168))

@@ -1,4 +1,4 @@
-"""Work spread over processes, and over machines: the same answer as without."""
+"""Parallel work in processes and on several machines gives the same answer as serial work."""
 
 import pytest
 from distributed import Client, LocalCluster

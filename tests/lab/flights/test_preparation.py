@@ -1,4 +1,4 @@
-"""What the lab makes of a log: which part is flight, how it is filtered, how late its rotor signal is."""
+"""Preparation of a log: the part in flight, the filter, and the delay of the rotor signal."""
 
 import dataclasses
 import math
@@ -60,7 +60,7 @@ class TestPrepare:
 
     @pytest.mark.parametrize("late_s", [-0.03, 0.05])
     def test_a_lag_is_told_from_the_age_of_the_rotor_signal(self, rigid: Model, late_s: float) -> None:
-        """Half of a lag looks like an age: they are right only when they are found together."""
+        """Half of a lag looks like a delay: they are right only when they are estimated together."""
         data = load_dataset([with_late_rotors(obedient(rigid), late_s, lag_s=0.08)], rigid.vehicle)
         found = try_effect(FirstOrderLag, Unmodelled(fit_model(rigid, data)), 1)
         assert is_supported(found)
@@ -91,7 +91,8 @@ class TestPrepare:
         assert rmse(data.aligned_for(rigid).residual(rigid))["up"] < 0.1 * float(np.std(data.measured[:, 2]))
 
     def test_the_torque_is_what_the_body_rates_tell(self, raptor: Vehicle) -> None:
-        """I dw/dt + w x I w, filtered as the acceleration: turning about two axes takes a torque about the third."""
+        """Torque I dw/dt + w x I w, filtered as the acceleration: turning about two axes takes a torque about the
+        third."""
         log = obedient(Model(raptor))
         w = 2.0 * math.pi * 0.3
         yaw_rate = 0.5 + log["yaw_rate_rad_s"]

@@ -1,4 +1,4 @@
-"""Which flight next: the mission that answers what the data so far leave open, and only one that can be flown."""
+"""Suggestion of the next flight: the mission that best answers the open questions, and only one that can be flown."""
 
 import json
 import math
@@ -35,7 +35,7 @@ SQUARE = [UP] + [
     {"kind": "move", "to_m": [x, y, 1.2], "speed_m_s": 0.8, "acceleration_m_s2": 3.0}
     for x, y in ((2, 0), (-2, 0), (-2, 2), (-2, -2))
 ]
-"""All at one speed."""
+"""Mission at a single speed."""
 LIMITS = {"max_z_m": 2.5, "max_distance_m": 4.0}
 
 
@@ -76,7 +76,7 @@ def option(result: Suggestion, name: str) -> Option:
 
 
 def asked(model: Model, dataset: Dataset, candidates: list[str], *pair: str, missions: Path = MISSIONS) -> Suggestion:
-    """What is suggested after a diagnosis with `candidates`, the `pair` being taken as not told apart."""
+    """Suggestion after a diagnosis with `candidates`, in which the `pair` counts as not distinguished."""
     diagnosis = diagnose(model, dataset, candidates)
     return suggest(replace(diagnosis, confounded=[list(pair)] if pair else []), missions)
 
@@ -185,14 +185,14 @@ def test_no_flight_is_suggested_when_none_tells_more(world: World, tmp_path: Pat
     write_mission(tmp_path, "hover_again", HOVER)
     result = asked(world.rigid, world.hover(), [], missions=tmp_path)
     assert result.best is None
-    assert "No flight is suggested: none of these missions would tell more." in str(result)
+    assert "No flight is suggested: none of these missions would give more information." in str(result)
     assert result.to_dict()["command"] is None
 
 
 def test_why_no_flight_is_suggested_is_said() -> None:
     nothing, unexplained = (Suggestion([], [], None, None, [], [], unexplained=flag) for flag in (False, True))
-    assert nothing.lines() == ["No flight is suggested: nothing is open."]
-    assert "what is unexplained is in no candidate" in unexplained.lines()[0]
+    assert nothing.lines() == ["No flight is suggested: no question is open."]
+    assert "no candidate explains the unexplained part" in unexplained.lines()[0]
 
 
 def test_a_folder_without_missions_is_one_sentence(world: World, tmp_path: Path) -> None:
@@ -204,7 +204,7 @@ def test_a_folder_without_missions_is_one_sentence(world: World, tmp_path: Path)
 
 
 def test_the_interval_after_the_flight_is_as_expected(world: World, tmp_path: Path) -> None:
-    """Twice as wide or half as wide at most, when the mission is then really flown in the simulator."""
+    """Expected widths are within a factor of two of those after the mission is flown in the simulator."""
     model = world.rigid.plus(find_effect("inflow", "test")(k=0.4))
     before = world.flown("hover_inflow", HOVER, [("inflow.axial", {"k": 0.4})])
     expected = option(asked(model, before, []), "vertical_runs").width
@@ -258,8 +258,8 @@ def test_without_data_a_parameter_is_as_uncertain_as_its_bounds_leave_it(world: 
 
 
 def test_nuisances_take_information_away(world: World) -> None:
-    """In hover a hanging tether pulls as a thrust scale that is off does, by 0.5 % in any flight: more noise-free
-    samples do not help."""
+    """A hanging tether in hover acts like a thrust scale that is off by 0.5 %, within the prior of every flight: more
+    noise-free samples do not help."""
     model = world.rigid.plus(find_effect("tether", "test")())
     flight = world.hover().flights[0]
     told = prior(model) + information(model, flight, ("total",), np.full(3, 0.1))
@@ -281,7 +281,7 @@ def test_the_command_prints_what_to_run_and_writes_it(world: World, tmp_path: Pa
     told = json.loads(out.read_text())
     assert told["command"] in (None, f"quadctl fly {short / 'runs.yaml'}")
     assert [o["mission"] for o in told["options"]] == ["runs"]
-    assert "What each mission would bring" in result.output
+    assert "Expected result of each mission" in result.output
 
 
 def test_a_result_needs_no_more_than_a_diagnosis(world: World) -> None:

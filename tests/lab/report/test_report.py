@@ -1,4 +1,4 @@
-"""The report as a specification: what a person finds on the page, and what the page never does."""
+"""Specification of the report: what a person finds on the page, and what the page never does."""
 
 import dataclasses
 import re
@@ -37,7 +37,7 @@ UNIT = re.compile(r" / (m/s²|m/s|m s|N|V|deg|s|m|mm|%|rotor radii)$")
 
 
 class Page(HTMLParser):
-    """What a browser makes of a page: elements with their attributes, texts, and whether all are closed in order."""
+    """Parser of a page: elements with their attributes, texts, and whether all are closed in order."""
 
     def __init__(self, html: str) -> None:
         super().__init__(convert_charrefs=True)
@@ -72,7 +72,7 @@ class Page(HTMLParser):
 
 @dataclasses.dataclass(frozen=True)
 class Flown:
-    """The circle on simulated flights over a ground whose cushion is not in the catalogue."""
+    """Results on simulated flights over a ground whose effect is not in the catalogue."""
 
     before: Comparison
     diagnosis: Diagnosis
@@ -129,7 +129,7 @@ def page(html: str) -> Page:
 
 @pytest.fixture(scope="module")
 def made(raptor: Vehicle) -> Comparison:
-    """A quick comparison, of a flight with a nasty name."""
+    """Short comparison of a flight with HTML in its name."""
     log = obedient(Model(raptor).plus(ConstantScale(factor=1.1)), noise_m_s=0.01, name=NASTY)
     return compare(Model(raptor, name="<b>rigid</b>"), load_dataset([log], raptor))
 
@@ -164,7 +164,7 @@ class TestWhatThePageHolds:
         low, high = rmse_interval(flown.before.residual, flown.before.dataset)
         total = flown.before.rmse["total"]
         assert low < total < high
-        assert f"{quantity(total)} on the whole (RMSE over all axes, 95% interval {low:.3g} to {high:.3g})" in page.text
+        assert f"{quantity(total)} (RMSE over all axes, 95% interval {low:.3g} to {high:.3g})" in page.text
         a, b = flown.addition.model.effects[0].values()["a"], flown.addition.model.effects[0].values()["b"]
         assert f"a = {a:.4g} [" in page.text
         assert f"b = {b:.4g} 1/m [" in page.text
@@ -188,7 +188,7 @@ class TestWhatThePageHolds:
 
     def test_the_verdict_is_said_in_words(self, flown: Flown, made: Comparison) -> None:
         answers: tuple[tuple[Verdict, str], ...] = (
-            ("none", "Nothing significant is missing from <b>rigid</b>: what is left is noise."),
+            ("none", "Nothing significant is missing from <b>rigid</b>: the remaining error is noise."),
             ("unexplained", "no effect of the catalogue explains it"),
         )
         for verdict, words in answers:
@@ -206,8 +206,8 @@ class TestWhatThePageHolds:
     def test_look_alikes_are_named_with_what_tells_them_apart(self, flown: Flown, made: Comparison) -> None:
         confounded = dataclasses.replace(flown.diagnosis, confounded=[["ground_effect", "thrust_scale"]])
         text = Page(render_report(Results(made, confounded))).text
-        assert "these data cannot tell ground effect from thrust scale" in text
-        assert ConstantScale.told_apart_by in text
+        assert "these data do not distinguish ground effect from thrust scale" in text
+        assert ConstantScale.distinguished_by in text
 
     def test_the_table_of_step_responses_labels_signed_and_absolute(self, flown: Flown, page: Page) -> None:
         for heading in ("M_A signed / m s", "M_A absolute / m s", "M_B signed / m s", "M_B absolute / m s"):

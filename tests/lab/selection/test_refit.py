@@ -1,4 +1,4 @@
-"""Refitting a model and taking effects out of it: what `quadctl fit` and `quadctl remove` promise."""
+"""Refit of a model and removal of effects: specification of `quadctl fit` and `quadctl remove`."""
 
 import dataclasses
 import json
@@ -37,7 +37,7 @@ def data(truth: Model) -> Dataset:
 
 @pytest.fixture(scope="module")
 def wrong(raptor: Vehicle) -> Model:
-    """The right effects with wrong parameters."""
+    """Model with the right effects and wrong parameters."""
     return Model(raptor, name="wrong").plus(ConstantScale(1.0)).plus(Exponential(a=0.1, b=3.0))
 
 
@@ -56,7 +56,7 @@ class TestFit:
         assert result.p_value < 1e-6 and result.conclusion == ""
 
     def test_a_model_that_is_right_already_gains_nothing(self, truth: Model, data: Dataset) -> None:
-        """The nuisances of the flight are fitted on both sides: they are no merit of the refit."""
+        """The nuisances of the flight are fitted before and after: they do not count as improvement."""
         result = fit(truth, data)
         assert abs(result.held_out_drop) < 0.01
         assert result.p_value > 0.01
@@ -105,7 +105,7 @@ class TestFlightsHeldOut:
 
 class TestAdd:
     def test_what_no_fit_can_move_is_chosen_by_the_data(self, raptor: Vehicle) -> None:
-        """A mass that is picked up at 40 s: the sum of squares has a valley at every moment of the flight."""
+        """A mass that is picked up at 40 s: the sum of squares has a local minimum at every moment of the flight."""
         truth = Model(raptor).plus(MassStep(mass_kg=0.15, time_s=40.0))
         flights = load_dataset([obedient(truth, 90.0, noise_m_s=0.01)], raptor)
         (found,) = add(MassStep, Model(raptor), flights).model.effects
@@ -126,7 +126,7 @@ class TestRemove:
         assert "do not support rotor_drag.linear" in superfluous.conclusion
 
     def test_the_rest_is_refitted(self, raptor: Vehicle, truth: Model, data: Dataset) -> None:
-        """Without the ground effect, the thrust scale has to make do for it."""
+        """Without the ground effect, the thrust scale compensates for it."""
         alone = remove("ground_effect", truth, data).model
         assert [type(effect) for effect in alone.effects] == [ConstantScale]
         assert alone.effects[0].values()["factor"] > 0.94
@@ -175,7 +175,7 @@ class TestCommands:
 
     @pytest.fixture
     def files(self, truth: Model, wrong: Model, tmp_path: Path) -> tuple[Path, Path]:
-        """A log, and the model file with the wrong parameters."""
+        """Log, and model file with the wrong parameters."""
         write_csv(obedient(truth, 60.0, noise_m_s=0.01), tmp_path / "waves.csv")
         save_model(wrong, tmp_path / "wrong.yaml")
         return tmp_path / "waves.csv", tmp_path / "wrong.yaml"
@@ -183,7 +183,7 @@ class TestCommands:
     def test_fit(self, run: Callable[..., tuple[int, str, str]], files: tuple[Path, Path]) -> None:
         log, model = files
         status, out, _ = run("fit", model, log, "-o", "new.yaml", "--json", "f.json")
-        assert status == 0 and "The held-out error changes by" in out and "Saved: new.yaml" in out
+        assert status == 0 and "The held-out acceleration error changes by" in out and "Saved: new.yaml" in out
         found = json.loads(Path("f.json").read_text())
         assert found["rmse_after"]["total"] < 0.5 * found["rmse_before"]["total"]
         low, high = found["held_out_drop_ci95"]

@@ -1,7 +1,8 @@
-"""What no effect of the catalogue explains becomes a formula: found if it is there, silent if not, flown if wanted."""
+"""Formulas for what no effect of the catalogue explains: found if it is there, none if it is not, usable in flight."""
 
 import json
 import math
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -35,6 +36,24 @@ HOVERING = DATA / "raptor/HOVERING.csv"
 NORTH, EAST, UP = 0, 1, 2
 
 
+class TestCompactForms:
+    @pytest.mark.parametrize(("place", "width"), [(0.0, 1.0), (100.0, 1.0), (-5000.0, 1.0), (16.0, 0.1)])
+    @pytest.mark.parametrize("form", FORMS, ids=lambda form: form.template)
+    def test_are_fitted_wherever_the_variable_lies(
+        self, form: Form, place: float, width: float, capfd: pytest.CaptureFixture[str]
+    ) -> None:
+        """Far from 0, as north 100 m from the origin, the exponential overflows at most of the starts."""
+        random = np.random.default_rng(1)
+        x = place + width * random.normal(1.0, 0.2, 500)
+        y = 0.2 * (x - place) / width + random.normal(0.0, 0.05, 500)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            fitted = fit_form(form, x, y)
+        assert np.isfinite(fitted.values).all() and np.isfinite(fitted.jacobian).all()
+        assert np.sum((form(x, fitted.values) - y) ** 2) <= np.sum(y**2)
+        assert capfd.readouterr().err == ""
+
+
 @pytest.fixture(scope="module")
 def plain(raptor: Vehicle, tmp_path_factory: pytest.TempPathFactory) -> Dataset:
     """Runs along the ground and up and down, in a world without any effect."""
@@ -45,7 +64,7 @@ def plain(raptor: Vehicle, tmp_path_factory: pytest.TempPathFactory) -> Dataset:
 
 @pytest.fixture(scope="module")
 def noise(rigid: Model, plain: Dataset) -> Floats:
-    """What the rigid body leaves of it, shape (n, 3)."""
+    """Residual of the rigid body, shape (n, 3)."""
     return held_out_residual(rigid, plain)
 
 
@@ -67,7 +86,7 @@ def with_law(noise: Floats, axis: int, law: Floats) -> Floats:
 
 
 def covers(formula: Formula, name: str, truth: float, slack: float = 0.0) -> bool:
-    """The interval holds the truth, or misses it by no more than `slack`."""
+    """Check that the interval contains the truth, or misses it by no more than `slack`."""
     low, high = formula.ci95[name]
     return low - slack <= truth <= high + slack
 
@@ -179,7 +198,7 @@ class TestTheLibrary:
 
 @pytest.fixture(scope="module")
 def found(plain: Dataset, noise: Floats) -> Symbolic:
-    """Of an updraft of 0.5 m/s^2, 0.5 m wide, 1 m north."""
+    """Flight through an updraft of 0.5 m/s^2, 0.5 m wide, 1 m north."""
     result = explain(with_law(noise, UP, 0.5 * np.exp(-(((value(plain, "north") - 1.0) / 0.5) ** 2))), plain)
     assert result
     return result
@@ -213,7 +232,7 @@ class TestWhatAUserSees:
 
 @dataclass(frozen=True)
 class Updraft(Effect):
-    """Air that rises at one place: no catalogue has it."""
+    """Updraft at one place, which is in no catalogue."""
 
     name: ClassVar[str] = "hidden.updraft"
     depends_on: ClassVar[tuple[str, ...]] = ("north", "east")

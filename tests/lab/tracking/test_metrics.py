@@ -3,6 +3,7 @@
 import io
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from rich.console import Console
 from quadctl.errors import LogError
 from quadctl.lab.tracking import metrics as m
 from quadctl.lab.tracking.metrics import Window, metrics, render
+from quadctl.lab.tracking.steps import only_step
 from quadctl.logs.contradictions import contradictions
 from quadctl.logs.flight_log import FlightLog, Floats
 from quadctl.logs.read import read_logs
@@ -203,8 +205,11 @@ class TestRefusals:
         assert f"a.csv: {sentence}" in str(caught.value)
 
     def test_no_phase_and_no_window(self) -> None:
-        with pytest.raises(LogError, match=r"a\.csv: has no phases, expected a time window"):
+        """Nothing is asked for and no step is to be seen; a phase is asked for and none is there."""
+        with pytest.raises(LogError, match=r"a\.csv: has no phases, and no step was found in the position along z"):
             metrics([flight(np.ones(3))])
+        with pytest.raises(LogError, match=r"a\.csv: has no phases, expected a time window .* in place of --phase"):
+            metrics([flight(np.ones(3))], window=Window(phase="down"))
 
     def test_a_log_or_reference_that_contradicts_itself(self) -> None:
         """In the words in which an analysis refuses it."""
@@ -242,6 +247,68 @@ class TestRefusals:
             metrics([])
 
 
+def stepping(
+    high_m: float, low_m: float, *, reference: bool = True, name: str = "step.csv", end_s: float = 60.0
+) -> FlightLog:
+    """Take-off, at 20 s a step that takes some three seconds, landing 5 s before the end; without phases."""
+    random = np.random.default_rng(1)
+    t: Floats = 0.02 * np.arange(round(end_s / 0.02), dtype=np.float64)
+    lands_s = end_s - 5.0
+    told = np.where(t < 5.0, 0.0, np.where(t < 20.0, high_m, np.where(t < lands_s, low_m, 0.0)))
+    z = np.zeros_like(t)
+    for i in range(1, len(t)):
+        z[i] = z[i - 1] + 0.02 * (told[i] - z[i - 1])
+    columns: dict[str, Floats] = {"time_s": t, "z_m": z + 0.003 * random.standard_normal(len(t))}
+    columns |= {f"motor{i}_rpm": np.where((t > 4.0) & (t < lands_s + 3.0), 5500.0, 0.0) for i in (1, 2, 3, 4)}
+    if reference:
+        columns["z_ref_m"] = np.where((t < 5.0) | (t >= lands_s), np.nan, told)
+    return FlightLog(name, None, columns)
+
+
+class TestStepsWithoutPhases:
+    def test_the_jump_of_the_reference_is_the_window(self) -> None:
+        """Digit by digit what the same flight gives with its phases."""
+        log = stepping(1.2, 0.2)
+        phase = np.where(log.time_s < 20.0, "settle", np.where(log.time_s < 55.0, "step", "land"))
+        seen, told = metrics([log]), metrics([replace(log, phase=phase)])
+        assert seen.flights == told.flights
+        assert seen.notes == (
+            "step.csv has no phases: measured is its step from 1.20 to 0.20 m at 20.00 s, as seen in the reference, "
+            "for 34.98 s",
+        )
+
+    def test_the_position_shows_it_where_there_is_no_reference(self) -> None:
+        result = metrics([stepping(1.2, 0.2, reference=False)], setpoint_m=0.2)
+        step = only_step(stepping(1.2, 0.2, reference=False))
+        assert step.start_s == pytest.approx(20.0, abs=0.3) and step.end_s == pytest.approx(55.0, abs=1.0)
+        assert [step.from_m, step.to_m] == pytest.approx([1.2, 0.2], abs=0.05)
+        assert "as seen in the position" in result.notes[0]
+
+    def test_all_flights_are_measured_for_as_long_as_the_shortest(self) -> None:
+        low, high = stepping(1.2, 0.2, end_s=60.0), stepping(2.1, 1.1, end_s=50.0, name="high.csv")
+        result = metrics([low], [high])
+        assert [flight.duration_s for flight in result.flights] == pytest.approx([24.98, 24.98])
+        assert result.flights[0].m_b_absolute is not None
+        assert [note.partition(" ")[0] for note in result.notes] == ["step.csv", "high.csv"]
+
+    def test_what_is_asked_for_goes_first(self) -> None:
+        result = metrics([stepping(1.2, 0.2)], window=Window(30.0, 40.0))
+        assert result.flights[0].duration_s == pytest.approx(10.0) and not result.notes
+
+    def test_take_off_and_landing_are_no_steps(self) -> None:
+        log = stepping(1.2, 1.2, reference=False)
+        with pytest.raises(LogError, match="no step was found in the position along z, expected one, or a time window"):
+            only_step(log)
+
+    def test_of_several_steps_none_is_chosen(self) -> None:
+        log = stepping(1.2, 0.2)
+        log.columns["z_ref_m"][2000:2200] = 0.7
+        with pytest.raises(
+            LogError, match=r"3 steps were found in the reference along z \(from 1.20 to 0.20 m at 20.00"
+        ):
+            metrics([log])
+
+
 def on_a_narrow_terminal(result: m.MetricsTable) -> str:
     terminal = io.StringIO()
     Console(width=80, file=terminal).print(render(result))
@@ -271,6 +338,17 @@ class TestOutput:
         assert lines["low_0"] == ["1.000", "1.000", "-0.250", "0.250", "1.000", "1.000", "1.000"]
         assert lines["low_1"] == ["2.000", "2.000", "0.750", "0.750", "2.000", "2.000", "2.000"]
         assert shown.count("signed") == shown.count("absolute") == 2
+
+    def test_a_flight_is_one_line_on_a_narrow_terminal(self) -> None:
+        """With the names that `quadctl simulate` gives, and 80 columns."""
+        flown = ("step_response", "hayden"), ("step_response_high", "none")
+        metas = [{"mission": mission, "compensator": compensator} for mission, compensator in flown]
+        low, high = (replace(flight(np.full(3, 1.0), name=f"{i}.csv"), meta=meta) for i, meta in enumerate(metas))
+        result = metrics([low], [high], window=Window(0.0, 1.0), setpoint_m=0.0, reference_setpoint_m=0.0)
+        lines = on_a_narrow_terminal(result).splitlines()
+        assert any(line.startswith("step_response, hayden ") and line.rstrip().endswith("1.000") for line in lines)
+        below = lines[next(i for i, line in enumerate(lines) if line.startswith("reference flights:")) + 1]
+        assert below.startswith("step_response_high, none ") and below.rstrip().endswith("1.000")
 
     def test_without_references_there_is_no_m_b(self) -> None:
         assert "M_B" not in on_a_narrow_terminal(metrics([flight(np.ones(3))], window=Window(0.0, 1.0), setpoint_m=0.0))

@@ -1,0 +1,19 @@
+"""The command that copies what is installed with quadctl for editing."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from quadctl.cli.app import app
+from quadctl.cli.output import print_saved
+from quadctl.installed import write_copies
+
+
+@app.command()
+def init(
+    directory: Annotated[Path, typer.Argument(metavar="DIR", help="Folder to write to; it is made where needed.")],
+) -> None:
+    """Copy the installed missions, flight configuration, vehicles and simulator scripts into a folder, for editing."""
+    for written in write_copies(directory):
+        print_saved(written)

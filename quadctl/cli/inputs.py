@@ -1,0 +1,41 @@
+"""Files that commands read: those where the user is, else those installed with quadctl; and one line on which."""
+
+from pathlib import Path
+
+from quadctl.cli.app import console
+from quadctl.installed import describe, is_installed, locate
+
+
+def find(path: Path | None) -> Path | None:
+    """Callback of an argument or option that names one file: says so where the installed one is used."""
+    if path is None:
+        return None
+    found = locate(path)
+    if is_installed(found):
+        say_used(str(path), found)
+    return found
+
+
+def find_all(paths: list[Path]) -> list[Path]:
+    """Callback of an argument that names several files, as `find`."""
+    return [found for path in paths if (found := find(path)) is not None]
+
+
+def find_missions(folder: Path) -> Path:
+    """Callback of an argument or option that names the folder of the missions: says which one is used."""
+    found = locate(folder)
+    say_used("missions", found)
+    return found
+
+
+def find_configuration(given: Path | None, mission: Path) -> Path:
+    """The flight configuration for a mission; says which one is used."""
+    from quadctl.flight.pilot.settings import find_config
+
+    path = find_config(given, mission)
+    say_used("configuration", path)
+    return path
+
+
+def say_used(what: str, path: Path) -> None:
+    console.print(describe(what, path), soft_wrap=True, markup=False, highlight=False)

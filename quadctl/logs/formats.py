@@ -1,0 +1,80 @@
+"""Formats of flight logs, to read and to convert to. Reader, commands and page share these tables.
+
+A new format is one module with its functions, and one line here. Functions are named, not imported: a command lists the
+formats without loading the libraries that read them.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from pkgutil import resolve_name
+from typing import TYPE_CHECKING, TypeAlias, cast
+
+if TYPE_CHECKING:
+    from quadctl.logs.flight_log import FlightLog
+
+Reader: TypeAlias = "Callable[[Path], FlightLog]"
+Writer: TypeAlias = "Callable[[FlightLog, Path], None]"
+
+HEAD_BYTES = 16
+"""Length of a file's beginning by which its format is recognised."""
+
+
+@dataclass(frozen=True)
+class LogFormat:
+    """One format that can be read; functions are named as `module:function`."""
+
+    label: str
+    suffix: str
+    """With its dot, in lower case."""
+    reader: str
+    """(path) -> FlightLog; it raises a LogError for a file that is not of its format."""
+    recogniser: str | None
+    """(the first HEAD_BYTES of a file) -> bool; None for the one format that is tried where no other is recognised."""
+
+    def recognises(self, head: bytes) -> bool:
+        return self.recogniser is not None and bool(resolve_name(self.recogniser)(head))
+
+    def read(self, path: Path) -> "FlightLog":
+        return cast(Reader, resolve_name(self.reader))(path)
+
+
+FORMATS: tuple[LogFormat, ...] = (
+    LogFormat("CSV", ".csv", "quadctl.logs.csv_log:read_csv", None),
+    LogFormat("PX4 ULog", ".ulg", "quadctl.logs.ulog:read_ulog", "quadctl.logs.ulog:is_ulog"),
+    LogFormat(
+        "ArduPilot DataFlash", ".bin", "quadctl.logs.dataflash:read_dataflash", "quadctl.logs.dataflash:is_dataflash"
+    ),
+    LogFormat("MAVLink telemetry", ".tlog", "quadctl.logs.tlog:read_tlog", "quadctl.logs.tlog:is_tlog"),
+)
+
+CONVERTERS: dict[str, str] = {
+    "csv": "quadctl.logs.csv_log:write_csv",
+    "parquet": "quadctl.logs.convert:write_parquet",
+    "mcap": "quadctl.logs.convert:write_mcap",
+}
+"""Functions (log, path) -> None that write a log in another format, by the suffix (without dot) of what they write."""
+
+
+def suffixes() -> tuple[str, ...]:
+    """Suffixes of all formats that can be read."""
+    return tuple(form.suffix for form in FORMATS)
+
+
+def labels() -> str:
+    """All formats that can be read, in words: `CSV (.csv), PX4 ULog (.ulg), ...`."""
+    return ", ".join(f"{form.label} ({form.suffix})" for form in FORMATS)
+
+
+def format_of(head: bytes, suffix: str) -> LogFormat:
+    """The format of a file by its first bytes, by its suffix where they are damaged, else the one tried on anything."""
+    for form in FORMATS:
+        if form.recognises(head):
+            return form
+    by_suffix = [form for form in FORMATS if form.suffix == suffix.lower()]
+    return (by_suffix or [form for form in FORMATS if form.recogniser is None])[0]
+
+
+def writer(to: str) -> Writer:
+    """The function that writes a log as `to`, a key of CONVERTERS."""
+    return cast(Writer, resolve_name(CONVERTERS[to]))

@@ -1,0 +1,68 @@
+"""Building blocks of the pages: headings, placeholders, and a figure with its download buttons."""
+
+from collections.abc import Callable
+from functools import partial
+
+from nicegui import ui
+from nicegui.element import Element
+
+from quadctl.web.elements.figure import Figure, to_csv
+
+PICTURE_PX = 1200
+
+
+def tag(name: str, classes: str = "", text: str = "") -> Element:
+    """A plain element of HTML, with text that is never taken for HTML."""
+    element = ui.element(name).classes(classes)
+    if text:
+        with element:
+            ui.label(text).style("display:contents")
+    return element
+
+
+def heading(title: str, text: str = "") -> None:
+    tag("h2", "title", title)
+    if text:
+        tag("p", "muted", text)
+
+
+def empty(icon: str, title: str, text: str) -> None:
+    """Draw a placeholder for content that does not exist yet."""
+    with tag("div", "empty"):
+        ui.icon(icon).classes("empty-icon")
+        tag("h3", "", title)
+        tag("p", "muted", text)
+
+
+def busy() -> None:
+    """Draw a sign of work in progress. It blinks twice a second: a smooth animation would slow down the work."""
+    tag("span", "busy").props('aria-hidden="true"')
+
+
+def loading(text: str) -> None:
+    with tag("div", "empty").props('role="status"'):
+        busy()
+        tag("p", "muted", text)
+
+
+def plot(drawn: Figure, name: str, label: str) -> ui.plotly:
+    """Draw a figure and its buttons for PNG, SVG and CSV files called `name`; screen readers read `label`."""
+    with tag("figure", "figure"):
+        shown = ui.plotly(drawn).props(f'role="img" aria-label="{label}"')
+        with tag("div", "take"):
+            for form in ("png", "svg"):
+                _button(form, label, partial(_picture, shown, name, form))
+            _button("csv", label, lambda: ui.download.content(to_csv(shown.figure), f"{name}.csv", "text/csv"))
+    return shown
+
+
+def _button(form: str, label: str, act: Callable[[], object]) -> None:
+    ui.button(form.upper(), on_click=act, color=None).props(
+        f'flat dense no-caps size=sm aria-label="{label} as {form.upper()}"'
+    )
+
+
+def _picture(shown: ui.plotly, name: str, form: str) -> None:
+    assert isinstance(shown.figure, dict)
+    size = {"width": PICTURE_PX, "height": shown.figure["layout"]["height"]}
+    shown.run_plot_method("downloadImage", {"format": form, "filename": name, **size})

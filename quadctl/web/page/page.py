@@ -1,0 +1,209 @@
+"""One open tab of a browser: its choices (part, flight, axis, selection), and its panels, drawn from the workbench."""
+
+from collections.abc import Awaitable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+
+from nicegui import ui
+from nicegui.client import Client
+from nicegui.element import Element
+from nicegui.elements.mixins.disableable_element import DisableableElement
+from nicegui.elements.upload_files import FileUpload
+
+from quadctl.lab.flights.prediction import AXES
+from quadctl.web.elements.browser_theme import keep_theme, wanted_theme
+from quadctl.web.elements.html import tag
+from quadctl.web.elements.theme import DARK, LIGHT, Theme
+from quadctl.web.panels import compensator, fails, flights, missing, over_time
+from quadctl.web.panels.frame import Header, Start, Status
+from quadctl.web.panels.ladder import Ladder
+from quadctl.web.panels.panel import Panel, Tab
+from quadctl.web.panels.stack import Stack
+from quadctl.web.panels.view import Brush, View
+from quadctl.web.work.worker import CancelledError
+from quadctl.web.workbench.intake import TEMPLATE, Intake
+from quadctl.web.workbench.workbench import Workbench
+
+TABS: dict[str, Tab] = {tab.name: tab for tab in (missing.TAB, over_time.TAB, fails.TAB, compensator.TAB, flights.TAB)}
+
+
+@dataclass(eq=False)
+class Part:
+    """A place on the page, and the panel that was last drawn there."""
+
+    place: Element
+    panel: type[Panel]
+    drawn: Panel | None = None
+    locked: list[tuple[DisableableElement, bool]] = field(default_factory=list)
+    """Elements that are enabled only while no work is done, and whether they are enabled then."""
+    nested: "list[Part]" = field(default_factory=list)
+
+
+class Page:
+    """One open tab. It is the `Controls` of its panels."""
+
+    def __init__(self, bench: Workbench, intake: Intake, client: Client, tab: str) -> None:
+        self.bench = bench
+        self._intake, self._client = intake, client
+        self._tab = tab if tab in TABS else next(iter(TABS))
+        self._theme = LIGHT
+        self._axis = "up"
+        self._flight_name = ""
+        self._brush: Brush = {}
+        self._frame_parts: list[Part] = []
+        self._tab_parts: list[Part] = []
+        self._drawing: Part | None = None
+        self._idle = True
+
+    # --- building -----------------------------------------------------------------------------------------------------
+
+    async def open(self) -> None:
+        """Draw all of it, and follow the workbench until the tab is closed."""
+        await self._client.connected()
+        if not self._client.has_socket_connection:  # it left before it was there
+            return
+        theme = await wanted_theme()
+        self.build(theme)
+        unsubscribe = self.bench.subscribe(self.refresh)
+        self._client.on_delete(unsubscribe)
+
+    def build(self, theme: Theme) -> None:
+        """Draw all of it."""
+        self._dark = ui.dark_mode()
+        self._set_theme(theme)
+        self._layout()
+        self.refresh()
+
+    def _layout(self) -> None:
+        self._frame_parts.append(Part(tag("header", "head-bar"), Header))
+        with tag("div", "lab"):
+            with tag("aside", "side"):
+                self._frame_parts.append(Part(tag("div", "place-ladder"), Ladder))
+                self._frame_parts.append(Part(tag("div", "place-stack"), Stack))
+            with tag("main", "main"):
+                self._frame_parts.append(Part(tag("div", "place-status").props('aria-live="polite"'), Status))
+                self._frame_parts.append(Part(tag("div", "place-start"), Start))
+                with ui.tabs().classes("tabs") as tabs:
+                    for tab in TABS.values():
+                        ui.tab(tab.name, label=tab.title, icon=tab.icon)
+                tabs.set_value(self._tab)
+                tabs.on_value_change(lambda event: self._show(event.value))
+                tabs.props('no-caps inline-label outside-arrows mobile-arrows align="left"')
+                self._tabs = tabs
+                self._body = tag("div", "body")
+
+    def _show(self, tab: str) -> None:
+        self._tab = tab
+        ui.navigate.history.replace(f"/?show={tab}")
+        self._tab_parts = []
+        self.refresh()
+
+    # --- drawing ------------------------------------------------------------------------------------------------------
+
+    def view(self) -> View:
+        """All that can be shown now."""
+        bench = self.bench
+        return View(
+            session=bench.session,
+            opened=bench.opened,
+            results=bench.results,
+            work=bench.work,
+            search=bench.search,
+            message=bench.message,
+            hidden=bench.simulation.hidden,
+            vehicles=tuple(self._intake.vehicles),
+            template=TEMPLATE,
+            theme=self._theme,
+            axis=self._axis,
+            brush=self._brush,
+            flight_name=self._flight_name,
+        )
+
+    def refresh(self) -> None:
+        """Draw the panels again whose fields have changed."""
+        view = self.view()
+        self._idle = view.idle
+        with self._client:
+            self._tabs.set_visibility(not view.starting)
+            self._body.set_visibility(not view.starting)
+            if not self._tab_parts:
+                self._body.clear()
+                with self._body:
+                    self._tab_parts = [Part(tag("div", "part"), panel) for panel in TABS[self._tab].panels]
+            for part in [*self._frame_parts, *([] if view.starting else self._tab_parts)]:
+                self._refresh(part, view)
+
+    def _refresh(self, part: Part, view: View) -> None:
+        now = part.panel.of(view)
+        if now.shows_the_same_as(part.drawn):
+            for element, allowed in part.locked:
+                element.set_enabled(allowed and self._idle)
+        else:
+            part.drawn, part.locked, part.nested = now, [], []
+            part.place.clear()
+            self._drawing = part
+            with part.place:
+                now.draw(self)
+        for nested in part.nested:
+            self._refresh(nested, view)
+
+    # --- controls of the panels ---------------------------------------------------------------------------------------
+
+    async def act(self, work: Awaitable[None]) -> None:
+        """Do some work of the bench, which says by itself why where it cannot."""
+        with suppress(CancelledError):
+            await work
+
+    def when_idle(self, element: DisableableElement, allowed: bool = True) -> None:
+        """Enable `element` only while no work is done, and only where it is `allowed`."""
+        assert self._drawing is not None, "only a panel that is being drawn has elements to enable"
+        self._drawing.locked.append((element, bool(allowed)))
+        element.set_enabled(bool(allowed) and self._idle)
+
+    def nest(self, panel: type[Panel], classes: str = "") -> None:
+        """Put a panel here that is drawn again by itself; it is drawn when the one around it is complete."""
+        assert self._drawing is not None, "only a panel that is being drawn has room for another"
+        self._drawing.nested.append(Part(tag("div", classes), panel))
+
+    def look_at(self, flight: str | None = None, axis: str | None = None) -> None:
+        self._flight_name = flight or self._flight_name
+        self._axis = axis or self._axis
+        self.refresh()
+
+    def select(self, ranges: Brush, axis: str) -> None:
+        self._brush, self._axis = ranges, axis if axis in AXES else self._axis
+        self.refresh()
+
+    def clear_brush(self) -> None:
+        self._brush = {}
+        self.refresh()
+
+    def toggle_theme(self) -> None:
+        self._set_theme(LIGHT if self._theme is DARK else DARK)
+        keep_theme(self._theme)
+        self.refresh()
+
+    def _set_theme(self, theme: Theme) -> None:
+        self._theme = theme
+        self._dark.set_value(theme is DARK)
+
+    async def take_files(self, files: Sequence[FileUpload]) -> None:
+        await self.act(self._intake.take(files))
+
+    def refuse_file(self, name: str, size: float, too_large: bool) -> None:
+        self._intake.refuse(name, size, too_large)
+
+    async def use_vehicle(self, text: str) -> None:
+        await self.act(self._intake.use_vehicle(text))
+
+    def export_model(self) -> None:
+        ui.download.content(self.bench.model_file(), "model.yaml", "application/yaml")
+
+    def save_session(self) -> None:
+        ui.download.content(self.bench.session_file(), "session.lab.yaml", "application/yaml")
+
+    async def save_report(self) -> None:
+        with suppress(CancelledError):
+            html = await self.bench.report()
+            if html is not None:
+                ui.download.content(html, "report.html", "text/html")

@@ -1,0 +1,197 @@
+"""The view: all that the page can show at one moment, by the names under which a panel asks for it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from quadctl.lab.comparison.comparison import Comparison
+from quadctl.lab.flights.dataset import Dataset, HoldOut
+from quadctl.lab.flights.flight import Flight
+from quadctl.lab.planning.suggestion import Suggestion
+from quadctl.lab.tracking.step_response import StepResponses
+from quadctl.logs.flight_log import FlightLog
+from quadctl.model import Model
+from quadctl.vehicle import Vehicle
+from quadctl.web.elements.theme import Theme
+from quadctl.web.session.findings import Diagnosed
+from quadctl.web.session.session import Rung, Session
+from quadctl.web.work.jobs import Evaluation, Opened
+from quadctl.web.work.state import Message, Results, Work
+
+Brush = Mapping[str, tuple[float, float]]
+"""Selected ranges, by the names of their variables."""
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """State of the workbench, and the choices of one tab.
+
+    Every value in it is immutable, and replaced when it changes: so a panel that compares its fields with those of the
+    last drawing sees every change.
+    """
+
+    session: Session
+    opened: Opened | None
+    results: Results
+    work: Work | None
+    search: Work | None
+    message: Message | None
+    hidden: Path | None
+    """File of the simulated world; None: the world is as the model says."""
+    vehicles: tuple[Path, ...]
+    """Vehicle files to choose from."""
+    template: str
+    """Text of a vehicle file to begin with."""
+    theme: Theme
+    axis: str
+    brush: Brush
+    flight_name: str
+    """Name of the flight that was chosen; empty where none was."""
+
+    # --- work in progress ---------------------------------------------------------------------------------------------
+
+    @property
+    def idle(self) -> bool:
+        return self.work is None
+
+    @property
+    def starting(self) -> bool:
+        """No flight is open, and none is being opened."""
+        return self.opened is None and self.work is None
+
+    @property
+    def reading(self) -> bool:
+        """Flights are being read, and there is none to look at yet."""
+        return self.flight is None and self.work is not None
+
+    @property
+    def comparing(self) -> bool:
+        """A comparison is being made, and there is none to look at yet."""
+        return self.comparison is None and self.work is not None
+
+    @property
+    def work_title(self) -> str | None:
+        return None if self.work is None else self.work.title
+
+    @property
+    def work_detail(self) -> str:
+        return "" if self.work is None else self.work.detail
+
+    @property
+    def search_title(self) -> str | None:
+        return None if self.search is None else self.search.title
+
+    @property
+    def search_detail(self) -> str:
+        return "" if self.search is None else self.search.detail
+
+    # --- flights ------------------------------------------------------------------------------------------------------
+
+    @property
+    def logs(self) -> tuple[Path, ...]:
+        return self.session.logs
+
+    @property
+    def unseen(self) -> frozenset[Path]:
+        """Logs that no fit may see."""
+        return self.session.unseen
+
+    @property
+    def hold_out(self) -> HoldOut:
+        """Parts of the other flights that cross-validation leaves out."""
+        return self.session.hold_out
+
+    @property
+    def seen(self) -> Dataset | None:
+        """Flights that fits may use."""
+        return None if self.opened is None else self.opened.seen
+
+    @property
+    def flights(self) -> tuple[Flight, ...]:
+        datasets = () if self.opened is None else (self.opened.seen, self.opened.unseen)
+        return tuple(flight for dataset in datasets if dataset is not None for flight in dataset.flights)
+
+    @property
+    def flight_names(self) -> tuple[str, ...]:
+        return tuple(flight.name for flight in self.flights)
+
+    @property
+    def flight(self) -> Flight | None:
+        """The chosen flight; the first where none was chosen."""
+        flights = self.flights
+        return next((flight for flight in flights if flight.name == self.flight_name), flights[0] if flights else None)
+
+    @property
+    def log(self) -> FlightLog | None:
+        """The log of the chosen flight."""
+        flight = self.flight
+        return None if flight is None or self.opened is None else self.opened.log(flight.name)
+
+    # --- models -------------------------------------------------------------------------------------------------------
+
+    @property
+    def vehicle(self) -> Vehicle | None:
+        return self.session.rungs[0].model.vehicle if self.session.rungs else None
+
+    @property
+    def rung(self) -> Rung | None:
+        """The current step of the ladder."""
+        return self.session.rung
+
+    @property
+    def model(self) -> Model | None:
+        """The current model, without the effects that are switched off."""
+        return self.session.model
+
+    @property
+    def off(self) -> frozenset[str]:
+        """Names of the effects that are switched off."""
+        return self.session.off
+
+    @property
+    def models(self) -> dict[str, Model]:
+        """The first model of the ladder and the current one, by their names in a legend."""
+        session = self.session
+        if session.model is None:
+            return {}
+        first = session.rungs[0]
+        changed = session.current > 0 or session.off
+        return {first.name: first.model} | ({"with added effects": session.model} if changed else {})
+
+    # --- results for the current model --------------------------------------------------------------------------------
+
+    @property
+    def evaluation(self) -> Evaluation | None:
+        return self.results.evaluation
+
+    @property
+    def comparison(self) -> Comparison | None:
+        """The comparison on the flights that fits may use."""
+        return None if self.results.evaluation is None else self.results.evaluation.comparison
+
+    @property
+    def found(self) -> Diagnosed | None:
+        return self.results.found
+
+    @property
+    def before(self) -> Diagnosed | None:
+        """Findings for an earlier model of this ladder."""
+        return self.results.before
+
+    @property
+    def suggestion(self) -> Suggestion | None:
+        return self.results.suggestion
+
+    @property
+    def steps(self) -> StepResponses | None:
+        return self.results.steps
+
+    @property
+    def checked(self) -> tuple[str, ...] | None:
+        """Warnings of the check of the compensator; None before the check."""
+        return self.results.checked
+
+    @property
+    def refused(self) -> str:
+        """Reason why the compensator must not fly."""
+        return self.results.refused

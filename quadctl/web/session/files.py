@@ -1,0 +1,93 @@
+"""Files in the one folder that the page writes to: names, limits, and checks of dropped files."""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from quadctl.errors import QuadctlError
+from quadctl.lab.symbolic.effect_file import as_effect_file
+from quadctl.lab.symbolic.formula import Symbolic
+from quadctl.logs.formats import suffixes
+from quadctl.model import Model
+
+MAX_UPLOAD_BYTES = 512 * 2**20
+LOG_SUFFIXES = suffixes()
+SETTINGS_SUFFIXES = (".yaml", ".yml")
+EXPRESSION = "unexplained"
+"""Family of the effects that come from an expression."""
+_UNUSUAL = re.compile(r"[^\w.+ -]")
+
+
+def upload_path(folder: Path, name: str) -> Path:
+    """Path for a dropped file: inside `folder`, whatever its name says.
+
+    Raises
+    ------
+    QuadctlError
+        It is neither a log nor a settings file by its name.
+    """
+    last = name.replace("\\", "/").rsplit("/", 1)[-1]
+    safe = _UNUSUAL.sub("_", last).lstrip(".")
+    if Path(safe).suffix.lower() not in (*LOG_SUFFIXES, *SETTINGS_SUFFIXES):
+        raise QuadctlError(
+            f"{last or 'a file without a name'}: is no flight log by its name, expected {', '.join(LOG_SUFFIXES)}, "
+            f"or a model, vehicle or session (.yaml)"
+        )
+    return folder / safe
+
+
+def require_inside(folder: Path, paths: tuple[Path, ...]) -> None:
+    """Refuse paths that lead out of `folder`, links followed.
+
+    Raises
+    ------
+    QuadctlError
+        One does.
+    """
+    root = folder.resolve()
+    for path in paths:
+        if not path.resolve().is_relative_to(root):
+            raise QuadctlError(f"{path}: is outside {folder}, the folder of this page: drop the file itself instead")
+
+
+def keep_expression(symbolic: Symbolic, model: Model, folder: Path) -> Path:
+    """Write an expression that was found as an effect of one's own, to be added to `model`; nothing is overwritten.
+
+    Raises
+    ------
+    QuadctlError
+        It cannot be written.
+    """
+    number = 1 + sum(effect.family().startswith(EXPRESSION) for effect in model.effects)
+    family = EXPRESSION if number == 1 else f"{EXPRESSION}_{number}"
+    text = as_effect_file(symbolic, f"{family}.expression")
+    path, copy = folder / f"{family}.py", 1
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        while path.exists() and path.read_text(encoding="utf-8") != text:
+            copy += 1
+            path = folder / f"{family}-{copy}.py"
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise QuadctlError(f"{path}: cannot be written ({error.strerror})") from None
+    return path
+
+
+def own_effects(settings: Any) -> Iterator[str]:
+    """Python files that a model, or a session, names for its effects: loading the model would run them."""
+    if isinstance(settings, dict):
+        named = settings.get("effect_files")
+        yield from map(str, named if isinstance(named, list) else [])
+        yield from own_effects(list(settings.values()))
+    elif isinstance(settings, list):
+        for value in settings:
+            yield from own_effects(value)
+
+
+def too_large(name: str, size: float) -> str:
+    """Sentence for a file that is refused for its size."""
+    return (
+        f"{name}: has {size / 2**20:,.0f} MB, expected at most {MAX_UPLOAD_BYTES / 2**20:.0f} MB: "
+        f"name it on the command line instead, quadctl lab {name}"
+    )

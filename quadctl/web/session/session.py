@@ -1,0 +1,226 @@
+"""The session: flights, the ladder of models with the results for each, and the current step.
+
+A session is a value: every action gives a new one. It can be written to a file and read again.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import yaml
+from pydantic import Field
+
+from quadctl.errors import SettingsError
+from quadctl.lab.flights.dataset import HoldOut
+from quadctl.model import Model, model_from_dict, model_to_dict
+from quadctl.settings import MAX_YAML_BYTES, Settings, read_yaml, validate
+from quadctl.web.session.findings import Findings
+
+SUFFIX = ".lab.yaml"
+
+
+@dataclass(frozen=True)
+class Rung:
+    """One step of the error ladder."""
+
+    name: str
+    """Name of the action: `rigid body`, `+ ground_effect.exponential`, `refitted`."""
+    model: Model
+    error_m_s2: float | None = None
+    """Acceleration error (RMSE) of all axes on held-out data; None until it is known."""
+    floor_m_s2: float | None = None
+    """Noise floor, estimated with this model."""
+    found: Findings | None = None
+    """Findings of the search for what this model is missing; None before its end."""
+
+
+@dataclass(frozen=True)
+class Session:
+    """Flights, those of them that are held out, and the models in the order in which they were made."""
+
+    logs: tuple[Path, ...] = ()
+    unseen: frozenset[Path] = frozenset()
+    """Logs that no fit may see."""
+    hold_out: HoldOut = "blocks"
+    """Parts of the other logs that cross-validation leaves out, one fold at a time."""
+    rungs: tuple[Rung, ...] = ()
+    """Steps of the ladder, beginning with the first model; empty until a vehicle is chosen."""
+    current: int = 0
+    off: frozenset[str] = field(default_factory=frozenset)
+    """Effects of the current model that are switched off, by name."""
+
+    @property
+    def rung(self) -> Rung | None:
+        return self.rungs[self.current] if self.rungs else None
+
+    @property
+    def model(self) -> Model | None:
+        """The current model without what is switched off."""
+        if self.rung is None:
+            return None
+        model = self.rung.model
+        return replace(model, stack=tuple(item for item in model.stack if item.effect.name not in self.off))
+
+    @property
+    def seen(self) -> tuple[Path, ...]:
+        """The logs that fits may use."""
+        return tuple(log for log in self.logs if log not in self.unseen)
+
+    @property
+    def floor_m_s2(self) -> float | None:
+        """Lowest noise floor of all steps, m/s²: each estimate is an upper bound."""
+        return min((rung.floor_m_s2 for rung in self.rungs if rung.floor_m_s2 is not None), default=None)
+
+    def begun_with(self, model: Model) -> "Session":
+        """A new ladder that begins with `model`."""
+        name = "as it was" if model.stack else "rigid body"
+        return replace(self, rungs=(Rung(name, model),), current=0, off=frozenset())
+
+    def climbed(self, rung: Rung) -> "Session":
+        """Session with one more step after the current one; later steps are dropped."""
+        rungs = (*self.rungs[: self.current + 1], rung)
+        return replace(self, rungs=rungs, current=len(rungs) - 1, off=frozenset())
+
+    def at(self, step: int) -> "Session":
+        """Session with another current step.
+
+        Raises
+        ------
+        SettingsError
+            There is no such step.
+        """
+        if not 0 <= step < len(self.rungs):
+            raise SettingsError(f"step {step} of the ladder is asked for, expected 0 to {len(self.rungs) - 1}")
+        return replace(self, current=step, off=frozenset())
+
+    def switched(self, effect: str) -> "Session":
+        """Session with the effect of that name switched off, or on again."""
+        return replace(self, off=self.off ^ {effect})
+
+    def judged(self, error_m_s2: float, floor_m_s2: float | None = None) -> "Session":
+        """Session with the error and the noise floor of the current step, m/s²."""
+        rungs = list(self.rungs)
+        rungs[self.current] = replace(rungs[self.current], error_m_s2=error_m_s2, floor_m_s2=floor_m_s2)
+        return replace(self, rungs=tuple(rungs))
+
+    def searched(self, model: Model, found: Findings) -> "Session":
+        """Session with the findings of a search on `model`."""
+        return replace(
+            self, rungs=tuple(replace(rung, found=found) if rung.model == model else rung for rung in self.rungs)
+        )
+
+    def unjudged(self) -> "Session":
+        """Session without errors, noise floors and findings, for when the flights change."""
+        return replace(self, rungs=tuple(Rung(rung.name, rung.model) for rung in self.rungs))
+
+    def with_logs(self, logs: Sequence[Path]) -> "Session":
+        """Session with further logs, each once. Results stay valid if none of the new logs can be used."""
+        return replace(self, logs=tuple(dict.fromkeys([*self.logs, *logs])))
+
+    def without_log(self, log: Path) -> "Session":
+        """Session without a log. Results stay valid if the log could not be used."""
+        logs = tuple(other for other in self.logs if other != log)
+        return replace(self, logs=logs, unseen=self.unseen - {log})
+
+    def with_role(self, log: Path, unseen: bool) -> "Session":
+        """Session in which `log` is held out of all fits, or used by them.
+
+        Raises
+        ------
+        SettingsError
+            No log would be left to fit.
+        """
+        chosen = self.unseen | {log} if unseen else self.unseen - {log}
+        if self.logs and len(chosen) == len(self.logs):
+            raise SettingsError("every flight would be held out, expected at least one to fit the model to")
+        return replace(self, unseen=frozenset(chosen)).unjudged()
+
+
+class _RungEntry(Settings):
+    name: str
+    error_m_s2: float | None = None
+    floor_m_s2: float | None = None
+    model: dict[str, Any]
+    found: str | None = None
+    """JSON text: so many numbers would take seconds to read as YAML."""
+
+
+class _SessionFile(Settings):
+    logs: list[str] = Field(default_factory=list)
+    unseen: list[str] = Field(default_factory=list)
+    hold_out: HoldOut = "blocks"
+    current: int = Field(default=0, ge=0)
+    switched_off: list[str] = Field(default_factory=list)
+    rungs: list[_RungEntry] = Field(default_factory=list)
+
+
+def session_to_yaml(session: Session) -> str:
+    """The session as the text of a file; logs by their full path, vehicles written out.
+
+    Of a very long ladder only the current step keeps its findings: the size of a settings file is limited.
+    """
+    text = _to_yaml(session)
+    if len(text.encode()) < MAX_YAML_BYTES:
+        return text
+    kept = (replace(rung, found=rung.found if rung is session.rung else None) for rung in session.rungs)
+    return _to_yaml(replace(session, rungs=tuple(kept)))
+
+
+def _to_yaml(session: Session) -> str:
+    content = {
+        "logs": [str(log.resolve()) for log in session.logs],
+        "unseen": sorted(str(log.resolve()) for log in session.unseen),
+        "hold_out": session.hold_out,
+        "current": session.current,
+        "switched_off": sorted(session.off),
+        "rungs": [
+            {
+                "name": rung.name,
+                "error_m_s2": rung.error_m_s2,
+                "floor_m_s2": rung.floor_m_s2,
+                "model": model_to_dict(rung.model, None),
+                **({} if rung.found is None else {"found": rung.found.to_json()}),
+            }
+            for rung in session.rungs
+        ],
+    }
+    return yaml.safe_dump(content, sort_keys=False, allow_unicode=True)
+
+
+def load_session(path: Path) -> Session:
+    """Read a session file.
+
+    Raises
+    ------
+    SettingsError
+        It cannot be read, or is no session; the sentence names what was expected.
+    """
+    entry = validate(read_yaml(path), _SessionFile, str(path))
+    logs = tuple(path.parent / log for log in entry.logs)
+    unseen = frozenset(path.parent / log for log in entry.unseen)
+    if not unseen <= set(logs):
+        raise SettingsError(f"{path}: unseen holds {', '.join(entry.unseen)}, expected some of the logs")
+    if entry.rungs and entry.current >= len(entry.rungs):
+        raise SettingsError(f"{path}: current is {entry.current}, expected a step from 0 to {len(entry.rungs) - 1}")
+    rungs = tuple(_rung(rung, path) for rung in entry.rungs)
+    session = Session(logs, unseen, entry.hold_out, rungs, entry.current)
+    held = {item.effect.name for item in session.rung.model.stack} if session.rung else set()
+    if not set(entry.switched_off) <= held:
+        off = ", ".join(entry.switched_off)
+        raise SettingsError(f"{path}: switched_off holds {off}, expected effects of the step where one stands")
+    return replace(session, off=frozenset(entry.switched_off))
+
+
+def _rung(entry: _RungEntry, path: Path) -> Rung:
+    model = _model(entry.model, path)
+    try:
+        found = None if entry.found is None else Findings.from_json(entry.found, model)
+    except SettingsError as error:
+        raise SettingsError(f"{path}: found: {error}") from None
+    return Rung(entry.name, model, entry.error_m_s2, entry.floor_m_s2, found)
+
+
+def _model(entry: dict[str, Any], path: Path) -> Model:
+    model = model_from_dict(entry, path)
+    return replace(model, name=model.vehicle.name)

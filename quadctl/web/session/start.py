@@ -1,0 +1,58 @@
+"""The session that the page begins with, from the arguments of the command."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from quadctl.errors import LogError, SettingsError
+from quadctl.installed import locate
+from quadctl.logs.read import read_log
+from quadctl.model import load_model
+from quadctl.web.session.files import LOG_SUFFIXES, SETTINGS_SUFFIXES
+from quadctl.web.session.session import Session, load_session
+
+VEHICLES = Path("config/vehicles")
+
+
+def vehicle_files() -> list[Path]:
+    """Vehicle files to choose from: those here, else those installed with quadctl."""
+    return sorted(locate(VEHICLES).glob("*.yaml"))
+
+
+def check_folders(out: Path, missions: Path) -> None:
+    """Check that neither `out` nor `missions` is a file; they need not exist.
+
+    Raises
+    ------
+    SettingsError
+        One of them is a file.
+    """
+    for option, folder in (("--out", out), ("--missions", missions)):
+        if folder.exists() and not folder.is_dir():
+            raise SettingsError(f"{option}: {folder} is a file, expected a folder")
+
+
+def first_session(logs: Sequence[Path], model: Path | None, session: Path | None) -> Session:
+    """Load `session`, or begin one with `logs` and `model`; a single vehicle file is taken by itself.
+
+    Raises
+    ------
+    SettingsError
+        A settings file cannot be read.
+    LogError
+        A log does not exist, or neither its name nor its content is that of a log.
+    """
+    if session is not None:
+        return load_session(session)
+    for log in logs:
+        if log.is_dir():
+            raise LogError(f"{log}: is a directory, expected the flight logs in it, {log}/*.csv for example")
+        if not log.is_file():
+            raise LogError(f"{log}: there is no such file, expected a flight log")
+        if log.suffix.lower() in SETTINGS_SUFFIXES:
+            raise LogError(f"{log}: is settings by its name, expected a flight log, or --model {log.name} or --session")
+        if log.suffix.lower() not in LOG_SUFFIXES:
+            read_log(log)  # probably none: then it is better said now than on the page
+    known = vehicle_files()
+    begin = model if model is not None else known[0] if len(known) == 1 else None
+    begun = Session().with_logs(logs)
+    return begun if begin is None else begun.begun_with(load_model(begin))

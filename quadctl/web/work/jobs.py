@@ -1,0 +1,228 @@
+"""The long work of the page: functions that a `Worker` runs. Each takes `progress`, and what it takes and gives can be
+sent from process to process."""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from quadctl.effects import catalog_with, choose_effect, find_effect
+from quadctl.errors import QuadctlError
+from quadctl.lab.comparison.comparison import Comparison, compare
+from quadctl.lab.fitting.fitter import FittedModel, Solution, fit_model
+from quadctl.lab.flights.dataset import Dataset, HoldOut
+from quadctl.lab.interface import prepare_flights
+from quadctl.lab.planning.suggestion import Suggestion, suggest
+from quadctl.lab.report import Results, render_report
+from quadctl.lab.selection.addition import add, add_to_fit
+from quadctl.lab.selection.diagnosis import Diagnosis, diagnose_fit
+from quadctl.lab.selection.effect_curves import sketch
+from quadctl.lab.selection.refit import Refit, fit
+from quadctl.lab.selection.removal import held_effect, remove_from_fit
+from quadctl.lab.tracking.step_response import StepResponses
+from quadctl.logs.flight_log import FlightLog
+from quadctl.logs.quality import QualityReport, quality
+from quadctl.logs.read import read_log
+from quadctl.model import Model
+from quadctl.vehicle import Vehicle
+from quadctl.web.session.findings import Findings
+from quadctl.web.session.session import Rung
+from quadctl.web.work.progress import Progress
+from quadctl.web.work.simulated import Simulation
+
+
+@dataclass(frozen=True, eq=False)
+class OpenedLog:
+    """One file that was opened, with what is in it; `problem` says why it cannot be analysed."""
+
+    path: Path
+    log: FlightLog | None = None
+    quality: QualityReport | None = None
+    problem: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Opened:
+    """The flights of a session, prepared."""
+
+    logs: list[OpenedLog]
+    seen: Dataset | None
+    """Flights that fits may use; None where none can be analysed."""
+    unseen: Dataset | None
+
+    @property
+    def usable(self) -> list[Path]:
+        """Paths of the logs that can be analysed."""
+        return [opened.path for opened in self.logs if not opened.problem]
+
+    def log(self, name: str) -> FlightLog | None:
+        return next((opened.log for opened in self.logs if opened.log is not None and opened.log.name == name), None)
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """Errors of a model on the flights of a session."""
+
+    comparison: Comparison
+    """Comparison on the flights that fits may use, without a fit."""
+    unseen: Comparison | None
+    """Comparison on the flights held out of all fits."""
+    held_out: dict[str, float]
+    """Cross-validated RMSE on the flights that fits may use."""
+    solution: Solution
+    """Fit to the flights that fits may use."""
+
+    @property
+    def error_m_s2(self) -> float:
+        """Total error on the held-out flights; where there are none, the cross-validated one."""
+        return self.held_out["total"] if self.unseen is None else self.unseen.rmse["total"]
+
+    @property
+    def floor_m_s2(self) -> float:
+        judged = self.comparison if self.unseen is None else self.unseen
+        return judged.noise_floor["total"]
+
+
+@dataclass(frozen=True, eq=False)
+class Current:
+    """The model that a job begins with, and its fit where it is known."""
+
+    model: Model
+    solution: Solution | None = None
+
+    def fit(self, dataset: Dataset) -> FittedModel:
+        """The model fitted to `dataset`."""
+        return fit_model(self.model, dataset) if self.solution is None else self.solution.on(dataset)
+
+
+@dataclass(frozen=True, eq=False)
+class Climbed:
+    """The model of a new step of the ladder, and its errors."""
+
+    model: Model
+    evaluation: Evaluation
+
+
+def open_logs(
+    paths: Sequence[Path], unseen: frozenset[Path], vehicle: Vehicle, hold_out: HoldOut, progress: Progress
+) -> Opened:
+    """Read and prepare logs; one that cannot be used does not spoil the others."""
+    opened = []
+    for path, name in zip(paths, log_names(paths), strict=True):
+        progress(f"reading {name}")
+        try:
+            log = replace(read_log(path), name=name)
+        except QuadctlError as error:
+            opened.append(OpenedLog(path, problem=_without_folder(str(error), path)))
+            continue
+        opened.append(OpenedLog(path, log, quality(log), _problem(log, vehicle)))
+    fitted, kept = (
+        [o.log for o in opened if not o.problem and (o.path in unseen) == held_out] for held_out in (False, True)
+    )
+    return Opened(opened, _dataset(fitted, vehicle, hold_out), _dataset(kept, vehicle))
+
+
+def log_names(paths: Sequence[Path]) -> list[str]:
+    """The names of the files; where several are called the same, with the folder that each is in."""
+    same = Counter(path.name for path in paths)
+    folders = Counter((path.name, path.parent.name) for path in paths)
+
+    def folder(path: Path) -> str:
+        return path.parent.name if folders[path.name, path.parent.name] == 1 else str(path.parent)
+
+    return [path.name if same[path.name] == 1 else f"{path.name} ({folder(path)})" for path in paths]
+
+
+def _problem(log: FlightLog, vehicle: Vehicle) -> str:
+    try:
+        prepare_flights(log, vehicle)
+    except QuadctlError as error:
+        return str(error)
+    return ""
+
+
+def _without_folder(sentence: str, path: Path) -> str:
+    return sentence.replace(str(path), path.name)
+
+
+def _dataset(logs: Sequence[FlightLog | None], vehicle: Vehicle, hold_out: HoldOut = "blocks") -> Dataset | None:
+    known = [log for log in logs if log is not None]
+    if not known:
+        return None
+    return prepare_flights(known, vehicle, hold_out if len(known) > 1 else "blocks")
+
+
+def evaluate(current: Current, seen: Dataset, unseen: Dataset | None, progress: Progress) -> Evaluation:
+    """Compute the errors of a model: as it stands, on held-out flights, and cross-validated."""
+    progress("comparing")
+    return _evaluated(current.model, current.fit(seen), unseen)
+
+
+def _evaluated(model: Model, fit: FittedModel, unseen: Dataset | None) -> Evaluation:
+    """Errors of `model`, whose fit is given."""
+    return Evaluation(
+        compare(model, fit.dataset), None if unseen is None else compare(model, unseen), fit.held_out_rmse, fit.solution
+    )
+
+
+def look_for(current: Current, dataset: Dataset, progress: Progress) -> Findings:
+    """Search for what a model is missing, and sketch each candidate."""
+    found = diagnose_fit(current.fit(dataset), progress=progress)
+    drawn = {candidate.effect.name: sketch(candidate.model, dataset) for candidate in found.ranking}
+    return Findings.of(found, {name: drawing for name, drawing in drawn.items() if drawing is not None})
+
+
+def add_effect(name: str, current: Current, seen: Dataset, unseen: Dataset | None, progress: Progress) -> Climbed:
+    progress(f"fitting {name}")
+    effect = find_effect(name, "the effect to add", catalog_with(current.model.effect_files))
+    return _climbed(add_to_fit(effect, current.model, current.fit(seen)), unseen)
+
+
+def add_expression(path: Path, current: Current, seen: Dataset, unseen: Dataset | None, progress: Progress) -> Climbed:
+    """Add the effect that a file of Python holds."""
+    progress("fitting the expression")
+    effect, files = choose_effect(str(path), str(path), current.model.effect_files)
+    return _climbed(add_to_fit(effect, replace(current.model, effect_files=files), current.fit(seen)), unseen)
+
+
+def refit_model(current: Current, seen: Dataset, unseen: Dataset | None, progress: Progress) -> Climbed:
+    progress("fitting all parameters together")
+    return _climbed(fit(current.model, seen), unseen)
+
+
+def remove_effect(name: str, current: Current, seen: Dataset, unseen: Dataset | None, progress: Progress) -> Climbed:
+    progress(f"fitting without {name}")
+    effect = held_effect(name, current.model)
+    return _climbed(remove_from_fit(effect, current.model, current.fit(seen)), unseen)
+
+
+def _climbed(refit: Refit, unseen: Dataset | None) -> Climbed:
+    return Climbed(refit.model, _evaluated(refit.model, refit.fit_after, unseen))
+
+
+def next_flight(diagnosis: Diagnosis, missions: Path, progress: Progress) -> Suggestion:
+    progress("predicting the data of each mission")
+    return suggest(diagnosis, missions)
+
+
+def fly(simulation: Simulation, model: Model, progress: Progress) -> StepResponses:
+    return simulation.fly_steps(model, progress)
+
+
+def report(rungs: Sequence[Rung], opened: Opened, steps: StepResponses | None, progress: Progress) -> bytes:
+    """The report of the ladder `rungs`, from its first step to its last: one file of HTML."""
+    first, last = rungs[0], rungs[-1]
+    seen, unseen = opened.seen, opened.unseen
+    if seen is None:
+        raise QuadctlError("there is no flight to report on, expected at least one log")
+    progress("comparing")
+    comparison = compare(first.model, seen)
+    diagnosis = None if first.found is None else first.found.diagnosed(first.model, seen).diagnosis
+    addition, after = None, None
+    if len(last.model.stack) > len(first.model.stack):
+        progress(f"judging {last.model.effects[-1].name}")
+        addition = add(type(last.model.effects[-1]), replace(last.model, stack=last.model.stack[:-1]), seen)
+        after = None if unseen is None else compare(last.model, unseen)
+    progress("drawing")
+    results = Results(comparison, diagnosis=diagnosis, addition=addition, after=after, steps=steps)
+    return render_report(results).encode()

@@ -1,0 +1,41 @@
+"""State of the analysis besides the session, as values: work in progress, the last message, results for the model."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from quadctl.lab.planning.suggestion import Suggestion
+from quadctl.lab.tracking.step_response import StepResponses
+from quadctl.web.session.findings import Diagnosed
+from quadctl.web.work.jobs import Evaluation
+
+
+@dataclass(frozen=True)
+class Work:
+    """Work in progress: its title, and the step that it is at."""
+
+    title: str
+    detail: str = ""
+
+
+@dataclass(frozen=True)
+class Message:
+    """One sentence for the person at the page."""
+
+    kind: Literal["error", "done"]
+    text: str
+
+
+@dataclass(frozen=True, eq=False)
+class Results:
+    """Results for the current model; emptied when the model or the flights change."""
+
+    evaluation: Evaluation | None = None
+    found: Diagnosed | None = None
+    before: Diagnosed | None = None
+    """Findings for an earlier model of this ladder, shown until there are some for this one."""
+    suggestion: Suggestion | None = None
+    steps: StepResponses | None = None
+    checked: tuple[str, ...] | None = None
+    """Warnings of the check of the compensator; None before the check."""
+    refused: str = ""
+    """Reason why the compensator must not fly."""

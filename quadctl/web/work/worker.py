@@ -1,0 +1,113 @@
+"""A process for long work: the page keeps responding, progress comes back, and cancelling ends the process."""
+
+import asyncio
+import importlib
+import multiprocessing
+import os
+import traceback
+from collections.abc import Callable
+from multiprocessing.connection import Connection
+from typing import Any
+
+import cloudpickle  # effects in a person's own file are in no module that another process could import
+
+from quadctl.errors import QuadctlError
+from quadctl.web.work.progress import Progress
+
+_CONTEXT = multiprocessing.get_context("spawn")
+"""A server with threads cannot be forked."""
+
+
+class CancelledError(Exception):
+    """The work was cancelled, or its process ended."""
+
+
+class Worker:
+    """One process that does one job after the other.
+
+    Parameters
+    ----------
+    jobs: name of the module that holds the jobs. Its libraries take seconds to load: the process imports it as soon as
+        it starts, not within the first job.
+    patient: run at low priority, for work that nobody waits for.
+    """
+
+    def __init__(self, jobs: str | None = None, *, patient: bool = False) -> None:
+        self._jobs, self._patient = jobs, patient
+        self._one_at_a_time = asyncio.Lock()
+        self._working = False
+        self._start()
+
+    async def run(self, job: Callable[..., Any], *args: Any, progress: Progress = lambda text: None) -> Any:
+        """Run `job(*args, progress=...)` in the process and return its result; `progress` is called in this process.
+
+        Raises
+        ------
+        QuadctlError
+            As the job raised it; anything else that it raised, as one sentence.
+        CancelledError
+            The work was cancelled.
+        """
+        async with self._one_at_a_time:
+            pipe = self._pipe
+            self._working = True
+            try:
+                await asyncio.to_thread(pipe.send_bytes, cloudpickle.dumps((job, args)))
+                while True:
+                    kind, value = cloudpickle.loads(await asyncio.to_thread(pipe.recv_bytes))
+                    if kind == "progress":
+                        progress(value)
+                    elif kind == "failed":
+                        raise QuadctlError(value)
+                    else:
+                        return value
+            except (EOFError, OSError):
+                raise CancelledError from None
+            finally:
+                self._working = False
+
+    def cancel(self) -> None:
+        """End what is being done, at once; without work, nothing happens."""
+        if self._working:
+            self.close()
+            self._start()
+
+    def close(self) -> None:
+        self._process.kill()
+        self._process.join()
+
+    def _start(self) -> None:
+        self._pipe, theirs = _CONTEXT.Pipe()
+        self._process = _CONTEXT.Process(target=_serve, args=(theirs, self._jobs, self._patient), daemon=True)
+        self._process.start()
+        theirs.close()
+
+
+def _serve(pipe: Connection, jobs: str | None, patient: bool) -> None:
+    """Run job after job in the worker's process, until the other end of `pipe` is closed."""
+    if patient:
+        os.nice(5)
+    if jobs is not None:
+        importlib.import_module(jobs)
+
+    def say(kind: str, value: Any) -> None:
+        pipe.send_bytes(cloudpickle.dumps((kind, value)))
+
+    while True:
+        try:
+            job, args = cloudpickle.loads(pipe.recv_bytes())
+        except (EOFError, KeyboardInterrupt):
+            return
+        try:
+            result = job(*args, progress=lambda text: say("progress", text))
+        except QuadctlError as error:
+            say("failed", str(error))
+        except MemoryError:
+            say("failed", "there is not enough memory for flights of this size")
+        except KeyboardInterrupt:
+            return
+        except Exception as error:
+            traceback.print_exc()
+            say("failed", f"this is a mistake of quadctl, not yours ({type(error).__name__}: {error})")
+        else:
+            say("done", result)

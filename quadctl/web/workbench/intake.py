@@ -1,0 +1,108 @@
+"""Intake of the page: files that are dropped, and vehicles that are written down."""
+
+import filecmp
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from nicegui.elements.upload_files import FileUpload
+
+from quadctl.errors import QuadctlError
+from quadctl.settings import read_yaml
+from quadctl.web.session.files import SETTINGS_SUFFIXES, own_effects, require_inside, too_large, upload_path
+from quadctl.web.session.session import load_session
+from quadctl.web.workbench.workbench import Workbench
+
+TEMPLATE = """\
+name: my_vehicle
+mass_kg: 1.5
+rotor:
+  radius_m: 0.12
+  thrust_n_per_rpm2: 1.14e-7      # thrust of one rotor = this * rpm^2
+rotors:                           # forward, right, down from the centre of mass; motor1, motor2, ...
+  - {position_m: [ 0.12,  0.12, 0.0], spin: ccw}
+  - {position_m: [-0.12, -0.12, 0.0], spin: ccw}
+  - {position_m: [ 0.12, -0.12, 0.0], spin: cw}
+  - {position_m: [-0.12,  0.12, 0.0], spin: cw}
+throttle: {per_newton: 0.024, offset: 0.16, max_thrust_per_rotor_n: 9.0}
+"""
+
+
+@dataclass(frozen=True)
+class Intake:
+    """Takes files for one workbench; they are kept in its folder."""
+
+    bench: Workbench
+    vehicles: list[Path]
+    """Vehicle files to choose from."""
+
+    async def take(self, files: Sequence[FileUpload]) -> None:
+        """Keep files that were dropped: logs are opened; a model, vehicle or session is begun with."""
+        logs = []
+        try:
+            for file in files:
+                path = await self._keep(file)
+                if path.suffix.lower() not in SETTINGS_SUFFIXES:
+                    logs.append(path)
+                else:
+                    await self._begin_with(path)
+        except QuadctlError as error:
+            self.bench.say("error", str(error))
+        if logs:
+            await self.bench.open_logs(logs)
+
+    async def _begin_with(self, path: Path) -> None:
+        """Begin with a session, model or vehicle, if it makes the page read nothing that was not given to it."""
+        settings = read_yaml(path)
+        require_inside(self.bench.folder, tuple(path.parent / file for file in own_effects(settings)))
+        if "rungs" not in settings:
+            await self.bench.begin_with(path)
+            return
+        session = load_session(path)
+        require_inside(self.bench.folder, tuple(log for log in session.logs if log not in self._known))
+        await self.bench.resume(session)
+
+    @property
+    def _known(self) -> tuple[Path, ...]:
+        return self.bench.session.logs
+
+    async def _keep(self, file: FileUpload) -> Path:
+        wanted = upload_path(self.bench.folder / "uploads", file.name)
+        incoming = wanted.with_name(f".{wanted.name}.{os.getpid()}.tmp")
+        try:
+            await file.save(incoming)
+            path = _free(wanted, incoming)
+            incoming.replace(path)
+        except OSError as error:
+            raise QuadctlError(f"{wanted}: cannot be written ({error.strerror})") from None
+        return path
+
+    def refuse(self, name: str, size: float, large: bool) -> None:
+        """Say why a file was refused before it was sent."""
+        try:
+            upload_path(self.bench.folder, name)
+        except QuadctlError as error:
+            self.bench.say("error", f"{error}.")
+            return
+        self.bench.say("error", f"{too_large(name, size)}." if large else f"{name}: was refused by the browser.")
+
+    async def use_vehicle(self, text: str) -> None:
+        """Begin with the vehicle that is written in `text`."""
+        path = self.bench.folder / "vehicle.yaml"
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text, encoding="utf-8")
+        except OSError as error:
+            self.bench.say("error", f"{path}: cannot be written ({error.strerror}).")
+            return
+        await self.bench.begin_with(path)
+
+
+def _free(wanted: Path, incoming: Path) -> Path:
+    """`wanted`, or a numbered name beside it where another file has that name: nothing is overwritten."""
+    path, number = wanted, 1
+    while path.exists() and not filecmp.cmp(path, incoming, shallow=False):
+        number += 1
+        path = wanted.with_name(f"{wanted.stem}-{number}{wanted.suffix}")
+    return path

@@ -1,0 +1,379 @@
+"""State of the page and the actions on it, without any user interface: all tabs show the same workbench.
+
+Short work (open, add, remove) and the search for what is missing have a process each, so that neither waits for the
+other. Whoever shows the state asks to be told when it changes.
+"""
+
+import asyncio
+import logging
+from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
+from contextlib import asynccontextmanager, suppress
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Literal
+
+from quadctl.errors import QuadctlError, SettingsError
+from quadctl.lab.comparison.wording import quantity
+from quadctl.lab.flights.dataset import Dataset, HoldOut
+from quadctl.model import Model, load_model, model_to_dict
+from quadctl.web.session.files import keep_expression
+from quadctl.web.session.findings import Findings
+from quadctl.web.session.session import SUFFIX, Rung, Session, session_to_yaml
+from quadctl.web.work import jobs
+from quadctl.web.work.simulated import Simulation
+from quadctl.web.work.state import Message, Results, Work
+from quadctl.web.work.worker import CancelledError, Worker
+
+_LOG = logging.getLogger(__name__)
+AUTOSAVED = f"session{SUFFIX}"
+SAME_ERROR = 0.01
+"""Largest relative difference of the same fit on two computers."""
+
+
+@dataclass
+class Workbench:
+    """One analysis: its session, its results, and the work on it."""
+
+    folder: Path
+    """Folder for everything that is saved."""
+    simulation: Simulation
+    session: Session = field(default_factory=Session)
+    opened: jobs.Opened | None = None
+    results: Results = field(default_factory=Results)
+    work: Work | None = None
+    search: Work | None = None
+    message: Message | None = None
+
+    def __post_init__(self) -> None:
+        self._listeners: list[Callable[[], None]] = []
+        self._quick, self._slow = Worker(jobs.__name__), Worker(jobs.__name__, patient=True)
+        self._tasks: set[asyncio.Task[None]] = set()
+        self._searches = 0
+
+    # --- who looks at it ----------------------------------------------------------------------------------------------
+
+    def subscribe(self, listener: Callable[[], None]) -> Callable[[], None]:
+        """Tell `listener` of every change; calling what is given back ends that."""
+        self._listeners.append(listener)
+        return lambda: self._listeners.remove(listener)
+
+    def _changed(self) -> None:
+        for listener in list(self._listeners):
+            try:
+                listener()
+            except Exception:  # a page that cannot draw itself must not stop the work, nor the other pages
+                _LOG.exception("a page could not be drawn")
+
+    def say(self, kind: Literal["error", "done"], text: str) -> None:
+        self.message = Message(kind, text)
+        self._changed()
+
+    def dismiss(self) -> None:
+        self.message = None
+        self._changed()
+
+    def close(self) -> None:
+        self._quick.close()
+        self._slow.close()
+
+    # --- flights and model --------------------------------------------------------------------------------------------
+
+    @property
+    def unseen(self) -> Dataset | None:
+        """Flights held out of all fits."""
+        return None if self.opened is None else self.opened.unseen
+
+    @property
+    def seen(self) -> Dataset | None:
+        return None if self.opened is None else self.opened.seen
+
+    async def open_logs(self, paths: Sequence[Path]) -> None:
+        await self._with_flights(self.session.with_logs(paths), known=True)
+
+    async def forget_log(self, path: Path) -> None:
+        await self._with_flights(self.session.without_log(path), known=True)
+
+    async def hold_out_log(self, path: Path, unseen: bool) -> None:
+        try:
+            changed = self.session.with_role(path, unseen)
+        except SettingsError as error:
+            self.say("error", str(error))
+            return
+        await self._with_flights(changed)
+
+    async def hold_out_by(self, hold_out: HoldOut) -> None:
+        await self._with_flights(replace(self.session, hold_out=hold_out).unjudged())
+
+    async def begin_with(self, path: Path) -> None:
+        """Begin a new ladder with the model or vehicle in a file."""
+        try:
+            model = load_model(path)
+        except QuadctlError as error:
+            self.say("error", str(error))
+            return
+        await self._with_flights(self.session.unjudged().begun_with(model))
+
+    async def resume(self, session: Session) -> None:
+        await self._with_flights(session)
+
+    async def _with_flights(self, session: Session, known: bool = False) -> None:
+        """Read the flights of `session` and evaluate its model; where that fails, nothing changes.
+
+        Results are kept where they are `known` and the flights that can be used are the same.
+        """
+        async with self._working("Reading flights") as progress:
+            opened = None
+            if session.rung is not None and session.logs:
+                opened = await self._quick.run(
+                    jobs.open_logs,
+                    session.logs,
+                    session.unseen,
+                    session.rung.model.vehicle,
+                    session.hold_out,
+                    progress=progress,
+                )
+            if known and opened and (self.opened is None or opened.usable != self.opened.usable):
+                session = session.unjudged()
+            self.session, self.opened, self.results = session, opened, Results()
+            problems = [log.problem for log in opened.logs if log.problem] if opened else []
+            if problems:
+                self.message = Message("error", " ".join(f"{problem}." for problem in problems))
+            await self._judge(progress)
+
+    # --- the ladder ---------------------------------------------------------------------------------------------------
+
+    async def go(self, step: int) -> None:
+        """Stand on another step of the ladder."""
+        if step == self.session.current and not self.session.off:
+            return
+        async with self._working("Comparing") as progress:
+            self.session = self.session.at(step)
+            await self._judge(progress)
+
+    async def switch(self, effect: str) -> None:
+        """Switch an effect of the current model off, or on again."""
+        async with self._working("Comparing") as progress:
+            self.session = self.session.switched(effect)
+            await self._judge(progress)
+
+    async def add(self, *effects: str) -> None:
+        """Add effects to the current model, one after the other."""
+        async with self._working(f"Adding {effects[0] if len(effects) == 1 else 'what is missing'}") as progress:
+            for effect in effects:
+                await self._climb(f"+ {effect}", progress, jobs.add_effect, effect)
+
+    async def add_expression(self) -> None:
+        """Add the expression for the unexplained residual as an effect of one's own, whose file is kept."""
+        found = self.results.found
+        if found is None or found.diagnosis.symbolic is None:
+            return
+        async with self._working("Adding the expression") as progress:
+            path = keep_expression(found.diagnosis.symbolic, found.diagnosis.model, self.folder)
+            await self._climb("+ expression", progress, jobs.add_expression, path)
+
+    async def refit(self) -> None:
+        async with self._working("Refitting") as progress:
+            await self._climb("refitted", progress, jobs.refit_model)
+
+    async def remove(self, effect: str) -> None:
+        async with self._working(f"Removing {effect}") as progress:
+            if effect in self.session.off:
+                self.session = self.session.switched(effect)
+            await self._climb(f"\N{MINUS SIGN} {effect}", progress, jobs.remove_effect, effect)
+
+    async def _climb(self, name: str, progress: Callable[[str], None], job: Callable[..., Any], *args: Any) -> None:
+        model, seen = self.session.model, self.seen
+        if model is None or seen is None:
+            raise QuadctlError("there is no flight to fit to, expected at least one log")
+        current = self._current(model)
+        climbed: jobs.Climbed = await self._quick.run(job, *args, current, seen, self.unseen, progress=progress)
+        self.session = self.session.climbed(Rung(name, climbed.model))
+        await self._judge(progress, climbed.evaluation)
+
+    def _current(self, model: Model) -> jobs.Current:
+        """The current model with its fit, where that is known: what was evaluated last may be another model."""
+        evaluation = self.results.evaluation
+        if evaluation is None or evaluation.comparison.model != model:
+            return jobs.Current(model)
+        return jobs.Current(model, evaluation.solution)
+
+    async def _judge(self, progress: Callable[[str], None], evaluation: jobs.Evaluation | None = None) -> None:
+        """Evaluate the current model where that is not done yet, and begin to look for what it lacks."""
+        self.results = Results(before=self.results.found or self.results.before)
+        self.cancel_search()
+        model, opened = self.session.model, self.opened
+        if model is None or opened is None or opened.seen is None:
+            self._changed()
+            return
+        self._show_found()
+        self._changed()
+        if evaluation is None:
+            current = jobs.Current(model)
+            evaluation = await self._quick.run(jobs.evaluate, current, opened.seen, opened.unseen, progress=progress)
+        evaluation = replace(
+            evaluation, comparison=replace(evaluation.comparison, dataset=opened.seen.aligned_for(model))
+        )
+        self.results = replace(self.results, evaluation=evaluation)
+        if not self.session.off:
+            self._judged(evaluation)
+            if self.results.found is None:
+                self._begin(self.look())
+        self._autosave()
+
+    def _judged(self, evaluation: jobs.Evaluation) -> None:
+        """Keep the error of the current step; where a saved one differs from it, drop all saved results."""
+        rung = self.session.rung
+        known = None if rung is None else rung.error_m_s2
+        if known is not None and abs(evaluation.error_m_s2 - known) > SAME_ERROR * known:
+            self.session = self.session.unjudged()
+            self.results = replace(self.results, found=None)
+            self.message = Message(
+                "error",
+                f"The saved error is {quantity(known)}, now it is {quantity(evaluation.error_m_s2)}: "
+                "the logs or quadctl have changed. All results are computed again.",
+            )
+        self.session = self.session.judged(evaluation.error_m_s2, evaluation.floor_m_s2)
+
+    def _show_found(self) -> None:
+        """Restore the findings of an earlier search for the current step."""
+        rung, seen = self.session.rung, self.seen
+        if rung is None or rung.found is None or seen is None or self.session.off:
+            return
+        with suppress(SettingsError):  # found with another catalogue: then it is looked for again
+            self.results = replace(self.results, found=rung.found.diagnosed(rung.model, seen))
+
+    # --- the search ---------------------------------------------------------------------------------------------------
+
+    async def look(self) -> None:
+        """Look for what is missing, in the background."""
+        model, seen = self.session.model, self.seen
+        if model is None or seen is None or self.search is not None:
+            return
+        self.search = Work("Looking for what is missing")
+        self._searches += 1
+        number = self._searches
+
+        def progress(text: str) -> None:
+            if self.search is not None and number == self._searches:  # a search that was cancelled may still speak
+                self.search = replace(self.search, detail=text)
+                self._changed()
+
+        self._changed()
+        try:
+            found: Findings = await self._slow.run(jobs.look_for, self._current(model), seen, progress=progress)
+            self.session = self.session.searched(model, found)
+            self._show_found()
+            self._autosave()
+        except CancelledError:
+            pass
+        except QuadctlError as error:
+            self.message = Message("error", str(error))
+        finally:
+            if number == self._searches:
+                self.search = None
+            self._changed()
+
+    def cancel_search(self) -> None:
+        if self.search is not None:
+            self.search = None
+            self._slow.cancel()
+            self._changed()
+
+    async def suggest(self) -> None:
+        found = self.results.found
+        if found is None:
+            return
+        async with self._working("Choosing the next flight") as progress:
+            missions = self.simulation.missions
+            suggestion = await self._quick.run(jobs.next_flight, found.diagnosis, missions, progress=progress)
+            self.results = replace(self.results, suggestion=suggestion)
+
+    # --- flying and taking away ---------------------------------------------------------------------------------------
+
+    async def check(self) -> None:
+        """Check the current model as a compensator."""
+        model = self.session.model
+        if model is None:
+            return
+        warnings: tuple[str, ...] | None = None
+        refused = ""
+        try:
+            warnings = tuple(await asyncio.to_thread(self.simulation.check, model))
+        except QuadctlError as error:
+            refused = str(error)
+        if model == self.session.model:  # it may have changed meanwhile
+            self.results = replace(self.results, checked=warnings, refused=refused)
+            self._changed()
+
+    async def fly(self) -> None:
+        """Fly the step response in the simulated world."""
+        model = self.session.model
+        if model is None:
+            return
+        async with self._working("Flying in simulation") as progress:
+            steps = await self._quick.run(jobs.fly, self.simulation, model, progress=progress)
+            self.results = replace(self.results, steps=steps)
+
+    def model_file(self) -> str:
+        """The current model as the text of a file that the commands and the compensator read."""
+        import yaml
+
+        model = self.session.model
+        if model is None:
+            raise SettingsError("there is no model yet, expected a vehicle to be chosen")
+        return yaml.safe_dump(model_to_dict(model, None), sort_keys=False)
+
+    def session_file(self) -> str:
+        return session_to_yaml(self.session)
+
+    async def report(self) -> bytes | None:
+        """The report as one file of HTML; None where it could not be made."""
+        html: bytes | None = None
+        if self.opened is None:
+            return None
+        ladder = self.session.rungs[: self.session.current + 1]
+        async with self._working("Writing the report") as progress:
+            html = await self._quick.run(jobs.report, ladder, self.opened, self.results.steps, progress=progress)
+        return html
+
+    # --- how work is done ---------------------------------------------------------------------------------------------
+
+    def cancel(self) -> None:
+        """End the work that is being done."""
+        self._quick.cancel()
+
+    @asynccontextmanager
+    async def _working(self, title: str) -> AsyncIterator[Callable[[str], None]]:
+        """Run one work at a time: show its progress, and say so when it fails or is cancelled."""
+        if self.work is not None:
+            self.say("error", f"{self.work.title} is not finished yet: wait for it, or cancel it.")
+            raise CancelledError
+        self.work = Work(title)
+        self.message = None
+        self._changed()
+
+        def progress(text: str) -> None:
+            self.work = Work(title, text)
+            self._changed()
+
+        try:
+            yield progress
+        except CancelledError:
+            self.message = Message("done", f"{title} was cancelled; nothing is lost.")
+        except QuadctlError as error:
+            self.message = Message("error", str(error))
+        finally:
+            self.work = None
+            self._changed()
+
+    def _begin(self, work: Awaitable[None]) -> None:
+        task = asyncio.ensure_future(work)
+        self._tasks.add(task)  # asyncio itself holds tasks only weakly
+        task.add_done_callback(self._tasks.discard)
+
+    def _autosave(self) -> None:
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            (self.folder / AUTOSAVED).write_text(self.session_file(), encoding="utf-8")
+        except OSError as error:
+            self.message = Message("error", f"{self.folder / AUTOSAVED}: cannot be written ({error.strerror})")

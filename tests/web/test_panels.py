@@ -1,0 +1,243 @@
+"""Panels of the lab page: a panel can show its fields only, and a tab that stays open is never stale."""
+
+import inspect
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast, get_type_hints
+from unittest.mock import create_autospec
+
+import numpy as np
+import pytest
+from nicegui import ui
+from nicegui.client import Client
+from nicegui.element import Element
+
+from quadctl.effects.ground_effect import Exponential, Hayden
+from quadctl.lab.flights.dataset import load_dataset
+from quadctl.lab.selection.diagnosis import diagnose
+from quadctl.logs.quality import quality
+from quadctl.model import Model
+from quadctl.vehicle import Vehicle
+from quadctl.web.elements.theme import DARK, LIGHT
+from quadctl.web.page.page import TABS, Page
+from quadctl.web.panels.panel import Bench, Controls, Panel
+from quadctl.web.panels.view import View
+from quadctl.web.session.findings import Diagnosed
+from quadctl.web.session.session import Rung, Session
+from quadctl.web.work.jobs import Current, Opened, OpenedLog, evaluate
+from quadctl.web.work.simulated import FAR, WITH, WITHOUT
+from quadctl.web.work.state import Message, Results, Work
+from quadctl.web.workbench.intake import Intake
+from quadctl.web.workbench.workbench import Workbench
+from tests.support.flights import obedient
+
+PANELS = sorted(Panel.__subclasses__(), key=lambda panel: panel.__name__)
+ADDRESSES = {"url", "id", "for"}
+"""Properties that hold the number of an element, another one in every tab."""
+FIELDS = [(panel, field.name) for panel in PANELS for field in fields(panel)]
+
+
+class TestPanel:
+    @pytest.mark.parametrize(("panel", "name"), FIELDS)
+    def test_every_field_is_one_of_the_view_and_has_its_type(self, panel: type[Panel], name: str) -> None:
+        attribute = inspect.getattr_static(View, name, None)
+        offered = get_type_hints(attribute.fget)["return"] if attribute else get_type_hints(View)[name]
+        assert get_type_hints(panel)[name] == offered
+
+    @pytest.mark.parametrize(("panel", "name"), FIELDS)
+    def test_a_change_of_any_field_is_seen(self, panel: type[Panel], name: str) -> None:
+        shown = panel(**{field.name: object() for field in fields(panel)})
+        assert shown.shows_the_same_as(replace(shown))
+        assert not shown.shows_the_same_as(replace(shown, **{name: object()}))
+
+    @pytest.mark.parametrize("protocol", [Bench, Controls])
+    def test_there_is_nothing_to_read_from_the_controls(self, protocol: type) -> None:
+        actions = [action for name, action in vars(protocol).items() if inspect.isfunction(action) and name[0] != "_"]
+        assert actions
+        assert all(get_type_hints(action)["return"] is type(None) for action in actions)
+
+    def test_fields_that_cannot_be_compared_by_value_are_compared_by_identity(self) -> None:
+        @dataclass(frozen=True)
+        class Numbers(Panel):
+            values: float
+
+        assert Numbers(np.nan).shows_the_same_as(Numbers(np.nan))
+
+
+@pytest.fixture(scope="module")
+def views(raptor: Vehicle) -> dict[str, View]:
+    """A page on which everything is shown; and the same after one change each, by its name."""
+    rigid = Model(raptor)
+    truth = rigid.plus(Exponential(a=0.3, b=5.0))
+    logs = [obedient(truth, 30.0, noise_m_s=0.01, seed=seed, name=f"{seed}.csv") for seed in (0, 1)]
+    dataset = load_dataset(logs, raptor)
+    opened = Opened([OpenedLog(Path(log.name), log, quality(log)) for log in logs], dataset, None)
+    evaluation = evaluate(Current(truth), dataset, None, lambda text: None)
+    found = Diagnosed(diagnose(rigid, dataset, [Exponential, Hayden]), {})
+    session = Session().with_logs([Path(log.name) for log in logs]).begun_with(rigid).judged(0.4)
+    session = session.climbed(Rung("+ ground_effect.exponential", truth)).judged(0.1, 0.05)
+    results = Results(evaluation, found, checked=())
+    view = View(
+        session=session,
+        opened=opened,
+        results=results,
+        work=None,
+        search=None,
+        message=None,
+        hidden=None,
+        vehicles=(Path("raptor.yaml"),),
+        template="",
+        theme=LIGHT,
+        axis="up",
+        brush={},
+        flight_name="",
+    )
+    searching = replace(view, search=Work("Looking"), results=replace(results, found=None, before=found))
+    working = replace(view, work=Work("Fitting"))
+    empty = replace(view, session=Session(), opened=None, results=Results())
+    suggestion = SimpleNamespace(best=None, lines=lambda: ["this mission tells most"])
+    changed: dict[str, dict[str, Any]] = {
+        "another step": {"session": session.at(0)},
+        "one more step": {"session": session.climbed(Rung("refitted", truth))},
+        "an error that became known": {"session": session.judged(0.09, 0.04)},
+        "an effect switched off": {"session": session.switched("ground_effect.exponential")},
+        "another vehicle": {"session": session.begun_with(Model(raptor.model_copy(update={"name": "other"})))},
+        "a flight held out": {"session": session.with_role(Path("1.csv"), True)},
+        "another cross-validation": {"session": replace(session, hold_out="flights")},
+        "a log that cannot be used": {"opened": replace(opened, logs=[OpenedLog(Path("x.csv"), problem="no log")])},
+        "no flight that can be used": {"opened": replace(opened, seen=None)},
+        "no flight": {"opened": None},
+        "no evaluation": {"results": replace(results, evaluation=None)},
+        "nothing found": {"results": replace(results, found=None)},
+        "findings of another step": {
+            "session": session.at(0),
+            "results": replace(results, found=None, before=found),
+        },
+        "a suggestion": {"results": replace(results, suggestion=cast(Any, suggestion))},
+        "steps that were flown": {"results": replace(results, steps=_steps())},
+        "a warning of the check": {"results": replace(results, checked=("too high",))},
+        "a refusal of the check": {"results": replace(results, checked=None, refused="it has a pole")},
+        "a message": {"message": Message("error", "no")},
+        "another world": {"hidden": Path("hidden.yaml")},
+        "other vehicles": {"vehicles": ()},
+        "another axis": {"axis": "north"},
+        "another flight": {"flight_name": "1.csv"},
+        "a selection": {"brush": {"height_over_radius": (1.0, 3.0)}},
+        "other colours": {"theme": DARK},
+    }
+    after = {name: replace(view, **change) for name, change in changed.items()}
+    return {
+        "at first": view,
+        **after,
+        "a search": searching,
+        "a step of the search": replace(searching, search=Work("Looking", "hayden")),
+        "work": working,
+        "a step of the work": replace(working, work=Work("Fitting", "hayden")),
+        "nothing yet": empty,
+        "another template": replace(empty, template="name: other"),
+        "a log without a vehicle": replace(empty, session=Session().with_logs([Path("a.csv")])),
+    }
+
+
+def _steps() -> Any:
+    time_s = np.linspace(0.0, 5.0, 50)
+    track = SimpleNamespace(time_s=time_s, error_m=0.0 * time_s, position_m=time_s, reference_m=time_s)
+    metrics = SimpleNamespace(m_a_absolute=1.0, m_b_absolute=1.0, m_b_signed=1.0, rmse_m=1.0)
+    return SimpleNamespace(
+        on_one_reference=dict.fromkeys((WITHOUT, WITH, FAR), track), flown=dict.fromkeys((WITHOUT, WITH), metrics)
+    )
+
+
+class OpenTab:
+    """A tab of a browser without the browser."""
+
+    def __init__(self, tab: str, view: View) -> None:
+        self._view = view
+        self._client = Client(ui.page("/"))
+        with self._client:
+            bench = create_autospec(Workbench, instance=True)
+            self._page = Page(bench, create_autospec(Intake, instance=True), self._client, tab)
+            self._page.view = lambda: self._view  # type: ignore[method-assign]
+            self._page.build(view.theme)
+
+    def follow(self, view: View) -> None:
+        self._view = view
+        self._page.refresh()
+
+    @property
+    def shown(self) -> Any:
+        return _shown(self._client.content)
+
+    @property
+    def figure(self) -> ui.plotly:
+        """The first figure."""
+        return next(element for element in self._client.elements.values() if isinstance(element, ui.plotly))
+
+    def close(self) -> None:
+        self._client.delete()
+
+
+def _shown(element: Element) -> Any:
+    """All that a person sees of an element: its kind, its properties, and what it holds."""
+    if not element.visible or element.tag == "nicegui-dark_mode":  # a button sets the colours, not the view
+        return None
+    said = {name: value for name, value in element.props.items() if name not in ADDRESSES and value is not False}
+    properties = {name: _comparable(value) for name, value in said.items()}
+    held = [_shown(child) for slot in element.slots.values() for child in slot.children]
+    return element.tag, sorted(element.classes), dict(element.style), properties, getattr(element, "text", None), held
+
+
+def _comparable(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {name: _comparable(each) for name, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_comparable(each) for each in value]
+    return value.tobytes() if isinstance(value, np.ndarray) else value
+
+
+@pytest.fixture
+def tabs(views: dict[str, View], monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[str, View], OpenTab]]:
+    """Opens tabs: (part of the page, view) -> tab."""
+    monkeypatch.setattr(ui, "timer", lambda *_, **__: None)  # there is no server whose loop would run it
+    made: list[OpenTab] = []
+
+    def opened(tab: str, view: View) -> OpenTab:
+        made.append(OpenTab(tab, view))
+        return made[-1]
+
+    yield opened
+    for tab in made:
+        tab.close()
+
+
+class TestOpenTab:
+    @pytest.mark.parametrize("tab", TABS)
+    def test_it_shows_after_every_change_what_a_new_tab_shows(
+        self, tab: str, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
+    ) -> None:
+        following, at_first = tabs(tab, views["at first"]), tabs(tab, views["at first"]).shown
+        for name, view in views.items():
+            following.follow(view)
+            assert following.shown == tabs(tab, view).shown, f"after {name}"
+            following.follow(views["at first"])
+            assert following.shown == at_first, f"back from {name}"
+
+    def test_every_change_is_seen_in_some_part_of_the_page(
+        self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
+    ) -> None:
+        at_first = {tab: tabs(tab, views["at first"]).shown for tab in TABS}
+        for name in views.keys() - {"at first"}:
+            assert any(tabs(tab, views[name]).shown != at_first[tab] for tab in TABS), name
+
+    def test_a_figure_stays_as_it_is_while_work_goes_on(
+        self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
+    ) -> None:
+        tab = tabs("time", views["at first"])
+        figure = tab.figure
+        for name in ("work", "a step of the work", "a message", "an error that became known"):
+            tab.follow(views[name])
+            assert tab.figure is figure, name
+        tab.follow(views["another axis"])
+        assert tab.figure is not figure
