@@ -164,22 +164,23 @@ and judged on the third. The names M1 to M4 are our reading of eq. 12 to 15.
 
 Without noise, k_s = ±{SPREADS[1]}:
 
-{table(["model", "RMSE of K, unseen"], models)}
+{table(["model", "RMSE of K, held-out"], models)}
 
-How often PM is best / the whole order {" > ".join(ORDER)} comes out, {draws} draws (one standard error at most
+Share of draws in which PM is best / in which the whole order {" > ".join(ORDER)} comes out, {draws} draws (one standard
+error at most
 {worst:.1%}); noise is that of one hover's mean thrust:
 
 {table(["noise", *(f"k_s = ±{s}" for s in SPREADS)], rows)}
 
 {_figure(outcomes)}
 
-- PM is first and M1 last as long as the noise leaves the surfaces apart. {_kept(outcomes)}
-  Beyond it PM's four numbers follow the noise, and M4's one number predicts the next flight as well or better: PM is
-  not wrong there, only not provable with 12 data sets.
-- M2 and M3 do not come in the order of their names in such a world: a fitted rho also stands for the neighbours and
-  for the fountain, which M3 has not. M3 is better than M2 only where k_b is below
+- PM is best and M1 worst as long as the noise is small against the difference between the surfaces. {_kept(outcomes)}
+  With more noise PM's four parameters fit the noise, and M4's single parameter predicts the next flight as well or
+  better: PM is not wrong there, but 12 data sets cannot prove it.
+- M2 and M3 are not in the order of their names in such a world: a fitted rho also represents the neighbouring rotors
+  and the fountain, which M3 lacks. M3 is better than M2 only where k_b is below
   {names_in_order_below(vehicle, rivals):.2f}.
-- In this world rho comes out near {rho:.2f} (Dena et al.: 3.65).
+- In this world the fitted rho is near {rho:.2f} (Dena et al.: 3.65).
 """
 
 

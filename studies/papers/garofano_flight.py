@@ -120,11 +120,12 @@ def section(folder: Path) -> str:
     text = "\n\n".join(parts)
     return f"""## Garofano-Soldado et al.: table IV in closed loop
 
-z = 0.55 + 0.45 cos(2πt/5) m, eight cycles, in the lockstep simulator; the compensator knows nothing of the world but
-its own formula, and *{FOUND}* is `ground_effect.exponential` fitted by `add` to {len(STAIRCASE_SEEDS)} hover staircases
+z = 0.55 + 0.45 cos(2πt/5) m, eight cycles, in the lockstep simulator; the compensator knows only its own
+formula, not the world, and *{FOUND}* is `ground_effect.exponential` fitted by `add` to {len(STAIRCASE_SEEDS)} hover
+staircases
 in the same world. Mean ± standard deviation over {len(SEEDS)} seeds (noise of the estimate; the world is the same).
-The paper's vehicle, gains and world are not these, so shares are what can be compared: the paper halves the error, our
-goal is a fifth. What stays 1 m higher is the controller's own.
+The paper's vehicle, gains and world differ from these, so only shares can be compared: the paper halves the error, our
+goal is a fifth. The error 1 m higher is that of the controller alone.
 
 {text}
 """
@@ -142,5 +143,5 @@ def _verdict(flown: dict[str, Errors]) -> str:
     for name in (*COMPENSATORS[1:], FOUND):
         share = float(np.mean(flown[name].rmse) / np.mean(flown["none"].rmse))
         word = "reaches a fifth" if share <= GOAL else "halves it" if share <= 0.5 else "does not halve it"
-        parts.append(f"`{name}` {word}" if name != FOUND else f"what was {name} {word}")
+        parts.append(f"`{name}` {word}" if name != FOUND else f"the model *{name}* {word}")
     return f"Of the RMSE without compensation, {', '.join(parts)}."

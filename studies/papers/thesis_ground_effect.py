@@ -205,7 +205,7 @@ def section(logs: dict[str, FlightLog], vehicle: Vehicle) -> str:
     tilt, acceleration, landing = (panels["FORWARD_SPEED"][i].curve.b for i in (4, 5, 7))
     return f"""## Thesis: eq. 14 and 16, T = a e^(-b z) + c
 
-a/c and b with 95 % intervals (blocks of 5 s resampled); c stands on the thesis' k and mass.
+a/c and b with 95 % intervals (blocks of 5 s resampled); c is computed with the thesis' k and mass.
 
 {table(["from the public log", "a/c", "b, 1/m", "c", "points"], rows)}
 
@@ -214,19 +214,22 @@ a/c and b with 95 % intervals (blocks of 5 s resampled); c stands on the thesis'
 - **Eq. 14 is reproduced** by what the thesis' public script does: a/c {hover.a / hover.c:.3f} (printed
   {0.114 / 1.028:.3f}), b {hover.b:.2f} (printed 5.39). Its c = 1.028 is the choice of the reference thrust:
   {vehicle.weight_n * 1.028 / hover.c:.1f} N, about what k rpm² says of hover at 1.7 m, the highest in this log
-  (the script takes it from a separate hover log). That b is so near is luck: with 500 or 1000 rows more or less cut
-  off, it is {min(cuts):.1f} to {max(cuts):.1f}.
-- **Eq. 16 is not quite**: the same steps on FORWARD_SPEED give a/c {forward.a / forward.c:.3f} and b {forward.b:.2f}
-  (printed {0.147 / 0.988:.3f} and 4.37, inside the intervals). Which rows went into it is not published.
+  (the script takes it from a separate hover log). The close agreement of b is a coincidence: with 500 or 1000 rows more
+  or less cut off, it is {min(cuts):.1f} to {max(cuts):.1f}.
+- **Eq. 16 is reproduced only approximately**: the same steps on FORWARD_SPEED give a/c {forward.a / forward.c:.3f} and
+  b {forward.b:.2f}
+  (printed {0.147 / 0.988:.3f} and 4.37, inside the intervals). The rows that were used are not published.
 - **In HOVERING no choice matters more than the interval**, which is wide: b is {min(rates):.1f} to {max(rates):.1f}.
   Counting {len(panels["HOVERING"][0].points.z_m)} held rows as independent gives b a standard error of {naive:.2f};
-  the rotor speeds behind them were updated {len(panels["HOVERING"][2].points.z_m)} times, and the blocks say
+  the rotor speeds in them were updated only {len(panels["HOVERING"][2].points.z_m)} times, and resampled blocks give
   {(hover.rate[1] - hover.rate[0]) / 3.92:.1f}.
 - **In FORWARD_SPEED the vertical acceleration and the ends matter**: b goes from {tilt:.1f} to {acceleration:.1f} with
-  the one and to {landing:.1f} with take-off and landing left in. It hardly comes below 0.17 m, so that a, the gain
-  extrapolated to z = 0, is anyone's guess: the curves agree where they were flown, and only there.
-- **c is no ground effect.** It is the factor by which k rpm² overstates the thrust; the height has no part in it.
-  quadctl keeps it apart as `thrust_scale` and holds c at 1. Held-out error of the acceleration without and with the
+  the vertical acceleration, and to {landing:.1f} when take-off and landing are included. The flight is hardly
+  ever below 0.17 m, so a, the gain extrapolated to z = 0, is poorly determined: the curves agree only at the heights
+  flown.
+- **c is no ground effect.** It is the factor by which k rpm² overestimates the thrust, independent of the height.
+  quadctl models it separately as `thrust_scale` and holds c at 1. Held-out error of the acceleration without and with
+  the
   ground effect: {errors}.
 """
 

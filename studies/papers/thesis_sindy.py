@@ -194,24 +194,25 @@ def section(flight: Flight) -> str:
     expression = " ".join(parts)
     return f"""## Thesis: SINDy on HOVERING (eq. 13)
 
-The thesis finds its ansatz by SINDy over the functions of its table 1. Ours need not be the same ones: pysindy (forward
+The thesis finds its ansatz by SINDy over the functions of its table 1. Ours may differ: pysindy (forward
 orthogonal least squares) picks terms for the thrust ratio K from powers, inverse powers and exponentials of the height
 z (in rotor radii), the climb rate w, the horizontal speed v and products. Their number is the smallest whose error on
-unseen blocks of 5 s is within one standard error of the best.
+held-out blocks of 5 s is within one standard error of the best.
 
 **K = {expression.lstrip("+")}**
 
 {table(["term", "coefficient", f"picked in {DRAWS} resampled flights"], terms)}
 
-Error of K on unseen blocks, ± one standard error over {FOLDS} folds:
+Error of K on held-out blocks, ± one standard error over {FOLDS} folds:
 
 {table(["model", "RMSE of K"], scores)}
 
-- Sequential thresholding, SINDy's first optimizer, is no help here: its threshold, chosen in the same way, leaves
-  {found.thresholded_terms} of {len(TERMS)} terms, large numbers of opposite sign that cancel.
+- Sequential thresholding, SINDy's first optimizer, does not help here: its threshold, chosen in the same way, leaves
+  {found.thresholded_terms} of {len(TERMS)} terms, with large coefficients of opposite sign that cancel.
 - An exponential of the height is in {exponential:.0%} of the resampled flights, which supports the thesis' ansatz
   a e^(-b z) + c: e^(-z/2) is b = {0.5 / radius_m:.1f}, e^(-z) is b = {1.0 / radius_m:.1f} per metre. Refitting b
-  gains nothing more on unseen data, nor do more terms.
-- Exactly these terms come out of {found.same_terms:.0%} of the resampled flights. The climb rate is the uncertain one:
+  does not lower the held-out error further, and neither do more terms.
+- Exactly these terms are selected in {found.same_terms:.0%} of the resampled flights. The climb rate is the uncertain
+  one:
   HOVERING has little of it, and a delay between height and rotor speed would look the same.
 """

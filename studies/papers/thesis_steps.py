@@ -129,25 +129,28 @@ population standard deviation of two of the three published runs: the third may 
 
 {table(HEADINGS, rows)}
 
-- The printed numbers come out, and in their order, **with the signed integral**: "absolute" in the text is not what was
-  summed.
-- What Appius' compensator removes of M_B depends on that: {removed(signed):.0%} signed (printed: 78.5 %),
-  {removed(absolute):.0%} absolute (of the mean flight). Signed, the overshoot above the setpoint pays for what is
-  missing below it. We report both.
-- By the absolute measure Cheeseman, Hayden and Sanchez are hardly to be told from no compensation. It has a floor: the
-  two flights out of ground effect differ so much that, with no effect of the ground at all, the mean of two flights
-  would show about {floor:.2f} m s (a rough figure, from two runs). Appius' compensator is at that floor, so the
-  absolute share understates what it does; the signed one has no such floor, but lets errors cancel.
+- The printed numbers are reproduced, in their order, **with the signed integral**: the "absolute" of the text was not
+  what was summed.
+- The share of M_B that Appius' compensator removes depends on this: {removed(signed):.0%} signed (printed: 78.5 %),
+  {removed(absolute):.0%} absolute (of the mean flight). In the signed integral, errors above and below the
+  setpoint cancel. We report both.
+- By the absolute measure, Cheeseman, Hayden and Sanchez hardly differ from no compensation. This measure has a floor:
+  the two flights out of ground effect differ so much that, without any ground effect, the mean of two flights would
+  show
+  about {floor:.2f} m s (a rough figure, from two runs). Appius' compensator is at that floor, so the
+  absolute share underestimates its benefit. The signed one has no such floor, but errors cancel in it.
 
 ## Thesis: table 3, the same with forward speed
 
 Each flight steps down three times while it runs along x. The flown references are not in the logs and differ from the
-published ones, so M_A has no certain reference here. M_B needs only the shift between low and high: 1.0 m, by where
-both stand before the step. The steps are triggered by the place and scatter by 0.1 s, so each run is aligned where it
-passes 0.6 m above its setpoint, and measured for {FORWARD_WINDOW.to_s:.0f} s; beside it what nominal time and
-{NOMINAL_WINDOW.to_s:.0f} s give, where the scatter of the steps hides much of the difference. Mean ±
-standard deviation of the three runs of one flight; how flights differ is not in it. We have no printed
-numbers of table 3 to set beside ours.
+published ones, so M_A has no certain reference here. M_B needs only the shift between low and high: 1.0 m, from the
+heights of
+both before the step. The steps are triggered by position and scatter by 0.1 s, so each run is aligned where it
+passes 0.6 m above its setpoint, and measured for {FORWARD_WINDOW.to_s:.0f} s; the columns "not aligned" use nominal
+time and
+{NOMINAL_WINDOW.to_s:.0f} s, where the scatter of the steps hides much of the difference. Mean ±
+standard deviation of the three runs of one flight; the difference
+between flights is not included. We have no printed numbers of table 3 to compare with.
 
 {table(FORWARD_HEADINGS, forward)}
 

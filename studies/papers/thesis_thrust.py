@@ -71,12 +71,14 @@ def section(vehicle: Vehicle, hover_rpm: float | None) -> str:
     lowest = fit(THROTTLE[:10], RPM[:10], THRUST_N[:10])
     text = f"""## Thesis: thrust stand (section 3.3)
 
-Intervals of 95 % from resampled points; they hold the scatter of the points about the form, not its being wrong.
+95 % intervals from resampled points. They cover the scatter of the points, not an error of the formula itself.
 
 {table(["", "thesis", "from its 18 points"], rows)}
 
-- k comes out to the last digit that the points carry. One k is an approximation all the same: T/rpm² rises from
-  {local.min():.2e} to {local.max():.2e} N/rpm² with speed, which the exponent above 2 says too.
+- k agrees with the thesis to the last digit that the points have. A single k is still an approximation: T/rpm² rises
+  from
+  {local.min():.2e} to {local.max():.2e} N/rpm² with speed, in agreement with an exponent
+  above 2.
 - The throttle line that the thesis flew is not the line through these points; its slope is
   {PUBLISHED_SLOPE / found.slope - 1.0:.0%} steeper. Throttle grows as the root of thrust, so a line through the ten
   lowest points has about that slope ({lowest.slope:.4f}), but then an offset of {lowest.offset:.2f}.
@@ -88,7 +90,8 @@ Intervals of 95 % from resampled points; they hold the scatter of the points abo
         text
         + f"""- In the public HOVERING log the rotors turn at {hover_rpm:.0f} rpm above 0.85 m. k rpm² promises
   {PUBLISHED_K * hover_rpm**2 / each - 1.0:+.0%} of the weight there, the stand's own points at that speed
-  {thrust_at(hover_rpm) / each - 1.0:+.0%}. The difference is the single k; the rest a stand does not show (the body
-  in the wake, the battery, the mass). It is why every fit below needs a factor beside the ground effect.
+  {thrust_at(hover_rpm) / each - 1.0:+.0%}. The difference of these two is due to the single k. The rest does not
+  appear on a stand (the body in the wake, the battery, the mass); because of it every fit below needs a thrust scale
+  beside the ground effect.
 """
     )
