@@ -22,9 +22,9 @@ RAPTOR = ROOT / "config/vehicles/raptor.yaml"
 
 INTRODUCTION = """# Real flights
 
-What `quadctl discover` finds in public logs, from the rigid body on, as `make real` computes it. Errors are residuals
-of acceleration, m/s², on blocks of time that the fit has not seen; intervals are 95 %. Trims within what any vehicle is
-off by are fitted per flight on every rung, so the first error is that of the rigid body with its best trims.
+Results of `quadctl discover` on public logs, starting from the rigid body. Written by `make real`. Errors are root mean
+squares of the acceleration residual, m/s², on held-out blocks of time; intervals are 95 %. Trim and calibration of each
+flight are fitted at every step, so the first error is that of the rigid body with its best trim.
 """
 
 
@@ -46,58 +46,59 @@ SETS = (
         "RAPTOR, hovering over the ground",
         RAPTOR,
         ("raptor/HOVERING.csv",),
-        "Appius' thesis fits a e^(-bz) + c with a = 0.114, b = 5.39, c = 1.028 to this flight: the c is a thrust scale "
-        "that has no name there. The frame is tilted against the floor by about 0.9 degrees, which comes out as a "
-        "tilted thrust. Rotor speeds arrive at 3 Hz, so all is seen through a filter of 1 Hz.",
+        "Appius' thesis fits a e^(-bz) + c with a = 0.114, b = 5.39, c = 1.028 to this flight: the c is a thrust "
+        "scale, which the thesis does not name. The frame is tilted against the floor by about 0.9 degrees, which "
+        "is found as a tilted thrust. Rotor speeds arrive at 3 Hz, so all signals are filtered to 1 Hz.",
     ),
     Flights(
         "RAPTOR, forward runs",
         RAPTOR,
         ("raptor/FORWARD_SPEED.csv",),
-        "The thesis finds no influence of the forward speed on the ground effect here; drag along the runs is what the "
-        "speed does. Sideward drag cannot be seen: nobody flew sideward.",
+        "The thesis finds no influence of the forward speed on the ground effect here; the effect of the speed is "
+        "drag along the runs. Sideward drag cannot be determined: nobody flew sideward.",
     ),
     Flights(
         "RAPTOR, both together",
         RAPTOR,
         ("raptor/HOVERING.csv", "raptor/FORWARD_SPEED.csv"),
-        "One model for two flights whose trims differ by more than a degree, at one heading: a tilt that both share is "
-        "not what happened, and no wind is told from it. What has a moment (a weak rotor, rotors in each "
-        "other's wake) rests on rotor speeds at 3 Hz and an inertia that nobody measured: look at the propeller before "
-        "you believe it.",
+        "One model for two flights whose trims differ by more than a degree, at one heading: the tilt is not the "
+        "same in both, and wind cannot be distinguished from it. Effects on the moments (a weak rotor, rotors in "
+        "each other's wake) depend on rotor speeds at 3 Hz and on an inertia that nobody measured: check the "
+        "propellers before you believe them.",
     ),
     Flights(
         "RAPTOR, steps while flying forward",
         RAPTOR,
         RAPTOR_STEPS,
-        "Step responses without compensation and their twins high above the ground, at 0.5 and 1.25 m/s.",
+        "Step responses without compensation, and the same flights high above the ground, at 0.5 and 1.25 m/s.",
     ),
     Flights(
         "RAPTOR, steps with commands only",
         RAPTOR,
         ("raptor/NO_COMPENSATION_01.csv", "raptor/NO_COMPENSATION_02.csv", "raptor/HIGH_ALTITUDE_01.csv"),
-        "These logs hold no rotor speeds: thrust is the commanded throttle through the vehicle file's line. A tired "
-        "battery and a wrong line are then the same as a thrust scale.",
+        "These logs hold no rotor speeds: thrust is computed from the commanded throttle with the vehicle file's "
+        "line. A weak battery and a wrong line then look like a thrust scale.",
     ),
     Flights(
         "PX4 in its own simulator, hover staircase",
         DATA / "px4/sih_quadx.yaml",
         ("px4/A_staircase.ulg",),
-        "No rotor speeds, thrust from motor outputs. In hover the estimator's velocity error is as large as the speed "
-        "itself, so a drag found here is biased, and an attitude error looks like a tilted thrust and a biased "
-        "accelerometer at once. The simulator's own truth is not used.",
+        "No rotor speeds, thrust from motor outputs. In hover the estimator's velocity error is as large as the "
+        "speed itself, so a drag found here is biased, and an attitude error looks like a tilted thrust and a "
+        "biased accelerometer at once. The simulator's own truth is not used.",
     ),
     Flights(
         "PX4 in its own simulator, forward runs",
         DATA / "px4/sih_quadx.yaml",
         ("px4/B_forward.ulg",),
-        "The simulator's drag is linear with 1 1/s in all directions: the vertical part comes out as inflow.",
+        "The simulator's drag is linear with 1 1/s in all directions: the vertical part is found as inflow.",
     ),
     Flights(
         "ArduPilot in its own simulator, hover staircase",
         RAPTOR,
         ("ardupilot/stair_eq0.bin",),
-        "There is no vehicle file for this simulated vehicle: RAPTOR's is wrong by a factor, which is found as such.",
+        "There is no vehicle file for this simulated vehicle: RAPTOR's is wrong by a factor, which is found as a "
+        "thrust scale.",
     ),
 )
 

@@ -26,7 +26,7 @@ GOALS = {"single": (0.98, 0.95, 0.75), "pair": (0.95, 0.85, 0.60)}
 """Share of right cases at strength 1, 0.5 and 0.3."""
 FALSE_ALARMS, UNEXPLAINED = 0, (5, 6)
 ERROR_LEFT, COVERAGE, SECONDS = 1.10, (0.90, 0.99), 5.0
-HEADINGS = ("what", "strength 1", "0.5", "0.3", "goal")
+HEADINGS = ("cases", "strength 1", "0.5", "0.3", "goal")
 
 
 def main() -> None:
@@ -79,7 +79,9 @@ def scores(results: Sequence[Result]) -> list[tuple[str, ...]]:
         rows.append((label, *shares, " / ".join(f">= {goal:.0%}" for goal in goals)))
     kinds = [[r for r in results if _is(r, "unexplained", s)] for s in STRENGTHS]
     shares = [_share([r.right for r in group]) for group in kinds]
-    rows.append(("what no catalogue has: called unexplained", *shares, f">= {UNEXPLAINED[0]} of {UNEXPLAINED[1]}"))
+    rows.append(
+        ("physics outside of the catalogue: called unexplained", *shares, f">= {UNEXPLAINED[0]} of {UNEXPLAINED[1]}")
+    )
     none = [r for r in results if r.case.kind == "none"]
     alarms = f"{sum(not r.right for r in none)} of {len(none)}" if none else "-"
     rows.append(("false alarms where nothing is hidden", alarms, "", "", f"{FALSE_ALARMS} of 24"))
@@ -89,7 +91,9 @@ def scores(results: Sequence[Result]) -> list[tuple[str, ...]]:
             for s in STRENGTHS
         ]
         cells = [f"{_quantile(values, quantile):.3f}" if values else "-" for values in left]
-        rows.append((f"error left, unseen flight, over the true effect's: {label}", *cells, f"<= {ERROR_LEFT:.2f}"))
+        rows.append(
+            (f"error on a held-out flight, divided by that of the true effect: {label}", *cells, f"<= {ERROR_LEFT:.2f}")
+        )
     inside = [[c for r in results if r.case.strength == s for c in r.covered] for s in STRENGTHS]
     low, high = COVERAGE
     rows.append(("true parameters inside their 95 % intervals", *map(_share, inside), f"{low:.0%} to {high:.0%}"))
@@ -147,12 +151,12 @@ def _write_page(path: Path, seeds: str, rows: Sequence[tuple[str, ...]], wrong: 
 
 PAGE = """# Hidden effects: how often the lab is right
 
-Produced by `make hidden`. Flights are simulated in worlds whose hidden physics is not the catalogue's code
-(`studies/blind_cases`); the lab gets the logs and the vehicle's file and must say what is missing. Strength 1 is what
-real vehicles show. Set-ups have rotor coefficients off by 1 % each, an attitude bias of up to 0.3 degrees, a height
+Written by `make hidden`. Flights are simulated in worlds whose hidden physics is not the code of the catalogue
+(`studies/blind_cases`); the lab gets the logs and the vehicle file and must name what is missing. Strength 1 is that of
+real vehicles. Every world also has rotor coefficients off by 1 % each, an attitude bias of up to 0.3 degrees, a height
 datum off by up to 1 cm, ground that slopes by up to 1 degree, gusts, an estimator that lags by 20 to 40 ms, rotor
-speeds at 10 to 25 Hz that are older still, and held and lost samples. The lab was tuned on the seeds of `tuning`;
-those of `final` are run for this report only.
+speeds at 10 to 25 Hz with an additional delay, and held and lost samples. The lab was tuned on the seeds of the set
+`tuning`; those of `final` are run for this report only.
 """
 
 
