@@ -1,17 +1,20 @@
-"""What all tests share."""
+"""Fixtures and rules of all tests."""
 
 import functools
-from collections.abc import Iterator
+import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 from hypothesis import settings
 
+from quadctl.cli import main
 from quadctl.logs.flight_log import FlightLog
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle, load_vehicle
 from studies.faults.witness import Witness
+from tests.support.commands import Result
 from tests.support.flights import CUSHION, simulated
 from tests.support.places import ROOT
 
@@ -68,6 +71,23 @@ def staircases(tmp_path_factory: pytest.TempPathFactory) -> list[FlightLog]:
     """Two hover staircases over a ground whose cushion is not in the catalogue."""
     where = tmp_path_factory.mktemp("staircases")
     return [simulated("hover_staircase", [CUSHION], seed, where) for seed in (1, 2)]
+
+
+@pytest.fixture
+def quadctl(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., Result]:
+    """Function that runs a command in the repository's directory, on a terminal of 130 columns."""
+    monkeypatch.chdir(ROOT)
+    monkeypatch.setenv("COLUMNS", "130")
+
+    def run(*arguments: object) -> Result:
+        monkeypatch.setattr(sys, "argv", ["quadctl", *map(str, arguments)])
+        capsys.readouterr()
+        with pytest.raises(SystemExit) as ended:
+            main()
+        out, err = capsys.readouterr()
+        return Result(int(ended.value.code or 0), out, err)
+
+    return run
 
 
 @pytest.fixture(scope="module")
