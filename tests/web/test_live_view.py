@@ -124,6 +124,7 @@ class TestWhatGoesOut:
         assert len(taken(viewer)[-1].events) == EVENTS_KEPT
 
 
+@pytest.mark.realtime
 class TestWhatComesBack:
     def test_the_wish_to_land_lands(self, ends: tuple[ViewEnd, ViewEnd]) -> None:
         assert flown(*ends, [WISH_TO_LAND]) == LANDED_BY

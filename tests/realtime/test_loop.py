@@ -15,6 +15,8 @@ from quadctl.flight.realtime import run
 from quadctl.state import VehicleState
 from tests.support.in_process import HURRY_HZ, InProcess, in_flight, plan
 
+pytestmark = pytest.mark.realtime
+
 
 def flown(autopilot: InProcess, *listeners: Callable[[Tick], None]) -> Pilot:
     pilot = plan().pilot()
