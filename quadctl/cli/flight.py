@@ -12,6 +12,7 @@ from quadctl.cli.app import app, console
 from quadctl.cli.inputs import find, find_configuration
 from quadctl.cli.output import JsonOption, check_outputs, write_json
 from quadctl.errors import FlightError
+from quadctl.installed import is_installed
 from quadctl.sitl.autopilots import Simulated
 
 TOKEN = re.compile(r"[\w-]{8,}", re.ASCII)
@@ -109,7 +110,13 @@ def fly(
     if view_token is not None and not TOKEN.fullmatch(view_token):
         raise typer.BadParameter("--view-token lands a vehicle: give 8 or more letters, digits, - or _")
     check_outputs([mission, config, hidden], json_out)
-    plan = prepare_flight(mission, find_configuration(config, mission), model, offset_up, overrides or ())
+    configuration = find_configuration(config, mission)
+    if not sitl and is_installed(configuration):
+        raise FlightError(
+            "there is no config/flight.yaml here, expected one that describes your vehicle: `quadctl init DIR` writes "
+            "an example to edit, --config names another file"
+        )
+    plan = prepare_flight(mission, configuration, model, offset_up, overrides or ())
     _print_warnings(plan, simulated=sitl)
     with ExitStack() as stack:
         viewer = stack.enter_context(_viewer(plan, view_port, view_token)) if view else None

@@ -145,6 +145,10 @@ class TestOutsideTheRepository:
         done = quadctl("mission", "list")
         assert done.status == 0 and "hover_staircase" in done.out and "those installed with quadctl" in done.out
 
+    def test_a_real_vehicle_is_not_flown_with_the_example_configuration(self, quadctl: Callable[..., Result]) -> None:
+        refused = quadctl("fly", "missions/short_hop.yaml", "--link", "udpin://127.0.0.1:1")
+        one_sentence(refused, "there is no config/flight.yaml here", "quadctl init DIR")
+
     def test_the_page_begins(self, quadctl: Callable[..., Result], monkeypatch: pytest.MonkeyPatch) -> None:
         begun: list[Any] = []
         monkeypatch.setattr("quadctl.web.page.server.serve", lambda *arguments: begun.extend(arguments))

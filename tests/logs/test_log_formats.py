@@ -124,7 +124,7 @@ formats.CONVERTERS["toy"] = "toy:write_toy"
         assert "is the name of a flight log" in run(refused)
 
     def test_may_be_dropped_on_the_page(self, run: Callable[[str], str]) -> None:
-        dropped = "from pathlib import Path; from quadctl.web.files import upload_path; "
+        dropped = "from pathlib import Path; from quadctl.web.session.files import upload_path; "
         assert run(dropped + "print(upload_path(Path('in'), 'a.toy'))") == "in/a.toy\n"
         assert "Toy (.toy)" in run("from quadctl.logs.formats import labels; print(labels())")
 

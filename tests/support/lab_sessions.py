@@ -11,7 +11,7 @@ from quadctl.model import load_model
 from quadctl.sitl.run import simulate
 from quadctl.web.session.findings import Findings
 from quadctl.web.session.session import Rung, Session, load_session, session_to_yaml
-from quadctl.web.work.jobs import look_for, open_logs
+from quadctl.web.work.jobs import Current, look_for, open_logs
 from tests.support.visitors import ROOT
 
 VEHICLE = ROOT / "config" / "vehicles" / "raptor.yaml"
@@ -51,7 +51,7 @@ def searched(log: Path) -> Path:
     model = load_model(VEHICLE)
     opened = open_logs([log], frozenset(), model.vehicle, "blocks", _say_nothing)
     assert opened.seen is not None
-    found = look_for(model, opened.seen, _say_nothing)
+    found = look_for(Current(model), opened.seen, _say_nothing)
     return _saved(Session().with_logs([log]).begun_with(model).searched(model, found), log.with_name("one.lab.yaml"))
 
 

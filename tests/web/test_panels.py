@@ -26,7 +26,7 @@ from quadctl.web.panels.panel import Bench, Controls, Panel
 from quadctl.web.panels.view import View
 from quadctl.web.session.findings import Diagnosed
 from quadctl.web.session.session import Rung, Session
-from quadctl.web.work.jobs import Opened, OpenedLog, evaluate
+from quadctl.web.work.jobs import Current, Opened, OpenedLog, evaluate
 from quadctl.web.work.simulated import FAR, WITH, WITHOUT
 from quadctl.web.work.state import Message, Results, Work
 from quadctl.web.workbench.intake import Intake
@@ -74,7 +74,7 @@ def views(raptor: Vehicle) -> dict[str, View]:
     logs = [obedient(truth, 30.0, noise_m_s=0.01, seed=seed, name=f"{seed}.csv") for seed in (0, 1)]
     dataset = load_dataset(logs, raptor)
     opened = Opened([OpenedLog(Path(log.name), log, quality(log)) for log in logs], dataset, None)
-    evaluation = evaluate(truth, dataset, None, lambda text: None)
+    evaluation = evaluate(Current(truth), dataset, None, lambda text: None)
     found = Diagnosed(diagnose(rigid, dataset, [Exponential, Hayden]), {})
     session = Session().with_logs([Path(log.name) for log in logs]).begun_with(rigid).judged(0.4)
     session = session.climbed(Rung("+ ground_effect.exponential", truth)).judged(0.1, 0.05)

@@ -17,6 +17,7 @@ from quadctl.effects.ground_effect import Exponential, Hayden
 from quadctl.effects.motor_lag import FirstOrderLag
 from quadctl.errors import QuadctlError, SettingsError
 from quadctl.lab.comparison.comparison import Comparison, compare
+from quadctl.lab.fitting.fitter import Fitter, Optimum, fit_model
 from quadctl.lab.flights.dataset import Dataset, load_dataset
 from quadctl.lab.flights.prediction import rmse
 from quadctl.lab.selection.diagnosis import Diagnosis, diagnose
@@ -36,6 +37,7 @@ from quadctl.web.figures.timeline import full_timeline
 from quadctl.web.session.files import keep_expression, own_effects, require_inside, upload_path
 from quadctl.web.session.findings import Findings, require_formula
 from quadctl.web.session.session import Rung, Session, load_session, session_to_yaml
+from quadctl.web.work import jobs
 from quadctl.web.work.jobs import log_names
 from quadctl.web.work.predictions import predictions
 from quadctl.web.work.worker import CancelledError, Worker
@@ -183,6 +185,34 @@ class TestFindings:
     def test_what_would_be_a_program_is_refused(self, part: str) -> None:
         with pytest.raises(SettingsError, match="is no formula"):
             require_formula(self.formula(part))
+
+
+class TestFitOnce:
+    """The fit of a model goes with it from action to action."""
+
+    def test_a_step_that_was_climbed_is_evaluated_without_another_fit(
+        self, raptor: Vehicle, flight: Dataset, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        before = jobs.evaluate(jobs.Current(Model(raptor)), flight, None, lambda text: None)
+        fitted: list[tuple[str, ...]] = []
+
+        def counted(self: Fitter, *arguments: Any, **named: Any) -> Optimum:
+            fitted.append(tuple(effect.name for effect in self.model.effects))
+            return fit(self, *arguments, **named)
+
+        fit = Fitter.fit
+        monkeypatch.setattr(Fitter, "fit", counted)
+        current = jobs.Current(Model(raptor), before.solution)
+        climbed = jobs.add_effect("ground_effect.exponential", current, flight, None, lambda text: None)
+        assert fitted == [("ground_effect.exponential",)] * 2  # on top of the model, and continued to the minimum
+        assert climbed.evaluation.error_m_s2 == climbed.model.stack[-1].fitted.rmse_after  # type: ignore[union-attr]
+        jobs.look_for(jobs.Current(climbed.model, climbed.evaluation.solution), flight, lambda text: None)
+        assert ("ground_effect.exponential",) not in fitted[2:]
+
+    def test_a_fit_without_its_flights_is_the_same_fit_on_them_again(self, raptor: Vehicle, flight: Dataset) -> None:
+        fit = fit_model(Model(raptor).plus(Exponential()), flight)
+        again = fit.solution.on(flight)
+        assert again.model == fit.model and np.array_equal(again.draws, fit.draws)
 
 
 def _say_and_wait(progress: Callable[[str], None]) -> None:

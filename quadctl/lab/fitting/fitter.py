@@ -28,8 +28,10 @@ from quadctl.lab.fitting.parameters import (
     Free,
     free_parameters,
     intervals,
+    is_at_bound,
     parameter_jacobian,
     remarks,
+    undetermined,
     values_of,
     with_values,
 )
@@ -70,6 +72,21 @@ class Optimum:
 
 
 @dataclass(frozen=True, eq=False)
+class Solution:
+    """Result of a fit without its flights: small enough to be kept for many fits, and to be sent to another process."""
+
+    start: Model
+    """Model that the fit started from, for whose lag the flights were aligned."""
+    optimum: Optimum
+    held_out_residual: Floats
+    """Held-out residual, shape (n, 3 * groups)."""
+
+    def on(self, dataset: Dataset) -> "FittedModel":
+        """The fitted model on the flights that it was fitted to."""
+        return FittedModel(Fitter(self.start, dataset), self.optimum, self.held_out_residual)
+
+
+@dataclass(frozen=True, eq=False)
 class FittedModel:
     """Model fitted to flights: the value that adding, removing, searching and evaluating take and return.
 
@@ -90,6 +107,11 @@ class FittedModel:
     def dataset(self) -> Dataset:
         """Prepared flights, not yet aligned for a model."""
         return self.fitter.dataset.source
+
+    @property
+    def solution(self) -> Solution:
+        """The fit without its flights."""
+        return Solution(self.fitter.model, self.optimum, self.held_out_residual)
 
     @property
     def free(self) -> list[Free]:
@@ -135,6 +157,16 @@ class FittedModel:
         own = [(f, ci) for f, ci in zip(self.free, self.intervals, strict=True) if effect in (None, f.effect)]
         free = [f for f, _ in own]
         return remarks(free, values_of(self.model, free), [ci for _, ci in own])
+
+    def at_bound(self, effect: int) -> bool:
+        """Tell whether a parameter of one effect of the stack ran into a bound."""
+        free = [f for f in self.free if f.effect == effect]
+        return any(is_at_bound(f, value) for f, value in zip(free, values_of(self.model, free), strict=True))
+
+    def determined(self, effect: int) -> bool:
+        """Tell whether the data determine at least one parameter of one effect of the stack, or it has none."""
+        own = [(f, ci) for f, ci in zip(self.free, self.intervals, strict=True) if f.effect == effect]
+        return not own or len(undetermined([f for f, _ in own], [ci for _, ci in own])) < len(own)
 
 
 def fit_model(model: Model, dataset: Dataset) -> FittedModel:

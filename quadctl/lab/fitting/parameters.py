@@ -79,17 +79,27 @@ def undetermined(free: Sequence[Free], ci: Sequence[tuple[float, float]]) -> lis
     return [f for f, (low, high), span in zip(free, ci, ranges, strict=True) if high - low > UNDETERMINED * span]
 
 
+AT_BOUND = 1e-3
+"""Distance to a bound, relative to the parameter's range, within which a parameter is at the bound."""
+
+
+def is_at_bound(free: Free, value: float) -> bool:
+    """Tell whether a parameter ran into a bound; a lower bound of 0 is none: there the effect vanishes."""
+    p = free.parameter
+    near = AT_BOUND * (p.high - p.low)
+    return p.high - value < near or (value - p.low < near and p.low != 0.0)
+
+
 def remarks(free: Sequence[Free], values: Floats, ci: Sequence[tuple[float, float]]) -> list[str]:
     """Remarks for the user on the fitted parameters: at a bound, or not determined by these data."""
     found = []
     for f, value, (low, high) in zip(free, values, ci, strict=True):
         p = f.parameter
-        span = p.high - p.low
-        if p.high - value < 1e-3 * span:
+        if is_at_bound(f, value) and value > 0.5 * (p.low + p.high):
             found.append(f"{p.name} is at its upper bound {p.high:g}: the form is wrong, or the data do not show it")
-        elif value - p.low < 1e-3 * span and p.low == 0.0:
+        elif value - p.low < AT_BOUND * (p.high - p.low) and p.low == 0.0:
             found.append(f"{p.name} is 0: these data do not show it")
-        elif value - p.low < 1e-3 * span:
+        elif is_at_bound(f, value):
             found.append(f"{p.name} is at its lower bound {p.low:g}: the form is wrong, or the data do not show it")
         if undetermined([f], [(low, high)]):
             found.append(f"{p.name} is not determined by these data: its interval spans most of its range")

@@ -4,11 +4,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
-import numpy as np
-
 from quadctl.effects import Effect
 from quadctl.lab.arrays import Floats
-from quadctl.lab.fitting.fitter import FittedModel, Fitter, Optimum
+from quadctl.lab.fitting.fitter import FittedModel, Solution
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.flights.prediction import GROUPS, concerns
 from quadctl.model import Model
@@ -45,10 +43,12 @@ class Candidate:
     """False where fitted parameters of this effect, or of others because of it, are not physically plausible."""
     distinct: bool = True
     """False where these data do not distinguish the effect from its look-alikes."""
-    start: Model | None = None
-    """Model that the fit started from, for whose lag the flights were aligned; None when read from a session."""
-    nuisances: Floats | None = None
-    """Fitted nuisances of the flights, shape (flights, kinds)."""
+    at_bound: bool = False
+    """True where a parameter of the effect ran into a bound."""
+    determined: bool = True
+    """False where the data determine none of the effect's parameters."""
+    solution: Solution | None = None
+    """Fit of the model; None when the candidate was read from a session."""
 
     @property
     def family(self) -> str:
@@ -78,16 +78,16 @@ class Candidate:
         return max(self.drops.values())
 
     def fit(self, dataset: Dataset) -> FittedModel:
-        """Rebuild the fit that the candidate resulted from, for the `dataset` that it was fitted to.
+        """Fitted model of this candidate; `dataset` is the one that it was fitted to.
 
         Raises
         ------
         ValueError
-            The candidate comes from a saved session: its fit was not kept.
+            The candidate was read from a session, which does not hold its fit.
         """
-        if self.start is None or self.nuisances is None:
-            raise ValueError(f"{self.effect.name}: the fit was not kept, expected a candidate of this session")
-        return FittedModel(Fitter(self.start, dataset), Optimum(self.model, np.asarray(self.nuisances)), self.residual)
+        if self.solution is None:
+            raise ValueError(f"{self.effect.name}: has no fit, expected a candidate that was not read from a session")
+        return self.solution.on(dataset)
 
 
 def measure_of(effects: Iterable[Effect], before: Mapping[str, float], after: Mapping[str, float]) -> str:

@@ -97,17 +97,10 @@ def shows_in_moments(c: Candidate) -> bool:
     return not shown or (min(shown) > enough and min(moments) > -HARMLESS)
 
 
-def is_determined(c: Candidate) -> bool:
-    """Tell whether the data determine at least one parameter of a candidate, and none of them ran into a bound."""
-    at_bound = any("bound" in remark for remark in c.remarks)
-    undetermined = sum("not determined" in remark for remark in c.remarks)
-    return not at_bound and (not c.ci95 or undetermined < len(c.ci95))
-
-
 def is_there(c: Candidate) -> bool:
     """Tell whether held-out data show the effect of a candidate, even if it is too small to be called missing."""
     helps = c.held_out_drop > 0.0 and not is_harmful(c) and is_significant(c.p_value)
-    return helps and shows_in_moments(c) and c.believable and is_determined(c)
+    return helps and shows_in_moments(c) and c.believable and c.determined and not c.at_bound
 
 
 def is_plausible(c: Candidate) -> bool:

@@ -38,8 +38,9 @@ def try_effect(effect: type[Effect], left: Unmodelled, n_tried: int) -> Candidat
         remarks=fit.remarks(last),
         believable=unbelievable(fit.model, dataset) <= unbelievable(left.model, dataset),
         distinct=effect.name not in indistinct(fit.model, dataset),
-        start=fit.fitter.model,
-        nuisances=fit.optimum.nuisances,
+        at_bound=fit.at_bound(last),
+        determined=fit.determined(last),
+        solution=fit.solution,
     )
 
 

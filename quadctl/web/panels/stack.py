@@ -87,7 +87,7 @@ def _draw_nuisances(evaluation: Evaluation, seen: Dataset) -> None:
                 tag("th", "", "flight")
                 for name, _, unit in NUISANCES.values():
                     tag("th", "number", f"{name} / {unit}")
-            for flight, values in zip(seen.names, evaluation.nuisances, strict=True):
+            for flight, values in zip(seen.names, evaluation.solution.optimum.nuisances, strict=True):
                 with tag("tr"):
                     tag("td", "", flight)
                     for kind, (_, factor, _) in NUISANCES.items():

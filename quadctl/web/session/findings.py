@@ -141,8 +141,7 @@ def _writer() -> Converter:
         after=override(unstruct_hook=_short),
         effect=left_out,
         residual=left_out,
-        start=left_out,
-        nuisances=left_out,
+        solution=left_out,
     )
     converter.register_unstructure_hook(Candidate, of_candidate)
     of_diagnosis = make_dict_unstructure_fn(Diagnosis, converter, model=left_out, dataset=left_out, fit=left_out)
@@ -174,6 +173,7 @@ def _reader(model: Model, dataset: Dataset) -> Converter:
         model=override(rename="stack"),
         effect=override(rename="stack", struct_hook=lambda entries, kind: read_model(entries).effects[-1]),
         residual=override(rename="stack", struct_hook=no_samples),
+        solution=override(omit=True),
     )
     converter.register_structure_hook(Candidate, of_candidate)
     of_diagnosis = make_dict_structure_fn(

@@ -8,18 +8,17 @@ from pathlib import Path
 
 from quadctl.effects import catalog_with, choose_effect, find_effect
 from quadctl.errors import QuadctlError
-from quadctl.lab.arrays import Floats
 from quadctl.lab.comparison.comparison import Comparison, compare
-from quadctl.lab.fitting.fitter import fit_model
+from quadctl.lab.fitting.fitter import FittedModel, Solution, fit_model
 from quadctl.lab.flights.dataset import Dataset, HoldOut
 from quadctl.lab.interface import prepare_flights
 from quadctl.lab.planning.suggestion import Suggestion, suggest
 from quadctl.lab.report import Results, render_report
-from quadctl.lab.selection.addition import Addition, add
-from quadctl.lab.selection.diagnosis import Diagnosis, diagnose
+from quadctl.lab.selection.addition import add, add_to_fit
+from quadctl.lab.selection.diagnosis import Diagnosis, diagnose_fit
 from quadctl.lab.selection.effect_curves import sketch
 from quadctl.lab.selection.refit import Refit, fit
-from quadctl.lab.selection.removal import Removal, remove
+from quadctl.lab.selection.removal import held_effect, remove_from_fit
 from quadctl.lab.tracking.step_response import StepResponses
 from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.quality import QualityReport, quality
@@ -70,8 +69,8 @@ class Evaluation:
     """Comparison on the flights held out of all fits."""
     held_out: dict[str, float]
     """Cross-validated RMSE on the flights that fits may use."""
-    nuisances: Floats
-    """Trim and calibration of each flight, shape (flights, kinds), see `quadctl.lab.fitting.nuisances`."""
+    solution: Solution
+    """Fit to the flights that fits may use."""
 
     @property
     def error_m_s2(self) -> float:
@@ -82,6 +81,26 @@ class Evaluation:
     def floor_m_s2(self) -> float:
         judged = self.comparison if self.unseen is None else self.unseen
         return judged.noise_floor["total"]
+
+
+@dataclass(frozen=True, eq=False)
+class Current:
+    """The model that a job begins with, and its fit where it is known."""
+
+    model: Model
+    solution: Solution | None = None
+
+    def fit(self, dataset: Dataset) -> FittedModel:
+        """The model fitted to `dataset`."""
+        return fit_model(self.model, dataset) if self.solution is None else self.solution.on(dataset)
+
+
+@dataclass(frozen=True, eq=False)
+class Climbed:
+    """The model of a new step of the ladder, and its errors."""
+
+    model: Model
+    evaluation: Evaluation
 
 
 def open_logs(
@@ -133,45 +152,52 @@ def _dataset(logs: Sequence[FlightLog | None], vehicle: Vehicle, hold_out: HoldO
     return prepare_flights(known, vehicle, hold_out if len(known) > 1 else "blocks")
 
 
-def evaluate(model: Model, seen: Dataset, unseen: Dataset | None, progress: Progress) -> Evaluation:
-    """Compute the errors of `model`: as it stands, on held-out flights, and cross-validated."""
+def evaluate(current: Current, seen: Dataset, unseen: Dataset | None, progress: Progress) -> Evaluation:
+    """Compute the errors of a model: as it stands, on held-out flights, and cross-validated."""
     progress("comparing")
-    fit = fit_model(model, seen)
+    return _evaluated(current.model, current.fit(seen), unseen)
+
+
+def _evaluated(model: Model, fit: FittedModel, unseen: Dataset | None) -> Evaluation:
+    """Errors of `model`, whose fit is given."""
     return Evaluation(
-        compare(model, seen),
-        None if unseen is None else compare(model, unseen),
-        fit.held_out_rmse,
-        fit.optimum.nuisances,
+        compare(model, fit.dataset), None if unseen is None else compare(model, unseen), fit.held_out_rmse, fit.solution
     )
 
 
-def look_for(model: Model, dataset: Dataset, progress: Progress) -> Findings:
-    """Search for what `model` is missing, and sketch each candidate."""
-    found = diagnose(model, dataset, progress=progress)
+def look_for(current: Current, dataset: Dataset, progress: Progress) -> Findings:
+    """Search for what a model is missing, and sketch each candidate."""
+    found = diagnose_fit(current.fit(dataset), progress=progress)
     drawn = {candidate.effect.name: sketch(candidate.model, dataset) for candidate in found.ranking}
     return Findings.of(found, {name: drawing for name, drawing in drawn.items() if drawing is not None})
 
 
-def add_effect(name: str, model: Model, dataset: Dataset, progress: Progress) -> Addition:
+def add_effect(name: str, current: Current, seen: Dataset, unseen: Dataset | None, progress: Progress) -> Climbed:
     progress(f"fitting {name}")
-    return add(find_effect(name, "the effect to add", catalog_with(model.effect_files)), model, dataset)
+    effect = find_effect(name, "the effect to add", catalog_with(current.model.effect_files))
+    return _climbed(add_to_fit(effect, current.model, current.fit(seen)), unseen)
 
 
-def add_expression(path: Path, model: Model, dataset: Dataset, progress: Progress) -> Addition:
+def add_expression(path: Path, current: Current, seen: Dataset, unseen: Dataset | None, progress: Progress) -> Climbed:
     """Add the effect that a file of Python holds."""
     progress("fitting the expression")
-    effect, files = choose_effect(str(path), str(path), model.effect_files)
-    return add(effect, replace(model, effect_files=files), dataset)
+    effect, files = choose_effect(str(path), str(path), current.model.effect_files)
+    return _climbed(add_to_fit(effect, replace(current.model, effect_files=files), current.fit(seen)), unseen)
 
 
-def refit_model(model: Model, dataset: Dataset, progress: Progress) -> Refit:
+def refit_model(current: Current, seen: Dataset, unseen: Dataset | None, progress: Progress) -> Climbed:
     progress("fitting all parameters together")
-    return fit(model, dataset)
+    return _climbed(fit(current.model, seen), unseen)
 
 
-def remove_effect(name: str, model: Model, dataset: Dataset, progress: Progress) -> Removal:
+def remove_effect(name: str, current: Current, seen: Dataset, unseen: Dataset | None, progress: Progress) -> Climbed:
     progress(f"fitting without {name}")
-    return remove(name, model, dataset)
+    effect = held_effect(name, current.model)
+    return _climbed(remove_from_fit(effect, current.model, current.fit(seen)), unseen)
+
+
+def _climbed(refit: Refit, unseen: Dataset | None) -> Climbed:
+    return Climbed(refit.model, _evaluated(refit.model, refit.fit_after, unseen))
 
 
 def next_flight(diagnosis: Diagnosis, missions: Path, progress: Progress) -> Suggestion:

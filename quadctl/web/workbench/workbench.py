@@ -15,8 +15,7 @@ from typing import Any, Literal
 from quadctl.errors import QuadctlError, SettingsError
 from quadctl.lab.comparison.wording import quantity
 from quadctl.lab.flights.dataset import Dataset, HoldOut
-from quadctl.lab.selection.refit import Refit
-from quadctl.model import load_model, model_to_dict
+from quadctl.model import Model, load_model, model_to_dict
 from quadctl.web.session.files import keep_expression
 from quadctl.web.session.findings import Findings
 from quadctl.web.session.session import SUFFIX, Rung, Session, session_to_yaml
@@ -78,6 +77,11 @@ class Workbench:
         self._slow.close()
 
     # --- flights and model --------------------------------------------------------------------------------------------
+
+    @property
+    def unseen(self) -> Dataset | None:
+        """Flights held out of all fits."""
+        return None if self.opened is None else self.opened.unseen
 
     @property
     def seen(self) -> Dataset | None:
@@ -181,12 +185,20 @@ class Workbench:
         model, seen = self.session.model, self.seen
         if model is None or seen is None:
             raise QuadctlError("there is no flight to fit to, expected at least one log")
-        fitted: Refit = await self._quick.run(job, *args, model, seen, progress=progress)
-        self.session = self.session.climbed(Rung(name, fitted.model))
-        await self._judge(progress)
+        current = self._current(model)
+        climbed: jobs.Climbed = await self._quick.run(job, *args, current, seen, self.unseen, progress=progress)
+        self.session = self.session.climbed(Rung(name, climbed.model))
+        await self._judge(progress, climbed.evaluation)
 
-    async def _judge(self, progress: Callable[[str], None]) -> None:
-        """Evaluate the current model, and begin to look for what it lacks."""
+    def _current(self, model: Model) -> jobs.Current:
+        """The current model with its fit, where that is known: what was evaluated last may be another model."""
+        evaluation = self.results.evaluation
+        if evaluation is None or evaluation.comparison.model != model:
+            return jobs.Current(model)
+        return jobs.Current(model, evaluation.solution)
+
+    async def _judge(self, progress: Callable[[str], None], evaluation: jobs.Evaluation | None = None) -> None:
+        """Evaluate the current model where that is not done yet, and begin to look for what it lacks."""
         self.results = Results(before=self.results.found or self.results.before)
         self.cancel_search()
         model, opened = self.session.model, self.opened
@@ -195,7 +207,9 @@ class Workbench:
             return
         self._show_found()
         self._changed()
-        evaluation = await self._quick.run(jobs.evaluate, model, opened.seen, opened.unseen, progress=progress)
+        if evaluation is None:
+            current = jobs.Current(model)
+            evaluation = await self._quick.run(jobs.evaluate, current, opened.seen, opened.unseen, progress=progress)
         evaluation = replace(
             evaluation, comparison=replace(evaluation.comparison, dataset=opened.seen.aligned_for(model))
         )
@@ -246,7 +260,7 @@ class Workbench:
 
         self._changed()
         try:
-            found: Findings = await self._slow.run(jobs.look_for, model, seen, progress=progress)
+            found: Findings = await self._slow.run(jobs.look_for, self._current(model), seen, progress=progress)
             self.session = self.session.searched(model, found)
             self._show_found()
             self._autosave()

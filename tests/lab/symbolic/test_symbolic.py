@@ -49,7 +49,7 @@ class TestCompactForms:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
             fitted = fit_form(form, x, y)
-        assert np.isfinite(fitted.values).all() and np.isfinite(fitted.slopes).all()
+        assert np.isfinite(fitted.values).all() and np.isfinite(fitted.jacobian).all()
         assert np.sum((form(x, fitted.values) - y) ** 2) <= np.sum(y**2)
         assert capfd.readouterr().err == ""
 
