@@ -14,10 +14,10 @@ test: $(INSTALLED)
 	@$(MAKE) --no-print-directory --jobs=2 --keep-going --output-sync=target test-flights test-computing
 
 test-flights: $(INSTALLED)
-	$(BIN)/python -m pytest -m realtime -n 4 --dist loadfile
+	$(BIN)/python -m pytest -m realtime -n 4 --dist loadfile --no-loadscope-reorder
 
 test-computing: $(INSTALLED)
-	nice -n 10 $(BIN)/python -m pytest -m "not realtime" -n auto --dist loadscope
+	nice -n 10 $(BIN)/python -m pytest -m "not realtime" -n auto --dist loadfile --no-loadscope-reorder
 
 lint: $(INSTALLED)
 	$(BIN)/ruff check .

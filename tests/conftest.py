@@ -34,7 +34,15 @@ def witness() -> Witness:
     return Witness()
 
 
+LONG = (
+    *("test_faults", "test_view_page", "test_autopilots", "test_realtime"),
+    *("test_lab_page", "test_lab", "test_report", "test_panels", "test_suggestion", "test_symbolic"),
+)
+"""Files that take longest: they begin first, lest one of them alone keeps all others waiting at the end."""
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    items.sort(key=lambda item: LONG.index(item.path.stem) if item.path.stem in LONG else len(LONG))
     again = pytest.mark.flaky(reruns=AGAIN, condition=lambda: witness().stood_still())
     for item in items:
         if item.get_closest_marker("realtime"):
@@ -71,6 +79,13 @@ def staircases(tmp_path_factory: pytest.TempPathFactory) -> list[FlightLog]:
     """Two hover staircases over a ground whose cushion is not in the catalogue."""
     where = tmp_path_factory.mktemp("staircases")
     return [simulated("hover_staircase", [CUSHION], seed, where) for seed in (1, 2)]
+
+
+@pytest.fixture(scope="session")
+def plain_runs(tmp_path_factory: pytest.TempPathFactory) -> list[FlightLog]:
+    """Runs forward and up and down, where no effect is hidden."""
+    where = tmp_path_factory.mktemp("plain")
+    return [simulated(mission, [], 3, where) for mission in ("forward_runs", "vertical_runs")]
 
 
 @pytest.fixture
