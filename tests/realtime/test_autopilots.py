@@ -29,6 +29,8 @@ pytestmark = pytest.mark.realtime
 
 LIKE_SIH = ROOT / "sitl" / "px4" / "like_sih.yaml"
 VEHICLE = load_vehicle(RAPTOR)
+START_TIMEOUT_S = 60.0
+"""Longest time until a flight in a process of its own is in the air: libraries are loaded before."""
 
 
 # --- flights -----------------------------------------------------------------------------------------------------
@@ -54,7 +56,7 @@ class Flight:
         )
 
     def until_recorded(self, phase: str) -> None:
-        end_s = time.monotonic() + TIMEOUT_S
+        end_s = time.monotonic() + START_TIMEOUT_S
         while not any(f",{phase}\n" in path.read_text() for path in self.where.glob("*.csv")):
             assert self.process.poll() is None, self.process.communicate()
             assert time.monotonic() < end_s, "it takes too long"
