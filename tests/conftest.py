@@ -1,17 +1,20 @@
-"""What all tests share."""
+"""Fixtures and rules of all tests."""
 
 import functools
-from collections.abc import Iterator
+import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 from hypothesis import settings
 
+from quadctl.cli import main
 from quadctl.logs.flight_log import FlightLog
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle, load_vehicle
 from studies.faults.witness import Witness
+from tests.support.commands import Result
 from tests.support.flights import CUSHION, simulated
 from tests.support.places import ROOT
 
@@ -31,7 +34,15 @@ def witness() -> Witness:
     return Witness()
 
 
+LONG = (
+    *("test_faults", "test_view_page", "test_autopilots", "test_realtime"),
+    *("test_lab_page", "test_lab", "test_report", "test_panels", "test_suggestion", "test_symbolic"),
+)
+"""Files that take longest: they begin first, lest one of them alone keeps all others waiting at the end."""
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    items.sort(key=lambda item: LONG.index(item.path.stem) if item.path.stem in LONG else len(LONG))
     again = pytest.mark.flaky(reruns=AGAIN, condition=lambda: witness().stood_still())
     for item in items:
         if item.get_closest_marker("realtime"):
@@ -68,6 +79,30 @@ def staircases(tmp_path_factory: pytest.TempPathFactory) -> list[FlightLog]:
     """Two hover staircases over a ground whose cushion is not in the catalogue."""
     where = tmp_path_factory.mktemp("staircases")
     return [simulated("hover_staircase", [CUSHION], seed, where) for seed in (1, 2)]
+
+
+@pytest.fixture(scope="session")
+def plain_runs(tmp_path_factory: pytest.TempPathFactory) -> list[FlightLog]:
+    """Runs forward and up and down, where no effect is hidden."""
+    where = tmp_path_factory.mktemp("plain")
+    return [simulated(mission, [], 3, where) for mission in ("forward_runs", "vertical_runs")]
+
+
+@pytest.fixture
+def quadctl(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., Result]:
+    """Function that runs a command in the repository's directory, on a terminal of 130 columns."""
+    monkeypatch.chdir(ROOT)
+    monkeypatch.setenv("COLUMNS", "130")
+
+    def run(*arguments: object) -> Result:
+        monkeypatch.setattr(sys, "argv", ["quadctl", *map(str, arguments)])
+        capsys.readouterr()
+        with pytest.raises(SystemExit) as ended:
+            main()
+        out, err = capsys.readouterr()
+        return Result(int(ended.value.code or 0), out, err)
+
+    return run
 
 
 @pytest.fixture(scope="module")

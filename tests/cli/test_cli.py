@@ -7,17 +7,17 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import pytest
 import yaml
 
-from quadctl.cli import main
 from quadctl.effects.ground_effect import Exponential
 from quadctl.lab.interface import HoldOutError
 from quadctl.logs.csv_log import write_csv
 from quadctl.model import Model, load_model
 from quadctl.vehicle import Vehicle
+from tests.support.commands import Result
 from tests.support.flights import obedient
 from tests.support.places import ROOT
 
@@ -25,28 +25,11 @@ VEHICLE = str(ROOT / "config/vehicles/raptor.yaml")
 MISSION = str(ROOT / "missions/short_hop.yaml")
 
 
-class Result(NamedTuple):
-    status: int
-    out: str
-    err: str
-
-
 @pytest.fixture
-def quadctl(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> Callable[..., Result]:
-    """Run a command in an empty directory."""
+def quadctl(quadctl: Callable[..., Result], monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[..., Result]:
+    """Function that runs a command in an empty directory."""
     monkeypatch.chdir(tmp_path)
-
-    def run(*arguments: object) -> Result:
-        monkeypatch.setattr(sys, "argv", ["quadctl", *map(str, arguments)])
-        capsys.readouterr()
-        with pytest.raises(SystemExit) as ended:
-            main()
-        out, err = capsys.readouterr()
-        return Result(int(ended.value.code or 0), out, err)
-
-    return run
+    return quadctl
 
 
 @pytest.fixture(scope="module")

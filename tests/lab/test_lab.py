@@ -22,7 +22,7 @@ from quadctl.lab.flights.dataset import Dataset, load_dataset
 from quadctl.lab.flights.prediction import rmse
 from quadctl.lab.flights.preparation import BLOCK_S, prepare
 from quadctl.lab.selection.addition import add
-from quadctl.lab.selection.diagnosis import diagnose
+from quadctl.lab.selection.diagnosis import Diagnosis, diagnose
 from quadctl.lab.selection.discovery import discover
 from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.read import read_log
@@ -36,10 +36,9 @@ needs_raptor_logs = pytest.mark.skipif(not RAPTOR_LOGS.is_dir(), reason="the pub
 
 
 @pytest.fixture(scope="module")
-def plain_runs(tmp_path_factory: pytest.TempPathFactory) -> list[FlightLog]:
-    """Runs in a world without any effect."""
-    where = tmp_path_factory.mktemp("plain")
-    return [simulated(mission, [], 3, where) for mission in ("forward_runs", "vertical_runs")]
+def of_one_staircase(staircases: list[FlightLog], rigid: Model) -> Diagnosis:
+    """Diagnosis of the first staircase alone."""
+    return diagnose(rigid, load_dataset(staircases[:1], rigid.vehicle))
 
 
 class TestStatistics:
@@ -215,8 +214,8 @@ class TestDiagnose:
         result = diagnose(Model(raptor), data)
         assert (result.verdict, result.missing) == ("unexplained", [])
 
-    def test_the_result_is_what_the_contract_says(self, staircases: list[FlightLog], rigid: Model) -> None:
-        found = diagnose(rigid, load_dataset(staircases[:1], rigid.vehicle)).to_dict()
+    def test_the_result_is_what_the_contract_says(self, of_one_staircase: Diagnosis) -> None:
+        found = of_one_staircase.to_dict()
         assert {"verdict", "ranking", "missing", "confounded", "suggested_mission", "symbolic"} <= found.keys()
         assert {
             "family",
@@ -324,12 +323,12 @@ class TestDiscover:
 
 class TestSpans:
     def test_an_effect_is_not_tried_where_the_data_cannot_tell_it_from_others(
-        self, staircases: list[FlightLog], rigid: Model
+        self, of_one_staircase: Diagnosis
     ) -> None:
         """A hover does not determine a drag with the square of the speed: the result says so."""
-        result = diagnose(rigid, load_dataset(staircases[:1], rigid.vehicle))
-        assert "body_drag" not in {candidate.family for candidate in result.ranking}
-        assert any("body_drag.quadratic" in reason and "speed must span 1 m/s" in reason for reason in result.untried)
+        assert "body_drag" not in {candidate.family for candidate in of_one_staircase.ranking}
+        reasons = of_one_staircase.untried
+        assert any("body_drag.quadratic" in reason and "speed must span 1 m/s" in reason for reason in reasons)
 
 
 class TestNuisances:

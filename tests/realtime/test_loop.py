@@ -1,96 +1,21 @@
 """The real-time loop on a simulated autopilot in the same process: what it does when something breaks."""
 
-import asyncio
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 
 import pytest
 
-from quadctl.errors import FlightError, LinkError
-from quadctl.flight.autopilot.firmware import Requirement
+from quadctl.errors import LinkError
 from quadctl.flight.autopilot.port import Autopilot
 from quadctl.flight.loop import fly
 from quadctl.flight.pilot.guards import GuardLimits
 from quadctl.flight.pilot.pilot import Pilot
 from quadctl.flight.pilot.tick import Stage, Tick
-from quadctl.flight.preflight.plan import FlightPlan
-from quadctl.flight.preflight.preparation import prepare_flight
 from quadctl.flight.realtime import run
-from quadctl.sitl.rules.px4 import SimulatedAutopilot
-from quadctl.state import AttitudeTarget, VehicleState
-from tests.support.places import ROOT
+from quadctl.state import VehicleState
+from tests.support.in_process import HURRY_HZ, InProcess, in_flight, plan
 
-TICK_S = 0.02
-HURRY_HZ = 400.0
-"""The simulated time of a tick passes at once, so the loop need not wait for it."""
-
-
-class InProcess:
-    """The port to a simulated autopilot whose time passes by one tick with every look at its state."""
-
-    def __init__(self) -> None:
-        self.px = SimulatedAutopilot(plan().body.vehicle)
-        self.warnings: list[str] = []
-        self.takes_off_itself = False
-        self.requirements: list[Requirement] = []
-        self.asked: list[str] = []
-        self.sent: list[AttitudeTarget] = []
-        self.before_send: Callable[[], None] = lambda: None
-        self.land_hangs = False
-
-    @property
-    def description(self) -> str:
-        return "a simulated PX4 in this process"
-
-    async def connect(self) -> None: ...
-
-    async def request_telemetry(self) -> None: ...
-
-    async def close(self) -> None: ...
-
-    async def parameters(self, names: Iterable[str]) -> dict[str, float]:
-        return {name: self.px.parameters[name] for name in names if name in self.px.parameters}
-
-    async def set_parameter(self, name: str, value: float) -> None:
-        self.px.parameters[name] = value
-
-    def state(self) -> VehicleState:
-        self.px.step(self.px.time_s + TICK_S)
-        return self.px.estimate()
-
-    def send(self, target: AttitudeTarget) -> None:
-        self.before_send()
-        self.sent.append(target)
-        self.px.set_attitude_target(target)
-
-    async def arm(self) -> None:
-        self._ask("ARM", self.px.request_arm())
-
-    async def start_offboard(self) -> None:
-        self._ask("OFFBOARD", self.px.request_mode("OFFBOARD"))
-
-    async def take_off(self, height_m: float) -> None:
-        raise AssertionError("a PX4 lifts off by targets")
-
-    async def land(self) -> None:
-        if self.land_hangs:
-            self.asked.append("LAND")
-            await asyncio.Event().wait()
-        self._ask("LAND", self.px.request_mode("LAND"))
-
-    async def hold(self) -> None:
-        self._ask("HOLD", self.px.request_mode("HOLD"))
-
-    def _ask(self, what: str, refusal: str | None) -> None:
-        self.asked.append(what)
-        if refusal is not None:
-            raise FlightError(f"it refused {what}: {refusal}")
-
-
-def plan() -> FlightPlan:
-    made = prepare_flight(ROOT / "tests" / "support" / "hop.yaml", ROOT / "config" / "flight.yaml", None, None)
-    guards = GuardLimits(max_tick_late_s=1.0)  # a busy machine is not what is tested here
-    return made._replace(settings=made.settings.model_copy(update={"guards": guards}))
+pytestmark = pytest.mark.realtime
 
 
 def flown(autopilot: InProcess, *listeners: Callable[[Tick], None]) -> Pilot:
@@ -98,10 +23,6 @@ def flown(autopilot: InProcess, *listeners: Callable[[Tick], None]) -> Pilot:
     port: Autopilot = autopilot
     run(fly(port, pilot, HURRY_HZ, listeners))
     return pilot
-
-
-def in_flight(pilots: list[Tick]) -> bool:
-    return sum(t.stage is Stage.FLY for t in pilots) > 50
 
 
 def test_the_loop_flies_a_mission_and_tells_every_tick() -> None:

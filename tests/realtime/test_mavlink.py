@@ -12,13 +12,9 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from quadctl.errors import FlightError, LinkError
-from quadctl.flight.autopilot.ardupilot import ARDUPILOT
 from quadctl.flight.autopilot.mavsdk_autopilot import MavsdkAutopilot
-from quadctl.flight.autopilot.px4 import PX4
-from quadctl.flight.autopilot.telemetry import Telemetry
 from quadctl.frames import quaternion_from_euler
 from quadctl.sitl.rules.px4 import SimulatedAutopilot
-from quadctl.sitl.server import dialect
 from quadctl.sitl.server.faults import nan_position
 from quadctl.sitl.vehicle.hidden import HiddenTruth
 from quadctl.sitl.vehicle.hidden import Telemetry as SimulatedTelemetry
@@ -50,9 +46,6 @@ def vehicle() -> Vehicle:
 def link(vehicle: Vehicle) -> Iterator[Link]:
     with connected(SimulatedAutopilot(vehicle)) as link:
         yield link
-
-
-VOLTAGE = {"voltage_battery": 15000, "onboard_control_sensors_present": 0, "onboard_control_sensors_health": 0}
 
 
 # --- telemetry ---------------------------------------------------------------------------------------------------
@@ -148,39 +141,10 @@ def test_a_position_of_nan_is_seen_as_such(link: Link) -> None:
     assert all(map(math.isfinite, link.adapter.state().velocity_ned_m_s))
 
 
-def test_without_heartbeats_the_link_counts_as_lost_though_data_come() -> None:
-    telemetry = Telemetry(n_rotors=4)
-    telemetry.receive("HEARTBEAT", {"autopilot": 12, "base_mode": 129, "custom_mode": 6 << 16}, now_s=10.0)
-    telemetry.receive("SYS_STATUS", VOLTAGE, now_s=12.9)
-    assert telemetry.state(now_s=12.9).connected
-    telemetry.receive("SYS_STATUS", VOLTAGE, now_s=13.1)
-    state = telemetry.state(now_s=13.1)
-    assert not state.connected
-    assert state.age_s("heartbeat") == pytest.approx(3.1)
-    assert state.age_s("battery") == 0.0
-
-
 def test_a_silent_link_ages(link: Link) -> None:
     link.wait(lambda: link.adapter.state().control_age_s < 0.1)
     link.px.faults.silent = True
     link.wait(lambda: link.adapter.state().control_age_s > 0.3)
-
-
-def test_before_the_first_message_nothing_looks_like_data() -> None:
-    state = Telemetry(n_rotors=4).state(now_s=100.0)
-    assert not state.finite
-    assert not state.connected
-    assert len(state.rotor_rpm) == 4
-    assert all(map(math.isnan, (*state.rotor_rpm, state.battery_v)))
-    assert state.control_age_s == math.inf
-
-
-def test_mode_names_are_read_from_the_custom_mode() -> None:
-    assert PX4.mode_name(6 << 16) == "OFFBOARD"
-    assert PX4.mode_name(4 << 16 | 6 << 24) == "LAND"
-    assert PX4.mode_name(9 << 16 | 1 << 24) == "9/1"
-    assert ARDUPILOT.mode_name(4) == "GUIDED"
-    assert ARDUPILOT.mode_name(99) == "mode 99"
 
 
 # --- connecting --------------------------------------------------------------------------------------------------
@@ -409,15 +373,3 @@ def test_parameters_are_read_and_set_whatever_their_type(link: Link) -> None:
     assert asyncio.run(use()) == {"COM_OF_LOSS_T": 1.0, "COM_OBL_RC_ACT": -1.0}
     assert (parameters["COM_OF_LOSS_T"], parameters["COM_OBL_RC_ACT"]) == (2.5, 4.0)
     assert "did not tell its NO_SUCH_THING" in refusal(lambda: link.adapter.set_parameter("NO_SUCH_THING", 1.0))
-
-
-def test_esc_status_survives_the_wire_of_pymavlink() -> None:
-    dialect.register(mavlink)
-    sent = dialect.EscStatus(4, 123456, [1, -2, 3, 40000], [16.5, 0.0, 1.0, 2.0], [0.5, 1.5, 2.5, 3.5])
-    data = sent.pack(mavlink.MAVLink(None, srcSystem=1, srcComponent=1))
-    (received,) = mavlink.MAVLink(None).parse_buffer(data)
-    assert received.get_type() == "ESC_STATUS"
-    assert (received.index, received.time_usec) == (4, 123456)
-    assert received.rpm == [1, -2, 3, 40000]
-    assert received.voltage == [16.5, 0.0, 1.0, 2.0]
-    assert received.current == [0.5, 1.5, 2.5, 3.5]

@@ -2,22 +2,17 @@
 
 import asyncio
 import csv
-import json
-import math
 import os
 import signal
 import subprocess
 import sys
 import threading
 import tty
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-import numpy as np
 import pytest
-import yaml
-from scipy import stats
 from typer.testing import CliRunner, Result
 
 from quadctl.cli import app
@@ -27,214 +22,22 @@ from quadctl.sitl.rules.copter import SimulatedCopter
 from quadctl.sitl.rules.px4 import SimulatedAutopilot
 from quadctl.sitl.server.server import MavlinkMock
 from quadctl.sitl.vehicle.body import Battery
-from quadctl.thrust_stand.curves import fit_throttle_line, fit_thrust_curve
-from quadctl.thrust_stand.measurement import Point, check_plausible
-from quadctl.thrust_stand.motor import StandMotor, clockwise_place
-from quadctl.thrust_stand.scale import SerialScale, TypedScale, parse_reading
-from quadctl.thrust_stand.student import t_95, two_sided_p
+from quadctl.thrust_stand.motor import StandMotor
+from quadctl.thrust_stand.scale import SerialScale
 from quadctl.thrust_stand.vehicle_file import with_values
 from quadctl.vehicle import load_vehicle
 from tests.support.links import RAPTOR, TIMEOUT_S, free_port, mock
 from tests.support.places import ROOT
+from tests.support.thrust_stand import VEHICLE, K
 
 pytestmark = pytest.mark.realtime
-
-VEHICLE = load_vehicle(RAPTOR)
-K = VEHICLE.rotor.thrust_n_per_rpm2
-THROTTLES = np.linspace(0.25, 0.9, 14)
-
-
-# --- the fits ------------------------------------------------------------------------------------------------------
-
-
-def measured(exponent: float = 2.0, offset_n: float = 0.0, noise_n: float = 0.02, seed: int = 0) -> list[Point]:
-    """The vehicle's own throttle line; thrust that grows with rpm^exponent and is right at 8000 rpm."""
-    random = np.random.default_rng(seed)
-    points = []
-    for u in THROTTLES:
-        thrust = (u - VEHICLE.throttle.offset) / (VEHICLE.throttle.per_newton * 4)
-        rpm = 8000.0 * (thrust / (K * 8000.0**2)) ** (1.0 / exponent)
-        points.append(Point(float(u), float(rpm), float(thrust + offset_n + noise_n * random.standard_normal())))
-    return points
-
-
-@pytest.mark.parametrize("freedom", [1, 2, 3, 6, 11, 40])
-def test_students_distribution_is_that_of_scipy(freedom: int) -> None:
-    assert t_95(freedom) == pytest.approx(stats.t.ppf(0.975, freedom), rel=1e-7)
-    for t in (0.0, 0.7, -2.0, 9.0):
-        assert two_sided_p(t, freedom) == pytest.approx(2.0 * stats.t.sf(abs(t), freedom), abs=1e-13)
-
-
-def test_intervals_hold_the_truth_in_95_of_100_measurements() -> None:
-    held = {"k": 0, "per_newton": 0, "offset": 0}
-    for seed in range(150):
-        points = measured(seed=seed)
-        curve, line = fit_thrust_curve(points, VEHICLE), fit_throttle_line(points, VEHICLE)
-        assert curve is not None
-        for name, estimate, truth in (
-            ("k", curve.k, K),
-            ("per_newton", line.per_newton, VEHICLE.throttle.per_newton),
-            ("offset", line.offset, VEHICLE.throttle.offset),
-        ):
-            low, high = estimate.ci95
-            held[name] += low <= truth <= high
-    assert all(0.9 < count / 150 <= 1.0 for count in held.values()), held
-
-
-def test_one_k_is_called_too_little_only_where_it_is() -> None:
-    def verdict(points: Sequence[Point]) -> str:
-        curve = fit_thrust_curve(points, VEHICLE)
-        assert curve is not None
-        return "enough" if curve.better is None else curve.better.law
-
-    assert [verdict(measured(seed=seed)) for seed in range(200)].count("enough") >= 196
-    assert {verdict(measured(exponent=2.3, seed=seed)) for seed in range(20)} == {"power"}
-    assert {verdict(measured(offset_n=0.6, seed=seed)) for seed in range(20)} == {"offset"}
-    # Sure, but too small to matter
-    assert verdict(measured(exponent=2.01, noise_n=1e-5)) == "enough"
-
-
-def test_where_thrust_follows_another_power_the_exponent_is_found_and_k_is_right_in_hover() -> None:
-    curve = fit_thrust_curve(measured(exponent=2.3, noise_n=0.01), VEHICLE)
-    assert curve is not None
-    assert curve.better is not None
-    low, high = curve.better.parameter.ci95
-    assert low < 2.3 < high < 2.4
-    hover_n = VEHICLE.weight_n / 4
-    hover_rpm = 8000.0 * (hover_n / (K * 8000.0**2)) ** (1 / 2.3)
-    assert curve.k_to_fly * hover_rpm**2 == pytest.approx(hover_n, rel=5e-3)
-
-
-def test_the_throttle_line_is_of_all_rotors_together_and_of_the_thrusts_that_are_flown() -> None:
-    # The curve bends below and above: only what is flown counts.
-    bent = [Point(0.05, math.nan, 0.0), Point(0.1, math.nan, 0.01), *measured(noise_n=0.0), Point(1.0, math.nan, 8.0)]
-    line = fit_throttle_line(bent, VEHICLE)
-    assert line.per_newton.value == pytest.approx(VEHICLE.throttle.per_newton)
-    assert line.offset.value == pytest.approx(VEHICLE.throttle.offset)
-    assert (line.max_thrust_per_rotor_n, line.reached_full) == (8.0, True)
-
-
-# --- files ---------------------------------------------------------------------------------------------------------
 
 
 def run(*words: str | Path) -> Result:
     return CliRunner().invoke(app, ["thrust-stand", *map(str, words)])
 
 
-def as_csv(path: Path, header: str, rows: Sequence[Sequence[object]]) -> Path:
-    path.write_text("\n".join([header, *(",".join(map(str, row)) for row in rows)]) + "\n")
-    return path
-
-
-def test_a_former_measurement_goes_into_a_copy_of_the_vehicle_file(tmp_path: Path) -> None:
-    points = measured()
-    former = as_csv(
-        tmp_path / "former.csv",
-        "throttle, rpm, thrust_g",
-        [(p.throttle, p.rpm * 1.1, p.thrust_n / GRAVITY_M_S2 * 1000) for p in points],
-    )
-    out, picture = tmp_path / "new.yaml", tmp_path / "stand.png"
-    result = run(RAPTOR, "--from", former, "-o", out, "--plot", picture, "--json", tmp_path / "out.json")
-    assert result.exit_code == 0, result.output
-    assert "One k is enough" in result.output
-    new = load_vehicle(out)
-    assert new.rotor.thrust_n_per_rpm2 == pytest.approx(K / 1.21, rel=0.01)
-    assert new.throttle.per_newton == pytest.approx(VEHICLE.throttle.per_newton, rel=0.02)
-    assert (new.mass_kg, new.rotors) == (VEHICLE.mass_kg, VEHICLE.rotors)
-    assert "# first-order motor lag" in out.read_text()
-    assert picture.read_bytes().startswith(b"\x89PNG")
-    assert json.loads((tmp_path / "out.json").read_text())["one_k_is_enough"] is True
-    again = run(RAPTOR, "--from", former, "-o", out)
-    assert "is there already" in str(again.exception)
-    assert run(RAPTOR, "--from", former, "-o", out, "--force").exit_code == 0
-    assert "is read by this command" in str(run(out, "--from", former, "-o", out, "--force").exception)
-
-
-@pytest.mark.parametrize(
-    "throttle",
-    [
-        "throttle: {per_newton: 0.02, max_thrust_per_rotor_n: 9}  # flow, no offset",
-        "throttle:\n  per_newton: 0.02  # block, no offset\n  max_thrust_per_rotor_n: 9",
-    ],
-)
-def test_the_edit_of_a_vehicle_file_adds_a_key_that_it_had_not(throttle: str, tmp_path: Path) -> None:
-    lines = RAPTOR.read_text().splitlines()
-    path = tmp_path / "vehicle.yaml"
-    path.write_text("\n".join(throttle if line.startswith("throttle:") else line for line in lines))
-    text = with_values(path, {("throttle", "offset"): 0.125, ("rotor", "thrust_n_per_rpm2"): 1.2e-7})
-    new = yaml.safe_load(text)
-    assert (new["throttle"]["offset"], new["rotor"]["thrust_n_per_rpm2"]) == (0.125, 1.2e-7)
-    assert throttle.partition("#")[2].partition("\n")[0] in text
-
-
-GOOD = [(p.throttle, p.rpm, p.thrust_n) for p in measured()]
-HEADER = "throttle,rpm,thrust_n"
-
-
-@pytest.mark.parametrize(
-    ("header", "rows", "sentence"),
-    [
-        ("throtle,rpm,thrust_n", GOOD, "unknown column 'throtle' (did you mean 'throttle'?)"),
-        ("time,value", [(0, 1)], "its columns are time, value; expected throttle, rpm, thrust_n"),
-        ("throttle,thrust_n,thrust_g", GOOD, "has thrust_n and thrust_g, expected one column of thrust"),
-        (HEADER, GOOD[:2], "holds 2 throttle steps, expected 3 or more"),
-        (HEADER, [], "holds 0 throttle steps"),
-        (HEADER, [*GOOD, (0.95, 9000, "OL")], "line 16: thrust_n is 'OL', expected a number"),
-        (HEADER, [*GOOD, (0.95, 9000)], "line 16: thrust_n is '', expected a number"),
-        (HEADER, [(100 * u, r, t) for u, r, t in GOOD], "line 2: throttle is 25, expected a share from 0 to 1"),
-        (HEADER, [(u, r, 102 * t) for u, r, t in GOOD], "are these grams (thrust_g, or --unit g)?"),
-        ("throttle,rpm,thrust_g", GOOD, "expected newtons (or thrust_g, thrust_kg, --unit), and a motor that turns"),
-        (HEADER, [(u, r, 8 - t) for u, r, t in GOOD], "thrust falls from"),
-        (HEADER, [(u, 9000 - r, t) for u, r, t in GOOD], "the rotor speed falls from"),
-    ],
-)
-def test_a_measurement_that_cannot_be_true_is_one_sentence(
-    header: str, rows: Sequence[Sequence[object]], sentence: str, tmp_path: Path
-) -> None:
-    path = as_csv(tmp_path / "bad.csv", header, rows)
-    result = run(RAPTOR, "--from", path)
-    assert isinstance(result.exception, QuadctlError)
-    assert str(result.exception).startswith(str(path))
-    assert sentence in str(result.exception)
-
-
-def test_numbers_that_no_vehicle_has_are_not_written(tmp_path: Path) -> None:
-    fast = as_csv(tmp_path / "fast.csv", HEADER, [(u, 100 * rpm, thrust) for u, rpm, thrust in GOOD])
-    result = run(RAPTOR, "--from", fast, "-o", tmp_path / "new.yaml", "--json", tmp_path / "out.json")
-    assert "raptor.yaml with the measured numbers: rotor.thrust_n_per_rpm2 is 1.1" in str(result.exception)
-    assert not (tmp_path / "new.yaml").exists()
-
-
-@pytest.mark.parametrize("content", [b"\xff\xfe\x00\x01", None])
-def test_what_is_no_csv_is_one_sentence(content: bytes | None, tmp_path: Path) -> None:
-    path = tmp_path / "bad.csv"
-    if content is not None:
-        path.write_bytes(content)
-    assert isinstance(run(RAPTOR, "--from", path).exception, QuadctlError)
-
-
-def test_noise_at_idle_is_no_fall_of_thrust() -> None:
-    check_plausible([Point(0.1, 1010.0, 0.03), Point(0.15, 1000.0, -0.03)], VEHICLE, "idle")
-
-
 # --- the scale -----------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("line", "reading"),
-    [
-        ("123.4 g", (123.4, "g")),
-        ("ST,GS,+0123.4g", (123.4, "g")),
-        ("- 0.5 kg", (-0.5, "kg")),
-        ("12,5 N", (12.5, "n")),
-        ("17", (17.0, "")),
-        ("OL", None),
-        ("a8f7x", None),
-        ("\x007\ufffd", None),
-    ],
-)
-def test_lines_of_scales(line: str, reading: tuple[float, str] | None) -> None:
-    assert parse_reading(line) == reading
 
 
 @contextmanager
@@ -281,13 +84,6 @@ def test_a_scale_that_cannot_be_used_says_why(
     assert sentence in str(error.value)
 
 
-def test_a_person_is_asked_again_after_what_is_no_number() -> None:
-    answers = iter(["", "many", "250 kg", "250"])
-    scale = TypedScale("g", lambda _: next(answers))
-    asyncio.run(scale.tare(0.0))
-    assert asyncio.run(scale.thrust_n(0.0)) == pytest.approx(0.25 * GRAVITY_M_S2)
-
-
 # --- the measurement, over MAVLink -----------------------------------------------------------------------------------
 
 
@@ -323,10 +119,6 @@ def test_a_motor_is_measured_and_its_numbers_go_into_the_vehicle_file(
     assert new.rotor.thrust_n_per_rpm2 == pytest.approx(K, rel=0.02)
     hover = VEHICLE.throttle.offset + VEHICLE.throttle.per_newton * VEHICLE.weight_n / stronger
     assert new.throttle.offset + new.throttle.per_newton * VEHICLE.weight_n == pytest.approx(hover, abs=0.01)
-
-
-def test_ardupilot_counts_motors_clockwise_from_the_front() -> None:
-    assert [clockwise_place(VEHICLE, number) for number in (1, 2, 3, 4)] == [1, 3, 4, 2]
 
 
 def test_outputs_that_no_flight_uses_are_not_measured() -> None:

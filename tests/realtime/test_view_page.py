@@ -27,10 +27,11 @@ from tests.support.visitors import (
 pytestmark = [needs_chromium, pytest.mark.realtime]
 
 TOKEN = "a-token-of-the-test"
+# The climb lasts 10 s, so that a browser that has just begun sees some of it.
 LONG_HOVER = {
     "name": "long_hover",
     "phases": [
-        {"name": "takeoff", "kind": "move", "to_m": [0, 0, 0.6], "speed_m_s": 0.5},
+        {"name": "takeoff", "kind": "move", "to_m": [0, 0, 0.6], "speed_m_s": 0.06},
         {"name": "hover", "kind": "hold", "duration_s": 100},
     ],
     "limits": {"min_z_m": 0.1, "max_z_m": 1.0, "max_distance_m": 1.0, "max_duration_s": 120},

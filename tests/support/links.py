@@ -124,6 +124,7 @@ class SerialLine:
         with self._lock:
             self._ends = os.openpty()
             tty.setraw(self._ends[1])
+            os.set_blocking(self._ends[0], False)
             self.device.symlink_to(os.ttyname(self._ends[1]))
 
     def unplug(self) -> None:
@@ -155,6 +156,7 @@ class SerialLine:
                     continue
                 line = self._ends[0]
                 if data:
-                    os.write(line, data)
+                    with suppress(BlockingIOError):  # nobody reads: as on a real line, it is lost
+                        os.write(line, data)
                 while peer is not None and select.select([line], [], [], 0.0)[0]:
                     self._udp.sendto(os.read(line, 65536), peer)

@@ -28,7 +28,7 @@ needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromi
 
 SCREENSHOTS = ROOT / "build" / "screenshots"
 DESK, PHONE = {"width": 1280, "height": 800}, {"width": 390, "height": 844}
-PATIENCE_MS = 60_000.0
+PATIENCE_MS = 120_000.0
 IN_DOCS = {
     "2-missing": "lab-page-see.png",
     "3-added": "lab-page-added.png",

@@ -25,6 +25,7 @@ from quadctl.lab.symbolic.effect_file import CODE, as_effect_file
 from quadctl.lab.symbolic.formula import Formula, Symbolic
 from quadctl.lab.symbolic.identification import explain, in_frames
 from quadctl.lab.symbolic.library import VARIABLES, library, variables_of
+from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.read import read_log
 from quadctl.model import Model
 from quadctl.numeric import Number, Vector, exp
@@ -55,11 +56,9 @@ class TestCompactForms:
 
 
 @pytest.fixture(scope="module")
-def plain(raptor: Vehicle, tmp_path_factory: pytest.TempPathFactory) -> Dataset:
+def plain(raptor: Vehicle, plain_runs: list[FlightLog]) -> Dataset:
     """Runs along the ground and up and down, in a world without any effect."""
-    where = tmp_path_factory.mktemp("plain")
-    logs = [simulated(mission, [], 3, where) for mission in ("forward_runs", "vertical_runs")]
-    return load_dataset(logs, raptor)
+    return load_dataset(plain_runs, raptor)
 
 
 @pytest.fixture(scope="module")

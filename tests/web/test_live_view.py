@@ -25,7 +25,7 @@ from quadctl.web.live.history import ROWS_KEPT, Brief, History
 from quadctl.web.live.land import CONFIRM_S, LandButton
 from quadctl.web.live.nearness import guards
 from tests.flight.pilot.test_guards import BEYOND, LIMITS, MISSION, verdict
-from tests.realtime.test_loop import HURRY_HZ, InProcess, in_flight, plan
+from tests.support.in_process import HURRY_HZ, InProcess, in_flight, plan
 from tests.support.places import ROOT
 
 MORE_THAN_FITS = 5000
@@ -124,6 +124,7 @@ class TestWhatGoesOut:
         assert len(taken(viewer)[-1].events) == EVENTS_KEPT
 
 
+@pytest.mark.realtime
 class TestWhatComesBack:
     def test_the_wish_to_land_lands(self, ends: tuple[ViewEnd, ViewEnd]) -> None:
         assert flown(*ends, [WISH_TO_LAND]) == LANDED_BY

@@ -32,7 +32,7 @@ from tests.support.visitors import (
     status,
 )
 
-pytestmark = [needs_chromium, pytest.mark.realtime]
+pytestmark = needs_chromium
 
 HOVERING = ROOT.parent / "shared" / "data" / "raptor" / "HOVERING.csv"
 MOST_CLICKS = 10

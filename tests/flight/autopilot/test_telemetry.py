@@ -1,0 +1,91 @@
+"""Messages of PX4 and ArduPilot become one state of the vehicle."""
+
+import math
+from typing import Any
+
+import pytest
+
+from quadctl.flight.autopilot.ardupilot import ARDUPILOT, throttle_of_pulse
+from quadctl.flight.autopilot.px4 import PX4
+from quadctl.flight.autopilot.telemetry import Telemetry
+from quadctl.sitl.server.ardupilot import pulse_us
+
+VOLTAGE = {"voltage_battery": 15000, "onboard_control_sensors_present": 0, "onboard_control_sensors_health": 0}
+
+
+COPTER = {"autopilot": 3, "base_mode": 1, "custom_mode": 4}
+
+
+def test_without_heartbeats_the_link_counts_as_lost_though_data_come() -> None:
+    telemetry = Telemetry(n_rotors=4)
+    telemetry.receive("HEARTBEAT", {"autopilot": 12, "base_mode": 129, "custom_mode": 6 << 16}, now_s=10.0)
+    telemetry.receive("SYS_STATUS", VOLTAGE, now_s=12.9)
+    assert telemetry.state(now_s=12.9).connected
+    telemetry.receive("SYS_STATUS", VOLTAGE, now_s=13.1)
+    state = telemetry.state(now_s=13.1)
+    assert not state.connected
+    assert state.age_s("heartbeat") == pytest.approx(3.1)
+    assert state.age_s("battery") == 0.0
+
+
+def test_before_the_first_message_nothing_looks_like_data() -> None:
+    state = Telemetry(n_rotors=4).state(now_s=100.0)
+    assert not state.finite
+    assert not state.connected
+    assert len(state.rotor_rpm) == 4
+    assert all(map(math.isnan, (*state.rotor_rpm, state.battery_v)))
+    assert state.control_age_s == math.inf
+
+
+def test_mode_names_are_read_from_the_custom_mode() -> None:
+    assert PX4.mode_name(6 << 16) == "OFFBOARD"
+    assert PX4.mode_name(4 << 16 | 6 << 24) == "LAND"
+    assert PX4.mode_name(9 << 16 | 1 << 24) == "9/1"
+    assert ARDUPILOT.mode_name(4) == "GUIDED"
+    assert ARDUPILOT.mode_name(99) == "mode 99"
+
+
+def heard(*messages: tuple[str, dict[str, Any]]) -> Telemetry:
+    telemetry = Telemetry(n_rotors=4)
+    telemetry.receive("HEARTBEAT", COPTER, now_s=1.0)
+    for name, fields in messages:
+        telemetry.receive(name, fields, now_s=1.0)
+    return telemetry
+
+
+def test_rotor_speeds_come_from_esc_telemetry() -> None:
+    fields = {"rpm": [1, 2, 3, 4], "voltage": [1600] * 4, "current": [250] * 4}
+    state = heard(("ESC_TELEMETRY_1_TO_4", fields)).state(1.0)
+    assert state.rotor_rpm == (1.0, 2.0, 3.0, 4.0)
+    assert state.motor_voltage_v == (16.0,) * 4
+    assert state.motor_current_a == (2.5,) * 4
+
+
+def test_zeros_for_all_rotors_are_no_speeds() -> None:
+    fields = {"rpm": [0] * 4, "voltage": [1600] * 4, "current": [250] * 4}
+    assert all(map(math.isnan, heard(("ESC_TELEMETRY_1_TO_4", fields)).state(1.0).rotor_rpm))
+
+
+def test_rotor_speeds_come_from_rpm_sensors_where_there_is_nothing_else() -> None:
+    state = heard(*(("RAW_RPM", {"index": i, "frequency": 1000.0 + i}) for i in range(4))).state(1.0)
+    assert state.rotor_rpm == (1000.0, 1001.0, 1002.0, 1003.0)
+    assert state.age_s("rpm") == 0.0
+
+
+@pytest.mark.parametrize("throttle", [0.0, 0.1, 0.5, 1.0])
+def test_a_pulse_gives_back_the_throttle_that_it_was_made_of(throttle: float) -> None:
+    assert throttle_of_pulse(pulse_us(throttle)) == pytest.approx(throttle, abs=1e-9)
+
+
+def test_motor_outputs_come_from_servo_pulses() -> None:
+    pulses = {f"servo{i}_raw": round(pulse_us(0.1 * i)) if i <= 4 else 0 for i in range(1, 17)}
+    state = heard(("SERVO_OUTPUT_RAW", {"port": 0, **pulses})).state(1.0)
+    assert state.motor_output == pytest.approx((0.1, 0.2, 0.3, 0.4), abs=0.002)
+
+
+def test_an_estimator_in_doubt_is_seen() -> None:
+    tests = {"velocity_variance": 0.1, "pos_horiz_variance": 1.5, "pos_vert_variance": 0.2}
+    good = heard(("EKF_STATUS_REPORT", {"flags": 0b11_1111, **tests})).state(1.0)
+    assert good.estimator_ok
+    assert good.estimator_ratio == 1.5
+    assert not heard(("EKF_STATUS_REPORT", {"flags": 0b10_0111, **tests})).state(1.0).estimator_ok

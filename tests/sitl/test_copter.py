@@ -1,0 +1,73 @@
+"""The simulated Copter keeps ArduPilot's rules."""
+
+import math
+
+import pytest
+
+from quadctl.sitl.rules.copter import SimulatedCopter
+from quadctl.state import AttitudeTarget
+from quadctl.vehicle import load_vehicle
+from tests.support.links import LEVEL, RAPTOR, hover_throttle
+
+VEHICLE = load_vehicle(RAPTOR)
+
+
+def copter_in_guided() -> SimulatedCopter:
+    copter = SimulatedCopter(VEHICLE)
+    copter.parameters["GUID_OPTIONS"] = 8.0
+    assert copter.request_mode("GUIDED") is None
+    assert copter.request_arm() is None
+    return copter
+
+
+def run(copter: SimulatedCopter, seconds: float, target: AttitudeTarget | None = None) -> None:
+    for _ in range(round(seconds / 0.02)):
+        if target is not None:
+            copter.set_attitude_target(target)
+        copter.step(copter.time_s + 0.02)
+
+
+def test_a_target_in_the_middle_of_a_take_off_ends_it() -> None:
+    copter = copter_in_guided()
+    assert copter.request_take_off(1.0) is None
+    run(copter, 0.1, AttitudeTarget(LEVEL, 0.0))
+    run(copter, 2.0, AttitudeTarget(LEVEL, 0.0))
+    assert copter.landed
+    run(copter, 9.0, AttitudeTarget(LEVEL, 0.0))
+    assert not copter.armed  # DISARM_DELAY
+
+
+def test_without_targets_it_levels_after_its_time_out_and_stays() -> None:
+    copter = copter_in_guided()
+    copter.request_take_off(1.0)
+    run(copter, 4.0)
+    assert -copter.body.position[2] == pytest.approx(1.05, abs=0.15)
+    tilted = AttitudeTarget((math.cos(0.05), math.sin(0.05), 0.0, 0.0), hover_throttle(VEHICLE))
+    run(copter, 0.5, tilted)
+    run(copter, 2.9)
+    assert abs(copter.body.attitude[1]) > 0.03
+    run(copter, 1.0)
+    assert abs(copter.body.attitude[1]) < 0.01
+    run(copter, 3.0)
+    assert copter.mode == "GUIDED"
+    assert not copter.landed
+
+
+def test_thrust_is_a_climb_rate_with_the_bit_clear() -> None:
+    copter = copter_in_guided()
+    copter.request_take_off(1.0)
+    run(copter, 4.0)
+    copter.parameters["GUID_OPTIONS"] = 0.0
+    run(copter, 2.0, AttitudeTarget(LEVEL, 0.6))  # a tenth over the middle of the range: 0.5 m/s
+    assert copter.body.velocity[2] == pytest.approx(-0.5, abs=0.1)
+
+
+def test_lifting_off_by_targets_blocks_the_next_arming() -> None:
+    copter = copter_in_guided()
+    run(copter, 1.5, AttitudeTarget(LEVEL, 1.1 * hover_throttle(VEHICLE)))
+    assert not copter.landed
+    copter.request_mode("LAND")
+    run(copter, 10.0)
+    assert not copter.armed
+    copter.request_mode("GUIDED")
+    assert copter.request_arm() == "PreArm: Internal errors 0x4000000"

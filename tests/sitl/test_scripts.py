@@ -1,0 +1,26 @@
+"""Scripts that start and check the real autopilots' simulators."""
+
+import os
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from tests.support.places import ROOT
+
+
+def test_the_check_of_real_simulators_says_when_there_is_none() -> None:
+    done = subprocess.run(
+        [ROOT / "sitl" / "check.sh"], env={"PATH": os.environ["PATH"]}, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 1
+    assert done.stderr.startswith("no autopilot to check: say PX4=DIRECTORY, ARDUPILOT=DIRECTORY or LINK=URL")
+
+
+@pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])
+def test_a_start_script_says_what_it_misses(autopilot: str, tmp_path: Path) -> None:
+    start = ROOT / "sitl" / autopilot / "start.sh"
+    done = subprocess.run([start, tmp_path], capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert done.stderr.startswith(f"{tmp_path}/b")
+    assert "is not there; usage: start.sh DIRECTORY" in done.stderr
