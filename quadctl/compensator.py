@@ -1,4 +1,4 @@
-"""The inverse of a model: from the wanted force to the force to ask of the rotors, with all effects of the model.
+"""The inverse of a model: from the wanted force to the force commanded to the rotors, with all effects of the model.
 
 Any model can be the compensator, the one without effects too. A compensator is limited on purpose: it corrects at most
 a band around 1, and its correction fades out beyond the heights of the data that its effects were fitted on.

@@ -1,4 +1,4 @@
-"""The whole circle without hardware, as a user would walk it, told step by step on the terminal.
+"""The whole workflow of a user without hardware, explained step by step on the terminal.
 
 A simulated vehicle lives in a world with a ground effect that the catalogue does not hold. It flies data-collection
 missions; the rigid body is compared with them; what is missing is found and added; the error on a flight that no fit

@@ -1,4 +1,4 @@
-"""A flight model: a vehicle and a stack of effects, walked here and nowhere else; its file (docs/file-formats.md)."""
+"""A flight model: a vehicle and a stack of effects, which only this module applies; its file (docs/file-formats.md)."""
 
 import os
 from collections.abc import Iterable, Iterator, Sequence

@@ -1,4 +1,4 @@
-"""The autopilots that the simulator can be, by the name that `quadctl fly --sitl --autopilot` takes.
+"""The autopilots that can be simulated, by the name that `quadctl fly --sitl --autopilot` takes.
 
 A new autopilot is a subclass of `MavlinkMock` in a file of `server/`, which names the rules that it obeys, and a line
 here. The classes are named, not imported, because they load pymavlink, which flights in lockstep do without.

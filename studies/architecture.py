@@ -112,11 +112,11 @@ def tables(every: Sequence[Rooms], modules: Graph) -> str:
     """Write the counts and, for each package, its picture and the table of its rooms, as Markdown."""
     circling = circles(modules)
     lines = [
-        "| package | rooms | arrows | circles of rooms |",
+        "| package | rooms | arrows | import cycles of rooms |",
         "|---|---|---|---|",
         *(f"| `{r.package}` | {len(r.imports)} | {r.arrows} | {_in_words(circles(r.imports))} |" for r in every),
         "",
-        f"Circles of single modules in all of `quadctl`: {_sizes(circling)}.",
+        f"Import cycles of single modules in all of `quadctl`: {_sizes(circling)}.",
     ]
     for rooms in every:
         lines += ["", f"### {rooms.package}"]

@@ -51,11 +51,11 @@ Cell = tuple[str, float]
 HEAD = """# The decision rule, and what its thresholds do
 
 Written by `make decision-rule`. The rule by which an effect is called missing is one file,
-`quadctl/lab/selection/rule.py`, which says for each threshold what it is and why. Here each is moved by itself, to
-about half and about twice its value, on the {count} hidden-effect cases of the set `tuning` at strengths 1 and 0.3
-([hidden effects](hidden-effects.md)). The columns count the right verdicts by kind of case, at either strength; bold is
-what differs from the rule as it stands. The lab was tuned on these seeds, so the first row says nothing of other data;
-the others say how much depends on a threshold.
+`quadctl/lab/selection/rule.py`, which says for each threshold what it is and why. Here each threshold is changed
+alone, to about half and about twice its value, on the {count} hidden-effect cases of the set `tuning` at strengths 1
+and 0.3 ([hidden effects](hidden-effects.md)). The columns count the right verdicts for each kind of case, one number
+for each strength; numbers in bold differ from those of the unchanged rule. The lab was tuned on these seeds, so the
+first row says nothing about other data; the other rows show how much the verdicts depend on each threshold.
 
 | threshold | value | {kinds} |
 |---|---|{dashes}|
@@ -124,7 +124,7 @@ def page(right: Mapping[Setting, Counter[Cell]], totals: Mapping[Cell, int]) -> 
             now, standing = ([right[setting][kind, s] for s in STRENGTHS] for setting in ((name, value), ("", 0.0)))
             counts = [str(n) if n == before else f"**{n}**" for n, before in zip(now, standing, strict=True)]
             cells.append(f"{', '.join(counts[: 1 if kind == 'none' else None])} of {totals[kind, 1.0]}")
-        words = f"`{name}`" if name else "as it stands"
+        words = f"`{name}`" if name else "unchanged"
         moved = f"{getattr(rule, name):g} -> {value:g}" if name else ""
         rows.append(f"| {words} | {moved} | {' | '.join(cells)} |")
     return HEAD.format(count=sum(totals.values()), kinds=kinds, dashes=dashes) + "\n".join(rows) + "\n"

@@ -20,7 +20,9 @@ def check(
     files: Annotated[
         list[Path],
         typer.Argument(
-            metavar="[VEHICLE.yaml] MISSION.yaml", help="Without a vehicle: the configuration's.", callback=find_all
+            metavar="[VEHICLE.yaml] MISSION.yaml",
+            help="Without a vehicle file: the vehicle of the configuration.",
+            callback=find_all,
         ),
     ],
     model: ModelOption = None,
@@ -65,4 +67,4 @@ def check(
     write_json(json_out, {"mission": plan.mission.name, "findings": [finding.to_dict() for finding in findings]})
     refused = len(of_verdict(findings, Verdict.REFUSED))
     if refused:
-        raise FlightError(f"{mission} must not be flown so: {refused} of {len(findings)} checks refuse it")
+        raise FlightError(f"{mission} must not be flown like this: {refused} of {len(findings)} checks refuse it")

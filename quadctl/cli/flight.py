@@ -28,10 +28,12 @@ ConfigOption = Annotated[
     Path | None,
     typer.Option("--config", metavar="FILE", help="Flight configuration [default: config/flight.yaml].", callback=find),
 ]
-LogDirOption = Annotated[Path, typer.Option("--log-dir", metavar="DIR", help="Where the log goes.")]
+LogDirOption = Annotated[Path, typer.Option("--log-dir", metavar="DIR", help="Folder for the log.")]
 HiddenOption = Annotated[
     Path | None,
-    typer.Option("--hidden", metavar="FILE", help="Effects that the simulated world has and hides.", callback=find),
+    typer.Option(
+        "--hidden", metavar="FILE", help="File with the hidden effects of the simulated world.", callback=find
+    ),
 ]
 SeedOption = Annotated[int, typer.Option("--seed", metavar="N", min=0, help="Same seed, same flight.")]
 OffsetOption = Annotated[
@@ -39,7 +41,7 @@ OffsetOption = Annotated[
 ]
 SetOption = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="NAME=VALUE", help="Fly with another value of one of the mission's parameters."),
+    typer.Option("--set", metavar="NAME=VALUE", help="Other value for one of the mission's parameters."),
 ]
 
 
@@ -93,10 +95,10 @@ def fly(
     ] = 8091,
     view_token: Annotated[
         str | None,
-        typer.Option("--view-token", metavar="T", help="Let other machines see and land, if they know this word."),
+        typer.Option("--view-token", metavar="T", help="Let other machines open the page, and land, with this token."),
     ] = None,
 ) -> None:
-    """Fly a mission on an autopilot; what `check` refuses is not begun. Ctrl-C lands."""
+    """Fly a mission on an autopilot, unless `check` refuses it. Ctrl-C lands."""
     from quadctl.flight.autopilot.ports import resolve
     from quadctl.flight.preflight.preparation import prepare_flight
     from quadctl.flight.session import fly_real_time
@@ -133,7 +135,7 @@ def fly(
 
 @app.command()
 def demo(
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Where logs, models and the report go.")] = Path(
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for logs, models and the report.")] = Path(
         "demo"
     ),
     real_time: Annotated[bool, typer.Option(help="Include a short flight over MAVLink in real time.")] = True,

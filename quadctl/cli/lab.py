@@ -24,7 +24,7 @@ HoldOutOption = Annotated[
     typer.Option(
         "--hold-out",
         metavar="blocks|flights",
-        help="Held out of each fit in turn: blocks of time of every flight, or whole flights.",
+        help="Held-out data of each fit: blocks of time of every flight, or whole flights.",
     ),
 ]
 JobsOption = Annotated[
@@ -68,7 +68,7 @@ def diagnose(
         typer.Option(
             "--save-expression",
             metavar="FILE.py",
-            help="Save an unexplained residual's formula as an effect of your own.",
+            help="Save the formula of an unexplained residual as an effect of your own.",
         ),
     ] = None,
 ) -> None:
@@ -270,7 +270,7 @@ def metrics(
 ) -> None:
     """Measure tracking errors over a step: M_A, M_B (signed and absolute), MAE, RMSE.
 
-    The window is --from and --to, or --phase, or the phases named 'step'; without phases, the step seen in the log.
+    The window is --from and --to, or --phase, or the phases named 'step'; without phases, the step found in the log.
     """
     from quadctl.lab.tracking.metrics import Window, render
     from quadctl.lab.tracking.metrics import metrics as run

@@ -25,13 +25,14 @@ TYPED = "typed"
 @app.command("thrust-stand")
 def thrust_stand(
     vehicle: Annotated[
-        Path, typer.Argument(metavar="VEHICLE.yaml", help="The vehicle whose rotor it is.", callback=find)
+        Path, typer.Argument(metavar="VEHICLE.yaml", help="Vehicle file of the rotor's vehicle.", callback=find)
     ],
     link: Annotated[
-        str | None, typer.Option("--link", metavar="URL", help="Measure: auto, udpin://..., serial:///dev/...:BAUD")
+        str | None,
+        typer.Option("--link", metavar="URL", help="Measure over this link: auto, udpin://..., serial:///dev/...:BAUD"),
     ] = None,
     measured: Annotated[
-        Path | None, typer.Option("--from", metavar="FILE.csv", help="Fit a former measurement instead.")
+        Path | None, typer.Option("--from", metavar="FILE.csv", help="Fit an earlier measurement instead.")
     ] = None,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="NEW.yaml", help="New vehicle file with the values found.")
@@ -41,14 +42,15 @@ def thrust_stand(
         typer.Option("--raw", metavar="FILE.csv", help="File for the measured points [default: named after the time]."),
     ] = None,
     scale: Annotated[
-        str, typer.Option("--scale", metavar="PORT", help="serial:///dev/ttyUSB0:9600, or typed: it asks.")
+        str,
+        typer.Option("--scale", metavar="PORT", help="serial:///dev/ttyUSB0:9600, or typed: you type each reading."),
     ] = TYPED,
     unit: Annotated[
         str | None,
-        typer.Option("--unit", metavar="g|kg|n", help="Unit of a scale that names none, and of typed readings."),
+        typer.Option("--unit", metavar="g|kg|n", help="Unit of typed readings, or of a scale that sends no unit."),
     ] = None,
     reads_less: Annotated[
-        bool, typer.Option("--reads-less", help="The motor lifts: the scale reads less with thrust.")
+        bool, typer.Option("--reads-less", help="The motor lifts the vehicle: the scale reads less with more thrust.")
     ] = False,
     motor: Annotated[
         int, typer.Option("--motor", metavar="N", min=1, help="Number of the motor in the vehicle file.")
@@ -81,7 +83,7 @@ def thrust_stand(
     from quadctl.thrust_stand.vehicle_file import with_values
 
     if (link is None) == (measured is None):
-        raise typer.BadParameter("give --link to measure, or --from to fit a former measurement")
+        raise typer.BadParameter("give --link to measure, or --from to fit an earlier measurement")
     check_outputs([vehicle, measured], output, plot, json_out)
     for path in () if force else (output, plot):
         if path is not None and path.exists():

@@ -12,7 +12,9 @@ from quadctl.cli.inputs import find, find_missions
 
 @app.command("lab")
 def lab_page(
-    logs: Annotated[list[Path] | None, typer.Argument(metavar="[LOG...]", help="Flight logs, or drop them in.")] = None,
+    logs: Annotated[
+        list[Path] | None, typer.Argument(metavar="[LOG...]", help="Flight logs; or drop them on the page.")
+    ] = None,
     model: Annotated[
         Path | None,
         typer.Option("--model", metavar="MODEL.yaml", help="Model or vehicle file to begin with.", callback=find),

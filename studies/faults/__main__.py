@@ -19,16 +19,16 @@ PAGE = ROOT / "docs" / "faults.md"
 HEAD = """# Faults
 
 Every fault begins in a hover at 0.5 m, in real time over MAVLink, with quadctl in a process of its own and the
-simulated autopilot in another. Times are seconds after the fault began, as the autopilot saw them. In no flight does a
-setpoint reach the wire that is not a number or beyond the limits, or one after the last one named here. `make faults`
-writes this page; the tests fly what only real time shows. [docs/safety.md](safety.md) says why each answer is what it
-is. A flight that a busy machine spoilt is flown again alone, and says so.
+simulated autopilot in another. Times are seconds after the fault began, as the autopilot saw them. In no flight is a
+setpoint sent that is not a number or beyond the limits, and none is sent after the last one in this table.
+`make faults` writes this page; the tests fly the faults that only show in real time. [docs/safety.md](safety.md) gives
+the reason for each answer. A flight that a busy machine disturbed is flown again alone, and is marked with its attempt.
 
 The limits are those of `config/flight.yaml`, with a battery guarded at 13.5 V; a landing that does not end is given up
 after 2 s (`max_over_time_s`), and the vehicle comes down a second later.
 
-ArduPilot's own answer to missing setpoints is to level and hold its height, in GUIDED, and it says so to nobody. What
-stays there for 3.5 s is landed by a person's switch.
+ArduPilot's own answer to missing setpoints is to level and hold its height, in GUIDED, without reporting it. A
+vehicle that stays there for 3.5 s is landed by a simulated pilot with the switch.
 
 | fault | autopilot | answer | last setpoint | mode of the autopilot | at rest | how the log says it ended |
 |---|---|---|---|---|---|---|

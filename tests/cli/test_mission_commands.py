@@ -63,7 +63,7 @@ def test_a_mission_is_checked_with_another_vehicle(quadctl: Callable[..., Result
     refused = quadctl("check", heavy, "missions/oscillation.yaml")
     assert refused.status == 1
     assert "refused  thrust" in refused.out
-    assert "missions/oscillation.yaml must not be flown so: 1 of" in refused.err
+    assert "missions/oscillation.yaml must not be flown like this: 1 of" in refused.err
     assert quadctl("check", heavy, heavy, "missions/oscillation.yaml").status == 2
 
 
@@ -77,7 +77,7 @@ def test_what_the_check_refuses_is_not_begun(
     config.write_text(yaml.safe_dump({"vehicle": vehicle, "guards": {"max_tilt_deg": 30}}))
     refused = quadctl(*command, "missions/short_hop.yaml", "--config", config, "--log-dir", tmp_path / "logs")
     assert refused.status == 1
-    assert refused.err.startswith("quadctl: missions/short_hop.yaml must not be flown so: tilt: up to ")
+    assert refused.err.startswith("quadctl: missions/short_hop.yaml must not be flown like this: tilt: up to ")
     assert refused.err.endswith(
         "the controller may lean further than the guard allows, expected a guard above its limit\n"
     )

@@ -95,7 +95,7 @@ def test_a_newcomer_finds_the_missing_effect_and_flies_it_in_at_most_ten_clicks(
         visitor.keeps("3-added")
 
         visitor.click("[role=tab]:has-text('Compensator')")
-        visitor.sees("text=The check finds nothing against flying it")
+        visitor.sees("text=The check accepts it")
         exported = visitor.keeps_file("main button:has-text('Export model')", tmp_path)
         (effect,) = load_model(exported).effects
         assert effect.family() == "ground_effect"
@@ -296,7 +296,7 @@ def test_pictures_of_every_part(browser: Browser, session: Path, tmp_path: Path,
         for part, shown in (
             ("Over time", "h2:has-text('The flight path')"),
             ("Where it fails", "h2:has-text('On the flight path')"),
-            ("Compensator", "text=The check finds nothing against"),
+            ("Compensator", "text=The check accepts it"),
             ("Flights", "h2:has-text('Vehicle')"),
         ):
             visitor.click(f"[role=tab]:has-text('{part}')")

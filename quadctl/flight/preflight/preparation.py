@@ -25,5 +25,5 @@ def prepare_flight(
     findings = check_flight(plan)
     refused = of_verdict(findings, Verdict.REFUSED)
     if refused:
-        raise FlightError(f"{mission} must not be flown so: {'; '.join(map(str, refused))}")
+        raise FlightError(f"{mission} must not be flown like this: {'; '.join(map(str, refused))}")
     return plan._replace(warnings=of_verdict(findings, Verdict.WARNING))

@@ -131,7 +131,7 @@ def _check_heights(mission: Mission, model: Model, z_m: Floats, time: Floats) ->
     highest = float(np.max(z_m)) + vehicle.rotor_height_m
     if vehicle.ceiling_m is not None and highest > vehicle.ceiling_m - vehicle.rotor.radius_m:
         raise SettingsError(
-            f"{mission.name}: the rotors come to {highest:.2f} m, expected a rotor radius or more below the ceiling at "
+            f"{mission.name}: the rotors reach {highest:.2f} m, expected a rotor radius or more below the ceiling at "
             f"ceiling_m = {vehicle.ceiling_m:g}"
         )
 
@@ -139,10 +139,10 @@ def _check_heights(mission: Mission, model: Model, z_m: Floats, time: Floats) ->
 def _check_forces(mission: Mission, model: Model, roll: Floats, pitch: Floats, each_n: Floats) -> None:
     lean_deg = math.degrees(float(np.max(np.arccos(np.cos(roll) * np.cos(pitch)))))
     if not lean_deg < MAX_TILT_DEG:
-        raise SettingsError(f"{mission.name}: leans by {lean_deg:.0f} degrees, expected less than {MAX_TILT_DEG:g}")
+        raise SettingsError(f"{mission.name}: tilts by {lean_deg:.0f} degrees, expected less than {MAX_TILT_DEG:g}")
     most, allowed = float(np.max(each_n)), MAX_THRUST_SHARE * model.vehicle.throttle.max_thrust_per_rotor_n
     if not most < allowed:
-        raise SettingsError(f"{mission.name}: takes {most:.1f} N of each rotor, expected less than {allowed:.1f} N")
+        raise SettingsError(f"{mission.name}: needs {most:.1f} N from each rotor, expected less than {allowed:.1f} N")
 
 
 def _plus(a: Vector, b: Vector) -> Vector:

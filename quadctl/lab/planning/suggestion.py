@@ -115,7 +115,7 @@ class Suggestion(Result):
         }
 
     def __rich__(self) -> RenderableType:
-        table = Table(title="Expected result of each mission, together with the data so far", title_justify="left")
+        table = Table(title="Expected result of each mission combined with the data so far", title_justify="left")
         table.add_column("mission", no_wrap=True)
         for one, other in self.pairs:
             table.add_column(f"{one}\nor {other}", justify="right")

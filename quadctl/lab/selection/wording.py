@@ -13,7 +13,7 @@ def candidate_in_words(c: Candidate) -> str:
     verdict = (
         helps
         if is_supported(c)
-        else f"{helps} These data do not tell it from look-alikes (distinguished by {c.effect.distinguished_by})."
+        else f"{helps} These data do not separate it from look-alikes (distinguished by {c.effect.distinguished_by})."
         if is_plausible(c)
         else "It is no larger than the trim errors of any real vehicle."
         if c.effect.negligible() and is_significant(c.p_value)

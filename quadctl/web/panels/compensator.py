@@ -67,9 +67,7 @@ class Check(Panel):
                 tag("p", "grow", f"The check warns: {'; '.join(self.checked)}.")
             else:
                 ui.icon("check_circle").classes("good")
-                text = (
-                    "The check finds nothing against flying it: the ratio is finite, positive, and falls with height."
-                )
+                text = "The check accepts it: the ratio is finite, positive, and falls with height."
                 tag("p", "grow", text)
 
 

@@ -48,13 +48,13 @@ class Failures(Panel):
         with tag("section", "card"):
             heading("Where the model fails")
             if not comparison.fails_where:
-                tag("p", "verdict", "Nowhere beyond the noise.")
+                tag("p", "verdict", "In no range: the residual does not exceed the noise.")
             for failure in most_telling(comparison.fails_where)[:SHOWN_SENTENCES]:
                 _draw_sentence(do, failure)
         telling = [p for p in comparison.profiles if is_telling(p)]
         with tag("section", "card"):
             heading(
-                "Residual over each variable, the one that explains most of it first"
+                "Residual over each variable; the variable that explains most comes first"
                 if telling
                 else "No variable explains a significant share of the residual; these two explain most",
                 "Where the mean is on the zero line, the model is right. "

@@ -31,7 +31,9 @@ class Flights(Panel):
             return
         several = len(self.opened.usable) > 1
         with tag("section", "card"):
-            heading("Flights", "Held out: no fit uses the flight, and the error on top is computed on it.")
+            heading(
+                "Flights", "Held out: no fit uses the flight, and the error at the top of the page is computed on it."
+            )
             for log in self.opened.logs:
                 held_out = log.path in self.unseen if several and not log.problem else None
                 _draw_log(do, log, held_out)
@@ -139,7 +141,7 @@ class VehicleChoice(Panel):
         with tag("section", "card vehicle"):
             heading("Vehicle" if vehicle is None else f"Vehicle: {vehicle.name}")
             if vehicle is None:
-                tag("p", "muted", "Choose the vehicle that flew, or write down its numbers.")
+                tag("p", "muted", "Choose the vehicle that flew, or enter its numbers.")
             if self.vehicles:
                 with tag("div", "line wrap"):
                     for path in self.vehicles:

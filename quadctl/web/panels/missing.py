@@ -30,7 +30,7 @@ from quadctl.web.session.findings import Diagnosed
 from quadctl.web.work.predictions import predictions
 
 NOT_NEEDED = "Other forms of these effects, or look-alikes: not needed together with those above."
-NO_HELP = "They do not reduce the held-out error, or only with parameters outside their physical bounds."
+NO_HELP = "These effects do not reduce the held-out error, or only with parameters outside their physical bounds."
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,7 @@ def _in_words(diagnosis: Diagnosis) -> tuple[str, str, list[str]]:
         more.append(
             "No effect of the catalogue reduces the held-out error, yet the residual depends on the logged variables."
         )
-        return "help", "Something is there that no known effect explains.", more
+        return "help", "Something is missing that no known effect explains.", more
     first, last = diagnosis.steps[0].rmse["total"], diagnosis.steps[-1].rmse["total"]
     them = "it" if len(diagnosis.missing) == 1 else "them"
     more.append(
@@ -242,7 +242,7 @@ class Candidates(Panel):
             tag("p", "mono muted", parameters_in_text(candidate.effect, candidate.ci95))
             if looks_like:
                 families = listed([plain(family) for family in looks_like])
-                tag("p", "note", f"Looks like {families}: these data cannot tell them apart.")
+                tag("p", "note", f"Looks like {families}: these data do not distinguish them.")
             for remark in candidate.remarks:
                 tag("p", "note", f"Note: {remark}.")
             held = candidate.family in {effect.family() for effect in candidate.model.effects[:-1]}

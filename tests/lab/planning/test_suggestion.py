@@ -173,8 +173,8 @@ def test_a_mission_that_cannot_be_flown_is_left_out_with_the_reason(world: World
     for sentence in (
         "below_its_limits.yaml: phase 'move' goes to z =",
         "into_the_floor: goes down to z = 0.00 m, expected 0.02 m or more",
-        "into_the_ceiling: the rotors come to 2.50 m, expected a rotor radius or more below the ceiling",
-        "leaning_too_far: leans by 4",
+        "into_the_ceiling: the rotors reach 2.50 m, expected a rotor radius or more below the ceiling",
+        "leaning_too_far: tilts by 4",
         "too_short: ",
     ):
         assert sentence in reasons
