@@ -117,7 +117,7 @@ formats.CONVERTERS["toy"] = "toy:write_toy"
 
     def test_is_in_the_help_and_guarded_by_the_commands(self, run: Callable[[str], str]) -> None:
         helped = run("sys.argv = ['quadctl', 'logs', '--help']; from quadctl.cli import main; main()")
-        assert ".tlog, .toy" in helped and "csv|parquet|mcap|toy" in helped
+        assert f"{FORMATS[-1].suffix}, .toy" in helped and "csv|parquet|mcap|toy" in helped
         refused = "from quadctl.errors import QuadctlError\nfrom pathlib import Path\n"
         refused += "from quadctl.cli.output import check_outputs\n"
         refused += "try: check_outputs([], Path('a.toy'))\nexcept QuadctlError as error: print(error)"

@@ -187,6 +187,30 @@ class TestFindings:
             require_formula(self.formula(part))
 
 
+OWN_EFFECT = """
+from dataclasses import dataclass
+from typing import ClassVar
+
+from quadctl.effects import Conditions, Effect, parameter
+from quadctl.numeric import Number, Vector
+from quadctl.vehicle import Vehicle
+
+
+@dataclass(frozen=True)
+class Push(Effect):
+    name: ClassVar[str] = "own.push"
+    source: ClassVar[str] = "a test"
+    depends_on: ClassVar[tuple[str, ...]] = ()
+    physics: ClassVar[str] = "A steady push up."
+    distinguished_by: ClassVar[str] = "nothing"
+    mission: ClassVar[str] = "missions/hover_staircase.yaml"
+    force_n: float = parameter(0.1, -1.0, 1.0, "N", "force up")
+
+    def force(self, total_thrust_n: Number, c: Conditions, vehicle: Vehicle) -> Vector:
+        return (0.0, 0.0, -self.force_n)
+"""
+
+
 class TestFitOnce:
     """The fit of a model goes with it from action to action."""
 
@@ -208,6 +232,18 @@ class TestFitOnce:
         assert climbed.evaluation.error_m_s2 == climbed.model.stack[-1].fitted.rmse_after  # type: ignore[union-attr]
         jobs.look_for(jobs.Current(climbed.model, climbed.evaluation.solution), flight, lambda text: None)
         assert ("ground_effect.exponential",) not in fitted[2:]
+
+    def test_an_effect_of_a_file_stays_known_to_the_model_and_to_the_next_search(
+        self, raptor: Vehicle, flight: Dataset, tmp_path: Path
+    ) -> None:
+        path = tmp_path / "own.py"
+        path.write_text(OWN_EFFECT)
+        before = jobs.evaluate(jobs.Current(Model(raptor)), flight, None, lambda text: None)
+        current = jobs.Current(Model(raptor), before.solution)
+        climbed = jobs.add_expression(path, current, flight, None, lambda text: None)
+        assert climbed.model.effect_files == (path,)
+        fit = jobs.Current(climbed.model, climbed.evaluation.solution).fit(flight)
+        assert fit.fitter.model.effect_files == (path,)
 
     def test_a_fit_without_its_flights_is_the_same_fit_on_them_again(self, raptor: Vehicle, flight: Dataset) -> None:
         fit = fit_model(Model(raptor).plus(Exponential()), flight)

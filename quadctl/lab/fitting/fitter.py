@@ -5,7 +5,7 @@ samples and of flights.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -142,6 +142,11 @@ class FittedModel:
     def intervals(self) -> list[tuple[float, float]]:
         """95 % interval of each fitted parameter."""
         return intervals(self.free, self.draws)
+
+    def relabelled(self, model: Model) -> "FittedModel":
+        """The same fit as that of `model`, which differs in its name and files only."""
+        start, found = (replace(model, stack=m.stack) for m in (self.fitter.model, self.model))
+        return Solution(start, replace(self.optimum, model=found), self.held_out_residual).on(self.dataset)
 
     def refined(self) -> "FittedModel":
         """Continue the fit: where the minimum is flat, a fit stops a little before it (see `CONVERGED`)."""

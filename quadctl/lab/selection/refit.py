@@ -185,7 +185,7 @@ def refitted(
             software=f"quadctl {__version__}",
         )
         stack.append(StackedEffect(effect, provenance))
-    model = replace(after.fitter.model, stack=tuple(stack))
+    model = replace(before_model, stack=tuple(stack))
     notes = after.remarks()
     if dataset.whole_flights:
         notes += _blind_folds(after)

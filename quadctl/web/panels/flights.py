@@ -120,7 +120,8 @@ def drop_zone(do: Controls) -> None:
 
 async def _take(do: Controls, upload: ui.upload, event: MultiUploadEventArguments) -> None:
     await do.take_files(event.files)
-    upload.reset()  # the list of flights says what became of them
+    if not upload.is_deleted:  # the start page has gone once the first log is open
+        upload.reset()  # the list of flights says what became of them
 
 
 def _refuse(do: Controls, event: GenericEventArguments) -> None:
