@@ -10,6 +10,7 @@ import pytest
 from hypothesis import settings
 
 from quadctl.cli import main
+from quadctl.cli.app import console
 from quadctl.logs.flight_log import FlightLog
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle, load_vehicle
@@ -92,7 +93,7 @@ def plain_runs(tmp_path_factory: pytest.TempPathFactory) -> list[FlightLog]:
 def quadctl(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., Result]:
     """Function that runs a command in the repository's directory, on a terminal of 130 columns."""
     monkeypatch.chdir(ROOT)
-    monkeypatch.setenv("COLUMNS", "130")
+    monkeypatch.setattr(console, "_width", 130)  # whatever the terminal was when the console was made
 
     def run(*arguments: object) -> Result:
         monkeypatch.setattr(sys, "argv", ["quadctl", *map(str, arguments)])
