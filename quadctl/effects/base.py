@@ -65,6 +65,14 @@ def parameter(default: float, low: float, high: float, unit: str, meaning: str, 
     )
 
 
+VARIABLES = (
+    *("height_over_radius", "climb_rate", "speed_forward", "speed_right", "roll", "pitch"),
+    *("thrust", "time", "battery", "north", "east"),
+)
+"""Variables that an effect can say it depends on; the compensator fades out an effect that depends on
+`height_over_radius` beyond the heights of its data."""
+
+
 @dataclass(frozen=True)
 class Effect:
     """Base of all effects. Subclasses are frozen dataclasses whose fields are declared with `parameter`."""
@@ -74,7 +82,7 @@ class Effect:
     source: ClassVar[str]
     """Source: paper and equation."""
     depends_on: ClassVar[tuple[str, ...]]
-    """Variables of the lab's residual plots that this effect varies with."""
+    """Variables that this effect varies with, of `VARIABLES`."""
     physics: ClassVar[str]
     """One sentence for the user: the physical cause and its consequence."""
     distinguished_by: ClassVar[str]

@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from quadctl.effects import CATALOG, Conditions, Effect, ThrustRatio, find_effect
+from quadctl.effects.base import VARIABLES
 from quadctl.effects.body_drag import QuadraticDrag
 from quadctl.effects.ceiling_effect import MomentumCeiling
 from quadctl.effects.ground_effect import Cheeseman, Exponential, GroundEffect, Hayden, Sanchez
@@ -22,6 +23,7 @@ from quadctl.effects.thrust_tilt import FixedTilt
 from quadctl.errors import SettingsError
 from quadctl.frames import quaternion_from_euler, rotate
 from quadctl.vehicle import Vehicle
+from tests.support.places import ROOT
 
 LEVEL = (1.0, 0.0, 0.0, 0.0)
 GROUND_EFFECTS = [kind for kind in CATALOG.values() if issubclass(kind, GroundEffect)]
@@ -240,6 +242,8 @@ def test_an_effect_declares_itself(kind: type[Effect]) -> None:
     assert CATALOG[kind.name] is kind
     assert find_effect(variant, "model.yaml") is kind
     assert all((kind.source, kind.physics, kind.distinguished_by, kind.mission))
+    assert set(kind.depends_on) <= set(VARIABLES)
+    assert (ROOT / kind.mission).is_file()
     for p in kind.parameters():
         assert p.low <= p.default <= p.high
         assert p.low < p.high

@@ -35,7 +35,7 @@ from quadctl.numeric import Vector
 class Warmth(Effect):
     name: ClassVar[str] = "imu_warmth.ramp"
     source: ClassVar[str] = "test"
-    depends_on: ClassVar[tuple[str, ...]] = ("time_s",)
+    depends_on: ClassVar[tuple[str, ...]] = ("time",)
     physics: ClassVar[str] = "The accelerometer warms up."
     distinguished_by: ClassVar[str] = "a long flight"
     mission: ClassVar[str] = "missions/hover_staircase.yaml"
@@ -116,6 +116,8 @@ class TestAFile:
             (("    name:", "    title:"), r"VortexRing declares no name, expected name, source, .+"),
             (("    physics:", "    text:"), r"VortexRing declares no physics, expected name, source, .+"),
             (("vortex_ring.bump", "Vortex"), r"VortexRing is named 'Vortex', expected family\.variant .+"),
+            (('("climb_rate",)', '("climbrate",)'),
+             r"VortexRing depends on 'climbrate' \(did you mean 'climb_rate'\?\), expected some of .+"),
             (("@dataclass(frozen=True)", ""), r"VortexRing is no dataclass, expected @dataclass\(frozen=True\) .+"),
             (('parameter(0.1, 0.0, 0.6, "", "share of the thrust that is lost at worst")', "0.1"),
              r"VortexRing has a field loss, expected it to be declared: loss: float = parameter\(\.\.\.\)"),
