@@ -89,6 +89,8 @@ def diagnose(
     if expression is not None and result.symbolic is not None:
         write_text(expression, as_effect_file(result.symbolic, "unexplained.found"))
         console.print(f"Saved: {expression}", soft_wrap=True, markup=False, highlight=False)
+    elif expression is not None:
+        console.print(f"No expression was found: {expression} is not written.", soft_wrap=True, markup=False)
     _print_notes(data)
     write_json(json_out, result.to_dict())
     if html is not None:

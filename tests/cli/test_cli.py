@@ -98,6 +98,11 @@ class TestCommands:
                 [] if word == "none" else [word.split(".")[-1]]
             )
 
+    def test_where_no_expression_is_found_it_says_so(self, quadctl: Callable[..., Result], log: Path) -> None:
+        done = quadctl("diagnose", VEHICLE, log, "--save-expression", "found.py")
+        assert done.status == 0 and "No expression was found: found.py is not written." in done.out
+        assert not Path("found.py").exists()
+
     def test_a_report_is_written(self, quadctl: Callable[..., Result], log: Path) -> None:
         for command in (("compare", VEHICLE, log), ("diagnose", VEHICLE, log)):
             assert quadctl(*command, "--html", "r.html").status == 0

@@ -72,7 +72,7 @@ class Tampered(SimulatedAutopilot):
 
 
 class Watch:
-    """What must be true of every flight."""
+    """Checks that must hold in every flight."""
 
     def __init__(self, pilot: Pilot, guards: GuardLimits) -> None:
         self.ticks: list[Tick] = []
