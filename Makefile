@@ -70,9 +70,9 @@ docs: $(VENV)/.docs
 architecture: $(INSTALLED)
 	$(BIN)/python -m studies.architecture
 
-# Pictures of the lab page (docs/lab-page.md) and of the live view, at both sizes, light and dark, in build/screenshots; needs Chromium.
+# Pictures of the lab page (docs/lab-page.md) and of the live view, at both sizes, light and dark, in build/screenshots, and how fast the page is; needs Chromium.
 screenshots: $(INSTALLED)
-	SCREENSHOTS=all $(BIN)/python -m pytest tests/web/test_lab_page.py tests/realtime/test_view_page.py -s
+	SCREENSHOTS=all $(BIN)/python -m pytest tests/web/test_lab_page.py tests/web/test_view_page.py -s
 
 # Flies a staircase on real autopilots that are there: make sitl-check PX4=DIRECTORY ARDUPILOT=DIRECTORY (or LINK=URL).
 sitl-check: export QUADCTL := $(abspath $(BIN))/quadctl

@@ -25,11 +25,11 @@ from quadctl.flight.session import fly_real_time
 from quadctl.logs.read import read_log
 from quadctl.sitl.run import mock_process
 from studies.faults.witness import Witness
+from tests.support.configurations import CONFIG, configuration, forgiving_config
 from tests.support.places import ROOT
 
 pytestmark = pytest.mark.realtime
 
-CONFIG = ROOT / "config" / "flight.yaml"
 TIMEOUT_S = 90.0
 
 
@@ -139,10 +139,11 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 @pytest.fixture(scope="module")
 def interrupted(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[signal.Signals, Flight]]:
     """A flight for each signal, all at the same time, because they take real time."""
-    flights = {
-        s: quadctl(tmp_path_factory.mktemp(s.name), "fly", "tests/support/hop.yaml", "--sitl", "--config", str(CONFIG))
-        for s in SIGNALS
-    }
+    flights = {}
+    for s in SIGNALS:
+        where = tmp_path_factory.mktemp(s.name)
+        config = str(forgiving_config(where))
+        flights[s] = quadctl(where, "fly", "tests/support/hop.yaml", "--sitl", "--config", config)
     yield flights
     for flight in flights.values():
         flight.process.kill()
@@ -178,18 +179,9 @@ def free_port() -> int:
         return int(probe.getsockname()[1])
 
 
-def config_with(where: Path, timeout_s: float) -> Path:
-    settings = yaml.safe_load(CONFIG.read_text())
-    settings["vehicle"] = str(CONFIG.parent / settings["vehicle"])
-    settings["link"]["timeout_s"] = timeout_s
-    path = where / "flight.yaml"
-    path.write_text(yaml.safe_dump(settings))
-    return path
-
-
 def test_a_link_where_nobody_answers_is_one_sentence(tmp_path: Path) -> None:
     url = f"udpin://127.0.0.1:{free_port()}"
-    config = str(config_with(tmp_path, 0.5))
+    config = str(configuration(tmp_path, link={"timeout_s": 0.5}))
     flight = quadctl(tmp_path, "fly", "missions/short_hop.yaml", "--link", url, "--config", config)
     out, err = flight.process.communicate(timeout=TIMEOUT_S)
     assert flight.process.returncode == 1
@@ -202,7 +194,7 @@ def test_a_link_where_nobody_answers_is_one_sentence(tmp_path: Path) -> None:
 def test_ctrl_c_before_the_flight_is_one_sentence(tmp_path: Path) -> None:
     """Asyncio's own answer to Ctrl-C, delivered as soon as the link is open and waits for an autopilot."""
     url = f"udpin://127.0.0.1:{free_port()}"
-    config = str(config_with(tmp_path, 60.0))
+    config = str(configuration(tmp_path, link={"timeout_s": 60.0}))
     code = (
         "import asyncio, os, signal\n"
         "import quadctl.flight.autopilot.mavsdk_link as link\n"

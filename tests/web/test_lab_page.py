@@ -261,6 +261,7 @@ def test_what_no_effect_explains_is_said_as_an_expression_that_can_be_added(
         visitor.leaves()
 
 
+@pytest.mark.skipif("SCREENSHOTS" not in os.environ, reason="`make screenshots` takes the times")
 @pytest.mark.skipif(not HOVERING.is_file(), reason="the thesis' flights are not here")
 def test_how_fast_the_page_is_on_a_real_flight(browser: Browser, tmp_path: Path) -> None:
     with served(tmp_path / "lab", str(HOVERING)) as (url, _):

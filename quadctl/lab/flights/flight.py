@@ -12,6 +12,7 @@ from scipy.sparse import csr_matrix
 from quadctl.effects import Conditions
 from quadctl.frames import euler_from_quaternion
 from quadctl.lab.arrays import Floats
+from quadctl.numeric import Vector
 from quadctl.vehicle import Vehicle
 
 MOMENTS_S = 0.5
@@ -94,6 +95,13 @@ class Flight:
     def filtered(self, signal: Any) -> Floats:
         """Filter a signal on the grid; values at the samples."""
         return np.asarray(self.smooth @ np.broadcast_to(np.asarray(signal, dtype=float), self.grid_s.shape))
+
+    def filtered_vector(self, vector: Vector) -> Floats:
+        """Filter three signals on the grid at once; values at the samples, shape (n, 3)."""
+        columns = np.empty((len(self.grid_s), 3))
+        for i, component in enumerate(vector):
+            columns[:, i] = component
+        return np.asarray(self.smooth @ columns)
 
     @cached_property
     def slow_share(self) -> float:

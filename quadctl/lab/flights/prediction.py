@@ -25,7 +25,7 @@ GROUPS = {"total": AXES, "turning": MOMENTS, "sensing": SENSED}
 def predict(model: Model, flight: Flight) -> Floats:
     """Predict the filtered kinematic acceleration of one flight, north, east, up, m/s^2, shape (n, 3)."""
     acceleration = ned_from_neu(model.acceleration_ned(flight.nominal_n, flight.conditions))
-    return np.column_stack([flight.filtered(component) for component in acceleration])
+    return flight.filtered_vector(acceleration)
 
 
 def predict_torque(model: Model, flight: Flight) -> Floats:
@@ -38,7 +38,7 @@ def predict_torque(model: Model, flight: Flight) -> Floats:
     if not turning.stack:
         return flight.nominal_torque
     torque = turning.body_torque(flight.nominal_n, flight.conditions)
-    return flight.slowly(np.column_stack([flight.filtered(component) for component in torque]))
+    return flight.slowly(flight.filtered_vector(torque))
 
 
 def predict_imu_error(model: Model, flight: Flight) -> Floats:
@@ -46,7 +46,7 @@ def predict_imu_error(model: Model, flight: Flight) -> Floats:
     if not any(effect.affects_accelerometer for effect in model.effects):
         return np.zeros_like(flight.measured)
     sensed = ned_from_neu(model.sensed_ned_m_s2(flight.conditions))
-    return np.column_stack([flight.filtered(component) for component in sensed])
+    return flight.filtered_vector(sensed)
 
 
 def concerns(effect: Effect, group: str) -> bool:
