@@ -24,7 +24,7 @@ class QuadraticDrag(Effect):
 
     area_x_m2: float = parameter(0.02, 0.0, 1.0, "m^2", "drag area seen from the front")
     area_y_m2: float = parameter(0.02, 0.0, 1.0, "m^2", "drag area seen from the side")
-    area_z_m2: float = parameter(0.0, 0.0, 1.0, "m^2", "drag area seen from above", fitted=False)
+    area_z_m2: float = parameter(0.0, 0.0, 1.0, "m^2", "drag area seen from above")
 
     def force(self, total_thrust_n: float, c: Conditions, vehicle: Vehicle) -> Vector:
         u, v, w = c.velocity_body_m_s

@@ -12,7 +12,7 @@ from quadctl.vehicle import Vehicle
 class LinearDrag(Effect):
     """F = -m D v in body axes, D = diag(d_x, d_y, d_z).
 
-    d_z is 0 unless asked for: in near-hover flight it cannot be told from `inflow`, which is its physical cause.
+    d_z has another cause than the others, which in near-hover flight acts alike: `inflow`.
     """
 
     name: ClassVar[str] = "rotor_drag.linear"
@@ -28,7 +28,7 @@ class LinearDrag(Effect):
 
     d_x: float = parameter(0.3, 0.0, 3.0, "1/s", "deceleration per forward velocity")
     d_y: float = parameter(0.3, 0.0, 3.0, "1/s", "deceleration per sideward velocity")
-    d_z: float = parameter(0.0, 0.0, 3.0, "1/s", "deceleration per velocity along body z", fitted=False)
+    d_z: float = parameter(0.0, 0.0, 3.0, "1/s", "deceleration per velocity along body z")
 
     def force(self, total_thrust_n: Number, c: Conditions, vehicle: Vehicle) -> Vector:
         u, v, w = c.velocity_body_m_s

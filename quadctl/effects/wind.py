@@ -25,7 +25,7 @@ class SteadyWind(Effect):
     """A horizontal wind of constant velocity.
 
     The effects of the air that the model holds (drag, inflow, translational lift) feel the velocity relative to the
-    air. Where the model holds no drag, the wind brings one, F = -m drag (u, v, 0) in body axes, by which alone it is
+    air. Where the model holds no drag, the wind brings one, F = -m drag (u, v, w) in body axes, by which alone it is
     felt in hover.
     """
 
@@ -66,6 +66,6 @@ class SteadyWind(Effect):
         return self.north_m_s, self.east_m_s, 0.0
 
     def force(self, total_thrust_n: Number, c: Conditions, vehicle: Vehicle) -> Vector:
-        u, v, _ = c.velocity_body_m_s
+        u, v, w = c.velocity_body_m_s
         push = -vehicle.mass_kg * self.drag
-        return push * u, push * v, 0.0 * u
+        return push * u, push * v, push * w

@@ -244,9 +244,9 @@ class Fitter:
         """Predict every sample's targets by a fit that has not seen its fold, shape (n, 3 * groups).
 
         `fitted` is the fit to all samples. Without a few blocks the optimum changes little: the refit is approximated
-        to first order by one Gauss-Newton step from the optimum, shortened until the objective falls. Without a whole
-        flight the optimum may change much, and the fit is repeated; the nuisances of that flight are then unknown and
-        stay at the mean of their prior, 0.
+        to first order by one Gauss-Newton step from the optimum, shortened until the objective falls; where it does
+        not fall, the fit is repeated. Without a whole flight the optimum may change much, and the fit is repeated; the
+        nuisances of that flight are then unknown and stay at the mean of their prior, 0.
         """
         left = self._without_flights(fitted) if self.dataset.whole_flights else self._without_blocks(fitted)
         return self.dataset.targets - left
@@ -272,7 +272,9 @@ class Fitter:
             held = self.dataset.fold == number
             seen = np.add.reduceat(tangent.gram * (fold != number)[:, None, None], first, axis=0)
             step = self._unit * self._equations(seen, -fitted.nuisances).solve(free_mask)
-            left[held] = self._line_search(fitted, tangent.residual, step, tangent.scale, ~held)[1][held]
+            _, residual, taken = self._line_search(fitted, tangent.residual, step, tangent.scale, ~held)
+            # Without a step the residual would still be that of the fit to all samples.
+            left[held] = (residual if taken else self._residual(self.fit(~held, fitted), held))[held]
         return left
 
     @one_blas_thread
@@ -498,6 +500,6 @@ class Fitter:
 
 
 def noise_scale(residual: Floats) -> Floats:
-    """Robust standard deviation of each axis about zero, shape (axes,)."""
-    deviation = 1.4826 * np.array([np.median(np.abs(axis)) for axis in residual.T])
+    """Robust standard deviation of each axis about its median, shape (axes,): a constant error is not noise."""
+    deviation = 1.4826 * np.median(np.abs(residual - np.median(residual, axis=0)), axis=0)
     return np.asarray(np.maximum(deviation, LEAST_NOISE * max(float(deviation.max()), 1e-3)))

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from quadctl.effects import Effect
 from quadctl.errors import LogError
 from quadctl.lab.arrays import Floats
-from quadctl.lab.flights.delay import align
 from quadctl.lab.flights.flight import Flight
 from quadctl.lab.flights.prediction import measured_targets, predict, predict_targets
 from quadctl.lab.flights.preparation import prepare
+from quadctl.lab.flights.timing import timed
 from quadctl.logs.flight_log import FlightLog
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
@@ -102,7 +102,7 @@ class Dataset:
         """
         lag = model.late()
         if lag.effects not in self._aligned:
-            flights = tuple(align(flight, lag) for flight in self.flights) if lag.stack else self.flights
+            flights = timed(self.flights, lag) if lag.stack else self.flights
             self._aligned[lag.effects] = AlignedDataset(flights, self.hold_out, source=self)
         return self._aligned[lag.effects]
 
@@ -183,7 +183,7 @@ def load_dataset(logs: Iterable[FlightLog], vehicle: Vehicle, hold_out: HoldOut 
     """
     flights = Parallel()(delayed(prepare)(log, vehicle) for log in logs)
     _require_one_vehicle(flights)
-    return Dataset(tuple(flights), hold_out)
+    return Dataset(timed(flights, Model(vehicle)) if flights else (), hold_out)
 
 
 def _require_one_vehicle(flights: Sequence[Flight]) -> None:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from quadctl.effects import Conditions
-from quadctl.frames import euler_from_quaternion
+from quadctl.frames import euler_from_quaternion, rotate_inverse
 from quadctl.lab.arrays import Floats
 from quadctl.numeric import Vector
 from quadctl.vehicle import Vehicle
@@ -42,6 +42,32 @@ class SlowFilter:
         return csr_matrix((weights.ravel(), (here.ravel(), there.ravel())), shape=(n, n))
 
 
+@dataclass(frozen=True)
+class Estimate:
+    """Estimated value with its standard error."""
+
+    value: float
+    std: float
+
+    @property
+    def ci95(self) -> tuple[float, float]:
+        """95 % interval."""
+        return self.value - 1.96 * self.std, self.value + 1.96 * self.std
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Times by which the channels of a vehicle's logs are late, s (see `timing`)."""
+
+    rotor: Estimate
+    """Delay of the rotor signal relative to the force that it makes."""
+    velocity: Estimate
+    """Lag of the velocity behind the position."""
+
+
+UNKNOWN_TIMING = Timing(Estimate(0.0, math.inf), Estimate(0.0, math.inf))
+
+
 @dataclass(frozen=True, eq=False)
 class Flight:
     """Prepared flight. Signals on the `grid` are unfiltered, on an even clock; those at the samples are filtered and
@@ -55,8 +81,14 @@ class Flight:
     """Conditions on the grid."""
     nominal_n: list[Floats]
     """Nominal thrust k rpm^2 of each rotor on the grid, N, shape (m,) each."""
+    logged_n: list[Floats]
+    """The same, as late as it was logged."""
+    velocity_neu: tuple[Floats, Floats, Floats]
+    """Logged velocity on the grid, north, east, up, m/s, shape (m,) each, as late as it was logged."""
     smooth: csr_matrix
     """Matrix of filter and sampling, shape (n, m), applicable to any signal on the grid."""
+    derivative: csr_matrix
+    """Matrix of filter, derivative and sampling, 1/s, shape (n, m)."""
     time_s: Floats
     """Time of the samples, s, shape (n,)."""
     slowly: SlowFilter
@@ -71,9 +103,12 @@ class Flight:
     """Delay of the logged rotor signal relative to its force, s, which has been taken out; positive: logged late."""
     torque: Floats | None = None
     """Filtered torque from the body rates, FRD, N m, shape (n, 3); None without rates or signals of single rotors."""
-    imu_error: Floats | None = None
-    """Filtered acceleration by the accelerometer minus `measured`, north, east, up, m/s^2, shape (n, 3); None without
-    one."""
+    sensed: Floats | None = None
+    """Filtered kinematic acceleration by the accelerometer, north, east, up, m/s^2, shape (n, 3); None without one."""
+    velocity_lag_s: float = 0.0
+    """Lag of the logged velocity behind the position, s, which has been taken out."""
+    timing: Timing = UNKNOWN_TIMING
+    """Timing of the vehicle's channels, from all flights that were prepared together."""
     notes: list[str] = field(default_factory=list)
 
     def shifted(self, delay_s: float) -> "Flight":
@@ -83,8 +118,40 @@ class Flight:
         nominal = [self.later(thrust, delay_s) for thrust in self.nominal_n]
         return replace(self, nominal_n=nominal, delay_s=self.delay_s + delay_s)
 
+    def with_rotor_delay(self, delay_s: float) -> "Flight":
+        """Copy of the flight whose rotor signal is read `delay_s` later than it was logged."""
+        if delay_s == self.delay_s:
+            return self
+        return replace(self, nominal_n=[self.later(n, delay_s) for n in self.logged_n], delay_s=delay_s)
+
+    def with_velocity_lag(self, lag_s: float) -> "Flight":
+        """Copy of the flight whose velocity is read `lag_s` later than it was logged."""
+        if lag_s == self.velocity_lag_s:
+            return self
+        north, east, up = (self.later(v, lag_s) for v in self.velocity_neu)
+        c = self.conditions
+        return replace(
+            self,
+            conditions=replace(c, velocity_body_m_s=rotate_inverse(c.attitude, (north, east, -up))),
+            measured=np.column_stack([self.derivative @ v for v in (north, east, up)]),
+            velocity_lag_s=lag_s,
+        )
+
+    @property
+    def imu_error(self) -> Floats | None:
+        """Filtered acceleration by the accelerometer minus `measured`, north, east, up, m/s^2, shape (n, 3); None
+        without one."""
+        return None if self.sensed is None else self.sensed - self.measured
+
+    @property
+    def velocity_up(self) -> Floats:
+        """Climb rate over ground on the grid, m/s, shape (m,)."""
+        return self.later(self.velocity_neu[2], self.velocity_lag_s)
+
     def later(self, signal: Floats, delay_s: float) -> Floats:
         """Signal on the grid read `delay_s` later, by linear interpolation; constant beyond its ends."""
+        if delay_s == 0.0:
+            return signal
         steps = delay_s / (self.grid_s[1] - self.grid_s[0])
         whole, n = math.floor(steps), len(signal)
         between = signal[:-1] + (steps - whole) * np.diff(signal)

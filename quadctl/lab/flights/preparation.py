@@ -22,8 +22,8 @@ from quadctl.frames import (
 )
 from quadctl.lab.arrays import Floats
 from quadctl.lab.flights.channels import THROTTLE, Signals, signals_of
-from quadctl.lab.flights.delay import align
 from quadctl.lab.flights.flight import Flight, SlowFilter
+from quadctl.lab.flights.timing import timed
 from quadctl.lab.flights.vehicle_match import motion_problem, sidecar_problem, thrust_problem
 from quadctl.logs.contradictions import contradictions
 from quadctl.logs.flight_log import ATTITUDE, POSITION, VELOCITY, FlightLog
@@ -85,7 +85,7 @@ def prepare(log: FlightLog, vehicle: Vehicle) -> Flight:
         seconds = sum(b - a for a, b in segments)
         raise LogError(f"{log.name}: holds {seconds:.0f} s of usable flight, expected at least {MIN_FLIGHT_S:.0f} s")
     flight = _assemble(log.name, vehicle, signals, grid, smooth, derivative, time, bandwidth, notes)
-    flight = align(flight, Model(vehicle))
+    (flight,) = timed([flight], Model(vehicle))
     thrust = np.column_stack([flight.filtered(nominal) for nominal in flight.nominal_n])
     _refuse(log.name, motion_problem(flight.measured, thrust, flight.torque, vehicle))
     return flight
@@ -222,13 +222,17 @@ def _assemble(
     height = signals.position[2].at(grid) + vehicle.rotor_height_m
     position = (signals.position[0].at(grid), signals.position[1].at(grid))
     measured = np.column_stack([derivative @ v for v in (north, east, up)])
+    nominal = signals.thrust_on(grid)
     return Flight(
         name=name,
         vehicle=vehicle,
         grid_s=grid,
         conditions=Conditions(height, velocity_body, attitude, grid, battery, position),
-        nominal_n=signals.thrust_on(grid),
+        nominal_n=nominal,
+        logged_n=nominal,
+        velocity_neu=(north, east, up),
         smooth=smooth,
+        derivative=derivative,
         time_s=time,
         slowly=SlowFilter(time),
         measured=measured,
@@ -237,21 +241,18 @@ def _assemble(
         thrust_source=signals.thrust_source,
         delay_s=0.0,
         torque=_torque(vehicle, signals, grid, smooth, derivative),
-        imu_error=_imu_error(signals, grid, attitude, smooth, measured),
+        sensed=_sensed(signals, grid, attitude, smooth),
         notes=notes,
     )
 
 
-def _imu_error(
-    signals: Signals, grid: Floats, attitude: Quaternion, smooth: csr_matrix, measured: Floats
-) -> Floats | None:
-    """Acceleration by the accelerometer minus that of the velocity, filtered, north, east, up, m/s^2, shape (n, 3)."""
+def _sensed(signals: Signals, grid: Floats, attitude: Quaternion, smooth: csr_matrix) -> Floats | None:
+    """Kinematic acceleration by the accelerometer, filtered, north, east, up, m/s^2, shape (n, 3)."""
     if not signals.imu:
         return None
     x, y, z = (channel.at(grid) for channel in signals.imu)
     north, east, down = rotate(attitude, (x, y, z))
-    sensed = (north, east, -(down + GRAVITY_M_S2))
-    return np.column_stack([smooth @ component for component in sensed]) - measured
+    return np.column_stack([smooth @ component for component in (north, east, -(down + GRAVITY_M_S2))])
 
 
 def _torque(

@@ -158,7 +158,7 @@ def _tried(path: Path, pool: Sequence[type[Effect]], progress: Progress) -> _Rou
     latest, failures, look_alikes = dict(path.latest), dict(path.failures), []
     supported: list[Candidate] = []
     for effects in (promising, [effect for effect in open_ if effect not in promising]):
-        tried = _trials(effects, left, len(pool), progress)
+        tried = _trials(effects, left, len(pool) * (len(path.chosen) + 1), progress)
         for c in tried:
             latest[c.effect.name] = c
             failures[c.effect.name] = 0 if is_promising(c.p_value) else failures.get(c.effect.name, 0) + 1

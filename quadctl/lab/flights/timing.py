@@ -1,0 +1,164 @@
+"""Timing of a log's channels: the lag of the velocity behind the position, and the delay of the rotor signal.
+
+Every channel of a log is late by a time of its own: estimators filter the velocity, telemetry sends rotor speeds when
+it has time. An error of 30 ms looks like a force that depends on the acceleration. These times belong to the hardware,
+so they are estimated from all flights together: each flight gives an estimate with a standard error, and a
+random-effects model (DerSimonian & Laird 1986, Controlled Clinical Trials 7) says how far flights may differ. What a
+flight does not show is taken from the others and, where none shows it, from a prior.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from quadctl.lab.arrays import Floats
+from quadctl.lab.flights.flight import Estimate, Flight, Timing
+from quadctl.lab.flights.prediction import predict
+from quadctl.model import Model
+
+VELOCITY_PRIOR = Estimate(0.0, 0.03)
+"""Prior of the lag of the velocity behind the position, s. Estimators of autopilots have 20 to 40 ms."""
+ROTOR_PRIOR = Estimate(0.0, 0.03)
+"""Prior of the delay of the rotor signal relative to the force that it makes, s. Rotor speeds come up to 30 ms late,
+and positions up to 40 ms; a larger delay needs evidence, as it may be physics (`motor_lag`)."""
+VELOCITY_RANGE_S = (-0.06, 0.15)
+ROTOR_RANGE_S = (-0.06, 0.3)
+"""Ranges that are searched."""
+LEAST_STD_S = 0.002
+"""Least standard deviation between flights, and of an estimate."""
+WINDOW_S = 3.0
+"""Only motion that is quicker than this tells of delays: slower motion is a matter of forces."""
+UNSEEN_STD_S = 10.0
+"""Standard error of a time that a flight does not show."""
+ITERATIONS = 10
+MAX_STEP_S = 0.04
+"""Largest change of an estimate in one iteration: the estimates are linear in a delay for small delays only."""
+PROBE_S = 0.005
+"""Step of the finite difference of the prediction over the delay."""
+
+
+def timed(flights: Sequence[Flight], lag: Model) -> tuple[Flight, ...]:
+    """Copies of flights of one vehicle whose channels are moved to the time of the position.
+
+    `lag` is a model that holds the effects that delay the thrust, given which the delay of the rotor signal is
+    estimated: a delay that is estimated without the lag would contain a part of the lag.
+    """
+    velocity = _shrunk([_velocity_lag(flight) for flight in flights], VELOCITY_PRIOR)
+    prompt = [
+        flight.with_velocity_lag(of_flight.value)
+        for flight, of_flight in zip(flights, velocity.of_flights, strict=True)
+    ]
+    rotor = _shrunk([_rotor_delay(flight, lag) for flight in prompt], ROTOR_PRIOR)
+    timing = Timing(rotor=rotor.common, velocity=velocity.common)
+    return tuple(
+        replace(flight.with_rotor_delay(of_flight.value), timing=timing)
+        for flight, of_flight in zip(prompt, rotor.of_flights, strict=True)
+    )
+
+
+@dataclass(frozen=True)
+class _Shrunk:
+    """Estimates of one time: common to the vehicle, and of each flight."""
+
+    common: Estimate
+    of_flights: list[Estimate]
+
+
+def _shrunk(own: Sequence[Estimate], prior: Estimate) -> _Shrunk:
+    """Combine the estimates of single flights by the random-effects model, with a prior of the common value."""
+    value = np.array([estimate.value for estimate in own])
+    variance = np.clip([estimate.std for estimate in own], LEAST_STD_S, UNSEEN_STD_S) ** 2
+    between = max(_variance_between(value, variance), LEAST_STD_S**2)
+    weights = 1.0 / (variance + between)
+    precision = weights.sum() + 1.0 / prior.std**2
+    common = Estimate(float((weights @ value + prior.value / prior.std**2) / precision), float(precision**-0.5))
+    each = [
+        Estimate(
+            float((v / s2 + common.value / between) / (1.0 / s2 + 1.0 / between)),
+            float((s2 * between / (s2 + between)) ** 0.5),
+        )
+        for v, s2 in zip(value, variance, strict=True)
+    ]
+    return _Shrunk(common, each)
+
+
+def _variance_between(value: Floats, variance: Floats) -> float:
+    """Variance between flights by the method of moments (DerSimonian & Laird 1986, eq. 8)."""
+    weights = 1.0 / variance
+    mean = float(weights @ value / weights.sum())
+    excess = float(weights @ (value - mean) ** 2) - (len(value) - 1)
+    return max(excess / max(float(weights.sum() - (weights @ weights) / weights.sum()), 1e-12), 0.0)
+
+
+def _velocity_lag(flight: Flight) -> Estimate:
+    """Lag of the logged velocity behind the derivative of the position, s, from motion along all three axes.
+
+    A velocity that is late by a lag is off by the lag times the acceleration: the estimate is the regression of the
+    difference on the acceleration, repeated with the velocity moved by what was found.
+    """
+    c = flight.conditions
+    true = np.column_stack([flight.derivative @ x for x in (*c.position_ne_m, c.height_m)])
+    found = Estimate(0.0, UNSEEN_STD_S)
+    for _ in range(ITERATIONS):
+        seen = [flight.later(v, found.value) for v in flight.velocity_neu]
+        error = _quick(flight, flight.filtered_vector((seen[0], seen[1], seen[2])) - true)
+        acceleration = _quick(flight, np.column_stack([flight.derivative @ v for v in seen]))
+        step, std = _regression(flight, -error, [acceleration])
+        found = Estimate(float(np.clip(found.value + np.clip(step, -MAX_STEP_S, MAX_STEP_S), *VELOCITY_RANGE_S)), std)
+        if abs(step) < 0.1 * LEAST_STD_S:
+            break
+    return found
+
+
+def _rotor_delay(flight: Flight, lag: Model) -> Estimate:
+    """Delay of the rotor signal relative to the force that it makes, s, from quick vertical motion.
+
+    The vertical acceleration is regressed on the predicted one, its derivative with respect to the delay, the climb
+    rate and the height: forces that depend on these (inflow, ground effect) would else pass for a delay.
+    """
+    c = flight.conditions
+    up = _quick(flight, flight.measured[:, 2:3])
+    beside = [_quick(flight, flight.filtered(signal)[:, None]) for signal in (flight.velocity_up, c.height_m)]
+    found = Estimate(0.0, UNSEEN_STD_S)
+    for _ in range(ITERATIONS):
+        here, before, after = (
+            predict(lag, flight.with_rotor_delay(found.value + step))[:, 2:3] for step in (0.0, -PROBE_S, PROBE_S)
+        )
+        predicted, slope = _quick(flight, here), _quick(flight, (after - before) / (2.0 * PROBE_S))
+        step, std = _regression(flight, up, [slope, predicted, *beside])
+        share, _ = _regression(flight, up, [predicted, slope, *beside])
+        if not share > 0.1:  # the thrust does not move the vehicle: nothing is known of its time
+            return Estimate(0.0, UNSEEN_STD_S)
+        step, std = step / share, std / share
+        found = Estimate(float(np.clip(found.value + np.clip(step, -MAX_STEP_S, MAX_STEP_S), *ROTOR_RANGE_S)), std)
+        if abs(step) < 0.1 * LEAST_STD_S:
+            break
+    return found
+
+
+def _regression(flight: Flight, target: Floats, columns: Sequence[Floats]) -> tuple[float, float]:
+    """Coefficient of the first of `columns` in a linear regression of `target`, shape (n, axes) each, and its standard
+    error, with blocks of time as the independent units (sandwich estimator)."""
+    x = np.stack([column.ravel() for column in columns], axis=-1)
+    gram = x.T @ x
+    if not gram[0, 0] > 0.0 or np.linalg.cond(gram) > 1e12:
+        return 0.0, UNSEEN_STD_S
+    coefficients = np.linalg.solve(gram, x.T @ target.ravel())
+    scores = (x * (target.ravel() - x @ coefficients)[:, None]).reshape(*target.shape, -1).sum(axis=1)
+    numbers = np.unique(flight.block, return_inverse=True)[1]
+    per_block = np.stack([np.bincount(numbers, score) for score in scores.T])
+    count = per_block.shape[1]
+    if count < 3:
+        return float(coefficients[0]), UNSEEN_STD_S
+    inverse = np.linalg.inv(gram)
+    variance = inverse @ (per_block @ per_block.T) @ inverse * count / (count - len(x.T)) if count > len(x.T) else None
+    return float(coefficients[0]), float(np.sqrt(variance[0, 0])) if variance is not None else UNSEEN_STD_S
+
+
+def _quick(flight: Flight, values: Floats) -> Floats:
+    """Values at the samples, shape (n, axes), without their running mean over `WINDOW_S`."""
+    n = max(3, round(WINDOW_S / float(np.median(np.diff(flight.time_s)))) | 1)
+    padded = np.pad(values, ((n // 2, n // 2), (0, 0)), mode="edge")
+    sums = np.cumsum(np.concatenate([np.zeros((1, values.shape[1])), padded]), axis=0)
+    return np.asarray(values - (sums[n:] - sums[:-n]) / n)
