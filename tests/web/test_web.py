@@ -17,7 +17,8 @@ from quadctl.effects.ground_effect import Exponential, Hayden
 from quadctl.effects.motor_lag import FirstOrderLag
 from quadctl.errors import QuadctlError, SettingsError
 from quadctl.lab.comparison.comparison import Comparison, compare
-from quadctl.lab.fitting.fitter import Fitter, Optimum, fit_model
+from quadctl.lab.fitting.fitted_model import fit_model
+from quadctl.lab.fitting.fitter import Fitter, Optimum
 from quadctl.lab.flights.dataset import Dataset, load_dataset
 from quadctl.lab.flights.prediction import rmse
 from quadctl.lab.selection.diagnosis import Diagnosis, diagnose
