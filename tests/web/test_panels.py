@@ -33,7 +33,13 @@ from quadctl.web.workbench.intake import Intake
 from quadctl.web.workbench.workbench import Workbench
 from tests.support.flights import obedient
 
-PANELS = sorted(Panel.__subclasses__(), key=lambda panel: panel.__name__)
+
+def subclasses(panel: type[Panel]) -> list[type[Panel]]:
+    """All panels that stand on `panel`, bases of others included."""
+    return [each for direct in panel.__subclasses__() for each in (direct, *subclasses(direct))]
+
+
+PANELS = sorted(subclasses(Panel), key=lambda panel: panel.__name__)
 ADDRESSES = {"url", "id", "for"}
 """Properties that hold the number of an element, another one in every tab."""
 FIELDS = [(panel, field.name) for panel in PANELS for field in fields(panel)]
