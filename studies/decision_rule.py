@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
-from quadctl.lab.fitting import fitter
-from quadctl.lab.fitting.fitter import fit_model
+from quadctl.lab.fitting import fitted_model
+from quadctl.lab.fitting.fitted_model import fit_model
 from quadctl.lab.flights.dataset import load_dataset
 from quadctl.lab.selection import diagnosis, rule, search
 from quadctl.logs.read import read_logs
@@ -106,7 +106,7 @@ def remembered() -> Iterator[None]:
         for module, name, key in (
             (search, "try_effect", lambda effect, left, n: (effect, left.model.effects, n)),
             (search, "fit_model", by_model),
-            (fitter, "fit_model", by_model),
+            (fitted_model, "fit_model", by_model),
             (diagnosis, "flexible_residual", by_residual),
             (diagnosis, "explain", by_residual),
         ):

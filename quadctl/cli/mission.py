@@ -4,7 +4,8 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.table import Table
+from rich.padding import Padding
+from rich.text import Text
 
 from quadctl.cli.app import app, console
 from quadctl.cli.flight import ConfigOption, MissionArgument, OffsetOption, SetOption
@@ -49,21 +50,20 @@ def list_missions(
         Path, typer.Argument(metavar="DIR", help="Folder with mission files.", callback=find_missions)
     ] = Path("missions"),
 ) -> None:
-    """List the missions of a folder: duration, heights, purpose, and the parameters of --set."""
+    """List the missions of a folder: duration, heights, the parameters of --set, and the purpose."""
     from quadctl.missions import load_mission, mission_files
     from quadctl.missions.profile import flown_heights_m, sampled
 
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    for column, right in (("mission", False), ("s", True), ("heights m", True), ("what", False), ("--set", False)):
-        table.add_column(column, justify="right" if right else "left", no_wrap=right)
-    for path in mission_files(folder):
-        loaded = load_mission(path)
-        lowest, highest = flown_heights_m(sampled(loaded))
-        table.add_row(
-            loaded.name,
-            f"{loaded.duration_s:.0f}",
-            f"{lowest:.2f}..{highest:.2f}",
-            loaded.description,
-            ", ".join(loaded.parameters),
-        )
-    console.print(table, highlight=False)
+    listed = [load_mission(path) for path in mission_files(folder)]
+    width = max(len(name) for name in ("mission", *(mission.name for mission in listed)))
+    _print_heading(width, "mission", "s", "heights m", "--set")
+    for mission in listed:
+        lowest, highest = flown_heights_m(sampled(mission))
+        heights = f"{lowest:.2f}..{highest:.2f}"
+        _print_heading(width, mission.name, f"{mission.duration_s:.0f}", heights, ", ".join(mission.parameters))
+        if mission.description:
+            console.print(Padding(Text(mission.description), (0, 0, 0, 2), expand=False))
+
+
+def _print_heading(width: int, name: str, duration: str, heights: str, settable: str) -> None:
+    console.print(Text(f"{name:<{width}}  {duration:>4}  {heights:>10}  {settable}".rstrip(), style="bold"))

@@ -2,11 +2,14 @@
 
 import json
 from collections.abc import Callable
+from itertools import takewhile
 from pathlib import Path
 
 import pytest
 import yaml
 
+from quadctl.cli.app import console
+from quadctl.missions import load_mission
 from tests.support.commands import Result
 from tests.support.places import ROOT
 
@@ -41,6 +44,20 @@ def test_the_missions_are_listed_with_what_can_be_set(quadctl: Callable[..., Res
     row = next(line for line in listed.out.splitlines() if line.startswith("hover_heights"))
     assert "140" in row and "0.21..1.00" in row and "heights_m, hover_s" in row
     assert quadctl("mission", "list", "docs").status == 1
+
+
+def test_the_list_of_missions_is_readable_on_80_columns(
+    quadctl: Callable[..., Result], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(console, "_width", 80)
+    lines = quadctl("mission", "list").out.splitlines()
+    assert max(map(len, lines)) <= 80
+    for path in (ROOT / "missions").glob("*.yaml"):
+        row = next(i for i, line in enumerate(lines) if line.split()[0] == path.stem)
+        mission = load_mission(path)
+        assert lines[row].endswith(", ".join(mission.parameters))  # not wrapped
+        told = " ".join(line.strip() for line in takewhile(lambda line: line.startswith("  "), lines[row + 1 :]))
+        assert told == mission.description
 
 
 def test_set_changes_what_is_flown_and_recorded(quadctl: Callable[..., Result], tmp_path: Path) -> None:

@@ -33,7 +33,13 @@ from quadctl.web.workbench.intake import Intake
 from quadctl.web.workbench.workbench import Workbench
 from tests.support.flights import obedient
 
-PANELS = sorted(Panel.__subclasses__(), key=lambda panel: panel.__name__)
+
+def subclasses(panel: type[Panel]) -> list[type[Panel]]:
+    """All panels that stand on `panel`, bases of others included."""
+    return [each for direct in panel.__subclasses__() for each in (direct, *subclasses(direct))]
+
+
+PANELS = sorted(subclasses(Panel), key=lambda panel: panel.__name__)
 ADDRESSES = {"url", "id", "for"}
 """Properties that hold the number of an element, another one in every tab."""
 FIELDS = [(panel, field.name) for panel in PANELS for field in fields(panel)]
@@ -171,9 +177,8 @@ class OpenTab:
         return _shown(self._client.content)
 
     @property
-    def figure(self) -> ui.plotly:
-        """The first figure."""
-        return next(element for element in self._client.elements.values() if isinstance(element, ui.plotly))
+    def figures(self) -> list[ui.plotly]:
+        return [element for element in self._client.elements.values() if isinstance(element, ui.plotly)]
 
     def close(self) -> None:
         self._client.delete()
@@ -235,9 +240,24 @@ class TestOpenTab:
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
     ) -> None:
         tab = tabs("time", views["at first"])
-        figure = tab.figure
+        figure = tab.figures[0]
         for name in ("work", "a step of the work", "a message", "an error that became known"):
             tab.follow(views[name])
-            assert tab.figure is figure, name
+            assert tab.figures[0] is figure, name
         tab.follow(views["another axis"])
-        assert tab.figure is not figure
+        assert tab.figures[0] is not figure
+
+    def test_every_curve_of_every_figure_has_a_name_of_its_own(
+        self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
+    ) -> None:
+        drawn = [
+            (shown.props["aria-label"], shown.figure["data"])
+            for name in ("at first", "a selection", "steps that were flown")
+            for tab in TABS
+            for shown in tabs(tab, views[name]).figures
+        ]
+        labels = {label for label, _ in drawn}
+        assert {"Flight over time", "Flight path", "Step response", "Selected samples over time"} <= labels
+        for label, curves in drawn:
+            names = [curve.get("name") for curve in curves]
+            assert names and all(names) and len(set(names)) == len(names), (label, names)

@@ -17,7 +17,8 @@ from quadctl.effects.ground_effect import Exponential, Hayden
 from quadctl.effects.motor_lag import FirstOrderLag
 from quadctl.errors import QuadctlError, SettingsError
 from quadctl.lab.comparison.comparison import Comparison, compare
-from quadctl.lab.fitting.fitter import Fitter, Optimum, fit_model
+from quadctl.lab.fitting.fitted_model import fit_model
+from quadctl.lab.fitting.fitter import Fitter, Optimum
 from quadctl.lab.flights.dataset import Dataset, load_dataset
 from quadctl.lab.flights.prediction import rmse
 from quadctl.lab.selection.diagnosis import Diagnosis, diagnose
@@ -26,7 +27,7 @@ from quadctl.lab.symbolic.effect_file import as_effect_file
 from quadctl.lab.symbolic.formula import Formula, Law, Symbolic
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
-from quadctl.web.elements.figure import Figure, to_csv
+from quadctl.web.elements.figure import Figure, figure, to_csv
 from quadctl.web.elements.theme import DARK, LIGHT
 from quadctl.web.figures.downsample import POINTS, downsampled
 from quadctl.web.figures.error_map import error_map
@@ -399,6 +400,11 @@ class TestFigures:
             rows = to_csv(drawn).splitlines()
             assert len(rows) > 10
             assert {len(row) for row in csv.reader(rows)} == {len(next(csv.reader(rows)))}
+
+    def test_a_curve_without_a_name_is_refused(self) -> None:
+        line = {"type": "scatter", "x": [0.0], "y": [0.0]}
+        with pytest.raises(ValueError, match="curve 1 of a figure has no name"):
+            figure([{**line, "name": "height"}, line], LIGHT, 200)
 
     def test_the_brushed_samples_stand_out_in_the_timeline(self, figures: list[Figure], compared: Comparison) -> None:
         (selected,) = [trace for trace in figures[0]["data"] if trace["name"] == "selected"]

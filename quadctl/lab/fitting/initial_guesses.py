@@ -7,7 +7,8 @@ import numpy as np
 
 from quadctl.effects import Effect
 from quadctl.lab.arrays import Floats
-from quadctl.lab.fitting.fitter import FittedModel, noise_scale
+from quadctl.lab.fitting.fitted_model import FittedModel
+from quadctl.lab.fitting.fitter import noise_scale
 from quadctl.lab.fitting.linearisation import Tangent
 from quadctl.lab.flights.dataset import AlignedDataset, Dataset
 from quadctl.model import Model

@@ -20,7 +20,8 @@ from quadctl.effects import Effect, every_effect
 from quadctl.errors import QuadctlError
 from quadctl.installed import locate, name_of
 from quadctl.lab.arrays import Floats
-from quadctl.lab.fitting.fitter import FittedModel, fit_model, noise_scale
+from quadctl.lab.fitting.fitted_model import FittedModel, fit_model
+from quadctl.lab.fitting.fitter import noise_scale
 from quadctl.lab.fitting.initial_guesses import Unmodelled
 from quadctl.lab.fitting.noise import CorrelatedNoise
 from quadctl.lab.fitting.parameters import free_parameters, values_of

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from quadctl.effects import Effect
 from quadctl.errors import SettingsError
-from quadctl.lab.fitting.fitter import FittedModel, fit_model
+from quadctl.lab.fitting.fitted_model import FittedModel, fit_model
 from quadctl.lab.fitting.initial_guesses import Unmodelled
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.selection.refit import Refit, refitted

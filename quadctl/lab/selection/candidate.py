@@ -6,7 +6,7 @@ from functools import cached_property
 
 from quadctl.effects import Effect
 from quadctl.lab.arrays import Floats
-from quadctl.lab.fitting.fitter import FittedModel, Solution
+from quadctl.lab.fitting.fitted_model import FittedModel, Solution
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.flights.prediction import GROUPS, concerns
 from quadctl.model import Model

@@ -13,7 +13,7 @@ from rich.text import Text
 from quadctl.effects import Effect, every_effect
 from quadctl.lab.comparison.noise_floor import flexible_residual
 from quadctl.lab.comparison.wording import parameters_in_words
-from quadctl.lab.fitting.fitter import FittedModel, fit_model
+from quadctl.lab.fitting.fitted_model import FittedModel, fit_model
 from quadctl.lab.fitting.significance import improvement_p_value
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.flights.flight import SPAN_UNITS

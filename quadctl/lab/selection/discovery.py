@@ -9,7 +9,7 @@ from rich.text import Text
 
 from quadctl.effects import Effect
 from quadctl.lab.comparison.comparison import Comparison, compare
-from quadctl.lab.fitting.fitter import fit_model
+from quadctl.lab.fitting.fitted_model import fit_model
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.results import Result, errors_table
 from quadctl.lab.selection.addition import Addition, add_to_fit

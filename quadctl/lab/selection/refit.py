@@ -15,7 +15,8 @@ from quadctl.errors import SettingsError
 from quadctl.lab.arrays import Floats
 from quadctl.lab.comparison.wording import parameters_in_words
 from quadctl.lab.fitting.bootstrap import drop_interval
-from quadctl.lab.fitting.fitter import FittedModel, Fitter, Optimum, fit_model
+from quadctl.lab.fitting.fitted_model import FittedModel, fit_model
+from quadctl.lab.fitting.fitter import Fitter, Optimum
 from quadctl.lab.fitting.parameters import free_parameters, intervals, undetermined
 from quadctl.lab.fitting.significance import improvement_p_value
 from quadctl.lab.flights.dataset import Dataset

@@ -7,7 +7,7 @@ from typing import Any
 
 from quadctl.effects import Effect
 from quadctl.errors import SettingsError
-from quadctl.lab.fitting.fitter import FittedModel, fit_model
+from quadctl.lab.fitting.fitted_model import FittedModel, fit_model
 from quadctl.lab.fitting.significance import improvement_p_value
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.selection.refit import Refit, refitted

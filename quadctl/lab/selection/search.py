@@ -14,7 +14,7 @@ from joblib import Parallel, delayed
 
 from quadctl.effects import Effect
 from quadctl.lab.arrays import Floats
-from quadctl.lab.fitting.fitter import FittedModel, fit_model
+from quadctl.lab.fitting.fitted_model import FittedModel, fit_model
 from quadctl.lab.fitting.initial_guesses import Unmodelled
 from quadctl.lab.fitting.significance import improvement_p_value
 from quadctl.lab.flights.dataset import Dataset

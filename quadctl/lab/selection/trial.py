@@ -4,7 +4,8 @@ import numpy as np
 
 from quadctl.effects import Effect
 from quadctl.lab.arrays import Floats
-from quadctl.lab.fitting.fitter import FittedModel, Fitter
+from quadctl.lab.fitting.fitted_model import FittedModel
+from quadctl.lab.fitting.fitter import Fitter
 from quadctl.lab.fitting.initial_guesses import Unmodelled, best_guesses
 from quadctl.lab.fitting.nuisances import AGE, BOUND
 from quadctl.lab.fitting.significance import improvement_p_value

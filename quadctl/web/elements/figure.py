@@ -18,7 +18,16 @@ UNWANTED_BUTTONS = ["toImage", "lasso2d", "autoScale2d", "zoomIn2d", "zoomOut2d"
 
 
 def figure(data: Sequence[Mapping[str, Any]], theme: Theme, height: int, **layout: Any) -> Figure:
-    """A figure in the house style, `height` pixels high and as wide as there is room."""
+    """A figure in the house style, `height` pixels high and as wide as there is room.
+
+    Raises
+    ------
+    ValueError
+        A curve has no name: the legend and the CSV file need one.
+    """
+    for number, trace in enumerate(data):
+        if not trace.get("name"):
+            raise ValueError(f"curve {number} of a figure has no name, expected one for the legend and the CSV file")
     base = {
         "height": height,
         "margin": {"l": 58, "r": 14, "t": 30, "b": 44},

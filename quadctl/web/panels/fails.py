@@ -11,19 +11,12 @@ from quadctl.lab.comparison.comparison import Comparison
 from quadctl.lab.comparison.failures import Failure, Profile, is_telling, most_telling
 from quadctl.lab.comparison.wording import failure_in_words
 from quadctl.lab.flights.flight import Flight
-from quadctl.logs.flight_log import FlightLog
-from quadctl.model import Model
 from quadctl.web.elements.html import empty, heading, loading, plot, tag
 from quadctl.web.elements.theme import Theme
 from quadctl.web.figures.error_map import error_map
-from quadctl.web.figures.path import path_figure
 from quadctl.web.figures.profile import profile_figure
-from quadctl.web.figures.timeline import full_timeline
-from quadctl.web.panels.over_time import draw_brush_note, draw_flight_choice, selected
+from quadctl.web.panels.chosen_flight import ChosenFlightPanel, selected
 from quadctl.web.panels.panel import Controls, Panel, Tab
-from quadctl.web.panels.view import Brush
-from quadctl.web.panels.zoomed import zoomed_plot
-from quadctl.web.work.predictions import predictions
 
 _SCROLL = "document.querySelector('#selected').scrollIntoView()"
 SHOWN_SENTENCES, SHOWN_PROFILES = 4, 6
@@ -77,17 +70,10 @@ def _draw_sentence(do: Controls, failure: Failure) -> None:
 
 
 @dataclass(frozen=True)
-class Selected(Panel):
+class Selected(ChosenFlightPanel):
     """The map of the residual, and the selected samples: on the path of the flight and in time."""
 
     comparison: Comparison | None
-    flight: Flight | None
-    flight_names: tuple[str, ...]
-    log: FlightLog | None
-    models: dict[str, Model]
-    axis: str
-    brush: Brush
-    theme: Theme
 
     def draw(self, do: Controls) -> None:
         if self.comparison is None:
@@ -106,21 +92,19 @@ class Selected(Panel):
                 with tag("section", "card"):
                     with tag("div", "line wrap"):
                         tag("h2", "title grow", "On the flight path")
-                        draw_flight_choice(do, flight, self.flight_names)
-                    plot(path_figure(flight, brushed, self.theme), f"{flight.name}_path", "Flight path")
+                        self.draw_flight_choice(do, flight)
+                    self.draw_path(flight, brushed)
         if flight is not None and brushed is not None:
             self._draw_in_time(do, flight, brushed)
 
     def _draw_in_time(self, do: Controls, flight: Flight, brushed: Mask) -> None:
         with tag("div", "card brush-bar"):
-            draw_brush_note(do, self.brush, brushed)
+            self.draw_brush_note(do, brushed)
             show = ui.button("Show", icon="south", on_click=lambda: ui.run_javascript(_SCROLL))
             show.props('no-caps unelevated dense aria-label="Show the selected samples"')
         with tag("section", "card"):
             heading("In time")
-            predicted = predictions(self.models, flight)
-            timeline = full_timeline(flight, self.log, predicted, self.axis, self.theme, brushed)
-            zoomed_plot(timeline, self.theme, f"{flight.name}_selected", "Selected samples over time")
+            self.draw_timeline(flight, brushed, f"{flight.name}_selected", "Selected samples over time")
 
 
 def _two_strongest(profiles: list[Profile]) -> tuple[str, tuple[str, str]] | None:

@@ -9,7 +9,7 @@ from pathlib import Path
 from quadctl.effects import catalog_with, choose_effect, find_effect
 from quadctl.errors import QuadctlError
 from quadctl.lab.comparison.comparison import Comparison, compare
-from quadctl.lab.fitting.fitter import FittedModel, Solution, fit_model
+from quadctl.lab.fitting.fitted_model import FittedModel, Solution, fit_model
 from quadctl.lab.flights.dataset import Dataset, HoldOut
 from quadctl.lab.interface import prepare_flights
 from quadctl.lab.planning.suggestion import Suggestion, suggest

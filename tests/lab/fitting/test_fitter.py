@@ -18,7 +18,8 @@ from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.effects.thrust_tilt import FixedTilt
 from quadctl.effects.wind import SteadyWind
 from quadctl.lab.fitting.arrowhead import Arrow
-from quadctl.lab.fitting.fitter import Fitter, fit_model, noise_scale
+from quadctl.lab.fitting.fitted_model import fit_model
+from quadctl.lab.fitting.fitter import Fitter, noise_scale
 from quadctl.lab.fitting.initial_guesses import Unmodelled, best_guesses
 from quadctl.lab.fitting.linearisation import Tangent
 from quadctl.lab.fitting.normal_equations import axis_weights

@@ -8,7 +8,7 @@ import pytest
 
 from quadctl.effects.motor_lag import FirstOrderLag
 from quadctl.errors import LogError
-from quadctl.lab.fitting.fitter import fit_model
+from quadctl.lab.fitting.fitted_model import fit_model
 from quadctl.lab.fitting.initial_guesses import Unmodelled
 from quadctl.lab.flights.dataset import load_dataset
 from quadctl.lab.flights.prediction import rmse

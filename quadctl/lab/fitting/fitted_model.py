@@ -1,0 +1,123 @@
+"""The value that a fit returns: a model fitted to flights, with its intervals and its held-out error."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+from quadctl.lab.arrays import Floats
+from quadctl.lab.fitting.fitter import Fitter, Optimum
+from quadctl.lab.fitting.parameters import Free, intervals, is_at_bound, remarks, undetermined, values_of
+from quadctl.lab.flights.dataset import Dataset
+from quadctl.lab.flights.flight import Flight
+from quadctl.lab.flights.prediction import rmse
+from quadctl.model import Model
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """Result of a fit without its flights: small enough to be kept for many fits, and to be sent to another process."""
+
+    start: Model
+    """Model that the fit started from, for whose lag the flights were aligned."""
+    optimum: Optimum
+    held_out_residual: Floats
+    """Held-out residual, shape (n, 3 * groups)."""
+
+    def on(self, dataset: Dataset) -> "FittedModel":
+        """The fitted model on the flights that it was fitted to."""
+        return FittedModel(Fitter(self.start, dataset), self.optimum, self.held_out_residual)
+
+
+@dataclass(frozen=True, eq=False)
+class FittedModel:
+    """Model fitted to flights: the value that adding, removing, searching and evaluating take and return.
+
+    The bootstrap draws are computed at the first access, and kept.
+    """
+
+    fitter: Fitter
+    optimum: Optimum
+    held_out_residual: Floats
+    """Held-out residual, shape (n, 3 * groups): targets minus predictions of refits that have not seen the sample."""
+
+    @property
+    def model(self) -> Model:
+        """The model with its fitted parameters."""
+        return self.optimum.model
+
+    @property
+    def dataset(self) -> Dataset:
+        """Prepared flights, not yet aligned for a model."""
+        return self.fitter.dataset.source
+
+    @property
+    def solution(self) -> Solution:
+        """The fit without its flights."""
+        return Solution(self.fitter.model, self.optimum, self.held_out_residual)
+
+    @property
+    def free(self) -> list[Free]:
+        """The fitted parameters, in the order of `draws`."""
+        return self.fitter.free
+
+    @property
+    def flights(self) -> tuple[Flight, ...]:
+        """Flights as aligned for the fit."""
+        return self.fitter.dataset.flights
+
+    @property
+    def predicted(self) -> Floats:
+        """Prediction of every sample's targets, the flights' nuisances included, shape (n, 3 * groups)."""
+        return self.optimum.predicted(self.fitter.dataset)
+
+    @cached_property
+    def held_out_rmse(self) -> dict[str, float]:
+        """Held-out RMSE per axis and group (see `rmse`)."""
+        return rmse(self.held_out_residual, self.dataset.groups)
+
+    @cached_property
+    def draws(self) -> Floats:
+        """Bootstrap draws of the fitted parameters, shape (draws, p)."""
+        return self.fitter.bootstrap(self.optimum)
+
+    @cached_property
+    def intervals(self) -> list[tuple[float, float]]:
+        """95 % interval of each fitted parameter."""
+        return intervals(self.free, self.draws)
+
+    def relabelled(self, model: Model) -> "FittedModel":
+        """The same fit as that of `model`, which differs in its name and files only."""
+        start, found = (replace(model, stack=m.stack) for m in (self.fitter.model, self.model))
+        return Solution(start, replace(self.optimum, model=found), self.held_out_residual).on(self.dataset)
+
+    def refined(self) -> "FittedModel":
+        """Continue the fit: where the minimum is flat, a fit stops a little before it (see `CONVERGED`)."""
+        return fit_model(self.model, self.dataset)
+
+    def ci95(self, effect: int) -> dict[str, tuple[float, float]]:
+        """95 % intervals of the fitted parameters of one effect of the stack, by their names."""
+        return {f.parameter.name: ci for f, ci in zip(self.free, self.intervals, strict=True) if f.effect == effect}
+
+    def remarks(self, effect: int | None = None) -> list[str]:
+        """Remarks on the fitted parameters (see `parameters.remarks`); only those of one effect where `effect` is
+        given."""
+        own = [(f, ci) for f, ci in zip(self.free, self.intervals, strict=True) if effect in (None, f.effect)]
+        free = [f for f, _ in own]
+        return remarks(free, values_of(self.model, free), [ci for _, ci in own])
+
+    def at_bound(self, effect: int) -> bool:
+        """Tell whether a parameter of one effect of the stack ran into a bound."""
+        free = [f for f in self.free if f.effect == effect]
+        return any(is_at_bound(f, value) for f, value in zip(free, values_of(self.model, free), strict=True))
+
+    def determined(self, effect: int) -> bool:
+        """Tell whether the data determine at least one parameter of one effect of the stack, or it has none."""
+        own = [(f, ci) for f, ci in zip(self.free, self.intervals, strict=True) if f.effect == effect]
+        return not own or len(undetermined([f for f, _ in own], [ci for _, ci in own])) < len(own)
+
+
+def fit_model(model: Model, dataset: Dataset) -> FittedModel:
+    """Fit the parameters of `model`, starting from their present values, and the nuisances of the flights of
+    `dataset`."""
+    fitter = Fitter(model, dataset)
+    optimum = fitter.fit()
+    return FittedModel(fitter, optimum, dataset.targets - fitter.held_out(optimum))
