@@ -30,6 +30,7 @@ from quadctl.lab.threads import one_blas_thread
 from quadctl.model import Model
 
 BOOTSTRAPS = 1000
+BOOTSTRAP_SEED = 0
 MAX_STEPS = 40
 MAX_HALVINGS = 6
 MAX_STEP = 0.3
@@ -155,7 +156,7 @@ class Fitter:
         return left
 
     @one_blas_thread
-    def bootstrap(self, fitted: Optimum, seed: int = 0) -> Floats:
+    def bootstrap(self, fitted: Optimum, seed: int = BOOTSTRAP_SEED) -> Floats:
         """Draw the free parameters from `BOOTSTRAPS` refits on resampled blocks of time, shape (draws, p), within their
         bounds.
 

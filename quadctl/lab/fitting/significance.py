@@ -13,7 +13,7 @@ from quadctl.lab.flights.dataset import Dataset
 NO_CHANGE = 1e-3
 """Least change of the prediction relative to the residual that is tested; a smaller change comes from the convergence
 of the fit."""
-LEAST_BATCHES = 8
+LEAST_BATCHES = 16
 """Least number of batches from which a variance is estimated."""
 
 

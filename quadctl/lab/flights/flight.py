@@ -64,6 +64,13 @@ class Timing:
     velocity: Estimate
     """Lag of the velocity behind the position."""
 
+    def to_dict(self) -> dict[str, list[float]]:
+        """Value and 95 % interval of each time, s."""
+        return {
+            name: [estimate.value, *estimate.ci95]
+            for name, estimate in (("rotor_s", self.rotor), ("velocity_s", self.velocity))
+        }
+
 
 UNKNOWN_TIMING = Timing(Estimate(0.0, math.inf), Estimate(0.0, math.inf))
 
@@ -107,6 +114,8 @@ class Flight:
     """Filtered kinematic acceleration by the accelerometer, north, east, up, m/s^2, shape (n, 3); None without one."""
     velocity_lag_s: float = 0.0
     """Lag of the logged velocity behind the position, s, which has been taken out."""
+    sha256: str = ""
+    """Hash of the log file; empty for a log without a file."""
     timing: Timing = UNKNOWN_TIMING
     """Timing of the vehicle's channels, from all flights that were prepared together."""
     notes: list[str] = field(default_factory=list)

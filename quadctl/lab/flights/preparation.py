@@ -5,8 +5,10 @@ only and interpolated linearly. The measured and the predicted acceleration go t
 bandwidth of that filter is limited by the slowest channel, and is stated with every result.
 """
 
+import hashlib
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.sparse import csr_matrix
@@ -85,10 +87,17 @@ def prepare(log: FlightLog, vehicle: Vehicle) -> Flight:
         seconds = sum(b - a for a, b in segments)
         raise LogError(f"{log.name}: holds {seconds:.0f} s of usable flight, expected at least {MIN_FLIGHT_S:.0f} s")
     flight = _assemble(log.name, vehicle, signals, grid, smooth, derivative, time, bandwidth, notes)
-    (flight,) = timed([flight], Model(vehicle))
+    (flight,) = timed([replace(flight, sha256=_sha256(log))], Model(vehicle))
     thrust = np.column_stack([flight.filtered(nominal) for nominal in flight.nominal_n])
     _refuse(log.name, motion_problem(flight.measured, thrust, flight.torque, vehicle))
     return flight
+
+
+def _sha256(log: FlightLog) -> str:
+    if log.path is None or not log.path.is_file():
+        return ""
+    with log.path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _refuse(name: str, problem: str | None) -> None:

@@ -34,6 +34,12 @@ UNSEEN_STD_S = 10.0
 ITERATIONS = 10
 MAX_STEP_S = 0.04
 """Largest change of an estimate in one iteration: the estimates are linear in a delay for small delays only."""
+STARTS_S = (-0.05, 0.0, 0.05, 0.1, 0.15, 0.2, 0.25)
+CLEARLY = 0.8
+"""A delay far from 0 is where the search begins if the squared error there is less than this share of that at 0."""
+LEAST_SHARE = 0.1
+"""Least coefficient of the thrust in the vertical acceleration; with less, the thrust does not move the vehicle, and
+nothing is known of its time."""
 PROBE_S = 0.005
 """Step of the finite difference of the prediction over the delay."""
 
@@ -120,21 +126,32 @@ def _rotor_delay(flight: Flight, lag: Model) -> Estimate:
     c = flight.conditions
     up = _quick(flight, flight.measured[:, 2:3])
     beside = [_quick(flight, flight.filtered(signal)[:, None]) for signal in (flight.velocity_up, c.height_m)]
-    found = Estimate(0.0, UNSEEN_STD_S)
+
+    def predicted(delay_s: float) -> Floats:
+        return _quick(flight, predict(lag, flight.with_rotor_delay(delay_s))[:, 2:3])
+
+    left = {start: _left(up, [predicted(start), *beside]) for start in STARTS_S}
+    best = min(left, key=left.__getitem__)
+    delay_s, std = (best if left[best] < CLEARLY * left[0.0] else 0.0), UNSEEN_STD_S
     for _ in range(ITERATIONS):
-        here, before, after = (
-            predict(lag, flight.with_rotor_delay(found.value + step))[:, 2:3] for step in (0.0, -PROBE_S, PROBE_S)
-        )
-        predicted, slope = _quick(flight, here), _quick(flight, (after - before) / (2.0 * PROBE_S))
-        step, std = _regression(flight, up, [slope, predicted, *beside])
-        share, _ = _regression(flight, up, [predicted, slope, *beside])
-        if not share > 0.1:  # the thrust does not move the vehicle: nothing is known of its time
+        here = predicted(delay_s)
+        slope = (predicted(delay_s + PROBE_S) - predicted(delay_s - PROBE_S)) / (2.0 * PROBE_S)
+        share, _ = _regression(flight, up, [here, slope, *beside])
+        step, std = _regression(flight, up, [slope, here, *beside])
+        if not share > LEAST_SHARE:
             return Estimate(0.0, UNSEEN_STD_S)
         step, std = step / share, std / share
-        found = Estimate(float(np.clip(found.value + np.clip(step, -MAX_STEP_S, MAX_STEP_S), *ROTOR_RANGE_S)), std)
+        delay_s = float(np.clip(delay_s + np.clip(step, -MAX_STEP_S, MAX_STEP_S), *ROTOR_RANGE_S))
         if abs(step) < 0.1 * LEAST_STD_S:
             break
-    return found
+    return Estimate(delay_s, std)
+
+
+def _left(target: Floats, columns: Sequence[Floats]) -> float:
+    """Sum of squares that a linear regression of `target` on `columns` leaves."""
+    x = np.column_stack(columns)
+    left = target[:, 0] - x @ np.linalg.lstsq(x, target[:, 0], rcond=None)[0]
+    return float(left @ left)
 
 
 def _regression(flight: Flight, target: Floats, columns: Sequence[Floats]) -> tuple[float, float]:

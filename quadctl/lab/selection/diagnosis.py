@@ -10,18 +10,20 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
+from quadctl import __version__
 from quadctl.effects import Effect, every_effect
 from quadctl.lab.comparison.noise_floor import flexible_residual
 from quadctl.lab.comparison.wording import parameters_in_words
 from quadctl.lab.fitting.fitted_model import FittedModel, fit_model
+from quadctl.lab.fitting.fitter import BOOTSTRAP_SEED
 from quadctl.lab.fitting.significance import improvement_p_value
 from quadctl.lab.flights.dataset import Dataset
-from quadctl.lab.flights.flight import SPAN_UNITS
+from quadctl.lab.flights.flight import SPAN_UNITS, UNKNOWN_TIMING, Timing
 from quadctl.lab.results import Result
 from quadctl.lab.selection.candidate import Candidate
 from quadctl.lab.selection.rule import is_large, is_measured, is_mostly_left, is_supported, is_unexplained, score
 from quadctl.lab.selection.search import Path, SelectionStep, emptied, search
-from quadctl.lab.selection.wording import candidate_to_dict
+from quadctl.lab.selection.wording import candidate_to_dict, measured_to_dict
 from quadctl.lab.symbolic.formula import Symbolic
 from quadctl.lab.symbolic.identification import explain
 from quadctl.lab.threads import one_blas_thread
@@ -71,7 +73,28 @@ class Diagnosis(Result):
             "ladder": [{"family": s.family, "effect": s.effect, "rmse": s.rmse} for s in self.steps],
             "unexplained": self.unexplained,
             "untried": self.untried,
+            "measured": [measured_to_dict(candidate) for candidate in self.measured],
+            "timing": self.timing.to_dict(),
+            "provenance": {
+                "version": __version__,
+                "logs": {flight.name: flight.sha256 for flight in self.dataset.flights},
+                "seed": BOOTSTRAP_SEED,
+            },
         }
+
+    @property
+    def measured(self) -> list[Candidate]:
+        """Candidates that the data show, but that are too small to be called missing; the best of each family."""
+        found: dict[str, Candidate] = {}
+        for c in sorted(self.ranking, key=lambda c: c.p_value):
+            if c.family not in self.missing and is_measured(c) and not is_supported(c):
+                found.setdefault(c.family, c)
+        return list(found.values())
+
+    @property
+    def timing(self) -> Timing:
+        """Timing of the channels of these flights; unknown where the diagnosis was read from a session."""
+        return self.dataset.flights[0].timing if self.dataset.flights else UNKNOWN_TIMING
 
     def __rich__(self) -> RenderableType:
         title = "Candidate effects: the missing ones first, in the order of adding"
@@ -111,6 +134,10 @@ class Diagnosis(Result):
                 lines.append(
                     "Part of the remaining error depends on the logged variables, but these effects do not explain it."
                 )
+        lines += [
+            f"Measured, but small in these flights: {c.effect.name}, {parameters_in_words(c.effect, c.ci95)}."
+            for c in self.measured
+        ]
         lines += [f"These data do not distinguish {' and '.join(pair)}." for pair in self.confounded]
         lines += [f"Not tried: {reason}." for reason in self.untried]
         if self.suggested_mission:

@@ -5,6 +5,9 @@ from typing import Any
 from quadctl.lab.selection.candidate import Candidate
 from quadctl.lab.selection.rule import is_plausible, is_significant, is_supported
 
+UNITS = {"total": "m/s^2", "turning": "N m", "sensing": "m/s^2"}
+"""Unit of the error of each measured group."""
+
 
 def candidate_in_words(c: Candidate) -> str:
     """Sentences on a candidate: the physics of its effect, its held-out improvement, and remarks on its parameters."""
@@ -31,7 +34,18 @@ def candidate_to_dict(c: Candidate) -> dict[str, Any]:
         "ci95": {name: list(ci) for name, ci in c.ci95.items()},
         "rmse_before": c.before[c.measure],
         "rmse_after": c.after[c.measure],
+        "unit": UNITS[c.measure],
         "held_out_drop": c.held_out_drop,
         "p_value": c.p_value,
         "text": candidate_in_words(c),
+    }
+
+
+def measured_to_dict(c: Candidate) -> dict[str, Any]:
+    """An entry of `measured` in the JSON of a diagnosis."""
+    return {
+        "family": c.family,
+        "effect": c.effect.name,
+        "parameters": c.effect.values(),
+        "ci95": {name: list(ci) for name, ci in c.ci95.items()},
     }
