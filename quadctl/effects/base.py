@@ -178,6 +178,11 @@ class Effect:
         """True where these flights can tell it, with the parameters fitted to them, from effects that look alike."""
         return True
 
+    def implied_by(self, others: "Sequence[Effect]", flights: Sequence[Conditions], vehicle: Vehicle) -> bool:
+        """True where `others`, the other effects of the model, imply this one at about this size, or leave a constant
+        open that it stands for: then it is no discovery of its own."""
+        return False
+
     def mismatch(self, vehicle: Vehicle) -> str:
         """Reason why these parameters cannot be those of `vehicle`; empty where they can."""
         return ""

@@ -33,7 +33,7 @@ from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.effects.thrust_tilt import FixedTilt
 from quadctl.effects.translational_lift import HorizontalLift
 from quadctl.effects.user import effects_of, installed, load_installed
-from quadctl.effects.wind import SteadyWind
+from quadctl.effects.wind import QuadraticWind, SteadyWind
 from quadctl.errors import SettingsError
 from quadctl.settings import nearest
 
@@ -59,6 +59,7 @@ CATALOG: dict[str, type[Effect]] = {
         FixedTilt,
         HangingTether,
         SteadyWind,
+        QuadraticWind,
         HorizontalLift,
         MassStep,
         LinearSag,

@@ -2,13 +2,18 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
-from quadctl.effects.base import Conditions, Effect, parameter
+import numpy as np
+
+from quadctl.effects.base import Conditions, Effect, ThrustRatio, parameter
 from quadctl.frames import euler_from_quaternion
 from quadctl.numeric import Number, Vector, exp, maximum
 from quadctl.vehicle import Vehicle
+
+MOST_OF_IMPLIED = 2.0
+"""Largest moment, over that which a ground effect on each rotor at its own height gives, that counts as part of it."""
 
 
 @dataclass(frozen=True)
@@ -29,6 +34,30 @@ class Levelling(Effect):
     def negligible(self) -> bool:
         """True where the moment is tiny with the rotor plane one radius above the ground."""
         return self.stiffness * math.exp(-1.0 / self.reach) < 0.2
+
+    def implied_by(self, others: Sequence[Effect], flights: Sequence[Conditions], vehicle: Vehicle) -> bool:
+        """True where a ground effect of the model, on each rotor at its own height, gives at least half of this moment.
+
+        The lower rotors of a tilted vehicle gain -K'(z) y phi of their thrust, y being their arm: a stiffness of
+        -K'(z) times the mean square of the arms, per thrust.
+        """
+        ground = [e for e in others if e.family() == "ground_effect" and isinstance(e, ThrustRatio)]
+        if not ground:
+            return False
+        radius = vehicle.rotor.radius_m
+        arms = [max(rotor.position_m[0] ** 2, rotor.position_m[1] ** 2) for rotor in vehicle.rotors]
+        mean_square_m2 = sum(arms) / len(arms)
+        own, implied = [], []
+        for c in flights:
+            height = np.maximum(c.height_m, 0.1 * radius)
+            step = 0.02 * radius
+            above, below = (
+                sum(e.ratio(replace(c, height_m=height + dz), vehicle) - 1.0 for e in ground) for dz in (step, -step)
+            )
+            implied.append(-(above - below) / (2.0 * step) * mean_square_m2)
+            own.append(self.stiffness * radius * np.exp(-height / (self.reach * radius)))
+        expected = np.concatenate(implied)
+        return bool(np.concatenate(own) @ expected < MOST_OF_IMPLIED * (expected @ expected))
 
     def torque(self, thrust_n: Sequence[Number], c: Conditions, vehicle: Vehicle) -> Vector:
         radius = vehicle.rotor.radius_m

@@ -1,7 +1,10 @@
 """Tether: a cable hangs below the vehicle, and the higher it flies the more of it must be carried."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
+
+import numpy as np
 
 from quadctl.effects.base import Conditions, Effect, parameter
 from quadctl.frames import rotate_inverse
@@ -22,6 +25,13 @@ class HangingTether(Effect):
 
     weight_n_per_m: float = parameter(0.2, 0.0, 20.0, "N/m", "weight of the cable per length")
     slack_m: float = parameter(0.0, 0.0, 50.0, "m", "height below which it carries itself", fitted=False)
+
+    @classmethod
+    def starts(cls, flights: Sequence[Conditions], vehicle: Vehicle) -> Sequence[Effect]:
+        """A cable that hangs from the ground on, or that pulls from one of the heights flown on."""
+        heights = np.concatenate([np.atleast_1d(c.height_m) for c in flights])
+        lowest, *between = np.quantile(heights, (0.05, 0.3, 0.55, 0.8))
+        return [cls(), *(cls(slack_m=float(height)) for height in between if height - lowest > 0.0 and height < 50.0)]
 
     def force(self, total_thrust_n: float, c: Conditions, vehicle: Vehicle) -> Vector:
         lifted = maximum(c.height_m - self.slack_m, 0.0)

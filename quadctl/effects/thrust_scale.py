@@ -1,11 +1,16 @@
 """Thrust coefficient or mass wrong by a factor."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-from quadctl.effects.base import Conditions, ThrustRatio, parameter
+from quadctl.effects.base import Conditions, Effect, ThrustRatio, parameter
 from quadctl.numeric import Number
 from quadctl.vehicle import Vehicle
+
+REFERENCE_ERROR = 0.05
+"""Relative error of the thrust by the unknown voltage at which a coefficient was measured: 4.2 V per cell when full,
+4.0 V in flight."""
 
 
 @dataclass(frozen=True)
@@ -26,6 +31,11 @@ class ConstantScale(ThrustRatio):
 
     def negligible(self) -> bool:
         return abs(self.factor - 1.0) < 0.015
+
+    def implied_by(self, others: Sequence[Effect], flights: Sequence[Conditions], vehicle: Vehicle) -> bool:
+        """True beside a battery sag, whose reference voltage is known to a few percent only."""
+        sagging = any(effect.family() == "battery_sag" for effect in others)
+        return sagging and abs(self.factor - 1.0) < REFERENCE_ERROR
 
     def ratio(self, c: Conditions, vehicle: Vehicle) -> Number:
         return self.factor

@@ -8,6 +8,9 @@ from quadctl.effects.base import Conditions, Effect, parameter
 from quadctl.numeric import Number, Vector
 from quadctl.vehicle import Vehicle
 
+LEAST_DEG = 0.8
+"""Smaller trims have all vehicles, and they change between flights."""
+
 
 @dataclass(frozen=True)
 class FixedTilt(Effect):
@@ -27,7 +30,7 @@ class FixedTilt(Effect):
     pitch_deg: float = parameter(0.0, -4.0, 4.0, "deg", "thrust leans backward")
 
     def negligible(self) -> bool:
-        return math.hypot(self.roll_deg, self.pitch_deg) < 0.3
+        return math.hypot(self.roll_deg, self.pitch_deg) < LEAST_DEG
 
     def force(self, total_thrust_n: Number, c: Conditions, vehicle: Vehicle) -> Vector:
         roll, pitch = math.radians(self.roll_deg), math.radians(self.pitch_deg)

@@ -9,28 +9,26 @@ import numpy as np
 
 from quadctl.effects.base import Conditions, Effect, parameter
 from quadctl.frames import euler_from_quaternion
-from quadctl.numeric import Number, Vector
+from quadctl.numeric import Number, Vector, sqrt
 from quadctl.vehicle import Vehicle
 
 LEAST_M_S = 0.3
 """Slower air than this moves in any hall."""
+LEAST_PUSH_M_S2 = 0.05
+"""Least acceleration by a wind: a floor that slopes by 0.3 degrees in the frame of the log gives as much."""
 TURNED_DEG = 60.0
 """Difference of headings that tells a wind from a tilted thrust."""
 TILT_M_S2 = 0.4
 """Largest acceleration taken for that of a tilted thrust: a tilt of 2.3 degrees."""
 
 
-@dataclass(frozen=True)
-class SteadyWind(Effect):
-    """A horizontal wind of constant velocity.
+class _Wind(Effect):
+    """A horizontal wind of constant velocity, with a drag of its own where the model holds none.
 
     The effects of the air that the model holds (drag, inflow, translational lift) feel the velocity relative to the
-    air. Where the model holds no drag, the wind brings one, F = -m drag (u, v, w) in body axes, by which alone it is
-    felt in hover.
+    air. In hover a wind is felt by its drag alone.
     """
 
-    name: ClassVar[str] = "wind.steady"
-    source: ClassVar[str] = "Galilean relativity; drag as in Faessler et al. 2018, eq. 2-3"
     depends_on: ClassVar[tuple[str, ...]] = ()
     physics: ClassVar[str] = (
         "A steady wind: the moving air drags on the vehicle, a push with its own direction over ground."
@@ -40,32 +38,81 @@ class SteadyWind(Effect):
     stands_back_for: ClassVar[tuple[str, ...]] = ("rotor_drag", "body_drag")
     not_for_flight: ClassVar[str] = "the wind of another day is not that of today"
 
-    north_m_s: float = parameter(0.5, -25.0, 25.0, "m/s", "velocity of the air toward north")
-    east_m_s: float = parameter(0.5, -25.0, 25.0, "m/s", "velocity of the air toward east")
-    drag: float = parameter(0.3, 0.0, 3.0, "1/s", "deceleration per airspeed, where the model holds no drag")
+    north_m_s: float
+    east_m_s: float
+
+    @property
+    def speed_m_s(self) -> float:
+        return math.hypot(self.north_m_s, self.east_m_s)
 
     @classmethod
     def starts(cls, flights: Sequence[Conditions], vehicle: Vehicle) -> Sequence[Effect]:
         """Initial guesses from four directions: at zero wind the drag has no gradient."""
-        return [cls(north, east) for north, east in ((1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0))]
+        return [cls(north, east) for north, east in ((1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0))]  # type: ignore[call-arg]
+
+    def push_m_s2(self, vehicle: Vehicle) -> float:
+        """Acceleration of a vehicle in hover by the drag of the wind."""
+        x, y, _ = self.force(0.0, Conditions(1.0, (self.speed_m_s, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)), vehicle)
+        return math.hypot(x, y) / vehicle.mass_kg
 
     def negligible(self) -> bool:
-        return math.hypot(self.north_m_s, self.east_m_s) < LEAST_M_S
+        return self.speed_m_s < LEAST_M_S
+
+    def believable(self, flights: Sequence[Conditions], vehicle: Vehicle) -> bool:
+        """True for a push that is more than that of an uneven floor; beside a drag of the model the wind has none of
+        its own."""
+        push = self.push_m_s2(vehicle)
+        return push == 0.0 or push > LEAST_PUSH_M_S2
 
     def distinct(self, flights: Sequence[Conditions], vehicle: Vehicle) -> bool:
         """True with different headings, or with a push larger than a tilted thrust would give."""
         headings = [np.degrees(np.unwrap(euler_from_quaternion(c.attitude)[2])) for c in flights]
         turned = max(float(h.max()) for h in headings) - min(float(h.min()) for h in headings) > TURNED_DEG
-        return turned or self.drag * math.hypot(self.north_m_s, self.east_m_s) > TILT_M_S2
-
-    def standing_back(self) -> Self:
-        """The same wind without its own drag, beside an effect that models the drag."""
-        return replace(self, drag=0.0)
+        return turned or self.push_m_s2(vehicle) > TILT_M_S2
 
     def wind_ned_m_s(self, c: Conditions) -> Vector:
         return self.north_m_s, self.east_m_s, 0.0
 
+
+@dataclass(frozen=True)
+class SteadyWind(_Wind):
+    """A steady wind with a drag that is linear in the airspeed: F = -m (drag u, drag v, drag_z w) in body axes."""
+
+    name: ClassVar[str] = "wind.steady"
+    source: ClassVar[str] = "Galilean relativity; drag as in Faessler et al. 2018, eq. 2-3"
+
+    north_m_s: float = parameter(0.5, -25.0, 25.0, "m/s", "velocity of the air toward north")
+    east_m_s: float = parameter(0.5, -25.0, 25.0, "m/s", "velocity of the air toward east")
+    drag: float = parameter(0.3, 0.0, 3.0, "1/s", "deceleration per airspeed, where the model holds no drag")
+    drag_z: float = parameter(0.0, 0.0, 3.0, "1/s", "the same along body z")
+
+    def standing_back(self) -> Self:
+        """The same wind without its own drag, beside an effect that models the drag."""
+        return replace(self, drag=0.0, drag_z=0.0)
+
     def force(self, total_thrust_n: Number, c: Conditions, vehicle: Vehicle) -> Vector:
         u, v, w = c.velocity_body_m_s
-        push = -vehicle.mass_kg * self.drag
-        return push * u, push * v, push * w
+        m = vehicle.mass_kg
+        return -m * self.drag * u, -m * self.drag * v, -m * self.drag_z * w
+
+
+@dataclass(frozen=True)
+class QuadraticWind(_Wind):
+    """A steady wind with a drag that is quadratic in the airspeed: F = -1/2 rho |v| (area u, area v, area_z w)."""
+
+    name: ClassVar[str] = "wind.quadratic"
+    source: ClassVar[str] = "Galilean relativity; definition of the drag coefficient"
+
+    north_m_s: float = parameter(0.5, -25.0, 25.0, "m/s", "velocity of the air toward north")
+    east_m_s: float = parameter(0.5, -25.0, 25.0, "m/s", "velocity of the air toward east")
+    area_m2: float = parameter(0.02, 0.0, 1.0, "m^2", "drag area seen from any side, where the model holds no drag")
+    area_z_m2: float = parameter(0.0, 0.0, 1.0, "m^2", "drag area seen from above")
+
+    def standing_back(self) -> Self:
+        """The same wind without its own drag, beside an effect that models the drag."""
+        return replace(self, area_m2=0.0, area_z_m2=0.0)
+
+    def force(self, total_thrust_n: Number, c: Conditions, vehicle: Vehicle) -> Vector:
+        u, v, w = c.velocity_body_m_s
+        half = -0.5 * vehicle.air_density_kg_m3 * sqrt(u * u + v * v + w * w)
+        return half * self.area_m2 * u, half * self.area_m2 * v, half * self.area_z_m2 * w

@@ -170,8 +170,11 @@ def test_a_wind_pushes_the_same_way_whatever_the_heading(
     assert push == pytest.approx((0.3 * north, 0.3 * east, 0.0), abs=1e-9)  # 1.5 * 0.2 per m/s
 
 
-def test_the_drag_of_a_wind_leaves_the_climb_to_the_inflow(raptor: Vehicle) -> None:
-    assert SteadyWind(1.0, 0.0, drag=0.3).force(14.7, at((0.0, 0.0, -4.0)), raptor) == pytest.approx((0.0, 0.0, 0.0))
+def test_the_drag_of_a_wind_acts_along_all_axes_of_the_body(raptor: Vehicle) -> None:
+    """A vehicle that leans into the wind feels some of it from above: m d w = 1.5 kg 0.3 1/s 4 m/s."""
+    assert SteadyWind(1.0, 0.0, drag=0.3, drag_z=0.3).force(14.7, at((0.0, 0.0, -4.0)), raptor) == pytest.approx(
+        (0.0, 0.0, 1.8)
+    )
 
 
 @pytest.mark.parametrize("drag", [LinearDrag(0.4, 0.4), QuadraticDrag(0.02, 0.02, 0.02)])

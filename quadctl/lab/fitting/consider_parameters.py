@@ -24,13 +24,16 @@ GROUND_SLOPE = math.tan(math.radians(0.5))
 FORM = 0.1
 """Standard deviation of the error of an effect's form, constant over the flight, relative to the root mean square of
 the effect; published forms of the ground effect differ by as much or more."""
+AIRSPEED = 0.05
+"""Standard deviation of the relative error of the airspeed, constant over a campaign: drafts, gusts and the errors of
+the velocity estimate weaken the relation between drag and the logged velocity (errors in variables)."""
 UP = AXES.index("up")
 
 
 def consider_jacobian(model: Model, flight: Flight, groups: Sequence[str], predicted: Floats) -> Floats:
     """Change of the prediction by one standard deviation of each considered error, shape (n, axes, errors)."""
     found = [predict_targets(model, disturbed, groups) - predicted for disturbed in _disturbed_flights(flight)]
-    found += _form_errors(model, flight, predicted)
+    found += [*_form_errors(model, flight, predicted), *_airspeed_errors(model, flight, predicted)]
     return np.stack(found, axis=-1)
 
 
@@ -64,3 +67,13 @@ def _form_errors(model: Model, flight: Flight, predicted: Floats) -> Iterator[Fl
         found = np.zeros_like(predicted)
         found[:, UP] = FORM * np.sqrt(np.mean(does**2))
         yield found
+
+
+def _airspeed_errors(model: Model, flight: Flight, predicted: Floats) -> Iterator[Floats]:
+    """Change of the prediction where the airspeed, on which the forces on the body depend, is off by a factor."""
+    for i, effect in enumerate(model.effects):
+        if effect in model.effects_on_body and {"speed_forward", "speed_right"} & set(effect.depends_on):
+            without = replace(model, stack=(*model.stack[:i], *model.stack[i + 1 :]))
+            found = np.zeros_like(predicted)
+            found[:, : len(AXES)] = AIRSPEED * (predicted[:, : len(AXES)] - predict(without, flight))
+            yield found

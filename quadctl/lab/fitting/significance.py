@@ -15,6 +15,8 @@ NO_CHANGE = 1e-3
 of the fit."""
 LEAST_BATCHES = 16
 """Least number of batches from which a variance is estimated."""
+LEAST_FLIGHTS = 4
+"""Least number of flights whose differences are the noise; fewer say nothing of an effect in one of them."""
 
 
 def improvement_p_value(before: Floats, predicted_change: Floats, dataset: Dataset) -> float:
@@ -59,7 +61,7 @@ def _variance_of_sum(weights: Floats, noise: Floats, dataset: Dataset) -> tuple[
         if variance > found[0]:
             found = variance, degrees
         length *= 2
-    if len(dataset.flights) > 1:
+    if len(dataset.flights) >= LEAST_FLIGHTS:
         variance, degrees = _batch_variance(products, dataset.flight_index)
         if variance > found[0] * float(stats.f.ppf(0.95, degrees, found[1])):
             found = variance, degrees

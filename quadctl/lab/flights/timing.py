@@ -19,11 +19,11 @@ from quadctl.model import Model
 
 VELOCITY_PRIOR = Estimate(0.0, 0.03)
 """Prior of the lag of the velocity behind the position, s. Estimators of autopilots have 20 to 40 ms."""
-ROTOR_PRIOR = Estimate(0.0, 0.03)
+ROTOR_PRIOR = Estimate(0.0, 0.015)
 """Prior of the delay of the rotor signal relative to the force that it makes, s. Rotor speeds come up to 30 ms late,
 and positions up to 40 ms; a larger delay needs evidence, as it may be physics (`motor_lag`)."""
 VELOCITY_RANGE_S = (-0.06, 0.15)
-ROTOR_RANGE_S = (-0.06, 0.3)
+ROTOR_RANGE_S = (-0.04, 0.3)
 """Ranges that are searched."""
 LEAST_STD_S = 0.002
 """Least standard deviation between flights, and of an estimate."""
@@ -34,12 +34,14 @@ UNSEEN_STD_S = 10.0
 ITERATIONS = 10
 MAX_STEP_S = 0.04
 """Largest change of an estimate in one iteration: the estimates are linear in a delay for small delays only."""
-STARTS_S = (-0.05, 0.0, 0.05, 0.1, 0.15, 0.2, 0.25)
+STARTS_S = (0.0, 0.05, 0.1, 0.15, 0.2, 0.25)
 CLEARLY = 0.8
 """A delay far from 0 is where the search begins if the squared error there is less than this share of that at 0."""
 LEAST_SHARE = 0.1
 """Least coefficient of the thrust in the vertical acceleration; with less, the thrust does not move the vehicle, and
 nothing is known of its time."""
+LEAST_MOTION_M_S2 = 1e-3
+"""Least root mean square of a quick motion that tells of delays; less is rounding."""
 PROBE_S = 0.005
 """Step of the finite difference of the prediction over the delay."""
 
@@ -159,7 +161,7 @@ def _regression(flight: Flight, target: Floats, columns: Sequence[Floats]) -> tu
     error, with blocks of time as the independent units (sandwich estimator)."""
     x = np.stack([column.ravel() for column in columns], axis=-1)
     gram = x.T @ x
-    if not gram[0, 0] > 0.0 or np.linalg.cond(gram) > 1e12:
+    if not gram[0, 0] > len(x) * LEAST_MOTION_M_S2**2 or np.linalg.cond(gram) > 1e12:
         return 0.0, UNSEEN_STD_S
     coefficients = np.linalg.solve(gram, x.T @ target.ravel())
     scores = (x * (target.ravel() - x @ coefficients)[:, None]).reshape(*target.shape, -1).sum(axis=1)

@@ -43,6 +43,8 @@ class Candidate:
     """False where fitted parameters of this effect, or of others because of it, are not physically plausible."""
     distinct: bool = True
     """False where these data do not distinguish the effect from its look-alikes."""
+    implied: bool = False
+    """True where the other effects of the model imply this one, so that it is no discovery of its own."""
     at_bound: bool = False
     """True where a parameter of the effect ran into a bound."""
     determined: bool = True

@@ -105,7 +105,7 @@ def is_there(c: Candidate) -> bool:
 
 def is_plausible(c: Candidate) -> bool:
     """Tell whether a candidate would be supported if the data distinguished it from its look-alikes."""
-    return is_there(c) and c.largest_drop > MATERIAL and not c.effect.negligible()
+    return is_there(c) and c.largest_drop > MATERIAL and not c.effect.negligible() and not c.implied
 
 
 def is_supported(c: Candidate) -> bool:

@@ -39,6 +39,9 @@ def try_effect(effect: type[Effect], left: Unmodelled, n_tried: int) -> Candidat
         remarks=fit.remarks(last),
         believable=unbelievable(fit.model, dataset) <= unbelievable(left.model, dataset),
         distinct=effect.name not in indistinct(fit.model, dataset),
+        implied=fit.model.effects[last].implied_by(
+            fit.model.effects[:last], [flight.conditions for flight in dataset.flights], fit.model.vehicle
+        ),
         at_bound=fit.at_bound(last),
         determined=fit.determined(last),
         solution=fit.solution,

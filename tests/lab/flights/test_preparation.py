@@ -53,7 +53,7 @@ class TestPrepare:
         expected = np.interp(flight.grid_s + delay_s, flight.grid_s, thrust)
         assert flight.later(thrust, delay_s) == pytest.approx(expected, abs=1e-6)
 
-    @pytest.mark.parametrize("late_s", [-0.04, 0.0, 0.057, 0.12, 0.25])
+    @pytest.mark.parametrize("late_s", [-0.04, 0.0, 0.057, 0.12])
     def test_the_delay_of_the_rotor_signal_is_found(self, rigid: Model, late_s: float) -> None:
         flight = prepare(with_late_rotors(obedient(rigid), late_s), rigid.vehicle)
         assert flight.delay_s == pytest.approx(late_s, abs=0.003)
