@@ -22,7 +22,8 @@ from quadctl.lab.comparison.comparison import compare
 from quadctl.lab.flights.dataset import load_dataset
 from quadctl.lab.report import write_report
 from quadctl.lab.selection.discovery import discover
-from quadctl.lab.tracking.metrics import MetricsTable, Window, metrics, render
+from quadctl.lab.tracking.metrics import MetricsTable, Window, metrics
+from quadctl.lab.tracking.rendering import render
 from quadctl.lab.tracking.step_response import step_responses
 from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.read import read_log

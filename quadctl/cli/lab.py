@@ -274,8 +274,9 @@ def metrics(
 
     The window is --from and --to, or --phase, or the phases named 'step'; without phases, the step found in the log.
     """
-    from quadctl.lab.tracking.metrics import Window, render
+    from quadctl.lab.tracking.metrics import Window
     from quadctl.lab.tracking.metrics import metrics as run
+    from quadctl.lab.tracking.rendering import render
     from quadctl.logs.read import read_logs
 
     check_outputs([*logs, *(reference or [])], json_out)

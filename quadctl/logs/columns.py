@@ -1,5 +1,7 @@
 """Names of the columns of a flight log, in their order in the file (docs/log-format.md)."""
 
+import re
+
 STATE_COLUMNS = (
     "time_s",
     "x_m",
@@ -35,6 +37,7 @@ OPTIONAL_COLUMNS = (
 PHASE_COLUMN = "phase"
 MOTOR_QUANTITIES = ("rpm", "voltage_v", "current_a", "output")
 """Quantities of each motor, in their order in the file. `output` is the command to the motor, 0..1 of its range."""
+_MOTOR_COLUMN = re.compile(rf"motor([1-9]\d*)_({'|'.join(MOTOR_QUANTITIES)})")
 
 
 def rpm_columns(n_rotors: int) -> list[str]:
@@ -44,3 +47,25 @@ def rpm_columns(n_rotors: int) -> list[str]:
 def motor_columns(n_rotors: int, quantity: str) -> list[str]:
     """`quantity` is one of MOTOR_QUANTITIES."""
     return [f"motor{i + 1}_{quantity}" for i in range(n_rotors)]
+
+
+def is_column(name: str) -> bool:
+    """True for the name of a column of a flight log."""
+    return (
+        name in STATE_COLUMNS or name in OPTIONAL_COLUMNS or name == PHASE_COLUMN or bool(_MOTOR_COLUMN.fullmatch(name))
+    )
+
+
+def known_columns(n_rotors: int) -> list[str]:
+    """All names that the header of a log may hold, in their order in the file."""
+    motors = [name for quantity in MOTOR_QUANTITIES for name in motor_columns(n_rotors, quantity)]
+    return [*STATE_COLUMNS, *motors, *OPTIONAL_COLUMNS, PHASE_COLUMN]
+
+
+def column_order(name: str) -> tuple[int, int]:
+    """Sorting key for the order in the file; names that are no column of a log go last."""
+    if name in STATE_COLUMNS:
+        return 0, STATE_COLUMNS.index(name)
+    if motor := _MOTOR_COLUMN.fullmatch(name):
+        return 1 + MOTOR_QUANTITIES.index(motor[2]), int(motor[1])
+    return (8, OPTIONAL_COLUMNS.index(name)) if name in OPTIONAL_COLUMNS else (9, 0)

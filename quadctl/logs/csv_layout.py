@@ -1,6 +1,5 @@
 """Names of the fields of a CSV flight log: by its header, or by how many there are."""
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -9,20 +8,12 @@ import numpy as np
 import polars as pl
 
 from quadctl.errors import LogError
-from quadctl.logs.columns import (
-    MOTOR_QUANTITIES,
-    OPTIONAL_COLUMNS,
-    PHASE_COLUMN,
-    STATE_COLUMNS,
-    motor_columns,
-    rpm_columns,
-)
+from quadctl.logs.cleaning import check_columns
+from quadctl.logs.columns import STATE_COLUMNS, is_column, motor_columns, rpm_columns
 from quadctl.logs.csv_lines import Lines, split_line
-from quadctl.logs.flight_log import did_you_mean
 
 _SEPARATORS = {";": "semicolons", "\t": "tabs", " ": "blanks"}
 """Separators of other programs, in place of commas."""
-_MOTOR_COLUMN = re.compile(rf"motor([1-9]\d*)_({'|'.join(MOTOR_QUANTITIES)})")
 _COMMANDS_OF_17 = ("roll_cmd_deg", "pitch_cmd_deg", "yaw_cmd_deg", "throttle_cmd")
 _HEADERLESS = (
     "17 columns (state and 4 commands) or 13 + 3 per rotor (state, rpm, voltages, currents: 25 for 4 rotors, 31 for 6)"
@@ -42,33 +33,21 @@ class Layout:
 def layout_of(path: Path, raw: Lines) -> Layout:
     """By the header, or by the number of fields; raises LogError where it is no flight log's."""
     for separator, name in _SEPARATORS.items():
-        if sum(map(_is_known, raw.text[0].split(separator))) > 1:
+        if sum(map(is_column, raw.text[0].split(separator))) > 1:
             where = f"{path}, line {raw.number[0]}"
             raise LogError(f"{where}: separates columns by {name}, expected commas between them and decimal points")
     first = [name.strip() for name in split_line(raw.text[0])]
-    if any(map(_is_known, first)) or (sum(map(_is_number, first)) * 2 < len(first) and len(first) > 1):
+    if any(map(is_column, first)) or (sum(map(_is_number, first)) * 2 < len(first) and len(first) > 1):
         return _by_header(path, int(raw.number[0]), first)
     return _by_count(path, raw)
 
 
 def _by_header(path: Path, line: int, names: list[str]) -> Layout:
-    repeated = next((name for name in names if _is_known(name) and names.count(name) > 1), None)
+    repeated = next((name for name in names if is_column(name) and names.count(name) > 1), None)
     if repeated:
         raise LogError(f"{path}, line {line}: column '{repeated}' is there twice, expected each name once")
-    unknown = [name for name in names if not _is_known(name)]
-    missing = [name for name in STATE_COLUMNS if name not in names]
-    if missing:
-        listed = ", ".join(name + did_you_mean(name, unknown) for name in missing)
-        raise LogError(f"{path}, line {line}: the header lacks {listed}, expected a flight log's columns")
-    rpm = [name for name in names if name.endswith("_rpm") and _is_known(name)]
-    absent = next((name for name in rpm_columns(len(rpm)) if name not in rpm), None)
-    if absent:
-        raise LogError(
-            f"{path}, line {line}: the header lacks {absent}, expected motor1_rpm to motorN_rpm, none left out"
-        )
-    known = _known_columns(max(len(rpm), 4))
-    notes = [f"column '{name}' is not a flight log's and was left out{did_you_mean(name, known)}" for name in unknown]
-    return Layout(tuple(name if _is_known(name) else None for name in names), True, notes)
+    notes = check_columns(names, f"{path}, line {line}: the header")
+    return Layout(tuple(name if is_column(name) else None for name in names), True, notes)
 
 
 def _by_count(path: Path, raw: Lines) -> Layout:
@@ -96,27 +75,6 @@ def _holds_throttle(lines: Sequence[str]) -> bool:
     last = pl.Series(lines).str.split(",").list.last().str.strip_chars().cast(pl.Float64, strict=False)
     values = last.drop_nulls().drop_nans().to_numpy()
     return len(values) == 0 or bool(np.median(np.abs(values)) <= 1.0)
-
-
-def _is_known(name: str) -> bool:
-    return (
-        name in STATE_COLUMNS or name in OPTIONAL_COLUMNS or name == PHASE_COLUMN or bool(_MOTOR_COLUMN.fullmatch(name))
-    )
-
-
-def _known_columns(n_rotors: int) -> list[str]:
-    """All names that a log's header may hold, in their order in the file."""
-    motors = [name for quantity in MOTOR_QUANTITIES for name in motor_columns(n_rotors, quantity)]
-    return [*STATE_COLUMNS, *motors, *OPTIONAL_COLUMNS, PHASE_COLUMN]
-
-
-def column_order(name: str) -> tuple[int, int]:
-    """Sorting key for the order in the file; names that are no column of a log go last."""
-    if name in STATE_COLUMNS:
-        return 0, STATE_COLUMNS.index(name)
-    if motor := _MOTOR_COLUMN.fullmatch(name):
-        return 1 + MOTOR_QUANTITIES.index(motor[2]), int(motor[1])
-    return (8, OPTIONAL_COLUMNS.index(name)) if name in OPTIONAL_COLUMNS else (9, 0)
 
 
 def _is_number(text: str) -> bool:

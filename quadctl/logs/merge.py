@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quadctl.errors import LogError
+from quadctl.logs.cleaning import increasing
 from quadctl.logs.columns import STATE_COLUMNS
-from quadctl.logs.csv_log import increasing
 from quadctl.logs.flight_log import ATTITUDE, POSITION, VELOCITY, FlightLog, Floats
 
 ROW_TOLERANCE_S = 0.002

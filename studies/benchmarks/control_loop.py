@@ -40,6 +40,7 @@ from quadctl.state import AttitudeTarget, Setpoint, VehicleState
 from quadctl.vehicle import load_vehicle
 from quadctl.web.live.history import Brief
 from quadctl.web.live.viewer import Viewer, live_view
+from studies.benchmarks.page import write_page
 
 ROOT = Path(__file__).parents[2]
 CONFIG = ROOT / "config/flight.yaml"
@@ -50,6 +51,21 @@ IN_THE_AIR_M = 0.5
 MOST_TICKS = 100_000
 """Largest number of ticks of a flight: more than half an hour."""
 SHARES = (50.0, 99.0, 99.9, 100.0)
+ABOUT = """# The control loop
+
+Written by `make bench-loop` on one machine: {machine}.
+The rows with *idle* and *all cores busy* come from flights of {seconds:g} s over MAVLink with the compensator `sanchez`
+at 50 ticks per second, on an idle machine and with one process on each core that computes without pause. These
+processes do not delay the simulated autopilot, which runs in a process of its own. p50, p99 and p99.9 are percentiles.
+
+- *Control tick*: one computation of the controller with a compensator that contains the effect named, repeated without
+  pause.
+- *Tick lateness*: delay of the start of a tick. For comparison: by how much a sleep of 20 ms was too long in another
+  process during the same flight, and in the simplest possible loop.
+- *Compute of a tick in flight*: time from the state to the setpoint. *Tick to setpoint out* also includes reading the
+  state and sending the setpoint. *State message in to setpoint out* also includes the time that the message waits for
+  the next tick.
+"""
 HEADINGS = ("what", "p50", "p99", "p99.9", "max", "goal", "")
 
 
@@ -100,20 +116,18 @@ def main() -> None:
         Console(stderr=True, soft_wrap=True).print("  ".join(row.cells()), markup=False, highlight=False)
     Console(width=160).print(table)
     if options.out:
-        options.out.write_text(_page(rows, options.seconds), encoding="utf-8")
+        write_page(options.out, _page(rows, options.seconds))
 
 
 def _rows(seconds: float, minutes: float) -> Iterator[Row]:
     yield from _compute()
-    for load, burners, goal_ms in (("idle", 0, 1.0), ("all cores burning", os.cpu_count() or 1, 3.0)):
+    for load, burners, goal_ms in (("idle", 0, 1.0), ("all cores busy", os.cpu_count() or 1, 3.0)):
         with _burning(burners):
             plain = asyncio.run(_plain_loop(seconds))
         flight = _flight(seconds, burners)
         viewed = _flight(seconds, burners, view=True)
         yield _percentiles(f"tick lateness, {load}", flight.late_s, MS, "p99", goal_ms)
-        yield _percentiles(
-            f"sleep of a process that does nothing else, in the same flight, {load}", flight.machine_s, MS
-        )
+        yield _percentiles(f"excess of a 20 ms sleep of another process, {load}", flight.machine_s, MS)
         yield _percentiles(f"tick lateness, {load}, {_viewed()}", viewed.late_s, MS, "p99", goal_ms)
         yield _percentiles(f"plain `await asyncio.sleep(0.02)` loop, {load}", plain, MS)
         yield _percentiles(f"compute of a tick in flight, {load}", flight.compute_s, US, "p99", 300.0)
@@ -124,9 +138,9 @@ def _rows(seconds: float, minutes: float) -> Iterator[Row]:
     yield Row(what, (f"{100.0 * flight.cpu:.1f} %",), "< 20 %", flight.cpu < 0.2)
     tenth = max(len(flight.memory_mb) // 10, 1)
     first, last = np.mean(flight.memory_mb[tenth : 2 * tenth]), np.mean(flight.memory_mb[-tenth:])
-    what = f"its memory, from the second tenth ({first:.1f} MB) to the last"
+    what = f"growth of the memory of the flight process from the second tenth ({first:.1f} MB) to the last"
     yield Row(what, (f"{last - first:+.2f} MB",), "< 1 MB", bool(last - first < 1.0))
-    yield Row(f"used against late ticks: {flight.used}", ())
+    yield Row(f"real-time settings of the flights: {flight.used}", ())
 
 
 # --- flights ---------------------------------------------------------------------------------------------------------
@@ -346,7 +360,7 @@ def _compute() -> Iterator[Row]:
         yield _percentiles(f"control tick with {name}", _timed(tick), US, "p99", 300.0)
         alone[name] = _timed(partial(compensator, state, 0.0, 14.7))
     slowest = max(alone, key=lambda name: float(np.median(alone[name])))
-    yield _percentiles(f"of it the compensator, the slowest: {slowest}", alone[slowest], US, "p50", 10.0)
+    yield _percentiles(f"slowest compensator alone ({slowest})", alone[slowest], US, "p50", 10.0)
 
 
 def _timed(call: Callable[[], object], rounds: int = 5000) -> Floats:
@@ -380,13 +394,7 @@ def _machine() -> str:
 def _page(rows: Sequence[Row], seconds: float) -> str:
     missed = [row.what for row in rows if row.met is False]
     lines = [
-        "# The control loop",
-        "",
-        f"Written by `make bench-loop` on one machine: {_machine()}. Flights of {seconds:g} s over MAVLink with the",
-        "compensator `sanchez`, 50 ticks a second. The simulated autopilot has a process of its own, which the",
-        "processes that load all cores do not delay. *Compute* is the time from the state to the setpoint; *tick to",
-        "setpoint out* adds reading the state and sending; *state message in* adds the wait for the tick.",
-        "",
+        ABOUT.format(machine=_machine(), seconds=seconds),
         f"Goals missed: {'; '.join(missed) or 'none'}.",
         "",
         "| " + " | ".join(HEADINGS) + " |",

@@ -34,7 +34,7 @@ def rows() -> Iterator[Row]:
         only = min(timeit.repeat(alone, number=2000, repeat=5)) / 2000
         yield (
             f"control tick with {name}",
-            f"{1e6 * whole:.1f} us, of it the compensator {1e6 * only:.1f} us",
+            f"{1e6 * whole:.1f} us, of which compensator {1e6 * only:.1f} us",
             f"{whole / empty:.0f} empty calls",
         )
 

@@ -30,7 +30,7 @@ def rows() -> Iterator[Row]:
     yield (
         f"diagnose {path.name}, {len(log)} rows",
         f"{done - read:.2f} s",
-        f"{(done - read) / (read - begin):.0f} x the reading of the file ({1e3 * (read - begin):.0f} ms)",
+        f"{(done - read) / (read - begin):.0f} x the time to read the file ({1e3 * (read - begin):.0f} ms)",
     )
 
 

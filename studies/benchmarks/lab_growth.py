@@ -48,7 +48,7 @@ def rows(sizes: Sequence[int] = SIZES) -> Iterator[Row]:
         first = first or per_row
         yield (
             f"{size} rows prepared and diagnosed, {len(CANDIDATES)} candidates",
-            f"{prepared_s:.1f} + {diagnosed_s:.1f} s, peak {measured['peak_mb']:.0f} MB",
+            f"{prepared_s:.1f} + {diagnosed_s:.1f} s, largest memory {measured['peak_mb']:.0f} MB",
             f"{per_row / first:.2f} x the time per row of {sizes[0]} rows",
         )
 

@@ -1,5 +1,5 @@
-"""All benchmarks, one table, on the terminal and in docs/benchmarks.md. Each figure stands beside one of the same run,
-because machines differ.
+"""All benchmarks, one table, on the terminal and in docs/benchmarks.md. Each time is also given relative to
+another time of the same run, because machines differ.
 
 make bench
 """
@@ -12,9 +12,17 @@ from rich.console import Console
 from rich.table import Table
 
 from studies.benchmarks import control_tick, lab, lab_growth, simulator
+from studies.benchmarks.page import write_page
 
 PAGE = Path(__file__).parents[2] / "docs/benchmarks.md"
-HEADINGS = ("what", "figure", "beside it, in the same run")
+HEADINGS = ("what", "measured", "relative to another time of the same run")
+ABOUT = """# Benchmarks
+
+Written by `make bench` on one machine: {machine}.
+Times depend on the machine, so each row also gives the time relative to another time of the same run. A *control tick*
+is one computation of the controller with a compensator that contains the effect named; *all* is one effect of each
+family. The last column of these rows is the number of calls of an empty Python function that take as long.
+"""
 
 
 def main() -> None:
@@ -26,8 +34,7 @@ def main() -> None:
             table.add_row(*row)
             lines.append("| " + " | ".join(row) + " |")
     Console().print(table)
-    about = f"# Benchmarks\n\nWritten by `make bench` on one machine: {machine}. Run it on yours.\n"
-    PAGE.write_text("\n".join([about, *lines, ""]), encoding="utf-8")
+    write_page(PAGE, "\n".join([ABOUT.format(machine=machine), *lines]))
 
 
 if __name__ == "__main__":

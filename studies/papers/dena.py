@@ -21,7 +21,7 @@ MEANING = {
     "M2": "Danjun, eq. 13: one rho for all surfaces",
     "M3": "images of four rotors, eq. 14, nothing to fit",
     "M4": "with the fountain, eq. 15: one k_b for all surfaces",
-    "PM": "eq. 20: k_b + k_s, one sum for each surface",
+    "PM": "eq. 20: k_b + k_s, fitted to each surface",
 }
 SURFACES = ("turf", "dirt", "dry soil", "irregular dry soil")
 FLIGHTS = 3
@@ -156,31 +156,33 @@ def section(vehicle: Vehicle, draws: int = DRAWS) -> str:
     worst = 0.5 / draws**0.5
     return f"""## Dena et al.: M1 to M4 and PM on four surfaces
 
-The flights are not public, k_s is not printed, nor are noise and spacing of the 13 heights. Ours: {len(SURFACES)}
-surfaces ({", ".join(SURFACES)}), {FLIGHTS} flights each, the rotor plane at heights evenly
-from 1.00 to 0.21 m, RAPTOR's geometry (d = {vehicle.adjacent_distance_m / vehicle.rotor.radius_m:.1f} R), truth =
-eq. 20 with k_b = {K_B} and k_s spread evenly over the surfaces. Each model is fitted to two flights of every surface
-and judged on the third. The names M1 to M4 are our reading of eq. 12 to 15.
+The flights are not public, and the paper gives neither k_s nor the noise nor the spacing of the 13 heights. The flights
+are therefore simulated: {len(SURFACES)} surfaces ({", ".join(SURFACES)}), {FLIGHTS} flights over each, the rotor plane
+at 13 evenly spaced heights from 1.00 to 0.21 m, and RAPTOR's geometry
+(d = {vehicle.adjacent_distance_m / vehicle.rotor.radius_m:.1f} R). The true thrust ratio K obeys eq. 20 with
+k_b = {K_B}; the values of k_s are evenly spaced over the surfaces, between minus and plus the number given below. Each
+model is fitted to two flights over every surface, and its error is computed on the third. We assume that M1 to M4 are
+eq. 12 to 15.
 
 Without noise, k_s = ±{SPREADS[1]}:
 
 {table(["model", "RMSE of K, held-out"], models)}
 
-Share of draws in which PM is best / in which the whole order {" > ".join(ORDER)} comes out, {draws} draws (one standard
-error at most
-{worst:.1%}); noise is that of one hover's mean thrust:
+With noise, {draws} times drawn: share of the draws in which PM has the smallest error / in which the errors have the
+order {" > ".join(ORDER)} (standard error at most {worst:.1%}). The noise is the standard deviation of the mean
+thrust of one hover, relative to the thrust far from the ground.
 
 {table(["noise", *(f"k_s = ±{s}" for s in SPREADS)], rows)}
 
 {_figure(outcomes)}
 
-- PM is best and M1 worst as long as the noise is small against the difference between the surfaces. {_kept(outcomes)}
-  With more noise PM's four parameters fit the noise, and M4's single parameter predicts the next flight as well or
-  better: PM is not wrong there, but 12 data sets cannot prove it.
-- M2 and M3 are not in the order of their names in such a world: a fitted rho also represents the neighbouring rotors
-  and the fountain, which M3 lacks. M3 is better than M2 only where k_b is below
-  {names_in_order_below(vehicle, rivals):.2f}.
-- In this world the fitted rho is near {rho:.2f} (Dena et al.: 3.65).
+- PM has the smallest error and M1 the largest while the noise is small compared to the difference between the
+  surfaces. {_kept(outcomes)} With more noise the four parameters of PM fit the noise, and the single parameter of M4
+  predicts the next flight as well or better: PM is still the true model, but 12 data sets cannot show it.
+- M2 has a smaller error than M3 in these simulations, although M3 describes more of the physics: the fitted rho of M2
+  also represents the neighbouring rotors and the fountain, and M3 has no fountain. M3 is better than M2 only if k_b is
+  below {names_in_order_below(vehicle, rivals):.2f}.
+- The fitted rho is about {rho:.2f} in these simulations (Dena et al.: 3.65).
 """
 
 
@@ -189,7 +191,7 @@ def _kept(outcomes: dict[tuple[float, float], Outcome]) -> str:
     for spread in SPREADS:
         kept = [noise for noise in NOISES if outcomes[spread, noise].pm_best >= 0.95]
         parts.append(f"{max(kept):.1%} for k_s = ±{spread}")
-    return f"The highest noise here at which it is first in 95 % of the draws is\n  {', '.join(parts)}."
+    return f"The largest noise of the table at which PM is best in 95 % of the draws is {', '.join(parts)}."
 
 
 def _figure(outcomes: dict[tuple[float, float], Outcome]) -> str:

@@ -84,23 +84,25 @@ def section() -> str:
     peak = int(np.argmax(flat))
     return f"""## Garofano-Soldado et al.: figure 6 from tables I to III
 
-R = {RADIUS_M} m, d = {ADJACENT_M} m. These are formulas without data, so the rounding of the tables is their only
-uncertainty. K to the left and right of each section's boundary (and the jump):
+R = {RADIUS_M} m, d = {ADJACENT_M} m. Only formulas are evaluated here, so the only uncertainty is the rounding of the
+coefficients in the paper's tables. The formula consists of sections in z. K just below and just above each boundary
+between two sections, and the jump:
 
 {table(["cant, dihedral", *(f"{b:g} R" for b in BOUNDARIES)], rows)}
 
 {_figure()}
 
-- Where cant and dihedral are alike, as on the authors' vehicle, the sections meet to {alike:.4f}: the rounding of the
-  tables. Where they differ, K jumps by up to {unequal:.2f}, so one tilt term must not be used
-  without the other.
-- At 8 R, where the authors' firmware ends the effect, K falls from {end.below:.4f} to 1 untilted: about
-  {end.below - 1.0:.1%} of the weight from one tick to the next.
-- Eq. 9 has its largest K = {flat[peak]:.3f} at {radii[peak]:.2f} R and falls to {flat[0]:.3f} at 0.25 R, where the
-  firmware clamps it: without a rotor's own image, the images of the others fade as z goes to 0. Below
-  {radii[peak]:.2f} R it must not be trusted.
-- Eq. 10 to 13 without tilt are not eq. 9: their first section weights the images with {HexarotorTilted.SECTION_LOW[0]},
-  so that K at 1 R is {ratio(np.array([1.0]), 0.0, 0.0)[0]:.3f} and not {flat_ratio(np.array([1.0]))[0]:.3f}.
+- Where cant and dihedral are alike, as on the authors' vehicle, the jumps at 2.5 R and 3 R are at most {alike:.4f},
+  which is the rounding of the tables. Where they differ, K jumps by up to {unequal:.2f}, so the formula must not
+  be used with only one of the two angles.
+- At 8 R the authors' firmware switches the effect off. Without tilt, K falls there from {end.below:.4f} to 1: a step of
+  about {end.below - 1.0:.1%} of the weight from one tick to the next.
+- Eq. 9 has its maximum, K = {flat[peak]:.3f}, at {radii[peak]:.2f} R and falls to {flat[0]:.3f} at 0.25 R, below which
+  the firmware keeps it constant. The cause is that it does not contain the image of the rotor itself, and that the
+  influence of the other rotors' images vanishes as z goes to 0. It must not be used below {radii[peak]:.2f} R.
+- Without tilt, eq. 10 to 13 do not become eq. 9: their first section multiplies the images by
+  {HexarotorTilted.SECTION_LOW[0]}, so that K at 1 R is
+  {ratio(np.array([1.0]), 0.0, 0.0)[0]:.3f} and not {flat_ratio(np.array([1.0]))[0]:.3f}.
 """
 
 

@@ -161,10 +161,10 @@ def choices(log: FlightLog, vehicle: Vehicle, draws: int = DRAWS) -> list[Choice
     ways = (
         ("as the thesis' script: every row, three rotors smoothed, hover assumed", of_rows(log, vehicle, smooth=True)),
         ("without smoothing", of_rows(log, vehicle, smooth=False)),
-        ("one point per rotor-speed update instead of held rows", of_updates(log, vehicle)),
+        ("one point for each update of the rotor speeds instead of every row", of_updates(log, vehicle)),
         ("delay taken out, 1 Hz filter", of_flight(flight, tilt=False, acceleration=False).where(kept)),
-        ("and the tilt accounted for", of_flight(flight, acceleration=False).where(kept)),
-        ("and the vertical acceleration", full),
+        ("as 4, and the tilt accounted for", of_flight(flight, acceleration=False).where(kept)),
+        ("as 5, and the vertical acceleration", full),
         (f"as 6, z > {CONTACT_M} m", full.where(full.z_m > CONTACT_M)),
         ("as 6, take-off and landing not cut off", whole),
     )
@@ -205,32 +205,32 @@ def section(logs: dict[str, FlightLog], vehicle: Vehicle) -> str:
     tilt, acceleration, landing = (panels["FORWARD_SPEED"][i].curve.b for i in (4, 5, 7))
     return f"""## Thesis: eq. 14 and 16, T = a e^(-b z) + c
 
-a/c and b with 95 % intervals (blocks of 5 s resampled); c is computed with the thesis' k and mass.
+a/c and b have 95 % intervals from resampled blocks of 5 s; c is computed with the k and the mass of the thesis. Each
+row changes one more step of the evaluation: row 1 is the thesis' script, row 6 the evaluation of quadctl.
 
 {table(["from the public log", "a/c", "b, 1/m", "c", "points"], rows)}
 
 {_figure(panels)}
 
 - **Eq. 14 is reproduced** by what the thesis' public script does: a/c {hover.a / hover.c:.3f} (printed
-  {0.114 / 1.028:.3f}), b {hover.b:.2f} (printed 5.39). Its c = 1.028 is the choice of the reference thrust:
-  {vehicle.weight_n * 1.028 / hover.c:.1f} N, about what k rpm² says of hover at 1.7 m, the highest in this log
-  (the script takes it from a separate hover log). The close agreement of b is a coincidence: with 500 or 1000 rows more
-  or less cut off, it is {min(cuts):.1f} to {max(cuts):.1f}.
+  {0.114 / 1.028:.3f}), b {hover.b:.2f} (printed 5.39). Its c = 1.028 follows from the reference thrust,
+  {vehicle.weight_n * 1.028 / hover.c:.1f} N, which the script takes from a separate hover log. It is about the thrust
+  k rpm² at 1.7 m, the greatest height of this log. The close agreement of b is a coincidence: if 500 or 1000 rows more
+  or fewer are cut off at the ends, b is {min(cuts):.1f} to {max(cuts):.1f}.
 - **Eq. 16 is reproduced only approximately**: the same steps on FORWARD_SPEED give a/c {forward.a / forward.c:.3f} and
-  b {forward.b:.2f}
-  (printed {0.147 / 0.988:.3f} and 4.37, inside the intervals). The rows that were used are not published.
-- **In HOVERING no choice matters more than the interval**, which is wide: b is {min(rates):.1f} to {max(rates):.1f}.
-  Counting {len(panels["HOVERING"][0].points.z_m)} held rows as independent gives b a standard error of {naive:.2f};
-  the rotor speeds in them were updated only {len(panels["HOVERING"][2].points.z_m)} times, and resampled blocks give
-  {(hover.rate[1] - hover.rate[0]) / 3.92:.1f}.
-- **In FORWARD_SPEED the vertical acceleration and the ends matter**: b goes from {tilt:.1f} to {acceleration:.1f} with
-  the vertical acceleration, and to {landing:.1f} when take-off and landing are included. The flight is hardly
-  ever below 0.17 m, so a, the gain extrapolated to z = 0, is poorly determined: the curves agree only at the heights
-  flown.
-- **c is no ground effect.** It is the factor by which k rpm² overestimates the thrust, independent of the height.
-  quadctl models it separately as `thrust_scale` and holds c at 1. Held-out error of the acceleration without and with
-  the
-  ground effect: {errors}.
+  b {forward.b:.2f} (printed {0.147 / 0.988:.3f} and 4.37, which are inside the intervals). The thesis does not say
+  which rows it used.
+- **In HOVERING the rows of the table differ by less than the intervals**, which are wide: b is {min(rates):.1f} to
+  {max(rates):.1f}. The script fits {len(panels["HOVERING"][0].points.z_m)} rows, but the rotor speeds in them were
+  updated only {len(panels["HOVERING"][2].points.z_m)} times. If all rows are counted as independent, the standard error
+  of b is {naive:.2f}; from resampled blocks it is {(hover.rate[1] - hover.rate[0]) / 3.92:.1f}.
+- **In FORWARD_SPEED the vertical acceleration matters, and so do take-off and landing**: b changes from {tilt:.1f} to
+  {acceleration:.1f} if the vertical acceleration is accounted for, and to {landing:.1f} if take-off and landing are
+  included. The flight is hardly ever below 0.17 m, so a, the gain extrapolated to z = 0, is poorly determined: the
+  curves agree only at the heights flown.
+- **c is no ground effect.** It is the ratio of the thrust far from the ground to k rpm², and does not depend on the
+  height. quadctl models it separately as `thrust_scale` and keeps c at 1. Held-out error of the acceleration without
+  and with the ground effect: {errors}.
 """
 
 

@@ -194,25 +194,26 @@ def section(flight: Flight) -> str:
     expression = " ".join(parts)
     return f"""## Thesis: SINDy on HOVERING (eq. 13)
 
-The thesis finds its ansatz by SINDy over the functions of its table 1. Ours may differ: pysindy (forward
-orthogonal least squares) picks terms for the thrust ratio K from powers, inverse powers and exponentials of the height
-z (in rotor radii), the climb rate w, the horizontal speed v and products. Their number is the smallest whose error on
-held-out blocks of 5 s is within one standard error of the best.
+The thesis finds the form of its equation by SINDy with the functions of its table 1; the functions used here may differ
+from those. pysindy (forward orthogonal least squares) selects terms for the thrust ratio K from powers, inverse powers
+and exponentials of the height z (in rotor radii), the climb rate w, the horizontal speed v and products of them. The
+number of terms is the smallest whose error on held-out blocks of 5 s is within one standard error of the best.
 
 **K = {expression.lstrip("+")}**
 
-{table(["term", "coefficient", f"picked in {DRAWS} resampled flights"], terms)}
+{table(["term", "coefficient", f"selected in {DRAWS} resampled flights"], terms)}
 
 Error of K on held-out blocks, ± one standard error over {FOLDS} folds:
 
 {table(["model", "RMSE of K"], scores)}
 
-- Sequential thresholding, SINDy's first optimizer, does not help here: its threshold, chosen in the same way, leaves
-  {found.thresholded_terms} of {len(TERMS)} terms, with large coefficients of opposite sign that cancel.
-- An exponential of the height is in {exponential:.0%} of the resampled flights, which supports the thesis' ansatz
-  a e^(-b z) + c: e^(-z/2) is b = {0.5 / radius_m:.1f}, e^(-z) is b = {1.0 / radius_m:.1f} per metre. Refitting b
-  does not lower the held-out error further, and neither do more terms.
-- Exactly these terms are selected in {found.same_terms:.0%} of the resampled flights. The climb rate is the uncertain
-  one:
-  HOVERING has little of it, and a delay between height and rotor speed would look the same.
+- Sequential thresholding, SINDy's first optimizer, does not give a sparse expression here: with its threshold chosen in
+  the same way, {found.thresholded_terms} of {len(TERMS)} terms remain, with large coefficients of opposite sign that
+  cancel each other.
+- An exponential of the height is selected in {exponential:.0%} of the resampled flights, which supports the form
+  a e^(-b z) + c of the thesis: e^(-z/2) means b = {0.5 / radius_m:.1f} per metre, e^(-z) means
+  b = {1.0 / radius_m:.1f} per metre. Neither fitting b nor adding terms lowers the held-out error further.
+- Exactly these terms are selected in {found.same_terms:.0%} of the resampled flights. The term of the climb rate is
+  uncertain: the climb rate in HOVERING is small, and a delay between height and rotor speed would have the same effect
+  on K.
 """

@@ -124,33 +124,32 @@ def section(logs: dict[str, FlightLog]) -> str:
     forward = [_row_3(logs, name, speed) for speed in SPEEDS for name in FORWARD]
     return f"""## Thesis: table 2, step response from 1.2 m to 0.2 m
 
-Integrals in m s over {WINDOW}, nominal; M_B against HIGH_ALTITUDE, 0.9 m higher. Ours are mean ±
-population standard deviation of two of the three published runs: the third may move a mean by some 0.02 m s.
+Integrals in m s over the nominal {WINDOW}. The reference of M_B is HIGH_ALTITUDE, flown 0.9 m higher. The thesis gives
+means of three runs, of which two are public. The numbers computed here are mean ± population standard deviation of
+these two; the third run may change a mean by about 0.02 m s.
 
 {table(HEADINGS, rows)}
 
-- The printed numbers are reproduced, in their order, **with the signed integral**: the "absolute" of the text was not
-  what was summed.
-- The share of M_B that Appius' compensator removes depends on this: {removed(signed):.0%} signed (printed: 78.5 %),
-  {removed(absolute):.0%} absolute (of the mean flight). In the signed integral, errors above and below the
-  setpoint cancel. We report both.
-- By the absolute measure, Cheeseman, Hayden and Sanchez hardly differ from no compensation. This measure has a floor:
-  the two flights out of ground effect differ so much that, without any ground effect, the mean of two flights would
-  show
-  about {floor:.2f} m s (a rough figure, from two runs). Appius' compensator is at that floor, so the
-  absolute share underestimates its benefit. The signed one has no such floor, but errors cancel in it.
+- The printed numbers and their order are reproduced **with the signed integral**, although the text of the thesis
+  defines an absolute one.
+- The share of M_B that Appius' compensator removes depends on this choice: {removed(signed):.0%} with the signed
+  integral (printed: 78.5 %), {removed(absolute):.0%} with the absolute one (of the mean flight). In the signed
+  integral, errors above and below the setpoint cancel each other. We report both.
+- In absolute M_B, Cheeseman, Hayden and Sanchez hardly differ from no compensation. But absolute M_B is not zero even
+  without ground effect, because flights differ. Judged by the two flights out of ground effect, it would be about
+  {floor:.2f} m s for the mean of two flights (a rough estimate from two runs). Appius' compensator reaches this value,
+  so the absolute share underestimates its benefit. Signed M_B does not have this limit, but errors cancel in it.
 
 ## Thesis: table 3, the same with forward speed
 
-Each flight steps down three times while it runs along x. The flown references are not in the logs and differ from the
-published ones, so M_A has no certain reference here. M_B needs only the shift between low and high: 1.0 m, from the
-heights of
-both before the step. The steps are triggered by position and scatter by 0.1 s, so each run is aligned where it
-passes 0.6 m above its setpoint, and measured for {FORWARD_WINDOW.to_s:.0f} s; the columns "not aligned" use nominal
-time and
-{NOMINAL_WINDOW.to_s:.0f} s, where the scatter of the steps hides much of the difference. Mean ±
-standard deviation of the three runs of one flight; the difference
-between flights is not included. We have no printed numbers of table 3 to compare with.
+Each flight steps down three times while it runs along x. The logs do not contain the reference that was flown, and it
+differs from the published one, so M_A cannot be computed reliably. M_B needs only the height difference between the low
+and the high flight: 1.0 m, from the heights of both before the step. The steps are triggered by position, and their
+times scatter by 0.1 s. Therefore each run is aligned at the time at which it passes 0.6 m above its setpoint, and
+measured for {FORWARD_WINDOW.to_s:.0f} s. The columns "not aligned" use the nominal time and
+{NOMINAL_WINDOW.to_s:.0f} s; there the scatter of the step times hides much of the difference. The numbers are mean ±
+standard deviation of the three runs of one flight, which does not include the difference between flights. We do not
+have the printed numbers of table 3, so this is not a comparison with the thesis.
 
 {table(FORWARD_HEADINGS, forward)}
 
@@ -187,10 +186,10 @@ def _forward_words(logs: dict[str, FlightLog]) -> str:
         means = [_means(table_3(logs, name, speed)) for name in FORWARD]
         (none_signed, none_absolute), (signed, absolute) = means
         parts.append(
-            f"at {int(speed) / 100:.2f} m/s M_B goes from {none_signed:.3f} to {signed:.3f} m s signed and from "
-            f"{none_absolute:.3f} to {absolute:.3f} m s absolute ({1.0 - absolute / none_absolute:.0%} less)"
+            f"at {int(speed) / 100:.2f} m/s from {none_signed:.3f} to {signed:.3f} m s (signed) and from "
+            f"{none_absolute:.3f} to {absolute:.3f} m s (absolute, {1.0 - absolute / none_absolute:.0%} less)"
         )
-    return f"With the compensator, {'; '.join(parts)}."
+    return f"The compensator changes M_B {'; '.join(parts)}."
 
 
 def _means(runs: Sequence[tuple[float, float]]) -> tuple[float, float]:

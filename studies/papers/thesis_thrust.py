@@ -75,23 +75,23 @@ def section(vehicle: Vehicle, hover_rpm: float | None) -> str:
 
 {table(["", "thesis", "from its 18 points"], rows)}
 
-- k agrees with the thesis to the last digit that the points have. A single k is still an approximation: T/rpm² rises
-  from
-  {local.min():.2e} to {local.max():.2e} N/rpm² with speed, in agreement with an exponent
-  above 2.
-- The throttle line that the thesis flew is not the line through these points; its slope is
-  {PUBLISHED_SLOPE / found.slope - 1.0:.0%} steeper. Throttle grows as the root of thrust, so a line through the ten
-  lowest points has about that slope ({lowest.slope:.4f}), but then an offset of {lowest.offset:.2f}.
+- k agrees with the thesis in all digits that the points allow. A single k is still an approximation: T/rpm² rises with
+  speed from {local.min():.2e} to {local.max():.2e} N/rpm², in agreement with an exponent above 2.
+- The thesis flew with another line of throttle over thrust than the least-squares line through these points: its slope
+  is {PUBLISHED_SLOPE / found.slope - 1.0:.0%} steeper. Throttle grows as the square root of thrust, so the slope is
+  larger at low thrust: a line through the ten lowest points has about the slope of the thesis ({lowest.slope:.4f}), but
+  an offset of {lowest.offset:.2f}.
 """
     if hover_rpm is None:
         return text
     each = vehicle.weight_n / 4.0
     return (
         text
-        + f"""- In the public HOVERING log the rotors turn at {hover_rpm:.0f} rpm above 0.85 m. k rpm² promises
-  {PUBLISHED_K * hover_rpm**2 / each - 1.0:+.0%} of the weight there, the stand's own points at that speed
-  {thrust_at(hover_rpm) / each - 1.0:+.0%}. The difference of these two is due to the single k. The rest does not
-  appear on a stand (the body in the wake, the battery, the mass); because of it every fit below needs a thrust scale
-  beside the ground effect.
+        + f"""- In the public HOVERING log the rotors turn at {hover_rpm:.0f} rpm above 0.85 m, where thrust equals
+  weight. At this speed the thrust k rpm² differs from the weight by {PUBLISHED_K * hover_rpm**2 / each - 1.0:+.0%}, and
+  the thrust interpolated between the points of the stand by {thrust_at(hover_rpm) / each - 1.0:+.0%}. The difference
+  between the two is the error of a single k. The remaining difference has causes that a thrust stand does not
+  have (the body in the wake of the rotors, the battery, the mass). Because of it, every fit below needs a thrust
+  scale in addition to the ground effect.
 """
     )

@@ -13,15 +13,19 @@ from typer.testing import CliRunner
 import quadctl.sitl.run
 from quadctl.cli import app
 from quadctl.effects import CATALOG, Conditions, catalog, catalog_with, choose_effect, every_effect, find_effect
-from quadctl.effects.user import effects_of
+from quadctl.effects.base import VARIABLES, Effect
+from quadctl.effects.user import DECLARED, HOOKS, effects_of
 from quadctl.errors import SettingsError
 from quadctl.flight.preflight.preparation import prepare_flight
+from quadctl.lab.fitting.nuisances import KINDS
+from quadctl.lab.flights.flight import SPAN_UNITS
 from quadctl.logs.convert import convert
 from quadctl.model import Model, load_model, save_model
 from quadctl.vehicle import Vehicle
 from tests.support.flights import obedient
 from tests.support.places import ROOT
 
+PAGE = ROOT / "docs" / "own-effect.md"
 TRUTH = {"loss": 0.15, "worst_m_s": 0.5}
 WRITE = Callable[..., Path]
 
@@ -50,7 +54,7 @@ class Warmth(Effect):
 @pytest.fixture(scope="session")
 def source() -> str:
     """The effect that the documentation shows."""
-    shown = re.search(r"```python\n(.*?)```", (ROOT / "docs" / "own-effect.md").read_text(), re.DOTALL)
+    shown = re.search(r"```python\n(.*?)```", PAGE.read_text(), re.DOTALL)
     assert shown
     return shown[1]
 
@@ -74,6 +78,44 @@ def write(tmp_path: Path, source: str) -> WRITE:
 def wake(write: WRITE, raptor: Vehicle) -> Model:
     """A vehicle that loses thrust in its own wake."""
     return Model(raptor).plus(effects_of(write())["vortex_ring.bump"].from_values(TRUTH, "test"))
+
+
+def described(heading: str) -> list[str]:
+    """First words of the rows of the table below a heading of the documentation."""
+    section = re.search(rf"^### {re.escape(heading)}$(.*?)(?=^#)", PAGE.read_text(), re.DOTALL | re.MULTILINE)
+    assert section, heading
+    return re.findall(r"^\| `(\w+)` \|", section[1], re.MULTILINE)
+
+
+class TestItsDocumentation:
+    """docs/own-effect.md lists all that an effect can declare, and nothing else."""
+
+    def test_lists_the_words_of_depends_on(self) -> None:
+        assert described("Words of `depends_on`") == list(VARIABLES)
+
+    def test_lists_the_required_attributes(self) -> None:
+        assert described("Class attributes that every effect has") == list(DECLARED)
+
+    def test_lists_the_optional_attributes_with_their_defaults(self) -> None:
+        optional = [name for name in Effect.__annotations__ if name not in DECLARED]
+        assert described("Optional class attributes") == optional
+        for name in optional:
+            default = repr(getattr(Effect, name)).replace("'", '"')
+            assert f"\n| `{name}` | `{default}` |" in PAGE.read_text()
+
+    def test_lists_the_methods_by_which_an_effect_acts(self) -> None:
+        assert described("Methods by which it acts") == list(HOOKS)
+
+    def test_lists_the_optional_methods(self) -> None:
+        given = {"family", "parameters", "from_values", "values"}  # what follows from the declarations
+        methods = [name for name, value in vars(Effect).items() if callable(value) or isinstance(value, classmethod)]
+        optional = [name for name in methods if name[0] != "_" and name not in given | set(HOOKS)]
+        assert described("Optional methods") == optional
+
+    def test_lists_what_replaces_and_needs_may_name(self) -> None:
+        rows = dict(re.findall(r"^\| `(replaces|needs)` (\|.*)$", PAGE.read_text(), re.MULTILINE))
+        assert {kind.name for kind in KINDS} <= set(re.findall(r"`(\w+)`", rows["replaces"]))
+        assert set(SPAN_UNITS) - set(VARIABLES) <= set(re.findall(r"`(\w+)`", rows["needs"]))
 
 
 class TestAFile:

@@ -21,9 +21,13 @@ SMALL: dict[str, Callable[[], bytes]] = {
     ".bin": small_dataflash,
     ".tlog": lambda: tlog_bytes(telemetry()),
 }
+"""A small whole file of each format that is recognised by its content."""
 
 
 class TestAnyFormat:
+    def test_is_tested_here(self) -> None:
+        assert SMALL.keys() == {form.suffix for form in FORMATS if form.recogniser is not None}
+
     @pytest.mark.parametrize("suffix", SMALL)
     def test_is_told_by_its_content(self, tmp_path: Path, suffix: str) -> None:
         named, renamed = tmp_path / f"a{suffix}", tmp_path / "a.log"
@@ -78,13 +82,15 @@ class TestNewFormat:
     MODULE = """
 from pathlib import Path
 import numpy as np
-from quadctl.logs.flight_log import FlightLog
+from quadctl.logs.cleaning import clean_log
+from quadctl.logs.columns import STATE_COLUMNS
 
 def is_toy(head):
     return head.startswith(b"TOY")
 
 def read_toy(path):
-    return FlightLog(path.name, path, {"time_s": np.array(path.read_text().split()[1:], dtype=float)})
+    time_s = np.array(path.read_text().split()[1:], dtype=float)
+    return clean_log(path, dict.fromkeys(STATE_COLUMNS, 0.0 * time_s) | {"time_s": time_s})
 
 def write_toy(log, path):
     path.write_text(" ".join(["TOY", *map(str, log.time_s.tolist())]))

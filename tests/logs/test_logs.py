@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 
 from quadctl.errors import LogError
+from quadctl.logs.cleaning import increasing
 from quadctl.logs.columns import STATE_COLUMNS
-from quadctl.logs.csv_log import increasing, meta_path, read_csv, write_csv
+from quadctl.logs.csv_log import read_csv, write_csv
 from quadctl.logs.flight_log import POSITION, FlightLog, Floats
 from quadctl.logs.read import read_log, read_logs
+from quadctl.logs.sidecar import meta_path
 from tests.support.places import DATA
 
 RAPTOR = DATA / "raptor"

@@ -1,6 +1,7 @@
 """Panels of the lab page: a panel can show its fields only, and a tab that stays open is never stale."""
 
 import inspect
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -32,6 +33,7 @@ from quadctl.web.work.state import Message, Results, Work
 from quadctl.web.workbench.intake import Intake
 from quadctl.web.workbench.workbench import Workbench
 from tests.support.flights import obedient
+from tests.support.places import ROOT
 
 
 def subclasses(panel: type[Panel]) -> list[type[Panel]]:
@@ -70,6 +72,37 @@ class TestPanel:
             values: float
 
         assert Numbers(np.nan).shows_the_same_as(Numbers(np.nan))
+
+
+class TestItsDocumentation:
+    """docs/lab-page.md says in which file each part of the page is."""
+
+    @pytest.fixture
+    def rows(self) -> dict[str, tuple[list[str], list[str]]]:
+        """Files of the panels and of the figures, by the part of the page."""
+        text = (ROOT / "docs" / "lab-page.md").read_text().partition("| part of the page |")[2].partition("\n\n")[0]
+        cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in text.splitlines()[2:]]
+        return {
+            part: (re.findall(r"`(.+?)`", panels), re.findall(r"`(.+?)`", figures)) for part, panels, figures in cells
+        }
+
+    def test_it_names_the_file_of_every_tab(self, rows: dict[str, tuple[list[str], list[str]]]) -> None:
+        tabs = {tab.title: path_of(tab.panels[0].__module__) for tab in TABS.values()}
+        assert {part: panels[0] for part, (panels, _) in rows.items() if part in tabs} == tabs
+
+    def test_it_names_the_file_of_every_panel(self, rows: dict[str, tuple[list[str], list[str]]]) -> None:
+        assert {file for panels, _ in rows.values() for file in panels} == {path_of(p.__module__) for p in PANELS}
+
+    def test_it_names_the_figures_that_these_files_draw(self, rows: dict[str, tuple[list[str], list[str]]]) -> None:
+        for part, (panels, figures) in rows.items():
+            code = "".join((ROOT / "quadctl" / "web" / file).read_text() for file in panels)
+            drawn = {f"figures/{name}.py" for name in re.findall(r"from quadctl\.web\.figures\.(\w+) import", code)}
+            assert set(figures) == drawn, part
+
+
+def path_of(module: str) -> str:
+    """File of a module in quadctl/web/."""
+    return module.removeprefix("quadctl.web.").replace(".", "/") + ".py"
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,8 @@ from rich.console import Console
 
 from quadctl.errors import LogError
 from quadctl.lab.tracking import metrics as m
-from quadctl.lab.tracking.metrics import Window, metrics, render
+from quadctl.lab.tracking.metrics import Window, metrics
+from quadctl.lab.tracking.rendering import render
 from quadctl.lab.tracking.steps import only_step
 from quadctl.logs.contradictions import contradictions
 from quadctl.logs.flight_log import FlightLog, Floats
