@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from quadctl.effects.base import Conditions, Effect, ThrustRatio, parameter
-from quadctl.numeric import Number, clip, known_or
+from quadctl.numeric import Number, clip, known_or, maximum
 from quadctl.vehicle import Vehicle
 
 CELL_V = 3.95
@@ -46,4 +46,16 @@ class LinearSag(ThrustRatio):
 
     def ratio(self, c: Conditions, vehicle: Vehicle) -> Number:
         ratio = 1.0 + self.share * (c.battery_v / self.reference_v - 1.0)
+        return known_or(clip(ratio, *RATIO_LIMITS), 1.0)
+
+
+@dataclass(frozen=True)
+class PowerSag(LinearSag):
+    """K = (V / V_ref)^share: the thrust of a motor at a fixed command goes with about the square of the voltage."""
+
+    name: ClassVar[str] = "battery_sag.power"
+    source: ClassVar[str] = "thrust k rpm^2 of a motor whose speed is proportional to its voltage: share 2"
+
+    def ratio(self, c: Conditions, vehicle: Vehicle) -> Number:
+        ratio = maximum(c.battery_v / self.reference_v, 0.1) ** self.share
         return known_or(clip(ratio, *RATIO_LIMITS), 1.0)

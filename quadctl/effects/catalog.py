@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from quadctl.effects.base import Effect
-from quadctl.effects.battery_sag import LinearSag
+from quadctl.effects.battery_sag import LinearSag, PowerSag
 from quadctl.effects.body_drag import QuadraticDrag
 from quadctl.effects.ceiling_effect import MomentumCeiling
 from quadctl.effects.ground_effect import (
@@ -63,6 +63,7 @@ CATALOG: dict[str, type[Effect]] = {
         HorizontalLift,
         MassStep,
         LinearSag,
+        PowerSag,
         PowerCurve,
         FirstOrderLag,
         WeakRotor,

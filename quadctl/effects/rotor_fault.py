@@ -31,7 +31,7 @@ class WeakRotor(Effect):
 
     def negligible(self) -> bool:
         """True for a loss that coefficients 1.5 % off each and a centre of mass 0.6 % of the arms off make together."""
-        return self.loss < 0.06
+        return self.loss < 0.07
 
     def mismatch(self, vehicle: Vehicle) -> str:
         whole = float(self.rotor).is_integer() and self.rotor <= vehicle.n_rotors

@@ -24,7 +24,7 @@ class HangingTether(Effect):
     mission: ClassVar[str] = "missions/hover_staircase_high.yaml"
 
     weight_n_per_m: float = parameter(0.2, 0.0, 20.0, "N/m", "weight of the cable per length")
-    slack_m: float = parameter(0.0, 0.0, 50.0, "m", "height below which it carries itself", fitted=False)
+    slack_m: float = parameter(0.0, 0.0, 50.0, "m", "height below which it carries itself")
 
     @classmethod
     def starts(cls, flights: Sequence[Conditions], vehicle: Vehicle) -> Sequence[Effect]:

@@ -16,6 +16,8 @@ LEAST_M_S = 0.3
 """Slower air than this moves in any hall."""
 LEAST_PUSH_M_S2 = 0.05
 """Least acceleration by a wind: a floor that slopes by 0.3 degrees in the frame of the log gives as much."""
+LEAST_DRAG_PER_S = 0.04
+"""Least drag of a multirotor; published coefficients are 0.1 to 0.6 1/s."""
 TURNED_DEG = 60.0
 """Difference of headings that tells a wind from a tilted thrust."""
 TILT_M_S2 = 0.4
@@ -59,10 +61,10 @@ class _Wind(Effect):
         return self.speed_m_s < LEAST_M_S
 
     def believable(self, flights: Sequence[Conditions], vehicle: Vehicle) -> bool:
-        """True for a push that is more than that of an uneven floor; beside a drag of the model the wind has none of
-        its own."""
+        """True for a push that is more than that of an uneven floor, and not that of a storm on a vehicle without drag;
+        beside a drag of the model the wind has none of its own."""
         push = self.push_m_s2(vehicle)
-        return push == 0.0 or push > LEAST_PUSH_M_S2
+        return push == 0.0 or push > max(LEAST_PUSH_M_S2, LEAST_DRAG_PER_S * self.speed_m_s)
 
     def distinct(self, flights: Sequence[Conditions], vehicle: Vehicle) -> bool:
         """True with different headings, or with a push larger than a tilted thrust would give."""
@@ -98,21 +100,22 @@ class SteadyWind(_Wind):
 
 @dataclass(frozen=True)
 class QuadraticWind(_Wind):
-    """A steady wind with a drag that is quadratic in the airspeed: F = -1/2 rho |v| (area u, area v, area_z w)."""
+    """A steady wind with a drag that is quadratic in the airspeed: F = -1/2 rho |v| (A_x u, A_y v, A_z w)."""
 
-    name: ClassVar[str] = "wind.quadratic"
+    name: ClassVar[str] = "wind.quadratic_drag"
     source: ClassVar[str] = "Galilean relativity; definition of the drag coefficient"
 
     north_m_s: float = parameter(0.5, -25.0, 25.0, "m/s", "velocity of the air toward north")
     east_m_s: float = parameter(0.5, -25.0, 25.0, "m/s", "velocity of the air toward east")
-    area_m2: float = parameter(0.02, 0.0, 1.0, "m^2", "drag area seen from any side, where the model holds no drag")
+    area_x_m2: float = parameter(0.02, 0.0, 1.0, "m^2", "drag area seen from the front, where the model has no drag")
+    area_y_m2: float = parameter(0.02, 0.0, 1.0, "m^2", "drag area seen from the side")
     area_z_m2: float = parameter(0.0, 0.0, 1.0, "m^2", "drag area seen from above")
 
     def standing_back(self) -> Self:
         """The same wind without its own drag, beside an effect that models the drag."""
-        return replace(self, area_m2=0.0, area_z_m2=0.0)
+        return replace(self, area_x_m2=0.0, area_y_m2=0.0, area_z_m2=0.0)
 
     def force(self, total_thrust_n: Number, c: Conditions, vehicle: Vehicle) -> Vector:
         u, v, w = c.velocity_body_m_s
         half = -0.5 * vehicle.air_density_kg_m3 * sqrt(u * u + v * v + w * w)
-        return half * self.area_m2 * u, half * self.area_m2 * v, half * self.area_z_m2 * w
+        return half * self.area_x_m2 * u, half * self.area_y_m2 * v, half * self.area_z_m2 * w

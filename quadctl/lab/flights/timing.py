@@ -19,11 +19,13 @@ from quadctl.model import Model
 
 VELOCITY_PRIOR = Estimate(0.0, 0.03)
 """Prior of the lag of the velocity behind the position, s. Estimators of autopilots have 20 to 40 ms."""
-ROTOR_PRIOR = Estimate(0.0, 0.015)
+ROTOR_PRIOR = Estimate(0.0, 0.03)
 """Prior of the delay of the rotor signal relative to the force that it makes, s. Rotor speeds come up to 30 ms late,
-and positions up to 40 ms; a larger delay needs evidence, as it may be physics (`motor_lag`)."""
+and positions up to 40 ms; a larger delay needs evidence."""
+ROTOR_PRIOR_BESIDE_LAG = Estimate(0.0, 0.01)
+"""The same for a model with a motor lag, which is what explains a thrust that comes later than that."""
 VELOCITY_RANGE_S = (-0.06, 0.15)
-ROTOR_RANGE_S = (-0.04, 0.3)
+ROTOR_RANGE_S = (-0.06, 0.3)
 """Ranges that are searched."""
 LEAST_STD_S = 0.002
 """Least standard deviation between flights, and of an estimate."""
@@ -34,7 +36,7 @@ UNSEEN_STD_S = 10.0
 ITERATIONS = 10
 MAX_STEP_S = 0.04
 """Largest change of an estimate in one iteration: the estimates are linear in a delay for small delays only."""
-STARTS_S = (0.0, 0.05, 0.1, 0.15, 0.2, 0.25)
+STARTS_S = (-0.05, 0.0, 0.05, 0.1, 0.15, 0.2, 0.25)
 CLEARLY = 0.8
 """A delay far from 0 is where the search begins if the squared error there is less than this share of that at 0."""
 LEAST_SHARE = 0.1
@@ -57,7 +59,9 @@ def timed(flights: Sequence[Flight], lag: Model) -> tuple[Flight, ...]:
         flight.with_velocity_lag(of_flight.value)
         for flight, of_flight in zip(flights, velocity.of_flights, strict=True)
     ]
-    rotor = _shrunk([_rotor_delay(flight, lag) for flight in prompt], ROTOR_PRIOR)
+    rotor = _shrunk(
+        [_rotor_delay(flight, lag) for flight in prompt], ROTOR_PRIOR_BESIDE_LAG if lag.stack else ROTOR_PRIOR
+    )
     timing = Timing(rotor=rotor.common, velocity=velocity.common)
     return tuple(
         replace(flight.with_rotor_delay(of_flight.value), timing=timing)

@@ -13,7 +13,7 @@ from quadctl.lab.fitting.parameters import free_parameters
 from quadctl.lab.fitting.significance import difference_p_value
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.flights.prediction import MOMENTS
-from quadctl.lab.selection.candidate import Candidate
+from quadctl.lab.selection.candidate import LEAST_ERROR, Candidate
 from quadctl.model import Model
 
 # --- there at all -----------------------------------------------------------------------------------------------------
@@ -32,6 +32,8 @@ HARMLESS = 0.01
 HARMLESS_BESIDE = 0.2
 """Largest such increase as a share of the effect's largest drop on a moment; the larger of the two limits counts. With
 more, the effect stands in for another one."""
+LEAST_SHARE_OF_MOMENT = 0.1
+"""Least error of a moment, as a share of the error of all three, to which a change of it is compared."""
 SHOWN = 0.01
 """Least relative drop of the error of each moment in which an effect must be visible, if there are several."""
 SHOWN_ALONE = 0.2
@@ -84,17 +86,29 @@ def is_harmful(c: Candidate) -> bool:
     Either in all flights together, or in one flight by more than it helps in all, as a stand-in for another effect
     does.
     """
-    drops = [c.drops.get(axis, 0.0) for axis in MOMENTS]
-    overall = min(drops) < -max(HARMLESS, HARMLESS_BESIDE * max(drops))
-    return c.effect.affects_moment and (overall or c.worst_flight < -max(HARMLESS, *drops))
+    return c.effect.affects_moment and (_worsens_a_moment(c) or c.worst_flight < -max(HARMLESS, *_moment_drops(c)))
+
+
+def _worsens_a_moment(c: Candidate) -> bool:
+    drops = _moment_drops(c)
+    return min(drops) < -max(HARMLESS, HARMLESS_BESIDE * max(drops))
+
+
+def _moment_drops(c: Candidate) -> list[float]:
+    """Drop of the held-out error of each moment, relative to that error or to `LEAST_SHARE_OF_MOMENT` of that of all
+    three: a moment that was right to a fraction of the others has no veto."""
+    whole = LEAST_SHARE_OF_MOMENT * c.before.get("turning", 0.0)
+    return [
+        (c.before[axis] - c.after[axis]) / max(c.before[axis], whole, LEAST_ERROR) if axis in c.drops else 0.0
+        for axis in MOMENTS
+    ]
 
 
 def shows_in_moments(c: Candidate) -> bool:
     """Tell whether a candidate lowers the error of every moment that its physics must show in, and worsens none."""
     shown = [c.drops.get(axis, 0.0) for axis in c.effect.shows_in(c.model.vehicle)]
-    moments = [c.drops.get(axis, 0.0) for axis in MOMENTS]
     enough = max(SHOWN if len(shown) > 1 else SHOWN_ALONE, SHOWN_BESIDE * c.largest_drop)
-    return not shown or (min(shown) > enough and min(moments) > -HARMLESS)
+    return not shown or (min(shown) > enough and not _worsens_a_moment(c))
 
 
 def is_there(c: Candidate) -> bool:
