@@ -42,13 +42,13 @@ def _regressors(case: Case, track: Track, every: int) -> dict[str, Floats]:
     world_down = np.array([0.0, 0.0, 1.0])
     return {
         "thrust_scale": along_thrust(constant),
-        "thrust_curve": along_thrust(np.log(np.maximum(mean_rpm, 0.1)), constant),
+        "thrust_curve": along_thrust(np.log(np.maximum(mean_rpm, 0.1))),
         "rotor_drag": along_body(-body),
         "body_drag": along_body(-body * np.linalg.norm(body, axis=1)[:, None]),
         "inflow": along_thrust(body[:, 2] / np.maximum(mean_rpm, 0.3)),
         "translational_lift": along_thrust(edge**2),
         "thrust_tilt": np.stack([lift[:, None] * attitude[:, :, axis] for axis in (0, 1)], axis=1),
-        "tether": np.stack([constant[:, None] * world_down, up[:, None] * world_down], axis=1),
+        "tether": (up[:, None] * world_down)[:, None],
         "ground_effect": along_thrust(np.exp(-height), np.exp(-0.5 * height)),
     }
 

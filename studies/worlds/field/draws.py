@@ -9,7 +9,7 @@ from studies.worlds.field.arrays import Floats
 from studies.worlds.field.cases import NOISE_STEP_S, Case, Control, Flight, Hidden, Sensing, noise_samples
 from studies.worlds.field.hidden import DRAWS, FAMILIES
 from studies.worlds.field.missions import Arena, draw_reference
-from studies.worlds.field.noise import first_order_noise, gusts, smooth_noise
+from studies.worlds.field.noise import first_order_noise, gusts, passing_noise, smooth_noise
 from studies.worlds.field.vehicles import Beliefs, Vehicle, draw_beliefs, draw_vehicle
 
 SETTLE_S = 8.0
@@ -73,7 +73,7 @@ def _arena(
     small = vehicle.mass_kg < 0.3
     ceiling = rng.uniform(2.4, 3.2) if small else rng.uniform(2.9, 4.5)
     if "ceiling_effect" in recipe:
-        high = ceiling - offset - max(rng.uniform(0.6, 1.0) * radius, 0.06)
+        high = ceiling - offset - max(rng.uniform(1.0, 1.4) * radius, 0.07)
     else:
         high = ceiling - offset - max(clear, 0.4)
     middle = float(np.clip(rng.uniform(0.45, 0.6) * ceiling, lowest + 0.3, high - 0.3))
@@ -215,7 +215,7 @@ def _flights(
                 position_noise_m=smooth_noise(
                     rng, samples, NOISE_STEP_S, sensing.position_sigma_m, sensing.position_time_s, 3
                 ),
-                velocity_noise_m_s=smooth_noise(
+                velocity_noise_m_s=passing_noise(
                     rng, samples, NOISE_STEP_S, sensing.velocity_sigma_m_s, sensing.velocity_time_s, 3
                 ),
                 tilt_noise_rad=tilt,
@@ -247,7 +247,7 @@ def draw_case(name: str, recipe: tuple[str, ...], index: int, strength: float, s
     if lagging:
         mass = max(mass, 1.0)
     if "ceiling_effect" in recipe:
-        mass = max(mass, 0.25)
+        mass = _mass(rng, 0.3, 2.2)
     rotors = 6 if mass > 0.8 and rng.random() < 0.25 else 4
     lag = float(rng.uniform(0.06, 0.14)) * strength if lagging else None
     vehicle = draw_vehicle(rng, name.replace("_", "-"), mass, rotors, lag)
@@ -265,6 +265,9 @@ def draw_case(name: str, recipe: tuple[str, ...], index: int, strength: float, s
             bias = np.array([effect.parameters[f"{axis}_m_s2"] for axis in "xyz"])
             sensing = replace(sensing, imu_bias_m_s2=bias)
     control = _control(rng, vehicle, sensing)
+    if "ceiling_effect" in recipe:
+        # The pull of a ceiling grows towards it: a softer height loop would let the vehicle be drawn up.
+        control = replace(control, up_bandwidth=max(control.up_bandwidth, 5.0))
     beliefs = _mistaken(draw_beliefs(rng, vehicle), hidden)
     states_motor_time = not lagging and ("battery_sag" in recipe or bool(rng.random() < 0.6))
     flights, trim = _flights(rng, vehicle, arena, sensing, place, recipe, hidden, low)
@@ -311,7 +314,11 @@ def draw_world(strength: float, seed: int, only: str | None = None) -> list[Case
     for family in FAMILIES:
         recipes += [(f"{family}_{number + 1}", (family,), number, False) for number in range(3)]
     recipes += [(f"clean_{number + 1:02d}", (), number, number % 4 == 3) for number in range(12)]
-    recipes += [("pair_" + "_".join(pair).replace("+", "_"), pair, number, False) for number, pair in enumerate(PAIRS)]
+    # Other forms than in the single cases.
+    recipes += [
+        ("pair_" + "_".join(pair).replace("+", "_"), pair, number + number // 5 + 3, False)
+        for number, pair in enumerate(PAIRS)
+    ]
     return [
         draw_case(name, recipe, index + seed, strength, seed, low)
         for name, recipe, index, low in recipes

@@ -172,7 +172,7 @@ def straight_runs(rng: np.random.Generator, arena: Arena, start: Floats) -> Floa
     """Fast straight runs there and back in several directions, with a stop at each end."""
     parts, here = [], start
     angle = rng.uniform(-np.pi, np.pi)
-    for index in range(4):
+    for index in range(3):
         reach = arena.half_width_m * rng.uniform(0.7, 1.0)
         there = np.array([reach * np.cos(angle), reach * np.sin(angle), start[2] * rng.uniform(0.9, 1.1)])
         parts += [_move(arena, here, there, arena.speed_m_s * rng.uniform(0.6, 1.15)), _stay(there, 0.7)]

@@ -30,6 +30,15 @@ def smooth_noise(
     return np.asarray(filtered * sigma * np.sqrt(2.0 * np.sqrt(np.pi) * width))
 
 
+def passing_noise(
+    rng: np.random.Generator, samples: int, step_s: float, sigma: float, time_s: float, columns: int
+) -> Floats:
+    """Smooth noise without its slow part, as in a velocity that is kept in line with measured positions."""
+    noise = smooth_noise(rng, samples, step_s, 1.0, time_s, columns)
+    noise = noise - gaussian_filter1d(noise, max(2.0 * time_s, 0.4) / step_s, axis=0, mode="reflect")
+    return np.asarray(sigma * noise / np.std(noise))
+
+
 def gusts(
     rng: np.random.Generator, samples: int, step_s: float, sigma_m_s: float, air_m_s: float, height_m: float
 ) -> Floats:
