@@ -183,7 +183,7 @@ def ceiling_effect(
     """Gain of thrust under a ceiling by one of two published forms."""
     if index % 2 == 0:
         return _one("ceiling_effect", "sanchez", size=strength, a1=rng.uniform(10.0, 16.0), a2=rng.uniform(0.1, 0.4))
-    return _one("ceiling_effect", "hsiao", size=strength * rng.uniform(1.6, 2.4))
+    return _one("ceiling_effect", "hsiao", size=strength * rng.uniform(1.2, 1.8))
 
 
 def inflow_translational_lift(

@@ -90,7 +90,7 @@ def log_table(case: Case, flight: Flight, track: Track) -> tuple[list[str], list
     table = np.concatenate(parts, axis=1)
     keep = rng.random(len(table)) >= sensing.missing_rows
     for _ in range(int(rng.integers(0, 3))):
-        gap = rng.uniform(2.0, times[-1] - 2.0)
+        gap = rng.uniform(0.04, 0.96) * times[-1]
         keep &= ~((times > gap) & (times < gap + rng.uniform(0.1, 0.35)))
     keep[0] = True
     repeats = np.where(rng.random(len(table)) < sensing.repeated_rows, 2, 1)
