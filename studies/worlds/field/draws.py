@@ -129,7 +129,8 @@ def _control(rng: np.random.Generator, vehicle: Vehicle, sensing: Sensing) -> Co
     quick = vehicle.mass_kg < 0.3
     inner = 400 if quick else int(rng.choice([200, 400]))
     outer = int(rng.choice([100, 200])) if quick or kind == "indi" else int(rng.choice([50, 100]))
-    lead = 0.5 if vehicle.motor_time_s > 0.05 else float(rng.choice([0.0, 0.3]))
+    usual_lead = float(rng.choice([0.0, 0.3]))
+    lead = 0.5 if vehicle.motor_time_s > 0.05 else usual_lead
     delay = vehicle.motor_time_s * (1.0 - lead) + 1.0 / inner + sensing.gyro_lag_s + 0.003
     if kind == "indi":
         delay += 0.006

@@ -78,14 +78,15 @@ def translational_lift(
 
 def wind(rng: np.random.Generator, vehicle: Vehicle, arena: Arena, strength: float, index: int) -> tuple[Hidden, ...]:
     """Mean wind with the drag that makes it felt; only the wind is scaled."""
-    speed = strength * rng.uniform(5.0, 11.0)
+    strong = rng.uniform(5.0, 11.0)
+    speed = strength * strong
     towards = rng.uniform(-np.pi, np.pi)
     parameters = {"north_m_s": float(speed * np.cos(towards)), "east_m_s": float(speed * np.sin(towards))}
     parameters["sheared"] = float(index % 2)
     if index % 3 == 1:
         drag = body_drag(rng, vehicle, arena, 1.0, index)[0]
     else:
-        drag = rotor_drag(rng, vehicle, arena, min(1.0, 2.5 / speed / 0.36), index)[0]
+        drag = rotor_drag(rng, vehicle, arena, min(1.0, 2.5 / strong / 0.36), index)[0]
     return (Hidden(("wind",), "wind.mean", parameters), Hidden(("wind",), drag.variant, drag.parameters))
 
 
