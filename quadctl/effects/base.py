@@ -42,6 +42,8 @@ class Conditions:
     battery_v: Number = float("nan")
     position_ne_m: tuple[Number, Number] = (0.0, 0.0)
     """Position north and east, from the origin of the log."""
+    flight: int = 0
+    """Number of the flight among those that are analysed together, from 1; 0 where there is but one."""
 
 
 @dataclass(frozen=True, slots=True)

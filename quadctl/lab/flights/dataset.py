@@ -1,7 +1,7 @@
 """Dataset: prepared flights as one set of samples with folds, and the same flights aligned for a model."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import Literal
@@ -183,6 +183,11 @@ def load_dataset(logs: Iterable[FlightLog], vehicle: Vehicle, hold_out: HoldOut 
     """
     flights = Parallel()(delayed(prepare)(log, vehicle) for log in logs)
     _require_one_vehicle(flights)
+    if len(flights) > 1:
+        flights = [
+            replace(flight, conditions=replace(flight.conditions, flight=number))
+            for number, flight in enumerate(flights, start=1)
+        ]
     return Dataset(timed(flights, Model(vehicle)) if flights else (), hold_out)
 
 

@@ -17,14 +17,16 @@ from quadctl.lab.flights.flight import Estimate, Flight, Timing
 from quadctl.lab.flights.prediction import predict
 from quadctl.model import Model
 
-VELOCITY_PRIOR = Estimate(0.0, 0.03)
+VELOCITY_PRIOR = Estimate(0.0, 0.02)
 """Prior of the lag of the velocity behind the position, s. Estimators of autopilots have 20 to 40 ms."""
 ROTOR_PRIOR = Estimate(0.0, 0.03)
 """Prior of the delay of the rotor signal relative to the force that it makes, s. Rotor speeds come up to 30 ms late,
 and positions up to 40 ms; a larger delay needs evidence."""
 ROTOR_PRIOR_BESIDE_LAG = Estimate(0.0, 0.01)
 """The same for a model with a motor lag, which is what explains a thrust that comes later than that."""
-VELOCITY_RANGE_S = (-0.06, 0.15)
+MOST_PLAUSIBLE_S = 0.045
+"""Largest delay of a rotor signal beside a motor lag: positions are up to 40 ms late."""
+VELOCITY_RANGE_S = (-0.04, 0.08)
 ROTOR_RANGE_S = (-0.06, 0.3)
 """Ranges that are searched."""
 LEAST_STD_S = 0.002
@@ -67,6 +69,13 @@ def timed(flights: Sequence[Flight], lag: Model) -> tuple[Flight, ...]:
         replace(flight.with_rotor_delay(of_flight.value), timing=timing)
         for flight, of_flight in zip(prompt, rotor.of_flights, strict=True)
     )
+
+
+def is_plausible_beside(lag: Model, flights: Sequence[Flight]) -> bool:
+    """Tell whether the delay of the rotor signals that the flights show beside the motor lag of `lag` is one that
+    sensors and links have. A lag that stands in for another error leaves a delay that none has."""
+    delay = _shrunk([_rotor_delay(flight, lag) for flight in flights], ROTOR_PRIOR).common
+    return abs(delay.value) < MOST_PLAUSIBLE_S
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from quadctl.lab.fitting.nuisances import AGE, BOUND
 from quadctl.lab.fitting.significance import improvement_p_value
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.flights.prediction import MOMENTS, rmse
+from quadctl.lab.flights.timing import is_plausible_beside
 from quadctl.lab.selection.candidate import LEAST_ERROR, Candidate
 from quadctl.lab.selection.rule import indistinct, unbelievable
 from quadctl.lab.threads import one_blas_thread
@@ -37,7 +38,8 @@ def try_effect(effect: type[Effect], left: Unmodelled, n_tried: int) -> Candidat
         residual=after,
         worst_flight=_worst_flight(residual, after, dataset),
         remarks=fit.remarks(last),
-        believable=unbelievable(fit.model, dataset) <= unbelievable(left.model, dataset),
+        believable=unbelievable(fit.model, dataset) <= unbelievable(left.model, dataset)
+        and (not effect.adds_lag or is_plausible_beside(fit.model.late(), fit.flights)),
         distinct=effect.name not in indistinct(fit.model, dataset),
         implied=fit.model.effects[last].implied_by(
             fit.model.effects[:last], [flight.conditions for flight in dataset.flights], fit.model.vehicle
