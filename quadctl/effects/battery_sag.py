@@ -53,7 +53,7 @@ class LinearSag(ThrustRatio):
 class PowerSag(LinearSag):
     """K = (V / V_ref)^share: the thrust of a motor at a fixed command goes with about the square of the voltage."""
 
-    name: ClassVar[str] = "battery_sag.power"
+    name: ClassVar[str] = "battery_sag.voltage_power"
     source: ClassVar[str] = "thrust k rpm^2 of a motor whose speed is proportional to its voltage: share 2"
 
     def ratio(self, c: Conditions, vehicle: Vehicle) -> Number:

@@ -8,7 +8,7 @@ from typing import ClassVar, Self
 import numpy as np
 
 from quadctl.effects.base import Conditions, Effect, parameter
-from quadctl.frames import euler_from_quaternion
+from quadctl.frames import euler_from_quaternion, quaternion_from_euler, rotate_inverse
 from quadctl.numeric import Number, Vector, sqrt
 from quadctl.vehicle import Vehicle
 
@@ -52,10 +52,16 @@ class _Wind(Effect):
         """Initial guesses from four directions: at zero wind the drag has no gradient."""
         return [cls(north, east) for north, east in ((1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0))]  # type: ignore[call-arg]
 
-    def push_m_s2(self, vehicle: Vehicle) -> float:
-        """Acceleration of a vehicle in hover by the drag of the wind."""
-        x, y, _ = self.force(0.0, Conditions(1.0, (self.speed_m_s, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)), vehicle)
-        return math.hypot(x, y) / vehicle.mass_kg
+    def push_m_s2(self, flights: Sequence[Conditions], vehicle: Vehicle) -> float:
+        """Largest acceleration of the vehicle by the drag of the wind in hover, at the headings of these flights."""
+        pushes = []
+        for c in flights:
+            heading = float(np.median(np.unwrap(euler_from_quaternion(c.attitude)[2])))
+            level = quaternion_from_euler(0.0, 0.0, heading)
+            air = rotate_inverse(level, (-self.north_m_s, -self.east_m_s, 0.0))
+            x, y, _ = self.force(0.0, Conditions(1.0, air, level), vehicle)
+            pushes.append(math.hypot(x, y) / vehicle.mass_kg)
+        return max(pushes)
 
     def negligible(self) -> bool:
         return self.speed_m_s < LEAST_M_S
@@ -63,14 +69,14 @@ class _Wind(Effect):
     def believable(self, flights: Sequence[Conditions], vehicle: Vehicle) -> bool:
         """True for a push that is more than that of an uneven floor, and not that of a storm on a vehicle without drag;
         beside a drag of the model the wind has none of its own."""
-        push = self.push_m_s2(vehicle)
+        push = self.push_m_s2(flights, vehicle)
         return push == 0.0 or push > max(LEAST_PUSH_M_S2, LEAST_DRAG_PER_S * self.speed_m_s)
 
     def distinct(self, flights: Sequence[Conditions], vehicle: Vehicle) -> bool:
         """True with different headings, or with a push larger than a tilted thrust would give."""
         headings = [np.degrees(np.unwrap(euler_from_quaternion(c.attitude)[2])) for c in flights]
         turned = max(float(h.max()) for h in headings) - min(float(h.min()) for h in headings) > TURNED_DEG
-        return turned or self.push_m_s2(vehicle) > TILT_M_S2
+        return turned or self.push_m_s2(flights, vehicle) > TILT_M_S2
 
     def wind_ned_m_s(self, c: Conditions) -> Vector:
         return self.north_m_s, self.east_m_s, 0.0

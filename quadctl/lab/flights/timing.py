@@ -22,9 +22,7 @@ VELOCITY_PRIOR = Estimate(0.0, 0.02)
 ROTOR_PRIOR = Estimate(0.0, 0.03)
 """Prior of the delay of the rotor signal relative to the force that it makes, s. Rotor speeds come up to 30 ms late,
 and positions up to 40 ms; a larger delay needs evidence."""
-ROTOR_PRIOR_BESIDE_LAG = Estimate(0.0, 0.01)
-"""The same for a model with a motor lag, which is what explains a thrust that comes later than that."""
-MOST_PLAUSIBLE_S = 0.045
+MOST_PLAUSIBLE_S = 0.06
 """Largest delay of a rotor signal beside a motor lag: positions are up to 40 ms late."""
 VELOCITY_RANGE_S = (-0.04, 0.08)
 ROTOR_RANGE_S = (-0.06, 0.3)
@@ -61,9 +59,7 @@ def timed(flights: Sequence[Flight], lag: Model) -> tuple[Flight, ...]:
         flight.with_velocity_lag(of_flight.value)
         for flight, of_flight in zip(flights, velocity.of_flights, strict=True)
     ]
-    rotor = _shrunk(
-        [_rotor_delay(flight, lag) for flight in prompt], ROTOR_PRIOR_BESIDE_LAG if lag.stack else ROTOR_PRIOR
-    )
+    rotor = _shrunk([_rotor_delay(flight, lag) for flight in prompt], ROTOR_PRIOR)
     timing = Timing(rotor=rotor.common, velocity=velocity.common)
     return tuple(
         replace(flight.with_rotor_delay(of_flight.value), timing=timing)
@@ -73,9 +69,9 @@ def timed(flights: Sequence[Flight], lag: Model) -> tuple[Flight, ...]:
 
 def is_plausible_beside(lag: Model, flights: Sequence[Flight]) -> bool:
     """Tell whether the delay of the rotor signals that the flights show beside the motor lag of `lag` is one that
-    sensors and links have. A lag that stands in for another error leaves a delay that none has."""
+    sensors and links have. A lag that stands in for another error leaves one that none has, or none that is seen."""
     delay = _shrunk([_rotor_delay(flight, lag) for flight in flights], ROTOR_PRIOR).common
-    return abs(delay.value) < MOST_PLAUSIBLE_S
+    return abs(delay.value) < MOST_PLAUSIBLE_S and delay.std < 0.4 * MOST_PLAUSIBLE_S
 
 
 @dataclass(frozen=True)

@@ -32,6 +32,8 @@ HARMLESS = 0.01
 HARMLESS_BESIDE = 0.2
 """Largest such increase as a share of the effect's largest drop on a moment; the larger of the two limits counts. With
 more, the effect stands in for another one."""
+HARMLESS_BESIDE_SHOWN = 0.05
+"""The same share for an effect that must be visible in several moments."""
 LEAST_SHARE_OF_MOMENT = 0.1
 """Least error of a moment, as a share of the error of all three, to which a change of it is compared."""
 SHOWN = 0.01
@@ -86,12 +88,9 @@ def is_harmful(c: Candidate) -> bool:
     Either in all flights together, or in one flight by more than it helps in all, as a stand-in for another effect
     does.
     """
-    return c.effect.affects_moment and (_worsens_a_moment(c) or c.worst_flight < -max(HARMLESS, *_moment_drops(c)))
-
-
-def _worsens_a_moment(c: Candidate) -> bool:
     drops = _moment_drops(c)
-    return min(drops) < -max(HARMLESS, HARMLESS_BESIDE * max(drops))
+    overall = min(drops) < -max(HARMLESS, HARMLESS_BESIDE * max(drops))
+    return c.effect.affects_moment and (overall or c.worst_flight < -max(HARMLESS, *drops))
 
 
 def _moment_drops(c: Candidate) -> list[float]:
@@ -108,7 +107,8 @@ def shows_in_moments(c: Candidate) -> bool:
     """Tell whether a candidate lowers the error of every moment that its physics must show in, and worsens none."""
     shown = [c.drops.get(axis, 0.0) for axis in c.effect.shows_in(c.model.vehicle)]
     enough = max(SHOWN if len(shown) > 1 else SHOWN_ALONE, SHOWN_BESIDE * c.largest_drop)
-    return not shown or (min(shown) > enough and not _worsens_a_moment(c))
+    drops = _moment_drops(c)
+    return not shown or (min(shown) > enough and min(drops) > -max(HARMLESS, HARMLESS_BESIDE_SHOWN * max(drops)))
 
 
 def is_there(c: Candidate) -> bool:

