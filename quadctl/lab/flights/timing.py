@@ -22,10 +22,10 @@ VELOCITY_PRIOR = Estimate(0.0, 0.02)
 ROTOR_PRIOR = Estimate(0.0, 0.03)
 """Prior of the delay of the rotor signal relative to the force that it makes, s. Rotor speeds come up to 30 ms late,
 and positions up to 40 ms; a larger delay needs evidence."""
-MOST_PLAUSIBLE_S = 0.06
-"""Largest delay of a rotor signal beside a motor lag: positions are up to 40 ms late."""
+MOST_EARLY_S = 0.04
+"""Largest time by which a rotor signal comes before its force because the position is late."""
 VELOCITY_RANGE_S = (-0.04, 0.08)
-ROTOR_RANGE_S = (-0.06, 0.3)
+ROTOR_RANGE_S = (-0.2, 0.3)
 """Ranges that are searched."""
 LEAST_STD_S = 0.002
 """Least standard deviation between flights, and of an estimate."""
@@ -36,7 +36,7 @@ UNSEEN_STD_S = 10.0
 ITERATIONS = 10
 MAX_STEP_S = 0.04
 """Largest change of an estimate in one iteration: the estimates are linear in a delay for small delays only."""
-STARTS_S = (-0.05, 0.0, 0.05, 0.1, 0.15, 0.2, 0.25)
+STARTS_S = (-0.15, -0.1, -0.05, 0.0, 0.05, 0.1, 0.15, 0.2, 0.25)
 CLEARLY = 0.8
 """A delay far from 0 is where the search begins if the squared error there is less than this share of that at 0."""
 LEAST_SHARE = 0.1
@@ -62,16 +62,15 @@ def timed(flights: Sequence[Flight], lag: Model) -> tuple[Flight, ...]:
     rotor = _shrunk([_rotor_delay(flight, lag) for flight in prompt], ROTOR_PRIOR)
     timing = Timing(rotor=rotor.common, velocity=velocity.common)
     return tuple(
-        replace(flight.with_rotor_delay(of_flight.value), timing=timing)
+        replace(flight.with_rotor_delay(max(of_flight.value, -MOST_EARLY_S)), timing=timing)
         for flight, of_flight in zip(prompt, rotor.of_flights, strict=True)
     )
 
 
-def is_plausible_beside(lag: Model, flights: Sequence[Flight]) -> bool:
-    """Tell whether the delay of the rotor signals that the flights show beside the motor lag of `lag` is one that
-    sensors and links have. A lag that stands in for another error leaves one that none has, or none that is seen."""
-    delay = _shrunk([_rotor_delay(flight, lag) for flight in flights], ROTOR_PRIOR).common
-    return abs(delay.value) < MOST_PLAUSIBLE_S and delay.std < 0.4 * MOST_PLAUSIBLE_S
+def comes_too_early(timing: Timing) -> bool:
+    """Tell whether the rotor signal comes before its force by more than the age of any position: then the rotors follow
+    it late."""
+    return timing.rotor.value + 1.64 * timing.rotor.std < -MOST_EARLY_S
 
 
 @dataclass(frozen=True)

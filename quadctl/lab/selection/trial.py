@@ -11,7 +11,7 @@ from quadctl.lab.fitting.nuisances import AGE, BOUND
 from quadctl.lab.fitting.significance import improvement_p_value
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.flights.prediction import MOMENTS, rmse
-from quadctl.lab.flights.timing import is_plausible_beside
+from quadctl.lab.flights.timing import comes_too_early
 from quadctl.lab.selection.candidate import LEAST_ERROR, Candidate
 from quadctl.lab.selection.rule import indistinct, unbelievable
 from quadctl.lab.threads import one_blas_thread
@@ -38,9 +38,9 @@ def try_effect(effect: type[Effect], left: Unmodelled, n_tried: int) -> Candidat
         residual=after,
         worst_flight=_worst_flight(residual, after, dataset),
         remarks=fit.remarks(last),
-        believable=unbelievable(fit.model, dataset) <= unbelievable(left.model, dataset)
-        and (not effect.adds_lag or is_plausible_beside(fit.model.late(), fit.flights)),
-        distinct=effect.name not in indistinct(fit.model, dataset),
+        believable=unbelievable(fit.model, dataset) <= unbelievable(left.model, dataset),
+        distinct=effect.name not in indistinct(fit.model, dataset)
+        and (not effect.adds_lag or _is_no_delay(residual, after, dataset)),
         implied=fit.model.effects[last].implied_by(
             fit.model.effects[:last], [flight.conditions for flight in dataset.flights], fit.model.vehicle
         ),
@@ -69,6 +69,16 @@ def fit_on_top(effect: type[Effect], left: Unmodelled) -> tuple[FittedModel, int
         fitter = Fitter(fitted.model, left.dataset)
         fitted = fitter.fit()
     return FittedModel(fitter, fitted, left.dataset.targets - fitter.held_out(fitted)), independent
+
+
+def _is_no_delay(before: Floats, after: Floats, dataset: Dataset) -> bool:
+    """Tell whether a lag is told from the delays and the noise of sensors.
+
+    Either the signals come too early for these, or the lag explains most of what a delay leaves of the vertical
+    acceleration: a lag also weakens the noise in the rotor signal, and explains some of it by that alone.
+    """
+    most = rmse(after, dataset.groups)["up"] < 0.5 * rmse(before, dataset.groups)["up"]
+    return most or comes_too_early(dataset.flights[0].timing)
 
 
 def _worst_flight(before: Floats, after: Floats, dataset: Dataset) -> float:
