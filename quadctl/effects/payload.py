@@ -38,10 +38,12 @@ class MassStep(ThrustRatio):
 
     @classmethod
     def starts(cls, flights: Sequence[Conditions], vehicle: Vehicle) -> Sequence[Effect]:
-        """A small change every few seconds, but not near the ends, where it would look like a thrust scale."""
+        """A small change every few seconds, in one flight or at the same time in every one; not near the ends, where it
+        would look like a thrust scale."""
         small = 0.02 * vehicle.mass_kg
+        every = {float(t) for c in flights for t in np.arange(*_searched(c), COARSE_S)} if len(flights) > 1 else {}
         found = [cls(small, float(t), float(c.flight)) for c in flights for t in np.arange(*_searched(c), COARSE_S)]
-        return found or [cls()]
+        return [*found, *(cls(small, t) for t in sorted(every))] or [cls()]
 
     def closer(self, flights: Sequence[Conditions]) -> Sequence[Effect]:
         times = self.time_s + np.arange(-COARSE_S + FINE_S, COARSE_S, FINE_S)

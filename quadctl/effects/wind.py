@@ -117,6 +117,11 @@ class QuadraticWind(_Wind):
     area_y_m2: float = parameter(0.02, 0.0, 1.0, "m^2", "drag area seen from the side")
     area_z_m2: float = parameter(0.0, 0.0, 1.0, "m^2", "drag area seen from above")
 
+    def believable(self, flights: Sequence[Conditions], vehicle: Vehicle) -> bool:
+        disks_m2 = vehicle.n_rotors * math.pi * vehicle.rotor.radius_m**2
+        possible = max(self.area_x_m2, self.area_y_m2, self.area_z_m2) < disks_m2
+        return possible and super().believable(flights, vehicle)
+
     def standing_back(self) -> Self:
         """The same wind without its own drag, beside an effect that models the drag."""
         return replace(self, area_x_m2=0.0, area_y_m2=0.0, area_z_m2=0.0)

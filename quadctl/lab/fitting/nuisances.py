@@ -33,14 +33,14 @@ KINDS = (
     Kind("pitch_rad", np.radians(0.4), np.radians(0.8)),
     Kind("height_m", 0.01, 0.02),
     Kind("delay_s", 0.008, 0.03),
-    Kind("roll_moment", 0.015, 0.035),
-    Kind("pitch_moment", 0.015, 0.035),
-    Kind("yaw_moment", 0.015, 0.035),
+    Kind("roll_moment", 0.01, 0.025),
+    Kind("pitch_moment", 0.01, 0.025),
+    Kind("yaw_moment", 0.01, 0.025),
 )
 """Kinds of nuisances. Trims of real vehicles are 0.4 to 3.5 degrees; those beyond the bound are an effect
 (`thrust_tilt`). Moments are in units of the root of the summed squares of the rotors' moments: 0.01 is the standard
-deviation of the moment of rotors whose coefficients are independently 1 % off each, and whose motors lean by `LEAN`; a
-centre of mass that is off by 0.6 % of the arms adds as much. Like these errors, they grow with the thrust."""
+deviation of the moment of rotors whose coefficients are independently 1 % off each, and whose motors lean by `LEAN`.
+Like these errors, they grow with the thrust."""
 LEAN = np.radians(0.3)
 """Lean of each motor on its arm, standard deviation, rad; about yaw it matters much more than coefficients that are 1 %
 off."""

@@ -25,7 +25,7 @@ and positions up to 40 ms; a larger delay needs evidence."""
 MOST_EARLY_S = 0.04
 """Largest time by which a rotor signal comes before its force because the position is late."""
 VELOCITY_RANGE_S = (-0.04, 0.08)
-ROTOR_RANGE_S = (-0.2, 0.3)
+ROTOR_RANGE_S = (-0.06, 0.3)
 """Ranges that are searched."""
 LEAST_STD_S = 0.002
 """Least standard deviation between flights, and of an estimate."""
@@ -36,7 +36,7 @@ UNSEEN_STD_S = 10.0
 ITERATIONS = 10
 MAX_STEP_S = 0.04
 """Largest change of an estimate in one iteration: the estimates are linear in a delay for small delays only."""
-STARTS_S = (-0.15, -0.1, -0.05, 0.0, 0.05, 0.1, 0.15, 0.2, 0.25)
+STARTS_S = (-0.05, 0.0, 0.05, 0.1, 0.15, 0.2, 0.25)
 CLEARLY = 0.8
 """A delay far from 0 is where the search begins if the squared error there is less than this share of that at 0."""
 LEAST_SHARE = 0.1
