@@ -10,7 +10,8 @@ INSTALLED := $(VENV)/.installed
 demo: $(INSTALLED)
 	$(BIN)/quadctl demo
 
-# Both at the same time: flights mostly wait, and computing, which gives way to them, uses what they leave.
+# Both at the same time: flights mostly wait, and computing, which gives way to them, uses what they leave. Its browsers
+# mostly wait, too: three processes keep two cores busy.
 test: $(INSTALLED)
 	@$(MAKE) --no-print-directory --jobs=2 --keep-going --output-sync=target test-flights test-computing
 
@@ -20,7 +21,7 @@ test-flights: $(INSTALLED)
 	$(FLIGHTS) -n 4 --dist loadfile --no-loadscope-reorder || $(FLIGHTS) --last-failed --last-failed-no-failures none
 
 test-computing: $(INSTALLED)
-	nice -n 10 $(BIN)/python -m pytest -m "not realtime" -n auto --dist loadfile --no-loadscope-reorder
+	nice -n 10 $(BIN)/python -m pytest -m "not realtime" -n 3 --dist loadfile --no-loadscope-reorder
 
 lint: $(INSTALLED)
 	$(BIN)/ruff check .

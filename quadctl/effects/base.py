@@ -101,6 +101,8 @@ class Effect:
     """True: it makes the accelerometer disagree with the change of velocity."""
     adds_lag: ClassVar[bool] = False
     """True: it delays the thrust, so that the delay of the log must be estimated together with it."""
+    only_without_rotor_speeds: ClassVar[bool] = False
+    """True: it is an error of the way from a command to the thrust, which measured rotor speeds do not go."""
     reversible: ClassVar[bool] = False
     """True: the effect with opposite sign explains as much at the start, so that a fit may go either way."""
     stands_back_for: ClassVar[tuple[str, ...]] = ()

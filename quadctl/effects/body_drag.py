@@ -29,9 +29,9 @@ class QuadraticDrag(Effect):
     area_z_m2: float = parameter(0.0, 0.0, 1.0, "m^2", "drag area seen from above")
 
     def believable(self, flights: Sequence[Conditions], vehicle: Vehicle) -> bool:
-        """True for drag areas up to that of all rotor disks; a vehicle has a tenth to a half of it."""
+        """True for drag areas up to twice that of all rotor disks; most vehicles have a tenth to a half of it."""
         disks_m2 = vehicle.n_rotors * math.pi * vehicle.rotor.radius_m**2
-        return max(self.area_x_m2, self.area_y_m2, self.area_z_m2) < disks_m2
+        return max(self.area_x_m2, self.area_y_m2, self.area_z_m2) < 2.0 * disks_m2
 
     def force(self, total_thrust_n: float, c: Conditions, vehicle: Vehicle) -> Vector:
         u, v, w = c.velocity_body_m_s

@@ -29,6 +29,7 @@ from quadctl.effects.rotor_fault import WeakRotor
 from quadctl.effects.rotor_interaction import FrontWake
 from quadctl.effects.tether import HangingTether
 from quadctl.effects.thrust_curve import PowerCurve
+from quadctl.effects.thrust_map import LineMap
 from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.effects.thrust_tilt import FixedTilt
 from quadctl.effects.translational_lift import HorizontalLift
@@ -41,6 +42,7 @@ CATALOG: dict[str, type[Effect]] = {
     effect.name: effect
     for effect in (
         ConstantScale,
+        LineMap,
         Exponential,
         Sanchez,
         Cheeseman,

@@ -119,7 +119,7 @@ class QuadraticWind(_Wind):
 
     def believable(self, flights: Sequence[Conditions], vehicle: Vehicle) -> bool:
         disks_m2 = vehicle.n_rotors * math.pi * vehicle.rotor.radius_m**2
-        possible = max(self.area_x_m2, self.area_y_m2, self.area_z_m2) < disks_m2
+        possible = max(self.area_x_m2, self.area_y_m2, self.area_z_m2) < 2.0 * disks_m2
         return possible and super().believable(flights, vehicle)
 
     def standing_back(self) -> Self:

@@ -17,6 +17,7 @@ from quadctl.lab.comparison.wording import parameters_in_words
 from quadctl.lab.fitting.fitted_model import FittedModel, fit_model
 from quadctl.lab.fitting.fitter import BOOTSTRAP_SEED
 from quadctl.lab.fitting.significance import improvement_p_value
+from quadctl.lab.flights.channels import ROTOR_SPEED
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.flights.flight import SPAN_UNITS, UNKNOWN_TIMING, Timing
 from quadctl.lab.results import Result
@@ -30,6 +31,9 @@ from quadctl.lab.threads import one_blas_thread
 from quadctl.model import Model
 
 UNITS = {"total": "", "turning": " N m", "sensing": " (IMU)"}
+
+DRAG_ALONG_Z = {"rotor_drag": "d_z", "body_drag": "area_z_m2"}
+"""Parameter of each family of drag that acts along body z, as the inflow does."""
 
 Verdict = Literal["missing", "none", "unexplained"]
 
@@ -170,6 +174,8 @@ def diagnose_fit(
     pool = list(candidates if candidates is not None else every_effect(model.effect_files).values())
     present = {effect.family() for effect in model.effects}
     pool = [e for e in pool if e.family() not in present and e.candidate and e.applies_to(model.vehicle)]
+    if any(flight.thrust_source == ROTOR_SPEED for flight in dataset.flights):
+        pool = [effect for effect in pool if not effect.only_without_rotor_speeds]
     unfit = [e for e in pool if any(dataset.span(variable) < span for variable, span in e.needs.items())]
     path = search(fit, [effect for effect in pool if effect not in unfit], progress)
     progress("analysing the remaining error")
@@ -183,15 +189,16 @@ def diagnose_fit(
     unexplained = matters and (symbolic is not None or is_large(residual, flexible))
     if unexplained and path.missing and is_mostly_left(fit.held_out_residual[:, :3], residual, flexible):
         path = emptied(path)
+    ranking = _ranking(path)
     return Diagnosis(
         model=model,
         dataset=dataset,
         verdict="missing" if path.missing else "unexplained" if unexplained else "none",
-        ranking=_ranking(path),
+        ranking=ranking,
         missing=list(path.missing),
         steps=list(path.steps),
         best=path.current.model,
-        confounded=[list(pair) for pair in path.confounded],
+        confounded=[list(pair) for pair in dict.fromkeys((*path.confounded, *_inseparable(path.missing, ranking)))],
         suggested_mission=_suggestion(path.latest, path.confounded, unfit),
         unexplained=unexplained,
         untried=_reasons(unfit, dataset),
@@ -211,6 +218,17 @@ def _ranking(path: Path) -> list[Candidate]:
         places = {effect.family(): place for place, effect in enumerate(fit.model.effects)}
         first = [replace(c, effect=fit.model.effects[places[c.family]], ci95=fit.ci95(places[c.family])) for c in first]
     return [*first, *sorted(others, key=lambda c: -c.held_out_drop)]
+
+
+def _inseparable(missing: Sequence[str], ranking: Sequence[Candidate]) -> list[tuple[str, str]]:
+    """Pairs of families that hardly any flight separates: a drag along body z and the inflow, and the two signs of an
+    error of the attitude estimate."""
+    pairs = [("imu_bias", "thrust_tilt")] if {"imu_bias", "thrust_tilt"} <= set(missing) else []
+    for candidate in ranking[: len(missing)]:
+        along_z = candidate.ci95.get(DRAG_ALONG_Z.get(candidate.family, ""), (0.0, 0.0))
+        if along_z[0] > 0.3 * max(candidate.effect.values().values()) and "inflow" not in missing:
+            pairs.append((candidate.family, "inflow"))
+    return pairs
 
 
 def _suggestion(

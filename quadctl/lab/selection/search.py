@@ -34,6 +34,9 @@ from quadctl.lab.selection.rule import (
 )
 from quadctl.lab.selection.trial import try_effect
 
+NESTED = ({"thrust_map", "thrust_scale"},)
+"""Families of which one is the other with a parameter more: that they do equally well is no doubt."""
+
 Progress = Callable[[str], None]
 
 
@@ -182,7 +185,9 @@ def _trials(effects: Sequence[type[Effect]], left: Unmodelled, n_tried: int, pro
 def _with_confounded(path: Path, alike: Sequence[str], still_needed: Sequence[Candidate]) -> Path:
     """Path with the pairs that did equally well, where the one left out is not needed once the other is in."""
     needed = {candidate.family for candidate in still_needed}
-    pairs = tuple((path.missing[-1], other) for other in alike if other not in needed)
+    pairs = tuple(
+        (path.missing[-1], other) for other in alike if other not in needed and {path.missing[-1], other} not in NESTED
+    )
     return replace(path, confounded=(*path.confounded, *pairs))
 
 
