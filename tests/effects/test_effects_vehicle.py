@@ -4,6 +4,7 @@ RAPTOR: 1.5 kg, R = 0.12 m, v_h = 5.807795 m/s (v_h^2 = 33.730481), 3.67749375 N
 (+-0.124, +-0.124) m: motor 1 front right, 2 rear left (both ccw), 3 front left, 4 rear right (both cw).
 """
 
+import dataclasses
 import math
 from typing import Any
 
@@ -14,8 +15,9 @@ from hypothesis import strategies as st
 
 from quadctl.compensator import check_compensator
 from quadctl.effects import Conditions, Effect
-from quadctl.effects.battery_sag import LinearSag
+from quadctl.effects.battery_sag import LinearSag, PowerSag
 from quadctl.effects.body_drag import QuadraticDrag
+from quadctl.effects.ground_effect import Exponential
 from quadctl.effects.ground_torque import Levelling
 from quadctl.effects.inflow import AxialInflow
 from quadctl.effects.motor_lag import FirstOrderLag
@@ -24,8 +26,10 @@ from quadctl.effects.rotor_drag import LinearDrag
 from quadctl.effects.rotor_fault import WeakRotor
 from quadctl.effects.rotor_interaction import FrontWake
 from quadctl.effects.thrust_curve import PowerCurve
+from quadctl.effects.thrust_map import LineMap
+from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.effects.translational_lift import HorizontalLift
-from quadctl.effects.wind import SteadyWind
+from quadctl.effects.wind import QuadraticWind, SteadyWind
 from quadctl.errors import SettingsError
 from quadctl.frames import Quaternion, quaternion_from_euler, rotate
 from quadctl.model import Model
@@ -425,3 +429,68 @@ def test_what_turns_the_body_says_so(raptor: Vehicle) -> None:
 def test_what_belongs_to_one_day_may_not_fly(raptor: Vehicle, effect: Effect) -> None:
     with pytest.raises(SettingsError, match=f"{effect.name} cannot be compensated"):
         check_compensator(Model(raptor).plus(effect), 0.1, 2.0, "model.yaml")
+
+
+# --- what others imply, and what has more than one form ---------------------------------------------------------------
+
+
+def test_a_thrust_map_by_hand(raptor: Vehicle) -> None:
+    """Four rotors of 3 N with 20 % more slope, and a tenth of the weight of 14.71 N on top: 3.6 + 0.368 N each."""
+    thrust = LineMap(factor=1.2, offset=0.1).rotor_thrust([3.0] * 4, at(), raptor)
+    assert thrust == pytest.approx([3.6 + 0.1 * raptor.weight_n / 4] * 4)
+
+
+def test_a_battery_that_sags_by_a_tenth_takes_a_fifth_of_the_thrust(raptor: Vehicle) -> None:
+    """(0.9)^2 = 0.81; without a voltage nothing is corrected."""
+    sag = PowerSag(share=2.0, reference_v=16.0)
+    assert sag.ratio(at(volts=14.4), raptor) == pytest.approx(0.81)
+    assert sag.ratio(at(volts=float("nan")), raptor) == 1.0
+
+
+def test_a_payload_of_one_flight_leaves_the_others(raptor: Vehicle) -> None:
+    step = MassStep(mass_kg=0.5, time_s=10.0, flight=2.0)
+    first, second = (dataclasses.replace(at(time_s=20.0), flight=number) for number in (1, 2))
+    assert (step.ratio(first, raptor), step.ratio(second, raptor)) == (1.0, pytest.approx(0.75))
+
+
+def test_a_quadratic_wind_pushes_with_the_square(raptor: Vehicle) -> None:
+    """1/2 rho A v^2 = 0.5 1.205 0.02 16 = 0.193 N on a vehicle that hovers in a wind of 4 m/s from behind."""
+    model = Model(raptor).plus(QuadraticWind(4.0, 0.0, area_x_m2=0.02))
+    assert model.side_force(14.7, model.in_air(at())) == pytest.approx((0.5 * 1.205 * 0.02 * 16.0, 0.0, 0.0))
+
+
+def test_a_storm_without_drag_is_no_wind(raptor: Vehicle) -> None:
+    hover = [array_conditions(np.zeros(3))]
+    assert SteadyWind(5.0, 0.0, drag=0.2).believable(hover, raptor)
+    assert not SteadyWind(12.0, 0.0, drag=0.01).believable(hover, raptor)
+    assert not SteadyWind(0.1, 0.0, drag=0.2).believable(hover, raptor)
+
+
+def array_conditions(height_above_m: np.ndarray) -> Conditions:
+    """Level hover at heights of 0.1 m and more above the ground."""
+    zero = np.zeros_like(height_above_m)
+    return Conditions(0.1 + height_above_m, (zero, zero, zero), (zero + 1.0, zero, zero, zero), zero)
+
+
+def test_the_levelling_that_a_ground_effect_on_each_rotor_gives_is_implied_by_it(raptor: Vehicle) -> None:
+    """K = 1 + 0.3 exp(-6 z): -K' y^2 = 1.8 0.124^2 exp(-6 z) N m / rad per N, a stiffness of 0.23 that fades over
+    0.17 m, or 1.39 radii."""
+    flights = [array_conditions(np.linspace(0.0, 0.5, 50))]
+    ground, reach = Exponential(a=0.3, b=6.0), 1.0 / (6.0 * raptor.rotor.radius_m)
+    as_much = Levelling(stiffness=1.8 * 0.124**2 / raptor.rotor.radius_m, reach=reach)
+    assert as_much.implied_by([ground], flights, raptor)
+    assert not as_much.implied_by([], flights, raptor)
+    assert not dataclasses.replace(as_much, stiffness=4.0 * as_much.stiffness).implied_by([ground], flights, raptor)
+
+
+def test_a_small_scale_beside_a_sag_is_its_reference_voltage(raptor: Vehicle) -> None:
+    flights = [array_conditions(np.zeros(3))]
+    assert ConstantScale(0.97).implied_by([LinearSag()], flights, raptor)
+    assert not ConstantScale(0.9).implied_by([LinearSag()], flights, raptor)
+    assert not ConstantScale(0.97).implied_by([], flights, raptor)
+
+
+def test_drag_areas_far_beyond_the_rotor_disks_are_not_believed(raptor: Vehicle) -> None:
+    flights = [array_conditions(np.zeros(3))]
+    assert QuadraticDrag(0.03, 0.03, 0.1).believable(flights, raptor)
+    assert not QuadraticDrag(0.03, 0.03, 0.7).believable(flights, raptor)

@@ -43,6 +43,8 @@ LEAST_NOISE = 1e-4
 UNIDENTIFIABLE = 4.0
 """A parameter is unidentifiable when its whole range changes the sum of squares (in units of the noise) by less than
 this."""
+LEAST_RUNS = 12
+"""Least number of runs of neighbouring blocks that the bootstrap resamples."""
 WEIGHTS_AT_ONCE = 400_000
 """Number of block counts (draws times blocks) that the bootstrap works on at once."""
 
@@ -173,12 +175,15 @@ class Fitter:
         random = np.random.default_rng(seed)
         at_once = max(1, WEIGHTS_AT_ONCE // count)
         parts = [slice(begin, min(begin + at_once, BOOTSTRAPS)) for begin in range(0, BOOTSTRAPS, at_once)]
-        times, alike = np.empty((BOOTSTRAPS, count), dtype=np.uint16), np.full(count, 1.0 / count)
+        # Residuals stay correlated for tens of seconds: neighbouring blocks are drawn together.
+        run = np.arange(count) // max(1, count // LEAST_RUNS)
+        runs = int(run[-1]) + 1
+        times, alike = np.empty((BOOTSTRAPS, count), dtype=np.uint16), np.full(runs, 1.0 / runs)
         for now in parts:
-            times[now] = random.multinomial(count, alike, now.stop - now.start)
+            times[now] = random.multinomial(runs, alike, now.stop - now.start)[:, run]
         centres = self._prior_std * random.standard_normal((BOOTSTRAPS, *fitted.nuisances.shape))
-        # The spread is estimated from few blocks: Student's t instead of the normal distribution, n - 1 instead of n.
-        wider = float(stats.t.ppf(0.975, count - 1)) / 1.96 * math.sqrt(count / (count - 1)) if count > 1 else 1.0
+        # The spread is estimated from few runs: Student's t instead of the normal distribution, n - 1 instead of n.
+        wider = float(stats.t.ppf(0.975, runs - 1)) / 1.96 * math.sqrt(runs / (runs - 1)) if runs > 1 else 1.0
         first = np.flatnonzero(np.diff(self.dataset.flight_index[tangent.starts], prepend=-1))
         free_mask = self._free_mask(fitted)
         steps = self._considered_steps(

@@ -88,10 +88,16 @@ class Diagnosis(Result):
 
     @property
     def measured(self) -> list[Candidate]:
-        """Candidates that the data show, but that are too small to be called missing; the best of each family."""
+        """Candidates that the data show, but that are too small to be called missing; the best of each family.
+
+        An effect of variables on which an effect that was found depends is none of them: it may be the error of the
+        form of that effect.
+        """
         found: dict[str, Candidate] = {}
+        explained = {name for c in self.ranking if c.family in self.missing for name in c.effect.depends_on}
         for c in sorted(self.ranking, key=lambda c: c.p_value):
-            if c.family not in self.missing and is_measured(c) and not is_supported(c):
+            of_a_form = c.effect.depends_on and set(c.effect.depends_on) <= explained
+            if c.family not in self.missing and is_measured(c) and not is_supported(c) and not of_a_form:
                 found.setdefault(c.family, c)
         return list(found.values())
 

@@ -1,0 +1,130 @@
+"""Scoreboard of a world of hidden cases: `python -m studies.worlds.scoreboard FOLDER ... --page docs/worlds.md`.
+
+Each folder holds the cases of one world at one strength. The lab gets the vehicle file and the logs of a case; its
+answer is compared with the truth beside them, which no command of quadctl reads.
+"""
+
+import argparse
+import json
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from joblib import Parallel, delayed
+
+from quadctl.errors import QuadctlError
+from quadctl.lab import diagnose, load_model
+
+
+@dataclass(frozen=True)
+class Answer:
+    """One case: its truth, and what the lab said."""
+
+    case: str
+    families: tuple[str, ...]
+    indistinguishable: tuple[frozenset[str], ...]
+    effect_rms_m_s2: float
+    """Root mean square of the acceleration by the hidden effect."""
+    missing: tuple[str, ...]
+    verdict: str
+    confounded: tuple[frozenset[str], ...]
+
+    @property
+    def exact(self) -> bool:
+        """True where the lab names the hidden families and nothing else; where nothing is hidden, where it says so.
+
+        A family stands for another one where the truth says that these flights do not separate them, and a drag for
+        the inflow that the lab says it cannot tell it from.
+        """
+        if not self.families:
+            return self.verdict == "none"
+        said, alike = set(self.missing), (*self.indistinguishable, *(c for c in self.confounded if "inflow" in c))
+        hidden = set(self.families)
+        return said == hidden or any(
+            said ^ hidden <= pair and said & pair and hidden & pair and said - pair == hidden - pair for pair in alike
+        )
+
+    @property
+    def right_first(self) -> bool:
+        """True where the first family named is a hidden one."""
+        return bool(self.missing) and self.missing[0] in self.families
+
+
+def judge(folder: Path) -> Answer:
+    """Diagnose one case and compare the answer with its truth."""
+    truth: dict[str, Any] = json.loads((folder / "truth.json").read_text())
+    missing: tuple[str, ...]
+    verdict: str
+    try:
+        found = diagnose(load_model(folder / "vehicle.yaml"), sorted(folder.glob("*.csv")))
+        missing, verdict, confounded = tuple(found.missing), found.verdict, found.confounded
+    except QuadctlError as error:
+        missing, verdict, confounded = (), f"refused: {error}", []
+    return Answer(
+        case=folder.name,
+        families=tuple(truth["families"]),
+        indistinguishable=tuple(frozenset(pair) for pair in truth["indistinguishable"]),
+        effect_rms_m_s2=float(truth["effect_rms_m_s2"]),
+        missing=missing,
+        verdict=verdict,
+        confounded=tuple(frozenset(pair) for pair in confounded),
+    )
+
+
+def judge_world(folder: Path, jobs: int) -> list[Answer]:
+    """Answers to all cases of a folder."""
+    cases = sorted(path.parent for path in folder.glob("*/truth.json"))
+    return list(Parallel(n_jobs=jobs)(delayed(judge)(case) for case in cases))
+
+
+def _share(answers: Sequence[Answer], right: Iterable[bool]) -> str:
+    count = sum(right)
+    return f"{count}/{len(answers)} = {count / len(answers):.0%}" if answers else "-"
+
+
+def section(title: str, answers: Sequence[Answer]) -> str:
+    """Lines of the page on one world at one strength."""
+    single, several, nothing = ([a for a in answers if len(a.families) in n] for n in ((1,), (2, 3), (0,)))
+    rows = [
+        ("one effect: right family first", _share(single, (a.right_first for a in single))),
+        ("one effect: named, and nothing else", _share(single, (a.exact for a in single))),
+        ("two effects: both named, and nothing else", _share(several, (a.exact for a in several))),
+        ("false alarms where nothing is hidden", f"{sum(not a.exact for a in nothing)} of {len(nothing)}"),
+    ]
+    table = "\n".join(f"| {name} | {value} |" for name, value in rows)
+    wrong = "\n".join(
+        f"- {a.case} ({' + '.join(a.families) or 'nothing'}, {a.effect_rms_m_s2:g} m/s²): "
+        f"{', '.join(a.missing) or a.verdict}"
+        for a in answers
+        if not a.exact
+    )
+    return f"## {title}\n\n| cases | result |\n|---|---|\n{table}\n\nWrong:\n\n{wrong}\n"
+
+
+INTRODUCTION = """# Worlds that share nothing with the lab
+
+Written by `python -m studies.worlds.scoreboard`. Each world (`studies/worlds`) is a generator of flights with hidden
+effects, written from published descriptions by somebody who had not read the lab: its own rotors, controllers,
+estimators, sensors, missions and forms of the effects. The figure in brackets is the root mean square of the
+acceleration by the hidden effect. [How the numbers are computed](statistics.md) says what the lab was tuned on.
+
+"""
+
+
+def main() -> None:
+    """Judge the worlds in the folders that are given and write the page."""
+    parser = argparse.ArgumentParser(prog="python -m studies.worlds.scoreboard", description=__doc__)
+    parser.add_argument("folders", type=Path, nargs="+", help="folders of cases; their names are the titles")
+    parser.add_argument("--page", type=Path, required=True, help="page to write")
+    parser.add_argument("--jobs", type=int, default=1, help="processes")
+    arguments = parser.parse_args()
+    parts = []
+    for folder in arguments.folders:
+        parts.append(section(folder.name.replace("_", " "), judge_world(folder, arguments.jobs)))
+        print(parts[-1])
+    arguments.page.write_text(INTRODUCTION + "\n".join(parts), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,63 @@
+"""Specification of the timing of a log's channels: what a flight shows of it, and what it takes from the others."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from quadctl.lab.flights.dataset import load_dataset
+from quadctl.lab.flights.flight import Estimate
+from quadctl.lab.flights.timing import _shrunk, _variance_between, comes_too_early
+from quadctl.logs.flight_log import VELOCITY, FlightLog
+from quadctl.model import Model
+from tests.support.flights import obedient, with_late_rotors
+
+LAG_S = 0.03
+
+
+def with_late_velocity(log: FlightLog, lag_s: float = LAG_S) -> FlightLog:
+    late = {name: np.interp(log.time_s - lag_s, log.time_s, log[name]) for name in VELOCITY}
+    return dataclasses.replace(log, columns={**log.columns, **late})
+
+
+class TestVelocity:
+    def test_its_lag_behind_the_position_is_found_and_taken_out(self, rigid: Model) -> None:
+        plain, late = (
+            load_dataset([log], rigid.vehicle) for log in (obedient(rigid), with_late_velocity(obedient(rigid)))
+        )
+        assert late.flights[0].velocity_lag_s == pytest.approx(LAG_S, abs=0.003)
+        assert plain.flights[0].velocity_lag_s == pytest.approx(0.0, abs=0.003)
+        assert late.measured[:, 2] == pytest.approx(
+            plain.measured[:, 2], abs=0.05 * float(np.std(plain.measured[:, 2]))
+        )
+
+    def test_the_interval_holds_it(self, rigid: Model) -> None:
+        data = load_dataset([with_late_velocity(obedient(rigid))], rigid.vehicle)
+        low, high = data.flights[0].timing.velocity.ci95
+        assert low < LAG_S < high
+
+
+class TestOfAllFlights:
+    def test_what_a_flight_does_not_show_is_taken_from_the_others(self) -> None:
+        shown = _shrunk([Estimate(0.03, 0.002), Estimate(0.2, 10.0)], Estimate(0.0, 0.02))
+        assert shown.of_flights[1].value == pytest.approx(shown.common.value, abs=1e-4)
+        assert shown.common.value == pytest.approx(0.03, abs=0.001)
+
+    def test_what_none_shows_is_the_prior(self) -> None:
+        unseen = _shrunk([Estimate(0.2, 10.0)], Estimate(0.0, 0.02))
+        assert unseen.common.value == pytest.approx(0.0, abs=1e-4)
+        assert unseen.common.std == pytest.approx(0.02, rel=0.01)
+
+    def test_the_variance_between_flights_is_that_of_dersimonian_and_laird(self) -> None:
+        """Two estimates 0.01 and 0.03 with a standard error of 0.001: Q = 200, C = 1e6, (Q - 1) / C = 1.99e-4."""
+        found = _variance_between(np.array([0.01, 0.03]), np.full(2, 1e-6))
+        assert found == pytest.approx(1.99e-4)
+
+    def test_flights_that_agree_do_not_differ(self) -> None:
+        assert _variance_between(np.array([0.02, 0.0201]), np.full(2, 1e-6)) == 0.0
+
+
+def test_signals_that_come_before_their_force_by_more_than_a_position_is_old_come_too_early(rigid: Model) -> None:
+    late, early = (load_dataset([with_late_rotors(obedient(rigid), s)], rigid.vehicle) for s in (0.03, -0.055))
+    assert not comes_too_early(late.flights[0].timing)
+    assert comes_too_early(early.flights[0].timing)
