@@ -43,7 +43,7 @@ LEAST_NOISE = 1e-4
 UNIDENTIFIABLE = 4.0
 """A parameter is unidentifiable when its whole range changes the sum of squares (in units of the noise) by less than
 this."""
-LEAST_RUNS = 12
+LEAST_RUNS = 20
 """Least number of runs of neighbouring blocks that the bootstrap resamples."""
 WEIGHTS_AT_ONCE = 400_000
 """Number of block counts (draws times blocks) that the bootstrap works on at once."""
