@@ -231,9 +231,11 @@ def _inseparable(missing: Sequence[str], ranking: Sequence[Candidate]) -> list[t
     error of the attitude estimate."""
     pairs = [("imu_bias", "thrust_tilt")] if {"imu_bias", "thrust_tilt"} <= set(missing) else []
     for candidate in ranking[: len(missing)]:
-        along_z = candidate.ci95.get(DRAG_ALONG_Z.get(candidate.family, ""), (0.0, 0.0))
-        if along_z[0] > 0.3 * max(candidate.effect.values().values()) and "inflow" not in missing:
-            pairs.append((candidate.family, "inflow"))
+        name = DRAG_ALONG_Z.get(candidate.family)
+        if name is not None and name in candidate.ci95 and "inflow" not in missing:
+            low, _ = candidate.ci95[name]
+            if low > 0.3 * max(candidate.effect.values().values()):
+                pairs.append((candidate.family, "inflow"))
     return pairs
 
 

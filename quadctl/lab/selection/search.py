@@ -201,7 +201,9 @@ def _without_superfluous(path: Path, family: str) -> Path:
     p_value = improvement_p_value(without, without - path.residual, dataset)
     doubtful = unbelievable(smaller.model, dataset) | indistinct(smaller.model, dataset)
     doubtful -= unbelievable(model, dataset) | indistinct(model, dataset)
-    if is_needed(without, path.residual, p_value) or doubtful:
+    (effect,) = (effect for effect in model.effects if effect.family() == family)
+    implied = effect.implied_by(smaller.model.effects, [f.conditions for f in dataset.flights], model.vehicle)
+    if (is_needed(without, path.residual, p_value) and not implied) or doubtful:
         return path
     first, last = path.steps[:-1], path.steps[-1]
     steps = (*(step for step in first if step.family != family), replace(last, rmse=rmse(without, dataset.groups)))

@@ -1,0 +1,50 @@
+"""Specification of the pairs of families that a diagnosis reports as inseparable."""
+
+from dataclasses import dataclass
+from typing import Any, cast
+
+import pytest
+
+from quadctl.effects import Effect
+from quadctl.effects.ground_effect import Hayden
+from quadctl.effects.rotor_drag import LinearDrag
+from quadctl.lab.selection.candidate import Candidate
+from quadctl.lab.selection.diagnosis import _inseparable
+
+
+@dataclass
+class Found:
+    """What a candidate says of its effect."""
+
+    effect: Effect
+    ci95: dict[str, tuple[float, float]]
+
+    @property
+    def family(self) -> str:
+        return self.effect.family()
+
+
+def pairs(missing: list[str], *found: Any) -> list[tuple[str, str]]:
+    return _inseparable(missing, [cast(Candidate, each) for each in found])
+
+
+DOWN = Found(LinearDrag(0.3, 0.3, 0.3), {"d_x": (0.28, 0.32), "d_y": (0.28, 0.32), "d_z": (0.25, 0.35)})
+LEVEL = Found(LinearDrag(0.3, 0.3, 0.02), {"d_x": (0.28, 0.32), "d_y": (0.28, 0.32), "d_z": (0.01, 0.03)})
+GROUND = Found(Hayden(), {})
+
+
+def test_a_drag_along_body_z_may_be_inflow() -> None:
+    assert pairs(["ground_effect", "rotor_drag"], GROUND, DOWN) == [("rotor_drag", "inflow")]
+
+
+def test_a_drag_of_runs_alone_may_not() -> None:
+    assert pairs(["rotor_drag"], LEVEL) == []
+
+
+def test_beside_an_inflow_that_was_found_it_is_no_question() -> None:
+    assert pairs(["rotor_drag", "inflow"], DOWN) == []
+
+
+@pytest.mark.parametrize("missing", [["imu_bias", "thrust_tilt"], ["thrust_tilt", "ground_effect", "imu_bias"]])
+def test_a_bias_with_a_tilt_may_be_an_error_of_the_attitude(missing: list[str]) -> None:
+    assert pairs(missing, GROUND) == [("imu_bias", "thrust_tilt")]
