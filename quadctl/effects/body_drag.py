@@ -29,11 +29,14 @@ class QuadraticDrag(Effect):
     area_z_m2: float = parameter(0.0, 0.0, 1.0, "m^2", "drag area seen from above")
 
     def believable(self, flights: Sequence[Conditions], vehicle: Vehicle) -> bool:
-        """True for drag areas up to twice that of all rotor disks; most vehicles have a tenth to a half of it."""
-        disks_m2 = vehicle.n_rotors * math.pi * vehicle.rotor.radius_m**2
-        return max(self.area_x_m2, self.area_y_m2, self.area_z_m2) < 2.0 * disks_m2
+        return are_possible_areas((self.area_x_m2, self.area_y_m2, self.area_z_m2), vehicle)
 
     def force(self, total_thrust_n: float, c: Conditions, vehicle: Vehicle) -> Vector:
         u, v, w = c.velocity_body_m_s
         half = -0.5 * vehicle.air_density_kg_m3 * sqrt(u * u + v * v + w * w)
         return half * self.area_x_m2 * u, half * self.area_y_m2 * v, half * self.area_z_m2 * w
+
+
+def are_possible_areas(areas_m2: Sequence[float], vehicle: Vehicle) -> bool:
+    """Tell whether drag areas are below twice that of all rotor disks; most vehicles have a tenth to a half of it."""
+    return max(areas_m2) < 2.0 * vehicle.n_rotors * math.pi * vehicle.rotor.radius_m**2

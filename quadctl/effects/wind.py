@@ -8,6 +8,7 @@ from typing import ClassVar, Self
 import numpy as np
 
 from quadctl.effects.base import Conditions, Effect, parameter
+from quadctl.effects.body_drag import are_possible_areas
 from quadctl.frames import euler_from_quaternion, quaternion_from_euler, rotate_inverse
 from quadctl.numeric import Number, Vector, sqrt
 from quadctl.vehicle import Vehicle
@@ -50,7 +51,8 @@ class _Wind(Effect):
     @classmethod
     def starts(cls, flights: Sequence[Conditions], vehicle: Vehicle) -> Sequence[Effect]:
         """Initial guesses from four directions: at zero wind the drag has no gradient."""
-        return [cls(north, east) for north, east in ((1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0))]  # type: ignore[call-arg]
+        signs = ((1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0))
+        return [cls.from_values({"north_m_s": north, "east_m_s": east}, cls.name) for north, east in signs]
 
     def push_m_s2(self, flights: Sequence[Conditions], vehicle: Vehicle) -> float:
         """Largest acceleration of the vehicle by the drag of the wind in hover, at the headings of these flights."""
@@ -118,9 +120,8 @@ class QuadraticWind(_Wind):
     area_z_m2: float = parameter(0.0, 0.0, 1.0, "m^2", "drag area seen from above")
 
     def believable(self, flights: Sequence[Conditions], vehicle: Vehicle) -> bool:
-        disks_m2 = vehicle.n_rotors * math.pi * vehicle.rotor.radius_m**2
-        possible = max(self.area_x_m2, self.area_y_m2, self.area_z_m2) < 2.0 * disks_m2
-        return possible and super().believable(flights, vehicle)
+        areas_m2 = (self.area_x_m2, self.area_y_m2, self.area_z_m2)
+        return are_possible_areas(areas_m2, vehicle) and super().believable(flights, vehicle)
 
     def standing_back(self) -> Self:
         """The same wind without its own drag, beside an effect that models the drag."""

@@ -1,7 +1,7 @@
 """Preparation of a flight log: the part in flight, on an even clock, with one filter for all signals.
 
 Logs repeat a value between updates, and each channel has its own rate and delay. So each channel is read at its updates
-only and interpolated linearly. The measured and the predicted acceleration go through the same low-pass filter. The
+only and joined by a spline. The measured and the predicted acceleration go through the same low-pass filter. The
 bandwidth of that filter is limited by the slowest channel, and is stated with every result.
 """
 

@@ -35,6 +35,9 @@ UNITS = {"total": "", "turning": " N m", "sensing": " (IMU)"}
 DRAG_ALONG_Z = {"rotor_drag": "d_z", "body_drag": "area_z_m2"}
 """Parameter of each family of drag that acts along body z, as the inflow does."""
 
+LIKE_THE_OTHERS = 0.3
+"""Least drag along body z, as a share of the largest, that may be an inflow; blades and frame alone give less."""
+
 Verdict = Literal["missing", "none", "unexplained"]
 
 
@@ -234,7 +237,7 @@ def _inseparable(missing: Sequence[str], ranking: Sequence[Candidate]) -> list[t
         name = DRAG_ALONG_Z.get(candidate.family)
         if name is not None and name in candidate.ci95 and "inflow" not in missing:
             low, _ = candidate.ci95[name]
-            if low > 0.3 * max(candidate.effect.values().values()):
+            if low > LIKE_THE_OTHERS * max(candidate.effect.values().values()):
                 pairs.append((candidate.family, "inflow"))
     return pairs
 

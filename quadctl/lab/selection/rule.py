@@ -32,8 +32,6 @@ HARMLESS = 0.01
 HARMLESS_BESIDE = 0.2
 """Largest such increase as a share of the effect's largest drop on a moment; the larger of the two limits counts. With
 more, the effect stands in for another one."""
-HARMLESS_BESIDE_SHOWN = 0.05
-"""The same share for an effect that must be visible in several moments."""
 LEAST_SHARE_OF_MOMENT = 0.1
 """Least error of a moment, as a share of the error of all three, to which a change of it is compared."""
 SHOWN = 0.01
@@ -108,7 +106,7 @@ def shows_in_moments(c: Candidate) -> bool:
     shown = [c.drops.get(axis, 0.0) for axis in c.effect.shows_in(c.model.vehicle)]
     enough = max(SHOWN if len(shown) > 1 else SHOWN_ALONE, SHOWN_BESIDE * c.largest_drop)
     drops = _moment_drops(c)
-    return not shown or (min(shown) > enough and min(drops) > -max(HARMLESS, HARMLESS_BESIDE_SHOWN * max(drops)))
+    return not shown or (min(shown) > enough and min(drops) > -HARMLESS)
 
 
 def is_there(c: Candidate) -> bool:

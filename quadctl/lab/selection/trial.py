@@ -16,6 +16,8 @@ from quadctl.lab.selection.candidate import LEAST_ERROR, Candidate
 from quadctl.lab.selection.rule import indistinct, unbelievable
 from quadctl.lab.threads import one_blas_thread
 
+LEFT_BY_A_LAG = 0.5
+"""Largest share of the vertical error that a motor lag leaves, where no delay tells of it."""
 REALIGNED = 3
 """Largest number of iterations between the fit of a lag and the alignment of the flights for it."""
 
@@ -77,7 +79,7 @@ def _is_no_delay(before: Floats, after: Floats, dataset: Dataset) -> bool:
     Either the signals come too early for these, or the lag explains most of what a delay leaves of the vertical
     acceleration: a lag also weakens the noise in the rotor signal, and explains some of it by that alone.
     """
-    most = rmse(after, dataset.groups)["up"] < 0.5 * rmse(before, dataset.groups)["up"]
+    most = rmse(after, dataset.groups)["up"] < LEFT_BY_A_LAG * rmse(before, dataset.groups)["up"]
     return most or comes_too_early(dataset.flights[0].timing)
 
 

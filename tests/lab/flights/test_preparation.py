@@ -31,7 +31,7 @@ class TestPrepare:
             flight = prepare(dataclasses.replace(log, columns=columns), raptor)
             assert flight.bandwidth_hz == pytest.approx(3.0)
             expected = gain * np.cos(w * flight.time_s)
-            # The 50 Hz samples are joined by straight lines, which costs sinc^2(hz/50) of the amplitude: 1.2 % at 3 Hz.
+            # The 50 Hz samples are joined by a spline; straight lines would cost 1.2 % of the amplitude at 3 Hz.
             assert np.abs(flight.measured[:, 0] - expected).max() < 0.012 * gain + 0.004
 
     def test_both_sides_of_the_comparison_agree_for_a_log_that_obeys_the_model(self, rigid: Model) -> None:

@@ -14,7 +14,7 @@ from quadctl.lab.selection.diagnosis import _inseparable
 
 @dataclass
 class Found:
-    """What a candidate says of its effect."""
+    """Effect and intervals of a candidate."""
 
     effect: Effect
     ci95: dict[str, tuple[float, float]]

@@ -1,0 +1,44 @@
+"""Specification of the scoreboard of worlds: when an answer is right."""
+
+import pytest
+
+from studies.worlds.scoreboard import Answer, section
+
+
+def answer(
+    families: str, missing: str, verdict: str = "missing", alike: tuple[str, ...] = (), confounded: tuple[str, ...] = ()
+) -> Answer:
+    """Answer with families as words; each pair is two words."""
+    pairs = [tuple(frozenset(pair.split()) for pair in each) for each in (alike, confounded)]
+    return Answer("case", tuple(families.split()), pairs[0], 0.1, tuple(missing.split()), verdict, pairs[1])
+
+
+@pytest.mark.parametrize(
+    ("right", "given"),
+    [
+        (True, answer("wind", "wind")),
+        (False, answer("wind", "")),
+        (False, answer("wind", "wind tether")),
+        (True, answer("wind tether", "tether wind")),
+        (False, answer("wind tether", "wind")),
+        (True, answer("", "", "none")),
+        (False, answer("", "", "unexplained")),
+        (False, answer("", "wind")),
+        # The truth says that these flights do not separate the two.
+        (True, answer("thrust_scale", "tether", alike=("thrust_scale tether",))),
+        (False, answer("wind", "tether", alike=("thrust_scale tether",))),
+        # The lab says that it cannot tell a drag from the inflow; of another pair it must decide.
+        (True, answer("rotor_drag inflow", "rotor_drag", confounded=("rotor_drag inflow",))),
+        (False, answer("rotor_drag wind", "rotor_drag", confounded=("rotor_drag wind",))),
+    ],
+)
+def test_an_answer_is_right_where_it_names_what_is_hidden_and_nothing_else(right: bool, given: Answer) -> None:
+    assert given.exact is right
+
+
+def test_a_section_counts_and_lists_what_is_wrong() -> None:
+    text = section("a world", [answer("wind", "wind"), answer("wind", "tether"), answer("", "", "none")])
+    assert "| one effect: named, and nothing else | 1/2 = 50% |" in text
+    assert "| false alarms where nothing is hidden | 0 of 1 |" in text
+    assert text.count("\n- case") == 1
+    assert "- case (wind, 0.1 m/s²): tether" in text
