@@ -31,7 +31,7 @@ class Comparison(Result):
     rmse: dict[str, float]
     noise_floor: dict[str, float]
     """Noise floor per axis and total, m/s^2: held-out error of a flexible regression on all logged variables. A model
-    of these variables can hardly have a smaller error."""
+    of these variables comes close to it, and can be below it."""
     explained: float
     """Share of the acceleration's variance that the model explains (R^2); negative where the model is worse than
     predicting the mean."""

@@ -78,7 +78,7 @@ def over_time(r: Results) -> Section:
         f"{quantity(c.rmse['total'])} (RMSE over all axes, 95% interval {low:.3g} to {high:.3g}), largest on the "
         f"{worst} axis ({quantity(c.rmse[worst])}).",
         f"{variance_in_words(c)} The noise floor is {quantity(c.noise_floor['total'])}: "
-        "a model of the logged variables can hardly have a smaller error.",
+        "the held-out error of a flexible regression on all logged variables.",
     ]
     return Section("over-time", "Measured against predicted", text, time_figures(c, {c.model.name: c}, "seen"))
 

@@ -76,13 +76,18 @@ def _what_is_left(r: Results) -> list[str]:
     floor = r.comparison.noise_floor["total"]
     if r.diagnosis is not None and r.diagnosis.verdict == "missing":
         left = r.diagnosis.steps[-1].rmse["total"]
+        if left < floor:
+            return [
+                f"With these effects, the remaining error is {quantity(left)}, below the noise floor of "
+                f"{quantity(floor)}."
+            ]
         return [
             f"With these effects, the remaining error is {left / floor:.2f} times the noise floor of {quantity(floor)}."
         ]
     low, high = rmse_interval(r.comparison.residual, r.comparison.dataset)
     return [
         f"The acceleration error of the model is {quantity(r.comparison.rmse['total'])} (95% interval {low:.3g} to "
-        f"{high:.3g}); a model of the logged variables can hardly be below the noise floor of {quantity(floor)}."
+        f"{high:.3g}); a flexible regression on all logged variables leaves {quantity(floor)}."
     ]
 
 
