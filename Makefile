@@ -4,11 +4,14 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 
-.PHONY: demo test test-flights test-computing lint docs bench bench-loop faults papers hidden decision-rule tutorial real
+.PHONY: demo test test-flights test-computing test-long lint docs bench bench-loop faults papers hidden decision-rule tutorial real
 .PHONY: architecture sitl-check screenshots clean
 
 demo: $(INSTALLED)
 	$(BIN)/quadctl demo
+
+# A test run starts many processes: what the first compiles, the others read, even where the environment forbids it.
+test test-flights test-computing test-long: export PYTHONDONTWRITEBYTECODE :=
 
 # Both at the same time: flights mostly wait, and computing, which gives way to them, uses what they leave. Its browsers
 # mostly wait, too: three processes keep two cores busy.
@@ -16,12 +19,16 @@ test: $(INSTALLED)
 	@$(MAKE) --no-print-directory --jobs=2 --keep-going --output-sync=target test-flights test-computing
 
 # What fails beside other flights is flown again alone: a busy machine can spoil a flight in real time.
-test-flights: FLIGHTS = $(BIN)/python -m pytest -m realtime -o cache_dir=.pytest_cache/flights
+test-flights: FLIGHTS = $(BIN)/python -m pytest tests/realtime -o cache_dir=.pytest_cache/flights
 test-flights: $(INSTALLED)
 	$(FLIGHTS) -n 4 --dist loadfile --no-loadscope-reorder || $(FLIGHTS) --last-failed --last-failed-no-failures none
 
 test-computing: $(INSTALLED)
-	nice -n 10 $(BIN)/python -m pytest -m "not realtime" -n 3 --dist loadfile --no-loadscope-reorder
+	nice -n 10 $(BIN)/python -m pytest -m "not long" --ignore=tests/realtime -n 3 --dist loadfile --no-loadscope-reorder
+
+# Journeys through a page and checks of a study that would double the time of `make test`; CI runs them, too.
+test-long: $(INSTALLED)
+	$(BIN)/python -m pytest -m long -n 2
 
 lint: $(INSTALLED)
 	$(BIN)/ruff check .

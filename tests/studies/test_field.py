@@ -54,6 +54,7 @@ def _world_force_per_mass(track: Track) -> Floats:
     return rotate(track.attitude, track.specific_force_m_s2)
 
 
+@pytest.mark.long
 def test_the_mean_thrust_of_a_clean_flight_is_the_weight(flown: dict[str, tuple[Case, Track]]) -> None:
     case, track = flown["clean"]
     vehicle = case.vehicle

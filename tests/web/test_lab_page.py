@@ -113,6 +113,7 @@ def test_a_newcomer_finds_the_missing_effect_and_flies_it_in_at_most_ten_clicks(
         visitor.leaves()
 
 
+@pytest.mark.long
 def test_two_tabs_show_the_same_and_neither_a_lost_connection_nor_a_new_start_loses_anything(
     browser: Browser, session: Path, tmp_path: Path
 ) -> None:

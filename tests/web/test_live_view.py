@@ -1,20 +1,15 @@
-"""The live view without a browser: what the flight sends costs it nothing, and only one word comes back."""
+"""The live view without a browser: what the flight sends costs it nothing."""
 
 import importlib.util
 import socket
-from collections.abc import Iterator
 
 import pytest
 
 from quadctl.cli import main
-from quadctl.flight.loop import fly
 from quadctl.flight.pilot.tick import Event, Stage, Tick
-from quadctl.flight.realtime import run
 from quadctl.flight.record.view_link import (
     EVENTS_KEPT,
-    LANDED_BY,
     SEND_S,
-    WISH_TO_LAND,
     Record,
     ViewEnd,
     ViewLink,
@@ -25,19 +20,10 @@ from quadctl.web.live.history import ROWS_KEPT, Brief, History
 from quadctl.web.live.land import CONFIRM_S, LandButton
 from quadctl.web.live.nearness import guards
 from tests.flight.pilot.test_guards import BEYOND, LIMITS, MISSION, verdict
-from tests.support.in_process import HURRY_HZ, InProcess, in_flight, plan
+from tests.support.in_process import InProcess, plan
 from tests.support.places import ROOT
 
 MORE_THAN_FITS = 5000
-
-
-@pytest.fixture
-def ends() -> Iterator[tuple[ViewEnd, ViewEnd]]:
-    """The flight's and the viewer's."""
-    made = connected_ends()
-    yield made
-    for end in made:
-        end.close()
 
 
 def taken(end: ViewEnd) -> list[Record]:
@@ -52,20 +38,6 @@ def first_tick() -> tuple[ViewLink, Tick, ViewEnd, ViewEnd]:
     flight, viewer = connected_ends()
     pilot = plan().pilot()
     return ViewLink(flight, pilot), pilot.tick(InProcess().state(), 0.001), flight, viewer
-
-
-def flown(flight: ViewEnd, viewer: ViewEnd, words: list[bytes]) -> str:
-    """Ending of a flight to which the viewer sends `words` once it is in the air."""
-    autopilot, pilot, ticks = InProcess(), plan().pilot(), list[Tick]()
-
-    def say(tick: Tick) -> None:
-        ticks.append(tick)
-        if in_flight(ticks) and words:
-            viewer.send(words.pop())
-
-    run(fly(autopilot, pilot, HURRY_HZ, [say, ViewLink(flight, pilot)]))
-    assert not autopilot.px.armed
-    return pilot.ended
 
 
 class TestWhatGoesOut:
@@ -122,18 +94,6 @@ class TestWhatGoesOut:
             link(tick._replace(events=(event,)))
         link(tick._replace(time_s=tick.time_s + 2.0 * SEND_S))
         assert len(taken(viewer)[-1].events) == EVENTS_KEPT
-
-
-@pytest.mark.realtime
-class TestWhatComesBack:
-    def test_the_wish_to_land_lands(self, ends: tuple[ViewEnd, ViewEnd]) -> None:
-        assert flown(*ends, [WISH_TO_LAND]) == LANDED_BY
-
-    def test_other_words_do_not_and_no_other_program_has_an_address_to_send_one_to(
-        self, ends: tuple[ViewEnd, ViewEnd]
-    ) -> None:
-        assert [end.getsockname() for end in ends] == ["", ""]
-        assert flown(*ends, [b"lan", b"", b"LAND", b"\xff" * 2000]) == "completed"
 
 
 @pytest.fixture

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import pytest
 import yaml
 
 from quadctl.flight.record.view_link import LANDED_BY
@@ -91,6 +92,7 @@ def test_a_flight_is_seen_in_four_tabs_and_landed_from_one(browser: Browser, tmp
     assert ending(tmp_path) == LANDED_BY
 
 
+@pytest.mark.long
 def test_without_a_token_no_other_address_reaches_it_and_with_one_nobody_who_lacks_it(
     browser: Browser, tmp_path: Path
 ) -> None:

@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,10 +16,9 @@ from quadctl.lab.flights.prediction import rmse
 from quadctl.lab.flights.preparation import prepare
 from quadctl.lab.selection.rule import is_supported
 from quadctl.lab.selection.trial import try_effect
-from quadctl.logs.flight_log import FlightLog
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
-from tests.support.flights import obedient, with_late_rotors
+from tests.support.flights import obedient, simulated, with_late_rotors
 
 
 class TestPrepare:
@@ -67,10 +67,11 @@ class TestPrepare:
         assert found.effect.values()["time_constant_s"] == pytest.approx(0.08, rel=0.05)
         assert data.aligned_for(found.model).flights[0].delay_s == pytest.approx(late_s, abs=0.005)
 
-    def test_only_the_flight_is_used(self, staircases: list[FlightLog], raptor: Vehicle) -> None:
-        flight = prepare(staircases[0], raptor)
-        height = flight.filtered(flight.conditions.height_m)
-        assert height.min() > 0.08
+    def test_only_the_flight_is_used(self, raptor: Vehicle, tmp_path: Path) -> None:
+        log = simulated("step_response", [], 1, tmp_path)
+        flight = prepare(log, raptor)
+        assert log["z_m"].min() < 0.05  # on the ground
+        assert flight.filtered(flight.conditions.height_m).min() > 0.15
         assert any("are flight" in note for note in flight.notes)
 
     def test_a_gap_is_left_out_and_said(self, raptor: Vehicle) -> None:
