@@ -50,12 +50,14 @@ def test_the_missing_effect_is_found_in_a_log() -> None:
     assert number(r"held-out error: .* -> ([\d.]+)", text) < 0.5 * number(r"held-out error: ([\d.]+)", text)
 
 
+@pytest.mark.long
 def test_an_effect_of_ones_own_is_fitted_and_compared() -> None:
     text = printed("write_your_own_effect")
     own = number(r"ground_bell.gaussian +held-out error ([\d.]+)", text)
     assert own < number(r"ground_effect.hayden +held-out error ([\d.]+)", text)
 
 
+@pytest.mark.long
 def test_the_fitted_compensator_follows_a_step_best() -> None:
     text = printed("compare_compensators")
     error = {name: number(rf"{name} +([\d.]+) m", text) for name in ("none", "hayden", "fitted")}

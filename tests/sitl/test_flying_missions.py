@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from _pytest.mark.structures import ParameterSet
 
 import quadctl.sitl.run
 from quadctl.flight.preflight.preparation import prepare_flight
@@ -28,7 +29,13 @@ SHORTER = {
 """Overrides that shorten long missions, at the lowest height and the highest speed."""
 
 
-@pytest.mark.parametrize("path", MISSIONS, ids=lambda path: path.stem)
+def _flown(path: Path) -> ParameterSet:
+    """Parameter set of the mission `path`; variants of another mission are long tests."""
+    variant = "\nextends: " in path.read_text()
+    return pytest.param(path, id=path.stem, marks=pytest.mark.long if variant else ())
+
+
+@pytest.mark.parametrize("path", [_flown(path) for path in MISSIONS])
 def test_it_is_fit_to_fly_and_flies_to_its_end(path: Path, tmp_path: Path) -> None:
     shorter = [override for name, overrides in SHORTER.items() if path.stem.startswith(name) for override in overrides]
     plan = prepare_flight(path, None, "none", None, shorter)

@@ -288,6 +288,7 @@ class TestFlights:
         assert {load_vehicle(path).n_rotors for path in VEHICLES.values()} == {4, 6}
 
 
+@pytest.mark.long
 class TestBlindCases:
     """A handful of the scoreboard's cases; `make hidden` runs them all."""
 

@@ -143,6 +143,7 @@ def test_two_tabs_show_the_same_and_neither_a_lost_connection_nor_a_new_start_lo
         one.leaves()
 
 
+@pytest.mark.long
 class TestAnalysed:
     """Actions on flights that have been searched: nothing here searches again."""
 
@@ -242,6 +243,7 @@ class TestAnalysed:
         assert status(analysed, **{"Content-Length": str(2**30)}) == 413
 
 
+@pytest.mark.long
 def test_what_no_effect_explains_is_said_as_an_expression_that_can_be_added(
     browser: Browser, session: Path, tmp_path: Path
 ) -> None:

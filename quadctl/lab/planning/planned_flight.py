@@ -1,6 +1,7 @@
 """Planned flight: the prepared flight of a mission that has not been flown, by an ideal vehicle that follows its
 reference."""
 
+import functools
 import math
 
 import numpy as np
@@ -14,6 +15,7 @@ from quadctl.lab.flights.preparation import BANDWIDTH_PER_UPDATE_RATE, MIN_CLEAR
 from quadctl.logs.columns import rpm_columns
 from quadctl.logs.flight_log import ATTITUDE, POSITION, VELOCITY, FlightLog
 from quadctl.missions import Mission
+from quadctl.missions.mission import Phase
 from quadctl.model import Model, conditions
 from quadctl.numeric import Vector, asin, atan2, sqrt
 
@@ -45,7 +47,7 @@ def planned_flight(mission: Mission, model: Model, like: Dataset) -> Flight:
         The flight is too short for an analysis.
     """
     vehicle = model.vehicle
-    time, position, velocity, acceleration = _followed(mission)
+    time, position, velocity, acceleration = _followed(mission.phases)
     _check_heights(mission, model, position[:, 2], time)
     last = like.flights[-1].conditions
     heading = _heading(last.attitude)
@@ -72,10 +74,14 @@ def planned_flight(mission: Mission, model: Model, like: Dataset) -> Flight:
     return prepare(_log(mission.name, time, columns, min(flight.bandwidth_hz for flight in like.flights)), vehicle)
 
 
-def _followed(mission: Mission) -> tuple[Floats, Floats, Floats, Floats]:
-    """Time, shape (n,), and position, velocity and acceleration of the vehicle, north, east, up, shape (n, 3) each."""
-    time = np.arange(0.0, mission.duration_s, STEP_S)
-    references = [mission.reference(t) for t in time.tolist()]
+@functools.lru_cache(maxsize=64)  # every suggestion looks at the same missions
+def _followed(phases: tuple[Phase, ...]) -> tuple[Floats, Floats, Floats, Floats]:
+    """Time, shape (n,), and position, velocity and acceleration of the vehicle, north, east, up, shape (n, 3) each;
+    not to be written to."""
+    time = np.arange(0.0, phases[-1].end_s, STEP_S)
+    at = np.minimum(np.searchsorted([phase.end_s for phase in phases], time, side="right"), len(phases) - 1)
+    flown = [(t, phases[i]) for t, i in zip(time.tolist(), at.tolist(), strict=True)]
+    references = [phase.trajectory.reference(t - phase.start_s, phase.start_m) for t, phase in flown]
     position, velocity, acceleration = (np.array([r[i] for r in references]) for i in range(3))
     jumps = np.diff(position, axis=0) - 0.5 * STEP_S * (velocity[1:] + velocity[:-1])
     w = FOLLOWING_RAD_S
@@ -85,6 +91,8 @@ def _followed(mission: Mission) -> tuple[Floats, Floats, Floats, Floats]:
         position[k:] -= (1.0 + w * since) * decay
         velocity[k:] += w * w * since * decay
         acceleration[k:] += w * w * (1.0 - w * since) * decay
+    for array in (time, position, velocity, acceleration):
+        array.flags.writeable = False
     return time, position, velocity, acceleration
 
 
