@@ -49,7 +49,7 @@ class _Hinges:
         self._variables: list[tuple[Floats, Floats]] = []
         for name in dataset.flights[0].variables:
             x = dataset.variable(name)
-            if x is None or np.ptp(x) < 1e-9:
+            if x is None or np.ptp(x) < 1e-9 or not dataset.is_flown(name):
                 continue
             x = (x - x.mean()) / x.std()
             self._variables.append((x, np.quantile(x, np.linspace(0.0, 1.0, KNOTS + 2)[1:-1])))

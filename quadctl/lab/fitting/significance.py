@@ -5,16 +5,17 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
+from scipy.fft import rfft
 
 from quadctl.lab.arrays import Floats
-from quadctl.lab.fitting.noise import CorrelatedNoise
+from quadctl.lab.fitting.noise import LEAST_VARIANCE
 from quadctl.lab.flights.dataset import Dataset
 
 NO_CHANGE = 1e-3
 """Least change of the prediction relative to the residual that is tested; a smaller change comes from the convergence
 of the fit."""
-LEAST_BATCHES = 16
-"""Least number of batches from which a variance is estimated."""
+SLOPES = np.linspace(0.0, 2.0, 21)
+"""Exponents of the power law of the noise: from white noise to a random walk."""
 LEAST_FLIGHTS = 4
 """Least number of flights whose differences are the noise; fewer say nothing of an effect in one of them."""
 
@@ -44,28 +45,44 @@ def improvement_p_value(before: Floats, predicted_change: Floats, dataset: Datas
 def _variance_of_sum(weights: Floats, noise: Floats, dataset: Dataset) -> tuple[float, int]:
     """Variance of sum(weights * noise), shape (n, axes) each, and its degrees of freedom.
 
-    Residuals of flights stay correlated for tens of seconds, so the sum is also taken over blocks of time of several
-    lengths, each of which is an independent unit if it is long enough (batch means); the largest of these variances
-    counts. Where flights differ by more than their blocks tell (F test), the flight is the unit.
+    Residuals of flights stay correlated for tens of seconds, so the variance comes from the spectrum of the noise (see
+    `_spectrum`). Where flights differ by more than that tells (F test), the flight is the unit.
     """
-    products = np.sum(weights * noise, axis=1)
-    blocks = np.unique(dataset.block, return_inverse=True)[1]
-    count = int(blocks.max()) + 1
-    short = sum(
-        CorrelatedNoise(noise[:, axis], dataset).variance_of_sum(weights[:, axis]) for axis in range(noise.shape[1])
-    )
-    found = (short, max(2, count - 1))
-    length = 1
-    while count // length >= LEAST_BATCHES:
-        variance, degrees = _batch_variance(products, blocks // length)
-        if variance > found[0]:
-            found = variance, degrees
-        length *= 2
+    variance, degrees = LEAST_VARIANCE, 0
+    for part in dataset.parts:
+        n = int(part.stop - part.start)
+        low = max(2, round(math.sqrt(n)))
+        degrees += low
+        for w, e in zip(weights[part].T, noise[part].T, strict=True):
+            power = np.abs(rfft(w)) ** 2 / n
+            twice = np.where((np.arange(len(power)) == 0) | (2 * np.arange(len(power)) == n), 1.0, 2.0)
+            variance += float(np.sum(twice * power * _spectrum(e, power, low)))
     if len(dataset.flights) >= LEAST_FLIGHTS:
-        variance, degrees = _batch_variance(products, dataset.flight_index)
-        if variance > found[0] * float(stats.f.ppf(0.95, degrees, found[1])):
-            found = variance, degrees
-    return found
+        between, flights = _batch_variance(np.sum(weights * noise, axis=1), dataset.flight_index)
+        if between > variance * float(stats.f.ppf(0.95, flights, degrees)):
+            variance, degrees = between, flights
+    return variance, degrees
+
+
+def _spectrum(noise: Floats, taken: Floats, low: int) -> Floats:
+    """Variance of the noise of one flight, shape (n,), at each frequency of `rfft`; white noise has its variance at
+    all.
+
+    The periodogram, but at the `low` lowest frequencies a power law fitted to it (Whittle likelihood; the power does
+    not fall toward lower frequencies). A fit takes the noise out at the frequencies at which its model varies, so a
+    frequency counts the less the more of the power `taken` of the model is there. The mean counts as half the lowest
+    frequency.
+    """
+    found = np.abs(rfft(noise)) ** 2 / len(noise)
+    at = np.arange(1.0, min(low, len(found) - 1) + 1.0)
+    power = found[1 : len(at) + 1]
+    share = 1.0 / (1.0 + taken[1 : len(at) + 1] / max(float(taken[1 : len(at) + 1].mean()), LEAST_VARIANCE))
+    share /= share.sum()
+    scales = np.array([np.sum(share * power * at**slope) for slope in SLOPES])
+    likelihoods = SLOPES * np.sum(share * np.log(at)) - np.log(np.maximum(scales, LEAST_VARIANCE))
+    best = int(np.argmax(likelihoods))
+    found[: len(at) + 1] = scales[best] * np.concatenate([[0.5], at]) ** -SLOPES[best]
+    return np.asarray(found)
 
 
 def _batch_variance(products: Floats, batch: NDArray[np.int64]) -> tuple[float, int]:

@@ -28,6 +28,8 @@ MOST_FLIGHT_FOLDS = 10
 MOVED = {"north": 0.5, "east": 0.5, "speed_forward": 0.5, "speed_right": 0.5, "roll": 3.0, "pitch": 3.0}
 """Least span of a variable that counts as varied, in its unit; gusts alone move a position-controlled vehicle by
 less."""
+MANOEUVRES = 0.5
+"""Least share of the variance of roll, pitch or thrust that the acceleration explains in manoeuvres."""
 MAX_FACTOR_BETWEEN_FLIGHTS = 1.6
 """Largest ratio of thrust over weight between flights of one vehicle; batteries and payloads explain less."""
 
@@ -126,8 +128,25 @@ class Dataset:
             return None
         return np.concatenate([flight.variables[name] for flight in self.flights])
 
+    def is_flown(self, name: str) -> bool:
+        """Tell whether a variable can be a cause of an error rather than follow it.
+
+        The controller counters whatever disturbs the vehicle by leaning and by thrust. So roll, pitch and thrust count
+        only where the vehicle's acceleration explains most of their variance, as it does in manoeuvres.
+        """
+        if name not in self.flights[0].manoeuvres:
+            return True
+        x = np.concatenate([flight.variables[name] for flight in self.flights])
+        flown = np.concatenate([flight.manoeuvres[name] for flight in self.flights])
+        if min(np.ptp(x), np.ptp(flown)) < 1e-9:
+            return False
+        return bool(np.corrcoef(x, flown)[0, 1] ** 2 > MANOEUVRES)
+
     def span(self, name: str) -> float:
-        """Span of a variable over all flights (see `Flight.span`); 0 where it is not logged."""
+        """Span of a variable over all flights (see `Flight.span`); 0 where it is not logged, and for a thrust that
+        follows disturbances."""
+        if name == "thrust_share" and not self.is_flown("thrust"):
+            return 0.0
         ends = np.array([flight.span(name) for flight in self.flights])
         reach = float(ends[:, 1].max() - ends[:, 0].min())
         return reach if np.isfinite(reach) else 0.0

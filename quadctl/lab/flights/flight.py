@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from quadctl.effects import Conditions
-from quadctl.frames import euler_from_quaternion, rotate_inverse
+from quadctl.frames import GRAVITY_M_S2, euler_from_quaternion, rotate_inverse
 from quadctl.lab.arrays import Floats
 from quadctl.numeric import Vector
 from quadctl.vehicle import Vehicle
@@ -203,6 +203,18 @@ class Flight:
         return self.slowly(self.filtered(sum(self.nominal_n))) / self.vehicle.weight_n
 
     @cached_property
+    def manoeuvres(self) -> dict[str, Floats]:
+        """Accelerations, m/s^2, shape (n,), for which the variables of the attitude controller are flown: those up,
+        to the right and forward, by the names of `variables`."""
+        yaw = self.filtered(np.unwrap(euler_from_quaternion(self.conditions.attitude)[2]))
+        north, east, up = self.measured.T
+        return {
+            "thrust": up,
+            "roll": np.cos(yaw) * east - np.sin(yaw) * north,
+            "pitch": np.cos(yaw) * north + np.sin(yaw) * east,
+        }
+
+    @cached_property
     def variables(self) -> dict[str, Floats]:
         """Variables over which residuals are analysed, by name, at the samples, shape (n,) each."""
         c = self.conditions
@@ -233,7 +245,8 @@ class Flight:
         elif name == "speed":
             values = np.hypot(u, v)
         elif name == "thrust_share":
-            values = self.variables["thrust"] / self.vehicle.weight_n
+            # The thrust that the motion needs: the logged thrust also follows whatever disturbs the vehicle.
+            values = 1.0 + self.measured[:, 2] / GRAVITY_M_S2
         else:
             values = self.variables.get(name, np.array([np.nan]))
         low, high = np.percentile(values, [5.0, 95.0])

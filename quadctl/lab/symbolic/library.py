@@ -29,10 +29,6 @@ Time and battery are left out because a law of them does not repeat. Roll and pi
 the attitude is in both the residual and the variable.
 """
 
-MANOEUVRES = 0.5
-"""Least share of the variance of the thrust that the vertical acceleration must explain for the thrust to be a
-variable: in steady flight the controller makes the thrust follow any missing effect."""
-
 SIGNED = ("climb_rate", "speed_forward", "speed_right")
 DECAYS = (0.5, 1.0, 2.0, 4.0)
 """Decay rates of the exponentials, per rotor radius of height."""
@@ -61,20 +57,13 @@ def variables_of(dataset: Dataset) -> dict[str, Floats]:
         if name == "speed":
             u, v = dataset.variable("speed_forward"), dataset.variable("speed_right")
             x = None if u is None or v is None else np.hypot(u, v)
-        elif name == "thrust" and not _manoeuvres(dataset):
+        elif not dataset.is_flown(name):
             x = None
         else:
             x = dataset.variable(name)
         if x is not None and np.std(x) > SPREAD:
             found[name] = x
     return found
-
-
-def _manoeuvres(dataset: Dataset) -> bool:
-    thrust = dataset.variable("thrust")
-    if thrust is None or np.std(thrust) < SPREAD:
-        return False
-    return bool(np.corrcoef(thrust, dataset.measured[:, 2])[0, 1] ** 2 > MANOEUVRES)
 
 
 def library(variables: dict[str, Floats]) -> list[Term]:
