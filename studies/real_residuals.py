@@ -66,15 +66,19 @@ def _slow(signal: Floats, time_s: Floats) -> Floats:
 
 def _moved(log: FlightLog, more: Floats) -> FlightLog:
     """Flight with the motion that an acceleration `more`, m/s^2, shape (n, 3), north, east, up, adds."""
-    velocity = cumulative_trapezoid(more, log.time_s, axis=0, initial=0.0)
-    velocity -= _slow(velocity, log.time_s)
-    position = cumulative_trapezoid(velocity, log.time_s, axis=0, initial=0.0)
-    position -= _slow(position, log.time_s)
+    velocity = _integral(more, log.time_s)
+    position = _integral(velocity, log.time_s)
     columns = dict(log.columns)
     for names, added in ((VELOCITY, velocity), (POSITION, position)):
         held = _last(log.updates(*names), len(log))
         columns |= {name: columns[name] + a[held] for name, a in zip(names, added.T, strict=True)}
     return replace(log, columns=columns)
+
+
+def _integral(signal: Floats, time_s: Floats) -> Floats:
+    """Integral over time of a signal, shape (n, 3), without its slow part."""
+    integral = np.asarray(cumulative_trapezoid(signal, time_s, axis=0, initial=0))
+    return integral - _slow(integral, time_s)
 
 
 def _pushed(log: FlightLog, vehicle: Vehicle, more: Floats) -> FlightLog:
@@ -102,7 +106,7 @@ def _last(updates: NDArray[np.intp], n: int) -> NDArray[np.intp]:
     """Row of the last update before each of `n` rows; the row itself before the first."""
     rows = np.zeros(n, dtype=np.intp)
     rows[updates] = updates
-    return np.maximum.accumulate(rows)
+    return np.asarray(np.maximum.accumulate(rows), dtype=np.intp)
 
 
 def best_residual(log: FlightLog, vehicle: Vehicle) -> tuple[Floats, Floats]:
@@ -110,7 +114,8 @@ def best_residual(log: FlightLog, vehicle: Vehicle) -> tuple[Floats, Floats]:
     (n, 3), north, east, up."""
     dataset = load_dataset([log], vehicle)
     fit = fit_model(discover(Model(vehicle), dataset).model, dataset)
-    return dataset.flights[0].time_s, (fit.fitter.dataset.targets - fit.predicted)[:, :3]
+    residual: Floats = (fit.fitter.dataset.targets - fit.predicted)[:, :3]
+    return dataset.flights[0].time_s, residual
 
 
 def transplanted(source: tuple[Floats, Floats], time_s: Floats, random: np.random.Generator) -> Floats:
@@ -121,7 +126,7 @@ def transplanted(source: tuple[Floats, Floats], time_s: Floats, random: np.rando
     along = np.mod(time_s - time_s[0] + random.uniform(0.0, span), 2.0 * span)
     at = own_s[0] + np.where(along > span, 2.0 * span - along, along)
     moved = np.column_stack([np.interp(at, own_s, axis) for axis in residual.T])
-    return moved * random.choice([-1.0, 1.0], 3)
+    return np.asarray(moved * random.choice([-1.0, 1.0], 3))
 
 
 @dataclass
@@ -180,7 +185,7 @@ def _count_alarms(nulls: Nulls, log: FlightLog, vehicle: Vehicle) -> None:
 
 
 def _count_held(coverage: dict[str, Coverage], log: FlightLog, truth: Model, wanted: Floats, time_s: Floats) -> None:
-    """Fit the form of the last effect of `truth` to a surrogate in which it is true, where the flight can tell of it."""
+    """Fit the last effect of `truth` to a surrogate in which it is true, where the flight can tell of it."""
     kind = type(truth.effects[-1])
     dataset = load_dataset([surrogate(log, truth, wanted, time_s)], truth.vehicle)
     if any(dataset.span(variable) < least for variable, least in kind.needs.items()):
