@@ -205,14 +205,16 @@ def _page(names: list[str], each: int, nulls: Nulls, coverage: dict[str, Coverag
     ]
     rows += [(f"95 % interval of {name} holds the truth", c.held, c.fits) for name, c in coverage.items() if c.fits]
     table = "\n".join(f"| {text} | {count} of {of} = {count / of:.0%} |" for text, count, of in rows)
-    truths = "; ".join(f"{t.name} with {t.values()}" for t in TRUTHS)
+    truths = ", or ".join(
+        f"{t.name} with " + ", ".join(f"{name} = {value:g}" for name, value in t.values().items()) for t in TRUTHS
+    )
     return f"""# Residuals of real flights
 
-Written by `python -m studies.real_residuals`. Real flights ({", ".join(names)}; {each} surrogates of each) are changed
-until a known model is true of them, with the residual that the best model of another of these flights leaves: real
-motion, real sensors, and noise as correlated as in reality. Effects that only moments or an accelerometer show are not
-tried. Nothing is hidden in the flights of the first three rows. Those of the others contain {truths}; counted are
-parameters that the flight determines.
+Written by `python -m studies.real_residuals`. {each} surrogates of each of these real flights: {", ".join(name.removesuffix(".csv") for name in names)}. Each is
+changed until a known model is true of it, with the residual that the best model of another of these flights leaves:
+real motion, real sensors, and noise as correlated as in reality. Effects that only moments or an accelerometer show are
+not tried. Nothing is hidden in the flights of the first three rows, though what no effect explains in the real flights
+is still in their residuals. The others contain {truths}; counted are parameters that the flight determines.
 
 | in surrogate flights | result |
 |---|---|

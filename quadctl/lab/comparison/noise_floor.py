@@ -13,13 +13,14 @@ KNOTS = 6
 RIDGES = (3.0, 30.0, 300.0)
 
 
-def flexible_residual(residual: Floats, dataset: Dataset) -> Floats:
+def flexible_residual(residual: Floats, dataset: Dataset, *, causes_only: bool = False) -> Floats:
     """Held-out prediction of `residual`, shape (n, axes), by ridge regression on all variables; same shape.
 
     The features are piecewise linear functions of each variable. Each fold is predicted from the other folds; for each
-    axis the ridge with the smallest held-out error is used.
+    axis the ridge with the smallest held-out error is used. With `causes_only`, roll, pitch and thrust are left out where
+    they follow disturbances (see `Dataset.is_flown`).
     """
-    hinges = _Hinges(dataset)
+    hinges = _Hinges(dataset, causes_only)
     gram = _gram_by_fold(hinges, residual, dataset)
     others = [np.delete(gram, i, axis=0).sum(axis=0) for i in range(len(gram))]
     fitted = [[_ridge_coefficients(learnt, residual.shape[1], ridge) for ridge in RIDGES] for learnt in others]
@@ -45,11 +46,11 @@ def noise_floor(residual: Floats, flexible: Floats) -> Floats:
 class _Hinges:
     """Features of the regression: the variables and hinge functions at their quantiles, all standardised."""
 
-    def __init__(self, dataset: Dataset) -> None:
+    def __init__(self, dataset: Dataset, causes_only: bool) -> None:
         self._variables: list[tuple[Floats, Floats]] = []
         for name in dataset.flights[0].variables:
             x = dataset.variable(name)
-            if x is None or np.ptp(x) < 1e-9 or not dataset.is_flown(name):
+            if x is None or np.ptp(x) < 1e-9 or (causes_only and not dataset.is_flown(name)):
                 continue
             x = (x - x.mean()) / x.std()
             self._variables.append((x, np.quantile(x, np.linspace(0.0, 1.0, KNOTS + 2)[1:-1])))

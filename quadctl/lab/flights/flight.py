@@ -267,6 +267,8 @@ VARIABLE_UNITS = {
     "east": "m",
 }
 SPAN_UNITS = {**VARIABLE_UNITS, "heading": "deg", "speed": "m/s", "thrust_share": "of the weight"}
+SPAN_NAMES = {"thrust_share": "the thrust that the motion needs"}
+"""Names of those whose key does not say it."""
 VARIABLE_NAMES = {
     "height_over_radius": "rotor height",
     "climb_rate": "climb rate",

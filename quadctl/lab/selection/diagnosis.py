@@ -19,7 +19,7 @@ from quadctl.lab.fitting.fitter import BOOTSTRAP_SEED
 from quadctl.lab.fitting.significance import improvement_p_value
 from quadctl.lab.flights.channels import ROTOR_SPEED
 from quadctl.lab.flights.dataset import Dataset
-from quadctl.lab.flights.flight import SPAN_UNITS, UNKNOWN_TIMING, Timing
+from quadctl.lab.flights.flight import SPAN_NAMES, SPAN_UNITS, UNKNOWN_TIMING, Timing
 from quadctl.lab.results import Result
 from quadctl.lab.selection.candidate import Candidate
 from quadctl.lab.selection.rule import is_large, is_measured, is_mostly_left, is_supported, is_unexplained, score
@@ -191,7 +191,7 @@ def diagnose_fit(
     # The part explained by an effect that is too small to be called missing is not unexplained.
     small = [c.residual for c in path.latest.values() if is_measured(c) and not is_supported(c)]
     residual = min([path.residual, *small], key=score)[:, :3]
-    flexible = flexible_residual(residual, dataset)
+    flexible = flexible_residual(residual, dataset, causes_only=True)
     matters = is_unexplained(residual, flexible, improvement_p_value(residual, flexible, dataset))
     symbolic = explain(residual, dataset) if matters else None
     # A regression on many variables may explain a little of pure noise; a real cause has an expression or is large.
@@ -254,7 +254,8 @@ def _suggestion(
 def _reasons(unfit: list[type[Effect]], dataset: Dataset) -> list[str]:
     """Reasons why effects were not tried."""
     return [
-        f"{effect.name} (to distinguish it from others, {variable} must span {span:g} {SPAN_UNITS[variable]}; "
+        f"{effect.name} (to distinguish it from others, {SPAN_NAMES.get(variable, variable)} must span {span:g} "
+        f"{SPAN_UNITS[variable]}; "
         f"in these data it spans {dataset.span(variable):.2g})"
         for effect in unfit
         for variable, span in effect.needs.items()
