@@ -17,8 +17,8 @@ def flexible_residual(residual: Floats, dataset: Dataset, *, causes_only: bool =
     """Held-out prediction of `residual`, shape (n, axes), by ridge regression on all variables; same shape.
 
     The features are piecewise linear functions of each variable. Each fold is predicted from the other folds; for each
-    axis the ridge with the smallest held-out error is used. With `causes_only`, roll, pitch and thrust are left out where
-    they follow disturbances (see `Dataset.is_flown`).
+    axis the ridge with the smallest held-out error is used. With `causes_only`, roll, pitch and thrust are left out
+    where they follow disturbances (see `Dataset.is_flown`).
     """
     hinges = _Hinges(dataset, causes_only)
     gram = _gram_by_fold(hinges, residual, dataset)
