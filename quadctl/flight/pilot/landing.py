@@ -11,8 +11,6 @@ HOLD_S = 2.0
 """Longest time for which the position is held while the autopilot enters its land mode."""
 ASK_AGAIN_S = 2.0
 """Time after which a failed request to land (a pulled plug) is repeated, while the mode is known to be ours."""
-MODE_FRESH_S = 0.5
-"""Largest age of the heartbeat that shows that the mode is still ours to change; no mode is asked for without it."""
 LET_GO_S = 1.0
 """Longest time for which a second Ctrl-C waits for the autopilot to enter its land mode."""
 LINK_TIMEOUT_S = 60.0
@@ -133,7 +131,7 @@ class Landing:
         repeated after a failure."""
         now_s = self._progress.now_s
         due = self._asked_s is None or (self._failed and now_s - self._asked_s > ASK_AGAIN_S)
-        if not due or not state.offboard or state.age_s("heartbeat") > MODE_FRESH_S:
+        if not due or not self._watch.mode_is_ours(state):
             return ()
         self._asked_s, self._failed = now_s, False
         return (Request.LAND,)
