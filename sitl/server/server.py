@@ -63,6 +63,7 @@ class MavlinkMock(ABC):
         self.manners = self.new_manners()
         self.faults = Faults()
         self.setpoints_received: list[ReceivedSetpoint] = []
+        self.heartbeats_sent = 0
         self.motor_tests_received = 0
         self.vision_poses_received: list[Message] = []
         """VISION_POSITION_ESTIMATE messages as they arrived; the estimator does not use them."""
@@ -357,6 +358,7 @@ class MavlinkMock(ABC):
     # --- who it is ---------------------------------------------------------------------------------------------
 
     def _heartbeat(self, estimate: VehicleState) -> Iterator[Message]:
+        self.heartbeats_sent += 1
         armed = mavlink.MAV_MODE_FLAG_SAFETY_ARMED if estimate.armed else 0
         yield mavlink.MAVLink_heartbeat_message(
             mavlink.MAV_TYPE_HEXAROTOR if len(estimate.rotor_rpm) == 6 else mavlink.MAV_TYPE_QUADROTOR,

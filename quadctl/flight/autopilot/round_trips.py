@@ -1,4 +1,4 @@
-"""Round trips of MAVLink's TIMESYNC: our question carries a number, the answer the same one and the autopilot's clock."""
+"""Round trips of MAVLink's TIMESYNC: the answer repeats the number of our question and adds the autopilot's clock."""
 
 from collections import deque
 from collections.abc import Mapping

@@ -26,6 +26,9 @@ class Landing:
         self._steering = steering
         self._hold: Setpoint | None = None
         self._silent = False
+        self._landing_seen = False
+        self._down = False
+        """True when the autopilot has left its land mode on the ground: the landing is over."""
         self._asked_s: float | None = None
         self._failed = False
         self._let_go: str | None = None
@@ -62,12 +65,15 @@ class Landing:
             return Decision()
         if self._let_go is not None:
             return self._leave(self._let_go, state)
+        self._down = self._down or (state.landed and self._landing_seen and state.mode != "LAND")
+        self._landing_seen = self._landing_seen or state.mode == "LAND"
+        if self._down and state.landed:  # its motors are off, or will be: a later message says so
+            self._too_long()
+            return Decision()
         if not (state.offboard or state.mode == "LAND"):
             self._progress.note(f"the autopilot went to {state.mode or 'an unknown mode'}", Answer.RELEASE.value)
             return self._release()
-        if self._progress.in_stage_s > self._watch.max_over_time_s:
-            given_up = f"the autopilot did not land and disarm in {self._watch.max_over_time_s:g} s"
-            self._progress.end(f"{self._progress.ended}; {given_up}")
+        if self._too_long():
             return Decision()
         breach = self._watch.breach(state, self._progress.in_air_s)
         if breach is not None and breach.answer is not Answer.LAND:
@@ -114,6 +120,14 @@ class Landing:
             return Decision(None, self._request(state))
         held = self._steering.towards(self._hold, state, dt)
         return held._replace(requests=self._request(state))
+
+    def _too_long(self) -> bool:
+        """True, and the flight is over, when the autopilot has not come down and disarmed in time."""
+        if self._progress.in_stage_s <= self._watch.max_over_time_s:
+            return False
+        given_up = f"the autopilot did not land and disarm in {self._watch.max_over_time_s:g} s"
+        self._progress.end(f"{self._progress.ended}; {given_up}")
+        return True
 
     def _leave(self, reason: str, state: VehicleState) -> Decision:
         now_s = self._progress.now_s
