@@ -2,6 +2,7 @@
 
 import math
 from collections import deque
+from typing import NamedTuple
 
 MAX_RATE_ERROR = 0.02
 """Largest error of the rate at which the autopilot's clock is taken to run, s/s: a simulator on a busy machine was
@@ -18,6 +19,33 @@ LEAK = 0.05
 """Rate at which the usual delay may grow where no round trips are known, s/s."""
 RESTART_S = 1.0
 """Smallest step back of the autopilot's clock that is a restart; smaller ones are messages out of order."""
+
+
+class _Offset(NamedTuple):
+    """Bounds of the difference between our clock and the autopilot's at one time, s."""
+
+    at_s: float
+    low_s: float
+    high_s: float
+
+    @property
+    def middle_s(self) -> float:
+        return 0.5 * (self.low_s + self.high_s)
+
+    @property
+    def error_s(self) -> float:
+        return 0.5 * (self.high_s - self.low_s)
+
+    def later(self, at_s: float, rate: float) -> "_Offset":
+        """Bounds at a later time, moved by the drift `rate`, wider by its largest error."""
+        passed_s = max(at_s - self.at_s, 0.0)
+        drift_s, error_s = rate * passed_s, MAX_RATE_ERROR * passed_s
+        return _Offset(at_s, self.low_s + drift_s - error_s, self.high_s + drift_s + error_s)
+
+    def within(self, other: "_Offset") -> "_Offset":
+        """Bounds that hold by both; by `other` alone where they contradict each other, as after a step of a clock."""
+        low_s, high_s = max(self.low_s, other.low_s), min(self.high_s, other.high_s)
+        return _Offset(other.at_s, low_s, high_s) if low_s <= high_s else other
 
 
 class LinkClock:
@@ -40,7 +68,12 @@ class LinkClock:
         self.setpoint_delay_s = 0.0
         """Time that a message of ours needs to the autopilot, s; 0 while no round trip is known."""
         self._stamp_s = -math.inf
-        self._forget()
+        self._arrived_s = -math.inf
+        self._usual_s = math.inf
+        self._offset: _Offset | None = None
+        self._anchor: _Offset | None = None
+        self._rate = 0.0
+        self._ways_out_s: deque[float] = deque(maxlen=RECENT)
 
     @property
     def measured(self) -> bool:
@@ -75,46 +108,14 @@ class LinkClock:
         return now_s - self.delay_s
 
     def _forget(self) -> None:
-        self._usual_s = math.inf
-        self._arrived_s = -math.inf
-        self._offset: _Offset | None = None
-        self._anchor: _Offset | None = None
-        self._rate = 0.0
-        self._ways_out_s: deque[float] = deque(maxlen=RECENT)
+        """Forget the clock of before a restart."""
+        self._usual_s, self._offset, self._anchor, self._rate = math.inf, None, None, 0.0
+        self._ways_out_s.clear()
         self.setpoint_delay_s = 0.0
 
-    def _measure_rate(self, now: "_Offset") -> None:
+    def _measure_rate(self, now: _Offset) -> None:
         """Measure the drift of the offset, s/s, over a span that is long enough for its bounds."""
-        assert self._anchor is not None
-        before = self._anchor
+        before = self._anchor or now
         span_s = now.at_s - before.at_s
         if span_s >= RATE_SPAN_S and before.error_s + now.error_s <= RATE_TOLERANCE * span_s:
             self._rate, self._anchor = (now.middle_s - before.middle_s) / span_s, now
-
-
-class _Offset:
-    """Bounds of the difference between our clock and the autopilot's at one time, s."""
-
-    __slots__ = ("at_s", "high_s", "low_s")
-
-    def __init__(self, at_s: float, low_s: float, high_s: float) -> None:
-        self.at_s, self.low_s, self.high_s = at_s, low_s, high_s
-
-    @property
-    def middle_s(self) -> float:
-        return 0.5 * (self.low_s + self.high_s)
-
-    @property
-    def error_s(self) -> float:
-        return 0.5 * (self.high_s - self.low_s)
-
-    def later(self, at_s: float, rate: float) -> "_Offset":
-        """Bounds at a later time, moved by the drift `rate`, wider by its largest error."""
-        passed_s = max(at_s - self.at_s, 0.0)
-        drift_s, error_s = rate * passed_s, MAX_RATE_ERROR * passed_s
-        return _Offset(at_s, self.low_s + drift_s - error_s, self.high_s + drift_s + error_s)
-
-    def within(self, other: "_Offset") -> "_Offset":
-        """Bounds that hold by both; by `other` alone where they contradict each other, as after a step of a clock."""
-        low_s, high_s = max(self.low_s, other.low_s), min(self.high_s, other.high_s)
-        return _Offset(other.at_s, low_s, high_s) if low_s <= high_s else other

@@ -70,7 +70,7 @@ class Landing:
         if self._down and state.landed:  # its motors are off, or will be: a later message says so
             self._too_long()
             return Decision()
-        if not (state.offboard or state.mode == "LAND"):
+        if self._down or not (state.offboard or state.mode == "LAND"):
             self._progress.note(f"the autopilot went to {state.mode or 'an unknown mode'}", Answer.RELEASE.value)
             return self._release()
         if self._too_long():
