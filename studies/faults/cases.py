@@ -276,7 +276,14 @@ LINK = (
         silent_s=5.0,
         setting=ON_A_LINE,
     ),
-    Case("heartbeats stop", _withhold("HEARTBEAT"), "hand over", "heartbeat is lost", "failsafe", silent_s=3.5),
+    Case(
+        "heartbeats stop",
+        _withhold("HEARTBEAT"),
+        "hand over",
+        "heartbeat is lost",
+        silent_s=3.5,
+        on_ardupilot={"mode": "failsafe"},  # nothing else tells its mode
+    ),
     Case("autopilot hears nothing", _be(deaf=True), "release", "left offboard", "failsafe", silent_s=1.5),
     Case(
         "disarmed in flight",

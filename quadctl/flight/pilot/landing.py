@@ -11,6 +11,8 @@ HOLD_S = 2.0
 """Longest time for which the position is held while the autopilot enters its land mode."""
 ASK_AGAIN_S = 2.0
 """Time after which a failed request to land (a pulled plug) is repeated, while the mode is known to be ours."""
+LANDED_NEWS_S = 0.3
+"""Longest time by which the news that it has landed may be behind the news of its mode: they are asked for at 5 Hz."""
 LET_GO_S = 1.0
 """Longest time for which a second Ctrl-C waits for the autopilot to enter its land mode."""
 LINK_TIMEOUT_S = 60.0
@@ -27,8 +29,8 @@ class Landing:
         self._hold: Setpoint | None = None
         self._silent = False
         self._landing_seen = False
-        self._down = False
-        """True when the autopilot has left its land mode on the ground: the landing is over."""
+        self._left_s: float | None = None
+        """Time at which the autopilot left the modes of a landing: nothing is sent or asked for from then on."""
         self._asked_s: float | None = None
         self._failed = False
         self._let_go: str | None = None
@@ -65,14 +67,9 @@ class Landing:
             return Decision()
         if self._let_go is not None:
             return self._leave(self._let_go, state)
-        self._down = self._down or (state.landed and self._landing_seen and state.mode != "LAND")
         self._landing_seen = self._landing_seen or state.mode == "LAND"
-        if self._down and state.landed:  # its motors are off, or will be: a later message says so
-            self._too_long()
-            return Decision()
-        if self._down or not (state.offboard or state.mode == "LAND"):
-            self._progress.note(f"the autopilot went to {state.mode or 'an unknown mode'}", Answer.RELEASE.value)
-            return self._release()
+        if self._left_s is not None or not (state.offboard or state.mode == "LAND"):
+            return self._yield(state)
         if self._too_long():
             return Decision()
         breach = self._watch.breach(state, self._progress.in_air_s)
@@ -120,6 +117,18 @@ class Landing:
             return Decision(None, self._request(state))
         held = self._steering.towards(self._hold, state, dt)
         return held._replace(requests=self._request(state))
+
+    def _yield(self, state: VehicleState) -> Decision:
+        """Release the vehicle to whoever has taken the mode, unless the landing is over.
+
+        An autopilot leaves its land mode when it disarms on the ground, and the messages that say so come later.
+        """
+        self._left_s = self._progress.now_s if self._left_s is None else self._left_s
+        if self._landing_seen and (state.landed or self._progress.now_s - self._left_s < LANDED_NEWS_S):
+            self._too_long()
+            return Decision()
+        self._progress.note(f"the autopilot went to {state.mode or 'an unknown mode'}", Answer.RELEASE.value)
+        return self._release()
 
     def _too_long(self) -> bool:
         """True, and the flight is over, when the autopilot has not come down and disarmed in time."""
