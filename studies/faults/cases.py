@@ -252,6 +252,7 @@ LIMITS = (
 )
 LINK = (
     Case("autopilot's messages stop", _be(silent=True), "hand over", STALE, answered_s=0.5),
+    Case("delay of 0.25 s each way", lambda s: s.line.delay(0.25), "hand over", STALE, silent_s=0.6, setting=ON_A_LINE),
     Case(
         "delay grows by 20 ms/s each way",
         lambda s: s.line.delay_more_and_more(0.02, 0.4),
