@@ -41,24 +41,31 @@ class VehicleState:
     connected: bool = False
     """True when heartbeats arrive."""
     received_s: Mapping[str, float] = field(default_factory=dict)
-    """Time at which each part was true, on the clock of `time_s`: position, attitude, rates, rpm, battery, heartbeat.
+    """Time at which each part was true, on the clock of `time_s`: position, attitude, rates, rpm, battery, heartbeat,
+    mode.
 
-    The time of arrival, earlier by what the link has delayed it beyond its usual delay: a burst of queued messages is
-    old, however new its arrival.
+    The time of arrival, earlier by the link's delay: a burst of queued messages is old, however new its arrival.
     """
+    setpoint_delay_s: float = 0.0
+    """Time that a setpoint needs to the autopilot, s; 0 where it is not known."""
     boots: int = 0
     """Number of restarts of the autopilot's clock since the link was opened."""
     estimator_ratio: float = NAN
     """Worst innovation test ratio of position and velocity; from 1 on the estimator rejects its own sensors."""
 
     def age_s(self, part: str) -> float:
-        """Time since `part` last arrived; infinite when it never did."""
+        """Time since `part` was true; infinite when it never arrived."""
         return self.time_s - self.received_s.get(part, -math.inf)
 
     @property
     def control_age_s(self) -> float:
         """Age of the oldest part that control uses, s."""
         return max(self.age_s("position"), self.age_s("attitude"))
+
+    @property
+    def mode_age_s(self) -> float:
+        """Time since the mode was told, by a message about it alone or by a heartbeat, s."""
+        return min(self.age_s("mode"), self.age_s("heartbeat"))
 
     @property
     def offboard(self) -> bool:

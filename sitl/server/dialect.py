@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 from pymavlink.dialects.v20 import ardupilotmega
 
 ESC_STATUS_ID = 291
+CURRENT_MODE_ID = 436
 
 
 class EscStatus(ardupilotmega.MAVLink_message):  # type: ignore[misc]
@@ -47,6 +48,41 @@ class EscStatus(ardupilotmega.MAVLink_message):  # type: ignore[misc]
         return packed
 
 
+class CurrentMode(ardupilotmega.MAVLink_message):  # type: ignore[misc]
+    """CURRENT_MODE: the mode by its standard number (0: none) and as in the heartbeat, and the one that was wanted."""
+
+    id = CURRENT_MODE_ID
+    msgname = "CURRENT_MODE"
+    name = "CURRENT_MODE"
+    fieldnames: ClassVar[list[str]] = ["standard_mode", "custom_mode", "intended_custom_mode"]
+    ordered_fieldnames: ClassVar[list[str]] = ["custom_mode", "intended_custom_mode", "standard_mode"]
+    fieldtypes: ClassVar[list[str]] = ["uint8_t", "uint32_t", "uint32_t"]
+    fieldunits_by_name: ClassVar[dict[str, str]] = {}
+    native_format = bytearray(b"<IIB")
+    orders: ClassVar[list[int]] = [2, 0, 1]
+    lengths: ClassVar[list[int]] = [1, 1, 1]
+    array_lengths: ClassVar[list[int]] = [0, 0, 0]
+    crc_extra = 193
+    unpacker = struct.Struct("<IIB")
+    instance_field = None
+    instance_offset = -1
+
+    def __init__(self, standard_mode: int, custom_mode: int, intended_custom_mode: int) -> None:
+        super().__init__(self.id, self.msgname)
+        self._fieldnames = self.fieldnames
+        self._instance_field = self.instance_field
+        self._instance_offset = self.instance_offset
+        self.standard_mode = standard_mode
+        self.custom_mode = custom_mode
+        self.intended_custom_mode = intended_custom_mode
+
+    def pack(self, mav: Any, force_mavlink1: bool = False) -> bytes:
+        payload = self.unpacker.pack(self.custom_mode, self.intended_custom_mode, self.standard_mode)
+        packed: bytes = self._pack(mav, self.crc_extra, payload, force_mavlink1=force_mavlink1)
+        return packed
+
+
 def register(dialect: Any = ardupilotmega) -> None:
     """Let a pymavlink dialect module parse the messages of this file; may be called again."""
     dialect.mavlink_map.setdefault(ESC_STATUS_ID, EscStatus)
+    dialect.mavlink_map.setdefault(CURRENT_MODE_ID, CurrentMode)

@@ -66,6 +66,10 @@ class Manners:
     tests_motors_clockwise: bool
     """True: a motor test counts the motors clockwise from the front."""
     integer_parameters: frozenset[str] = field(default_factory=frozenset)
+    sends_current_mode: bool = False
+    """True: CURRENT_MODE comes where it is asked for."""
+    fixed_heartbeats: bool = False
+    """True: another interval of the heartbeats is refused."""
     bytewise_integers: bool = False
     """True: the bytes of an integer parameter travel in the float field; False: its value."""
     capabilities: int = mavlink.MAV_PROTOCOL_CAPABILITY_MAVLINK2 | mavlink.MAV_PROTOCOL_CAPABILITY_SET_ATTITUDE_TARGET

@@ -43,6 +43,8 @@ class MavlinkPx4(MavlinkMock):
             motor_test_output=lambda share: share,
             tests_motors_clockwise=False,
             integer_parameters=frozenset({"COM_OBL_RC_ACT"}),
+            sends_current_mode=True,
+            fixed_heartbeats=True,
             bytewise_integers=True,
             capabilities=mavlink.MAV_PROTOCOL_CAPABILITY_MAVLINK2
             | mavlink.MAV_PROTOCOL_CAPABILITY_SET_ATTITUDE_TARGET

@@ -63,6 +63,7 @@ class MavlinkMock(ABC):
         self.manners = self.new_manners()
         self.faults = Faults()
         self.setpoints_received: list[ReceivedSetpoint] = []
+        self.heartbeats_sent = 0
         self.motor_tests_received = 0
         self.vision_poses_received: list[Message] = []
         """VISION_POSITION_ESTIMATE messages as they arrived; the estimator does not use them."""
@@ -78,6 +79,8 @@ class MavlinkMock(ABC):
             mavlink.MAVLINK_MSG_ID_HEARTBEAT: Stream(self._heartbeat, heartbeat_hz, "heartbeat"),
             mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION: Stream(self._version, 0.0, "heartbeat"),
         }
+        if self.manners.sends_current_mode:
+            self._streams[dialect.CURRENT_MODE_ID] = Stream(self._current_mode, 0.0, "heartbeat")
         self._news = threading.Condition()
         self._stopping = threading.Event()
         self._thread: threading.Thread | None = None
@@ -86,6 +89,7 @@ class MavlinkMock(ABC):
             "COMMAND_LONG": self._command,
             "COMMAND_INT": self._command,
             "SET_ATTITUDE_TARGET": self._setpoint,
+            "TIMESYNC": self._timesync,
             "VISION_POSITION_ESTIMATE": self.vision_poses_received.append,
             "PARAM_REQUEST_LIST": self._parameter_list,
             "PARAM_REQUEST_READ": self._parameter_read,
@@ -216,13 +220,14 @@ class MavlinkMock(ABC):
                 for message in stream.build(self._stamped(estimate)):
                     self._send(message)
 
+    @property
+    def _clock_s(self) -> float:
+        """Time since boot, s, on a clock that runs on while the vehicle's waits for a busy machine."""
+        return self.autopilot.time_s + self.lag_s - self._booted_s
+
     def _stamped(self, estimate: VehicleState) -> VehicleState:
-        """Estimate with the time since boot, on a clock that runs on while the vehicle's waits for a busy machine."""
-        return replace(
-            estimate,
-            time_s=estimate.time_s + self.lag_s - self._booted_s,
-            estimator_ratio=self.faults.estimator_ratio,
-        )
+        """Estimate with the time since boot."""
+        return replace(estimate, time_s=self._clock_s, estimator_ratio=self.faults.estimator_ratio)
 
     # --- in ----------------------------------------------------------------------------------------------------
 
@@ -238,6 +243,11 @@ class MavlinkMock(ABC):
         flown = message.type_mask & 0b1100_0000 == 0  # neither thrust nor attitude is to be ignored
         if flown and all(map(math.isfinite, (*target.attitude, target.throttle))):
             self.autopilot.set_attitude_target(target)
+
+    def _timesync(self, message: Message) -> None:
+        """Answer a question about the clock, with the nanoseconds since boot."""
+        if message.tc1 == 0:
+            self._send(mavlink.MAVLink_timesync_message(round(1e9 * self._clock_s), message.ts1))
 
     def _command(self, message: Message) -> None:
         handler = self._on_command.get(message.command)
@@ -289,6 +299,8 @@ class MavlinkMock(ABC):
         stream = self._streams.get(message_id)
         if stream is None or not self.faults.lets_out(mavlink.mavlink_map[message_id].msgname):
             return self.manners.unknown_interval
+        if message_id == mavlink.MAVLINK_MSG_ID_HEARTBEAT and self.manners.fixed_heartbeats:
+            return int(mavlink.MAV_RESULT_FAILED)
         stream.set_interval(command.param2, self.autopilot.time_s)
         return int(mavlink.MAV_RESULT_ACCEPTED)
 
@@ -346,6 +358,7 @@ class MavlinkMock(ABC):
     # --- who it is ---------------------------------------------------------------------------------------------
 
     def _heartbeat(self, estimate: VehicleState) -> Iterator[Message]:
+        self.heartbeats_sent += 1
         armed = mavlink.MAV_MODE_FLAG_SAFETY_ARMED if estimate.armed else 0
         yield mavlink.MAVLink_heartbeat_message(
             mavlink.MAV_TYPE_HEXAROTOR if len(estimate.rotor_rpm) == 6 else mavlink.MAV_TYPE_QUADROTOR,
@@ -355,6 +368,10 @@ class MavlinkMock(ABC):
             mavlink.MAV_STATE_ACTIVE if estimate.armed else mavlink.MAV_STATE_STANDBY,
             3,
         )
+
+    def _current_mode(self, estimate: VehicleState) -> Iterator[Message]:
+        custom_mode = self.manners.custom_modes[estimate.mode]
+        yield dialect.CurrentMode(0, custom_mode, custom_mode)
 
     def _version(self, _: VehicleState) -> Iterator[Message]:
         none = [0] * 8

@@ -25,7 +25,8 @@ setpoint sent that is not a number or beyond the limits, and none is sent after 
 the reason for each answer. A flight that a busy machine disturbed is flown again alone, and is marked with its attempt.
 
 The limits are those of `config/flight.yaml`, with a battery guarded at 13.5 V; a landing that does not end is given up
-after 2 s (`max_over_time_s`), and the vehicle comes down a second later.
+after 2 s (`max_over_time_s`), and the vehicle comes down a second later. In the faults of delay, jitter and loss a
+line that holds back, loses and repeats datagrams lies between the two.
 
 ArduPilot's own answer to missing setpoints is to level and hold its height, in GUIDED, without reporting it. A
 vehicle that stays there for 3.5 s is landed by a simulated pilot with the switch.

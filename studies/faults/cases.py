@@ -32,6 +32,8 @@ class Case:
     """Expected next mode: land, boot, failsafe or stick; empty for none."""
     silent_s: float = SILENCE_S
     """Latest time of the last setpoint, s; for a landing, of the change of mode."""
+    answered_s: float = math.inf
+    """Latest time of the change of mode, s."""
     setting: Setting = field(default_factory=Setting)
     """Settings of this flight."""
     on_ardupilot: Mapping[str, Any] = field(default_factory=dict)
@@ -61,6 +63,10 @@ class Case:
             f"{seen.rows_lost_s:.1f} s of log are lost": seen.rows_lost_s <= 1.0 or "incomplete" in seen.problem,
             "it did not come to rest": not math.isnan(seen.at_rest_s),
         }
+        if seen.modes:
+            answered_s = seen.modes[0][1]
+            late = f"the autopilot changed its mode after {answered_s:.2f} s, allowed are {self.answered_s:.2f} s"
+            checks[late] = answered_s <= self.answered_s
         if self.answer == "land" and seen.modes:
             checks[f"the landing began after {seen.modes[0][1]:.2f} s"] = seen.modes[0][1] <= self.silent_s
         return [sentence for sentence, holds in checks.items() if not holds]
@@ -101,6 +107,21 @@ def _take_and_return(scene: Scene) -> None:
     """The switch goes to the pilot's mode and back, as a finger slips: offboard is not flown on."""
     scene.stick(scene.profile.stick)
     scene.later(0.5, lambda: scene.px.autopilot._enter(scene.profile.offboard))
+
+
+def _take_for(seconds: float) -> Callable[[Scene], None]:
+    """The switch goes to the pilot's mode and back so soon that a heartbeat in a second need not show it.
+
+    It goes just after a heartbeat, where that is all that tells the mode.
+    """
+
+    def inject(scene: Scene) -> None:
+        scene.after_heartbeat()
+        scene.stick(scene.profile.stick)
+        scene.later(seconds, lambda: scene.px.autopilot._enter(scene.profile.offboard))
+        scene.later(2.0, lambda: scene.stick("LAND"))
+
+    return inject
 
 
 def _be(**changes: object) -> Callable[[Scene], None]:
@@ -161,8 +182,17 @@ def _fill_disk(scene: Scene) -> None:
     scene.later(1.0, lambda: scene.signal(SIGTERM))
 
 
+def _shake(scene: Scene) -> None:
+    """Troubles that a flight bears, and a landing too."""
+    for way in (scene.line.down, scene.line.up):
+        way.jitter_s, way.loss, way.duplicates = 0.04, 0.1, 0.1
+    scene.later(3.0, lambda: scene.signal(SIGINT))
+
+
 OVER_TIME_S = 2.0
 LET_GO = "hand over or release"
+ON_A_LINE = Setting(on_a_line=True)
+SLOW = "the link is slow"
 NAN, STALE, STALL = "not a number", "s old, allowed are 0.2 s", "the control loop stalled for"
 
 PROCESS = (
@@ -221,8 +251,40 @@ LIMITS = (
     Case("battery low", _distort(lambda: faults.battery_at(12.0)), "land", "the battery is at 12.00 V", silent_s=1.0),
 )
 LINK = (
-    Case("autopilot's messages stop", _be(silent=True), "hand over", STALE),
-    Case("heartbeats stop", _withhold("HEARTBEAT"), "hand over", "heartbeat is lost", "failsafe", silent_s=3.5),
+    Case("autopilot's messages stop", _be(silent=True), "hand over", STALE, answered_s=0.5),
+    Case("delay of 0.25 s each way", lambda s: s.line.delay(0.25), "hand over", STALE, silent_s=0.6, setting=ON_A_LINE),
+    Case(
+        "delay grows by 20 ms/s each way",
+        lambda s: s.line.delay_more_and_more(0.02, 0.4),
+        "hand over",
+        SLOW,
+        silent_s=7.0,
+        setting=ON_A_LINE,
+    ),
+    Case(
+        "setpoints are delayed by 0.3 s",
+        lambda s: setattr(s.line.up, "delay_s", 0.3),
+        "hand over",
+        SLOW,
+        silent_s=1.5,
+        setting=ON_A_LINE,
+    ),
+    Case(
+        "jitter, loss, reordering, duplicates, then Ctrl-C",
+        _shake,
+        "land",
+        "asked to land by SIGINT",
+        silent_s=5.0,
+        setting=ON_A_LINE,
+    ),
+    Case(
+        "heartbeats stop",
+        _withhold("HEARTBEAT"),
+        "hand over",
+        "heartbeat is lost",
+        silent_s=3.5,
+        on_ardupilot={"mode": "failsafe"},  # nothing else tells its mode
+    ),
     Case("autopilot hears nothing", _be(deaf=True), "release", "left offboard", "failsafe", silent_s=1.5),
     Case(
         "disarmed in flight",
@@ -230,8 +292,8 @@ LINK = (
         "release",
         "disarmed",
         "failsafe",
-        silent_s=0.5,
-        on_ardupilot={"mode": ""},
+        silent_s=1.5,  # PX4 tells it by heartbeats alone, which come every second
+        on_ardupilot={"mode": "", "silent_s": 0.5},
     ),
     Case("autopilot restarts within 0.5 s", _restart, "hand over", STALE, "boot"),
     Case(
@@ -247,6 +309,7 @@ LINK = (
 PEOPLE = (
     Case("the pilot takes the mode", _take, "release", "left offboard", "stick", silent_s=0.5),
     Case("the mode is taken and given back", _take_and_return, "release", "left offboard", "stick", silent_s=0.5),
+    Case("the mode is taken for 0.3 s", _take_for(0.3), "release", "left offboard", "stick", silent_s=0.5),
     Case("Ctrl-C", lambda s: s.signal(SIGINT), "land", "asked to land by SIGINT", silent_s=0.5),
     Case("Ctrl-C, landing refused", _refuse_landing, "silence", "refused to enter LAND", "failsafe", silent_s=1.0),
     Case("Ctrl-C twice", _interrupt_twice, "hand over", "asked to let go", silent_s=0.5),

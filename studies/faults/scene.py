@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Mapping
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,8 @@ from quadctl.sitl.server.ardupilot import MavlinkArduPilot
 from quadctl.sitl.server.px4 import MavlinkPx4
 from quadctl.sitl.server.server import MavlinkMock
 from quadctl.vehicle import load_vehicle
+
+from .line import Line
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
@@ -125,6 +128,8 @@ class Setting:
     guards: Mapping[str, float] = field(default_factory=dict)
     model: Path | None = None
     """Compensator of the flight."""
+    on_a_line: bool = False
+    """True: a `Line` lies between autopilot and flight."""
 
 
 class Scene:
@@ -134,7 +139,8 @@ class Scene:
         self.profile = profile
         self.where = where
         port = _free_port()
-        self.px = profile.make(port)
+        self._line = Line(_free_port(), port) if setting.on_a_line else None
+        self.px = profile.make(port if self._line is None else self._line.autopilot_port)
         self.began_s = time.monotonic()
         self._later: list[tuple[float, Callable[[], object]]] = []
         words = ["fly", str(HERE / "hover.yaml"), "--link", f"udpin://127.0.0.1:{port}", "--log-dir", str(where)]
@@ -156,6 +162,11 @@ class Scene:
         (path,) = self.where.glob("*.csv")
         return path
 
+    @property
+    def line(self) -> Line:
+        assert self._line is not None, "this setting has no line"
+        return self._line
+
     def signal(self, number: signal.Signals) -> None:
         """Send a signal to the flight's process."""
         self.process.send_signal(number)
@@ -164,13 +175,19 @@ class Scene:
         """Do `action` so long after the fault began."""
         self._later.append((after_s, action))
 
+    def after_heartbeat(self) -> None:
+        """Let the fault begin just after the next heartbeat."""
+        sent = self.px.heartbeats_sent
+        self.px.wait_until(lambda: self.px.heartbeats_sent > sent, START_TIMEOUT_S)
+        self.began_s = time.monotonic()
+
     def stick(self, mode: str) -> None:
         """A person takes the mode."""
         assert self.px.autopilot.request_mode(mode) is None
 
     def watch(self, inject: Callable[["Scene"], None]) -> Seen:
         """Fly, let the fault begin in the hover, watch until the vehicle is at rest."""
-        with self.px as px:
+        with self._line or nullcontext(), self.px as px:
             self._reach_hover()
             seen = Seen()
             before, mode = len(px.setpoints_received), mode_of(px.autopilot)

@@ -23,15 +23,21 @@ ON_PX4 = (
     "estimator rejects its sensors",
     "landing does not end",
     "heartbeats stop",
+    "autopilot's messages stop",
     "autopilot hears nothing",
+    "delay grows by 20 ms/s each way",
+    "the mode is taken for 0.3 s",
     "autopilot restarts within 0.5 s",
     "Ctrl-C, landing refused",
     "Ctrl-C twice, autopilot hears nothing",
 )
-ON_ARDUPILOT = (  # where it has its own way
+ON_ARDUPILOT = (  # where it has its own way, or the line has
     "event loop frozen for 3 s",
     "disarmed in flight",
     "autopilot restarts at once",
+    "autopilot's messages stop",
+    "delay grows by 20 ms/s each way",
+    "the mode is taken for 0.3 s",
     "Ctrl-C, landing refused",
 )
 FLOWN = [(fault, "px4") for fault in ON_PX4] + [(fault, "ardupilot") for fault in ON_ARDUPILOT]

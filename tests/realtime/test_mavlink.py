@@ -16,6 +16,7 @@ from quadctl.flight.autopilot.mavsdk_autopilot import MavsdkAutopilot
 from quadctl.frames import quaternion_from_euler
 from quadctl.sitl.rules.px4 import SimulatedAutopilot
 from quadctl.sitl.server.faults import nan_position
+from quadctl.sitl.server.px4 import MavlinkPx4
 from quadctl.sitl.vehicle.hidden import HiddenTruth
 from quadctl.sitl.vehicle.hidden import Telemetry as SimulatedTelemetry
 from quadctl.state import AttitudeTarget, VehicleState
@@ -94,7 +95,7 @@ RATES_ASKED_FOR = {
     "position": (75, 105),  # 30 by default
     "attitude": (75, 105),  # 50 by default
     "rpm": (20, 28),  # 10 by default; 50 are asked for, the motors report 25
-    "heartbeat": (4, 7),  # 10 before
+    "mode": (24, 33),  # 20 are asked for, and each heartbeat tells it too
 }
 """Least and largest number of messages in a second."""
 
@@ -369,6 +370,42 @@ def test_what_cannot_be_flown_never_leaves(link: Link) -> None:
     link.adapter.send(IDLE)
     link.wait(lambda: len(link.px.setpoints_received) > 0)
     assert [s.target for s in link.px.setpoints_received] == [IDLE]
+
+
+# --- the mode ------------------------------------------------------------------------------------------------------
+
+
+def test_between_two_heartbeats_a_mode_taken_for_a_moment_is_seen(vehicle: Vehicle) -> None:
+    """Heartbeats come every second, and PX4 does not let that be changed."""
+    port = free_port()
+
+    async def watch(px: MavlinkPx4, adapter: MavsdkAutopilot) -> None:
+        try:
+            await adapter.connect()
+            await adapter.request_telemetry()
+            assert adapter.warnings == []
+            link, sent = Link(px, adapter), px.heartbeats_sent
+            await asyncio.to_thread(link.wait, lambda: px.heartbeats_sent > sent)
+            assert px.autopilot.request_mode("POSCTL") is None
+            await link.until(lambda s: s.mode == "POSCTL")
+            assert px.autopilot.request_mode("HOLD") is None
+            await link.until(lambda s: s.mode == "HOLD")
+            assert px.heartbeats_sent == sent + 1
+        finally:
+            await adapter.close()
+
+    with MavlinkPx4(SimulatedAutopilot(vehicle), port) as px:
+        asyncio.run(watch(px, MavsdkAutopilot(f"udpin://127.0.0.1:{port}", 4)))
+
+
+def test_where_heartbeats_alone_tell_the_mode_that_is_a_warning(link: Link) -> None:
+    link.px.faults.withheld = frozenset({"CURRENT_MODE"})
+    asyncio.run(link.adapter.request_telemetry())
+    (warning,) = link.adapter.warnings
+    assert warning.endswith(
+        "refused to send CURRENT_MODE at 20 Hz: FAILED. "
+        "A change of mode is seen after up to a second, a short one never."
+    )
 
 
 # --- the PX4 on the wire -----------------------------------------------------------------------------------------

@@ -15,3 +15,12 @@ def test_esc_status_survives_the_wire_of_pymavlink() -> None:
     assert received.rpm == [1, -2, 3, 40000]
     assert received.voltage == [16.5, 0.0, 1.0, 2.0]
     assert received.current == [0.5, 1.5, 2.5, 3.5]
+
+
+def test_current_mode_survives_the_wire_of_pymavlink() -> None:
+    dialect.register(mavlink)
+    data = dialect.CurrentMode(3, 6 << 16, 4 << 16 | 6 << 24).pack(mavlink.MAVLink(None, srcSystem=1, srcComponent=1))
+    (received,) = mavlink.MAVLink(None).parse_buffer(data)
+    assert received.get_type() == "CURRENT_MODE"
+    assert (received.standard_mode, received.custom_mode) == (3, 6 << 16)
+    assert received.intended_custom_mode == 4 << 16 | 6 << 24

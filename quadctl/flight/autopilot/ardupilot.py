@@ -60,7 +60,8 @@ ARDUPILOT = Firmware(
         Stream("SYS_STATUS", 1, 5.0),
         Stream("EXTENDED_SYS_STATE", 245, 5.0),
         Stream("EKF_STATUS_REPORT", 193, 5.0),
-        Stream("HEARTBEAT", 0, 5.0),
+        # The only message that it sends about its mode.
+        Stream("HEARTBEAT", 0, 20.0, without="A change of mode is seen after up to a second, a short one never."),
     ),
     tells_readiness=True,
     motor_throttle=throttle_of_pulse,

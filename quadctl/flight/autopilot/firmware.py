@@ -24,6 +24,8 @@ class Stream:
     """True: control cannot fly without it."""
     alternative: bool = False
     """True: one of several sources of the same quantity, whose refusal is not reported."""
+    without: str = ""
+    """Sentence about a flight without it, for the warning."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,13 +4,15 @@ Targets leave as single SET_ATTITUDE_TARGET messages. MAVSDK's own offboard plug
 the last target by itself, so that the autopilot would not notice a companion that hangs.
 """
 
+import contextlib
 import math
+import threading
 import time
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 
 from quadctl.errors import FlightError, LinkError
-from quadctl.flight.autopilot import mavlink
+from quadctl.flight.autopilot import mavlink, round_trips
 from quadctl.flight.autopilot.firmware import Check, Firmware, Requirement, Stream
 from quadctl.flight.autopilot.firmwares import FIRMWARES
 from quadctl.flight.autopilot.mavsdk_link import MavsdkLink
@@ -23,6 +25,8 @@ REASON_WAIT_S = 0.3
 """Longest wait for the text that explains a refusal: it comes just before or after the acknowledgement."""
 ROTORS_WAIT_S = 0.5
 """Longest wait for the first rotor speeds: autopilots without speed sensors accept the request too."""
+ROUND_TRIP_WAIT_S = 1.0
+"""Longest wait for the first answer to TIMESYNC: longer than the delay of any link on which a flight is possible."""
 UNIT_TOLERANCE = 1e-3
 
 
@@ -36,6 +40,9 @@ class MavsdkAutopilot:
         self._link = MavsdkLink(url, self._telemetry.receive)
         self._link.on_reopened = self._ask_again
         self._start_s = time.monotonic()
+        self._closing = threading.Event()
+        # On a thread of its own: a question must not wait for a tick, nor a tick for a question.
+        self._asker = threading.Thread(target=self._ask_for_round_trips, name="round trips", daemon=True)
         self.warnings: list[str] = []
         """One sentence for each thing that the autopilot does not provide and the flight can do without."""
 
@@ -70,6 +77,7 @@ class MavsdkAutopilot:
                 f"The autopilot at {self._link.url} is of an unknown kind: its heartbeat says MAV_AUTOPILOT {kind}, "
                 f"expected {expected}."
             )
+        self._asker.start()
 
     async def request_telemetry(self) -> None:
         """Ask for the message rates that control needs.
@@ -86,11 +94,16 @@ class MavsdkAutopilot:
             )
             if stream.required:
                 raise FlightError(sentence)
-            self.warnings.append(sentence)
+            self.warnings.append(f"{sentence} {stream.without}".rstrip())
         if not await self._await(lambda: self._telemetry.has_rpm, ROTORS_WAIT_S):
             instead = "motor outputs" if self._telemetry.has_outputs else "the throttle"
             self.warnings.append(
                 f"{self.description} sends no rotor speeds: in the log, thrust is known from {instead}."
+            )
+        if not await self._await(lambda: self._telemetry.measures_delay, ROUND_TRIP_WAIT_S):
+            self.warnings.append(
+                f"{self.description} does not answer TIMESYNC: a delay of the link that is constant or grows slowly "
+                "is not seen, so keep the link short."
             )
 
     def state(self) -> VehicleState:
@@ -151,6 +164,9 @@ class MavsdkAutopilot:
 
     async def close(self) -> None:
         """Let go of the link. Waits for commands under way, which MAVSDK gives up by itself after some seconds."""
+        self._closing.set()
+        if self._asker.ident is not None:
+            self._asker.join()
         await self._link.close()
 
     # --- inside ------------------------------------------------------------------------------------------------
@@ -174,6 +190,11 @@ class MavsdkAutopilot:
                 self._request_stream(stream)
         except LinkError:
             return  # gone again; when it is back we are called again
+
+    def _ask_for_round_trips(self) -> None:
+        while not self._closing.wait(round_trips.EVERY_S):
+            with contextlib.suppress(LinkError):  # the guards notice what that means
+                self._link.send("TIMESYNC", self._telemetry.round_trips.question(time.monotonic()))
 
     async def _enter(self, mode: str) -> None:
         await self._request(

@@ -73,8 +73,8 @@ PX4 = Firmware(
         Stream("SYS_STATUS", 1, 5.0),
         Stream("EXTENDED_SYS_STATE", 245, 5.0),
         Stream("ESTIMATOR_STATUS", 230, 5.0),
-        # Comes at 1 Hz anyway; more of it shortens the time until a change of mode or a disarming is seen.
-        Stream("HEARTBEAT", 0, 5.0),
+        # Heartbeats tell the mode too, but come at 1 Hz, and PX4 refuses another interval.
+        Stream("CURRENT_MODE", 436, 20.0, without="A change of mode is seen after up to a second, a short one never."),
     ),
     tells_readiness=False,
     motor_throttle=share_of_pulse,

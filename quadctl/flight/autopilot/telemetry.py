@@ -11,6 +11,7 @@ from quadctl.flight.autopilot import mavlink
 from quadctl.flight.autopilot.firmware import Firmware, share_of_pulse
 from quadctl.flight.autopilot.firmwares import FIRMWARES
 from quadctl.flight.autopilot.link_clock import LinkClock
+from quadctl.flight.autopilot.round_trips import RoundTrips
 from quadctl.state import NAN, NO_VECTOR, Quat, Vec3, VehicleState
 
 HEARTBEAT_TIMEOUT_S = 3.0
@@ -56,7 +57,13 @@ class _Heartbeat(NamedTuple):
     received_s: float = -math.inf
     autopilot: int = 0
     armed: bool = False
-    mode: str = ""
+
+
+class _Mode(NamedTuple):
+    """Flight mode, from whichever message told it last."""
+
+    received_s: float = -math.inf
+    name: str = ""
 
 
 class StatusText(NamedTuple):
@@ -86,8 +93,11 @@ class Telemetry:
         self._battery = (-math.inf, NAN)
         self._landed = True
         self._heartbeat = _Heartbeat()
+        self._mode = _Mode()
         self._estimator_ratio = NAN
         self._clock = LinkClock()
+        self.round_trips = RoundTrips()
+        """Questions about the link's delay, whose answers `receive` takes in."""
         self._texts: deque[StatusText] = deque(maxlen=50)
         self._news = threading.Condition()
         self._handlers: dict[str, Callable[[Fields, float], None]] = {
@@ -106,6 +116,8 @@ class Telemetry:
             "SYS_STATUS": self._on_sys_status,
             "EXTENDED_SYS_STATE": self._on_extended_state,
             "HEARTBEAT": self._on_heartbeat,
+            "CURRENT_MODE": self._on_current_mode,
+            "TIMESYNC": self._on_timesync,
             "STATUSTEXT": self._on_text,
         }
 
@@ -122,6 +134,7 @@ class Telemetry:
         """Latest state, at `now_s` on the clock of `receive`."""
         position, attitude, escs, heartbeat = self._position, self._attitude, tuple(self._escs), self._heartbeat
         battery_s, battery_v = self._battery
+        mode_s, mode = self._mode
         rpm_s, rpm = self._rpm()
         n, firmware = self._n_rotors, self.firmware
         throttle_of = share_of_pulse if firmware is None else firmware.motor_throttle
@@ -138,7 +151,7 @@ class Telemetry:
             battery_v=battery_v,
             armed=heartbeat.armed,
             landed=self._landed,
-            mode=heartbeat.mode,
+            mode=mode,
             offboard_mode="" if firmware is None else firmware.offboard_mode,
             estimator_ok=self._estimator_ok,
             ready_to_arm=self._prearm_ok or firmware is None or not firmware.tells_readiness,
@@ -150,7 +163,9 @@ class Telemetry:
                 "rpm": rpm_s,
                 "battery": battery_s,
                 "heartbeat": heartbeat.received_s,
+                "mode": mode_s,
             },
+            setpoint_delay_s=self._clock.setpoint_delay_s,
             boots=self._clock.restarts,
             estimator_ratio=self._estimator_ratio,
         )
@@ -182,8 +197,13 @@ class Telemetry:
 
     @property
     def mode(self) -> str:
-        """Mode in the last heartbeat; empty before the first."""
-        return self._heartbeat.mode
+        """Mode that the autopilot told last; empty before the first heartbeat."""
+        return self._mode.name
+
+    @property
+    def measures_delay(self) -> bool:
+        """True when the autopilot's answers tell the delay of the link."""
+        return self._clock.measured
 
     def warnings_since(self, since_s: float) -> list[str]:
         """Warnings and errors of the autopilot since `since_s`, oldest first."""
@@ -192,7 +212,8 @@ class Telemetry:
         ]
 
     def wait_for(self, condition: Callable[[], bool], timeout_s: float) -> bool:
-        """Block until a heartbeat or a status text makes `condition` true; False when the time is up."""
+        """Block until a heartbeat, a mode, a round trip or a status text makes `condition` true; False when the time is
+        up."""
         with self._news:
             return self._news.wait_for(condition, timeout_s)
 
@@ -266,14 +287,29 @@ class Telemetry:
 
     def _on_heartbeat(self, fields: Fields, now_s: float) -> None:
         armed = bool(fields["base_mode"] & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
-        firmware = FIRMWARES.get(fields["autopilot"])
-        mode = "" if firmware is None else firmware.mode_name(fields["custom_mode"])
         # It carries no time of its own: as late as the stamped messages that it travels with.
-        sampled_s = now_s - self._clock.delay_s
-        heartbeat = _Heartbeat(sampled_s, fields["autopilot"], armed, mode)
+        heartbeat = _Heartbeat(now_s - self._clock.delay_s, fields["autopilot"], armed)
         with self._news:
             self._heartbeat = heartbeat
+            self._mode = self._told_mode(fields, now_s)
             self._news.notify_all()
+
+    def _on_current_mode(self, fields: Fields, now_s: float) -> None:
+        with self._news:
+            self._mode = self._told_mode(fields, now_s)
+            self._news.notify_all()
+
+    def _told_mode(self, fields: Fields, now_s: float) -> _Mode:
+        firmware = self.firmware
+        name = "" if firmware is None else firmware.mode_name(fields["custom_mode"])
+        return _Mode(now_s - self._clock.delay_s, name)
+
+    def _on_timesync(self, fields: Fields, now_s: float) -> None:
+        trip = self.round_trips.answered(fields, now_s)
+        if trip is not None:
+            with self._news:
+                self._clock.exchanged(*trip)
+                self._news.notify_all()
 
     def _on_text(self, fields: Fields, now_s: float) -> None:
         with self._news:

@@ -33,6 +33,7 @@ class GuardLimits(Settings):
     """Limits of the guards, in YAML under `guards`."""
 
     max_state_age_s: float = Field(default=0.2, gt=0.0, le=1.0)
+    """Largest age of position and attitude when a setpoint made from them reaches the autopilot."""
     max_tilt_deg: float = Field(default=50.0, gt=0.0, lt=90.0)
     max_speed_m_s: float = Field(default=8.0, gt=0.0, le=50.0)
     max_tick_late_s: float = Field(default=0.2, gt=0.0, le=1.0)
@@ -60,12 +61,14 @@ def defect(state: VehicleState, limits: GuardLimits) -> str | None:
     if not state.connected:
         return "the autopilot's heartbeat is lost"
     for part in ("position", "attitude"):
-        age_s = state.age_s(part)
-        if age_s > limits.max_state_age_s:
-            age = (
-                f"is {age_s:.2f} s old, allowed are {limits.max_state_age_s:g} s" if age_s < math.inf else "never came"
-            )
-            return f"the {part} {age}"
+        age_s, delay_s, allowed_s = state.age_s(part), state.setpoint_delay_s, limits.max_state_age_s
+        if age_s == math.inf:
+            return f"the {part} never came"
+        if age_s > allowed_s:
+            return f"the {part} is {age_s:.2f} s old, allowed are {allowed_s:g} s"
+        if age_s + delay_s > allowed_s:
+            old = f"{age_s + delay_s:.2f} s old when a setpoint arrives, allowed are {allowed_s:g} s"
+            return f"the link is slow: the {part} is {old}"
     if not state.finite:
         return "the state holds a value that is not a number"
     if abs(math.hypot(*state.attitude) - 1.0) > UNIT_TOLERANCE:

@@ -11,8 +11,8 @@ HOLD_S = 2.0
 """Longest time for which the position is held while the autopilot enters its land mode."""
 ASK_AGAIN_S = 2.0
 """Time after which a failed request to land (a pulled plug) is repeated, while the mode is known to be ours."""
-MODE_FRESH_S = 0.5
-"""Largest age of the heartbeat that shows that the mode is still ours to change; no mode is asked for without it."""
+LANDED_NEWS_S = 0.3
+"""Longest time by which the news that it has landed may be behind the news of its mode: they are asked for at 5 Hz."""
 LET_GO_S = 1.0
 """Longest time for which a second Ctrl-C waits for the autopilot to enter its land mode."""
 LINK_TIMEOUT_S = 60.0
@@ -28,6 +28,9 @@ class Landing:
         self._steering = steering
         self._hold: Setpoint | None = None
         self._silent = False
+        self._landing_seen = False
+        self._left_s: float | None = None
+        """Time at which the autopilot left the modes of a landing: nothing is sent or asked for from then on."""
         self._asked_s: float | None = None
         self._failed = False
         self._let_go: str | None = None
@@ -64,12 +67,10 @@ class Landing:
             return Decision()
         if self._let_go is not None:
             return self._leave(self._let_go, state)
-        if not (state.offboard or state.mode == "LAND"):
-            self._progress.note(f"the autopilot went to {state.mode or 'an unknown mode'}", Answer.RELEASE.value)
-            return self._release()
-        if self._progress.in_stage_s > self._watch.max_over_time_s:
-            given_up = f"the autopilot did not land and disarm in {self._watch.max_over_time_s:g} s"
-            self._progress.end(f"{self._progress.ended}; {given_up}")
+        self._landing_seen = self._landing_seen or state.mode == "LAND"
+        if self._left_s is not None or not (state.offboard or state.mode == "LAND"):
+            return self._yield(state)
+        if self._too_long():
             return Decision()
         breach = self._watch.breach(state, self._progress.in_air_s)
         if breach is not None and breach.answer is not Answer.LAND:
@@ -117,6 +118,26 @@ class Landing:
         held = self._steering.towards(self._hold, state, dt)
         return held._replace(requests=self._request(state))
 
+    def _yield(self, state: VehicleState) -> Decision:
+        """Release the vehicle to whoever has taken the mode, unless the landing is over.
+
+        An autopilot leaves its land mode when it disarms on the ground, and the messages that say so come later.
+        """
+        self._left_s = self._progress.now_s if self._left_s is None else self._left_s
+        if self._landing_seen and (state.landed or self._progress.now_s - self._left_s < LANDED_NEWS_S):
+            self._too_long()
+            return Decision()
+        self._progress.note(f"the autopilot went to {state.mode or 'an unknown mode'}", Answer.RELEASE.value)
+        return self._release()
+
+    def _too_long(self) -> bool:
+        """True, and the flight is over, when the autopilot has not come down and disarmed in time."""
+        if self._progress.in_stage_s <= self._watch.max_over_time_s:
+            return False
+        given_up = f"the autopilot did not land and disarm in {self._watch.max_over_time_s:g} s"
+        self._progress.end(f"{self._progress.ended}; {given_up}")
+        return True
+
     def _leave(self, reason: str, state: VehicleState) -> Decision:
         now_s = self._progress.now_s
         if self._let_go_s is None:
@@ -133,7 +154,7 @@ class Landing:
         repeated after a failure."""
         now_s = self._progress.now_s
         due = self._asked_s is None or (self._failed and now_s - self._asked_s > ASK_AGAIN_S)
-        if not due or not state.offboard or state.age_s("heartbeat") > MODE_FRESH_S:
+        if not due or not self._watch.mode_is_ours(state):
             return ()
         self._asked_s, self._failed = now_s, False
         return (Request.LAND,)

@@ -1,5 +1,7 @@
 """The guards and their memory: the last state, whether the floor was passed, failures, and requests to land."""
 
+import math
+
 from quadctl.flight.pilot.continuity import Continuity
 from quadctl.flight.pilot.guards import Answer, Breach, defect, floor, inspect
 from quadctl.flight.pilot.settings import FlightSettings
@@ -10,6 +12,10 @@ from quadctl.state import VehicleState
 
 ARM_SETTLE_S = 2.0
 """Longest time after which an arming request that was given up may still take effect."""
+MODE_FRESH_S = 0.5
+"""Largest age of the word on the mode that shows that the mode is still ours to change."""
+HEARTBEAT_S = 1.0
+"""Interval of heartbeats, which some autopilots do not change; others tell the mode more often."""
 
 
 class Supervisor:
@@ -35,6 +41,8 @@ class Supervisor:
         self._continuity = Continuity(settings.guards.continuity)
         self._above_floor = False
         self._stall: str | None = None
+        self._stalled_s = -math.inf
+        """Time at which the last stall was noticed."""
 
     @property
     def max_over_time_s(self) -> float:
@@ -46,6 +54,7 @@ class Supervisor:
         stalled_s = max(late_s, dt - self._period_s)
         stalled = stalled_s > self._guards.max_tick_late_s
         self._stall = f"the control loop stalled for {stalled_s:.2f} s" if stalled else None
+        self._stalled_s = state.time_s if stalled else self._stalled_s
         self._boots = state.boots if self._boots is None else self._boots
         self.restarted = self.restarted or state.boots != self._boots
 
@@ -67,6 +76,18 @@ class Supervisor:
         """Reason why the flight must not begin, or None."""
         restarted = "the autopilot restarted" if self.restarted else None
         return self.want_land or self.refusal or self.failure or restarted or self.defect(state)
+
+    def mode_is_ours(self, state: VehicleState) -> bool:
+        """True when nobody else can be thought to have the mode, so that another may be asked for.
+
+        A fresh word on the mode shows it. So does a line that has just gone silent, if the loop has kept time since the
+        last word: the other direction may still work. After a stall, the last word may be a thing of the past.
+        """
+        told_s = state.time_s - state.mode_age_s
+        silent_s = min(state.age_s("position"), state.age_s("attitude"), state.mode_age_s)
+        just_silent = silent_s > self._guards.max_state_age_s and state.mode_age_s <= HEARTBEAT_S + MODE_FRESH_S
+        fresh = state.mode_age_s <= MODE_FRESH_S or (just_silent and told_s > self._stalled_s)
+        return state.offboard and fresh
 
     def motors_off(self, state: VehicleState, given_up_s: float) -> bool:
         """True when the vehicle is disarmed and no arming request, given up `given_up_s` ago, can still take effect."""

@@ -53,6 +53,7 @@ def test_a_good_state_is_let_through() -> None:
 INSIDE: dict[str, tuple[VehicleState, dict[str, float]]] = {
     "position 0.2 s old": (aged("position", 0.2), {}),
     "attitude 0.2 s old": (aged("attitude", 0.2), {}),
+    "0.2 s old when a setpoint arrives": (replace(aged("position", 0.125), setpoint_delay_s=0.075), {}),
     "roll 49.99 deg": (tilted(49.99), {}),
     "pitch -49.99 deg": (tilted(0.0, -49.99), {}),
     "speed 8 m/s": (replace(GOOD, velocity_ned_m_s=(0.0, 0.0, 8.0)), {}),
@@ -76,6 +77,12 @@ BEYOND: dict[str, tuple[VehicleState, dict[str, float], Answer, str]] = {
     "heartbeat lost": (replace(GOOD, connected=False), {}, Answer.HAND_OVER, "heartbeat is lost"),
     "old position": (aged("position", 0.201), {}, Answer.HAND_OVER, "the position is 0.20 s old, allowed are 0.2 s"),
     "old attitude": (aged("attitude", 0.5), {}, Answer.HAND_OVER, "the attitude is 0.50 s old"),
+    "slow setpoints": (
+        replace(aged("position", 0.11), setpoint_delay_s=0.1),
+        {},
+        Answer.HAND_OVER,
+        "the link is slow: the position is 0.21 s old when a setpoint arrives, allowed are 0.2 s",
+    ),
     "no position": (replace(GOOD, received_s={"attitude": 100.0}), {}, Answer.HAND_OVER, "the position never came"),
     "roll 50.1 deg": (tilted(50.1), {}, Answer.HAND_OVER, "tilt is 50 deg, allowed are 50 deg"),
     "roll and pitch": (tilted(40.0, 40.0), {}, Answer.HAND_OVER, "tilt is 54 deg"),

@@ -1,6 +1,7 @@
 """Somebody else flies: a mode that was taken is never taken back, known or not."""
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import pytest
@@ -146,3 +147,98 @@ def test_an_autopilot_that_restarts_is_let_go() -> None:
     flight.when(at_stage(Stage.RELEASED, 25), lambda: flight.autopilot.somebody("LAND")).fly()
     assert flight.pilot.ended == "the autopilot restarted"
     assert "LAND" not in flight.autopilot.asked
+
+
+# --- the line is silent --------------------------------------------------------------------------------------------
+
+
+def silent(since_s: float, mode_told_before_s: float = 0.0) -> Callable[[VehicleState], VehicleState]:
+    """Change to a state of which nothing has arrived since `since_s`, the word on the mode some time before."""
+
+    def change(s: VehicleState) -> VehicleState:
+        received_s = dict.fromkeys(s.received_s, since_s) | {"heartbeat": since_s - mode_told_before_s}
+        return replace(s, mode="OFFBOARD", received_s=received_s)
+
+    return change
+
+
+@pytest.mark.parametrize("mode_told_before_s", [0.0, 0.9])
+def test_when_the_line_falls_silent_the_landing_is_asked_for_at_once_however_seldom_the_mode_is_told(
+    mode_told_before_s: float,
+) -> None:
+    """The other direction may still work."""
+    flight = Flight()
+
+    def cut() -> None:
+        flight.autopilot.change = silent(flight.autopilot.time_s, mode_told_before_s)
+
+    flight.when(in_flight(3.0), cut)
+    flight.when(at_stage(Stage.LAND, 100), lambda: setattr(flight.autopilot, "change", lambda s: s)).fly()
+    began = flight.watch.first(lambda t: t.stage is Stage.LAND)
+    (asked,) = flight.watch.with_request(Request.LAND)
+    assert asked.time_s - began.time_s < 0.05
+    assert flight.pilot.ended == "the position is 0.20 s old, allowed are 0.2 s"
+
+
+def test_a_silence_that_a_stall_hid_does_not_show_whose_the_mode_is() -> None:
+    flight = Flight()
+
+    def cut() -> None:
+        flight.autopilot.change = silent(flight.autopilot.time_s)
+        stall(flight, 0.5)()
+
+    flight.when(in_flight(3.0), cut)
+    flight.when(at_stage(Stage.LAND, 100), lambda: setattr(flight.autopilot, "change", lambda s: s)).fly()
+    assert flight.pilot.ended.startswith("the control loop stalled")
+    assert "LAND" not in flight.autopilot.asked[:-1]
+    for asked in flight.watch.with_request(Request.LAND):
+        assert asked.state.mode_age_s <= 0.5
+
+
+def test_a_stream_that_stops_alone_is_no_silence() -> None:
+    flight = Flight()
+
+    def change(s: VehicleState) -> VehicleState:
+        return replace(s, received_s={**s.received_s, "position": 0.0, "heartbeat": s.time_s - 0.6})
+
+    flight.show(change, in_flight(3.0), until=0.5).fly()
+    (asked,) = flight.watch.with_request(Request.LAND)
+    assert asked.state.mode_age_s == 0.0
+
+
+# --- news that come apart -------------------------------------------------------------------------------------------
+
+
+def test_a_mode_that_changes_after_landing_before_the_disarming_is_known_is_nobodys() -> None:
+    """The mode may be told more often than the heartbeat, which alone tells armed from disarmed."""
+    flight = Flight()
+    disarmed_s = math.inf
+
+    def late_news(s: VehicleState) -> VehicleState:
+        nonlocal disarmed_s
+        if not s.armed:
+            disarmed_s = min(disarmed_s, s.time_s)
+        return replace(s, armed=s.armed or disarmed_s <= s.time_s < disarmed_s + 0.9)
+
+    flight.show(late_news, at_stage(Stage.LAND)).fly()
+    assert [e.answer for t in flight.watch.ticks for e in t.events] == ["land"]
+    assert Stage.RELEASED not in flight.watch.stages()
+    assert flight.watch.ticks[-1].state.mode == "HOLD"
+
+
+def test_who_takes_off_again_after_the_landing_flies() -> None:
+    flight = Flight()
+    landed_s = math.inf
+
+    def taken(s: VehicleState) -> VehicleState:
+        nonlocal landed_s
+        if not s.armed:
+            landed_s = min(landed_s, s.time_s)
+        again = landed_s + 0.5 <= s.time_s < landed_s + 3.0
+        return (
+            replace(s, armed=True, landed=not again, mode="POSCTL") if s.time_s < landed_s + 3.0 and not s.armed else s
+        )
+
+    flight.show(taken, at_stage(Stage.LAND)).fly()
+    assert Stage.RELEASED in flight.watch.stages()
+    assert flight.autopilot.asked == ["OFFBOARD", "ARM", "LAND"]

@@ -1,0 +1,104 @@
+"""A delay of the link counts, constant or growing, on each of the two autopilots."""
+
+import asyncio
+import json
+import subprocess
+import sys
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+import pytest
+
+from quadctl.flight.autopilot.mavsdk_autopilot import MavsdkAutopilot
+from quadctl.flight.pilot.guards import GuardLimits, defect
+from quadctl.sitl.rules.copter import SimulatedCopter
+from quadctl.sitl.rules.px4 import SimulatedAutopilot
+from quadctl.vehicle import load_vehicle
+from studies.faults.line import Line
+from tests.support.configurations import configuration
+from tests.support.links import RAPTOR, Link, free_port, mock
+from tests.support.places import ROOT
+
+pytestmark = pytest.mark.realtime
+
+VEHICLE = load_vehicle(RAPTOR)
+KINDS = [SimulatedAutopilot, SimulatedCopter]
+
+
+@asynccontextmanager
+async def over(line: Line, port: int, autopilot: SimulatedAutopilot) -> AsyncIterator[Link]:
+    """An adapter at the other end of a line, with its telemetry."""
+    adapter = MavsdkAutopilot(f"udpin://127.0.0.1:{port}", 4)
+    with line, mock(autopilot, line.autopilot_port) as px:
+        try:
+            await adapter.connect()
+            await adapter.request_telemetry()
+            yield Link(px, adapter)
+        finally:
+            await adapter.close()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_constant_delay_is_measured(kind: type[SimulatedAutopilot]) -> None:
+    port = free_port()
+    line = Line(free_port(), port)
+    line.delay(0.15)
+
+    async def look() -> None:
+        async with over(line, port, kind(VEHICLE)) as link:
+            state = await link.until(lambda s: s.finite and s.setpoint_delay_s > 0.1)
+            assert state.setpoint_delay_s == pytest.approx(0.15, abs=0.03)
+            assert state.control_age_s == pytest.approx(0.16, abs=0.04)
+            assert "the link is slow" in (defect(state, GuardLimits()) or "")
+
+    asyncio.run(look())
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_short_link_counts_next_to_nothing(kind: type[SimulatedAutopilot]) -> None:
+    port = free_port()
+
+    async def look() -> None:
+        async with over(Line(free_port(), port), port, kind(VEHICLE)) as link:
+            await link.pass_time(2.0)
+            # Whatever a busy machine adds, it does not always.
+            await link.until(lambda s: s.control_age_s + s.setpoint_delay_s < 0.03)
+            assert link.adapter.warnings == []
+
+    asyncio.run(look())
+
+
+def test_an_autopilot_that_does_not_answer_is_a_warning() -> None:
+    port = free_port()
+
+    async def look() -> None:
+        adapter = MavsdkAutopilot(f"udpin://127.0.0.1:{port}", 4)
+        with mock(SimulatedAutopilot(VEHICLE), port) as px:
+            px.faults.withheld = frozenset({"TIMESYNC"})
+            try:
+                await adapter.connect()
+                await adapter.request_telemetry()
+                (warning,) = adapter.warnings
+                assert "does not answer TIMESYNC: a delay of the link that is constant or grows slowly" in warning
+            finally:
+                await adapter.close()
+
+    asyncio.run(look())
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_no_flight_begins_over_a_link_with_250_ms_each_way(kind: type[SimulatedAutopilot], tmp_path: Path) -> None:
+    """On the real autopilots such flights swung by metres; the age of the state was logged as 5 ms."""
+    port, autopilot = free_port(), kind(VEHICLE)
+    line = Line(free_port(), port)
+    line.delay(0.25)
+    words = ["fly", "missions/short_hop.yaml", "--link", f"udpin://127.0.0.1:{port}", "--log-dir", str(tmp_path)]
+    words += ["--config", str(configuration(tmp_path)), "--json", str(tmp_path / "out.json"), "--set-params"]
+    with line, mock(autopilot, line.autopilot_port):
+        code = "from quadctl.cli import main; main()"
+        process = subprocess.Popen([sys.executable, "-c", code, *words], cwd=ROOT, stdout=subprocess.DEVNULL)
+        assert process.wait(timeout=90) == 1
+    assert "s old, allowed are 0.2 s" in json.loads((tmp_path / "out.json").read_text())["ended"]
+    assert not autopilot.armed
+    assert autopilot.body.position[2] > -0.05
