@@ -7,7 +7,7 @@ import typer
 from rich.text import Text
 
 from quadctl.cli.app import app, console
-from quadctl.cli.flight import ConfigOption, ModelOption, OffsetOption, SetOption
+from quadctl.cli.flight import ConfigOption, ModelOption, OffsetOption, SetOption, WithoutFailsafeOption
 from quadctl.cli.inputs import find_all, find_configuration
 from quadctl.cli.output import JsonOption, check_outputs, write_json
 from quadctl.errors import FlightError
@@ -33,6 +33,7 @@ def check(
     seconds: Annotated[
         float, typer.Option("--seconds", metavar="S", min=1.0, max=60.0, help="How long its messages are counted.")
     ] = 3.0,
+    without_failsafe: WithoutFailsafeOption = False,
     offset_up: OffsetOption = None,
     overrides: SetOption = None,
     json_out: JsonOption = None,
@@ -60,7 +61,7 @@ def check(
     if link is not None:
         url = resolve(link, console)
         with console.status(f"listening to {url}"):
-            findings += ask_autopilot(plan, url, seconds)
+            findings += ask_autopilot(plan, url, seconds, without_failsafe)
     for finding in findings:
         line = Text(f"{finding.verdict.value:8}", style=STYLES[finding.verdict.value])
         console.print(line.append(f" {finding.topic:12} {finding.text}", style="default not bold"), soft_wrap=True)

@@ -44,6 +44,13 @@ SetOption = Annotated[
     typer.Option("--set", metavar="NAME=VALUE", help="Other value for one of the mission's parameters."),
 ]
 
+WithoutFailsafeOption = Annotated[
+    bool,
+    typer.Option(
+        "--without-failsafe", help="Accept that nobody lands the vehicle if quadctl dies: stay at the switch."
+    ),
+]
+
 
 @app.command()
 def simulate(
@@ -79,6 +86,7 @@ def fly(
     set_params: Annotated[
         bool, typer.Option("--set-params", help="Set the autopilot's parameters as needed, restore them afterwards.")
     ] = False,
+    without_failsafe: WithoutFailsafeOption = False,
     model: ModelOption = None,
     hidden: HiddenOption = None,
     seed: SeedOption = 0,
@@ -127,7 +135,7 @@ def fly(
             url = stack.enter_context(simulator().mock_process(plan.body.vehicle, hidden, seed, kind))
         else:
             url = resolve(plan.settings.link.url if link is None else link, console)
-        outcome = fly_real_time(plan, url, log_dir, console, set_params, viewer and viewer.end)
+        outcome = fly_real_time(plan, url, log_dir, console, set_params, viewer and viewer.end, without_failsafe)
         if viewer is not None:
             viewer.tell(outcome)
         _finish(outcome, json_out)

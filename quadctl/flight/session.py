@@ -27,9 +27,11 @@ def fly_real_time(
     console: Console,
     set_parameters: bool = False,
     view: ViewEnd | None = None,
+    without_failsafe: bool = False,
 ) -> Outcome:
     """Fly on the autopilot at `url`, with a display on `console`, and a viewer at the other end of `view`; with
-    `set_parameters`, set what it must have and restore it afterwards.
+    `set_parameters`, set what it must have and restore it afterwards; with `without_failsafe`, fly though nobody would
+    land the vehicle if this program died.
 
     Raises
     ------
@@ -41,7 +43,7 @@ def fly_real_time(
     autopilot = MavsdkAutopilot(url, plan.body.vehicle.n_rotors, plan.settings.link.timeout_s)
     try:
         with privileges() as real_time:
-            return run(_fly(plan, autopilot, log_dir, console, set_parameters, view, real_time))
+            return run(_fly(plan, autopilot, log_dir, console, set_parameters, without_failsafe, view, real_time))
     except KeyboardInterrupt:  # in flight, Ctrl-C is a wish to land
         raise FlightError("interrupted while the link was being opened or closed") from None
 
@@ -52,6 +54,7 @@ async def _fly(
     log_dir: Path,
     console: Console,
     set_parameters: bool,
+    without_failsafe: bool,
     view: ViewEnd | None,
     real_time: Sequence[str],
 ) -> Outcome:
@@ -65,7 +68,7 @@ async def _fly(
             advice = await advisable_parameters(autopilot, plan.body.vehicle)
         for warning in [*autopilot.warnings, *of_verdict(advice, Verdict.WARNING)]:
             warn(str(warning))
-        async with requirements_met(autopilot, set_parameters, warn):
+        async with requirements_met(autopilot, set_parameters, warn, without_failsafe):
             return await _fly_prepared(plan, autopilot, log_dir, console, view, real_time)
     finally:
         await autopilot.close()

@@ -85,6 +85,7 @@ class MavlinkMock(ABC):
         self._on_message: dict[str, Callable[[Message], None]] = {
             "COMMAND_LONG": self._command,
             "COMMAND_INT": self._command,
+            "HEARTBEAT": lambda message: self.autopilot.hear_heartbeat(message.get_srcSystem()),
             "SET_ATTITUDE_TARGET": self._setpoint,
             "VISION_POSITION_ESTIMATE": self.vision_poses_received.append,
             "PARAM_REQUEST_LIST": self._parameter_list,

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import yaml
 
+from quadctl.flight.autopilot.ardupilot import ARDUPILOT
 from quadctl.flight.pilot.guards import GuardLimits, unfit
 from quadctl.logs.read import read_log
 from quadctl.sitl.rules.copter import Guided, SimulatedCopter
@@ -63,7 +64,8 @@ def px4(port: int) -> MavlinkMock:
 
 def ardupilot(port: int) -> MavlinkMock:
     copter = SimulatedCopter(VEHICLE)
-    copter.parameters |= {"GUID_OPTIONS": 8.0, "GUID_TIMEOUT": 0.5}  # as quadctl wants them
+    for need in ARDUPILOT.requirements:
+        copter.parameters[need.parameter] = need.to_meet(copter.parameters[need.parameter])
     return MavlinkArduPilot(copter, port)
 
 

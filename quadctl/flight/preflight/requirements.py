@@ -7,26 +7,31 @@ from quadctl.errors import FlightError
 from quadctl.flight.autopilot.firmware import Requirement
 from quadctl.flight.autopilot.port import Autopilot
 
+NOBODY_LANDS = "; --without-failsafe flies all the same, with somebody at the switch"
+
 
 @asynccontextmanager
 async def requirements_met(
-    autopilot: Autopilot, set_parameters: bool, warn: Callable[[str], None]
+    autopilot: Autopilot, set_parameters: bool, warn: Callable[[str], None], without_failsafe: bool = False
 ) -> AsyncIterator[None]:
     """Context in which the autopilot's requirements are met; parameters set for that are restored at its end.
+
+    With `without_failsafe` a missing failsafe is a warning only.
 
     Raises
     ------
     FlightError
         A requirement is not met and `set_parameters` is false, or it cannot be met.
     """
-    unmet = await _unmet(autopilot)
+    unmet = await _unmet(autopilot, warn if without_failsafe else None)
     if not set_parameters:
         for need, value in unmet:
             sentence = (
                 f"{need.parameter} is {value:g} on {autopilot.description}, expected {need.to_meet(value):g}: "
-                f"{need.because}. Set it there, or fly with --set-params, which restores it afterwards."
+                f"{need.because}. Set it there, or fly with --set-params, which restores it afterwards"
+                f"{NOBODY_LANDS if need.failsafe and not without_failsafe else ''}."
             )
-            if not need.advice:
+            if not (need.advice or (need.failsafe and without_failsafe)):
                 raise FlightError(sentence)
             warn(sentence)
         unmet = []
@@ -39,15 +44,24 @@ async def requirements_met(
         await _restore(autopilot, {need.parameter: value for need, value in unmet}, warn)
 
 
-async def _unmet(autopilot: Autopilot) -> list[tuple[Requirement, float]]:
+async def _unmet(
+    autopilot: Autopilot, warn_of_failsafe: Callable[[str], None] | None
+) -> list[tuple[Requirement, float]]:
     """Requirements that are not met, each with the present value of its parameter."""
     values = await autopilot.parameters(need.parameter for need in autopilot.requirements)
     for need in autopilot.requirements:
-        if need.parameter not in values:
-            raise FlightError(
-                f"{autopilot.description} does not tell its {need.parameter}, which must be known: {need.because}."
-            )
-    return [(n, values[n.parameter]) for n in autopilot.requirements if not n.met(values[n.parameter])]
+        if need.parameter in values:
+            continue
+        unknown = f"{autopilot.description} does not tell its {need.parameter}"
+        if need.failsafe and warn_of_failsafe is not None:
+            warn_of_failsafe(f"{unknown}.")
+        elif need.advice:
+            continue
+        else:
+            way_out = NOBODY_LANDS if need.failsafe else ""
+            raise FlightError(f"{unknown}, which must be known: {need.because}{way_out}.")
+    known = [(need, values[need.parameter]) for need in autopilot.requirements if need.parameter in values]
+    return [(need, value) for need, value in known if not need.met(value)]
 
 
 async def _restore(autopilot: Autopilot, before: Mapping[str, float], warn: Callable[[str], None]) -> None:
