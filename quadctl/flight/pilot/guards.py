@@ -105,8 +105,8 @@ def inspect(
     """First breach of a limit, or None.
 
     `in_air_s` is the time since the take-off began, `mission_s` how long the mission lasts, `height_m` the vehicle's
-    height above the ground and `distance_m` its horizontal distance from the take-off point. `above_floor`: it has been
-    above the floor, so that it is not on its way up to it.
+    height above the ground and `distance_m` its horizontal distance from the take-off point. `above_floor`: it has left
+    the ground and been above the floor, so that it is not on its way up to it.
     """
     # First who flies: what else is wrong is no longer our business, least of all to take the mode back for it.
     if not state.armed:

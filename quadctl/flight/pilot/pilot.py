@@ -216,7 +216,10 @@ class Pilot:
         if breach is not None:
             return self._landing.answer(breach, state)
         share = self._progress.in_stage_s / SPOOL_UP_S
-        return self._steering.standing(0.5 * share) if share < 1.0 else self._lift_off(state)
+        if share < 1.0:
+            return self._steering.standing(0.5 * share)
+        self._steering.start_at(state)  # again: the ground is where the estimate has it at take-off
+        return self._lift_off(state)
 
     def _climb(self, state: VehicleState, dt: float) -> Decision:
         """One tick of CLIMB: the autopilot takes off, and we are silent, as a target would end its take-off."""

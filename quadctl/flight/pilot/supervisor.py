@@ -1,7 +1,7 @@
 """The guards and their memory: the last state, whether the floor was passed, failures, and requests to land."""
 
 from quadctl.flight.pilot.continuity import Continuity
-from quadctl.flight.pilot.guards import Answer, Breach, defect, floor, inspect
+from quadctl.flight.pilot.guards import Answer, Breach, defect, inspect
 from quadctl.flight.pilot.settings import FlightSettings
 from quadctl.flight.pilot.standing import not_standing, posture
 from quadctl.flight.pilot.steering import Home
@@ -10,6 +10,9 @@ from quadctl.state import VehicleState
 
 ARM_SETTLE_S = 2.0
 """Longest time after which an arming request that was given up may still take effect."""
+
+LEFT_GROUND_M = 0.1
+"""Climb above the height at rest after which the vehicle has left the ground, and its height is guarded."""
 
 
 class Supervisor:
@@ -33,7 +36,7 @@ class Supervisor:
         """True when the autopilot has restarted, and forgotten our requests."""
         self._boots: int | None = None
         self._continuity = Continuity(settings.guards.continuity)
-        self._above_floor = False
+        self._cleared = False
         self._stall: str | None = None
 
     @property
@@ -73,6 +76,11 @@ class Supervisor:
         under_way = self.arm_asked and not self.armed_seen and given_up_s < ARM_SETTLE_S
         return not state.armed and not under_way
 
+    @property
+    def _clear_height_m(self) -> float:
+        """Height at which a vehicle has left the ground and passed the floor, in spite of an estimate that wanders."""
+        return max(self._mission.limits.min_z_m, self._home.rest_height_m + LEFT_GROUND_M)
+
     def breach(self, state: VehicleState, in_air_s: float, off_ground: bool = True) -> Breach | None:
         """Breach because of which the flight must not go on as it does, or None.
 
@@ -80,7 +88,7 @@ class Supervisor:
         reasons.
         """
         height_m = self._home.height_m(state)
-        self._above_floor = self._above_floor or height_m >= max(floor(self._mission.limits), 0.0)
+        self._cleared = self._cleared or height_m >= self._clear_height_m
         found = inspect(
             state,
             in_air_s,
@@ -89,7 +97,7 @@ class Supervisor:
             self._home.distance_m(state),
             self._guards,
             self._mission.limits,
-            self._above_floor,
+            self._cleared,
         )
         if found is not None and found.answer is Answer.RELEASE:  # goes before our own troubles
             return found if self._stall is None else found._replace(reason=f"{self._stall}, then {found.reason}")
