@@ -12,6 +12,7 @@ from typing import NamedTuple
 from pydantic import Field
 
 from quadctl.flight.pilot.continuity import ContinuityLimits
+from quadctl.flight.pilot.following import FollowingLimits
 from quadctl.frames import tilt
 from quadctl.missions import MissionLimits
 from quadctl.settings import Settings
@@ -44,6 +45,7 @@ class GuardLimits(Settings):
     max_over_time_s: float = Field(default=60.0, gt=0.0, le=600.0)
     """Longest time by which a flight may exceed its mission, by a slow take-off, and longest landing."""
     continuity: ContinuityLimits = ContinuityLimits()
+    following: FollowingLimits = FollowingLimits()
 
 
 UNIT_TOLERANCE = 0.01
