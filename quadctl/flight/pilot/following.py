@@ -75,7 +75,8 @@ class Following:
 
     @property
     def error_rms_m(self) -> float:
-        """Position error over the flight, RMS; an axis that is flown by velocity has none."""
+        """Position error over the flight, RMS, without the time in which a jump is made up for; an axis that is
+        flown by velocity has none."""
         return math.sqrt(self._square_sum_m2 / self._ticks) if self._ticks else 0.0
 
     def defect(self, state: VehicleState, setpoint: Setpoint, target: AttitudeTarget, rest_down_m: float) -> str | None:
@@ -85,8 +86,9 @@ class Following:
         vertical coordinate at rest, down.
         """
         errors = self._errors_m(state, setpoint)
-        self._square_sum_m2 += sum(error * error for error in errors)
-        self._ticks += 1
+        if state.time_s >= self._grace_until_s:
+            self._square_sum_m2 += sum(error * error for error in errors)
+            self._ticks += 1
         return (
             self._contact(state, setpoint, target, rest_down_m)
             or self._saturation(target, state.time_s)
@@ -98,13 +100,23 @@ class Following:
             0.0 if math.isnan(wanted) else at - wanted
             for at, wanted in zip(state.position_ned_m, setpoint.position_ned_m, strict=True)
         )
-        if self._reference is not None:
-            pairs = zip(setpoint.position_ned_m, self._reference.position_ned_m, strict=True)
-            jump_m = math.hypot(*(0.0 if math.isnan(a - b) else a - b for a, b in pairs))
-            if jump_m > JUMP_M:
-                self._grace_until_s = state.time_s + jump_m / SLOW_M_S
+        jump_m = self._jump_m(setpoint, (n, e, d))
+        if jump_m > JUMP_M:
+            self._grace_until_s = max(self._grace_until_s, state.time_s + jump_m / SLOW_M_S)
         self._reference = setpoint
         return n, e, d
+
+    def _jump_m(self, setpoint: Setpoint, errors_m: tuple[float, float, float]) -> float:
+        """Length of the jump of the reference since the last tick.
+
+        After a run that was flown by velocity, the reference of an axis jumps to a place where the vehicle never had to
+        be.
+        """
+        if self._reference is None:
+            return 0.0
+        axes = zip(setpoint.position_ned_m, self._reference.position_ned_m, errors_m, strict=True)
+        jumps = (error if math.isnan(before) else now - before for now, before, error in axes if not math.isnan(now))
+        return math.hypot(*jumps)
 
     def _tracking(self, errors_m: tuple[float, float, float], now_s: float) -> str | None:
         if now_s < self._grace_until_s:

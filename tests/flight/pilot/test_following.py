@@ -84,6 +84,16 @@ def test_an_axis_that_is_flown_by_velocity_has_no_position_error() -> None:
     assert first_defect(at(north=9.0), Setpoint((NAN, 0.0, -1.0), yaw_rad=0.0)) is None
 
 
+def test_the_way_back_to_a_position_that_a_run_by_velocity_has_missed_is_given_time() -> None:
+    following = Following(FollowingLimits(), CONTROLLER, VEHICLE)
+    target = AttitudeTarget(LEVEL, HOVER)
+    assert following.defect(at(north=-3.0), Setpoint((NAN, 0.0, -1.0), yaw_rad=0.0), target, 0.0) is None
+    found = {}
+    for i in range(400):
+        found[i * TICK_S] = following.defect(replace(at(north=-3.0), time_s=i * TICK_S), THERE, target, 0.0)
+    assert next(time_s for time_s, words in found.items() if words) == pytest.approx(3.0 / 0.5 + 1.0, abs=0.05)
+
+
 def test_a_jump_of_the_reference_gives_the_vehicle_time_to_make_up_for_it() -> None:
     assert first_defect(FLYING, Setpoint((0.0, 0.0, -3.0), yaw_rad=0.0), seconds=4.9) is None
     found = first_defect(FLYING, Setpoint((0.0, 0.0, -3.0), yaw_rad=0.0), seconds=6.0)
@@ -168,7 +178,11 @@ def test_a_mission_that_was_not_flown_within_its_tolerance_is_not_completed() ->
 # --- recorded on real autopilots -------------------------------------------------------------------------------------
 
 
-def replayed(name: str) -> Iterator[tuple[float, str | None, Following]]:
+CONTACT_ONLY = FollowingLimits(max_horizontal_error_m=0.0, max_vertical_error_m=0.0, max_saturated_s=0.0)
+SATURATION_ONLY = FollowingLimits(max_horizontal_error_m=0.0, max_vertical_error_m=0.0, max_contact_s=0.0)
+
+
+def replayed(name: str, limits: FollowingLimits | None = None) -> Iterator[tuple[float, str | None, Following]]:
     """Time and objection of each tick of a recorded flight, from take-off to the end of its mission."""
     path = REAL / f"{name}.csv"
     if not path.is_file():
@@ -176,7 +190,7 @@ def replayed(name: str) -> Iterator[tuple[float, str | None, Following]]:
     autopilot = name.partition("/")[0]
     settings = load_flight_settings(ROOT / "sitl" / autopilot / "flight.yaml")
     vehicle = load_vehicle(ROOT / "sitl" / autopilot / "vehicle.yaml")
-    following = Following(settings.guards.following, settings.controller, vehicle)
+    following = Following(limits or FollowingLimits(), settings.controller, vehicle)
     with path.open() as file:
         for row in csv.DictReader(file):
             if row["z_ref_m"] in ("", "nan") or row["throttle_cmd"] in ("", "nan"):
@@ -198,14 +212,18 @@ def replayed(name: str) -> Iterator[tuple[float, str | None, Following]]:
 
 
 @pytest.mark.parametrize(
-    ("name", "words", "by_s"),
+    ("name", "limits", "words", "by_s"),
     [
-        ("px4/figure8_on_the_ground", "the vehicle touches the ground", 25.0),
-        ("ardupilot/fault_delay_250ms", "the vertical error has been over 0.75 m", 40.0),
+        ("px4/figure8_on_the_ground", FollowingLimits(), "the horizontal error has been over 2 m", 25.0),
+        ("px4/figure8_on_the_ground", CONTACT_ONLY, "the vehicle touches the ground: thrust carries", 25.0),
+        ("px4/figure8_on_the_ground", SATURATION_ONLY, "the tilt command has been at its limit of 30 deg", 30.0),
+        ("ardupilot/fault_delay_250ms", FollowingLimits(), "the vertical error has been over 0.75 m", 40.0),
     ],
 )
-def test_a_recorded_flight_that_called_itself_completed_is_ended(name: str, words: str, by_s: float) -> None:
-    time_s, found = next((time_s, found) for time_s, found, _ in replayed(name) if found is not None)
+def test_a_recorded_flight_that_called_itself_completed_is_ended(
+    name: str, limits: FollowingLimits, words: str, by_s: float
+) -> None:
+    time_s, found = next((time_s, found) for time_s, found, _ in replayed(name, limits) if found is not None)
     assert found is not None
     assert words in found
     assert time_s < by_s
