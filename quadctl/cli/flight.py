@@ -51,6 +51,13 @@ WithoutFailsafeOption = Annotated[
     ),
 ]
 
+RestoreOption = Annotated[
+    bool,
+    typer.Option(
+        "--restore-params", help="Restore parameters that a flight with --set-params in this log folder left."
+    ),
+]
+
 
 @app.command()
 def simulate(
@@ -87,6 +94,7 @@ def fly(
         bool, typer.Option("--set-params", help="Set the autopilot's parameters as needed, restore them afterwards.")
     ] = False,
     without_failsafe: WithoutFailsafeOption = False,
+    restore_params: RestoreOption = False,
     model: ModelOption = None,
     hidden: HiddenOption = None,
     seed: SeedOption = 0,
@@ -108,8 +116,9 @@ def fly(
 ) -> None:
     """Fly a mission on an autopilot, unless `check` refuses it. Ctrl-C lands."""
     from quadctl.flight.autopilot.ports import resolve
+    from quadctl.flight.preflight.changed_parameters import ChangedParameters
     from quadctl.flight.preflight.preparation import prepare_flight
-    from quadctl.flight.session import fly_real_time
+    from quadctl.flight.session import Allowed, fly_real_time
 
     if sitl and link is not None:
         raise typer.BadParameter("give --link or --sitl, not both")
@@ -135,7 +144,9 @@ def fly(
             url = stack.enter_context(simulator().mock_process(plan.body.vehicle, hidden, seed, kind))
         else:
             url = resolve(plan.settings.link.url if link is None else link, console)
-        outcome = fly_real_time(plan, url, log_dir, console, set_params, viewer and viewer.end, without_failsafe)
+        kept = None if sitl else ChangedParameters(log_dir)
+        allowed = Allowed(set_params, without_failsafe, restore_params, kept)
+        outcome = fly_real_time(plan, url, log_dir, console, allowed, viewer and viewer.end)
         if viewer is not None:
             viewer.tell(outcome)
         _finish(outcome, json_out)

@@ -6,11 +6,13 @@ import re
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from quadctl.errors import FlightError
+from quadctl.flight.preflight.changed_parameters import Change, ChangedParameters
 from quadctl.flight.preflight.requirements import requirements_met
 from quadctl.lab.comparison.comparison import compare
 from quadctl.lab.flights.channels import ROTOR_SPEED, signals_of
@@ -22,6 +24,7 @@ from quadctl.sitl.rules.copter import Guided, SimulatedCopter
 from quadctl.sitl.rules.px4 import SimulatedAutopilot
 from quadctl.sitl.vehicle.hidden import load_hidden
 from quadctl.vehicle import load_vehicle
+from tests.support.commands import Result
 from tests.support.configurations import forgiving_config
 from tests.support.links import RAPTOR, TIMEOUT_S, Link, SerialLine, connected, free_port, meet_requirements, mock
 from tests.support.places import ROOT
@@ -184,6 +187,46 @@ def test_a_flight_after_whose_death_nobody_would_land_is_refused_unless_that_is_
             assert says[1:] == ["it flies"]
             says.clear()
             link.px.autopilot.parameters[name] = kept
+
+
+def test_parameters_that_a_killed_flight_left_are_named_at_the_next_contact_and_restored(
+    quadctl: Callable[..., Result], tmp_path: Path
+) -> None:
+    copter, port = SimulatedCopter(VEHICLE), free_port()
+    before = dict(copter.parameters)
+    url, logs = f"udpin://127.0.0.1:{port}", tmp_path / "logs"
+    check = ("check", "missions/short_hop.yaml", "--link", url, "--seconds", "1", "--log-dir", str(logs))
+    with mock(copter, port) as wire:
+        flight = Flight(logs, url, "--set-params")
+        flight.until_recorded("hover")
+        flight.process.kill()
+        flight.process.communicate()
+        assert wire.wait_until(lambda: not copter.armed, 30.0)  # its failsafe has landed it
+        assert copter.parameters["GUID_OPTIONS"] == 8.0
+        named = quadctl(*check)
+        left = "GUID_OPTIONS = 8 was set for an earlier flight, which ended without restoring it: it was 0"
+        assert f"warning  parameters   {left}, --restore-params restores it" in named.out.splitlines()
+        restored = quadctl(*check, "--restore-params")
+        assert "ok       parameters   GUID_OPTIONS is 0 again." in restored.out.splitlines()
+        assert copter.parameters == before
+        assert not (logs / "changed_parameters.yaml").exists()
+        assert "earlier flight" not in quadctl(*check).out
+
+
+def test_a_flight_restores_what_an_earlier_one_left_behind(tmp_path: Path) -> None:
+    says: list[str] = []
+    kept = ChangedParameters(tmp_path)
+
+    async def fly(link: Link) -> None:
+        async with requirements_met(link.adapter, True, says.append, kept=kept):
+            assert kept.read()["SYSID_MYGCS"].was == 255.0  # before anything else happens
+
+    with connected(SimulatedCopter(VEHICLE)) as link:
+        kept.note("GUID_OPTIONS", Change(was=3.0, set_to=11.0))
+        link.px.autopilot.parameters["GUID_OPTIONS"] = 11.0
+        asyncio.run(fly(link))
+        assert link.px.autopilot.parameters["GUID_OPTIONS"] == 3.0
+    assert kept.read() == {}
 
 
 # --- ArduPilot's rules -------------------------------------------------------------------------------------------

@@ -12,6 +12,7 @@ from quadctl.flight.autopilot.mavsdk_autopilot import MavsdkAutopilot
 from quadctl.flight.autopilot.port import Autopilot
 from quadctl.flight.pilot.guards import defect
 from quadctl.flight.pilot.standing import not_standing, posture
+from quadctl.flight.preflight.changed_parameters import ChangedParameters, left_behind, restore, still_changed
 from quadctl.flight.preflight.findings import Finding, Verdict, judged
 from quadctl.flight.preflight.plan import FlightPlan
 from quadctl.flight.realtime import run
@@ -56,10 +57,18 @@ class Counted:
         return self.updates.get(part, 0) / self.seconds
 
 
-def ask_autopilot(plan: FlightPlan, url: str, seconds: float, without_failsafe: bool = False) -> list[Finding]:
+def ask_autopilot(
+    plan: FlightPlan,
+    url: str,
+    seconds: float,
+    kept: ChangedParameters,
+    without_failsafe: bool = False,
+    restore_parameters: bool = False,
+) -> list[Finding]:
     """Connect to the autopilot at `url`, listen for `seconds`, ask for parameters, let go.
 
-    With `without_failsafe` a missing failsafe is a warning only.
+    With `without_failsafe` a missing failsafe is a warning only. `kept` holds what an earlier flight may have left
+    behind; with `restore_parameters` that is restored.
 
     Raises
     ------
@@ -68,17 +77,39 @@ def ask_autopilot(plan: FlightPlan, url: str, seconds: float, without_failsafe: 
     """
     autopilot = MavsdkAutopilot(url, plan.body.vehicle.n_rotors, plan.settings.link.timeout_s)
     try:
-        return run(_ask(plan, autopilot, seconds, without_failsafe))
+        return run(_ask(plan, autopilot, seconds, kept, without_failsafe, restore_parameters))
     except KeyboardInterrupt:
         raise FlightError("interrupted while the autopilot was asked") from None
 
 
-async def _ask(plan: FlightPlan, autopilot: Autopilot, seconds: float, without_failsafe: bool) -> list[Finding]:
+async def _ask(
+    plan: FlightPlan,
+    autopilot: Autopilot,
+    seconds: float,
+    kept: ChangedParameters,
+    without_failsafe: bool,
+    restore_parameters: bool,
+) -> list[Finding]:
     try:
         await autopilot.connect()
-        return await inspect_autopilot(plan, autopilot, seconds, without_failsafe)
+        left = await _left_behind(autopilot, kept, restore_parameters)
+        return left + await inspect_autopilot(plan, autopilot, seconds, without_failsafe)
     finally:
         await autopilot.close()
+
+
+async def _left_behind(autopilot: Autopilot, kept: ChangedParameters, restore_parameters: bool) -> list[Finding]:
+    """Findings about the parameters that an earlier flight has changed and did not restore."""
+    left = await still_changed(autopilot, kept)
+    if not restore_parameters:
+        return [Finding(Verdict.WARNING, "parameters", left_behind(name, change)) for name, change in left.items()]
+    said: list[str] = []
+    await restore(autopilot, left, kept, said.append)
+    unrestored = kept.read()
+    return [
+        Finding(Verdict.WARNING if name in unrestored else Verdict.OK, "parameters", sentence)
+        for name, sentence in zip(left, said, strict=True)
+    ]
 
 
 async def inspect_autopilot(
