@@ -106,6 +106,11 @@ class MavlinkMock(ABC):
     def new_manners(self) -> Manners:
         """Description of this autopilot on the wire."""
 
+    @property
+    def address(self) -> tuple[str, int]:
+        """Host and port to which it sends."""
+        return self._addresses[0]
+
     def also_send_to(self, port: int) -> None:
         """Send to another port of the same host too, from where commands are taken as well, as behind a router."""
         self._addresses.append((self._addresses[0][0], port))

@@ -124,7 +124,7 @@ class Setting:
 
     stall_s: float = 3.0
     """Time for which SIGUSR1 and SIGUSR2 stall the process, s."""
-    guards: Mapping[str, float] = field(default_factory=dict)
+    guards: Mapping[str, Any] = field(default_factory=dict)
     model: Path | None = None
     """Compensator of the flight."""
 
@@ -250,7 +250,7 @@ class Scene:
             seen.problem = json.loads(result.read_text())["problem"] or ""
 
 
-def _config(where: Path, guards: Mapping[str, float]) -> Path:
+def _config(where: Path, guards: Mapping[str, Any]) -> Path:
     settings = yaml.safe_load(CONFIG.read_text())
     settings["vehicle"] = str(CONFIG.parent / settings["vehicle"])
     settings["guards"] |= {"min_battery_v": MIN_BATTERY_V, **guards}
