@@ -7,7 +7,15 @@ import typer
 from rich.text import Text
 
 from quadctl.cli.app import app, console
-from quadctl.cli.flight import ConfigOption, ModelOption, OffsetOption, SetOption
+from quadctl.cli.flight import (
+    ConfigOption,
+    LogDirOption,
+    ModelOption,
+    OffsetOption,
+    RestoreOption,
+    SetOption,
+    WithoutFailsafeOption,
+)
 from quadctl.cli.inputs import find_all, find_configuration
 from quadctl.cli.output import JsonOption, check_outputs, write_json
 from quadctl.errors import FlightError
@@ -33,12 +41,16 @@ def check(
     seconds: Annotated[
         float, typer.Option("--seconds", metavar="S", min=1.0, max=60.0, help="How long its messages are counted.")
     ] = 3.0,
+    without_failsafe: WithoutFailsafeOption = False,
+    restore_params: RestoreOption = False,
+    log_dir: LogDirOption = Path("logs"),
     offset_up: OffsetOption = None,
     overrides: SetOption = None,
     json_out: JsonOption = None,
 ) -> None:
     """Check whether a flight may begin: mission, vehicle, compensator, limits, and with --link the autopilot."""
     from quadctl.flight.autopilot.ports import resolve
+    from quadctl.flight.preflight.changed_parameters import ChangedParameters
     from quadctl.flight.preflight.check import check_flight
     from quadctl.flight.preflight.findings import Verdict, of_verdict
     from quadctl.flight.preflight.inquiry import ask_autopilot
@@ -60,7 +72,7 @@ def check(
     if link is not None:
         url = resolve(link, console)
         with console.status(f"listening to {url}"):
-            findings += ask_autopilot(plan, url, seconds)
+            findings += ask_autopilot(plan, url, seconds, ChangedParameters(log_dir), without_failsafe, restore_params)
     for finding in findings:
         line = Text(f"{finding.verdict.value:8}", style=STYLES[finding.verdict.value])
         console.print(line.append(f" {finding.topic:12} {finding.text}", style="default not bold"), soft_wrap=True)

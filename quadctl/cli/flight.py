@@ -44,6 +44,20 @@ SetOption = Annotated[
     typer.Option("--set", metavar="NAME=VALUE", help="Other value for one of the mission's parameters."),
 ]
 
+WithoutFailsafeOption = Annotated[
+    bool,
+    typer.Option(
+        "--without-failsafe", help="Accept that nobody lands the vehicle if quadctl dies: stay at the switch."
+    ),
+]
+
+RestoreOption = Annotated[
+    bool,
+    typer.Option(
+        "--restore-params", help="Restore parameters that a flight with --set-params in this log folder left."
+    ),
+]
+
 
 @app.command()
 def simulate(
@@ -79,6 +93,8 @@ def fly(
     set_params: Annotated[
         bool, typer.Option("--set-params", help="Set the autopilot's parameters as needed, restore them afterwards.")
     ] = False,
+    without_failsafe: WithoutFailsafeOption = False,
+    restore_params: RestoreOption = False,
     model: ModelOption = None,
     hidden: HiddenOption = None,
     seed: SeedOption = 0,
@@ -100,8 +116,9 @@ def fly(
 ) -> None:
     """Fly a mission on an autopilot, unless `check` refuses it. Ctrl-C lands."""
     from quadctl.flight.autopilot.ports import resolve
+    from quadctl.flight.preflight.changed_parameters import ChangedParameters
     from quadctl.flight.preflight.preparation import prepare_flight
-    from quadctl.flight.session import fly_real_time
+    from quadctl.flight.session import Allowed, fly_real_time
 
     if sitl and link is not None:
         raise typer.BadParameter("give --link or --sitl, not both")
@@ -127,7 +144,9 @@ def fly(
             url = stack.enter_context(simulator().mock_process(plan.body.vehicle, hidden, seed, kind))
         else:
             url = resolve(plan.settings.link.url if link is None else link, console)
-        outcome = fly_real_time(plan, url, log_dir, console, set_params, viewer and viewer.end)
+        kept = None if sitl else ChangedParameters(log_dir)
+        allowed = Allowed(set_params, without_failsafe, restore_params, kept)
+        outcome = fly_real_time(plan, url, log_dir, console, allowed, viewer and viewer.end)
         if viewer is not None:
             viewer.tell(outcome)
         _finish(outcome, json_out)

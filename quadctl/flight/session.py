@@ -1,8 +1,9 @@
 """One flight in real time: connect to the autopilot, meet its requirements, fly the plan, record, report."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
+from typing import NamedTuple
 
 from rich.console import Console
 
@@ -11,6 +12,7 @@ from quadctl.flight.autopilot.mavsdk_autopilot import MavsdkAutopilot
 from quadctl.flight.autopilot.port import Autopilot
 from quadctl.flight.loop import fly, landing_on_signals
 from quadctl.flight.pilot.outcome import Outcome, Tally
+from quadctl.flight.preflight.changed_parameters import ChangedParameters, left_behind, restore, still_changed
 from quadctl.flight.preflight.findings import Verdict, of_verdict
 from quadctl.flight.preflight.inquiry import advisable_parameters
 from quadctl.flight.preflight.plan import FlightPlan
@@ -20,16 +22,28 @@ from quadctl.flight.record.display import Display
 from quadctl.flight.record.view_link import ViewEnd, ViewLink
 
 
+class Allowed(NamedTuple):
+    """Permissions that the user gives for one flight, about the parameters of the autopilot."""
+
+    set_parameters: bool = False
+    """True: set what it must have, and restore it afterwards."""
+    without_failsafe: bool = False
+    """True: fly though nobody would land the vehicle if this program died."""
+    restore_parameters: bool = False
+    """True: restore first what an earlier flight left behind."""
+    kept: ChangedParameters | None = None
+    """File for the old values; None: they need not outlive this program."""
+
+
 def fly_real_time(
     plan: FlightPlan,
     url: str,
     log_dir: Path,
     console: Console,
-    set_parameters: bool = False,
+    allowed: Allowed | None = None,
     view: ViewEnd | None = None,
 ) -> Outcome:
-    """Fly on the autopilot at `url`, with a display on `console`, and a viewer at the other end of `view`; with
-    `set_parameters`, set what it must have and restore it afterwards.
+    """Fly on the autopilot at `url`, with a display on `console`, and a viewer at the other end of `view`.
 
     Raises
     ------
@@ -41,7 +55,7 @@ def fly_real_time(
     autopilot = MavsdkAutopilot(url, plan.body.vehicle.n_rotors, plan.settings.link.timeout_s)
     try:
         with privileges() as real_time:
-            return run(_fly(plan, autopilot, log_dir, console, set_parameters, view, real_time))
+            return run(_fly(plan, autopilot, log_dir, console, allowed or Allowed(), view, real_time))
     except KeyboardInterrupt:  # in flight, Ctrl-C is a wish to land
         raise FlightError("interrupted while the link was being opened or closed") from None
 
@@ -51,7 +65,7 @@ async def _fly(
     autopilot: Autopilot,
     log_dir: Path,
     console: Console,
-    set_parameters: bool,
+    allowed: Allowed,
     view: ViewEnd | None,
     real_time: Sequence[str],
 ) -> Outcome:
@@ -65,10 +79,23 @@ async def _fly(
             advice = await advisable_parameters(autopilot, plan.body.vehicle)
         for warning in [*autopilot.warnings, *of_verdict(advice, Verdict.WARNING)]:
             warn(str(warning))
-        async with requirements_met(autopilot, set_parameters, warn):
+        await _look_for_left_parameters(autopilot, allowed, warn)
+        async with requirements_met(autopilot, allowed.set_parameters, warn, allowed.without_failsafe, allowed.kept):
             return await _fly_prepared(plan, autopilot, log_dir, console, view, real_time)
     finally:
         await autopilot.close()
+
+
+async def _look_for_left_parameters(autopilot: Autopilot, allowed: Allowed, warn: Callable[[str], None]) -> None:
+    """Restore what an earlier flight left behind, or name it; a flight that sets parameters restores it at its end."""
+    if allowed.kept is None:
+        return
+    left = await still_changed(autopilot, allowed.kept)
+    if allowed.restore_parameters:
+        await restore(autopilot, left, allowed.kept, warn)
+    elif not allowed.set_parameters:
+        for name, change in left.items():
+            warn(left_behind(name, change))
 
 
 async def _fly_prepared(

@@ -22,6 +22,8 @@ class MissionLimits(Settings):
     """Largest horizontal distance from the take-off point."""
     max_duration_s: float = Field(default=900.0, gt=0.0, le=36000.0)
     margin_m: float = Field(default=0.5, gt=0.0)
+    tolerance_m: float = Field(default=0.75, gt=0.0)
+    """Largest position error, RMS over the flight, with which the mission counts as flown."""
 
 
 class Phase(NamedTuple):

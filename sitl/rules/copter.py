@@ -11,6 +11,9 @@ THRUST_AS_THRUST = 8
 """Bit 3 of GUID_OPTIONS: set, the thrust of a target is a thrust; clear, it is a climb rate."""
 MAX_CLIMB_M_S = 2.5
 """Climb rate of a target's thrust of 1 (PILOT_SPEED_UP)."""
+STATION_LOST = {1: "RTL", 3: "RTL", 4: "LAND", 5: "LAND", 7: "LAND"}
+"""Mode of the failsafe by FS_GCS_ENABLE, which acts when the heartbeats of SYSID_MYGCS stop, and of no other system.
+A mode that a pilot flies goes on, as bit 4 of FS_OPTIONS, which is set by default, says."""
 NOT_ARMABLE = ("LAND", "RTL", "BRAKE")
 
 
@@ -36,6 +39,11 @@ class SimulatedCopter(SimulatedAutopilot):
         "DISARM_DELAY": 10.0,
         "LAND_SPEED": 50.0,
         "FS_GCS_ENABLE": 0.0,
+        "FS_GCS_TIMEOUT": 5.0,
+        "SYSID_MYGCS": 255.0,
+        "FS_THR_ENABLE": 1.0,
+        "FS_EKF_ACTION": 1.0,
+        "RTL_ALT": 1500.0,
         "MOT_THST_HOVER": 0.5,
     }
 
@@ -43,6 +51,12 @@ class SimulatedCopter(SimulatedAutopilot):
     _taken_off = False
     """True after a take-off by command."""
     _internal_error = False
+    _station_heard_s: float | None = None
+    """Time of the last heartbeat of the ground station; its failsafe acts only after the first."""
+
+    def hear_heartbeat(self, system_id: int) -> None:
+        if system_id == int(self.parameters["SYSID_MYGCS"]):
+            self._station_heard_s = self.time_s
 
     def set_attitude_target(self, target: AttitudeTarget) -> None:
         super().set_attitude_target(target)
@@ -79,6 +93,17 @@ class SimulatedCopter(SimulatedAutopilot):
             grounded = self.landed and climb_m_s <= 0.0
             return target._replace(throttle=0.0 if grounded else self._throttle(target.attitude, -climb_m_s))
         return target
+
+    def _obey_rules(self) -> None:
+        super()._obey_rules()
+        heard_s, mode = self._station_heard_s, STATION_LOST.get(int(self.parameters["FS_GCS_ENABLE"]))
+        lost = heard_s is not None and self.time_s - heard_s > self.parameters["FS_GCS_TIMEOUT"]
+        if lost and mode is not None and self.armed and self.mode in ("GUIDED", "BRAKE"):
+            self._enter(mode)
+
+    def power_cycle(self) -> None:
+        super().power_cycle()
+        self._station_heard_s = None
 
     def _watch_targets(self, silence_s: float) -> None:
         if not self.landed and not self._taken_off:

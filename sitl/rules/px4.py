@@ -82,6 +82,9 @@ class SimulatedAutopilot:
         self.target = target
         self._target_s = self.time_s
 
+    def hear_heartbeat(self, system_id: int) -> None:
+        """Take in a heartbeat of another system; this autopilot watches the targets instead."""
+
     def request_arm(self) -> str | None:
         """Arm; None when accepted, else the reason for the refusal."""
         refusal = self._objection_to_arming()

@@ -39,7 +39,18 @@ class MavlinkArduPilot(MavlinkMock):
             takes_off_by_command=True,
             motor_test_output=output_of_share,
             tests_motors_clockwise=True,
-            integer_parameters=frozenset({"GUID_OPTIONS", "DISARM_DELAY", "LAND_SPEED", "FS_GCS_ENABLE"}),
+            integer_parameters=frozenset(
+                {
+                    "GUID_OPTIONS",
+                    "DISARM_DELAY",
+                    "LAND_SPEED",
+                    "FS_GCS_ENABLE",
+                    "SYSID_MYGCS",
+                    "FS_THR_ENABLE",
+                    "FS_EKF_ACTION",
+                    "RTL_ALT",
+                }
+            ),
             version=0x04050000,
         )
 

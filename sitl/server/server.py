@@ -88,6 +88,7 @@ class MavlinkMock(ABC):
         self._on_message: dict[str, Callable[[Message], None]] = {
             "COMMAND_LONG": self._command,
             "COMMAND_INT": self._command,
+            "HEARTBEAT": lambda message: self.autopilot.hear_heartbeat(message.get_srcSystem()),
             "SET_ATTITUDE_TARGET": self._setpoint,
             "TIMESYNC": self._timesync,
             "VISION_POSITION_ESTIMATE": self.vision_poses_received.append,
@@ -108,6 +109,11 @@ class MavlinkMock(ABC):
     @abstractmethod
     def new_manners(self) -> Manners:
         """Description of this autopilot on the wire."""
+
+    @property
+    def address(self) -> tuple[str, int]:
+        """Host and port to which it sends."""
+        return self._addresses[0]
 
     def also_send_to(self, port: int) -> None:
         """Send to another port of the same host too, from where commands are taken as well, as behind a router."""

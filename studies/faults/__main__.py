@@ -28,8 +28,9 @@ The limits are those of `config/flight.yaml`, with a battery guarded at 13.5 V; 
 after 2 s (`max_over_time_s`), and the vehicle comes down a second later. In the faults of delay, jitter and loss a
 line that holds back, loses and repeats datagrams lies between the two.
 
-ArduPilot's own answer to missing setpoints is to level and hold its height, in GUIDED, without reporting it. A
-vehicle that stays there for 3.5 s is landed by a simulated pilot with the switch.
+ArduPilot's own answer to missing setpoints is to level and hold its height, in GUIDED, without reporting it. Its
+ground-station failsafe lands it 3 s after the last heartbeat of quadctl, as a flight requires (`SYSID_MYGCS`). A
+vehicle that neither lands is landed by a simulated pilot with the switch after 3.5 s.
 
 | fault | autopilot | answer | last setpoint | mode of the autopilot | at rest | how the log says it ended |
 |---|---|---|---|---|---|---|

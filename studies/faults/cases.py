@@ -2,7 +2,9 @@
 
 import math
 import resource
+import socket
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from signal import SIGCONT, SIGINT, SIGKILL, SIGSTOP, SIGTERM, SIGUSR1, SIGUSR2
 from typing import Any
@@ -175,6 +177,18 @@ def _rise_out_of_the_data(scene: Scene) -> None:
     scene.later(2.0, lambda: scene.signal(SIGINT))
 
 
+def _open_the_port_too(scene: Scene) -> None:
+    """Open a socket as a ground station does; where it gets the port, it takes the datagrams."""
+    host, port = scene.px.address
+    second = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    for option in (socket.SO_REUSEADDR, socket.SO_REUSEPORT):
+        second.setsockopt(socket.SOL_SOCKET, option, 1)
+    with suppress(OSError):
+        second.bind((host, port))
+    scene.later(2.0, lambda: scene.signal(SIGINT))
+    scene.later(2.1, second.close)
+
+
 def _fill_disk(scene: Scene) -> None:
     """Limit the size of files to the present size of the log."""
     size = scene.log.stat().st_size
@@ -248,6 +262,21 @@ LIMITS = (
         silent_s=2.5,
         setting=Setting(model=HERE / "fitted.yaml"),
     ),
+    Case(
+        "stands on the ground, the estimate says it flies",
+        _distort(lambda: faults.displaced((0.0, 0.0, -0.9), 1.5)),
+        "hand over",
+        "the vehicle touches the ground",
+        silent_s=8.0,
+    ),
+    Case(
+        "pushed off its place",
+        _distort(lambda: faults.displaced((0.0, 1.2, 0.0), 0.4)),
+        "hand over",
+        "the horizontal error has been over 0.6 m",
+        silent_s=3.0,
+        setting=Setting(guards={"following": {"max_horizontal_error_m": 0.6, "max_error_s": 0.3}}),
+    ),
     Case("battery low", _distort(lambda: faults.battery_at(12.0)), "land", "the battery is at 12.00 V", silent_s=1.0),
 )
 LINK = (
@@ -296,6 +325,13 @@ LINK = (
         on_ardupilot={"mode": "", "silent_s": 0.5},
     ),
     Case("autopilot restarts within 0.5 s", _restart, "hand over", STALE, "boot"),
+    Case(
+        "a second program opens the UDP port",
+        _open_the_port_too,
+        "land",
+        "asked to land by SIGINT",
+        silent_s=2.5,
+    ),
     Case(
         "autopilot restarts at once",
         _restart_at_once,

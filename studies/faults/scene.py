@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import yaml
 
+from quadctl.flight.autopilot.ardupilot import ARDUPILOT
 from quadctl.flight.pilot.guards import GuardLimits, unfit
 from quadctl.logs.read import read_log
 from quadctl.sitl.rules.copter import Guided, SimulatedCopter
@@ -66,7 +67,8 @@ def px4(port: int) -> MavlinkMock:
 
 def ardupilot(port: int) -> MavlinkMock:
     copter = SimulatedCopter(VEHICLE)
-    copter.parameters |= {"GUID_OPTIONS": 8.0, "GUID_TIMEOUT": 0.5}  # as quadctl wants them
+    for need in ARDUPILOT.requirements:
+        copter.parameters[need.parameter] = need.to_meet(copter.parameters[need.parameter])
     return MavlinkArduPilot(copter, port)
 
 
@@ -125,7 +127,7 @@ class Setting:
 
     stall_s: float = 3.0
     """Time for which SIGUSR1 and SIGUSR2 stall the process, s."""
-    guards: Mapping[str, float] = field(default_factory=dict)
+    guards: Mapping[str, Any] = field(default_factory=dict)
     model: Path | None = None
     """Compensator of the flight."""
     on_a_line: bool = False
@@ -265,7 +267,7 @@ class Scene:
             seen.problem = json.loads(result.read_text())["problem"] or ""
 
 
-def _config(where: Path, guards: Mapping[str, float]) -> Path:
+def _config(where: Path, guards: Mapping[str, Any]) -> Path:
     settings = yaml.safe_load(CONFIG.read_text())
     settings["vehicle"] = str(CONFIG.parent / settings["vehicle"])
     settings["guards"] |= {"min_battery_v": MIN_BATTERY_V, **guards}

@@ -6,11 +6,13 @@ import re
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from quadctl.errors import FlightError
+from quadctl.flight.preflight.changed_parameters import Change, ChangedParameters
 from quadctl.flight.preflight.requirements import requirements_met
 from quadctl.lab.comparison.comparison import compare
 from quadctl.lab.flights.channels import ROTOR_SPEED, signals_of
@@ -22,8 +24,9 @@ from quadctl.sitl.rules.copter import Guided, SimulatedCopter
 from quadctl.sitl.rules.px4 import SimulatedAutopilot
 from quadctl.sitl.vehicle.hidden import load_hidden
 from quadctl.vehicle import load_vehicle
+from tests.support.commands import Result
 from tests.support.configurations import forgiving_config
-from tests.support.links import RAPTOR, TIMEOUT_S, Link, SerialLine, connected, free_port, mock
+from tests.support.links import RAPTOR, TIMEOUT_S, Link, SerialLine, connected, free_port, meet_requirements, mock
 from tests.support.places import ROOT
 
 pytestmark = pytest.mark.realtime
@@ -123,7 +126,8 @@ def test_ctrl_c_in_flight_lands_and_restores_the_parameters(tmp_path: Path) -> N
 
 def test_a_plug_pulled_in_flight_ends_in_a_landing_all_of_it_recorded(tmp_path: Path) -> None:
     copter, port = SimulatedCopter(VEHICLE), free_port()
-    copter.parameters["GUID_OPTIONS"] = 8.0
+    meet_requirements(copter)
+    copter.parameters |= {"GUID_TIMEOUT": 3.0, "FS_GCS_TIMEOUT": 15.0}  # it levels, and does not land yet
     copter.ready_after_s = 3.0  # the flight waits for the autopilot's own checks
     with SerialLine(tmp_path / "tty", port) as line, mock(copter, port) as wire:
         flight = Flight(tmp_path / "log", f"serial://{line.device}:921600")
@@ -139,6 +143,90 @@ def test_a_plug_pulled_in_flight_ends_in_a_landing_all_of_it_recorded(tmp_path: 
     assert log["telemetry_age_s"].max() > 2.5
     assert log["telemetry_age_s"][-1] < 0.2
     assert log["z_m"][-1] == pytest.approx(0.05, abs=0.02)
+
+
+@pytest.mark.parametrize("system_id", [1, 255])
+def test_killed_in_flight_ardupilot_lands_only_if_its_failsafe_watches_our_heartbeats(
+    system_id: int, tmp_path: Path
+) -> None:
+    """Measured on the real one: on its way down after 2.7 s with our id, hovering until landed by hand with 255."""
+    copter, port = SimulatedCopter(VEHICLE), free_port()
+    meet_requirements(copter)
+    copter.parameters["SYSID_MYGCS"] = float(system_id)
+    with mock(copter, port) as wire:
+        flight = Flight(tmp_path, f"udpin://127.0.0.1:{port}", "--without-failsafe")
+        flight.until_recorded("hover")
+        flight.process.kill()
+        flight.process.communicate()
+        killed_s = copter.time_s
+        lands = wire.wait_until(lambda: copter.mode == "LAND" or copter.time_s > killed_s + 6.0, TIMEOUT_S)
+        assert lands
+        assert (copter.mode == "LAND") == (system_id == 1)
+        if system_id == 1:
+            assert 1.5 < copter.time_s - killed_s < 3.5
+        else:
+            assert (copter.mode, copter.guided) == ("GUIDED", Guided.LEVEL)
+
+
+def test_a_flight_after_whose_death_nobody_would_land_is_refused_unless_that_is_accepted() -> None:
+    says: list[str] = []
+
+    async def fly(link: Link, without_failsafe: bool) -> None:
+        async with requirements_met(link.adapter, False, says.append, without_failsafe):
+            says.append("it flies")
+
+    with connected(SimulatedCopter(VEHICLE)) as link:
+        meet_requirements(link.px.autopilot)
+        for name, value in (("FS_GCS_ENABLE", 0.0), ("SYSID_MYGCS", 255.0)):
+            kept, link.px.autopilot.parameters[name] = link.px.autopilot.parameters[name], value
+            with pytest.raises(FlightError, match=f"{name} is {value:g} .*; --without-failsafe flies all the same"):
+                asyncio.run(fly(link, without_failsafe=False))
+            assert says == []
+            asyncio.run(fly(link, without_failsafe=True))
+            assert says[0].startswith(f"{name} is {value:g} on ArduPilot")
+            assert says[1:] == ["it flies"]
+            says.clear()
+            link.px.autopilot.parameters[name] = kept
+
+
+def test_parameters_that_a_killed_flight_left_are_named_at_the_next_contact_and_restored(
+    quadctl: Callable[..., Result], tmp_path: Path
+) -> None:
+    copter, port = SimulatedCopter(VEHICLE), free_port()
+    before = dict(copter.parameters)
+    url, logs = f"udpin://127.0.0.1:{port}", tmp_path / "logs"
+    check = ("check", "missions/short_hop.yaml", "--link", url, "--seconds", "1", "--log-dir", str(logs))
+    with mock(copter, port) as wire:
+        flight = Flight(logs, url, "--set-params")
+        flight.until_recorded("hover")
+        flight.process.kill()
+        flight.process.communicate()
+        assert wire.wait_until(lambda: not copter.armed, 30.0)  # its failsafe has landed it
+        assert copter.parameters["GUID_OPTIONS"] == 8.0
+        named = quadctl(*check)
+        left = "GUID_OPTIONS = 8 was set for an earlier flight, which ended without restoring it: it was 0"
+        assert f"warning  parameters   {left}, --restore-params restores it" in named.out.splitlines()
+        restored = quadctl(*check, "--restore-params")
+        assert "ok       parameters   GUID_OPTIONS is 0 again." in restored.out.splitlines()
+        assert copter.parameters == before
+        assert not (logs / "changed_parameters.yaml").exists()
+        assert "earlier flight" not in quadctl(*check).out
+
+
+def test_a_flight_restores_what_an_earlier_one_left_behind(tmp_path: Path) -> None:
+    says: list[str] = []
+    kept = ChangedParameters(tmp_path)
+
+    async def fly(link: Link) -> None:
+        async with requirements_met(link.adapter, True, says.append, kept=kept):
+            assert kept.read()["SYSID_MYGCS"].was == 255.0  # before anything else happens
+
+    with connected(SimulatedCopter(VEHICLE)) as link:
+        kept.note("GUID_OPTIONS", Change(was=3.0, set_to=11.0))
+        link.px.autopilot.parameters["GUID_OPTIONS"] = 11.0
+        asyncio.run(fly(link))
+        assert link.px.autopilot.parameters["GUID_OPTIONS"] == 3.0
+    assert kept.read() == {}
 
 
 # --- ArduPilot's rules -------------------------------------------------------------------------------------------
@@ -174,8 +262,14 @@ def test_only_the_bit_that_is_needed_is_set() -> None:
     assert says == [
         "GUID_OPTIONS is set from 3 to 11 for this flight.",
         "GUID_TIMEOUT is set from 3 to 0.5 for this flight.",
+        "FS_GCS_ENABLE is set from 0 to 5 for this flight.",
+        "SYSID_MYGCS is set from 255 to 1 for this flight.",
+        "FS_GCS_TIMEOUT is set from 5 to 3 for this flight.",
         "GUID_OPTIONS is 3 again.",
         "GUID_TIMEOUT is 3 again.",
+        "FS_GCS_ENABLE is 0 again.",
+        "SYSID_MYGCS is 255 again.",
+        "FS_GCS_TIMEOUT is 5 again.",
     ]
 
 
@@ -187,7 +281,8 @@ def test_what_had_better_be_set_is_a_warning() -> None:
             assert link.px.autopilot.parameters["GUID_TIMEOUT"] == 3.0
 
     with connected(SimulatedCopter(VEHICLE)) as link:
-        link.px.autopilot.parameters["GUID_OPTIONS"] = 8.0
+        meet_requirements(link.px.autopilot)
+        link.px.autopilot.parameters["GUID_TIMEOUT"] = 3.0
         asyncio.run(fly(link))
     (warning,) = says
     assert "GUID_TIMEOUT is 3 on ArduPilot" in warning
@@ -205,7 +300,7 @@ def test_parameters_of_a_vehicle_that_still_flies_are_left_and_that_is_said() ->
     with connected(SimulatedCopter(VEHICLE)) as link:
         asyncio.run(fly(link))
         assert link.px.autopilot.parameters["GUID_OPTIONS"] == 8.0
-    assert says[-2] == "GUID_OPTIONS could not be restored; set it to 0 by hand: the vehicle is still armed."
+    assert says[-5] == "GUID_OPTIONS could not be restored; set it to 0 by hand: the vehicle is still armed."
 
 
 def test_a_fresh_ardupilot_sends_only_heartbeats_until_it_is_asked() -> None:

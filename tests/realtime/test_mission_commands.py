@@ -51,7 +51,37 @@ def test_what_an_ardupilot_lacks_is_refused_as_a_flight_would_refuse_it(
     expected = "refused  parameters   GUID_OPTIONS = 0: expected 8 (--set-params does it): with bit 3 (value 8) clear"
     assert any(line.startswith(expected) for line in lines), asked
     assert any(line.startswith("warning  parameters   GUID_TIMEOUT = 3: expected 0.5") for line in lines)
-    assert "1 of" in asked.err
+    assert "3 of" in asked.err
+
+
+def test_an_ardupilot_that_nobody_would_land_after_quadctl_has_died_is_refused(
+    quadctl: Callable[..., Result], raptor: Vehicle
+) -> None:
+    port, copter = free_port(), SimulatedCopter(raptor)
+    copter.parameters |= {"GUID_OPTIONS": 8.0, "RTL_ALT": 1500.0, "FS_THR_ENABLE": 0.0}
+    ask = ("check", "missions/short_hop.yaml", "--link", f"udpin://127.0.0.1:{port}", "--seconds", "1")
+    with mock(copter, port):
+        asked = quadctl(*ask)
+        accepted = quadctl(*ask, "--without-failsafe")
+    assert (asked.status, accepted.status) == (1, 0), accepted
+    lines = asked.out.splitlines()
+    expected = (
+        "parameters   FS_GCS_ENABLE: after quadctl has died it goes on (0): expected 5 (--set-params does it): when"
+    )
+    assert any(line.startswith(f"refused  {expected}") for line in lines), asked
+    assert any(line.startswith(f"warning  {expected}") for line in accepted.out.splitlines())
+    expected = (
+        "the ground-station failsafe watches the heartbeats of system 255: expected 1 (--set-params does it): its"
+    )
+    assert any(line.startswith(f"refused  parameters   SYSID_MYGCS: {expected}") for line in lines), asked
+    assert any(
+        "FS_GCS_TIMEOUT: the ground-station failsafe acts 5 s after the last heartbeat" in line for line in lines
+    )
+    remote = "FS_THR_ENABLE: when the remote control is lost it does nothing (0): expected 3 (Land)"
+    assert f"warning  parameters   {remote}" in lines
+    climb = "RTL_ALT: a return climbs to 15 m first: there is a ceiling at 2.6 m; expected failsafes that land, or 0"
+    assert f"warning  parameters   {climb} (keep the height)" in lines
+    assert "ok       parameters   FS_EKF_ACTION: when the estimate is lost it lands (1)" in lines
 
 
 def test_an_autopilot_without_a_position_is_refused(

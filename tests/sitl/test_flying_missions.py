@@ -60,3 +60,19 @@ def test_the_log_of_runs_flown_by_velocity_is_compared_in_the_lab(tmp_path: Path
     assert 0.2 < float((read_log(log)["x_ref_m"][running] != read_log(log)["x_ref_m"][running]).mean()) < 0.9
     result = compare(plan.body, prepare_flights([Path(log)], plan.body.vehicle, "blocks"))
     assert result.rmse["total"] < 0.5
+
+
+def test_fast_runs_against_strong_drag_are_made_up_for_and_do_not_end_the_flight(tmp_path: Path) -> None:
+    """A run by velocity at 2.75 m/s ends metres behind the place where position control begins again."""
+    plan = prepare_flight(ROOT / "missions/forward_sweep.yaml", None, "none", None, SHORTER["forward_sweep"])
+    plan = plan._replace(settings=plan.settings.model_copy(update={"height_datum": "takeoff"}))
+    outcome = quadctl.sitl.run.simulate(plan, tmp_path, ROOT / "sitl/px4/like_sih.yaml", seed=1)
+    assert outcome.ended == "completed"
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_an_estimate_that_wanders_on_the_ground_does_not_end_the_flight(seed: int, tmp_path: Path) -> None:
+    """The floor of this mission, min_z_m less margin_m, is the ground, where the estimate is off by decimetres."""
+    plan = prepare_flight(ROOT / "sitl/staircase.yaml", ROOT / "sitl/px4/flight.yaml", None, None)
+    outcome = quadctl.sitl.run.simulate(plan, tmp_path, ROOT / "sitl/px4/like_sih.yaml", seed)
+    assert outcome.ended == "completed"

@@ -10,6 +10,7 @@ from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import asynccontextmanager, contextmanager, suppress
 from pathlib import Path
 
+from quadctl.flight.autopilot.ardupilot import ARDUPILOT
 from quadctl.flight.autopilot.mavsdk_autopilot import MavsdkAutopilot
 from quadctl.flight.autopilot.port import Autopilot
 from quadctl.sitl.rules.copter import SimulatedCopter
@@ -35,6 +36,12 @@ def free_port() -> int:
 
 def hover_throttle(vehicle: Vehicle) -> float:
     return vehicle.throttle.offset + vehicle.throttle.per_newton * vehicle.weight_n
+
+
+def meet_requirements(copter: SimulatedCopter) -> None:
+    """Set the parameters as quadctl requires and recommends."""
+    for need in ARDUPILOT.requirements:
+        copter.parameters[need.parameter] = need.to_meet(copter.parameters[need.parameter])
 
 
 class Link:

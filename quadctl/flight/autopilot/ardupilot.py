@@ -4,12 +4,34 @@ Lifting off by targets works too, but leaves an internal error behind that block
 nothing but heartbeats: every message has to be asked for.
 """
 
-from quadctl.flight.autopilot.firmware import Firmware, Requirement, Stream, hover_throttle_check, share_of_pulse
+from quadctl.flight.autopilot.firmware import (
+    Check,
+    Firmware,
+    Requirement,
+    Stream,
+    hover_throttle_check,
+    share_of_pulse,
+)
+from quadctl.flight.autopilot.mavlink import OWN_SYSTEM_ID
+from quadctl.vehicle import Vehicle
 
 THRUST_AS_THRUST = 8
 """Bit 3 of GUID_OPTIONS: the thrust of a target is a thrust, not a climb rate."""
 SILENCE_S = 0.5
 """Longest silence after which GUIDED should act: ten setpoints or more are missing then."""
+HEARTBEATS_LOST_S = 3.0
+"""Longest silence after which the ground-station failsafe should act: quadctl's heartbeats come every second."""
+LAND_WITHOUT_STATION = 5
+"""FS_GCS_ENABLE: Land."""
+LOST_STATION = {1: "RTL", 3: "SmartRTL or RTL", 4: "SmartRTL or Land", 5: "Land", 6: "the mission's landing or RTL",
+                7: "Brake or Land"}  # fmt: skip
+"""FS_GCS_ENABLE: the action when the heartbeats of SYSID_MYGCS stop. All of them end on the ground."""
+LOST_REMOTE = {0: "it does nothing", 1: "it goes to RTL", 2: "it goes to RTL, or on with its mission",
+               3: "it goes to Land", 4: "it goes to SmartRTL or RTL", 5: "it goes to SmartRTL or Land",
+               6: "it goes to the mission's landing or RTL", 7: "it goes to Brake or Land"}  # fmt: skip
+"""FS_THR_ENABLE: the action when the remote control is lost."""
+LOST_ESTIMATE = {0: "it only says so", 1: "it lands", 2: "it goes to AltHold", 3: "it lands, in Stabilize too"}
+"""FS_EKF_ACTION: the action when the estimator's variances are too large."""
 SPIN_MIN, SPIN_MAX, THRUST_EXPO = 0.15, 0.95, 0.65
 """Defaults of MOT_SPIN_MIN, MOT_SPIN_MAX, MOT_THST_EXPO."""
 
@@ -21,6 +43,47 @@ def throttle_of_pulse(pulse_us: float) -> float:
     """
     x = min(max((share_of_pulse(pulse_us) - SPIN_MIN) / (SPIN_MAX - SPIN_MIN), 0.0), 1.0)
     return (1.0 - THRUST_EXPO) * x + THRUST_EXPO * x * x
+
+
+def _without_station(value: float) -> str:
+    action = LOST_STATION.get(round(value))
+    return (
+        f"after quadctl has died it goes on ({value:g})" if action is None else f"then it goes to {action} ({value:g})"
+    )
+
+
+def _landing_without_station(value: float) -> float:
+    return value if round(value) in LOST_STATION else float(LAND_WITHOUT_STATION)
+
+
+def _without_remote(value: float, vehicle: Vehicle) -> str:
+    action = LOST_REMOTE.get(round(value), "it does something unknown")
+    return f"FS_THR_ENABLE: when the remote control is lost {action} ({value:g})"
+
+
+def _poor_without_remote(value: float, vehicle: Vehicle) -> str | None:
+    return None if round(value) in LOST_REMOTE and value else "expected 3 (Land)"
+
+
+def _without_estimate(value: float, vehicle: Vehicle) -> str:
+    action = LOST_ESTIMATE.get(round(value), "it does something unknown")
+    return f"FS_EKF_ACTION: when the estimate is lost {action} ({value:g})"
+
+
+def _poor_without_estimate(value: float, vehicle: Vehicle) -> str | None:
+    return None if round(value) in (1, 3) else "expected 1 (Land)"
+
+
+def _return_height(centimetres: float, vehicle: Vehicle) -> str:
+    if centimetres == 0.0:
+        return "RTL_ALT: a return keeps its height"
+    return f"RTL_ALT: a return climbs to {0.01 * centimetres:g} m first"
+
+
+def _return_too_high(centimetres: float, vehicle: Vehicle) -> str | None:
+    if vehicle.ceiling_m is None or 0.01 * centimetres < vehicle.ceiling_m:
+        return None
+    return f"there is a ceiling at {vehicle.ceiling_m:g} m; expected failsafes that land, or 0 (keep the height)"
 
 
 ARDUPILOT = Firmware(
@@ -78,7 +141,33 @@ ARDUPILOT = Firmware(
             "for so many seconds ArduPilot keeps its last tilt when setpoints stop",
             advice=True,
         ),
+        Requirement(
+            "FS_GCS_ENABLE",
+            _landing_without_station,
+            "when quadctl dies, ArduPilot stays in GUIDED in the air until somebody lands it",
+            failsafe=True,
+            finding=_without_station,
+        ),
+        Requirement(
+            "SYSID_MYGCS",
+            lambda value: float(OWN_SYSTEM_ID),
+            "its ground-station failsafe watches the heartbeats of that system and never notices that quadctl dies",
+            failsafe=True,
+            finding=lambda value: f"the ground-station failsafe watches the heartbeats of system {value:g}",
+        ),
+        Requirement(
+            "FS_GCS_TIMEOUT",
+            lambda value: min(value, HEARTBEATS_LOST_S),
+            "for so many seconds it holds its height before its failsafe lands it",
+            advice=True,
+            finding=lambda value: f"the ground-station failsafe acts {value:g} s after the last heartbeat",
+        ),
     ),
-    checks=(hover_throttle_check("MOT_THST_HOVER"),),
+    checks=(
+        Check("FS_THR_ENABLE", _without_remote, _poor_without_remote),
+        Check("FS_EKF_ACTION", _without_estimate, _poor_without_estimate),
+        Check("RTL_ALT", _return_height, _return_too_high),
+        hover_throttle_check("MOT_THST_HOVER"),
+    ),
     serial_parameters=("SERIAL2_PROTOCOL", "SERIAL2_BAUD"),
 )

@@ -39,9 +39,17 @@ class Requirement:
     """Consequence if it is not met: the end of the sentence `GUID_OPTIONS is 0, expected 8: ...`."""
     advice: bool = False
     """True: recommended only; a flight without it is warned, not refused."""
+    failsafe: bool = False
+    """True: without it nobody lands the vehicle after quadctl has died; refused unless the user accepts that."""
+    finding: Callable[[float], str] | None = None
+    """Sentence about its value; None: the value alone says it."""
 
     def met(self, value: float) -> bool:
         return self.to_meet(value) == value
+
+    def said(self, value: float) -> str:
+        """Parameter and value, in a sentence where there is one."""
+        return f"{self.parameter} = {value:g}" if self.finding is None else f"{self.parameter}: {self.finding(value)}"
 
 
 @dataclass(frozen=True, slots=True)

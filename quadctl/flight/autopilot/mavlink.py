@@ -1,6 +1,9 @@
 """MAVLink's common numbers: commands, results, flags, and the messages that any autopilot may send."""
 
 MAV_COMP_ID_AUTOPILOT = 1
+OWN_SYSTEM_ID = 1
+"""System id of quadctl's heartbeats: that of the vehicle whose companion it is, not 255, a ground station's, whose
+heartbeats would go on after quadctl has died."""
 MAV_MODE_FLAG_CUSTOM_MODE_ENABLED = 1
 MAV_MODE_FLAG_SAFETY_ARMED = 128
 MAV_LANDED_STATE_ON_GROUND = 1

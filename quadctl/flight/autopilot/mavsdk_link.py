@@ -27,6 +27,7 @@ from mavsdk.plugins.param import Param, ParamError, ParamResult
 from mavsdk.system import System
 
 from quadctl.errors import FlightError, LinkError
+from quadctl.flight.autopilot import udp_port
 from quadctl.flight.autopilot.firmwares import FIRMWARES
 from quadctl.flight.autopilot.mavlink import MAV_COMP_ID_AUTOPILOT
 
@@ -65,8 +66,11 @@ class MavsdkLink:
     async def open(self, messages: Iterable[str], timeout_s: float) -> None:
         """Open the link, wait for an autopilot, and from then on hand over the `messages` that it sends.
 
-        Raises LinkError when the link cannot be opened or nobody answers.
+        Raises LinkError when the link cannot be opened, another program holds its port, or nobody answers.
         """
+        listens = self.url.startswith("udpin")
+        if listens:
+            udp_port.require_free(self.url)
         log_subscribe(_log)
         configuration = Configuration.create_with_component_type(ComponentType.COMPANION_COMPUTER)
         mavsdk = self._mavsdk = Mavsdk(configuration)
@@ -75,6 +79,8 @@ class MavsdkLink:
         except MavsdkConnectionError as error:
             reason = str(error).rpartition(": ")[2]
             raise LinkError(f"The link {self.url} cannot be opened ({reason}): check {_advice(self.url)}.") from None
+        if listens:
+            udp_port.own(self.url)
         system = await _first_autopilot(mavsdk, timeout_s)
         if system is None:
             raise LinkError(

@@ -12,6 +12,7 @@ from typing import NamedTuple
 from pydantic import Field
 
 from quadctl.flight.pilot.continuity import ContinuityLimits
+from quadctl.flight.pilot.following import FollowingLimits
 from quadctl.frames import tilt
 from quadctl.missions import MissionLimits
 from quadctl.settings import Settings
@@ -45,6 +46,7 @@ class GuardLimits(Settings):
     max_over_time_s: float = Field(default=60.0, gt=0.0, le=600.0)
     """Longest time by which a flight may exceed its mission, by a slow take-off, and longest landing."""
     continuity: ContinuityLimits = ContinuityLimits()
+    following: FollowingLimits = FollowingLimits()
 
 
 UNIT_TOLERANCE = 0.01
@@ -108,8 +110,8 @@ def inspect(
     """First breach of a limit, or None.
 
     `in_air_s` is the time since the take-off began, `mission_s` how long the mission lasts, `height_m` the vehicle's
-    height above the ground and `distance_m` its horizontal distance from the take-off point. `above_floor`: it has been
-    above the floor, so that it is not on its way up to it.
+    height above the ground and `distance_m` its horizontal distance from the take-off point. `above_floor`: it has left
+    the ground and been above the floor, so that it is not on its way up to it.
     """
     # First who flies: what else is wrong is no longer our business, least of all to take the mode back for it.
     if not state.armed:

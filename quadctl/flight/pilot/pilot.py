@@ -7,6 +7,7 @@ state and carry out what it asks for. So both fly the very same flight.
 from collections.abc import Callable
 
 from quadctl.compensator import Compensator
+from quadctl.flight.pilot.following import Following
 from quadctl.flight.pilot.guards import Answer, Breach, unfit
 from quadctl.flight.pilot.landing import Landing
 from quadctl.flight.pilot.progress import Progress
@@ -58,6 +59,7 @@ class Pilot:
         self._progress = Progress()
         self._watch = Supervisor(mission, settings, self._home)
         self._steering = Steering(mission, body.vehicle, settings, compensator, self._home)
+        self._following = Following(settings.guards.following, settings.controller, body.vehicle)
         self._landing = Landing(self._progress, self._watch, self._steering)
         self._offboard_seen = False
         self._faded = False
@@ -216,7 +218,10 @@ class Pilot:
         if breach is not None:
             return self._landing.answer(breach, state)
         share = self._progress.in_stage_s / SPOOL_UP_S
-        return self._steering.standing(0.5 * share) if share < 1.0 else self._lift_off(state)
+        if share < 1.0:
+            return self._steering.standing(0.5 * share)
+        self._steering.start_at(state)  # again: the ground is where the estimate has it at take-off
+        return self._lift_off(state)
 
     def _climb(self, state: VehicleState, dt: float) -> Decision:
         """One tick of CLIMB: the autopilot takes off, and we are silent, as a target would end its take-off."""
@@ -248,8 +253,15 @@ class Pilot:
         if not self.phases_flown or self.phases_flown[-1] != phase.name:
             self.phases_flown.append(phase.name)
         if t_s >= self.mission.duration_s:
-            return self._landing.begin("completed", state)
-        return self._steering.along(t_s, state, dt)
+            return self._landing.begin(self._verdict(), state)
+        decision = self._steering.along(t_s, state, dt)
+        assert decision.target is not None
+        assert decision.setpoint is not None
+        rest_down_m = self._home.position_ned_m[2]
+        problem = self._following.defect(state, decision.setpoint, decision.target, rest_down_m)
+        if problem is not None:
+            return self._landing.answer(Breach(Answer.HAND_OVER, problem), state)
+        return decision
 
     # --- inside --------------------------------------------------------------------------------------------------
 
@@ -258,6 +270,13 @@ class Pilot:
         wish = self._watch.want_land
         found = self._watch.breach(state, self._progress.in_air_s, off_ground=self.stage is Stage.FLY)
         return Breach(Answer.LAND, wish) if found is None and wish else found
+
+    def _verdict(self) -> str:
+        """End of a mission that was flown to its last phase: completed, if it was followed."""
+        error_m, allowed_m = self._following.error_rms_m, self.mission.limits.tolerance_m
+        if error_m > allowed_m:
+            return f"mission not followed: the position error was {error_m:.2f} m (RMS), allowed are {allowed_m:g} m"
+        return "completed"
 
     def _notice_fading(self, decision: Decision) -> None:
         """Note once, for the log, that the compensator has faded."""

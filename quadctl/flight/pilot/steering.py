@@ -21,6 +21,11 @@ class Home:
     ground_down_m: float = 0.0
     heading_rad: float = 0.0
 
+    @property
+    def rest_height_m(self) -> float:
+        """Height at which the vehicle stood before take-off."""
+        return self.ground_down_m - self.position_ned_m[2]
+
     def height_m(self, state: VehicleState) -> float:
         """Height of the vehicle above the ground."""
         return self.ground_down_m - state.position_ned_m[2]

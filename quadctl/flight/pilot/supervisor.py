@@ -3,7 +3,7 @@
 import math
 
 from quadctl.flight.pilot.continuity import Continuity
-from quadctl.flight.pilot.guards import Answer, Breach, defect, floor, inspect
+from quadctl.flight.pilot.guards import Answer, Breach, defect, inspect
 from quadctl.flight.pilot.settings import FlightSettings
 from quadctl.flight.pilot.standing import not_standing, posture
 from quadctl.flight.pilot.steering import Home
@@ -16,6 +16,9 @@ MODE_FRESH_S = 0.5
 """Largest age of the word on the mode that shows that the mode is still ours to change."""
 HEARTBEAT_S = 1.0
 """Interval of heartbeats, which some autopilots do not change; others tell the mode more often."""
+
+LEFT_GROUND_M = 0.1
+"""Climb above the height at rest after which the vehicle has left the ground, and its height is guarded."""
 
 
 class Supervisor:
@@ -39,7 +42,7 @@ class Supervisor:
         """True when the autopilot has restarted, and forgotten our requests."""
         self._boots: int | None = None
         self._continuity = Continuity(settings.guards.continuity)
-        self._above_floor = False
+        self._cleared = False
         self._stall: str | None = None
         self._stalled_s = -math.inf
         """Time at which the last stall was noticed."""
@@ -94,6 +97,11 @@ class Supervisor:
         under_way = self.arm_asked and not self.armed_seen and given_up_s < ARM_SETTLE_S
         return not state.armed and not under_way
 
+    @property
+    def _clear_height_m(self) -> float:
+        """Height at which a vehicle has left the ground and passed the floor, in spite of an estimate that wanders."""
+        return max(self._mission.limits.min_z_m, self._home.rest_height_m + LEFT_GROUND_M)
+
     def breach(self, state: VehicleState, in_air_s: float, off_ground: bool = True) -> Breach | None:
         """Breach because of which the flight must not go on as it does, or None.
 
@@ -101,7 +109,7 @@ class Supervisor:
         reasons.
         """
         height_m = self._home.height_m(state)
-        self._above_floor = self._above_floor or height_m >= max(floor(self._mission.limits), 0.0)
+        self._cleared = self._cleared or height_m >= self._clear_height_m
         found = inspect(
             state,
             in_air_s,
@@ -110,7 +118,7 @@ class Supervisor:
             self._home.distance_m(state),
             self._guards,
             self._mission.limits,
-            self._above_floor,
+            self._cleared,
         )
         if found is not None and found.answer is Answer.RELEASE:  # goes before our own troubles
             return found if self._stall is None else found._replace(reason=f"{self._stall}, then {found.reason}")

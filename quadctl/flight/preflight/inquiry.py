@@ -12,6 +12,7 @@ from quadctl.flight.autopilot.mavsdk_autopilot import MavsdkAutopilot
 from quadctl.flight.autopilot.port import Autopilot
 from quadctl.flight.pilot.guards import defect
 from quadctl.flight.pilot.standing import not_standing, posture
+from quadctl.flight.preflight.changed_parameters import ChangedParameters, left_behind, restore, still_changed
 from quadctl.flight.preflight.findings import Finding, Verdict, judged
 from quadctl.flight.preflight.plan import FlightPlan
 from quadctl.flight.realtime import run
@@ -56,8 +57,18 @@ class Counted:
         return self.updates.get(part, 0) / self.seconds
 
 
-def ask_autopilot(plan: FlightPlan, url: str, seconds: float) -> list[Finding]:
+def ask_autopilot(
+    plan: FlightPlan,
+    url: str,
+    seconds: float,
+    kept: ChangedParameters,
+    without_failsafe: bool = False,
+    restore_parameters: bool = False,
+) -> list[Finding]:
     """Connect to the autopilot at `url`, listen for `seconds`, ask for parameters, let go.
+
+    With `without_failsafe` a missing failsafe is a warning only. `kept` holds what an earlier flight may have left
+    behind; with `restore_parameters` that is restored.
 
     Raises
     ------
@@ -66,20 +77,44 @@ def ask_autopilot(plan: FlightPlan, url: str, seconds: float) -> list[Finding]:
     """
     autopilot = MavsdkAutopilot(url, plan.body.vehicle.n_rotors, plan.settings.link.timeout_s)
     try:
-        return run(_ask(plan, autopilot, seconds))
+        return run(_ask(plan, autopilot, seconds, kept, without_failsafe, restore_parameters))
     except KeyboardInterrupt:
         raise FlightError("interrupted while the autopilot was asked") from None
 
 
-async def _ask(plan: FlightPlan, autopilot: Autopilot, seconds: float) -> list[Finding]:
+async def _ask(
+    plan: FlightPlan,
+    autopilot: Autopilot,
+    seconds: float,
+    kept: ChangedParameters,
+    without_failsafe: bool,
+    restore_parameters: bool,
+) -> list[Finding]:
     try:
         await autopilot.connect()
-        return await inspect_autopilot(plan, autopilot, seconds)
+        left = await _left_behind(autopilot, kept, restore_parameters)
+        return left + await inspect_autopilot(plan, autopilot, seconds, without_failsafe)
     finally:
         await autopilot.close()
 
 
-async def inspect_autopilot(plan: FlightPlan, autopilot: Inspected, seconds: float) -> list[Finding]:
+async def _left_behind(autopilot: Autopilot, kept: ChangedParameters, restore_parameters: bool) -> list[Finding]:
+    """Findings about the parameters that an earlier flight has changed and did not restore."""
+    left = await still_changed(autopilot, kept)
+    if not restore_parameters:
+        return [Finding(Verdict.WARNING, "parameters", left_behind(name, change)) for name, change in left.items()]
+    said: list[str] = []
+    await restore(autopilot, left, kept, said.append)
+    unrestored = kept.read()
+    return [
+        Finding(Verdict.WARNING if name in unrestored else Verdict.OK, "parameters", sentence)
+        for name, sentence in zip(left, said, strict=True)
+    ]
+
+
+async def inspect_autopilot(
+    plan: FlightPlan, autopilot: Inspected, seconds: float, without_failsafe: bool = False
+) -> list[Finding]:
     """All findings about an autopilot that is connected."""
     try:
         await autopilot.request_telemetry()
@@ -95,7 +130,7 @@ async def inspect_autopilot(plan: FlightPlan, autopilot: Inspected, seconds: flo
         _standing(state, plan),
         _mode(state),
         _battery(state, plan),
-        *await _parameters(autopilot, plan.body.vehicle),
+        *await _parameters(autopilot, plan.body.vehicle, without_failsafe),
     ]
 
 
@@ -160,9 +195,9 @@ def _battery(state: VehicleState, plan: FlightPlan) -> Finding:
     return judged("battery", f"{state.battery_v:.2f} V", refused=low)
 
 
-async def _parameters(autopilot: Inspected, vehicle: Vehicle) -> list[Finding]:
+async def _parameters(autopilot: Inspected, vehicle: Vehicle, without_failsafe: bool) -> list[Finding]:
     values = await autopilot.parameters(need.parameter for need in autopilot.requirements)
-    required = [_required(need, values) for need in autopilot.requirements]
+    required = [_required(need, values, without_failsafe) for need in autopilot.requirements]
     return [*required, *await advisable_parameters(autopilot, vehicle)]
 
 
@@ -179,11 +214,12 @@ async def advisable_parameters(autopilot: Inspected, vehicle: Vehicle) -> list[F
     ]
 
 
-def _required(need: Requirement, values: Mapping[str, float]) -> Finding:
+def _required(need: Requirement, values: Mapping[str, float], without_failsafe: bool) -> Finding:
     """Finding about a parameter that `quadctl fly` refuses to fly without, or sets with --set-params."""
+    lenient = need.advice or (need.failsafe and without_failsafe)
     if need.parameter not in values:
-        return judged("parameters", need.parameter, refused="the autopilot does not tell it")
+        unknown = "the autopilot does not tell it"
+        return judged("parameters", need.parameter, refused=None if lenient else unknown, warning=unknown)
     value = values[need.parameter]
     problem = None if need.met(value) else f"expected {need.to_meet(value):g} (--set-params does it): {need.because}"
-    text = f"{need.parameter} = {value:g}"
-    return judged("parameters", text, refused=None if need.advice else problem, warning=problem)
+    return judged("parameters", need.said(value), refused=None if lenient else problem, warning=problem)
