@@ -193,6 +193,8 @@ class MavsdkAutopilot:
 
     def _ask_for_round_trips(self) -> None:
         while not self._closing.wait(round_trips.EVERY_S):
+            if not self.state().connected:  # nobody to ask, and MAVSDK would complain of each question
+                continue
             with contextlib.suppress(LinkError):  # the guards notice what that means
                 self._link.send("TIMESYNC", self._telemetry.round_trips.question(time.monotonic()))
 
