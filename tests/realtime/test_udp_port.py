@@ -3,10 +3,12 @@
 import asyncio
 import os
 import socket
+from pathlib import Path
 
 import pytest
 
 from quadctl.errors import LinkError
+from quadctl.flight.autopilot import udp_port
 from quadctl.flight.autopilot.mavsdk_autopilot import MavsdkAutopilot
 from quadctl.sitl.rules.px4 import SimulatedAutopilot
 from quadctl.vehicle import load_vehicle
@@ -36,6 +38,16 @@ def test_a_port_that_somebody_holds_is_refused_with_his_name_and_nothing_is_sent
         with pytest.raises(BlockingIOError):
             held.recv(1)
     assert f"UDP port {port} is held by process {os.getpid()} (" in str(error.value)
+
+
+def test_owning_a_port_leaves_no_file_open() -> None:
+    port = free_port()
+    with reusing(port, "127.0.0.1"):
+        before = len(list(Path("/proc/self/fd").iterdir()))
+        udp_port.own(f"udpin://127.0.0.1:{port}")
+        assert len(list(Path("/proc/self/fd").iterdir())) == before
+        with pytest.raises(OSError, match="Address already in use"):
+            reusing(port, "127.0.0.1")
 
 
 @pytest.mark.parametrize("host", ["0.0.0.0", "127.0.0.1"])

@@ -36,10 +36,14 @@ def own(url: str) -> None:
     """Switch address reuse off on the sockets of this process at the port of a `udpin` URL."""
     _, port = _address(url)
     for entry in _entries(PROC / "self" / "fd"):
-        with suppress(OSError, ValueError), socket.socket(fileno=os.dup(int(entry.name))) as ours:
-            if ours.type == socket.SOCK_DGRAM and ours.getsockname()[1:2] == (port,):
-                for option in (socket.SO_REUSEADDR, socket.SO_REUSEPORT):
-                    ours.setsockopt(socket.SOL_SOCKET, option, 0)
+        with suppress(OSError):
+            if not str(entry.readlink()).startswith("socket:"):
+                continue
+            with socket.socket(fileno=os.dup(int(entry.name))) as ours:
+                internet = ours.family in (socket.AF_INET, socket.AF_INET6)
+                if internet and ours.type == socket.SOCK_DGRAM and ours.getsockname()[1] == port:
+                    for option in (socket.SO_REUSEADDR, socket.SO_REUSEPORT):
+                        ours.setsockopt(socket.SOL_SOCKET, option, 0)
 
 
 def _address(url: str) -> tuple[str, int]:
