@@ -170,8 +170,8 @@ def _without_spikes(channels: list[Channel], limit: float, what: str, notes: lis
 
 
 def _rotorsignals_of(log: FlightLog, vehicle: Vehicle) -> tuple[list[Channel], str]:
-    """Nominal thrust of each rotor from the rpm, else from the motor outputs or the throttle by the vehicle's curve, else
-    from the commanded thrust."""
+    """Nominal thrust of each rotor from the rpm, else from the motor outputs or the throttle by the vehicle's curve,
+    else from the commanded thrust."""
     if log.n_rotors and log.has("motor1_rpm"):
         if log.n_rotors != vehicle.n_rotors:
             raise LogError(
