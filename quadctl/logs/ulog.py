@@ -102,16 +102,18 @@ def read_ulog(path: Path) -> FlightLog:
     if log.dropouts:
         lost = sum(dropout.duration for dropout in log.dropouts) / 1000.0
         notes.append(f"PX4's logger lost data {len(log.dropouts)} times, {lost:.2f} s together")
+    known = log.initial_parameters
+    parameters = {name: float(value) for name in PARAMETERS if (value := known.get(name)) is not None}
     meta = {
         "autopilot": "PX4",
         "software": _version(log.msg_info_dict),
-        "parameters": {name: float(v) for name in PARAMETERS if (v := log.initial_parameters.get(name)) is not None},
+        "parameters": parameters,
     }
     armed = topics.get("actuator_armed")
     periods = [] if armed is None else intervals(_seconds(armed, "timestamp"), _values(armed, "armed") > 0)
     topics.pop("actuator_outputs", None)
-    if "actuator_motors" not in topics and "CA_ROTOR_COUNT" not in meta["parameters"]:  # PX4 1.12 and before
-        topics |= _motors_from_outputs(outputs, meta["parameters"], notes)
+    if "actuator_motors" not in topics and "CA_ROTOR_COUNT" not in parameters:  # PX4 1.12 and before
+        topics |= _motors_from_outputs(outputs, parameters, notes)
     channels = list(_channels(topics, notes))
     invalid = _invalid(topics.get("vehicle_local_position", {}), notes)
     return merge(channels, Origin(path, NEEDED, meta, notes, periods, invalid))
