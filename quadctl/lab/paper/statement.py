@@ -63,7 +63,7 @@ class Statement:
     """Per axis; axes of flights that are too short are absent."""
     command: str
     thresholds: dict[str, float]
-    """Thresholds of the decision rule, by their names in `quadctl.lab.selection.rule`."""
+    """Numbers of the decision rule, by their names in `quadctl.lab.selection.rule`."""
 
     @property
     def model(self) -> Model:
