@@ -1,5 +1,7 @@
 """The commands of the lab: from logs to the effects that a model is missing."""
 
+import shlex
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -13,6 +15,8 @@ from quadctl.logs.formats import CONVERTERS, suffixes
 
 MAX_NUMBER = 1e9
 """Largest height or time on the command line, m or s."""
+
+PAPER_FILES = ("model.tex", "model.bib", "model.json")
 
 ModelArgument = Annotated[
     Path, typer.Argument(metavar="MODEL.yaml", help="Model file, or a bare vehicle file.", callback=find)
@@ -253,6 +257,30 @@ def discover(
         last = result.additions[-1] if result.additions else None
         write_report(html, comparison=result.before, diagnosis=result.diagnosis, addition=last)
         console.print(f"Report: {html}", soft_wrap=True, markup=False, highlight=False)
+
+
+@app.command()
+def report(
+    model: ModelArgument,
+    logs: LogArguments,
+    paper: Annotated[
+        Path, typer.Option("--paper", metavar="DIR", help="Folder for model.tex, model.bib and model.json.")
+    ],
+    json_out: JsonOption = None,
+    hold_out: HoldOutOption = "blocks",
+) -> None:
+    """Write a model, fitted to flights, for a paper: LaTeX, BibTeX and JSON."""
+    from quadctl.lab.paper import paper_files, state
+
+    targets = [paper / name for name in PAPER_FILES]
+    check_outputs([model, *logs], json_out, *targets)
+    loaded, data = _model_and_data(model, logs, hold_out)
+    statement = state(loaded, data, shlex.join(["quadctl", *sys.argv[1:]]))
+    _print_notes(data)
+    for name, text in paper_files(statement).items():
+        write_text(paper / name, text)
+        print_saved(paper / name)
+    write_json(json_out, statement.to_dict())
 
 
 @app.command()

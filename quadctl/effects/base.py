@@ -83,6 +83,8 @@ class Effect:
     """Name as `family.variant`, as in model files."""
     source: ClassVar[str]
     """Source: paper and equation."""
+    formula: ClassVar[str] = ""
+    """Formula in LaTeX's mathematics; where it is empty a paper names the effect with its parameters."""
     depends_on: ClassVar[tuple[str, ...]]
     """Variables that this effect varies with, of `VARIABLES`."""
     physics: ClassVar[str]

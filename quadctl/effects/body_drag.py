@@ -16,6 +16,9 @@ class QuadraticDrag(Effect):
 
     name: ClassVar[str] = "body_drag.quadratic"
     source: ClassVar[str] = "definition of the drag coefficient; Hattenberger et al. 2022 for multirotors"
+    formula: ClassVar[str] = (
+        r"\mathbf{f} = -\tfrac{1}{2} \rho \, |\mathbf{v}| \, \mathrm{diag}(A_x, A_y, A_z) \, \mathbf{v}"
+    )
     depends_on: ClassVar[tuple[str, ...]] = ("speed_forward", "speed_right")
     physics: ClassVar[str] = "The frame's pressure drag pushes against the flight velocity and grows with its square."
     distinguished_by: ClassVar[str] = (

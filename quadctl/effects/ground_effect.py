@@ -61,6 +61,7 @@ class Cheeseman(GroundEffect):
 
     name: ClassVar[str] = "ground_effect.cheeseman"
     source: ClassVar[str] = "Cheeseman & Bennett 1955, ARC R&M 3021, eq. for V = 0"
+    formula: ClassVar[str] = r"K = \bigl(1 - (R / 4z)^2\bigr)^{-1}"
 
     def at_height(self, z: Number, vehicle: Vehicle) -> Number:
         return 1.0 / (1.0 - (vehicle.rotor.radius_m / (4.0 * z)) ** 2)
@@ -140,6 +141,7 @@ class Hayden(GroundEffect):
 
     name: ClassVar[str] = "ground_effect.hayden"
     source: ClassVar[str] = "Hayden 1976, The effect of the ground on helicopter hovering power required"
+    formula: ClassVar[str] = r"K = \bigl(0.9926 + 0.03794 \, (2R / z)^2\bigr)^{2/3}"
 
     def at_height(self, z: Number, vehicle: Vehicle) -> Number:
         diameters = z / (2.0 * vehicle.rotor.radius_m)
@@ -201,6 +203,7 @@ class Exponential(GroundEffect):
 
     name: ClassVar[str] = "ground_effect.exponential"
     source: ClassVar[str] = "Appius, thesis, eq. 14 and 16, with c = 1"
+    formula: ClassVar[str] = r"K = c + a \, e^{-b z}"
 
     a: float = parameter(0.114, 0.0, 1.5, "", "gain in thrust at height 0")
     b: float = parameter(5.388, 0.3, 60.0, "1/m", "rate at which it fades with height")

@@ -21,6 +21,7 @@ class AxialInflow(ThrustRatio):
 
     name: ClassVar[str] = "inflow.axial"
     source: ClassVar[str] = "Leishman, Principles of Helicopter Aerodynamics, 2nd ed., sec. 3.3 (linearised)"
+    formula: ClassVar[str] = r"K = 1 - k \, V_c / v_h"
     depends_on: ClassVar[tuple[str, ...]] = ("climb_rate",)
     physics: ClassVar[str] = (
         "In a climb the blades meet the air at a smaller angle of attack: the same rotor speed gives less thrust."

@@ -17,6 +17,7 @@ class LinearDrag(Effect):
 
     name: ClassVar[str] = "rotor_drag.linear"
     source: ClassVar[str] = "Faessler et al. 2018, IEEE RA-L 3(2), eq. 2-3"
+    formula: ClassVar[str] = r"\mathbf{f} = -m \, \mathrm{diag}(d_x, d_y, d_z) \, \mathbf{v}"
     depends_on: ClassVar[tuple[str, ...]] = ("speed_forward", "speed_right")
     physics: ClassVar[str] = (
         "Blade flapping and the rotors' induced drag push against the flight velocity, in proportion to it."

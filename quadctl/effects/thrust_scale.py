@@ -19,6 +19,7 @@ class ConstantScale(ThrustRatio):
 
     name: ClassVar[str] = "thrust_scale.constant"
     source: ClassVar[str] = "definition; PX4's hover-thrust estimator tracks the same quantity"
+    formula: ClassVar[str] = r"K = \mathrm{factor}"
     depends_on: ClassVar[tuple[str, ...]] = ()
     physics: ClassVar[str] = (
         "The thrust coefficient (or the mass) in the vehicle file is off by a factor: the error is the same everywhere."

@@ -49,6 +49,12 @@ def motor_columns(n_rotors: int, quantity: str) -> list[str]:
     return [f"motor{i + 1}_{quantity}" for i in range(n_rotors)]
 
 
+def motor_of(name: str) -> int | None:
+    """Number of the motor, from 1, that a column belongs to; None for a column of no motor."""
+    found = _MOTOR_COLUMN.fullmatch(name)
+    return int(found[1]) if found else None
+
+
 def is_column(name: str) -> bool:
     """True for the name of a column of a flight log."""
     return (

@@ -30,6 +30,9 @@ _NEEDED_FIELDS = {"PARM": ("Name",), "ESC": ("Instance", "RPM"), "ARM": ("ArmSta
 """Fields, beside the time, without which a message says nothing; any other may be missing."""
 _INSTANCE_FIELDS = ("I", "C", "Inst", "Instance")
 _MAX_OUTPUTS = 14
+_HORIZONTAL_POSITION, _HEIGHT, _CONSTANT_POSITION = 0b1_1000, 0b10_0000, 0b1000_0000
+"""Bits of SS in XKF4, ArduPilot's `nav_filter_status`: horizontal position relative or absolute, height, and position
+held constant for want of an aid."""
 
 _Message: TypeAlias = dict[str, NDArray[Any]]
 """Arrays of shape (n,) by the names of the fields, in the units of ArduPilot's documentation."""
@@ -68,7 +71,9 @@ def read_dataflash(path: Path) -> FlightLog:
         "parameters": {name: parameters[name] for name in PARAMETERS if name in parameters},
     }
     channels = list(_channels(messages, parameters, notes))
-    return merge(channels, Origin(path, NEEDED, meta, notes, _armed(messages)))
+    armed_s = _armed(messages)
+    notes += _doubts(messages, armed_s)
+    return merge(channels, Origin(path, NEEDED, meta, notes, armed_s))
 
 
 # --- bytes ------------------------------------------------------------------------------------------------------------
@@ -198,6 +203,27 @@ def _position(messages: dict[str, _Message]) -> Iterator[Channel]:
         columns = {column: sign * _values(core, field) for column, (field, sign) in signs.items()}
         yield Channel(f"{state} of core {primary}", _seconds(core), columns)
         return
+
+
+def _doubts(messages: dict[str, _Message], armed_s: list[tuple[float, float]]) -> list[str]:
+    """Notes on the time, armed where the log says so, in which the EKF itself did not claim to know the position."""
+    name = next((status for status in ("XKF4", "NKF4") if status in messages), None)
+    core = None if name is None else _instance(messages[name], _primary_core(messages[name]))
+    if core is None or "SS" not in core:
+        return []
+    time, status = _seconds(core), core["SS"].astype(np.int64)
+    if armed_s:
+        status = status[np.logical_or.reduce([(time >= begin) & (time <= end) for begin, end in armed_s])]
+    unknown = {
+        "x_m and y_m": ((status & _HORIZONTAL_POSITION) == 0) | ((status & _CONSTANT_POSITION) != 0),
+        "z_m": (status & _HEIGHT) == 0,
+    }
+    return [
+        f"ArduPilot's estimator did not call {columns} valid in {np.mean(where):.1%} of its messages"
+        f"{' while armed' if armed_s else ''} ({name}.SS): they are read all the same"
+        for columns, where in unknown.items()
+        if where.any()
+    ]
 
 
 def _primary_core(status: _Message | None) -> int:

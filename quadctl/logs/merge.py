@@ -8,7 +8,7 @@ are averaged over the time since the row before: each sample counts once.
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -55,6 +55,8 @@ class Origin:
     notes: list[str]
     armed_s: list[tuple[float, float]]
     """[(from, to), ...] in which the motors were armed, on the autopilot's clock; empty where the log does not say."""
+    invalid: dict[str, str] = field(default_factory=dict)
+    """Reason why a column holds no values although its message is there, by the name of the column."""
 
 
 def merge(channels: Iterable[Channel], origin: Origin) -> FlightLog:
@@ -70,7 +72,7 @@ def merge(channels: Iterable[Channel], origin: Origin) -> FlightLog:
     found = {name for channel in kept for name, values in channel.columns.items() if np.isfinite(values).any()}
     missing = [name for name in (*POSITION, *VELOCITY, *ATTITUDE) if name not in found]
     if missing:
-        raise LogError(f"{origin.path}: holds no values of {', '.join(missing)}, expected messages {origin.needs}")
+        raise LogError(f"{origin.path}: holds no values of {_reasoned(missing, origin)}")
     clock = row_times(np.concatenate([channel.time_s for channel in kept if channel.makes_rows]))
     columns = {"time_s": np.round(clock - clock[0], 6)}
     for channel in kept:
@@ -87,6 +89,15 @@ def merge(channels: Iterable[Channel], origin: Origin) -> FlightLog:
         "sources": {c.source: {"rate_hz": round(c.rate_hz, 2), "columns": list(c.columns)} for c in kept},
     }
     return FlightLog(origin.path.name, origin.path, columns, None, meta, notes)
+
+
+def _reasoned(missing: list[str], origin: Origin) -> str:
+    """The missing columns with what was expected: messages that are not there, or values that are valid."""
+    reasons = dict.fromkeys(origin.invalid[name] for name in missing if name in origin.invalid)
+    unsaid = [name for name in missing if name not in origin.invalid]
+    expected = [f"messages {origin.needs}"] if unsaid else []
+    expected += ["a flight in which they are valid"] if reasons else []
+    return f"{', '.join(missing)}{''.join(f' ({reason})' for reason in reasons)}, expected {' and '.join(expected)}"
 
 
 def row_times(time_s: Floats) -> Floats:

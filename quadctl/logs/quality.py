@@ -26,7 +26,7 @@ MIN_FLIGHT_S = 10.0
 MIN_CLEARANCE_M = 0.05
 """Higher than this above the height at rest is flight."""
 NEEDED = ("position", "velocity", "attitude")
-ROTORS = ("rpm", "motor output", "throttle command")
+ROTORS = ("rpm", "motor output", "throttle command", "thrust command")
 """Channels from which thrust can be known, the best first."""
 MOVING_M = 0.5
 """A stretch of a second in which the vehicle covers more than this along an axis tells of the clock."""
@@ -322,7 +322,9 @@ def _obstacles(
     columns = [column for name in NEEDED if name in present for column in _GROUPS[name]]
     found += [f"it holds no values of {column}" for column in columns if not log.has(column)]
     if thrust_source is None:
-        found.append("it holds neither rotor speeds nor motor outputs nor a throttle command: thrust is unknown")
+        found.append(
+            "it holds neither rotor speeds nor motor outputs nor a command of throttle or thrust: thrust is unknown"
+        )
     for name in (*NEEDED, *((thrust_source,) if thrust_source else ())):
         channel = present.get(name)
         if channel is not None and channel.rate_hz < MIN_RATE_HZ:

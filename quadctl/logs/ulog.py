@@ -26,13 +26,24 @@ TOPICS = (
     "sensor_combined",
     "vehicle_acceleration",
     "actuator_motors",
+    "actuator_outputs",
+    "actuator_controls_0",
     "esc_status",
     "battery_status",
     "vehicle_attitude_setpoint",
     "vehicle_thrust_setpoint",
     "actuator_armed",
 )
-PARAMETERS = ("CA_ROTOR_COUNT", "MPC_THR_HOVER", "THR_MDL_FAC")
+PARAMETERS = (
+    "CA_ROTOR_COUNT",
+    "MAV_TYPE",
+    "MPC_THR_HOVER",
+    "PWM_MAIN_MAX",
+    "PWM_MAIN_MIN",
+    "PWM_MAX",
+    "PWM_MIN",
+    "THR_MDL_FAC",
+)
 """Parameters that an analysis of motor outputs may need, kept in the log's `meta`."""
 MAGIC = b"ULog\x01\x12\x35"
 """The first bytes of every ULog."""
@@ -42,6 +53,21 @@ FIRST_MOTOR_FUNCTION = 101
 """PX4's output function of motor 1."""
 MAX_MOTORS = 12
 MAX_ESCS = 8
+PWM_US = (1000.0, 2000.0)
+"""Range of the motor outputs where PX4's parameters do not say."""
+PULSE_US = (800.0, 2200.0)
+"""Values of actuator_outputs that can be pulse lengths."""
+PWM_LIMITS = (("PWM_MAIN_MIN", "PWM_MAIN_MAX"), ("PWM_MIN", "PWM_MAX"))
+"""Parameters of the range of the outputs: those of PX4 1.12, and of the versions before."""
+MOTORS_OF_TYPE = {2: 4, 13: 6, 14: 8, 15: 3}
+"""Number of motors by MAV_TYPE: quadrotor, hexarotor, octorotor, tricopter."""
+FLAGS = {
+    "xy_valid": ("x_m", "y_m"),
+    "z_valid": ("z_m",),
+    "v_xy_valid": ("vx_m_s", "vy_m_s"),
+    "v_z_valid": ("vz_m_s",),
+}
+"""Columns that PX4's estimator calls valid by each of its flags."""
 IMU = ("imu_x_m_s2", "imu_y_m_s2", "imu_z_m_s2")
 ATTITUDE_COMMAND = ("roll_cmd_deg", "pitch_cmd_deg", "yaw_cmd_deg")
 
@@ -64,24 +90,33 @@ def read_ulog(path: Path) -> FlightLog:
     """
     log = _parsed(path)
     topics: dict[str, _Topic] = {}
+    outputs: list[_Topic] = []
     for data in log.data_list:
         if len(data.data.get("timestamp", ())):
             topics.setdefault(data.name, data.data)  # the first instance: PX4's primary
+            if data.name == "actuator_outputs":
+                outputs.append(data.data)
     notes: list[str] = []
     if log.file_corruption:
         notes.append("the file is damaged: what could not be read was left out")
     if log.dropouts:
         lost = sum(dropout.duration for dropout in log.dropouts) / 1000.0
         notes.append(f"PX4's logger lost data {len(log.dropouts)} times, {lost:.2f} s together")
+    known = log.initial_parameters
+    parameters = {name: float(value) for name in PARAMETERS if (value := known.get(name)) is not None}
     meta = {
         "autopilot": "PX4",
         "software": _version(log.msg_info_dict),
-        "parameters": {name: float(v) for name in PARAMETERS if (v := log.initial_parameters.get(name)) is not None},
+        "parameters": parameters,
     }
     armed = topics.get("actuator_armed")
     periods = [] if armed is None else intervals(_seconds(armed, "timestamp"), _values(armed, "armed") > 0)
+    topics.pop("actuator_outputs", None)
+    if "actuator_motors" not in topics and "CA_ROTOR_COUNT" not in parameters:  # PX4 1.12 and before
+        topics |= _motors_from_outputs(outputs, parameters, notes)
     channels = list(_channels(topics, notes))
-    return merge(channels, Origin(path, NEEDED, meta, notes, periods))
+    invalid = _invalid(topics.get("vehicle_local_position", {}), notes)
+    return merge(channels, Origin(path, NEEDED, meta, notes, periods, invalid))
 
 
 def _parsed(path: Path) -> Any:
@@ -144,6 +179,25 @@ def _local_position(topic: _Topic, notes: list[str]) -> Channel:
     return Channel("vehicle_local_position", _sampled(topic), columns)
 
 
+def _invalid(topic: _Topic, notes: list[str]) -> dict[str, str]:
+    """Reasons, by column, of those that PX4's estimator never calls valid; a note on those that it calls invalid for a
+    part of the log."""
+    reasons: dict[str, str] = {}
+    for flag, columns in FLAGS.items():
+        if flag not in topic:
+            continue
+        share = float(np.mean(np.asarray(topic[flag]) == 0))
+        if share == 1.0:
+            reason = f"PX4's estimator calls {' and '.join(columns)} invalid throughout: {flag} is false"
+            reasons |= dict.fromkeys(columns, reason)
+        elif share > 0.0:
+            notes.append(
+                f"PX4's estimator calls {' and '.join(columns)} invalid in {share:.1%} of its messages ({flag} is "
+                "false): left out there"
+            )
+    return reasons
+
+
 def _rates_and_imu(topics: dict[str, _Topic]) -> Iterator[Channel]:
     combined = topics.get("sensor_combined")
     if (topic := topics.get("vehicle_angular_velocity")) is not None:
@@ -167,16 +221,59 @@ def _motors(topics: dict[str, _Topic], notes: list[str]) -> Iterator[Channel]:
     rpm = None if (topic := topics.get("esc_status")) is None else _esc_status(topic, notes)
     if rpm is not None:
         yield rpm
-    if (topic := topics.get("actuator_motors")) is None:
+    source = next((name for name in ("actuator_motors", "actuator_outputs") if name in topics), None)
+    if source is None:
         if rpm is None:
             notes.append("holds neither esc_status nor actuator_motors: thrust is known from the throttle command only")
         return
+    topic = topics[source]
     controls = [_values(topic, f"control[{i}]") for i in range(MAX_MOTORS) if f"control[{i}]" in topic]
     n_motors = max((i for i, control in enumerate(controls, 1) if np.isfinite(control).any()), default=0)
     # NaN is PX4's word for a motor that is stopped.
     outputs = [np.nan_to_num(control, nan=0.0) for control in controls[:n_motors]]
     columns = dict(zip(motor_columns(n_motors, "output"), outputs, strict=True))
-    yield Channel("actuator_motors", _seconds(topic, "timestamp"), columns)
+    yield Channel(source, _seconds(topic, "timestamp"), columns)
+
+
+def _motors_from_outputs(instances: list[_Topic], parameters: dict[str, float], notes: list[str]) -> dict[str, _Topic]:
+    """`actuator_motors` as PX4 1.13 and later log it, from the pulse lengths that earlier versions log.
+
+    PX4 bends the share of the full thrust on its way to the output: thrust = f u^2 + (1 - f) u, where u is the share of
+    the PWM range and f is THR_MDL_FAC. In PX4 1.12 `MultirotorMixer::mix` does so before `actuator_outputs` are logged,
+    and it is undone here. Later versions do so after `actuator_motors` are logged (`FunctionMotors::updateValues`), so
+    that nothing has to be undone there.
+    """
+    for topic in instances:
+        pulses = np.column_stack([_values(topic, f"output[{i}]") for i in range(MAX_MOTORS)])
+        n_motors = MOTORS_OF_TYPE.get(int(parameters.get("MAV_TYPE", 0))) or _n_moving(pulses)
+        pulses = pulses[:, :n_motors]
+        if not n_motors or _n_moving(pulses) < n_motors:
+            continue
+        if not np.all((np.max(pulses, axis=0) > PULSE_US[0]) & (np.max(pulses, axis=0) < PULSE_US[1])):
+            notes.append("actuator_outputs are no pulse lengths in microseconds: not read as motor outputs")
+            continue
+        given = ((parameters.get(low, 0.0), parameters.get(high, 0.0)) for low, high in PWM_LIMITS)
+        low, high = next(((low, high) for low, high in given if 0.0 < low < high), PWM_US)
+        share = np.clip((pulses - low) / (high - low), 0.0, 1.0)
+        f = parameters.get("THR_MDL_FAC", 0.0)
+        bent = 0.0 < f <= 1.0
+        notes.append(
+            f"motor outputs are pulse lengths of actuator_outputs as shares of {low:g} to {high:g} us"
+            + (f", PX4's thrust curve (THR_MDL_FAC = {f:g}) is removed" if bent else "")
+        )
+        thrust = f * share**2 + (1.0 - f) * share if bent else share
+        return {"actuator_outputs": {"timestamp": topic["timestamp"]} | _controls(thrust)}
+    return {}
+
+
+def _controls(share: Floats) -> _Topic:
+    return {f"control[{i}]": column for i, column in enumerate(share.T)}
+
+
+def _n_moving(pulses: Floats) -> int:
+    """Number of the outputs, from the first, that change without a fixed one between them."""
+    moves = np.nanmax(pulses, axis=0, initial=-np.inf) > np.nanmin(pulses, axis=0, initial=np.inf)
+    return int(np.argmin(np.append(moves, False)))
 
 
 def _esc_status(topic: _Topic, notes: list[str]) -> Channel | None:
@@ -200,14 +297,18 @@ def _esc_status(topic: _Topic, notes: list[str]) -> Channel | None:
 
 def _commands(topics: dict[str, _Topic]) -> Iterator[Channel]:
     attitude, thrust = topics.get("vehicle_attitude_setpoint"), topics.get("vehicle_thrust_setpoint")
+    controls = topics.get("actuator_controls_0")  # PX4 1.12 and before: roll, pitch, yaw, thrust
     if attitude is not None:
         columns = _euler(attitude, "q_d", ATTITUDE_COMMAND)
-        if thrust is None and "thrust_body[2]" in attitude:
+        if thrust is None and controls is None and "thrust_body[2]" in attitude:
             columns["throttle_cmd"] = -_values(attitude, "thrust_body[2]")
         yield Channel("vehicle_attitude_setpoint", _seconds(attitude, "timestamp"), columns)
     if thrust is not None:
         throttle = {"throttle_cmd": -_values(thrust, "xyz[2]")}
         yield Channel("vehicle_thrust_setpoint", _seconds(thrust, "timestamp"), throttle)
+    elif controls is not None:
+        throttle = {"throttle_cmd": _values(controls, "control[3]")}
+        yield Channel("actuator_controls_0", _seconds(controls, "timestamp"), throttle)
 
 
 # --- fields -----------------------------------------------------------------------------------------------------------

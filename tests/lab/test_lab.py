@@ -1,11 +1,13 @@
 """Specification of the lab: the fit, what is called missing, and when nothing is."""
 
 import dataclasses
+import io
 import math
 from pathlib import Path
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from quadctl.effects import find_effect
 from quadctl.effects.ground_effect import Exponential, Sanchez
@@ -23,7 +25,7 @@ from quadctl.lab.flights.prediction import rmse
 from quadctl.lab.flights.preparation import BLOCK_S, prepare
 from quadctl.lab.selection.addition import add
 from quadctl.lab.selection.diagnosis import Diagnosis, diagnose
-from quadctl.lab.selection.discovery import discover
+from quadctl.lab.selection.discovery import Discovery, discover
 from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.read import read_log
 from quadctl.model import Model, load_model, save_model
@@ -318,6 +320,24 @@ class TestDiscover:
         assert errors == sorted(errors, reverse=True)
         assert [step.family for step in found.diagnosis.steps] == ["", *found.diagnosis.missing]
         assert diagnose(found.model, data).missing == []
+        self.check_that_parameters_are_told(found)
+
+    @staticmethod
+    def check_that_parameters_are_told(found: Discovery) -> None:
+        """As saved, with interval and p; on a terminal of 80 columns nothing is cut."""
+        console = Console(file=io.StringIO(), width=80, color_system=None)
+        with console.capture() as capture:
+            console.print(found)
+        text = capture.get()
+        for item, entry in zip(found.model.stack, found.to_dict()["effects"], strict=True):
+            assert item.fitted is not None
+            assert entry["effect"] == item.effect.name
+            assert entry["p_value"] == found.p_values[item.effect.family()] < 0.01
+            for name, (low, high) in item.fitted.ci95.items():
+                value = item.effect.values()[name]
+                assert f"{name} = {value:.4g} [{low:.4g}, {high:.4g}]" in text
+                assert low < entry["parameters"][name] < high
+        assert max(map(len, text.splitlines())) <= 80
 
 
 class TestSpans:

@@ -22,6 +22,16 @@ from tests.support.log_files import (
 
 
 class TestDataFlash:
+    def test_a_position_that_the_estimator_did_not_call_valid_is_noted(self, tmp_path: Path) -> None:
+        path = tmp_path / "a.bin"
+        path.write_bytes(small_dataflash(status=0b10_0111))
+        assert [note for note in read_log(path).notes if "valid" in note] == [
+            "ArduPilot's estimator did not call x_m and y_m valid in 100.0% of its messages (XKF4.SS): "
+            "they are read all the same"
+        ]
+        path.write_bytes(small_dataflash())
+        assert not [note for note in read_log(path).notes if "valid" in note]
+
     def test_signs_frames_units_and_the_core_that_flies(self, tmp_path: Path) -> None:
         path = tmp_path / "a.bin"
         path.write_bytes(small_dataflash())

@@ -65,6 +65,67 @@ class TestULog:
         assert (log["motor2_rpm"][first], log["motor1_rpm"][first]) == (4000.0, 5000.0)
         assert (log["motor2_voltage_v"][first], log["motor1_voltage_v"][first]) == (16.5, 16.0)
 
+    def test_outputs_and_setpoints_of_px4_1_12(self, tmp_path: Path) -> None:
+        """Half of the PWM range at THR_MDL_FAC 0.3 is 0.3 * 0.25 + 0.7 * 0.5 of the thrust."""
+        us = [1_000_000 + 4000 * i for i in range(500)]
+        outputs = [
+            (t, 6, 1100.0, 1500.0 + i % 2, 1900.0, 1300.0, 1500.0, 1500.0, *[0.0] * 10) for i, t in enumerate(us)
+        ]
+        outputs[0] = (us[0], 6, *[900.0] * 4, 1500.0, 1500.0, *[0.0] * 10)  # disarmed
+        setpoints = [(t, 0.01, 0.02, 0.03, 0.45, *[0.0] * 4) for t in us]
+        path = tmp_path / "a.ulg"
+        path.write_bytes(
+            small_ulog(
+                Topic("actuator_outputs", "uint64_t timestamp;uint32_t noutputs;float[16] output", outputs),
+                Topic("actuator_controls_0", "uint64_t timestamp;float[8] control", setpoints),
+                parameters={"MAV_TYPE": 2, "PWM_MAIN_MIN": 1100, "PWM_MAIN_MAX": 1900, "THR_MDL_FAC": 0.3},
+            )
+        )
+        log = read_log(path)
+        row = log.updates("motor2_output")[1]
+        found = [log[f"motor{i}_output"][row + 20] for i in (1, 3, 4)]
+        assert found == pytest.approx([0.0, 1.0, 0.3 * 0.25**2 + 0.7 * 0.25], abs=1e-6)
+        assert np.min(log["motor2_output"][row:]) == pytest.approx(0.3 * 0.25 + 0.7 * 0.5, abs=1e-6)
+        assert "motor5_output" not in log.columns
+        assert log["throttle_cmd"][-1] == pytest.approx(0.45)
+        assert any("THR_MDL_FAC = 0.3" in note for note in log.notes)
+        assert "actuator_outputs" in log.meta["sources"]
+
+    def test_outputs_of_later_versions_are_shares_of_thrust_already(self, tmp_path: Path) -> None:
+        rows = [(1_000_000 + 4000 * i, *[0.4] * 4, *[np.nan] * 8) for i in range(500)]
+        pulses = [(t, 4, *[1500.0 + t % 3] * 4, *[0.0] * 12) for t, *_ in rows]
+        path = tmp_path / "a.ulg"
+        path.write_bytes(
+            small_ulog(
+                Topic("actuator_motors", "uint64_t timestamp;float[12] control", rows),
+                Topic("actuator_outputs", "uint64_t timestamp;uint32_t noutputs;float[16] output", pulses),
+                parameters={"THR_MDL_FAC": 0.3},
+            )
+        )
+        assert read_log(path)["motor1_output"][-1] == pytest.approx(0.4)
+
+    def test_outputs_that_are_no_pulses_are_said(self, tmp_path: Path) -> None:
+        rows = [(1_000_000 + 4000 * i, 4, *[4000.0 + i] * 4, *[0.0] * 12) for i in range(500)]
+        path = tmp_path / "a.ulg"
+        topic = Topic("actuator_outputs", "uint64_t timestamp;uint32_t noutputs;float[16] output", rows)
+        path.write_bytes(small_ulog(topic))
+        log = read_log(path)
+        assert "motor1_output" not in log.columns
+        assert any("no pulse lengths" in note for note in log.notes)
+
+    def test_a_position_that_the_estimator_never_called_valid_is_said(self, tmp_path: Path) -> None:
+        path = tmp_path / "a.ulg"
+        path.write_bytes(small_ulog(valid_from=1000))
+        assert (
+            "holds no values of x_m, y_m (PX4's estimator calls x_m and y_m invalid throughout: xy_valid is false), "
+            "expected a flight in which they are valid"
+        ) in sentence_of(path)
+
+    def test_a_position_that_the_estimator_called_invalid_for_a_while_is_noted(self, tmp_path: Path) -> None:
+        path = tmp_path / "a.ulg"
+        path.write_bytes(small_ulog())
+        assert any("x_m and y_m invalid in 10.0% of its messages" in note for note in read_log(path).notes)
+
     def test_missing_attitude_is_one_sentence(self, tmp_path: Path) -> None:
         path = tmp_path / "a.ulg"
         path.write_bytes(small_ulog(without="vehicle_attitude"))

@@ -1,7 +1,7 @@
 """Logs for the tests of their formats: real ones where they are, and small ones written byte for byte."""
 
 import struct
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeAlias
@@ -40,7 +40,7 @@ class Topic:
     rows: Sequence[tuple[float, ...]]
 
 
-ULOG_CODES = {"uint64_t": "Q", "float": "f", "uint8_t": "B", "bool": "?", "int32_t": "i"}
+ULOG_CODES = {"uint64_t": "Q", "float": "f", "uint8_t": "B", "bool": "?", "int32_t": "i", "uint32_t": "I"}
 ULOG_NESTED = {"esc_report": "int32_t esc_rpm;float esc_voltage;uint8_t actuator_function"}
 
 
@@ -54,13 +54,17 @@ def ulog_codes(fields: str) -> str:
     return codes
 
 
-def ulog_bytes(*topics: Topic) -> bytes:
+def ulog_bytes(*topics: Topic, parameters: Mapping[str, float] | None = None) -> bytes:
     def message(kind: bytes, body: bytes) -> bytes:
         return struct.pack("<H", len(body)) + kind + body
 
     out = [b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 0), message(b"B", bytes(40))]
     formats = {topic.name: topic.fields for topic in topics} | ULOG_NESTED
     out += [message(b"F", f"{name}:{fields};".encode()) for name, fields in formats.items()]
+    for name, value in (parameters or {}).items():
+        kind = "int32_t" if isinstance(value, int) else "float"
+        key = f"{kind} {name}".encode()
+        out.append(message(b"P", bytes([len(key)]) + key + struct.pack("<" + ULOG_CODES[kind], value)))
     out += [message(b"A", struct.pack("<BH", 0, i) + topic.name.encode()) for i, topic in enumerate(topics)]
     for i, topic in enumerate(topics):
         body = struct.Struct("<H" + ulog_codes(topic.fields))
@@ -140,7 +144,9 @@ def assert_same(a: FlightLog, b: FlightLog) -> None:
     assert (a.notes, a.meta) == (b.notes, b.meta)
 
 
-def small_ulog(*more: Topic, without: str = "") -> bytes:
+def small_ulog(
+    *more: Topic, without: str = "", valid_from: int = 10, parameters: Mapping[str, float] | None = None
+) -> bytes:
     us = [1_000_000 + 20_000 * i for i in range(100)]
     half = np.sqrt(0.5)
     topics = [
@@ -148,7 +154,7 @@ def small_ulog(*more: Topic, without: str = "") -> bytes:
             "vehicle_local_position",
             "uint64_t timestamp;uint64_t timestamp_sample;float x;float y;float z;float vx;float vy;float vz;"
             "bool xy_valid;bool z_valid;uint8_t z_reset_counter",
-            [(t, t - 8000, i, 2.0, -0.5 * i, 4.0, 5.0, -6.0, i > 9, True, i // 60) for i, t in enumerate(us)],
+            [(t, t - 8000, i, 2.0, -0.5 * i, 4.0, 5.0, -6.0, i >= valid_from, True, i // 60) for i, t in enumerate(us)],
         ),
         # nose 90 degrees to the right
         Topic("vehicle_attitude", "uint64_t timestamp;float[4] q", [(t, half, 0.0, 0.0, half) for t in us]),
@@ -161,10 +167,10 @@ def small_ulog(*more: Topic, without: str = "") -> bytes:
         Topic("battery_status", "uint64_t timestamp;float voltage_v", [(us[0], 16.25), (us[50], 16.0)]),
         Topic("vehicle_attitude_groundtruth", "uint64_t timestamp;float[4] q", [(t, 0, 1, 0, 0) for t in us]),
     ]
-    return ulog_bytes(*(topic for topic in topics if topic.name != without), *more)
+    return ulog_bytes(*(topic for topic in topics if topic.name != without), *more, parameters=parameters)
 
 
-def small_dataflash(*more: Message, without: str = "") -> bytes:
+def small_dataflash(*more: Message, without: str = "", status: int = 0b11_1111) -> bytes:
     us = [5_000_000 + 20_000 * i for i in range(100)]
     messages: list[Message] = [
         (
@@ -179,7 +185,7 @@ def small_dataflash(*more: Message, without: str = "") -> bytes:
                 (us[0], b"SERVO3_FUNCTION", 0.0),
             ],
         ),
-        ("XKF4", "QBb", "TimeUS,C,PI", [(t, c, 1) for t in us for c in (0, 1)]),
+        ("XKF4", "QBHb", "TimeUS,C,SS,PI", [(t, c, status * c, 1) for t in us for c in (0, 1)]),
         (
             "XKF1",
             "QBffffff",

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -13,12 +13,12 @@ from scipy.ndimage import median_filter
 from quadctl.effects.motor_lag import lagged
 from quadctl.errors import LogError
 from quadctl.lab.arrays import Floats
-from quadctl.logs.columns import motor_columns, rpm_columns
+from quadctl.logs.columns import motor_columns, motor_of, rpm_columns
 from quadctl.logs.flight_log import ATTITUDE, IMU, POSITION, RATES, VELOCITY, FlightLog
 from quadctl.vehicle import Vehicle
 
-ROTOR_SPEED, THROTTLE = "rotor speed", "throttle command"
-"""Sources of the thrust signal: the best one, and the one without information on single rotors."""
+ROTOR_SPEED, THROTTLE, THRUST_COMMAND = "rotor speed", "throttle command", "thrust command"
+"""Sources of the thrust signal: the best one, and those without information on single rotors."""
 MAX_SPEED_JUMP_M_S, SPIKE_WINDOW_S = 15.0, 1.0
 """Largest deviation of a velocity from its running median over the window; no multirotor accelerates faster."""
 
@@ -100,6 +100,28 @@ def updates_of(log: FlightLog, names: Sequence[str]) -> NDArray[np.intp]:
     return rows
 
 
+def without_absent_motors(log: FlightLog, n_rotors: int, notes: list[str]) -> FlightLog:
+    """The log without the columns of motors beyond `n_rotors` that never ran: loggers fill up their tables.
+
+    A motor never ran where its speed and its output hold only 0 or nothing.
+    """
+    absent = []
+    for name in log.columns:
+        motor = motor_of(name)
+        if motor is None or motor <= n_rotors:
+            continue
+        drive = (log.columns.get(f"motor{motor}_{quantity}") for quantity in ("rpm", "output"))
+        if not any(values is not None and np.any(np.nan_to_num(values)) for values in drive):
+            absent.append(name)
+    if not absent:
+        return log
+    notes.append(
+        f"left out as 0 or empty throughout, of motors that a vehicle with {n_rotors} rotors does not have: "
+        f"{', '.join(absent)}"
+    )
+    return replace(log, columns={name: values for name, values in log.columns.items() if name not in absent})
+
+
 def signals_of(log: FlightLog, vehicle: Vehicle, notes: list[str]) -> Signals:
     def channels(names: Sequence[str], scale: float = 1.0, unwrap: bool = False) -> list[Channel]:
         rows = updates_of(log, names)
@@ -148,8 +170,8 @@ def _without_spikes(channels: list[Channel], limit: float, what: str, notes: lis
 
 
 def _rotorsignals_of(log: FlightLog, vehicle: Vehicle) -> tuple[list[Channel], str]:
-    """Nominal thrust of each rotor from the rpm, else from the motor outputs, else from the throttle by the vehicle's
-    curve."""
+    """Nominal thrust of each rotor from the rpm, else from the motor outputs or the throttle by the vehicle's curve,
+    else from the commanded thrust."""
     if log.n_rotors and log.has("motor1_rpm"):
         if log.n_rotors != vehicle.n_rotors:
             raise LogError(
@@ -172,7 +194,10 @@ def _rotorsignals_of(log: FlightLog, vehicle: Vehicle) -> tuple[list[Channel], s
         rows = log.updates("throttle_cmd")
         each = np.maximum(log["throttle_cmd"][rows] - curve.offset, 0.0) / (curve.per_newton * n)
         return [Channel(log.time_s[rows], each)] * n, THROTTLE
+    if log.has("thrust_cmd_n"):
+        rows = log.updates("thrust_cmd_n")
+        return [Channel(log.time_s[rows], np.maximum(log["thrust_cmd_n"][rows], 0.0) / n)] * n, THRUST_COMMAND
     raise LogError(
-        f"{log.name}: holds neither rotor speeds nor throttle_cmd nor motor outputs, "
+        f"{log.name}: holds neither rotor speeds nor throttle_cmd nor motor outputs nor thrust_cmd_n, "
         "expected one of them to know the thrust"
     )

@@ -23,7 +23,7 @@ from quadctl.frames import (
     rotate_inverse,
 )
 from quadctl.lab.arrays import Floats
-from quadctl.lab.flights.channels import THROTTLE, Signals, signals_of
+from quadctl.lab.flights.channels import THROTTLE, THRUST_COMMAND, Signals, signals_of, without_absent_motors
 from quadctl.lab.flights.flight import Flight, SlowFilter
 from quadctl.lab.flights.timing import timed
 from quadctl.lab.flights.vehicle_match import motion_problem, sidecar_problem, thrust_problem
@@ -61,10 +61,11 @@ def prepare(log: FlightLog, vehicle: Vehicle) -> Flight:
     LogError
         The log lacks a signal, belongs to another vehicle, or holds no flight.
     """
+    notes = list(log.notes)
+    log = without_absent_motors(log, vehicle.n_rotors, notes)
     _require_columns(log)
     for problem in (*contradictions(log), sidecar_problem(log, vehicle)):
         _refuse(log.name, problem)
-    notes = list(log.notes)
     signals = signals_of(log, vehicle, notes)
     _refuse(log.name, _thrust_problem(log, signals, vehicle))
     segments = _flight_segments(log, signals, vehicle, notes)
@@ -268,7 +269,7 @@ def _torque(
     vehicle: Vehicle, signals: Signals, grid: Floats, smooth: csr_matrix, derivative: csr_matrix
 ) -> Floats | None:
     """Euler's equation I dw/dt + w x I w, filtered, FRD, N m, shape (n, 3), where single rotors and rates are known."""
-    if not signals.rates or signals.thrust_source == THROTTLE:
+    if not signals.rates or signals.thrust_source in (THROTTLE, THRUST_COMMAND):
         return None
     p, q, r = (channel.at(grid) for channel in signals.rates)
     ix, iy, iz = vehicle.principal_inertia_kg_m2

@@ -76,6 +76,8 @@ def thrust_problem(total_n: Floats, z_m: Floats, vehicle: Vehicle, source: str) 
 
 
 def _reason(factor: float, source: str) -> str:
+    if source == "thrust command":
+        return "is thrust_cmd_n the thrust of all rotors in newtons, and is mass_kg that of the vehicle that flew?"
     if source != "rotor speed":
         return "is the signal between 0 and 1, and are mass_kg and throttle those of the vehicle that flew?"
     of_speed = math.sqrt(factor)

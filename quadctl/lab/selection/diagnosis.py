@@ -24,7 +24,7 @@ from quadctl.lab.results import Result
 from quadctl.lab.selection.candidate import Candidate
 from quadctl.lab.selection.rule import is_large, is_measured, is_mostly_left, is_supported, is_unexplained, score
 from quadctl.lab.selection.search import Path, SelectionStep, emptied, search
-from quadctl.lab.selection.wording import candidate_to_dict, measured_to_dict
+from quadctl.lab.selection.wording import candidate_to_dict, measured_to_dict, p_in_table
 from quadctl.lab.symbolic.formula import Symbolic
 from quadctl.lab.symbolic.identification import explain
 from quadctl.lab.threads import one_blas_thread
@@ -123,7 +123,7 @@ class Diagnosis(Result):
                 Group(name, *([Padding(Text(parameters), (0, 1, 0, 2))] if c.ci95 else [])),
                 f"{c.before[c.measure]:.3f} -> {c.after[c.measure]:.3f}" + UNITS[c.measure],
                 f"{-c.held_out_drop:+.1%}",
-                "< 1e-4" if c.p_value < 1e-4 else f"{c.p_value:.2g}",
+                p_in_table(c.p_value),
             )
         return Group(table, Text("\n".join(self.lines())), *([self.symbolic] if self.symbolic else []))
 

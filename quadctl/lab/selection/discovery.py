@@ -5,15 +5,19 @@ from dataclasses import dataclass
 from typing import Any
 
 from rich.console import Group, RenderableType
+from rich.padding import Padding
+from rich.table import Table
 from rich.text import Text
 
 from quadctl.effects import Effect
 from quadctl.lab.comparison.comparison import Comparison, compare
+from quadctl.lab.comparison.wording import parameters_in_words
 from quadctl.lab.fitting.fitted_model import fit_model
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.results import Result, errors_table
 from quadctl.lab.selection.addition import Addition, add_to_fit
 from quadctl.lab.selection.diagnosis import Diagnosis, diagnose_fit
+from quadctl.lab.selection.wording import p_in_table
 from quadctl.model import Model
 
 
@@ -36,13 +40,44 @@ class Discovery(Result):
             "before": self.before.to_dict(),
             "diagnosis": self.diagnosis.to_dict(),
             "additions": [addition.to_dict() for addition in self.additions],
+            "effects": [
+                {
+                    "effect": item.effect.name,
+                    "parameters": item.effect.values(),
+                    "ci95": {name: list(ci) for name, ci in (item.fitted.ci95 if item.fitted else {}).items()},
+                    "p_value": self.p_values.get(item.effect.family()),
+                }
+                for item in self.model.stack
+            ],
         }
+
+    @property
+    def p_values(self) -> dict[str, float]:
+        """p-value with which each missing family was found, by family; none of those that the model held before."""
+        missing = self.diagnosis.missing
+        return {c.family: c.p_value for c in reversed(self.diagnosis.ranking) if c.family in missing}
 
     def __rich__(self) -> RenderableType:
         ladder = [(f"+ {step.effect}" if step.family else step.effect, step.rmse) for step in self.diagnosis.steps]
         floor = ("noise floor", self.before.noise_floor)
         table = errors_table("Held-out acceleration error after each selection step", [*ladder, floor])
-        return Group(table, Text("\n".join(self.diagnosis.lines())))
+        effects = [self._effects_table()] if self.model.stack else []
+        return Group(table, *effects, Text("\n".join(self.diagnosis.lines())))
+
+    def _effects_table(self) -> Table:
+        """Parameters with which the model is saved; on a terminal of 80 columns one parameter a line."""
+        table = Table(title="Effects of the model", title_justify="left")
+        table.add_column("effect, and its parameters [95 %]")
+        table.add_column("p", justify="right", no_wrap=True)
+        for item in self.model.stack:
+            ci95 = item.fitted.ci95 if item.fitted else {}
+            parameters = parameters_in_words(item.effect, ci95).replace("], ", "]\n")
+            p_value = self.p_values.get(item.effect.family())
+            table.add_row(
+                Group(item.effect.name, Padding(Text(parameters), (0, 0, 0, 2))),
+                "-" if p_value is None else p_in_table(p_value),
+            )
+        return table
 
 
 def discover(

@@ -25,6 +25,10 @@ def candidate_in_words(c: Candidate) -> str:
     return " ".join([c.effect.physics, verdict, *(f"Note: {remark}." for remark in c.remarks)])
 
 
+def p_in_table(p_value: float) -> str:
+    return "< 1e-4" if p_value < 1e-4 else f"{p_value:.2g}"
+
+
 def candidate_to_dict(c: Candidate) -> dict[str, Any]:
     """An entry of `ranking` in the JSON of a diagnosis."""
     return {

@@ -91,6 +91,31 @@ class TestPrepare:
         assert data.flights[0].thrust_source == "throttle command"
         assert rmse(data.aligned_for(rigid).residual(rigid))["up"] < 0.1 * float(np.std(data.measured[:, 2]))
 
+    def test_commanded_thrust_serves_where_nothing_else_tells_the_thrust(self, rigid: Model) -> None:
+        log = obedient(rigid)
+        columns = {name: values for name, values in log.columns.items() if not name.endswith("_rpm")}
+        columns["thrust_cmd_n"] = 4 * rigid.vehicle.rotor.thrust_n_per_rpm2 * log["motor1_rpm"] ** 2
+        data = load_dataset([dataclasses.replace(log, columns=columns)], rigid.vehicle)
+        assert data.flights[0].thrust_source == "thrust command"
+        assert data.flights[0].torque is None
+        assert rmse(data.aligned_for(rigid).residual(rigid))["up"] < 0.1 * float(np.std(data.measured[:, 2]))
+
+    def test_commanded_thrust_in_another_unit_is_said(self, rigid: Model) -> None:
+        log = obedient(rigid)
+        columns = {name: values for name, values in log.columns.items() if not name.endswith("_rpm")}
+        columns["thrust_cmd_n"] = 0.5 + 0.01 * np.sin(log.time_s)
+        with pytest.raises(LogError, match="is thrust_cmd_n the thrust of all rotors in newtons"):
+            prepare(dataclasses.replace(log, columns=columns), rigid.vehicle)
+
+    def test_motors_that_the_vehicle_lacks_and_that_never_ran_are_left_out(self, raptor: Vehicle) -> None:
+        log = obedient(Model(raptor))
+        empty = {"motor5_rpm": 0.0 * log.time_s, "motor6_rpm": np.nan * log.time_s, "motor5_output": 0.0 * log.time_s}
+        flight = prepare(dataclasses.replace(log, columns={**log.columns, **empty}), raptor)
+        plain = prepare(log, raptor)
+        np.testing.assert_array_equal(flight.measured, plain.measured)
+        assert any("motor5_rpm, motor6_rpm, motor5_output" in note for note in flight.notes)
+        assert not any("motor5" in note for note in plain.notes)
+
     def test_the_torque_is_what_the_body_rates_tell(self, raptor: Vehicle) -> None:
         """Torque I dw/dt + w x I w, filtered as the acceleration: turning about two axes takes a torque about the
         third."""
