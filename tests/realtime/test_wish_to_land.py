@@ -1,4 +1,4 @@
-"""What comes back from a live view: one word, and only from the process to which the flight gave an end."""
+"""The wish to land: the one word that comes back from a live view, from the process to which the flight gave an end."""
 
 from collections.abc import Iterator
 
