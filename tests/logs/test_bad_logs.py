@@ -119,7 +119,7 @@ UNITS: dict[str, tuple[Damage, str]] = {
     "velocity down": (scaled(-1.0, "vz_m_s"), "z_m changes -1 times as much as vz_m_s says.*down"),
     "altitude down": (scaled(-1.0, "z_m"), "z_m changes -1 times as much as vz_m_s says.*down"),
     "both down": (scaled(-1.0, "z_m", "vz_m_s"), "z_m is 0.95 m lower while the rotors carry the vehicle.*up"),
-    "roll flipped": (scaled(-1.0, "roll_deg"), "to the right -0.99 times as much as roll_deg says.*sign"),
+    "roll flipped": (scaled(-1.0, "roll_deg"), "to the right -0.99\\d* times as much as roll_deg says.*sign"),
     "pitch flipped": (scaled(-1.0, "pitch_deg", RATES[1]), "forward -1 times as much as pitch_deg says.*sign"),
     "rate flipped": (scaled(-1.0, RATES[1]), "pitch_deg changes -0.998 times as much as pitch_rate_rad_s says"),
     "roll for pitch": (exchanged(("roll_deg", "pitch_deg")), "are roll and pitch, or x and y, swapped"),
