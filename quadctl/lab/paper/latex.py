@@ -92,8 +92,8 @@ def methods(statement: Statement) -> str:
         "of each flight were fitted beside them, with priors, and are part of the prediction. Errors and coefficients "
         f"of determination are those on {statement.hold_out}. Intervals are 95 % percentile intervals of a bootstrap "
         "over blocks of time, and the correlation of the parameters is that of its draws. The residual was tested for "
-        "whiteness with the test of Ljung and Box per axis, the statistics of the flights added; samples of filtered signals are not independent, "
-        "so that a small p is expected even of a complete model."
+        "whiteness with the test of Ljung and Box per axis, the statistics of the flights added; samples of filtered "
+        "signals are not independent, so that a small p is expected even of a complete model."
     )
 
 
