@@ -41,6 +41,10 @@ FEW_COLOURS = 64
 _ALL_DRAWN = "() => [...document.querySelectorAll('.js-plotly-plot')].every(p => p.querySelector('.main-svg'))"
 _TWO_FRAMES = "() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))"
 _POINTS = "(figure, curve) => figure.data.find(trace => trace.name === curve)?.x.length ?? 0"
+_RESIZE_ONE_THAT_HAS_LEFT = """async () => {
+  const { Plotly } = await import("nicegui-plotly");
+  Plotly.Plots.resize(document.createElement("div"));
+}"""
 _IS_LESS = "than => parseFloat(document.querySelector('#error-now')?.innerText) < than"
 
 
@@ -157,6 +161,10 @@ class Visitor:
         selector = f".js-plotly-plot[aria-label='{label}']"
         self.sees(f"{selector} .main-svg")
         return selector
+
+    def resizes_a_figure_that_has_left(self) -> None:
+        """What a browser does when a figure is drawn anew in the moment in which its size changes."""
+        self.page.evaluate(_RESIZE_ONE_THAT_HAS_LEFT)
 
     def points(self, figure: str, curve: str) -> int:
         """Number of points of a curve of a figure; 0 where there is no such curve."""

@@ -89,6 +89,7 @@ def test_a_newcomer_finds_the_missing_effect_and_flies_it_in_at_most_ten_clicks(
         assert "ground effect" in visitor.sees("#verdict[data-verdict=missing]")
         before = visitor.error_now()
         visitor.keeps("2-missing")
+        visitor.resizes_a_figure_that_has_left()
         visitor.press("button[aria-label^='Add ground_effect']")
         after = visitor.waits_for_less_than(0.5 * before)
         assert "Nothing significant is missing" in visitor.sees("#verdict[data-verdict=none]")

@@ -73,6 +73,7 @@ def test_a_flight_is_seen_in_four_tabs_and_landed_from_one(browser: Browser, tmp
         for each in late:
             is_in(each, "hover")
         desk.keeps("live-desk-light")
+        desk.resizes_a_figure_that_has_left()
         phone.keeps("live-phone-dark")
 
         phone.click("#land")  # once is not enough, and is no second press of another tab's

@@ -10,6 +10,7 @@ from nicegui.client import Client
 from starlette.middleware.trustedhost import TrustedHostMiddleware
 
 from quadctl.flight.record.view_link import ViewEnd
+from quadctl.web.elements.html import LOAD_PLOTLY
 from quadctl.web.live.gate import Gate
 from quadctl.web.live.history import Brief, History
 from quadctl.web.live.page import LivePage
@@ -33,6 +34,7 @@ def serve(brief: Brief, end: ViewEnd, pipe: Connection, host: str, port: int, to
     @ui.page("/", title=f"quadctl live: {brief.mission.name}")
     async def index(client: Client) -> None:
         ui.add_css(css)
+        ui.add_body_html(LOAD_PLOTLY)
         viewing.opened(client)
         await LivePage(viewing).open(client)
 

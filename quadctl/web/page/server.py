@@ -9,6 +9,7 @@ from starlette.middleware.trustedhost import TrustedHostMiddleware
 from starlette.requests import Request
 from starlette.responses import PlainTextResponse, Response
 
+from quadctl.web.elements.html import LOAD_PLOTLY
 from quadctl.web.page.page import Page
 from quadctl.web.port import require_free, run_pages
 from quadctl.web.session.files import MAX_UPLOAD_BYTES
@@ -17,8 +18,6 @@ from quadctl.web.workbench.intake import Intake
 from quadctl.web.workbench.workbench import Workbench
 
 HOST = "127.0.0.1"
-EARLY = '<script type="module">import("nicegui-plotly");</script>'
-"""Plotly is large: it is loaded while the page is still being connected, not when the first figure comes."""
 FORM_BYTES = 2**20
 """Allowance for the form that a browser sends the files in."""
 
@@ -47,7 +46,7 @@ def serve(
     @ui.page("/", title="quadctl lab")
     async def index(client: Client, show: str = "") -> None:
         ui.add_css(css)
-        ui.add_body_html(EARLY)
+        ui.add_body_html(LOAD_PLOTLY)
         await Page(bench, taking, client, show).open()
 
     app.on_startup(lambda: bench.resume(session))
