@@ -1,7 +1,6 @@
 """MAVLink messages that PX4 sends and pymavlink's bundled dialects do not know yet."""
 
 import struct
-from collections.abc import Sequence
 from typing import Any, ClassVar
 
 from pymavlink.dialects.v20 import ardupilotmega
@@ -10,7 +9,37 @@ ESC_STATUS_ID = 291
 CURRENT_MODE_ID = 436
 
 
-class EscStatus(ardupilotmega.MAVLink_message):  # type: ignore[misc]
+class _Message(ardupilotmega.MAVLink_message):  # type: ignore[misc]  # pymavlink has no type information
+    """A message whose class attributes are those that pymavlink's generator writes; built from its fields in order."""
+
+    id: ClassVar[int]
+    msgname: ClassVar[str]
+    fieldnames: ClassVar[list[str]]
+    ordered_fieldnames: ClassVar[list[str]]
+    lengths: ClassVar[list[int]]
+    crc_extra: ClassVar[int]
+    unpacker: ClassVar[struct.Struct]
+    instance_field: ClassVar[str | None] = None
+    instance_offset: ClassVar[int] = -1
+
+    def __init__(self, *values: Any) -> None:
+        super().__init__(self.id, self.msgname)
+        self._fieldnames = self.fieldnames
+        self._instance_field = self.instance_field
+        self._instance_offset = self.instance_offset
+        for name, value in zip(self.fieldnames, values, strict=True):
+            setattr(self, name, value)
+
+    def pack(self, mav: Any, force_mavlink1: bool = False) -> bytes:
+        numbers: list[float] = []
+        for name, length in zip(self.ordered_fieldnames, self.lengths, strict=True):
+            value = getattr(self, name)
+            numbers += [value] if length == 1 else value
+        packed: bytes = self._pack(mav, self.crc_extra, self.unpacker.pack(*numbers), force_mavlink1=force_mavlink1)
+        return packed
+
+
+class EscStatus(_Message):
     """ESC_STATUS: speed, voltage and current of up to four motors; `index` is the first motor's number from 0."""
 
     id = ESC_STATUS_ID
@@ -29,26 +58,8 @@ class EscStatus(ardupilotmega.MAVLink_message):  # type: ignore[misc]
     instance_field = "index"
     instance_offset = 56
 
-    def __init__(
-        self, index: int, time_usec: int, rpm: Sequence[int], voltage: Sequence[float], current: Sequence[float]
-    ) -> None:
-        super().__init__(self.id, self.msgname)
-        self._fieldnames = self.fieldnames
-        self._instance_field = self.instance_field
-        self._instance_offset = self.instance_offset
-        self.index = index
-        self.time_usec = time_usec
-        self.rpm = rpm
-        self.voltage = voltage
-        self.current = current
 
-    def pack(self, mav: Any, force_mavlink1: bool = False) -> bytes:
-        payload = self.unpacker.pack(self.time_usec, *self.rpm, *self.voltage, *self.current, self.index)
-        packed: bytes = self._pack(mav, self.crc_extra, payload, force_mavlink1=force_mavlink1)
-        return packed
-
-
-class CurrentMode(ardupilotmega.MAVLink_message):  # type: ignore[misc]
+class CurrentMode(_Message):
     """CURRENT_MODE: the mode by its standard number (0: none) and as in the heartbeat, and the one that was wanted."""
 
     id = CURRENT_MODE_ID
@@ -64,22 +75,6 @@ class CurrentMode(ardupilotmega.MAVLink_message):  # type: ignore[misc]
     array_lengths: ClassVar[list[int]] = [0, 0, 0]
     crc_extra = 193
     unpacker = struct.Struct("<IIB")
-    instance_field = None
-    instance_offset = -1
-
-    def __init__(self, standard_mode: int, custom_mode: int, intended_custom_mode: int) -> None:
-        super().__init__(self.id, self.msgname)
-        self._fieldnames = self.fieldnames
-        self._instance_field = self.instance_field
-        self._instance_offset = self.instance_offset
-        self.standard_mode = standard_mode
-        self.custom_mode = custom_mode
-        self.intended_custom_mode = intended_custom_mode
-
-    def pack(self, mav: Any, force_mavlink1: bool = False) -> bytes:
-        payload = self.unpacker.pack(self.custom_mode, self.intended_custom_mode, self.standard_mode)
-        packed: bytes = self._pack(mav, self.crc_extra, payload, force_mavlink1=force_mavlink1)
-        return packed
 
 
 def register(dialect: Any = ardupilotmega) -> None:
