@@ -3,6 +3,7 @@
 So a figure that a person has zoomed into stays as it is while work goes on elsewhere, and no figure is ever stale.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Awaitable, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -65,7 +66,7 @@ class Controls(Protocol):
 
 
 @dataclass(frozen=True)
-class Panel:
+class Panel(ABC):
     """A piece of the page. Each field of a subclass has the name, and the type, of an attribute of `View`."""
 
     @classmethod
@@ -79,9 +80,9 @@ class Panel:
             return False
         return all(_same(getattr(self, field.name), getattr(other, field.name)) for field in fields(self))
 
+    @abstractmethod
     def draw(self, do: Controls) -> None:
         """Draw the fields, and nothing else, at the present place of the page."""
-        raise NotImplementedError
 
 
 def _same(one: Any, other: Any) -> bool:
