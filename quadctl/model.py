@@ -99,9 +99,7 @@ class Model:
 
     def rotor_thrust(self, nominal_n: Sequence[Number], c: Conditions) -> Sequence[Number]:
         """Thrust of each rotor, N, all effects included, from the nominal k rpm^2 of each; `c` as `in_air` gives it."""
-        thrust = nominal_n
-        for thrust in self.thrust_by_effect(nominal_n, c):  # noqa: B007
-            pass
+        *_, thrust = nominal_n, *self.thrust_by_effect(nominal_n, c)
         return thrust
 
     def side_force(self, total_thrust_n: Number, c: Conditions, shares: Sequence[float] | None = None) -> Vector:

@@ -63,7 +63,8 @@ class Parameter:
 def parameter(default: float, low: float, high: float, unit: str, meaning: str, *, fitted: bool = True) -> Any:
     """A dataclass field that declares a parameter of an effect."""
     return dataclasses.field(
-        default=default, metadata={"low": low, "high": high, "unit": unit, "meaning": meaning, "fitted": fitted}
+        default=default,
+        metadata={"default": default, "low": low, "high": high, "unit": unit, "meaning": meaning, "fitted": fitted},
     )
 
 
@@ -138,10 +139,7 @@ class Effect:
 
     @classmethod
     def parameters(cls) -> tuple[Parameter, ...]:
-        return tuple(
-            Parameter(name=field.name, default=float(field.default), **field.metadata)  # type: ignore[arg-type]
-            for field in dataclasses.fields(cls)
-        )
+        return tuple(Parameter(name=field.name, **field.metadata) for field in dataclasses.fields(cls))
 
     @classmethod
     def from_values(cls, values: Mapping[str, Any], source: str) -> Self:

@@ -100,7 +100,7 @@ def _write_mcap(log: FlightLog, path: Path) -> None:
             writer.add_message(channel, log_time=times[row], publish_time=times[row], data=data, sequence=sequence)
         writer.add_metadata("quadctl", {"log": log.name, "meta": json.dumps(log.meta, default=str)})
         writer.add_metadata("notes", {str(i): note for i, note in enumerate(log.notes, 1)})
-        writer.finish()  # type: ignore[no-untyped-call]
+        writer.finish()
 
 
 def _schema(columns: tuple[str, ...], kind: str) -> bytes:

@@ -20,6 +20,7 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
+from unittest.mock import patch
 
 import numpy as np
 import yaml
@@ -288,10 +289,12 @@ TIMED: list[Timed] = []
 
 def _fly(url: str, mission: str, folder: str, view: bool) -> None:
     """Fly in the child process."""
-    session.MavsdkAutopilot = Timed  # type: ignore[attr-defined, assignment]  # the session makes its adapter itself
     plan = prepare_flight(Path(mission), _patient(Path(folder)), "sanchez", None)
     began_s, began_cpu_s = time.monotonic(), time.process_time()
-    with _live_view(plan, Path(folder)) if view else contextlib.nullcontext() as viewer:
+    with (
+        patch.object(session, "MavsdkAutopilot", Timed),  # the session makes its adapter itself
+        _live_view(plan, Path(folder)) if view else contextlib.nullcontext() as viewer,
+    ):
         outcome = session.fly_real_time(
             plan, url, Path(folder), Console(quiet=True), view=viewer.end if viewer else None
         )

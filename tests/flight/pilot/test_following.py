@@ -4,6 +4,7 @@ import csv
 import math
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
@@ -48,8 +49,8 @@ def first_defect(
     return None
 
 
-def at(north: float = 0.0, up: float = 1.0, **changes: float) -> VehicleState:
-    return replace(FLYING, position_ned_m=(north, 0.0, -up), **changes)  # type: ignore[arg-type]
+def at(north: float = 0.0, up: float = 1.0, **changes: Any) -> VehicleState:
+    return replace(FLYING, position_ned_m=(north, 0.0, -up), **changes)
 
 
 def thrust(share: float) -> float:

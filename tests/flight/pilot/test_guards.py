@@ -128,7 +128,8 @@ def test_every_component_that_control_stands_on_must_be_a_number(part: tuple[str
     for i in range(length):
         values = list(getattr(GOOD, name))
         values[i] = bad
-        state = replace(GOOD, **{name: tuple(values)})  # type: ignore[arg-type]
+        changed: dict[str, Any] = {name: tuple(values)}
+        state = replace(GOOD, **changed)
         breach = verdict(state)
         assert breach is not None
         assert breach.answer is Answer.HAND_OVER
@@ -160,7 +161,8 @@ def test_a_battery_limit_of_zero_guards_nothing() -> None:
 def test_what_passes_is_fit_for_control(part: str, value: float, i: int) -> None:
     values = list(getattr(GOOD, part))
     values[i] = value
-    state = replace(GOOD, **{part: tuple(values)})  # type: ignore[arg-type]
+    changed: dict[str, Any] = {part: tuple(values)}
+    state = replace(GOOD, **changed)
     if defect(state, LIMITS) is None:
         assert state.finite
         assert math.hypot(*state.attitude) == pytest.approx(1.0, abs=0.011)

@@ -188,7 +188,9 @@ def test_control_that_fails_hands_over(monkeypatch: pytest.MonkeyPatch) -> None:
     flight = Flight()
 
     def control(*arguments: Any) -> ControlOutput:
-        return sound_control(*arguments) if flight.pilot.flight_s < 3.0 else 1 / 0  # type: ignore[return-value]
+        if flight.pilot.flight_s >= 3.0:
+            raise ZeroDivisionError("division by zero")
+        return sound_control(*arguments)
 
     monkeypatch.setattr("quadctl.flight.pilot.steering.control", control)
     flight.fly()

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import pytest
 
@@ -43,7 +44,7 @@ def test_it_is_not_taken_back_after_a_stall_a_failed_send_or_a_wish_to_land() ->
     ):
         flight = Flight()
         flight.when(in_flight(3.0), take_over(flight, "POSCTL"))
-        flight.when(in_flight(3.0), lambda act=action, f=flight: act(f)).fly()  # type: ignore[misc]
+        flight.when(in_flight(3.0), partial(action, flight)).fly()
         assert flight.pilot.ended.endswith("the autopilot left offboard for POSCTL")
         assert "LAND" not in flight.autopilot.asked
         assert not flight.watch.ticks[-1].state.armed
@@ -209,16 +210,26 @@ def test_a_stream_that_stops_alone_is_no_silence() -> None:
 # --- news that come apart -------------------------------------------------------------------------------------------
 
 
-def test_a_mode_that_changes_after_landing_before_the_disarming_is_known_is_nobodys() -> None:
-    """The mode may be told more often than the heartbeat, which alone tells armed from disarmed."""
-    flight = Flight()
+def clock_from_disarming() -> Callable[[VehicleState], float]:
+    """Time since the first state that was disarmed, s; minus infinity before."""
     disarmed_s = math.inf
 
-    def late_news(s: VehicleState) -> VehicleState:
+    def since_s(s: VehicleState) -> float:
         nonlocal disarmed_s
         if not s.armed:
             disarmed_s = min(disarmed_s, s.time_s)
-        return replace(s, armed=s.armed or disarmed_s <= s.time_s < disarmed_s + 0.9)
+        return s.time_s - disarmed_s
+
+    return since_s
+
+
+def test_a_mode_that_changes_after_landing_before_the_disarming_is_known_is_nobodys() -> None:
+    """The mode may be told more often than the heartbeat, which alone tells armed from disarmed."""
+    flight = Flight()
+    since_disarmed_s = clock_from_disarming()
+
+    def late_news(s: VehicleState) -> VehicleState:
+        return replace(s, armed=s.armed or 0.0 <= since_disarmed_s(s) < 0.9)
 
     flight.show(late_news, at_stage(Stage.LAND)).fly()
     assert [e.answer for t in flight.watch.ticks for e in t.events] == ["land"]
@@ -228,16 +239,11 @@ def test_a_mode_that_changes_after_landing_before_the_disarming_is_known_is_nobo
 
 def test_who_takes_off_again_after_the_landing_flies() -> None:
     flight = Flight()
-    landed_s = math.inf
+    since_disarmed_s = clock_from_disarming()
 
     def taken(s: VehicleState) -> VehicleState:
-        nonlocal landed_s
-        if not s.armed:
-            landed_s = min(landed_s, s.time_s)
-        again = landed_s + 0.5 <= s.time_s < landed_s + 3.0
-        return (
-            replace(s, armed=True, landed=not again, mode="POSCTL") if s.time_s < landed_s + 3.0 and not s.armed else s
-        )
+        age_s = since_disarmed_s(s)
+        return replace(s, armed=True, landed=age_s < 0.5, mode="POSCTL") if 0.0 <= age_s < 3.0 else s
 
     flight.show(taken, at_stage(Stage.LAND)).fly()
     assert Stage.RELEASED in flight.watch.stages()
