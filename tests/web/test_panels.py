@@ -41,7 +41,8 @@ def subclasses(panel: type[Panel]) -> list[type[Panel]]:
     return [each for direct in panel.__subclasses__() for each in (direct, *subclasses(direct))]
 
 
-PANELS = sorted((each for each in subclasses(Panel) if not inspect.isabstract(each)), key=lambda panel: panel.__name__)
+CLASSES = sorted(subclasses(Panel), key=lambda panel: panel.__name__)
+PANELS = [each for each in CLASSES if not inspect.isabstract(each)]
 ADDRESSES = {"url", "id", "for"}
 """Properties that hold the number of an element, another one in every tab."""
 FIELDS = [(panel, field.name) for panel in PANELS for field in fields(panel)]
@@ -94,7 +95,7 @@ class TestItsDocumentation:
         assert {part: panels[0] for part, (panels, _) in rows.items() if part in tabs} == tabs
 
     def test_it_names_the_file_of_every_panel(self, rows: dict[str, tuple[list[str], list[str]]]) -> None:
-        assert {file for panels, _ in rows.values() for file in panels} == {path_of(p.__module__) for p in subclasses(Panel)}
+        assert {file for panels, _ in rows.values() for file in panels} == {path_of(p.__module__) for p in CLASSES}
 
     def test_it_names_the_figures_that_these_files_draw(self, rows: dict[str, tuple[list[str], list[str]]]) -> None:
         for part, (panels, figures) in rows.items():
