@@ -42,14 +42,12 @@ class StackedEffect:
 
 
 class Loads(NamedTuple):
-    """Thrusts, force and moment on a vehicle, the effects of its model included; weight excluded."""
+    """Force and moment on a vehicle, of its rotors and of all effects; weight excluded."""
 
-    thrust_n: Sequence[Number]
-    """Thrust of each rotor, N."""
     force_n: Vector
-    """Force on the body besides the rotors' thrust, FRD, N."""
+    """Force on the body, FRD, N."""
     torque_n_m: Vector
-    """Moment on the body besides that of the rotors' thrust, FRD, N m."""
+    """Moment about the centre of mass, FRD, N m."""
 
 
 @dataclass(frozen=True)
@@ -124,31 +122,28 @@ class Model:
         return _sum([effect.torque(thrust_n, c, self.vehicle) for effect in self.effects_on_turning])
 
     def loads(self, nominal_n: Sequence[Number], c: Conditions) -> Loads:
-        """All that the effects make of the nominal thrust of each rotor, N; the velocity in `c` is over ground."""
+        """Force and moment together, from the nominal thrust of each rotor, N; the velocity in `c` is over ground."""
         c = self.in_air(c)
         thrust = self.rotor_thrust(nominal_n, c)
-        return Loads(thrust, self.side_force(sum(thrust), c), self.side_torque(thrust, c))
+        return Loads(self._force(thrust, c), self._torque(thrust, c))
 
     def body_force(self, nominal_n: Sequence[Number], c: Conditions) -> Vector:
         """Force on the body without weight, FRD, N, from the nominal thrust of each rotor."""
         c = self.in_air(c)
-        thrust = self.rotor_thrust(nominal_n, c)
-        fx = fy = fz = 0.0
-        if self.effects_on_body:
-            fx, fy, fz = self.side_force(sum(thrust), c)
-        for (ax, ay, az), rotors in self.vehicle.rotors_by_axis:
-            t = sum(thrust[i] for i in rotors)
-            fx, fy, fz = fx + ax * t, fy + ay * t, fz + az * t
-        return fx, fy, fz
+        return self._force(self.rotor_thrust(nominal_n, c), c)
 
     def body_torque(self, nominal_n: Sequence[Number], c: Conditions) -> Vector:
         """Moment on the body, FRD, N m, from the nominal thrust of each rotor."""
         c = self.in_air(c)
-        thrust = self.rotor_thrust(nominal_n, c)
-        tx, ty, tz = self.side_torque(thrust, c)
-        for (mx, my, mz), t in zip(self.vehicle.moment_arms_m, thrust, strict=True):
-            tx, ty, tz = tx + mx * t, ty + my * t, tz + mz * t
-        return tx, ty, tz
+        return self._torque(self.rotor_thrust(nominal_n, c), c)
+
+    def _force(self, thrust: Sequence[Number], c: Conditions) -> Vector:
+        of_rotors = self.vehicle.rotor_force(thrust)
+        return _sum([of_rotors, self.side_force(sum(thrust), c)]) if self.effects_on_body else of_rotors
+
+    def _torque(self, thrust: Sequence[Number], c: Conditions) -> Vector:
+        of_rotors = self.vehicle.rotor_torque(thrust)
+        return _sum([of_rotors, self.side_torque(thrust, c)]) if self.effects_on_turning else of_rotors
 
     def acceleration_ned(self, nominal_n: Sequence[Number], c: Conditions) -> Vector:
         """Kinematic acceleration, NED, m/s^2: what an ideal observer on the ground would measure."""

@@ -1,6 +1,7 @@
 """The vehicle, as in its YAML file: mass, rotors, geometry, thrust and throttle curves."""
 
 import math
+from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Literal, Self
@@ -8,6 +9,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, NonNegativeFloat, PositiveFloat, model_validator
 
 from quadctl.frames import GRAVITY_M_S2
+from quadctl.numeric import Number, Vector
 from quadctl.settings import Settings, load
 
 Triple = tuple[float, float, float]
@@ -120,6 +122,25 @@ class Vehicle(Settings):
             drag = -self.rotor.torque_to_thrust_m if rotor.spin == "ccw" else self.rotor.torque_to_thrust_m
             arms.append((py * az - pz * ay + drag * ax, pz * ax - px * az + drag * ay, px * ay - py * ax + drag * az))
         return tuple(arms)
+
+    def rotor_force(self, thrust_n: Sequence[Number]) -> Vector:
+        """Force of the rotors on the body, FRD, N, from the thrust of each, N."""
+        fx: Number = 0.0
+        fy: Number = 0.0
+        fz: Number = 0.0
+        for (ax, ay, az), rotors in self.rotors_by_axis:
+            t = sum(thrust_n[i] for i in rotors)
+            fx, fy, fz = fx + ax * t, fy + ay * t, fz + az * t
+        return fx, fy, fz
+
+    def rotor_torque(self, thrust_n: Sequence[Number]) -> Vector:
+        """Moment of the rotors about the centre of mass, FRD, N m, from the thrust of each, N."""
+        tx: Number = 0.0
+        ty: Number = 0.0
+        tz: Number = 0.0
+        for (mx, my, mz), t in zip(self.moment_arms_m, thrust_n, strict=True):
+            tx, ty, tz = tx + mx * t, ty + my * t, tz + mz * t
+        return tx, ty, tz
 
     @cached_property
     def hover_induced_velocity_m_s(self) -> float:

@@ -156,14 +156,14 @@ def test_the_thrust_after_each_effect_is_that_of_the_effects_before_it(raptor: V
     assert [sum(thrust) for thrust in after_each] == pytest.approx([14.4, 14.4, 12.96])  # drag leaves it as it is
 
 
-def test_the_loads_are_thrusts_force_and_moment_in_the_air_that_moves(raptor: Vehicle) -> None:
+def test_the_loads_are_force_and_moment_of_rotors_and_effects_in_the_air_that_moves(raptor: Vehicle) -> None:
     # Over ground it stands still: 1 m/s of wind from ahead drags with 1.5 * 0.4 * 1 N, the weak rotor gives 2.7 N.
     stack = tuple(map(StackedEffect, (WeakRotor(loss=0.1, rotor=2.0), LinearDrag(0.4, 0.4), SteadyWind(-1.0, 0.0))))
     c = Conditions(1.0, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
     loads = Model(raptor, stack).loads([3.0] * 4, c)
-    assert loads.thrust_n == pytest.approx([3.0, 2.7, 3.0, 3.0])
-    assert loads.force_n == pytest.approx((-0.6, 0.0, 0.0))
-    assert loads.torque_n_m == pytest.approx((0.0, 0.0, 0.0))
+    assert loads.force_n == pytest.approx((-0.6, 0.0, -11.7))
+    # The moments of four equal rotors cancel: what is left is that of the 0.3 N which the second one lacks.
+    assert loads.torque_n_m == pytest.approx([-0.3 * arm for arm in raptor.moment_arms_m[1]])
 
 
 def test_a_force_counts_by_the_share_of_its_own_effect(raptor: Vehicle) -> None:

@@ -74,6 +74,8 @@ VARIABLES = (
 )
 """Variables that an effect can say it depends on; the compensator fades out an effect that depends on
 `height_over_radius` beyond the heights of its data."""
+SPANS = (*VARIABLES, "heading", "speed", "thrust_share")
+"""Variables whose span in the data an effect can ask for."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +99,7 @@ class Effect:
     replaces: ClassVar[tuple[str, ...]] = ()
     """Nuisance parameters of single flights that this effect stands for; they are not fitted together with it."""
     needs: ClassVar[dict[str, float]] = {}
-    """Span of each variable that the data must have for this effect to be told from its look-alikes."""
+    """Span of each variable, of `SPANS`, that the data must have for this effect to be told from its look-alikes."""
     affects_moment: ClassVar[bool] = False
     """True: it changes the moments on the body by enough for the balance of moments to show it."""
     affects_accelerometer: ClassVar[bool] = False

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from quadctl.effects.base import VARIABLES, Conditions, Effect, ThrustRatio
+from quadctl.effects.base import SPANS, VARIABLES, Conditions, Effect, ThrustRatio
 from quadctl.errors import SettingsError
 from quadctl.settings import nearest
 from quadctl.vehicle import Vehicle
@@ -156,9 +156,10 @@ def _declaration_problem(kind: type[Effect]) -> str | None:
         return f"is named '{kind.name}', expected family.variant in small letters"
     if "__dataclass_params__" not in vars(kind):
         return "is no dataclass, expected @dataclass(frozen=True) above it"
-    unknown = [name for name in kind.depends_on if name not in VARIABLES]
-    if unknown:
-        return f"depends on '{unknown[0]}'{nearest(unknown[0], VARIABLES)}, expected some of {', '.join(VARIABLES)}"
+    for says, names, known in (("depends on", kind.depends_on, VARIABLES), ("needs a span of", kind.needs, SPANS)):
+        for name in names:
+            if name not in known:
+                return f"{says} '{name}'{nearest(name, known)}, expected some of {', '.join(known)}"
     return None
 
 

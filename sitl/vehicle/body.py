@@ -72,7 +72,6 @@ class SimulatedBody:
         self.battery = Battery()
         self.in_contact = True
         self._inertia = vehicle.principal_inertia_kg_m2
-        self._geometry = [(*rotor.axis, *arm) for rotor, arm in zip(vehicle.rotors, vehicle.moment_arms_m, strict=True)]
         torque = vehicle.rotor.thrust_n_per_rpm2 * vehicle.rotor.torque_to_thrust_m
         self._watts_per_rpm3 = torque * (math.pi / 30.0) * 1.6  # electrical over mechanical
         self._stopped: tuple[float | None, ...] = (None,) * vehicle.n_rotors
@@ -135,17 +134,13 @@ class SimulatedBody:
         vehicle, truth = self.vehicle, self.truth
         k = vehicle.rotor.thrust_n_per_rpm2
         thrusts: Sequence[float] = [k * rpm * rpm for rpm in self.rpm]
-        fx = fy = fz = tx = ty = tz = 0.0
-        if truth.stack:
-            north, east, down = self.position
-            velocity_body = rotate_inverse(self.attitude, self.velocity)
-            volts = self.battery.voltage_v
-            c = conditions(vehicle, -down, velocity_body, self.attitude, self.time_s, volts, (north, east))
-            thrusts, (fx, fy, fz), (tx, ty, tz) = truth.loads(thrusts, c)
-        for (ax, ay, az, mx, my, mz), thrust in zip(self._geometry, thrusts, strict=True):
-            fx, fy, fz = fx + ax * thrust, fy + ay * thrust, fz + az * thrust
-            tx, ty, tz = tx + mx * thrust, ty + my * thrust, tz + mz * thrust
-        return (fx, fy, fz), (tx, ty, tz)
+        if not truth.stack:
+            return vehicle.rotor_force(thrusts), vehicle.rotor_torque(thrusts)
+        north, east, down = self.position
+        velocity_body = rotate_inverse(self.attitude, self.velocity)
+        volts = self.battery.voltage_v
+        c = conditions(vehicle, -down, velocity_body, self.attitude, self.time_s, volts, (north, east))
+        return truth.loads(thrusts, c)
 
     def _contact_force(self) -> Vec3 | None:
         """Spring, damper and friction of the legs; None in the air."""

@@ -160,6 +160,8 @@ class TestAFile:
             (("vortex_ring.bump", "Vortex"), r"VortexRing is named 'Vortex', expected family\.variant .+"),
             (('("climb_rate",)', '("climbrate",)'),
              r"VortexRing depends on 'climbrate' \(did you mean 'climb_rate'\?\), expected some of .+"),
+            (("    name:", '    needs: ClassVar[dict[str, float]] = {"sped": 1.0}\n    name:'),
+             r"VortexRing needs a span of 'sped' \(did you mean 'speed'\?\), expected some of .+"),
             (("@dataclass(frozen=True)", ""), r"VortexRing is no dataclass, expected @dataclass\(frozen=True\) .+"),
             (('parameter(0.1, 0.0, 0.6, "", "share of the thrust that is lost at worst")', "0.1"),
              r"VortexRing has a field loss, expected it to be declared: loss: float = parameter\(\.\.\.\)"),
