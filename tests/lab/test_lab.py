@@ -71,6 +71,7 @@ class TestStatistics:
         for seed in range(200):
             before = np.column_stack([_correlated(n, 0.7, 10 * seed + axis) for axis in range(3)])
             change = 0.1 * np.column_stack([_correlated(n, 0.9, 10 * seed + 5 + axis) for axis in range(3)])
+            data.targets[:, :3] = before + _motion(n, 10 * seed + 8, 30.0)
             p.append(improvement_p_value(before, change, data))
         assert 0.01 < np.mean(np.array(p) < 0.05) < 0.11  # 5 % expected, 10 +- 3 of 200
         assert 0.4 < np.mean(p) < 0.6
@@ -80,7 +81,23 @@ class TestStatistics:
         n = len(data.measured)
         signal = np.column_stack([np.zeros(n), np.zeros(n), 0.3 * _correlated(n, 0.9, 3)])
         noise = np.column_stack([_correlated(n, 0.7, axis) for axis in range(3)])
+        data.targets[:, :3] = noise + signal + _motion(n, 8)
         assert improvement_p_value(noise + signal, signal, data) < 1e-3
+
+    @pytest.mark.parametrize(("wrong", "significant"), [(0.0, False), (0.2, True)])
+    def test_a_gain_is_wrong_only_by_more_than_noise_of_its_input_makes_it_seem(
+        self, rigid: Model, wrong: float, significant: bool
+    ) -> None:
+        """Noise of an attitude or a rotor speed is in the prediction, and with the opposite sign in the residual."""
+        data = load_dataset([obedient(rigid, 200.0)], rigid.vehicle)
+        n = len(data.measured)
+        motion = _motion(n, 8)
+        noise = np.column_stack([_correlated(n, 0.7, axis) for axis in range(3)])
+        logged = motion + noise
+        data.targets[:, :3] = (1.0 - wrong) * motion
+        before = data.targets[:, :3] - logged
+        gain = np.sum(data.targets[:, :3] * logged) / np.sum(logged**2)  # as a regression finds it
+        assert (improvement_p_value(before, (gain - 1.0) * logged, data) < 1e-3) is significant
 
     def test_two_equal_candidates_cannot_be_told_apart(self, rigid: Model) -> None:
         data = load_dataset([obedient(rigid, 200.0)], rigid.vehicle)
@@ -281,6 +298,11 @@ class TestRealFlights:
     def test_forward_speed_shows_drag_as_well(self, rigid: Model) -> None:
         result = diagnose(rigid, load_dataset([read_log(RAPTOR_LOGS / "FORWARD_SPEED.csv")], rigid.vehicle))
         assert {"thrust_scale", "ground_effect", "rotor_drag"} <= set(result.missing)
+
+
+def _motion(n: int, seed: int, size: float = 3.0) -> np.ndarray:
+    """Accelerations of a flight of standard deviation `size`, shape (n, 3)."""
+    return size * np.column_stack([_correlated(n, 0.9, seed + axis) for axis in range(3)])
 
 
 def _correlated(n: int, rho: float, seed: int) -> np.ndarray:

@@ -24,9 +24,10 @@ def improvement_p_value(before: Floats, predicted_change: Floats, dataset: Datas
     """One-sided p-value of the hypothesis that a candidate's change of the prediction does not explain the residual.
 
     `before` is the residual without the candidate and `predicted_change` the held-out change of the prediction by the
-    candidate, both of shape (n, axes). For an irrelevant candidate their product has mean zero (Clark & West 2007, J.
-    Econometrics 138, test for nested models). The variance of the sum comes from the residual with the candidate (see
-    `_variance_of_sum`).
+    candidate, both of shape (n, axes), for the first axes of the `targets` of `dataset`. For an irrelevant candidate
+    their product has mean zero (Clark & West 2007, J. Econometrics 138, test for nested models), but for what errors of
+    the logged inputs give, which is subtracted (see `_attenuation`). The variance of the sum comes from the residual
+    with the candidate (see `_variance_of_sum`).
     """
     after = before - predicted_change
     used = [
@@ -38,8 +39,32 @@ def improvement_p_value(before: Floats, predicted_change: Floats, dataset: Datas
         return 1.0
     weights = predicted_change[:, used] / np.array([_power(after[:, axis]) for axis in used])
     score = float(np.sum(weights * before[:, used]))
+    predicted = (dataset.targets[:, : before.shape[1]] - before)[:, used]
+    by_errors = sum(_attenuation(weights[part], predicted[part], after[part][:, used]) for part in dataset.parts)
     variance, degrees = _variance_of_sum(weights, after[:, used], dataset)
-    return float(stats.t.sf(score / math.sqrt(variance), degrees))
+    return float(stats.t.sf((score - by_errors) / math.sqrt(variance), degrees))
+
+
+def _attenuation(weights: Floats, predicted: Floats, noise: Floats) -> float:
+    """Largest mean of sum(weights * noise) that errors of the logged inputs give in one flight, shape (n, axes) each.
+
+    Noise of a rotor speed or an attitude is in the prediction and, with the opposite sign, in the residual; so is the
+    answer of a controller to a disturbance. Whatever lowers the gain of the prediction then lowers the residual, too:
+    the errors in variables of a regression. The power of such errors is at most that of the residual and that of the
+    prediction, at each frequency (the bound of Klepper & Leamer 1984, Econometrica 52, for one regressor; octave by
+    octave, as the share of noise differs). Constant parts belong to the trims.
+    """
+    change, gain, error = (rfft(values, axis=0) for values in (weights, predicted, noise))
+    largest = 0.0
+    begin = 1
+    while begin < len(change):
+        octave = slice(begin, 2 * begin)
+        begin *= 2
+        power, left = (np.sum(np.abs(part[octave]) ** 2, axis=0) for part in (gain, error))
+        lowered = -np.sum((change[octave] * np.conj(gain[octave])).real, axis=0)
+        share = np.minimum(left / np.maximum(power, LEAST_VARIANCE), 1.0)
+        largest += 2.0 * float(np.maximum(lowered, 0.0) @ share) / len(noise)
+    return largest
 
 
 def _variance_of_sum(weights: Floats, noise: Floats, dataset: Dataset) -> tuple[float, int]:
