@@ -52,6 +52,12 @@ class VehicleState:
     """Number of restarts of the autopilot's clock since the link was opened."""
     estimator_ratio: float = NAN
     """Worst innovation test ratio of position and velocity; from 1 on the estimator rejects its own sensors."""
+    horizontal_std_m: float = NAN
+    """Standard deviation of the horizontal position, as the estimator states it; nan where it does not."""
+    vertical_std_m: float = NAN
+    """Standard deviation of the height, as the estimator states it; nan where it does not."""
+    aid_lost: bool = False
+    """True when the autopilot had a working source of position (GPS, motion capture) and has none any more."""
 
     def age_s(self, part: str) -> float:
         """Time since `part` was true; infinite when it never arrived."""

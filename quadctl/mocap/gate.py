@@ -3,6 +3,7 @@
 import math
 from typing import NamedTuple
 
+from quadctl.mocap.sender_clock import SenderClock
 from quadctl.state import NAN, Quat, Vec3
 
 UNIT_TOLERANCE = 0.01
@@ -33,17 +34,11 @@ class Gate:
         self._seen: tuple[Vec3, Quat] | None = None
         self._changed_s = -math.inf
         self._passed: Pose | None = None
-        self._quickest_s = math.inf
+        self._clock = SenderClock()
 
     def age_s(self, pose: Pose, now_s: float) -> float:
-        """Time since the pose came, and how much longer than the quickest it took to come, where the sender tells.
-
-        The clocks need not agree: the quickest pose so far stands for no delay.
-        """
-        late_s = 0.0
-        if math.isfinite(pose.sent_s):
-            self._quickest_s = min(self._quickest_s, pose.received_s - pose.sent_s)
-            late_s = pose.received_s - pose.sent_s - self._quickest_s
+        """Time since the pose came, and how much longer than usual it took to come, where the sender tells."""
+        late_s = self._clock.late_s(pose.sent_s, pose.received_s) if math.isfinite(pose.sent_s) else 0.0
         return now_s - pose.received_s + late_s
 
     def objection(self, pose: Pose, now_s: float) -> str:

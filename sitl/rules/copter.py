@@ -9,6 +9,8 @@ from quadctl.state import AttitudeTarget
 
 THRUST_AS_THRUST = 8
 """Bit 3 of GUID_OPTIONS: set, the thrust of a target is a thrust; clear, it is a climb rate."""
+UNAIDED_S = 8.0
+"""Time without GPS after which it says "EKF variance" and its own failsafe acts; measured were 8.05 s."""
 MAX_CLIMB_M_S = 2.5
 """Climb rate of a target's thrust of 1 (PILOT_SPEED_UP)."""
 STATION_LOST = {1: "RTL", 3: "RTL", 4: "LAND", 5: "LAND", 7: "LAND"}
@@ -33,6 +35,7 @@ class SimulatedCopter(SimulatedAutopilot):
     modes: ClassVar[tuple[str, ...]] = ("STABILIZE", "GUIDED", "LAND", "RTL", "BRAKE", "LOITER")
     first_mode: ClassVar[str] = "STABILIZE"
     offboard_mode: ClassVar[str] = "GUIDED"
+    aid_timeout_s: ClassVar[float] = 0.3  # motion capture, as its source says; a GPS that falls silent needs 4 s
     default_parameters: ClassVar[dict[str, float]] = {
         "GUID_OPTIONS": 0.0,
         "GUID_TIMEOUT": 3.0,
@@ -100,6 +103,13 @@ class SimulatedCopter(SimulatedAutopilot):
         lost = heard_s is not None and self.time_s - heard_s > self.parameters["FS_GCS_TIMEOUT"]
         if lost and mode is not None and self.armed and self.mode in ("GUIDED", "BRAKE"):
             self._enter(mode)
+
+        if self.armed and not self._trusts_estimate and self.parameters["FS_EKF_ACTION"] and self.mode != "STABILIZE":
+            self._enter("LAND")
+
+    @property
+    def _trusts_estimate(self) -> bool:
+        return self.estimator.unaided_s(self.time_s) <= UNAIDED_S
 
     def power_cycle(self) -> None:
         super().power_cycle()

@@ -9,7 +9,7 @@ from typing import ClassVar, NamedTuple
 
 from quadctl.frames import GRAVITY_M_S2, multiply, quaternion_from_euler, rotate
 from quadctl.sitl.vehicle.body import STEP_S, SimulatedBody
-from quadctl.sitl.vehicle.estimator import Estimator
+from quadctl.sitl.vehicle.estimator import VERTICAL_STD_M, Estimator
 from quadctl.sitl.vehicle.hidden import HiddenTruth, true_model
 from quadctl.sitl.vehicle.inner_loops import InnerLoops, level_with_yaw
 from quadctl.state import AttitudeTarget, Quat, Vec3, VehicleState
@@ -35,12 +35,15 @@ class SimulatedAutopilot:
     modes: ClassVar[tuple[str, ...]] = ("HOLD", "OFFBOARD", "LAND", "RTL", "POSCTL")
     first_mode: ClassVar[str] = "HOLD"
     offboard_mode: ClassVar[str] = "OFFBOARD"
+    aid_timeout_s: ClassVar[float] = math.inf
+    """Time without GPS or motion capture after which it says that those have failed; inf: it never does."""
     default_parameters: ClassVar[dict[str, float]] = {
         "COM_OF_LOSS_T": 1.0,
         "COM_OBL_RC_ACT": 3.0,
         "COM_DISARM_LAND": 2.0,
         "COM_DISARM_PRFLT": 10.0,
         "MPC_LAND_SPEED": 0.7,
+        "EKF2_NOAID_TOUT": 5e6,
         "MPC_THR_HOVER": 0.5,
         "THR_MDL_FAC": 0.0,
     }
@@ -119,6 +122,10 @@ class SimulatedAutopilot:
             self._enter(mode)
         return refusal
 
+    def lose_position_aid(self) -> None:
+        """Lose GPS or motion capture: from now on the estimate of the position is dead reckoning."""
+        self.estimator.aid_lost_s = self.time_s
+
     def power_cycle(self) -> None:
         """Restart after a loss of power: motors off, in the mode of a fresh start."""
         self._disarm()
@@ -168,6 +175,10 @@ class SimulatedAutopilot:
             mode=self.mode,
             offboard_mode=self.offboard_mode,
             ready_to_arm=now >= self.ready_after_s,
+            estimator_ok=self._trusts_estimate,
+            horizontal_std_m=e.horizontal_std_m,
+            vertical_std_m=VERTICAL_STD_M,
+            aid_lost=e.unaided_s(now) > self.aid_timeout_s,
             connected=True,
             received_s={
                 "position": e.updated_s,
@@ -180,6 +191,11 @@ class SimulatedAutopilot:
         )
 
     # --- inside ------------------------------------------------------------------------------------------------
+
+    @property
+    def _trusts_estimate(self) -> bool:
+        """False once dead reckoning has lasted for longer than the estimator trusts it."""
+        return self.estimator.unaided_s(self.time_s) <= 1e-6 * self.parameters["EKF2_NOAID_TOUT"]
 
     @property
     def _streaming(self) -> bool:

@@ -70,10 +70,11 @@ def servo_output_raw(pulse_us: Callable[[float], float]) -> Builder:
 
 
 def sys_status(estimate: VehicleState) -> Iterator[Message]:
-    checked = mavlink.MAV_SYS_STATUS_PREARM_CHECK
-    healthy = checked if estimate.ready_to_arm else 0
+    checked, gps = mavlink.MAV_SYS_STATUS_PREARM_CHECK, mavlink.MAV_SYS_STATUS_SENSOR_GPS
+    healthy = (checked if estimate.ready_to_arm else 0) | (0 if estimate.aid_lost else gps)
+    present = checked | gps
     yield mavlink.MAVLink_sys_status_message(
-        checked, checked, healthy, 0, _millivolts(estimate), -1, -1, 0, 0, 0, 0, 0, 0
+        present, present, healthy, 0, _millivolts(estimate), -1, -1, 0, 0, 0, 0, 0, 0
     )
 
 
@@ -92,7 +93,16 @@ def estimator_status(estimate: VehicleState) -> Iterator[Message]:
     ratio = estimate.estimator_ratio
     unknown = math.nan
     yield mavlink.MAVLink_estimator_status_message(
-        1000 * _boot_ms(estimate), flags, 0.1, ratio, 0.1, 0.1, unknown, unknown, 0.1, 0.1
+        1000 * _boot_ms(estimate),
+        flags,
+        0.1,
+        ratio,
+        0.1,
+        0.1,
+        unknown,
+        unknown,
+        estimate.horizontal_std_m,
+        estimate.vertical_std_m,
     )
 
 

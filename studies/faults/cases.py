@@ -238,6 +238,14 @@ STATE = (
     ),
     Case("position jumps by 2 m", _distort(lambda: faults.displaced((2.0, 0.0, 0.0))), "hand over", "position jumped"),
     Case("attitude jumps by 45 deg", _distort(lambda: faults.leaning(math.radians(45.0))), "hand over", "jumped"),
+    Case(
+        "position aid lost",
+        lambda s: s.px.autopilot.lose_position_aid(),
+        "hand over",
+        "states a standard deviation of 0.5",
+        silent_s=2.3,
+        on_ardupilot={"said": "has lost its source of position", "silent_s": 1.0},
+    ),
     Case("estimator rejects its sensors", _be(estimator_ratio=2.0), "hand over", "estimator is in doubt", silent_s=0.6),
 )
 LIMITS = (

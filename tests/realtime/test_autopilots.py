@@ -229,6 +229,27 @@ def test_a_flight_restores_what_an_earlier_one_left_behind(tmp_path: Path) -> No
     assert kept.read() == {}
 
 
+def test_px4_is_told_to_trust_dead_reckoning_for_a_second_and_no_longer() -> None:
+    says: list[str] = []
+
+    async def fly(link: Link, set_parameters: bool) -> float:
+        async with requirements_met(link.adapter, set_parameters, says.append):
+            return link.px.autopilot.parameters["EKF2_NOAID_TOUT"]
+
+    with connected(SimulatedAutopilot(VEHICLE)) as link:
+        assert asyncio.run(fly(link, set_parameters=False)) == 5e6
+        (warning,) = says
+        assert warning.startswith("EKF2_NOAID_TOUT is 5000000 on PX4")
+        assert "expected 1000000: for so many microseconds PX4 flies on by dead reckoning when GPS" in warning
+        says.clear()
+        assert asyncio.run(fly(link, set_parameters=True)) == 1e6
+        assert link.px.autopilot.parameters["EKF2_NOAID_TOUT"] == 5e6
+    assert says == [
+        "EKF2_NOAID_TOUT is set from 5000000 to 1000000 for this flight.",
+        "EKF2_NOAID_TOUT is 5000000 again.",
+    ]
+
+
 # --- ArduPilot's rules -------------------------------------------------------------------------------------------
 
 

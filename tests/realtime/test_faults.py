@@ -20,6 +20,7 @@ ON_PX4 = (
     "process killed",
     "disk full",
     "position frozen",
+    "position aid lost",
     "estimator rejects its sensors",
     "landing does not end",
     "heartbeats stop",
@@ -33,6 +34,7 @@ ON_PX4 = (
 )
 ON_ARDUPILOT = (  # where it has its own way, or the line has
     "event loop frozen for 3 s",
+    "position aid lost",
     "disarmed in flight",
     "autopilot restarts at once",
     "autopilot's messages stop",

@@ -105,7 +105,7 @@ def record() -> Record:
 
 class TestGuards:
     BRIEF = Brief(plan().mission._replace(limits=MISSION), LIMITS, "raptor", "none")
-    TOLD_BY_EVENTS_ALONE = ("disarmed", "mode taken", "mode unknown", "no attitude at all")
+    TOLD_BY_EVENTS_ALONE = ("disarmed", "mode taken", "mode unknown", "no attitude at all", "position aid lost")
 
     @pytest.mark.parametrize("name", BEYOND)
     def test_the_guard_that_acted_is_marked_and_no_other(self, name: str, record: Record) -> None:

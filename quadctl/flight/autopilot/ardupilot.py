@@ -127,6 +127,7 @@ ARDUPILOT = Firmware(
         Stream("HEARTBEAT", 0, 20.0, without="A change of mode is seen after up to a second, a short one never."),
     ),
     tells_readiness=True,
+    tells_aids=True,
     motor_throttle=throttle_of_pulse,
     tests_motors_clockwise=True,
     requirements=(

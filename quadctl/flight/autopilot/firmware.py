@@ -49,7 +49,7 @@ class Requirement:
 
     def said(self, value: float) -> str:
         """Parameter and value, in a sentence where there is one."""
-        return f"{self.parameter} = {value:g}" if self.finding is None else f"{self.parameter}: {self.finding(value)}"
+        return f"{self.parameter} = {value:.7g}" if self.finding is None else f"{self.parameter}: {self.finding(value)}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,6 +85,8 @@ class Firmware:
     streams: Sequence[Stream]
     tells_readiness: bool
     """True: the pre-arm bit of SYS_STATUS holds for the offboard mode too, not only for the present one."""
+    tells_aids: bool
+    """True: the health bits of SYS_STATUS tell if GPS or motion capture work; its estimator does not."""
     motor_throttle: Callable[[float], float]
     """Function from the motor output that it reports to the scale of the throttle target, 0..1."""
     requirements: Sequence[Requirement] = ()

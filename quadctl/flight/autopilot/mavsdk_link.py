@@ -148,7 +148,7 @@ class MavsdkLink:
         param = self._opened(self._param)
         known = self.read_parameter(name)
         if known is None:
-            raise FlightError(f"The autopilot at {self.url} did not tell its {name}, so it was not set to {value:g}.")
+            raise FlightError(f"The autopilot at {self.url} did not tell its {name}, so it was not set to {value:.7g}.")
         try:
             if isinstance(known, int):
                 param.set_param_int(name, round(value))
@@ -156,7 +156,7 @@ class MavsdkLink:
                 param.set_param_float(name, value)
         except ParamError as error:
             raise FlightError(
-                f"The autopilot at {self.url} did not set {name} to {value:g}: {error.result.name}."
+                f"The autopilot at {self.url} did not set {name} to {value:.7g}: {error.result.name}."
             ) from None
 
     # --- inside ------------------------------------------------------------------------------------------------

@@ -95,6 +95,8 @@ class Telemetry:
         self._heartbeat = _Heartbeat()
         self._mode = _Mode()
         self._estimator_ratio = NAN
+        self._std_m = (NAN, NAN)
+        self._aided = self._aid_lost = False
         self._clock = LinkClock()
         self.round_trips = RoundTrips()
         """Questions about the link's delay, whose answers `receive` takes in."""
@@ -168,6 +170,9 @@ class Telemetry:
             setpoint_delay_s=self._clock.setpoint_delay_s,
             boots=self._clock.restarts,
             estimator_ratio=self._estimator_ratio,
+            horizontal_std_m=self._std_m[0],
+            vertical_std_m=self._std_m[1],
+            aid_lost=self._aid_lost,
         )
 
     @property
@@ -267,19 +272,30 @@ class Telemetry:
         what `Ekf::get_innovation_test_status` gives, nan for a sensor that is not used; ArduPilot what
         `NavEKF3_core::getVariances` gives, and calls it a variance.
         ArduPilot's own failsafe (FS_EKF_THRESH, 0.8 of the same scale) wants two of them, for a second.
+
+        Neither ratios nor flags tell that a sensor has gone: there is no innovation then. PX4 states the standard
+        deviation of its position too, which grows from the first second on.
         """
         del now_s
         known = [ratio for name in ratios if math.isfinite(ratio := _number(fields[name]))]
         self._estimator_ratio = max(known, default=NAN)
         flags = int(fields["flags"])
         self._estimator_ok = flags & ESTIMATOR_GOOD == ESTIMATOR_GOOD and flags & ESTIMATOR_POSITION != 0
+        self._std_m = _number(fields.get("pos_horiz_accuracy")), _number(fields.get("pos_vert_accuracy"))
 
     def _on_sys_status(self, fields: Fields, now_s: float) -> None:
         known = fields["onboard_control_sensors_present"] & mavlink.MAV_SYS_STATUS_PREARM_CHECK
         self._prearm_ok = not known or bool(fields["onboard_control_sensors_health"] & known)
+        if self.firmware is not None and self.firmware.tells_aids:
+            self._notice_aids(bool(fields["onboard_control_sensors_health"] & mavlink.POSITION_AIDS))
         millivolts = fields["voltage_battery"]
         if millivolts != MILLIVOLTS_UNKNOWN:
             self._battery = (now_s, 0.001 * millivolts)
+
+    def _notice_aids(self, aided: bool) -> None:
+        """Note if a source of position works; one that never worked is not lost."""
+        self._aided = self._aided or aided
+        self._aid_lost = self._aided and not aided
 
     def _on_extended_state(self, fields: Fields, now_s: float) -> None:
         del now_s

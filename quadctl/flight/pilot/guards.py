@@ -43,6 +43,14 @@ class GuardLimits(Settings):
     """Voltage below which the flight lands; 0: not guarded."""
     max_estimator_ratio: float = Field(default=1.0, ge=0.0)
     """Largest ratio of innovation to gate, if known: above 1 the autopilot rejects measurements. 0: not guarded."""
+    max_horizontal_std_m: float = Field(default=0.5, ge=0.0)
+    """Largest standard deviation of the horizontal position that the estimator may state, if it does. 0: not guarded.
+
+    PX4's estimate with GPS was measured at 0.28 to 0.30 m, and at 0.56 m two seconds after the GPS was lost.
+    """
+    max_vertical_std_m: float = Field(default=0.5, ge=0.0)
+    """Largest standard deviation of the height that the estimator may state, if it does; measured were 0.03 to 0.26 m.
+    0: not guarded."""
     max_over_time_s: float = Field(default=60.0, gt=0.0, le=600.0)
     """Longest time by which a flight may exceed its mission, by a slow take-off, and longest landing."""
     continuity: ContinuityLimits = ContinuityLimits()
@@ -80,6 +88,22 @@ def defect(state: VehicleState, limits: GuardLimits) -> str | None:
     if 0.0 < limits.max_estimator_ratio < state.estimator_ratio:
         ratio, largest = state.estimator_ratio, limits.max_estimator_ratio
         return f"the autopilot's estimator is in doubt: innovation ratio {ratio:.2f}, allowed are {largest:g}"
+    return _unaided(state, limits)
+
+
+def _unaided(state: VehicleState, limits: GuardLimits) -> str | None:
+    """Reason why the position is not measured any more, though the estimate goes on, or None."""
+    if state.aid_lost:
+        return "the autopilot has lost its source of position (GPS, motion capture)"
+    for part, std_m, largest_m in (
+        ("horizontal position", state.horizontal_std_m, limits.max_horizontal_std_m),
+        ("height", state.vertical_std_m, limits.max_vertical_std_m),
+    ):
+        if 0.0 < largest_m < std_m:
+            return (
+                f"the estimator states a standard deviation of {std_m:.2f} m for the {part}, "
+                f"allowed are {largest_m:g} m"
+            )
     return None
 
 

@@ -67,8 +67,8 @@ class ChangedParameters:
 def left_behind(name: str, change: Change) -> str:
     """Sentence about a change that an earlier flight did not undo."""
     return (
-        f"{name} = {change.set_to:g} was set for an earlier flight, which ended without restoring it: it was "
-        f"{change.was:g}, --restore-params restores it"
+        f"{name} = {change.set_to:.7g} was set for an earlier flight, which ended without restoring it: it was "
+        f"{change.was:.7g}, --restore-params restores it"
     )
 
 
@@ -95,7 +95,7 @@ async def restore(
 ) -> None:
     """Restore parameters, but not while the vehicle is armed: they must not change under whoever flies now."""
     for name, change in changes.items():
-        by_hand = f"{name} could not be restored; set it to {change.was:g} by hand"
+        by_hand = f"{name} could not be restored; set it to {change.was:.7g} by hand"
         if kept is not None:
             by_hand += ", or let --restore-params do it"
         if autopilot.state().armed:
@@ -106,6 +106,6 @@ async def restore(
         except FlightError as error:
             say(f"{by_hand}: {error}")
         else:
-            say(f"{name} is {change.was:g} again.")
+            say(f"{name} is {change.was:.7g} again.")
             if kept is not None:
                 kept.forget(name)

@@ -169,7 +169,10 @@ def _messages(counted: Counted, plan: FlightPlan) -> Iterator[Finding]:
 
 
 def _estimator(state: VehicleState, plan: FlightPlan) -> Finding:
-    return judged("estimator", "attitude, velocity and position", refused=defect(state, plan.settings.guards))
+    known = [f"{std_m:.2f} m" for std_m in (state.horizontal_std_m, state.vertical_std_m) if math.isfinite(std_m)]
+    stated = f", standard deviation {' and '.join(known)}" if known else ""
+    text = f"attitude, velocity and position{stated}"
+    return judged("estimator", text, refused=defect(state, plan.settings.guards))
 
 
 def _standing(state: VehicleState, plan: FlightPlan) -> Finding:
@@ -221,5 +224,5 @@ def _required(need: Requirement, values: Mapping[str, float], without_failsafe: 
         unknown = "the autopilot does not tell it"
         return judged("parameters", need.parameter, refused=None if lenient else unknown, warning=unknown)
     value = values[need.parameter]
-    problem = None if need.met(value) else f"expected {need.to_meet(value):g} (--set-params does it): {need.because}"
+    problem = None if need.met(value) else f"expected {need.to_meet(value):.7g} (--set-params does it): {need.because}"
     return judged("parameters", need.said(value), refused=None if lenient else problem, warning=problem)

@@ -33,7 +33,7 @@ async def requirements_met(
     if not set_parameters:
         for need, value in unmet:
             sentence = (
-                f"{need.parameter} is {value:g} on {autopilot.description}, expected {need.to_meet(value):g}: "
+                f"{need.parameter} is {value:.7g} on {autopilot.description}, expected {need.to_meet(value):.7g}: "
                 f"{need.because}. Set it there, or fly with --set-params, which restores it afterwards"
                 f"{NOBODY_LANDS if need.failsafe and not without_failsafe else ''}."
             )
@@ -49,7 +49,7 @@ async def requirements_met(
                 kept.note(need.parameter, change)
             changes.setdefault(need.parameter, change)
             await autopilot.set_parameter(need.parameter, need.to_meet(value))
-            warn(f"{need.parameter} is set from {value:g} to {need.to_meet(value):g} for this flight.")
+            warn(f"{need.parameter} is set from {value:.7g} to {need.to_meet(value):.7g} for this flight.")
         yield
     finally:
         await restore(autopilot, changes, kept, warn)

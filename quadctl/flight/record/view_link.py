@@ -54,6 +54,8 @@ class Record(NamedTuple):
     link_age_s: float
     """Time since the last heartbeat."""
     estimator_ratio: float
+    horizontal_std_m: float
+    vertical_std_m: float
     armed: bool
     mode: str
     ended: str
@@ -133,6 +135,8 @@ def _record(tick: Tick, late_s: float, pilot: Pilot, events: tuple[Event, ...]) 
         state_age_s=state.control_age_s,
         link_age_s=state.age_s("heartbeat"),
         estimator_ratio=state.estimator_ratio,
+        horizontal_std_m=state.horizontal_std_m,
+        vertical_std_m=state.vertical_std_m,
         armed=state.armed,
         mode=state.mode,
         ended=pilot.ended,

@@ -44,6 +44,12 @@ def guards(record: Record, brief: Brief) -> Iterator[Nearness]:
     )
     if limits.max_estimator_ratio > 0.0:
         yield _most("estimator ratio", record.estimator_ratio, limits.max_estimator_ratio, "", 2, r"is in doubt")
+    if limits.max_horizontal_std_m > 0.0:
+        stated, limit = record.horizontal_std_m, limits.max_horizontal_std_m
+        yield _most("stated accuracy", stated, limit, "m", 2, r"deviation .* horizontal position")
+    if limits.max_vertical_std_m > 0.0:
+        stated, limit = record.vertical_std_m, limits.max_vertical_std_m
+        yield _most("stated accuracy, height", stated, limit, "m", 2, r"deviation .* height")
     yield _most("tilt", record.tilt_deg, limits.max_tilt_deg, "°", 0, r"^the tilt is")
     yield _most("speed", record.speed_m_s, limits.max_speed_m_s, "m/s", 1, r"^the speed is")
     yield _most("height", record.height_m, place.max_z_m + place.margin_m, "m", 2, r"^the height is .* m$")

@@ -89,3 +89,42 @@ def test_an_estimator_in_doubt_is_seen() -> None:
     assert good.estimator_ok
     assert good.estimator_ratio == 1.5
     assert not heard(("EKF_STATUS_REPORT", {"flags": 0b10_0111, **tests})).state(1.0).estimator_ok
+
+
+PX4_HEARTBEAT = {"autopilot": 12, "base_mode": 1, "custom_mode": 6 << 16}
+RATIOS = {"flags": 0b11_1111, "vel_ratio": 0.1, "pos_horiz_ratio": 0.1, "pos_vert_ratio": None}
+GPS, VISION = 1 << 5, 1 << 7
+
+
+def test_the_accuracy_that_px4_states_is_read() -> None:
+    telemetry = Telemetry(n_rotors=4)
+    accuracy = {"pos_horiz_accuracy": 0.56, "pos_vert_accuracy": None}
+    telemetry.receive("ESTIMATOR_STATUS", {**RATIOS, **accuracy}, now_s=1.0)
+    state = telemetry.state(1.0)
+    assert state.horizontal_std_m == 0.56
+    assert math.isnan(state.vertical_std_m)
+
+
+def sensors(*healths: int) -> list[tuple[str, dict[str, Any]]]:
+    return [("SYS_STATUS", {**VOLTAGE, "onboard_control_sensors_health": health}) for health in healths]
+
+
+@pytest.mark.parametrize(
+    ("healths", "lost"),
+    [
+        ((0,), False),  # it never had one
+        ((GPS,), False),
+        ((GPS, 0), True),
+        ((VISION, 0, 0), True),
+        ((GPS | VISION, VISION), False),  # another one works
+        ((GPS, 0, GPS), False),
+    ],
+)
+def test_ardupilot_has_lost_its_source_of_position_when_none_works_any_more(
+    healths: tuple[int, ...], lost: bool
+) -> None:
+    assert heard(*sensors(*healths)).state(1.0).aid_lost == lost
+
+
+def test_the_sensor_bits_of_px4_say_nothing_about_what_its_estimator_uses() -> None:
+    assert not heard(("HEARTBEAT", PX4_HEARTBEAT), *sensors(GPS, 0)).state(1.0).aid_lost

@@ -64,6 +64,8 @@ INSIDE: dict[str, tuple[VehicleState, dict[str, float]]] = {
     "distance 5.5 m": (GOOD, {"distance_m": 5.5}),
     "estimator at its gate": (replace(GOOD, estimator_ratio=1.0), {}),
     "estimator unknown": (replace(GOOD, estimator_ratio=NAN), {}),
+    "accuracy at its limits": (replace(GOOD, horizontal_std_m=0.5, vertical_std_m=0.5), {}),
+    "accuracy unknown": (replace(GOOD, horizontal_std_m=NAN, vertical_std_m=NAN), {}),
     "5 s over time": (GOOD, {"in_air_s": 65.0}),
     "rates unknown": (replace(GOOD, rates_rad_s=(NAN, NAN, NAN)), {}),
     "rotors unknown": (replace(GOOD, rotor_rpm=(NAN,) * 4), {}),
@@ -96,6 +98,19 @@ BEYOND: dict[str, tuple[VehicleState, dict[str, float], Answer, str]] = {
         Answer.HAND_OVER,
         "estimator is in doubt: innovation ratio 1.01, allowed are 1",
     ),
+    "horizontal accuracy": (
+        replace(GOOD, horizontal_std_m=0.51),
+        {},
+        Answer.HAND_OVER,
+        "states a standard deviation of 0.51 m for the horizontal position, allowed are 0.5 m",
+    ),
+    "vertical accuracy": (
+        replace(GOOD, vertical_std_m=0.51),
+        {},
+        Answer.HAND_OVER,
+        "states a standard deviation of 0.51 m for the height, allowed are 0.5 m",
+    ),
+    "position aid lost": (replace(GOOD, aid_lost=True), {}, Answer.HAND_OVER, "has lost its source of position"),
     "distance": (GOOD, {"distance_m": 5.51}, Answer.LAND, "5.51 m from take-off, allowed are 5.5 m"),
     "time": (GOOD, {"in_air_s": 65.1}, Answer.LAND, "lasts 65 s, the mission 60 s"),
     "battery": (replace(GOOD, battery_v=13.99), {}, Answer.LAND, "battery is at 13.99 V, allowed are 14 V"),
@@ -151,6 +166,11 @@ def test_a_battery_limit_of_zero_guards_nothing() -> None:
     for volts in (0.0, NAN):
         state = replace(GOOD, battery_v=volts)
         assert inspect(state, 1.0, 60.0, 0.5, 0.0, GuardLimits(), MISSION) is None
+
+
+def test_an_accuracy_limit_of_zero_guards_nothing() -> None:
+    state = replace(GOOD, horizontal_std_m=99.0, vertical_std_m=99.0)
+    assert defect(state, GuardLimits(max_horizontal_std_m=0.0, max_vertical_std_m=0.0)) is None
 
 
 @given(
@@ -210,6 +230,8 @@ def test_a_target_beyond_its_limits_is_unfit(target: AttitudeTarget, words: str)
         {"max_tick_late_s": math.nan},
         {"min_battery_v": -1.0},
         {"max_estimator_ratio": -1.0},
+        {"max_horizontal_std_m": -1.0},
+        {"max_vertical_std_m": -1.0},
         {"max_over_time_s": 0.0},
     ],
     ids=str,
