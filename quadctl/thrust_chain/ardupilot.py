@@ -143,6 +143,7 @@ def _density_ratio(ambient: Ambient) -> Number:
 
 CHAIN = ThrustChain(
     parameters=(BOOST, *CURVE, *VOLTAGE),
+    defaults=DEFAULT_CURVE,
     boost=angle_boost,
     thrust_of_output=thrust_of_output,
     output_of_thrust=output_of_thrust,

@@ -47,6 +47,8 @@ class ThrustChain:
 
     parameters: Sequence[str]
     """Parameters that the functions read; a function leaves the thrust as it is where it lacks one."""
+    defaults: Parameters
+    """Values for the curve of the motors where the firmware does not tell them."""
     boost: Callable[[Number, Parameters], Number]
     """Factor by which the firmware multiplies the thrust at a cosine of the tilt."""
     thrust_of_output: Callable[[Number, Parameters, Ambient], Number]

@@ -76,6 +76,7 @@ def additions(hover: float, parameters: Parameters, ambient: Ambient) -> list[Ad
 
 CHAIN = ThrustChain(
     parameters=(CURVE, BATTERY, "MC_AIRMODE", "MPC_THR_HOVER"),
+    defaults={},
     boost=no_boost,
     thrust_of_output=thrust_of_output,
     output_of_thrust=output_of_thrust,

@@ -43,6 +43,8 @@ class SimulatedAutopilot:
         "MPC_LAND_SPEED": 0.7,
         "MPC_THR_HOVER": 0.5,
         "THR_MDL_FAC": 0.0,
+        "MC_BAT_SCALE_EN": 0.0,
+        "MC_AIRMODE": 0.0,
     }
 
     def __init__(self, vehicle: Vehicle, truth: HiddenTruth | None = None, seed: int = 0, source: str = "") -> None:

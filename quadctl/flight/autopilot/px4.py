@@ -1,6 +1,7 @@
 """PX4 on the MAVLink wire: offboard mode follows targets, which also lift the vehicle off."""
 
-from quadctl.flight.autopilot.firmware import Check, Firmware, Stream, hover_throttle_check, share_of_pulse
+from quadctl.flight.autopilot.firmware import Check, Firmware, Stream, hover_throttle_check
+from quadctl.thrust_chain.px4 import CHAIN
 from quadctl.vehicle import Vehicle
 
 MAX_SILENCE_S = 1.0
@@ -54,6 +55,14 @@ def _poor_action(value: float, vehicle: Vehicle) -> str | None:
     return None if action in GOOD_LOST_OFFBOARD else "expected 4 (Land) or 5 (Hold), which need nobody"
 
 
+def _scaling(value: float, vehicle: Vehicle) -> str:
+    return f"MC_BAT_SCALE_EN: thrust {'grows as the battery empties' if value else 'does not change with the battery'}"
+
+
+def _scaled(value: float, vehicle: Vehicle) -> str | None:
+    return "expected 0: the thrust that is flown is not the one that is commanded" if value else None
+
+
 PX4 = Firmware(
     name="PX4",
     mav_autopilot=12,
@@ -77,11 +86,12 @@ PX4 = Firmware(
         Stream("CURRENT_MODE", 436, 20.0, without="A change of mode is seen after up to a second, a short one never."),
     ),
     tells_readiness=False,
-    motor_throttle=share_of_pulse,
+    thrust_chain=CHAIN,
     checks=(
         Check("COM_OF_LOSS_T", _silence, _too_patient),
         Check("COM_OBL_RC_ACT", _action, _poor_action),
         hover_throttle_check("MPC_THR_HOVER"),
+        Check("MC_BAT_SCALE_EN", _scaling, _scaled),
     ),
     serial_parameters=("MAV_1_CONFIG", "SER_TEL2_BAUD"),
     throttle_bent_by="THR_MDL_FAC",
