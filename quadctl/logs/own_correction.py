@@ -1,7 +1,7 @@
 """The correction that an autopilot makes by itself near the ground: motor outputs over the command, against height.
 
-A firmware that corrects for ground effect gives less output than it is told, the less the nearer the ground. Thrust taken
-from the command then looks like an inverse ground effect; thrust taken from the outputs does not.
+A firmware that corrects for ground effect gives less output than it is told, the less the nearer the ground. Thrust
+taken from the command then looks like an inverse ground effect; thrust taken from the outputs does not.
 """
 
 import itertools
