@@ -5,8 +5,11 @@ from collections.abc import Mapping
 import numpy as np
 
 from quadctl.logs.flight_log import Floats
+from quadctl.thrust_chain.ardupilot import CURVE, compensates_voltage, knows_curve, thrust_of_output
+from quadctl.thrust_chain.chain import Ambient
 
 PARAMETERS = (
+    "ATC_ANGLE_BOOST",
     "FRAME_CLASS",
     "FRAME_TYPE",
     "MOT_BAT_VOLT_MAX",
@@ -19,8 +22,7 @@ PARAMETERS = (
     "MOT_THST_HOVER",
 )
 """Parameters that an analysis of motor outputs may need, kept in the log's `meta`."""
-CURVE = ("MOT_THST_EXPO", "MOT_SPIN_MIN", "MOT_SPIN_MAX")
-"""Parameters of the firmware's curve from thrust to output."""
+VOLT_MAX = "MOT_BAT_VOLT_MAX"
 PWM_US = (1000.0, 2000.0)
 """Range of the motor outputs where MOT_PWM_MIN and MOT_PWM_MAX do not say."""
 
@@ -38,11 +40,14 @@ def motor_of_servo(servo: int, parameters: Mapping[str, float]) -> int | None:
     return int(function) - 73 if 82 <= function <= 85 else None
 
 
-def motor_outputs(pulses_us: Mapping[int, Floats], parameters: Mapping[str, float]) -> dict[str, Floats]:
+def motor_outputs(
+    pulses_us: Mapping[int, Floats], parameters: Mapping[str, float], ambient: Ambient
+) -> dict[str, Floats]:
     """`motorN_output`, 0..1, from pulse lengths by number of output, those without pulses left out.
 
-    The outputs are shares of the PWM range, from which the firmware's thrust curve is removed where its parameters are
-    known: then they are proportional to thrust, as `throttle_cmd` is.
+    The outputs are shares of the PWM range, from which the firmware's curve and compensations are removed where its
+    parameters are known: then they are proportional to thrust, as `throttle_cmd` is. `ambient` holds arrays as long as
+    the pulses.
     """
     low, high = parameters.get("MOT_PWM_MIN", 0.0), parameters.get("MOT_PWM_MAX", 0.0)
     if not 0.0 < low < high:
@@ -51,37 +56,27 @@ def motor_outputs(pulses_us: Mapping[int, Floats], parameters: Mapping[str, floa
     for servo, pulses in pulses_us.items():
         motor = motor_of_servo(servo, parameters)
         if motor is not None and pulses.any():
-            found[motor] = thrust_share(np.clip((pulses - low) / (high - low), 0.0, 1.0), parameters)
+            share = np.clip((pulses - low) / (high - low), 0.0, 1.0)
+            found[motor] = np.asarray(thrust_of_output(share, parameters, ambient))
     return {f"motor{motor}_output": found[motor] for motor in sorted(found)}
 
 
-def thrust_share(output: Floats, parameters: Mapping[str, float]) -> Floats:
-    """Share of the full thrust, 0..1, that the firmware means by an output, 0..1 of the PWM range.
-
-    The inverse of AP_MotorsMulticopter: the output is SPIN_MIN + (SPIN_MAX - SPIN_MIN) t, with
-    thrust = (1 - EXPO) t + EXPO t^2. The output itself where the log lacks one of the parameters.
-    """
-    if not knows_curve(parameters):
-        return output
-    expo, lowest, highest = (parameters[name] for name in CURVE)
-    t = np.clip((output - lowest) / (highest - lowest), 0.0, 1.0)
-    return np.asarray((1.0 - expo) * t + expo * t**2)
-
-
-def knows_curve(parameters: Mapping[str, float]) -> bool:
-    """True where the log holds the parameters of the firmware's thrust curve, and they are possible."""
-    if any(name not in parameters for name in CURVE):
-        return False
-    expo, lowest, highest = (parameters[name] for name in CURVE)
-    return -1.0 <= expo <= 1.0 and 0.0 <= lowest < highest <= 1.0
-
-
-def output_note(parameters: Mapping[str, float]) -> str:
+def output_note(parameters: Mapping[str, float], ambient: Ambient) -> str:
     """Note on the motor outputs, to be read before thrust is taken from them."""
-    if knows_curve(parameters):
-        curve = ", ".join(f"{name} = {parameters[name]:.4g}" for name in CURVE)
-        return f"motor outputs are shares of the full thrust: ArduPilot's thrust curve ({curve}) is removed"
-    return (
-        f"motor outputs are shares of the PWM range, as the log lacks one of {', '.join(CURVE)}: not proportional to "
-        "thrust, as throttle_cmd should be"
-    )
+    if not knows_curve(parameters):
+        return (
+            f"motor outputs are shares of the PWM range, as the log lacks one of {', '.join(CURVE)}: not proportional "
+            "to thrust, as throttle_cmd should be"
+        )
+    curve = ", ".join(f"{name} = {parameters[name]:.4g}" for name in CURVE)
+    removed = [f"thrust curve ({curve})"]
+    kept: list[str] = []
+    if compensates_voltage(parameters):
+        known = np.isfinite(ambient.battery_v).any()
+        (removed if known else kept).append(f"voltage compensation (MOT_BAT_VOLT_MAX = {parameters[VOLT_MAX]:.4g})")
+    if np.isfinite(ambient.density_ratio).any():
+        removed.append(f"density compensation (air of {np.nanmedian(ambient.density_ratio):.3f} of sea level)")
+    else:
+        kept.append("density compensation")
+    lacking = f"; its {' and '.join(kept)} cannot be removed, as the log lacks the measurement" if kept else ""
+    return f"motor outputs are shares of the full thrust: ArduPilot's {', '.join(removed)} removed{lacking}"

@@ -17,8 +17,26 @@ from quadctl.errors import LogError
 from quadctl.logs.ardupilot import PARAMETERS, motor_of_servo, motor_outputs, output_note
 from quadctl.logs.flight_log import FlightLog, Floats
 from quadctl.logs.merge import Channel, Origin, finite, intervals, merge
+from quadctl.thrust_chain.ardupilot import air_density_ratio
+from quadctl.thrust_chain.chain import Ambient
 
-MESSAGES = ("PARM", "VER", "XKF1", "XKF4", "NKF1", "NKF4", "ATT", "RATE", "IMU", "RCOU", "ESC", "BAT", "ARM")
+MESSAGES = (
+    "PARM",
+    "VER",
+    "XKF1",
+    "XKF4",
+    "NKF1",
+    "NKF4",
+    "ATT",
+    "RATE",
+    "IMU",
+    "RCOU",
+    "ESC",
+    "BAT",
+    "ARM",
+    "MOTB",
+    "BARO",
+)
 NEEDED = "XKF1 (or NKF1) and ATT"
 
 _HEAD = b"\xa3\x95"
@@ -241,9 +259,25 @@ def _motors(messages: dict[str, _Message], parameters: dict[str, float], notes: 
             notes.append("ESC reports no rotor speeds: they are all zero")
     if (rcou := messages.get("RCOU")) is not None:
         pulses = {i: _values(rcou, f"C{i}") for i in range(1, _MAX_OUTPUTS + 1) if f"C{i}" in rcou}
-        if columns := motor_outputs(pulses, parameters):
-            notes.append(output_note(parameters))
+        ambient = _ambient(messages, parameters, _seconds(rcou))
+        if columns := motor_outputs(pulses, parameters, ambient):
+            notes.append(output_note(parameters, ambient))
             yield Channel("RCOU", _seconds(rcou), columns)
+
+
+def _ambient(messages: dict[str, _Message], parameters: dict[str, float], time_s: Floats) -> Ambient:
+    """Battery and air at these times, as the firmware's compensations saw them."""
+    volts = ratio = np.full(len(time_s), np.nan)
+    if (motors := messages.get("MOTB")) is not None and "BatVolt" in motors:  # filtered, over MOT_BAT_VOLT_MAX
+        filtered = parameters.get("MOT_BAT_VOLT_MAX", np.nan) * _values(motors, "BatVolt")
+        volts = np.interp(time_s, _seconds(motors), filtered)
+    elif (battery := _instance(messages.get("BAT"), 0)) is not None:
+        resting = _values(battery, "VoltR" if "VoltR" in battery else "Volt")  # without the sag of the load
+        volts = np.interp(time_s, _seconds(battery), resting)
+    if (baro := _instance(messages.get("BARO"), 0)) is not None:
+        air = air_density_ratio(_values(baro, "Press"), _values(baro, "GndTemp"), _values(baro, "Alt"))
+        ratio = np.interp(time_s, _seconds(baro), air)
+    return Ambient(volts, ratio)
 
 
 def _esc(messages: _Message, instance: int, parameters: dict[str, float]) -> Channel | None:

@@ -18,6 +18,7 @@ from rich.text import Text
 from quadctl.logs.columns import MOTOR_QUANTITIES, REFERENCE_COLUMNS
 from quadctl.logs.contradictions import contradictions
 from quadctl.logs.flight_log import ATTITUDE, POSITION, RATES, VELOCITY, FlightLog
+from quadctl.logs.own_correction import correction_notes
 
 GAP_FACTOR = 5.0
 """An interval between updates longer than this many median ones is a gap."""
@@ -182,7 +183,7 @@ def quality(log: FlightLog) -> QualityReport:
         clock=_clock(log),
         thrust_source=thrust_source,
         obstacles=(*_obstacles(log, present, thrust_source, flight_s), *contradictions(log)),
-        notes=(*log.notes, *_channel_notes(channels, thrust_source)),
+        notes=(*log.notes, *_channel_notes(channels, thrust_source), *correction_notes(log)),
     )
 
 

@@ -21,6 +21,8 @@ from quadctl.frames import GRAVITY_M_S2, euler_from_quaternion
 from quadctl.logs.ardupilot import PARAMETERS, motor_of_servo, motor_outputs, output_note
 from quadctl.logs.flight_log import ATTITUDE, RATES, FlightLog, Floats
 from quadctl.logs.merge import Channel, Origin, finite, intervals, merge
+from quadctl.thrust_chain.ardupilot import BOOST, air_density_ratio, angle_boost
+from quadctl.thrust_chain.chain import Ambient
 
 MESSAGES = {
     0: "HEARTBEAT",
@@ -28,6 +30,7 @@ MESSAGES = {
     22: "PARAM_VALUE",
     26: "SCALED_IMU",
     27: "RAW_IMU",
+    29: "SCALED_PRESSURE",
     30: "ATTITUDE",
     31: "ATTITUDE_QUATERNION",
     32: "LOCAL_POSITION_NED",
@@ -283,11 +286,13 @@ def _channels(
     if records["ATTITUDE_TARGET"]:
         quaternion = np.array([record.fields.q for record in records["ATTITUDE_TARGET"]], dtype=np.float64).T
         names = ("roll_cmd_deg", "pitch_cmd_deg", "yaw_cmd_deg")
-        yield _channel(telemetry, "ATTITUDE_TARGET", {"throttle_cmd": ("thrust", 1.0)}, _euler(quaternion, names))
+        throttle = {"throttle_cmd": _boosted(telemetry, parameters, is_ardupilot, notes)}
+        yield _channel(telemetry, "ATTITUDE_TARGET", {}, throttle | _euler(quaternion, names))
     yield from _rotors(telemetry, parameters, notes)
-    if records["SERVO_OUTPUT_RAW"] and (columns := _outputs(telemetry, parameters)):
+    ambient = _ambient(telemetry)
+    if records["SERVO_OUTPUT_RAW"] and (columns := _outputs(telemetry, parameters, ambient)):
         if is_ardupilot:
-            notes.append(output_note(parameters))
+            notes.append(output_note(parameters, ambient))
         yield _channel(telemetry, "SERVO_OUTPUT_RAW", {}, columns)
     yield from _battery(telemetry)
 
@@ -360,13 +365,39 @@ def _escs(
     return columns
 
 
-def _outputs(telemetry: _Telemetry, parameters: dict[str, float]) -> dict[str, Floats]:
+def _boosted(telemetry: _Telemetry, parameters: dict[str, float], is_ardupilot: bool, notes: list[str]) -> Floats:
+    """Thrust of ATTITUDE_TARGET as it is flown: ArduPilot tells it before its angle boost."""
+    thrust = telemetry.field("ATTITUDE_TARGET", "thrust")
+    kind = _first(telemetry, "ATTITUDE", "ATTITUDE_QUATERNION")
+    if not is_ardupilot or kind is None or not parameters.get(BOOST):
+        return thrust
+    attitude = _attitude(telemetry, kind)
+    cos_tilt = np.cos(np.radians(attitude["roll_deg"])) * np.cos(np.radians(attitude["pitch_deg"]))
+    at_s, known_s = telemetry.times(telemetry.records["ATTITUDE_TARGET"]), telemetry.times(telemetry.records[kind])
+    notes.append(f"throttle_cmd holds ArduPilot's angle boost ({BOOST} = {parameters[BOOST]:g}), as it is flown")
+    return np.asarray(thrust * angle_boost(np.interp(at_s, known_s, cos_tilt), parameters))
+
+
+def _ambient(telemetry: _Telemetry) -> Ambient:
+    """Battery and air at the times of SERVO_OUTPUT_RAW; the first temperature counts as that of the ground."""
+    at_s = telemetry.times(telemetry.records["SERVO_OUTPUT_RAW"])
+    volts = ratio = np.full(len(at_s), np.nan)
+    if records := telemetry.records["SYS_STATUS"]:
+        volts = np.interp(at_s, telemetry.times(records), telemetry.field("SYS_STATUS", "voltage_battery", 1e-3))
+    if records := telemetry.records["SCALED_PRESSURE"]:
+        pressure_pa = telemetry.field("SCALED_PRESSURE", "press_abs", 100.0)
+        ground_c = telemetry.field("SCALED_PRESSURE", "temperature", 0.01)[0]
+        ratio = np.interp(at_s, telemetry.times(records), air_density_ratio(pressure_pa, ground_c, 0.0))
+    return Ambient(volts, ratio)
+
+
+def _outputs(telemetry: _Telemetry, parameters: dict[str, float], ambient: Ambient) -> dict[str, Floats]:
     """Motor outputs; where no parameter says which outputs are motors, as many as the vehicle's type has."""
     kinds = Counter(m.fields.type for m in telemetry.records["HEARTBEAT"])
     n_motors = _MOTORS_OF_TYPE.get(kinds.most_common(1)[0][0], 16) if kinds else 16
     n_outputs = 16 if any(name.startswith("SERVO") for name in parameters) else n_motors
     pulses = {i: telemetry.field("SERVO_OUTPUT_RAW", f"servo{i}_raw") for i in range(1, n_outputs + 1)}
-    return motor_outputs(pulses, parameters)
+    return motor_outputs(pulses, parameters, ambient)
 
 
 def _battery(telemetry: _Telemetry) -> Iterator[Channel]:

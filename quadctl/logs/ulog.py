@@ -18,6 +18,8 @@ from quadctl.frames import euler_from_quaternion
 from quadctl.logs.columns import motor_columns
 from quadctl.logs.flight_log import ATTITUDE, RATES, FlightLog, Floats
 from quadctl.logs.merge import Channel, Origin, finite, intervals, merge
+from quadctl.thrust_chain.chain import Ambient, bent
+from quadctl.thrust_chain.px4 import battery_scale, bend_of
 
 TOPICS = (
     "vehicle_local_position",
@@ -37,6 +39,7 @@ TOPICS = (
 PARAMETERS = (
     "CA_ROTOR_COUNT",
     "MAV_TYPE",
+    "MC_BAT_SCALE_EN",
     "MPC_THR_HOVER",
     "PWM_MAIN_MAX",
     "PWM_MAIN_MIN",
@@ -114,6 +117,7 @@ def read_ulog(path: Path) -> FlightLog:
     topics.pop("actuator_outputs", None)
     if "actuator_motors" not in topics and "CA_ROTOR_COUNT" not in parameters:  # PX4 1.12 and before
         topics |= _motors_from_outputs(outputs, parameters, notes)
+    _remove_battery_scale(topics, parameters, notes)
     channels = list(_channels(topics, notes))
     invalid = _invalid(topics.get("vehicle_local_position", {}), notes)
     return merge(channels, Origin(path, NEEDED, meta, notes, periods, invalid))
@@ -255,15 +259,37 @@ def _motors_from_outputs(instances: list[_Topic], parameters: dict[str, float], 
         given = ((parameters.get(low, 0.0), parameters.get(high, 0.0)) for low, high in PWM_LIMITS)
         low, high = next(((low, high) for low, high in given if 0.0 < low < high), PWM_US)
         share = np.clip((pulses - low) / (high - low), 0.0, 1.0)
-        f = parameters.get("THR_MDL_FAC", 0.0)
-        bent = 0.0 < f <= 1.0
+        f = bend_of(parameters)
         notes.append(
             f"motor outputs are pulse lengths of actuator_outputs as shares of {low:g} to {high:g} us"
-            + (f", PX4's thrust curve (THR_MDL_FAC = {f:g}) is removed" if bent else "")
+            + (f", PX4's thrust curve (THR_MDL_FAC = {f:g}) is removed" if f else "")
         )
-        thrust = f * share**2 + (1.0 - f) * share if bent else share
+        thrust = bent(share, f)
         return {"actuator_outputs": {"timestamp": topic["timestamp"]} | _controls(thrust)}
     return {}
+
+
+def _remove_battery_scale(topics: dict[str, _Topic], parameters: dict[str, float], notes: list[str]) -> None:
+    """Divide motor outputs and thrust commands by the factor with which PX4 compensates the battery, where it does."""
+    if not parameters.get("MC_BAT_SCALE_EN"):
+        return
+    if (battery := topics.get("battery_status")) is None or "scale" not in battery:
+        notes.append("PX4 scales its outputs with the battery (MC_BAT_SCALE_EN), which cannot be removed: no scale")
+        return
+    logged_s, logged = _seconds(battery, "timestamp"), _values(battery, "scale")
+    scaled = {
+        "actuator_motors": [f"control[{i}]" for i in range(MAX_MOTORS)],
+        "actuator_outputs": [f"control[{i}]" for i in range(MAX_MOTORS)],
+        "vehicle_thrust_setpoint": ["xyz[2]"],
+        "actuator_controls_0": ["control[3]"],
+    }
+    for name in scaled.keys() & topics.keys():
+        topic = topics[name]
+        factor = battery_scale(
+            Ambient(battery_scale=np.interp(_seconds(topic, "timestamp"), logged_s, logged)), parameters
+        )
+        topics[name] = topic | {field: topic[field] / factor for field in scaled[name] if field in topic}
+    notes.append("PX4's scaling of outputs and thrust with the battery (MC_BAT_SCALE_EN) is removed")
 
 
 def _controls(share: Floats) -> _Topic:

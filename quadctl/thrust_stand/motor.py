@@ -48,7 +48,7 @@ class StandMotor(MavsdkAutopilot):
 
     def throttle(self, percent: int) -> float:
         """The throttle target that gives each motor the output of the test, 0..1."""
-        return self._firmware.motor_throttle(1000.0 + 10.0 * percent)
+        return self._telemetry.throttle_of(1000.0 + 10.0 * percent)
 
     def on_scale(self, percents: Iterable[int]) -> list[int]:
         """These outputs, rising, brought into the range that flights use: ArduPilot's ends at MOT_SPIN_MAX."""

@@ -3,9 +3,12 @@
 import enum
 from typing import ClassVar
 
+from quadctl.frames import rotate
 from quadctl.sitl.rules.px4 import SimulatedAutopilot
 from quadctl.sitl.vehicle.inner_loops import level_with_yaw
 from quadctl.state import AttitudeTarget
+from quadctl.thrust_chain.ardupilot import air_density_ratio, angle_boost
+from quadctl.thrust_chain.chain import Ambient
 
 THRUST_AS_THRUST = 8
 """Bit 3 of GUID_OPTIONS: set, the thrust of a target is a thrust; clear, it is a climb rate."""
@@ -16,6 +19,8 @@ MAX_CLIMB_M_S = 2.5
 STATION_LOST = {1: "RTL", 3: "RTL", 4: "LAND", 5: "LAND", 7: "LAND"}
 """Mode of the failsafe by FS_GCS_ENABLE, which acts when the heartbeats of SYSID_MYGCS stop, and of no other system.
 A mode that a pilot flies goes on, as bit 4 of FS_OPTIONS, which is set by default, says."""
+PRESSURE_PA, GROUND_TEMPERATURE_C = 95598.0, 28.16
+"""Air at the take-off place of the recorded flights, 488 m above the sea."""
 NOT_ARMABLE = ("LAND", "RTL", "BRAKE")
 
 
@@ -48,6 +53,12 @@ class SimulatedCopter(SimulatedAutopilot):
         "FS_EKF_ACTION": 1.0,
         "RTL_ALT": 1500.0,
         "MOT_THST_HOVER": 0.5,
+        "ATC_ANGLE_BOOST": 1.0,
+        "MOT_THST_EXPO": 0.65,
+        "MOT_SPIN_MIN": 0.15,
+        "MOT_SPIN_MAX": 0.95,
+        "MOT_BAT_VOLT_MAX": 16.8,
+        "MOT_BAT_VOLT_MIN": 13.2,
     }
 
     guided = Guided.PLACE
@@ -65,6 +76,12 @@ class SimulatedCopter(SimulatedAutopilot):
         super().set_attitude_target(target)
         if self.mode == "GUIDED" and self.armed:  # also in the middle of a take-off, which that ends
             self.guided = Guided.TARGETS
+
+    @property
+    def ambient(self) -> Ambient:
+        """Battery and air as the compensations of the motor outputs see them."""
+        air = air_density_ratio(PRESSURE_PA, GROUND_TEMPERATURE_C, 0.0)
+        return Ambient(self.body.battery.resting_v, air)
 
     def request_take_off(self, height_m: float) -> str | None:
         if not (self.armed and self.mode == "GUIDED" and self.landed and height_m > 0.0):
@@ -91,6 +108,9 @@ class SimulatedCopter(SimulatedAutopilot):
     @property
     def _active(self) -> AttitudeTarget:
         target = super()._active
+        if self._follows_targets:  # its own modes compute the thrust that they need at a tilt
+            cos_tilt = rotate(self.body.attitude, (0.0, 0.0, 1.0))[2]
+            target = target._replace(throttle=min(target.throttle * angle_boost(cos_tilt, self.parameters), 1.0))
         if self._follows_targets and not int(self.parameters["GUID_OPTIONS"]) & THRUST_AS_THRUST:
             climb_m_s = (2.0 * target.throttle - 1.0) * MAX_CLIMB_M_S
             grounded = self.landed and climb_m_s <= 0.0

@@ -46,6 +46,8 @@ class SimulatedAutopilot:
         "EKF2_NOAID_TOUT": 5e6,
         "MPC_THR_HOVER": 0.5,
         "THR_MDL_FAC": 0.0,
+        "MC_BAT_SCALE_EN": 0.0,
+        "MC_AIRMODE": 0.0,
     }
 
     def __init__(self, vehicle: Vehicle, truth: HiddenTruth | None = None, seed: int = 0, source: str = "") -> None:

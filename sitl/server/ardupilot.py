@@ -1,16 +1,12 @@
-"""An ArduPilot Copter on the wire: it sends only heartbeats until asked for more, and thrust-linearised pulses."""
-
-import math
+"""An ArduPilot Copter on the wire: it sends only heartbeats until asked for more, and compensated pulses."""
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from quadctl.sitl.rules.copter import SimulatedCopter
+from quadctl.sitl.rules.copter import GROUND_TEMPERATURE_C, PRESSURE_PA, SimulatedCopter
 from quadctl.sitl.server import messages
 from quadctl.sitl.server.manners import Manners, Stream
 from quadctl.sitl.server.server import MavlinkMock
-
-SPIN_MIN, SPIN_MAX, THRUST_EXPO = 0.15, 0.95, 0.65
-"""MOT_SPIN_MIN, MOT_SPIN_MAX and MOT_THST_EXPO by default."""
+from quadctl.thrust_chain.ardupilot import output_of_thrust, thrust_of_output
 
 
 class MavlinkArduPilot(MavlinkMock):
@@ -28,8 +24,13 @@ class MavlinkArduPilot(MavlinkMock):
                 mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION: Stream(messages.attitude_quaternion, 0.0, "attitude"),
                 mavlink.MAVLINK_MSG_ID_ATTITUDE: Stream(messages.attitude, 0.0, "attitude"),
                 mavlink.MAVLINK_MSG_ID_ESC_TELEMETRY_1_TO_4: Stream(messages.esc_telemetry, 0.0, "rpm"),
-                mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW: Stream(messages.servo_output_raw(pulse_us), 0.0, "heartbeat"),
+                mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW: Stream(
+                    messages.servo_output_raw(self.pulse_us), 0.0, "heartbeat"
+                ),
                 mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT: Stream(messages.ekf_status_report, 0.0, "position"),
+                mavlink.MAVLINK_MSG_ID_SCALED_PRESSURE: Stream(
+                    messages.scaled_pressure(PRESSURE_PA, GROUND_TEMPERATURE_C), 0.0, "position"
+                ),
                 mavlink.MAVLINK_MSG_ID_SYS_STATUS: Stream(messages.sys_status, 0.0, "battery"),
                 mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: Stream(messages.battery_status, 0.0, "battery"),
                 mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: Stream(messages.extended_sys_state, 0.0, "heartbeat"),
@@ -37,7 +38,7 @@ class MavlinkArduPilot(MavlinkMock):
             unknown_interval=mavlink.MAV_RESULT_DENIED,
             refusal=mavlink.MAV_RESULT_FAILED,
             takes_off_by_command=True,
-            motor_test_output=output_of_share,
+            motor_test_output=self.thrust_of_share,
             tests_motors_clockwise=True,
             integer_parameters=frozenset(
                 {
@@ -49,20 +50,22 @@ class MavlinkArduPilot(MavlinkMock):
                     "FS_THR_ENABLE",
                     "FS_EKF_ACTION",
                     "RTL_ALT",
+                    "ATC_ANGLE_BOOST",
                 }
             ),
             version=0x04050000,
         )
 
+    def pulse_us(self, throttle: float) -> float:
+        """Pulse length of a motor for a share of its greatest thrust, cut down to whole microseconds."""
+        output = output_of_thrust(throttle, self._copter.parameters, self._copter.ambient)
+        return float(int(1000.0 * (1.0 + output)))
 
-def pulse_us(throttle: float) -> float:
-    """Pulse length of a motor for a share of its greatest thrust, after ArduPilot's thrust linearisation."""
-    b, c = 1.0 - THRUST_EXPO, max(throttle, 0.0)
-    x = (math.sqrt(b * b + 4.0 * THRUST_EXPO * c) - b) / (2.0 * THRUST_EXPO)
-    return 1000.0 * (1.0 + SPIN_MIN + (SPIN_MAX - SPIN_MIN) * x)
+    def thrust_of_share(self, share: float) -> float:
+        """Share of the greatest thrust from a share of the pulses' range: the inverse of `pulse_us`."""
+        return float(thrust_of_output(share, self._copter.parameters, self._copter.ambient))
 
-
-def output_of_share(share: float) -> float:
-    """Share of the greatest thrust from a share of the pulses' range: the inverse of `pulse_us`."""
-    x = min(max((share - SPIN_MIN) / (SPIN_MAX - SPIN_MIN), 0.0), 1.0)
-    return (1.0 - THRUST_EXPO) * x + THRUST_EXPO * x * x
+    @property
+    def _copter(self) -> SimulatedCopter:
+        assert isinstance(self.autopilot, SimulatedCopter)
+        return self.autopilot

@@ -69,6 +69,16 @@ def servo_output_raw(pulse_us: Callable[[float], float]) -> Builder:
     return build
 
 
+def scaled_pressure(pressure_pa: float, temperature_c: float) -> Builder:
+    """Builder of SCALED_PRESSURE, for air that does not change."""
+
+    def build(estimate: VehicleState) -> Iterator[Message]:
+        temperature = round(100.0 * temperature_c)
+        yield mavlink.MAVLink_scaled_pressure_message(_boot_ms(estimate), 0.01 * pressure_pa, 0.0, temperature)
+
+    return build
+
+
 def sys_status(estimate: VehicleState) -> Iterator[Message]:
     checked, gps = mavlink.MAV_SYS_STATUS_PREARM_CHECK, mavlink.MAV_SYS_STATUS_SENSOR_GPS
     healthy = (checked if estimate.ready_to_arm else 0) | (0 if estimate.aid_lost else gps)

@@ -42,7 +42,7 @@ class MavlinkPx4(MavlinkMock):
             takes_off_by_command=False,
             motor_test_output=lambda share: share,
             tests_motors_clockwise=False,
-            integer_parameters=frozenset({"COM_OBL_RC_ACT", "EKF2_NOAID_TOUT"}),
+            integer_parameters=frozenset({"COM_OBL_RC_ACT", "EKF2_NOAID_TOUT", "MC_BAT_SCALE_EN", "MC_AIRMODE"}),
             sends_current_mode=True,
             fixed_heartbeats=True,
             bytewise_integers=True,

@@ -47,9 +47,13 @@ class Battery:
         self.current_a = 0.0
 
     @property
+    def resting_v(self) -> float:
+        """Voltage without a load."""
+        return self.FULL_V - (self.FULL_V - self.EMPTY_V) * min(self.drawn_c / self.CHARGE_C, 1.0)
+
+    @property
     def voltage_v(self) -> float:
-        open_v = self.FULL_V - (self.FULL_V - self.EMPTY_V) * min(self.drawn_c / self.CHARGE_C, 1.0)
-        return open_v - self.RESISTANCE_OHM * self.current_a
+        return self.resting_v - self.RESISTANCE_OHM * self.current_a
 
     def draw(self, power_w: float, dt: float) -> None:
         self.current_a = power_w * self.AMPERE_PER_WATT

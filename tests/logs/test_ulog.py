@@ -104,6 +104,25 @@ class TestULog:
         )
         assert read_log(path)["motor1_output"][-1] == pytest.approx(0.4)
 
+    @pytest.mark.parametrize(("enabled", "thrust"), [(0, 0.48), (1, 0.4)])
+    def test_scaling_with_the_battery_is_removed_where_it_is_on(
+        self, enabled: int, thrust: float, tmp_path: Path
+    ) -> None:
+        us = [1_000_000 + 4000 * i for i in range(500)]
+        path = tmp_path / "a.ulg"
+        path.write_bytes(
+            small_ulog(
+                Topic("actuator_motors", "uint64_t timestamp;float[12] control", [(t, *[0.48] * 12) for t in us]),
+                Topic("vehicle_thrust_setpoint", "uint64_t timestamp;float[3] xyz", [(t, 0.0, 0.0, -0.48) for t in us]),
+                Topic("battery_status", "uint64_t timestamp;float voltage_v;float scale", [(t, 15.0, 1.2) for t in us]),
+                parameters={"MC_BAT_SCALE_EN": enabled},
+            )
+        )
+        log = read_log(path)
+        assert log["motor1_output"][-1] == pytest.approx(thrust)
+        assert log["throttle_cmd"][-1] == pytest.approx(thrust)
+        assert any("MC_BAT_SCALE_EN" in note for note in log.notes) == bool(enabled)
+
     def test_outputs_that_are_no_pulses_are_said(self, tmp_path: Path) -> None:
         rows = [(1_000_000 + 4000 * i, 4, *[4000.0 + i] * 4, *[0.0] * 12) for i in range(500)]
         path = tmp_path / "a.ulg"

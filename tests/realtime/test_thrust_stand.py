@@ -129,7 +129,8 @@ def test_outputs_that_no_flight_uses_are_not_measured() -> None:
         asyncio.run(motor.prepare())
         try:
             assert motor.on_scale([5, 10, 50, 95, 97, 100]) == [15, 50, 95]
-            assert (motor.throttle(15), motor.throttle(95)) == (0.0, 1.0)
+            assert motor.throttle(15) == 0.0
+            assert motor.throttle(95) == pytest.approx(0.9016, abs=1e-3)  # the rest is spent on thin air
         finally:
             asyncio.run(motor.close())
 

@@ -10,9 +10,9 @@ from quadctl.flight.autopilot.firmware import (
     Requirement,
     Stream,
     hover_throttle_check,
-    share_of_pulse,
 )
 from quadctl.flight.autopilot.mavlink import OWN_SYSTEM_ID
+from quadctl.thrust_chain.ardupilot import CHAIN
 from quadctl.vehicle import Vehicle
 
 THRUST_AS_THRUST = 8
@@ -32,17 +32,6 @@ LOST_REMOTE = {0: "it does nothing", 1: "it goes to RTL", 2: "it goes to RTL, or
 """FS_THR_ENABLE: the action when the remote control is lost."""
 LOST_ESTIMATE = {0: "it only says so", 1: "it lands", 2: "it goes to AltHold", 3: "it lands, in Stabilize too"}
 """FS_EKF_ACTION: the action when the estimator's variances are too large."""
-SPIN_MIN, SPIN_MAX, THRUST_EXPO = 0.15, 0.95, 0.65
-"""Defaults of MOT_SPIN_MIN, MOT_SPIN_MAX, MOT_THST_EXPO."""
-
-
-def throttle_of_pulse(pulse_us: float) -> float:
-    """Throttle from the pulse length of a motor: the inverse of ArduPilot's thrust linearisation.
-
-    By the default parameters; the battery's voltage, which it compensates too, is left out.
-    """
-    x = min(max((share_of_pulse(pulse_us) - SPIN_MIN) / (SPIN_MAX - SPIN_MIN), 0.0), 1.0)
-    return (1.0 - THRUST_EXPO) * x + THRUST_EXPO * x * x
 
 
 def _without_station(value: float) -> str:
@@ -120,6 +109,7 @@ ARDUPILOT = Firmware(
         Stream("ESC_TELEMETRY_1_TO_4", 11030, 50.0, alternative=True),
         Stream("ESC_TELEMETRY_5_TO_8", 11031, 50.0, alternative=True),
         Stream("SERVO_OUTPUT_RAW", 36, 50.0, alternative=True),
+        Stream("SCALED_PRESSURE", 29, 1.0, alternative=True),
         Stream("SYS_STATUS", 1, 5.0),
         Stream("EXTENDED_SYS_STATE", 245, 5.0),
         Stream("EKF_STATUS_REPORT", 193, 5.0),
@@ -128,7 +118,7 @@ ARDUPILOT = Firmware(
     ),
     tells_readiness=True,
     tells_aids=True,
-    motor_throttle=throttle_of_pulse,
+    thrust_chain=CHAIN,
     tests_motors_clockwise=True,
     requirements=(
         Requirement(

@@ -6,6 +6,7 @@ A new autopilot is a new file beside px4.py and ardupilot.py, and a line in firm
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
+from quadctl.thrust_chain.chain import ThrustChain
 from quadctl.vehicle import Vehicle
 
 MAX_HOVER_DIFFERENCE = 0.15
@@ -87,8 +88,8 @@ class Firmware:
     """True: the pre-arm bit of SYS_STATUS holds for the offboard mode too, not only for the present one."""
     tells_aids: bool
     """True: the health bits of SYS_STATUS tell if GPS or motion capture work; its estimator does not."""
-    motor_throttle: Callable[[float], float]
-    """Function from the motor output that it reports to the scale of the throttle target, 0..1."""
+    thrust_chain: ThrustChain
+    """What it does between the throttle target and the motor outputs that it reports."""
     requirements: Sequence[Requirement] = ()
     checks: Sequence[Check] = ()
     """Parameters that are judged before a flight, besides the requirements."""
@@ -105,16 +106,22 @@ class Firmware:
         return next(names, self.unknown_mode(custom_mode))
 
 
+def hover_throttle(vehicle: Vehicle) -> float:
+    """Throttle at which the vehicle file hovers."""
+    return vehicle.throttle.offset + vehicle.throttle.per_newton * vehicle.weight_n
+
+
 def hover_throttle_check(parameter: str) -> Check:
     """Check of the `parameter` that holds the throttle of hover, 0..1, against the vehicle file."""
 
-    def ours(vehicle: Vehicle) -> float:
-        return vehicle.throttle.offset + vehicle.throttle.per_newton * vehicle.weight_n
-
     return Check(
         parameter,
-        lambda theirs, vehicle: f"{parameter}: hovers at {theirs:.2f}, the vehicle file at {ours(vehicle):.2f}",
-        lambda theirs, vehicle: "one of them is wrong" if abs(theirs - ours(vehicle)) > MAX_HOVER_DIFFERENCE else None,
+        lambda theirs, vehicle: (
+            f"{parameter}: hovers at {theirs:.2f}, the vehicle file at {hover_throttle(vehicle):.2f}"
+        ),
+        lambda theirs, vehicle: (
+            "one of them is wrong" if abs(theirs - hover_throttle(vehicle)) > MAX_HOVER_DIFFERENCE else None
+        ),
     )
 
 

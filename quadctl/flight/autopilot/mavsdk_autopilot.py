@@ -17,7 +17,9 @@ from quadctl.flight.autopilot.firmware import Check, Firmware, Requirement, Stre
 from quadctl.flight.autopilot.firmwares import FIRMWARES
 from quadctl.flight.autopilot.mavsdk_link import MavsdkLink
 from quadctl.flight.autopilot.telemetry import Telemetry
+from quadctl.frames import tilt
 from quadctl.state import AttitudeTarget, VehicleState
+from quadctl.thrust_chain.chain import Addition
 
 HEARTBEAT_WAIT_S = 3.0
 """Longest wait for the next heartbeat after an autopilot is found, and for one that shows an accepted request."""
@@ -25,6 +27,8 @@ REASON_WAIT_S = 0.3
 """Longest wait for the text that explains a refusal: it comes just before or after the acknowledgement."""
 ROTORS_WAIT_S = 0.5
 """Longest wait for the first rotor speeds: autopilots without speed sensors accept the request too."""
+AIR_WAIT_S = 1.2
+"""Longest wait for the first pressure, which comes every second."""
 ROUND_TRIP_WAIT_S = 1.0
 """Longest wait for the first answer to TIMESYNC: longer than the delay of any link on which a flight is possible."""
 UNIT_TOLERANCE = 1e-3
@@ -38,6 +42,8 @@ class MavsdkAutopilot:
         self._connect_timeout_s = connect_timeout_s
         self._telemetry = Telemetry(n_rotors)
         self._link = MavsdkLink(url, self._telemetry.receive)
+        self._thrust_parameters: dict[str, float] = {}
+        """Parameters of the firmware's thrust chain that it has told."""
         self._link.on_reopened = self._ask_again
         self._start_s = time.monotonic()
         self._closing = threading.Event()
@@ -95,6 +101,7 @@ class MavsdkAutopilot:
             if stream.required:
                 raise FlightError(sentence)
             self.warnings.append(f"{sentence} {stream.without}".rstrip())
+        await self._ask_for_thrust_chain()
         if not await self._await(lambda: self._telemetry.has_rpm, ROTORS_WAIT_S):
             instead = "motor outputs" if self._telemetry.has_outputs else "the throttle"
             self.warnings.append(
@@ -113,6 +120,8 @@ class MavsdkAutopilot:
     def send(self, target: AttitudeTarget) -> None:
         """Put one target on the wire, at once, once.
 
+        The thrust is divided by the factor with which the firmware multiplies it at the present tilt.
+
         Raises FlightError, and sends nothing, when the target is not a unit quaternion and a throttle in 0..1.
         """
         fields = {
@@ -124,10 +133,14 @@ class MavsdkAutopilot:
             "body_roll_rate": 0.0,
             "body_pitch_rate": 0.0,
             "body_yaw_rate": 0.0,
-            "thrust": _checked_throttle(target),
+            "thrust": _checked_throttle(target) / self._boost(),
             "thrust_body": (0.0, 0.0, 0.0),
         }
         self._link.send("SET_ATTITUDE_TARGET", fields)
+
+    def thrust_additions(self, hover: float) -> list[Addition]:
+        """Table of what the firmware adds to thrust, for a vehicle that hovers at the throttle `hover`."""
+        return self._firmware.thrust_chain.additions(hover, self._thrust_parameters, self._telemetry.ambient)
 
     async def arm(self) -> None:
         """Arm the motors; returns when the heartbeat shows it."""
@@ -182,6 +195,25 @@ class MavsdkAutopilot:
         return self._link.command(
             mavlink.CMD_SET_MESSAGE_INTERVAL, stream.message_id, interval_us, what=f"send {stream.name}"
         )
+
+    async def _ask_for_thrust_chain(self) -> None:
+        """Ask for the parameters between throttle and motors, and for the pressure where the firmware uses it."""
+        chain = self._firmware.thrust_chain
+        self._thrust_parameters = await self.parameters(chain.parameters)
+        self._telemetry.thrust_parameters = {**chain.defaults, **self._thrust_parameters}
+        if missing := [name for name in chain.parameters if name not in self._thrust_parameters]:
+            self.warnings.append(
+                f"{self.description} does not tell {', '.join(missing)}: what it adds to the thrust is not all known."
+            )
+        if any(stream.name == "SCALED_PRESSURE" for stream in self._firmware.streams):
+            await self._await(lambda: self._telemetry.knows_air, AIR_WAIT_S)
+
+    def _boost(self) -> float:
+        """Factor with which the firmware multiplies the thrust at the attitude that arrived last."""
+        lean = tilt(self._telemetry.attitude)
+        if not math.isfinite(lean):
+            return 1.0
+        return float(self._firmware.thrust_chain.boost(math.cos(lean), self._thrust_parameters))
 
     def _ask_again(self) -> None:
         """Request the rates again after a silence of the line: an autopilot without power has forgotten them."""

@@ -5,6 +5,7 @@ from typing import Protocol
 
 from quadctl.flight.autopilot.firmware import Check, Requirement
 from quadctl.state import AttitudeTarget, VehicleState
+from quadctl.thrust_chain.chain import Addition
 
 
 class Autopilot(Protocol):
@@ -34,6 +35,10 @@ class Autopilot(Protocol):
     @property
     def checks(self) -> Sequence[Check]:
         """Parameters that are judged before a flight, besides the requirements."""
+        ...
+
+    def thrust_additions(self, hover: float) -> list[Addition]:
+        """Table of what the firmware adds to thrust, for a vehicle that hovers at the throttle `hover`."""
         ...
 
     async def connect(self) -> None:

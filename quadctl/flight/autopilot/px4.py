@@ -1,6 +1,7 @@
 """PX4 on the MAVLink wire: offboard mode follows targets, which also lift the vehicle off."""
 
-from quadctl.flight.autopilot.firmware import Check, Firmware, Requirement, Stream, hover_throttle_check, share_of_pulse
+from quadctl.flight.autopilot.firmware import Check, Firmware, Requirement, Stream, hover_throttle_check
+from quadctl.thrust_chain.px4 import CHAIN
 from quadctl.vehicle import Vehicle
 
 MAX_SILENCE_S = 1.0
@@ -57,6 +58,14 @@ def _poor_action(value: float, vehicle: Vehicle) -> str | None:
     return None if action in GOOD_LOST_OFFBOARD else "expected 4 (Land) or 5 (Hold), which need nobody"
 
 
+def _scaling(value: float, vehicle: Vehicle) -> str:
+    return f"MC_BAT_SCALE_EN: thrust {'grows as the battery empties' if value else 'does not change with the battery'}"
+
+
+def _scaled(value: float, vehicle: Vehicle) -> str | None:
+    return "expected 0: the thrust that is flown is not the one that is commanded" if value else None
+
+
 PX4 = Firmware(
     name="PX4",
     mav_autopilot=12,
@@ -81,7 +90,7 @@ PX4 = Firmware(
     ),
     tells_readiness=False,
     tells_aids=False,
-    motor_throttle=share_of_pulse,
+    thrust_chain=CHAIN,
     requirements=(
         Requirement(
             "EKF2_NOAID_TOUT",
@@ -95,6 +104,7 @@ PX4 = Firmware(
         Check("COM_OF_LOSS_T", _silence, _too_patient),
         Check("COM_OBL_RC_ACT", _action, _poor_action),
         hover_throttle_check("MPC_THR_HOVER"),
+        Check("MC_BAT_SCALE_EN", _scaling, _scaled),
     ),
     serial_parameters=("MAV_1_CONFIG", "SER_TEL2_BAUD"),
     throttle_bent_by="THR_MDL_FAC",

@@ -13,6 +13,8 @@ from quadctl.flight.autopilot.firmwares import FIRMWARES
 from quadctl.flight.autopilot.link_clock import LinkClock
 from quadctl.flight.autopilot.round_trips import RoundTrips
 from quadctl.state import NAN, NO_VECTOR, Quat, Vec3, VehicleState
+from quadctl.thrust_chain.ardupilot import air_density_ratio
+from quadctl.thrust_chain.chain import Ambient, Parameters
 
 HEARTBEAT_TIMEOUT_S = 3.0
 """MAVLink's usual time after which a silent autopilot counts as lost."""
@@ -91,6 +93,10 @@ class Telemetry:
         self._estimator_ok = True
         self._prearm_ok = True
         self._battery = (-math.inf, NAN)
+        self._resting_v = NAN
+        self._density_ratio = NAN
+        self.thrust_parameters: Parameters = {}
+        """Parameters of the firmware's thrust chain, by which its motor outputs become thrusts."""
         self._landed = True
         self._heartbeat = _Heartbeat()
         self._mode = _Mode()
@@ -115,6 +121,7 @@ class Telemetry:
             "EKF_STATUS_REPORT": partial(
                 self._on_estimator, ("velocity_variance", "pos_horiz_variance", "pos_vert_variance")
             ),
+            "SCALED_PRESSURE": self._on_pressure,
             "SYS_STATUS": self._on_sys_status,
             "EXTENDED_SYS_STATE": self._on_extended_state,
             "HEARTBEAT": self._on_heartbeat,
@@ -139,7 +146,6 @@ class Telemetry:
         mode_s, mode = self._mode
         rpm_s, rpm = self._rpm()
         n, firmware = self._n_rotors, self.firmware
-        throttle_of = share_of_pulse if firmware is None else firmware.motor_throttle
         return VehicleState(
             time_s=now_s,
             position_ned_m=position.position_ned_m,
@@ -149,7 +155,7 @@ class Telemetry:
             rotor_rpm=rpm,
             motor_voltage_v=tuple(v for group in escs for v in group.voltage_v)[:n],
             motor_current_a=tuple(v for group in escs for v in group.current_a)[:n],
-            motor_output=tuple(map(throttle_of, self._outputs.value[:n])),
+            motor_output=tuple(map(self.throttle_of, self._outputs.value[:n])),
             battery_v=battery_v,
             armed=heartbeat.armed,
             landed=self._landed,
@@ -179,6 +185,27 @@ class Telemetry:
     def firmware(self) -> Firmware | None:
         """Firmware whose heartbeats arrive; None before the first, and for one that quadctl does not fly."""
         return FIRMWARES.get(self._heartbeat.autopilot)
+
+    @property
+    def attitude(self) -> Quat:
+        """Attitude that arrived last; nan before the first."""
+        return self._attitude.attitude
+
+    @property
+    def ambient(self) -> Ambient:
+        """Voltage of the battery at rest, as it was before arming, and density of the air when it was told first."""
+        return Ambient(self._resting_v, self._density_ratio)
+
+    @property
+    def knows_air(self) -> bool:
+        return math.isfinite(self._density_ratio)
+
+    def throttle_of(self, output: float) -> float:
+        """Throttle target that gives a motor this output, in the autopilot's own unit."""
+        firmware, value = self.firmware, share_of_pulse(output)
+        if firmware is None:
+            return value
+        return float(firmware.thrust_chain.thrust_of_output(value, self.thrust_parameters, self.ambient))
 
     @property
     def has_rpm(self) -> bool:
@@ -217,8 +244,8 @@ class Telemetry:
         ]
 
     def wait_for(self, condition: Callable[[], bool], timeout_s: float) -> bool:
-        """Block until a heartbeat, a mode, a round trip or a status text makes `condition` true; False when the time is
-        up."""
+        """Block until a heartbeat, a mode, a round trip, a pressure or a status text makes `condition` true; False when
+        the time is up."""
         with self._news:
             return self._news.wait_for(condition, timeout_s)
 
@@ -291,6 +318,17 @@ class Telemetry:
         millivolts = fields["voltage_battery"]
         if millivolts != MILLIVOLTS_UNKNOWN:
             self._battery = (now_s, 0.001 * millivolts)
+            if not self._heartbeat.armed:
+                self._resting_v = 0.001 * millivolts
+
+    def _on_pressure(self, fields: Fields, now_s: float) -> None:
+        """Take in the first pressure, hPa, and temperature, hundredths of a degree, at the ground."""
+        del now_s
+        if not self.knows_air:
+            with self._news:
+                ratio = air_density_ratio(100.0 * _number(fields["press_abs"]), 0.01 * fields["temperature"], 0.0)
+                self._density_ratio = ratio if ratio > 0.0 else NAN
+                self._news.notify_all()
 
     def _notice_aids(self, aided: bool) -> None:
         """Note if a source of position works; one that never worked is not lost."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 from quadctl.errors import FlightError
-from quadctl.flight.autopilot.firmware import Check, Requirement
+from quadctl.flight.autopilot.firmware import Check, Requirement, hover_throttle
 from quadctl.flight.autopilot.mavsdk_autopilot import MavsdkAutopilot
 from quadctl.flight.autopilot.port import Autopilot
 from quadctl.flight.pilot.guards import defect
@@ -15,8 +15,10 @@ from quadctl.flight.pilot.standing import not_standing, posture
 from quadctl.flight.preflight.changed_parameters import ChangedParameters, left_behind, restore, still_changed
 from quadctl.flight.preflight.findings import Finding, Verdict, judged
 from quadctl.flight.preflight.plan import FlightPlan
+from quadctl.flight.preflight.thrust_table import thrust_findings
 from quadctl.flight.realtime import run
 from quadctl.state import VehicleState
+from quadctl.thrust_chain.chain import Addition
 from quadctl.vehicle import Vehicle
 
 LOOK_EVERY_S = 0.002
@@ -38,6 +40,8 @@ class Inspected(Protocol):
     def checks(self) -> Sequence[Check]: ...
 
     async def request_telemetry(self) -> None: ...
+
+    def thrust_additions(self, hover: float) -> list[Addition]: ...
 
     def state(self) -> VehicleState: ...
 
@@ -131,6 +135,7 @@ async def inspect_autopilot(
         _mode(state),
         _battery(state, plan),
         *await _parameters(autopilot, plan.body.vehicle, without_failsafe),
+        *thrust_findings(autopilot.thrust_additions(hover_throttle(plan.body.vehicle))),
     ]
 
 

@@ -5,10 +5,11 @@ from typing import Any
 
 import pytest
 
-from quadctl.flight.autopilot.ardupilot import ARDUPILOT, throttle_of_pulse
+from quadctl.flight.autopilot.ardupilot import ARDUPILOT
 from quadctl.flight.autopilot.px4 import PX4
 from quadctl.flight.autopilot.telemetry import Telemetry
-from quadctl.sitl.server.ardupilot import pulse_us
+from quadctl.thrust_chain.ardupilot import DEFAULT_CURVE, output_of_thrust
+from quadctl.thrust_chain.chain import Ambient
 
 VOLTAGE = {"voltage_battery": 15000, "onboard_control_sensors_present": 0, "onboard_control_sensors_health": 0}
 
@@ -72,15 +73,26 @@ def test_rotor_speeds_come_from_rpm_sensors_where_there_is_nothing_else() -> Non
     assert state.age_s("rpm") == 0.0
 
 
-@pytest.mark.parametrize("throttle", [0.0, 0.1, 0.5, 1.0])
-def test_a_pulse_gives_back_the_throttle_that_it_was_made_of(throttle: float) -> None:
-    assert throttle_of_pulse(pulse_us(throttle)) == pytest.approx(throttle, abs=1e-9)
+AIR = {"press_abs": 955.98, "temperature": 2816}
+"""Air of 0.9016 of that at sea level."""
+COMPENSATED = DEFAULT_CURVE | {"MOT_BAT_VOLT_MAX": 16.0, "MOT_BAT_VOLT_MIN": 12.0}
 
 
-def test_motor_outputs_come_from_servo_pulses() -> None:
-    pulses = {f"servo{i}_raw": round(pulse_us(0.1 * i)) if i <= 4 else 0 for i in range(1, 17)}
-    state = heard(("SERVO_OUTPUT_RAW", {"port": 0, **pulses})).state(1.0)
-    assert state.motor_output == pytest.approx((0.1, 0.2, 0.3, 0.4), abs=0.002)
+def test_motor_outputs_are_thrusts_without_the_compensations_of_the_autopilot() -> None:
+    ambient = Ambient(15.0, 0.9016)
+    outputs = {i: output_of_thrust(0.1 * i, COMPENSATED, ambient) for i in range(1, 5)}
+    pulses = {f"servo{i}_raw": round(1000.0 * (1.0 + outputs.get(i, -1.0))) for i in range(1, 17)}
+    telemetry = heard(("SYS_STATUS", VOLTAGE), ("SCALED_PRESSURE", AIR), ("SERVO_OUTPUT_RAW", {"port": 0, **pulses}))
+    telemetry.thrust_parameters = COMPENSATED
+    assert telemetry.state(1.0).motor_output == pytest.approx((0.1, 0.2, 0.3, 0.4), abs=0.002)
+
+
+def test_the_voltage_compensated_is_that_at_rest_not_that_under_load() -> None:
+    telemetry = heard(("SYS_STATUS", VOLTAGE))
+    telemetry.receive("HEARTBEAT", COPTER | {"base_mode": 129}, now_s=2.0)
+    telemetry.receive("SYS_STATUS", VOLTAGE | {"voltage_battery": 14000}, now_s=2.0)
+    assert telemetry.state(2.0).battery_v == 14.0
+    assert telemetry.ambient.battery_v == 15.0
 
 
 def test_an_estimator_in_doubt_is_seen() -> None:

@@ -20,6 +20,8 @@ from quadctl.flight.preflight.inquiry import inspect_autopilot
 from quadctl.flight.preflight.plan import FlightPlan, read_flight
 from quadctl.model import Provenance
 from quadctl.state import VehicleState
+from quadctl.thrust_chain import ardupilot
+from quadctl.thrust_chain.chain import Addition, Ambient
 from tests.support.places import ROOT
 
 UP = {"name": "up", "kind": "move", "to_m": [0, 0, 1], "speed_m_s": 0.5}
@@ -160,6 +162,9 @@ class FakeAutopilot:
         if self.refusal:
             raise FlightError(self.refusal)
 
+    def thrust_additions(self, hover: float) -> list[Addition]:
+        return ardupilot.additions(hover, {"ATC_ANGLE_BOOST": 1.0}, Ambient(density_ratio=0.9))
+
     def state(self) -> VehicleState:
         now = 100.0 + 0.002 * next(self._looks)
         latest = math.floor(now * self.rate_hz) / self.rate_hz
@@ -192,6 +197,14 @@ def test_a_ready_autopilot_passes(tmp_path: Path) -> None:
     texts = [finding.text for finding in findings]
     assert "position at 100 Hz, up to 8 ms old" in texts  # looked at every 2 ms
     assert "COM_OBL_RC_ACT: then it goes to Land (4)" in texts
+
+
+def test_the_table_of_what_the_autopilot_adds_is_among_the_findings(tmp_path: Path) -> None:
+    heading, boost, *_, air = [f.text for f in asked(tmp_path, FakeAutopilot(STANDING)) if f.topic == "thrust chain"]
+    assert heading.split() == ["your", "autopilot", "adds", "at", "hover", "at", "15", "deg"]
+    assert boost.split()[:4] == ["ATC_ANGLE_BOOST", "1", "+0.0%", "+3.5%"]
+    assert air.startswith("air density 0.900 of sea level")
+    assert "+11.1%" in air
 
 
 @pytest.mark.parametrize(
