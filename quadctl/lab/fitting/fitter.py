@@ -14,6 +14,7 @@ from scipy import stats
 from quadctl.lab.arrays import Floats, Mask
 from quadctl.lab.fitting.arrowhead import Arrow
 from quadctl.lab.fitting.consider_parameters import consider_jacobian
+from quadctl.lab.fitting.constrained_draws import constrained_draws
 from quadctl.lab.fitting.normal_equations import (
     axis_weights,
     gram_matrix,
@@ -23,7 +24,14 @@ from quadctl.lab.fitting.normal_equations import (
     soft_l1_loss,
 )
 from quadctl.lab.fitting.nuisances import BOUND, KINDS, acceleration_jacobian, predicted_with, prior_standard_deviations
-from quadctl.lab.fitting.parameters import free_parameters, parameter_jacobian, values_of, with_values
+from quadctl.lab.fitting.parameters import (
+    HELD,
+    free_parameters,
+    intervals,
+    parameter_jacobian,
+    values_of,
+    with_values,
+)
 from quadctl.lab.flights.dataset import AlignedDataset, Dataset
 from quadctl.lab.flights.prediction import predict, predict_targets
 from quadctl.lab.threads import one_blas_thread
@@ -165,7 +173,8 @@ class Fitter:
         Each draw is one Gauss-Newton step from the optimum with new weights of the blocks, i.e. the refit to first
         order with the robust weights of the fit. Each draw also has its own prior means of the nuisances, since what
         the data do not tell about a nuisance is as uncertain as its prior says, and its own considered errors
-        (`consider_parameters`).
+        (`consider_parameters`). Parameters that a bound holds are released for the step, and then drawn within the
+        bounds (`constrained_draws`).
         """
         p = len(self.free)
         if not p:
@@ -186,19 +195,22 @@ class Fitter:
         wider = float(stats.t.ppf(0.975, runs - 1)) / 1.96 * math.sqrt(runs / (runs - 1)) if runs > 1 else 1.0
         first = np.flatnonzero(np.diff(self.dataset.flight_index[tangent.starts], prepend=-1))
         free_mask = self._free_mask(fitted)
-        steps = self._considered_steps(
-            fitted, np.add.reduceat(tangent.gram, first, axis=0), tangent.consider_gradients, random
-        )
+        held = np.flatnonzero(~free_mask[:p])
+        free_mask[:p] = True
+        whole = np.add.reduceat(tangent.gram, first, axis=0)
+        steps = self._considered_steps(fitted, whole, tangent.consider_gradients, free_mask, random)
         for now in parts:
             drawn = resampled_gram_matrices(tangent.gram, times[now], first)
             equations = self._equations(drawn, centres[now] - fitted.nuisances)
             steps[now] += equations.solve(free_mask)[:, :p]
-        steps *= wider * self._unit[:p]
+        # The optimum is that of the unbounded problem, unless a bound holds a parameter.
+        centre = self._equations(whole, -fitted.nuisances).solve(free_mask)[:p] if len(held) else 0.0
+        steps = self._unit[:p] * (centre + wider * (steps - centre))
         values, low, high = values_of(fitted.model, self.free), self._low[:p], self._high[:p]
-        draws = np.clip(values + steps, low, high)
-        lowest, highest = np.percentile(draws, [2.5, 97.5], axis=0)
+        draws = np.clip(constrained_draws(values + steps, held, low, high, random), low, high)
+        ends = np.array(intervals(self.free, values, draws))
         # A fitted value outside the draws: the fit stopped in a flat valley before the minimum.
-        adrift = (values < lowest) | (values > highest)
+        adrift = (values < ends[:, 0]) | (values > ends[:, 1])
         unidentifiable = (
             adrift | self._unidentifiable(tangent.power) | self._unidentifiable_at_bounds(values, draws, tangent.scale)
         )
@@ -229,7 +241,12 @@ class Fitter:
         return Arrow.of_gram_matrices(scaled, p).ridged()
 
     def _considered_steps(
-        self, fitted: Optimum, gram: Floats, consider_gradients: Floats, random: np.random.Generator
+        self,
+        fitted: Optimum,
+        gram: Floats,
+        consider_gradients: Floats,
+        free_mask: Mask,
+        random: np.random.Generator,
     ) -> Floats:
         """Parameter steps caused by random draws of the considered errors, in units of the parameters' ranges, shape
         (draws, p).
@@ -239,15 +256,14 @@ class Fitter:
         """
         rhs_of_errors = np.repeat(gram[None], len(consider_gradients), axis=0)
         rhs_of_errors[..., :-1, -1] = consider_gradients
-        per_error = self._equations(rhs_of_errors, np.zeros_like(fitted.nuisances)).solve(self._free_mask(fitted))[
-            :, : len(self.free)
-        ]
+        equations = self._equations(rhs_of_errors, np.zeros_like(fitted.nuisances))
+        per_error = equations.solve(free_mask)[:, : len(self.free)]
         return np.asarray(random.standard_normal((BOOTSTRAPS, len(per_error))) @ per_error)
 
     def _free_mask(self, fitted: Optimum) -> Mask:
         """Mask of the unknowns that are not at a bound; those at a bound stay there, as they would in a refit."""
         values = self._values(fitted)
-        return np.asarray((values - self._low > 1e-6 * self._unit) & (self._high - values > 1e-6 * self._unit))
+        return np.asarray((values - self._low > HELD * self._unit) & (self._high - values > HELD * self._unit))
 
     def _bounded_step(self, fitted: Optimum, gram: Floats) -> Floats:
         """Gauss-Newton step within the bounds, and within `MAX_STEP` of the range of each unknown."""
@@ -297,7 +313,7 @@ class Fitter:
         """Mask of the parameters that become unidentifiable where another one is at the bound that its interval
         reaches, as b in a exp(b z) at a = 0."""
         p = len(self.free)
-        lowest, highest = np.percentile(draws, [2.5, 97.5], axis=0)
+        lowest, highest = np.array(intervals(self.free, values, draws)).T
         found = np.zeros(p, dtype=bool)
         for i in range(p):
             at_bound = self._low[i] if lowest[i] <= self._low[i] else self._high[i]

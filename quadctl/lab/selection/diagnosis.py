@@ -13,7 +13,7 @@ from rich.text import Text
 from quadctl import __version__
 from quadctl.effects import Effect, every_effect
 from quadctl.lab.comparison.noise_floor import flexible_residual
-from quadctl.lab.comparison.wording import parameters_in_words
+from quadctl.lab.comparison.wording import parameter_lines, parameters_in_words
 from quadctl.lab.fitting.fitted_model import FittedModel, fit_model
 from quadctl.lab.fitting.fitter import BOOTSTRAP_SEED
 from quadctl.lab.fitting.significance import improvement_p_value
@@ -118,7 +118,7 @@ class Diagnosis(Result):
         table.add_column("p", justify="right", no_wrap=True)
         for c in self.ranking:
             name = Text(c.effect.name, style="bold" if is_supported(c) else "")
-            parameters = parameters_in_words(c.effect, c.ci95).replace("], ", "]\n")  # one a line
+            parameters = "\n".join(parameter_lines(c.effect, c.ci95))
             table.add_row(
                 Group(name, *([Padding(Text(parameters), (0, 1, 0, 2))] if c.ci95 else [])),
                 f"{c.before[c.measure]:.3f} -> {c.after[c.measure]:.3f}" + UNITS[c.measure],
@@ -225,8 +225,14 @@ def _ranking(path: Path) -> list[Candidate]:
     if len(first) > 1 or len(path.chosen) > len(first):
         fit = path.current.refined()
         places = {effect.family(): place for place, effect in enumerate(fit.model.effects)}
-        first = [replace(c, effect=fit.model.effects[places[c.family]], ci95=fit.ci95(places[c.family])) for c in first]
+        first = [_refitted(candidate, fit, places[candidate.family]) for candidate in first]
     return [*first, *sorted(others, key=lambda c: -c.held_out_drop)]
+
+
+def _refitted(candidate: Candidate, fit: FittedModel, place: int) -> Candidate:
+    """Candidate with the parameters, intervals and remarks of `fit`, in whose stack its effect has this place."""
+    model = replace(fit.model, stack=fit.model.stack[: place + 1])
+    return replace(candidate, effect=model.effects[-1], model=model, ci95=fit.ci95(place), remarks=fit.remarks(place))
 
 
 def _inseparable(missing: Sequence[str], ranking: Sequence[Candidate]) -> list[tuple[str, str]]:
