@@ -85,12 +85,14 @@ def discover(
     dataset: Dataset,
     candidates: Iterable[type[Effect]] | None = None,
     progress: Callable[[str], None] = lambda text: None,
+    nested: bool = False,
 ) -> Discovery:
-    """Add to `model` each missing effect of the `candidates` (as in `diagnose`), one family at a time."""
+    """Add to `model` each missing effect of the `candidates`, one family at a time; `candidates` and `nested` are those
+    of `diagnose`."""
     progress("comparing")
     before = compare(model, dataset)
     fit = fit_model(model, dataset)
-    diagnosis = diagnose_fit(fit, candidates, progress)
+    diagnosis = diagnose_fit(fit, candidates, progress, nested)
     kinds = {effect.family(): type(effect) for effect in diagnosis.best.effects}
     additions: list[Addition] = []
     for family in diagnosis.missing:
