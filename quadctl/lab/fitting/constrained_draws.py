@@ -1,7 +1,6 @@
 """Draws of parameters that bounds hold: a normal distribution, truncated at what is physically possible."""
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import log_ndtr, ndtri_exp
 
 from quadctl.lab.arrays import Floats
@@ -12,37 +11,24 @@ LEAST_VARIANCE = 1e-24
 """Least variance of a draw, relative to the squared range: an effect that does nothing has none."""
 
 
-def constrained_draws(
-    draws: Floats, held: NDArray[np.intp], low: Floats, high: Floats, random: np.random.Generator
-) -> Floats:
-    """Replace the columns `held` of normal `draws`, shape (draws, p), by draws of that distribution within bounds.
+def constrained_draws(draws: Floats, low: Floats, high: Floats, random: np.random.Generator) -> Floats:
+    """Draw from the normal distribution of `draws`, shape (draws, k), within the bounds, shape (k,).
 
-    The unbounded draws approximate the posterior without bounds. A bound that holds a parameter cuts this off: what is
-    left is a truncated normal distribution (Gelfand, Smith & Lee 1992, J. Am. Stat. Assoc. 87: Bayesian analysis of
-    constrained parameters, by Gibbs sampling). The other parameters move with the held ones as their covariance says,
-    so that their own uncertainty includes that of the held ones.
+    Unbounded draws approximate the posterior of parameters without their bounds. The bounds cut this off: what is left
+    is a truncated normal distribution (Gelfand, Smith & Lee 1992, J. Am. Stat. Assoc. 87: Bayesian analysis of
+    constrained parameters, by Gibbs sampling).
     """
-    if not len(held):
-        return draws
-    unit = (high - low)[held]
-    lowest, highest = low[held] / unit, high[held] / unit
-    mean = draws.mean(axis=0)
-    apart = draws - mean
-    free = apart[:, held] / unit
-    covariance = free.T @ free / len(draws) + LEAST_VARIANCE * np.eye(len(held))
-    precision = np.linalg.inv(covariance)
-    centre = mean[held] / unit
-    found = np.broadcast_to(np.clip(centre, lowest, highest), free.shape).copy()
-    for _ in range(SWEEPS if len(held) > 1 else 1):
-        for i in range(len(held)):
-            others = np.arange(len(held)) != i
+    unit = high - low
+    lowest, highest, centre = low / unit, high / unit, draws.mean(axis=0) / unit
+    apart = draws / unit - centre
+    precision = np.linalg.inv(apart.T @ apart / len(draws) + LEAST_VARIANCE * np.eye(len(unit)))
+    found = np.broadcast_to(np.clip(centre, lowest, highest), draws.shape).copy()
+    for _ in range(SWEEPS if len(unit) > 1 else 1):
+        for i in range(len(unit)):
+            others = np.arange(len(unit)) != i
             own = centre[i] - (found[:, others] - centre[others]) @ precision[i, others] / precision[i, i]
             found[:, i] = _truncated_normal(own, precision[i, i] ** -0.5, lowest[i], highest[i], random)
-    moved = found - (centre + free)
-    follow = np.linalg.lstsq(covariance, free.T @ apart / len(draws), rcond=None)[0]
-    replaced = draws + moved @ follow
-    replaced[:, held] = found * unit
-    return np.asarray(replaced)
+    return np.asarray(found * unit)
 
 
 def _truncated_normal(mean: Floats, std: float, low: float, high: float, random: np.random.Generator) -> Floats:

@@ -173,8 +173,7 @@ class Fitter:
         Each draw is one Gauss-Newton step from the optimum with new weights of the blocks, i.e. the refit to first
         order with the robust weights of the fit. Each draw also has its own prior means of the nuisances, since what
         the data do not tell about a nuisance is as uncertain as its prior says, and its own considered errors
-        (`consider_parameters`). Parameters that a bound holds are released for the step, and then drawn within the
-        bounds (`constrained_draws`).
+        (`consider_parameters`). Parameters that a bound holds are drawn last, and the others follow them.
         """
         p = len(self.free)
         if not p:
@@ -195,19 +194,25 @@ class Fitter:
         wider = float(stats.t.ppf(0.975, runs - 1)) / 1.96 * math.sqrt(runs / (runs - 1)) if runs > 1 else 1.0
         first = np.flatnonzero(np.diff(self.dataset.flight_index[tangent.starts], prepend=-1))
         free_mask = self._free_mask(fitted)
+        released = np.where(np.arange(len(free_mask)) < p, True, free_mask)
         held = np.flatnonzero(~free_mask[:p])
-        free_mask[:p] = True
         whole = np.add.reduceat(tangent.gram, first, axis=0)
-        steps = self._considered_steps(fitted, whole, tangent.consider_gradients, free_mask, random)
+        normals = random.standard_normal((BOOTSTRAPS, len(tangent.consider_gradients)))
+        masks = [free_mask, released] if len(held) else [free_mask]
+        drawn_steps = [
+            normals @ self._steps_by_errors(fitted, whole, tangent.consider_gradients, mask) for mask in masks
+        ]
         for now in parts:
             drawn = resampled_gram_matrices(tangent.gram, times[now], first)
             equations = self._equations(drawn, centres[now] - fitted.nuisances)
-            steps[now] += equations.solve(free_mask)[:, :p]
-        # The optimum is that of the unbounded problem, unless a bound holds a parameter.
-        centre = self._equations(whole, -fitted.nuisances).solve(free_mask)[:p] if len(held) else 0.0
-        steps = self._unit[:p] * (centre + wider * (steps - centre))
+            for steps, mask in zip(drawn_steps, masks, strict=True):
+                steps[now] += equations.solve(mask)[:, :p]
         values, low, high = values_of(fitted.model, self.free), self._low[:p], self._high[:p]
-        draws = np.clip(constrained_draws(values + steps, held, low, high, random), low, high)
+        moves = wider * drawn_steps[0]
+        if len(held):
+            equations = self._equations(whole, -fitted.nuisances)
+            moves += self._moves_of_held(equations, free_mask, held, values, wider, drawn_steps[-1], random)
+        draws = np.clip(values + self._unit[:p] * moves, low, high)
         ends = np.array(intervals(self.free, values, draws))
         # A fitted value outside the draws: the fit stopped in a flat valley before the minimum.
         adrift = (values < ends[:, 0]) | (values > ends[:, 1])
@@ -217,7 +222,7 @@ class Fitter:
         either = random.integers(0, 2, size=draws.shape)
         # An unidentifiable parameter may have any value within its bounds.
         draws[:, unidentifiable] = np.where(either, high, low)[:, unidentifiable]
-        return draws
+        return np.asarray(draws)
 
     def objective(self, fitted: Optimum, scale: Floats) -> float:
         """Objective of a fit to all samples for a given noise `scale` per axis: comparable between models."""
@@ -240,16 +245,40 @@ class Fitter:
         scaled[..., p:-1, -1] += own / self._prior_std**2 * prior_offset
         return Arrow.of_gram_matrices(scaled, p).ridged()
 
-    def _considered_steps(
+    def _moves_of_held(
         self,
-        fitted: Optimum,
-        gram: Floats,
-        consider_gradients: Floats,
+        equations: Arrow,
         free_mask: Mask,
+        held: NDArray[np.intp],
+        values: Floats,
+        wider: float,
+        unbounded_steps: Floats,
         random: np.random.Generator,
     ) -> Floats:
-        """Parameter steps caused by random draws of the considered errors, in units of the parameters' ranges, shape
-        (draws, p).
+        """Draws of the moves of the parameters `held` away from their bounds, and of those that this causes in the
+        others, in units of the ranges, shape (draws, p).
+
+        Without their bounds the parameters would move to the minimum of the quadratic approximation `equations` of the
+        objective, about which `unbounded_steps` scatter. Within the bounds `constrained_draws` says how far they may.
+        The others follow along the valley of the objective.
+        """
+        p = len(self.free)
+        released = np.where(np.arange(len(free_mask)) < p, True, free_mask)
+        centre = equations.solve(released)[held]
+        scatter = unbounded_steps[:, held] - unbounded_steps[:, held].mean(axis=0)
+        unit, low, high = self._unit[held], self._low[held], self._high[held]
+        moves = constrained_draws(values[held] + unit * (centre + wider * scatter), low, high, random) - values[held]
+        follow = np.zeros((len(held), p))
+        for row, i in zip(follow, held, strict=True):
+            one = np.zeros(len(free_mask))
+            one[i] = 1.0
+            row[:] = equations.with_rhs(-equations.times(one)).solve(free_mask)[:p]
+            row[i] = 1.0
+        return np.asarray(moves / unit @ follow)
+
+    def _steps_by_errors(self, fitted: Optimum, gram: Floats, consider_gradients: Floats, free_mask: Mask) -> Floats:
+        """Parameter steps caused by one standard deviation of each considered error, in units of the parameters'
+        ranges, shape (errors, p).
 
         `gram` holds the Gram matrix of each flight: its nuisances absorb a part of an error. The errors enter by their
         `consider_gradients`.
@@ -257,8 +286,7 @@ class Fitter:
         rhs_of_errors = np.repeat(gram[None], len(consider_gradients), axis=0)
         rhs_of_errors[..., :-1, -1] = consider_gradients
         equations = self._equations(rhs_of_errors, np.zeros_like(fitted.nuisances))
-        per_error = equations.solve(free_mask)[:, : len(self.free)]
-        return np.asarray(random.standard_normal((BOOTSTRAPS, len(per_error))) @ per_error)
+        return np.asarray(equations.solve(free_mask)[:, : len(self.free)])
 
     def _free_mask(self, fitted: Optimum) -> Mask:
         """Mask of the unknowns that are not at a bound; those at a bound stay there, as they would in a refit."""

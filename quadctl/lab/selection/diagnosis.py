@@ -95,13 +95,16 @@ class Diagnosis(Result):
         """Candidates that the data show, but that are too small to be called missing; the best of each family.
 
         An effect of variables on which an effect that was found depends is none of them: it may be the error of the
-        form of that effect.
+        form of that effect. Nor is one of which bounds hold every parameter: what is fitted is that it is not there.
         """
         found: dict[str, Candidate] = {}
         explained = {name for c in self.ranking if c.family in self.missing for name in c.effect.depends_on}
         for c in sorted(self.ranking, key=lambda c: c.p_value):
             of_a_form = c.effect.depends_on and set(c.effect.depends_on) <= explained
-            if c.family not in self.missing and is_measured(c) and not is_supported(c) and not of_a_form:
+            at_bounds = [getattr(c.effect, name) in ci for name, ci in c.ci95.items()]
+            if c.family in self.missing or of_a_form or (at_bounds and all(at_bounds)):
+                continue
+            if is_measured(c) and not is_supported(c):
                 found.setdefault(c.family, c)
         return list(found.values())
 
