@@ -31,6 +31,14 @@ HoldOutOption = Annotated[
         help="Held-out data of each fit: blocks of time of every flight, or whole flights.",
     ),
 ]
+NestedOption = Annotated[
+    bool,
+    typer.Option(
+        "--nested",
+        help="Repeat the search without each part of the data, for an error that the choice of effects has not seen; "
+        "several times slower.",
+    ),
+]
 JobsOption = Annotated[
     int,
     typer.Option("--jobs", metavar="N", min=1, help="Number of processes; more than one is worth it with many logs."),
@@ -66,6 +74,7 @@ def diagnose(
     json_out: JsonOption = None,
     html: HtmlOption = None,
     hold_out: HoldOutOption = "blocks",
+    nested: NestedOption = False,
     jobs: JobsOption = 1,
     expression: Annotated[
         Path | None,
@@ -88,7 +97,7 @@ def diagnose(
     with parallel_config("loky", n_jobs=jobs):
         loaded, data = _model_and_data(model, logs, hold_out)
         with console.status("diagnosing") as status:
-            result = run(loaded, data, progress=status.update)
+            result = run(loaded, data, progress=status.update, nested=nested)
     console.print(result)
     if expression is not None and result.symbolic is not None:
         write_text(expression, as_effect_file(result.symbolic, "unexplained.found"))
@@ -236,6 +245,7 @@ def discover(
     json_out: JsonOption = None,
     html: HtmlOption = None,
     hold_out: HoldOutOption = "blocks",
+    nested: NestedOption = False,
     jobs: JobsOption = 1,
 ) -> None:
     """Compare, diagnose and add in one go, until nothing significant is missing."""
@@ -248,7 +258,7 @@ def discover(
     with parallel_config("loky", n_jobs=jobs):
         loaded, data = _model_and_data(model, logs, hold_out)
         with console.status("discovering") as status:
-            result = run(loaded, data, progress=status.update)
+            result = run(loaded, data, progress=status.update, nested=nested)
     save_model(result.model, output)
     console.print(result)
     print_saved(output)

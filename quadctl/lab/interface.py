@@ -54,11 +54,13 @@ def diagnose(
     candidates: Iterable[type[Effect] | str] | None = None,
     hold_out: HoldOut = "blocks",
     progress: Callable[[str], None] = lambda text: None,
+    nested: bool = False,
 ) -> Diagnosis:
     """Find the physical effects that are missing from `model`.
 
     `candidates` are effects or their names; all known ones by default. `hold_out` says what each fit does not see:
-    blocks of time of every flight, or whole flights. `progress` is called with short texts.
+    blocks of time of every flight, or whole flights. `progress` is called with short texts. With `nested` the whole
+    search is repeated without each part of the data, which gives an error that no choice has seen (`unseen`).
 
     Examples
     --------
@@ -68,7 +70,7 @@ def diagnose(
     """
     model = open_model(model)
     kinds = None if candidates is None else [_kind(candidate, model) for candidate in candidates]
-    return run_diagnose(model, prepare_flights(flights, model.vehicle, hold_out), kinds, progress)
+    return run_diagnose(model, prepare_flights(flights, model.vehicle, hold_out), kinds, progress, nested)
 
 
 def suggest(
@@ -136,8 +138,9 @@ def discover(
     candidates: Iterable[type[Effect] | str] | None = None,
     hold_out: HoldOut = "blocks",
     progress: Callable[[str], None] = lambda text: None,
+    nested: bool = False,
 ) -> Discovery:
-    """Compare, diagnose and add, until no significant effect is missing.
+    """Compare, diagnose and add, until no significant effect is missing; `nested` is that of `diagnose`.
 
     Examples
     --------
@@ -148,7 +151,7 @@ def discover(
     """
     model = open_model(model)
     kinds = None if candidates is None else [_kind(candidate, model) for candidate in candidates]
-    return run_discover(model, prepare_flights(flights, model.vehicle, hold_out), kinds, progress)
+    return run_discover(model, prepare_flights(flights, model.vehicle, hold_out), kinds, progress, nested)
 
 
 def open_model(model: AnyModel) -> Model:

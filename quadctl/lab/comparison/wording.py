@@ -1,6 +1,6 @@
 """Sentences and numbers about results, shared by the report and the page."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from quadctl.effects import Effect
 from quadctl.lab.comparison.comparison import Comparison
@@ -45,18 +45,35 @@ def parameters_in_text(effect: Effect, ci95: Mapping[str, tuple[float, float]]) 
     """Fitted parameters with units and 95 % intervals: `a = 0.114 [0.1, 0.12], b = 5.4 1/m [5, 5.8]`."""
     values, units = effect.values(), {p.name: f" {p.unit}" if p.unit else "" for p in effect.parameters()}
     parts = [
-        f"{name} = {_parameter(values[name])}{units[name]} [{_parameter(low)}, {_parameter(high)}]"
-        for name, (low, high) in ci95.items()
+        f"{name} = {_parameter(values[name])}{units[name]} {_interval(values[name], ci, _parameter)}"
+        for name, ci in ci95.items()
     ]
     return ", ".join(parts) or "no free parameters"
 
 
+def parameter_lines(effect: Effect, ci95: Mapping[str, tuple[float, float]]) -> list[str]:
+    """Fitted parameters with 95 % intervals, one a line: `a = 0.114 [0.10, 0.12]`; fixed ones are left out."""
+    values = effect.values()
+    return [f"{name} = {values[name]:.4g} {interval_in_words(values[name], ci)}" for name, ci in ci95.items()]
+
+
 def parameters_in_words(effect: Effect, ci95: Mapping[str, tuple[float, float]]) -> str:
     """Fitted parameters with 95 % intervals: `a = 0.114 [0.10, 0.12], b = 5.4 [5.0, 5.8]`; fixed ones are left out."""
-    values = effect.values()
-    return (
-        ", ".join(f"{name} = {values[name]:.4g} [{low:.4g}, {high:.4g}]" for name, (low, high) in ci95.items()) or "-"
-    )
+    return ", ".join(parameter_lines(effect, ci95)) or "-"
+
+
+def interval_in_words(value: float, ci95: tuple[float, float]) -> str:
+    """95 % interval of a value, `[0.10, 0.12]`; that of a parameter at a bound has one end, `(at most 0.12)`."""
+    return _interval(value, ci95, lambda end: f"{end:.4g}")
+
+
+def _interval(value: float, ci95: tuple[float, float], shown: Callable[[float], str]) -> str:
+    low, high = ci95
+    if low < high and value == low:
+        return f"(at most {shown(high)})"
+    if low < high and value == high:
+        return f"(at least {shown(low)})"
+    return f"[{shown(low)}, {shown(high)}]"
 
 
 def _parameter(value: float) -> str:

@@ -82,7 +82,7 @@ class FittedModel:
     @cached_property
     def intervals(self) -> list[tuple[float, float]]:
         """95 % interval of each fitted parameter."""
-        return intervals(self.free, self.draws)
+        return intervals(self.free, values_of(self.model, self.free), self.draws)
 
     def relabelled(self, model: Model) -> "FittedModel":
         """The same fit as that of `model`, which differs in its name and files only."""

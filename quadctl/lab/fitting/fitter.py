@@ -14,6 +14,7 @@ from scipy import stats
 from quadctl.lab.arrays import Floats, Mask
 from quadctl.lab.fitting.arrowhead import Arrow
 from quadctl.lab.fitting.consider_parameters import consider_jacobian
+from quadctl.lab.fitting.constrained_draws import constrained_draws
 from quadctl.lab.fitting.normal_equations import (
     axis_weights,
     gram_matrix,
@@ -23,7 +24,14 @@ from quadctl.lab.fitting.normal_equations import (
     soft_l1_loss,
 )
 from quadctl.lab.fitting.nuisances import BOUND, KINDS, acceleration_jacobian, predicted_with, prior_standard_deviations
-from quadctl.lab.fitting.parameters import free_parameters, parameter_jacobian, values_of, with_values
+from quadctl.lab.fitting.parameters import (
+    HELD,
+    free_parameters,
+    intervals,
+    parameter_jacobian,
+    values_of,
+    with_values,
+)
 from quadctl.lab.flights.dataset import AlignedDataset, Dataset
 from quadctl.lab.flights.prediction import predict, predict_targets
 from quadctl.lab.threads import one_blas_thread
@@ -165,7 +173,7 @@ class Fitter:
         Each draw is one Gauss-Newton step from the optimum with new weights of the blocks, i.e. the refit to first
         order with the robust weights of the fit. Each draw also has its own prior means of the nuisances, since what
         the data do not tell about a nuisance is as uncertain as its prior says, and its own considered errors
-        (`consider_parameters`).
+        (`consider_parameters`). Parameters that a bound holds are drawn last, and the others follow them.
         """
         p = len(self.free)
         if not p:
@@ -186,26 +194,35 @@ class Fitter:
         wider = float(stats.t.ppf(0.975, runs - 1)) / 1.96 * math.sqrt(runs / (runs - 1)) if runs > 1 else 1.0
         first = np.flatnonzero(np.diff(self.dataset.flight_index[tangent.starts], prepend=-1))
         free_mask = self._free_mask(fitted)
-        steps = self._considered_steps(
-            fitted, np.add.reduceat(tangent.gram, first, axis=0), tangent.consider_gradients, random
-        )
+        released = np.where(np.arange(len(free_mask)) < p, True, free_mask)
+        held = np.flatnonzero(~free_mask[:p])
+        whole = np.add.reduceat(tangent.gram, first, axis=0)
+        normals = random.standard_normal((BOOTSTRAPS, len(tangent.consider_gradients)))
+        masks = [free_mask, released] if len(held) else [free_mask]
+        drawn_steps = [
+            normals @ self._steps_by_errors(fitted, whole, tangent.consider_gradients, mask) for mask in masks
+        ]
         for now in parts:
             drawn = resampled_gram_matrices(tangent.gram, times[now], first)
             equations = self._equations(drawn, centres[now] - fitted.nuisances)
-            steps[now] += equations.solve(free_mask)[:, :p]
-        steps *= wider * self._unit[:p]
+            for steps, mask in zip(drawn_steps, masks, strict=True):
+                steps[now] += equations.solve(mask)[:, :p]
         values, low, high = values_of(fitted.model, self.free), self._low[:p], self._high[:p]
-        draws = np.clip(values + steps, low, high)
-        lowest, highest = np.percentile(draws, [2.5, 97.5], axis=0)
+        moves = wider * drawn_steps[0]
+        if len(held):
+            equations = self._equations(whole, -fitted.nuisances)
+            moves += self._moves_of_held(equations, free_mask, held, values, wider, drawn_steps[-1], random)
+        draws = np.clip(values + self._unit[:p] * moves, low, high)
+        ends = np.array(intervals(self.free, values, draws))
         # A fitted value outside the draws: the fit stopped in a flat valley before the minimum.
-        adrift = (values < lowest) | (values > highest)
+        adrift = (values < ends[:, 0]) | (values > ends[:, 1])
         unidentifiable = (
             adrift | self._unidentifiable(tangent.power) | self._unidentifiable_at_bounds(values, draws, tangent.scale)
         )
         either = random.integers(0, 2, size=draws.shape)
         # An unidentifiable parameter may have any value within its bounds.
         draws[:, unidentifiable] = np.where(either, high, low)[:, unidentifiable]
-        return draws
+        return np.asarray(draws)
 
     def objective(self, fitted: Optimum, scale: Floats) -> float:
         """Objective of a fit to all samples for a given noise `scale` per axis: comparable between models."""
@@ -228,26 +245,53 @@ class Fitter:
         scaled[..., p:-1, -1] += own / self._prior_std**2 * prior_offset
         return Arrow.of_gram_matrices(scaled, p).ridged()
 
-    def _considered_steps(
-        self, fitted: Optimum, gram: Floats, consider_gradients: Floats, random: np.random.Generator
+    def _moves_of_held(
+        self,
+        equations: Arrow,
+        free_mask: Mask,
+        held: NDArray[np.intp],
+        values: Floats,
+        wider: float,
+        unbounded_steps: Floats,
+        random: np.random.Generator,
     ) -> Floats:
-        """Parameter steps caused by random draws of the considered errors, in units of the parameters' ranges, shape
-        (draws, p).
+        """Draws of the moves of the parameters `held` away from their bounds, and of those that this causes in the
+        others, in units of the ranges, shape (draws, p).
+
+        Without their bounds the parameters would move to the minimum of the quadratic approximation `equations` of the
+        objective, about which `unbounded_steps` scatter. Within the bounds `constrained_draws` says how far they may.
+        The others follow along the valley of the objective.
+        """
+        p = len(self.free)
+        released = np.where(np.arange(len(free_mask)) < p, True, free_mask)
+        centre = equations.solve(released)[held]
+        scatter = unbounded_steps[:, held] - unbounded_steps[:, held].mean(axis=0)
+        unit, low, high = self._unit[held], self._low[held], self._high[held]
+        moves = constrained_draws(values[held] + unit * (centre + wider * scatter), low, high, random) - values[held]
+        follow = np.zeros((len(held), p))
+        for row, i in zip(follow, held, strict=True):
+            one = np.zeros(len(free_mask))
+            one[i] = 1.0
+            row[:] = equations.with_rhs(-equations.times(one)).solve(free_mask)[:p]
+            row[i] = 1.0
+        return np.asarray(moves / unit @ follow)
+
+    def _steps_by_errors(self, fitted: Optimum, gram: Floats, consider_gradients: Floats, free_mask: Mask) -> Floats:
+        """Parameter steps caused by one standard deviation of each considered error, in units of the parameters'
+        ranges, shape (errors, p).
 
         `gram` holds the Gram matrix of each flight: its nuisances absorb a part of an error. The errors enter by their
         `consider_gradients`.
         """
         rhs_of_errors = np.repeat(gram[None], len(consider_gradients), axis=0)
         rhs_of_errors[..., :-1, -1] = consider_gradients
-        per_error = self._equations(rhs_of_errors, np.zeros_like(fitted.nuisances)).solve(self._free_mask(fitted))[
-            :, : len(self.free)
-        ]
-        return np.asarray(random.standard_normal((BOOTSTRAPS, len(per_error))) @ per_error)
+        equations = self._equations(rhs_of_errors, np.zeros_like(fitted.nuisances))
+        return np.asarray(equations.solve(free_mask)[:, : len(self.free)])
 
     def _free_mask(self, fitted: Optimum) -> Mask:
         """Mask of the unknowns that are not at a bound; those at a bound stay there, as they would in a refit."""
         values = self._values(fitted)
-        return np.asarray((values - self._low > 1e-6 * self._unit) & (self._high - values > 1e-6 * self._unit))
+        return np.asarray((values - self._low > HELD * self._unit) & (self._high - values > HELD * self._unit))
 
     def _bounded_step(self, fitted: Optimum, gram: Floats) -> Floats:
         """Gauss-Newton step within the bounds, and within `MAX_STEP` of the range of each unknown."""
@@ -297,7 +341,7 @@ class Fitter:
         """Mask of the parameters that become unidentifiable where another one is at the bound that its interval
         reaches, as b in a exp(b z) at a = 0."""
         p = len(self.free)
-        lowest, highest = np.percentile(draws, [2.5, 97.5], axis=0)
+        lowest, highest = np.array(intervals(self.free, values, draws)).T
         found = np.zeros(p, dtype=bool)
         for i in range(p):
             at_bound = self._low[i] if lowest[i] <= self._low[i] else self._high[i]

@@ -65,12 +65,28 @@ def parameter_jacobian(model: Model, flight: Flight, groups: Sequence[str], pred
     return found
 
 
-def intervals(free: Sequence[Free], draws: Floats) -> list[tuple[float, float]]:
-    """95 % percentile interval of each free parameter."""
+HELD = 1e-6
+"""Distance to a bound, relative to the range, within which the bound holds an unknown."""
+
+
+def intervals(free: Sequence[Free], values: Floats, draws: Floats) -> list[tuple[float, float]]:
+    """95 % interval of each free parameter, from its fitted value, shape (p,), and its draws, shape (draws, p).
+
+    Percentiles of the draws. The interval of a parameter that a bound holds is one-sided: it begins at the value, and
+    95 % of the draws are within it (see `constrained_draws`).
+    """
     if not free:
         return []
-    low, high = np.percentile(draws, [2.5, 97.5], axis=0)
-    return [(float(a), float(b)) for a, b in zip(low, high, strict=True)]
+    found = []
+    for f, value, own in zip(free, values, draws.T, strict=True):
+        near = HELD * (f.parameter.high - f.parameter.low)
+        low, q5, q95, high = np.percentile(own, [2.5, 5.0, 95.0, 97.5])
+        if value - f.parameter.low <= near:
+            low, high = value, max(q95, value)
+        elif f.parameter.high - value <= near:
+            low, high = min(q5, value), value
+        found.append((float(low), float(high)))
+    return found
 
 
 def undetermined(free: Sequence[Free], ci: Sequence[tuple[float, float]]) -> list[Free]:

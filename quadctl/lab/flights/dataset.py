@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from quadctl.effects import Effect
 from quadctl.errors import LogError
-from quadctl.lab.arrays import Floats
+from quadctl.lab.arrays import Floats, Mask
 from quadctl.lab.flights.flight import Flight
 from quadctl.lab.flights.prediction import measured_targets, predict, predict_targets
 from quadctl.lab.flights.preparation import prepare
@@ -116,6 +116,13 @@ class Dataset:
         """Select the flights with the given indices."""
         return Dataset(tuple(self.flights[i] for i in which), self.hold_out)
 
+    def samples(self, kept: Mask) -> "Dataset":
+        """Select the samples of the mask `kept`, shape (n,); a flight without any is left out."""
+        of_flights = [(flight, kept[part]) for flight, part in zip(self.flights, self.parts, strict=True)]
+        return Dataset(
+            tuple(flight if own.all() else flight.some(own) for flight, own in of_flights if own.any()), self.hold_out
+        )
+
     def variable(self, name: str) -> Floats | None:
         """Values of a variable at all samples, shape (n,), or None where a flight lacks it.
 
@@ -178,6 +185,9 @@ class AlignedDataset(Dataset):
 
     def some(self, which: Iterable[int]) -> Dataset:
         return self.source.some(which)
+
+    def samples(self, kept: Mask) -> Dataset:
+        return self.source.samples(kept)
 
     def predicted(self, model: Model) -> Floats:
         """Predicted filtered acceleration by `model`, north, east, up, m/s^2, shape (n, 3)."""

@@ -11,8 +11,8 @@ from scipy.sparse import csr_matrix
 
 from quadctl.effects import Conditions
 from quadctl.frames import GRAVITY_M_S2, euler_from_quaternion, rotate_inverse
-from quadctl.lab.arrays import Floats
-from quadctl.numeric import Vector
+from quadctl.lab.arrays import Floats, Mask
+from quadctl.numeric import Number, Vector
 from quadctl.vehicle import Vehicle
 
 MOMENTS_S = 0.5
@@ -40,6 +40,10 @@ class SlowFilter:
         weights = np.exp(-0.5 * ((self._time_s[there] - self._time_s[here]) / MOMENTS_S) ** 2)
         weights /= weights.sum(axis=1, keepdims=True)
         return csr_matrix((weights.ravel(), (here.ravel(), there.ravel())), shape=(n, n))
+
+
+LARGEST_DELAY_S = 0.5
+"""Time around the samples that a part of a flight keeps, s: no signal is read later or earlier by more."""
 
 
 @dataclass(frozen=True)
@@ -119,6 +123,43 @@ class Flight:
     timing: Timing = UNKNOWN_TIMING
     """Timing of the vehicle's channels, from all flights that were prepared together."""
     notes: list[str] = field(default_factory=list)
+
+    def some(self, kept: Mask) -> "Flight":
+        """Select the samples of the mask `kept`, shape (n,), with the part of the grid that they need."""
+        smooth, derivative = self.smooth[kept], self.derivative[kept]
+        margin = math.ceil(LARGEST_DELAY_S / (self.grid_s[1] - self.grid_s[0]))
+        needed = np.zeros(len(self.grid_s) + 2 * margin + 1, dtype=np.int64)
+        inside = np.unique(smooth.indices)
+        np.add.at(needed, inside, 1)
+        np.add.at(needed, inside + 2 * margin + 1, -1)
+        columns = np.flatnonzero(np.cumsum(needed)[margin : margin + len(self.grid_s)])
+        c = self.conditions
+        speed_x, speed_y, speed_z = c.velocity_body_m_s
+        north, east, up = self.velocity_neu
+        return replace(
+            self,
+            grid_s=self.grid_s[columns],
+            conditions=replace(
+                c,
+                height_m=_at(c.height_m, columns),
+                velocity_body_m_s=(_at(speed_x, columns), _at(speed_y, columns), _at(speed_z, columns)),
+                attitude=tuple(_at(part, columns) for part in c.attitude),
+                time_s=_at(c.time_s, columns),
+                battery_v=_at(c.battery_v, columns),
+                position_ne_m=(_at(c.position_ne_m[0], columns), _at(c.position_ne_m[1], columns)),
+            ),
+            nominal_n=[thrust[columns] for thrust in self.nominal_n],
+            logged_n=[thrust[columns] for thrust in self.logged_n],
+            velocity_neu=(north[columns], east[columns], up[columns]),
+            smooth=smooth[:, columns],
+            derivative=derivative[:, columns],
+            time_s=self.time_s[kept],
+            slowly=SlowFilter(self.time_s[kept]),
+            measured=self.measured[kept],
+            block=self.block[kept],
+            torque=None if self.torque is None else self.torque[kept],
+            sensed=None if self.sensed is None else self.sensed[kept],
+        )
 
     def shifted(self, delay_s: float) -> "Flight":
         """Copy of the flight with its rotor signal read `delay_s` later."""
@@ -251,6 +292,11 @@ class Flight:
             values = self.variables.get(name, np.array([np.nan]))
         low, high = np.percentile(values, [5.0, 95.0])
         return float(low), float(high)
+
+
+def _at(signal: Number, columns: NDArray[np.int64]) -> Number:
+    """Signal at some places of the grid; a constant stays what it is."""
+    return signal[columns] if isinstance(signal, np.ndarray) else signal
 
 
 VARIABLE_UNITS = {

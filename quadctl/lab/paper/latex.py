@@ -91,9 +91,10 @@ def methods(statement: Statement) -> str:
         f"Gaussian low-pass filter with a bandwidth of {width} Hz. {fitted}; small errors of trim and calibration "
         "of each flight were fitted beside them, with priors, and are part of the prediction. Errors and coefficients "
         f"of determination are those on {statement.hold_out}. Intervals are 95 % percentile intervals of a bootstrap "
-        "over blocks of time, and the correlation of the parameters is that of its draws. The residual was tested for "
-        "whiteness with the test of Ljung and Box per axis, the statistics of the flights added; samples of filtered "
-        "signals are not independent, so that a small p is expected even of a complete model."
+        "over blocks of time, one-sided where a parameter is at a bound of what is physically possible, and the "
+        "correlation of the parameters is that of its draws. The residual was tested for whiteness with the test of "
+        "Ljung and Box per axis, the statistics of the flights added; samples of filtered signals are not independent, "
+        "so that a small p is expected even of a complete model."
     )
 
 
@@ -175,12 +176,20 @@ def _parameter_table(statement: Statement) -> str:
             escape(row.effect),
             f"${symbol(row.name)}$",
             _number(row.value),
-            f"[{_number(row.ci95[0])}, {_number(row.ci95[1])}]",
+            _interval(row.value, row.ci95),
             escape(row.unit) or "--",
         )
         for row in statement.parameters
     ]
     return _table("llrll", ("effect", "parameter", "value", r"95\,\% interval", "unit"), rows, "Fitted parameters.")
+
+
+def _interval(value: float, ci95: tuple[float, float]) -> str:
+    """Interval of a parameter; that of one at a bound has one end."""
+    low, high = ci95
+    if low < high and value in ci95:
+        return rf"$\le$ {_number(high)}" if value == low else rf"$\ge$ {_number(low)}"
+    return f"[{_number(low)}, {_number(high)}]"
 
 
 def _correlation_table(statement: Statement) -> str:

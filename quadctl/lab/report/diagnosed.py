@@ -18,6 +18,7 @@ from quadctl.lab.report.parts import Cell, Results, Section, Table, figure
 from quadctl.lab.selection.candidate import Candidate
 from quadctl.lab.selection.diagnosis import Diagnosis
 from quadctl.lab.selection.rule import MATERIAL, SIGNIFICANT, is_supported
+from quadctl.lab.selection.unseen import unseen_in_words
 
 SHOWN_CANDIDATES = 8
 
@@ -68,6 +69,7 @@ def _diagnosis_text(d: Diagnosis, floor: float) -> list[str]:
             text.append(
                 "Part of the remaining error depends on the logged variables, but these effects do not explain it."
             )
+        text += unseen_in_words(d.unseen, any_missing=True)
     elif d.verdict == "none":
         text.append("No effect lowers the held-out error significantly: the remaining error is noise.")
     else:

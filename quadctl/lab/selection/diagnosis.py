@@ -11,22 +11,20 @@ from rich.table import Table
 from rich.text import Text
 
 from quadctl import __version__
-from quadctl.effects import Effect, every_effect
-from quadctl.lab.comparison.noise_floor import flexible_residual
-from quadctl.lab.comparison.wording import parameters_in_words
+from quadctl.effects import Effect
+from quadctl.lab.comparison.wording import parameter_lines, parameters_in_words
 from quadctl.lab.fitting.fitted_model import FittedModel, fit_model
 from quadctl.lab.fitting.fitter import BOOTSTRAP_SEED
-from quadctl.lab.fitting.significance import improvement_p_value
-from quadctl.lab.flights.channels import ROTOR_SPEED
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.flights.flight import SPAN_NAMES, SPAN_UNITS, UNKNOWN_TIMING, Timing
 from quadctl.lab.results import Result
 from quadctl.lab.selection.candidate import Candidate
-from quadctl.lab.selection.rule import is_large, is_measured, is_mostly_left, is_supported, is_unexplained, score
-from quadctl.lab.selection.search import Path, SelectionStep, emptied, search
+from quadctl.lab.selection.choice import choose_effects
+from quadctl.lab.selection.rule import is_measured, is_supported
+from quadctl.lab.selection.search import Path, SelectionStep
+from quadctl.lab.selection.unseen import UnseenError, held_out_errors, nested_errors, unseen_in_words
 from quadctl.lab.selection.wording import candidate_to_dict, measured_to_dict, p_in_table
 from quadctl.lab.symbolic.formula import Symbolic
-from quadctl.lab.symbolic.identification import explain
 from quadctl.lab.threads import one_blas_thread
 from quadctl.model import Model
 
@@ -66,6 +64,8 @@ class Diagnosis(Result):
     effects are added."""
     symbolic: Symbolic | None = None
     """Sparse expression of the unexplained part."""
+    unseen: list[UnseenError] = field(default_factory=list)
+    """Errors on blocks of time and, of several flights, on whole flights."""
     fit: FittedModel | None = None
     """Fit of `best`; None where the diagnosis was read from a session."""
 
@@ -80,6 +80,7 @@ class Diagnosis(Result):
             "ladder": [{"family": s.family, "effect": s.effect, "rmse": s.rmse} for s in self.steps],
             "unexplained": self.unexplained,
             "untried": self.untried,
+            "unseen": [error.to_dict() for error in self.unseen],
             "measured": [measured_to_dict(candidate) for candidate in self.measured],
             "timing": self.timing.to_dict(),
             "provenance": {
@@ -94,13 +95,16 @@ class Diagnosis(Result):
         """Candidates that the data show, but that are too small to be called missing; the best of each family.
 
         An effect of variables on which an effect that was found depends is none of them: it may be the error of the
-        form of that effect.
+        form of that effect. Nor is one of which bounds hold every parameter: what is fitted is that it is not there.
         """
         found: dict[str, Candidate] = {}
         explained = {name for c in self.ranking if c.family in self.missing for name in c.effect.depends_on}
         for c in sorted(self.ranking, key=lambda c: c.p_value):
             of_a_form = c.effect.depends_on and set(c.effect.depends_on) <= explained
-            if c.family not in self.missing and is_measured(c) and not is_supported(c) and not of_a_form:
+            at_bounds = [getattr(c.effect, name) in ci for name, ci in c.ci95.items()]
+            if c.family in self.missing or of_a_form or (at_bounds and all(at_bounds)):
+                continue
+            if is_measured(c) and not is_supported(c):
                 found.setdefault(c.family, c)
         return list(found.values())
 
@@ -118,7 +122,7 @@ class Diagnosis(Result):
         table.add_column("p", justify="right", no_wrap=True)
         for c in self.ranking:
             name = Text(c.effect.name, style="bold" if is_supported(c) else "")
-            parameters = parameters_in_words(c.effect, c.ci95).replace("], ", "]\n")  # one a line
+            parameters = "\n".join(parameter_lines(c.effect, c.ci95))
             table.add_row(
                 Group(name, *([Padding(Text(parameters), (0, 1, 0, 2))] if c.ci95 else [])),
                 f"{c.before[c.measure]:.3f} -> {c.after[c.measure]:.3f}" + UNITS[c.measure],
@@ -147,6 +151,7 @@ class Diagnosis(Result):
                 lines.append(
                     "Part of the remaining error depends on the logged variables, but these effects do not explain it."
                 )
+        lines += unseen_in_words(self.unseen, any_missing=bool(self.missing))
         lines += [
             f"Measured, but small in these flights: {c.effect.name}, {parameters_in_words(c.effect, c.ci95)}."
             for c in self.measured
@@ -163,13 +168,15 @@ def diagnose(
     dataset: Dataset,
     candidates: Iterable[type[Effect]] | None = None,
     progress: Callable[[str], None] = lambda text: None,
+    nested: bool = False,
 ) -> Diagnosis:
     """Find the effects that are missing from `model`, judged on held-out parts of `dataset`.
 
     `candidates` are by default the catalogue's effects and those of the model's own files; families that the model
-    already holds are not tried again. `progress` is called with short texts.
+    already holds are not tried again. `progress` is called with short texts. With `nested` the search is repeated
+    without each part of the data on which its result is judged.
     """
-    return diagnose_fit(fit_model(model, dataset), candidates, progress)
+    return diagnose_fit(fit_model(model, dataset), candidates, progress, nested)
 
 
 @one_blas_thread
@@ -177,41 +184,27 @@ def diagnose_fit(
     fit: FittedModel,
     candidates: Iterable[type[Effect]] | None = None,
     progress: Callable[[str], None] = lambda text: None,
+    nested: bool = False,
 ) -> Diagnosis:
     """Find the effects that are missing from a fitted model (see `diagnose`)."""
     model, dataset = fit.fitter.model, fit.dataset
-    pool = list(candidates if candidates is not None else every_effect(model.effect_files).values())
-    present = {effect.family() for effect in model.effects}
-    pool = [e for e in pool if e.family() not in present and e.candidate and e.applies_to(model.vehicle)]
-    if any(flight.thrust_source == ROTOR_SPEED for flight in dataset.flights):
-        pool = [effect for effect in pool if not effect.only_without_rotor_speeds]
-    unfit = [e for e in pool if any(dataset.span(variable) < span for variable, span in e.needs.items())]
-    path = search(fit, [effect for effect in pool if effect not in unfit], progress)
-    progress("analysing the remaining error")
-    # The part explained by an effect that is too small to be called missing is not unexplained.
-    small = [c.residual for c in path.latest.values() if is_measured(c) and not is_supported(c)]
-    residual = min([path.residual, *small], key=score)[:, :3]
-    flexible = flexible_residual(residual, dataset, causes_only=True)
-    matters = is_unexplained(residual, flexible, improvement_p_value(residual, flexible, dataset))
-    symbolic = explain(residual, dataset) if matters else None
-    # A regression on many variables may explain a little of pure noise; a real cause has an expression or is large.
-    unexplained = matters and (symbolic is not None or is_large(residual, flexible))
-    if unexplained and path.missing and is_mostly_left(fit.held_out_residual[:, :3], residual, flexible):
-        path = emptied(path)
+    choice = choose_effects(fit, candidates, progress)
+    path = choice.path
     ranking = _ranking(path)
     return Diagnosis(
         model=model,
         dataset=dataset,
-        verdict="missing" if path.missing else "unexplained" if unexplained else "none",
+        verdict="missing" if path.missing else "unexplained" if choice.unexplained else "none",
         ranking=ranking,
         missing=list(path.missing),
         steps=list(path.steps),
         best=path.current.model,
         confounded=[list(pair) for pair in dict.fromkeys((*path.confounded, *_inseparable(path.missing, ranking)))],
-        suggested_mission=_suggestion(path.latest, path.confounded, unfit),
-        unexplained=unexplained,
-        untried=_reasons(unfit, dataset),
-        symbolic=symbolic,
+        suggested_mission=_suggestion(path.latest, path.confounded, choice.unfit),
+        unexplained=choice.unexplained,
+        untried=_reasons(choice.unfit, dataset),
+        symbolic=choice.symbolic,
+        unseen=nested_errors(model, dataset, candidates, progress) if nested else held_out_errors(path),
         fit=path.current,
     )
 
@@ -225,8 +218,14 @@ def _ranking(path: Path) -> list[Candidate]:
     if len(first) > 1 or len(path.chosen) > len(first):
         fit = path.current.refined()
         places = {effect.family(): place for place, effect in enumerate(fit.model.effects)}
-        first = [replace(c, effect=fit.model.effects[places[c.family]], ci95=fit.ci95(places[c.family])) for c in first]
+        first = [_refitted(candidate, fit, places[candidate.family]) for candidate in first]
     return [*first, *sorted(others, key=lambda c: -c.held_out_drop)]
+
+
+def _refitted(candidate: Candidate, fit: FittedModel, place: int) -> Candidate:
+    """Candidate with the parameters, intervals and remarks of `fit`, in whose stack its effect has this place."""
+    model = replace(fit.model, stack=fit.model.stack[: place + 1])
+    return replace(candidate, effect=model.effects[-1], model=model, ci95=fit.ci95(place), remarks=fit.remarks(place))
 
 
 def _inseparable(missing: Sequence[str], ranking: Sequence[Candidate]) -> list[tuple[str, str]]:

@@ -11,7 +11,7 @@ from rich.text import Text
 
 from quadctl.effects import Effect
 from quadctl.lab.comparison.comparison import Comparison, compare
-from quadctl.lab.comparison.wording import parameters_in_words
+from quadctl.lab.comparison.wording import parameter_lines
 from quadctl.lab.fitting.fitted_model import fit_model
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.results import Result, errors_table
@@ -71,7 +71,7 @@ class Discovery(Result):
         table.add_column("p", justify="right", no_wrap=True)
         for item in self.model.stack:
             ci95 = item.fitted.ci95 if item.fitted else {}
-            parameters = parameters_in_words(item.effect, ci95).replace("], ", "]\n")
+            parameters = "\n".join(parameter_lines(item.effect, ci95)) or "-"
             p_value = self.p_values.get(item.effect.family())
             table.add_row(
                 Group(item.effect.name, Padding(Text(parameters), (0, 0, 0, 2))),
@@ -85,12 +85,14 @@ def discover(
     dataset: Dataset,
     candidates: Iterable[type[Effect]] | None = None,
     progress: Callable[[str], None] = lambda text: None,
+    nested: bool = False,
 ) -> Discovery:
-    """Add to `model` each missing effect of the `candidates` (as in `diagnose`), one family at a time."""
+    """Add to `model` each missing effect of the `candidates`, one family at a time; `candidates` and `nested` are those
+    of `diagnose`."""
     progress("comparing")
     before = compare(model, dataset)
     fit = fit_model(model, dataset)
-    diagnosis = diagnose_fit(fit, candidates, progress)
+    diagnosis = diagnose_fit(fit, candidates, progress, nested)
     kinds = {effect.family(): type(effect) for effect in diagnosis.best.effects}
     additions: list[Addition] = []
     for family in diagnosis.missing:

@@ -17,7 +17,7 @@ from quadctl.lab.comparison.wording import parameters_in_words
 from quadctl.lab.fitting.bootstrap import drop_interval
 from quadctl.lab.fitting.fitted_model import FittedModel, fit_model
 from quadctl.lab.fitting.fitter import Fitter, Optimum
-from quadctl.lab.fitting.parameters import free_parameters, intervals, undetermined
+from quadctl.lab.fitting.parameters import free_parameters, intervals, undetermined, values_of
 from quadctl.lab.fitting.significance import improvement_p_value
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.results import Result, errors_table
@@ -197,12 +197,13 @@ def _blind_folds(fit: FittedModel) -> list[str]:
     """Remarks on folds of flights: parameters that all flights determine, but the fit without that fold does not."""
     dataset, effects = fit.dataset, fit.model.effects
     told = [f for f in fit.free if f not in undetermined(fit.free, fit.intervals)]
+    values = values_of(fit.model, fit.free)
     found = []
     for number in dataset.folds:
         held = np.unique(dataset.flight_index[dataset.fold == number])
         others = np.setdiff1d(np.arange(len(dataset.flights)), held)
         draws = Fitter(fit.model, dataset.some(others)).bootstrap(Optimum(fit.model, fit.optimum.nuisances[others]))
-        missed = [f for f in undetermined(fit.free, intervals(fit.free, draws)) if f in told]
+        missed = [f for f in undetermined(fit.free, intervals(fit.free, values, draws)) if f in told]
         if missed:
             flights = " and ".join(dataset.names[i] for i in held)
             names = " and ".join(f"{f.parameter.name} of {effects[f.effect].name}" for f in missed)

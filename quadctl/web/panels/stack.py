@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from nicegui import ui
 
-from quadctl.lab.comparison.wording import plain
+from quadctl.lab.comparison.wording import interval_in_words, plain
 from quadctl.lab.fitting.nuisances import KINDS
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.model import StackedEffect
@@ -69,8 +69,8 @@ def _draw_effect(do: Controls, item: StackedEffect, on: bool) -> None:
                 with tag("dd"):
                     tag("span", "", f"{value:.4g} {units[name]}".strip())
                     if name in ci95:
-                        low, high = ci95[name]
-                        tag("span", "muted", f" [{low:.3g}, {high:.3g}]").props('title="95% confidence interval"')
+                        words = f" {interval_in_words(value, ci95[name])}"
+                        tag("span", "muted", words).props('title="95% confidence interval"')
 
 
 def _draw_nuisances(evaluation: Evaluation, seen: Dataset) -> None:

@@ -1,0 +1,53 @@
+"""Choice of the effects that a fitted model is missing: the search, and what it leaves unexplained."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+from quadctl.effects import Effect, every_effect
+from quadctl.lab.comparison.noise_floor import flexible_residual
+from quadctl.lab.fitting.fitted_model import FittedModel
+from quadctl.lab.fitting.significance import improvement_p_value
+from quadctl.lab.flights.channels import ROTOR_SPEED
+from quadctl.lab.selection.rule import is_large, is_measured, is_mostly_left, is_supported, is_unexplained, score
+from quadctl.lab.selection.search import Path, emptied, search
+from quadctl.lab.symbolic.formula import Symbolic
+from quadctl.lab.symbolic.identification import explain
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """Effects that were chosen, with all that the choice rests on."""
+
+    path: Path
+    unfit: list[type[Effect]]
+    """Effects that were not tried because these data do not distinguish them from their look-alikes."""
+    unexplained: bool
+    """True where the logged variables explain a significant and material part of what the effects leave."""
+    symbolic: Symbolic | None
+    """Sparse expression of that part."""
+
+
+def choose_effects(
+    fit: FittedModel, candidates: Iterable[type[Effect]] | None, progress: Callable[[str], None]
+) -> Choice:
+    """Choose the effects that a fitted model is missing, of `candidates` or of all that are known to the model."""
+    model, dataset = fit.fitter.model, fit.dataset
+    pool = list(candidates if candidates is not None else every_effect(model.effect_files).values())
+    present = {effect.family() for effect in model.effects}
+    pool = [e for e in pool if e.family() not in present and e.candidate and e.applies_to(model.vehicle)]
+    if any(flight.thrust_source == ROTOR_SPEED for flight in dataset.flights):
+        pool = [effect for effect in pool if not effect.only_without_rotor_speeds]
+    unfit = [e for e in pool if any(dataset.span(variable) < span for variable, span in e.needs.items())]
+    path = search(fit, [effect for effect in pool if effect not in unfit], progress)
+    progress("analysing the remaining error")
+    # The part explained by an effect that is too small to be called missing is not unexplained.
+    small = [c.residual for c in path.latest.values() if is_measured(c) and not is_supported(c)]
+    residual = min([path.residual, *small], key=score)[:, :3]
+    flexible = flexible_residual(residual, dataset, causes_only=True)
+    matters = is_unexplained(residual, flexible, improvement_p_value(residual, flexible, dataset))
+    symbolic = explain(residual, dataset) if matters else None
+    # A regression on many variables may explain a little of pure noise; a real cause has an expression or is large.
+    unexplained = matters and (symbolic is not None or is_large(residual, flexible))
+    if unexplained and path.missing and is_mostly_left(fit.held_out_residual[:, :3], residual, flexible):
+        path = emptied(path)
+    return Choice(path, unfit, unexplained, symbolic)

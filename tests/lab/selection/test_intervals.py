@@ -1,0 +1,114 @@
+"""Every interval holds its value, wherever the two stand together: text, JSON, the page, a saved session."""
+
+import json
+import re
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from quadctl.effects.ground_effect import Exponential
+from quadctl.effects.inflow import AxialInflow
+from quadctl.effects.rotor_drag import LinearDrag
+from quadctl.effects.tether import HangingTether
+from quadctl.effects.thrust_scale import ConstantScale
+from quadctl.lab.comparison.wording import interval_in_words, parameters_in_text, parameters_in_words
+from quadctl.lab.flights.dataset import Dataset, load_dataset
+from quadctl.lab.selection.diagnosis import Diagnosis
+from quadctl.lab.selection.discovery import Discovery, discover
+from quadctl.model import Model
+from quadctl.vehicle import Vehicle
+from quadctl.web.session.findings import Findings
+from tests.support.flights import obedient, to_and_fro
+
+CANDIDATES = (ConstantScale, Exponential, LinearDrag, AxialInflow, HangingTether)
+NUMBER = r"(-?[\d.]+(?:e[+-]?\d+)?)"
+TWO_ENDS = re.compile(rf"= {NUMBER}[^\[(=,]*\[{NUMBER}, {NUMBER}\]")
+ONE_END = re.compile(rf"= {NUMBER}[^\[(=,]*\(at (most|least) {NUMBER}\)")
+
+
+@pytest.fixture(scope="module")
+def data(raptor: Vehicle) -> Dataset:
+    """Runs over the ground: what the first step of the search finds is far from what all steps together find."""
+    truth = Model(raptor).plus(ConstantScale(0.93)).plus(Exponential(a=0.3, b=6.0)).plus(AxialInflow(0.4))
+    return load_dataset([to_and_fro(obedient(truth, 90.0, noise_m_s=0.01), 1.0)], raptor)
+
+
+@pytest.fixture(scope="module")
+def found(raptor: Vehicle, data: Dataset) -> Discovery:
+    return discover(Model(raptor), data, CANDIDATES)
+
+
+@pytest.fixture(scope="module")
+def saved(found: Discovery, data: Dataset) -> Diagnosis:
+    """The diagnosis after a session with it was written and read."""
+    text = Findings.of(found.diagnosis, {}).to_json()
+    return Findings.from_json(text, found.diagnosis.model).diagnosed(found.diagnosis.model, data).diagnosis
+
+
+def entries(found: Any) -> Iterator[dict[str, Any]]:
+    """All parts of a result in JSON that hold intervals."""
+    if isinstance(found, dict):
+        if "ci95" in found and "parameters" in found:
+            yield found
+        for inside in found.values():
+            yield from entries(inside)
+    elif isinstance(found, list):
+        for inside in found:
+            yield from entries(inside)
+
+
+def require_inside(text: str) -> int:
+    """Number of parameters in a text, each inside its interval as printed."""
+    text = text.replace("\u2212", "-")
+    for value, low, high in TWO_ENDS.findall(text):
+        assert float(low) <= float(value) <= float(high), text
+    for value, side, end in ONE_END.findall(text):
+        assert (float(value) < float(end)) == (side == "most"), text
+    return len(TWO_ENDS.findall(text)) + len(ONE_END.findall(text))
+
+
+def test_several_effects_are_found_and_some_parameter_is_at_its_bound(found: Discovery) -> None:
+    assert len(found.diagnosis.missing) >= 2
+    assert "(at most" in str(found.diagnosis)
+
+
+def test_in_json(found: Discovery) -> None:
+    told = list(entries(json.loads(json.dumps(found.to_dict()))))
+    assert len(told) > 8
+    for entry in told:
+        for name, (low, high) in entry["ci95"].items():
+            assert low <= entry["parameters"][name] <= high, entry
+            assert low < high, entry
+
+
+def test_in_the_text_of_diagnose_and_discover(found: Discovery) -> None:
+    assert require_inside(str(found.diagnosis)) > 8
+    assert require_inside(str(found)) >= 3
+
+
+def test_on_the_cards_of_the_page_and_in_a_saved_session(saved: Diagnosis, found: Discovery) -> None:
+    for kept, c in zip(saved.ranking, found.diagnosis.ranking, strict=True):
+        assert parameters_in_text(kept.effect, kept.ci95) == parameters_in_text(c.effect, c.ci95)
+        for name, (low, high) in kept.ci95.items():
+            assert low <= kept.effect.values()[name] <= high, (kept.effect.name, name)
+        require_inside(parameters_in_text(kept.effect, kept.ci95))
+
+
+def test_the_stack_of_a_candidate_is_that_of_the_fit_of_its_parameters(found: Discovery) -> None:
+    first = found.diagnosis.ranking[: len(found.diagnosis.missing)]
+    for place, candidate in enumerate(first, start=1):
+        assert candidate.model.effects[-1] == candidate.effect
+        assert candidate.model.effects == first[-1].model.effects[:place]
+
+
+def test_the_stack_on_the_page_shows_value_and_interval_with_the_same_digits() -> None:
+    assert interval_in_words(0.86344, (0.82, 0.86345)) == "[0.82, 0.8635]"
+
+
+def test_a_parameter_at_a_bound_has_one_end() -> None:
+    drag = LinearDrag(0.3, 0.0, 3.0)
+    ci95 = {"d_x": (0.2, 0.4), "d_y": (0.0, 0.12), "d_z": (2.5, 3.0)}
+    expected = "d_x = 0.3 [0.2, 0.4], d_y = 0 (at most 0.12), d_z = 3 (at least 2.5)"
+    assert parameters_in_words(drag, ci95) == expected
+    assert "d_y = 0 1/s (at most 0.12)" in parameters_in_text(drag, ci95)

@@ -1,0 +1,150 @@
+"""Specification of errors on unseen data: what the fit has not seen, and what the choice of effects has not seen."""
+
+import dataclasses
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from quadctl.effects.ground_effect import Exponential
+from quadctl.effects.inflow import AxialInflow
+from quadctl.effects.motor_lag import FirstOrderLag
+from quadctl.effects.thrust_scale import ConstantScale
+from quadctl.lab.fitting.fitted_model import fit_model
+from quadctl.lab.flights.dataset import Dataset, load_dataset
+from quadctl.lab.flights.prediction import predict
+from quadctl.lab.selection import unseen
+from quadctl.lab.selection.diagnosis import Diagnosis, diagnose
+from quadctl.logs.csv_log import write_csv
+from quadctl.logs.flight_log import FlightLog
+from quadctl.model import Model
+from quadctl.vehicle import Vehicle
+from quadctl.web.session.findings import Findings
+from tests.support.commands import Result
+from tests.support.flights import obedient, to_and_fro
+
+CANDIDATES = (ConstantScale, Exponential, AxialInflow)
+
+
+@pytest.fixture(scope="module")
+def truth(raptor: Vehicle) -> Model:
+    return Model(raptor).plus(Exponential(a=0.3, b=6.0))
+
+
+@pytest.fixture(scope="module")
+def low_and_high(truth: Model) -> list[FlightLog]:
+    """One flight over the ground, and one so high that it does not feel it."""
+    low = obedient(truth, 60.0, noise_m_s=0.01, name="low.csv")
+    high = obedient(Model(truth.vehicle), 60.0, noise_m_s=0.01, seed=1, name="high.csv")
+    return [low, dataclasses.replace(high, columns={**high.columns, "z_m": high["z_m"] + 3.0})]
+
+
+@pytest.fixture(scope="module")
+def both(low_and_high: list[FlightLog], raptor: Vehicle) -> Dataset:
+    return load_dataset(low_and_high, raptor)
+
+
+@pytest.fixture(scope="module")
+def simple(both: Dataset) -> Diagnosis:
+    return diagnose(Model(both.flights[0].vehicle), both, CANDIDATES)
+
+
+@pytest.fixture(scope="module")
+def nested(both: Dataset) -> Diagnosis:
+    return diagnose(Model(both.flights[0].vehicle), both, CANDIDATES, nested=True)
+
+
+class TestPartOfAFlight:
+    @pytest.mark.parametrize("delay_s", [0.0, 0.12, -0.04])
+    def test_its_prediction_is_that_of_the_whole_flight(self, truth: Model, delay_s: float) -> None:
+        log = to_and_fro(obedient(truth, 60.0, noise_m_s=0.01), 1.0)
+        (flight,) = load_dataset([log], truth.vehicle).flights
+        kept = flight.block % 5 == 2
+        part = flight.some(kept)
+        assert len(part.grid_s) < 0.5 * len(flight.grid_s)
+        expected = predict(truth, flight.shifted(delay_s))[kept]
+        assert predict(truth, part.shifted(delay_s)) == pytest.approx(expected, abs=1e-9)
+        assert np.array_equal(part.measured, flight.measured[kept])
+
+    def test_it_may_be_cut_again(self, truth: Model) -> None:
+        (flight,) = load_dataset([obedient(truth, 60.0)], truth.vehicle).flights
+        twice = flight.some(flight.block > 2).some(flight.block[flight.block > 2] == 4)
+        once = flight.some(flight.block == 4)
+        assert np.array_equal(twice.time_s, once.time_s)
+        assert predict(truth, twice) == pytest.approx(predict(truth, once))
+
+    def test_a_flight_of_which_nothing_is_kept_is_left_out(self, both: Dataset) -> None:
+        assert both.samples(both.flight_index == 1).names == ["high.csv"]
+        assert both.samples(both.fold != 1).names == ["low.csv", "high.csv"]
+
+
+class TestWithoutNesting:
+    def test_blocks_and_flights_stand_side_by_side(self, simple: Diagnosis) -> None:
+        blocks, flights = simple.unseen
+        assert (blocks.hold_out, flights.hold_out) == ("blocks", "flights")
+        assert blocks.after["total"] == simple.steps[-1].rmse["total"]
+        assert blocks.before["total"] == simple.steps[0].rmse["total"]
+        # Without the low flight nothing tells of the ground effect.
+        assert flights.after["total"] > 1.2 * blocks.after["total"]
+
+    def test_it_is_said_that_the_choice_has_seen_the_data(self, simple: Diagnosis) -> None:
+        assert "the choice of effects has: --nested repeats it." in str(simple)
+        assert [entry["choice_repeated"] for entry in simple.to_dict()["unseen"]] == [False, False]
+
+    def test_where_nothing_is_missing_nothing_is_said(self, raptor: Vehicle) -> None:
+        data = load_dataset([obedient(Model(raptor), 60.0, noise_m_s=0.01)], raptor)
+        assert "--nested" not in str(diagnose(Model(raptor), data, CANDIDATES))
+
+
+class TestNested:
+    def test_each_search_is_without_what_it_is_judged_on(self, nested: Diagnosis) -> None:
+        blocks, flights = nested.unseen
+        assert (blocks.searches, blocks.found) == (5, {"ground_effect": 5})
+        assert (flights.searches, flights.found) == (2, {"ground_effect": 1})
+        # The search without the low flight finds nothing: its error there is that of the model as given.
+        assert flights.after["total"] == pytest.approx(flights.before["total"], rel=0.1)
+        assert blocks.after["total"] < 0.6 * blocks.before["total"]
+
+    def test_no_search_sees_the_samples_that_it_is_judged_on(
+        self, both: Dataset, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        seen = []
+
+        def watched(model: Model, data: Dataset) -> unseen.FittedModel:
+            seen.append({(f.name, time) for f in data.flights for time in f.time_s})
+            return fit_model(model, data)
+
+        monkeypatch.setattr(unseen, "fit_model", watched)
+        unseen.nested_errors(Model(both.flights[0].vehicle), both, [ConstantScale], lambda text: None)
+        folds = [both.block % 5 == number for number in range(5)] + [both.flight_index == i for i in range(2)]
+        every = [(both.names[i], time) for i, flight in enumerate(both.flights) for time in flight.time_s]
+        for data, held in zip(seen, folds, strict=True):
+            assert data == {every[i] for i in np.flatnonzero(~held)}
+
+    def test_the_verdict_is_that_of_all_data(self, simple: Diagnosis, nested: Diagnosis) -> None:
+        assert nested.missing == simple.missing == ["ground_effect"]
+        assert "neither the fit nor the choice of effects has seen" in str(nested)
+        assert "--nested" not in str(nested)
+
+    def test_a_saved_session_keeps_it(self, nested: Diagnosis, both: Dataset) -> None:
+        text = Findings.of(nested, {}).to_json()
+        assert Findings.from_json(text, nested.model).diagnosed(nested.model, both).diagnosis.unseen == nested.unseen
+
+    def test_a_motor_lag_is_judged_with_the_delay_of_the_fit(self, raptor: Vehicle, both: Dataset) -> None:
+        start = Model(raptor).plus(FirstOrderLag(0.1))
+        blocks, _ = unseen.nested_errors(start, both, [Exponential], lambda text: None)
+        expected = fit_model(start, both).held_out_rmse["total"]
+        assert blocks.before["total"] == pytest.approx(expected, rel=0.1)
+
+    def test_the_command_repeats_the_choice(
+        self, truth: Model, tmp_path: Path, raptor_path: Path, quadctl: Callable[..., Result]
+    ) -> None:
+        log, out, found = tmp_path / "low.csv", tmp_path / "new.yaml", tmp_path / "found.json"
+        write_csv(obedient(truth, 40.0, noise_m_s=0.01), log)
+        result = quadctl("discover", raptor_path, log, "-o", out, "--json", found, "--nested")
+        assert result.status == 0, result.err
+        (blocks,) = json.loads(found.read_text())["diagnosis"]["unseen"]
+        assert blocks["choice_repeated"] and blocks["searches"] == 5
+        assert blocks["rmse_after"] < blocks["rmse_before"]
