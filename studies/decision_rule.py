@@ -39,6 +39,7 @@ MOVED: dict[str, tuple[float, ...]] = {
     "REPLACED": (0, 3),
     "PROMISING": (0.01, 0.2),
     "LARGE": (0.07, 0.15),
+    "DRIFT": (0.3, 0.7),
     "MOSTLY": (0.3, 0.7),
 }
 """Thresholds of `quadctl.lab.selection.rule`, and the values that are tried instead of theirs."""

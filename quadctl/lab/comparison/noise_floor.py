@@ -4,6 +4,8 @@ The regression is not a physical model and is never used in flight. Its held-out
 gain over the model tells whether something is missing, also when no effect of the catalogue explains it.
 """
 
+from collections.abc import Collection
+
 import numpy as np
 
 from quadctl.lab.arrays import Floats
@@ -13,14 +15,13 @@ KNOTS = 6
 RIDGES = (3.0, 30.0, 300.0)
 
 
-def flexible_residual(residual: Floats, dataset: Dataset, *, causes_only: bool = False) -> Floats:
-    """Held-out prediction of `residual`, shape (n, axes), by ridge regression on all variables; same shape.
+def flexible_residual(residual: Floats, dataset: Dataset, variables: Collection[str] | None = None) -> Floats:
+    """Held-out prediction of `residual`, shape (n, axes), by ridge regression on `variables`, or on all; same shape.
 
     The features are piecewise linear functions of each variable. Each fold is predicted from the other folds; for each
-    axis the ridge with the smallest held-out error is used. With `causes_only`, roll, pitch and thrust are left out
-    where they follow disturbances (see `Dataset.is_flown`).
+    axis the ridge with the smallest held-out error is used.
     """
-    hinges = _Hinges(dataset, causes_only)
+    hinges = _Hinges(dataset, dataset.flights[0].variables if variables is None else variables)
     gram = _gram_by_fold(hinges, residual, dataset)
     others = [np.delete(gram, i, axis=0).sum(axis=0) for i in range(len(gram))]
     fitted = [[_ridge_coefficients(learnt, residual.shape[1], ridge) for ridge in RIDGES] for learnt in others]
@@ -35,6 +36,21 @@ def flexible_residual(residual: Floats, dataset: Dataset, *, causes_only: bool =
     return np.column_stack([tried[i, :, axis] for axis, i in enumerate(best)])
 
 
+def drift_of(residual: Floats, dataset: Dataset) -> Floats:
+    """Held-out prediction of `residual`, shape (n, axes), from time alone: each block of time from the means of the
+    blocks before and after it; same shape."""
+    predicted = np.zeros_like(residual)
+    for flight, part in zip(dataset.flights, dataset.parts, strict=True):
+        time_s, own, found = flight.time_s, residual[part], predicted[part]
+        blocks = [dataset.block[part] == number for number in np.unique(dataset.block[part])]
+        centres_s = np.array([time_s[block].mean() for block in blocks])
+        means = np.array([own[block].mean(axis=0) for block in blocks])
+        for i, block in enumerate(blocks if len(blocks) > 1 else []):
+            others_s, others = np.delete(centres_s, i), np.delete(means, i, axis=0)
+            found[block] = np.column_stack([np.interp(time_s[block], others_s, mean) for mean in others.T])
+    return predicted
+
+
 def noise_floor(residual: Floats, flexible: Floats) -> Floats:
     """Residual minus its held-out prediction `flexible`; per axis the residual itself where that is smaller, shape (n,
     3)."""
@@ -46,11 +62,11 @@ def noise_floor(residual: Floats, flexible: Floats) -> Floats:
 class _Hinges:
     """Features of the regression: the variables and hinge functions at their quantiles, all standardised."""
 
-    def __init__(self, dataset: Dataset, causes_only: bool) -> None:
+    def __init__(self, dataset: Dataset, variables: Collection[str]) -> None:
         self._variables: list[tuple[Floats, Floats]] = []
-        for name in dataset.flights[0].variables:
+        for name in variables:
             x = dataset.variable(name)
-            if x is None or np.ptp(x) < 1e-9 or (causes_only and not dataset.is_flown(name)):
+            if x is None or np.ptp(x) < 1e-9:
                 continue
             x = (x - x.mean()) / x.std()
             self._variables.append((x, np.quantile(x, np.linspace(0.0, 1.0, KNOTS + 2)[1:-1])))

@@ -30,6 +30,8 @@ MOVED = {"north": 0.5, "east": 0.5, "speed_forward": 0.5, "speed_right": 0.5, "r
 less."""
 MANOEUVRES = 0.5
 """Least share of the variance of roll, pitch or thrust that the acceleration explains in manoeuvres."""
+PASSING = ("time", "battery")
+"""Variables that pass by themselves during a flight."""
 MAX_FACTOR_BETWEEN_FLIGHTS = 1.6
 """Largest ratio of thrust over weight between flights of one vehicle; batteries and payloads explain less."""
 
@@ -148,6 +150,15 @@ class Dataset:
         if min(np.ptp(x), np.ptp(flown)) < 1e-9:
             return False
         return bool(np.corrcoef(x, flown)[0, 1] ** 2 > MANOEUVRES)
+
+    @cached_property
+    def causes(self) -> list[str]:
+        """Variables of which an error can be a function: those that are flown, but neither time nor the battery.
+
+        Noise of real flights drifts. Whatever drifts is a function of time, and so of a voltage that falls with it: a
+        regression on them predicts held-out blocks of pure noise from the blocks beside them.
+        """
+        return [name for name in self.flights[0].variables if name not in PASSING and self.is_flown(name)]
 
     def span(self, name: str) -> float:
         """Span of a variable over all flights (see `Flight.span`); 0 where it is not logged, and for a thrust that

@@ -4,11 +4,19 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 from quadctl.effects import Effect, every_effect
-from quadctl.lab.comparison.noise_floor import flexible_residual
+from quadctl.lab.comparison.noise_floor import drift_of, flexible_residual
 from quadctl.lab.fitting.fitted_model import FittedModel
 from quadctl.lab.fitting.significance import improvement_p_value
 from quadctl.lab.flights.channels import ROTOR_SPEED
-from quadctl.lab.selection.rule import is_large, is_measured, is_mostly_left, is_supported, is_unexplained, score
+from quadctl.lab.selection.rule import (
+    is_large,
+    is_measured,
+    is_mostly_drift,
+    is_mostly_left,
+    is_supported,
+    is_unexplained,
+    score,
+)
 from quadctl.lab.selection.search import Path, emptied, search
 from quadctl.lab.symbolic.formula import Symbolic
 from quadctl.lab.symbolic.identification import explain
@@ -43,11 +51,15 @@ def choose_effects(
     # The part explained by an effect that is too small to be called missing is not unexplained.
     small = [c.residual for c in path.latest.values() if is_measured(c) and not is_supported(c)]
     residual = min([path.residual, *small], key=score)[:, :3]
-    flexible = flexible_residual(residual, dataset, causes_only=True)
+    flexible = flexible_residual(residual, dataset, dataset.causes)
     matters = is_unexplained(residual, flexible, improvement_p_value(residual, flexible, dataset))
-    symbolic = explain(residual, dataset) if matters else None
+    drift = drift_of(residual, dataset)
+    drifts = is_mostly_drift(residual, drift)
+    symbolic = explain(residual, dataset) if matters or drifts else None
     # A regression on many variables may explain a little of pure noise; a real cause has an expression or is large.
-    unexplained = matters and (symbolic is not None or is_large(residual, flexible))
+    unexplained = drifts or (matters and (symbolic is not None or is_large(residual, flexible)))
+    if drifts:
+        flexible = min(flexible, drift, key=lambda explained: score(residual - explained))
     if unexplained and path.missing and is_mostly_left(fit.held_out_residual[:, :3], residual, flexible):
         path = emptied(path)
     return Choice(path, unfit, unexplained, symbolic)

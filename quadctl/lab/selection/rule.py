@@ -64,6 +64,9 @@ only when no other effect is supported (this saves time and does not change the 
 LARGE = 0.1
 """Relative drop of an axis' error that a regression on noise never reaches by chance: a larger one is unexplained even
 without an expression."""
+DRIFT = 0.5
+"""Relative drop of an axis' error by a prediction from time alone above which the error is no noise: that of real
+flights drifts by less."""
 MOSTLY = 0.5
 """Share of the explainable error above which the effects found are rejected: then nothing is called missing, and all is
 unexplained."""
@@ -190,6 +193,14 @@ def is_unexplained(residual: Floats, flexible: Floats, p_value: float) -> bool:
 def is_large(residual: Floats, flexible: Floats) -> bool:
     """Tell whether a regression explains more of the residual than is possible by chance."""
     return largest_gain(residual, residual - flexible) > LARGE
+
+
+def is_mostly_drift(residual: Floats, drift: Floats) -> bool:
+    """Tell whether most of the error of an axis is a function of time: noise does not drift by so much.
+
+    `drift` is the held-out prediction of the residual from time, shape (n, 3).
+    """
+    return largest_gain(residual, residual - drift) > DRIFT
 
 
 def is_mostly_left(first: Floats, residual: Floats, flexible: Floats) -> bool:
