@@ -17,7 +17,7 @@ from unittest.mock import patch
 from quadctl.lab.fitting import fitted_model
 from quadctl.lab.fitting.fitted_model import fit_model
 from quadctl.lab.flights.dataset import load_dataset
-from quadctl.lab.selection import diagnosis, rule, search
+from quadctl.lab.selection import choice, diagnosis, rule, search
 from quadctl.logs.read import read_logs
 from quadctl.model import load_model
 from studies.blind_cases.cases import Case, all_cases
@@ -100,7 +100,7 @@ def remembered() -> Iterator[None]:
     def by_model(model: Any, dataset: Any) -> Any:
         return model.effects
 
-    def by_residual(residual: Any, dataset: Any) -> Any:
+    def by_residual(residual: Any, *others: Any) -> Any:
         return residual.tobytes()
 
     with ExitStack() as stack:
@@ -108,8 +108,8 @@ def remembered() -> Iterator[None]:
             (search, "try_effect", lambda effect, left, n: (effect, left.model.effects, n)),
             (search, "fit_model", by_model),
             (fitted_model, "fit_model", by_model),
-            (diagnosis, "flexible_residual", by_residual),
-            (diagnosis, "explain", by_residual),
+            (choice, "flexible_residual", by_residual),
+            (choice, "explain", by_residual),
         ):
             stack.enter_context(patch.object(module, name, kept(getattr(module, name), key)))
         yield
