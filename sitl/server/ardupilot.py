@@ -30,7 +30,7 @@ class MavlinkArduPilot(MavlinkMock):
                 mavlink.MAVLINK_MSG_ID_ESC_TELEMETRY_1_TO_4: Stream(messages.esc_telemetry, 0.0, "rpm"),
                 mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW: Stream(messages.servo_output_raw(pulse_us), 0.0, "heartbeat"),
                 mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT: Stream(messages.ekf_status_report, 0.0, "position"),
-                mavlink.MAVLINK_MSG_ID_SYS_STATUS: Stream(messages.sys_status, 0.0, "battery"),
+                mavlink.MAVLINK_MSG_ID_SYS_STATUS: Stream(messages.sys_status(lists_prearm=True), 0.0, "battery"),
                 mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: Stream(messages.battery_status, 0.0, "battery"),
                 mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: Stream(messages.extended_sys_state, 0.0, "heartbeat"),
             },

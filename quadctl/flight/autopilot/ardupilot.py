@@ -126,7 +126,9 @@ ARDUPILOT = Firmware(
         # The only message that it sends about its mode.
         Stream("HEARTBEAT", 0, 20.0, without="A change of mode is seen after up to a second, a short one never."),
     ),
-    tells_readiness=True,
+    tells_readiness=lambda mode: True,
+    lists_prearm=True,
+    texts_for_stations=False,
     tells_aids=True,
     motor_throttle=throttle_of_pulse,
     tests_motors_clockwise=True,

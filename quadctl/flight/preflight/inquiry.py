@@ -3,6 +3,7 @@
 import asyncio
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -10,7 +11,8 @@ from quadctl.errors import FlightError
 from quadctl.flight.autopilot.firmware import Check, Requirement
 from quadctl.flight.autopilot.mavsdk_autopilot import MavsdkAutopilot
 from quadctl.flight.autopilot.port import Autopilot
-from quadctl.flight.pilot.guards import defect
+from quadctl.flight.pilot.guards import GuardLimits, defect
+from quadctl.flight.pilot.patience import patience_s
 from quadctl.flight.pilot.standing import not_standing, posture
 from quadctl.flight.preflight.changed_parameters import ChangedParameters, left_behind, restore, still_changed
 from quadctl.flight.preflight.findings import Finding, Verdict, judged
@@ -38,6 +40,8 @@ class Inspected(Protocol):
     def checks(self) -> Sequence[Check]: ...
 
     async def request_telemetry(self) -> None: ...
+
+    async def run_checks(self) -> None: ...
 
     def state(self) -> VehicleState: ...
 
@@ -120,6 +124,9 @@ async def inspect_autopilot(
         await autopilot.request_telemetry()
     except FlightError as error:
         return [Finding(Verdict.REFUSED, "messages", str(error))]
+    await _ready(autopilot, plan.settings.guards)
+    with suppress(FlightError):  # an autopilot that does not answer this is refused for what it lacks
+        await autopilot.run_checks()
     counted = await _listen(autopilot, seconds)
     state = autopilot.state()
     return [
@@ -128,10 +135,23 @@ async def inspect_autopilot(
         *_messages(counted, plan),
         _estimator(state, plan),
         _standing(state, plan),
+        *_texts(state),
         _mode(state),
         _battery(state, plan),
         *await _parameters(autopilot, plan.body.vehicle, without_failsafe),
     ]
+
+
+async def _ready(autopilot: Inspected, guards: GuardLimits) -> None:
+    """Wait as long as a flight does for a state that it may use, as the estimator needs some time after boot."""
+    began_s = autopilot.state().time_s
+    while True:
+        state = autopilot.state()
+        if state.armed or (state.ready_to_arm and defect(state, guards) is None):
+            return
+        if state.time_s - began_s > patience_s(state):
+            return
+        await asyncio.sleep(LOOK_EVERY_S)
 
 
 async def _listen(autopilot: Inspected, seconds: float) -> Counted:
@@ -181,12 +201,19 @@ def _standing(state: VehicleState, plan: FlightPlan) -> Finding:
     return judged("standing", posture(state), refused=refused, warning=unseen)
 
 
+def _texts(state: VehicleState) -> Iterator[Finding]:
+    """What the autopilot has said as texts, each once."""
+    for text in dict.fromkeys(text._replace(received_s=0.0) for text in state.texts):
+        yield Finding(Verdict.WARNING if text.grave else Verdict.OK, "autopilot", str(text))
+
+
 def _mode(state: VehicleState) -> Finding:
     armed = "armed" if state.armed else "disarmed"
     refused = "expected a vehicle that is disarmed" if state.armed else None
     if refused is None and not state.ready_to_arm:
-        refused = "its own checks do not pass (yet): it would not arm"
-    return judged("mode", f"{state.mode or 'unknown'}, {armed}", refused=refused)
+        refused = "its own checks do not pass: it would not arm"
+    unknown = None if state.tells_readiness else "in this mode it does not say if it would arm: choose another mode"
+    return judged("mode", f"{state.mode or 'unknown'}, {armed}", refused=refused, warning=unknown)
 
 
 def _battery(state: VehicleState, plan: FlightPlan) -> Finding:

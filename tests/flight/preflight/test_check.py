@@ -160,6 +160,8 @@ class FakeAutopilot:
         if self.refusal:
             raise FlightError(self.refusal)
 
+    async def run_checks(self) -> None: ...
+
     def state(self) -> VehicleState:
         now = 100.0 + 0.002 * next(self._looks)
         latest = math.floor(now * self.rate_hz) / self.rate_hz
