@@ -36,6 +36,7 @@ class MavlinkArduPilot(MavlinkMock):
             },
             unknown_interval=mavlink.MAV_RESULT_DENIED,
             refusal=mavlink.MAV_RESULT_FAILED,
+            announces_unknown=True,
             takes_off_by_command=True,
             motor_test_output=output_of_share,
             tests_motors_clockwise=True,

@@ -68,6 +68,8 @@ class Manners:
     integer_parameters: frozenset[str] = field(default_factory=frozenset)
     texts_for_stations: bool = False
     """True: texts go only to links on which a ground station's heartbeat was heard."""
+    announces_unknown: bool = False
+    """True: a text says that a message which was asked for is unknown."""
     sends_current_mode: bool = False
     """True: CURRENT_MODE comes where it is asked for."""
     fixed_heartbeats: bool = False

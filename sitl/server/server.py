@@ -334,6 +334,8 @@ class MavlinkMock(ABC):
     def _set_message_interval(self, command: Message) -> int:
         message_id = int(command.param1)
         stream = self._streams.get(message_id)
+        if stream is None and self.manners.announces_unknown:
+            self._say(mavlink.MAV_SEVERITY_INFO, f"No ap_message for mavlink id ({message_id})")
         if stream is None or not self.faults.lets_out(mavlink.mavlink_map[message_id].msgname):
             return self.manners.unknown_interval
         if message_id == mavlink.MAVLINK_MSG_ID_HEARTBEAT and self.manners.fixed_heartbeats:

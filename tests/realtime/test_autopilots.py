@@ -294,6 +294,7 @@ def test_a_fresh_ardupilot_sends_only_heartbeats_until_it_is_asked() -> None:
         asyncio.run(link.adapter.request_telemetry())
         link.wait(lambda: link.adapter.state().finite)
         assert link.adapter.warnings == []
+        assert link.adapter.state().texts == ()  # of nothing that it does not know
 
 
 def test_refusals_come_with_ardupilots_reason() -> None:

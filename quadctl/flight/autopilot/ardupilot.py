@@ -117,8 +117,8 @@ ARDUPILOT = Firmware(
     streams=(
         Stream("LOCAL_POSITION_NED", 32, 100.0, required=True),
         Stream("ATTITUDE_QUATERNION", 31, 100.0, required=True),
+        # It brings ESC_TELEMETRY_5_TO_8 along; asked for that, ArduPilot announces an unknown message.
         Stream("ESC_TELEMETRY_1_TO_4", 11030, 50.0, alternative=True),
-        Stream("ESC_TELEMETRY_5_TO_8", 11031, 50.0, alternative=True),
         Stream("SERVO_OUTPUT_RAW", 36, 50.0, alternative=True),
         Stream("SYS_STATUS", 1, 5.0),
         Stream("EXTENDED_SYS_STATE", 245, 5.0),

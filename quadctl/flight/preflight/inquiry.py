@@ -132,7 +132,7 @@ async def inspect_autopilot(
     return [
         judged("autopilot", autopilot.description),
         *(Finding(Verdict.WARNING, "messages", warning) for warning in autopilot.warnings),
-        *_messages(counted, plan),
+        *_messages(counted, state, plan),
         _estimator(state, plan),
         _standing(state, plan),
         *_texts(state),
@@ -169,7 +169,7 @@ async def _listen(autopilot: Inspected, seconds: float) -> Counted:
     return counted
 
 
-def _messages(counted: Counted, plan: FlightPlan) -> Iterator[Finding]:
+def _messages(counted: Counted, state: VehicleState, plan: FlightPlan) -> Iterator[Finding]:
     """Findings about the messages that control needs, at the rates at which they arrive."""
     allowed_s, wanted_hz = plan.settings.guards.max_state_age_s, plan.settings.controller.rate_hz
     for part in ("position", "attitude"):
@@ -184,8 +184,12 @@ def _messages(counted: Counted, plan: FlightPlan) -> Iterator[Finding]:
         text = f"{part} at {rate:.0f} Hz, up to {1e3 * oldest_s:.0f} ms old"
         yield judged("messages", text, refused=refused, warning=warning)
     rpm_hz = counted.rate_hz("rpm")
-    lacking = "the lab will have to take thrust from the throttle" if rpm_hz == 0.0 else None
-    yield judged("messages", f"rotor speeds at {rpm_hz:.0f} Hz", warning=lacking)
+    text, lacking = f"rotor speeds at {rpm_hz:.0f} Hz", None
+    if rpm_hz == 0.0:
+        lacking = "the lab will have to take thrust from the throttle"
+    elif state.rotor_rpm and not any(rpm > 0.0 for rpm in state.rotor_rpm):
+        lacking = "all are zero, so it will show when the motors turn if they are measured"
+    yield judged("messages", text, warning=lacking)
 
 
 def _estimator(state: VehicleState, plan: FlightPlan) -> Finding:

@@ -226,6 +226,16 @@ def test_messages_that_come_too_seldom_are_refused_and_slow_ones_a_warning(tmp_p
     assert "control runs at 50 Hz" in slow[0].text
 
 
+@pytest.mark.parametrize("rpm", [0.0, math.nan])
+def test_rotor_speeds_that_are_all_zero_are_not_called_measured(tmp_path: Path, rpm: float) -> None:
+    """ArduPilot without speed sensors sends zeros, which count as unknown."""
+    findings = asked(tmp_path, FakeAutopilot(replace(STANDING, rotor_rpm=(rpm,) * 4)))
+    warning = found(findings, Verdict.WARNING)["messages"]
+    assert warning == "rotor speeds at 100 Hz: all are zero, so it will show when the motors turn if they are measured"
+    turning = asked(tmp_path, FakeAutopilot(replace(STANDING, rotor_rpm=(900.0,) * 4)))
+    assert "messages" not in found(turning, Verdict.WARNING)
+
+
 def test_an_autopilot_that_refuses_a_message_is_refused(tmp_path: Path) -> None:
     findings = asked(tmp_path, FakeAutopilot(STANDING, refusal="it refused to send LOCAL_POSITION_NED"))
     assert found(findings, Verdict.REFUSED) == {"messages": "it refused to send LOCAL_POSITION_NED"}
