@@ -12,6 +12,27 @@ NAN = float("nan")
 NO_VECTOR: Vec3 = (NAN, NAN, NAN)
 
 
+class StatusText(NamedTuple):
+    """A text of the autopilot."""
+
+    received_s: float
+    severity: int
+    """MAV_SEVERITY: 0 is an emergency, 7 a message for debugging."""
+    text: str
+
+    @property
+    def grave(self) -> bool:
+        """True for a warning, and for anything more severe."""
+        return self.severity <= SEVERITIES.index("warning")
+
+    def __str__(self) -> str:
+        name = SEVERITIES[self.severity] if self.severity < len(SEVERITIES) else f"severity {self.severity}"
+        return f"the autopilot says ({name}): {self.text}"
+
+
+SEVERITIES = ("emergency", "alert", "critical", "error", "warning", "notice", "info", "debug")
+
+
 @dataclass(frozen=True, slots=True)
 class VehicleState:
     """One snapshot of the vehicle, NED/FRD, as the autopilot's telemetry last told it."""
@@ -38,6 +59,8 @@ class VehicleState:
     """False when the autopilot's estimator says that attitude, velocity or position are not to be trusted."""
     ready_to_arm: bool = True
     """False when the autopilot says that its own checks do not pass, for example soon after boot."""
+    tells_readiness: bool = True
+    """False when it does not say if they pass, as PX4 in offboard mode, so that `ready_to_arm` is a guess."""
     connected: bool = False
     """True when heartbeats arrive."""
     received_s: Mapping[str, float] = field(default_factory=dict)
@@ -58,10 +81,17 @@ class VehicleState:
     """Standard deviation of the height, as the estimator states it; nan where it does not."""
     aid_lost: bool = False
     """True when the autopilot had a working source of position (GPS, motion capture) and has none any more."""
+    texts: tuple[StatusText, ...] = ()
+    """Latest texts of the autopilot, oldest first; the same object until another one comes."""
 
     def age_s(self, part: str) -> float:
         """Time since `part` was true; infinite when it never arrived."""
         return self.time_s - self.received_s.get(part, -math.inf)
+
+    @property
+    def silence_s(self) -> float:
+        """Time since the autopilot was heard at all, s; infinite when it never was."""
+        return self.time_s - max(self.received_s.values(), default=-math.inf)
 
     @property
     def control_age_s(self) -> float:

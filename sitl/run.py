@@ -61,7 +61,9 @@ def fly_lockstep(
 
 
 def _carry_out(request: Request, autopilot: SimulatedAutopilot, pilot: Pilot) -> None:
-    if request is Request.ARM:
+    if request is Request.CHECKS:
+        refusal = autopilot.request_checks()
+    elif request is Request.ARM:
         refusal = autopilot.request_arm()
     elif request is Request.TAKE_OFF:
         refusal = autopilot.request_take_off(pilot.take_off_m)

@@ -74,6 +74,8 @@ async def _carry_out(request: Request, autopilot: Autopilot, pilot: Pilot) -> No
     try:
         if request is Request.OFFBOARD:
             await autopilot.start_offboard()
+        elif request is Request.CHECKS:
+            await autopilot.run_checks()
         elif request is Request.ARM:
             await autopilot.arm()
         elif request is Request.TAKE_OFF:

@@ -24,6 +24,8 @@ GAP_FACTOR = 5.0
 """An interval between updates longer than this many median ones is a gap."""
 MIN_RATE_HZ = 2.5
 MIN_FLIGHT_S = 10.0
+MAX_HELD_S = 1.0
+"""Longest time for which position and attitude may stay the same in flight; after that they are frozen."""
 MIN_CLEARANCE_M = 0.05
 """Higher than this above the height at rest is flight."""
 NEEDED = ("position", "velocity", "attitude")
@@ -104,7 +106,7 @@ class QualityReport:
     name: str
     duration_s: float
     flight_s: float
-    """Time in flight, a guess from rotors and height."""
+    """Time in flight with a state that is not frozen, a guess from rotors and height."""
     channels: tuple[ChannelQuality, ...]
     clock: ClockQuality
     thrust_source: str | None
@@ -174,7 +176,9 @@ def quality(log: FlightLog) -> QualityReport:
     channels = tuple(_channel(log, name, columns) for name, columns in channel_groups(log).items())
     present = {channel.name: channel for channel in channels if channel.n_updates}
     thrust_source = next((name for name in ROTORS if name in present), None)
-    flight_s = _flight_s(log, thrust_source)
+    flying = _flying(log, thrust_source)
+    frozen = flying & _frozen(log)
+    flight_s = _seconds(log, flying & ~frozen)
     return QualityReport(
         name=log.name,
         duration_s=float(log.time_s[-1] - log.time_s[0]) if len(log) else 0.0,
@@ -183,7 +187,12 @@ def quality(log: FlightLog) -> QualityReport:
         clock=_clock(log),
         thrust_source=thrust_source,
         obstacles=(*_obstacles(log, present, thrust_source, flight_s), *contradictions(log)),
-        notes=(*log.notes, *_channel_notes(channels, thrust_source), *correction_notes(log)),
+        notes=(
+            *log.notes,
+            *_channel_notes(channels, thrust_source),
+            *correction_notes(log),
+            *_frozen_note(log, frozen),
+        ),
     )
 
 
@@ -299,10 +308,10 @@ def _time_scale(log: FlightLog) -> tuple[float, float]:
     return scale, 1.2533 * spread / len(ratio) ** 0.5
 
 
-def _flight_s(log: FlightLog, thrust_source: str | None) -> float:
-    """Seconds with rotors at work, clear of the ground."""
+def _flying(log: FlightLog, thrust_source: str | None) -> NDArray[np.bool_]:
+    """Rows with rotors at work, clear of the ground."""
     if not log.has("z_m") or len(log) < 2:
-        return 0.0
+        return np.zeros(len(log), dtype=bool)
     z = log["z_m"]
     working = np.ones(len(log), dtype=bool)
     if thrust_source is not None:
@@ -312,7 +321,35 @@ def _flight_s(log: FlightLog, thrust_source: str | None) -> float:
     at_rest = z[~working & np.isfinite(z)]
     # A log that begins and ends in the air says nothing about the height at rest.
     clear = z > np.median(at_rest) + MIN_CLEARANCE_M if len(at_rest) else np.isfinite(z)
-    return float(np.sum(np.diff(log.time_s)[(working & clear)[1:]]))
+    flying: NDArray[np.bool_] = working & clear
+    return flying
+
+
+def _frozen(log: FlightLog) -> NDArray[np.bool_]:
+    """Rows in which the position or the attitude has stayed the same for too long: no vehicle flies like this."""
+    frozen = np.zeros(len(log), dtype=bool)
+    for group in (POSITION, ATTITUDE):
+        columns = [column for column in group if column in log.columns]
+        if not columns:
+            continue
+        rows = updates_of_any(log, columns)
+        if len(rows):
+            latest = np.maximum(np.searchsorted(rows, np.arange(len(log)), side="right") - 1, 0)
+            frozen |= log.time_s - log.time_s[rows[latest]] > MAX_HELD_S
+    return frozen
+
+
+def _frozen_note(log: FlightLog, frozen: NDArray[np.bool_]) -> list[str]:
+    frozen_s = _seconds(log, frozen)
+    if frozen_s == 0.0:
+        return []
+    from_s = log.time_s[np.argmax(frozen)] - MAX_HELD_S
+    return [f"position or attitude are frozen for {frozen_s:.0f} s in flight, the first time at {from_s:.0f} s"]
+
+
+def _seconds(log: FlightLog, rows: NDArray[np.bool_]) -> float:
+    """Time that passes in these rows, s."""
+    return float(np.sum(np.diff(log.time_s)[rows[1:]]))
 
 
 def _obstacles(

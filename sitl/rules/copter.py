@@ -4,7 +4,7 @@ import enum
 from typing import ClassVar
 
 from quadctl.frames import rotate
-from quadctl.sitl.rules.px4 import SimulatedAutopilot
+from quadctl.sitl.rules.px4 import CRITICAL, SimulatedAutopilot
 from quadctl.sitl.vehicle.inner_loops import level_with_yaw
 from quadctl.state import AttitudeTarget
 from quadctl.thrust_chain.ardupilot import air_density_ratio, angle_boost
@@ -91,11 +91,20 @@ class SimulatedCopter(SimulatedAutopilot):
         self.guided, self._taken_off = Guided.TAKE_OFF, True
         return None
 
-    def _objection_to_arming(self) -> str | None:
+    def fail_battery(self) -> None:
+        """Let the battery fail, with BATT_FS_LOW_ACT 1 (Land)."""
+        self.said.append((CRITICAL, f"Battery 1 is low {self.estimator.battery_v:.2f}V used 0 mAh"))
+        self._enter("LAND")
+
+    def _objection_before_arming(self) -> str | None:
         if self.time_s < self.ready_after_s:
             return "PreArm: EKF attitude is bad"
-        if self._internal_error:
-            return "PreArm: Internal errors 0x4000000"
+        return "PreArm: Internal errors 0x4000000" if self._internal_error else None
+
+    def _objection_to_arming(self) -> str | None:
+        problem = self._objection_before_arming()
+        if problem is not None:
+            return problem
         return f"Arm: {self.mode.title()} mode not armable" if self.mode in NOT_ARMABLE else None
 
     def _objection_to_mode(self, mode: str) -> str | None:
@@ -124,7 +133,9 @@ class SimulatedCopter(SimulatedAutopilot):
         if lost and mode is not None and self.armed and self.mode in ("GUIDED", "BRAKE"):
             self._enter(mode)
 
-        if self.armed and not self._trusts_estimate and self.parameters["FS_EKF_ACTION"] and self.mode != "STABILIZE":
+        acts = self.armed and self.parameters["FS_EKF_ACTION"] and self.mode not in ("STABILIZE", "LAND")
+        if acts and not self._trusts_estimate:
+            self.said.append((CRITICAL, "EKF variance"))
             self._enter("LAND")
 
     @property

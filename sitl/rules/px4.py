@@ -5,6 +5,7 @@ real time over MAVLink. `copter.py` has ArduPilot's rules instead.
 """
 
 import math
+from collections import deque
 from typing import ClassVar, NamedTuple
 
 from quadctl.frames import GRAVITY_M_S2, multiply, quaternion_from_euler, rotate
@@ -17,6 +18,10 @@ from quadctl.vehicle import Vehicle
 
 STREAM_AGE_S = 0.5
 """Largest age of the last setpoint when offboard is entered: PX4 wants 2 Hz or more."""
+BATTERY_HOLD_S = 5.0
+"""Time for which it holds its place before it lands with a failed battery (COM_FAIL_ACT_T)."""
+CRITICAL = 2
+"""MAV_SEVERITY of its texts."""
 LEVEL: Quat = (1.0, 0.0, 0.0, 0.0)
 
 
@@ -74,6 +79,9 @@ class SimulatedAutopilot:
         self._sink_integral_m_s2 = 0.0
         self._steps = 0
         self._motor_test = MotorTest(0, 0.0, -math.inf)
+        self._battery_failed_s: float | None = None
+        self.said: deque[tuple[int, str]] = deque()
+        """Texts that it has to say, with their MAV_SEVERITY; taken by whoever sends them."""
         self.estimator.observe(self.body.motion())
 
     @property
@@ -89,6 +97,13 @@ class SimulatedAutopilot:
 
     def hear_heartbeat(self, system_id: int) -> None:
         """Take in a heartbeat of another system; this autopilot watches the targets instead."""
+
+    def request_checks(self) -> str | None:
+        """Run the checks before arming, and say what is wrong."""
+        problem = self._objection_before_arming()
+        if problem is not None:
+            self.said.append((CRITICAL, problem))
+        return None
 
     def request_arm(self) -> str | None:
         """Arm; None when accepted, else the reason for the refusal."""
@@ -127,6 +142,12 @@ class SimulatedAutopilot:
     def lose_position_aid(self) -> None:
         """Lose GPS or motion capture: from now on the estimate of the position is dead reckoning."""
         self.estimator.aid_lost_s = self.time_s
+
+    def fail_battery(self) -> None:
+        """Let the battery fail."""
+        self.said.append((CRITICAL, "Battery failure"))
+        self._battery_failed_s = self.time_s
+        self._enter("HOLD")
 
     def power_cycle(self) -> None:
         """Restart after a loss of power: motors off, in the mode of a fresh start."""
@@ -176,7 +197,7 @@ class SimulatedAutopilot:
             landed=self.landed,
             mode=self.mode,
             offboard_mode=self.offboard_mode,
-            ready_to_arm=now >= self.ready_after_s,
+            ready_to_arm=self._objection_before_arming() is None,
             estimator_ok=self._trusts_estimate,
             horizontal_std_m=e.horizontal_std_m,
             vertical_std_m=VERTICAL_STD_M,
@@ -203,12 +224,20 @@ class SimulatedAutopilot:
     def _streaming(self) -> bool:
         return self.time_s - self._target_s < STREAM_AGE_S
 
+    def _objection_before_arming(self) -> str | None:
+        """Reason why its own checks do not pass: those of the present mode, in which offboard needs setpoints."""
+        return None if self.armed else self._objection_to_arming()
+
     def _objection_to_arming(self) -> str | None:
         if self.time_s < self.ready_after_s:
             return "Preflight Fail: ekf2 missing data"
-        return self._objection_to_mode(self.mode)
+        return self._lacking_targets(self.mode)
 
     def _objection_to_mode(self, mode: str) -> str | None:
+        """Reason against a mode; on the ground, disarmed, PX4 accepts offboard without setpoints."""
+        return self._lacking_targets(mode) if self.armed else None
+
+    def _lacking_targets(self, mode: str) -> str | None:
         return "no offboard setpoints are arriving" if mode == "OFFBOARD" and not self._streaming else None
 
     @property
@@ -227,6 +256,9 @@ class SimulatedAutopilot:
 
     def _obey_rules(self) -> None:
         now = self.time_s
+        failed_s = self._battery_failed_s
+        if failed_s is not None and self.armed and self.mode == "HOLD" and now - failed_s > BATTERY_HOLD_S:
+            self._enter("LAND")
         pushing = self._active.throttle > 0.6 * self._hover_throttle
         if not self.body.in_contact or pushing:
             self._on_ground_s = now
@@ -241,7 +273,7 @@ class SimulatedAutopilot:
 
     def _watch_targets(self, silence_s: float) -> None:
         """Apply the failsafe for a companion that has fallen silent."""
-        if silence_s > self.parameters["COM_OF_LOSS_T"]:
+        if self.armed and silence_s > self.parameters["COM_OF_LOSS_T"]:
             self._enter("RTL")
 
     @property

@@ -31,12 +31,13 @@ class MavlinkArduPilot(MavlinkMock):
                 mavlink.MAVLINK_MSG_ID_SCALED_PRESSURE: Stream(
                     messages.scaled_pressure(PRESSURE_PA, GROUND_TEMPERATURE_C), 0.0, "position"
                 ),
-                mavlink.MAVLINK_MSG_ID_SYS_STATUS: Stream(messages.sys_status, 0.0, "battery"),
+                mavlink.MAVLINK_MSG_ID_SYS_STATUS: Stream(messages.sys_status(lists_prearm=True), 0.0, "battery"),
                 mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: Stream(messages.battery_status, 0.0, "battery"),
                 mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: Stream(messages.extended_sys_state, 0.0, "heartbeat"),
             },
             unknown_interval=mavlink.MAV_RESULT_DENIED,
             refusal=mavlink.MAV_RESULT_FAILED,
+            announces_unknown=True,
             takes_off_by_command=True,
             motor_test_output=self.thrust_of_share,
             tests_motors_clockwise=True,

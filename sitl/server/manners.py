@@ -66,6 +66,10 @@ class Manners:
     tests_motors_clockwise: bool
     """True: a motor test counts the motors clockwise from the front."""
     integer_parameters: frozenset[str] = field(default_factory=frozenset)
+    texts_for_stations: bool = False
+    """True: texts go only to links on which a ground station's heartbeat was heard."""
+    announces_unknown: bool = False
+    """True: a text says that a message which was asked for is unknown."""
     sends_current_mode: bool = False
     """True: CURRENT_MODE comes where it is asked for."""
     fixed_heartbeats: bool = False

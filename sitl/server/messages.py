@@ -14,6 +14,8 @@ Message = Any
 Builder = Callable[[VehicleState], Iterator[Message]]
 
 UNKNOWN_16_BIT = 65535
+CHUNK = 50
+"""Length of a text in one STATUSTEXT."""
 ESTIMATOR_FLAGS = 0b11_1111
 """Attitude, velocities, position horizontal and vertical, relative and absolute: all good."""
 
@@ -79,13 +81,18 @@ def scaled_pressure(pressure_pa: float, temperature_c: float) -> Builder:
     return build
 
 
-def sys_status(estimate: VehicleState) -> Iterator[Message]:
+def sys_status(lists_prearm: bool) -> Builder:
+    """Builder of SYS_STATUS; `lists_prearm`: the pre-arm check is present, as on ArduPilot; else only health tells."""
     checked, gps = mavlink.MAV_SYS_STATUS_PREARM_CHECK, mavlink.MAV_SYS_STATUS_SENSOR_GPS
-    healthy = (checked if estimate.ready_to_arm else 0) | (0 if estimate.aid_lost else gps)
-    present = checked | gps
-    yield mavlink.MAVLink_sys_status_message(
-        present, present, healthy, 0, _millivolts(estimate), -1, -1, 0, 0, 0, 0, 0, 0
-    )
+    present = gps | checked if lists_prearm else gps
+
+    def build(estimate: VehicleState) -> Iterator[Message]:
+        healthy = (checked if estimate.ready_to_arm else 0) | (0 if estimate.aid_lost else gps)
+        yield mavlink.MAVLink_sys_status_message(
+            present, present, healthy, 0, _millivolts(estimate), -1, -1, 0, 0, 0, 0, 0, 0
+        )
+
+    return build
 
 
 def battery_status(estimate: VehicleState) -> Iterator[Message]:
@@ -119,6 +126,13 @@ def estimator_status(estimate: VehicleState) -> Iterator[Message]:
 def ekf_status_report(estimate: VehicleState) -> Iterator[Message]:
     flags = ESTIMATOR_FLAGS if estimate.estimator_ok else 0
     yield mavlink.MAVLink_ekf_status_report_message(flags, 0.1, estimate.estimator_ratio, 0.1, 0.1, 0.1)
+
+
+def statustext(severity: int, text: str, number: int) -> Iterator[Message]:
+    """STATUSTEXT in as many chunks as the text needs."""
+    data = text.encode()
+    for place, first in enumerate(range(0, len(data), CHUNK)):
+        yield mavlink.MAVLink_statustext_message(severity, data[first : first + CHUNK], number, place)
 
 
 def _by_fours(rpm: Sequence[float]) -> Iterator[tuple[int, list[int]]]:

@@ -33,7 +33,7 @@ class MavlinkPx4(MavlinkMock):
                     messages.actuator_output_status, 0.0, "heartbeat"
                 ),
                 mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS: Stream(messages.estimator_status, 1.0, "position"),
-                mavlink.MAVLINK_MSG_ID_SYS_STATUS: Stream(messages.sys_status, 5.0, "battery"),
+                mavlink.MAVLINK_MSG_ID_SYS_STATUS: Stream(messages.sys_status(lists_prearm=False), 5.0, "battery"),
                 mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: Stream(messages.battery_status, 0.5, "battery"),
                 mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: Stream(messages.extended_sys_state, 5.0, "heartbeat"),
             },
@@ -43,6 +43,7 @@ class MavlinkPx4(MavlinkMock):
             motor_test_output=lambda share: share,
             tests_motors_clockwise=False,
             integer_parameters=frozenset({"COM_OBL_RC_ACT", "EKF2_NOAID_TOUT", "MC_BAT_SCALE_EN", "MC_AIRMODE"}),
+            texts_for_stations=True,
             sends_current_mode=True,
             fixed_heartbeats=True,
             bytewise_integers=True,

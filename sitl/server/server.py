@@ -23,7 +23,7 @@ from typing import ClassVar, NamedTuple, Self
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from quadctl.sitl.rules.px4 import SimulatedAutopilot
-from quadctl.sitl.server import dialect
+from quadctl.sitl.server import dialect, messages
 from quadctl.sitl.server.faults import Faults
 from quadctl.sitl.server.manners import Manners, Stream
 from quadctl.sitl.server.messages import Message
@@ -35,6 +35,8 @@ MAX_LAG_S = 0.05
 """Largest lag of the vehicle's time. On a machine too busy to keep up, the vehicle's clock waits, so that the machine
 alone cannot make it miss setpoints."""
 
+STATION_S = 2.5
+"""Time after its last heartbeat for which a ground station counts as there."""
 PRIORITY = 10
 """Priority under SCHED_FIFO: above all ordinary processes, below the flight's."""
 
@@ -67,6 +69,10 @@ class MavlinkMock(ABC):
         self.motor_tests_received = 0
         self.vision_poses_received: list[Message] = []
         """VISION_POSITION_ESTIMATE messages as they arrived; the estimator does not use them."""
+        self.heartbeats_heard: set[tuple[int, int]] = set()
+        """System and MAV_TYPE of the heartbeats that arrived."""
+        self._station_heard_s = -math.inf
+        self._texts_sent = 0
         self.lag_s = 0.0
         """Real time by which the vehicle's clock is behind because the machine was too busy, s."""
         self._booted_s = 0.0
@@ -88,7 +94,7 @@ class MavlinkMock(ABC):
         self._on_message: dict[str, Callable[[Message], None]] = {
             "COMMAND_LONG": self._command,
             "COMMAND_INT": self._command,
-            "HEARTBEAT": lambda message: self.autopilot.hear_heartbeat(message.get_srcSystem()),
+            "HEARTBEAT": self._hear_heartbeat,
             "SET_ATTITUDE_TARGET": self._setpoint,
             "TIMESYNC": self._timesync,
             "VISION_POSITION_ESTIMATE": self.vision_poses_received.append,
@@ -99,6 +105,7 @@ class MavlinkMock(ABC):
         self._on_command: dict[int, Callable[[Message], int]] = {
             mavlink.MAV_CMD_COMPONENT_ARM_DISARM: self._arm_disarm,
             mavlink.MAV_CMD_DO_SET_MODE: self._set_mode,
+            mavlink.MAV_CMD_RUN_PREARM_CHECKS: self._run_checks,
             mavlink.MAV_CMD_NAV_TAKEOFF: self._take_off,
             mavlink.MAV_CMD_NAV_LAND: lambda _: self._answer(self.autopilot.request_mode("LAND")),
             mavlink.MAV_CMD_DO_MOTOR_TEST: self._test_motor,
@@ -146,6 +153,7 @@ class MavlinkMock(ABC):
         """Restart as after a short loss of power: disarmed, clock at 0, messages at their default rates."""
         self.autopilot.power_cycle()
         self._booted_s = self.autopilot.time_s + self.lag_s
+        self._station_heard_s = -math.inf
         for stream in self._streams.values():
             stream.set_interval(0.0, self.autopilot.time_s)
 
@@ -191,6 +199,8 @@ class MavlinkMock(ABC):
             self._receive_until(deadline_s)
             self.autopilot.step(until_s)
             self._send_streams()
+            while self.autopilot.said:
+                self._say(*self.autopilot.said.popleft())
             with self._news:
                 self._news.notify_all()
 
@@ -219,6 +229,14 @@ class MavlinkMock(ABC):
                 with suppress(ConnectionError, BlockingIOError):  # UDP loses what nobody takes
                     self._socket.sendto(data, address)
 
+    def _say(self, severity: int, text: str) -> None:
+        """Send a text, to nobody where no ground station is heard and it is told to nobody else."""
+        heard = self.autopilot.time_s - self._station_heard_s < STATION_S
+        if heard or not self.manners.texts_for_stations:
+            self._texts_sent += 1
+            for message in messages.statustext(severity, text, self._texts_sent):
+                self._send(message)
+
     def _send_streams(self) -> None:
         estimate = self.faults.distort(self.autopilot.estimate())
         for stream in self._streams.values():
@@ -233,7 +251,9 @@ class MavlinkMock(ABC):
 
     def _stamped(self, estimate: VehicleState) -> VehicleState:
         """Estimate with the time since boot."""
-        return replace(estimate, time_s=self._clock_s, estimator_ratio=self.faults.estimator_ratio)
+        ready = estimate.ready_to_arm and (estimate.armed or not self.faults.refuse_arming)
+        ratio = self.faults.estimator_ratio
+        return replace(estimate, time_s=self._clock_s, estimator_ratio=ratio, ready_to_arm=ready)
 
     # --- in ----------------------------------------------------------------------------------------------------
 
@@ -242,6 +262,12 @@ class MavlinkMock(ABC):
             handler = self._on_message.get(message.get_type())
             if handler is not None:
                 handler(message)
+
+    def _hear_heartbeat(self, message: Message) -> None:
+        self.heartbeats_heard.add((message.get_srcSystem(), message.type))
+        if message.type == mavlink.MAV_TYPE_GCS:
+            self._station_heard_s = self.autopilot.time_s
+        self.autopilot.hear_heartbeat(message.get_srcSystem())
 
     def _setpoint(self, message: Message) -> None:
         target = AttitudeTarget(tuple(message.q), message.thrust)
@@ -269,8 +295,13 @@ class MavlinkMock(ABC):
         """MAV_RESULT of a request; a refusal is also sent as a text, as PX4 does."""
         if refusal is None:
             return int(mavlink.MAV_RESULT_ACCEPTED)
-        self._send(mavlink.MAVLink_statustext_message(mavlink.MAV_SEVERITY_CRITICAL, refusal.encode()[:50]))
+        self._say(mavlink.MAV_SEVERITY_CRITICAL, refusal)
         return self.manners.refusal
+
+    def _run_checks(self, _: Message) -> int:
+        if self.faults.refuse_arming:
+            self._say(mavlink.MAV_SEVERITY_CRITICAL, self.faults.refuse_arming)
+        return self._answer(self.autopilot.request_checks())
 
     def _arm_disarm(self, command: Message) -> int:
         if command.param1 == 1.0:
@@ -303,6 +334,8 @@ class MavlinkMock(ABC):
     def _set_message_interval(self, command: Message) -> int:
         message_id = int(command.param1)
         stream = self._streams.get(message_id)
+        if stream is None and self.manners.announces_unknown:
+            self._say(mavlink.MAV_SEVERITY_INFO, f"No ap_message for mavlink id ({message_id})")
         if stream is None or not self.faults.lets_out(mavlink.mavlink_map[message_id].msgname):
             return self.manners.unknown_interval
         if message_id == mavlink.MAVLINK_MSG_ID_HEARTBEAT and self.manners.fixed_heartbeats:

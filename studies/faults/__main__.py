@@ -65,7 +65,7 @@ def page(verdicts: Iterable[Verdict]) -> str:
 def row(verdict: Verdict) -> str:
     """A line of the table."""
     seen = verdict.seen
-    answer = ", ".join(dict.fromkeys(answer for _, answer in seen.events)) or "none: the process is gone"
+    answer = ", ".join(dict.fromkeys(answer for _, answer in seen.events if answer)) or "none: the process is gone"
     modes = ", ".join(f"{mode} at {after_s:.1f} s" for mode, after_s in seen.modes) or "unchanged"
     last = f"{seen.last_setpoint_s:.2f} s" if seen.setpoints else "before it"
     rest = "not" if math.isnan(seen.at_rest_s) else f"{seen.at_rest_s:.1f} s"

@@ -285,6 +285,15 @@ LIMITS = (
         silent_s=3.0,
         setting=Setting(guards={"following": {"max_horizontal_error_m": 0.6, "max_error_s": 0.3}}),
     ),
+    Case(
+        "battery failure",
+        lambda s: s.px.autopilot.fail_battery(),
+        "release",
+        "left offboard for HOLD",
+        "boot",  # HOLD, for five seconds
+        silent_s=0.5,
+        on_ardupilot={"said": "left offboard for LAND", "mode": "land"},
+    ),
     Case("battery low", _distort(lambda: faults.battery_at(12.0)), "land", "the battery is at 12.00 V", silent_s=1.0),
 )
 LINK = (

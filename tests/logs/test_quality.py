@@ -146,6 +146,22 @@ class TestVerdict:
         assert any(said in obstacle for obstacle in report.obstacles)
         assert said in printed(report)
 
+    @pytest.mark.parametrize("group", [POSITION, ATTITUDE])
+    def test_a_frozen_state_is_no_flight(self, group: tuple[str, ...]) -> None:
+        """In the air from 10 to 55 s; a recorder that goes on with the last state has seen 12 s of that."""
+        log = flight()
+        for name in group:
+            log[name][log.time_s > 22.0] = log[name][log.time_s <= 22.0][-1]
+        report = quality(log)
+        assert report.flight_s == pytest.approx(13.0, abs=0.2)  # the first second cannot be told from a slow channel
+        assert any(
+            note.startswith("position or attitude are frozen for 32 s in flight, the first time at 22 s")
+            for note in report.notes
+        )
+        for name in group:
+            log[name][log.time_s > 12.0] = log[name][log.time_s <= 12.0][-1]
+        assert not quality(log).can_be_analysed
+
     def test_thrust_comes_from_the_best_there_is(self) -> None:
         no_rpm: dict[str, Floats | None] = {f"motor{i}_rpm": None for i in range(1, 5)}
         throttle = np.where(flight()["motor1_rpm"] > 0.0, 0.5 + 0.01 * flight()["roll_deg"], 0.0)

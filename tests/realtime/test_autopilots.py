@@ -3,9 +3,6 @@
 import asyncio
 import math
 import re
-import subprocess
-import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -18,14 +15,13 @@ from quadctl.lab.comparison.comparison import compare
 from quadctl.lab.flights.channels import ROTOR_SPEED, signals_of
 from quadctl.lab.interface import prepare_flights
 from quadctl.logs.flight_log import FlightLog
-from quadctl.logs.read import read_log
 from quadctl.model import load_model
 from quadctl.sitl.rules.copter import Guided, SimulatedCopter
 from quadctl.sitl.rules.px4 import SimulatedAutopilot
 from quadctl.sitl.vehicle.hidden import load_hidden
 from quadctl.vehicle import load_vehicle
 from tests.support.commands import Result
-from tests.support.configurations import forgiving_config
+from tests.support.flight_process import Flight
 from tests.support.links import RAPTOR, TIMEOUT_S, Link, SerialLine, connected, free_port, meet_requirements, mock
 from tests.support.places import ROOT
 
@@ -33,42 +29,9 @@ pytestmark = pytest.mark.realtime
 
 LIKE_SIH = ROOT / "sitl" / "px4" / "like_sih.yaml"
 VEHICLE = load_vehicle(RAPTOR)
-START_TIMEOUT_S = 60.0
-"""Longest time until a flight in a process of its own is in the air: libraries are loaded before."""
 
 
 # --- flights -----------------------------------------------------------------------------------------------------
-
-
-class Flight:
-    """`quadctl fly` in a process of its own, on the autopilot at a link."""
-
-    def __init__(self, where: Path, url: str, *words: str, mission: str = "short_hop") -> None:
-        where.mkdir(exist_ok=True)
-        config = forgiving_config(where, height_datum="takeoff")
-        fly = ["fly", f"missions/{mission}.yaml", "--link", url, "--config", str(config), *words]
-        code = "from quadctl.cli import main; main()"
-        self.where = where
-        self.process = subprocess.Popen(
-            [sys.executable, "-c", code, *fly, "--log-dir", str(where)],
-            cwd=ROOT,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
-
-    def until_recorded(self, phase: str) -> None:
-        end_s = time.monotonic() + START_TIMEOUT_S
-        while not any(f",{phase}\n" in path.read_text() for path in self.where.glob("*.csv")):
-            assert self.process.poll() is None, self.process.communicate()
-            assert time.monotonic() < end_s, "it takes too long"
-            time.sleep(0.05)
-
-    def ended(self) -> tuple[FlightLog, str]:
-        """The log, and all that was printed."""
-        out, err = self.process.communicate(timeout=60.0)
-        (path,) = self.where.glob("*.csv")
-        return read_log(path), out + err
 
 
 def stages(log: FlightLog) -> list[str]:
@@ -331,6 +294,7 @@ def test_a_fresh_ardupilot_sends_only_heartbeats_until_it_is_asked() -> None:
         asyncio.run(link.adapter.request_telemetry())
         link.wait(lambda: link.adapter.state().finite)
         assert link.adapter.warnings == []
+        assert link.adapter.state().texts == ()  # of nothing that it does not know
 
 
 def test_refusals_come_with_ardupilots_reason() -> None:

@@ -246,7 +246,8 @@ def refusal(request: Callable[[], Awaitable[None]]) -> str:
     return str(error.value)
 
 
-def test_offboard_without_a_stream_is_refused_with_the_reason(link: Link) -> None:
+def test_offboard_without_a_stream_is_refused_with_the_reason_once_it_is_armed(link: Link) -> None:
+    asyncio.run(link.adapter.arm())
     message = refusal(link.adapter.start_offboard)
     assert "refused to enter OFFBOARD: TEMPORARILY_REJECTED; no offboard setpoints are arriving." in message
     assert link.px.autopilot.mode == "HOLD"
@@ -344,6 +345,7 @@ def test_when_the_calls_stop_the_wire_is_silent_and_px4_notices(link: Link) -> N
     async def stop_sending() -> int:
         async with streaming(link) as stick:
             await link.adapter.start_offboard()
+            await link.adapter.arm()
         await link.until(lambda s: s.mode == "RTL")
         await link.pass_time(0.5)
         return int(stick.sent)

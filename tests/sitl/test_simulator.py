@@ -362,8 +362,13 @@ class Stick:
         return self
 
 
-def test_offboard_needs_a_stream_first() -> None:
+def test_offboard_needs_a_stream_once_it_is_armed() -> None:
+    """Measured on the real PX4: disarmed, it accepts offboard without setpoints, and refuses to arm then."""
     stick = Stick()
+    assert stick.px.request_mode("OFFBOARD") is None
+    assert stick.px.request_arm() == "no offboard setpoints are arriving"
+    assert stick.px.request_mode("HOLD") is None
+    assert stick.px.request_arm() is None
     assert stick.px.request_mode("OFFBOARD") == "no offboard setpoints are arriving"
     stick.stream(0.1)
     assert stick.px.request_mode("OFFBOARD") is None
@@ -372,6 +377,7 @@ def test_offboard_needs_a_stream_first() -> None:
 
 def test_an_old_stream_is_none() -> None:
     stick = Stick().stream(0.1).wait(0.6)
+    assert stick.px.request_arm() is None
     assert stick.px.request_mode("OFFBOARD") is not None
     assert stick.px.mode == "HOLD"
 

@@ -56,6 +56,9 @@ class InProcess:
         self.sent.append(target)
         self.px.set_attitude_target(target)
 
+    async def run_checks(self) -> None:
+        self._ask("CHECKS", self.px.request_checks())
+
     async def arm(self) -> None:
         self._ask("ARM", self.px.request_arm())
 

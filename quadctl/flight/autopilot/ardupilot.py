@@ -106,8 +106,8 @@ ARDUPILOT = Firmware(
     streams=(
         Stream("LOCAL_POSITION_NED", 32, 100.0, required=True),
         Stream("ATTITUDE_QUATERNION", 31, 100.0, required=True),
+        # It brings ESC_TELEMETRY_5_TO_8 along; asked for that, ArduPilot announces an unknown message.
         Stream("ESC_TELEMETRY_1_TO_4", 11030, 50.0, alternative=True),
-        Stream("ESC_TELEMETRY_5_TO_8", 11031, 50.0, alternative=True),
         Stream("SERVO_OUTPUT_RAW", 36, 50.0, alternative=True),
         Stream("SCALED_PRESSURE", 29, 1.0, alternative=True),
         Stream("SYS_STATUS", 1, 5.0),
@@ -116,7 +116,9 @@ ARDUPILOT = Firmware(
         # The only message that it sends about its mode.
         Stream("HEARTBEAT", 0, 20.0, without="A change of mode is seen after up to a second, a short one never."),
     ),
-    tells_readiness=True,
+    tells_readiness=lambda mode: True,
+    lists_prearm=True,
+    texts_for_stations=False,
     tells_aids=True,
     thrust_chain=CHAIN,
     tests_motors_clockwise=True,

@@ -84,8 +84,12 @@ class Firmware:
     takes_off_itself: bool
     """True: lift-off is a command of its own, before the first target; False: the targets lift it off."""
     streams: Sequence[Stream]
-    tells_readiness: bool
-    """True: the pre-arm bit of SYS_STATUS holds for the offboard mode too, not only for the present one."""
+    tells_readiness: Callable[[str], bool]
+    """Function from its mode: True when the pre-arm bit of SYS_STATUS says in this mode if offboard could be armed."""
+    lists_prearm: bool
+    """True: SYS_STATUS lists the pre-arm check as present; False: only its health bit tells."""
+    texts_for_stations: bool
+    """True: its texts go only to links on which it hears the heartbeat of a ground station."""
     tells_aids: bool
     """True: the health bits of SYS_STATUS tell if GPS or motion capture work; its estimator does not."""
     thrust_chain: ThrustChain

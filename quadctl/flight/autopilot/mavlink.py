@@ -10,13 +10,22 @@ MAV_LANDED_STATE_ON_GROUND = 1
 MAV_SYS_STATUS_PREARM_CHECK = 1 << 28
 POSITION_AIDS = 1 << 5 | 1 << 7
 """Sensors of SYS_STATUS that measure the position: MAV_SYS_STATUS_SENSOR_GPS and ..._VISION_POSITION."""
-MAV_SEVERITY_WARNING = 4
-"""Severity of a STATUSTEXT; smaller numbers are more severe."""
+
+STATION_HEARTBEAT = {
+    "type": 6,  # MAV_TYPE_GCS
+    "autopilot": 8,  # MAV_AUTOPILOT_INVALID
+    "base_mode": 0,
+    "custom_mode": 0,
+    "system_status": 4,  # MAV_STATE_ACTIVE
+    "mavlink_version": 3,
+}
+"""Heartbeat of a ground station."""
 
 CMD_NAV_TAKEOFF = 22
 CMD_DO_SET_MODE = 176
 CMD_DO_MOTOR_TEST = 209
 CMD_COMPONENT_ARM_DISARM = 400
+CMD_RUN_PREARM_CHECKS = 401
 CMD_SET_MESSAGE_INTERVAL = 511
 
 ATTITUDE_TARGET_IGNORE_RATES = 0b111

@@ -4,6 +4,7 @@ Targets leave as single SET_ATTITUDE_TARGET messages. MAVSDK's own offboard plug
 the last target by itself, so that the autopilot would not notice a companion that hangs.
 """
 
+import asyncio
 import contextlib
 import math
 import threading
@@ -25,6 +26,10 @@ HEARTBEAT_WAIT_S = 3.0
 """Longest wait for the next heartbeat after an autopilot is found, and for one that shows an accepted request."""
 REASON_WAIT_S = 0.3
 """Longest wait for the text that explains a refusal: it comes just before or after the acknowledgement."""
+MORE_REASONS_S = 0.1
+"""Time in which further texts follow the first."""
+STATION_EVERY_S = 1.0
+"""Interval of a ground station's heartbeats."""
 ROTORS_WAIT_S = 0.5
 """Longest wait for the first rotor speeds: autopilots without speed sensors accept the request too."""
 AIR_WAIT_S = 1.2
@@ -48,7 +53,7 @@ class MavsdkAutopilot:
         self._start_s = time.monotonic()
         self._closing = threading.Event()
         # On a thread of its own: a question must not wait for a tick, nor a tick for a question.
-        self._asker = threading.Thread(target=self._ask_for_round_trips, name="round trips", daemon=True)
+        self._asker = threading.Thread(target=self._keep_talking, name="round trips", daemon=True)
         self.warnings: list[str] = []
         """One sentence for each thing that the autopilot does not provide and the flight can do without."""
 
@@ -83,6 +88,7 @@ class MavsdkAutopilot:
                 f"The autopilot at {self._link.url} is of an unknown kind: its heartbeat says MAV_AUTOPILOT {kind}, "
                 f"expected {expected}."
             )
+        self._show_station()
         self._asker.start()
 
     async def request_telemetry(self) -> None:
@@ -163,6 +169,13 @@ class MavsdkAutopilot:
         """Hand over: enter the autopilot's own hold mode."""
         await self._enter(self._firmware.hold_mode)
 
+    async def run_checks(self) -> None:
+        """Have the autopilot run its own checks before arming, and say as texts which of them fail.
+
+        Raises LinkError when no answer comes; one that does not know the request is silent.
+        """
+        await self._link.run(lambda: self._link.command(mavlink.CMD_RUN_PREARM_CHECKS, what="run its checks"))
+
     async def parameters(self, names: Iterable[str]) -> dict[str, float]:
         """Values of the parameters by name, integers too as floats; those for which no answer comes are left out."""
         found = {name: await self._link.run(partial(self._link.read_parameter, name)) for name in names}
@@ -223,12 +236,24 @@ class MavsdkAutopilot:
         except LinkError:
             return  # gone again; when it is back we are called again
 
-    def _ask_for_round_trips(self) -> None:
+    def _keep_talking(self) -> None:
+        """Ask for round trips, and be heard as a ground station where texts are sent to nobody else."""
+        shown_s = time.monotonic()
         while not self._closing.wait(round_trips.EVERY_S):
-            if not self.state().connected:  # nobody to ask, and MAVSDK would complain of each question
+            now_s = time.monotonic()
+            self._telemetry.settle_texts(now_s)
+            if not self._telemetry.state(now_s).connected:  # nobody to ask, and MAVSDK would complain of each question
                 continue
             with contextlib.suppress(LinkError):  # the guards notice what that means
                 self._link.send("TIMESYNC", self._telemetry.round_trips.question(time.monotonic()))
+                if now_s - shown_s >= STATION_EVERY_S:
+                    shown_s = now_s
+                    self._show_station()
+
+    def _show_station(self) -> None:
+        """Send the heartbeat of a ground station where texts are sent to nobody else."""
+        if self._firmware.texts_for_stations:
+            self._link.send("HEARTBEAT", mavlink.STATION_HEARTBEAT)
 
     async def _enter(self, mode: str) -> None:
         await self._request(
@@ -246,13 +271,22 @@ class MavsdkAutopilot:
         asked_s = time.monotonic()
         result = await self._link.run(lambda: self._link.command(command, *parameters, what=what))
         if result != mavlink.ACCEPTED:
-            await self._await(lambda: bool(self._telemetry.warnings_since(asked_s)), REASON_WAIT_S)
-            reasons = "; ".join([mavlink.result_name(result), *self._telemetry.warnings_since(asked_s)])
+            reasons = "; ".join([mavlink.result_name(result), *await self._reasons(asked_s)])
             raise FlightError(f"{self.description} refused to {what}: {reasons}.")
         if not await self._await(until, HEARTBEAT_WAIT_S):
             raise FlightError(
                 f"{self.description} accepted to {what}, but no heartbeat shows it within {HEARTBEAT_WAIT_S:g} s."
             )
+
+    async def _reasons(self, since_s: float) -> list[str]:
+        """Warnings and errors of the autopilot since `since_s`, and of the next moment."""
+
+        def given() -> list[str]:
+            return [text.text for text in self._telemetry.texts_since(since_s) if text.grave]
+
+        if await self._await(lambda: bool(given()), REASON_WAIT_S):
+            await asyncio.sleep(MORE_REASONS_S)
+        return given()
 
     async def _await(self, condition: Callable[[], bool], timeout_s: float) -> bool:
         return await self._link.run(lambda: self._telemetry.wait_for(condition, timeout_s))

@@ -71,7 +71,7 @@ class MavsdkLink:
         listens = self.url.startswith("udpin")
         if listens:
             udp_port.require_free(self.url)
-        log_subscribe(_log)
+        log_subscribe(_Log())
         configuration = Configuration.create_with_component_type(ComponentType.COMPANION_COMPUTER)
         mavsdk = self._mavsdk = Mavsdk(configuration)
         try:
@@ -221,11 +221,21 @@ async def _first_autopilot(mavsdk: Mavsdk, timeout_s: float) -> System | None:
         mavsdk.cancel_first_autopilot(waiting)
 
 
-def _log(level: LogLevel, text: str, *_: object) -> bool:
-    """Send MAVSDK's own log to `logging`: written to the terminal, it would break the display."""
-    severity = {LogLevel.WARN: logging.WARNING, LogLevel.ERROR: logging.ERROR}.get(level, logging.DEBUG)
-    logging.getLogger("mavsdk").log(severity, text)
-    return True
+class _Log:
+    """MAVSDK's own log, sent to `logging`: written to the terminal, it would break the display.
+
+    A complaint that comes again is for debugging only: once a peer is gone, MAVSDK repeats itself at every message.
+    """
+
+    def __init__(self) -> None:
+        self._said: set[str] = set()
+
+    def __call__(self, level: LogLevel, text: str, *_: object) -> bool:
+        severity = {LogLevel.WARN: logging.WARNING, LogLevel.ERROR: logging.ERROR}.get(level, logging.DEBUG)
+        logging.getLogger("mavsdk").log(logging.DEBUG if text in self._said else severity, text)
+        if severity > logging.DEBUG:
+            self._said.add(text)
+        return True
 
 
 def _checked(url: str) -> str:

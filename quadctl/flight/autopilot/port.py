@@ -57,6 +57,10 @@ class Autopilot(Protocol):
         """Put one target on the wire, at once, once: nothing may repeat it."""
         ...
 
+    async def run_checks(self) -> None:
+        """Run its own checks before arming, and say as texts which of them fail."""
+        ...
+
     async def arm(self) -> None: ...
 
     async def start_offboard(self) -> None:

@@ -88,7 +88,10 @@ PX4 = Firmware(
         # Heartbeats tell the mode too, but come at 1 Hz, and PX4 refuses another interval.
         Stream("CURRENT_MODE", 436, 20.0, without="A change of mode is seen after up to a second, a short one never."),
     ),
-    tells_readiness=False,
+    # The bit is about the present mode, and offboard is not ready before setpoints arrive.
+    tells_readiness=lambda mode: mode != "OFFBOARD",
+    lists_prearm=False,
+    texts_for_stations=True,
     tells_aids=False,
     thrust_chain=CHAIN,
     requirements=(

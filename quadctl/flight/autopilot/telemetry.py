@@ -2,7 +2,6 @@
 
 import math
 import threading
-from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any, NamedTuple
@@ -12,7 +11,8 @@ from quadctl.flight.autopilot.firmware import Firmware, share_of_pulse
 from quadctl.flight.autopilot.firmwares import FIRMWARES
 from quadctl.flight.autopilot.link_clock import LinkClock
 from quadctl.flight.autopilot.round_trips import RoundTrips
-from quadctl.state import NAN, NO_VECTOR, Quat, Vec3, VehicleState
+from quadctl.flight.autopilot.status_texts import StatusTexts
+from quadctl.state import NAN, NO_VECTOR, Quat, StatusText, Vec3, VehicleState
 from quadctl.thrust_chain.ardupilot import air_density_ratio
 from quadctl.thrust_chain.chain import Ambient, Parameters
 
@@ -68,14 +68,6 @@ class _Mode(NamedTuple):
     name: str = ""
 
 
-class StatusText(NamedTuple):
-    """A text message of the autopilot."""
-
-    received_s: float
-    severity: int
-    text: str
-
-
 class Telemetry:
     """Keeps the latest message of each kind. `receive` is called on the link's thread, the rest on any thread.
 
@@ -106,7 +98,7 @@ class Telemetry:
         self._clock = LinkClock()
         self.round_trips = RoundTrips()
         """Questions about the link's delay, whose answers `receive` takes in."""
-        self._texts: deque[StatusText] = deque(maxlen=50)
+        self._texts = StatusTexts()
         self._news = threading.Condition()
         self._handlers: dict[str, Callable[[Fields, float], None]] = {
             "LOCAL_POSITION_NED": self._on_position,
@@ -146,6 +138,7 @@ class Telemetry:
         mode_s, mode = self._mode
         rpm_s, rpm = self._rpm()
         n, firmware = self._n_rotors, self.firmware
+        tells_readiness = firmware is not None and firmware.tells_readiness(mode)
         return VehicleState(
             time_s=now_s,
             position_ned_m=position.position_ned_m,
@@ -162,7 +155,8 @@ class Telemetry:
             mode=mode,
             offboard_mode="" if firmware is None else firmware.offboard_mode,
             estimator_ok=self._estimator_ok,
-            ready_to_arm=self._prearm_ok or firmware is None or not firmware.tells_readiness,
+            ready_to_arm=self._prearm_ok or not tells_readiness,
+            tells_readiness=tells_readiness,
             connected=now_s - heartbeat.received_s < HEARTBEAT_TIMEOUT_S,
             received_s={
                 "position": position.received_s,
@@ -179,6 +173,7 @@ class Telemetry:
             horizontal_std_m=self._std_m[0],
             vertical_std_m=self._std_m[1],
             aid_lost=self._aid_lost,
+            texts=self._texts.texts,
         )
 
     @property
@@ -237,11 +232,15 @@ class Telemetry:
         """True when the autopilot's answers tell the delay of the link."""
         return self._clock.measured
 
-    def warnings_since(self, since_s: float) -> list[str]:
-        """Warnings and errors of the autopilot since `since_s`, oldest first."""
-        return [
-            t.text for t in list(self._texts) if t.received_s >= since_s and t.severity <= mavlink.MAV_SEVERITY_WARNING
-        ]
+    def texts_since(self, since_s: float) -> list[StatusText]:
+        """Texts of the autopilot since `since_s`, oldest first."""
+        with self._news:
+            return self._texts.since(since_s)
+
+    def settle_texts(self, now_s: float) -> None:
+        """End a text of which no more is to be expected; to be called now and then."""
+        with self._news:
+            self._texts.settle(now_s)
 
     def wait_for(self, condition: Callable[[], bool], timeout_s: float) -> bool:
         """Block until a heartbeat, a mode, a round trip, a pressure or a status text makes `condition` true; False when
@@ -311,10 +310,15 @@ class Telemetry:
         self._std_m = _number(fields.get("pos_horiz_accuracy")), _number(fields.get("pos_vert_accuracy"))
 
     def _on_sys_status(self, fields: Fields, now_s: float) -> None:
-        known = fields["onboard_control_sensors_present"] & mavlink.MAV_SYS_STATUS_PREARM_CHECK
-        self._prearm_ok = not known or bool(fields["onboard_control_sensors_health"] & known)
-        if self.firmware is not None and self.firmware.tells_aids:
-            self._notice_aids(bool(fields["onboard_control_sensors_health"] & mavlink.POSITION_AIDS))
+        health, check, firmware = (
+            fields["onboard_control_sensors_health"],
+            mavlink.MAV_SYS_STATUS_PREARM_CHECK,
+            self.firmware,
+        )
+        told = fields["onboard_control_sensors_present"] & check or (firmware is not None and not firmware.lists_prearm)
+        self._prearm_ok = not told or bool(health & check)
+        if firmware is not None and firmware.tells_aids:
+            self._notice_aids(bool(health & mavlink.POSITION_AIDS))
         millivolts = fields["voltage_battery"]
         if millivolts != MILLIVOLTS_UNKNOWN:
             self._battery = (now_s, 0.001 * millivolts)
@@ -367,8 +371,7 @@ class Telemetry:
 
     def _on_text(self, fields: Fields, now_s: float) -> None:
         with self._news:
-            # PX4 ends a text with a tab when the same is sent as an event too
-            self._texts.append(StatusText(now_s, fields["severity"], fields["text"].strip("\0\t ")))
+            self._texts.take(fields, now_s)
             self._news.notify_all()
 
 

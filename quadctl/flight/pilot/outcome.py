@@ -27,6 +27,8 @@ class Outcome:
     """Tick lateness: p50, p99, max. All 0 in lockstep."""
     late_ticks: int
     """Ticks more than half a period late."""
+    texts: tuple[str, ...] = ()
+    """Warnings and errors that the autopilot sent as texts, in their order."""
     problem: str | None = None
     """Problem beside the flight, such as a full disk."""
 
@@ -45,6 +47,8 @@ class Outcome:
                 f"{self.ticks} ticks, late by {late['p50']:.2f} ms (median), {late['p99']:.2f} ms (p99), "
                 f"{late['max']:.2f} ms (worst)"
             )
+        if not self.completed:
+            found += self.texts
         if self.problem:
             found.append(self.problem)
         found.append(f"log: {self.log}")
@@ -59,9 +63,11 @@ class Tally:
         self._squares = [0.0, 0.0, 0.0]
         self._tracked = [0, 0, 0]
         self._late_s: list[float] = []
+        self._texts: list[str] = []
 
     def __call__(self, tick: Tick) -> None:
         self._late_s.append(tick.late_s)
+        self._texts += [str(text) for text in tick.texts if text.grave]
         if tick.stage is Stage.FLY and tick.setpoint is not None:
             pairs = zip(tick.setpoint.position_ned_m, tick.state.position_ned_m, strict=True)
             for i, (wanted, at) in enumerate(pairs):
@@ -91,5 +97,6 @@ class Tally:
             tracking_rmse_m=dict(zip(("north", "east", "up"), rmse, strict=True)),
             late_ms=self.late_ms,
             late_ticks=sum(late > 0.5 * self._period_s for late in self._late_s),
+            texts=tuple(self._texts),
             problem=problem,
         )

@@ -4,12 +4,14 @@ A state machine without clock and without I/O: the real-time loop and the lockst
 state and carry out what it asks for. So both fly the very same flight.
 """
 
+import math
 from collections.abc import Callable
 
 from quadctl.compensator import Compensator
 from quadctl.flight.pilot.following import Following
 from quadctl.flight.pilot.guards import Answer, Breach, unfit
 from quadctl.flight.pilot.landing import Landing
+from quadctl.flight.pilot.patience import patience_s
 from quadctl.flight.pilot.progress import Progress
 from quadctl.flight.pilot.settings import FlightSettings
 from quadctl.flight.pilot.steering import Home, Steering
@@ -17,11 +19,12 @@ from quadctl.flight.pilot.supervisor import Supervisor
 from quadctl.flight.pilot.tick import Decision, Request, Stage, Tick
 from quadctl.missions import Mission
 from quadctl.model import Model
-from quadctl.state import VehicleState
+from quadctl.state import StatusText, VehicleState
 
-READY_TIMEOUT_S = 15.0
-BOOT_TIMEOUT_S = 60.0
-"""Longest wait for an autopilot that reports that it is not ready, as it does for some time after boot."""
+CHECKS_EVERY_S = 5.0
+"""Interval at which an autopilot that is not ready is asked for the reasons."""
+REASONS_S = 10.0
+"""Largest age of the texts that may be those reasons."""
 START_TIMEOUT_S = 8.0
 CLIMB_TIMEOUT_S = 20.0
 CLIMBED_SHARE, CLIMBED_M_S = 0.9, 0.2
@@ -63,6 +66,9 @@ class Pilot:
         self._landing = Landing(self._progress, self._watch, self._steering)
         self._offboard_seen = False
         self._faded = False
+        self._texts: tuple[StatusText, ...] = ()
+        self._gone = False
+        self._checks_asked_s = -math.inf
         self._steps: dict[Stage, _Step] = {
             Stage.WAIT: self._wait,
             Stage.STREAM: self._stream,
@@ -86,7 +92,13 @@ class Pilot:
     @property
     def ended(self) -> str:
         """End of the flight: `completed`, or the reason why it was not; empty before."""
-        return self._progress.ended
+        gone = self.done and self._watch.gone
+        return f"{self._progress.ended}; the autopilot is gone" if gone else self._progress.ended
+
+    @property
+    def autopilot_gone(self) -> bool:
+        """True when nothing at all comes from the autopilot any more."""
+        return self._watch.gone
 
     @property
     def flight_s(self) -> float:
@@ -108,6 +120,8 @@ class Pilot:
 
     def request_failed(self, request: Request, reason: str) -> None:
         """Note that the autopilot refused a request: a refused start ends the flight, a refused landing the targets."""
+        if request is Request.CHECKS:
+            return
         if request is not Request.LAND:
             self._watch.refusal = reason
         elif self.stage is Stage.LAND:
@@ -123,6 +137,8 @@ class Pilot:
         self._watch.look(state, late_s, dt)
         decision = self._sound(self._steps[self.stage], state, dt)
         self._notice_fading(decision)
+        self._notice_silence()
+        texts = self._notice_texts(state)
         flies = self.stage is Stage.FLY and bool(self.phases_flown)
         return Tick(
             self._progress.time_s,
@@ -136,6 +152,7 @@ class Pilot:
             self._home.ground_down_m,
             late_s,
             self._progress.take_events(),
+            texts,
         )
 
     def _sound(self, step: _Step, state: VehicleState, dt: float) -> Decision:
@@ -161,7 +178,7 @@ class Pilot:
         problem = self._watch.defect(state)
         if problem is None and not state.armed:
             problem = self._watch.unsettled(state)
-        patience_s = READY_TIMEOUT_S if state.ready_to_arm and state.estimator_ok else BOOT_TIMEOUT_S
+        allowed_s = patience_s(state)
         if self._watch.want_land:
             self._progress.end(self._watch.want_land)
         elif problem is None and state.armed:
@@ -169,8 +186,12 @@ class Pilot:
         elif problem is None:
             self._steering.start_at(state)
             self._progress.enter(Stage.STREAM)
-        elif self._progress.in_stage_s > patience_s:
-            self._progress.end(f"no usable state came from the autopilot in {patience_s:g} s: {problem}")
+        elif self._progress.in_stage_s > allowed_s:
+            problem = "; ".join([problem, *self._reasons(state)])
+            self._progress.end(f"no usable state came from the autopilot in {allowed_s:g} s: {problem}")
+        elif not state.ready_to_arm and self._progress.now_s - self._checks_asked_s > CHECKS_EVERY_S:
+            self._checks_asked_s = self._progress.now_s
+            return Decision(requests=(Request.CHECKS,))
         return _NOTHING
 
     def _stream(self, state: VehicleState, dt: float) -> Decision:
@@ -283,6 +304,31 @@ class Pilot:
         if decision.output is not None and decision.output.compensation.trust < 1.0 and not self._faded:
             self._faded = True
             self._progress.note("the compensator is beyond the heights of its data", "fade out")
+
+    def _notice_silence(self) -> None:
+        """Note for the log when the autopilot falls silent altogether, and when it is heard again."""
+        if self._watch.gone != self._gone:
+            self._gone = self._watch.gone
+            self._progress.note(
+                "the autopilot is gone: nothing comes from it" if self._gone else "it is heard again", ""
+            )
+
+    def _notice_texts(self, state: VehicleState) -> tuple[StatusText, ...]:
+        """Texts that are new, which are noted for the log."""
+        if state.texts is self._texts:
+            return ()
+        new = tuple(text for text in state.texts if text not in self._texts)
+        self._texts = state.texts
+        for text in new:
+            self._progress.note(str(text), "")
+        return new
+
+    def _reasons(self, state: VehicleState) -> list[str]:
+        """Latest warnings and errors of an autopilot that is not ready, each once."""
+        if state.ready_to_arm:
+            return []
+        since_s = state.time_s - REASONS_S
+        return list(dict.fromkeys(text.text for text in state.texts if text.grave and text.received_s > since_s))
 
     def _idle(self, requests: tuple[Request, ...] = ()) -> Decision:
         """Level target without thrust; none where the autopilot takes off itself, which a target would prevent."""

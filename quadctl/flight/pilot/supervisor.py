@@ -17,6 +17,9 @@ MODE_FRESH_S = 0.5
 HEARTBEAT_S = 1.0
 """Interval of heartbeats, which some autopilots do not change; others tell the mode more often."""
 
+SILENT_S, GONE_S = 1.0, 2.0
+"""Silence after which the loop's own time is counted, and that time until the autopilot counts as gone: so a stall of
+the loop is not taken for a silence."""
 LEFT_GROUND_M = 0.1
 """Climb above the height at rest after which the vehicle has left the ground, and its height is guarded."""
 
@@ -44,6 +47,7 @@ class Supervisor:
         self._continuity = Continuity(settings.guards.continuity)
         self._cleared = False
         self._stall: str | None = None
+        self._unheard_s = 0.0
         self._stalled_s = -math.inf
         """Time at which the last stall was noticed."""
 
@@ -58,8 +62,15 @@ class Supervisor:
         stalled = stalled_s > self._guards.max_tick_late_s
         self._stall = f"the control loop stalled for {stalled_s:.2f} s" if stalled else None
         self._stalled_s = state.time_s if stalled else self._stalled_s
+        heard = not SILENT_S < state.silence_s < math.inf  # or never yet
+        self._unheard_s = 0.0 if heard else self._unheard_s + min(dt, self._guards.max_tick_late_s)
         self._boots = state.boots if self._boots is None else self._boots
         self.restarted = self.restarted or state.boots != self._boots
+
+    @property
+    def gone(self) -> bool:
+        """True when nothing at all has come from the autopilot for three seconds."""
+        return self._unheard_s > GONE_S
 
     def defect(self, state: VehicleState) -> str | None:
         """Reason why the flight cannot use this state, or None."""

@@ -4,7 +4,7 @@ import enum
 from typing import NamedTuple
 
 from quadctl.control import ControlOutput
-from quadctl.state import AttitudeTarget, Setpoint, VehicleState
+from quadctl.state import AttitudeTarget, Setpoint, StatusText, VehicleState
 
 
 class Stage(enum.Enum):
@@ -25,6 +25,7 @@ class Request(enum.Enum):
     """Request of the pilot to the autopilot; carried out beside the loop."""
 
     OFFBOARD = "enter offboard"
+    CHECKS = "run its checks"
     ARM = "arm"
     TAKE_OFF = "take off"
     LAND = "land"
@@ -63,3 +64,5 @@ class Tick(NamedTuple):
     ground_down_m: float
     late_s: float
     events: tuple[Event, ...] = ()
+    texts: tuple[StatusText, ...] = ()
+    """Texts of the autopilot that are new; each is an event too."""

@@ -3,6 +3,7 @@
 import asyncio
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -10,7 +11,8 @@ from quadctl.errors import FlightError
 from quadctl.flight.autopilot.firmware import Check, Requirement, hover_throttle
 from quadctl.flight.autopilot.mavsdk_autopilot import MavsdkAutopilot
 from quadctl.flight.autopilot.port import Autopilot
-from quadctl.flight.pilot.guards import defect
+from quadctl.flight.pilot.guards import GuardLimits, defect
+from quadctl.flight.pilot.patience import patience_s
 from quadctl.flight.pilot.standing import not_standing, posture
 from quadctl.flight.preflight.changed_parameters import ChangedParameters, left_behind, restore, still_changed
 from quadctl.flight.preflight.findings import Finding, Verdict, judged
@@ -42,6 +44,8 @@ class Inspected(Protocol):
     async def request_telemetry(self) -> None: ...
 
     def thrust_additions(self, hover: float) -> list[Addition]: ...
+
+    async def run_checks(self) -> None: ...
 
     def state(self) -> VehicleState: ...
 
@@ -124,19 +128,35 @@ async def inspect_autopilot(
         await autopilot.request_telemetry()
     except FlightError as error:
         return [Finding(Verdict.REFUSED, "messages", str(error))]
+    await _ready(autopilot, plan.settings.guards)
+    with suppress(FlightError):  # an autopilot that does not answer this is refused for what it lacks
+        await autopilot.run_checks()
     counted = await _listen(autopilot, seconds)
     state = autopilot.state()
     return [
         judged("autopilot", autopilot.description),
         *(Finding(Verdict.WARNING, "messages", warning) for warning in autopilot.warnings),
-        *_messages(counted, plan),
+        *_messages(counted, state, plan),
         _estimator(state, plan),
         _standing(state, plan),
+        *_texts(state),
         _mode(state),
         _battery(state, plan),
         *await _parameters(autopilot, plan.body.vehicle, without_failsafe),
         *thrust_findings(autopilot.thrust_additions(hover_throttle(plan.body.vehicle))),
     ]
+
+
+async def _ready(autopilot: Inspected, guards: GuardLimits) -> None:
+    """Wait as long as a flight does for a state that it may use, as the estimator needs some time after boot."""
+    began_s = autopilot.state().time_s
+    while True:
+        state = autopilot.state()
+        if state.armed or (state.ready_to_arm and defect(state, guards) is None):
+            return
+        if state.time_s - began_s > patience_s(state):
+            return
+        await asyncio.sleep(LOOK_EVERY_S)
 
 
 async def _listen(autopilot: Inspected, seconds: float) -> Counted:
@@ -154,7 +174,7 @@ async def _listen(autopilot: Inspected, seconds: float) -> Counted:
     return counted
 
 
-def _messages(counted: Counted, plan: FlightPlan) -> Iterator[Finding]:
+def _messages(counted: Counted, state: VehicleState, plan: FlightPlan) -> Iterator[Finding]:
     """Findings about the messages that control needs, at the rates at which they arrive."""
     allowed_s, wanted_hz = plan.settings.guards.max_state_age_s, plan.settings.controller.rate_hz
     for part in ("position", "attitude"):
@@ -169,8 +189,12 @@ def _messages(counted: Counted, plan: FlightPlan) -> Iterator[Finding]:
         text = f"{part} at {rate:.0f} Hz, up to {1e3 * oldest_s:.0f} ms old"
         yield judged("messages", text, refused=refused, warning=warning)
     rpm_hz = counted.rate_hz("rpm")
-    lacking = "the lab will have to take thrust from the throttle" if rpm_hz == 0.0 else None
-    yield judged("messages", f"rotor speeds at {rpm_hz:.0f} Hz", warning=lacking)
+    text, lacking = f"rotor speeds at {rpm_hz:.0f} Hz", None
+    if rpm_hz == 0.0:
+        lacking = "the lab will have to take thrust from the throttle"
+    elif state.rotor_rpm and not any(rpm > 0.0 for rpm in state.rotor_rpm):
+        lacking = "all are zero, so it will show when the motors turn if they are measured"
+    yield judged("messages", text, warning=lacking)
 
 
 def _estimator(state: VehicleState, plan: FlightPlan) -> Finding:
@@ -186,12 +210,19 @@ def _standing(state: VehicleState, plan: FlightPlan) -> Finding:
     return judged("standing", posture(state), refused=refused, warning=unseen)
 
 
+def _texts(state: VehicleState) -> Iterator[Finding]:
+    """What the autopilot has said as texts, each once."""
+    for text in dict.fromkeys(text._replace(received_s=0.0) for text in state.texts):
+        yield Finding(Verdict.WARNING if text.grave else Verdict.OK, "autopilot", str(text))
+
+
 def _mode(state: VehicleState) -> Finding:
     armed = "armed" if state.armed else "disarmed"
     refused = "expected a vehicle that is disarmed" if state.armed else None
     if refused is None and not state.ready_to_arm:
-        refused = "its own checks do not pass (yet): it would not arm"
-    return judged("mode", f"{state.mode or 'unknown'}, {armed}", refused=refused)
+        refused = "its own checks do not pass: it would not arm"
+    unknown = None if state.tells_readiness else "in this mode it does not say if it would arm: choose another mode"
+    return judged("mode", f"{state.mode or 'unknown'}, {armed}", refused=refused, warning=unknown)
 
 
 def _battery(state: VehicleState, plan: FlightPlan) -> Finding:

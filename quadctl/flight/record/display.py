@@ -2,6 +2,7 @@
 because a terminal can block (a slow ssh link, Ctrl-S) and the loop must not."""
 
 import math
+import queue
 import threading
 from collections.abc import Sequence
 from types import TracebackType
@@ -14,6 +15,7 @@ from rich.table import Table
 
 from quadctl.flight.pilot.pilot import Pilot
 from quadctl.flight.pilot.tick import Tick
+from quadctl.state import StatusText
 
 REFRESH_S = 0.25
 
@@ -26,11 +28,14 @@ class Display:
         self._real_time = ", ".join(real_time)
         self._console = console
         self._tick: Tick | None = None
+        self._texts: queue.SimpleQueue[StatusText] = queue.SimpleQueue()
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._draw, name="display", daemon=True)
 
     def __call__(self, tick: Tick) -> None:
         self._tick = tick
+        for text in tick.texts:
+            self._texts.put(text)
 
     def __enter__(self) -> "Display":
         self._thread.start()
@@ -43,8 +48,17 @@ class Display:
     def _draw(self) -> None:
         with Live(console=self._console, auto_refresh=False, transient=True) as live:
             while not self._stop.wait(REFRESH_S):
+                self._say()
                 if self._tick is not None:
                     live.update(picture(self._tick, self._pilot, self._real_time), refresh=True)
+            self._say()
+
+    def _say(self) -> None:
+        """Print the texts of the autopilot, which stay above the table."""
+        while not self._texts.empty():
+            text = self._texts.get()
+            style = "yellow" if text.grave else "default"
+            self._console.print(str(text), style=style, soft_wrap=True, markup=False, highlight=False)
 
 
 def picture(tick: Tick, pilot: Pilot, real_time: str = "") -> Table:
@@ -67,7 +81,9 @@ def picture(tick: Tick, pilot: Pilot, real_time: str = "") -> Table:
         table.add_row("height", f"{height:6.3f} m")
     rpm = " ".join(f"{r:.0f}" for r in state.rotor_rpm if math.isfinite(r)) or "none reported"
     table.add_row("rotors", f"{rpm} rpm, battery {state.battery_v:.2f} V")
-    table.add_row("autopilot", f"{escape(state.mode) or 'no mode'}, {'armed' if state.armed else 'disarmed'}")
+    known = f"{escape(state.mode) or 'no mode'}, {'armed' if state.armed else 'disarmed'}"
+    gone = f"[bold red]gone[/]: no message for {state.silence_s:.0f} s"
+    table.add_row("autopilot", gone if pilot.autopilot_gone else known)
     table.add_row("ticks", f"late {1e3 * tick.late_s:.2f} ms, state {1e3 * state.control_age_s:.0f} ms old")
     if real_time:
         table.add_row("", f"kept by {real_time}")

@@ -165,6 +165,8 @@ class FakeAutopilot:
     def thrust_additions(self, hover: float) -> list[Addition]:
         return ardupilot.additions(hover, {"ATC_ANGLE_BOOST": 1.0}, Ambient(density_ratio=0.9))
 
+    async def run_checks(self) -> None: ...
+
     def state(self) -> VehicleState:
         now = 100.0 + 0.002 * next(self._looks)
         latest = math.floor(now * self.rate_hz) / self.rate_hz
@@ -235,6 +237,16 @@ def test_messages_that_come_too_seldom_are_refused_and_slow_ones_a_warning(tmp_p
     slow = [f for f in asked(tmp_path, FakeAutopilot(STANDING, rate_hz=30.0)) if f.topic == "messages"]
     assert [finding.verdict for finding in slow[:2]] == [Verdict.WARNING] * 2
     assert "control runs at 50 Hz" in slow[0].text
+
+
+@pytest.mark.parametrize("rpm", [0.0, math.nan])
+def test_rotor_speeds_that_are_all_zero_are_not_called_measured(tmp_path: Path, rpm: float) -> None:
+    """ArduPilot without speed sensors sends zeros, which count as unknown."""
+    findings = asked(tmp_path, FakeAutopilot(replace(STANDING, rotor_rpm=(rpm,) * 4)))
+    warning = found(findings, Verdict.WARNING)["messages"]
+    assert warning == "rotor speeds at 100 Hz: all are zero, so it will show when the motors turn if they are measured"
+    turning = asked(tmp_path, FakeAutopilot(replace(STANDING, rotor_rpm=(900.0,) * 4)))
+    assert "messages" not in found(turning, Verdict.WARNING)
 
 
 def test_an_autopilot_that_refuses_a_message_is_refused(tmp_path: Path) -> None:
