@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 
-.PHONY: demo test test-flights test-computing test-long lint docs bench bench-loop faults papers hidden decision-rule tutorial real
+.PHONY: demo test test-flights test-computing test-long lint docs bench bench-loop faults autopilots papers hidden decision-rule tutorial real
 .PHONY: architecture sitl-check screenshots clean
 
 demo: $(INSTALLED)
@@ -47,6 +47,10 @@ bench-loop: $(INSTALLED)
 faults: FAULTS_PAGE ?= docs/faults.md
 faults: $(INSTALLED)
 	$(BIN)/python -m studies.faults --out $(FAULTS_PAGE)
+
+# The simulated autopilots beside the recordings of real ones, in ../shared; writes docs/autopilots.md.
+autopilots: $(INSTALLED)
+	$(BIN)/python -m studies.autopilots
 
 # Both sets of seeds: the one that the lab was tuned on, and the one that is run for the report only.
 hidden: $(INSTALLED)
