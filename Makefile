@@ -86,10 +86,10 @@ architecture: $(INSTALLED)
 screenshots: $(INSTALLED)
 	SCREENSHOTS=all $(BIN)/python -m pytest tests/web/test_lab_page.py tests/web/test_view_page.py -s
 
-# Flies a staircase on real autopilots that are there: make sitl-check PX4=DIRECTORY ARDUPILOT=DIRECTORY (or LINK=URL).
+# Flies real autopilots that are there and prints a table: make sitl-check PX4=DIRECTORY ARDUPILOT=DIRECTORY [FRAME=hexa] (or LINK=URL).
 sitl-check: export QUADCTL := $(abspath $(BIN))/quadctl
 sitl-check: $(INSTALLED)
-	@PX4="$(PX4)" ARDUPILOT="$(ARDUPILOT)" LINK="$(LINK)" CONFIG="$(CONFIG)" sitl/check.sh
+	@PX4="$(PX4)" ARDUPILOT="$(ARDUPILOT)" LINK="$(LINK)" CONFIG="$(CONFIG)" FRAME="$(or $(FRAME),quad)" sitl/check.sh
 
 clean:
 	rm -rf $(VENV) build demo logs *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache
