@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 
-.PHONY: demo test test-flights test-computing test-long lint docs bench bench-loop faults papers hidden decision-rule tutorial real
+.PHONY: demo test test-flights test-computing test-long lint docs bench bench-loop faults autopilots papers hidden decision-rule tutorial real
 .PHONY: architecture sitl-check screenshots clean
 
 demo: $(INSTALLED)
@@ -48,6 +48,10 @@ faults: FAULTS_PAGE ?= docs/faults.md
 faults: $(INSTALLED)
 	$(BIN)/python -m studies.faults --out $(FAULTS_PAGE)
 
+# The simulated autopilots beside the recordings of real ones, in ../shared; writes docs/autopilots.md.
+autopilots: $(INSTALLED)
+	$(BIN)/python -m studies.autopilots
+
 # Both sets of seeds: the one that the lab was tuned on, and the one that is run for the report only.
 hidden: $(INSTALLED)
 	$(BIN)/python -m studies.blind_cases.scoreboard --set tuning
@@ -82,10 +86,10 @@ architecture: $(INSTALLED)
 screenshots: $(INSTALLED)
 	SCREENSHOTS=all $(BIN)/python -m pytest tests/web/test_lab_page.py tests/web/test_view_page.py -s
 
-# Flies a staircase on real autopilots that are there: make sitl-check PX4=DIRECTORY ARDUPILOT=DIRECTORY (or LINK=URL).
+# Flies real autopilots that are there and prints a table: make sitl-check PX4=DIRECTORY ARDUPILOT=DIRECTORY [FRAME=hexa] (or LINK=URL).
 sitl-check: export QUADCTL := $(abspath $(BIN))/quadctl
 sitl-check: $(INSTALLED)
-	@PX4="$(PX4)" ARDUPILOT="$(ARDUPILOT)" LINK="$(LINK)" CONFIG="$(CONFIG)" sitl/check.sh
+	@PX4="$(PX4)" ARDUPILOT="$(ARDUPILOT)" LINK="$(LINK)" CONFIG="$(CONFIG)" FRAME="$(or $(FRAME),quad)" sitl/check.sh
 
 clean:
 	rm -rf $(VENV) build demo logs *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache

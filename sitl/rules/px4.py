@@ -8,6 +8,7 @@ import math
 from collections import deque
 from typing import ClassVar, NamedTuple
 
+from quadctl.errors import SettingsError
 from quadctl.frames import GRAVITY_M_S2, multiply, quaternion_from_euler, rotate
 from quadctl.sitl.vehicle.body import STEP_S, SimulatedBody
 from quadctl.sitl.vehicle.estimator import VERTICAL_STD_M, Estimator
@@ -64,9 +65,10 @@ class SimulatedAutopilot:
         self.mode = self.first_mode
         self.armed = False
         self.landed = True
-        self.ready_after_s = 0.0
+        self.ready_after_s = truth.autopilot.ready_after_s
+        self._climb_m_s = truth.autopilot.climb_m_s
         """Time after boot at which it lets itself be armed; real ones need up to 40 s."""
-        self.parameters = dict(self.default_parameters)
+        self.parameters = self._parameters(truth.autopilot.parameters, source)
         self.target = AttitudeTarget(LEVEL, 0.0)
         self._own_target = AttitudeTarget(LEVEL, 0.0)
         self.outputs = [0.0] * vehicle.n_rotors
@@ -83,6 +85,12 @@ class SimulatedAutopilot:
         self.said: deque[tuple[int, str]] = deque()
         """Texts that it has to say, with their MAV_SEVERITY; taken by whoever sends them."""
         self.estimator.observe(self.body.motion())
+
+    def _parameters(self, changes: dict[str, float], source: str) -> dict[str, float]:
+        """Default parameters with changes; raises SettingsError for a parameter that it does not have."""
+        if unknown := sorted(changes.keys() - self.default_parameters.keys()):
+            raise SettingsError(f"{source}: autopilot.parameters: the simulated {self.name} has no {unknown[0]}")
+        return self.default_parameters | changes
 
     @property
     def time_s(self) -> float:
@@ -319,7 +327,7 @@ class SimulatedAutopilot:
         vx, vy, vz = self.body.velocity
         ax, ay, az = self._anchor
         landing = self.mode == "LAND" or (self.mode == "RTL" and math.hypot(x - ax, y - ay) < 0.3)
-        sink = self._land_speed_m_s if landing else min(max(az - z, -1.0), 1.0)
+        sink = self._land_speed_m_s if landing else min(max(az - z, -self._climb_m_s), 1.0)
         if landing and self.body.in_contact:
             return AttitudeTarget(level, 0.0)
         # Without an integrator a strong ground effect would carry the vehicle for ever.

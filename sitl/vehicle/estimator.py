@@ -3,6 +3,7 @@
 import math
 import random
 from collections import deque
+from collections.abc import Callable
 
 from quadctl.frames import multiply, quaternion_from_euler
 from quadctl.sitl.vehicle.body import Motion
@@ -22,6 +23,22 @@ LAST_BITS = 1e-7
 one that does counts as frozen."""
 
 
+class _Drift:
+    """A slow error in three axes: a Gauss-Markov process in each, one step for every update of the estimate."""
+
+    def __init__(self, sigma: Vec3, time_s: float) -> None:
+        self._kept = math.exp(-UPDATE_S / time_s)
+        x, y, z = (size * math.sqrt(1.0 - self._kept * self._kept) for size in sigma)
+        self._push: Vec3 = (x, y, z)
+        self._value: Vec3 = (0.0, 0.0, 0.0)
+
+    def next(self, gauss: Callable[[float], float]) -> Vec3:
+        """Error one update later."""
+        (x, y, z), (px, py, pz), kept = self._value, self._push, self._kept
+        self._value = kept * x + gauss(px), kept * y + gauss(py), kept * z + gauss(pz)
+        return self._value
+
+
 class Estimator:
     """Estimator: takes the true motion of every physics step, gives the estimate of the latest update.
 
@@ -33,7 +50,9 @@ class Estimator:
         self._telemetry = telemetry
         self._random = random.Random(seed)
         self._past: deque[Motion] = deque()
-        self._drift: Vec3 = (0.0, 0.0, 0.0)
+        self._position_drift = _Drift((noise.position_drift_m,) * 3, noise.drift_time_s)
+        self._velocity_drift = _Drift(noise.velocity_drift_m_s, noise.velocity_drift_time_s)
+        self._attitude_drift = _Drift(noise.attitude_drift_deg, noise.attitude_drift_time_s)
         self._next_update_s = 0.0
         self._next_rpm_s = 0.0
         self.updated_s = -math.inf
@@ -90,23 +109,18 @@ class Estimator:
         p, q, r = motion.rates_rad_s
         s, v, w = noise.position_m, max(noise.velocity_m_s, LAST_BITS), max(noise.rates_rad_s, LAST_BITS)
         angle = math.radians(noise.attitude_deg)
-        dx, dy, dz = self._drift = self._drifted()
+        dx, dy, dz = self._position_drift.next(gauss)
+        north, east, up = self._velocity_drift.next(gauss)
+        roll, pitch, yaw = map(math.radians, self._attitude_drift.next(gauss))
         unaided_s = self.unaided_s(now)
         off_m_s = UNAIDED_DRIFT_M_S2 * unaided_s
         off_m = 0.5 * off_m_s * unaided_s
         self.position = (x + dx + off_m + gauss(s), y + dy + gauss(s), z + dz + gauss(s))
-        self.velocity = (vx + off_m_s + gauss(v), vy + gauss(v), vz + gauss(v))
+        self.velocity = (vx + off_m_s + north + gauss(v), vy + east + gauss(v), vz - up + gauss(v))
         self.rates = (p + gauss(w), q + gauss(w), r + gauss(w))
-        error = quaternion_from_euler(gauss(angle), gauss(angle), gauss(angle))
+        error = quaternion_from_euler(roll + gauss(angle), pitch + gauss(angle), yaw + gauss(angle))
         self.attitude = multiply(motion.attitude, error)
         self.updated_s = now
-
-    def _drifted(self) -> Vec3:
-        """The slow error of the position one update later: a Gauss-Markov process in each axis."""
-        kept = math.exp(-UPDATE_S / self._noise.drift_time_s)
-        push = self._noise.position_drift_m * math.sqrt(1.0 - kept * kept)
-        dx, dy, dz = self._drift
-        return kept * dx + self._gauss(push), kept * dy + self._gauss(push), kept * dz + self._gauss(push)
 
     def _gauss(self, sigma: float) -> float:
         return self._random.gauss(0.0, sigma) if sigma > 0.0 else 0.0

@@ -17,9 +17,14 @@ from quadctl.numeric import Number, maximum
 from quadctl.settings import Settings, load
 from quadctl.vehicle import Vehicle
 
+Triple = tuple[NonNegativeFloat, NonNegativeFloat, NonNegativeFloat]
+
 
 class Noise(Settings):
-    """Standard deviations of the noise of the autopilot's estimate, white except for the drift."""
+    """Standard deviations of the noise of the autopilot's estimate, white except for the drifts.
+
+    A drift is slow, as the error of a filter is: its correlation falls to 1/e in its time.
+    """
 
     position_m: NonNegativeFloat = 0.0005
     position_drift_m: NonNegativeFloat = 0.0
@@ -27,7 +32,13 @@ class Noise(Settings):
     drift_time_s: float = Field(default=30.0, gt=0.0)
     """Correlation time of the drift."""
     velocity_m_s: NonNegativeFloat = 0.01
+    velocity_drift_m_s: Triple = (0.0, 0.0, 0.0)
+    """North, east, up."""
+    velocity_drift_time_s: float = Field(default=3.0, gt=0.0)
     attitude_deg: NonNegativeFloat = 0.1
+    attitude_drift_deg: Triple = (0.0, 0.0, 0.0)
+    """Roll, pitch, yaw."""
+    attitude_drift_time_s: float = Field(default=5.0, gt=0.0)
     rates_rad_s: NonNegativeFloat = 0.01
     rpm: NonNegativeFloat = 20.0
     battery_v: NonNegativeFloat = 0.01
@@ -44,12 +55,23 @@ class Telemetry(Settings):
     rpm_rate_hz: float = Field(default=25.0, gt=0.0, le=100.0)
 
 
+class AutopilotTruth(Settings):
+    """What the simulated autopilot does otherwise than by default."""
+
+    ready_after_s: NonNegativeFloat = 0.0
+    """Time after boot at which it lets itself be armed."""
+    climb_m_s: float = Field(default=1.0, gt=0.0)
+    """Largest climb rate of its own modes."""
+    parameters: dict[str, float] = Field(default_factory=dict)
+
+
 class HiddenTruth(Settings):
     """Content of the file of `simulate --hidden FILE`."""
 
     effects: list[EffectEntry] = Field(default_factory=list)
     noise: Noise = Noise()
     telemetry: Telemetry = Telemetry()
+    autopilot: AutopilotTruth = AutopilotTruth()
 
 
 @dataclass(frozen=True)

@@ -39,7 +39,8 @@ def stages(log: FlightLog) -> list[str]:
     return [stage for stage in dict.fromkeys(log.phase.tolist()) if stage != "wait"]
 
 
-SHORTER = ("--set", "settle_s=4", "--set", "step_s=9")
+SHORTER = ("--set", "settle_s=4", "--set", "step_s=9", "--offset-up", "0.5")
+"""And higher: an estimate that is off by decimetres, as a real PX4's is, may put a low vehicle on the ground."""
 
 
 def test_the_same_command_flies_a_stock_px4_and_a_stock_ardupilot_into_the_lab(tmp_path: Path) -> None:

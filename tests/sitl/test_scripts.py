@@ -17,6 +17,13 @@ def test_the_check_of_real_simulators_says_when_there_is_none() -> None:
     assert done.stderr.startswith("no autopilot to check: say PX4=DIRECTORY, ARDUPILOT=DIRECTORY or LINK=URL")
 
 
+def test_a_frame_that_is_not_known_is_said() -> None:
+    settings = {"PATH": os.environ["PATH"], "LINK": "udpin://127.0.0.1:1", "FRAME": "octa"}
+    done = subprocess.run([ROOT / "sitl" / "check.sh"], env=settings, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert done.stderr == "FRAME=octa: expected quad or hexa\n"
+
+
 @pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])
 def test_a_start_script_says_what_it_misses(autopilot: str, tmp_path: Path) -> None:
     start = ROOT / "sitl" / autopilot / "start.sh"

@@ -49,7 +49,7 @@ class _Escs(NamedTuple):
 
 
 class _Outputs(NamedTuple):
-    """Motor outputs in the autopilot's own unit: microseconds or shares."""
+    """Motor outputs on the scale of the throttle target."""
 
     received_s: float = -math.inf
     value: tuple[float, ...] = ()
@@ -148,7 +148,7 @@ class Telemetry:
             rotor_rpm=rpm,
             motor_voltage_v=tuple(v for group in escs for v in group.voltage_v)[:n],
             motor_current_a=tuple(v for group in escs for v in group.current_a)[:n],
-            motor_output=tuple(map(self.throttle_of, self._outputs.value[:n])),
+            motor_output=self._outputs.value,
             battery_v=battery_v,
             armed=heartbeat.armed,
             landed=self._landed,
@@ -284,12 +284,16 @@ class Telemetry:
             self._raw_rpm[rotor] = (now_s, _number(fields["frequency"]))
 
     def _on_actuators(self, fields: Fields, now_s: float) -> None:
-        self._outputs = _Outputs(now_s, tuple(map(_number, fields["actuator"])))
+        self._take_outputs(now_s, list(map(_number, fields["actuator"])))
 
     def _on_servos(self, fields: Fields, now_s: float) -> None:
         pulses: Sequence[float] = [float(fields[f"servo{i}_raw"]) for i in range(1, 17)]
         if fields["port"] == 0:  # outputs 1 to 16
-            self._outputs = _Outputs(now_s, tuple(pulses))
+            self._take_outputs(now_s, pulses)
+
+    def _take_outputs(self, now_s: float, values: Sequence[float]) -> None:
+        """Take in motor outputs in the autopilot's own unit; converted here and not at every tick."""
+        self._outputs = _Outputs(now_s, tuple(map(self.throttle_of, values[: self._n_rotors])))
 
     def _on_estimator(self, ratios: Sequence[str], fields: Fields, now_s: float) -> None:
         """Take in the estimator's flags, and the largest of the innovation test ratios in the fields `ratios`.

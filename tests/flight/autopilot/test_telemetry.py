@@ -82,8 +82,9 @@ def test_motor_outputs_are_thrusts_without_the_compensations_of_the_autopilot() 
     ambient = Ambient(15.0, 0.9016)
     outputs = {i: output_of_thrust(0.1 * i, COMPENSATED, ambient) for i in range(1, 5)}
     pulses = {f"servo{i}_raw": round(1000.0 * (1.0 + outputs.get(i, -1.0))) for i in range(1, 17)}
-    telemetry = heard(("SYS_STATUS", VOLTAGE), ("SCALED_PRESSURE", AIR), ("SERVO_OUTPUT_RAW", {"port": 0, **pulses}))
+    telemetry = heard(("SYS_STATUS", VOLTAGE), ("SCALED_PRESSURE", AIR))
     telemetry.thrust_parameters = COMPENSATED
+    telemetry.receive("SERVO_OUTPUT_RAW", {"port": 0, **pulses}, now_s=1.0)
     assert telemetry.state(1.0).motor_output == pytest.approx((0.1, 0.2, 0.3, 0.4), abs=0.002)
 
 

@@ -1,0 +1,176 @@
+"""Probes: measurements of a mock in simulated time, each of the quantity that was measured on the real autopilot."""
+
+import math
+from collections.abc import Callable
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from quadctl.control.attitude import attitude_for_force
+from quadctl.sitl.rules.copter import Guided, SimulatedCopter
+from quadctl.sitl.rules.px4 import SimulatedAutopilot
+from quadctl.sitl.server.ardupilot import MavlinkArduPilot
+from quadctl.state import AttitudeTarget
+from quadctl.thrust_chain.ardupilot import thrust_of_output
+from quadctl.thrust_chain.chain import Ambient
+
+from .measured import mock, on_the_wire
+
+TICK_S = 0.02
+PATIENCE_S = 60.0
+LEVEL = (1.0, 0.0, 0.0, 0.0)
+HOVER_M = 1.5
+TILT_RAD = math.radians(14.0)
+
+
+def until(px: SimulatedAutopilot, condition: Callable[[], bool], each: Callable[[], None] = lambda: None) -> float:
+    """Time that passes until `condition`; `each` is called before each tick. Infinite after PATIENCE_S."""
+    begin_s = px.time_s
+    while not condition():
+        if px.time_s - begin_s > PATIENCE_S:
+            return math.inf
+        each()
+        px.step(px.time_s + TICK_S)
+    return px.time_s - begin_s
+
+
+def hovering(name: str) -> SimulatedAutopilot:
+    """Mock in a hover at HOVER_M in the mode of targets, held there by targets."""
+    px = mock(name)
+    until(px, lambda: px.estimate().ready_to_arm)
+    px.set_attitude_target(AttitudeTarget(LEVEL, 0.0))
+    px.request_mode(px.offboard_mode)
+    px.request_arm()
+    if isinstance(px, SimulatedCopter):
+        px.request_take_off(HOVER_M)
+        until(px, lambda: -px.body.position[2] > HOVER_M - 0.05)
+    until(px, lambda: px.time_s > 25.0, lambda: hold(px))
+    return px
+
+
+def hold(px: SimulatedAutopilot) -> None:
+    """Send the target that holds HOVER_M, computed from the true state."""
+    (x, y, z), (vx, vy, vz) = px.body.position, px.body.velocity
+    m = px.vehicle.mass_kg
+    north, east = -1.0 * x - 1.6 * vx, -1.0 * y - 1.6 * vy
+    down = -9.80665 + 2.0 * (-HOVER_M - z) - 3.0 * vz
+    attitude = attitude_for_force((m * north, m * east, m * down), 0.0)
+    px.set_attitude_target(AttitudeTarget(attitude, _throttle(px, -m * down)))
+
+
+def _throttle(px: SimulatedAutopilot, thrust_n: float) -> float:
+    return min(max(px.vehicle.throttle.offset + px.vehicle.throttle.per_newton * thrust_n, 0.0), 1.0)
+
+
+# --- probes -----------------------------------------------------------------------------------------------------------
+
+
+def heartbeat_hz(name: str) -> float:
+    return on_the_wire(mock(name), name)._streams[mavlink.MAVLINK_MSG_ID_HEARTBEAT].default_rate_hz
+
+
+def heartbeat_interval(name: str) -> str:
+    return "refused" if on_the_wire(mock(name), name).manners.fixed_heartbeats else "accepted"
+
+
+def position_hz(name: str) -> float:
+    return on_the_wire(mock(name), name).manners.streams[mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED].default_rate_hz
+
+
+def attitude_hz(name: str) -> float:
+    return on_the_wire(mock(name), name).manners.streams[mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION].default_rate_hz
+
+
+def ready_s(name: str) -> float:
+    px = mock(name)
+    return until(px, lambda: px.estimate().ready_to_arm)
+
+
+def setpoints_lost_s(name: str) -> float:
+    px = hovering(name)
+    if isinstance(px, SimulatedCopter):
+        return until(px, lambda: px.guided is Guided.LEVEL)
+    return until(px, lambda: px.mode != px.offboard_mode)
+
+
+def station_lost_s(name: str) -> float:
+    """Time to LAND after a heartbeat that came half a second before the end, as on average."""
+    px = hovering(name)
+    px.hear_heartbeat(1)
+    until(px, lambda at_s=px.time_s: px.time_s > at_s + 0.5)  # type: ignore[misc]
+    return until(px, lambda: px.mode == "LAND")
+
+
+def station_ignored(name: str) -> str:
+    px = hovering(name)
+    px.parameters["SYSID_MYGCS"] = 255.0
+    px.hear_heartbeat(1)
+    return "never" if math.isinf(until(px, lambda: px.mode == "LAND")) else "landed"
+
+
+def climb_s(name: str) -> float:
+    px = mock(name)
+    until(px, lambda: px.estimate().ready_to_arm)
+    px.request_mode(px.offboard_mode)
+    px.request_arm()
+    px.request_take_off(2.0)
+    return until(px, lambda: -px.body.position[2] > 1.9)
+
+
+def landed_s(name: str) -> float:
+    px = hovering(name)
+    px.request_mode("LAND")
+    return until(px, lambda: px.body.in_contact)
+
+
+def disarmed_s(name: str) -> float:
+    px = hovering(name)
+    px.request_mode("LAND")
+    return until(px, lambda: not px.armed)
+
+
+def idle_s(name: str) -> float:
+    """Time armed on the ground without a throttle until it disarms."""
+    px = mock(name)
+    until(px, lambda: px.estimate().ready_to_arm)
+    px.set_attitude_target(AttitudeTarget(LEVEL, 0.0))
+    px.request_mode(px.offboard_mode)
+    px.request_arm()
+    return until(px, lambda: not px.armed, lambda: px.set_attitude_target(AttitudeTarget(LEVEL, 0.0)))
+
+
+def hover_throttle(name: str) -> float:
+    """Throttle of hover by the vehicle file, which the mock obeys at the reference voltage of its battery."""
+    px = mock(name)
+    return _throttle(px, px.vehicle.weight_n)
+
+
+def added_at_14_deg(name: str) -> float:
+    """Thrust that the mock flies over the thrust of a target at 14 degrees of tilt, less 1, in percent."""
+    px = hovering(name)
+    throttle = _throttle(px, px.vehicle.weight_n)
+    w, x = math.cos(0.5 * TILT_RAD), math.sin(0.5 * TILT_RAD)
+    px.set_attitude_target(AttitudeTarget((w, x, 0.0, 0.0), throttle))
+    px.body.attitude = (w, x, 0.0, 0.0)
+    return 100.0 * (px._active.throttle / throttle - 1.0)
+
+
+def outputs_over_command(name: str) -> float:
+    """Motor output over the command, the curve of the motors alone removed."""
+    px = hovering(name)
+    wire = on_the_wire(px, name)
+    assert isinstance(wire, MavlinkArduPilot)
+    throttle = _throttle(px, px.vehicle.weight_n)
+    share = wire.pulse_us(throttle) / 1000.0 - 1.0
+    chain = {key: value for key, value in px.parameters.items() if "VOLT" not in key}
+
+    return float(thrust_of_output(share, chain, Ambient())) / throttle
+
+
+PROBES: dict[str, Callable[[str], str | float]] = {
+    probe.__name__: probe
+    for probe in (
+        *(heartbeat_hz, heartbeat_interval, position_hz, attitude_hz, ready_s, setpoints_lost_s, station_lost_s),
+        *(station_ignored, climb_s, landed_s, disarmed_s, idle_s, hover_throttle, added_at_14_deg),
+        outputs_over_command,
+    )
+}
