@@ -1,6 +1,5 @@
 """Names of the fields of a CSV flight log: by its header, or by how many there are."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -51,7 +50,8 @@ def _by_header(path: Path, line: int, names: list[str]) -> Layout:
 
 
 def _by_count(path: Path, raw: Lines) -> Layout:
-    counts, how_often = np.unique([line.count(",") + 1 for line in raw.text], return_counts=True)
+    commas = raw.text.str.count_matches(",", literal=True).to_numpy()
+    counts, how_often = np.unique(commas.astype(np.int64) + 1, return_counts=True)
     n = int(counts[np.argmax(how_often)])
     if n == 17:
         if _holds_throttle(raw.text):
@@ -70,9 +70,9 @@ def _by_count(path: Path, raw: Lines) -> Layout:
     return Layout((*STATE_COLUMNS, *rpm_columns(n_rotors), *motors), False)
 
 
-def _holds_throttle(lines: Sequence[str]) -> bool:
+def _holds_throttle(lines: pl.Series) -> bool:
     """True where the last column lies in 0..1, as a throttle does and the speed of a rotor does not."""
-    last = pl.Series(lines).str.split(",").list.last().str.strip_chars().cast(pl.Float64, strict=False)
+    last = lines.str.split(",").list.last().str.strip_chars().cast(pl.Float64, strict=False)
     values = last.drop_nulls().drop_nans().to_numpy()
     return len(values) == 0 or bool(np.median(np.abs(values)) <= 1.0)
 

@@ -3,6 +3,8 @@
 Damaged lines, and a last line that a power cut left incomplete, are left out here; `cleaning` does the rest.
 """
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeAlias
 
@@ -19,6 +21,9 @@ from quadctl.logs.csv_lines import Lines, read_lines, reason_of, split_line
 from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.sidecar import meta_path
 
+LINES_AT_ONCE = 50_000
+"""Number of lines that are split into fields at once: the fields of a large file would need several times its size."""
+
 _Rows: TypeAlias = tuple[pl.DataFrame, NDArray[np.int64]]
 """Values, and the number in the file of the line that each row comes from."""
 
@@ -32,10 +37,8 @@ def read_csv(path: Path | str) -> FlightLog:
         The file is missing, empty, not text, not a flight log, or damaged for the most part.
     """
     path = Path(path)
-    raw = read_lines(path)
-    layout = layout_of(path, raw)
-    notes = [*raw.notes, *layout.notes]
-    table, line = _parse(path, raw, layout, notes)
+    notes: list[str] = []
+    table, line = _table(path, notes)
     columns = {name: table[name].to_numpy() for name in table.columns}
     return clean_log(path, columns, notes=notes, line_numbers=line)
 
@@ -68,39 +71,83 @@ def write_csv(log: FlightLog, path: Path | str) -> None:
 # --- values -----------------------------------------------------------------------------------------------------------
 
 
+def _table(path: Path, notes: list[str]) -> _Rows:
+    """Values and line numbers of a file; its text is forgotten."""
+    raw = read_lines(path)
+    layout = layout_of(path, raw)
+    notes += [*raw.notes, *layout.notes]
+    return _parse(path, raw, layout, notes)
+
+
 def _parse(path: Path, raw: Lines, layout: Layout, notes: list[str]) -> _Rows:
     """Values and line numbers of the undamaged lines: NaN where a value is missing, text only in `phase`."""
     skip = 1 if layout.has_header else 0
     if len(raw.text) == skip:
         raise LogError(f"{path}: has a header and no complete row of data")
-    lines, number = pl.Series(raw.text[skip:], dtype=pl.String), raw.number[skip:]
-    n_fields = len(layout.names)
-    fields, n_found = _split(lines, n_fields)
-    whole = n_found == n_fields
-    damage: dict[int, str] = {
-        int(line): f"{n} fields instead of {n_fields}" for line, n in zip(number[~whole], n_found[~whole], strict=True)
-    }
-    fields, number = fields.filter(pl.Series(whole)), number[whole]
-
-    table = {}
-    for name, text in zip(layout.names, fields.get_columns(), strict=True):
-        if name == PHASE_COLUMN:
-            table[name] = text.fill_null("")
-        elif name is not None:
-            table[name] = _numbers(path, name, text, number, damage)
+    damage: dict[int, str] = {}
+    parts = [_part(raw, layout, begin, damage) for begin in range(skip, len(raw.text), LINES_AT_ONCE)]
+    table = pl.concat([part.table for part in parts])
+    number = np.concatenate([part.number for part in parts])
+    wrong = pl.concat([part.wrong for part in parts]).sum()
+    for name in wrong.columns:
+        if wrong[name][0] > len(table) / 2:
+            line, value = next(part.first_wrong[name] for part in parts if name in part.first_wrong)
+            raise LogError(f"{path}, line {line}: column '{name}' holds {_shown(value)}, expected a number")
+    count = len(raw.text) - skip
     undamaged = ~np.isin(number, list(damage))
-    if not undamaged.any() or len(damage) > len(lines) / 2:
+    if not undamaged.any() or len(damage) > count / 2:
         line, what = min(damage.items())
         raise LogError(
-            f"{path}: {len(damage)} of {len(lines)} lines are damaged (line {line}: {what}), expected a few at most"
+            f"{path}: {len(damage)} of {count} lines are damaged (line {line}: {what}), expected a few at most"
         )
-    if not layout.has_header and _is_padded(fields):
+    if not layout.has_header and _is_padded([field for part in parts for field in part.last_field]):
         undamaged[-1] = False
         notes.append(f"the last line ({number[-1]}) is cut short and was left out")
     if damage:
         line, what = min(damage.items())
         notes.append(f"{_count(len(damage), 'damaged line')} left out (line {line}: {what})")
-    return pl.DataFrame(table).filter(pl.Series(undamaged)), number[undamaged]
+    return table.filter(pl.Series(undamaged)), number[undamaged]
+
+
+@dataclass(frozen=True)
+class _Part:
+    """Values of a part of the lines, those whose number of fields is right."""
+
+    table: pl.DataFrame
+    number: NDArray[np.int64]
+    wrong: pl.DataFrame
+    """Number of values of each column that are text, one row."""
+    first_wrong: dict[str, tuple[int, str]]
+    """Line and text of the first of these."""
+    last_field: list[str]
+    """Last field of the last two lines."""
+
+
+def _part(raw: Lines, layout: Layout, begin: int, damage: dict[int, str]) -> _Part:
+    """Values of `LINES_AT_ONCE` lines from `begin`; damaged lines are entered in `damage`."""
+    here = slice(begin, begin + LINES_AT_ONCE)
+    lines, number = raw.text[here], raw.number[here]
+    n_fields = len(layout.names)
+    fields, n_found = _split(lines, n_fields)
+    whole = n_found == n_fields
+    damage |= {
+        int(line): f"{n} fields instead of {n_fields}" for line, n in zip(number[~whole], n_found[~whole], strict=True)
+    }
+    fields, number = fields.filter(pl.Series(whole)), number[whole]
+    table, wrong, first_wrong = {}, {}, {}
+    for name, field in zip(layout.names, fields.get_columns(), strict=True):
+        if name == PHASE_COLUMN:
+            table[name] = field.fill_null("")
+        elif name is not None:
+            text = field.str.strip_chars()
+            table[name], rows = _numbers(text)
+            wrong[name] = [len(rows)]
+            for row in rows:
+                damage.setdefault(int(number[row]), f"{name} is {_shown(text[int(row)])} instead of a number")
+            if len(rows):
+                first_wrong[name] = int(number[rows[0]]), str(text[int(rows[0])])
+    last = fields[:, -1].fill_null("").tail(2).to_list()
+    return _Part(pl.DataFrame(table), number, pl.DataFrame(wrong), first_wrong, last)
 
 
 def _split(lines: pl.Series, n_fields: int) -> tuple[pl.DataFrame, NDArray[np.int64]]:
@@ -115,24 +162,16 @@ def _split(lines: pl.Series, n_fields: int) -> tuple[pl.DataFrame, NDArray[np.in
     return lines.str.split_exact(",", n_fields - 1).struct.unnest(), n_found
 
 
-def _numbers(path: Path, name: str, text: pl.Series, number: NDArray[np.int64], damage: dict[int, str]) -> pl.Series:
-    """The values of one column; lines with text in it are entered in `damage`."""
-    text = text.str.strip_chars()
+def _numbers(text: pl.Series) -> tuple[pl.Series, NDArray[np.intp]]:
+    """The values of a column, NaN where one is missing, and the rows that hold text."""
     values = text.cast(pl.Float64, strict=False)
     wrong = np.flatnonzero((values.is_null() & (text.fill_null("") != "")).to_numpy())
-    if len(wrong) > len(text) / 2:
-        first = wrong[0]
-        raise LogError(
-            f"{path}, line {number[first]}: column '{name}' holds {_shown(text[int(first)])}, expected a number"
-        )
-    for row in wrong:
-        damage.setdefault(int(number[row]), f"{name} is {_shown(text[int(row)])} instead of a number")
-    return values.fill_null(float("nan"))
+    return values.fill_null(float("nan")), wrong
 
 
-def _is_padded(fields: pl.DataFrame) -> bool:
-    """True where the last line of a headerless file was cut and then filled up with commas."""
-    last_field = fields[:, -1].fill_null("")
+def _is_padded(last_field: Sequence[str]) -> bool:
+    """True where the last line of a headerless file was cut and then filled up with commas: its last field is empty,
+    that of the line before is not."""
     return len(last_field) > 1 and last_field[-1] == "" and last_field[-2] != ""
 
 

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,14 +42,14 @@ class Channel:
         """
         if len(self.time_s) < LEAST_FOR_SPLINE:
             return np.interp(grid_s, self.time_s, self.value)
-        curve = self._spline(np.clip(grid_s, self.time_s[0], self.time_s[-1]))
+        curve = self._spline()(np.clip(grid_s, self.time_s[0], self.time_s[-1]))
         steps = np.diff(self.time_s)
         wide = steps > WIDE_GAP * np.median(steps)
         place = np.clip(np.searchsorted(self.time_s, grid_s, "right") - 1, 0, len(steps) - 1)
         return np.where(wide[place], np.interp(grid_s, self.time_s, self.value), curve)
 
-    @cached_property
     def _spline(self) -> Akima1DInterpolator:
+        # Not kept: its coefficients need four times the memory of the channel.
         return Akima1DInterpolator(self.time_s, self.value, method="makima")
 
     def rate_hz(self, segments: Sequence[tuple[float, float]]) -> float:

@@ -125,6 +125,20 @@ class Dataset:
             tuple(flight if own.all() else flight.some(own) for flight, own in of_flights if own.any()), self.hold_out
         )
 
+    def spread_out(self, most: int) -> "Dataset":
+        """Select about `most` samples in stretches of `FOLDS` blocks that are spread evenly over each flight; the same
+        dataset where it has no more. Of each flight at least one stretch is kept."""
+        if len(self.targets) <= most:
+            return self
+        kept = np.zeros(len(self.targets), dtype=bool)
+        for flight, part in zip(self.flights, self.parts, strict=True):
+            stretch = flight.block // FOLDS
+            numbers = np.unique(stretch)
+            count = max(1, round(len(numbers) * most / len(self.targets)))
+            chosen = numbers[((np.arange(count) + 0.5) * len(numbers) / count).astype(int)]
+            kept[part] = np.isin(stretch, chosen)
+        return self.samples(kept)
+
     def variable(self, name: str) -> Floats | None:
         """Values of a variable at all samples, shape (n,), or None where a flight lacks it.
 

@@ -33,6 +33,10 @@ UNITS = {"total": "", "turning": " N m", "sensing": " (IMU)"}
 DRAG_ALONG_Z = {"rotor_drag": "d_z", "body_drag": "area_z_m2"}
 """Parameter of each family of drag that acts along body z, as the inflow does."""
 
+MOST_SEARCHED = 6000
+"""Number of samples of a search, some nine minutes of flight: every candidate is fitted many times, and a material
+effect shows in fewer. Parameters are fitted to all samples."""
+
 LIKE_THE_OTHERS = 0.3
 """Least drag along body z, as a share of the largest, that may be an inflow; blades and frame alone give less."""
 
@@ -66,6 +70,8 @@ class Diagnosis(Result):
     """Sparse expression of the unexplained part."""
     unseen: list[UnseenError] = field(default_factory=list)
     """Errors on blocks of time and, of several flights, on whole flights."""
+    searched: int = 0
+    """Number of samples that the search has seen; parameters and intervals of what is missing are of a fit to all."""
     fit: FittedModel | None = None
     """Fit of `best`; None where the diagnosis was read from a session."""
 
@@ -81,6 +87,7 @@ class Diagnosis(Result):
             "unexplained": self.unexplained,
             "untried": self.untried,
             "unseen": [error.to_dict() for error in self.unseen],
+            "samples": {"searched": self.searched, "all": len(self.dataset.targets) if self.dataset.flights else 0},
             "measured": [measured_to_dict(candidate) for candidate in self.measured],
             "timing": self.timing.to_dict(),
             "provenance": {
@@ -152,6 +159,11 @@ class Diagnosis(Result):
                     "Part of the remaining error depends on the logged variables, but these effects do not explain it."
                 )
         lines += unseen_in_words(self.unseen, any_missing=bool(self.missing))
+        if self.dataset.flights and 0 < self.searched < len(self.dataset.targets):
+            lines.append(
+                f"The search has seen {self.searched} of {len(self.dataset.targets)} samples, in stretches spread over "
+                "the flights, and so have its errors; the parameters of what is missing are fitted to all samples."
+            )
         lines += [
             f"Measured, but small in these flights: {c.effect.name}, {parameters_in_words(c.effect, c.ci95)}."
             for c in self.measured
@@ -188,9 +200,15 @@ def diagnose_fit(
 ) -> Diagnosis:
     """Find the effects that are missing from a fitted model (see `diagnose`)."""
     model, dataset = fit.fitter.model, fit.dataset
-    choice = choose_effects(fit, candidates, progress)
+    searched = dataset.spread_out(MOST_SEARCHED)
+    choice = choose_effects(fit if searched is dataset else fit_model(model, searched), candidates, progress)
     path = choice.path
-    ranking = _ranking(path)
+    if searched is dataset:
+        found = path.current
+    else:
+        progress("fitting what was found to all data")
+        found = fit_model(path.current.model, dataset) if path.missing else fit
+    ranking = _ranking(path, found)
     return Diagnosis(
         model=model,
         dataset=dataset,
@@ -198,25 +216,26 @@ def diagnose_fit(
         ranking=ranking,
         missing=list(path.missing),
         steps=list(path.steps),
-        best=path.current.model,
+        best=found.model,
         confounded=[list(pair) for pair in dict.fromkeys((*path.confounded, *_inseparable(path.missing, ranking)))],
         suggested_mission=_suggestion(path.latest, path.confounded, choice.unfit),
         unexplained=choice.unexplained,
         untried=_reasons(choice.unfit, dataset),
         symbolic=choice.symbolic,
-        unseen=nested_errors(model, dataset, candidates, progress) if nested else held_out_errors(path),
-        fit=path.current,
+        unseen=nested_errors(model, searched, candidates, progress) if nested else held_out_errors(fit, found),
+        searched=len(searched.targets),
+        fit=found,
     )
 
 
-def _ranking(path: Path) -> list[Candidate]:
+def _ranking(path: Path, found: FittedModel) -> list[Candidate]:
     """Missing candidates, with parameters and intervals of the fit of all of them; then the others by their
-    improvement."""
+    improvement. `found` is the fit of what the path found to all data."""
     first = [candidate for candidate in path.chosen if candidate.family in path.missing]
     shown = {candidate.effect.name for candidate in first}
     others = [candidate for name, candidate in path.latest.items() if name not in shown]
-    if len(first) > 1 or len(path.chosen) > len(first):
-        fit = path.current.refined()
+    if len(first) > 1 or len(path.chosen) > len(first) or (first and found is not path.current):
+        fit = found.refined() if found is path.current else found
         places = {effect.family(): place for place, effect in enumerate(fit.model.effects)}
         first = [_refitted(candidate, fit, places[candidate.family]) for candidate in first]
     return [*first, *sorted(others, key=lambda c: -c.held_out_drop)]

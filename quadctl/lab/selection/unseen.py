@@ -22,7 +22,6 @@ from quadctl.lab.flights.dataset import Dataset, HoldOut
 from quadctl.lab.flights.prediction import measured_targets, rmse
 from quadctl.lab.flights.timing import MOST_EARLY_S
 from quadctl.lab.selection.choice import choose_effects
-from quadctl.lab.selection.search import Path
 from quadctl.model import Model
 
 DATA = {"blocks": "blocks of time", "flights": "whole flights"}
@@ -56,15 +55,16 @@ class UnseenError:
         }
 
 
-def held_out_errors(path: Path) -> list[UnseenError]:
-    """Errors of the models at the ends of a path on blocks of time and, of several flights, on whole flights.
+def held_out_errors(start: FittedModel, found: FittedModel) -> list[UnseenError]:
+    """Errors of two models, without and with what was found, on blocks of time and, of several flights, on whole
+    flights.
 
     The choice of the effects has seen all data.
     """
-    groups = path.dataset.groups
+    groups = start.dataset.groups
     return [
-        UnseenError(h, rmse(_held_out(path.start, h), groups), rmse(_held_out(path.current, h), groups))
-        for h in _hold_outs(path.dataset)
+        UnseenError(h, rmse(_held_out(start, h), groups), rmse(_held_out(found, h), groups))
+        for h in _hold_outs(start.dataset)
     ]
 
 
