@@ -81,7 +81,8 @@ class TestPx4:
 
 
 class TestArduPilot:
-    """Truth: thrust is 1/1.115 of what the output says, linear and quadratic drag; no ground effect, wind or bias."""
+    """Truth: linear and quadratic drag; no ground effect, wind or bias. In .csv thrust is 1/1.115 of what the output
+    says; in .bin the parameters tell why, and reading has undone it."""
 
     @pytest.mark.parametrize(
         "log",
@@ -94,7 +95,9 @@ class TestArduPilot:
     )
     def test_thrust_and_drag_are_found_where_it_flew_fast(self, log: str) -> None:
         missing = set(found_in(log).missing)
-        assert missing & LINE and missing & DRAG and missing <= LINE | DRAG
+        assert missing & DRAG
+        assert missing <= LINE | DRAG
+        assert bool(missing & LINE) is log.endswith(".csv")
 
     @pytest.mark.long
     def test_an_effect_that_is_fitted_to_nothing_is_not_called_measured(self) -> None:
@@ -105,16 +108,19 @@ class TestArduPilot:
         "log",
         [
             slow("real/ardupilot/hover_staircase.csv"),
-            not_yet("real/ardupilot/hover_staircase.bin", "the drag along body z passes for an inflow"),
+            "real/ardupilot/hover_staircase.bin",
             "real/ardupilot/hexa_staircase.csv",
-            not_yet("real/ardupilot/hexa_staircase.bin", "the drag along body z passes for an inflow"),
+            "real/ardupilot/hexa_staircase.bin",
             "real/ardupilot/vertical_runs.csv",
             slow("real/ardupilot/vertical_runs.bin"),
         ],
     )
     def test_nothing_is_named_that_is_absent_where_it_hardly_flew_forward(self, log: str) -> None:
-        missing = set(found_in(log).missing)
-        assert missing & LINE and missing <= LINE | DRAG
+        """A drag along body z may be called an inflow there, if the diagnosis says that it may be a drag."""
+        found = found_in(log)
+        maybe_drag = {"inflow"} if ["inflow", "rotor_drag"] in found.confounded else set()
+        assert set(found.missing) <= LINE | DRAG | maybe_drag
+        assert bool(LINE & set(found.missing)) is log.endswith(".csv")
 
 
 def test_a_hover_over_the_ground_has_a_thrust_scale_and_a_ground_effect() -> None:
@@ -122,6 +128,7 @@ def test_a_hover_over_the_ground_has_a_thrust_scale_and_a_ground_effect() -> Non
     assert sorted(found_in("raptor/HOVERING.csv").missing) == ["ground_effect", "thrust_scale"]
 
 
+@pytest.mark.xfail(strict=True, reason="p = 0.03: it is not beyond all that errors of the rotor speeds may explain")
 def test_oscillations_have_an_inflow() -> None:
     """Our own analysis found it beside the thrust scale and a ground effect."""
     missing = set(found_in("raptor/OSCILLATIONS.csv").missing)
@@ -157,9 +164,9 @@ class TestRepeatedFlights:
             Repeated("HAYDEN", LOW),
             pytest.param(Repeated("SANCHEZ", LOW), marks=pytest.mark.long),
             pytest.param(Repeated("CHEESEMAN", LOW), marks=pytest.mark.long),
-            differ("NO_COMPENSATION", LOW, "the first also names an inflow, whose interval begins at 0"),
-            differ("APPIUS", LOW, "the second is called a tether: its thrust follows the height in another way"),
-            differ("HIGH_ALTITUDE", HIGH, "the first also names an inflow, whose interval begins at 0"),
+            Repeated("NO_COMPENSATION", LOW),
+            differ("APPIUS", LOW, "the second is called a tilt: its thrust follows the height in another way"),
+            Repeated("HIGH_ALTITUDE", HIGH),
         ],
         ids=lambda flights: flights.mission,
     )

@@ -7,6 +7,7 @@ import pytest
 
 from quadctl.effects import Effect
 from quadctl.effects.ground_effect import Hayden
+from quadctl.effects.inflow import AxialInflow
 from quadctl.effects.rotor_drag import LinearDrag
 from quadctl.lab.selection.candidate import Candidate
 from quadctl.lab.selection.diagnosis import _inseparable
@@ -24,12 +25,13 @@ class Found:
         return self.effect.family()
 
 
-def pairs(missing: list[str], *found: Any) -> list[tuple[str, str]]:
-    return _inseparable(missing, [cast(Candidate, each) for each in found])
+def pairs(missing: list[str], *found: Any, speed_m_s: float = 3.0) -> list[tuple[str, str]]:
+    return _inseparable(missing, [cast(Candidate, each) for each in found], speed_m_s)
 
 
 DOWN = Found(LinearDrag(0.3, 0.3, 0.3), {"d_x": (0.28, 0.32), "d_y": (0.28, 0.32), "d_z": (0.25, 0.35)})
 LEVEL = Found(LinearDrag(0.3, 0.3, 0.02), {"d_x": (0.28, 0.32), "d_y": (0.28, 0.32), "d_z": (0.01, 0.03)})
+INFLOW = Found(AxialInflow(0.4), {"k": (0.3, 0.5)})
 GROUND = Found(Hayden(), {})
 
 
@@ -43,6 +45,11 @@ def test_a_drag_of_runs_alone_may_not() -> None:
 
 def test_beside_an_inflow_that_was_found_it_is_no_question() -> None:
     assert pairs(["rotor_drag", "inflow"], DOWN) == []
+
+
+def test_an_inflow_may_be_a_drag_where_nobody_flew_sideward() -> None:
+    assert pairs(["inflow"], INFLOW, speed_m_s=0.5) == [("inflow", "rotor_drag")]
+    assert pairs(["inflow"], INFLOW, speed_m_s=3.0) == []
 
 
 @pytest.mark.parametrize("missing", [["imu_bias", "thrust_tilt"], ["thrust_tilt", "ground_effect", "imu_bias"]])
