@@ -166,11 +166,17 @@ def outputs_over_command(name: str) -> float:
     return float(thrust_of_output(share, chain, Ambient())) / throttle
 
 
+def second_station(name: str) -> str:
+    """Answer to another mode in flight; the mock's rules do not ask who wants it."""
+    px = hovering(name)
+    return "accepted at once" if all(px.request_mode(mode) is None for mode in ("LOITER", "LAND")) else "refused"
+
+
 PROBES: dict[str, Callable[[str], str | float]] = {
     probe.__name__: probe
     for probe in (
         *(heartbeat_hz, heartbeat_interval, position_hz, attitude_hz, ready_s, setpoints_lost_s, station_lost_s),
         *(station_ignored, climb_s, landed_s, disarmed_s, idle_s, hover_throttle, added_at_14_deg),
-        outputs_over_command,
+        *(outputs_over_command, second_station),
     )
 }
