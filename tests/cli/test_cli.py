@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 import yaml
 
+from quadctl import __version__
 from quadctl.effects.ground_effect import Exponential
 from quadctl.lab.interface import HoldOutError
 from quadctl.logs.csv_log import write_csv
@@ -298,3 +299,8 @@ def test_what_flies_loads_no_analysis_library() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_it_can_be_run_as_a_module() -> None:
+    done = subprocess.run([sys.executable, "-m", "quadctl", "--version"], capture_output=True, text=True, check=True)
+    assert done.stdout == f"quadctl {__version__}\n"
