@@ -95,7 +95,8 @@ def test_an_autopilot_that_is_not_ready_is_asked_for_its_reasons() -> None:
 
     flight = Flight().show(unready).fly()
     assert flight.pilot.ended == (
-        "no usable state came from the autopilot in 60 s: the autopilot is not ready to arm; Preflight Fail: no mag"
+        "no usable state came from the autopilot in 60 s: the autopilot is not ready to arm in HOLD; "
+        "Preflight Fail: no mag"
     )
     asked_s = [t.time_s for t in flight.watch.ticks if Request.CHECKS in t.requests]
     assert asked_s == pytest.approx([5.0 * i for i in range(12)], abs=0.5)
