@@ -78,7 +78,7 @@ class Supervisor:
         if least_v > 0.0 and not state.battery_v >= least_v:
             return f"the battery is at {state.battery_v:.2f} V, expected {least_v:g} V or more"
         if not (state.ready_to_arm or state.armed):
-            return "the autopilot is not ready to arm"
+            return f"the autopilot is not ready to arm in {state.mode or 'an unknown mode'}"
         return defect(state, self._guards)
 
     def unsettled(self, state: VehicleState) -> str | None:

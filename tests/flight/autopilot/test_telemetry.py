@@ -141,3 +141,22 @@ def test_ardupilot_has_lost_its_source_of_position_when_none_works_any_more(
 
 def test_the_sensor_bits_of_px4_say_nothing_about_what_its_estimator_uses() -> None:
     assert not heard(("HEARTBEAT", PX4_HEARTBEAT), *sensors(GPS, 0)).state(1.0).aid_lost
+
+
+PREARM = 1 << 28
+
+
+@pytest.mark.parametrize(("health", "ready"), [(0, False), (PREARM, True)])
+def test_px4s_health_bit_alone_says_if_it_would_arm(health: int, ready: bool) -> None:
+    """It never lists the check as present. In offboard it waits for setpoints, so there the bit says nothing."""
+    hold = {**PX4_HEARTBEAT, "custom_mode": 4 << 16 | 3 << 24}
+    state = heard(("HEARTBEAT", hold), *sensors(health)).state(1.0)
+    assert (state.ready_to_arm, state.tells_readiness) == (ready, True)
+    state = heard(("HEARTBEAT", PX4_HEARTBEAT), *sensors(health)).state(1.0)
+    assert (state.ready_to_arm, state.tells_readiness) == (True, False)
+
+
+@pytest.mark.parametrize(("present", "health", "ready"), [(0, 0, True), (PREARM, 0, False), (PREARM, PREARM, True)])
+def test_ardupilot_lists_its_check_as_present(present: int, health: int, ready: bool) -> None:
+    status = {**VOLTAGE, "onboard_control_sensors_present": present, "onboard_control_sensors_health": health}
+    assert heard(("SYS_STATUS", status)).state(1.0).ready_to_arm == ready

@@ -5,9 +5,9 @@ from dataclasses import replace
 import pytest
 
 from quadctl.flight.pilot.guards import GuardLimits
-from quadctl.flight.pilot.tick import Stage
+from quadctl.flight.pilot.tick import Request, Stage
 from quadctl.sitl.rules.px4 import SimulatedAutopilot
-from quadctl.state import NAN
+from quadctl.state import NAN, StatusText, VehicleState
 from tests.support.watched import HAND_OVER, LAND, Change, Flight, at_stage, leaning, moved, plan_with, take_over
 
 
@@ -85,6 +85,32 @@ def test_a_state_that_is_lost_before_the_arming_is_not_flown(stage: Stage, name:
     assert words in flight.pilot.ended
     assert not {Stage.SPOOL_UP, Stage.FLY} & set(flight.watch.stages())
     assert flight.at_rest
+
+
+def test_an_autopilot_that_is_not_ready_is_asked_for_its_reasons() -> None:
+    told = (StatusText(55.0, 6, "calibrated"), StatusText(56.0, 2, "Preflight Fail: no mag"))
+
+    def unready(state: VehicleState) -> VehicleState:
+        return replace(state, ready_to_arm=False, texts=told if state.time_s > 56.0 else ())
+
+    flight = Flight().show(unready).fly()
+    assert flight.pilot.ended == (
+        "no usable state came from the autopilot in 60 s: the autopilot is not ready to arm in HOLD; "
+        "Preflight Fail: no mag"
+    )
+    asked_s = [t.time_s for t in flight.watch.ticks if Request.CHECKS in t.requests]
+    assert asked_s == pytest.approx([5.0 * i for i in range(12)], abs=0.5)
+    assert set(flight.watch.requests) == {Request.CHECKS}
+    events = [(event.what, event.answer) for tick in flight.watch.ticks for event in tick.events]
+    assert events[:2] == [
+        ("the autopilot says (info): calibrated", ""),
+        ("the autopilot says (critical): Preflight Fail: no mag", ""),
+    ]
+
+
+def test_an_autopilot_that_gets_ready_is_flown() -> None:
+    flight = Flight().show(lambda s: replace(s, ready_to_arm=False), until=7.0).fly()
+    assert flight.pilot.ended == "completed"
 
 
 def test_a_broken_link_before_the_arming_is_the_reason_given() -> None:
