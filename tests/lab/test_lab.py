@@ -99,6 +99,20 @@ class TestStatistics:
         gain = np.sum(data.targets[:, :3] * logged) / np.sum(logged**2)  # as a regression finds it
         assert (improvement_p_value(before, (gain - 1.0) * logged, data) < 1e-3) is significant
 
+    @pytest.mark.parametrize(("bursts", "significant"), [(1, False), (12, True)])
+    def test_what_explains_one_burst_of_noise_has_been_seen_once(
+        self, rigid: Model, bursts: int, significant: bool
+    ) -> None:
+        data = load_dataset([obedient(rigid, 200.0)], rigid.vehicle)
+        n = len(data.measured)
+        change = np.zeros((n, 3))
+        for i in range(bursts):
+            begin = round((i + 0.5) * n / bursts)
+            change[begin : begin + 8, 2] = 8.0
+        before = 0.7 * change + np.column_stack([_correlated(n, 0.7, axis) for axis in range(3)])
+        data.targets[:, :3] = before + _motion(n, 8, 30.0)
+        assert (improvement_p_value(before, change, data) < 1e-3) is significant
+
     def test_two_equal_candidates_cannot_be_told_apart(self, rigid: Model) -> None:
         data = load_dataset([obedient(rigid, 200.0)], rigid.vehicle)
         noise = np.random.default_rng(4).standard_normal((len(data.measured), 3))

@@ -67,13 +67,14 @@ def _attenuation(weights: Floats, predicted: Floats, noise: Floats) -> float:
     return largest
 
 
-def _variance_of_sum(weights: Floats, noise: Floats, dataset: Dataset) -> tuple[float, int]:
+def _variance_of_sum(weights: Floats, noise: Floats, dataset: Dataset) -> tuple[float, float]:
     """Variance of sum(weights * noise), shape (n, axes) each, and its degrees of freedom.
 
     Residuals of flights stay correlated for tens of seconds, so the variance comes from the spectrum of the noise (see
-    `_spectrum`). Where flights differ by more than that tells (F test), the flight is the unit.
+    `_spectrum`). Where blocks of time or flights differ by more than that tells (F test), they are the unit: noise has
+    bursts, and what explains one of them is seen once only.
     """
-    variance, degrees = LEAST_VARIANCE, 0
+    variance, degrees = LEAST_VARIANCE, 0.0
     for part in dataset.parts:
         n = int(part.stop - part.start)
         low = max(2, round(math.sqrt(n)))
@@ -82,10 +83,11 @@ def _variance_of_sum(weights: Floats, noise: Floats, dataset: Dataset) -> tuple[
             power = np.abs(rfft(w)) ** 2 / n
             twice = np.where((np.arange(len(power)) == 0) | (2 * np.arange(len(power)) == n), 1.0, 2.0)
             variance += float(np.sum(twice * power * _spectrum(e, power, low)))
-    if len(dataset.flights) >= LEAST_FLIGHTS:
-        between, flights = _batch_variance(np.sum(weights * noise, axis=1), dataset.flight_index)
-        if between > variance * float(stats.f.ppf(0.95, flights, degrees)):
-            variance, degrees = between, flights
+    units = [dataset.block, *([dataset.flight_index] if len(dataset.flights) >= LEAST_FLIGHTS else [])]
+    for unit in units:
+        between, seen = _batch_variance(weights, noise, unit)
+        if between > variance * float(stats.f.ppf(0.95, seen, degrees)):
+            variance, degrees = between, seen
     return variance, degrees
 
 
@@ -110,10 +112,18 @@ def _spectrum(noise: Floats, taken: Floats, low: int) -> Floats:
     return np.asarray(found)
 
 
-def _batch_variance(products: Floats, batch: NDArray[np.int64]) -> tuple[float, int]:
-    """Variance of the sum of `products`, from their sums over batches of samples, and its degrees of freedom."""
-    sums = np.bincount(np.unique(batch, return_inverse=True)[1], products)
-    return float(sums @ sums) * len(sums) / max(len(sums) - 1, 1), max(len(sums) - 1, 1)
+def _batch_variance(weights: Floats, noise: Floats, batch: NDArray[np.int64]) -> tuple[float, float]:
+    """Variance of sum(weights * noise) from its parts in each batch of samples, and its degrees of freedom.
+
+    A batch counts by its share of the weights' power (Bell & McCaffrey 2002, Surv. Methodol. 28, for batches that are
+    independent and equally noisy).
+    """
+    number = np.unique(batch, return_inverse=True)[1]
+    sums = np.bincount(number, np.sum(weights * noise, axis=1))
+    power = np.bincount(number, np.sum(weights**2 * np.mean(noise**2, axis=0), axis=1))
+    batches = float(power.sum() ** 2 / max(float(np.sum(power**2)), LEAST_VARIANCE))
+    seen = max(batches - 1.0, 1.0)
+    return float(sums @ sums) * len(sums) / max(len(sums) - 1, 1), seen
 
 
 def difference_p_value(better: Floats, other: Floats, dataset: Dataset) -> float:
