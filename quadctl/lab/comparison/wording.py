@@ -52,13 +52,18 @@ def parameters_in_text(effect: Effect, ci95: Mapping[str, tuple[float, float]]) 
 
 
 def parameter_lines(effect: Effect, ci95: Mapping[str, tuple[float, float]]) -> list[str]:
-    """Fitted parameters with 95 % intervals, one a line: `a = 0.114 [0.10, 0.12]`; fixed ones are left out."""
-    values = effect.values()
-    return [f"{name} = {values[name]:.4g} {interval_in_words(values[name], ci)}" for name, ci in ci95.items()]
+    """Parameters with 95 % intervals, one a line: `a = 0.114 [0.10, 0.12]`.
+
+    One that is not fitted, but chosen from the data or from the literature, has no interval: `rotor = 1`.
+    """
+    return [
+        f"{name} = {value:.4g} {interval_in_words(value, ci95[name])}" if name in ci95 else f"{name} = {value:.4g}"
+        for name, value in effect.values().items()
+    ]
 
 
 def parameters_in_words(effect: Effect, ci95: Mapping[str, tuple[float, float]]) -> str:
-    """Fitted parameters with 95 % intervals: `a = 0.114 [0.10, 0.12], b = 5.4 [5.0, 5.8]`; fixed ones are left out."""
+    """Parameters with 95 % intervals: `a = 0.114 [0.10, 0.12], b = 5.4 [5.0, 5.8], c = 1` (see `parameter_lines`)."""
     return ", ".join(parameter_lines(effect, ci95)) or "-"
 
 

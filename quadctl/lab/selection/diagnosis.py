@@ -12,7 +12,7 @@ from rich.text import Text
 
 from quadctl import __version__
 from quadctl.effects import Effect
-from quadctl.lab.comparison.wording import parameter_lines, parameters_in_words
+from quadctl.lab.comparison.wording import listed, parameter_lines, parameters_in_words
 from quadctl.lab.fitting.fitted_model import FittedModel, fit_model
 from quadctl.lab.fitting.fitter import BOOTSTRAP_SEED
 from quadctl.lab.flights.dataset import Dataset
@@ -20,10 +20,10 @@ from quadctl.lab.flights.flight import SPAN_NAMES, SPAN_UNITS, UNKNOWN_TIMING, T
 from quadctl.lab.results import Result
 from quadctl.lab.selection.candidate import Candidate
 from quadctl.lab.selection.choice import choose_effects
-from quadctl.lab.selection.rule import is_measured, is_supported
+from quadctl.lab.selection.rule import SIGNIFICANT, alternatives, is_measured, is_supported, is_trim
 from quadctl.lab.selection.search import Path, SelectionStep
 from quadctl.lab.selection.unseen import UnseenError, held_out_errors, nested_errors, unseen_in_words
-from quadctl.lab.selection.wording import candidate_to_dict, measured_to_dict, p_in_table
+from quadctl.lab.selection.wording import candidate_to_dict, error_in_table, measured_to_dict, p_in_table
 from quadctl.lab.symbolic.formula import Symbolic
 from quadctl.lab.threads import one_blas_thread
 from quadctl.model import Model
@@ -124,18 +124,19 @@ class Diagnosis(Result):
         return self.dataset.flights[0].timing if self.dataset.flights else UNKNOWN_TIMING
 
     def __rich__(self) -> RenderableType:
-        title = "Candidate effects: the missing ones first, in the order of adding"
+        title = f"Candidate effects (* missing, in the order of adding; significant: p < {SIGNIFICANT:g})"
         table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAVY, show_edge=False, padding=0)
         table.add_column("effect, and its parameters [95 %]")
         table.add_column("held-out error", justify="right", no_wrap=True)
         table.add_column("change", justify="right", no_wrap=True)
         table.add_column("p", justify="right", no_wrap=True)
         for c in self.ranking:
-            name = Text(c.effect.name, style="bold" if is_supported(c) else "")
+            missing = c.family in self.missing
+            name = Text(f"{'* ' if missing else ''}{c.effect.name}", style="bold" if missing else "")
             parameters = "\n".join(parameter_lines(c.effect, c.ci95))
             table.add_row(
                 Group(name, *([Padding(Text(parameters), (0, 1, 0, 2))] if c.ci95 else [])),
-                f"{c.before[c.measure]:.3f} -> {c.after[c.measure]:.3f}" + UNITS[c.measure],
+                f"{error_in_table(c.before[c.measure])} -> {error_in_table(c.after[c.measure])}" + UNITS[c.measure],
                 f"{-c.held_out_drop:+.1%}",
                 p_in_table(c.p_value),
             )
@@ -167,9 +168,12 @@ class Diagnosis(Result):
                 f"The search has seen {self.searched} of {len(self.dataset.targets)} samples, in stretches spread over "
                 "the flights, and so have its errors; the parameters of what is missing are fitted to all samples."
             )
+        lines += [_small_in_words(*one_of) for one_of in alternatives(self.measured, self.dataset)]
         lines += [
-            f"Measured, but small in these flights: {c.effect.name}, {parameters_in_words(c.effect, c.ci95)}."
-            for c in self.measured
+            f"There (p {p_in_table(c.p_value)}), but no larger than the trim errors of any real vehicle: "
+            f"{c.effect.name}, {parameters_in_words(c.effect, c.ci95)}."
+            for c in self.ranking
+            if is_trim(c) and c.family not in self.missing and c not in self.measured
         ]
         lines += [f"These data do not distinguish {' and '.join(pair)}." for pair in self.confounded]
         lines += [f"Not tried: {reason}." for reason in self.untried]
@@ -285,9 +289,21 @@ def _reasons(unfit: list[type[Effect]], dataset: Dataset) -> list[str]:
     """Reasons why effects were not tried."""
     return [
         f"{effect.name} (to distinguish it from others, {SPAN_NAMES.get(variable, variable)} must span {span:g} "
-        f"{SPAN_UNITS[variable]}; "
-        f"in these data it spans {dataset.span(variable):.2g})"
+        f"{SPAN_UNITS[variable]}; {_span_in_words(variable, dataset)})"
         for effect in unfit
         for variable, span in effect.needs.items()
         if dataset.span(variable) < span
     ]
+
+
+def _span_in_words(variable: str, dataset: Dataset) -> str:
+    if variable == "thrust_share" and not dataset.is_flown("thrust"):
+        return "in these data the thrust follows disturbances more than the motion"
+    return f"in these data it spans {dataset.span(variable):.2g}"
+
+
+def _small_in_words(simplest: Candidate, *alike: Candidate) -> str:
+    """Sentence on an effect that is measured but small, and on those that may stand for it."""
+    others = f"; or, explaining as much, {listed([c.effect.name for c in alike])}" if alike else ""
+    words = parameters_in_words(simplest.effect, simplest.ci95)
+    return f"Measured, but small in these flights: {simplest.effect.name}, {words}{others}."

@@ -4,7 +4,7 @@ A candidate holds data (`Candidate`); the predicates of this module decide. `doc
 on hidden-effect cases when a threshold is moved.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -118,6 +118,11 @@ def is_there(c: Candidate) -> bool:
     return helps and shows_in_moments(c) and c.believable and c.determined and not c.at_bound
 
 
+def is_trim(c: Candidate) -> bool:
+    """Tell whether a candidate is significant, but no larger than the trim errors of any real vehicle."""
+    return c.held_out_drop > 0.0 and is_significant(c.p_value) and c.effect.negligible()
+
+
 def is_plausible(c: Candidate) -> bool:
     """Tell whether a candidate would be supported if the data distinguished it from its look-alikes."""
     return is_there(c) and c.largest_drop > MATERIAL and not c.effect.negligible() and not c.implied
@@ -157,6 +162,18 @@ def is_needed(without: Floats, residual: Floats, p_value: float) -> bool:
 def are_alike(one: Floats, other: Floats, dataset: Dataset) -> bool:
     """Tell whether the data do not distinguish two held-out residuals."""
     return difference_p_value(one, other, dataset) > ALIKE
+
+
+def alternatives(candidates: Iterable[Candidate], dataset: Dataset) -> list[list[Candidate]]:
+    """Group candidates of which the data do not tell one from another; the simplest of each group first."""
+    groups: list[list[Candidate]] = []
+    for c in sorted(candidates, key=lambda c: score(c.residual)):
+        alike = [group for group in groups if dataset.flights and are_alike(group[0].residual, c.residual, dataset)]
+        if alike:
+            alike[0].append(c)
+        else:
+            groups.append([c])
+    return [sorted(group, key=lambda c: len(c.ci95)) for group in groups]
 
 
 def is_as_good(one: Floats, other: Floats, dataset: Dataset) -> bool:

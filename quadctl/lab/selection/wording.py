@@ -3,10 +3,12 @@
 from typing import Any
 
 from quadctl.lab.selection.candidate import Candidate
-from quadctl.lab.selection.rule import is_plausible, is_significant, is_supported
+from quadctl.lab.selection.rule import is_plausible, is_supported, is_trim
 
 UNITS = {"total": "m/s^2", "turning": "N m", "sensing": "m/s^2"}
 """Unit of the error of each measured group."""
+SMALL_ERROR = 0.0095
+"""Error below which three decimals hide a change."""
 
 
 def candidate_in_words(c: Candidate) -> str:
@@ -19,7 +21,7 @@ def candidate_in_words(c: Candidate) -> str:
         else f"{helps} These data do not separate it from look-alikes (distinguished by {c.effect.distinguished_by})."
         if is_plausible(c)
         else "It is no larger than the trim errors of any real vehicle."
-        if c.effect.negligible() and is_significant(c.p_value)
+        if is_trim(c)
         else "The held-out data do not support it."
     )
     return " ".join([c.effect.physics, verdict, *(f"Note: {remark}." for remark in c.remarks)])
@@ -27,6 +29,11 @@ def candidate_in_words(c: Candidate) -> str:
 
 def p_in_table(p_value: float) -> str:
     return "< 1e-4" if p_value < 1e-4 else f"{p_value:.2g}"
+
+
+def error_in_table(error: float) -> str:
+    """Format an RMSE with three decimals; a small one with two digits."""
+    return f"{error:.3f}" if error >= SMALL_ERROR else f"{error:.2g}"
 
 
 def candidate_to_dict(c: Candidate) -> dict[str, Any]:

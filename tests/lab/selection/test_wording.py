@@ -1,0 +1,55 @@
+"""Specification of how a diagnosis says what it found."""
+
+from dataclasses import replace
+
+import pytest
+
+from quadctl.effects.payload import MassStep
+from quadctl.effects.rotor_fault import WeakRotor
+from quadctl.lab.comparison.wording import parameters_in_words
+from quadctl.lab.flights.dataset import load_dataset
+from quadctl.lab.selection.diagnosis import Diagnosis, diagnose
+from quadctl.lab.selection.rule import alternatives
+from quadctl.lab.selection.wording import error_in_table
+from quadctl.logs.flight_log import FlightLog
+from quadctl.model import Model
+
+
+@pytest.fixture(scope="module")
+def nothing(rigid: Model, plain_runs: list[FlightLog]) -> Diagnosis:
+    """Diagnosis of flights in which nothing is missing."""
+    return diagnose(rigid, load_dataset(plain_runs, rigid.vehicle))
+
+
+def test_parameters_that_the_data_choose_stand_beside_those_that_are_fitted() -> None:
+    assert parameters_in_words(WeakRotor(0.05, 3.0), {"loss": (0.04, 0.06)}) == "loss = 0.05 [0.04, 0.06], rotor = 3"
+    words = parameters_in_words(MassStep(-0.09, time_s=41.0, flight=2.0), {"mass_kg": (-0.1, -0.08)})
+    assert words == "mass_kg = -0.09 [-0.1, -0.08], time_s = 41, flight = 2"
+
+
+@pytest.mark.parametrize(
+    ("error", "words"), [(1.8240, "1.824"), (0.148, "0.148"), (0.0242, "0.024"), (0.0024, "0.0024")]
+)
+def test_small_errors_keep_two_digits(error: float, words: str) -> None:
+    assert error_in_table(error) == words
+
+
+def test_what_explains_as_much_is_one_group(nothing: Diagnosis) -> None:
+    first, second, third = nothing.ranking[:3]
+    worse = replace(third, residual=1.2 * third.residual)
+    groups = alternatives([first, worse, second], nothing.dataset)
+    assert [{c.family for c in group} for group in groups] == [{first.family, second.family}, {third.family}]
+
+
+def test_a_sentence_about_nothing_missing_names_no_effect(nothing: Diagnosis) -> None:
+    assert nothing.lines()[0] == "Nothing significant is missing: the remaining error is noise."
+    assert not any(line.startswith(("Measured", "There")) for line in nothing.lines())
+
+
+def test_what_is_as_small_as_a_trim_is_said_to_be_there(nothing: Diagnosis) -> None:
+    weak = next(c for c in nothing.ranking if c.family == "rotor_fault")
+    there = replace(weak, effect=WeakRotor(0.01, 2.0), p_value=1e-6, after={k: 0.9 * v for k, v in weak.before.items()})
+    ranking = [there, *(c for c in nothing.ranking if c is not weak)]
+    (said,) = (line for line in replace(nothing, ranking=ranking).lines() if line.startswith(("Measured", "There")))
+    assert "rotor_fault.weak, loss = 0.01" in said
+    assert "rotor = 2" in said
