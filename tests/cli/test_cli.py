@@ -65,7 +65,8 @@ class TestCommands:
         """diagnose names the effect, add fits it, the error falls, the model flies and is measured."""
         done = quadctl("diagnose", VEHICLE, log, "--json", "d.json")
         assert done.status == 0
-        rows = [line for line in done.out.splitlines() if line.startswith("ground_effect.") and " -> " in line]
+        lines = [line.removeprefix("* ") for line in done.out.splitlines()]
+        rows = [line for line in lines if line.startswith("ground_effect.") and " -> " in line]
         assert rows and all(row.split()[2] == "->" and row.split()[4].endswith("%") for row in rows)  # 80 columns
         diagnosis = json.loads(Path("d.json").read_text())
         assert diagnosis["verdict"] == "missing" and diagnosis["missing"] == ["ground_effect"]

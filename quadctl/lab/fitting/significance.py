@@ -16,6 +16,8 @@ NO_CHANGE = 1e-3
 of the fit."""
 SLOPES = np.linspace(0.0, 2.0, 21)
 """Exponents of the power law of the noise: from white noise to a random walk."""
+FEW_BLOCKS = 3.0
+"""Number of blocks of time, by their shares of the evidence, below which it may be a burst of noise."""
 LEAST_FLIGHTS = 4
 """Least number of flights whose differences are the noise; fewer say nothing of an effect in one of them."""
 
@@ -71,8 +73,8 @@ def _variance_of_sum(weights: Floats, noise: Floats, dataset: Dataset) -> tuple[
     """Variance of sum(weights * noise), shape (n, axes) each, and its degrees of freedom.
 
     Residuals of flights stay correlated for tens of seconds, so the variance comes from the spectrum of the noise (see
-    `_spectrum`). Where blocks of time or flights differ by more than that tells (F test), they are the unit: noise has
-    bursts, and what explains one of them is seen once only.
+    `_spectrum`). Where flights differ by more than that tells (F test), they are the unit; so are blocks of time where
+    all evidence is in a few of them: noise has bursts, and what explains one of them is seen once only.
     """
     variance, degrees = LEAST_VARIANCE, 0.0
     for part in dataset.parts:
@@ -83,9 +85,10 @@ def _variance_of_sum(weights: Floats, noise: Floats, dataset: Dataset) -> tuple[
             power = np.abs(rfft(w)) ** 2 / n
             twice = np.where((np.arange(len(power)) == 0) | (2 * np.arange(len(power)) == n), 1.0, 2.0)
             variance += float(np.sum(twice * power * _spectrum(e, power, low)))
-    units = [dataset.block, *([dataset.flight_index] if len(dataset.flights) >= LEAST_FLIGHTS else [])]
-    for unit in units:
-        between, seen = _batch_variance(weights, noise, unit)
+    by_block, by_flight = (_batch_variance(weights, noise, unit) for unit in (dataset.block, dataset.flight_index))
+    units = [by_block] if by_block[1] < FEW_BLOCKS - 1.0 else []
+    units += [by_flight] if len(dataset.flights) >= LEAST_FLIGHTS else []
+    for between, seen in units:
         if between > variance * float(stats.f.ppf(0.95, seen, degrees)):
             variance, degrees = between, seen
     return variance, degrees
