@@ -413,7 +413,8 @@ class Fitter:
             for begin, end in zip(within, [*within[1:], len(columns)], strict=True):
                 gram.append(gram_matrix(columns[begin:end], weights[begin:end]))
             jacobian = columns[..., :-1]
-            errors = consider_jacobian(model, flight, groups, predict_targets(model, flight, groups)) / scale[:, None]
+            errors = consider_jacobian(model, flight, groups, predict_targets(model, flight, groups))
+            errors /= scale[:, None]
             consider_gradients.append(
                 sum(
                     np.tensordot(errors[here], jacobian[here] * weights[here][..., None], axes=((0, 1), (0, 1)))

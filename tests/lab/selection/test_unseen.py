@@ -150,12 +150,13 @@ class TestNested:
         assert blocks["rmse_after"] < blocks["rmse_before"]
 
 
+@pytest.fixture(scope="module")
+def long(truth: Model) -> Dataset:
+    return load_dataset([obedient(truth, 900.0, noise_m_s=0.01)], truth.vehicle)
+
+
 class TestLongLogs:
     """The search sees stretches that are spread over the flights; what it finds is fitted to all."""
-
-    @pytest.fixture(scope="class")
-    def long(self, truth: Model) -> Dataset:
-        return load_dataset([obedient(truth, 900.0, noise_m_s=0.01)], truth.vehicle)
 
     def test_the_stretches_are_spread_and_hold_every_fold(self, long: Dataset) -> None:
         part = long.spread_out(2000)
