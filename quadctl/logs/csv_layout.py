@@ -9,7 +9,7 @@ import polars as pl
 from quadctl.errors import LogError
 from quadctl.logs.cleaning import check_columns
 from quadctl.logs.columns import STATE_COLUMNS, is_column, motor_columns, rpm_columns
-from quadctl.logs.csv_lines import Lines, split_line
+from quadctl.logs.csv_lines import RawText, split_line
 
 _SEPARATORS = {";": "semicolons", "\t": "tabs", " ": "blanks"}
 """Separators of other programs, in place of commas."""
@@ -29,15 +29,16 @@ class Layout:
     notes: list[str] = field(default_factory=list)
 
 
-def layout_of(path: Path, raw: Lines) -> Layout:
+def layout_of(path: Path, raw: RawText) -> Layout:
     """By the header, or by the number of fields; raises LogError where it is no flight log's."""
+    number, text = raw.first
     for separator, name in _SEPARATORS.items():
-        if sum(map(is_column, raw.text[0].split(separator))) > 1:
-            where = f"{path}, line {raw.number[0]}"
+        if sum(map(is_column, text.split(separator))) > 1:
+            where = f"{path}, line {number}"
             raise LogError(f"{where}: separates columns by {name}, expected commas between them and decimal points")
-    first = [name.strip() for name in split_line(raw.text[0])]
+    first = [name.strip() for name in split_line(text)]
     if any(map(is_column, first)) or (sum(map(_is_number, first)) * 2 < len(first) and len(first) > 1):
-        return _by_header(path, int(raw.number[0]), first)
+        return _by_header(path, number, first)
     return _by_count(path, raw)
 
 
@@ -49,12 +50,12 @@ def _by_header(path: Path, line: int, names: list[str]) -> Layout:
     return Layout(tuple(name if is_column(name) else None for name in names), True, notes)
 
 
-def _by_count(path: Path, raw: Lines) -> Layout:
-    commas = raw.text.str.count_matches(",", literal=True).to_numpy()
-    counts, how_often = np.unique(commas.astype(np.int64) + 1, return_counts=True)
+def _by_count(path: Path, raw: RawText) -> Layout:
+    commas = [part.text.str.count_matches(",", literal=True).to_numpy() for part in raw.parts()]
+    counts, how_often = np.unique(np.concatenate(commas).astype(np.int64) + 1, return_counts=True)
     n = int(counts[np.argmax(how_often)])
     if n == 17:
-        if _holds_throttle(raw.text):
+        if _holds_throttle(raw):
             note = (
                 "17 columns and no header: the last four were read as commanded attitude and throttle, not rotor speeds"
             )
@@ -63,17 +64,20 @@ def _by_count(path: Path, raw: Lines) -> Layout:
         return Layout((*STATE_COLUMNS, *rpm_columns(4)), False, [note])
     n_rotors, rest = divmod(n - len(STATE_COLUMNS), 3)
     if n_rotors < 4 or rest:
-        separator = next((f", separated by '{s}'" for s in ";\t" if n == 1 and s in raw.text[0]), "")
+        separator = next((f", separated by '{s}'" for s in ";\t" if n == 1 and s in raw.first[1]), "")
         found = f"{n} column{'s' if n > 1 else ''}{separator}"
         raise LogError(f"{path}: has no header and {found}, expected our header, or separated by commas {_HEADERLESS}")
     motors = (*motor_columns(n_rotors, "voltage_v"), *motor_columns(n_rotors, "current_a"))
     return Layout((*STATE_COLUMNS, *rpm_columns(n_rotors), *motors), False)
 
 
-def _holds_throttle(lines: pl.Series) -> bool:
+def _holds_throttle(raw: RawText) -> bool:
     """True where the last column lies in 0..1, as a throttle does and the speed of a rotor does not."""
-    last = lines.str.split(",").list.last().str.strip_chars().cast(pl.Float64, strict=False)
-    values = last.drop_nulls().drop_nans().to_numpy()
+    last = [
+        part.text.str.split(",").list.last().str.strip_chars().cast(pl.Float64, strict=False).drop_nulls().drop_nans()
+        for part in raw.parts()
+    ]
+    values = np.concatenate([part.to_numpy() for part in last])
     return len(values) == 0 or bool(np.median(np.abs(values)) <= 1.0)
 
 

@@ -3,8 +3,10 @@
 import csv
 import os
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 import polars as pl
@@ -13,63 +15,84 @@ from numpy.typing import NDArray
 from quadctl.errors import LogError
 
 CHUNK_BYTES = 1 << 23
-"""Size of the parts in which a file is read: of a large one only its text is kept, not also its bytes."""
+"""Size of the parts in which a file is read and split into lines: the fields of a whole large file would need several
+times its size."""
 
 
 @dataclass(frozen=True)
 class Lines:
-    """The lines of a file that can be read."""
+    """Lines of a file that can be read."""
 
     text: pl.Series
     """Lines that are complete and not blank."""
     number: NDArray[np.int64]
     """Their numbers in the file, from 1, shape (n,)."""
+
+
+@dataclass(frozen=True)
+class RawText:
+    """The complete lines of a file; a large file is read and split into lines part by part."""
+
+    path: Path
+    spans: list[tuple[int, int]]
+    """Place and size of each part in the file, bytes: whole lines, without the line feed of the last."""
+    counts: list[int]
+    """Number of lines of each."""
     notes: list[str]
 
+    def parts(self) -> Iterator[Lines]:
+        """The lines of each part; none for a part of blank lines."""
+        before = 0
+        with _opened(self.path) as file:
+            for (begin, size), count in zip(self.spans, self.counts, strict=True):
+                file.seek(begin)
+                # Bytes that are no text, as a power cut leaves them, damage their line and not the file.
+                text = file.read(size).decode("utf-8" if before else "utf-8-sig", errors="replace")
+                kept = [
+                    (at, line) for at, raw in enumerate(text.split("\n"), before + 1) if (line := raw.strip("\r \t"))
+                ]
+                before += count
+                if kept:
+                    yield Lines(pl.Series([line for _, line in kept]), np.array([at for at, _ in kept], dtype=np.int64))
 
-def read_lines(path: Path) -> Lines:
+    @property
+    def first(self) -> tuple[int, str]:
+        """Number and text of the first line that is not blank."""
+        lines = next(self.parts())
+        return int(lines.number[0]), str(lines.text[0])
+
+
+def read_text(path: Path) -> RawText:
     """The complete lines of a file; raises LogError where it cannot be read, is empty or not text."""
-    text, number = [pl.Series([], dtype=pl.String)], [np.empty(0, dtype=np.int64)]
-    count, blank, rest = 0, True, b""
-    for chunk in _chunks(path):
-        blank = blank and not chunk.strip()
-        whole, newline, rest = (rest + chunk).rpartition(b"\n")
-        if not newline:
-            continue
-        if not count and b"\0" in whole.partition(b"\n")[0]:
-            break
-        # Bytes that are no text, as a power cut leaves them, damage their line and not the file.
-        lines = whole.decode("utf-8" if count else "utf-8-sig", errors="replace").split("\n")
-        kept = [(at, stripped) for at, line in enumerate(lines, count + 1) if (stripped := line.strip("\r \t"))]
-        text.append(pl.Series([line for _, line in kept], dtype=pl.String))
-        number.append(np.array([at for at, _ in kept], dtype=np.int64))
-        count += len(lines)
-    else:
-        return _complete(path, Lines(pl.concat(text), np.concatenate(number), []), count, blank, rest)
-    raise LogError(f"{path}: is not a text file, expected a CSV flight log")
-
-
-def _complete(path: Path, lines: Lines, count: int, blank: bool, rest: bytes) -> Lines:
-    """The lines, with a note on the `rest` of the file after its `count` lines; raises LogError where there is none."""
+    raw, blank, begin, rest, first = RawText(path, [], [], []), True, 0, b"", b""
+    with _opened(path) as file:
+        while chunk := file.read(CHUNK_BYTES):
+            blank = blank and not chunk.strip()
+            whole, newline, rest = (rest + chunk).rpartition(b"\n")
+            if newline:
+                first = first or whole.partition(b"\n")[0]
+                raw.spans.append((begin, len(whole)))
+                raw.counts.append(whole.count(b"\n") + 1)
+                begin += len(whole) + 1
     if blank:
         raise LogError(f"{path}: is empty, expected a CSV flight log")
-    if not count and b"\0" in rest:
+    if b"\0" in (first if raw.spans else rest):
         raise LogError(f"{path}: is not a text file, expected a CSV flight log")
-    if not count and b"\r" in rest:
+    if not raw.spans and b"\r" in rest:
         raise LogError(f"{path}: ends its lines by carriage returns alone, expected line feeds")
-    if rest.decode("utf-8" if count else "utf-8-sig", errors="replace").strip("\r \t\0"):
+    if rest.decode("utf-8" if raw.spans else "utf-8-sig", errors="replace").strip("\r \t\0"):
         # Even if it parses: nobody can tell whether its last number is whole.
-        lines.notes.append(f"the last line ({count + 1}) is cut short and was left out")
-    if not len(lines.text):
+        raw.notes.append(f"the last line ({sum(raw.counts) + 1}) is cut short and was left out")
+    if next(raw.parts(), None) is None:
         raise LogError(f"{path}: has no complete line yet, expected a CSV flight log")
-    return lines
+    return raw
 
 
-def _chunks(path: Path) -> Iterator[bytes]:
+@contextmanager
+def _opened(path: Path) -> Iterator[BinaryIO]:
     try:
         with path.open("rb") as file:
-            while chunk := file.read(CHUNK_BYTES):
-                yield chunk
+            yield file
     except FileNotFoundError:
         raise LogError(f"{path}: there is no such file") from None
     except IsADirectoryError:

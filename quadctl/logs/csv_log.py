@@ -6,7 +6,7 @@ Damaged lines, and a last line that a power cut left incomplete, are left out he
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 import polars as pl
@@ -17,15 +17,12 @@ from quadctl.errors import LogError
 from quadctl.logs.cleaning import clean_log
 from quadctl.logs.columns import PHASE_COLUMN, column_order
 from quadctl.logs.csv_layout import Layout, layout_of
-from quadctl.logs.csv_lines import Lines, read_lines, reason_of, split_line
-from quadctl.logs.flight_log import FlightLog
+from quadctl.logs.csv_lines import read_text, reason_of, split_line
+from quadctl.logs.flight_log import FlightLog, Floats
 from quadctl.logs.sidecar import meta_path
 
-LINES_AT_ONCE = 50_000
-"""Number of lines that are split into fields at once: the fields of a large file would need several times its size."""
-
-_Rows: TypeAlias = tuple[pl.DataFrame, NDArray[np.int64]]
-"""Values, and the number in the file of the line that each row comes from."""
+_Rows: TypeAlias = tuple[dict[str, NDArray[Any]], NDArray[np.int64]]
+"""Columns, and the number in the file of the line that each row comes from."""
 
 
 def read_csv(path: Path | str) -> FlightLog:
@@ -38,8 +35,7 @@ def read_csv(path: Path | str) -> FlightLog:
     """
     path = Path(path)
     notes: list[str] = []
-    table, line = _table(path, notes)
-    columns = {name: table[name].to_numpy() for name in table.columns}
+    columns, line = _table(path, notes)
     return clean_log(path, columns, notes=notes, line_numbers=line)
 
 
@@ -72,28 +68,26 @@ def write_csv(log: FlightLog, path: Path | str) -> None:
 
 
 def _table(path: Path, notes: list[str]) -> _Rows:
-    """Values and line numbers of a file; its text is forgotten."""
-    raw = read_lines(path)
+    """Columns and line numbers of the undamaged lines: NaN where a value is missing, text only in `phase`."""
+    raw = read_text(path)
     layout = layout_of(path, raw)
     notes += [*raw.notes, *layout.notes]
-    return _parse(path, raw, layout, notes)
-
-
-def _parse(path: Path, raw: Lines, layout: Layout, notes: list[str]) -> _Rows:
-    """Values and line numbers of the undamaged lines: NaN where a value is missing, text only in `phase`."""
-    skip = 1 if layout.has_header else 0
-    if len(raw.text) == skip:
-        raise LogError(f"{path}: has a header and no complete row of data")
     damage: dict[int, str] = {}
-    parts = [_part(raw, layout, begin, damage) for begin in range(skip, len(raw.text), LINES_AT_ONCE)]
-    table = pl.concat([part.table for part in parts])
+    parts, skip = [], layout.has_header
+    for lines in raw.parts():
+        parts.append(
+            _part(lines.text[1:] if skip else lines.text, lines.number[1:] if skip else lines.number, layout, damage)
+        )
+        skip = False
+    count = sum(part.n_lines for part in parts)
+    if not count:
+        raise LogError(f"{path}: has a header and no complete row of data")
     number = np.concatenate([part.number for part in parts])
-    wrong = pl.concat([part.wrong for part in parts]).sum()
-    for name in wrong.columns:
-        if wrong[name][0] > len(table) / 2:
-            line, value = next(part.first_wrong[name] for part in parts if name in part.first_wrong)
-            raise LogError(f"{path}, line {line}: column '{name}' holds {_shown(value)}, expected a number")
-    count = len(raw.text) - skip
+    for name in parts[0].wrong:
+        wrong = np.concatenate([part.wrong[name] for part in parts])
+        if len(wrong) > len(number) / 2:
+            line, text = next(part.first_wrong[name] for part in parts if name in part.first_wrong)
+            raise LogError(f"{path}, line {line}: column '{name}' holds {_shown(text)}, expected a number")
     undamaged = ~np.isin(number, list(damage))
     if not undamaged.any() or len(damage) > count / 2:
         line, what = min(damage.items())
@@ -106,27 +100,30 @@ def _parse(path: Path, raw: Lines, layout: Layout, notes: list[str]) -> _Rows:
     if damage:
         line, what = min(damage.items())
         notes.append(f"{_count(len(damage), 'damaged line')} left out (line {line}: {what})")
-    return table.filter(pl.Series(undamaged)), number[undamaged]
+    columns = {}
+    for name in list(parts[0].columns):
+        values = np.concatenate([part.columns.pop(name) for part in parts])
+        columns[name] = values if undamaged.all() else values[undamaged]
+    return columns, number[undamaged]
 
 
 @dataclass(frozen=True)
 class _Part:
     """Values of a part of the lines, those whose number of fields is right."""
 
-    table: pl.DataFrame
+    n_lines: int
+    columns: dict[str, NDArray[Any]]
     number: NDArray[np.int64]
-    wrong: pl.DataFrame
-    """Number of values of each column that are text, one row."""
+    wrong: dict[str, NDArray[np.intp]]
+    """Rows of each column that hold text instead of a number."""
     first_wrong: dict[str, tuple[int, str]]
     """Line and text of the first of these."""
     last_field: list[str]
     """Last field of the last two lines."""
 
 
-def _part(raw: Lines, layout: Layout, begin: int, damage: dict[int, str]) -> _Part:
-    """Values of `LINES_AT_ONCE` lines from `begin`; damaged lines are entered in `damage`."""
-    here = slice(begin, begin + LINES_AT_ONCE)
-    lines, number = raw.text[here], raw.number[here]
+def _part(lines: pl.Series, number: NDArray[np.int64], layout: Layout, damage: dict[int, str]) -> _Part:
+    """Values of some lines; damaged ones are entered in `damage`."""
     n_fields = len(layout.names)
     fields, n_found = _split(lines, n_fields)
     whole = n_found == n_fields
@@ -134,20 +131,22 @@ def _part(raw: Lines, layout: Layout, begin: int, damage: dict[int, str]) -> _Pa
         int(line): f"{n} fields instead of {n_fields}" for line, n in zip(number[~whole], n_found[~whole], strict=True)
     }
     fields, number = fields.filter(pl.Series(whole)), number[whole]
-    table, wrong, first_wrong = {}, {}, {}
+    columns: dict[str, NDArray[Any]] = {}
+    wrong: dict[str, NDArray[np.intp]] = {}
+    first_wrong = {}
     for name, field in zip(layout.names, fields.get_columns(), strict=True):
         if name == PHASE_COLUMN:
-            table[name] = field.fill_null("")
+            columns[name] = field.fill_null("").to_numpy()
         elif name is not None:
             text = field.str.strip_chars()
-            table[name], rows = _numbers(text)
-            wrong[name] = [len(rows)]
-            for row in rows:
+            columns[name], wrong[name] = _numbers(text)
+            for row in wrong[name]:
                 damage.setdefault(int(number[row]), f"{name} is {_shown(text[int(row)])} instead of a number")
-            if len(rows):
-                first_wrong[name] = int(number[rows[0]]), str(text[int(rows[0])])
+            if len(wrong[name]):
+                first = int(wrong[name][0])
+                first_wrong[name] = int(number[first]), str(text[first])
     last = fields[:, -1].fill_null("").tail(2).to_list()
-    return _Part(pl.DataFrame(table), number, pl.DataFrame(wrong), first_wrong, last)
+    return _Part(len(lines), columns, number, wrong, first_wrong, last)
 
 
 def _split(lines: pl.Series, n_fields: int) -> tuple[pl.DataFrame, NDArray[np.int64]]:
@@ -162,11 +161,11 @@ def _split(lines: pl.Series, n_fields: int) -> tuple[pl.DataFrame, NDArray[np.in
     return lines.str.split_exact(",", n_fields - 1).struct.unnest(), n_found
 
 
-def _numbers(text: pl.Series) -> tuple[pl.Series, NDArray[np.intp]]:
+def _numbers(text: pl.Series) -> tuple[Floats, NDArray[np.intp]]:
     """The values of a column, NaN where one is missing, and the rows that hold text."""
     values = text.cast(pl.Float64, strict=False)
     wrong = np.flatnonzero((values.is_null() & (text.fill_null("") != "")).to_numpy())
-    return values.fill_null(float("nan")), wrong
+    return values.fill_null(float("nan")).to_numpy(), wrong
 
 
 def _is_padded(last_field: Sequence[str]) -> bool:

@@ -13,6 +13,7 @@ import sys
 import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 from rich.console import Console
@@ -26,13 +27,16 @@ from quadctl.frames import GRAVITY_M_S2
 from quadctl.lab.flights.dataset import load_dataset
 from quadctl.lab.selection.diagnosis import diagnose
 from quadctl.logs.columns import STATE_COLUMNS, rpm_columns
+from quadctl.logs.csv_log import write_csv
 from quadctl.logs.flight_log import FlightLog
+from quadctl.logs.read import read_log
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle, load_vehicle
 
 ROWS_PER_FLIGHT = 50_000
 RATE_HZ = 50.0
 SIZES = (50_000, 200_000, 1_000_000)
+ONE_LOG = (50_000, 1_000_000)
 CANDIDATES = (ConstantScale, Exponential, LinearDrag, AxialInflow)
 RAPTOR = Path(__file__).parents[2] / "config/vehicles/raptor.yaml"
 Row = tuple[str, str, str]
@@ -75,10 +79,44 @@ def measure(size: int) -> dict[str, float]:
     return {"prepared_s": prepared - begin - made_s, "diagnosed_s": diagnosed - prepared, "peak_mb": peak_mb()}
 
 
-def made_up(vehicle: Vehicle, seed: int) -> FlightLog:
+def rows_of_one_log(sizes: Sequence[int] = ONE_LOG) -> Iterator[Row]:
+    """Growth for a single log in a file, read, prepared and searched for every effect of the catalogue."""
+    first = None
+    for size in sizes:
+        with TemporaryDirectory() as folder:
+            write_csv(made_up(load_vehicle(RAPTOR), 0, size), Path(folder) / "made.csv")
+            run = [sys.executable, __file__, "--file", str(Path(folder) / "made.csv")]
+            measured = json.loads(subprocess.run(run, check=True, capture_output=True, text=True).stdout)
+        total_s = measured["read_s"] + measured["prepared_s"] + measured["diagnosed_s"]
+        first = first or total_s
+        yield (
+            f"one log of {size} rows read, prepared and diagnosed, every effect",
+            f"{measured['read_s']:.1f} + {measured['prepared_s']:.1f} + {measured['diagnosed_s']:.1f} s, "
+            f"largest memory {measured['peak_mb']:.0f} MB",
+            f"{total_s / first:.2f} x the time of {sizes[0]} rows",
+        )
+
+
+def measure_file(path: Path) -> dict[str, float]:
+    """Time and memory of this process for one log in a file."""
+    vehicle = load_vehicle(RAPTOR)
+    times = [time.process_time()]
+    data = [read_log(path)]
+    times.append(time.process_time())
+    dataset = load_dataset(data, vehicle)
+    data.clear()
+    times.append(time.process_time())
+    missing = diagnose(Model(vehicle), dataset).missing
+    times.append(time.process_time())
+    assert missing == ["ground_effect"], missing
+    read_s, prepared_s, diagnosed_s = np.diff(times)
+    return {"read_s": read_s, "prepared_s": prepared_s, "diagnosed_s": diagnosed_s, "peak_mb": peak_mb()}
+
+
+def made_up(vehicle: Vehicle, seed: int, count: int = ROWS_PER_FLIGHT) -> FlightLog:
     """A level flight over the heights, whose rotor speeds obey a ground effect; white noise on the velocity."""
     random = np.random.default_rng(seed)
-    t = np.arange(ROWS_PER_FLIGHT) / RATE_HZ
+    t = np.arange(count) / RATE_HZ
     columns = {name: 1e-6 * random.standard_normal(len(t)) for name in STATE_COLUMNS}
     w, swell = 2.0 * np.pi * 0.25, 2.0 * np.pi * 0.02
     z = 0.6 + 0.45 * np.sin(swell * t) ** 2 * np.sin(w * t)
@@ -102,11 +140,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="How time and memory of the lab grow with the rows of the logs.")
     parser.add_argument("--rows", type=int, action="append", help="may be repeated; the first is compared with")
     parser.add_argument("--only", type=int, help=argparse.SUPPRESS)  # what the processes are started with
+    parser.add_argument("--file", type=Path, help=argparse.SUPPRESS)
     given = parser.parse_args()
+    if given.file:
+        print(json.dumps(measure_file(given.file)))
+        return
     if given.only:
         print(json.dumps(measure(given.only)))
         return
-    for line in rows(given.rows or SIZES):
+    for line in (*rows(given.rows or SIZES), *rows_of_one_log(given.rows or ONE_LOG)):
         Console(width=150).print(*line, sep=" | ", markup=False, highlight=False)
 
 

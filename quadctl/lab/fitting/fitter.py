@@ -21,6 +21,7 @@ from quadctl.lab.fitting.normal_equations import (
     jacobian_and_residual,
     resampled_gram_matrices,
     robust_weights,
+    slices,
     soft_l1_loss,
 )
 from quadctl.lab.fitting.nuisances import BOUND, KINDS, acceleration_jacobian, predicted_with, prior_standard_deviations
@@ -412,8 +413,14 @@ class Fitter:
             for begin, end in zip(within, [*within[1:], len(columns)], strict=True):
                 gram.append(gram_matrix(columns[begin:end], weights[begin:end]))
             jacobian = columns[..., :-1]
-            errors = consider_jacobian(model, flight, groups, predict_targets(model, flight, groups)) / scale[:, None]
-            consider_gradients.append(np.tensordot(errors, jacobian * weights[..., None], axes=((0, 1), (0, 1))))
+            errors = consider_jacobian(model, flight, groups, predict_targets(model, flight, groups))
+            errors /= scale[:, None]
+            consider_gradients.append(
+                sum(
+                    np.tensordot(errors[here], jacobian[here] * weights[here][..., None], axes=((0, 1), (0, 1)))
+                    for here in slices(len(jacobian))
+                )
+            )
             power += np.einsum("nap,nap->p", jacobian[..., :p], jacobian[..., :p])
         return _Linearisation(residual, scale, np.array(gram), starts, power, np.stack(consider_gradients, axis=1))
 

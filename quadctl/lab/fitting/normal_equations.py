@@ -1,6 +1,6 @@
 """Normal equations of one flight: Gram matrix of the Jacobian and the residual, with robust weights."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from quadctl.lab.flights.flight import Flight
 from quadctl.lab.flights.prediction import predict_targets
 from quadctl.model import Model
 
+SAMPLES_AT_ONCE = 20_000
 HUBER_SIGMAS = 3.0
 """Residuals beyond this many (robust) standard deviations count linearly, not squared."""
 
@@ -60,9 +61,18 @@ def robust_weights(columns: Floats, weights: Floats) -> Floats:
 
 def gram_matrix(columns: Floats, weights: Floats | None = None) -> Floats:
     """Gram matrix of `columns`, shape (n, axes, m), summed over samples and axes; shape (m, m)."""
-    flat = columns.reshape(-1, columns.shape[-1])
-    weighted = flat if weights is None else flat * weights.reshape(-1, 1)
-    return np.asarray(weighted.T @ flat)
+    total = np.zeros((columns.shape[-1],) * 2)
+    for here in slices(len(columns)):
+        flat = columns[here].reshape(-1, columns.shape[-1])
+        weighted = flat if weights is None else flat * weights[here].reshape(-1, 1)
+        total += weighted.T @ flat
+    return total
+
+
+def slices(count: int) -> Iterator[slice]:
+    """Slices of `SAMPLES_AT_ONCE` samples: products of a long flight need no further copy of all its columns."""
+    for begin in range(0, count, SAMPLES_AT_ONCE):
+        yield slice(begin, min(begin + SAMPLES_AT_ONCE, count))
 
 
 def resampled_gram_matrices(gram: Floats, times: NDArray[np.uint16], first: NDArray[np.intp]) -> Floats:

@@ -124,10 +124,10 @@ def without_absent_motors(log: FlightLog, n_rotors: int, notes: list[str]) -> Fl
 def signals_of(log: FlightLog, vehicle: Vehicle, notes: list[str]) -> Signals:
     def channels(names: Sequence[str], scale: float = 1.0, unwrap: bool = False) -> list[Channel]:
         rows = updates_of(log, names)
-        found = []
+        time_s, found = log.time_s[rows], []
         for name in names:
             value = scale * log[name][rows]
-            found.append(Channel(log.time_s[rows], np.unwrap(value) if unwrap else value))
+            found.append(Channel(time_s, np.unwrap(value) if unwrap else value))
         return found
 
     rotor, source = _rotorsignals_of(log, vehicle)
@@ -165,7 +165,8 @@ def _without_spikes(channels: list[Channel], limit: float, what: str, notes: lis
         notes.append(
             f"{np.count_nonzero(~kept)} {what} that jump away and back, faster than a multirotor can move, are left out"
         )
-    return [Channel(time[kept], value) for value in values[:, kept]]
+    time = time[kept]
+    return [Channel(time, value) for value in values[:, kept]]
 
 
 def _rotorsignals_of(log: FlightLog, vehicle: Vehicle) -> tuple[list[Channel], str]:
@@ -179,8 +180,8 @@ def _rotorsignals_of(log: FlightLog, vehicle: Vehicle) -> tuple[list[Channel], s
             )
         names = rpm_columns(vehicle.n_rotors)
         rows = updates_of(log, names)
-        k = vehicle.rotor.thrust_n_per_rpm2
-        return [Channel(log.time_s[rows], k * log[name][rows] ** 2) for name in names], ROTOR_SPEED
+        k, time_s = vehicle.rotor.thrust_n_per_rpm2, log.time_s[rows]
+        return [Channel(time_s, k * log[name][rows] ** 2) for name in names], ROTOR_SPEED
     curve, n = vehicle.throttle, vehicle.n_rotors
     outputs = motor_columns(n, "output")
     if all(log.has(name) for name in outputs):
@@ -188,7 +189,8 @@ def _rotorsignals_of(log: FlightLog, vehicle: Vehicle) -> tuple[list[Channel], s
             raise LogError(f"{log.name}: has the outputs of more than {n} motors, the vehicle '{vehicle.name}' has {n}")
         rows = updates_of(log, outputs)
         found = [np.maximum(log[name][rows] - curve.offset, 0.0) / (curve.per_newton * n) for name in outputs]
-        return [Channel(log.time_s[rows], thrust) for thrust in found], "motor output"
+        time_s = log.time_s[rows]
+        return [Channel(time_s, thrust) for thrust in found], "motor output"
     if log.has("throttle_cmd"):
         rows = log.updates("throttle_cmd")
         each = np.maximum(log["throttle_cmd"][rows] - curve.offset, 0.0) / (curve.per_newton * n)

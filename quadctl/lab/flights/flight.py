@@ -35,11 +35,15 @@ class SlowFilter:
     def _matrix(self) -> csr_matrix:
         n = len(self._time_s)
         reach = math.ceil(3.0 * MOMENTS_S / float(np.median(np.diff(self._time_s))))
-        here = np.arange(n)[:, None] + np.zeros(2 * reach + 1, dtype=int)
-        there = np.clip(np.arange(n)[:, None] + np.arange(-reach, reach + 1), 0, n - 1)
-        weights = np.exp(-0.5 * ((self._time_s[there] - self._time_s[here]) / MOMENTS_S) ** 2)
+        there = np.arange(n, dtype=np.int32)[:, None] + np.arange(-reach, reach + 1, dtype=np.int32)
+        np.clip(there, 0, n - 1, out=there)
+        weights = self._time_s[there]
+        weights -= self._time_s[:, None]
+        np.square(weights, out=weights)
+        weights *= -0.5 / MOMENTS_S**2
+        np.exp(weights, out=weights)
         weights /= weights.sum(axis=1, keepdims=True)
-        return csr_matrix((weights.ravel(), (here.ravel(), there.ravel())), shape=(n, n))
+        return csr_matrix((weights.ravel(), there.ravel(), np.arange(0, there.size + 1, there.shape[1])), shape=(n, n))
 
 
 LARGEST_DELAY_S = 0.5

@@ -207,9 +207,9 @@ def _filter(
     weights /= weights.sum(axis=1, keepdims=True)
     derivatives = weights * (offset - (weights * offset).sum(axis=1, keepdims=True))
     derivatives /= (derivatives * offset).sum(axis=1, keepdims=True)
-    where = (np.repeat(np.arange(len(time)), columns.shape[1]), columns.ravel())
+    places, ends = columns.astype(np.int32).ravel(), np.arange(0, columns.size + 1, columns.shape[1])
     shape = (len(time), len(grid))
-    smooth, derivative = (csr_matrix((rows.ravel(), where), shape=shape) for rows in (weights, derivatives))
+    smooth, derivative = (csr_matrix((rows.ravel(), places, ends), shape=shape) for rows in (weights, derivatives))
     return time, smooth, derivative
 
 

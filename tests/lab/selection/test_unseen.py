@@ -15,7 +15,7 @@ from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.lab.fitting.fitted_model import fit_model
 from quadctl.lab.flights.dataset import Dataset, load_dataset
 from quadctl.lab.flights.prediction import predict
-from quadctl.lab.selection import unseen
+from quadctl.lab.selection import diagnosis, unseen
 from quadctl.lab.selection.diagnosis import Diagnosis, diagnose
 from quadctl.logs.csv_log import write_csv
 from quadctl.logs.flight_log import FlightLog
@@ -148,3 +148,37 @@ class TestNested:
         (blocks,) = json.loads(found.read_text())["diagnosis"]["unseen"]
         assert blocks["choice_repeated"] and blocks["searches"] == 5
         assert blocks["rmse_after"] < blocks["rmse_before"]
+
+
+@pytest.fixture(scope="module")
+def long(truth: Model) -> Dataset:
+    return load_dataset([obedient(truth, 900.0, noise_m_s=0.01)], truth.vehicle)
+
+
+class TestLongLogs:
+    """The search sees stretches that are spread over the flights; what it finds is fitted to all."""
+
+    def test_the_stretches_are_spread_and_hold_every_fold(self, long: Dataset) -> None:
+        part = long.spread_out(2000)
+        assert 1500 < len(part.targets) < 2500
+        assert [np.mean(part.fold == number) for number in part.folds] == pytest.approx([0.2] * 5, abs=0.03)
+        gaps = np.diff(part.flights[0].time_s)
+        assert np.count_nonzero(gaps > 5.0) >= 4
+        assert long.spread_out(10**6) is long
+
+    def test_each_flight_keeps_a_stretch(self, both: Dataset) -> None:
+        assert both.spread_out(300).names == ["low.csv", "high.csv"]
+
+    def test_the_parameters_are_those_of_a_fit_to_all(
+        self, long: Dataset, truth: Model, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr(diagnosis, "MOST_SEARCHED", 2000)
+        found = diagnose(Model(truth.vehicle), long, CANDIDATES)
+        assert found.missing == ["ground_effect"]
+        assert 1500 < found.searched < 2500
+        assert f"The search has seen {found.searched} of {len(long.targets)} samples" in "\n".join(found.lines())
+        assert found.to_dict()["samples"] == {"searched": found.searched, "all": len(long.targets)}
+        whole = fit_model(found.best, long)
+        assert found.fit is not None and len(found.fit.held_out_residual) == len(long.targets)
+        assert found.ranking[0].effect.values()["a"] == pytest.approx(whole.model.effects[0].values()["a"], rel=1e-2)
+        assert found.ranking[0].ci95 == found.fit.ci95(0)
