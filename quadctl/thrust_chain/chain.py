@@ -32,7 +32,7 @@ class Addition(NamedTuple):
     at_tilt: float
     """Change when the vehicle holds its height at TABLE_TILT_DEG."""
     remark: str
-    """What it is, and what quadctl does about it."""
+    """Name of the change, and the answer of quadctl to it."""
 
 
 TABLE_TILT_DEG = 15.0

@@ -56,7 +56,7 @@ class Telemetry(Settings):
 
 
 class AutopilotTruth(Settings):
-    """What the simulated autopilot does otherwise than by default."""
+    """Behaviour of the simulated autopilot that differs from its default."""
 
     ready_after_s: NonNegativeFloat = 0.0
     """Time after boot at which it lets itself be armed."""

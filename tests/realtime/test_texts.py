@@ -1,4 +1,4 @@
-"""What the autopilot says reaches the user: refusals with their reasons, and every text of a flight."""
+"""The autopilot's words reach the user: refusals with their reasons, and every text of a flight."""
 
 import asyncio
 import json

@@ -1,4 +1,4 @@
-"""What an autopilot adds to the commanded thrust, over MAVLink: the thrust that is flown is the one commanded."""
+"""Additions of an autopilot to the commanded thrust, over MAVLink: the thrust that is flown is the one commanded."""
 
 import asyncio
 import math

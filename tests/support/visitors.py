@@ -163,7 +163,7 @@ class Visitor:
         return selector
 
     def resizes_a_figure_that_has_left(self) -> None:
-        """What a browser does when a figure is drawn anew in the moment in which its size changes."""
+        """Do as a browser that draws a figure anew in the moment in which its size changes."""
         self.page.evaluate(_RESIZE_ONE_THAT_HAS_LEFT)
 
     def points(self, figure: str, curve: str) -> int:

@@ -93,7 +93,7 @@ class Firmware:
     tells_aids: bool
     """True: the health bits of SYS_STATUS tell if GPS or motion capture work; its estimator does not."""
     thrust_chain: ThrustChain
-    """What it does between the throttle target and the motor outputs that it reports."""
+    """Functions between the throttle target and the motor outputs that it reports."""
     requirements: Sequence[Requirement] = ()
     checks: Sequence[Check] = ()
     """Parameters that are judged before a flight, besides the requirements."""

@@ -30,7 +30,7 @@ class _Unfinished(NamedTuple):
 
     @property
     def text(self) -> StatusText:
-        """What there is of it, as one text."""
+        """Parts that have arrived, as one text."""
         joined = "".join(self.chunks.get(i, LOST) for i in range(max(self.chunks) + 1))
         # PX4 ends a text with a tab when the same is sent as an event too.
         return StatusText(self.received_s, self.severity, joined.strip("\0\t "))

@@ -211,7 +211,7 @@ def _standing(state: VehicleState, plan: FlightPlan) -> Finding:
 
 
 def _texts(state: VehicleState) -> Iterator[Finding]:
-    """What the autopilot has said as texts, each once."""
+    """Texts of the autopilot, each once."""
     for text in dict.fromkeys(text._replace(received_s=0.0) for text in state.texts):
         yield Finding(Verdict.WARNING if text.grave else Verdict.OK, "autopilot", str(text))
 
