@@ -16,7 +16,10 @@ from quadctl.lab import diagnose
 from quadctl.lab.selection.diagnosis import Diagnosis
 from tests.support.places import DATA, RAPTOR
 
-pytestmark = pytest.mark.skipif(not (DATA / "real").is_dir(), reason="the real logs are not here")
+pytestmark = [
+    pytest.mark.long,
+    pytest.mark.skipif(not (DATA / "real").is_dir(), reason="the real logs are not here"),
+]
 
 VEHICLES = {
     "raptor": RAPTOR,
@@ -36,13 +39,8 @@ def found_in(log: str) -> Diagnosis:
     return diagnose(vehicle, DATA / log)
 
 
-def not_yet(log: str, reason: str, *marks: pytest.MarkDecorator) -> Any:
-    return pytest.param(log, marks=[pytest.mark.xfail(strict=True, reason=reason), *marks])
-
-
-def slow(log: str) -> Any:
-    """A log that only the long tests read."""
-    return pytest.param(log, marks=pytest.mark.long)
+def not_yet(log: str, reason: str) -> Any:
+    return pytest.param(log, marks=pytest.mark.xfail(strict=True, reason=reason))
 
 
 class TestPx4:
@@ -50,10 +48,10 @@ class TestPx4:
 
     LOGS = (
         "real/px4/excitation.csv",
-        slow("real/px4/excitation.ulg"),
+        "real/px4/excitation.ulg",
         "real/px4/forward_runs.csv",
-        slow("real/px4/forward_runs.ulg"),
-        slow("real/px4/vertical_runs.csv"),
+        "real/px4/forward_runs.ulg",
+        "real/px4/vertical_runs.csv",
         "real/px4/vertical_runs.ulg",
     )
 
@@ -88,8 +86,8 @@ class TestArduPilot:
         "log",
         [
             "real/ardupilot/excitation.csv",
-            slow("real/ardupilot/excitation.bin"),
-            slow("real/ardupilot/forward_runs.csv"),
+            "real/ardupilot/excitation.bin",
+            "real/ardupilot/forward_runs.csv",
             "real/ardupilot/forward_runs.bin",
         ],
     )
@@ -99,7 +97,6 @@ class TestArduPilot:
         assert missing <= LINE | DRAG
         assert bool(missing & LINE) is log.endswith(".csv")
 
-    @pytest.mark.long
     def test_an_effect_that_is_fitted_to_nothing_is_not_called_measured(self) -> None:
         measured = found_in("real/ardupilot/forward_runs.csv").measured
         assert all(any(c.effect.values()[name] for name in c.ci95) for c in measured if c.ci95)
@@ -107,12 +104,12 @@ class TestArduPilot:
     @pytest.mark.parametrize(
         "log",
         [
-            slow("real/ardupilot/hover_staircase.csv"),
+            "real/ardupilot/hover_staircase.csv",
             "real/ardupilot/hover_staircase.bin",
             "real/ardupilot/hexa_staircase.csv",
             "real/ardupilot/hexa_staircase.bin",
             "real/ardupilot/vertical_runs.csv",
-            slow("real/ardupilot/vertical_runs.bin"),
+            "real/ardupilot/vertical_runs.bin",
         ],
     )
     def test_nothing_is_named_that_is_absent_where_it_hardly_flew_forward(self, log: str) -> None:
@@ -162,8 +159,8 @@ class TestRepeatedFlights:
         "flights",
         [
             Repeated("HAYDEN", LOW),
-            pytest.param(Repeated("SANCHEZ", LOW), marks=pytest.mark.long),
-            pytest.param(Repeated("CHEESEMAN", LOW), marks=pytest.mark.long),
+            Repeated("SANCHEZ", LOW),
+            Repeated("CHEESEMAN", LOW),
             Repeated("NO_COMPENSATION", LOW),
             differ("APPIUS", LOW, "the second is called a tilt: its thrust follows the height in another way"),
             Repeated("HIGH_ALTITUDE", HIGH),
