@@ -19,16 +19,18 @@ test: $(INSTALLED)
 	@$(MAKE) --no-print-directory --jobs=2 --keep-going --output-sync=target test-flights test-computing
 
 # What fails beside other flights is flown again alone: a busy machine can spoil a flight in real time.
-test-flights: FLIGHTS = $(BIN)/python -m pytest tests/realtime -o cache_dir=.pytest_cache/flights
+FLIGHTS = $(BIN)/python -m pytest tests/realtime -o cache_dir=.pytest_cache/flights
+AGAIN = --last-failed --last-failed-no-failures none
 test-flights: $(INSTALLED)
-	$(FLIGHTS) -n 4 --dist loadfile --no-loadscope-reorder || $(FLIGHTS) --last-failed --last-failed-no-failures none
+	$(FLIGHTS) -m "not long" -n 4 --dist loadfile --no-loadscope-reorder || $(FLIGHTS) -m "not long" $(AGAIN)
 
 test-computing: $(INSTALLED)
 	nice -n 10 $(BIN)/python -m pytest -m "not long" --ignore=tests/realtime -n 3 --dist loadfile --no-loadscope-reorder
 
 # Journeys through a page and checks of a study that would double the time of `make test`; CI runs them, too.
 test-long: $(INSTALLED)
-	$(BIN)/python -m pytest -m long -n 2
+	$(BIN)/python -m pytest -m long -n 2 --ignore=tests/realtime
+	$(FLIGHTS) -m long || $(FLIGHTS) -m long $(AGAIN)
 
 lint: $(INSTALLED)
 	$(BIN)/ruff check .

@@ -13,7 +13,7 @@ from quadctl.vehicle import load_vehicle
 from tests.support.links import free_port, mock
 from tests.support.places import ROOT
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.realtime, pytest.mark.long]
 
 VEHICLES = {"px4": "vehicle.yaml", "ardupilot": "hexa_vehicle.yaml"}
 CONFIGS = {"px4": "flight.yaml", "ardupilot": "hexa_flight.yaml"}
