@@ -261,7 +261,7 @@ class TestTheEffectFile:
             (UP, lambda d: 3.0 * np.exp(-0.3 * value(d, "height_over_radius"))),
             (NORTH, lambda d: 0.4 * value(d, "speed_right") - 0.2 * value(d, "speed_forward")),
             (NORTH, lambda d: 0.2 * value(d, "north") + 0.6 * np.exp(-(((value(d, "north") - 1.0) / 0.4) ** 2))),
-            (EAST, lambda d: 0.3 * value(d, "east") * np.abs(value(d, "east"))),
+            (EAST, lambda d: 0.3 * value(d, "north") * np.abs(value(d, "north"))),
             (UP, lambda d: -0.1 * value(d, "climb_rate") * value(d, "thrust")),
         ],
     )
