@@ -243,17 +243,6 @@ class TestIntervals:
                 inside[f.parameter.name] += low <= truth.effects[0].values()[f.parameter.name] <= high
         assert all(25 <= count <= 30 for count in inside.values()), inside  # 28.5 expected; below 25: under 1 %
 
-    def test_a_parameter_of_which_one_run_tells_is_drawn_with_it(
-        self, raptor: Vehicle, staircases: list[FlightLog], tmp_path: Path
-    ) -> None:
-        """Only some seconds of a flight go sideward, beside minutes of hovering."""
-        hidden = [("ground_effect.exponential", {"a": 0.3, "b": 6.0}), ("rotor_drag.linear", {"d_x": 0.25, "d_y": 0.3})]
-        data = load_dataset([*staircases, simulated("forward_runs", hidden, 3, tmp_path)], raptor)
-        fitter = Fitter(stacked(raptor, Exponential(), LinearDrag()), data)
-        names = [f.parameter.name for f in fitter.free]
-        low, high = intervals_of(fitter, fitter.fit())[names.index("d_y")]
-        assert 0.15 < low < 0.3 < high < 0.45
-
     def test_four_times_the_data_halve_the_interval(self, raptor: Vehicle) -> None:
         widths = []
         for seconds in (60.0, 240.0):
