@@ -19,10 +19,10 @@ from quadctl.lab.fitting.normal_equations import (
     axis_weights,
     gram_matrix,
     jacobian_and_residual,
+    resampled_gram_matrices,
     robust_weights,
     slices,
     soft_l1_loss,
-    weighted_gram_matrices,
 )
 from quadctl.lab.fitting.nuisances import BOUND, KINDS, acceleration_jacobian, predicted_with, prior_standard_deviations
 from quadctl.lab.fitting.parameters import (
@@ -53,7 +53,7 @@ UNIDENTIFIABLE = 4.0
 """A parameter is unidentifiable when its whole range changes the sum of squares (in units of the noise) by less than
 this."""
 LEAST_RUNS = 20
-"""Least number of runs of neighbouring blocks that the bootstrap weights."""
+"""Least number of runs of neighbouring blocks that the bootstrap resamples."""
 WEIGHTS_AT_ONCE = 400_000
 """Number of block counts (draws times blocks) that the bootstrap works on at once."""
 
@@ -168,7 +168,7 @@ class Fitter:
 
     @one_blas_thread
     def bootstrap(self, fitted: Optimum, seed: int = BOOTSTRAP_SEED) -> Floats:
-        """Draw the free parameters from `BOOTSTRAPS` refits on weighted blocks of time, shape (draws, p), within their
+        """Draw the free parameters from `BOOTSTRAPS` refits on resampled blocks of time, shape (draws, p), within their
         bounds.
 
         Each draw is one Gauss-Newton step from the optimum with new weights of the blocks, i.e. the refit to first
@@ -184,15 +184,15 @@ class Fitter:
         random = np.random.default_rng(seed)
         at_once = max(1, WEIGHTS_AT_ONCE // count)
         parts = [slice(begin, min(begin + at_once, BOOTSTRAPS)) for begin in range(0, BOOTSTRAPS, at_once)]
-        # Residuals stay correlated for tens of seconds: neighbouring blocks have the same weight. No weight is zero, so
-        # that no draw is without the only run of blocks that tells of a parameter.
+        # Residuals stay correlated for tens of seconds: neighbouring blocks are drawn together.
         run = np.arange(count) // max(1, count // LEAST_RUNS)
         runs = int(run[-1]) + 1
-        weights = runs * random.dirichlet(np.ones(runs), BOOTSTRAPS)
+        times, alike = np.empty((BOOTSTRAPS, count), dtype=np.uint16), np.full(runs, 1.0 / runs)
+        for now in parts:
+            times[now] = random.multinomial(runs, alike, now.stop - now.start)[:, run]
         centres = self._prior_std * random.standard_normal((BOOTSTRAPS, *fitted.nuisances.shape))
-        # The spread is estimated from few runs: Student's t instead of the normal distribution. The weights' variance
-        # is (n - 1) / (n + 1).
-        wider = float(stats.t.ppf(0.975, runs - 1)) / 1.96 * math.sqrt((runs + 1) / (runs - 1)) if runs > 1 else 1.0
+        # The spread is estimated from few runs: Student's t instead of the normal distribution, n - 1 instead of n.
+        wider = float(stats.t.ppf(0.975, runs - 1)) / 1.96 * math.sqrt(runs / (runs - 1)) if runs > 1 else 1.0
         first = np.flatnonzero(np.diff(self.dataset.flight_index[tangent.starts], prepend=-1))
         free_mask = self._free_mask(fitted)
         released = np.where(np.arange(len(free_mask)) < p, True, free_mask)
@@ -204,7 +204,7 @@ class Fitter:
             normals @ self._steps_by_errors(fitted, whole, tangent.consider_gradients, mask) for mask in masks
         ]
         for now in parts:
-            drawn = weighted_gram_matrices(tangent.gram, weights[now][:, run], first)
+            drawn = resampled_gram_matrices(tangent.gram, times[now], first)
             equations = self._equations(drawn, centres[now] - fitted.nuisances)
             for steps, mask in zip(drawn_steps, masks, strict=True):
                 steps[now] += equations.solve(mask)[:, :p]

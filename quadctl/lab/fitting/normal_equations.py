@@ -75,14 +75,14 @@ def slices(count: int) -> Iterator[slice]:
         yield slice(begin, min(begin + SAMPLES_AT_ONCE, count))
 
 
-def weighted_gram_matrices(gram: Floats, weights: Floats, first: NDArray[np.intp]) -> Floats:
-    """Gram matrix of each flight when every block of time has a weight, shape (draws, flights, m, m).
+def resampled_gram_matrices(gram: Floats, times: NDArray[np.uint16], first: NDArray[np.intp]) -> Floats:
+    """Gram matrix of each flight when every block of time counts `times`, shape (draws, flights, m, m).
 
-    `gram` holds the matrices of the blocks, shape (blocks, m, m), and `weights` those weights, shape (draws, blocks);
-    `first` is the first block of each flight.
+    `gram` holds the matrices of the blocks, shape (blocks, m, m); `times` has the shape (draws, blocks); `first` is the
+    first block of each flight.
     """
     count, m, _ = gram.shape
     flat = gram.reshape(count, m * m)
     ends = [*first[1:], count]
-    each = [weights[:, a:b] @ flat[a:b] for a, b in zip(first, ends, strict=True)]
-    return np.stack(each, axis=1).reshape(len(weights), len(first), m, m)
+    each = [times[:, a:b].astype(float) @ flat[a:b] for a, b in zip(first, ends, strict=True)]
+    return np.stack(each, axis=1).reshape(len(times), len(first), m, m)
