@@ -44,6 +44,7 @@ def test_every_example_stands_on_their_page() -> None:
     assert [script.name for script in SCRIPTS if f"({script.name})" not in page] == []
 
 
+@pytest.mark.long
 def test_the_missing_effect_is_found_in_a_log() -> None:
     text = printed("find_the_missing_effect")
     assert "missing: ground_effect\n" in text

@@ -309,6 +309,7 @@ class TestRealFlights:
         assert type(ground) is find_effect("exponential", "test")
         assert 0.07 < ground.values()["a"] < 0.2 and 2.0 < ground.values()["b"] < 8.0
 
+    @pytest.mark.long
     def test_forward_speed_shows_drag_as_well(self, rigid: Model) -> None:
         result = diagnose(rigid, load_dataset([read_log(RAPTOR_LOGS / "FORWARD_SPEED.csv")], rigid.vehicle))
         assert {"thrust_scale", "ground_effect", "rotor_drag"} <= set(result.missing)

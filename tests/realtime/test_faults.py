@@ -1,7 +1,7 @@
 """Each fault ends as the fault table says: docs/faults.md is made by the same flights.
 
-Here one flies of each kind that only real time shows, on PX4, and on ArduPilot where it has its own way. All fly on
-both autopilots in `make faults`, which CI runs, too.
+Here some fly that only real time shows, on PX4, and on ArduPilot where it has its own way. All fly on both autopilots in
+`make faults`, which CI runs, too, and which fails as these tests do.
 """
 
 import pytest
@@ -15,32 +15,19 @@ pytestmark = [
 
 ON_PX4 = (
     "event loop frozen for 0.6 s",
-    "interpreter held for 3 s",
-    "process stopped, the pilot takes the mode",
     "process killed",
     "disk full",
-    "position frozen",
     "position aid lost",
-    "estimator rejects its sensors",
-    "landing does not end",
-    "heartbeats stop",
     "autopilot's messages stop",
-    "autopilot hears nothing",
     "delay grows by 20 ms/s each way",
     "the mode is taken for 0.3 s",
-    "autopilot restarts within 0.5 s",
-    "Ctrl-C, landing refused",
     "Ctrl-C twice, autopilot hears nothing",
 )
 ON_ARDUPILOT = (  # where it has its own way, or the line has
     "event loop frozen for 3 s",
     "position aid lost",
     "disarmed in flight",
-    "autopilot restarts at once",
-    "autopilot's messages stop",
     "delay grows by 20 ms/s each way",
-    "the mode is taken for 0.3 s",
-    "Ctrl-C, landing refused",
 )
 FLOWN = [(fault, "px4") for fault in ON_PX4] + [(fault, "ardupilot") for fault in ON_ARDUPILOT]
 

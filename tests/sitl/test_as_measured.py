@@ -44,12 +44,14 @@ def flights(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
     return {m: (recorded(request.param, m), simulated(request.param, m, where)) for m in MISSIONS}
 
 
+@pytest.mark.long
 def test_the_log_has_the_same_columns_at_the_same_rate(flights: Flights) -> None:
     for real, mock in flights.values():
         assert set(real.log.columns) == set(mock.log.columns)
         assert np.median(np.diff(mock.log.time_s)) == pytest.approx(np.median(np.diff(real.log.time_s)), rel=0.01)
 
 
+@pytest.mark.long
 def test_the_mission_is_tracked_about_as_well(flights: Flights) -> None:
     """Within 60 % or 1.5 cm along each axis; without drag and drifts the mock's error was a third of the real one."""
     for mission, (real, mock) in flights.items():
@@ -57,6 +59,7 @@ def test_the_mission_is_tracked_about_as_well(flights: Flights) -> None:
             assert max(theirs, ours) < 1.6 * min(theirs, ours) + 0.015, (mission, real.rmse_m, mock.rmse_m)
 
 
+@pytest.mark.long
 def test_the_error_of_the_estimate_has_the_same_size_and_colour(flights: Flights) -> None:
     """Within a factor of 2.5 of the size, over all missions, and of 4 of the correlation time, where it is slow."""
     for channel in range(len(CHANNELS)):

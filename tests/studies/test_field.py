@@ -64,6 +64,7 @@ def test_the_mean_thrust_of_a_clean_flight_is_the_weight(flown: dict[str, tuple[
     assert upward == pytest.approx(GRAVITY_M_S2 - gained, rel=0.01)
 
 
+@pytest.mark.long
 def test_a_wrong_thrust_coefficient_shows_as_its_factor(flown: dict[str, tuple[Case, Track]]) -> None:
     case, track = flown["scale"]
     believed = np.sum(track.rpm**2, axis=1) * case.beliefs.thrust_n_per_rpm2 / case.beliefs.mass_kg
@@ -130,6 +131,7 @@ def test_commanded_speeds_lead_the_true_ones_by_the_motor_lag(flown: dict[str, t
     assert measured == pytest.approx(case.vehicle.motor_time_s, rel=0.2)
 
 
+@pytest.mark.long
 def test_the_world_is_the_same_for_the_same_seed_and_the_truth_stands_apart(tmp_path: Path) -> None:
     for folder in ("a", "b"):
         write_world([_case("again", "thrust_tilt", strength=0.5, seconds=4.0)], tmp_path / folder)

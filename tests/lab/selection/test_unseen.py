@@ -138,6 +138,7 @@ class TestNested:
         expected = fit_model(start, both).held_out_rmse["total"]
         assert blocks.before["total"] == pytest.approx(expected, rel=0.1)
 
+    @pytest.mark.long
     def test_the_command_repeats_the_choice(
         self, truth: Model, tmp_path: Path, raptor_path: Path, quadctl: Callable[..., Result]
     ) -> None:
