@@ -1,7 +1,7 @@
 """Each fault ends as the fault table says: docs/faults.md is made by the same flights.
 
-Here some fly that only real time shows, on PX4, and on ArduPilot where it has its own way. All fly on both autopilots in
-`make faults`, which CI runs, too, and which fails as these tests do.
+Here some fly that only real time shows, on PX4, and on ArduPilot where it has its own way. All fly on both autopilots
+in `make faults`, which CI runs, too, and which fails as these tests do.
 """
 
 import pytest
