@@ -267,7 +267,7 @@ class SimulatedAutopilot:
         failed_s = self._battery_failed_s
         if failed_s is not None and self.armed and self.mode == "HOLD" and now - failed_s > BATTERY_HOLD_S:
             self._enter("LAND")
-        pushing = self._active.throttle > 0.6 * self._hover_throttle
+        pushing = self.armed and self._active.throttle > 0.6 * self._hover_throttle
         if not self.body.in_contact or pushing:
             self._on_ground_s = now
             if not self.body.in_contact and self.body.position[2] < -0.1:

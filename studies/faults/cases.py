@@ -337,9 +337,9 @@ LINK = (
         lambda s: s.px.autopilot._disarm(),
         "release",
         "disarmed",
-        "failsafe",
+        "",
         silent_s=1.5,  # PX4 tells it by heartbeats alone, which come every second
-        on_ardupilot={"mode": "", "silent_s": 0.5},
+        on_ardupilot={"silent_s": 0.5},
     ),
     Case("autopilot restarts within 0.5 s", _restart, "hand over", STALE, "boot"),
     Case(

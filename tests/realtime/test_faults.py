@@ -18,6 +18,7 @@ ON_PX4 = (
     "process killed",
     "disk full",
     "position aid lost",
+    "disarmed in flight",
     "autopilot's messages stop",
     "delay grows by 20 ms/s each way",
     "the mode is taken for 0.3 s",
