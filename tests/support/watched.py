@@ -148,10 +148,11 @@ class Flight:
     def show(self, change: Change, after: Callable[[Tick], bool] | None = None, until: float = math.inf) -> "Flight":
         """Let `change` act on the state from the tick after `after` on, `until` so many seconds later."""
         autopilot = self.autopilot
+        of_this_flight = change.anew() if isinstance(change, Gradual) else change
 
         def begin() -> None:
             end_s = autopilot.time_s + until + 1e-6
-            autopilot.change = lambda state: change(state) if state.time_s <= end_s else state
+            autopilot.change = lambda state: of_this_flight(state) if state.time_s <= end_s else state
 
         if after is None:
             begin()
@@ -209,25 +210,27 @@ def leaning(s: VehicleState) -> VehicleState:
     return replace(s, attitude=quaternion_from_euler(0.0, math.radians(-60.0), 0.0))
 
 
-def gradually(change: Callable[[VehicleState, float], VehicleState]) -> Change:
+class Gradual:
     """`change` with a share that grows from 0 to 1 in a second, as a vehicle can move."""
-    began_s = last_s = math.inf
 
-    def now(s: VehicleState) -> VehicleState:
-        nonlocal began_s, last_s
-        if not last_s <= s.time_s < last_s + 1.0:  # another flight
-            began_s = s.time_s
-        last_s = s.time_s
-        return change(s, min(s.time_s - began_s, 1.0))
+    def __init__(self, change: Callable[[VehicleState, float], VehicleState]) -> None:
+        self.change = change
+        self.began_s = math.inf
 
-    return now
+    def __call__(self, s: VehicleState) -> VehicleState:
+        self.began_s = min(self.began_s, s.time_s)
+        return self.change(s, min(s.time_s - self.began_s, 1.0))
+
+    def anew(self) -> "Gradual":
+        """Return the same for another flight."""
+        return Gradual(self.change)
 
 
 def drifting(north_m: float, east_m: float, down_m: float) -> Change:
     def drift(s: VehicleState, share: float) -> VehicleState:
         return moved(share * north_m, share * east_m, share * down_m)(s)
 
-    return gradually(drift)
+    return Gradual(drift)
 
 
 HAND_OVER: dict[str, tuple[Change, str]] = {
@@ -247,7 +250,7 @@ HAND_OVER: dict[str, tuple[Change, str]] = {
 }
 LAND: dict[str, tuple[Change, str]] = {
     "speed": (
-        gradually(lambda s, share: replace(s, velocity_ned_m_s=(9.0 * share, 0.0, 0.0))),
+        Gradual(lambda s, share: replace(s, velocity_ned_m_s=(9.0 * share, 0.0, 0.0))),
         "the speed is 8.1 m/s, allowed are 8 m/s",
     ),
     "height": (drifting(0.0, 0.0, -4.0), "allowed are 1.5 m"),
