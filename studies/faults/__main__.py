@@ -30,7 +30,7 @@ line that holds back, loses and repeats datagrams lies between the two.
 
 ArduPilot's own answer to missing setpoints is to level and hold its height, in GUIDED, without reporting it. Its
 ground-station failsafe lands it 3 s after the last heartbeat of quadctl, as a flight requires (`SYSID_MYGCS`). A
-vehicle that neither lands is landed by a simulated pilot with the switch after 3.5 s.
+vehicle that neither of the two lands is landed by a simulated pilot with the switch after 14 s.
 
 | fault | autopilot | answer | last setpoint | mode of the autopilot | at rest | how the log says it ended |
 |---|---|---|---|---|---|---|

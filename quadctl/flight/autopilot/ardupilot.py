@@ -103,6 +103,7 @@ ARDUPILOT = Firmware(
     land_mode="LAND",
     hold_mode="BRAKE",
     takes_off_itself=True,
+    stays_up=True,
     streams=(
         Stream("LOCAL_POSITION_NED", 32, 100.0, required=True),
         Stream("ATTITUDE_QUATERNION", 31, 100.0, required=True),

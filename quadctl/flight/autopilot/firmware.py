@@ -83,6 +83,8 @@ class Firmware:
     hold_mode: str
     takes_off_itself: bool
     """True: lift-off is a command of its own, before the first target; False: the targets lift it off."""
+    stays_up: bool
+    """True: without targets it stays in the air for as long as it hears our heartbeats; False: it lands or returns."""
     streams: Sequence[Stream]
     tells_readiness: Callable[[str], bool]
     """Function from its mode: True when the pre-arm bit of SYS_STATUS says in this mode if offboard could be armed."""

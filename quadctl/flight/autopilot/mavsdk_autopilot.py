@@ -69,6 +69,10 @@ class MavsdkAutopilot:
         return self._firmware.takes_off_itself
 
     @property
+    def stays_up(self) -> bool:
+        return self._firmware.stays_up
+
+    @property
     def requirements(self) -> Sequence[Requirement]:
         return self._firmware.requirements
 
