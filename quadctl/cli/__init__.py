@@ -8,13 +8,14 @@ import typer
 from rich.console import Console
 
 from quadctl import __version__
-from quadctl.cli import check, flight, init, lab, mission, mocap, ports, thrust_stand, vehicle, web
+from quadctl.cli import check, export, flight, init, lab, mission, mocap, ports, thrust_stand, vehicle, web
 from quadctl.cli.app import app, console
 from quadctl.errors import QuadctlError
 
 __all__ = [
     "app",
     "check",
+    "export",
     "flight",
     "init",
     "lab",

@@ -39,8 +39,8 @@ def new(
     force: Annotated[bool, typer.Option("--force", help="Overwrite NEW.yaml.")] = False,
 ) -> None:
     """Write a vehicle file; what neither the parameters nor the options say is asked."""
+    from quadctl.parameter_file import read_parameters
     from quadctl.vehicle_draft.draft import Answers, draft, missing
-    from quadctl.vehicle_draft.parameters import read_parameters
 
     check_outputs([parameters], output)
     if output.exists() and not force:

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from quadctl.errors import SettingsError
-from quadctl.vehicle_draft.parameters import read_parameters
+from quadctl.parameter_file import read_parameters
 
 FILES = {
     "QGroundControl": "# Onboard parameters\n#\n1\t1\tMPC_THR_HOVER\t0.500000000000\t9\n1\t1\tCA_AIRFRAME\t0\t6\n",
