@@ -10,10 +10,13 @@ from rich.table import Table
 from quadctl.cli.app import app, console
 from quadctl.cli.inputs import find
 from quadctl.cli.output import JsonOption, check_outputs, print_saved, write_json, write_text
-from quadctl.errors import FlightError
+from quadctl.errors import FlightError, QuadctlError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from quadctl.export.autopilot import Row
+    from quadctl.model import Model
 
 CONFIRMATION = "apply"
 
@@ -23,10 +26,10 @@ def export(
     model: Annotated[
         Path, typer.Argument(metavar="MODEL.yaml", help="Fitted model, as add and discover write it.", callback=find)
     ],
-    to: Annotated[str, typer.Option("--to", metavar="px4|ardupilot", help="The autopilot.")],
-    output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="FILE", help="Parameter file to write.")
-    ] = None,
+    to: Annotated[
+        str, typer.Option("--to", metavar="px4|ardupilot|casadi|numpy", help="Parameters, or equations of motion.")
+    ],
+    output: Annotated[Path | None, typer.Option("-o", "--output", metavar="FILE", help="File to write.")] = None,
     now: Annotated[
         Path | None, typer.Option("--now", metavar="FILE", help="The vehicle's present parameters: .params or .parm.")
     ] = None,
@@ -43,19 +46,28 @@ def export(
     ] = Path("exported"),
     json_out: JsonOption = None,
 ) -> None:
-    """Turn a fitted model into an autopilot's parameters, with intervals; what the flights do not tell is said."""
+    """Turn a fitted model into an autopilot's parameters, with intervals, or into equations of motion for a program.
+
+    What the flights do not tell, and what the target cannot say, is listed.
+    """
     from quadctl.export.autopilot import parameter_file, parameters
-    from quadctl.export.targets import AUTOPILOTS
+    from quadctl.export.targets import AUTOPILOTS, PROGRAMS
     from quadctl.model import load_model
     from quadctl.parameter_file import read_parameters
 
-    if to not in AUTOPILOTS:
-        raise typer.BadParameter(f"--to is {to}, expected one of {', '.join(AUTOPILOTS)}")
+    if to not in AUTOPILOTS and to not in PROGRAMS:
+        raise typer.BadParameter(f"--to is {to}, expected one of {', '.join([*AUTOPILOTS, *PROGRAMS])}")
+    if to in PROGRAMS and (output is None or now or link or apply or undo or json_out):
+        raise typer.BadParameter(f"--to {to} needs -o FILE, and has no other option")
     if (apply or undo) and link is None:
         raise typer.BadParameter("--apply and --undo need --link")
     if now is not None and link is not None:
         raise typer.BadParameter("give --now or --link, not both")
     check_outputs([model, now], output, json_out)
+    if to in PROGRAMS:
+        assert output is not None
+        _write_program(PROGRAMS[to], load_model(model), output)
+        return
     dialect = AUTOPILOTS[to]
     if undo:
         from quadctl.export.apply import undo as undo_at
@@ -81,6 +93,17 @@ def export(
 
         _confirm(yes)
         write_parameters(str(link), dialect, rows, kept, _say)
+
+
+def _write_program(write: "Callable[[Model, Path], tuple[str, ...]]", model: "Model", output: Path) -> None:
+    try:
+        output.parent.mkdir(parents=True, exist_ok=True)
+        left_out = write(model, output)
+    except OSError as error:
+        raise QuadctlError(f"{output}: cannot be written ({error.strerror})") from None
+    for reason in left_out:
+        _say(f"Left out: {reason}.")
+    print_saved(output)
 
 
 def _say(sentence: str) -> None:
