@@ -8,13 +8,27 @@ import typer
 from rich.console import Console
 
 from quadctl import __version__
-from quadctl.cli import check, flight, ground_curve, init, lab, mission, mocap, ports, thrust_stand, web
+from quadctl.cli import (
+    check,
+    export,
+    flight,
+    ground_curve,
+    init,
+    lab,
+    mission,
+    mocap,
+    ports,
+    thrust_stand,
+    vehicle,
+    web,
+)
 from quadctl.cli.app import app, console
 from quadctl.errors import QuadctlError
 
 __all__ = [
     "app",
     "check",
+    "export",
     "flight",
     "ground_curve",
     "init",
@@ -24,13 +38,14 @@ __all__ = [
     "mocap",
     "ports",
     "thrust_stand",
+    "vehicle",
     "web",
 ]
 
 INTERRUPTED = 130
 """Exit status with which typer ends on Ctrl-C."""
 
-LAB_PACKAGES = ("scipy", "joblib", "polars", "matplotlib", "jinja2", "pyulog", "mcap", "pysindy")
+LAB_PACKAGES = ("scipy", "joblib", "polars", "matplotlib", "jinja2", "pyulog", "mcap", "pysindy", "casadi")
 """Packages of the extra `lab`, which the companion computer does not have."""
 WEB_PACKAGES = ("nicegui", "cloudpickle")
 """Packages of the extra `web`."""
