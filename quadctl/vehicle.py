@@ -6,8 +6,10 @@ from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
+import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat, model_validator
 
+from quadctl.allocation import Allocation
 from quadctl.frames import GRAVITY_M_S2
 from quadctl.numeric import Number, Vector
 from quadctl.settings import Settings, load
@@ -122,6 +124,12 @@ class Vehicle(Settings):
             drag = -self.rotor.torque_to_thrust_m if rotor.spin == "ccw" else self.rotor.torque_to_thrust_m
             arms.append((py * az - pz * ay + drag * ax, pz * ax - px * az + drag * ay, px * ay - py * ax + drag * az))
         return tuple(arms)
+
+    @cached_property
+    def allocation(self) -> Allocation:
+        """Allocation of force and moment to the rotors."""
+        rows = [[*rotor.axis, *arms] for rotor, arms in zip(self.rotors, self.moment_arms_m, strict=True)]
+        return Allocation(np.array(rows).T, self.throttle.max_thrust_per_rotor_n, 0.5 * self.opposite_distance_m)
 
     def rotor_force(self, thrust_n: Sequence[Number]) -> Vector:
         """Force of the rotors on the body, FRD, N, from the thrust of each, N."""
