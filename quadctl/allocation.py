@@ -1,4 +1,4 @@
-"""Allocation of forces and moments to rotors: the matrix, its rank, and the forces that rotors hold without a moment."""
+"""Allocation of force and moment to rotors: the matrix, its rank, and the forces that they hold without a moment."""
 
 import math
 from dataclasses import dataclass
@@ -58,9 +58,9 @@ class Allocation:
         take part. All zero without full actuation.
         """
         if not self.fully_actuated:
-            return ((0.0, 0.0),) * self.matrix.shape[1]
-        mix = self.inverse[:, :2] / np.array(self.lateral_scale)
-        return tuple((float(forward), float(right)) for forward, right in mix)
+            return ((0.0, 0.0),) * len(self.inverse)
+        mix: Matrix = self.inverse[:, :2] / np.array(self.lateral_scale)
+        return tuple((float(mix[i, 0]), float(mix[i, 1])) for i in range(len(mix)))
 
     @cached_property
     def lateral_scale(self) -> tuple[float, float]:
