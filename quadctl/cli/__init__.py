@@ -8,11 +8,24 @@ import typer
 from rich.console import Console
 
 from quadctl import __version__
-from quadctl.cli import check, flight, init, lab, mission, mocap, ports, thrust_stand, web
+from quadctl.cli import check, flight, init, lab, mission, mocap, ports, thrust_stand, vehicle, web
 from quadctl.cli.app import app, console
 from quadctl.errors import QuadctlError
 
-__all__ = ["app", "check", "flight", "init", "lab", "main", "mission", "mocap", "ports", "thrust_stand", "web"]
+__all__ = [
+    "app",
+    "check",
+    "flight",
+    "init",
+    "lab",
+    "main",
+    "mission",
+    "mocap",
+    "ports",
+    "thrust_stand",
+    "vehicle",
+    "web",
+]
 
 INTERRUPTED = 130
 """Exit status with which typer ends on Ctrl-C."""
