@@ -12,13 +12,12 @@ from scipy.ndimage import median_filter
 from quadctl.effects.motor_lag import lagged
 from quadctl.errors import LogError
 from quadctl.lab.arrays import Floats
-from quadctl.logs.columns import LATERAL_COLUMNS, motor_columns, motor_of, rpm_columns
+from quadctl.logs.columns import LATERAL_THROTTLE, LATERAL_THRUST, motor_columns, motor_of, rpm_columns
 from quadctl.logs.flight_log import ATTITUDE, IMU, POSITION, RATES, VELOCITY, FlightLog
 from quadctl.vehicle import Vehicle
 
 ROTOR_SPEED, THROTTLE, THRUST_COMMAND = "rotor speed", "throttle command", "thrust command"
 """Sources of the thrust signal: the best one, and those without information on single rotors."""
-LATERAL_THRUST, LATERAL_THROTTLE = LATERAL_COLUMNS[:2], LATERAL_COLUMNS[2:]
 MAX_SPEED_JUMP_M_S, SPIKE_WINDOW_S = 15.0, 1.0
 """Largest deviation of a velocity from its running median over the window; no multirotor accelerates faster."""
 
