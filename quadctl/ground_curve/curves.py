@@ -1,7 +1,7 @@
 """Fit of every ground-effect formula to measured thrusts, its error on heights that the fit has not seen, intervals.
 
-A formula predicts T = T_far K; K comes from the effect of the catalogue itself. T_far is 1 where the table holds ratios,
-else it is fitted with the formula, once for each tilt of the rotors. All readings of one height are held out together:
+A formula predicts T = T_far K; K comes from the effect of the catalogue itself. T_far is 1 where the table holds
+ratios, else it is fitted with the formula, once for each tilt of the rotors. All readings of one height are held out together:
 repeats share the errors of their height, and a curve is asked for heights at which nobody measured.
 """
 
@@ -188,10 +188,12 @@ class Fit:
 
     @property
     def ci95(self) -> dict[str, tuple[float, float]]:
+        """95 % interval of each number; none where it is at its bound in all tables."""
         if not len(self.draws) or not self.formula.names:
             return {}
         low, high = np.quantile(self.draws, (0.025, 0.975), axis=0)
-        return {n: (float(a), float(b)) for n, a, b in zip(self.formula.names, low, high, strict=True)}
+        limits = zip(self.formula.names, low, high, strict=True)
+        return {name: (float(a), float(b)) for name, a, b in limits if a < b}
 
 
 def fit_all(measurement: Measurement, vehicle: Vehicle, seed: int = 1) -> list[Fit]:
@@ -242,7 +244,10 @@ def _values(formula: Formula, table: Table, rows: Indices, start: Floats) -> Flo
 
     inside = np.clip(start, low + 1e-6 * (high - low), high - 1e-6 * (high - low))
     scale = np.maximum(np.abs(inside), 0.01 * (high - low))
-    return np.asarray(least_squares(residuals, inside, bounds=(low, high), x_scale=scale).x)
+    found = least_squares(residuals, inside, bounds=(low, high), x_scale=scale).x
+    # The solver stays inside its bounds by a hair: a number that wants to leave them is at the bound.
+    hair = 1e-6 * (high - low)
+    return np.where(found - low < hair, low, np.where(high - found < hair, high, found))
 
 
 def _held_out(formula: Formula, table: Table, start: Floats) -> Floats:
@@ -260,7 +265,7 @@ def _resampled(formula: Formula, table: Table, values: Floats, seed: int) -> Flo
     if not len(values):
         return np.empty((0, 0))
     random, n = np.random.default_rng(seed), len(table.groups)
-    draws = []
+    draws: list[Floats] = []
     while len(draws) < DRAWS:
         heights = random.integers(n, size=n)
         if len(set(heights.tolist())) < min(n, 3):

@@ -138,7 +138,7 @@ def _point(path: Path, line: int, row: dict[str, str], thrust: str) -> Point:
     height_m, measured = number("height_m"), number(thrust)
     if height_m <= 0.0:
         raise LogError(
-            f"{path}, line {line}: height_m is {height_m:g}, expected the rotor plane's height above the ground, above 0"
+            f"{path}, line {line}: height_m is {height_m:g}, expected the rotors' height above the ground, above 0"
         )
     if measured <= 0.0:
         raise LogError(f"{path}, line {line}: {thrust} is {measured:g}, expected a thrust above 0")

@@ -114,8 +114,8 @@ class GroundCurve:
         heights = len(self.best.height_errors)
         width = max(len(fit.formula.name) for fit in self.fits)
         lines = [
-            f"{len(self.measurement.points)} readings at {heights} heights. Error of thrust on heights that the fit has "
-            "not seen, % of the thrust far from the ground:"
+            f"{len(self.measurement.points)} readings at {heights} heights. Error of thrust on heights that the fit "
+            "has not seen, % of the thrust far from the ground:"
         ]
         lines += [
             f"  {fit.formula.name:{width}}  {_percent(fit.held_out):>8}  {self._told_apart(fit, p)}{_numbers(fit)}"
@@ -163,7 +163,7 @@ def _grounded(fit: Fit) -> str:
 def _numbers(fit: Fit) -> str:
     ci95 = fit.ci95
     return ", ".join(
-        f"{name} = {value:.4g} [{ci95[name][0]:.4g}, {ci95[name][1]:.4g}]"
+        f"{name} = {value:.4g} " + ("[{:.4g}, {:.4g}]".format(*ci95[name]) if name in ci95 else "(at its bound)")
         for name, value in zip(fit.formula.names, fit.values, strict=True)
     )
 

@@ -10,7 +10,7 @@ from typer.testing import CliRunner, Result
 
 from quadctl.cli import app
 from quadctl.effects import Conditions
-from quadctl.effects.ground_effect import Exponential, NearGround, Sanchez, Surface
+from quadctl.effects.ground_effect import Cheeseman, Exponential, NearGround, Sanchez, Surface
 from quadctl.effects.ground_effect_hexarotor import HexarotorTilted
 from quadctl.ground_curve.curves import Table, p_same, tilted
 from quadctl.ground_curve.measurement import Measurement, Point
@@ -78,6 +78,14 @@ def test_each_surface_gets_its_own_k_s() -> None:
         low, high = result.best.ci95[f"k_s[{surface}]"]
         assert low <= k_s <= high
     assert not result.equals
+
+
+def test_a_number_at_its_bound_is_printed_as_that_and_without_an_interval() -> None:
+    result = curve(readings(Cheeseman()))  # no fountain at all: less than sanchez can say
+    sanchez = next(fit for fit in result.fits if fit.formula.effect is Sanchez)
+    assert sanchez.values[0] == 0.0
+    assert not sanchez.ci95
+    assert any("k_b = 0 (at its bound)" in line for line in result.lines())
 
 
 def test_one_surface_is_not_divided() -> None:
