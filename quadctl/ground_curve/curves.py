@@ -1,8 +1,8 @@
 """Fit of every ground-effect formula to measured thrusts, its error on heights that the fit has not seen, intervals.
 
 A formula predicts T = T_far K; K comes from the effect of the catalogue itself. T_far is 1 where the table holds
-ratios, else it is fitted with the formula, once for each tilt of the rotors. All readings of one height are held out together:
-repeats share the errors of their height, and a curve is asked for heights at which nobody measured.
+ratios, else it is fitted with the formula, once for each tilt of the rotors. All readings of one height are held out
+together: repeats share the errors of their height, and a curve is asked for heights at which nobody measured.
 """
 
 import itertools
