@@ -46,6 +46,8 @@ FORMATS: tuple[LogFormat, ...] = (
         "ArduPilot DataFlash", ".bin", "quadctl.logs.dataflash:read_dataflash", "quadctl.logs.dataflash:is_dataflash"
     ),
     LogFormat("MAVLink telemetry", ".tlog", "quadctl.logs.tlog:read_tlog", "quadctl.logs.tlog:is_tlog"),
+    LogFormat("rosbag2 in MCAP", ".mcap", "quadctl.logs.rosbag:read_rosbag", "quadctl.logs.rosbag:is_mcap"),
+    LogFormat("rosbag2 in SQLite", ".db3", "quadctl.logs.rosbag:read_rosbag", "quadctl.logs.rosbag:is_sqlite"),
     LogFormat("Parquet", ".parquet", "quadctl.logs.table:read_parquet", "quadctl.logs.table:is_parquet"),
 )
 MAP_SUFFIX = ".map.yaml"

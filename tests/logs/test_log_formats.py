@@ -1,5 +1,6 @@
 """Any format: told by its content, damaged or not, there and back; a new one is one file and one line."""
 
+import functools
 import subprocess
 import sys
 import tempfile
@@ -9,6 +10,7 @@ from pkgutil import resolve_name
 
 import numpy as np
 import pytest
+from rosbags.rosbag2 import StoragePlugin
 
 from quadctl.errors import LogError
 from quadctl.logs.columns import STATE_COLUMNS
@@ -16,7 +18,9 @@ from quadctl.logs.convert import write_parquet
 from quadctl.logs.csv_log import read_csv, write_csv
 from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.formats import CONVERTERS, FORMATS, writer
-from quadctl.logs.read import read_log
+from quadctl.logs.read import bag_file, read_log
+from tests.logs.test_rosbag import bag_of_ros
+from tests.logs.test_table_map import flight
 from tests.support.log_files import sentence_of, small_dataflash, small_ulog, telemetry, tlog_bytes
 from tests.support.places import ROOT
 
@@ -30,13 +34,25 @@ def small_parquet() -> bytes:
         return path.read_bytes()
 
 
+@functools.cache
+def small_bag(storage: StoragePlugin) -> bytes:
+    """The one file of a bag of a few seconds."""
+    with tempfile.TemporaryDirectory() as folder:
+        bag_of_ros(flight(3.0), Path(folder) / "bag", storage)
+        return bag_file(Path(folder) / "bag").read_bytes()
+
+
 SMALL: dict[str, Callable[[], bytes]] = {
     ".ulg": small_ulog,
     ".bin": small_dataflash,
     ".tlog": lambda: tlog_bytes(telemetry()),
     ".parquet": small_parquet,
+    ".mcap": lambda: small_bag(StoragePlugin.MCAP),
+    ".db3": lambda: small_bag(StoragePlugin.SQLITE3),
 }
 """A small whole file of each format that is recognised by its content."""
+ALL_OR_NOTHING = (".parquet", ".mcap", ".db3")
+"""Formats with an index without which, in a file that is cut off, nothing can be read."""
 
 
 class TestAnyFormat:
@@ -73,8 +89,7 @@ class TestAnyFormat:
             except LogError as error:
                 assert "\n" not in str(error)
                 outcomes.add(False)
-        # The index of Parquet is at its end: nothing of a file that is cut off can be read.
-        assert outcomes == ({False} if suffix == ".parquet" else {True, False})
+        assert outcomes == ({False} if suffix in ALL_OR_NOTHING else {True, False})
 
     @pytest.mark.parametrize("suffix", SMALL)
     def test_comes_back_from_csv(self, tmp_path: Path, suffix: str) -> None:
