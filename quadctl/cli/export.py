@@ -28,7 +28,9 @@ def export(
     ],
     to: Annotated[
         str,
-        typer.Option("--to", metavar="px4|ardupilot|casadi|numpy|rotorpy", help="Parameters, or equations of motion."),
+        typer.Option(
+            "--to", metavar="px4|ardupilot|casadi|numpy|rotorpy|gazebo", help="Parameters, or equations of motion."
+        ),
     ],
     output: Annotated[Path | None, typer.Option("-o", "--output", metavar="FILE", help="File to write.")] = None,
     now: Annotated[
