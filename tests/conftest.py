@@ -36,8 +36,9 @@ def witness() -> Witness:
 
 
 LONG = (
-    *("test_faults", "test_view_page", "test_autopilots", "test_realtime"),
-    *("test_lab_page", "test_lab", "test_report", "test_panels", "test_suggestion", "test_symbolic"),
+    *("test_link_delay", "test_autopilots", "test_faults", "test_texts", "test_full_actuation", "test_sitl_commands"),
+    *("test_view_page", "test_lab_page", "test_lab", "test_report", "test_panels", "test_fitter", "test_suggestion"),
+    *("test_symbolic", "test_tilted_rotors", "test_ground_curve"),
 )
 """Files that take longest: they begin first, lest one of them alone keeps all others waiting at the end."""
 

@@ -10,6 +10,7 @@ import yaml
 
 from quadctl.effects import Effect
 from quadctl.errors import QuadctlError
+from quadctl.flight.pilot.outcome import Outcome
 from quadctl.flight.preflight.preparation import prepare_flight
 from quadctl.lab.flights.dataset import load_dataset
 from quadctl.lab.selection.addition import add
@@ -57,10 +58,7 @@ class World:
             It was not completed.
         """
         plan = prepare_flight(MISSIONS / f"{mission}.yaml", self.config, compensator, None)
-        outcome = simulate(plan, self.folder / "logs", self.hidden, seed)
-        if not outcome.completed:
-            raise QuadctlError(f"the simulated flight of {mission} was not completed: {outcome.ended}")
-        return read_log(outcome.log)
+        return completed(simulate(plan, self.folder / "logs", self.hidden, seed), mission)
 
     def fly_over_mavlink(self, mission: str, compensator: str, seed: int, name: str) -> "WireFlight":
         """Begin one flight in real time, in a process of its own; `name` names the folder of its log."""
@@ -82,6 +80,13 @@ class World:
     def errors(self, mission: str, compensator: str, seeds: Sequence[int], phase: str = "cosine") -> Errors:
         """Height errors of one compensator, in lockstep."""
         return Errors.of([self.fly(mission, compensator, seed) for seed in seeds], phase)
+
+
+def completed(outcome: Outcome, mission: str) -> FlightLog:
+    """The log of a flight in lockstep; raises QuadctlError where it was not completed."""
+    if not outcome.completed:
+        raise QuadctlError(f"the simulated flight of {mission} was not completed: {outcome.ended}")
+    return read_log(outcome.log)
 
 
 class WireFlight:

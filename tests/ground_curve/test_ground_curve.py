@@ -158,15 +158,18 @@ def test_the_command_writes_a_figure_numbers_and_a_model_that_loads(tmp_path: Pa
     assert "--formula is 'sanches'" in str(run(table, "--out", model, "--force", "--formula", "sanches").exception)
 
 
-def test_a_model_of_several_surfaces_asks_for_one(tmp_path: Path) -> None:
+def test_a_model_holds_all_surfaces_or_the_one_asked_for(tmp_path: Path) -> None:
     points = [*readings(Surface(0.4509, -0.4), "carpet"), *readings(Surface(0.4509, 0.6), "concrete", seed=6)]
     table = as_csv(
         tmp_path / "t.csv", "height_m,thrust_ratio,surface", [(p.height_m, p.thrust, p.surface) for p in points]
     )
     out = tmp_path / "ground.yaml"
-    assert "expected one of: carpet, concrete" in str(run(table, "--out", out).exception)
-    assert "'lawn'" in str(run(table, "--out", out, "--surface", "lawn").exception)
-    assert run(table, "--out", out, "--surface", "carpet").exit_code == 0
+    assert run(table, "--out", out).exit_code == 0
+    (both,) = load_model(out).effects
+    assert both.values() == pytest.approx({"k_b": 0.4509, "k_carpet": -0.4, "k_concrete": 0.6}, abs=0.15)
+    refused = str(run(table, "--out", out, "--surface", "lawn", "--force").exception)
+    assert refused == "--surface is 'lawn', expected one of: carpet, concrete"
+    assert run(table, "--out", out, "--surface", "carpet", "--force").exit_code == 0
     (stacked,) = load_model(out).stack
     assert stacked.effect.values()["k_s"] == pytest.approx(-0.4, abs=0.15)
     assert stacked.fitted is not None and list(stacked.fitted.ci95) == ["k_s"]
