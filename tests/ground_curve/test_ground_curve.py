@@ -12,6 +12,7 @@ from quadctl.cli import app
 from quadctl.effects import Conditions
 from quadctl.effects.ground_effect import Cheeseman, Exponential, NearGround, Sanchez, Surface
 from quadctl.effects.ground_effect_hexarotor import HexarotorTilted
+from quadctl.ground_curve import curves
 from quadctl.ground_curve.curves import Table, p_same, tilted
 from quadctl.ground_curve.measurement import Measurement, Point
 from quadctl.ground_curve.plot import ratio_over_height
@@ -21,6 +22,14 @@ from quadctl.vehicle import Vehicle, load_vehicle
 from tests.support.links import RAPTOR
 
 VEHICLE = load_vehicle(RAPTOR)
+
+
+@pytest.fixture(autouse=True)
+def fewer_draws(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A quarter of the draws: intervals are a little coarser."""
+    monkeypatch.setattr(curves, "DRAWS", 50)
+
+
 LEVEL = (1.0, 0.0, 0.0, 0.0)
 HEIGHTS_M = tuple(float(z) for z in np.geomspace(0.08, 1.2, 13))
 
