@@ -18,6 +18,7 @@ SHORTER = {
     "forward_sweep": ["heights_m=[0.1]", "speeds_m_s=[2.75]"],
     "vertical_sweep": ["heights_m=[1.1, 0.1]", "speeds_m_s=[0.9]"],
     "hover_heights": ["hover_s=1.5"],
+    "surface_heights": ["hover_s=1.5"],
     "hover_staircase": ["hover_s=5", "step_s=1"],
     "headings": ["headings_deg=[-90]"],
     "figure8": ["laps=1"],

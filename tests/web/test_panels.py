@@ -255,7 +255,9 @@ def tabs(views: dict[str, View], monkeypatch: pytest.MonkeyPatch) -> Iterator[Ca
 
 
 class TestOpenTab:
-    @pytest.mark.parametrize("tab", TABS)
+    @pytest.mark.parametrize(
+        "tab", [pytest.param(tab, marks=pytest.mark.long) if i else tab for i, tab in enumerate(TABS)]
+    )
     def test_it_shows_after_every_change_what_a_new_tab_shows(
         self, tab: str, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
     ) -> None:

@@ -233,6 +233,7 @@ def intervals_of(fitter: Fitter, fitted: Optimum) -> list[tuple[float, float]]:
 
 
 class TestIntervals:
+    @pytest.mark.long
     def test_intervals_of_a_curved_form_hold_the_truth_about_as_often_as_they_say(self, raptor: Vehicle) -> None:
         truth, form = stacked(raptor, Exponential(0.3, 6.0)), stacked(raptor, Exponential())
         inside = {"a": 0, "b": 0}
@@ -396,8 +397,8 @@ class TestToldApart:
             # One heading: one effect is a simpler explanation than two, but where both do as well, both are named.
             ("figure8", WIND, ["wind"], [["wind", "thrust_tilt"]]),
             ("figure8", DRAG_AND_TILT, ["rotor_drag", "thrust_tilt"], [["thrust_tilt", "wind"]]),
-            ("headings", WIND, ["wind"], []),
-            ("headings", DRAG_AND_TILT, ["rotor_drag", "thrust_tilt"], []),
+            pytest.param("headings", WIND, ["wind"], [], marks=pytest.mark.long),
+            pytest.param("headings", DRAG_AND_TILT, ["rotor_drag", "thrust_tilt"], [], marks=pytest.mark.long),
         ],
     )
     def test_a_weak_wind_is_told_from_a_tilted_thrust_by_headings_that_differ(

@@ -204,6 +204,7 @@ def test_a_folder_without_missions_is_one_sentence(world: World, tmp_path: Path)
 # --- whether the expectation is right --------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_the_interval_after_the_flight_is_as_expected(world: World, tmp_path: Path) -> None:
     """Expected widths are within a factor of two of those after the mission is flown in the simulator."""
     model = world.rigid.plus(find_effect("inflow", "test")(k=0.4))
