@@ -8,9 +8,11 @@ import re
 import shutil
 import signal
 import subprocess
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from http.server import BaseHTTPRequestHandler, HTTPServer
 from pathlib import Path
 
 import pytest
@@ -242,6 +244,39 @@ class TestAnalysed:
     def test_what_no_person_asks_for_is_refused(self, analysed: str) -> None:
         assert status(analysed, Host="elsewhere.example") == 400
         assert status(analysed, **{"Content-Length": str(2**30)}) == 413
+
+
+THIEF = """<!doctype html><iframe id="page" src="{url}"></iframe><script>
+const socket = new WebSocket("{socket}/_nicegui_ws/socket.io/?EIO=4&transport=websocket");
+socket.onopen = () => {{ document.title = "reached"; }};
+socket.onerror = () => {{ document.title = "refused"; }};
+</script>"""
+
+
+def test_another_site_can_neither_frame_it_nor_reach_its_socket(browser: Browser, tmp_path: Path) -> None:
+    """Another port is another origin. A person led to press a button in a hidden frame must not land a vehicle."""
+
+    class Site(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            self.send_response(200)
+            self.send_header("Content-Type", "text/html")
+            self.end_headers()
+            self.wfile.write(THIEF.format(url=url, socket=url.replace("http", "ws", 1)).encode())
+
+        def log_message(self, *_: object) -> None: ...
+
+    with served(tmp_path / "lab") as (url, _), HTTPServer(("127.0.0.1", 0), Site) as site:
+        threading.Thread(target=site.serve_forever, daemon=True).start()
+        page = browser.new_context().new_page()
+        page.goto(f"http://127.0.0.1:{site.server_port}")
+        page.wait_for_function("document.title === 'refused'", timeout=PATIENCE_MS)
+        frame = page.frames[1]
+        assert url not in frame.url
+        page.context.close()
+        site.shutdown()
+        own = Visitor(browser, url, DESK)
+        own.sees(":text('Drop flight logs here')")
+        own.leaves()
 
 
 @pytest.mark.long
