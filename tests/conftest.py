@@ -22,7 +22,7 @@ from tests.support.places import ROOT
 pytest.register_assert_rewrite("watched", "log_files")
 
 # No deadline: how long one example takes says more about the machine than about the code.
-settings.register_profile("quadctl", deadline=None, max_examples=60)
+settings.register_profile("quadctl", deadline=None, max_examples=40)
 settings.load_profile("quadctl")
 
 
