@@ -365,21 +365,43 @@ def inspect_logs(
         Path | None,
         typer.Option("-o", "--output", metavar="DIR", help="Folder to write to [default: beside each log]."),
     ] = None,
+    table_map: Annotated[
+        Path | None,
+        typer.Option("--map", metavar="MAP.yaml", help="Columns, units and frames of tables of another program."),
+    ] = None,
+    guess: Annotated[bool, typer.Option("--guess", help="Propose a map for a table of another program.")] = False,
     json_out: JsonOption = None,
 ) -> None:
     """Inspect flight logs: true update rates, gaps, clock, and whether they can be analysed."""
     from quadctl.logs.convert import convert
     from quadctl.logs.quality import quality
     from quadctl.logs.read import read_logs
+    from quadctl.logs.table_map import load_map, read_mapped
 
     check_outputs(logs, json_out)
+    if guess:
+        _print_guesses(logs)
+        return
     reports = []
-    for log in read_logs(logs):
+    layout = load_map(table_map) if table_map is not None else None
+    read = read_logs(logs) if layout is None else (read_mapped(path, layout, str(table_map)) for path in logs)
+    for log in read:
         reports.append(quality(log))
         console.print(reports[-1])
         if to is not None:
             console.print(f"Written: {convert(log, to, output)}", soft_wrap=True, markup=False, highlight=False)
     write_json(json_out, {"logs": [report.to_dict() for report in reports]})
+
+
+def _print_guesses(tables: list[Path]) -> None:
+    """Print a proposed map for each table, as YAML whose comments are the doubts."""
+    from quadctl.logs.map_guess import guess_map
+
+    for path in tables:
+        guess = guess_map(path)
+        lines = [f"# Proposed for {path.name}: check units and frames, then quadctl logs --map THIS.yaml {path.name}"]
+        lines += [f"# Doubt: {doubt}." for doubt in guess.doubts]
+        console.print("\n".join([*lines, guess.text]), soft_wrap=True, markup=False, highlight=False)
 
 
 def _print_notes(dataset: Any) -> None:
