@@ -18,11 +18,12 @@ from quadctl.flight.preflight.check import check_flight
 from quadctl.flight.preflight.findings import Verdict
 from quadctl.flight.preflight.plan import read_flight
 from quadctl.lab.flights.dataset import load_dataset
+from quadctl.lab.planning.suggestion import Suggestion, least_known_surface
 from quadctl.lab.selection.surfaces import Population, SurfaceComparison, compare_surfaces
 from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.read import read_log
 from quadctl.missions import load_mission
-from quadctl.model import Model, conditions, load_model, save_model
+from quadctl.model import Model, Provenance, conditions, load_model, save_model
 from quadctl.settings import validate
 from quadctl.sitl.run import simulate
 from quadctl.state import VehicleState
@@ -223,6 +224,17 @@ class TestComparison:
         bad = FlightLog("bad.csv", None, flown[0].columns, flown[0].phase, {"surface": "Dry soil"})
         with pytest.raises(SettingsError, match=r"bad\.csv: surfaces: 'Dry soil'"):
             load_dataset([bad], VEHICLE)
+
+
+class TestSuggestion:
+    def test_the_surface_with_the_widest_interval_is_the_next_to_fly(self) -> None:
+        model = Model(VEHICLE).plus(TestEffect.TWO, Provenance(ci95={"k_mat": (0.3, 0.5), "k_turf": (-0.5, -0.1)}))
+        assert least_known_surface(model) == "turf"
+        said = Suggestion([], [], None, None, [], [], unexplained=False, surface="turf").lines()
+        assert said[0].endswith("over it: quadctl fly missions/surface_heights.yaml --set surface=turf")
+
+    def test_without_surfaces_there_is_none(self) -> None:
+        assert least_known_surface(Model(VEHICLE)) is None
 
 
 class TestPopulation:
