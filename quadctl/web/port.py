@@ -1,14 +1,18 @@
 """Ports, the origins that may ask, and the web server, for both pages."""
 
 import socket
-from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from collections.abc import Awaitable, Callable, Mapping, MutableMapping
+from typing import Any, TypeAlias
 from urllib.parse import urlsplit
 
 from quadctl.errors import QuadctlError
 
-if TYPE_CHECKING:  # not in the process that flies
-    from starlette.types import ASGIApp, Message, Receive, Scope, Send
+# The types of ASGI; its libraries are not in the process that flies.
+Message: TypeAlias = MutableMapping[str, Any]
+Scope: TypeAlias = MutableMapping[str, Any]
+Receive: TypeAlias = Callable[[], Awaitable[Message]]
+Send: TypeAlias = Callable[[Message], Awaitable[None]]
+ASGIApp: TypeAlias = Callable[[Scope, Receive, Send], Awaitable[None]]
 
 RECONNECT_S = 120.0
 """Longest time for which a tab may lose its connection and find its page unchanged."""
@@ -49,10 +53,10 @@ def is_foreign(headers: Mapping[str, str]) -> bool:
 class OwnPagesOnly:
     """Refuses requests and web sockets of other sites, and forbids them to frame a page."""
 
-    def __init__(self, app: "ASGIApp") -> None:
+    def __init__(self, app: ASGIApp) -> None:
         self._app = app
 
-    async def __call__(self, scope: "Scope", receive: "Receive", send: "Send") -> None:
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, send)
             return
@@ -66,7 +70,7 @@ class OwnPagesOnly:
             await self._app(scope, receive, lambda message: send(_not_framed(message)))
 
 
-def _not_framed(message: "Message") -> "Message":
+def _not_framed(message: Message) -> Message:
     if message["type"] != "http.response.start":
         return message
     return {**message, "headers": [*message.get("headers", []), *NOT_FRAMED]}
