@@ -8,7 +8,7 @@ from pathlib import Path
 from quadctl.errors import LogError
 from quadctl.logs.csv_lines import reason_of
 from quadctl.logs.flight_log import FlightLog
-from quadctl.logs.formats import HEAD_BYTES, format_of
+from quadctl.logs.formats import HEAD_BYTES, format_of, format_of_folder
 
 _NO_LOGS = {
     b"\x1f\x8b": "is compressed by gzip, expected it unpacked",
@@ -32,6 +32,8 @@ def read_log(path: Path | str) -> FlightLog:
     """
     path = Path(path)
     _require_file(path)
+    if (folder := format_of_folder(path)) is not None:
+        return folder.read(path)
     return format_of(_head(path), path.suffix).read(path)
 
 

@@ -112,12 +112,23 @@ def read_ulog(path: Path) -> FlightLog:
         "software": _version(log.msg_info_dict),
         "parameters": parameters,
     }
-    armed = topics.get("actuator_armed")
-    periods = [] if armed is None else intervals(_seconds(armed, "timestamp"), _values(armed, "armed") > 0)
     topics.pop("actuator_outputs", None)
     if "actuator_motors" not in topics and "CA_ROTOR_COUNT" not in parameters:  # PX4 1.12 and before
         topics |= _motors_from_outputs(outputs, parameters, notes)
     _remove_battery_scale(topics, parameters, notes)
+    return log_of_topics(path, topics, meta, notes)
+
+
+def log_of_topics(path: Path, topics: dict[str, _Topic], meta: dict[str, Any], notes: list[str]) -> FlightLog:
+    """The flight log in PX4's topics, by their names in a ULog: arrays of shape (n,) by the names of their fields.
+
+    Raises
+    ------
+    LogError
+        They hold no position, velocity or attitude.
+    """
+    armed = topics.get("actuator_armed")
+    periods = [] if armed is None else intervals(_seconds(armed, "timestamp"), _values(armed, "armed") > 0)
     channels = list(_channels(topics, notes))
     invalid = _invalid(topics.get("vehicle_local_position", {}), notes)
     return merge(channels, Origin(path, NEEDED, meta, notes, periods, invalid))

@@ -13,13 +13,14 @@ from quadctl.errors import LogError
 from quadctl.logs.csv_log import read_csv, write_csv
 from quadctl.logs.formats import CONVERTERS, FORMATS, writer
 from quadctl.logs.read import read_log
-from tests.support.log_files import sentence_of, small_dataflash, small_ulog, telemetry, tlog_bytes
+from tests.support.log_files import sentence_of, small_bag, small_dataflash, small_ulog, telemetry, tlog_bytes
 from tests.support.places import ROOT
 
 SMALL: dict[str, Callable[[], bytes]] = {
     ".ulg": small_ulog,
     ".bin": small_dataflash,
     ".tlog": lambda: tlog_bytes(telemetry()),
+    ".mcap": small_bag,
 }
 """A small whole file of each format that is recognised by its content."""
 
@@ -58,7 +59,8 @@ class TestAnyFormat:
             except LogError as error:
                 assert "\n" not in str(error)
                 outcomes.add(False)
-        assert outcomes == {True, False}
+        needs_its_end = suffix == ".mcap"  # where its index is
+        assert outcomes == ({False} if needs_its_end else {True, False})
 
     @pytest.mark.parametrize("suffix", SMALL)
     def test_comes_back_from_csv(self, tmp_path: Path, suffix: str) -> None:
@@ -123,6 +125,7 @@ formats.CONVERTERS["toy"] = "toy:write_toy"
 
     def test_is_in_the_help_and_guarded_by_the_commands(self, run: Callable[[str], str]) -> None:
         helped = run("sys.argv = ['quadctl', 'logs', '--help']; from quadctl.cli import main; main()")
+        helped = " ".join(helped.split())
         assert f"{FORMATS[-1].suffix}, .toy" in helped and "csv|parquet|mcap|toy" in helped
         refused = "from quadctl.errors import QuadctlError\nfrom pathlib import Path\n"
         refused += "from quadctl.cli.output import check_outputs\n"

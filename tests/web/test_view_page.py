@@ -62,6 +62,7 @@ def ending(where: Path) -> str:
     return str(yaml.safe_load(meta.read_text())["ended"])
 
 
+@pytest.mark.long
 def test_a_flight_is_seen_in_four_tabs_and_landed_from_one(browser: Browser, tmp_path: Path) -> None:
     with flying(tmp_path) as (port, process):
         url = f"http://127.0.0.1:{port}"
