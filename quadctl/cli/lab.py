@@ -2,9 +2,10 @@
 
 import shlex
 import sys
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -12,6 +13,9 @@ from quadctl.cli.app import app, console
 from quadctl.cli.inputs import find, find_missions
 from quadctl.cli.output import JsonOption, check_outputs, print_saved, write_json, write_text
 from quadctl.logs.formats import CONVERTERS, suffixes
+
+if TYPE_CHECKING:
+    from quadctl.logs.flight_log import FlightLog
 
 MAX_NUMBER = 1e9
 """Largest height or time on the command line, m or s."""
@@ -365,27 +369,35 @@ def inspect_logs(
         Path | None,
         typer.Option("-o", "--output", metavar="DIR", help="Folder to write to [default: beside each log]."),
     ] = None,
-    table_map: Annotated[
-        Path | None,
-        typer.Option("--map", metavar="MAP.yaml", help="Columns, units and frames of tables of another program."),
+    by_map: Annotated[
+        Path | None, typer.Option("--map", metavar="MAP.yaml", help="Read tables of another program by this map.")
     ] = None,
-    guess: Annotated[bool, typer.Option("--guess", help="Propose a map for a table of another program.")] = False,
+    guess: Annotated[bool, typer.Option("--guess", help="Propose a map of one table, and print it.")] = False,
+    plot: Annotated[
+        Path | None, typer.Option("--plot", metavar="PNG", help="Draw what each channel says beside what others say.")
+    ] = None,
     json_out: JsonOption = None,
 ) -> None:
     """Inspect flight logs: true update rates, gaps, clock, and whether they can be analysed."""
     from quadctl.logs.convert import convert
     from quadctl.logs.quality import quality
     from quadctl.logs.read import read_logs
-    from quadctl.logs.table_map import load_map, read_mapped
 
-    check_outputs(logs, json_out)
+    check_outputs([*logs, by_map], json_out, plot)
+    if guess and (by_map or plot or to or json_out or len(logs) != 1):
+        raise typer.BadParameter("--guess takes one table, and no other option")
+    if plot is not None and len(logs) != 1:
+        raise typer.BadParameter("--plot takes one log")
     if guess:
-        _print_guesses(logs)
+        _propose_map(logs[0])
         return
     reports = []
-    layout = load_map(table_map) if table_map is not None else None
-    read = read_logs(logs) if layout is None else (read_mapped(path, layout, str(table_map)) for path in logs)
-    for log in read:
+    for log in read_logs(logs) if by_map is None else _mapped(logs, by_map):
+        if plot is not None:
+            from quadctl.logs.consistency_plot import draw
+
+            draw(log, plot)
+            print_saved(plot)
         reports.append(quality(log))
         console.print(reports[-1])
         if to is not None:
@@ -393,15 +405,33 @@ def inspect_logs(
     write_json(json_out, {"logs": [report.to_dict() for report in reports]})
 
 
-def _print_guesses(tables: list[Path]) -> None:
-    """Print a proposed map for each table, as YAML whose comments are the doubts."""
-    from quadctl.logs.map_guess import guess_map
+def _propose_map(path: Path) -> None:
+    from quadctl.logs.consistency import complaints
+    from quadctl.logs.map_guess import as_yaml, proposed
 
-    for path in tables:
-        guess = guess_map(path)
-        lines = [f"# Proposed for {path.name}: check units and frames, then quadctl logs --map THIS.yaml {path.name}"]
-        lines += [f"# Doubt: {doubt}." for doubt in guess.doubts]
-        console.print("\n".join([*lines, guess.text]), soft_wrap=True, markup=False, highlight=False)
+    by, log = proposed(path)
+    console.print(
+        as_yaml(by, f"A guess from {path.name}: check it with quadctl logs --map, and with its --plot"),
+        soft_wrap=True, markup=False, highlight=False, end="",
+    )  # fmt: skip
+    for sentence in complaints(log):
+        print(f"{path.name}: {sentence}", file=sys.stderr)
+
+
+def _mapped(paths: list[Path], by_map: Path) -> Iterator["FlightLog"]:
+    """The logs as the map reads them; what is wrong with one is printed, with the field that would mend it."""
+    from quadctl.logs.consistency import complaints
+    from quadctl.logs.map_guess import better_reading
+    from quadctl.logs.table import read_by_map
+
+    for path in paths:
+        log = read_by_map(path, by_map)
+        found = complaints(log)
+        if better := better_reading(path, by_map, log):
+            found.append(better)
+        for sentence in found:
+            console.print(f"{path.name}: {sentence}", soft_wrap=True, markup=False, highlight=False)
+        yield log
 
 
 def _print_notes(dataset: Any) -> None:

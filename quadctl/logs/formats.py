@@ -49,7 +49,12 @@ FORMATS: tuple[LogFormat, ...] = (
     ),
     LogFormat("MAVLink telemetry", ".tlog", "quadctl.logs.tlog:read_tlog", "quadctl.logs.tlog:is_tlog"),
     LogFormat("ROS bag", ".mcap", "quadctl.logs.rosbag:read_rosbag", "quadctl.logs.rosbag:is_rosbag", "metadata.yaml"),
+    LogFormat("Parquet", ".parquet", "quadctl.logs.table:read_parquet", "quadctl.logs.table:is_parquet"),
 )
+MAP_SUFFIX = ".map.yaml"
+"""A table `NAME.csv` with a map `NAME.map.yaml` beside it is read by that map, by every command."""
+MAPPED = LogFormat("a table with a map", "", "quadctl.logs.table:read_mapped", None)
+"""Any table, CSV or Parquet, that has a map beside it."""
 
 CONVERTERS: dict[str, str] = {
     "csv": "quadctl.logs.csv_log:write_csv",

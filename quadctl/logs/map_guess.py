@@ -1,209 +1,190 @@
-"""A proposal of a map for a table: quantities by the names of columns, frames by what the values say of each other."""
+"""A map proposed from the names and the values of a table's columns, and the reading that would suit a map better.
+
+Names say which columns are which; frames, and the direction of the quaternion, are those in which the channels agree.
+"""
 
 import itertools
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, get_args
 
 import numpy as np
 import polars as pl
 import yaml
 
 from quadctl.errors import LogError, QuadctlError
-from quadctl.logs.contradictions import contradictions
-from quadctl.logs.table_map import TableMap, mapped, read_table
+from quadctl.logs.consistency import complaints, misfit
+from quadctl.logs.flight_log import FlightLog
+from quadctl.logs.table import mapped, read_table
+from quadctl.logs.table_map import TableMap, load_map
 
-STEMS: dict[str, tuple[str, ...]] = {
-    "position": ("position", "pos", "translation", "loc", "p", ""),
-    "velocity": ("linear_velocity", "velocity", "vel", "v"),
-    "rates": ("angular_velocity", "ang_vel", "angvel", "omega", "gyro", "rates", "rate", "w"),
-    "accelerometer": ("accelerometer", "linear_acceleration", "acceleration", "accel", "acc", "imu", "a"),
-    "attitude": ("orientation", "quaternion", "quat", "attitude", "att", "rot", "q"),
-}
-"""Words by which columns of a vector are known, the surest first; "" stands for a component alone."""
-COMPONENTS: dict[str, tuple[tuple[str, ...], ...]] = {
-    "attitude": (("w", "x", "y", "z"), ("0", "1", "2", "3")),
-    "vector": (("x", "y", "z"), ("0", "1", "2")),
-}
-ANGLES = (("roll", "pitch", "yaw"), ("phi", "theta", "psi"))
-RATES_ALONE = (("p", "q", "r"), ("rollspeed", "pitchspeed", "yawspeed"), ("roll_rate", "pitch_rate", "yaw_rate"))
-CLOCKS = ("time", "timestamp", "t", "stamp", "time_s", "t_s", "time_us", "timestamp_us", "time_boot_us")
-UNITS = {
-    "mm": "mm", "cm": "cm", "ft": "ft", "mm_s": "mm/s", "cm_s": "cm/s", "km_h": "km/h", "deg": "deg", "deg_s": "deg/s",
-    "dps": "deg/s", "g": "g",
-}  # fmt: skip
-"""Ends of column names that name a unit other than the usual one."""
-MOTOR = re.compile(r"(.*?)(?:motor|mot|rpm|esc|rotor)[._ \[]*(\d+)\]?(?:[._ ]*(rpm|speed|output))?$", re.IGNORECASE)
+MIN_GAIN = 0.6
+"""Another reading is named where its disagreement is less than this share of the present one."""
+MIN_MISFIT = 0.5
+"""Sum of disagreements below which no other reading is looked for."""
+WORDS = (
+    ("rates", r"gyro|ang(ular)?_?(vel|rate)|omega|body_?rate|twist_angular|rates?\b|^w_|_rate_"),
+    ("imu", r"acc|imu|specific_force"),
+    ("velocity", r"vel|speed|twist_linear|^v_"),
+    ("position", r"pos|^p_|loc|^_$"),
+)
+"""Words by which a triple x, y, z is recognised; the first that fits."""
+_AXIS = re.compile(r"^(?P<stem>.*?)(?P<axis>[xyzw])(?P<rest>(_(m|s|rad|deg|1|2|n|ms|m_s|rad_s|m_s2|m_s_1|m_s_2))*)$")
+_MOTOR = re.compile(r"^(?!d)(?:.*_)?(?:mot|motor|rotor|rpm|esc|thrust_?rotor|u)[a-z_]*?(\d+)(?:_.*)?$")
 
 
-class Guess(NamedTuple):
-    """A proposed map."""
-
-    map: TableMap
-    text: str
-    """The same as YAML."""
-    doubts: list[str]
-    """Contradictions that remain, and what the data cannot tell."""
-
-
-def guess_map(path: Path, separator: str = ",") -> Guess:
-    """Propose a map for the table in `path`.
-
-    Frames and orders are tried in all combinations; one is proposed with which the values contradict each other least.
+def proposed(path: Path) -> tuple[TableMap, FlightLog]:
+    """A map of the table at `path`, and the log that it makes of it.
 
     Raises
     ------
     LogError
-        It is no table, or no columns are found for time, position or attitude.
+        The names do not tell time, position, velocity and attitude.
     """
-    table = read_table(path, separator)
-    found = _by_names(path, table)
-    best: tuple[int, dict[str, Any], list[str]] | None = None
-    fitting = []
-    for variant in _variants(table, found):
-        data = variant if separator == "," else {"separator": separator, **variant}
+    table = read_table(path)
+    groups = _by_name(path, table)
+    best: tuple[float, TableMap, FlightLog] | None = None
+    problem: QuadctlError | None = None
+    for variant in _variants(groups):
+        by = TableMap.model_validate(variant)
         try:
-            doubts = contradictions(mapped(path, table, TableMap.model_validate(data), "the proposed map"))
+            log = mapped(table, by, path, [])
         except QuadctlError as error:
-            doubts = [str(error)]
-        if best is None or len(doubts) < best[0]:
-            best = len(doubts), data, doubts
-        if not doubts:
-            fitting.append(data)
-    assert best is not None
-    _, data, doubts = best
-    also = sorted({_frames(other) for other in fitting} - {_frames(data)})
-    if also:
-        doubts = [*doubts, f"the values agree with {_frames(data)}, and as well with {', or '.join(also[:3])}"]
-    return Guess(TableMap.model_validate(data), yaml.safe_dump(data, sort_keys=False, default_flow_style=None), doubts)
+            problem = error
+            continue
+        score = misfit(log)
+        if best is None or score < best[0] - 1e-6:
+            best = (score, by, log)
+    if best is None:
+        raise problem or LogError(f"{path}: no map was found, expected columns of a flight")
+    return best[1], best[2]
 
 
-def _by_names(path: Path, table: pl.DataFrame) -> dict[str, Any]:
-    names = table.columns
-    clock = next((name for want in CLOCKS for name in names if name.lower().rsplit("/", 1)[-1] == want), None)
-    if clock is None:
-        raise LogError(f"{path}: no column is called like a time ({', '.join(names[:8])}, ...), expected one")
-    found: dict[str, Any] = {"time": {"column": clock, "unit": _clock_unit(table[clock], clock)}}
-    for key in ("position", "velocity"):
-        if group := _vector(names, key):
-            found[key] = {"columns": group, **_unit(group, "m" if key == "position" else "m/s")}
-    found |= _attitude(names)
-    group = _vector(names, "rates") or _alone(names, RATES_ALONE)
-    if group:
-        found["rates"] = {"columns": group, **_unit(group, "rad/s")}
-    if group := _vector(names, "accelerometer"):
-        found["accelerometer"] = {"columns": group, **_unit(group, "m/s2")}
-    if motors := _motors(table):
-        found["motors"] = motors
-    for key in ("position", "attitude"):
-        if key not in found:
-            raise LogError(f"{path}: no columns are called like a{'n' * (key[0] == 'a')} {key}, expected a map by hand")
-    return found
+def better_reading(path: Path, map_path: Path, log: FlightLog) -> str | None:
+    """A sentence that names the one field of the map whose other value makes the channels agree, if there is one."""
+    by, table = load_map(map_path), read_table(path)
+    present = misfit(log)
+    if present < MIN_MISFIT and not complaints(log):
+        return None
+    found: list[tuple[float, str]] = []
+    for field, value, other in _alternatives(by):
+        try:
+            score = misfit(mapped(table, other, path, []))
+        except QuadctlError:
+            continue
+        found.append((score, f"{field}: {value}"))
+    if not found or min(found)[0] > MIN_GAIN * present:
+        return None
+    return f"the channels agree with `{min(found)[1]}` in the map"
 
 
-def _vector(names: Sequence[str], key: str, kind: str = "vector") -> list[str] | None:
-    """Columns of one vector: the same words around each of its components."""
-    for stem, components in itertools.product(STEMS[key], COMPONENTS[kind]):
-        pattern = re.compile(rf"(.*[./_ ]|){stem}[._ \[]*({'|'.join(components)})\]?([_ \[(].*|)", re.IGNORECASE)
-        groups: dict[tuple[str, str], dict[str, str]] = {}
-        for name in names:
-            if match := pattern.fullmatch(name):
-                lead, component, tail = match[1].lower(), match[2].lower(), match[3].lower()
-                if not stem and (lead or _is_other(tail)):
-                    continue
-                groups.setdefault((lead, tail), {}).setdefault(component, name)
-        for group in groups.values():
-            if len(group) == len(components):
-                return [group[component] for component in components]
-    return None
+def as_yaml(by: TableMap, note: str) -> str:
+    """The map as a file."""
+    data = by.model_dump(exclude_none=True, exclude_defaults=True, mode="json")
+    return f"# {note}\n" + yaml.dump(data, sort_keys=False, default_flow_style=None, width=118, allow_unicode=True)
 
 
-def _is_other(tail: str) -> bool:
-    """True for a word after a bare component that makes it another quantity: x_ref, z_sp."""
-    return tail.strip("_ []()") not in ("", "m", *UNITS)
+# --- names ------------------------------------------------------------------------------------------------------------
 
 
-def _alone(names: Sequence[str], groups: Sequence[tuple[str, ...]]) -> list[str] | None:
-    lower = {re.sub(r"[_ \[(]*(rad_s|rad|deg_s|deg|dps)[\])]*$", "", name.lower()): name for name in names}
-    for group in groups:
-        if all(part in lower for part in group):
-            return [lower[part] for part in group]
-    return None
+def _by_name(path: Path, table: pl.DataFrame) -> dict[str, Any]:
+    """The map without frames."""
+    plain = {name: re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_") for name in table.columns}
+    numeric = {name: text for name, text in plain.items() if table[name].dtype.is_numeric()}
+    groups: dict[str, Any] = {"time": _clock(path, table, numeric)}
+    triples: dict[tuple[str, str], dict[str, str]] = {}
+    for name, text in numeric.items():
+        if axis := _AXIS.match(text):
+            triples.setdefault((axis["stem"], axis["rest"]), {})[axis["axis"]] = name
+    for (stem, _), axes in triples.items():
+        if {"x", "y", "z", "w"} <= axes.keys() and "attitude" not in groups:
+            groups["attitude"] = {"columns": [axes[a] for a in "wxyz"], "order": "wxyz"}
+            continue
+        kind = next((kind for kind, words in WORDS if re.search(words, f"{stem}")), None)
+        kind = {"": "position", "v": "velocity", "w": "rates", "a": "imu", "p": "position"}.get(stem.strip("_"), kind)
+        if kind and {"x", "y", "z"} <= axes.keys() and kind not in groups:
+            groups[kind] = {"columns": [axes[a] for a in "xyz"]}
+    _angles(table, numeric, groups)
+    if motors := {int(found[1]): name for name, text in numeric.items() if (found := _MOTOR.match(text))}:
+        names = [motors[number] for number in sorted(motors)]
+        top = float(max(np.nanmax(table[name].to_numpy()) for name in names))
+        groups["motors"] = {"columns": names, "unit": "share" if top <= 1.5 else "rad/s" if top < 2500 else "rpm"}
+    volts = [name for name, text in numeric.items() if re.search(r"bat|volt", text) and "motor" not in text]
+    if volts:
+        high = float(np.nanmedian(table[volts[0]].to_numpy())) > 1000.0
+        groups["battery"] = {"column": volts[0], "unit": "mV" if high else "V"}
+    missing = [name for name in ("position", "velocity", "attitude") if name not in groups]
+    if missing:
+        raise LogError(
+            f"{path}: the names of its columns do not tell {', '.join(missing)}, expected names such as pos_x, vel_x "
+            f"and q_w; it has {', '.join(table.columns[:12])}"
+        )
+    return groups
 
 
-def _attitude(names: Sequence[str]) -> dict[str, Any]:
-    if group := _vector(names, "attitude", "attitude"):
-        named = group[0].lower().rstrip("]").endswith("w")
-        return {"attitude": {"columns": group, "order": "wxyz" if named else ""}}
-    if group := _alone(names, ANGLES):
-        return {"attitude": {"columns": group, "order": "roll pitch yaw", **_unit(group, "rad")}}
-    return {}
+def _angles(table: pl.DataFrame, plain: dict[str, str], groups: dict[str, Any]) -> None:
+    """Roll, pitch and yaw, and their rates, where these are the names."""
+    for kind, pattern in (
+        ("attitude", r"^(?!.*(rate|vel|cmd|ref|set)).*{}"),
+        ("rates", r"^(?!.*(cmd|ref|set)).*{}.*rate"),
+    ):
+        names = [
+            next((name for name, text in plain.items() if re.match(pattern.format(angle), text)), None)
+            for angle in ("roll", "pitch", "yaw")
+        ]
+        if kind in groups or None in names:
+            continue
+        values = np.concatenate([table[str(name)].drop_nulls().to_numpy() for name in names])
+        in_degrees = float(np.nanmax(np.abs(values))) > (3.5 if kind == "attitude" else 25.0)
+        unit = "deg" if in_degrees or any("deg" in str(name) for name in names) else "rad"
+        groups[kind] = {"columns": names, "unit": unit if kind == "attitude" else f"{unit}/s"}
 
 
-def _unit(group: Sequence[str], usual: str) -> dict[str, str]:
-    ends = [name.lower().rstrip("])").replace("[", "_").replace("(", "_").replace("/", "_") for name in group]
-    for end in sorted(UNITS, key=len, reverse=True):
-        if all(name.endswith(f"_{end}") or name.endswith(f" {end}") for name in ends):
-            return {"unit": UNITS[end]}
-    return {"unit": usual}
+def _clock(path: Path, table: pl.DataFrame, plain: dict[str, str]) -> dict[str, str]:
+    for name, text in plain.items():
+        if re.match(r"^(t|time|timestamp|stamp|secs?)(_|$)|.*(_time|_stamp|timestamp)", text):
+            steps = np.diff(table[name].drop_nulls().to_numpy().astype(np.float64))
+            steps = steps[steps > 0.0]
+            step = float(np.median(steps)) if len(steps) else 0.0
+            unit = next(unit for unit, least in (("ns", 3e5), ("us", 3e2), ("ms", 0.8), ("s", 0.0)) if step >= least)
+            return {"column": name, "unit": unit}
+    raise LogError(f"{path}: the names of its columns do not tell the time, expected one such as time or timestamp")
 
 
-def _clock_unit(values: pl.Series, name: str) -> str:
-    for unit in ("us", "ns", "ms"):
-        if name.lower().endswith(f"_{unit}"):
-            return unit
-    steps = np.diff(values.cast(pl.Float64, strict=False).drop_nulls().to_numpy())
-    step = float(np.median(steps[steps > 0.0])) if np.any(steps > 0.0) else 1.0
-    # Logs have 5 to 2000 rows a second.
-    return next((unit for unit, most in (("s", 0.5), ("ms", 400.0), ("us", 4e5)) if step < most), "ns")
+def _variants(groups: dict[str, Any]) -> Iterator[dict[str, Any]]:
+    """The map in all frames that are tried; the usual ones first."""
+    inverse = (False, True) if "order" in groups["attitude"] else (False,)
+    worlds = (("NED", "NED"), ("ENU", "ENU"), ("NEU", "NED"))  # of the vectors, and of the attitude
+    for (world, of_attitude), body, moving, turned, of_imu in itertools.product(
+        worlds, ("FRD", "FLU"), (True, False), inverse, ("FRD", "FLU") if "imu" in groups else ("",)
+    ):
+        variant = {
+            **groups,
+            "position": groups["position"] | {"frame": world},
+            "velocity": groups["velocity"] | {"frame": world if moving else body},
+            "attitude": groups["attitude"] | {"body": body, "world": of_attitude, "inverse": turned},
+        }
+        if "rates" in groups:
+            variant["rates"] = groups["rates"] | {"frame": body}
+        if "imu" in groups:
+            variant["imu"] = groups["imu"] | {"frame": of_imu}
+        yield variant
 
 
-def _motors(table: pl.DataFrame) -> dict[str, Any] | None:
-    groups: dict[tuple[str, str], dict[int, str]] = {}
-    for name in table.columns:
-        if match := MOTOR.fullmatch(name):
-            groups.setdefault((match[1].lower(), (match[3] or "").lower()), {})[int(match[2])] = name
-    for group in groups.values():
-        if len(group) in (4, 6, 8):
-            names = [group[number] for number in sorted(group)]
-            largest = float(table.select(pl.col(names).cast(pl.Float64, strict=False).max()).to_numpy().max())
-            limits = (("share", 1.5), ("percent", 100.0), ("us", 2200.0))
-            by_size = next((unit for unit, most in limits if largest <= most), "rpm")
-            # Rotors turn at 300 to 3000 rad/s: below 2200 only a name or a least value near 1000 tells a pulse.
-            if by_size == "us" and not any("out" in n.lower() or "pwm" in n.lower() for n in names):
-                by_size = "rad/s"
-            return {"columns": names, "unit": by_size}
-    return None
-
-
-def _variants(table: pl.DataFrame, found: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
-    """Maps with all combinations of frames and orders, the likeliest first.
-
-    A frame that is turned about the vertical, such as NWU beside ENU, gives a flight that is turned as a whole: values
-    cannot contradict it, so it is not tried.
-    """
-    heights = table[found["position"]["columns"][2]].cast(pl.Float64, strict=False).drop_nulls().to_numpy()
-    rises = len(heights) == 0 or float(np.median(heights)) >= float(heights[0])
-    worlds = ("ENU", "NED") if rises else ("NED", "ENU")
-    bodies: tuple[str, ...] = ("FRD", "FLU") if worlds[0] == "NED" else ("FLU", "FRD")
-    if "accelerometer" in found:
-        reading = table[found["accelerometer"]["columns"][2]].cast(pl.Float64, strict=False).drop_nulls().to_numpy()
-        bodies = ("FLU",) if float(np.median(reading)) > 0.0 else ("FRD",)  # what carries the vehicle points up
-    order = found["attitude"]["order"]
-    orders = (order,) if order else ("wxyz", "xyzw")
-    for world, body, chosen in itertools.product(worlds, bodies, orders):
-        data = {key: dict(value) for key, value in found.items()}
-        data["position"]["frame"] = world
-        if "velocity" in data:
-            data["velocity"]["frame"] = world
-        data["attitude"] |= {"order": chosen, "world": world, "body": body}
-        for key in ("rates", "accelerometer"):
-            if key in data:
-                data[key]["frame"] = body
-        yield data
-
-
-def _frames(data: Mapping[str, Any]) -> str:
-    attitude = data["attitude"]
-    return f"{attitude['world']}, {attitude['body']}, {attitude['order']}"
+def _alternatives(by: TableMap) -> Iterator[tuple[str, str, TableMap]]:
+    """(field, value, map) of all maps that differ from `by` in one frame, unit, order or direction."""
+    data = by.model_dump(exclude_none=True)
+    for name, group in (("time", by.time), *by.groups()):
+        if name in ("motors", "battery", "throttle"):
+            continue
+        for field, info in type(group).model_fields.items():
+            present = getattr(group, field)
+            if field == "column" or not isinstance(present, str | bool):
+                continue
+            choices = [v for choice in get_args(info.annotation) for v in get_args(choice) or (choice,)]
+            for other in (not present,) if isinstance(present, bool) else choices:
+                if other != present and other is not type(None):
+                    changed = data | {name: data[name] | {field: other}}
+                    shown = str(other).lower() if isinstance(other, bool) else str(other)
+                    yield f"{name}.{field}", shown, TableMap.model_validate(changed)

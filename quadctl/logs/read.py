@@ -8,7 +8,7 @@ from pathlib import Path
 from quadctl.errors import LogError
 from quadctl.logs.csv_lines import reason_of
 from quadctl.logs.flight_log import FlightLog
-from quadctl.logs.formats import HEAD_BYTES, format_of, format_of_folder
+from quadctl.logs.formats import HEAD_BYTES, MAP_SUFFIX, MAPPED, format_of, format_of_folder
 
 _NO_LOGS = {
     b"\x1f\x8b": "is compressed by gzip, expected it unpacked",
@@ -23,7 +23,8 @@ _SETTINGS_SUFFIXES = (".yaml", ".yml")
 def read_log(path: Path | str) -> FlightLog:
     """The flight log in `path`, in any of `quadctl.logs.formats.FORMATS`.
 
-    The format is recognised by the content, and by the extension where the content is damaged.
+    The format is recognised by the content, and by the extension where the content is damaged; a table with a map
+    `NAME.map.yaml` beside it is read by that map.
 
     Raises
     ------
@@ -34,7 +35,8 @@ def read_log(path: Path | str) -> FlightLog:
     _require_file(path)
     if (folder := format_of_folder(path)) is not None:
         return folder.read(path)
-    return format_of(_head(path), path.suffix).read(path)
+    head = _head(path)
+    return (MAPPED if path.with_suffix(MAP_SUFFIX).is_file() else format_of(head, path.suffix)).read(path)
 
 
 def read_logs(paths: Iterable[Path | str]) -> list[FlightLog]:

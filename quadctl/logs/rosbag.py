@@ -15,10 +15,10 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from quadctl.errors import LogError
-from quadctl.frames import Quaternion, euler_from_quaternion, multiply, rotate
+from quadctl.frames import Quaternion
+from quadctl.logs.axes import Vectors, attitude, body_to_world, euler_deg, forward_right_down, north_east_up
 from quadctl.logs.flight_log import ATTITUDE, IMU, POSITION, RATES, VELOCITY, FlightLog, Floats
 from quadctl.logs.merge import Channel, Origin, merge
-from quadctl.logs.table_map import FROM_FRD, NORTH_EAST_DOWN
 from quadctl.logs.ulog import TOPICS, log_of_topics
 
 MAGICS = {b"\x89MCAP": ".mcap", b"SQLite format 3": ".db3", b"#ROSBAG V2": ".bag"}
@@ -131,34 +131,32 @@ def _time(topic: _Topic) -> Floats:
     return topic["bag_s"]
 
 
-def _xyz(topic: _Topic, name: str) -> tuple[Floats, Floats, Floats]:
+def _xyz(topic: _Topic, name: str) -> Vectors:
     return topic[f"{name}.x"], topic[f"{name}.y"], topic[f"{name}.z"]
 
 
 def _turn(topic: _Topic, name: str) -> Quaternion:
     """Attitude as a rotation from forward, right, down to north, east, down."""
-    turn = (topic[f"{name}.w"], *_xyz(topic, name))
-    return multiply(NORTH_EAST_DOWN["ENU"], multiply(turn, FROM_FRD["FLU"]))
+    return attitude((topic[f"{name}.w"], *_xyz(topic, name)), "ENU", "FLU")
 
 
 def _angles(turn: Quaternion) -> dict[str, Floats]:
-    return dict(zip(ATTITUDE, (np.degrees(angle) for angle in euler_from_quaternion(turn)), strict=True))
+    return dict(zip(ATTITUDE, euler_deg(turn), strict=True))
 
 
-def _up(names: tuple[str, ...], east_north_up: tuple[Floats, Floats, Floats]) -> dict[str, Floats]:
-    east, north, up = east_north_up
-    return dict(zip(names, (north, east, up), strict=True))
+def _up(names: tuple[str, ...], vector: Vectors) -> dict[str, Floats]:
+    return dict(zip(names, north_east_up(vector, "ENU"), strict=True))
 
 
-def _body(names: tuple[str, ...], forward_left_up: tuple[Floats, Floats, Floats]) -> dict[str, Floats]:
-    return dict(zip(names, rotate(FROM_FRD["FLU"], forward_left_up), strict=True))
+def _body(names: tuple[str, ...], vector: Vectors) -> dict[str, Floats]:
+    return dict(zip(names, forward_right_down(vector, "FLU"), strict=True))
 
 
 def _odometry(topic: _Topic) -> Iterator[Channel]:
     turn = _turn(topic, "pose.pose.orientation")
-    north, east, down = rotate(turn, rotate(FROM_FRD["FLU"], _xyz(topic, "twist.twist.linear")))
-    columns = _up(POSITION, _xyz(topic, "pose.pose.position"))
-    columns |= dict(zip(VELOCITY, (north, east, -down), strict=True)) | _angles(turn)
+    columns = _up(POSITION, _xyz(topic, "pose.pose.position")) | _angles(turn)
+    speed = body_to_world(turn, forward_right_down(_xyz(topic, "twist.twist.linear"), "FLU"))
+    columns |= dict(zip(VELOCITY, speed, strict=True))
     yield Channel("nav_msgs/Odometry", _time(topic), columns)
     yield Channel("nav_msgs/Odometry rates", _time(topic), _body(RATES, _xyz(topic, "twist.twist.angular")))
 

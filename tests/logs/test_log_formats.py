@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from pkgutil import resolve_name
@@ -10,17 +11,31 @@ import numpy as np
 import pytest
 
 from quadctl.errors import LogError
+from quadctl.logs.columns import STATE_COLUMNS
+from quadctl.logs.convert import write_parquet
 from quadctl.logs.csv_log import read_csv, write_csv
+from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.formats import CONVERTERS, FORMATS, writer
 from quadctl.logs.read import read_log
 from tests.support.log_files import sentence_of, small_bag, small_dataflash, small_ulog, telemetry, tlog_bytes
 from tests.support.places import ROOT
+
+
+def small_parquet() -> bytes:
+    """Whole numbers of a flight, as `quadctl logs --to parquet` writes them."""
+    columns = {name: np.arange(200.0) for name in STATE_COLUMNS}
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "a.parquet"
+        write_parquet(FlightLog(path.name, path, columns), path)
+        return path.read_bytes()
+
 
 SMALL: dict[str, Callable[[], bytes]] = {
     ".ulg": small_ulog,
     ".bin": small_dataflash,
     ".tlog": lambda: tlog_bytes(telemetry()),
     ".mcap": small_bag,
+    ".parquet": small_parquet,
 }
 """A small whole file of each format that is recognised by its content."""
 
@@ -59,7 +74,7 @@ class TestAnyFormat:
             except LogError as error:
                 assert "\n" not in str(error)
                 outcomes.add(False)
-        needs_its_end = suffix == ".mcap"  # where its index is
+        needs_its_end = suffix in (".mcap", ".parquet")  # where its index is
         assert outcomes == ({False} if needs_its_end else {True, False})
 
     @pytest.mark.parametrize("suffix", SMALL)

@@ -15,12 +15,14 @@ from quadctl.frames import multiply, quaternion_from_euler, rotate
 from quadctl.logs.flight_log import ATTITUDE, IMU, POSITION, RATES, VELOCITY, FlightLog
 from quadctl.logs.read import read_log
 from quadctl.logs.rosbag import px4_topic, read_rosbag
-from quadctl.logs.table_map import FROM_FRD, NORTH_EAST_DOWN
 from quadctl.logs.ulog import MAGIC
 from tests.support.flights import simulated
 from tests.support.places import ROOT
 
 ULOG = ROOT.parent / "shared" / "data" / "real" / "px4" / "forward_runs.ulg"
+ENU_TO_NED = (0.0, 0.5**0.5, 0.5**0.5, 0.0)
+FRD_TO_FLU = (0.0, 1.0, 0.0, 0.0)
+"""Each is its own inverse."""
 PX4_FIELDS = {
     "vehicle_local_position": ("x", "y", "z", "vx", "vy", "vz", "ax", "ay", "az"),
     "vehicle_attitude": ("q[4]",),
@@ -103,7 +105,7 @@ def messages(log: FlightLog, types: Mapping[str, Any]) -> Iterator[tuple[int, st
         header = types["std_msgs/msg/Header"](stamp=stamp, frame_id="map")
         north, east, up = (float(log[name][i]) for name in POSITION)
         turn = quaternion_from_euler(*(float(np.radians(log[name][i])) for name in ATTITUDE))
-        w, x, y, z = multiply(NORTH_EAST_DOWN["ENU"], multiply(turn, FROM_FRD["FLU"]))
+        w, x, y, z = multiply(ENU_TO_NED, multiply(turn, FRD_TO_FLU))
         vn, ve, vu = (float(log[name][i]) for name in VELOCITY)
         forward, right, down = rotate((turn[0], -turn[1], -turn[2], -turn[3]), (vn, ve, -vu))
         p, q, r = (float(log[name][i]) for name in RATES)

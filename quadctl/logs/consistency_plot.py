@@ -1,0 +1,63 @@
+"""A figure on which a wrong frame or unit is seen at once: each channel over what the others make of it."""
+
+from pathlib import Path
+
+import numpy as np
+
+from quadctl.errors import LogError
+from quadctl.frames import GRAVITY_M_S2, quaternion_from_euler, rotate
+from quadctl.logs.flight_log import ATTITUDE, IMU, POSITION, RATES, VELOCITY, FlightLog, Floats
+
+
+def draw(log: FlightLog, path: Path) -> None:
+    """Draw velocity, body rates and specific force (solid), and what position, attitude and gravity say (dashed).
+
+    Raises
+    ------
+    LogError
+        The figure cannot be written.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(11, 8), layout="constrained")
+    axes = figure.subplots(3, 3, sharex=True)
+    roll, pitch, yaw = (np.radians(log[name]) for name in ATTITUDE)
+    turning = _slopes(log, [np.unwrap(np.nan_to_num(angle)) for angle in (roll, pitch, yaw)])
+    rates = (
+        turning[0] - turning[2] * np.sin(pitch),
+        turning[1] * np.cos(roll) + turning[2] * np.sin(roll) * np.cos(pitch),
+        turning[2] * np.cos(roll) * np.cos(pitch) - turning[1] * np.sin(roll),
+    )
+    moving = _slopes(log, [log[name] for name in POSITION])
+    for column in range(3):
+        _pair(axes[0][column], log, VELOCITY[column], moving[column], "slope of the position")
+        _pair(axes[1][column], log, RATES[column], rates[column], "slope of the attitude")
+    if all(log.has(name) for name in IMU):
+        north, east, down = rotate(quaternion_from_euler(roll, pitch, yaw), (log[IMU[0]], log[IMU[1]], log[IMU[2]]))
+        for axis, name, force in zip(axes[2], ("north", "east", "up"), (north, east, -down), strict=True):
+            axis.plot(log.time_s, force, lw=0.8, label=f"specific force {name}, m/s²")
+            axis.axhline(GRAVITY_M_S2 if name == "up" else 0.0, color="k", ls="--", lw=0.8, label="of hover")
+            axis.legend(fontsize=7)
+    for axis in axes[-1]:
+        axis.set_xlabel("time, s")
+    figure.suptitle(f"{log.name}: where the lines part, a frame or a unit is wrong")
+    try:
+        figure.savefig(path, dpi=100)
+    except (OSError, ValueError) as error:
+        raise LogError(f"{path}: cannot be written ({error})") from None
+
+
+def _slopes(log: FlightLog, values: list[Floats]) -> list[Floats]:
+    """Slopes over a fifth of a second: differences of single updates are mostly noise."""
+    time_s = log.time_s
+    grid = np.arange(time_s[0], time_s[-1], 0.2)
+    if len(grid) < 3:
+        return [np.full(len(time_s), np.nan) for _ in values]
+    return [np.interp(time_s, grid, np.gradient(np.interp(grid, time_s, v), 0.2)) for v in values]
+
+
+def _pair(axis: "object", log: FlightLog, name: str, other: Floats, label: str) -> None:
+    if log.has(name):
+        axis.plot(log.time_s, log[name], lw=0.8, label=name)  # type: ignore[attr-defined]
+    axis.plot(log.time_s, other, "k--", lw=0.8, label=label)  # type: ignore[attr-defined]
+    axis.legend(fontsize=7)  # type: ignore[attr-defined]
