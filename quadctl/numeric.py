@@ -17,30 +17,55 @@ Vector: TypeAlias = tuple[Number, Number, Number]
 """Three components, each a `Number`."""
 
 
-def _either(scalar: Callable[..., float], array: Callable[..., Any]) -> Callable[..., Any]:
+SYMBOLIC: dict[type, Callable[..., Any]] = {}
+"""Types of a computer algebra, each with its way to apply a function of this module: (name, *arguments) -> expression.
+Whoever exports a model registers them; in flight there are none."""
+
+
+def _either(name: str, scalar: Callable[..., float], array: Callable[..., Any]) -> Callable[..., Any]:
     def function(*arguments: Any) -> Any:
         for argument in arguments:
             if isinstance(argument, np.ndarray):
                 return array(*arguments)
+        if SYMBOLIC and (apply := _algebra(*arguments)):
+            return apply(name, *arguments)
         return scalar(*arguments)
 
     return function
 
 
-exp = _either(math.exp, np.exp)
-sqrt = _either(math.sqrt, np.sqrt)
-sin = _either(math.sin, np.sin)
-cos = _either(math.cos, np.cos)
-asin = _either(math.asin, np.arcsin)
-atan2 = _either(math.atan2, np.arctan2)
-minimum = _either(min, np.minimum)
-maximum = _either(max, np.maximum)
+def _algebra(*arguments: Any) -> Callable[..., Any] | None:
+    """The way to apply a function to these arguments, where one of them is an expression."""
+    return next((SYMBOLIC[type(argument)] for argument in arguments if type(argument) in SYMBOLIC), None)
+
+
+exp = _either("exp", math.exp, np.exp)
+sqrt = _either("sqrt", math.sqrt, np.sqrt)
+sin = _either("sin", math.sin, np.sin)
+cos = _either("cos", math.cos, np.cos)
+asin = _either("asin", math.asin, np.arcsin)
+atan2 = _either("atan2", math.atan2, np.arctan2)
+minimum = _either("minimum", min, np.minimum)
+maximum = _either("maximum", max, np.maximum)
+where = _either("where", lambda condition, yes, no: yes if condition else no, np.where)
+
+
+def inverse(value: Any) -> Any:
+    """1 / value, infinite at 0 for one number as for an array."""
+    if isinstance(value, np.ndarray):
+        with np.errstate(divide="ignore"):
+            return 1.0 / value
+    if SYMBOLIC and _algebra(value):
+        return 1.0 / value
+    return 1.0 / value if value else math.inf
 
 
 def clip(value: Any, low: float, high: float) -> Any:
     """Clip `value` to `low` and `high`."""
     if isinstance(value, np.ndarray):
         return np.clip(value, low, high)
+    if SYMBOLIC and _algebra(value):
+        return minimum(maximum(value, low), high)
     return low if value < low else high if value > high else value
 
 

@@ -8,16 +8,30 @@ import typer
 from rich.console import Console
 
 from quadctl import __version__
-from quadctl.cli import check, flight, init, lab, mission, mocap, ports, thrust_stand, web
+from quadctl.cli import check, export, flight, init, lab, mission, mocap, ports, thrust_stand, vehicle, web
 from quadctl.cli.app import app, console
 from quadctl.errors import QuadctlError
 
-__all__ = ["app", "check", "flight", "init", "lab", "main", "mission", "mocap", "ports", "thrust_stand", "web"]
+__all__ = [
+    "app",
+    "check",
+    "export",
+    "flight",
+    "init",
+    "lab",
+    "main",
+    "mission",
+    "mocap",
+    "ports",
+    "thrust_stand",
+    "vehicle",
+    "web",
+]
 
 INTERRUPTED = 130
 """Exit status with which typer ends on Ctrl-C."""
 
-LAB_PACKAGES = ("scipy", "joblib", "polars", "matplotlib", "jinja2", "pyulog", "mcap", "pysindy")
+LAB_PACKAGES = ("scipy", "joblib", "polars", "matplotlib", "jinja2", "pyulog", "mcap", "pysindy", "casadi")
 """Packages of the extra `lab`, which the companion computer does not have."""
 WEB_PACKAGES = ("nicegui", "cloudpickle")
 """Packages of the extra `web`."""

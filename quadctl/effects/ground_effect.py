@@ -6,15 +6,12 @@ the ground; they are evaluated no lower than `LOWEST_HEIGHT_OVER_RADIUS` rotor r
 experiments behind them end. A pole above that height is left where it is, for the check before flight to find.
 """
 
-import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
-
 from quadctl.effects.base import Conditions, ThrustRatio, parameter
 from quadctl.frames import rotate
-from quadctl.numeric import Number, exp, maximum
+from quadctl.numeric import Number, exp, inverse, maximum
 from quadctl.vehicle import Vehicle
 
 LOWEST_HEIGHT_OVER_RADIUS = 0.5
@@ -108,14 +105,6 @@ class Nobahari(NearGround):
     def ratio(self, c: Conditions, vehicle: Vehicle) -> Number:
         r = self.EQUIVALENT_RADII * vehicle.rotor.radius_m
         return inverse(1.0 - (r / (4.0 * clamped_height(c, vehicle))) ** 2)
-
-
-def inverse(value: Number) -> Number:
-    """1 / value, infinite at 0 for one number as for an array."""
-    if isinstance(value, np.ndarray):
-        with np.errstate(divide="ignore"):
-            return 1.0 / value
-    return 1.0 / value if value else math.inf
 
 
 @dataclass(frozen=True)

@@ -8,13 +8,11 @@ form rises from 1.211 at 0.25 R to 1.305 at 0.58 R and falls from there on.
 
 import math
 from dataclasses import dataclass
-from typing import Any, ClassVar
-
-import numpy as np
+from typing import ClassVar
 
 from quadctl.effects.base import Conditions, parameter
 from quadctl.effects.ground_effect import NearGround
-from quadctl.numeric import Number, maximum
+from quadctl.numeric import Number, maximum, where
 from quadctl.vehicle import Vehicle
 
 LOWEST_HEIGHT_OVER_RADIUS = 0.25
@@ -45,7 +43,7 @@ class Hexarotor(NearGround):
     def ratio(self, c: Conditions, vehicle: Vehicle) -> Number:
         radius_m = vehicle.rotor.radius_m
         z = maximum(c.height_m, LOWEST_HEIGHT_OVER_RADIUS * radius_m)
-        return _either(
+        return where(
             z > HIGHEST_HEIGHT_OVER_RADIUS * radius_m,
             1.0,
             1.0 / (1.0 - rotor_images(z, vehicle) - fountain(z, vehicle, self.j_k, self.c)),
@@ -101,8 +99,8 @@ class HexarotorTilted(NearGround):
         low = 1.0 / (1.0 - _tilted(self.SECTION_LOW, across) * images - spring)
         middle = _tilted(self.SECTION_MIDDLE_SLOPE, across) * radii + _tilted(self.SECTION_MIDDLE_OFFSET, across)
         high = 1.0 / (1.0 - _tilted(self.SECTION_HIGH, across) * images - spring)
-        near = _either(radii < self.LOW_ENDS, low, _either(radii <= self.HIGH_BEGINS, middle, high))
-        return _either(radii > HIGHEST_HEIGHT_OVER_RADIUS, 1.0, near)
+        near = where(radii < self.LOW_ENDS, low, where(radii <= self.HIGH_BEGINS, middle, high))
+        return where(radii > HIGHEST_HEIGHT_OVER_RADIUS, 1.0, near)
 
 
 def rotor_images(z: Number, vehicle: Vehicle) -> Number:
@@ -122,9 +120,3 @@ def fountain(z: Number, vehicle: Vehicle, j_k: float, c_m: float) -> Number:
 
 def _tilted(coefficients: tuple[float, float, float], across: tuple[float, float]) -> float:
     return coefficients[0] + coefficients[1] * across[0] + coefficients[2] * across[1]
-
-
-def _either(condition: Any, yes: Number, no: Number) -> Number:
-    if isinstance(condition, np.ndarray):
-        return np.where(condition, yes, no)
-    return yes if condition else no

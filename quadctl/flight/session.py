@@ -20,6 +20,7 @@ from quadctl.flight.preflight.requirements import requirements_met
 from quadctl.flight.realtime import privileges, run
 from quadctl.flight.record.display import Display
 from quadctl.flight.record.view_link import ViewEnd, ViewLink
+from quadctl.flight.watchdog import Watchdog
 
 
 class Allowed(NamedTuple):
@@ -81,7 +82,7 @@ async def _fly(
             warn(str(warning))
         await _look_for_left_parameters(autopilot, allowed, warn)
         async with requirements_met(autopilot, allowed.set_parameters, warn, allowed.without_failsafe, allowed.kept):
-            return await _fly_prepared(plan, autopilot, log_dir, console, view, real_time)
+            return await _fly_prepared(plan, autopilot, log_dir, console, allowed, view, real_time)
     finally:
         await autopilot.close()
 
@@ -103,11 +104,12 @@ async def _fly_prepared(
     autopilot: Autopilot,
     log_dir: Path,
     console: Console,
+    allowed: Allowed,
     view: ViewEnd | None,
     real_time: Sequence[str],
 ) -> Outcome:
     rate_hz = plan.settings.controller.rate_hz
-    pilot = plan.pilot(autopilot.takes_off_itself)
+    pilot = plan.pilot(autopilot.takes_off_itself, autopilot.stays_up and not allowed.without_failsafe)
     recorder = plan.recorder(log_dir, autopilot.description, real_time)
     tally = Tally(1.0 / rate_hz)
     with ExitStack() as stack:
@@ -115,5 +117,6 @@ async def _fly_prepared(
         stack.enter_context(landing_on_signals(pilot))
         display = stack.enter_context(Display(pilot, console, real_time))
         viewer = [] if view is None else [ViewLink(view, pilot)]
-        await fly(autopilot, pilot, rate_hz, [recorder, tally, display, *viewer])
+        watchdog = stack.enter_context(Watchdog())
+        await fly(autopilot, pilot, rate_hz, [recorder, tally, display, *viewer, watchdog])
     return tally.outcome(pilot, recorder.path, recorder.problem)

@@ -19,6 +19,10 @@ MAX_CLIMB_M_S = 2.5
 STATION_LOST = {1: "RTL", 3: "RTL", 4: "LAND", 5: "LAND", 7: "LAND"}
 """Mode of the failsafe by FS_GCS_ENABLE, which acts when the heartbeats of SYSID_MYGCS stop, and of no other system.
 A mode that a pilot flies goes on, as bit 4 of FS_OPTIONS, which is set by default, says."""
+REMOTE_LOST = {1: "RTL", 2: "RTL", 3: "LAND", 4: "RTL", 5: "LAND", 6: "RTL", 7: "LAND"}
+"""Mode of the failsafe by FS_THR_ENABLE, which acts when the remote control is lost, in GUIDED too."""
+CLIMBED_M = 0.3
+"""Distance to the height of a return within which it counts as reached."""
 PRESSURE_PA, GROUND_TEMPERATURE_C = 95598.0, 28.16
 """Air at the take-off place of the recorded flights, 488 m above the sea."""
 NOT_ARMABLE = ("LAND", "RTL", "BRAKE")
@@ -65,6 +69,8 @@ class SimulatedCopter(SimulatedAutopilot):
     _taken_off = False
     """True after a take-off by command."""
     _internal_error = False
+    _climbs = False
+    """True while a return climbs."""
     _station_heard_s: float | None = None
     """Time of the last heartbeat of the ground station; its failsafe acts only after the first."""
 
@@ -95,6 +101,13 @@ class SimulatedCopter(SimulatedAutopilot):
         """Let the battery fail, with BATT_FS_LOW_ACT 1 (Land)."""
         self.said.append((CRITICAL, f"Battery 1 is low {self.estimator.battery_v:.2f}V used 0 mAh"))
         self._enter("LAND")
+
+    def lose_remote(self) -> None:
+        """Lose the remote control."""
+        mode = REMOTE_LOST.get(int(self.parameters["FS_THR_ENABLE"]))
+        if self.armed and mode is not None:
+            self.said.append((CRITICAL, "Radio Failsafe"))
+            self._enter(mode)
 
     def _objection_before_arming(self) -> str | None:
         if self.time_s < self.ready_after_s:
@@ -156,7 +169,17 @@ class SimulatedCopter(SimulatedAutopilot):
     def _enter(self, mode: str) -> None:
         if mode != self.mode:
             self.guided = Guided.PLACE
+            self._climbs = mode == "RTL"
         super()._enter(mode)
+        if self._climbs:
+            north, east, down = self._anchor
+            self._anchor = (north, east, min(down, -0.01 * self.parameters["RTL_ALT"]))
+
+    @property
+    def _has_climbed(self) -> bool:
+        """True once a return has climbed to RTL_ALT; then it goes home, and down."""
+        self._climbs = self._climbs and self.body.position[2] > self._anchor[2] + CLIMBED_M
+        return not self._climbs
 
     @property
     def _disarm_after_s(self) -> float:

@@ -21,6 +21,10 @@ STREAM_AGE_S = 0.5
 """Largest age of the last setpoint when offboard is entered: PX4 wants 2 Hz or more."""
 BATTERY_HOLD_S = 5.0
 """Time for which it holds its place before it lands with a failed battery (COM_FAIL_ACT_T)."""
+REMOTE_LOST = {1: "HOLD", 2: "RTL", 3: "LAND"}
+"""Mode of the failsafe by NAV_RCL_ACT, when the remote control is lost."""
+EXCEPT_OFFBOARD = 4
+"""Bit of COM_RCL_EXCEPT: offboard goes on without a remote control."""
 CRITICAL = 2
 """MAV_SEVERITY of its texts."""
 LEVEL: Quat = (1.0, 0.0, 0.0, 0.0)
@@ -50,6 +54,8 @@ class SimulatedAutopilot:
         "COM_DISARM_PRFLT": 10.0,
         "MPC_LAND_SPEED": 0.7,
         "EKF2_NOAID_TOUT": 5e6,
+        "NAV_RCL_ACT": 2.0,
+        "COM_RCL_EXCEPT": 0.0,
         "MPC_THR_HOVER": 0.5,
         "THR_MDL_FAC": 0.0,
         "MC_BAT_SCALE_EN": 0.0,
@@ -156,6 +162,13 @@ class SimulatedAutopilot:
         self.said.append((CRITICAL, "Battery failure"))
         self._battery_failed_s = self.time_s
         self._enter("HOLD")
+
+    def lose_remote(self) -> None:
+        """Lose the remote control."""
+        excepted = self.mode == "OFFBOARD" and int(self.parameters["COM_RCL_EXCEPT"]) & EXCEPT_OFFBOARD
+        mode = REMOTE_LOST.get(int(self.parameters["NAV_RCL_ACT"]))
+        if self.armed and mode is not None and not excepted:
+            self._enter(mode)
 
     def power_cycle(self) -> None:
         """Restart after a loss of power: motors off, in the mode of a fresh start."""
@@ -315,6 +328,11 @@ class SimulatedAutopilot:
         return self.mode == "HOLD" and self.landed
 
     @property
+    def _has_climbed(self) -> bool:
+        """True once a return has climbed as far as it wants to: here it keeps its height."""
+        return True
+
+    @property
     def _land_speed_m_s(self) -> float:
         return self.parameters["MPC_LAND_SPEED"]
 
@@ -326,7 +344,8 @@ class SimulatedAutopilot:
         x, y, z = self.body.position
         vx, vy, vz = self.body.velocity
         ax, ay, az = self._anchor
-        landing = self.mode == "LAND" or (self.mode == "RTL" and math.hypot(x - ax, y - ay) < 0.3)
+        returned = self.mode == "RTL" and self._has_climbed and math.hypot(x - ax, y - ay) < 0.3
+        landing = self.mode == "LAND" or returned
         sink = self._land_speed_m_s if landing else min(max(az - z, -self._climb_m_s), 1.0)
         if landing and self.body.in_contact:
             return AttitudeTarget(level, 0.0)

@@ -100,6 +100,21 @@ def station_lost_s(name: str) -> float:
     return until(px, lambda: px.mode == "LAND")
 
 
+def position_lost_s(name: str) -> float:
+    px = hovering(name)
+    px.lose_position_aid()
+    return until(px, lambda: px.mode == "LAND", lambda: hold(px))
+
+
+def remote_lost(name: str) -> str:
+    px = hovering(name)
+    height_m = -px.body.position[2]
+    px.lose_remote()
+    mode = px.mode
+    px.step(px.time_s + 5.0)
+    return f"{mode}, climbs" if -px.body.position[2] > height_m + 1.0 else mode
+
+
 def station_ignored(name: str) -> str:
     px = hovering(name)
     px.parameters["SYSID_MYGCS"] = 255.0
@@ -176,7 +191,17 @@ PROBES: dict[str, Callable[[str], str | float]] = {
     probe.__name__: probe
     for probe in (
         *(heartbeat_hz, heartbeat_interval, position_hz, attitude_hz, ready_s, setpoints_lost_s, station_lost_s),
-        *(station_ignored, climb_s, landed_s, disarmed_s, idle_s, hover_throttle, added_at_14_deg),
+        *(
+            station_ignored,
+            position_lost_s,
+            remote_lost,
+            climb_s,
+            landed_s,
+            disarmed_s,
+            idle_s,
+            hover_throttle,
+            added_at_14_deg,
+        ),
         *(outputs_over_command, second_station),
     )
 }

@@ -30,7 +30,11 @@ line that holds back, loses and repeats datagrams lies between the two.
 
 ArduPilot's own answer to missing setpoints is to level and hold its height, in GUIDED, without reporting it. Its
 ground-station failsafe lands it 3 s after the last heartbeat of quadctl, as a flight requires (`SYSID_MYGCS`). A
-vehicle that neither lands is landed by a simulated pilot with the switch after 3.5 s.
+The mocks land faster than real autopilots: a PX4 needed 5 to 6 s from 1.5 m to the ground, and as long again to disarm.
+Times of an answer that waits for a message, such as PX4's heartbeats at 1 Hz, are those of one flight. In rows about a
+person, that person also lands the vehicle, one or two seconds later. A restarted autopilot may still be asked to land
+once: its state is old before it is known to have restarted. A
+vehicle that neither of the two lands is landed by a simulated pilot with the switch after 14 s.
 
 | fault | autopilot | answer | last setpoint | mode of the autopilot | at rest | how the log says it ended |
 |---|---|---|---|---|---|---|

@@ -31,7 +31,7 @@ class Case:
     said: str
     """Text in the log about the end of the flight."""
     mode: str = "land"
-    """Expected next mode: land, boot, failsafe or stick; empty for none."""
+    """Expected next mode: land, boot, failsafe, stick or return; empty for none."""
     silent_s: float = SILENCE_S
     """Latest time of the last setpoint, s; for a landing, of the change of mode."""
     answered_s: float = math.inf
@@ -47,7 +47,13 @@ class Case:
 
     def wrong(self, seen: Seen, profile: Profile) -> list[str]:
         """Differences from the expected result."""
-        modes = {"land": "LAND", "boot": profile.boot, "failsafe": profile.failsafe, "stick": profile.stick}
+        modes = {
+            "land": "LAND",
+            "boot": profile.boot,
+            "failsafe": profile.failsafe,
+            "stick": profile.stick,
+            "return": "RTL",
+        }
         expected = modes.get(self.mode, "")
         silent_s = self.silent_s
         if self.answer == "land" and seen.modes:
@@ -171,6 +177,13 @@ def _land_without_end(scene: Scene) -> None:
     scene.later(OVER_TIME_S + 1.0, lambda: scene.px.autopilot.parameters.update({name: speed}))
 
 
+def _lose_remote(scene: Scene) -> None:
+    """The return climbs to a metre only, so that it ends in time."""
+    if "RTL_ALT" in scene.px.autopilot.parameters:
+        scene.px.autopilot.parameters["RTL_ALT"] = 100.0
+    scene.px.autopilot.lose_remote()
+
+
 def _rise_out_of_the_data(scene: Scene) -> None:
     """The estimate says so, and the vehicle goes down for it."""
     scene.px.faults.distort = faults.displaced((0.0, 0.0, -0.45), 0.9)
@@ -220,6 +233,14 @@ PROCESS = (
         on_ardupilot={"mode": "failsafe"},
     ),
     Case("interpreter held for 3 s", lambda s: s.signal(SIGUSR2), LET_GO, STALL, "failsafe"),
+    Case(
+        "event loop frozen for ever",
+        lambda s: s.signal(SIGUSR1),
+        "",
+        "in flight",
+        "failsafe",
+        setting=Setting(stall_s=60.0),
+    ),
     Case("process stopped for 3 s", _stop, LET_GO, STALL, "failsafe"),
     Case("process stopped, the pilot takes the mode", _stop_and_take, LET_GO, STALL, "stick"),
     Case("process killed", lambda s: s.signal(SIGKILL), "", "in flight", "failsafe"),
@@ -294,6 +315,7 @@ LIMITS = (
         silent_s=0.5,
         on_ardupilot={"said": "left offboard for LAND", "mode": "land"},
     ),
+    Case("remote control lost", _lose_remote, "release", "left offboard for RTL", "return", silent_s=0.5),
     Case("battery low", _distort(lambda: faults.battery_at(12.0)), "land", "the battery is at 12.00 V", silent_s=1.0),
 )
 LINK = (

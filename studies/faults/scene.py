@@ -32,11 +32,11 @@ HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
 CONFIG = ROOT / "config" / "flight.yaml"
 VEHICLE = load_vehicle(CONFIG.parent / "vehicles" / "raptor.yaml")
-PERSON_S = 3.5
-"""Time after which a person lands a vehicle that nothing has landed: longer than the stall of 3 s."""
+PERSON_S = 14.0
+"""Time after which a person lands a vehicle that nothing has landed: longer than any failsafe takes."""
 HOVER_M = 0.4
 CALM_S = 0.3
-START_TIMEOUT_S, END_TIMEOUT_S, EXIT_TIMEOUT_S = 60.0, 20.0, 2.0
+START_TIMEOUT_S, END_TIMEOUT_S, EXIT_TIMEOUT_S = 60.0, 25.0, 2.0
 TICK_S = 0.02
 MIN_BATTERY_V = 13.5
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from quadctl.errors import FlightError
+from quadctl.flight.autopilot.ardupilot import ARDUPILOT
 from quadctl.flight.preflight.changed_parameters import Change, ChangedParameters
 from quadctl.flight.preflight.requirements import requirements_met
 from quadctl.lab.comparison.comparison import compare
@@ -151,6 +152,32 @@ def test_a_flight_after_whose_death_nobody_would_land_is_refused_unless_that_is_
             assert says[1:] == ["it flies"]
             says.clear()
             link.px.autopilot.parameters[name] = kept
+
+
+class NewNames(dict[str, float]):
+    """Parameters of ArduPilot 4.7, of which the simulated vehicle still reads the older names."""
+
+    def __missing__(self, name: str) -> float:
+        newer = ARDUPILOT.renamed[name]
+        return self[newer.name] * newer.unit
+
+
+def test_an_ardupilot_that_has_renamed_its_parameters_is_asked_for_the_newer_names() -> None:
+    copter, says = SimulatedCopter(VEHICLE), list[str]()
+    meet_requirements(copter)
+    older = copter.parameters
+    renamed = {new.name: older.pop(old) / new.unit for old, new in ARDUPILOT.renamed.items()}
+    copter.parameters = NewNames({**older, **renamed, "MAV_GCS_SYSID": 255.0, "RTL_ALT_M": 15.0})
+
+    async def fly(link: Link) -> None:
+        assert await link.adapter.parameters(["RTL_ALT", "SYSID_MYGCS"]) == {"RTL_ALT": 1500.0, "SYSID_MYGCS": 255.0}
+        async with requirements_met(link.adapter, True, says.append):
+            assert link.px.autopilot.parameters["MAV_GCS_SYSID"] == 1.0
+
+    with connected(copter) as link:
+        asyncio.run(fly(link))
+        assert link.px.autopilot.parameters["MAV_GCS_SYSID"] == 255.0
+        assert "SYSID_MYGCS" not in link.px.autopilot.parameters
 
 
 def test_parameters_that_a_killed_flight_left_are_named_at_the_next_contact_and_restored(

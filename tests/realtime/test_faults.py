@@ -26,6 +26,8 @@ ON_PX4 = (
 )
 ON_ARDUPILOT = (  # where it has its own way, or the line has
     "event loop frozen for 3 s",
+    "event loop frozen for ever",
+    "heartbeats stop",
     "position aid lost",
     "disarmed in flight",
     "delay grows by 20 ms/s each way",

@@ -25,6 +25,7 @@ class InProcess:
         self.px = SimulatedAutopilot(plan().body.vehicle)
         self.warnings: list[str] = []
         self.takes_off_itself = False
+        self.stays_up = False
         self.requirements: list[Requirement] = []
         self.asked: list[str] = []
         self.sent: list[AttitudeTarget] = []

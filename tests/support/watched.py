@@ -126,7 +126,7 @@ class Watch:
 class Flight:
     """A flight in preparation, then flown."""
 
-    def __init__(self, plan: FlightPlan | None = None, pilot_class: type[Pilot] = Pilot) -> None:
+    def __init__(self, plan: FlightPlan | None = None, pilot_class: Callable[..., Pilot] = Pilot) -> None:
         plan = plan or hop()
         compensator = Compensator(plan.compensator, plan.settings.compensator_limits)
         self.pilot = pilot_class(plan.mission, plan.body, plan.settings, compensator)

@@ -7,6 +7,7 @@ nothing but heartbeats: every message has to be asked for.
 from quadctl.flight.autopilot.firmware import (
     Check,
     Firmware,
+    Renamed,
     Requirement,
     Stream,
     hover_throttle_check,
@@ -103,6 +104,7 @@ ARDUPILOT = Firmware(
     land_mode="LAND",
     hold_mode="BRAKE",
     takes_off_itself=True,
+    stays_up=True,
     streams=(
         Stream("LOCAL_POSITION_NED", 32, 100.0, required=True),
         Stream("ATTITUDE_QUATERNION", 31, 100.0, required=True),
@@ -122,6 +124,7 @@ ARDUPILOT = Firmware(
     tells_aids=True,
     thrust_chain=CHAIN,
     tests_motors_clockwise=True,
+    renamed={"SYSID_MYGCS": Renamed("MAV_GCS_SYSID"), "RTL_ALT": Renamed("RTL_ALT_M", 100.0)},  # since 4.7
     requirements=(
         Requirement(
             "GUID_OPTIONS",

@@ -4,7 +4,8 @@ A new autopilot is a new file beside px4.py and ardupilot.py, and a line in firm
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from quadctl.thrust_chain.chain import ThrustChain
 from quadctl.vehicle import Vehicle
@@ -53,6 +54,14 @@ class Requirement:
         return f"{self.parameter} = {value:.7g}" if self.finding is None else f"{self.parameter}: {self.finding(value)}"
 
 
+class Renamed(NamedTuple):
+    """The name of a parameter in newer versions."""
+
+    name: str
+    unit: float = 1.0
+    """Its unit, in units of the older one: 100 where centimetres have become metres."""
+
+
 @dataclass(frozen=True, slots=True)
 class Check:
     """A parameter that is judged before a flight; a flight is warned of what it objects to, and never refused."""
@@ -83,6 +92,8 @@ class Firmware:
     hold_mode: str
     takes_off_itself: bool
     """True: lift-off is a command of its own, before the first target; False: the targets lift it off."""
+    stays_up: bool
+    """True: without targets it stays in the air for as long as it hears our heartbeats; False: it lands or returns."""
     streams: Sequence[Stream]
     tells_readiness: Callable[[str], bool]
     """Function from its mode: True when the pre-arm bit of SYS_STATUS says in this mode if offboard could be armed."""
@@ -94,6 +105,8 @@ class Firmware:
     """True: the health bits of SYS_STATUS tell if GPS or motion capture work; its estimator does not."""
     thrust_chain: ThrustChain
     """Functions between the throttle target and the motor outputs that it reports."""
+    renamed: Mapping[str, Renamed] = field(default_factory=dict)
+    """Newer names of the parameters below: an autopilot that does not know the older one is asked for these."""
     requirements: Sequence[Requirement] = ()
     checks: Sequence[Check] = ()
     """Parameters that are judged before a flight, besides the requirements."""

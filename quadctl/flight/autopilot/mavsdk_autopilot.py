@@ -14,7 +14,7 @@ from functools import partial
 
 from quadctl.errors import FlightError, LinkError
 from quadctl.flight.autopilot import mavlink, round_trips
-from quadctl.flight.autopilot.firmware import Check, Firmware, Requirement, Stream
+from quadctl.flight.autopilot.firmware import Check, Firmware, Renamed, Requirement, Stream
 from quadctl.flight.autopilot.firmwares import FIRMWARES
 from quadctl.flight.autopilot.mavsdk_link import MavsdkLink
 from quadctl.flight.autopilot.telemetry import Telemetry
@@ -49,6 +49,8 @@ class MavsdkAutopilot:
         self._link = MavsdkLink(url, self._telemetry.receive)
         self._thrust_parameters: dict[str, float] = {}
         """Parameters of the firmware's thrust chain that it has told."""
+        self._newer: dict[str, Renamed] = {}
+        """Newer names that this autopilot has for parameters, by the older ones."""
         self._link.on_reopened = self._ask_again
         self._start_s = time.monotonic()
         self._closing = threading.Event()
@@ -67,6 +69,10 @@ class MavsdkAutopilot:
     @property
     def takes_off_itself(self) -> bool:
         return self._firmware.takes_off_itself
+
+    @property
+    def stays_up(self) -> bool:
+        return self._firmware.stays_up
 
     @property
     def requirements(self) -> Sequence[Requirement]:
@@ -177,16 +183,22 @@ class MavsdkAutopilot:
         await self._link.run(lambda: self._link.command(mavlink.CMD_RUN_PREARM_CHECKS, what="run its checks"))
 
     async def parameters(self, names: Iterable[str]) -> dict[str, float]:
-        """Values of the parameters by name, integers too as floats; those for which no answer comes are left out."""
-        found = {name: await self._link.run(partial(self._link.read_parameter, name)) for name in names}
-        return {name: float(value) for name, value in found.items() if value is not None}
+        """Values of the parameters by name, integers too as floats; those for which no answer comes are left out.
+
+        One that the autopilot knows by its newer name keeps the name and the unit that it is asked by.
+        """
+        found = {name: await self._link.run(partial(self._read_parameter, name)) for name in names}
+        return {name: value for name, value in found.items() if value is not None}
 
     async def set_parameter(self, name: str, value: float) -> None:
         """Set a parameter, as an integer where the autopilot holds one.
 
         Raises FlightError when the autopilot does not confirm it.
         """
-        await self._link.run(lambda: self._link.write_parameter(name, value))
+        if name in self._firmware.renamed and name not in self._newer:
+            await self._link.run(partial(self._read_parameter, name))
+        newer = self._newer.get(name, Renamed(name))
+        await self._link.run(lambda: self._link.write_parameter(newer.name, value / newer.unit))
 
     async def close(self) -> None:
         """Let go of the link. Waits for commands under way, which MAVSDK gives up by itself after some seconds."""
@@ -202,6 +214,19 @@ class MavsdkAutopilot:
         if self._telemetry.firmware is None:
             raise LinkError(f"The link {self._link.url} is not open: connect first.")
         return self._telemetry.firmware
+
+    def _read_parameter(self, name: str) -> float | None:
+        newer = self._newer.get(name)
+        value = self._link.read_parameter(name) if newer is None else None
+        if value is None:
+            newer = self._firmware.renamed.get(name)
+            value = None if newer is None else self._link.read_parameter(newer.name)
+        if value is None:
+            return None
+        if newer is None:
+            return float(value)
+        self._newer[name] = newer
+        return float(value) * newer.unit
 
     def _request_stream(self, stream: Stream) -> int:
         interval_us = 1e6 / stream.rate_hz

@@ -28,6 +28,11 @@ class Autopilot(Protocol):
         ...
 
     @property
+    def stays_up(self) -> bool:
+        """True: without targets it stays in the air for as long as it hears our heartbeats."""
+        ...
+
+    @property
     def requirements(self) -> Sequence[Requirement]:
         """Parameters that must have certain values before a flight."""
         ...

@@ -76,6 +76,7 @@ PX4 = Firmware(
     land_mode="LAND",
     hold_mode="HOLD",
     takes_off_itself=False,
+    stays_up=False,
     streams=(
         Stream("LOCAL_POSITION_NED", 32, 100.0, required=True),
         Stream("ATTITUDE_QUATERNION", 31, 100.0, required=True),

@@ -15,6 +15,8 @@ LANDED_NEWS_S = 0.3
 """Longest time by which the news that it has landed may be behind the news of its mode: they are asked for at 5 Hz."""
 LET_GO_S = 1.0
 """Longest time for which a second Ctrl-C waits for the autopilot to enter its land mode."""
+UNCONFIRMED_S = 5.0
+"""Time after which an autopilot that stays up for our heartbeats, and whose own are lost, no longer gets ours."""
 LINK_TIMEOUT_S = 60.0
 """Longest wait for a link that is lost while somebody else flies."""
 
@@ -22,10 +24,11 @@ LINK_TIMEOUT_S = 60.0
 class Landing:
     """The stages LAND and RELEASED, and the transitions into them."""
 
-    def __init__(self, progress: Progress, watch: Supervisor, steering: Steering) -> None:
+    def __init__(self, progress: Progress, watch: Supervisor, steering: Steering, stays_up: bool) -> None:
         self._progress = progress
         self._watch = watch
         self._steering = steering
+        self._stays_up = stays_up
         self._hold: Setpoint | None = None
         self._silent = False
         self._landing_seen = False
@@ -70,6 +73,9 @@ class Landing:
         self._landing_seen = self._landing_seen or state.mode == "LAND"
         if self._left_s is not None or not (state.offboard or state.mode == "LAND"):
             return self._yield(state)
+        if self._unconfirmed(state):
+            self._let_go = "nothing shows that the autopilot lands: its failsafe acts when quadctl is gone"
+            return self._leave(self._let_go, state)
         if self._too_long():
             return Decision()
         breach = self._watch.breach(state, self._progress.in_air_s)
@@ -129,6 +135,11 @@ class Landing:
             return Decision()
         self._progress.note(f"the autopilot went to {state.mode or 'an unknown mode'}", Answer.RELEASE.value)
         return self._release()
+
+    def _unconfirmed(self, state: VehicleState) -> bool:
+        """True when nobody can tell whether the autopilot lands, and our heartbeats would keep it in the air."""
+        unheard = not (state.connected or self._landing_seen)
+        return self._stays_up and unheard and self._progress.in_stage_s > UNCONFIRMED_S
 
     def _too_long(self) -> bool:
         """True, and the flight is over, when the autopilot has not come down and disarmed in time."""

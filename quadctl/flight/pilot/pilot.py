@@ -49,7 +49,9 @@ class Pilot:
         settings: FlightSettings,
         compensator: Compensator,
         autopilot_takes_off: bool = False,
+        autopilot_stays_up: bool = False,
     ) -> None:
+        """`autopilot_stays_up`: without targets it stays in the air for as long as it hears this program."""
         self.mission = mission
         self.settings = settings
         self.phases_flown: list[str] = []
@@ -63,7 +65,7 @@ class Pilot:
         self._watch = Supervisor(mission, settings, self._home)
         self._steering = Steering(mission, body.vehicle, settings, compensator, self._home)
         self._following = Following(settings.guards.following, settings.controller, body.vehicle)
-        self._landing = Landing(self._progress, self._watch, self._steering)
+        self._landing = Landing(self._progress, self._watch, self._steering, autopilot_stays_up)
         self._offboard_seen = False
         self._faded = False
         self._texts: tuple[StatusText, ...] = ()

@@ -9,12 +9,14 @@ from quadctl.control import ControllerSettings
 from quadctl.control.attitude import attitude_for_force, limit_tilt
 from quadctl.control.throttle import throttle_for_thrust
 from quadctl.errors import SettingsError
+from quadctl.flight.pilot.guards import GuardLimits
 from quadctl.flight.pilot.settings import FlightSettings
 from quadctl.flight.preflight.findings import Finding, Verdict, judged
 from quadctl.flight.preflight.plan import FlightPlan
 from quadctl.frames import GRAVITY_M_S2
 from quadctl.missions import Mission
 from quadctl.missions.profile import Sample, flown_heights_m, sampled
+from quadctl.settings import Settings
 from quadctl.state import Vec3, VehicleState
 from quadctl.vehicle import Vehicle
 
@@ -58,6 +60,7 @@ def check_flight(plan: FlightPlan) -> list[Finding]:
         _tilt(demands, settings),
         _thrust(demands, vehicle, settings.controller),
         *_band(in_air, settings),
+        *_guards(settings.guards),
         _battery(mission, vehicle, settings),
     ]
 
@@ -239,6 +242,22 @@ def _band(demands: Sequence[Demand], settings: FlightSettings) -> Iterator[Findi
         f"thrust ratio {low:.3f} to {high:.3f} on the way, limited to {1.0 - band:g} to {1.0 + band:g}",
         warning="it asks for more than the limit" if cut else None,
     )
+
+
+def _guards(guards: GuardLimits) -> Iterator[Finding]:
+    """Finding about guards that somebody has turned off, as for a test on the bench, and may have forgotten."""
+    parts = {"": guards, "continuity.": guards.continuity, "following.": guards.following}
+    off = [name for where, limits in parts.items() for name in _turned_off(limits, where)]
+    if off:
+        yield judged(
+            "guards", f"turned off: {', '.join(off)}", warning="each is 0, which is for tests without propellers"
+        )
+
+
+def _turned_off(limits: Settings, where: str) -> list[str]:
+    """Names of the limits that are 0 and are not by default."""
+    fields = type(limits).model_fields
+    return [f"{where}{name}" for name, field in fields.items() if getattr(limits, name) == 0.0 != field.default]
 
 
 def _battery(mission: Mission, vehicle: Vehicle, settings: FlightSettings) -> Finding:

@@ -29,9 +29,9 @@ class FlightPlan(NamedTuple):
         up = self.body.vehicle.rotor_height_m
         return max(self.mission.limits.min_z_m + up, 0.01), self.mission.limits.max_z_m + up
 
-    def pilot(self, autopilot_takes_off: bool = False) -> Pilot:
+    def pilot(self, autopilot_takes_off: bool = False, autopilot_stays_up: bool = False) -> Pilot:
         compensator = Compensator(self.compensator, self.settings.compensator_limits)
-        return Pilot(self.mission, self.body, self.settings, compensator, autopilot_takes_off)
+        return Pilot(self.mission, self.body, self.settings, compensator, autopilot_takes_off, autopilot_stays_up)
 
     def recorder(self, log_dir: Path, autopilot: str, real_time: Sequence[str] = ()) -> Recorder:
         """Recorder of this flight; `real_time` names the means that keep the ticks of a real flight punctual."""

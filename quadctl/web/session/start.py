@@ -1,9 +1,11 @@
 """The session that the page begins with, from the arguments of the command."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from quadctl.errors import LogError, SettingsError
+from quadctl.flight.pilot.settings import DEFAULT_CONFIG, load_flight_settings
 from quadctl.installed import locate
 from quadctl.logs.read import read_log
 from quadctl.model import load_model
@@ -16,6 +18,17 @@ VEHICLES = Path("config/vehicles")
 def vehicle_files() -> list[Path]:
     """Vehicle files to choose from: those here, else those installed with quadctl."""
     return sorted(locate(VEHICLES).glob("*.yaml"))
+
+
+def own_vehicle() -> Path | None:
+    """Vehicle file of the vehicle that the user flies, by config/flight.yaml; else the only one; else None."""
+    config = locate(DEFAULT_CONFIG)
+    with suppress(SettingsError):  # whoever flies is told; here a vehicle can be chosen
+        named = config.parent / load_flight_settings(config).vehicle
+        if named.is_file():
+            return named
+    known = vehicle_files()
+    return known[0] if len(known) == 1 else None
 
 
 def check_folders(out: Path, missions: Path) -> None:
@@ -32,7 +45,7 @@ def check_folders(out: Path, missions: Path) -> None:
 
 
 def first_session(logs: Sequence[Path], model: Path | None, session: Path | None) -> Session:
-    """Load `session`, or begin one with `logs` and `model`; a single vehicle file is taken by itself.
+    """Load `session`, or begin one with `logs` and `model`, or without a model with the user's own vehicle.
 
     Raises
     ------
@@ -52,7 +65,6 @@ def first_session(logs: Sequence[Path], model: Path | None, session: Path | None
             raise LogError(f"{log}: is settings by its name, expected a flight log, or --model {log.name} or --session")
         if log.suffix.lower() not in LOG_SUFFIXES:
             read_log(log)  # probably none: then it is better said now than on the page
-    known = vehicle_files()
-    begin = model if model is not None else known[0] if len(known) == 1 else None
+    begin = model if model is not None else own_vehicle()
     begun = Session().with_logs(logs)
     return begun if begin is None else begun.begun_with(load_model(begin))

@@ -1,10 +1,12 @@
 """The landing: asked for by a person, refused by the autopilot, without an end."""
 
 from dataclasses import replace
+from functools import partial
 
 import pytest
 
 from quadctl.flight.pilot.guards import GuardLimits
+from quadctl.flight.pilot.pilot import Pilot
 from quadctl.flight.pilot.tick import Request, Stage
 from tests.support.watched import RATE_HZ, Flight, at_stage, in_flight, plan_with
 
@@ -130,3 +132,27 @@ def test_a_landing_that_does_not_end_is_left_to_the_autopilot() -> None:
     flight.fly()
     assert flight.pilot.ended == "completed; the autopilot did not land and disarm in 5 s"
     assert [e.answer for t in flight.watch.ticks for e in t.events] == ["land", "end"]
+
+
+def unheard(stays_up: bool) -> Flight:
+    """A flight whose autopilot falls silent, on its heartbeats and on its mode, and hears no wish to land."""
+    plan = plan_with(guards=GuardLimits(max_over_time_s=20.0))
+    flight = Flight(plan, partial(Pilot, autopilot_stays_up=stays_up))
+    flight.autopilot.parameters["COM_OF_LOSS_T"] = 60.0
+    flight.autopilot.ignored = {"LAND"}
+    return flight.show(lambda s: replace(s, connected=False, mode="OFFBOARD"), in_flight(3.0)).fly()
+
+
+def test_an_autopilot_that_our_heartbeats_keep_up_is_left_alone_where_nothing_shows_that_it_lands() -> None:
+    flight = unheard(stays_up=True)
+    lost, left = flight.pilot.ended.split("; ")
+    assert lost == "the autopilot's heartbeat is lost"
+    assert left == "nothing shows that the autopilot lands: its failsafe acts when quadctl is gone"
+    began = flight.watch.first(lambda t: t.stage is Stage.LAND)
+    assert 5.0 < flight.watch.ticks[-1].time_s - began.time_s < 6.2
+
+
+def test_any_other_is_not() -> None:
+    assert unheard(stays_up=False).pilot.ended == (
+        "the autopilot's heartbeat is lost; the autopilot did not land and disarm in 20 s"
+    )

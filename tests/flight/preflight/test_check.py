@@ -107,6 +107,16 @@ def test_a_ceiling_is_kept_away_from_by_mission_and_guard(tmp_path: Path) -> Non
     assert "ceiling" in found(check_flight(with_vehicle(plan, ceiling_m=2.6)), Verdict.OK)
 
 
+def test_guards_that_are_turned_off_are_named(tmp_path: Path) -> None:
+    guards = {"following": {"max_contact_s": 0, "max_saturated_s": 0}, "max_estimator_ratio": 0}
+    findings = check_flight(planned(tmp_path, config={"guards": guards}))
+    assert found(findings, Verdict.WARNING)["guards"] == (
+        "turned off: max_estimator_ratio, following.max_contact_s, following.max_saturated_s: "
+        "each is 0, which is for tests without propellers"
+    )
+    assert "guards" not in found(check_flight(planned(tmp_path)), Verdict.WARNING)
+
+
 def test_a_battery_that_does_not_last_is_refused(tmp_path: Path) -> None:
     plan = planned(tmp_path, {"kind": "hold", "duration_s": 90})
     for endurance_s, verdict in ((80.0, Verdict.REFUSED), (100.0, Verdict.WARNING)):

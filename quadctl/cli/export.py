@@ -1,0 +1,149 @@
+"""The command that says a model in the words of an autopilot."""
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.table import Table
+
+from quadctl.cli.app import app, console
+from quadctl.cli.inputs import find
+from quadctl.cli.output import JsonOption, check_outputs, print_saved, write_json, write_text
+from quadctl.errors import FlightError, QuadctlError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from quadctl.export.autopilot import Row
+    from quadctl.model import Model
+
+CONFIRMATION = "apply"
+
+
+@app.command()
+def export(
+    model: Annotated[
+        Path, typer.Argument(metavar="MODEL.yaml", help="Fitted model, as add and discover write it.", callback=find)
+    ],
+    to: Annotated[
+        str, typer.Option("--to", metavar="px4|ardupilot|casadi|numpy", help="Parameters, or equations of motion.")
+    ],
+    output: Annotated[Path | None, typer.Option("-o", "--output", metavar="FILE", help="File to write.")] = None,
+    now: Annotated[
+        Path | None, typer.Option("--now", metavar="FILE", help="The vehicle's present parameters: .params or .parm.")
+    ] = None,
+    link: Annotated[
+        str | None, typer.Option("--link", metavar="URL", help="Ask the vehicle for its present parameters.")
+    ] = None,
+    apply: Annotated[
+        bool, typer.Option("--apply", help="Write them to the vehicle at --link, after a question.")
+    ] = False,
+    undo: Annotated[bool, typer.Option("--undo", help="Restore what --apply has changed.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="Do not ask before --apply.")] = False,
+    kept: Annotated[
+        Path, typer.Option("--kept", metavar="DIR", help="Folder in which --apply keeps the old values.")
+    ] = Path("exported"),
+    json_out: JsonOption = None,
+) -> None:
+    """Turn a fitted model into an autopilot's parameters, with intervals, or into equations of motion for a program.
+
+    What the flights do not tell, and what the target cannot say, is listed.
+    """
+    from quadctl.export.autopilot import parameter_file, parameters
+    from quadctl.export.targets import AUTOPILOTS, PROGRAMS
+    from quadctl.model import load_model
+    from quadctl.parameter_file import read_parameters
+
+    if to not in AUTOPILOTS and to not in PROGRAMS:
+        raise typer.BadParameter(f"--to is {to}, expected one of {', '.join([*AUTOPILOTS, *PROGRAMS])}")
+    if to in PROGRAMS and (output is None or now or link or apply or undo or json_out):
+        raise typer.BadParameter(f"--to {to} needs -o FILE, and has no other option")
+    if (apply or undo) and link is None:
+        raise typer.BadParameter("--apply and --undo need --link")
+    if now is not None and link is not None:
+        raise typer.BadParameter("give --now or --link, not both")
+    check_outputs([model, now], output, json_out)
+    if to in PROGRAMS:
+        assert output is not None
+        _write_program(PROGRAMS[to], load_model(model), output)
+        return
+    dialect = AUTOPILOTS[to]
+    if undo:
+        from quadctl.export.apply import undo as undo_at
+
+        undo_at(str(link), dialect, kept, _say)
+        return
+    loaded = load_model(model)
+    rows = parameters(loaded, dialect, read_parameters(now) if now is not None else {})
+    if link is not None:
+        from quadctl.export.apply import present_parameters
+
+        rows = parameters(loaded, dialect, present_parameters(link, dialect, [row.name for row in rows]))
+    text = parameter_file(rows, dialect, str(model))
+    _print(rows)
+    write_json(
+        json_out, {"model": str(model), "autopilot": dialect.name, "parameters": [_as_dict(row) for row in rows]}
+    )
+    if output is not None:
+        write_text(output, text)
+        print_saved(output)
+    if apply:
+        from quadctl.export.apply import write_parameters
+
+        _confirm(yes)
+        write_parameters(str(link), dialect, rows, kept, _say)
+
+
+def _write_program(write: "Callable[[Model, Path], tuple[str, ...]]", model: "Model", output: Path) -> None:
+    try:
+        output.parent.mkdir(parents=True, exist_ok=True)
+        left_out = write(model, output)
+    except OSError as error:
+        raise QuadctlError(f"{output}: cannot be written ({error.strerror})") from None
+    for reason in left_out:
+        _say(f"Left out: {reason}.")
+    print_saved(output)
+
+
+def _say(sentence: str) -> None:
+    console.print(sentence, soft_wrap=True, markup=False, highlight=False)
+
+
+def _confirm(yes: bool) -> None:
+    if yes:
+        return
+    if not sys.stdin.isatty():
+        raise FlightError("nobody is there to confirm the new parameters: say --yes")
+    console.print(f"Type '{CONFIRMATION}' to write these parameters to the vehicle: ", end="", highlight=False)
+    if input().strip() != CONFIRMATION:
+        raise FlightError("not confirmed: nothing was written")
+
+
+def _print(rows: "list[Row]") -> None:
+    table = Table(box=None, pad_edge=False)
+    for heading in ("parameter", "value", "95 % interval", "now"):
+        table.add_column(heading, justify="left" if heading == "parameter" else "right", no_wrap=True)
+    for row in rows:
+        if row.estimate is not None:
+            found = row.estimate
+            interval = "" if found.low == found.high else f"{found.low:.4g} to {found.high:.4g}"
+            present = "" if row.present is None else f"{row.present:.4g}"
+            table.add_row(row.name, f"{found.value:.4g}", interval, present)
+    console.print(table)
+    for row in rows:
+        _say(f"{row.name}: {row.lacking or row.formula}{f'; {row.note}' if row.note and not row.lacking else ''}")
+
+
+def _as_dict(row: "Row") -> dict[str, object]:
+    found = row.estimate
+    return {
+        "name": row.name,
+        "value": None if found is None else found.value,
+        "ci95": None if found is None else [found.low, found.high],
+        "now": row.present,
+        "formula": row.formula,
+        "logs": list(row.logs),
+        "lacking": row.lacking,
+        "note": row.note,
+    }

@@ -1,0 +1,80 @@
+"""The commands for vehicle files."""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from quadctl.cli.app import app, console
+from quadctl.cli.output import check_outputs, print_saved, write_text
+from quadctl.errors import QuadctlError, SettingsError
+from quadctl.vehicle import load_vehicle
+
+vehicles = typer.Typer(no_args_is_help=True, help="Vehicle files: new.", rich_markup_mode=None)
+app.add_typer(vehicles, name="vehicle")
+
+
+@vehicles.command()
+def new(
+    output: Annotated[Path, typer.Argument(metavar="NEW.yaml", help="Vehicle file to write.")],
+    parameters: Annotated[
+        Path | None,
+        typer.Option("--parameters", metavar="FILE", help="The autopilot's parameters: .params, .param or .parm."),
+    ] = None,
+    mass: Annotated[float | None, typer.Option("--mass", metavar="KG", help="Take-off mass with battery.")] = None,
+    propeller: Annotated[
+        float | None, typer.Option("--propeller", metavar="M", help="Diameter of a propeller: 10 inches are 0.254.")
+    ] = None,
+    frame: Annotated[
+        str | None, typer.Option("--frame", metavar="NAME", help="quad-x, quad-plus, hexa-x or hexa-plus.")
+    ] = None,
+    arm: Annotated[float | None, typer.Option("--arm", metavar="M", help="From the centre to a rotor's axis.")] = None,
+    hover_throttle: Annotated[
+        float | None, typer.Option("--hover-throttle", metavar="0..1", help="Throttle in hover.")
+    ] = None,
+    hover_rpm: Annotated[
+        float | None, typer.Option("--hover-rpm", metavar="RPM", help="Rotor speed in hover, where it is known.")
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite NEW.yaml.")] = False,
+) -> None:
+    """Write a vehicle file; what neither the parameters nor the options say is asked."""
+    from quadctl.parameter_file import read_parameters
+    from quadctl.vehicle_draft.draft import Answers, draft, missing
+
+    check_outputs([parameters], output)
+    if output.exists() and not force:
+        raise QuadctlError(f"{output}: is there already, expected a new file (or --force)")
+    known = read_parameters(parameters) if parameters is not None else {}
+    answers = Answers(output.stem, mass, propeller, frame, arm, hover_throttle, hover_rpm)
+    for fact in missing(answers, known):
+        option = OPTIONS[fact.field]
+        if not sys.stdin.isatty():
+            raise SettingsError(f"{option} is missing, expected the {fact.question}")
+        kind = str if fact.field == "frame" else float
+        answers = answers._replace(
+            **{fact.field: typer.prompt(fact.question[0].upper() + fact.question[1:], type=kind)}
+        )
+    write_text(output, draft(answers, known))
+    print_saved(output)
+    vehicle = load_vehicle(output)
+    hover = vehicle.throttle.offset + vehicle.throttle.per_newton * vehicle.weight_n
+    most = vehicle.max_thrust_n / vehicle.weight_n
+    console.print(
+        f"{vehicle.n_rotors} rotors, {vehicle.mass_kg:g} kg, thrust up to {most:.1f} "
+        f"times the weight, throttle in hover {hover:.2f}. Read the comments in the file: what is assumed is worth "
+        "measuring (quadctl thrust-stand, or a flight and quadctl discover).",
+        soft_wrap=True,
+        markup=False,
+        highlight=False,
+    )
+
+
+OPTIONS = {
+    "mass_kg": "--mass",
+    "propeller_m": "--propeller",
+    "frame": "--frame",
+    "arm_m": "--arm",
+    "hover_throttle": "--hover-throttle",
+}
+"""The option that says each fact."""

@@ -1,0 +1,20 @@
+"""ArduPilot Copter: parameters for hover, thrust curve and the drag of its wind estimation (EKF3)."""
+
+from quadctl.export.autopilot import Dialect
+
+ARDUPILOT = Dialect(
+    name="ArduPilot",
+    hover="MOT_THST_HOVER",
+    curve="MOT_THST_EXPO",
+    ballistic_x="EK3_DRAG_BCOEF_X",
+    ballistic_y="EK3_DRAG_BCOEF_Y",
+    momentum_drag="EK3_DRAG_MCOEF",
+    switches={},  # coefficients above 0 switch it on
+    default_curve=0.65,
+    notes={
+        "MOT_THST_HOVER": "where it starts from; MOT_HOVER_LEARN 2 then tracks it in flight",
+        "MOT_THST_EXPO": "tune the gains of the rate controller again; the vehicle file's throttle line changes, too",
+        "EK3_DRAG_MCOEF": "one number for both axes",
+    },
+    file_line=lambda name, value: f"{name},{value:.9g}",
+)

@@ -1,0 +1,33 @@
+"""The targets of `quadctl export`; a new one is a file and a line here."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from quadctl.export.ardupilot import ARDUPILOT
+from quadctl.export.px4 import PX4
+from quadctl.model import Model
+
+AUTOPILOTS = {"px4": PX4, "ardupilot": ARDUPILOT}
+"""Targets that are parameters of an autopilot, by the word of `--to`."""
+
+
+def _write_casadi(model: Model, path: Path) -> tuple[str, ...]:
+    from quadctl.export.dynamics import dynamics  # CasADi takes half a second
+
+    equations = dynamics(model)
+    equations.function.save(str(path))
+    return equations.left_out
+
+
+def _write_numpy(model: Model, path: Path) -> tuple[str, ...]:
+    from quadctl.export.dynamics import dynamics
+    from quadctl.export.numpy_code import numpy_code
+
+    equations = dynamics(model)
+    path.write_text(numpy_code(model, equations, model.name), encoding="utf-8")
+    return equations.left_out
+
+
+PROGRAMS: dict[str, Callable[[Model, Path], tuple[str, ...]]] = {"casadi": _write_casadi, "numpy": _write_numpy}
+"""Targets that are equations of motion, each with the function that writes a model into a file; it returns what of the
+model the file leaves out."""

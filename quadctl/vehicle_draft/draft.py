@@ -1,0 +1,161 @@
+"""Text of a vehicle file, in which a comment beside each number says where it comes from."""
+
+import math
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import yaml
+
+from quadctl.errors import SettingsError
+from quadctl.frames import GRAVITY_M_S2
+from quadctl.settings import validate
+from quadctl.vehicle import Vehicle
+from quadctl.vehicle_draft.frames import Place, ardupilot_frame, frame_places, px4_places
+
+AIR_DENSITY_KG_M3 = 1.225
+THRUST_COEFFICIENT = 0.011
+"""C_T = T / (rho A (omega R)²) where nothing is known: propellers of multirotors have 0.007 to 0.015."""
+PX4_HOVER, ARDUPILOT_HOVER = "MPC_THR_HOVER", "MOT_THST_HOVER"
+
+
+class Answers(NamedTuple):
+    """Facts about a vehicle; None where its user has not said."""
+
+    name: str
+    mass_kg: float | None = None
+    """Take-off mass, with battery."""
+    propeller_m: float | None = None
+    """Diameter."""
+    frame: str | None = None
+    arm_m: float | None = None
+    """From the centre to a rotor's axis."""
+    hover_throttle: float | None = None
+    hover_rpm: float | None = None
+
+
+class Missing(NamedTuple):
+    """A fact that the parameters do not hold and that the user must say."""
+
+    field: str
+    """Name of the field of `Answers`."""
+    question: str
+
+
+def missing(answers: Answers, parameters: Mapping[str, float]) -> list[Missing]:
+    """Facts that a vehicle file still needs, in the order in which to ask.
+
+    Raises
+    ------
+    SettingsError
+        The parameters describe a vehicle that this cannot draw.
+    """
+    questions = [
+        Missing("mass_kg", "take-off mass with battery, kg"),
+        Missing("propeller_m", "diameter of a propeller, m (10 inches are 0.254)"),
+    ]
+    if px4_places(parameters) is None:
+        if ardupilot_frame(parameters) is None:
+            questions.append(Missing("frame", "frame: quad-x, quad-plus, hexa-x or hexa-plus"))
+        questions.append(Missing("arm_m", "distance from the centre to a rotor's axis, m"))
+    if PX4_HOVER not in parameters and ARDUPILOT_HOVER not in parameters:
+        questions.append(Missing("hover_throttle", "throttle in hover, 0 to 1"))
+    return [question for question in questions if getattr(answers, question.field) is None]
+
+
+def draft(answers: Answers, parameters: Mapping[str, float]) -> str:
+    """Text of the vehicle file.
+
+    Parameters
+    ----------
+    answers
+        With every fact that `missing` names; they win over the parameters.
+    parameters
+        The autopilot's, by name; none where it is empty.
+
+    Raises
+    ------
+    SettingsError
+        A fact is missing, or the numbers make no vehicle.
+    """
+    if absent := missing(answers, parameters):
+        raise SettingsError(f"the vehicle's {absent[0].field} is not known, expected the {absent[0].question}")
+    mass_kg, diameter_m = _positive(answers.mass_kg, "mass_kg"), _positive(answers.propeller_m, "propeller_m")
+    places, places_source = _places(answers, parameters)
+    line, line_source = _throttle(answers, parameters, mass_kg * GRAVITY_M_S2, len(places))
+    coefficient, coefficient_source = _coefficient(answers, 0.5 * diameter_m, mass_kg, len(places))
+    text = "\n".join(
+        [
+            "# Each number says where it comes from; what is assumed is worth measuring.",
+            f"name: {answers.name}",
+            f"mass_kg: {mass_kg:g}",
+            "# inertia_kg_m2: [0.01, 0.01, 0.02]  # not known: taken from mass and arm length until it is given",
+            "rotor:",
+            f"  radius_m: {0.5 * diameter_m:g}",
+            f"  thrust_n_per_rpm2: {coefficient:.4g}  # {coefficient_source}",
+            "  torque_to_thrust_m: 0.016  # assumed, as most propellers",
+            "  time_constant_s: 0.04  # assumed; quadctl discover finds a motor lag",
+            f"rotors:  # FRD, m; order = motor 1, 2, ...; {places_source}",
+            *(f"  - {_place(place)}" for place in places),
+            "rotor_height_m: 0.0  # assumed; height of the rotor plane above the logged position",
+            f"throttle: {line}  # {line_source}",
+            "",
+        ]
+    )
+    validate(yaml.safe_load(text), Vehicle, "the new vehicle")
+    return text
+
+
+def _positive(value: float | None, field: str) -> float:
+    if value is None or not (math.isfinite(value) and value > 0.0):
+        raise SettingsError(f"the vehicle's {field} is {value}, expected a number above 0")
+    return value
+
+
+def _places(answers: Answers, parameters: Mapping[str, float]) -> tuple[tuple[Place, ...], str]:
+    if answers.frame is None and answers.arm_m is None and (places := px4_places(parameters)) is not None:
+        return places, "from CA_ROTOR*, where PX4 needs no true distances: measure them"
+    frame = answers.frame or ardupilot_frame(parameters)
+    if frame is None:
+        raise SettingsError("the vehicle's frame is not known: say it where the arm is given")
+    source = "as given" if answers.frame else "frame from FRAME_CLASS and FRAME_TYPE"
+    return frame_places(frame, _positive(answers.arm_m, "arm_m")), source
+
+
+def _place(place: Place) -> str:
+    x, y, z = (round(value, 4) + 0.0 for value in place.position_m)
+    tilt = ""
+    if abs(place.cant_deg) > 0.01 or abs(place.dihedral_deg) > 0.01:
+        tilt = f", cant_deg: {place.cant_deg:.2f}, dihedral_deg: {place.dihedral_deg:.2f}"
+    return f"{{position_m: [{x:g}, {y:g}, {z:g}], spin: {place.spin}{tilt}}}"
+
+
+def _throttle(answers: Answers, parameters: Mapping[str, float], weight_n: float, rotors: int) -> tuple[str, str]:
+    """The throttle line and its source.
+
+    Where the autopilot makes thrust proportional to throttle, the line goes through zero. Where nobody does, thrust
+    grows about as the square of the throttle, and the line is the tangent to T = W (u / u_hover)² in hover.
+    """
+    hover, source = answers.hover_throttle, "hover throttle as given"
+    for name in (PX4_HOVER, ARDUPILOT_HOVER):
+        if hover is None and name in parameters:
+            hover, source = parameters[name], f"hover throttle from {name}"
+    hover = _positive(hover, "hover_throttle")
+    if hover >= 1.0:
+        raise SettingsError(f"the vehicle's hover_throttle is {hover:g}, expected less than 1 ({source})")
+    if ARDUPILOT_HOVER in parameters:
+        proportional, why = True, "ArduPilot makes thrust proportional to throttle (MOT_THST_EXPO)"
+    else:
+        proportional = parameters.get("THR_MDL_FAC", 0.0) > 0.0
+        why = "PX4 makes thrust proportional to throttle (THR_MDL_FAC)" if proportional else "thrust taken as throttle²"
+    per_newton, offset = (hover / weight_n, 0.0) if proportional else (0.5 * hover / weight_n, 0.5 * hover)
+    most_n = (1.0 - offset) / per_newton / rotors
+    numbers = f"{{per_newton: {per_newton:.4g}, offset: {offset:.4g}, max_thrust_per_rotor_n: {most_n:.4g}}}"
+    return numbers, f"{source}; {why}"
+
+
+def _coefficient(answers: Answers, radius_m: float, mass_kg: float, rotors: int) -> tuple[float, str]:
+    if answers.hover_rpm is not None:
+        rpm = _positive(answers.hover_rpm, "hover_rpm")
+        return mass_kg * GRAVITY_M_S2 / rotors / rpm**2, f"from {rpm:g} rpm in hover"
+    per_coefficient = AIR_DENSITY_KG_M3 * math.pi * radius_m**4 * (math.pi / 30.0) ** 2
+    return THRUST_COEFFICIENT * per_coefficient, f"assumed, C_T = {THRUST_COEFFICIENT:g}; only rotor speeds need it"

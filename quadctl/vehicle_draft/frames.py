@@ -1,0 +1,116 @@
+"""Places of the rotors: of the frames that both autopilots number alike, and as an autopilot's parameters say."""
+
+import math
+from collections.abc import Mapping
+from typing import Literal, NamedTuple
+
+from quadctl.errors import SettingsError
+
+Parameters = Mapping[str, float]
+Spin = Literal["cw", "ccw"]
+
+
+class Place(NamedTuple):
+    """Place of one rotor: position, FRD, m; its sense of rotation seen from above; and its tilt."""
+
+    position_m: tuple[float, float, float]
+    spin: Spin
+    cant_deg: float = 0.0
+    dihedral_deg: float = 0.0
+
+
+_QUAD_X: tuple[tuple[float, Spin], ...] = ((45, "ccw"), (-135, "ccw"), (-45, "cw"), (135, "cw"))
+_QUAD_PLUS: tuple[tuple[float, Spin], ...] = ((90, "ccw"), (-90, "ccw"), (0, "cw"), (180, "cw"))
+_HEXA_X: tuple[tuple[float, Spin], ...] = (
+    (90, "cw"),
+    (-90, "ccw"),
+    (-30, "cw"),
+    (150, "ccw"),
+    (30, "ccw"),
+    (-150, "cw"),
+)
+_HEXA_PLUS: tuple[tuple[float, Spin], ...] = (
+    (0, "cw"),
+    (180, "ccw"),
+    (-120, "cw"),
+    (60, "ccw"),
+    (-60, "ccw"),
+    (120, "cw"),
+)
+FRAMES = {"quad-x": _QUAD_X, "quad-plus": _QUAD_PLUS, "hexa-x": _HEXA_X, "hexa-plus": _HEXA_PLUS}
+"""Direction of each rotor from the centre, degrees clockwise from the nose seen from above, and its sense of rotation,
+in the order of motor 1, 2, ... of ArduPilot (AP_MotorsMatrix) and PX4 (airframe reference)."""
+
+ARDUPILOT_FRAMES = {(1, 0): "quad-plus", (1, 1): "quad-x", (2, 0): "hexa-plus", (2, 1): "hexa-x"}
+"""FRAME_CLASS and FRAME_TYPE."""
+
+
+def frame_places(frame: str, arm_m: float) -> tuple[Place, ...]:
+    """Places on a regular frame whose rotors' axes are `arm_m` from its centre.
+
+    Raises
+    ------
+    SettingsError
+        The frame is none of `FRAMES`.
+    """
+    if frame not in FRAMES:
+        raise SettingsError(f"the frame is '{frame}', expected one of {', '.join(FRAMES)}")
+    return tuple(Place((*_direction(azimuth_deg, arm_m), 0.0), spin) for azimuth_deg, spin in FRAMES[frame])
+
+
+def _direction(azimuth_deg: float, arm_m: float) -> tuple[float, float]:
+    azimuth = math.radians(azimuth_deg)
+    return arm_m * math.cos(azimuth), arm_m * math.sin(azimuth)
+
+
+def px4_places(parameters: Parameters) -> tuple[Place, ...] | None:
+    """Places as PX4's control allocation has them (CA_ROTOR*); None where the parameters do not say.
+
+    Raises
+    ------
+    SettingsError
+        A rotor's thrust axis is zero or points down.
+    """
+    count = int(parameters.get("CA_ROTOR_COUNT", 0))
+    if count < 1 or not all(f"CA_ROTOR{i}_P{axis}" in parameters for i in range(count) for axis in "XY"):
+        return None
+    return tuple(_px4_place(i, parameters) for i in range(count))
+
+
+def _px4_place(i: int, parameters: Parameters) -> Place:
+    x, y, z = (parameters.get(f"CA_ROTOR{i}_P{axis}", 0.0) for axis in "XYZ")
+    ax, ay, az = (
+        parameters.get(f"CA_ROTOR{i}_A{axis}", default) for axis, default in zip("XYZ", (0, 0, -1), strict=True)
+    )
+    length = math.sqrt(ax * ax + ay * ay + az * az)
+    if length == 0.0 or az >= 0.0:
+        raise SettingsError(f"CA_ROTOR{i}_AX, AY, AZ are {ax:g}, {ay:g}, {az:g}, expected an axis that points up")
+    cant_deg, dihedral_deg = _tilt(x, y, ax / length, ay / length, az / length)
+    return Place((x, y, z), "ccw" if parameters.get(f"CA_ROTOR{i}_KM", 0.05) > 0.0 else "cw", cant_deg, dihedral_deg)
+
+
+def _tilt(x: float, y: float, ax: float, ay: float, az: float) -> tuple[float, float]:
+    """Cant and dihedral, degrees, of the unit thrust axis of a rotor at x, y: the inverse of `RotorPlace.axis`."""
+    azimuth = math.atan2(y, x)
+    outward = ax * math.cos(azimuth) + ay * math.sin(azimuth)
+    sideways = -ax * math.sin(azimuth) + ay * math.cos(azimuth)
+    return math.degrees(math.asin(sideways)), math.degrees(math.atan2(-outward, -az))
+
+
+def ardupilot_frame(parameters: Parameters) -> str | None:
+    """The regular frame that FRAME_CLASS and FRAME_TYPE stand for; None where the parameters do not say.
+
+    Raises
+    ------
+    SettingsError
+        It is a frame for which there is no table here.
+    """
+    if "FRAME_CLASS" not in parameters:
+        return None
+    frame = int(parameters["FRAME_CLASS"]), int(parameters.get("FRAME_TYPE", 1))
+    if frame not in ARDUPILOT_FRAMES:
+        known = "; ".join(f"{c} with {t} ({name})" for (c, t), name in ARDUPILOT_FRAMES.items())
+        raise SettingsError(
+            f"FRAME_CLASS is {frame[0]} with FRAME_TYPE {frame[1]}, expected {known}: write the rotors by hand"
+        )
+    return ARDUPILOT_FRAMES[frame]

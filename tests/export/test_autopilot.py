@@ -1,0 +1,113 @@
+"""Parameters of autopilots from a model: each formula by hand, and a reason where there is no number."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from quadctl.effects.body_drag import QuadraticDrag
+from quadctl.effects.rotor_drag import LinearDrag
+from quadctl.effects.thrust_curve import PowerCurve
+from quadctl.effects.thrust_map import LineMap
+from quadctl.effects.thrust_scale import ConstantScale
+from quadctl.errors import SettingsError
+from quadctl.export.ardupilot import ARDUPILOT
+from quadctl.export.autopilot import Row, parameter_file, parameters
+from quadctl.export.estimate import estimate
+from quadctl.export.hover import bend, hover_throttle
+from quadctl.export.px4 import PX4
+from quadctl.model import Model, Provenance
+from quadctl.parameter_file import read_parameters
+from quadctl.vehicle import ThrottleCurve, Vehicle
+
+DRAG = Provenance(logs=("runs.csv",), ci95={"d_x": (0.3, 0.5), "d_y": (0.35, 0.45), "d_z": (0.0, 0.1)})
+AREA = Provenance(logs=("fast.csv",), ci95={"area_x_m2": (0.02, 0.04), "area_y_m2": (0.0, 0.05)})
+
+
+def rows_of(model: Model, present: dict[str, float] | None = None) -> dict[str, Row]:
+    return {row.name: row for row in parameters(model, PX4, present or {})}
+
+
+class TestHover:
+    def test_the_rigid_body_hovers_at_the_line_of_the_vehicle_file(self, raptor: Vehicle) -> None:
+        line = raptor.throttle
+        assert hover_throttle(Model(raptor)) == pytest.approx(line.offset + line.per_newton * raptor.weight_n, abs=1e-8)
+
+    def test_rotors_that_give_less_need_more_throttle(self, raptor: Vehicle) -> None:
+        weak = Model(raptor).plus(ConstantScale(0.8))
+        line = raptor.throttle
+        assert hover_throttle(weak) == pytest.approx(line.offset + line.per_newton * raptor.weight_n / 0.8, abs=1e-8)
+
+    def test_a_vehicle_that_nothing_lifts_is_refused(self, raptor: Vehicle) -> None:
+        with pytest.raises(SettingsError, match="no throttle from 0 to 1 carries the vehicle"):
+            hover_throttle(Model(raptor).plus(LineMap(0.2, -1.0)))
+
+    def test_the_interval_is_that_of_the_parameter(self, raptor: Vehicle) -> None:
+        fitted = Provenance(ci95={"factor": (0.9, 1.1)})
+        found = estimate(Model(raptor).plus(ConstantScale(1.0), fitted), hover_throttle)
+        line = raptor.throttle
+        low, high = (line.offset + line.per_newton * raptor.weight_n / factor for factor in (1.1, 0.9))
+        assert (found.low, found.high) == pytest.approx((low, high), abs=1e-8)
+
+
+class TestCurve:
+    @pytest.mark.parametrize("present", [0.0, 0.3, 0.65])
+    def test_thrust_that_is_proportional_to_the_command_keeps_the_bend(self, raptor: Vehicle, present: float) -> None:
+        most_n = 8.0
+        straight = ThrottleCurve(per_newton=1.0 / (4.0 * most_n), offset=0.0, max_thrust_per_rotor_n=most_n)
+        assert bend(Model(raptor.model_copy(update={"throttle": straight})), present) == pytest.approx(
+            present, abs=1e-6
+        )
+
+    def test_thrust_that_grows_as_the_square_of_the_signal_has_a_bend_of_one(self, raptor: Vehicle) -> None:
+        most_n = 8.0
+        straight = ThrottleCurve(per_newton=1.0 / (4.0 * most_n), offset=0.0, max_thrust_per_rotor_n=most_n)
+        vehicle = raptor.model_copy(update={"throttle": straight})
+        square = replace(PowerCurve(), exponent=4.0)  # T over the linear T to the power of two
+        assert bend(Model(vehicle).plus(square), 0.0) == pytest.approx(1.0, abs=1e-6)
+
+
+class TestDrag:
+    def test_momentum_drag_is_the_mean_at_sea_level(self, raptor: Vehicle) -> None:
+        found = rows_of(Model(raptor).plus(LinearDrag(0.4, 0.4, 0.05), DRAG))["EKF2_MCOEF"]
+        assert found.estimate is not None
+        assert found.estimate.value == pytest.approx(0.4 * math.sqrt(1.225 / 1.205))
+        assert found.logs == ("runs.csv",)
+
+    def test_a_drag_that_the_model_does_not_hold_is_off_and_the_estimator_uses_the_rest(self, raptor: Vehicle) -> None:
+        rows = rows_of(Model(raptor).plus(LinearDrag(0.4, 0.4, 0.05), DRAG))
+        values = {name: row.estimate.value for name, row in rows.items() if row.estimate is not None}
+        assert (values["EKF2_BCOEF_X"], values["EKF2_BCOEF_Y"], values["EKF2_DRAG_CTRL"]) == (0.0, 0.0, 1.0)
+
+    def test_the_ballistic_coefficient_is_mass_over_area(self, raptor: Vehicle) -> None:
+        rows = rows_of(Model(raptor).plus(QuadraticDrag(0.03, 0.02, 0.0), AREA))
+        found = rows["EKF2_BCOEF_X"].estimate
+        assert found is not None
+        assert (found.value, found.low, found.high) == pytest.approx((1.5 / 0.03, 1.5 / 0.04, 1.5 / 0.02))
+
+    def test_an_area_that_may_be_zero_gives_no_number(self, raptor: Vehicle) -> None:
+        row = rows_of(Model(raptor).plus(QuadraticDrag(0.03, 0.02, 0.0), AREA))["EKF2_BCOEF_Y"]
+        assert row.estimate is None
+        assert row.lacking == "these flights do not tell it (30 to inf): fly missions/forward_runs.yaml, and fit it"
+
+
+def test_what_the_model_does_not_hold_is_named_with_the_flight_that_would_show_it(raptor: Vehicle) -> None:
+    rows = rows_of(Model(raptor))
+    assert all(row.estimate is None for row in rows.values())
+    assert rows["EKF2_MCOEF"].lacking == "the model holds no rotor_drag: fly missions/forward_runs.yaml, and fit it"
+    with pytest.raises(SettingsError, match="tells no parameter of PX4"):
+        parameter_file(list(rows.values()), PX4, "rigid.yaml")
+
+
+@pytest.mark.parametrize("dialect", [PX4, ARDUPILOT])
+def test_the_file_can_be_read_again(raptor: Vehicle, tmp_path: Path, dialect: object) -> None:
+    assert dialect in (PX4, ARDUPILOT)
+    chosen = PX4 if dialect is PX4 else ARDUPILOT
+    rows = parameters(Model(raptor).plus(LinearDrag(0.4, 0.4, 0.05), DRAG), chosen, {chosen.momentum_drag: 0.15})
+    path = tmp_path / "out.params"
+    path.write_text(parameter_file(rows, chosen, "fitted.yaml"))
+    read = read_parameters(path)
+    assert read[chosen.momentum_drag] == pytest.approx(0.4 * math.sqrt(1.225 / 1.205))
+    assert next(row.present for row in rows if row.name == chosen.momentum_drag) == 0.15
+    assert chosen.hover not in read

@@ -1,0 +1,101 @@
+"""A drafted vehicle file: numbers by hand, and the one question that is left."""
+
+from pathlib import Path
+
+import pytest
+import yaml
+from typer.testing import CliRunner
+
+from quadctl.cli import app
+from quadctl.errors import SettingsError
+from quadctl.frames import GRAVITY_M_S2
+from quadctl.settings import validate
+from quadctl.vehicle import Vehicle, load_vehicle
+from quadctl.vehicle_draft.draft import Answers, draft, missing
+from tests.vehicle_draft.test_frames import QUAD
+
+SMALL = Answers("small", mass_kg=1.0, propeller_m=0.2)
+COPTER = {"FRAME_CLASS": 1.0, "FRAME_TYPE": 1.0, "MOT_THST_HOVER": 0.25}
+
+
+def vehicle(answers: Answers, parameters: dict[str, float]) -> Vehicle:
+    return validate(yaml.safe_load(draft(answers, parameters)), Vehicle, "the draft")
+
+
+def test_ardupilots_thrust_is_proportional_to_its_throttle() -> None:
+    drafted = vehicle(SMALL._replace(arm_m=0.15), COPTER)
+    assert drafted.throttle.offset == 0.0
+    assert drafted.throttle.per_newton == pytest.approx(0.25 / GRAVITY_M_S2, rel=1e-3)
+    assert drafted.max_thrust_n == pytest.approx(4.0 * GRAVITY_M_S2, rel=1e-3)  # hovers at a quarter
+
+
+def test_px4s_is_where_its_curve_is_set() -> None:
+    drafted = vehicle(SMALL, QUAD | {"MPC_THR_HOVER": 0.5, "THR_MDL_FAC": 0.3})
+    assert (drafted.throttle.offset, drafted.throttle.per_newton) == pytest.approx((0.0, 0.5 / GRAVITY_M_S2), rel=1e-3)
+
+
+def test_else_the_line_touches_a_square_in_hover() -> None:
+    # T = W (u / 0.5)², so dT/du = 4 W and u = 0.5 + (T - W) / 4 W = 0.25 + T / 4 W.
+    drafted = vehicle(SMALL, QUAD | {"MPC_THR_HOVER": 0.5})
+    assert drafted.throttle.offset == pytest.approx(0.25)
+    assert drafted.throttle.per_newton == pytest.approx(0.25 / GRAVITY_M_S2, rel=1e-3)
+
+
+def test_a_rotor_speed_in_hover_gives_the_thrust_coefficient() -> None:
+    drafted = vehicle(SMALL._replace(hover_rpm=7000.0), QUAD | {"MPC_THR_HOVER": 0.5})
+    assert drafted.rotor.thrust_n_per_rpm2 == pytest.approx(GRAVITY_M_S2 / 4 / 7000.0**2, rel=1e-3)
+
+
+def test_only_what_nobody_has_said_is_asked() -> None:
+    assert [fact.field for fact in missing(Answers("new"), {})] == [
+        "mass_kg",
+        "propeller_m",
+        "frame",
+        "arm_m",
+        "hover_throttle",
+    ]
+    assert [fact.field for fact in missing(SMALL, COPTER)] == ["arm_m"]
+    assert missing(SMALL, QUAD | {"MPC_THR_HOVER": 0.5}) == []
+
+
+def test_a_tilted_rotor_stays_tilted() -> None:
+    drafted = vehicle(SMALL, QUAD | {"MPC_THR_HOVER": 0.5, "CA_ROTOR0_AX": 0.2, "CA_ROTOR0_AZ": -1.0})
+    assert drafted.rotors[0].axis == pytest.approx((0.2 / 1.04**0.5, 0.0, -1.0 / 1.04**0.5), abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("answers", "parameters", "sentence"),
+    [
+        (SMALL, COPTER, "the vehicle's arm_m is not known, expected the distance from the centre to a rotor's axis, m"),
+        (SMALL._replace(mass_kg=-1.0), QUAD | {"MPC_THR_HOVER": 0.5}, "mass_kg is -1.0, expected a number above 0"),
+        (SMALL, QUAD | {"MPC_THR_HOVER": 1.2}, r"hover_throttle is 1.2, expected less than 1 .hover throttle from MPC"),
+        (SMALL._replace(propeller_m=10.0), QUAD | {"MPC_THR_HOVER": 0.5}, "rotor.radius_m is 5"),
+    ],
+)
+def test_what_makes_no_vehicle_is_one_sentence(answers: Answers, parameters: dict[str, float], sentence: str) -> None:
+    with pytest.raises(SettingsError, match=sentence):
+        draft(answers, parameters)
+
+
+class TestCommand:
+    def test_parameters_and_options_make_a_file_that_loads(self, tmp_path: Path) -> None:
+        parameters, path = tmp_path / "copter.parm", tmp_path / "mine.yaml"
+        parameters.write_text("FRAME_CLASS,1\nFRAME_TYPE,1\nMOT_THST_HOVER,0.25\n")
+        words = [str(path), "--parameters", str(parameters), "--mass", "1.0", "--propeller", "0.2", "--arm", "0.15"]
+        result = CliRunner().invoke(app, ["vehicle", "new", *words])
+        assert result.exit_code == 0
+        assert "4 rotors, 1 kg, thrust up to 4.0 times the weight, throttle in hover 0.25" in result.output
+        assert load_vehicle(path).name == "mine"
+
+    def test_what_is_missing_is_named_where_nobody_can_be_asked(self, tmp_path: Path) -> None:
+        result = CliRunner().invoke(app, ["vehicle", "new", str(tmp_path / "mine.yaml"), "--mass", "1.0"])
+        assert str(result.exception) == (
+            "--propeller is missing, expected the diameter of a propeller, m (10 inches are 0.254)"
+        )
+
+    def test_no_file_is_overwritten(self, tmp_path: Path) -> None:
+        path = tmp_path / "mine.yaml"
+        path.write_text("mine\n")
+        result = CliRunner().invoke(app, ["vehicle", "new", str(path)])
+        assert "is there already, expected a new file (or --force)" in str(result.exception)
+        assert path.read_text() == "mine\n"
