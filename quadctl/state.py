@@ -129,3 +129,6 @@ class AttitudeTarget(NamedTuple):
 
     attitude: Quat
     throttle: float
+    lateral: tuple[float, float] | None = None
+    """Lateral throttle forward and right, -1..1: the average change of the outputs of the rotors that take part
+    (`Allocation.lateral_mix`); None: the target leaves lateral force to the attitude."""

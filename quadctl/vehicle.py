@@ -6,8 +6,10 @@ from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
+import numpy as np
 from pydantic import Field, NonNegativeFloat, PositiveFloat, model_validator
 
+from quadctl.allocation import Allocation
 from quadctl.frames import GRAVITY_M_S2
 from quadctl.numeric import Number, Vector
 from quadctl.settings import Settings, load
@@ -80,7 +82,11 @@ class Vehicle(Settings):
     @model_validator(mode="after")
     def _can_fly(self) -> Self:
         """Check values that are possible one by one, but not together: usually a wrong unit or a copied line."""
-        problem = _geometry_problem(self.rotors) or _thrust_problem(self) or _inertia_problem(self.inertia_kg_m2)
+        problem = (
+            _geometry_problem(self.rotors, self.rotor.radius_m)
+            or _thrust_problem(self)
+            or _inertia_problem(self.inertia_kg_m2)
+        )
         if problem:
             raise ValueError(problem)
         return self
@@ -122,6 +128,12 @@ class Vehicle(Settings):
             drag = -self.rotor.torque_to_thrust_m if rotor.spin == "ccw" else self.rotor.torque_to_thrust_m
             arms.append((py * az - pz * ay + drag * ax, pz * ax - px * az + drag * ay, px * ay - py * ax + drag * az))
         return tuple(arms)
+
+    @cached_property
+    def allocation(self) -> Allocation:
+        """Allocation of force and moment to the rotors."""
+        rows = [[*rotor.axis, *arms] for rotor, arms in zip(self.rotors, self.moment_arms_m, strict=True)]
+        return Allocation(np.array(rows).T, self.throttle.max_thrust_per_rotor_n, 0.5 * self.opposite_distance_m)
 
     def rotor_force(self, thrust_n: Sequence[Number]) -> Vector:
         """Force of the rotors on the body, FRD, N, from the thrust of each, N."""
@@ -173,11 +185,21 @@ class Vehicle(Settings):
         return flat, flat, 2.0 * flat
 
 
-def _geometry_problem(rotors: tuple[RotorPlace, ...]) -> str | None:
+LEAST_STACK = 0.1
+"""Distance between the planes of coaxial rotors, over the radius, below which they would touch."""
+
+
+def _geometry_problem(rotors: tuple[RotorPlace, ...], radius_m: float) -> str | None:
     for i, rotor in enumerate(rotors):
         for j, other in enumerate(rotors[:i]):
             if math.dist(rotor.position_m, other.position_m) < 1e-3:
                 return f"rotors[{i + 1}] is at the place of rotors[{j + 1}], expected places of their own"
+            apart_m = math.dist(rotor.position_m[:2], other.position_m[:2])
+            if apart_m < radius_m and abs(rotor.position_m[2] - other.position_m[2]) < LEAST_STACK * radius_m:
+                return (
+                    f"rotors[{i + 1}] turns inside rotors[{j + 1}], {apart_m:.3g} m from it with a radius_m of "
+                    f"{radius_m:g}, expected a place outside, or coaxial rotors at different heights"
+                )
     x0, y0, _ = rotors[0].position_m
     arms = [(r.position_m[0] - x0, r.position_m[1] - y0) for r in rotors[1:]]
     along = max(arms, key=lambda arm: math.hypot(*arm))

@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pydantic import ValidationError
 
 from quadctl.vehicle import RotorPlace, Vehicle
 
@@ -106,3 +107,13 @@ def test_axial_share_of_a_canted_hexarotor(raptor: Vehicle) -> None:
     corners = [math.radians(30.0 + 60.0 * i) for i in range(6)]
     rotors = [place(math.cos(a), math.sin(a), cant_deg=(-1.0) ** i * 20.0) for i, a in enumerate(corners)]
     assert with_rotors(raptor, rotors).axial_share == pytest.approx(COS_20)
+
+
+def test_a_rotor_inside_another_is_refused_and_a_coaxial_one_is_not(raptor: Vehicle) -> None:
+    # radius 0.12 m: a hub at 0.05 m from another's, at its height, lies in its disc; 0.05 m below, it is coaxial
+    places = [place(0.2, 0.0), place(-0.2, 0.1), place(-0.2, -0.1)]
+    inside = RotorPlace(position_m=(0.25, 0.0, 0.0), spin="ccw")
+    with pytest.raises(ValidationError, match=r"rotors\[4\] turns inside rotors\[1\], 0\.05 m from it"):
+        with_rotors(raptor, [*places, inside])
+    below = RotorPlace(position_m=(0.2, 0.0, 0.05), spin="ccw")
+    assert with_rotors(raptor, [*places, below]).n_rotors == 4

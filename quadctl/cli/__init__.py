@@ -8,7 +8,20 @@ import typer
 from rich.console import Console
 
 from quadctl import __version__
-from quadctl.cli import check, export, flight, init, lab, mission, mocap, ports, thrust_stand, vehicle, web
+from quadctl.cli import (
+    check,
+    export,
+    flight,
+    ground_curve,
+    init,
+    lab,
+    mission,
+    mocap,
+    ports,
+    thrust_stand,
+    vehicle,
+    web,
+)
 from quadctl.cli.app import app, console
 from quadctl.errors import QuadctlError
 
@@ -17,6 +30,7 @@ __all__ = [
     "check",
     "export",
     "flight",
+    "ground_curve",
     "init",
     "lab",
     "main",

@@ -2,7 +2,8 @@
 
 import math
 
-from quadctl.frames import rotate
+from quadctl.allocation import Allocation
+from quadctl.frames import rotate, rotate_inverse
 from quadctl.state import Quat, Vec3
 
 UPRIGHT: Quat = (1.0, 0.0, 0.0, 0.0)
@@ -51,6 +52,27 @@ def thrust_along_body(force_ned: Vec3, attitude: Quat) -> float:
     axis = rotate(attitude, (0.0, 0.0, -1.0))
     along: float = force_ned[0] * axis[0] + force_ned[1] * axis[1] + force_ned[2] * axis[2]
     return max(0.0, along)
+
+
+def upright_axis(force_ned: Vec3, allocation: Allocation) -> Vec3:
+    """Direction of the thrust axis, NED, closest to up, from which the rotors hold `force_ned` without a moment.
+
+    Straight up while the lateral part of the force is within their reach; what is beyond makes it lean, continuously.
+    """
+    fx, fy, fz = force_ned
+    side = math.hypot(fx, fy)
+    lean = math.atan2(side, -fz) - allocation.widest_angle_rad(math.hypot(side, fz))
+    if lean <= 0.0:
+        return 0.0, 0.0, -1.0
+    return math.sin(lean) * fx / side, math.sin(lean) * fy / side, -math.cos(lean)
+
+
+def lateral_in_body(force_ned: Vec3, attitude: Quat, allocation: Allocation) -> tuple[float, float]:
+    """Lateral force, N, forward and right in the present body, as far as the rotors reach beside the thrust."""
+    forward, right, down = rotate_inverse(attitude, force_ned)
+    length, longest = math.hypot(forward, right), allocation.lateral_reach_n(max(0.0, -down))
+    shrink = longest / length if length > longest else 1.0
+    return shrink * forward, shrink * right
 
 
 def _quaternion_from_axes(x: Vec3, y: Vec3, z: Vec3) -> Quat:

@@ -1,5 +1,7 @@
 """Gains and limits of the controller. Defaults are the thesis' gains, which were tuned out of ground effect."""
 
+from typing import Literal
+
 from pydantic import Field, NonNegativeFloat, PositiveFloat, model_validator
 
 from quadctl.settings import Settings
@@ -16,6 +18,8 @@ class AxisGains(Settings):
 class ControllerSettings(Settings):
     """Gains, limits and rate of the cascade."""
 
+    actuation: Literal["tilt", "full"] = "tilt"
+    """`tilt`: force to the side by leaning; `full`: by tilted rotors with the attitude level, as far as they reach."""
     rate_hz: float = Field(default=50.0, ge=10.0, le=250.0)
     position_p: NonNegativeFloat = 0.95
     """1/s: velocity setpoint per position error."""

@@ -27,6 +27,8 @@ class NearGround(ThrustRatio):
     )
     distinguished_by: ClassVar[str] = "hovering at many heights, the lowest within one rotor radius of the ground"
     mission: ClassVar[str] = "missions/hover_staircase.yaml"
+    sections_over_radius: ClassVar[tuple[float, ...]] = (LOWEST_HEIGHT_OVER_RADIUS,)
+    """Heights, in rotor radii, at which the formula changes to another, or is held."""
 
 
 @dataclass(frozen=True)

@@ -32,6 +32,7 @@ class Hexarotor(NearGround):
 
     name: ClassVar[str] = "ground_effect.hexarotor"
     source: ClassVar[str] = "Garofano-Soldado et al. eq. 9"
+    sections_over_radius: ClassVar[tuple[float, ...]] = (LOWEST_HEIGHT_OVER_RADIUS, HIGHEST_HEIGHT_OVER_RADIUS)
 
     j_k: float = parameter(2.2, 0.0, 6.0, "", "weight of the fountain on the body")
     c: float = parameter(0.22, 0.0, 5.0, "m", "length that shortens the fountain's distance r_d = 2d - c", fitted=False)
@@ -84,6 +85,9 @@ class HexarotorTilted(NearGround):
     SECTION_HIGH: ClassVar[tuple[float, float, float]] = (0.553, -8.784, 4.874)
     LOW_ENDS: ClassVar[float] = 2.5
     HIGH_BEGINS: ClassVar[float] = 3.0
+    sections_over_radius: ClassVar[tuple[float, ...]] = (
+        *(LOWEST_HEIGHT_OVER_RADIUS, LOW_ENDS, HIGH_BEGINS, HIGHEST_HEIGHT_OVER_RADIUS),
+    )
 
     @classmethod
     def applies_to(cls, vehicle: Vehicle) -> bool:

@@ -15,6 +15,7 @@ from quadctl.flight.pilot.outcome import Outcome, Tally
 from quadctl.flight.preflight.changed_parameters import ChangedParameters, left_behind, restore, still_changed
 from quadctl.flight.preflight.findings import Verdict, of_verdict
 from quadctl.flight.preflight.inquiry import advisable_parameters
+from quadctl.flight.preflight.lateral import ask_about_lateral_force
 from quadctl.flight.preflight.plan import FlightPlan
 from quadctl.flight.preflight.requirements import requirements_met
 from quadctl.flight.realtime import privileges, run
@@ -78,6 +79,9 @@ async def _fly(
             await autopilot.connect()
             await autopilot.request_telemetry()
             advice = await advisable_parameters(autopilot, plan.body.vehicle)
+            lateral = await ask_about_lateral_force(plan, autopilot)
+        if refused := of_verdict(lateral, Verdict.REFUSED):
+            raise FlightError(f"{refused[0]}.")
         for warning in [*autopilot.warnings, *of_verdict(advice, Verdict.WARNING)]:
             warn(str(warning))
         await _look_for_left_parameters(autopilot, allowed, warn)

@@ -18,6 +18,10 @@ STATE_COLUMNS = (
     "yaw_rate_rad_s",
 )
 COMMAND_COLUMNS = ("thrust_cmd_n", "throttle_cmd", "roll_cmd_deg", "pitch_cmd_deg", "yaw_cmd_deg")
+LATERAL_THRUST = ("thrust_x_cmd_n", "thrust_y_cmd_n")
+LATERAL_THROTTLE = ("throttle_x_cmd", "throttle_y_cmd")
+LATERAL_COLUMNS = (*LATERAL_THRUST, *LATERAL_THROTTLE)
+"""Lateral commands of a fully actuated flight, forward and right."""
 REFERENCE_COLUMNS = ("x_ref_m", "y_ref_m", "z_ref_m", "vx_ref_m_s", "vy_ref_m_s", "vz_ref_m_s")
 LOOP_COLUMNS = ("telemetry_age_s", "tick_late_s")
 OPTIONAL_COLUMNS = (
@@ -33,6 +37,7 @@ OPTIONAL_COLUMNS = (
     "thrust_ratio",
     "compensator_trust",
     *LOOP_COLUMNS,
+    *LATERAL_COLUMNS,
 )
 PHASE_COLUMN = "phase"
 MOTOR_QUANTITIES = ("rpm", "voltage_v", "current_a", "output")

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quadctl.frames import GRAVITY_M_S2
+from quadctl.logs.columns import LATERAL_COLUMNS
 from quadctl.logs.flight_log import ATTITUDE, IMU, POSITION, RATES, VELOCITY, FlightLog, Floats
 
 MAX_FACTOR = 2.0
@@ -59,15 +60,19 @@ _SPEED_UP_UNITS = {
 _ACCELERATION_UNITS = {GRAVITY_M_S2: "is the acceleration in g"}
 
 
-def contradictions(log: FlightLog) -> list[str]:
+def contradictions(log: FlightLog, side_force: bool = False) -> list[str]:
     """Contradictions in a log, a sentence each without the log's name; [] without any. Nothing is raised.
+
+    With `side_force` the vehicle can speed up without leaning, as one does that is commanded to (`LATERAL_COLUMNS`):
+    then where it leans tells nothing.
 
     Of the comparisons only the first that fails is told: the others may fail because of it.
     """
+    side_force = side_force or any(log.has(name) for name in LATERAL_COLUMNS)
     comparisons = (
         _dead_channels,
         _position_against_velocity,
-        _velocity_against_tilt,
+        *(() if side_force else (_velocity_against_tilt,)),
         _attitude_against_rates,
         _acceleration_against_velocity,
     )

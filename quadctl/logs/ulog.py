@@ -15,7 +15,7 @@ import numpy as np
 
 from quadctl.errors import LogError
 from quadctl.frames import euler_from_quaternion
-from quadctl.logs.columns import motor_columns
+from quadctl.logs.columns import LATERAL_THROTTLE, motor_columns
 from quadctl.logs.flight_log import ATTITUDE, RATES, FlightLog, Floats
 from quadctl.logs.merge import Channel, Origin, finite, intervals, merge
 from quadctl.thrust_chain.chain import Ambient, bent
@@ -280,7 +280,7 @@ def _remove_battery_scale(topics: dict[str, _Topic], parameters: dict[str, float
     scaled = {
         "actuator_motors": [f"control[{i}]" for i in range(MAX_MOTORS)],
         "actuator_outputs": [f"control[{i}]" for i in range(MAX_MOTORS)],
-        "vehicle_thrust_setpoint": ["xyz[2]"],
+        "vehicle_thrust_setpoint": ["xyz[0]", "xyz[1]", "xyz[2]"],
         "actuator_controls_0": ["control[3]"],
     }
     for name in scaled.keys() & topics.keys():
@@ -330,11 +330,17 @@ def _commands(topics: dict[str, _Topic]) -> Iterator[Channel]:
             columns["throttle_cmd"] = -_values(attitude, "thrust_body[2]")
         yield Channel("vehicle_attitude_setpoint", _seconds(attitude, "timestamp"), columns)
     if thrust is not None:
-        throttle = {"throttle_cmd": -_values(thrust, "xyz[2]")}
+        throttle = {"throttle_cmd": -_values(thrust, "xyz[2]"), **_lateral(thrust)}
         yield Channel("vehicle_thrust_setpoint", _seconds(thrust, "timestamp"), throttle)
     elif controls is not None:
         throttle = {"throttle_cmd": _values(controls, "control[3]")}
         yield Channel("actuator_controls_0", _seconds(controls, "timestamp"), throttle)
+
+
+def _lateral(thrust: _Topic) -> dict[str, Floats]:
+    """Lateral throttle of a fully actuated vehicle; nothing of one that never has any."""
+    columns = {name: _values(thrust, f"xyz[{axis}]") for axis, name in enumerate(LATERAL_THROTTLE)}
+    return columns if any(np.any(np.nan_to_num(column)) for column in columns.values()) else {}
 
 
 # --- fields -----------------------------------------------------------------------------------------------------------

@@ -9,6 +9,7 @@ from quadctl.sitl.vehicle.inner_loops import level_with_yaw
 from quadctl.state import AttitudeTarget
 from quadctl.thrust_chain.ardupilot import air_density_ratio, angle_boost
 from quadctl.thrust_chain.chain import Ambient
+from quadctl.vehicle import Vehicle
 
 THRUST_AS_THRUST = 8
 """Bit 3 of GUID_OPTIONS: set, the thrust of a target is a thrust; clear, it is a climb rate."""
@@ -77,6 +78,10 @@ class SimulatedCopter(SimulatedAutopilot):
     def hear_heartbeat(self, system_id: int) -> None:
         if system_id == int(self.parameters["SYSID_MYGCS"]):
             self._station_heard_s = self.time_s
+
+    def rotor_parameters(self, vehicle: Vehicle) -> dict[str, float]:
+        """No parameters: it knows frames by number, not the axes of rotors."""
+        return {}
 
     def set_attitude_target(self, target: AttitudeTarget) -> None:
         super().set_attitude_target(target)

@@ -74,7 +74,7 @@ class SimulatedAutopilot:
         self.ready_after_s = truth.autopilot.ready_after_s
         self._climb_m_s = truth.autopilot.climb_m_s
         """Time after boot at which it lets itself be armed; real ones need up to 40 s."""
-        self.parameters = self._parameters(truth.autopilot.parameters, source)
+        self.parameters = self._parameters(vehicle, truth.autopilot.parameters, source)
         self.target = AttitudeTarget(LEVEL, 0.0)
         self._own_target = AttitudeTarget(LEVEL, 0.0)
         self.outputs = [0.0] * vehicle.n_rotors
@@ -92,11 +92,21 @@ class SimulatedAutopilot:
         """Texts that it has to say, with their MAV_SEVERITY; taken by whoever sends them."""
         self.estimator.observe(self.body.motion())
 
-    def _parameters(self, changes: dict[str, float], source: str) -> dict[str, float]:
+    def _parameters(self, vehicle: Vehicle, changes: dict[str, float], source: str) -> dict[str, float]:
         """Default parameters with changes; raises SettingsError for a parameter that it does not have."""
-        if unknown := sorted(changes.keys() - self.default_parameters.keys()):
+        own = self.default_parameters | self.rotor_parameters(vehicle)
+        if unknown := sorted(changes.keys() - own.keys()):
             raise SettingsError(f"{source}: autopilot.parameters: the simulated {self.name} has no {unknown[0]}")
-        return self.default_parameters | changes
+        return own | changes
+
+    def rotor_parameters(self, vehicle: Vehicle) -> dict[str, float]:
+        """Parameters of the control allocation, for a vehicle that is set up as its file says."""
+        axes = {
+            f"CA_ROTOR{i}_A{axis}": value
+            for i, rotor in enumerate(vehicle.rotors)
+            for axis, value in zip("XYZ", rotor.axis, strict=True)
+        }
+        return {"CA_AIRFRAME": 0.0, "CA_ROTOR_COUNT": float(vehicle.n_rotors), **axes}
 
     @property
     def time_s(self) -> float:
@@ -188,10 +198,9 @@ class SimulatedAutopilot:
             self._obey_rules()
             if self._steps % 2 == 0:  # attitude loop at 250 Hz, rate loop at 500 Hz
                 self._attitude_loop()
-            airborne = not self.body.in_contact
-            self.outputs = self.loops.motor_outputs(
-                self._rate_sp, self.body.rates, self._active.throttle if self.armed else 0.0, STEP_S, airborne
-            )
+            airborne, active = not self.body.in_contact, self._active
+            throttle, lateral = (active.throttle, active.lateral) if self.armed else (0.0, None)
+            self.outputs = self.loops.motor_outputs(self._rate_sp, self.body.rates, throttle, STEP_S, airborne, lateral)
             self.body.step(self.outputs, self.armed)
             self._end_step()
 

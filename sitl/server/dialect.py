@@ -1,4 +1,4 @@
-"""MAVLink messages that PX4 sends and pymavlink's bundled dialects do not know yet."""
+"""MAVLink messages that PX4 sends or takes and pymavlink's bundled dialects do not know yet."""
 
 import struct
 from typing import Any, ClassVar
@@ -7,6 +7,9 @@ from pymavlink.dialects.v20 import ardupilotmega
 
 ESC_STATUS_ID = 291
 CURRENT_MODE_ID = 436
+SET_ATTITUDE_TARGET_ID = 82
+THRUST_BODY_SET = 32
+"""Bit of its `type_mask`: `thrust_body` takes the place of `thrust`."""
 
 
 class _Message(ardupilotmega.MAVLink_message):  # type: ignore[misc]  # pymavlink has no type information
@@ -77,7 +80,38 @@ class CurrentMode(_Message):
     unpacker = struct.Struct("<IIB")
 
 
+class SetAttitudeTarget(_Message):
+    """SET_ATTITUDE_TARGET with its extension: thrust in three dimensions of the body, FRD, -1..1."""
+
+    id = SET_ATTITUDE_TARGET_ID
+    msgname = "SET_ATTITUDE_TARGET"
+    name = "SET_ATTITUDE_TARGET"
+    fieldnames: ClassVar[list[str]] = [
+        *("time_boot_ms", "target_system", "target_component", "type_mask", "q"),
+        *("body_roll_rate", "body_pitch_rate", "body_yaw_rate", "thrust", "thrust_body"),
+    ]
+    ordered_fieldnames: ClassVar[list[str]] = [
+        *("time_boot_ms", "q", "body_roll_rate", "body_pitch_rate", "body_yaw_rate", "thrust"),
+        *("target_system", "target_component", "type_mask", "thrust_body"),
+    ]
+    fieldtypes: ClassVar[list[str]] = ["uint32_t", *["uint8_t"] * 3, *["float"] * 6]
+    fieldunits_by_name: ClassVar[dict[str, str]] = {
+        "time_boot_ms": "ms",
+        "body_roll_rate": "rad/s",
+        "body_pitch_rate": "rad/s",
+        "body_yaw_rate": "rad/s",
+    }
+    native_format = bytearray(b"<IfffffBBBf")
+    orders: ClassVar[list[int]] = [0, 6, 7, 8, 1, 2, 3, 4, 5, 9]
+    lengths: ClassVar[list[int]] = [1, 4, 1, 1, 1, 1, 1, 1, 1, 3]
+    array_lengths: ClassVar[list[int]] = [0, 4, 0, 0, 0, 0, 0, 0, 0, 3]
+    crc_extra = 49
+    unpacker = struct.Struct("<I4f4f3B3f")
+
+
 def register(dialect: Any = ardupilotmega) -> None:
     """Let a pymavlink dialect module parse the messages of this file; may be called again."""
     dialect.mavlink_map.setdefault(ESC_STATUS_ID, EscStatus)
     dialect.mavlink_map.setdefault(CURRENT_MODE_ID, CurrentMode)
+    if "thrust_body" not in dialect.mavlink_map[SET_ATTITUDE_TARGET_ID].fieldnames:
+        dialect.mavlink_map[SET_ATTITUDE_TARGET_ID] = SetAttitudeTarget

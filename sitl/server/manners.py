@@ -76,6 +76,8 @@ class Manners:
     """True: another interval of the heartbeats is refused."""
     bytewise_integers: bool = False
     """True: the bytes of an integer parameter travel in the float field; False: its value."""
+    takes_body_thrust: bool = False
+    """True: the thrust of a target may have three dimensions (thrust_body); False: its thrust is a number."""
     capabilities: int = mavlink.MAV_PROTOCOL_CAPABILITY_MAVLINK2 | mavlink.MAV_PROTOCOL_CAPABILITY_SET_ATTITUDE_TARGET
     version: int = 0
 

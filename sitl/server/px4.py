@@ -42,11 +42,21 @@ class MavlinkPx4(MavlinkMock):
             takes_off_by_command=False,
             motor_test_output=lambda share: share,
             tests_motors_clockwise=False,
-            integer_parameters=frozenset({"COM_OBL_RC_ACT", "EKF2_NOAID_TOUT", "MC_BAT_SCALE_EN", "MC_AIRMODE"}),
+            integer_parameters=frozenset(
+                {
+                    "COM_OBL_RC_ACT",
+                    "EKF2_NOAID_TOUT",
+                    "MC_BAT_SCALE_EN",
+                    "MC_AIRMODE",
+                    "CA_AIRFRAME",
+                    "CA_ROTOR_COUNT",
+                }
+            ),
             texts_for_stations=True,
             sends_current_mode=True,
             fixed_heartbeats=True,
             bytewise_integers=True,
+            takes_body_thrust=True,
             capabilities=mavlink.MAV_PROTOCOL_CAPABILITY_MAVLINK2
             | mavlink.MAV_PROTOCOL_CAPABILITY_SET_ATTITUDE_TARGET
             | mavlink.MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_BYTEWISE,

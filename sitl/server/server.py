@@ -271,9 +271,12 @@ class MavlinkMock(ABC):
 
     def _setpoint(self, message: Message) -> None:
         target = AttitudeTarget(tuple(message.q), message.thrust)
+        if self.manners.takes_body_thrust and message.type_mask & dialect.THRUST_BODY_SET:
+            forward, right, down = message.thrust_body
+            target = AttitudeTarget(target.attitude, -down, (forward, right))
         self.setpoints_received.append(ReceivedSetpoint(time.monotonic(), target))
         flown = message.type_mask & 0b1100_0000 == 0  # neither thrust nor attitude is to be ignored
-        if flown and all(map(math.isfinite, (*target.attitude, target.throttle))):
+        if flown and all(map(math.isfinite, (*target.attitude, target.throttle, *(target.lateral or ())))):
             self.autopilot.set_attitude_target(target)
 
     def _timesync(self, message: Message) -> None:

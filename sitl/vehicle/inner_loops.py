@@ -26,6 +26,7 @@ class InnerLoops:
         self._curve = vehicle.throttle
         self._n = vehicle.n_rotors
         self._allocation = allocation(vehicle)
+        self._lateral_mix = vehicle.allocation.lateral_mix
         self.integral: Vec3 = (0.0, 0.0, 0.0)
 
     def reset(self) -> None:
@@ -44,8 +45,16 @@ class InnerLoops:
             min(max(sign * pz * ez, -mz), mz),
         )
 
-    def motor_outputs(self, rate_sp: Vec3, rates: Vec3, throttle: float, dt: float, airborne: bool) -> list[float]:
-        """Motor outputs 0..1 that give the throttle's thrust and the torque of the rate loop."""
+    def motor_outputs(
+        self,
+        rate_sp: Vec3,
+        rates: Vec3,
+        throttle: float,
+        dt: float,
+        airborne: bool,
+        lateral: tuple[float, float] | None = None,
+    ) -> list[float]:
+        """Motor outputs 0..1 that give the thrust of throttle and lateral throttle, and the torque of the rate loop."""
         torque = []
         integral = []
         for i in range(3):
@@ -57,14 +66,21 @@ class InnerLoops:
         self.integral = (integral[0], integral[1], integral[2])
         per_thrust = self._curve.per_newton * self._n
         tx, ty, tz = torque
-        return [min(max(throttle + per_thrust * (a * tx + b * ty + c * tz), 0.0), 1.0) for a, b, c in self._allocation]
+        forward, right = lateral or (0.0, 0.0)
+        return [
+            min(max(throttle + per_thrust * (a * tx + b * ty + c * tz) + forward * x + right * y, 0.0), 1.0)
+            for (a, b, c), (x, y) in zip(self._allocation, self._lateral_mix, strict=True)
+        ]
 
 
 def allocation(vehicle: Vehicle) -> list[tuple[float, float, float]]:
     """Thrust of each rotor, N, per torque about body x, y, z, N m: pseudo-inverse of the rotors' geometry.
 
-    The fourth row asks for no change in total thrust along the body axis.
+    The fourth row asks for no change in total thrust along the body axis; with full actuation, two more ask for no
+    lateral force.
     """
+    if vehicle.allocation.fully_actuated:
+        return [(float(a), float(b), float(c)) for a, b, c in vehicle.allocation.inverse[:, 3:]]
     arms = zip(vehicle.rotors, vehicle.moment_arms_m, strict=True)
     columns = [[*arm, -rotor.axis[2]] for rotor, arm in arms]
     inverse = np.linalg.pinv(np.array(columns).T)

@@ -22,8 +22,9 @@ from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.effects.thrust_tilt import FixedTilt
 from quadctl.frames import euler_from_quaternion, quaternion_from_euler, rotate, rotate_inverse, tilt
 from quadctl.model import Model, StackedEffect, conditions
-from quadctl.state import NAN, Quat, Setpoint, Vec3, VehicleState
-from quadctl.vehicle import RotorPlace, Vehicle
+from quadctl.state import NAN, AttitudeTarget, Quat, Setpoint, Vec3, VehicleState
+from quadctl.vehicle import RotorPlace, Vehicle, load_vehicle
+from tests.support.places import ROOT
 
 SETTINGS = ControllerSettings()
 LEVEL: Quat = (1.0, 0.0, 0.0, 0.0)
@@ -454,3 +455,94 @@ def test_gains_of_zero_leave_the_reference_alone(raptor: Vehicle) -> None:
     out = tick(raptor, Setpoint((5.0, 5.0, -5.0)), hovering(), settings=settings)
     assert out.thrust_n == raptor.weight_n
     assert out.target.attitude == pytest.approx(LEVEL)
+
+
+# --- full actuation --------------------------------------------------------------------------------------------------
+
+TILTED = load_vehicle(ROOT / "config" / "vehicles" / "f550_tilted.yaml")
+FULL = ControllerSettings(actuation="full")
+
+
+def full_tick(acceleration: Vec3, state: VehicleState, *effects: Effect, yaw_rad: float = 0.0) -> ControlOutput:
+    """One tick that wants this acceleration at the place and speed of `state`."""
+    setpoint = Setpoint(state.position_ned_m, state.velocity_ned_m_s, acceleration, yaw_rad)
+    return tick(TILTED, setpoint, state, settings=FULL, compensator=compensator(TILTED, *effects))
+
+
+def given_force_n(target: AttitudeTarget) -> Vec3:
+    """Force of the rotors, FRD, by the vehicle's throttle curve and the mix of its lateral throttle."""
+    curve, n = TILTED.throttle, TILTED.n_rotors
+    forward, right = target.lateral or (0.0, 0.0)
+    outputs = [target.throttle + forward * x + right * y for x, y in TILTED.allocation.lateral_mix]
+    return TILTED.rotor_force([(output - curve.offset) / (curve.per_newton * n) for output in outputs])
+
+
+def test_full_actuation_pushes_to_the_side_with_the_attitude_level() -> None:
+    # 1 m/s^2 east on 2.2 kg: 2.2 N, less than the reach of 2.866 N
+    output = full_tick((0.0, 1.0, 0.0), hovering())
+    assert output.target.attitude == pytest.approx(LEVEL)
+    assert given_force_n(output.target) == pytest.approx((0.0, 2.2, -TILTED.weight_n), abs=1e-5)
+    assert output.lateral_n == pytest.approx((0.0, 2.2))
+    assert output.thrust_n == pytest.approx(TILTED.weight_n)
+
+
+@given(heading=headings)
+def test_full_actuation_keeps_the_yaw_that_is_set_and_turns_the_force_into_the_body(heading: float) -> None:
+    state = hovering(attitude=quaternion_from_euler(0.0, 0.0, heading))
+    output = full_tick((0.7, -0.3, 0.0), state, yaw_rad=heading)
+    assert euler_from_quaternion(output.target.attitude) == pytest.approx((0.0, 0.0, heading), abs=1e-9)
+    ned = rotate(state.attitude, given_force_n(output.target))
+    assert ned == pytest.approx((0.7 * 2.2, -0.3 * 2.2, -TILTED.weight_n), abs=1e-5)
+
+
+def test_beyond_the_reach_the_rest_is_made_by_leaning() -> None:
+    # 3 m/s^2 east: 6.6 N on 21.575 N of weight, 17.01 deg. Of these 22.56 N the rotors hold 7.36 deg.
+    output = full_tick((0.0, 3.0, 0.0), hovering())
+    assert math.degrees(tilt(output.target.attitude)) == pytest.approx(17.01 - 7.36, abs=0.01)
+    arrived = full_tick((0.0, 3.0, 0.0), hovering(attitude=output.target.attitude))
+    ned = rotate(output.target.attitude, given_force_n(arrived.target))
+    assert ned == pytest.approx((0.0, 6.6, -TILTED.weight_n), abs=1e-3)
+
+
+@given(
+    direction=headings,
+    acceleration=st.floats(0.0, 6.0),
+    climb=st.floats(-5.0, 6.0),
+    change=st.tuples(*[st.floats(-0.01, 0.01)] * 3),
+)
+def test_the_attitude_never_jumps_as_the_demand_crosses_the_reach(
+    direction: float, acceleration: float, climb: float, change: Vec3
+) -> None:
+    wanted = (acceleration * math.cos(direction), acceleration * math.sin(direction), -climb)
+    changed = (wanted[0] + change[0], wanted[1] + change[1], wanted[2] + change[2])
+    before = full_tick(wanted, hovering()).target
+    after = full_tick(changed, hovering()).target
+    turn = 2.0 * math.acos(min(1.0, abs(sum(a * b for a, b in zip(before.attitude, after.attitude, strict=True)))))
+    assert math.degrees(turn) < 0.4
+    assert after.lateral == pytest.approx(before.lateral, abs=0.005)
+
+
+def test_the_ratio_of_an_effect_corrects_the_force_in_the_bodys_frame() -> None:
+    effect = Exponential(a=0.2, b=2.0)
+    state = hovering(down_m=-0.3)
+    plain, corrected = full_tick((0.0, 1.0, 0.0), state), full_tick((0.0, 1.0, 0.0), state, effect)
+    ratio = corrected.compensation.thrust_ratio
+    assert ratio > 1.05
+    fx, fy, fz = given_force_n(plain.target)
+    assert given_force_n(corrected.target) == pytest.approx((fx / ratio, fy / ratio, fz / ratio))
+
+
+def test_the_force_of_an_effect_goes_into_the_lateral_force_without_leaning() -> None:
+    state = hovering(velocity=(2.0, 0.0, 0.0))
+    output = full_tick(ORIGIN, state, LinearDrag(d_x=0.3))
+    assert output.target.attitude == pytest.approx(LEVEL)
+    assert given_force_n(output.target)[0] == pytest.approx(-output.compensation.force_ned_n[0])
+    assert given_force_n(output.target)[0] > 0.3
+
+
+def test_tilt_actuation_sends_no_lateral_force_whatever_the_rotors_could() -> None:
+    setpoint = Setpoint((0.0, 0.5, -1.0))
+    output = tick(TILTED, setpoint, hovering())
+    assert output.target.lateral is None
+    assert output.lateral_n is None
+    assert tilt(output.target.attitude) > 0.05

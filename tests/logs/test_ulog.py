@@ -123,6 +123,19 @@ class TestULog:
         assert log["throttle_cmd"][-1] == pytest.approx(thrust)
         assert any("MC_BAT_SCALE_EN" in note for note in log.notes) == bool(enabled)
 
+    def test_thrust_in_three_dimensions_is_read_and_that_of_upright_rotors_has_no_lateral_columns(
+        self, tmp_path: Path
+    ) -> None:
+        for name, lateral in (("full.ulg", (0.1, -0.2)), ("tilt.ulg", (0.0, 0.0))):
+            rows = [(1_000_000 + 4000 * i, *lateral, -0.48) for i in range(500)]
+            topic = Topic("vehicle_thrust_setpoint", "uint64_t timestamp;float[3] xyz", rows)
+            (tmp_path / name).write_bytes(small_ulog(topic))
+        full, tilt = read_log(tmp_path / "full.ulg"), read_log(tmp_path / "tilt.ulg")
+        names = ("throttle_x_cmd", "throttle_y_cmd", "throttle_cmd")
+        assert [full[name][-1] for name in names] == pytest.approx([0.1, -0.2, 0.48])
+        assert tilt["throttle_cmd"][-1] == pytest.approx(0.48)
+        assert not {"throttle_x_cmd", "throttle_y_cmd"} & tilt.columns.keys()
+
     def test_outputs_that_are_no_pulses_are_said(self, tmp_path: Path) -> None:
         rows = [(1_000_000 + 4000 * i, 4, *[4000.0 + i] * 4, *[0.0] * 12) for i in range(500)]
         path = tmp_path / "a.ulg"

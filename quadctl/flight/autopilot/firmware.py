@@ -112,6 +112,9 @@ class Firmware:
     """Parameters that are judged before a flight, besides the requirements."""
     serial_parameters: Sequence[str] = ()
     """Parameters that make it speak MAVLink on its serial port for a companion, and at which baud rate."""
+    rotor_axis_parameters: Callable[[int], tuple[str, str, str]] | None = None
+    """Function from the number of a rotor, from 0, to the parameters of its thrust axis, FRD, by which it mixes lateral
+    force; None: it has no setpoint of lateral force."""
     tests_motors_clockwise: bool = False
     """True: a motor test counts the motors clockwise from the front, not by their numbers."""
     throttle_bent_by: str = ""

@@ -30,6 +30,8 @@ CMD_SET_MESSAGE_INTERVAL = 511
 
 ATTITUDE_TARGET_IGNORE_RATES = 0b111
 """Type mask of SET_ATTITUDE_TARGET: fly the attitude and the thrust, leave the body rates to the autopilot."""
+ATTITUDE_TARGET_THRUST_BODY_SET = 0b10_0000
+"""Bit of the type mask: take `thrust_body`, in three dimensions, and not `thrust`."""
 
 ACCEPTED = 0
 RESULTS = {

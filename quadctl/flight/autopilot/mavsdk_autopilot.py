@@ -82,6 +82,10 @@ class MavsdkAutopilot:
     def checks(self) -> Sequence[Check]:
         return self._firmware.checks
 
+    @property
+    def rotor_axis_parameters(self) -> Callable[[int], tuple[str, str, str]] | None:
+        return self._firmware.rotor_axis_parameters
+
     async def connect(self) -> None:
         """Open the link and wait for a heartbeat; raises LinkError when none comes."""
         await self._link.open(self._telemetry.messages, self._connect_timeout_s)
@@ -134,19 +138,23 @@ class MavsdkAutopilot:
 
         The thrust is divided by the factor with which the firmware multiplies it at the present tilt.
 
-        Raises FlightError, and sends nothing, when the target is not a unit quaternion and a throttle in 0..1.
+        Raises FlightError, and sends nothing, when the target is not a unit quaternion and a throttle in 0..1, with a
+        lateral throttle in -1..1 where it has one.
         """
+        thrust = _checked_throttle(target) / self._boost()
+        lateral = _checked_lateral(target)
+        mask = mavlink.ATTITUDE_TARGET_IGNORE_RATES
         fields = {
             "time_boot_ms": int(1000.0 * (time.monotonic() - self._start_s)) & 0xFFFFFFFF,
             "target_system": self._link.system_id,
             "target_component": mavlink.MAV_COMP_ID_AUTOPILOT,
-            "type_mask": mavlink.ATTITUDE_TARGET_IGNORE_RATES,
+            "type_mask": mask if lateral is None else mask | mavlink.ATTITUDE_TARGET_THRUST_BODY_SET,
             "q": _checked_attitude(target),
             "body_roll_rate": 0.0,
             "body_pitch_rate": 0.0,
             "body_yaw_rate": 0.0,
-            "thrust": _checked_throttle(target) / self._boost(),
-            "thrust_body": (0.0, 0.0, 0.0),
+            "thrust": thrust,
+            "thrust_body": (0.0, 0.0, 0.0) if lateral is None else (*lateral, -thrust),
         }
         self._link.send("SET_ATTITUDE_TARGET", fields)
 
@@ -329,3 +337,9 @@ def _checked_throttle(target: AttitudeTarget) -> float:
     if not 0.0 <= target.throttle <= 1.0:  # a nan is refused too
         raise FlightError(f"The throttle target {target.throttle} was not sent: expected a number from 0 to 1.")
     return target.throttle
+
+
+def _checked_lateral(target: AttitudeTarget) -> tuple[float, float] | None:
+    if target.lateral is not None and not all(-1.0 <= part <= 1.0 for part in target.lateral):  # a nan is refused too
+        raise FlightError(f"The lateral throttle {target.lateral} was not sent: expected numbers from -1 to 1.")
+    return target.lateral

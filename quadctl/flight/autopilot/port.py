@@ -1,6 +1,6 @@
 """The port to an autopilot: the operations that a flight needs, for a real autopilot and for a simulated one."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Protocol
 
 from quadctl.flight.autopilot.firmware import Check, Requirement
@@ -40,6 +40,12 @@ class Autopilot(Protocol):
     @property
     def checks(self) -> Sequence[Check]:
         """Parameters that are judged before a flight, besides the requirements."""
+        ...
+
+    @property
+    def rotor_axis_parameters(self) -> Callable[[int], tuple[str, str, str]] | None:
+        """Function from the number of a rotor, from 0, to the parameters of its thrust axis; None: the autopilot has no
+        setpoint of lateral force."""
         ...
 
     def thrust_additions(self, hover: float) -> list[Addition]:

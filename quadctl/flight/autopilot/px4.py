@@ -111,5 +111,6 @@ PX4 = Firmware(
         Check("MC_BAT_SCALE_EN", _scaling, _scaled),
     ),
     serial_parameters=("MAV_1_CONFIG", "SER_TEL2_BAUD"),
+    rotor_axis_parameters=lambda rotor: (f"CA_ROTOR{rotor}_AX", f"CA_ROTOR{rotor}_AY", f"CA_ROTOR{rotor}_AZ"),
     throttle_bent_by="THR_MDL_FAC",
 )

@@ -109,12 +109,14 @@ def _unaided(state: VehicleState, limits: GuardLimits) -> str | None:
 
 def unfit(target: AttitudeTarget, limits: GuardLimits, max_throttle: float) -> str | None:
     """Reason why this target must not reach the motors, whatever its origin, or None."""
-    if not all(map(math.isfinite, (*target.attitude, target.throttle))):
+    if not all(map(math.isfinite, (*target.attitude, target.throttle, *(target.lateral or ())))):
         return "control gave a value that is not a number"
     if not 0.0 <= target.throttle <= max_throttle:
         return f"control gave a throttle of {target.throttle:.3g}, allowed are 0 to {max_throttle:g}"
     if abs(math.hypot(*target.attitude) - 1.0) > UNIT_TOLERANCE:
         return f"control gave an attitude that is no unit quaternion, its norm is {math.hypot(*target.attitude):.3g}"
+    if target.lateral is not None and max(map(abs, target.lateral)) > max_throttle:
+        return f"control gave a lateral throttle of {target.lateral}, allowed are -{max_throttle:g} to {max_throttle:g}"
     tilt_deg = math.degrees(tilt(target.attitude))
     if tilt_deg > limits.max_tilt_deg:
         return f"control gave a tilt of {tilt_deg:.0f} deg, allowed are {limits.max_tilt_deg:g} deg"

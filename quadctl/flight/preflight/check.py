@@ -12,6 +12,7 @@ from quadctl.errors import SettingsError
 from quadctl.flight.pilot.guards import GuardLimits
 from quadctl.flight.pilot.settings import FlightSettings
 from quadctl.flight.preflight.findings import Finding, Verdict, judged
+from quadctl.flight.preflight.lateral import check_rotors
 from quadctl.flight.preflight.plan import FlightPlan
 from quadctl.frames import GRAVITY_M_S2
 from quadctl.missions import Mission
@@ -57,6 +58,7 @@ def check_flight(plan: FlightPlan) -> list[Finding]:
         *_ceiling(mission, samples, vehicle),
         _fence(mission, every),
         _speed(every, settings),
+        *check_rotors(plan),
         _tilt(demands, settings),
         _thrust(demands, vehicle, settings.controller),
         *_band(in_air, settings),
@@ -82,6 +84,8 @@ def _demand(sample: Sample, vehicle: Vehicle, controller: ControllerSettings, co
     fx, fy, fz = compensator.force_ned_n(here, vehicle.weight_n)
     force_ned = (force_ned[0] - fx, force_ned[1] - fy, force_ned[2] - fz)
     tilt_rad = math.atan2(math.hypot(force_ned[0], force_ned[1]), max(-force_ned[2], 0.0))
+    if controller.actuation == "full":
+        tilt_rad = max(0.0, tilt_rad - vehicle.allocation.widest_angle_rad(math.hypot(*force_ned)))
     given_n = math.hypot(*limit_tilt(force_ned, math.radians(controller.max_tilt_deg))) / vehicle.axial_share
     ratio = compensator.thrust_ratio(here, given_n)
     return Demand(sample, tilt_rad, given_n / ratio, ratio)

@@ -2,7 +2,7 @@
 
 import asyncio
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Protocol
@@ -16,6 +16,7 @@ from quadctl.flight.pilot.patience import patience_s
 from quadctl.flight.pilot.standing import not_standing, posture
 from quadctl.flight.preflight.changed_parameters import ChangedParameters, left_behind, restore, still_changed
 from quadctl.flight.preflight.findings import Finding, Verdict, judged
+from quadctl.flight.preflight.lateral import ask_about_lateral_force
 from quadctl.flight.preflight.plan import FlightPlan
 from quadctl.flight.preflight.thrust_table import thrust_findings
 from quadctl.flight.realtime import run
@@ -40,6 +41,9 @@ class Inspected(Protocol):
 
     @property
     def checks(self) -> Sequence[Check]: ...
+
+    @property
+    def rotor_axis_parameters(self) -> Callable[[int], tuple[str, str, str]] | None: ...
 
     async def request_telemetry(self) -> None: ...
 
@@ -143,6 +147,7 @@ async def inspect_autopilot(
         _mode(state),
         _battery(state, plan),
         *await _parameters(autopilot, plan.body.vehicle, without_failsafe),
+        *await ask_about_lateral_force(plan, autopilot),
         *thrust_findings(autopilot.thrust_additions(hover_throttle(plan.body.vehicle))),
     ]
 

@@ -48,7 +48,8 @@ class FlightPlan(NamedTuple):
             "guards": self.settings.guards.model_dump(mode="json"),
             "real_time": list(real_time),
         }
-        return Recorder(log_dir, self.mission.name, vehicle.n_rotors, meta)
+        lateral = self.settings.controller.actuation == "full"
+        return Recorder(log_dir, self.mission.name, vehicle.n_rotors, meta, lateral)
 
 
 def read_flight(

@@ -24,6 +24,7 @@ from quadctl.flight.pilot.tick import Tick
 from quadctl.frames import euler_from_quaternion
 from quadctl.logs.columns import (
     COMMAND_COLUMNS,
+    LATERAL_COLUMNS,
     LOOP_COLUMNS,
     PHASE_COLUMN,
     REFERENCE_COLUMNS,
@@ -36,10 +37,11 @@ from quadctl.state import NAN
 SYNC_EVERY_S = 0.5
 CLOSE_TIMEOUT_S = 10.0
 _NO_EULER = (NAN, NAN, NAN)
+_NO_LATERAL = (NAN, NAN)
 
 
-def header(n_rotors: int) -> list[str]:
-    """Column names of a recorded flight."""
+def header(n_rotors: int, lateral: bool = False) -> list[str]:
+    """Column names of a recorded flight; with `lateral`, of one that commands lateral force."""
     return [
         *STATE_COLUMNS,
         *rpm_columns(n_rotors),
@@ -52,11 +54,12 @@ def header(n_rotors: int) -> list[str]:
         "compensator_trust",
         *REFERENCE_COLUMNS,
         *LOOP_COLUMNS,
+        *(LATERAL_COLUMNS if lateral else ()),
         PHASE_COLUMN,
     ]
 
 
-def row(tick: Tick, n_rotors: int) -> list[float | str]:
+def row(tick: Tick, n_rotors: int, lateral: bool = False) -> list[float | str]:
     """One tick as the values of `header`."""
     s = tick.state
     north, east, down = s.position_ned_m
@@ -87,14 +90,20 @@ def row(tick: Tick, n_rotors: int) -> list[float | str]:
         values += [x, y, tick.ground_down_m - z, u, v, -w]
     else:
         values += [NAN] * 6
-    return [*values, s.control_age_s, tick.late_s, tick.phase]
+    values += [s.control_age_s, tick.late_s]
+    if lateral:
+        values += (tick.output and tick.output.lateral_n) or _NO_LATERAL
+        values += (tick.target and tick.target.lateral) or _NO_LATERAL
+    return [*values, tick.phase]
 
 
 class Recorder:
     """Writes `<directory>/<time>_<mission>.csv` and its `.meta.yaml`."""
 
-    def __init__(self, directory: Path, mission: str, n_rotors: int, meta: Mapping[str, Any]) -> None:
-        """Open the files.
+    def __init__(
+        self, directory: Path, mission: str, n_rotors: int, meta: Mapping[str, Any], lateral: bool = False
+    ) -> None:
+        """Open the files; `lateral`: the flight commands lateral force.
 
         Raises
         ------
@@ -102,6 +111,7 @@ class Recorder:
             The directory cannot be written: better known before the flight than after it.
         """
         self._n_rotors = n_rotors
+        self._lateral = lateral
         self._meta = {
             "software": f"quadctl {__version__}",
             "started": datetime.now(UTC).isoformat(timespec="seconds"),
@@ -115,7 +125,7 @@ class Recorder:
             self.path, self._file = _new_file(directory, mission)
             self.meta_path = self.path.with_suffix(".meta.yaml")
             self._write_meta("in flight")
-            self._file.write(",".join(header(n_rotors)) + "\n")
+            self._file.write(",".join(header(n_rotors, lateral)) + "\n")
             self._file.flush()
         except OSError as error:
             raise FlightError(f"{directory}: cannot be written for the flight log ({error.strerror})") from None
@@ -165,7 +175,7 @@ class Recorder:
                 if tick is None:
                     self._closing = True
                     break
-                file.write(",".join(map(_text, row(tick, self._n_rotors))) + "\n")
+                file.write(",".join(map(_text, row(tick, self._n_rotors, self._lateral))) + "\n")
                 if tick.events:
                     _sync(file)  # the rows that led to it
                     self._note(tick)

@@ -12,7 +12,7 @@ from scipy.ndimage import median_filter
 from quadctl.effects.motor_lag import lagged
 from quadctl.errors import LogError
 from quadctl.lab.arrays import Floats
-from quadctl.logs.columns import motor_columns, motor_of, rpm_columns
+from quadctl.logs.columns import LATERAL_THROTTLE, LATERAL_THRUST, motor_columns, motor_of, rpm_columns
 from quadctl.logs.flight_log import ATTITUDE, IMU, POSITION, RATES, VELOCITY, FlightLog
 from quadctl.vehicle import Vehicle
 
@@ -192,13 +192,32 @@ def _rotorsignals_of(log: FlightLog, vehicle: Vehicle) -> tuple[list[Channel], s
         time_s = log.time_s[rows]
         return [Channel(time_s, thrust) for thrust in found], "motor output"
     if log.has("throttle_cmd"):
-        rows = log.updates("throttle_cmd")
+        rows = log.updates("throttle_cmd", *(name for name in LATERAL_THROTTLE if log.has(name)))
         each = np.maximum(log["throttle_cmd"][rows] - curve.offset, 0.0) / (curve.per_newton * n)
-        return [Channel(log.time_s[rows], each)] * n, THROTTLE
+        lateral = _lateral(log, rows, LATERAL_THROTTLE)
+        mix = np.array(vehicle.allocation.lateral_mix) / (curve.per_newton * n)
+        return _with_lateral(Channel(log.time_s[rows], each), mix, lateral), THROTTLE
     if log.has("thrust_cmd_n"):
-        rows = log.updates("thrust_cmd_n")
-        return [Channel(log.time_s[rows], np.maximum(log["thrust_cmd_n"][rows], 0.0) / n)] * n, THRUST_COMMAND
+        rows = log.updates("thrust_cmd_n", *(name for name in LATERAL_THRUST if log.has(name)))
+        each = np.maximum(log["thrust_cmd_n"][rows], 0.0) / (n * vehicle.axial_share)
+        lateral = _lateral(log, rows, LATERAL_THRUST)
+        return _with_lateral(
+            Channel(log.time_s[rows], each), vehicle.allocation.inverse[:, :2], lateral
+        ), THRUST_COMMAND
     raise LogError(
         f"{log.name}: holds neither rotor speeds nor throttle_cmd nor motor outputs nor thrust_cmd_n, "
         "expected one of them to know the thrust"
     )
+
+
+def _lateral(log: FlightLog, rows: NDArray[np.intp], names: Sequence[str]) -> Floats | None:
+    """Lateral commands forward and right, shape (rows, 2), or None where the flight had none."""
+    return np.column_stack([log[name][rows] for name in names]) if all(map(log.has, names)) else None
+
+
+def _with_lateral(each: Channel, mix: Floats, lateral: Floats | None) -> list[Channel]:
+    """Thrust of each rotor, N: the same `each`, with the lateral commands, shape (rows, 2), by `mix`, shape (n, 2)."""
+    if lateral is None:
+        return [each] * len(mix)
+    thrusts = np.maximum(each.value[:, None] + lateral @ mix.T, 0.0)
+    return [Channel(each.time_s, thrust) for thrust in thrusts.T]

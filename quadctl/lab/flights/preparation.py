@@ -64,7 +64,7 @@ def prepare(log: FlightLog, vehicle: Vehicle) -> Flight:
     notes = list(log.notes)
     log = without_absent_motors(log, vehicle.n_rotors, notes)
     _require_columns(log)
-    for problem in (*contradictions(log), sidecar_problem(log, vehicle)):
+    for problem in (*contradictions(log, vehicle.allocation.fully_actuated), sidecar_problem(log, vehicle)):
         _refuse(log.name, problem)
     signals = signals_of(log, vehicle, notes)
     _refuse(log.name, _thrust_problem(log, signals, vehicle))

@@ -1,0 +1,60 @@
+"""The command that fits ground-effect formulas to static measurements."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from quadctl.cli.app import app, console
+from quadctl.cli.inputs import find
+from quadctl.cli.output import JsonOption, check_outputs, print_saved, write_json
+from quadctl.errors import QuadctlError
+from quadctl.model import save_model
+from quadctl.vehicle import load_vehicle
+
+
+@app.command("ground-curve")
+def ground_curve(
+    table: Annotated[
+        Path,
+        typer.Argument(metavar="FILE.csv", help="Table: height_m and thrust_ratio, thrust_n, thrust_g or thrust_kg."),
+    ],
+    vehicle: Annotated[
+        Path, typer.Option("--vehicle", metavar="VEHICLE.yaml", help="Vehicle file of the rotors.", callback=find)
+    ],
+    output: Annotated[
+        Path | None, typer.Option("-o", "--out", metavar="MODEL.yaml", help="Model file with the best formula.")
+    ] = None,
+    formula: Annotated[
+        str | None,
+        typer.Option("--formula", metavar="NAME", help="Formula of the model file, in the best one's place."),
+    ] = None,
+    surface: Annotated[
+        str | None, typer.Option("--surface", metavar="NAME", help="Surface of the model file, where it has several.")
+    ] = None,
+    plot: Annotated[
+        Path | None, typer.Option("--plot", metavar="FILE.png", help="Draw the measured points and the fitted curves.")
+    ] = None,
+    json_out: JsonOption = None,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite files of earlier runs.")] = False,
+) -> None:
+    """Fit every ground-effect formula to thrusts measured at several heights, rank them, and write a model file."""
+    from quadctl.ground_curve.measurement import read_measurement
+    from quadctl.ground_curve.plot import draw
+    from quadctl.ground_curve.result import evaluate
+
+    check_outputs([table, vehicle], output, plot, json_out)
+    for path in () if force else (output, plot):
+        if path is not None and path.exists():
+            raise QuadctlError(f"{path}: is there already, expected a new file (or --force)")
+    loaded = load_vehicle(vehicle)
+    result = evaluate(read_measurement(table, loaded), loaded, str(table))
+    model = result.model(result.chosen(formula), surface, vehicle) if output is not None else None
+    console.print("\n".join(result.lines()), soft_wrap=True, markup=False, highlight=False)
+    write_json(json_out, result.to_dict())
+    if plot is not None:
+        draw(result, plot)
+        print_saved(plot)
+    if output is not None and model is not None:
+        save_model(model, output)
+        print_saved(output)

@@ -1,0 +1,177 @@
+"""Result of a table of thrusts near the ground: lines for the terminal, numbers for scripts, a model for flight."""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from quadctl import __version__
+from quadctl.errors import QuadctlError
+from quadctl.ground_curve.curves import SIGNIFICANCE, Fit, fit_all, p_same
+from quadctl.ground_curve.measurement import Measurement
+from quadctl.model import Model, Provenance
+from quadctl.settings import nearest
+from quadctl.vehicle import Vehicle
+
+
+@dataclass(frozen=True)
+class GroundCurve:
+    """All formulas fitted to one table, the best on unseen heights first."""
+
+    measurement: Measurement
+    vehicle: Vehicle
+    fits: tuple[Fit, ...]
+    source: str
+    """Name of the table."""
+
+    @cached_property
+    def p_values(self) -> tuple[float, ...]:
+        """Of each fit: probability that its held-out error differs from the best one's by chance."""
+        return tuple(p_same(fit, self.fits[0]) for fit in self.fits)
+
+    @property
+    def best(self) -> Fit:
+        return self.fits[0]
+
+    @property
+    def equals(self) -> tuple[Fit, ...]:
+        """Formulas that these data cannot tell from the best one."""
+        return tuple(f for f, p in zip(self.fits[1:], self.p_values[1:], strict=True) if p > SIGNIFICANCE)
+
+    def chosen(self, word: str | None) -> Fit:
+        """The fit of the formula `word` (full name or variant), or the best one that may fly.
+
+        Raises
+        ------
+        QuadctlError
+            There is no such formula in this result, or it must not fly.
+        """
+        by_name = {fit.formula.name: fit for fit in self.fits if fit.formula.effect is not None}
+        if word is None:
+            return next(fit for fit in by_name.values() if not _grounded(fit))
+        for name, fit in by_name.items():
+            if word in (name, name.partition(".")[2]):
+                if reason := _grounded(fit):
+                    raise QuadctlError(f"--formula {word}: {reason}, expected another formula to fly with")
+                return fit
+        variants = [name.partition(".")[2] for name in by_name]
+        hint = nearest(word, variants) or f", expected one of: {', '.join(variants)}"
+        raise QuadctlError(f"--formula is '{word}'{hint}")
+
+    def model(self, fit: Fit, surface: str | None, vehicle_path: Path) -> Model:
+        """The vehicle with one fitted formula; the controller fades it out beyond the heights measured.
+
+        Raises
+        ------
+        QuadctlError
+            The formula has a value for each surface, and `surface` is none of them.
+        """
+        surfaces = fit.formula.per_surface
+        if surfaces and surface not in surfaces:
+            given = "missing" if surface is None else f"'{surface}'"
+            raise QuadctlError(f"--surface is {given}, expected one of: {', '.join(surfaces)}")
+        effect = fit.formula.with_values(fit.values, surface or "")
+        assert effect is not None
+        heights = [point.height_m for point in self.measurement.points]
+        suffix = f"[{surface}]" if surfaces else ""
+        fitted = Provenance(
+            logs=(self.source,),
+            ci95={name.removesuffix(suffix): ci for name, ci in fit.ci95.items() if name.endswith(suffix)},
+            height_m=(min(heights), max(heights)),
+            software=f"quadctl {__version__}",
+        )
+        return Model(self.vehicle, name=effect.name, vehicle_path=vehicle_path).plus(effect, fitted)
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        radius_m = self.vehicle.rotor.radius_m
+        return {
+            "table": self.source,
+            "readings": len(self.measurement.points),
+            "heights": len(self.measurement.height_groups(radius_m)),
+            "surfaces": [surface for surface in self.measurement.surfaces if surface],
+            "formulas": [self._fit_dict(fit, p) for fit, p in zip(self.fits, self.p_values, strict=True)],
+            "not_told_apart": [fit.formula.name for fit in (self.best, *self.equals)] if self.equals else [],
+        }
+
+    def _fit_dict(self, fit: Fit, p: float) -> dict[str, Any]:
+        ci95 = fit.ci95
+        return {
+            "formula": fit.formula.name,
+            "rmse_held_out": _known(fit.held_out),
+            "rmse_fit": _known(fit.rmse),
+            "p_same_as_best": p,
+            "parameters": {
+                name: {"value": float(value), "ci95": ci95.get(name)}
+                for name, value in zip(fit.formula.names, fit.values, strict=True)
+            },
+            "thrust_far_n": None if self.measurement.is_ratio else [_known(float(far)) for far in fit.far],
+        }
+
+    def lines(self) -> list[str]:
+        """For the terminal."""
+        heights = len(self.best.height_errors)
+        width = max(len(fit.formula.name) for fit in self.fits)
+        lines = [
+            f"{len(self.measurement.points)} readings at {heights} heights. Error of thrust on heights that the fit "
+            "has not seen, % of the thrust far from the ground:"
+        ]
+        lines += [
+            f"  {fit.formula.name:{width}}  {_percent(fit.held_out):>8}  {self._told_apart(fit, p)}{_numbers(fit)}"
+            for fit, p in zip(self.fits, self.p_values, strict=True)
+        ]
+        return [*lines, *self._remarks()]
+
+    def _told_apart(self, fit: Fit, p: float) -> str:
+        return f"{'best' if fit is self.best else f'p = {p:.2g}':10}  "
+
+    def _remarks(self) -> list[str]:
+        lines = []
+        if self.equals:
+            names = ", ".join(fit.formula.name for fit in self.equals)
+            lines.append(
+                f"These data cannot tell {self.best.formula.name} from {names} (p > {SIGNIFICANCE:g}): measure lower, "
+                "at more heights, or with more repeats."
+            )
+        else:
+            lines.append(f"{self.best.formula.name} is better than every other formula (p <= {SIGNIFICANCE:g}).")
+        if any(fit.formula.effect is None for fit in (self.best, *self.equals)):
+            lines.append("A ground effect is not seen in these data.")
+        if poles := [fit.formula.name for fit in self.fits if math.isinf(fit.held_out)]:
+            lines.append(f"Not finite at a height measured: {', '.join(poles)}.")
+        if not self.measurement.is_ratio:
+            far = ", ".join(f"{value:.4g} N" for value in self.best.far)
+            lines.append(f"Thrust far from the ground, fitted with {self.best.formula.name}: {far}.")
+        return lines
+
+
+def evaluate(measurement: Measurement, vehicle: Vehicle, source: str) -> GroundCurve:
+    """Fit and rank all formulas; `source` names the table."""
+    return GroundCurve(measurement, vehicle, tuple(fit_all(measurement, vehicle)), source)
+
+
+def _grounded(fit: Fit) -> str:
+    """Reason why the formula must not fly; empty where it may."""
+    effect = fit.formula.effect
+    assert effect is not None
+    if math.isinf(fit.rmse):
+        return "it is not finite at a height measured"
+    return effect.not_for_flight
+
+
+def _numbers(fit: Fit) -> str:
+    ci95 = fit.ci95
+    return ", ".join(
+        f"{name} = {value:.4g} " + ("[{:.4g}, {:.4g}]".format(*ci95[name]) if name in ci95 else "(at its bound)")
+        for name, value in zip(fit.formula.names, fit.values, strict=True)
+    )
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.3g}" if math.isfinite(share) else "pole"
+
+
+def _known(value: float) -> float | None:
+    """None for what is not finite: JSON has no infinity."""
+    return value if math.isfinite(value) else None
