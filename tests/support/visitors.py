@@ -95,6 +95,16 @@ def status(url: str, **headers: str) -> int:
     return connection.getresponse().status
 
 
+def is_kept_out(browser: Browser, site: str) -> bool:
+    """Tell whether another site that frames a page and opens its web socket (see `other_site`) gets neither."""
+    with browser.new_context() as context:
+        page = context.new_page()
+        page.goto(site)
+        page.wait_for_function("() => document.title !== 'waiting'")
+        framed = page.frames[1]
+        return page.title() == "refused" and "quadctl" not in framed.title() and framed.url.startswith("chrome-error:")
+
+
 class Visitor:
     """A person at the page who counts clicks; whatever the page asks of another machine is noted."""
 

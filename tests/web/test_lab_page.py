@@ -18,6 +18,7 @@ import pytest
 from quadctl.model import load_model
 from quadctl.web.session.session import load_session
 from tests.support.lab_sessions import ADDED, fly_over_a_cushion, one_step_up, searched, unexplained, wrong_files
+from tests.support.other_site import attacking
 from tests.support.visitors import (
     DESK,
     PATIENCE_MS,
@@ -28,6 +29,7 @@ from tests.support.visitors import (
     command,
     expect,
     free_tcp_port,
+    is_kept_out,
     needs_chromium,
     status,
 )
@@ -58,6 +60,14 @@ def analysed(session: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterato
         shutil.copy(ROOT / "missions" / name, missions)
     with served(where / "lab", "--session", str(one_step_up(session)), "--missions", str(missions)) as (url, _):
         yield url
+
+
+def test_another_site_can_neither_frame_it_nor_talk_to_it(browser: Browser, tmp_path: Path) -> None:
+    with served(tmp_path / "lab") as (url, _), attacking(url) as site:
+        assert is_kept_out(browser, site)
+        visitor = Visitor(browser, url)
+        visitor.sees("text=Drop flight logs here")
+        visitor.leaves()
 
 
 @contextmanager
