@@ -25,7 +25,7 @@ def attacking(url: str) -> Iterator[str]:
             self.end_headers()
             self.wfile.write(_ATTACK.replace("{url}", url).encode())
 
-        def log_message(self, format: str, *args: Any) -> None:
+        def log_message(self, *_: Any) -> None:
             """Nothing: it would stand between the lines of the tests."""
 
     with ThreadingHTTPServer(("127.0.0.1", 0), Answer) as server:

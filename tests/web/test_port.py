@@ -58,4 +58,3 @@ class TestOwnPagesOnly:
     def test_the_web_socket_is_for_its_own_page_only(self) -> None:
         assert answered("websocket", OWN) == [ACCEPT]
         assert answered("websocket", OTHER) == [{"type": "websocket.close", "code": 1008}]
-
