@@ -110,6 +110,7 @@ class Page:
             work=bench.work,
             search=bench.search,
             message=bench.message,
+            waiting=bench.waiting,
             hidden=bench.simulation.hidden,
             vehicles=tuple(self._intake.vehicles),
             template=TEMPLATE,

@@ -41,6 +41,7 @@ class Status(Panel):
 
     work_title: str | None
     message: Message | None
+    waiting: tuple[str, ...]
 
     def draw(self, do: Controls) -> None:
         if self.work_title is not None:
@@ -48,6 +49,10 @@ class Status(Panel):
                 busy()
                 do.nest(WorkInWords, "grow")
                 ui.button("Cancel", on_click=do.bench.cancel).props("flat dense no-caps")
+        if self.waiting:
+            with tag("div", "banner").props('role="status"'):
+                ui.icon("schedule")
+                tag("span", "grow", f"Next: {listed(self.waiting)}.")
         message = self.message
         if message is not None:
             role = 'role="alert"' if message.kind == "error" else 'role="status"'

@@ -39,6 +39,10 @@ class OpenedLog:
     log: FlightLog | None = None
     quality: QualityReport | None = None
     problem: str = ""
+    vehicle: Vehicle | None = None
+    """Vehicle that it was prepared for."""
+    stamp: tuple[int, int] | None = None
+    """Time of its last change, ns, and size, bytes, as it was read."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,22 +108,52 @@ class Climbed:
 
 
 def open_logs(
-    paths: Sequence[Path], unseen: frozenset[Path], vehicle: Vehicle, hold_out: HoldOut, progress: Progress
+    paths: Sequence[Path],
+    unseen: frozenset[Path],
+    vehicle: Vehicle,
+    hold_out: HoldOut,
+    known: Sequence[OpenedLog],
+    progress: Progress,
 ) -> Opened:
-    """Read and prepare logs; one that cannot be used does not spoil the others."""
+    """Read and prepare logs; one that cannot be used does not spoil the others.
+
+    Those of `known` that have not changed since are not read again.
+    """
+    before = {log.path: log for log in known}
     opened = []
     for path, name in zip(paths, log_names(paths), strict=True):
+        known_log, stamp = before.get(path), _stamp(path)
+        if known_log is not None and known_log.log is not None and known_log.stamp == stamp is not None:
+            opened.append(_renamed(known_log, known_log.log, name, vehicle))
+            continue
         progress(f"reading {name}")
         try:
             log = replace(read_log(path), name=name)
         except QuadctlError as error:
-            opened.append(OpenedLog(path, problem=_without_folder(str(error), path)))
+            opened.append(OpenedLog(path, problem=_without_folder(str(error), path), stamp=stamp))
             continue
-        opened.append(OpenedLog(path, log, quality(log), _problem(log, vehicle)))
+        opened.append(OpenedLog(path, log, quality(log), _problem(log, vehicle), vehicle, stamp))
     fitted, kept = (
         [o.log for o in opened if not o.problem and (o.path in unseen) == held_out] for held_out in (False, True)
     )
     return Opened(opened, _dataset(fitted, vehicle, hold_out), _dataset(kept, vehicle))
+
+
+def _renamed(opened: OpenedLog, log: FlightLog, name: str, vehicle: Vehicle) -> OpenedLog:
+    """The log under another name, for another vehicle."""
+    if (log.name, opened.vehicle) == (name, vehicle):
+        return opened
+    named = replace(log, name=name)
+    return replace(opened, log=named, quality=quality(named), problem=_problem(named, vehicle), vehicle=vehicle)
+
+
+def _stamp(path: Path) -> tuple[int, int] | None:
+    """Time of the last change and size of a file; None where it cannot be asked for them."""
+    try:
+        status = path.stat()
+    except OSError:
+        return None
+    return status.st_mtime_ns, status.st_size
 
 
 def log_names(paths: Sequence[Path]) -> list[str]:
