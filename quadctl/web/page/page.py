@@ -15,7 +15,7 @@ from quadctl.web.elements.browser_theme import keep_theme, wanted_theme
 from quadctl.web.elements.html import tag
 from quadctl.web.elements.theme import DARK, LIGHT, Theme
 from quadctl.web.panels import compensator, fails, flights, missing, over_time
-from quadctl.web.panels.frame import Header, Start, Status
+from quadctl.web.panels.frame import FittedTo, Header, Start, Status
 from quadctl.web.panels.ladder import Ladder
 from quadctl.web.panels.panel import Panel, Tab
 from quadctl.web.panels.stack import Stack
@@ -82,6 +82,7 @@ class Page:
                 self._frame_parts.append(Part(tag("div", "place-stack"), Stack))
             with tag("main", "main"):
                 self._frame_parts.append(Part(tag("div", "place-status").props('aria-live="polite"'), Status))
+                self._frame_parts.append(Part(tag("div", "place-fitted"), FittedTo))
                 self._frame_parts.append(Part(tag("div", "place-start"), Start))
                 with ui.tabs().classes("tabs") as tabs:
                     for tab in TABS.values():

@@ -1,16 +1,20 @@
 """The frame of the page: the bar on top, the work in progress, and the place to begin without a flight."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from nicegui import ui
 
 from quadctl.lab.comparison.wording import listed
+from quadctl.lab.flights.dataset import Dataset
+from quadctl.model import Model
 from quadctl.web.elements.browser_theme import theme_button
 from quadctl.web.elements.html import busy, heading, tag
 from quadctl.web.elements.theme import Theme
 from quadctl.web.panels.flights import VehicleChoice, drop_zone
 from quadctl.web.panels.panel import Controls, Panel
+from quadctl.web.session.session import Rung
 from quadctl.web.work.state import Message
 
 
@@ -60,6 +64,34 @@ class Status(Panel):
                 ui.icon("error" if message.kind == "error" else "info")
                 tag("span", "grow", message.text if message.text.endswith((".", "?")) else f"{message.text}.")
                 ui.button(icon="close", on_click=do.bench.dismiss).props('flat dense round aria-label="Dismiss"')
+
+
+@dataclass(frozen=True)
+class FittedTo(Panel):
+    """A word on flights that the parameters have not been fitted to, with a way to refit them."""
+
+    rung: Rung | None
+    seen: Dataset | None
+    off: frozenset[str]
+
+    def draw(self, do: Controls) -> None:
+        if self.rung is None or self.seen is None:
+            return
+        used, new = flights_of_the_fit(self.rung.model, self.seen.names)
+        if not new:
+            return
+        with tag("div", "banner").props('role="status" id="fitted-to"'):
+            ui.icon("rule")
+            tag("span", "grow", f"The model is fitted to {listed(used)} only, not to {listed(new)}.")
+            refit = ui.button("Refit to all flights", on_click=lambda: do.act(do.bench.refit()))
+            do.when_idle(refit.props("no-caps outline dense"), not self.off)
+
+
+def flights_of_the_fit(model: Model, flights: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Names of the flights that the parameters of `model` were fitted to, and those of `flights` that some were not."""
+    fits = [item.fitted.logs for item in model.stack if item.fitted is not None and item.fitted.logs]
+    used = list(dict.fromkeys(name for logs in fits for name in logs))
+    return used, [name for name in flights if any(name not in logs for logs in fits)]
 
 
 @dataclass(frozen=True)

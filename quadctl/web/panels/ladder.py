@@ -95,7 +95,9 @@ class _Bars:
                 button.props("disabled")
             with button:
                 tag("span", "step-name", _plain(name)).props(f'title="{name}"')
-                tag("span", "step-value", "\u2026" if error is None else number(error))
+                value = tag("span", "step-value", number(error) if error is not None else "\u2013")
+                if error is None:
+                    value.props('title="not computed with these flights: a click on the step computes it"')
                 with tag("span", "bar-room"):
                     if error is not None:
                         length = 100.0 * error / self.largest

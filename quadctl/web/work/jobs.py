@@ -8,9 +8,11 @@ from pathlib import Path
 
 from quadctl.effects import catalog_with, choose_effect, find_effect
 from quadctl.errors import QuadctlError
+from quadctl.lab.arrays import Floats
 from quadctl.lab.comparison.comparison import Comparison, compare
 from quadctl.lab.fitting.fitted_model import FittedModel, Solution, fit_model
 from quadctl.lab.flights.dataset import Dataset, HoldOut
+from quadctl.lab.flights.prediction import rmse
 from quadctl.lab.interface import prepare_flights
 from quadctl.lab.planning.suggestion import Suggestion, suggest
 from quadctl.lab.report import Results, render_report
@@ -75,6 +77,8 @@ class Evaluation:
     """Cross-validated RMSE on the flights that fits may use."""
     solution: Solution
     """Fit to the flights that fits may use."""
+    by_flight: dict[str, float]
+    """Total error of each flight by its name: cross-validated, or of a flight held out of all fits, m/s^2."""
 
     @property
     def error_m_s2(self) -> float:
@@ -194,9 +198,16 @@ def evaluate(current: Current, seen: Dataset, unseen: Dataset | None, progress: 
 
 def _evaluated(model: Model, fit: FittedModel, unseen: Dataset | None) -> Evaluation:
     """Errors of `model`, whose fit is given."""
-    return Evaluation(
-        compare(model, fit.dataset), None if unseen is None else compare(model, unseen), fit.held_out_rmse, fit.solution
-    )
+    on_unseen = None if unseen is None else compare(model, unseen)
+    by_flight = _by_flight(fit.held_out_residual, fit.dataset)
+    if on_unseen is not None:
+        by_flight |= _by_flight(on_unseen.residual, on_unseen.dataset)
+    return Evaluation(compare(model, fit.dataset), on_unseen, fit.held_out_rmse, fit.solution, by_flight)
+
+
+def _by_flight(residual: Floats, dataset: Dataset) -> dict[str, float]:
+    """Error of all axes of each flight, m/s^2, from the residual acceleration, shape (n, at least 3)."""
+    return {name: rmse(residual[part, :3])["total"] for name, part in zip(dataset.names, dataset.parts, strict=True)}
 
 
 def look_for(current: Current, dataset: Dataset, progress: Progress) -> Findings:
