@@ -16,7 +16,7 @@ from nicegui.client import Client
 from nicegui.element import Element
 
 from quadctl.effects.ground_effect import Exponential, Hayden
-from quadctl.lab.comparison.wording import number
+from quadctl.lab.comparison.wording import number, quantity, share_of_g
 from quadctl.lab.flights.dataset import load_dataset
 from quadctl.lab.selection.diagnosis import diagnose
 from quadctl.logs.quality import quality
@@ -302,6 +302,28 @@ class TestOpenTab:
         shown = str(tabs("missing", views["a fit to one of the flights"]).shown)
         assert "The model is fitted to 0.csv only, not to 1.csv." in shown
         assert "Refit to all flights" in shown
+
+    def test_what_is_there_but_small_is_no_contradiction(
+        self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
+    ) -> None:
+        view = views["at first"]
+        assert view.found is not None
+        first = view.found.diagnosis.ranking[0]
+        little = {name: 0.999 * error for name, error in first.before.items()}
+        small = replace(first, after=little, p_value=1e-9)
+        nothing = replace(view.found.diagnosis, verdict="none", missing=[], ranking=[small], steps=[])
+        results = replace(view.results, found=Diagnosed(nothing, {}))
+        shown = str(tabs("missing", replace(view, results=results)).shown)
+        assert "Nothing significant is missing." in shown
+        assert "There, but too small to matter in these flights: ground effect." in shown
+        assert "It is there, as p says, but it changes the error too little to be called missing." in shown
+
+    def test_the_error_is_said_in_words(self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]) -> None:
+        evaluation = views["at first"].evaluation
+        assert evaluation is not None
+        error = evaluation.error_m_s2
+        expected = f"The model mispredicts acceleration by {quantity(error)}, {share_of_g(error)} of g"
+        assert expected in str(tabs("missing", views["at first"]).shown)
 
     def test_each_of_several_flights_has_its_error(
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
