@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from quadctl.web.port import OwnPagesOnly, is_foreign
+from quadctl.web.own_pages import OwnPagesOnly, is_foreign
 
 HOST = "127.0.0.1:8080"
 OWN = {"host": HOST, "origin": f"http://{HOST}"}
