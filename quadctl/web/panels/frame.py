@@ -41,9 +41,10 @@ class Header(Panel):
 
 @dataclass(frozen=True)
 class Status(Panel):
-    """The work in progress, with a way to cancel it, and the last message."""
+    """The work and the search in progress, each with a way to cancel it, and the last message: always in sight."""
 
     work_title: str | None
+    search_title: str | None
     message: Message | None
     waiting: tuple[str, ...]
 
@@ -53,6 +54,11 @@ class Status(Panel):
                 busy()
                 do.nest(WorkInWords, "grow")
                 ui.button("Cancel", on_click=do.bench.cancel).props("flat dense no-caps")
+        if self.search_title is not None:
+            with tag("div", "banner search").props('role="status"'):
+                busy()
+                do.nest(SearchInWords, "grow")
+                ui.button("Cancel", on_click=do.bench.cancel_search).props("flat dense no-caps")
         if self.waiting:
             with tag("div", "banner").props('role="status"'):
                 ui.icon("schedule")
@@ -106,6 +112,17 @@ class WorkInWords(Panel):
 
     def draw(self, do: Controls) -> None:
         ui.label(f"{self.work_title}: {self.work_detail}\u2026" if self.work_detail else f"{self.work_title}\u2026")
+
+
+@dataclass(frozen=True)
+class SearchInWords(Panel):
+    """Title and step of the search; a panel of its own for the reason of `WorkInWords`."""
+
+    search_title: str | None
+    search_detail: str
+
+    def draw(self, do: Controls) -> None:
+        ui.label(f"{self.search_title}: {self.search_detail or 'every effect of the catalogue is tried'}\u2026")
 
 
 @dataclass(frozen=True)

@@ -73,8 +73,6 @@ class Verdict(Panel):
                 with tag("div", "line"):
                     busy()
                     tag("span", "verdict grow", f"{self.search_title}\u2026")
-                    ui.button("Cancel", on_click=do.bench.cancel_search).props("flat dense no-caps")
-                do.nest(SearchInWords)
             elif self.found is None:
                 self._draw_invitation(do)
             else:
@@ -87,16 +85,6 @@ class Verdict(Panel):
             if not self.off:
                 look = ui.button("Look for what is missing", on_click=lambda: do.act(do.bench.look()))
                 look.props("no-caps unelevated")
-
-
-@dataclass(frozen=True)
-class SearchInWords(Panel):
-    """The step of the search; a panel of its own for the reason of `WorkInWords`."""
-
-    search_detail: str
-
-    def draw(self, do: Controls) -> None:
-        ui.label(self.search_detail or "Every effect of the catalogue is tried.").classes("muted")
 
 
 def _draw_verdict(do: Controls, diagnosis: Diagnosis) -> None:
