@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import pytest
@@ -35,7 +35,6 @@ from quadctl.web.figures.path import path_figure
 from quadctl.web.figures.profile import profile_figure
 from quadctl.web.figures.ratio import ratio_over_height
 from quadctl.web.figures.timeline import full_timeline
-from quadctl.web.port import is_foreign
 from quadctl.web.session.files import keep_expression, own_effects, require_inside, upload_path
 from quadctl.web.session.findings import Findings, require_formula
 from quadctl.web.session.session import Rung, Session, load_session, session_to_yaml
@@ -264,38 +263,6 @@ def _double(x: int, progress: Callable[[str], None]) -> int:
 
 def _fail(progress: Callable[[str], None]) -> None:
     raise SettingsError("it is wrong")
-
-
-class TestOrigin:
-    """Another site must not press the buttons of a page, above all not the one that lands."""
-
-    OWN: ClassVar[dict[str, str]] = {"host": "127.0.0.1:8091"}
-
-    @pytest.mark.parametrize(
-        "headers",
-        [
-            {},  # a program
-            {"origin": "http://127.0.0.1:8091"},
-            {"sec-fetch-site": "same-origin", "sec-fetch-mode": "cors"},
-            {"sec-fetch-site": "none", "sec-fetch-mode": "navigate"},  # its address was typed
-            {"sec-fetch-site": "cross-site", "sec-fetch-mode": "navigate"},  # a link was followed
-        ],
-    )
-    def test_the_page_itself_a_link_and_a_program_may_ask(self, headers: dict[str, str]) -> None:
-        assert not is_foreign(self.OWN | headers)
-
-    @pytest.mark.parametrize(
-        "headers",
-        [
-            {"origin": "http://elsewhere.example"},
-            {"origin": "http://127.0.0.1:8080"},  # another port is another origin
-            {"origin": "null"},  # a sandboxed frame, a file
-            {"sec-fetch-site": "cross-site", "sec-fetch-mode": "no-cors"},
-            {"sec-fetch-site": "same-site", "sec-fetch-mode": "cors"},
-        ],
-    )
-    def test_another_site_may_not(self, headers: dict[str, str]) -> None:
-        assert is_foreign(self.OWN | headers)
 
 
 class TestWorker:
