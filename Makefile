@@ -13,8 +13,7 @@ demo: $(INSTALLED)
 # A test run starts many processes: what the first compiles, the others read, even where the environment forbids it.
 test test-flights test-computing test-long: export PYTHONDONTWRITEBYTECODE :=
 
-# Both at the same time: flights mostly wait, and computing, which gives way to them, uses what they leave. Its browsers
-# mostly wait, too: three processes keep two cores busy.
+# Both at the same time: flights mostly wait, and computing, which gives way to them, uses what they leave.
 test: $(INSTALLED)
 	@$(MAKE) --no-print-directory --jobs=2 --keep-going --output-sync=target test-flights test-computing
 
@@ -25,7 +24,7 @@ test-flights: $(INSTALLED)
 	$(FLIGHTS) -m "not long" -n 4 --dist loadfile --no-loadscope-reorder || $(FLIGHTS) -m "not long" $(AGAIN)
 
 test-computing: $(INSTALLED)
-	nice -n 10 $(BIN)/python -m pytest -m "not long" --ignore=tests/realtime -n 3 --dist loadfile --no-loadscope-reorder
+	nice -n 10 $(BIN)/python -m pytest -m "not long" --ignore=tests/realtime -n 2 --dist loadfile --no-loadscope-reorder
 
 # Journeys through a page and checks of a study that would double the time of `make test`; CI runs them, too.
 test-long: $(INSTALLED)

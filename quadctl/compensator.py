@@ -17,6 +17,7 @@ from quadctl.frames import rotate, rotate_inverse
 from quadctl.model import Model, StackedEffect, conditions
 from quadctl.settings import Settings
 from quadctl.state import Vec3, VehicleState
+from quadctl.surfaces import Place
 
 
 class CompensatorLimits(Settings):
@@ -64,8 +65,9 @@ class Compensator:
     The wanted force less `force_ned_n` is what the rotors must give; that over `thrust_ratio` is what to ask of them.
     """
 
-    def __init__(self, model: Model, limits: CompensatorLimits | None = None) -> None:
+    def __init__(self, model: Model, limits: CompensatorLimits | None = None, place: Place | None = None) -> None:
         self.model = model
+        self._place = place
         self.limits = limits or CompensatorLimits()
         self._trusted_m = [_trusted_heights(item) for item in model.stack]
         self._bent = any("thrust" in effect.depends_on and not effect.adds_lag for effect in model.effects)
@@ -87,6 +89,7 @@ class Compensator:
             state.time_s,
             state.battery_v,
             (state.position_ned_m[0], state.position_ned_m[1]),
+            self._place,
         )
         trusts = tuple([self._trust(c.height_m, trusted_m) for trusted_m in self._trusted_m])
         return Surroundings(self.model.in_air(c), trusts, min(trusts))

@@ -17,6 +17,7 @@ from quadctl.frames import GRAVITY_M_S2, Quaternion, rotate, rotate_inverse
 from quadctl.installed import is_installed
 from quadctl.numeric import Number, Vector
 from quadctl.settings import Settings, read_yaml, validate
+from quadctl.surfaces import Place
 from quadctl.vehicle import Vehicle
 
 
@@ -219,9 +220,12 @@ def conditions(
     time_s: Number = 0.0,
     battery_v: Number = float("nan"),
     position_ne_m: tuple[Number, Number] = (0.0, 0.0),
+    place: Place | None = None,
 ) -> Conditions:
-    """Conditions of a vehicle whose logged position is `z_up_m` above the ground."""
-    return Conditions(z_up_m + vehicle.rotor_height_m, velocity_body_m_s, attitude, time_s, battery_v, position_ne_m)
+    """Conditions of a vehicle whose logged position is `z_up_m` above the ground; `place` maps its surfaces."""
+    height_m = z_up_m + vehicle.rotor_height_m
+    surfaces = place.shares(position_ne_m) if place is not None else ()
+    return Conditions(height_m, velocity_body_m_s, attitude, time_s, battery_v, position_ne_m, surfaces)
 
 
 class EffectEntry(Settings):

@@ -22,7 +22,7 @@ from tests.support.places import ROOT
 pytest.register_assert_rewrite("watched", "log_files")
 
 # No deadline: how long one example takes says more about the machine than about the code.
-settings.register_profile("quadctl", deadline=None, max_examples=60)
+settings.register_profile("quadctl", deadline=None, max_examples=40)
 settings.load_profile("quadctl")
 
 
@@ -36,8 +36,9 @@ def witness() -> Witness:
 
 
 LONG = (
-    *("test_faults", "test_view_page", "test_autopilots", "test_realtime"),
-    *("test_lab_page", "test_lab", "test_report", "test_panels", "test_suggestion", "test_symbolic"),
+    *("test_link_delay", "test_autopilots", "test_faults", "test_texts", "test_full_actuation", "test_sitl_commands"),
+    *("test_view_page", "test_lab_page", "test_lab", "test_report", "test_panels", "test_fitter", "test_suggestion"),
+    *("test_symbolic", "test_tilted_rotors", "test_ground_curve"),
 )
 """Files that take longest: they begin first, lest one of them alone keeps all others waiting at the end."""
 

@@ -30,7 +30,7 @@ def ground_curve(
         typer.Option("--formula", metavar="NAME", help="Formula of the model file, in the best one's place."),
     ] = None,
     surface: Annotated[
-        str | None, typer.Option("--surface", metavar="NAME", help="Surface of the model file, where it has several.")
+        str | None, typer.Option("--surface", metavar="NAME", help="One surface for the model file, in place of all.")
     ] = None,
     plot: Annotated[
         Path | None, typer.Option("--plot", metavar="FILE.png", help="Draw the measured points and the fitted curves.")

@@ -182,6 +182,28 @@ def add(
 
 
 @app.command()
+def surfaces(
+    model: ModelArgument,
+    logs: LogArguments,
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="NEW.yaml", help="The new model file.")],
+    json_out: JsonOption = None,
+    hold_out: HoldOutOption = "blocks",
+) -> None:
+    """Compare the ground effect over the surfaces that flights passed over, and fit one weight for each of them."""
+    from quadctl.lab.selection.surfaces import compare_surfaces
+    from quadctl.model import save_model
+
+    check_outputs([model, *logs], output, json_out)
+    loaded, data = _model_and_data(model, logs, hold_out)
+    result = compare_surfaces(loaded, data)
+    save_model(result.model, output)
+    console.print(result)
+    _print_notes(data)
+    print_saved(output)
+    write_json(json_out, result.to_dict())
+
+
+@app.command()
 def fit(
     model: ModelArgument,
     logs: LogArguments,

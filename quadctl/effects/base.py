@@ -19,6 +19,7 @@ from quadctl.errors import SettingsError
 from quadctl.frames import Quaternion
 from quadctl.numeric import Number, Vector
 from quadctl.settings import nearest
+from quadctl.surfaces import Shares
 from quadctl.vehicle import Vehicle
 
 NO_FORCE: Vector = (0.0, 0.0, 0.0)
@@ -42,6 +43,8 @@ class Conditions:
     battery_v: Number = float("nan")
     position_ne_m: tuple[Number, Number] = (0.0, 0.0)
     """Position north and east, from the origin of the log."""
+    surfaces: Shares = ()
+    """Named surfaces of the ground below, each with its share; none where the flight does not say."""
     flight: int = 0
     """Number of the flight among those that are analysed together, from 1; 0 where there is but one."""
 

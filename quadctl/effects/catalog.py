@@ -19,6 +19,7 @@ from quadctl.effects.ground_effect import (
     Surface,
 )
 from quadctl.effects.ground_effect_hexarotor import Hexarotor, HexarotorTilted
+from quadctl.effects.ground_effect_surfaces import Surfaces
 from quadctl.effects.ground_torque import Levelling
 from quadctl.effects.imu_bias import ConstantBias
 from quadctl.effects.inflow import AxialInflow
@@ -52,6 +53,7 @@ CATALOG: dict[str, type[Effect]] = {
         Hexarotor,
         HexarotorTilted,
         Surface,
+        Surfaces,
         Nobahari,
         Kan,
         MomentumCeiling,

@@ -173,7 +173,7 @@ class Surface(GroundEffect):
         return quadrotor_ratio(z, vehicle, max(self.k_b + self.k_s, 0.0))
 
 
-def quadrotor_ratio(z: Number, vehicle: Vehicle, fountain_weight: float) -> Number:
+def quadrotor_ratio(z: Number, vehicle: Vehicle, fountain_weight: Number) -> Number:
     """K of image sources below four rotors in a square and of the fountain between them."""
     r, d, b = vehicle.rotor.radius_m, vehicle.adjacent_distance_m, vehicle.opposite_distance_m
     z4 = 4.0 * z * z

@@ -7,6 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from quadctl import __version__
+from quadctl.effects import Effect
+from quadctl.effects.ground_effect import Surface
+from quadctl.effects.ground_effect_surfaces import PREFIX, Surfaces
 from quadctl.errors import QuadctlError
 from quadctl.ground_curve.curves import SIGNIFICANCE, Fit, fit_all, p_same
 from quadctl.ground_curve.measurement import Measurement
@@ -62,26 +65,48 @@ class GroundCurve:
     def model(self, fit: Fit, surface: str | None, vehicle_path: Path) -> Model:
         """The vehicle with one fitted formula; the controller fades it out beyond the heights measured.
 
+        A formula that has a value for each surface gives `ground_effect.surfaces`, or the effect over `surface` alone.
+
         Raises
         ------
         QuadctlError
-            The formula has a value for each surface, and `surface` is none of them.
+            `surface` is none of the formula's surfaces, or one of their names cannot stand in a model.
         """
         surfaces = fit.formula.per_surface
-        if surfaces and surface not in surfaces:
-            given = "missing" if surface is None else f"'{surface}'"
-            raise QuadctlError(f"--surface is {given}, expected one of: {', '.join(surfaces)}")
-        effect = fit.formula.with_values(fit.values, surface or "")
-        assert effect is not None
+        if surface is not None and surfaces and surface not in surfaces:
+            raise QuadctlError(f"--surface is '{surface}', expected one of: {', '.join(surfaces)}")
+        if surfaces and surface is None:
+            effect, ci95 = self._over_all(fit)
+        else:
+            made = fit.formula.with_values(fit.values, surface or "")
+            assert made is not None
+            suffix = f"[{surface}]" if surfaces else ""
+            own = {name: ci for name, ci in fit.ci95.items() if name.endswith(suffix)}
+            effect, ci95 = made, {name.removesuffix(suffix): ci for name, ci in own.items()}
         heights = [point.height_m for point in self.measurement.points]
-        suffix = f"[{surface}]" if surfaces else ""
         fitted = Provenance(
             logs=(self.source,),
-            ci95={name.removesuffix(suffix): ci for name, ci in fit.ci95.items() if name.endswith(suffix)},
+            ci95=ci95,
             height_m=(min(heights), max(heights)),
             software=f"quadctl {__version__}",
         )
         return Model(self.vehicle, name=effect.name, vehicle_path=vehicle_path).plus(effect, fitted)
+
+    def _over_all(self, fit: Fit) -> tuple[Effect, dict[str, tuple[float, float]]]:
+        """The effect with a weight for each surface, and the intervals of these weights."""
+        values, ci95 = {}, {}
+        for name in fit.formula.per_surface:
+            if not name.isidentifier() or name != name.lower():
+                raise QuadctlError(
+                    f"{self.source}: surface is '{name}', expected lower-case letters, digits and underscores, "
+                    "or one of the surfaces with --surface"
+                )
+            effect = fit.formula.with_values(fit.values, name)
+            assert isinstance(effect, Surface)
+            values["k_b"], values[PREFIX + name] = effect.k_b, effect.k_s
+            if (interval := fit.ci95.get(f"k_s[{name}]")) is not None:
+                ci95[PREFIX + name] = interval
+        return Surfaces.from_values(values, self.source), ci95
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON."""

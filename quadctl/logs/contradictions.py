@@ -38,6 +38,9 @@ SILENT_ROTOR_SHARE = 0.1
 SPECIFIC_FORCE_RANGE = (0.5, 2.0)
 """Median of the accelerometer's reading over g: hover is 1."""
 
+MOST_LEAN_DEG = 60.0
+"""Lean at which thrust is twice the weight: no flight has a larger one for half of its time."""
+
 _DEGREES = 180.0 / np.pi
 _MOTION_UNITS = {
     1e-3: "is time_s in milliseconds",
@@ -71,6 +74,7 @@ def contradictions(log: FlightLog, side_force: bool = False) -> list[str]:
     side_force = side_force or any(log.has(name) for name in LATERAL_COLUMNS)
     comparisons = (
         _dead_channels,
+        _lying_on_its_side,
         _position_against_velocity,
         *(() if side_force else (_velocity_against_tilt,)),
         _attitude_against_rates,
@@ -168,6 +172,20 @@ def _question(factor: float, units: dict[float, str], otherwise: str) -> str:
 
 
 # --- what is compared -------------------------------------------------------------------------------------------------
+
+
+def _lying_on_its_side(log: FlightLog) -> Iterator[str]:
+    """A multirotor that leans most of the time by more than it can carry itself."""
+    known = _known(log, ATTITUDE[:2])
+    if known is None:
+        return
+    roll, pitch = (np.radians(angle) for angle in known[1:])
+    lean_deg = float(np.degrees(np.nanmedian(np.arccos(np.clip(np.cos(roll) * np.cos(pitch), -1.0, 1.0)))))
+    if lean_deg > MOST_LEAN_DEG:
+        yield (
+            f"the vehicle leans by {lean_deg:.0f} deg half of the time, expected less than {MOST_LEAN_DEG:.0f}: "
+            "is the attitude in another frame, or its quaternion in another order?"
+        )
 
 
 def _position_against_velocity(log: FlightLog) -> Iterator[str]:

@@ -31,6 +31,8 @@ class LogFormat:
     """(path) -> FlightLog; it raises a LogError for a file that is not of its format."""
     recogniser: str | None
     """(the first HEAD_BYTES of a file) -> bool; None for the one format that is tried where no other is recognised."""
+    folder_holds: str | None = None
+    """File that makes a folder a log of this format; None where a log is always one file."""
 
     def recognises(self, head: bytes) -> bool:
         return self.recogniser is not None and bool(resolve_name(self.recogniser)(head))
@@ -46,8 +48,7 @@ FORMATS: tuple[LogFormat, ...] = (
         "ArduPilot DataFlash", ".bin", "quadctl.logs.dataflash:read_dataflash", "quadctl.logs.dataflash:is_dataflash"
     ),
     LogFormat("MAVLink telemetry", ".tlog", "quadctl.logs.tlog:read_tlog", "quadctl.logs.tlog:is_tlog"),
-    LogFormat("rosbag2 in MCAP", ".mcap", "quadctl.logs.rosbag:read_rosbag", "quadctl.logs.rosbag:is_mcap"),
-    LogFormat("rosbag2 in SQLite", ".db3", "quadctl.logs.rosbag:read_rosbag", "quadctl.logs.rosbag:is_sqlite"),
+    LogFormat("ROS bag", ".mcap", "quadctl.logs.rosbag:read_rosbag", "quadctl.logs.rosbag:is_rosbag", "metadata.yaml"),
     LogFormat("Parquet", ".parquet", "quadctl.logs.table:read_parquet", "quadctl.logs.table:is_parquet"),
 )
 MAP_SUFFIX = ".map.yaml"
@@ -80,6 +81,11 @@ def format_of(head: bytes, suffix: str) -> LogFormat:
             return form
     by_suffix = [form for form in FORMATS if form.suffix == suffix.lower()]
     return (by_suffix or [form for form in FORMATS if form.recogniser is None])[0]
+
+
+def format_of_folder(path: Path) -> LogFormat | None:
+    """The format of a log that is a folder; None for any other folder, or a file."""
+    return next((form for form in FORMATS if form.folder_holds and (path / form.folder_holds).is_file()), None)
 
 
 def writer(to: str) -> Writer:

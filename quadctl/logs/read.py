@@ -8,7 +8,7 @@ from pathlib import Path
 from quadctl.errors import LogError
 from quadctl.logs.csv_lines import reason_of
 from quadctl.logs.flight_log import FlightLog
-from quadctl.logs.formats import HEAD_BYTES, MAP_SUFFIX, MAPPED, format_of
+from quadctl.logs.formats import HEAD_BYTES, MAP_SUFFIX, MAPPED, format_of, format_of_folder
 
 _NO_LOGS = {
     b"\x1f\x8b": "is compressed by gzip, expected it unpacked",
@@ -17,8 +17,6 @@ _NO_LOGS = {
     b"\xfe\xff": "is text in UTF-16, expected UTF-8",
 }
 """Beginnings of files that hold no log, or one in a wrapping; and the problem in words."""
-BAG_METADATA = "metadata.yaml"
-"""File that makes a folder a rosbag2."""
 _SETTINGS_SUFFIXES = (".yaml", ".yml")
 
 
@@ -26,7 +24,7 @@ def read_log(path: Path | str) -> FlightLog:
     """The flight log in `path`, in any of `quadctl.logs.formats.FORMATS`.
 
     The format is recognised by the content, and by the extension where the content is damaged; a table with a map
-    `NAME.map.yaml` beside it is read by that map, and the folder of a rosbag2 is one log.
+    `NAME.map.yaml` beside it is read by that map.
 
     Raises
     ------
@@ -34,17 +32,11 @@ def read_log(path: Path | str) -> FlightLog:
         One sentence that says which file, where in it, what is wrong and what was expected.
     """
     path = Path(path)
-    path = bag_file(path)
     _require_file(path)
+    if (folder := format_of_folder(path)) is not None:
+        return folder.read(path)
     head = _head(path)
     return (MAPPED if path.with_suffix(MAP_SUFFIX).is_file() else format_of(head, path.suffix)).read(path)
-
-
-def bag_file(path: Path) -> Path:
-    """The first file of the bag where `path` is the folder of a rosbag2, else `path`."""
-    if not (path / BAG_METADATA).is_file():
-        return path
-    return next(iter(sorted([*path.glob("*.mcap"), *path.glob("*.db3")])), path)
 
 
 def read_logs(paths: Iterable[Path | str]) -> list[FlightLog]:

@@ -74,7 +74,7 @@ FLAGS = {
 IMU = ("imu_x_m_s2", "imu_y_m_s2", "imu_z_m_s2")
 ATTITUDE_COMMAND = ("roll_cmd_deg", "pitch_cmd_deg", "yaw_cmd_deg")
 
-Topic: TypeAlias = dict[str, Any]
+_Topic: TypeAlias = dict[str, Any]
 """Arrays of shape (n,) by the names of the fields."""
 
 
@@ -92,14 +92,13 @@ def read_ulog(path: Path) -> FlightLog:
         The file cannot be read, is no ULog, or holds no position, velocity or attitude.
     """
     log = _parsed(path)
-    topics: dict[str, Topic] = {}
-    outputs: list[Topic] = []
+    topics: dict[str, _Topic] = {}
+    outputs: list[_Topic] = []
     for data in log.data_list:
         if len(data.data.get("timestamp", ())):
+            topics.setdefault(data.name, data.data)  # the first instance: PX4's primary
             if data.name == "actuator_outputs":
                 outputs.append(data.data)
-            else:
-                topics.setdefault(data.name, data.data)  # the first instance: PX4's primary
     notes: list[str] = []
     if log.file_corruption:
         notes.append("the file is damaged: what could not be read was left out")
@@ -113,34 +112,23 @@ def read_ulog(path: Path) -> FlightLog:
         "software": _version(log.msg_info_dict),
         "parameters": parameters,
     }
-    return log_of_topics(path, topics, outputs, meta, notes)
+    topics.pop("actuator_outputs", None)
+    if "actuator_motors" not in topics and "CA_ROTOR_COUNT" not in parameters:  # PX4 1.12 and before
+        topics |= _motors_from_outputs(outputs, parameters, notes)
+    _remove_battery_scale(topics, parameters, notes)
+    return log_of_topics(path, topics, meta, notes)
 
 
-def log_of_topics(
-    path: Path, topics: dict[str, Topic], outputs: list[Topic], meta: dict[str, Any], notes: list[str]
-) -> FlightLog:
-    """The flight log of PX4's topics, from whatever file they come.
-
-    Parameters
-    ----------
-    topics
-        By their names in PX4, as `TOPICS` lists them; without `actuator_outputs`.
-    outputs
-        All instances of `actuator_outputs`.
-    meta
-        With PX4's `parameters`, as far as they are known.
+def log_of_topics(path: Path, topics: dict[str, _Topic], meta: dict[str, Any], notes: list[str]) -> FlightLog:
+    """The flight log in PX4's topics, by their names in a ULog: arrays of shape (n,) by the names of their fields.
 
     Raises
     ------
     LogError
-        There is no position, velocity or attitude.
+        They hold no position, velocity or attitude.
     """
-    parameters: dict[str, float] = meta["parameters"]
     armed = topics.get("actuator_armed")
     periods = [] if armed is None else intervals(_seconds(armed, "timestamp"), _values(armed, "armed") > 0)
-    if "actuator_motors" not in topics and "CA_ROTOR_COUNT" not in parameters:  # PX4 1.12 and before
-        topics |= _motors_from_outputs(outputs, parameters, notes)
-    _remove_battery_scale(topics, parameters, notes)
     channels = list(_channels(topics, notes))
     invalid = _invalid(topics.get("vehicle_local_position", {}), notes)
     return merge(channels, Origin(path, NEEDED, meta, notes, periods, invalid))
@@ -171,7 +159,7 @@ def _version(info: dict[str, Any]) -> str:
     return f"PX4 {release >> 24 & 0xFF}.{release >> 16 & 0xFF}.{release >> 8 & 0xFF}"
 
 
-def _channels(topics: dict[str, Topic], notes: list[str]) -> Iterator[Channel]:
+def _channels(topics: dict[str, _Topic], notes: list[str]) -> Iterator[Channel]:
     if (topic := topics.get("vehicle_local_position")) is not None:
         yield _local_position(topic, notes)
     if (topic := topics.get("vehicle_attitude")) is not None:
@@ -184,7 +172,7 @@ def _channels(topics: dict[str, Topic], notes: list[str]) -> Iterator[Channel]:
     yield from _commands(topics)
 
 
-def _local_position(topic: Topic, notes: list[str]) -> Channel:
+def _local_position(topic: _Topic, notes: list[str]) -> Channel:
     columns = {
         "x_m": _valid(topic, "x", "xy_valid"),
         "y_m": _valid(topic, "y", "xy_valid"),
@@ -206,7 +194,7 @@ def _local_position(topic: Topic, notes: list[str]) -> Channel:
     return Channel("vehicle_local_position", _sampled(topic), columns)
 
 
-def _invalid(topic: Topic, notes: list[str]) -> dict[str, str]:
+def _invalid(topic: _Topic, notes: list[str]) -> dict[str, str]:
     """Reasons, by column, of those that PX4's estimator never calls valid; a note on those that it calls invalid for a
     part of the log."""
     reasons: dict[str, str] = {}
@@ -225,7 +213,7 @@ def _invalid(topic: Topic, notes: list[str]) -> dict[str, str]:
     return reasons
 
 
-def _rates_and_imu(topics: dict[str, Topic]) -> Iterator[Channel]:
+def _rates_and_imu(topics: dict[str, _Topic]) -> Iterator[Channel]:
     combined = topics.get("sensor_combined")
     if (topic := topics.get("vehicle_angular_velocity")) is not None:
         yield Channel("vehicle_angular_velocity", _sampled(topic), _xyz(topic, "xyz", RATES))
@@ -244,7 +232,7 @@ def _rates_and_imu(topics: dict[str, Topic]) -> Iterator[Channel]:
         yield Channel("vehicle_acceleration", _sampled(topic), imu, makes_rows=False, averaged=True)
 
 
-def _motors(topics: dict[str, Topic], notes: list[str]) -> Iterator[Channel]:
+def _motors(topics: dict[str, _Topic], notes: list[str]) -> Iterator[Channel]:
     rpm = None if (topic := topics.get("esc_status")) is None else _esc_status(topic, notes)
     if rpm is not None:
         yield rpm
@@ -262,7 +250,7 @@ def _motors(topics: dict[str, Topic], notes: list[str]) -> Iterator[Channel]:
     yield Channel(source, _seconds(topic, "timestamp"), columns)
 
 
-def _motors_from_outputs(instances: list[Topic], parameters: dict[str, float], notes: list[str]) -> dict[str, Topic]:
+def _motors_from_outputs(instances: list[_Topic], parameters: dict[str, float], notes: list[str]) -> dict[str, _Topic]:
     """`actuator_motors` as PX4 1.13 and later log it, from the pulse lengths that earlier versions log.
 
     PX4 bends the share of the full thrust on its way to the output: thrust = f u^2 + (1 - f) u, where u is the share of
@@ -292,7 +280,7 @@ def _motors_from_outputs(instances: list[Topic], parameters: dict[str, float], n
     return {}
 
 
-def _remove_battery_scale(topics: dict[str, Topic], parameters: dict[str, float], notes: list[str]) -> None:
+def _remove_battery_scale(topics: dict[str, _Topic], parameters: dict[str, float], notes: list[str]) -> None:
     """Divide motor outputs and thrust commands by the factor with which PX4 compensates the battery, where it does."""
     if not parameters.get("MC_BAT_SCALE_EN"):
         return
@@ -315,7 +303,7 @@ def _remove_battery_scale(topics: dict[str, Topic], parameters: dict[str, float]
     notes.append("PX4's scaling of outputs and thrust with the battery (MC_BAT_SCALE_EN) is removed")
 
 
-def _controls(share: Floats) -> Topic:
+def _controls(share: Floats) -> _Topic:
     return {f"control[{i}]": column for i, column in enumerate(share.T)}
 
 
@@ -325,7 +313,7 @@ def _n_moving(pulses: Floats) -> int:
     return int(np.argmin(np.append(moves, False)))
 
 
-def _esc_status(topic: Topic, notes: list[str]) -> Channel | None:
+def _esc_status(topic: _Topic, notes: list[str]) -> Channel | None:
     """Speeds, voltages and currents of the motors; None when all stand still all the time."""
     columns: dict[str, Floats] = {}
     n_escs = min(int(np.nan_to_num(_values(topic, "esc_count")).max()), MAX_ESCS)
@@ -344,7 +332,7 @@ def _esc_status(topic: Topic, notes: list[str]) -> Channel | None:
     return Channel("esc_status", _seconds(topic, "timestamp"), columns)
 
 
-def _commands(topics: dict[str, Topic]) -> Iterator[Channel]:
+def _commands(topics: dict[str, _Topic]) -> Iterator[Channel]:
     attitude, thrust = topics.get("vehicle_attitude_setpoint"), topics.get("vehicle_thrust_setpoint")
     controls = topics.get("actuator_controls_0")  # PX4 1.12 and before: roll, pitch, yaw, thrust
     if attitude is not None:
@@ -360,7 +348,7 @@ def _commands(topics: dict[str, Topic]) -> Iterator[Channel]:
         yield Channel("actuator_controls_0", _seconds(controls, "timestamp"), throttle)
 
 
-def _lateral(thrust: Topic) -> dict[str, Floats]:
+def _lateral(thrust: _Topic) -> dict[str, Floats]:
     """Lateral throttle of a fully actuated vehicle; nothing of one that never has any."""
     columns = {name: _values(thrust, f"xyz[{axis}]") for axis, name in enumerate(LATERAL_THROTTLE)}
     return columns if any(np.any(np.nan_to_num(column)) for column in columns.values()) else {}
@@ -369,32 +357,32 @@ def _lateral(thrust: Topic) -> dict[str, Floats]:
 # --- fields -----------------------------------------------------------------------------------------------------------
 
 
-def _values(topic: Topic, field: str) -> Floats:
+def _values(topic: _Topic, field: str) -> Floats:
     """The field; NaN where it is not finite or firmware does not log it."""
     return finite(topic[field]) if field in topic else np.full(len(topic["timestamp"]), np.nan)
 
 
-def _valid(topic: Topic, field: str, flag: str) -> Floats:
+def _valid(topic: _Topic, field: str, flag: str) -> Floats:
     """The field, NaN where PX4 says that it is not valid."""
     values = _values(topic, field)
     return np.where(topic[flag].astype(bool), values, np.nan) if flag in topic else values
 
 
-def _xyz(topic: Topic, field: str, names: tuple[str, str, str]) -> dict[str, Floats]:
+def _xyz(topic: _Topic, field: str, names: tuple[str, str, str]) -> dict[str, Floats]:
     return {name: _values(topic, f"{field}[{i}]") for i, name in enumerate(names)}
 
 
-def _euler(topic: Topic, field: str, names: tuple[str, str, str]) -> dict[str, Floats]:
+def _euler(topic: _Topic, field: str, names: tuple[str, str, str]) -> dict[str, Floats]:
     w, x, y, z = (_values(topic, f"{field}[{i}]") for i in range(4))
     angles = euler_from_quaternion((w, x, y, z))
     return {name: np.degrees(angle) for name, angle in zip(names, angles, strict=True)}
 
 
-def _seconds(topic: Topic, field: str) -> Floats:
+def _seconds(topic: _Topic, field: str) -> Floats:
     return 1e-6 * np.asarray(topic[field], dtype=np.float64)
 
 
-def _sampled(topic: Topic) -> Floats:
+def _sampled(topic: _Topic) -> Floats:
     """Time of the sensor sample; older firmware has none, or zero."""
     has_sample_time = "timestamp_sample" in topic and np.all(topic["timestamp_sample"] > 0)
     return _seconds(topic, "timestamp_sample" if has_sample_time else "timestamp")

@@ -14,6 +14,7 @@ from quadctl.missions.mission import Mission, MissionLimits, Phase, Turn
 from quadctl.missions.profile import sampled
 from quadctl.settings import Settings, read_value, read_yaml, validate
 from quadctl.state import Vec3
+from quadctl.surfaces import read_place
 from quadctl.trajectories import Trajectory, find_trajectory
 
 START_M: Vec3 = (0.0, 0.0, 0.0)
@@ -31,6 +32,10 @@ class _MissionFile(Settings):
     yaw_deg: float | None = None
     yaw_rate_deg_s: float = Field(default=45.0, gt=0.0, le=360.0)
     limits: MissionLimits
+    surface: Any = None
+    surfaces: Any = None
+    edge_m: Any = None
+    """Surfaces of the ground, as `read_place` takes them."""
     phases: list[dict[str, Any]] = Field(min_length=1)
 
 
@@ -81,6 +86,7 @@ def load_mission(path: Path | str, offset_up_m: float | None = None, overrides: 
         yaw_rate_rad_s=math.radians(entry.yaw_rate_deg_s),
         offset_up_m=entry.offset_up_m,
         parameters=values,
+        place=read_place(whole, str(path)),
     )
     _check_limits(mission, path)
     return mission

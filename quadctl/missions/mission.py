@@ -10,6 +10,7 @@ from pydantic import Field
 from quadctl.frames import wrap_pi
 from quadctl.settings import Settings
 from quadctl.state import Vec3
+from quadctl.surfaces import Place
 from quadctl.trajectories import Reference, Trajectory
 
 
@@ -57,6 +58,8 @@ class Mission(NamedTuple):
     offset_up_m: float = 0.0
     parameters: Mapping[str, Any] = {}
     """Values of the mission's parameters as flown: those of the file, or those that override them."""
+    place: Place | None = None
+    """Surfaces of the ground that it flies over; None: not said."""
 
     @property
     def duration_s(self) -> float:

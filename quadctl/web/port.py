@@ -1,8 +1,9 @@
-"""Ports and the web server, for both pages."""
+"""Ports, and the web server, for both pages."""
 
 import socket
 
 from quadctl.errors import QuadctlError
+from quadctl.web.own_pages import OwnPagesOnly
 
 RECONNECT_S = 120.0
 """Longest time for which a tab may lose its connection and find its page unchanged."""
@@ -25,9 +26,10 @@ def require_free(host: str, port: int, option: str) -> None:
 
 
 def run_pages(host: str, port: int, *, show: bool) -> None:
-    """Serve the registered pages until the process ends; `show`: open a browser too."""
-    from nicegui import ui  # not in the process that flies: it only asks whether a port is free
+    """Serve the registered pages to themselves until the process ends; `show`: open a browser too."""
+    from nicegui import app, ui  # not in the process that flies: it only asks whether a port is free
 
+    app.add_middleware(OwnPagesOnly)
     ui.run(
         host=host,
         port=port,

@@ -65,7 +65,7 @@ class SimulatedAutopilot:
     def __init__(self, vehicle: Vehicle, truth: HiddenTruth | None = None, seed: int = 0, source: str = "") -> None:
         truth = truth or HiddenTruth()
         self.vehicle = vehicle
-        self.body = SimulatedBody(true_model(vehicle, truth, source))
+        self.body = SimulatedBody(true_model(vehicle, truth, source), ground=truth.ground)
         self.estimator = Estimator(truth.noise, truth.telemetry, seed)
         self.loops = InnerLoops(vehicle)
         self.mode = self.first_mode

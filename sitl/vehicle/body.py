@@ -11,6 +11,7 @@ from typing import NamedTuple
 from quadctl.frames import rotate, rotate_inverse
 from quadctl.model import Model, conditions
 from quadctl.state import Quat, Vec3
+from quadctl.surfaces import Place
 
 STEP_S = 0.002
 """Physics step: 500 Hz."""
@@ -63,8 +64,9 @@ class Battery:
 class SimulatedBody:
     """A vehicle in the world of `truth`, standing on the ground at the origin."""
 
-    def __init__(self, truth: Model, yaw_rad: float = 0.0) -> None:
+    def __init__(self, truth: Model, yaw_rad: float = 0.0, ground: Place | None = None) -> None:
         self.truth = truth
+        self._ground = ground
         vehicle = truth.vehicle
         self.vehicle = vehicle
         self.time_s = 0.0
@@ -143,7 +145,7 @@ class SimulatedBody:
         north, east, down = self.position
         velocity_body = rotate_inverse(self.attitude, self.velocity)
         volts = self.battery.voltage_v
-        c = conditions(vehicle, -down, velocity_body, self.attitude, self.time_s, volts, (north, east))
+        c = conditions(vehicle, -down, velocity_body, self.attitude, self.time_s, volts, (north, east), self._ground)
         return truth.loads(thrusts, c)
 
     def _contact_force(self) -> Vec3 | None:

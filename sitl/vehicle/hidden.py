@@ -15,6 +15,7 @@ from quadctl.errors import SettingsError
 from quadctl.model import EffectEntry, Model, StackedEffect
 from quadctl.numeric import Number, maximum
 from quadctl.settings import Settings, load
+from quadctl.surfaces import Place
 from quadctl.vehicle import Vehicle
 
 Triple = tuple[NonNegativeFloat, NonNegativeFloat, NonNegativeFloat]
@@ -69,6 +70,8 @@ class HiddenTruth(Settings):
     """Content of the file of `simulate --hidden FILE`."""
 
     effects: list[EffectEntry] = Field(default_factory=list)
+    ground: Place | None = None
+    """Where the surfaces of `ground_effect.surfaces` really are."""
     noise: Noise = Noise()
     telemetry: Telemetry = Telemetry()
     autopilot: AutopilotTruth = AutopilotTruth()

@@ -13,6 +13,8 @@ from quadctl.logs.columns import rpm_columns
 from quadctl.logs.flight_log import FlightLog
 from studies.papers import (
     dena,
+    dena_flight,
+    four_vehicles,
     garofano,
     garofano_flight,
     thesis_ground_effect,
@@ -65,7 +67,9 @@ def main() -> int:
             raise QuadctlError(f"{folder}: is not there, expected the folder of the thesis' flight logs (--logs DIR)")
         parts = [INTRODUCTION, *from_logs(folder), dena.section(raptor()), garofano.section()]
         with tempfile.TemporaryDirectory() as flights:
-            parts.append(garofano_flight.section(Path(flights)))
+            parts.append(dena_flight.section(Path(flights) / "dena"))
+            parts.append(garofano_flight.section(Path(flights) / "garofano"))
+            parts.append(four_vehicles.section(Path(flights) / "vehicles"))
     except QuadctlError as error:
         print(f"error: {error}", file=sys.stderr)
         return 1

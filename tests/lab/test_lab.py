@@ -348,6 +348,7 @@ def test_a_position_and_a_speed_explain_nothing_where_the_vehicle_only_wanders(
 
 
 class TestDiscover:
+    @pytest.mark.long
     def test_it_walks_the_circle_until_nothing_is_left(self, tmp_path: Path, rigid: Model) -> None:
         hidden = [("rotor_drag.linear", {"d_x": 0.3, "d_y": 0.25}), ("thrust_scale.constant", {"factor": 0.93})]
         data = load_dataset([simulated("forward_runs", hidden, 6, tmp_path)], rigid.vehicle)

@@ -54,6 +54,7 @@ def of_commands(log: FlightLog) -> FlightLog:
     return without(log, [name for name in log.columns if motor_of(name) is not None])
 
 
+@pytest.mark.long
 def test_a_ground_effect_that_is_in_no_catalogue_is_named(tmp_path: Path) -> None:
     logs = [flown("hover_staircase", CUSHION, 1, tmp_path), flown("excitation", CUSHION, 2, tmp_path)]
     found = diagnose(RIGID, load_dataset(logs, RIGID.vehicle))

@@ -1,164 +1,203 @@
-"""Bags of ROS 2: the same flight as from PX4's own log, and the same verdict."""
+"""Bags of ROS: the same flight as the ULog or the CSV that they were written from, and bad bags in a sentence."""
 
-from collections.abc import Iterable
+import shutil
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from pyulog import ULog
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from quadctl.errors import LogError
-from quadctl.frames import rotate_inverse
-from quadctl.lab.interface import diagnose
-from quadctl.logs.csv_log import write_csv
+from quadctl.frames import multiply, quaternion_from_euler, rotate
 from quadctl.logs.flight_log import ATTITUDE, IMU, POSITION, RATES, VELOCITY, FlightLog
 from quadctl.logs.read import read_log
-from quadctl.logs.ulog import TOPICS
-from quadctl.model import load_model
-from tests.logs.test_table_map import flight, foreign
-from tests.support.log_files import PX4, needs_px4
-from tests.support.places import DATA
+from quadctl.logs.rosbag import px4_topic, read_rosbag
+from quadctl.logs.ulog import MAGIC
+from tests.support.flights import simulated
+from tests.support.places import ROOT
 
-REAL = DATA / "real" / "px4"
-KINDS = {"bool": "bool", "float": "float32", "double": "float64"} | {
-    f"{sign}int{n}_t": f"{sign}int{n}" for sign in ("", "u") for n in (8, 16, 32, 64)
+ULOG = ROOT.parent / "shared" / "data" / "real" / "px4" / "forward_runs.ulg"
+ENU_TO_NED = (0.0, 0.5**0.5, 0.5**0.5, 0.0)
+FRD_TO_FLU = (0.0, 1.0, 0.0, 0.0)
+"""Each is its own inverse."""
+PX4_FIELDS = {
+    "vehicle_local_position": ("x", "y", "z", "vx", "vy", "vz", "ax", "ay", "az"),
+    "vehicle_attitude": ("q[4]",),
+    "vehicle_angular_velocity": ("xyz[3]",),
+    "actuator_motors": ("control[12]",),
 }
-Storage = pytest.mark.parametrize("storage", [StoragePlugin.SQLITE3, StoragePlugin.MCAP])
+FLAGS = ("xy_valid", "z_valid", "v_xy_valid", "v_z_valid")
 
 
-def bag_of_ulog(ulog: Path, bag: Path, storage: StoragePlugin, without: Iterable[str] = ()) -> None:
-    """The topics of PX4's log as its bridge to ROS 2 publishes them."""
-    store = get_typestore(Stores.ROS2_HUMBLE)
-    with Writer(bag, version=9, storage_plugin=storage) as writer:
-        for data in ULog(str(ulog)).data_list:
-            if data.name not in TOPICS or data.name in without or data.multi_id:
-                continue
-            arrays: dict[str, int] = {}
-            kinds: dict[str, str] = {}
-            for field in data.field_data:
-                name, bracket, index = field.field_name.partition("[")
-                kinds[name] = KINDS[field.type_str]
-                if bracket:
-                    arrays[name] = int(index.rstrip("]")) + 1
-            text = "\n".join(f"{kind}{f'[{arrays[n]}]' if n in arrays else ''} {n}" for n, kind in kinds.items())
-            camel = "".join(part.title() for part in data.name.split("_"))
-            kind = f"px4_msgs/msg/{camel}"
-            store.register(get_types_from_msg(text, kind))
-            connection = writer.add_connection(f"/fmu/out/{data.name}", kind, typestore=store)
-            columns = {
-                name: np.column_stack([data.data[f"{name}[{i}]"] for i in range(arrays[name])])
-                if name in arrays
-                else data.data[name].tolist()
-                for name in kinds
-            }
-            for i, us in enumerate(data.data["timestamp"].tolist()):
-                cells = {name: column[i] for name, column in columns.items()}
-                cells = {n: bool(v) if kinds[n] == "bool" and n not in arrays else v for n, v in cells.items()}
-                writer.write(connection, 1000 * us, store.serialize_cdr(store.types[kind](**cells), kind))
+def px4_bag(ulog: Path, bag: Path, storage: StoragePlugin) -> None:
+    """The topics of a ULog as PX4's bridge would publish them."""
+    from pyulog import ULog
 
-
-def bag_of_ros(log: FlightLog, bag: Path, storage: StoragePlugin, odometry: bool = True, attitude: bool = True) -> None:
-    """The flight as mavros, or a program with odometry, publishes it."""
     store = get_typestore(Stores.LATEST)
-    types: Any = store.types
-    stamp_of, header_of = types["builtin_interfaces/msg/Time"], types["std_msgs/msg/Header"]
-    vector, point = types["geometry_msgs/msg/Vector3"], types["geometry_msgs/msg/Point"]
-    turn, twist_of = types["geometry_msgs/msg/Quaternion"], types["geometry_msgs/msg/Twist"]
-    pose_of = types["geometry_msgs/msg/Pose"]
-    table = foreign(log).to_dict(as_series=False)
     with Writer(bag, version=9, storage_plugin=storage) as writer:
-        imu_kind, twist_kind = "sensor_msgs/msg/Imu", "geometry_msgs/msg/TwistStamped"
-        kind = "nav_msgs/msg/Odometry" if odometry else "geometry_msgs/msg/PoseStamped"
-        names = {kind: "/odom" if odometry else "/mavros/local_position/pose", imu_kind: "/mavros/imu/data"}
-        names |= {} if odometry else {twist_kind: "/mavros/local_position/velocity_local"}
-        if not attitude:
-            names = {imu_kind: names[imu_kind]}
-        connections = {k: writer.add_connection(name, k, typestore=store) for k, name in names.items()}
+        for data in ULog(str(ulog), list(PX4_FIELDS)).data_list:
+            if data.multi_id:
+                continue
+            kind = "px4_msgs/msg/" + "".join(word.capitalize() for word in data.name.split("_"))
+            fields = [name for name in PX4_FIELDS[data.name] if name in data.data or f"{name[:-3]}[0]" in data.data]
+            fields += [name for name in PX4_FIELDS[data.name] if "[12]" in name]
+            lines = ["uint64 timestamp", "uint64 timestamp_sample"]
+            for name in dict.fromkeys(fields):
+                stem, _, size = name.partition("[")
+                lines.append(f"float32[{size} {stem}" if size else f"float32 {stem}")
+            flags = [flag for flag in FLAGS if flag in data.data]
+            lines += [f"bool {flag}" for flag in flags]
+            store.register(get_types_from_msg("\n".join(lines), kind))
+            made = store.types[kind]
+            connection = writer.add_connection(f"/fmu/out/{data.name}", kind, typestore=store)
+            for i, stamp in enumerate(data.data["timestamp"]):
+                values: dict[str, Any] = {"timestamp": int(stamp)}
+                values["timestamp_sample"] = int(data.data.get("timestamp_sample", data.data["timestamp"])[i])
+                for name in dict.fromkeys(fields):
+                    stem, _, size = name.partition("[")
+                    if size:
+                        parts = [data.data[f"{stem}[{j}]"][i] for j in range(int(size[:-1]))]
+                        values[stem] = np.array(parts, dtype=np.float32)
+                    else:
+                        values[stem] = float(data.data[stem][i])
+                values |= {flag: bool(data.data[flag][i]) for flag in flags}
+                writer.write(connection, 1000 * int(stamp), store.serialize_cdr(made(**values), kind))
 
-        def write(time_ns: int, of: str, message: Any) -> None:
-            if of in connections:
-                writer.write(connections[of], time_ns, store.serialize_cdr(message, of))
 
-        for i, ns in enumerate(table["timestamp"]):
-            cell = {name: float(values[i]) for name, values in table.items()}
-            header = header_of(stamp=stamp_of(sec=ns // 10**9, nanosec=ns % 10**9), frame_id="map")
-            xyz = {stem: [cell[f"{stem} {axis}"] for axis in "xyz"] for stem in ("pos", "vel", "gyro", "acc", "q")}
-            pose = pose_of(position=point(*xyz["pos"]), orientation=turn(*xyz["q"], w=cell["q w"]))
-            angular = vector(*xyz["gyro"])
-            if odometry:
-                u, v, w = rotate_inverse((cell["q w"], *xyz["q"]), tuple(xyz["vel"]))
-                message = types[kind](
-                    header=header,
-                    child_frame_id="base_link",
-                    pose=types["geometry_msgs/msg/PoseWithCovariance"](pose=pose, covariance=np.zeros(36)),
-                    twist=types["geometry_msgs/msg/TwistWithCovariance"](
-                        twist=twist_of(linear=vector(float(u), float(v), float(w)), angular=angular),
-                        covariance=np.zeros(36),
-                    ),
-                )
-            else:
-                message = types[kind](header=header, pose=pose)
-                moving = twist_of(linear=vector(*xyz["vel"]), angular=angular)
-                write(ns, twist_kind, types[twist_kind](header=header, twist=moving))
-            write(ns, kind, message)
-            unknown = np.full(9, -1.0)
-            imu = types[imu_kind](
+@pytest.mark.skipif(not ULOG.is_file(), reason="the recordings of real autopilots are not here")
+def test_a_bag_of_px4_is_the_same_flight_as_its_ulog(tmp_path: Path) -> None:
+    px4_bag(ULOG, tmp_path / "bag", StoragePlugin.MCAP)
+    ulog, bag = read_log(ULOG), read_log(tmp_path / "bag")
+    for name in (*POSITION, *VELOCITY, *ATTITUDE, *RATES, "motor1_output", "motor4_output"):
+        at_rows = np.interp(ulog.time_s, bag.time_s + bag.meta["time_zero_s"] - ulog.meta["time_zero_s"], bag[name])
+        known = np.isfinite(ulog[name]) & np.isfinite(at_rows)
+        assert known.mean() > 0.9, name
+        assert np.median(np.abs(at_rows[known] - ulog[name][known])) < 1e-3, name
+
+
+def standard_bag(
+    log: FlightLog, bag: Path, leave_out: str = "", storage: StoragePlugin = StoragePlugin.SQLITE3
+) -> None:
+    """The flight as MAVROS would publish it: odometry, IMU, battery, rotor speeds."""
+    store = get_typestore(Stores.LATEST)
+    esc = "std_msgs/Header header\nmavros_msgs/ESCStatusItem[] esc_status"
+    item = "std_msgs/Header header\nint32 rpm\nfloat32 voltage\nfloat32 current"
+    store.register(get_types_from_msg(item, "mavros_msgs/msg/ESCStatusItem"))
+    store.register(get_types_from_msg(esc, "mavros_msgs/msg/ESCStatus"))
+    with Writer(bag, version=9, storage_plugin=storage) as writer:
+        for stamp_ns, topic, message in messages(log, store.types):
+            if message.__msgtype__ == leave_out:
+                continue
+            known = [c for c in writer.connections if c.topic == topic]
+            connection = known[0] if known else writer.add_connection(topic, message.__msgtype__, typestore=store)
+            writer.write(connection, stamp_ns, store.serialize_cdr(message, message.__msgtype__))
+
+
+def messages(log: FlightLog, types: Mapping[str, Any]) -> Iterator[tuple[int, str, Any]]:
+    point, quaternion = types["geometry_msgs/msg/Point"], types["geometry_msgs/msg/Quaternion"]
+    vector, none9, none36 = types["geometry_msgs/msg/Vector3"], np.zeros(9), np.zeros(36)
+    for i in range(len(log)):
+        stamp_ns = 1_700_000_000_000_000_000 + round(1e9 * log.time_s[i])
+        stamp = types["builtin_interfaces/msg/Time"](sec=stamp_ns // 10**9, nanosec=stamp_ns % 10**9)
+        header = types["std_msgs/msg/Header"](stamp=stamp, frame_id="map")
+        north, east, up = (float(log[name][i]) for name in POSITION)
+        turn = quaternion_from_euler(*(float(np.radians(log[name][i])) for name in ATTITUDE))
+        w, x, y, z = multiply(ENU_TO_NED, multiply(turn, FRD_TO_FLU))
+        vn, ve, vu = (float(log[name][i]) for name in VELOCITY)
+        forward, right, down = rotate((turn[0], -turn[1], -turn[2], -turn[3]), (vn, ve, -vu))
+        p, q, r = (float(log[name][i]) for name in RATES)
+        pose = types["geometry_msgs/msg/Pose"](position=point(east, north, up), orientation=quaternion(x, y, z, w))
+        twist = types["geometry_msgs/msg/Twist"](linear=vector(forward, -right, -down), angular=vector(p, -q, -r))
+        yield (
+            stamp_ns,
+            "/mavros/local_position/odom",
+            types["nav_msgs/msg/Odometry"](
                 header=header,
-                orientation=turn(0.0, 0.0, 0.0, 1.0),
-                orientation_covariance=unknown,
-                angular_velocity=angular,
-                angular_velocity_covariance=unknown,
-                linear_acceleration=vector(*xyz["acc"]),
-                linear_acceleration_covariance=unknown,
+                child_frame_id="base_link",
+                pose=types["geometry_msgs/msg/PoseWithCovariance"](pose=pose, covariance=none36),
+                twist=types["geometry_msgs/msg/TwistWithCovariance"](twist=twist, covariance=none36),
+            ),
+        )
+        ax, ay, az = (float(log[name][i]) for name in IMU) if log.has(IMU[0]) else (0.0, 0.0, -9.81)
+        imu = types["sensor_msgs/msg/Imu"](
+            header=header,
+            orientation=quaternion(x, y, z, w),
+            orientation_covariance=none9,
+            angular_velocity=vector(p, -q, -r),
+            angular_velocity_covariance=none9,
+            linear_acceleration=vector(ax, -ay, -az),
+            linear_acceleration_covariance=none9,
+        )
+        yield stamp_ns, "/mavros/imu/data", imu
+        items = [
+            types["mavros_msgs/msg/ESCStatusItem"](
+                header=header, rpm=round(float(log[f"motor{j}_rpm"][i])), voltage=0.0, current=0.0
             )
-            write(ns, imu_kind, imu)
+            for j in range(1, 5)
+        ]
+        yield stamp_ns, "/mavros/esc_status", types["mavros_msgs/msg/ESCStatus"](header=header, esc_status=items)
 
 
-class TestRos:
-    @Storage
-    @pytest.mark.parametrize("odometry", [True, False])
-    def test_frames_and_units(self, storage: StoragePlugin, odometry: bool, tmp_path: Path) -> None:
-        own = flight(10.0)
-        bag_of_ros(own, tmp_path / "bag", storage, odometry)
-        log = read_log(tmp_path / "bag")
-        for name in (*POSITION, *VELOCITY, *ATTITUDE, *RATES, *IMU):
-            assert np.interp(own.time_s, log.time_s, log[name])[5:-5] == pytest.approx(own[name][5:-5], abs=2e-3), name
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory: pytest.TempPathFactory) -> FlightLog:
+    return simulated("short_hop", [], 1, tmp_path_factory.mktemp("flown"))
 
-    @Storage
-    def test_a_bag_without_attitude_gets_its_sentence(self, storage: StoragePlugin, tmp_path: Path) -> None:
-        bag_of_ros(flight(2.0), tmp_path / "bag", storage, attitude=False)
-        with pytest.raises(
-            LogError, match=r"bag\.\w+: holds no values of x_m, .* roll_deg, .*expected messages nav_msgs"
-        ):
+
+@pytest.mark.parametrize("storage", [StoragePlugin.SQLITE3, StoragePlugin.MCAP])
+def test_standard_messages_in_enu_and_flu_are_the_same_flight(
+    storage: StoragePlugin, flight: FlightLog, tmp_path: Path
+) -> None:
+    standard_bag(flight, tmp_path / "bag", storage=storage)
+    log = read_log(tmp_path / "bag")
+    assert len(log) == len(flight)
+    for name in (*POSITION, *VELOCITY, *RATES, "roll_deg", "pitch_deg"):
+        assert log[name] == pytest.approx(flight[name], abs=1e-6), name
+    assert np.cos(np.radians(log["yaw_deg"] - flight["yaw_deg"])) == pytest.approx(1.0)
+    assert log["motor2_rpm"] == pytest.approx(flight["motor2_rpm"], abs=0.51)
+    assert log["imu_z_m_s2"] == pytest.approx(np.full(len(log), -9.81))
+
+
+def test_a_storage_file_alone_is_read_too(flight: FlightLog, tmp_path: Path) -> None:
+    standard_bag(flight, tmp_path / "bag", storage=StoragePlugin.MCAP)
+    (inside,) = (tmp_path / "bag").glob("*.mcap")
+    shutil.copy(inside, tmp_path / "alone.mcap")
+    assert len(read_log(tmp_path / "alone.mcap")) == len(flight)
+
+
+class TestBadBags:
+    def test_one_without_attitude_is_one_sentence(self, flight: FlightLog, tmp_path: Path) -> None:
+        standard_bag(flight, tmp_path / "bag", leave_out="nav_msgs/msg/Odometry")
+        with pytest.raises(LogError, match=r"holds no values of .*roll_deg.*, expected messages nav_msgs/Odometry"):
             read_log(tmp_path / "bag")
 
-
-@needs_px4
-class TestPx4:
-    @Storage
-    def test_a_bag_of_px4_msgs_is_px4s_own_log(self, storage: StoragePlugin, tmp_path: Path) -> None:
-        bag_of_ulog(PX4 / "B_forward.ulg", tmp_path / "bag", storage)
-        own, log = read_log(PX4 / "B_forward.ulg"), read_log(tmp_path / "bag")
-        assert log.columns.keys() == own.columns.keys()
-        for name, values in own.columns.items():
-            np.testing.assert_array_equal(log[name], values, err_msg=name)
-
-    def test_without_attitude(self, tmp_path: Path) -> None:
-        bag_of_ulog(PX4 / "B_forward.ulg", tmp_path / "bag", StoragePlugin.MCAP, without=["vehicle_attitude"])
-        with pytest.raises(LogError, match="holds no values of roll_deg, pitch_deg, yaw_deg, expected"):
+    def test_one_without_motion_is_one_sentence(self, tmp_path: Path) -> None:
+        store = get_typestore(Stores.LATEST)
+        with Writer(tmp_path / "bag", version=9) as writer:
+            text = store.types["std_msgs/msg/String"]
+            connection = writer.add_connection("/chatter", "std_msgs/msg/String", typestore=store)
+            writer.write(connection, 1, store.serialize_cdr(text("hello"), "std_msgs/msg/String"))
+        with pytest.raises(LogError, match="holds no messages that say how a vehicle moves"):
             read_log(tmp_path / "bag")
 
+    def test_a_damaged_one_is_one_sentence(self, flight: FlightLog, tmp_path: Path) -> None:
+        standard_bag(flight, tmp_path / "bag", storage=StoragePlugin.MCAP)
+        (inside,) = (tmp_path / "bag").glob("*.mcap")
+        inside.write_bytes(inside.read_bytes()[:3000])
+        with pytest.raises(LogError, match="cannot be read as a ROS bag") as problem:
+            read_log(inside)
+        assert "\n" not in str(problem.value)
 
-@pytest.mark.skipif(not REAL.is_dir(), reason="the logs of real PX4 are not here")
-def test_ulog_bag_and_csv_of_one_flight_have_one_verdict(tmp_path: Path) -> None:
-    ulog = REAL / "forward_runs.ulg"
-    bag_of_ulog(ulog, tmp_path / "bag", StoragePlugin.MCAP)
-    write_csv(read_log(ulog), tmp_path / "flight.csv")
-    model = load_model(REAL / "vehicle.yaml")
-    tried = ["thrust_scale", "rotor_drag"]
-    found = [diagnose(model, path, tried) for path in (ulog, tmp_path / "bag", tmp_path / "flight.csv")]
-    assert found[0].missing == found[1].missing == found[2].missing == ["rotor_drag"]
-    assert found[0].verdict == found[1].verdict == found[2].verdict
+    def test_a_file_of_another_format_is_not_taken_for_one(self, tmp_path: Path) -> None:
+        path = tmp_path / "x.mcap"
+        path.write_bytes(MAGIC)
+        with pytest.raises(LogError):
+            read_rosbag(path)
+
+
+def test_types_of_px4_are_the_topics_of_its_ulog() -> None:
+    assert px4_topic("px4_msgs/msg/VehicleLocalPosition") == "vehicle_local_position"
+    assert px4_topic("px4_msgs/msg/EscStatus") == "esc_status"
+    assert px4_topic("nav_msgs/msg/Odometry") == ""

@@ -6,11 +6,20 @@ import numpy as np
 import pytest
 
 from quadctl.logs.flight_log import FlightLog, Floats
-from studies.papers import dena, garofano, page, thesis_ground_effect, thesis_sindy, thesis_steps, thesis_thrust
-from studies.papers.garofano_flight import World
+from studies.papers import (
+    dena,
+    garofano,
+    garofano_flight,
+    page,
+    thesis_ground_effect,
+    thesis_sindy,
+    thesis_steps,
+    thesis_thrust,
+)
 from studies.papers.raptor import LOGS, log, raptor
 from studies.papers.thesis_ground_effect import Points
 from studies.papers.thesis_sindy import Data
+from studies.papers.world import World
 
 with_logs = pytest.mark.skipif(not LOGS.is_dir(), reason="the public RAPTOR logs are not here")
 
@@ -150,7 +159,8 @@ class TestGarofano:
             assert all(abs(jump.size) > 0.05 for jump in garofano.jumps(*tilts)[:2])
 
     def test_table_iv_in_the_world_of_eq_9_its_own_compensator_reaches_a_fifth(self, tmp_path: Path) -> None:
-        world = World(tmp_path / "world", "ground_effect.hexarotor", {})
-        none, own = (world.errors("garofano_cosine", word, [1]) for word in ("none", "hexarotor"))
+        upright = garofano_flight.VEHICLES[0]
+        world = World(tmp_path / "world", upright.config, f"ground_effect.{upright.formula}")
+        none, own = (world.errors("garofano_cosine", word, [1]) for word in ("none", upright.formula))
         assert own.rmse[0] < 0.2 * none.rmse[0]
         assert own.largest[0] < 0.2 * none.largest[0]

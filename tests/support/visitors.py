@@ -54,16 +54,19 @@ def free_tcp_port() -> int:
         return int(probe.getsockname()[1])
 
 
+def own_environment() -> dict[str, str]:
+    """Environment of a command: NiceGUI serves otherwise where it believes to be tested."""
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST")}
+    return environment | {"PYTHONPATH": str(ROOT)}
+
+
 @contextmanager
 def command(port: int, log: Path, *words: str) -> Iterator[subprocess.Popen[bytes]]:
     """A command of quadctl that serves a page at `port`; ended by Ctrl-C. What it prints goes to `log`."""
-    # NiceGUI serves otherwise where it believes to be tested.
-    environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST")}
-    environment["PYTHONPATH"] = str(ROOT)
     code = "from quadctl.cli import main; main()"
     with log.open("wb") as file:
         process = subprocess.Popen(
-            [sys.executable, "-c", code, *words], cwd=ROOT, env=environment, stdout=file, stderr=file
+            [sys.executable, "-c", code, *words], cwd=ROOT, env=own_environment(), stdout=file, stderr=file
         )
     try:
         wait_for(port, process)
@@ -93,6 +96,16 @@ def status(url: str, **headers: str) -> int:
     connection = http.client.HTTPConnection(url.removeprefix("http://"))
     connection.request("GET", "/", headers=headers)
     return connection.getresponse().status
+
+
+def is_kept_out(browser: Browser, site: str) -> bool:
+    """Tell whether another site that frames a page and opens its web socket (see `other_site`) gets neither."""
+    with browser.new_context() as context:
+        page = context.new_page()
+        page.goto(site)
+        page.wait_for_function("() => document.title !== 'waiting'")
+        framed = page.frames[1]
+        return page.title() == "refused" and "quadctl" not in framed.title() and framed.url.startswith("chrome-error:")
 
 
 class Visitor:

@@ -8,6 +8,7 @@ import re
 import shutil
 import signal
 import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -18,6 +19,7 @@ import pytest
 from quadctl.model import load_model
 from quadctl.web.session.session import load_session
 from tests.support.lab_sessions import ADDED, fly_over_a_cushion, one_step_up, searched, unexplained, wrong_files
+from tests.support.other_site import attacking
 from tests.support.visitors import (
     DESK,
     PATIENCE_MS,
@@ -28,7 +30,9 @@ from tests.support.visitors import (
     command,
     expect,
     free_tcp_port,
+    is_kept_out,
     needs_chromium,
+    own_environment,
     status,
 )
 
@@ -58,6 +62,32 @@ def analysed(session: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterato
         shutil.copy(ROOT / "missions" / name, missions)
     with served(where / "lab", "--session", str(one_step_up(session)), "--missions", str(missions)) as (url, _):
         yield url
+
+
+def test_another_site_can_neither_frame_it_nor_talk_to_it(browser: Browser, tmp_path: Path) -> None:
+    with served(tmp_path / "lab") as (url, _), attacking(url) as site:
+        assert is_kept_out(browser, site)
+        visitor = Visitor(browser, url)
+        visitor.sees("text=Drop flight logs here")
+        visitor.leaves()
+
+
+def test_the_address_is_told_when_it_answers(tmp_path: Path) -> None:
+    port = free_tcp_port()
+    words = ["lab", "--no-open", "--port", str(port), "--out", str(tmp_path / "lab")]
+    with subprocess.Popen(
+        [sys.executable, "-c", "from quadctl.cli import main; main()", *words],
+        stdout=subprocess.PIPE,
+        cwd=ROOT,
+        env=own_environment(),
+        text=True,
+    ) as process:
+        assert process.stdout is not None
+        try:
+            assert any(f"http://127.0.0.1:{port}" in line for line in process.stdout)
+            assert status(f"http://127.0.0.1:{port}") == 200
+        finally:
+            process.kill()
 
 
 @contextmanager
@@ -135,6 +165,9 @@ def test_two_tabs_show_the_same_and_neither_a_lost_connection_nor_a_new_start_lo
         process.send_signal(signal.SIGINT)
         process.wait(30.0)
         one.sees("text=Connection lost")
+        over = one.page.locator("#popup").bounding_box()
+        assert over is not None
+        assert (over["width"], over["height"]) == pytest.approx((DESK["width"], DESK["height"]), abs=2.0)
         one.keeps("connection-lost")
         other.page.context.close()
     with served(tmp_path / "lab", "--session", str(tmp_path / "lab" / "session.lab.yaml"), port=port):
@@ -199,6 +232,36 @@ class TestAnalysed:
         assert visitor.points(visitor.figure("Flight over time"), "selected") == some
         visitor.click("button:has-text('Clear')")
         expect(visitor.page.locator("text=Selected:")).to_have_count(0)
+
+    @pytest.mark.parametrize("size", [DESK, PHONE], ids=["desk", "phone"])
+    def test_work_and_its_cancel_button_stay_in_sight(
+        self, browser: Browser, analysed: str, size: dict[str, int]
+    ) -> None:
+        visitor = Visitor(browser, analysed, size)
+        visitor.click("[role=tab]:has-text('Compensator')")
+        fly = visitor.page.locator("button:has-text('Fly it in simulation')")
+        fly.scroll_into_view_if_needed()
+        fly.click()
+        cancel = visitor.page.locator(".banner.work button:has-text('Cancel')")
+        expect(cancel).to_be_in_viewport(ratio=1.0)
+        visitor.page.evaluate("window.scrollTo(0, document.body.scrollHeight)")
+        expect(cancel).to_be_in_viewport(ratio=1.0)
+        visitor.keeps(f"working-{'desk' if size is DESK else 'phone'}")
+        cancel.click()
+        assert "was cancelled; nothing is lost" in visitor.sees(".banner.done")
+        visitor.click("button[aria-label='Dismiss']")
+        visitor.leaves()
+
+    def test_back_and_forward_move_between_the_parts_of_the_page(self, visitor: Visitor) -> None:
+        for part in ("Over time", "Flights"):
+            visitor.click(f"[role=tab]:has-text('{part}')")
+            visitor.sees(f"[role=tab][aria-selected=true]:has-text('{part}')")
+        visitor.page.go_back()
+        visitor.sees("[role=tab][aria-selected=true]:has-text('Over time')")
+        visitor.figure("Flight over time")
+        visitor.page.go_forward()
+        visitor.sees("[role=tab][aria-selected=true]:has-text('Flights')")
+        visitor.sees("text=Drop flight logs here")
 
     def test_what_is_said_is_shown_in_the_flight_without_a_mouse(self, visitor: Visitor) -> None:
         stand_on(visitor, "rigid body")

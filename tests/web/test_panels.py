@@ -16,10 +16,11 @@ from nicegui.client import Client
 from nicegui.element import Element
 
 from quadctl.effects.ground_effect import Exponential, Hayden
+from quadctl.lab.comparison.wording import number, quantity, share_of_g
 from quadctl.lab.flights.dataset import load_dataset
 from quadctl.lab.selection.diagnosis import diagnose
 from quadctl.logs.quality import quality
-from quadctl.model import Model
+from quadctl.model import Model, Provenance
 from quadctl.vehicle import Vehicle
 from quadctl.web.elements.theme import DARK, LIGHT
 from quadctl.web.page.page import TABS, Page
@@ -129,6 +130,7 @@ def views(raptor: Vehicle) -> dict[str, View]:
         work=None,
         search=None,
         message=None,
+        waiting=(),
         hidden=None,
         vehicles=(Path("raptor.yaml"),),
         template="",
@@ -152,6 +154,7 @@ def views(raptor: Vehicle) -> dict[str, View]:
         "a log that cannot be used": {"opened": replace(opened, logs=[OpenedLog(Path("x.csv"), problem="no log")])},
         "no flight that can be used": {"opened": replace(opened, seen=None)},
         "no flight": {"opened": None},
+        "a fit to one of the flights": {"session": _fitted_to(session, ("0.csv",))},
         "no evaluation": {"results": replace(results, evaluation=None)},
         "nothing found": {"results": replace(results, found=None)},
         "findings of another step": {
@@ -162,6 +165,7 @@ def views(raptor: Vehicle) -> dict[str, View]:
         "steps that were flown": {"results": replace(results, steps=_steps())},
         "a warning of the check": {"results": replace(results, checked=("too high",))},
         "a refusal of the check": {"results": replace(results, checked=None, refused="it has a pole")},
+        "a file that waits": {"waiting": ("a.csv",)},
         "a message": {"message": Message("error", "no")},
         "another world": {"hidden": Path("hidden.yaml")},
         "other vehicles": {"vehicles": ()},
@@ -182,6 +186,13 @@ def views(raptor: Vehicle) -> dict[str, View]:
         "another template": replace(empty, template="name: other"),
         "a log without a vehicle": replace(empty, session=Session().with_logs([Path("a.csv")])),
     }
+
+
+def _fitted_to(session: Session, logs: tuple[str, ...]) -> Session:
+    """The same session, if the effects had been fitted to these flights."""
+    rung = session.rungs[1]
+    stack = tuple(replace(item, fitted=Provenance(logs=logs)) for item in rung.model.stack)
+    return replace(session, rungs=(session.rungs[0], replace(rung, model=replace(rung.model, stack=stack))))
 
 
 def _steps() -> Any:
@@ -255,7 +266,9 @@ def tabs(views: dict[str, View], monkeypatch: pytest.MonkeyPatch) -> Iterator[Ca
 
 
 class TestOpenTab:
-    @pytest.mark.parametrize("tab", TABS)
+    @pytest.mark.parametrize(
+        "tab", [pytest.param(tab, marks=pytest.mark.long) if i else tab for i, tab in enumerate(TABS)]
+    )
     def test_it_shows_after_every_change_what_a_new_tab_shows(
         self, tab: str, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
     ) -> None:
@@ -283,6 +296,46 @@ class TestOpenTab:
             assert tab.figures[0] is figure, name
         tab.follow(views["another axis"])
         assert tab.figures[0] is not figure
+
+    def test_flights_that_the_model_was_not_fitted_to_are_named_and_a_refit_is_offered(
+        self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
+    ) -> None:
+        assert "The model is fitted to" not in str(tabs("missing", views["at first"]).shown)
+        shown = str(tabs("missing", views["a fit to one of the flights"]).shown)
+        assert "The model is fitted to 0.csv only, not to 1.csv." in shown
+        assert "Refit to all flights" in shown
+
+    def test_what_is_there_but_small_is_no_contradiction(
+        self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
+    ) -> None:
+        view = views["at first"]
+        assert view.found is not None
+        first = view.found.diagnosis.ranking[0]
+        little = {name: 0.999 * error for name, error in first.before.items()}
+        small = replace(first, after=little, p_value=1e-9)
+        nothing = replace(view.found.diagnosis, verdict="none", missing=[], ranking=[small], steps=[])
+        results = replace(view.results, found=Diagnosed(nothing, {}))
+        shown = str(tabs("missing", replace(view, results=results)).shown)
+        assert "Nothing significant is missing." in shown
+        assert "There, but too small to matter in these flights: ground effect." in shown
+        assert "It is there, as p says, but it changes the error too little to be called missing." in shown
+
+    def test_the_error_is_said_in_words(self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]) -> None:
+        evaluation = views["at first"].evaluation
+        assert evaluation is not None
+        error = evaluation.error_m_s2
+        expected = f"The model mispredicts acceleration by {quantity(error)}, {share_of_g(error)} of g"
+        assert expected in str(tabs("missing", views["at first"]).shown)
+
+    def test_each_of_several_flights_has_its_error(
+        self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
+    ) -> None:
+        evaluation = views["at first"].evaluation
+        assert evaluation is not None and list(evaluation.by_flight) == ["0.csv", "1.csv"]
+        mean_square = np.mean(np.square(list(evaluation.by_flight.values())))
+        assert np.sqrt(mean_square) == pytest.approx(evaluation.error_m_s2, rel=0.01)
+        shown = str(tabs("missing", views["at first"]).shown)
+        assert all(number(error) in shown for error in evaluation.by_flight.values())
 
     def test_every_curve_of_every_figure_has_a_name_of_its_own(
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]

@@ -3,7 +3,6 @@
 The flights are not judged here: their guards forgive what a browser does to a small machine.
 """
 
-import http.client
 import socket
 import subprocess
 from collections.abc import Iterator
@@ -15,6 +14,7 @@ import yaml
 
 from quadctl.flight.record.view_link import LANDED_BY
 from tests.support.configurations import forgiving_config
+from tests.support.other_site import attacking, upgrade_status
 from tests.support.visitors import (
     DESK,
     PATIENCE_MS,
@@ -24,6 +24,7 @@ from tests.support.visitors import (
     command,
     expect,
     free_tcp_port,
+    is_kept_out,
     needs_chromium,
     status,
 )
@@ -62,6 +63,7 @@ def ending(where: Path) -> str:
     return str(yaml.safe_load(meta.read_text())["ended"])
 
 
+@pytest.mark.long
 def test_a_flight_is_seen_in_four_tabs_and_landed_from_one(browser: Browser, tmp_path: Path) -> None:
     with flying(tmp_path) as (port, process):
         url = f"http://127.0.0.1:{port}"
@@ -103,10 +105,15 @@ def test_without_a_token_no_other_address_reaches_it_and_with_one_nobody_who_lac
     with flying(open_one) as (port, _), socket.socket() as outside:
         assert outside.connect_ex(("127.0.0.2", port)) != 0
         assert status(f"http://127.0.0.1:{port}", Host="elsewhere.example") == 400
+        other = "http://127.0.0.1:1"
+        assert status(f"http://127.0.0.1:{port}", Origin=other) == 403
+        assert upgrade_status(port, Origin=other) == 403
+        with attacking(f"http://127.0.0.1:{port}") as site:
+            assert is_kept_out(browser, site)
     with flying(closed_one, "--view-token", TOKEN) as (port, _):
         assert status(f"http://127.0.0.2:{port}") == 401
         assert status(f"http://127.0.0.2:{port}", Cookie="quadctl-view=wrong-token") == 401
-        assert _upgrade_status(port) == 403
+        assert upgrade_status(port) == 403
         visitor = Visitor(browser, f"http://127.0.0.2:{port}/?token={TOKEN}", DESK, "dark")
         assert TOKEN not in visitor.page.url
         is_in(visitor, "hover")
@@ -115,12 +122,3 @@ def test_without_a_token_no_other_address_reaches_it_and_with_one_nobody_who_lac
         expect(visitor.page.locator("#banner")).to_contain_text(LANDED_BY, timeout=PATIENCE_MS)
         visitor.page.context.close()
     assert ending(closed_one) == LANDED_BY
-
-
-def _upgrade_status(port: int) -> int:
-    """Answer to a web socket without the token."""
-    connection = http.client.HTTPConnection("127.0.0.1", port)
-    headers = {"Connection": "Upgrade", "Upgrade": "websocket", "Sec-WebSocket-Version": "13"}
-    key = {"Sec-WebSocket-Key": "AAAAAAAAAAAAAAAAAAAAAA=="}
-    connection.request("GET", "/_nicegui_ws/socket.io/?EIO=4&transport=websocket", headers=headers | key)
-    return connection.getresponse().status

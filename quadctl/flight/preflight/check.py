@@ -8,6 +8,7 @@ from quadctl.compensator import Compensator, check_compensator
 from quadctl.control import ControllerSettings
 from quadctl.control.attitude import attitude_for_force, limit_tilt
 from quadctl.control.throttle import throttle_for_thrust
+from quadctl.effects.ground_effect_surfaces import Surfaces
 from quadctl.errors import SettingsError
 from quadctl.flight.pilot.guards import GuardLimits
 from quadctl.flight.pilot.settings import FlightSettings
@@ -124,6 +125,7 @@ def _compensator(plan: FlightPlan) -> Iterator[Finding]:
         yield Finding(Verdict.REFUSED, "compensator", str(error))
         return
     yield judged("compensator", where, warning="; ".join(warnings) or None)
+    yield from _surfaces(plan)
     for item in model.stack:
         fitted = item.fitted.height_m if item.fitted is not None else None
         if fitted is None or "height_over_radius" not in item.effect.depends_on:
@@ -135,6 +137,21 @@ def _compensator(plan: FlightPlan) -> Iterator[Finding]:
             f"{item.effect.name} was fitted to rotor heights of {fitted[0]:.2f} to {fitted[1]:.2f} m",
             warning=f"the mission's limits go beyond, where it fades out over {fade:g} m" if outside else None,
         )
+
+
+def _surfaces(plan: FlightPlan) -> Iterator[Finding]:
+    """Surfaces of the mission, with a warning where the compensator does not know them."""
+    effects = [effect for effect in plan.compensator.effects if isinstance(effect, Surfaces)]
+    place = plan.mission.place
+    for effect in effects:
+        known = ", ".join(effect.surfaces)
+        if place is None:
+            warning = f"the mission does not say over which of them it is ({known}): the mean of all is compensated"
+            yield judged("surfaces", known, warning=warning)
+            continue
+        unknown = [name for name in place.surfaces if name not in effect.surfaces]
+        warning = f"the model knows {known}, not {', '.join(unknown)}: there the mean of all is compensated"
+        yield judged("surfaces", ", ".join(place.surfaces), warning=warning if unknown else None)
 
 
 def _ground(demands: Sequence[Demand], vehicle: Vehicle, settings: FlightSettings) -> Finding:

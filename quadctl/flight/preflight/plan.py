@@ -30,7 +30,7 @@ class FlightPlan(NamedTuple):
         return max(self.mission.limits.min_z_m + up, 0.01), self.mission.limits.max_z_m + up
 
     def pilot(self, autopilot_takes_off: bool = False, autopilot_stays_up: bool = False) -> Pilot:
-        compensator = Compensator(self.compensator, self.settings.compensator_limits)
+        compensator = Compensator(self.compensator, self.settings.compensator_limits, self.mission.place)
         return Pilot(self.mission, self.body, self.settings, compensator, autopilot_takes_off, autopilot_stays_up)
 
     def recorder(self, log_dir: Path, autopilot: str, real_time: Sequence[str] = ()) -> Recorder:
@@ -48,6 +48,8 @@ class FlightPlan(NamedTuple):
             "guards": self.settings.guards.model_dump(mode="json"),
             "real_time": list(real_time),
         }
+        if self.mission.place is not None:
+            meta |= self.mission.place.model_dump(mode="json")
         lateral = self.settings.controller.actuation == "full"
         return Recorder(log_dir, self.mission.name, vehicle.n_rotors, meta, lateral)
 

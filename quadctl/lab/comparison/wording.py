@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 
 from quadctl.effects import Effect
+from quadctl.frames import GRAVITY_M_S2
 from quadctl.lab.comparison.comparison import Comparison
 from quadctl.lab.comparison.failures import Failure
 from quadctl.lab.flights.dataset import FOLDS, Dataset
@@ -24,6 +25,12 @@ def quantity(value: float) -> str:
 
 def percent(share: float) -> str:
     return f"{share:.0%}".replace("-", "\u2212")
+
+
+def share_of_g(value: float) -> str:
+    """Format an acceleration, m/s^2, as a share of gravity with two digits: `4.1%`."""
+    share = 100.0 * value / GRAVITY_M_S2
+    return f"{share:.0f}%" if share >= 9.95 else f"{share:.1f}%" if share >= 0.095 else f"{share:.2f}%"
 
 
 def p_in_words(p: float) -> str:

@@ -73,7 +73,8 @@ def intervals(free: Sequence[Free], values: Floats, draws: Floats) -> list[tuple
     """95 % interval of each free parameter, from its fitted value, shape (p,), and its draws, shape (draws, p).
 
     Percentiles of the draws. The interval of a parameter that a bound holds is one-sided: it begins at the value, and
-    95 % of the draws are within it (see `constrained_draws`).
+    95 % of the draws are within it (see `constrained_draws`). Where a bound holds one parameter, the draws of the
+    others lie beside their values: an interval is extended to the value that it belongs to.
     """
     if not free:
         return []
@@ -85,7 +86,7 @@ def intervals(free: Sequence[Free], values: Floats, draws: Floats) -> list[tuple
             low, high = value, max(q95, value)
         elif f.parameter.high - value <= near:
             low, high = min(q5, value), value
-        found.append((float(low), float(high)))
+        found.append((float(min(low, value)), float(max(high, value))))
     return found
 
 

@@ -151,6 +151,7 @@ class Flight:
                 time_s=_at(c.time_s, columns),
                 battery_v=_at(c.battery_v, columns),
                 position_ne_m=(_at(c.position_ne_m[0], columns), _at(c.position_ne_m[1], columns)),
+                surfaces=tuple((name, _at(share, columns)) for name, share in c.surfaces),
             ),
             nominal_n=[thrust[columns] for thrust in self.nominal_n],
             logged_n=[thrust[columns] for thrust in self.logged_n],

@@ -30,6 +30,7 @@ from quadctl.lab.flights.vehicle_match import motion_problem, sidecar_problem, t
 from quadctl.logs.contradictions import contradictions
 from quadctl.logs.flight_log import ATTITUDE, POSITION, VELOCITY, FlightLog
 from quadctl.model import Model
+from quadctl.surfaces import read_place
 from quadctl.vehicle import Vehicle
 
 MAX_BANDWIDTH_HZ = 3.0
@@ -87,11 +88,22 @@ def prepare(log: FlightLog, vehicle: Vehicle) -> Flight:
     if len(time) < 40 or sum(b - a for a, b in segments) < MIN_FLIGHT_S:
         seconds = sum(b - a for a, b in segments)
         raise LogError(f"{log.name}: holds {seconds:.0f} s of usable flight, expected at least {MIN_FLIGHT_S:.0f} s")
-    flight = _assemble(log.name, vehicle, signals, grid, smooth, derivative, time, bandwidth, notes)
+    flight = _over_surfaces(
+        _assemble(log.name, vehicle, signals, grid, smooth, derivative, time, bandwidth, notes), log
+    )
     (flight,) = timed([replace(flight, sha256=_sha256(log))], Model(vehicle))
     thrust = np.column_stack([flight.filtered(nominal) for nominal in flight.nominal_n])
     _refuse(log.name, motion_problem(flight.measured, thrust, flight.torque, vehicle))
     return flight
+
+
+def _over_surfaces(flight: Flight, log: FlightLog) -> Flight:
+    """The flight with the surfaces below it, where the log's meta file says them."""
+    place = read_place(log.meta, log.name)
+    if place is None:
+        return flight
+    here = flight.conditions
+    return replace(flight, conditions=replace(here, surfaces=place.shares(here.position_ne_m)))
 
 
 def _sha256(log: FlightLog) -> str:

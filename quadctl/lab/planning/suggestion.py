@@ -17,6 +17,7 @@ from rich.table import Table
 from rich.text import Text
 
 from quadctl.effects import Effect, every_effect
+from quadctl.effects.ground_effect_surfaces import PREFIX, Surfaces
 from quadctl.errors import QuadctlError
 from quadctl.installed import locate, name_of
 from quadctl.lab.arrays import Floats
@@ -98,6 +99,8 @@ class Suggestion(Result):
     """Reasons why missions cannot be flown or analysed."""
     unexplained: bool
     """True where something is missing that is no effect of the catalogue; missions cannot be rated by it."""
+    surface: str | None = None
+    """Surface whose weight in the ground effect is the least known; None without `ground_effect.surfaces`."""
 
     @property
     def best(self) -> Option | None:
@@ -113,6 +116,7 @@ class Suggestion(Result):
             "relative_width": self.width,
             "untried": self.untried,
             "left_out": self.left_out,
+            "surface": self.surface,
         }
 
     def __rich__(self) -> RenderableType:
@@ -135,6 +139,9 @@ class Suggestion(Result):
     def lines(self) -> list[str]:
         """Sentences that state the suggestion."""
         lines = [f"Left out: {reason}." for reason in self.left_out]
+        if self.surface is not None:
+            flight = f"quadctl fly missions/surface_heights.yaml --set surface={self.surface}"
+            lines.append(f"The surface that is least known is {self.surface}; over it: {flight}")
         if self.best is not None:
             lines += [f"It makes these effects testable: {', '.join(self.best.tries)}."] if self.best.tries else []
             return [*lines, f"Fly next: {self.best.command}"]
@@ -209,7 +216,17 @@ def suggest(diagnosis: Diagnosis, missions: Path | str = Path("missions")) -> Su
         untried=[effect.name for effect in untried],
         left_out=left_out,
         unexplained=diagnosis.unexplained,
+        surface=least_known_surface(diagnosis.model),
     )
+
+
+def least_known_surface(model: Model) -> str | None:
+    """Surface with the widest interval in the model's file; None where it has no fitted `ground_effect.surfaces`."""
+    for item in model.stack:
+        if isinstance(item.effect, Surfaces) and item.fitted is not None:
+            known = {name: item.fitted.ci95.get(PREFIX + name, (-math.inf, math.inf)) for name in item.effect.surfaces}
+            return max(known, key=lambda name: known[name][1] - known[name][0], default=None)
+    return None
 
 
 class _Rivals:

@@ -176,8 +176,8 @@ def _trials(effects: Sequence[type[Effect]], left: Unmodelled, n_tried: int, pro
     """Try each of `effects` by itself; parallel as `joblib.parallel_config` says, serial by default."""
     work = Parallel(return_as="generator")(delayed(try_effect)(effect, left, n_tried) for effect in effects)
     tried = []
-    for effect, candidate in zip(effects, work, strict=True):
-        progress(f"tried {effect.name}")
+    for number, (effect, candidate) in enumerate(zip(effects, work, strict=True), start=1):
+        progress(f"tried {effect.name}, {number} of {len(effects)} of this round")
         tried.append(candidate)
     return tried
 

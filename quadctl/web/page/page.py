@@ -15,7 +15,7 @@ from quadctl.web.elements.browser_theme import keep_theme, wanted_theme
 from quadctl.web.elements.html import tag
 from quadctl.web.elements.theme import DARK, LIGHT, Theme
 from quadctl.web.panels import compensator, fails, flights, missing, over_time
-from quadctl.web.panels.frame import Header, Start, Status
+from quadctl.web.panels.frame import FittedTo, Header, Start, Status
 from quadctl.web.panels.ladder import Ladder
 from quadctl.web.panels.panel import Panel, Tab
 from quadctl.web.panels.stack import Stack
@@ -24,6 +24,11 @@ from quadctl.web.work.worker import CancelledError
 from quadctl.web.workbench.intake import TEMPLATE, Intake
 from quadctl.web.workbench.workbench import Workbench
 
+WENT_BACK = "quadctl-went-back"
+TELL_OF_BACK = f"""<script>
+window.addEventListener("popstate", () => emitEvent("{WENT_BACK}", new URLSearchParams(location.search).get("show")));
+</script>"""
+"""Tells the server of the browser's Back and Forward."""
 TABS: dict[str, Tab] = {tab.name: tab for tab in (missing.TAB, over_time.TAB, fails.TAB, compensator.TAB, flights.TAB)}
 
 
@@ -82,6 +87,7 @@ class Page:
                 self._frame_parts.append(Part(tag("div", "place-stack"), Stack))
             with tag("main", "main"):
                 self._frame_parts.append(Part(tag("div", "place-status").props('aria-live="polite"'), Status))
+                self._frame_parts.append(Part(tag("div", "place-fitted"), FittedTo))
                 self._frame_parts.append(Part(tag("div", "place-start"), Start))
                 with ui.tabs().classes("tabs") as tabs:
                     for tab in TABS.values():
@@ -90,11 +96,21 @@ class Page:
                 tabs.on_value_change(lambda event: self._show(event.value))
                 tabs.props('no-caps inline-label outside-arrows mobile-arrows align="left"')
                 self._tabs = tabs
+                ui.on(WENT_BACK, lambda event: self._go_back(event.args))
                 self._body = tag("div", "body")
 
     def _show(self, tab: str) -> None:
+        if tab == self._tab:
+            return
         self._tab = tab
-        ui.navigate.history.replace(f"/?show={tab}")
+        ui.navigate.history.push(f"/?show={tab}")
+        self._tab_parts = []
+        self.refresh()
+
+    def _go_back(self, tab: object) -> None:
+        """Show the part of the page that the browser's Back or Forward has led to."""
+        self._tab = tab if isinstance(tab, str) and tab in TABS else next(iter(TABS))
+        self._tabs.set_value(self._tab)
         self._tab_parts = []
         self.refresh()
 
@@ -110,6 +126,7 @@ class Page:
             work=bench.work,
             search=bench.search,
             message=bench.message,
+            waiting=bench.waiting,
             hidden=bench.simulation.hidden,
             vehicles=tuple(self._intake.vehicles),
             template=TEMPLATE,

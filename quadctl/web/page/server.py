@@ -1,5 +1,6 @@
 """Serve the page, to this machine only."""
 
+import asyncio
 from collections.abc import Awaitable, Callable
 from importlib.resources import files
 
@@ -10,7 +11,7 @@ from starlette.requests import Request
 from starlette.responses import PlainTextResponse, Response
 
 from quadctl.web.elements.html import LOAD_PLOTLY
-from quadctl.web.page.page import Page
+from quadctl.web.page.page import TELL_OF_BACK, Page
 from quadctl.web.port import require_free, run_pages
 from quadctl.web.session.files import MAX_UPLOAD_BYTES
 from quadctl.web.session.session import Session
@@ -18,6 +19,8 @@ from quadctl.web.workbench.intake import Intake
 from quadctl.web.workbench.workbench import Workbench
 
 HOST = "127.0.0.1"
+BETWEEN_TRIALS_S = 0.05
+"""Time between two trials whether the server answers."""
 FORM_BYTES = 2**20
 """Allowance for the form that a browser sends the files in."""
 
@@ -30,7 +33,7 @@ def serve(
     show: bool,
     announce: Callable[[str], None],
 ) -> None:
-    """Serve one workbench until Ctrl-C; it begins with `session`. `announce` is told the address.
+    """Serve one workbench until Ctrl-C; it begins with `session`. `announce` is told the address when it answers.
 
     Raises
     ------
@@ -38,7 +41,6 @@ def serve(
         The port is taken.
     """
     require_free(HOST, port, "--port")
-    announce(f"http://{HOST}:{port}")
     bench = make_bench()
     taking = intake(bench)
     css = files("quadctl.web").joinpath("static/page.css").read_text(encoding="utf-8")
@@ -46,14 +48,27 @@ def serve(
     @ui.page("/", title="quadctl lab")
     async def index(client: Client, show: str = "") -> None:
         ui.add_css(css)
-        ui.add_body_html(LOAD_PLOTLY)
+        ui.add_body_html(LOAD_PLOTLY + TELL_OF_BACK)
         await Page(bench, taking, client, show).open()
 
     app.on_startup(lambda: bench.resume(session))
+    app.on_startup(lambda: _announce(port, announce))
     app.on_shutdown(bench.close)
     app.add_middleware(TrustedHostMiddleware, allowed_hosts=[HOST, "localhost"])
     app.middleware("http")(_refuse_large)
     run_pages(HOST, port, show=show)
+
+
+async def _announce(port: int, announce: Callable[[str], None]) -> None:
+    """Tell the address as soon as it answers."""
+    while True:
+        try:
+            _, connection = await asyncio.open_connection(HOST, port)
+            break
+        except OSError:
+            await asyncio.sleep(BETWEEN_TRIALS_S)
+    connection.close()
+    announce(f"http://{HOST}:{port}")
 
 
 async def _refuse_large(request: Request, respond: Callable[[Request], Awaitable[Response]]) -> Response:

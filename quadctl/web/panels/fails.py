@@ -39,7 +39,11 @@ class Failures(Panel):
                 empty("troubleshoot", "No flight yet", "Open a flight log to see where your model fails.")
             return
         with tag("section", "card"):
-            heading("Where the model fails")
+            heading(
+                "Where the model fails",
+                "Sigma says how certain a difference is, not how large. The model is taken as it is exported: the "
+                "trim of a flight, which cross-validation leaves out, counts here.",
+            )
             if not comparison.fails_where:
                 tag("p", "verdict", "In no range: the residual does not exceed the noise.")
             for failure in most_telling(comparison.fails_where)[:SHOWN_SENTENCES]:

@@ -119,9 +119,9 @@ def drop_zone(do: Controls) -> None:
 
 
 async def _take(do: Controls, upload: ui.upload, event: MultiUploadEventArguments) -> None:
+    # The list of flights says what becomes of them. Files of another drop, which still arrive, stay in the list.
+    upload.run_method("removeUploadedFiles")
     await do.take_files(event.files)
-    if not upload.is_deleted:  # the start page has gone once the first log is open
-        upload.reset()  # the list of flights says what became of them
 
 
 def _refuse(do: Controls, event: GenericEventArguments) -> None:

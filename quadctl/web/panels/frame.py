@@ -1,16 +1,20 @@
 """The frame of the page: the bar on top, the work in progress, and the place to begin without a flight."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from nicegui import ui
 
 from quadctl.lab.comparison.wording import listed
+from quadctl.lab.flights.dataset import Dataset
+from quadctl.model import Model
 from quadctl.web.elements.browser_theme import theme_button
 from quadctl.web.elements.html import busy, heading, tag
 from quadctl.web.elements.theme import Theme
 from quadctl.web.panels.flights import VehicleChoice, drop_zone
 from quadctl.web.panels.panel import Controls, Panel
+from quadctl.web.session.session import Rung
 from quadctl.web.work.state import Message
 
 
@@ -37,10 +41,12 @@ class Header(Panel):
 
 @dataclass(frozen=True)
 class Status(Panel):
-    """The work in progress, with a way to cancel it, and the last message."""
+    """The work and the search in progress, each with a way to cancel it, and the last message: always in sight."""
 
     work_title: str | None
+    search_title: str | None
     message: Message | None
+    waiting: tuple[str, ...]
 
     def draw(self, do: Controls) -> None:
         if self.work_title is not None:
@@ -48,6 +54,15 @@ class Status(Panel):
                 busy()
                 do.nest(WorkInWords, "grow")
                 ui.button("Cancel", on_click=do.bench.cancel).props("flat dense no-caps")
+        if self.search_title is not None:
+            with tag("div", "banner search").props('role="status"'):
+                busy()
+                do.nest(SearchInWords, "grow")
+                ui.button("Cancel", on_click=do.bench.cancel_search).props("flat dense no-caps")
+        if self.waiting:
+            with tag("div", "banner").props('role="status"'):
+                ui.icon("schedule")
+                tag("span", "grow", f"Next: {listed(self.waiting)}.")
         message = self.message
         if message is not None:
             role = 'role="alert"' if message.kind == "error" else 'role="status"'
@@ -55,6 +70,34 @@ class Status(Panel):
                 ui.icon("error" if message.kind == "error" else "info")
                 tag("span", "grow", message.text if message.text.endswith((".", "?")) else f"{message.text}.")
                 ui.button(icon="close", on_click=do.bench.dismiss).props('flat dense round aria-label="Dismiss"')
+
+
+@dataclass(frozen=True)
+class FittedTo(Panel):
+    """A word on flights that the parameters have not been fitted to, with a way to refit them."""
+
+    rung: Rung | None
+    seen: Dataset | None
+    off: frozenset[str]
+
+    def draw(self, do: Controls) -> None:
+        if self.rung is None or self.seen is None:
+            return
+        used, new = flights_of_the_fit(self.rung.model, self.seen.names)
+        if not new:
+            return
+        with tag("div", "banner").props('role="status" id="fitted-to"'):
+            ui.icon("rule")
+            tag("span", "grow", f"The model is fitted to {listed(used)} only, not to {listed(new)}.")
+            refit = ui.button("Refit to all flights", on_click=lambda: do.act(do.bench.refit()))
+            do.when_idle(refit.props("no-caps outline dense"), not self.off)
+
+
+def flights_of_the_fit(model: Model, flights: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Names of the flights that the parameters of `model` were fitted to, and those of `flights` that some were not."""
+    fits = [item.fitted.logs for item in model.stack if item.fitted is not None and item.fitted.logs]
+    used = list(dict.fromkeys(name for logs in fits for name in logs))
+    return used, [name for name in flights if any(name not in logs for logs in fits)]
 
 
 @dataclass(frozen=True)
@@ -69,6 +112,17 @@ class WorkInWords(Panel):
 
     def draw(self, do: Controls) -> None:
         ui.label(f"{self.work_title}: {self.work_detail}\u2026" if self.work_detail else f"{self.work_title}\u2026")
+
+
+@dataclass(frozen=True)
+class SearchInWords(Panel):
+    """Title and step of the search; a panel of its own for the reason of `WorkInWords`."""
+
+    search_title: str | None
+    search_detail: str
+
+    def draw(self, do: Controls) -> None:
+        ui.label(f"{self.search_title}: {self.search_detail or 'every effect of the catalogue is tried'}\u2026")
 
 
 @dataclass(frozen=True)

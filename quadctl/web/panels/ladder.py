@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from nicegui import ui
 
-from quadctl.lab.comparison.wording import change_in_words, held_out, listed, number, plain
+from quadctl.lab.comparison.wording import change_in_words, held_out, listed, number, plain, quantity, share_of_g
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.web.elements.html import tag
 from quadctl.web.panels.panel import Controls, Panel
@@ -66,13 +66,15 @@ class Ladder(Panel):
         return None if self.session.rung is None or self.session.off else self.session.rung.error_m_s2
 
     def _kind_of_error(self) -> str:
-        """The data that the error is computed on."""
+        """The error in words, and the data that it is computed on."""
         if self.evaluation is None or self.seen is None:
             return ""
+        error = self.evaluation.error_m_s2
+        said = f"The model mispredicts acceleration by {quantity(error)}, {share_of_g(error)} of g (RMSE)"
         if self.evaluation.unseen is not None:
-            return f"acceleration error (RMSE) on the held-out {listed(self.evaluation.unseen.dataset.names)}"
+            return f"{said}, on the held-out {listed(self.evaluation.unseen.dataset.names)}."
         refitted = ", the other effects refitted" if self.session.off else ""
-        return f"cross-validated acceleration error (RMSE){refitted}: on {held_out(self.seen)}"
+        return f"{said}, apart from the trim of each flight{refitted}: on {held_out(self.seen)}."
 
 
 @dataclass(frozen=True)
@@ -95,7 +97,9 @@ class _Bars:
                 button.props("disabled")
             with button:
                 tag("span", "step-name", _plain(name)).props(f'title="{name}"')
-                tag("span", "step-value", "\u2026" if error is None else number(error))
+                value = tag("span", "step-value", number(error) if error is not None else "\u2013")
+                if error is None:
+                    value.props('title="not computed with these flights: a click on the step computes it"')
                 with tag("span", "bar-room"):
                     if error is not None:
                         length = 100.0 * error / self.largest

@@ -11,7 +11,6 @@ from quadctl.lab.comparison.wording import (
     parameters_in_text,
     percent,
     plain,
-    quantity,
 )
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.flights.flight import Flight
@@ -74,8 +73,6 @@ class Verdict(Panel):
                 with tag("div", "line"):
                     busy()
                     tag("span", "verdict grow", f"{self.search_title}\u2026")
-                    ui.button("Cancel", on_click=do.bench.cancel_search).props("flat dense no-caps")
-                do.nest(SearchInWords)
             elif self.found is None:
                 self._draw_invitation(do)
             else:
@@ -88,16 +85,6 @@ class Verdict(Panel):
             if not self.off:
                 look = ui.button("Look for what is missing", on_click=lambda: do.act(do.bench.look()))
                 look.props("no-caps unelevated")
-
-
-@dataclass(frozen=True)
-class SearchInWords(Panel):
-    """The step of the search; a panel of its own for the reason of `WorkInWords`."""
-
-    search_detail: str
-
-    def draw(self, do: Controls) -> None:
-        ui.label(self.search_detail or "Every effect of the catalogue is tried.").classes("muted")
 
 
 def _draw_verdict(do: Controls, diagnosis: Diagnosis) -> None:
@@ -121,7 +108,13 @@ def _in_words(diagnosis: Diagnosis) -> tuple[str, str, list[str]]:
     """Icon, verdict, and further sentences."""
     more = []
     if diagnosis.verdict == "none":
-        more.append("No effect of the catalogue reduces the held-out error, and the rest of the residual is noise.")
+        more.append(
+            "No effect of the catalogue reduces the held-out error enough to matter, and no material part of what "
+            "remains depends on the logged variables."
+        )
+        measured = [plain(candidate.family) for candidate in diagnosis.measured]
+        if measured:
+            more.append(f"There, but too small to matter in these flights: {listed(measured)}.")
         return "check_circle", "Nothing significant is missing.", more
     if diagnosis.verdict == "unexplained":
         more.append(
@@ -130,10 +123,7 @@ def _in_words(diagnosis: Diagnosis) -> tuple[str, str, list[str]]:
         return "help", "Something is missing that no known effect explains.", more
     first, last = diagnosis.steps[0].rmse["total"], diagnosis.steps[-1].rmse["total"]
     them = "it" if len(diagnosis.missing) == 1 else "them"
-    more.append(
-        f"Adding {them} reduces the held-out error from {quantity(first)} to {quantity(last)}, "
-        f"by {percent(1.0 - last / first)}."
-    )
+    more.append(f"Adding {them} reduces the held-out error by {percent(1.0 - last / first)}.")
     if diagnosis.unexplained:
         more.append("The residual after that still depends on the logged variables; no known effect explains it.")
     return "lightbulb", f"Missing: {listed([plain(family) for family in diagnosis.missing])}.", more
@@ -243,6 +233,8 @@ class Candidates(Panel):
             if looks_like:
                 families = listed([plain(family) for family in looks_like])
                 tag("p", "note", f"Looks like {families}: these data do not distinguish them.")
+            if candidate in found.diagnosis.measured:
+                tag("p", "note", "It is there, as p says, but it changes the error too little to be called missing.")
             for remark in candidate.remarks:
                 tag("p", "note", f"Note: {remark}.")
             held = candidate.family in {effect.family() for effect in candidate.model.effects[:-1]}

@@ -1,11 +1,12 @@
 """The effect stack: the effects of the model, their parameters with intervals, and the trim of each flight."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from nicegui import ui
 
-from quadctl.lab.comparison.wording import interval_in_words, plain
+from quadctl.lab.comparison.wording import interval_in_words, number, plain
 from quadctl.lab.fitting.nuisances import KINDS
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.model import StackedEffect
@@ -47,6 +48,8 @@ class Stack(Panel):
                 tag("p", "muted", f"None yet: the rigid body of {model.vehicle.name}, weight and rotor thrust alone.")
             for item in model.stack:
                 _draw_effect(do, item, on=item.effect.name not in self.off)
+            if self.evaluation is not None and len(self.evaluation.by_flight) > 1:
+                _draw_errors(self.evaluation.by_flight)
             if self.evaluation is not None and self.seen is not None:
                 _draw_nuisances(self.evaluation, self.seen)
 
@@ -71,6 +74,17 @@ def _draw_effect(do: Controls, item: StackedEffect, on: bool) -> None:
                     if name in ci95:
                         words = f" {interval_in_words(value, ci95[name])}"
                         tag("span", "muted", words).props('title="95% confidence interval"')
+
+
+def _draw_errors(by_flight: Mapping[str, float]) -> None:
+    with tag("table", "small by-flight"):
+        with tag("tr"):
+            tag("th", "", "flight")
+            tag("th", "number", "error / m/s²")
+        for flight, error in by_flight.items():
+            with tag("tr"):
+                tag("td", "", flight)
+                tag("td", "number", number(error))
 
 
 def _draw_nuisances(evaluation: Evaluation, seen: Dataset) -> None:

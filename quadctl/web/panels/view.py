@@ -36,6 +36,8 @@ class View:
     work: Work | None
     search: Work | None
     message: Message | None
+    waiting: tuple[str, ...]
+    """Names of files that were dropped, and that wait for the work in progress."""
     hidden: Path | None
     """File of the simulated world; None: the world is as the model says."""
     vehicles: tuple[Path, ...]

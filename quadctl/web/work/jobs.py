@@ -8,9 +8,11 @@ from pathlib import Path
 
 from quadctl.effects import catalog_with, choose_effect, find_effect
 from quadctl.errors import QuadctlError
+from quadctl.lab.arrays import Floats
 from quadctl.lab.comparison.comparison import Comparison, compare
 from quadctl.lab.fitting.fitted_model import FittedModel, Solution, fit_model
 from quadctl.lab.flights.dataset import Dataset, HoldOut
+from quadctl.lab.flights.prediction import rmse
 from quadctl.lab.interface import prepare_flights
 from quadctl.lab.planning.suggestion import Suggestion, suggest
 from quadctl.lab.report import Results, render_report
@@ -39,6 +41,10 @@ class OpenedLog:
     log: FlightLog | None = None
     quality: QualityReport | None = None
     problem: str = ""
+    vehicle: Vehicle | None = None
+    """Vehicle that it was prepared for."""
+    stamp: tuple[int, int] | None = None
+    """Time of its last change, ns, and size, bytes, as it was read."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +77,8 @@ class Evaluation:
     """Cross-validated RMSE on the flights that fits may use."""
     solution: Solution
     """Fit to the flights that fits may use."""
+    by_flight: dict[str, float]
+    """Total error of each flight by its name: cross-validated, or of a flight held out of all fits, m/s^2."""
 
     @property
     def error_m_s2(self) -> float:
@@ -104,22 +112,52 @@ class Climbed:
 
 
 def open_logs(
-    paths: Sequence[Path], unseen: frozenset[Path], vehicle: Vehicle, hold_out: HoldOut, progress: Progress
+    paths: Sequence[Path],
+    unseen: frozenset[Path],
+    vehicle: Vehicle,
+    hold_out: HoldOut,
+    known: Sequence[OpenedLog],
+    progress: Progress,
 ) -> Opened:
-    """Read and prepare logs; one that cannot be used does not spoil the others."""
+    """Read and prepare logs; one that cannot be used does not spoil the others.
+
+    Those of `known` that have not changed since are not read again.
+    """
+    before = {log.path: log for log in known}
     opened = []
     for path, name in zip(paths, log_names(paths), strict=True):
+        known_log, stamp = before.get(path), _stamp(path)
+        if known_log is not None and known_log.log is not None and known_log.stamp == stamp is not None:
+            opened.append(_renamed(known_log, known_log.log, name, vehicle))
+            continue
         progress(f"reading {name}")
         try:
             log = replace(read_log(path), name=name)
         except QuadctlError as error:
-            opened.append(OpenedLog(path, problem=_without_folder(str(error), path)))
+            opened.append(OpenedLog(path, problem=_without_folder(str(error), path), stamp=stamp))
             continue
-        opened.append(OpenedLog(path, log, quality(log), _problem(log, vehicle)))
+        opened.append(OpenedLog(path, log, quality(log), _problem(log, vehicle), vehicle, stamp))
     fitted, kept = (
         [o.log for o in opened if not o.problem and (o.path in unseen) == held_out] for held_out in (False, True)
     )
     return Opened(opened, _dataset(fitted, vehicle, hold_out), _dataset(kept, vehicle))
+
+
+def _renamed(opened: OpenedLog, log: FlightLog, name: str, vehicle: Vehicle) -> OpenedLog:
+    """The log under another name, for another vehicle."""
+    if (log.name, opened.vehicle) == (name, vehicle):
+        return opened
+    named = replace(log, name=name)
+    return replace(opened, log=named, quality=quality(named), problem=_problem(named, vehicle), vehicle=vehicle)
+
+
+def _stamp(path: Path) -> tuple[int, int] | None:
+    """Time of the last change and size of a file; None where it cannot be asked for them."""
+    try:
+        status = path.stat()
+    except OSError:
+        return None
+    return status.st_mtime_ns, status.st_size
 
 
 def log_names(paths: Sequence[Path]) -> list[str]:
@@ -160,9 +198,16 @@ def evaluate(current: Current, seen: Dataset, unseen: Dataset | None, progress: 
 
 def _evaluated(model: Model, fit: FittedModel, unseen: Dataset | None) -> Evaluation:
     """Errors of `model`, whose fit is given."""
-    return Evaluation(
-        compare(model, fit.dataset), None if unseen is None else compare(model, unseen), fit.held_out_rmse, fit.solution
-    )
+    on_unseen = None if unseen is None else compare(model, unseen)
+    by_flight = _by_flight(fit.held_out_residual, fit.dataset)
+    if on_unseen is not None:
+        by_flight |= _by_flight(on_unseen.residual, on_unseen.dataset)
+    return Evaluation(compare(model, fit.dataset), on_unseen, fit.held_out_rmse, fit.solution, by_flight)
+
+
+def _by_flight(residual: Floats, dataset: Dataset) -> dict[str, float]:
+    """Error of all axes of each flight, m/s^2, from the residual acceleration, shape (n, at least 3)."""
+    return {name: rmse(residual[part, :3])["total"] for name, part in zip(dataset.names, dataset.parts, strict=True)}
 
 
 def look_for(current: Current, dataset: Dataset, progress: Progress) -> Findings:

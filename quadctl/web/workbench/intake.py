@@ -38,19 +38,30 @@ class Intake:
     """Vehicle files to choose from."""
 
     async def take(self, files: Sequence[FileUpload]) -> None:
-        """Keep files that were dropped: logs are opened; a model, vehicle or session is begun with."""
-        logs = []
-        try:
-            for file in files:
-                path = await self._keep(file)
-                if path.suffix.lower() not in SETTINGS_SUFFIXES:
-                    logs.append(path)
-                else:
+        """Keep files that were dropped: logs are opened; a model, vehicle or session is begun with.
+
+        While other work is in progress, they wait. A file that cannot be used does not spoil the others.
+        """
+        kept, problems = [], []
+        for file in files:
+            try:
+                kept.append(await self._keep(file))
+            except QuadctlError as error:
+                problems.append(f"{error}.")
+        async with self.bench.in_turn([path.name for path in kept]):
+            settings = [path for path in kept if path.suffix.lower() in SETTINGS_SUFFIXES]
+            for path in settings:
+                try:
                     await self._begin_with(path)
-        except QuadctlError as error:
-            self.bench.say("error", str(error))
-        if logs:
-            await self.bench.open_logs(logs)
+                except QuadctlError as error:
+                    problems.append(f"{error}.")
+            logs = [path for path in kept if path not in settings]
+            if logs:
+                await self.bench.open_logs(logs)
+            if problems:
+                said = self.bench.message
+                more = [said.text] if said is not None and said.kind == "error" else []
+                self.bench.say("error", " ".join([*problems, *more]))
 
     async def _begin_with(self, path: Path) -> None:
         """Begin with a session, model or vehicle, if it makes the page read nothing that was not given to it."""

@@ -43,12 +43,15 @@ class Workbench:
     work: Work | None = None
     search: Work | None = None
     message: Message | None = None
+    waiting: tuple[str, ...] = ()
+    """Names of the files that are taken as soon as the work in progress is done."""
 
     def __post_init__(self) -> None:
         self._listeners: list[Callable[[], None]] = []
         self._quick, self._slow = Worker(jobs.__name__), Worker(jobs.__name__, patient=True)
         self._tasks: set[asyncio.Task[None]] = set()
         self._searches = 0
+        self._turn, self._free = asyncio.Lock(), asyncio.Event()
 
     # --- who looks at it ----------------------------------------------------------------------------------------------
 
@@ -71,6 +74,19 @@ class Workbench:
     def dismiss(self) -> None:
         self.message = None
         self._changed()
+
+    @asynccontextmanager
+    async def in_turn(self, names: Sequence[str]) -> AsyncIterator[None]:
+        """Wait with files of these names until no work is in progress, and those that came before are taken."""
+        self.waiting = (*self.waiting, *names)
+        self._changed()
+        async with self._turn:
+            while self.work is not None:
+                self._free.clear()
+                await self._free.wait()
+            self.waiting = self.waiting[len(names) :]
+            self._changed()
+            yield
 
     def close(self) -> None:
         self._quick.close()
@@ -130,12 +146,15 @@ class Workbench:
                     session.unseen,
                     session.rung.model.vehicle,
                     session.hold_out,
+                    () if self.opened is None else self.opened.logs,
                     progress=progress,
                 )
             if known and opened and (self.opened is None or opened.usable != self.opened.usable):
                 session = session.unjudged()
+            told = [] if self.opened is None else [(log.path, log.problem) for log in self.opened.logs]
             self.session, self.opened, self.results = session, opened, Results()
-            problems = [log.problem for log in opened.logs if log.problem] if opened else []
+            logs = [] if opened is None else opened.logs
+            problems = [log.problem for log in logs if log.problem and (log.path, log.problem) not in told]
             if problems:
                 self.message = Message("error", " ".join(f"{problem}." for problem in problems))
             await self._judge(progress)
@@ -364,6 +383,7 @@ class Workbench:
             self.message = Message("error", str(error))
         finally:
             self.work = None
+            self._free.set()
             self._changed()
 
     def _begin(self, work: Awaitable[None]) -> None:

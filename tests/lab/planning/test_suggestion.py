@@ -94,6 +94,7 @@ def test_wind_or_a_tilted_thrust_asks_for_another_heading(world: World) -> None:
     assert result.best.sigmas[0] > option(result, "excitation").sigmas[0] + 3
 
 
+@pytest.mark.long
 def test_a_breeze_that_drag_and_tilt_explain_too_asks_for_another_heading(world: World) -> None:
     breeze = {"north_m_s": 0.7, "east_m_s": -0.5, "drag": 0.35}
     found = diagnose(
@@ -106,6 +107,7 @@ def test_a_breeze_that_drag_and_tilt_explain_too_asks_for_another_heading(world:
     assert option(result, "excitation").sigmas[0] < 0.5 * result.best.sigmas[0]
 
 
+@pytest.mark.long
 def test_linear_or_quadratic_drag_asks_for_several_speeds(world: World) -> None:
     data = world.flown("square", SQUARE, [("rotor_drag.linear", {"d_x": 0.3, "d_y": 0.3})])
     result = asked(world.rigid, data, ["rotor_drag", "body_drag"], "rotor_drag", "body_drag")
@@ -204,6 +206,7 @@ def test_a_folder_without_missions_is_one_sentence(world: World, tmp_path: Path)
 # --- whether the expectation is right --------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_the_interval_after_the_flight_is_as_expected(world: World, tmp_path: Path) -> None:
     """Expected widths are within a factor of two of those after the mission is flown in the simulator."""
     model = world.rigid.plus(find_effect("inflow", "test")(k=0.4))

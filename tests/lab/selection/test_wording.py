@@ -6,7 +6,7 @@ import pytest
 
 from quadctl.effects.payload import MassStep
 from quadctl.effects.rotor_fault import WeakRotor
-from quadctl.lab.comparison.wording import parameters_in_words
+from quadctl.lab.comparison.wording import parameters_in_words, share_of_g
 from quadctl.lab.flights.dataset import load_dataset
 from quadctl.lab.selection.diagnosis import Diagnosis, diagnose
 from quadctl.lab.selection.rule import alternatives
@@ -32,6 +32,11 @@ def test_parameters_that_the_data_choose_stand_beside_those_that_are_fitted() ->
 )
 def test_small_errors_keep_two_digits(error: float, words: str) -> None:
     assert error_in_table(error) == words
+
+
+@pytest.mark.parametrize(("error", "words"), [(1.3, "13%"), (0.402, "4.1%"), (0.005, "0.05%")])
+def test_an_acceleration_is_said_as_a_share_of_gravity(error: float, words: str) -> None:
+    assert share_of_g(error) == words
 
 
 def test_what_explains_as_much_is_one_group(nothing: Diagnosis) -> None:

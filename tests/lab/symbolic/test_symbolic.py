@@ -287,6 +287,7 @@ class TestTheEffectFile:
         # The effect is filtered after the formula, the formula was found in filtered variables: nearly the same.
         assert math.sqrt(np.mean((change - expected) ** 2)) < 0.03 * math.sqrt(np.mean(expected**2))
 
+    @pytest.mark.long
     def test_is_added_and_helps_on_a_flight_that_was_not_seen(
         self, rigid: Model, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, load: Callable[[str], type[Effect]]
     ) -> None:

@@ -1,0 +1,208 @@
+"""Comparison of the surfaces that flights passed over: does the ground effect differ between them, and by how much."""
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from quadctl.effects.ground_effect import Sanchez, quadrotor_ratio
+from quadctl.effects.ground_effect_surfaces import PREFIX, Surfaces
+from quadctl.errors import SettingsError
+from quadctl.lab.arrays import Floats
+from quadctl.lab.fitting.fitted_model import fit_model
+from quadctl.lab.flights.dataset import Dataset
+from quadctl.lab.selection.refit import Refit, refitted
+from quadctl.lab.selection.rule import is_significant
+from quadctl.model import Model, StackedEffect
+
+HEIGHT_M = 0.2
+"""Height of the rotor plane at which thrusts over the surfaces are compared."""
+Z95 = 1.96
+
+
+class Population(NamedTuple):
+    """Distribution of the fountain's weight over surfaces, from those that were measured."""
+
+    mean: float
+    standard_error: float
+    """Of the mean."""
+    spread: float
+    """Standard deviation between surfaces, errors of measurement excluded."""
+
+    @classmethod
+    def of(cls, weights: Floats, variances: Floats) -> "Population":
+        """Random-effects estimate (DerSimonian & Laird 1986, Control. Clin. Trials 7)."""
+        inverse = 1.0 / variances
+        fixed = float(inverse @ weights / inverse.sum())
+        excess = float(inverse @ (weights - fixed) ** 2) - (len(weights) - 1)
+        scale = inverse.sum() - float(inverse @ inverse) / inverse.sum()
+        between = max(excess / scale, 0.0)
+        inverse = 1.0 / (variances + between)
+        return cls(float(inverse @ weights / inverse.sum()), float(inverse.sum() ** -0.5), math.sqrt(between))
+
+    @property
+    def next_ci95(self) -> tuple[float, float]:
+        """95 % interval of the weight of a surface that was not measured; no weight is below 0."""
+        reach = Z95 * math.hypot(self.standard_error, self.spread)
+        return max(self.mean - reach, 0.0), self.mean + reach
+
+    def shrunk(self, weight: float, variance: float) -> tuple[float, float]:
+        """Weight of a measured surface drawn toward the mean by the error of its measurement, and its deviation."""
+        between = self.spread**2
+        share = between / (between + variance)
+        return self.mean + share * (weight - self.mean), math.sqrt(share * variance)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SurfaceComparison(Refit):
+    """Models with one weight of the fountain for all surfaces (before) and with one for each (after)."""
+
+    names: tuple[str, ...]
+    weights: Floats
+    """Weight of the fountain over each surface, k_b + k_s, by itself, shape (surfaces,)."""
+    weight_draws: Floats
+    """Bootstrap draws of the weights, shape (draws, surfaces)."""
+    population: Population
+
+    @property
+    def title(self) -> str:
+        return "Held-out acceleration error, with one weight for all surfaces and with one for each"
+
+    @property
+    def differ(self) -> bool:
+        """True where the surfaces are told from each other on data that no fit has seen."""
+        return self.held_out_drop > 0.0 and is_significant(self.p_value)
+
+    @cached_property
+    def thrust_ratios(self) -> dict[str, tuple[float, float, float]]:
+        """Thrust ratio over each surface in hover at `HEIGHT_M`, with its 95 % interval."""
+        found = {}
+        for i, name in enumerate(self.names):
+            low, high = np.quantile(self.weight_draws[:, i], (0.025, 0.975))
+            found[name] = (self._ratio(self.weights[i]), self._ratio(float(low)), self._ratio(float(high)))
+        return found
+
+    @property
+    def least_known(self) -> str:
+        """The surface whose weight has the widest interval."""
+        low, high = np.quantile(self.weight_draws, (0.025, 0.975), axis=0)
+        return self.names[int(np.argmax(high - low))]
+
+    @property
+    def conclusion(self) -> str:
+        ratios = [ratio for ratio, _, _ in self.thrust_ratios.values()]
+        most = max(ratios) - min(ratios)
+        if not self.differ:
+            return f"The surfaces cannot be told apart in these data (p = {self.p_value:.2g}): one weight is enough."
+        return (
+            f"The surfaces differ: by up to {most:.1%} of the thrust with the rotor plane at {HEIGHT_M:g} m "
+            f"(p {'< 1e-4' if self.p_value < 1e-4 else f'= {self.p_value:.2g}'})."
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        low, high = self.population.next_ci95
+        return {
+            **super().to_dict(),
+            "surfaces_differ": self.differ,
+            "surfaces": {
+                name: {
+                    "weight": float(self.weights[i]),
+                    "ci95": [float(q) for q in np.quantile(self.weight_draws[:, i], (0.025, 0.975))],
+                    "thrust_ratio": self.thrust_ratios[name][0],
+                    "thrust_ratio_ci95": list(self.thrust_ratios[name][1:]),
+                }
+                for i, name in enumerate(self.names)
+            },
+            "height_m": HEIGHT_M,
+            "new_surface": {"weight": self.population.mean, "ci95": [low, high]},
+            "least_known": self.least_known,
+        }
+
+    def __rich__(self) -> RenderableType:
+        table = Table(title=f"Surfaces, 95 % intervals; thrust over that far away, rotor plane at {HEIGHT_M:g} m")
+        for heading in ("surface", "weight of the fountain", "thrust ratio"):
+            table.add_column(heading)
+        for i, name in enumerate(self.names):
+            low, high = np.quantile(self.weight_draws[:, i], (0.025, 0.975))
+            ratio, least, most = self.thrust_ratios[name]
+            table.add_row(
+                name, f"{self.weights[i]:.3g} [{low:.3g}, {high:.3g}]", f"{ratio:.3f} [{least:.3f}, {most:.3f}]"
+            )
+        low, high = self.population.next_ci95
+        table.add_row("a new surface", f"{self.population.mean:.3g} [{low:.3g}, {high:.3g}]", "", style="dim")
+        one, each = self.before[self.measure], self.after[self.measure]
+        lines = [
+            f"Held-out acceleration error: {one:.4g} m/s^2 with one weight, {each:.4g} with one for each surface.",
+            self.conclusion,
+            f"Least known: {self.least_known}. To learn more, fly {Surfaces.mission} over it.",
+            *(f"Note: {remark}." for remark in self.remarks),
+        ]
+        return Group(table, Text("\n".join(lines)))
+
+    def _ratio(self, weight: float) -> float:
+        return float(quadrotor_ratio(HEIGHT_M, self.model.vehicle, max(weight, 0.0)))
+
+
+def compare_surfaces(model: Model, dataset: Dataset) -> SurfaceComparison:
+    """Fit the ground effect of `model` anew: with one weight of the fountain, and with one for each surface.
+
+    The model of the result has the weights drawn toward their mean by the errors of their measurement; k_b is the mean,
+    with which a surface begins that was not measured.
+
+    Raises
+    ------
+    SettingsError
+        The flights say less than two surfaces, or the vehicle is no quadrotor.
+    """
+    names = tuple(dict.fromkeys(name for flight in dataset.flights for name, _ in flight.conditions.surfaces))
+    if len(names) < 2:
+        flown = f"only {names[0]}" if names else "none"
+        raise SettingsError(
+            f"{', '.join(dataset.names)}: say {flown} of the surfaces below them, expected two or more "
+            "(surface: NAME in the mission or in the log's meta file)"
+        )
+    if not Surfaces.applies_to(model.vehicle):
+        raise SettingsError(f"{model.name}: has {model.vehicle.n_rotors} rotors, expected a quadrotor")
+    rest = replace(model, stack=tuple(item for item in model.stack if item.effect.family() != Surfaces.family()))
+    one = fit_model(rest.plus(Sanchez(Surfaces().k_b)), dataset)
+    each = fit_model(rest.plus(Surfaces.over(names)()), dataset)
+    effect = each.model.effects[-1]
+    assert isinstance(effect, Surfaces)
+    columns = [i for i, free in enumerate(each.free) if free.parameter.name.startswith(PREFIX)]
+    draws = np.maximum(effect.k_b + each.draws[:, columns[-len(names) :]], 0.0)
+    weights = np.array([effect.weight(name) for name in names])
+    variances = np.maximum(draws.var(axis=0, ddof=1), 1e-12)
+    population = Population.of(weights, variances)
+    result = refitted(
+        SurfaceComparison,
+        one.model,
+        one,
+        each,
+        names=names,
+        weights=weights,
+        weight_draws=draws,
+        population=population,
+    )
+    return replace(result, model=_with_population(result.model, names, weights, variances, population))
+
+
+def _with_population(
+    model: Model, names: tuple[str, ...], weights: Floats, variances: Floats, population: Population
+) -> Model:
+    """The model with the mean over surfaces for k_b, and each surface's weight drawn toward it."""
+    mean = max(population.mean, 0.0)
+    values = {"k_b": mean}
+    reach = Z95 * population.standard_error
+    intervals = {"k_b": (mean - reach, mean + reach)}
+    for name, weight, variance in zip(names, weights, variances, strict=True):
+        shrunk, deviation = population.shrunk(float(weight), float(variance))
+        values[PREFIX + name] = shrunk - mean
+        intervals[PREFIX + name] = (shrunk - mean - Z95 * deviation, shrunk - mean + Z95 * deviation)
+    last = model.stack[-1]
+    fitted = last.fitted.model_copy(update={"ci95": intervals}) if last.fitted else None
+    return replace(model, stack=(*model.stack[:-1], StackedEffect(Surfaces.over(names)(**values), fitted)))

@@ -1,0 +1,152 @@
+"""The workbench and its intake without a browser and without other processes."""
+
+import asyncio
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, cast
+
+import pytest
+
+from quadctl.logs.flight_log import FlightLog
+from quadctl.model import load_model
+from quadctl.vehicle import Vehicle
+from quadctl.web.session.session import Session
+from quadctl.web.work import jobs
+from quadctl.web.work.jobs import Opened
+from quadctl.web.work.simulated import Simulation
+from quadctl.web.work.worker import CancelledError
+from quadctl.web.workbench import workbench
+from quadctl.web.workbench.intake import Intake
+from quadctl.web.workbench.workbench import Workbench
+from tests.support.flights import obedient
+from tests.support.places import RAPTOR
+
+
+class Here:
+    """A worker that answers in this process, when it is told to; it opens logs, and refuses all else."""
+
+    def __init__(self, *_: Any, **__: Any) -> None:
+        self.go_on = asyncio.Event()
+        self.go_on.set()
+        self.opened: list[tuple[str, ...]] = []
+
+    async def run(self, job: Callable[..., Any], *args: Any, progress: Callable[[str], None]) -> Any:
+        await self.go_on.wait()
+        if job is not jobs.open_logs:
+            raise CancelledError
+        self.opened.append(tuple(path.name for path in args[0]))
+        return Opened([jobs.OpenedLog(path, problem=_problem(path)) for path in args[0]], None, None)
+
+    def cancel(self) -> None:
+        """Nothing: it is never cancelled."""
+
+    close = cancel
+
+
+def _problem(path: Path) -> str:
+    return f"{path.name}: is empty" if "bad" in path.name else ""
+
+
+class Dropped:
+    """A file as a browser sends it."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+    async def save(self, path: Path) -> None:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("")
+
+
+@pytest.fixture
+def bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Workbench:
+    monkeypatch.setattr(workbench, "Worker", Here)
+    made = Workbench(tmp_path, cast(Simulation, None))
+    made.session = Session().begun_with(load_model(RAPTOR))
+    return made
+
+
+def worker(bench: Workbench) -> Here:
+    return cast(Here, bench._quick)
+
+
+def take(bench: Workbench, *names: str) -> "asyncio.Task[None]":
+    files = cast(Any, [Dropped(name) for name in names])
+    return asyncio.ensure_future(Intake(bench, []).take(files))
+
+
+async def until(holds: Callable[[], bool]) -> None:
+    async with asyncio.timeout(5.0):
+        while not holds():
+            await asyncio.sleep(0)
+
+
+def names(bench: Workbench) -> list[str]:
+    return [path.name for path in bench.session.logs]
+
+
+class TestDrops:
+    def test_a_drop_during_work_waits_for_it(self, bench: Workbench) -> None:
+        async def drop_thrice() -> None:
+            worker(bench).go_on.clear()
+            first = take(bench, "a.csv")
+            await until(lambda: bench.work is not None)
+            later = [take(bench, "b.csv"), take(bench, "c.csv", "d.csv")]
+            await until(lambda: bench.waiting == ("b.csv", "c.csv", "d.csv"))
+            worker(bench).go_on.set()
+            await asyncio.gather(first, *later)
+
+        asyncio.run(drop_thrice())
+        assert names(bench) == ["a.csv", "b.csv", "c.csv", "d.csv"]
+        assert bench.waiting == () and bench.message is None
+
+    def test_a_file_that_cannot_be_used_does_not_spoil_the_others(self, bench: Workbench) -> None:
+        async def drop() -> None:
+            await take(bench, "notes.md", "a.csv", "wrong.yaml", "bad.csv")
+
+        asyncio.run(drop())
+        assert names(bench) == ["a.csv", "bad.csv"]
+        assert bench.message is not None
+        for said in ("notes.md: is no flight log", "wrong.yaml", "bad.csv: is empty"):
+            assert said in bench.message.text
+
+    def test_an_old_failure_does_not_come_back_with_the_next_file(self, bench: Workbench) -> None:
+        async def drop_twice() -> None:
+            await take(bench, "bad.csv")
+            assert bench.message is not None and "bad.csv" in bench.message.text
+            await take(bench, "a.csv")
+
+        asyncio.run(drop_twice())
+        assert bench.message is None
+
+
+class TestOpening:
+    @pytest.fixture
+    def read(self, monkeypatch: pytest.MonkeyPatch, raptor: Vehicle) -> list[str]:
+        """Names of the logs that are read, in their order."""
+        seen: list[str] = []
+
+        def reading(path: Path) -> FlightLog:
+            seen.append(path.name)
+            return obedient(load_model(RAPTOR), 20.0, name=path.name)
+
+        monkeypatch.setattr(jobs, "read_log", reading)
+        return seen
+
+    def test_a_log_is_read_once_unless_it_changes(self, tmp_path: Path, raptor: Vehicle, read: list[str]) -> None:
+        a, b = tmp_path / "a.csv", tmp_path / "b.csv"
+        a.write_text("1")
+        b.write_text("2")
+
+        def open_both(vehicle: Vehicle, known: list[jobs.OpenedLog]) -> list[jobs.OpenedLog]:
+            return jobs.open_logs([a, b], frozenset(), vehicle, "blocks", known, lambda text: None).logs
+
+        one = jobs.open_logs([a], frozenset(), raptor, "blocks", [], lambda text: None).logs
+        both = open_both(raptor, one)
+        assert read == ["a.csv", "b.csv"]
+        assert both[0] is one[0]
+        heavy = open_both(raptor.model_copy(update={"mass_kg": 2.0 * raptor.mass_kg}), both)
+        assert read == ["a.csv", "b.csv"] and heavy[0].vehicle != raptor
+        a.write_text("changed")
+        open_both(raptor, both)
+        assert read == ["a.csv", "b.csv", "a.csv"]
