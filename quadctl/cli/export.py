@@ -27,7 +27,10 @@ def export(
         Path, typer.Argument(metavar="MODEL.yaml", help="Fitted model, as add and discover write it.", callback=find)
     ],
     to: Annotated[
-        str, typer.Option("--to", metavar="px4|ardupilot|casadi|numpy", help="Parameters, or equations of motion.")
+        str,
+        typer.Option(
+            "--to", metavar="px4|ardupilot|casadi|numpy|rotorpy|gazebo", help="Parameters, or equations of motion."
+        ),
     ],
     output: Annotated[Path | None, typer.Option("-o", "--output", metavar="FILE", help="File to write.")] = None,
     now: Annotated[

@@ -28,6 +28,27 @@ def _write_numpy(model: Model, path: Path) -> tuple[str, ...]:
     return equations.left_out
 
 
-PROGRAMS: dict[str, Callable[[Model, Path], tuple[str, ...]]] = {"casadi": _write_casadi, "numpy": _write_numpy}
-"""Targets that are equations of motion, each with the function that writes a model into a file; it returns what of the
-model the file leaves out."""
+def _write_rotorpy(model: Model, path: Path) -> tuple[str, ...]:
+    from quadctl.export.rotorpy import rotorpy_code
+
+    text, left_out = rotorpy_code(model)
+    path.write_text(text, encoding="utf-8")
+    return left_out
+
+
+def _write_gazebo(model: Model, path: Path) -> tuple[str, ...]:
+    from quadctl.export.gazebo import gazebo_sdf
+
+    text, left_out = gazebo_sdf(model)
+    path.write_text(text, encoding="utf-8")
+    return left_out
+
+
+PROGRAMS: dict[str, Callable[[Model, Path], tuple[str, ...]]] = {
+    "casadi": _write_casadi,
+    "numpy": _write_numpy,
+    "rotorpy": _write_rotorpy,
+    "gazebo": _write_gazebo,
+}
+"""Targets that are equations of motion, or a simulator's parameters, each with the function that writes a model into a
+file; it returns what of the model the file leaves out."""
