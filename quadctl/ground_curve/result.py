@@ -30,7 +30,7 @@ class GroundCurve:
 
     @cached_property
     def p_values(self) -> tuple[float, ...]:
-        """Of each fit: probability that its held-out error differs from the best one's by chance."""
+        """Probability, for each fit, that its held-out error differs from the best one's by chance."""
         return tuple(p_same(fit, self.fits[0]) for fit in self.fits)
 
     @property

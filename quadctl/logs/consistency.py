@@ -1,4 +1,4 @@
-"""How well the channels of a log agree with each other: by this a map is judged, and one is proposed.
+"""Agreement of the channels of a log with each other: by this a map is judged, and one is proposed.
 
 `contradictions` refuses a log on clear evidence; here each pair of channels gets a number, by which maps compare.
 """

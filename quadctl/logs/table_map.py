@@ -108,10 +108,10 @@ class Throttle(Group):
 
 
 class TableMap(Settings):
-    """What the columns of a table are."""
+    """Meaning of the columns of a table."""
 
     source: str = ""
-    """Where the layout is described, for a reader of the map."""
+    """Description of the layout, for a reader of the map."""
     time: Clock
     position: Position
     velocity: Velocity

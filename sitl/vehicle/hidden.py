@@ -71,7 +71,7 @@ class HiddenTruth(Settings):
 
     effects: list[EffectEntry] = Field(default_factory=list)
     ground: Place | None = None
-    """Where the surfaces of `ground_effect.surfaces` really are."""
+    """True places of the surfaces of `ground_effect.surfaces`."""
     noise: Noise = Noise()
     telemetry: Telemetry = Telemetry()
     autopilot: AutopilotTruth = AutopilotTruth()

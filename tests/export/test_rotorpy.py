@@ -38,7 +38,7 @@ def flown(model: Model) -> Any:
 def accelerations(
     vehicle: Any, velocity_ned: np.ndarray, attitude: np.ndarray, rates: np.ndarray, speeds_rad_s: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Of velocity, NED, and of the body rates, FRD, by RotorPy's statedot."""
+    """Derivatives of velocity, NED, and of the body rates, FRD, by RotorPy's statedot."""
     w, x, y, z = attitude
     state = {
         "x": np.zeros(3),

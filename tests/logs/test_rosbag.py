@@ -12,10 +12,15 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from quadctl.errors import LogError
 from quadctl.frames import multiply, quaternion_from_euler, rotate
+from quadctl.lab.flights.dataset import load_dataset
+from quadctl.lab.selection.diagnosis import diagnose
 from quadctl.logs.flight_log import ATTITUDE, IMU, POSITION, RATES, VELOCITY, FlightLog
 from quadctl.logs.read import read_log
 from quadctl.logs.rosbag import px4_topic, read_rosbag
 from quadctl.logs.ulog import MAGIC
+from quadctl.model import Model
+from quadctl.settings import validate
+from quadctl.vehicle import Vehicle
 from tests.support.flights import simulated
 from tests.support.places import ROOT
 
@@ -76,6 +81,16 @@ def test_a_bag_of_px4_is_the_same_flight_as_its_ulog(tmp_path: Path) -> None:
         known = np.isfinite(ulog[name]) & np.isfinite(at_rows)
         assert known.mean() > 0.9, name
         assert np.median(np.abs(at_rows[known] - ulog[name][known])) < 1e-3, name
+
+
+@pytest.mark.long
+@pytest.mark.skipif(not ULOG.is_file(), reason="the recordings of real autopilots are not here")
+def test_a_bag_of_px4_its_ulog_and_our_csv_have_one_verdict(tmp_path: Path) -> None:
+    px4_bag(ULOG, tmp_path / "bag", StoragePlugin.SQLITE3)
+    csv = ULOG.with_suffix(".csv")
+    vehicle = validate(read_log(csv).meta["vehicle"], Vehicle, str(csv))
+    for path in (ULOG, tmp_path / "bag", csv):
+        assert diagnose(Model(vehicle), load_dataset([read_log(path)], vehicle)).missing == ["rotor_drag"], path
 
 
 def standard_bag(

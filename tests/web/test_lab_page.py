@@ -72,6 +72,28 @@ def test_another_site_can_neither_frame_it_nor_talk_to_it(browser: Browser, tmp_
         visitor.leaves()
 
 
+def test_a_new_vehicle_is_entered_as_a_few_numbers(browser: Browser, tmp_path: Path) -> None:
+    with served(tmp_path / "lab") as (url, _):
+        visitor = Visitor(browser, url)
+        visitor.sees("h2:has-text('Vehicle: raptor')")
+        visitor.click("text=A new vehicle")
+        visitor.sees("svg[aria-label^='4 rotors']:visible")
+        visitor.page.get_by_label("Frame").last.click()
+        visitor.click("[role=option]:has-text('hexa-x')")
+        visitor.sees("svg[aria-label^='6 rotors']:visible")
+        visitor.page.get_by_label("Name", exact=True).fill("mine")
+        visitor.page.get_by_label("Mass with battery / kg").last.fill("2.5")
+        visitor.keeps("new-vehicle")
+        visitor.click("button:has-text('Use this vehicle')")
+        visitor.sees("h2:has-text('Vehicle: mine')")
+        visitor.click("text=As a file (YAML)")
+        visitor.sees("textarea:visible")
+        box = visitor.page.locator("textarea").bounding_box()
+        assert box is not None and box["width"] > 600.0 and box["height"] < 500.0
+        assert "mass_kg: 2.5" in visitor.page.locator("textarea").input_value()
+        visitor.leaves()
+
+
 def test_the_address_is_told_when_it_answers(tmp_path: Path) -> None:
     port = free_tcp_port()
     words = ["lab", "--no-open", "--port", str(port), "--out", str(tmp_path / "lab")]

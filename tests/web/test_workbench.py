@@ -10,6 +10,7 @@ import pytest
 from quadctl.logs.flight_log import FlightLog
 from quadctl.model import load_model
 from quadctl.vehicle import Vehicle
+from quadctl.web.panels.vehicle import TYPICAL
 from quadctl.web.session.session import Session
 from quadctl.web.work import jobs
 from quadctl.web.work.jobs import Opened
@@ -118,6 +119,32 @@ class TestDrops:
 
         asyncio.run(drop_twice())
         assert bench.message is None
+
+
+class TestNewVehicle:
+    def test_a_few_numbers_make_a_vehicle(self, bench: Workbench) -> None:
+        async def enter() -> None:
+            await Intake(bench, []).use_new_vehicle(TYPICAL._replace(name="mine", mass_kg=2.0))
+
+        asyncio.run(enter())
+        assert bench.session.rung is not None
+        vehicle = bench.session.rung.model.vehicle
+        assert (vehicle.name, vehicle.mass_kg, vehicle.n_rotors) == ("mine", 2.0, 4)
+
+    @pytest.mark.parametrize(
+        ("wrong", "said"), [({"mass_kg": None}, "mass_kg"), ({"hover_throttle": 2.0}, "less than 1")]
+    )
+    def test_a_number_that_is_wrong_is_named_and_nothing_changes(
+        self, bench: Workbench, wrong: dict[str, Any], said: str
+    ) -> None:
+        before = bench.session
+
+        async def enter() -> None:
+            await Intake(bench, []).use_new_vehicle(TYPICAL._replace(**wrong))
+
+        asyncio.run(enter())
+        assert bench.session is before
+        assert bench.message is not None and said in bench.message.text
 
 
 class TestOpening:

@@ -30,7 +30,7 @@ class Population(NamedTuple):
 
     mean: float
     standard_error: float
-    """Of the mean."""
+    """Standard error of the mean."""
     spread: float
     """Standard deviation between surfaces, errors of measurement excluded."""
 

@@ -11,6 +11,7 @@ from nicegui.elements.mixins.disableable_element import DisableableElement
 from nicegui.elements.upload_files import FileUpload
 
 from quadctl.lab.flights.prediction import AXES
+from quadctl.vehicle_draft.draft import Answers
 from quadctl.web.elements.browser_theme import keep_theme, wanted_theme
 from quadctl.web.elements.html import tag
 from quadctl.web.elements.theme import DARK, LIGHT, Theme
@@ -212,6 +213,9 @@ class Page:
 
     async def use_vehicle(self, text: str) -> None:
         await self.act(self._intake.use_vehicle(text))
+
+    async def use_new_vehicle(self, answers: Answers) -> None:
+        await self.act(self._intake.use_new_vehicle(answers))
 
     def export_model(self) -> None:
         ui.download.content(self.bench.model_file(), "model.yaml", "application/yaml")

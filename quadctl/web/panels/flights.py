@@ -1,17 +1,16 @@
-"""The flights and the vehicle: open, look at their quality, choose which are held out; choose or edit the vehicle."""
+"""The flights: open them, look at their quality, choose which are held out."""
 
 from dataclasses import dataclass
 from pathlib import Path
 
-import yaml
 from nicegui import ui
 from nicegui.events import GenericEventArguments, MultiUploadEventArguments
 
 from quadctl.lab.flights.dataset import HoldOut
 from quadctl.logs.formats import labels
-from quadctl.vehicle import Vehicle
 from quadctl.web.elements.html import heading, tag
 from quadctl.web.panels.panel import Controls, Panel, Tab
+from quadctl.web.panels.vehicle import VehicleChoice
 from quadctl.web.session.files import LOG_SUFFIXES, MAX_UPLOAD_BYTES, SETTINGS_SUFFIXES
 from quadctl.web.work.jobs import Opened, OpenedLog
 
@@ -127,41 +126,6 @@ async def _take(do: Controls, upload: ui.upload, event: MultiUploadEventArgument
 def _refuse(do: Controls, event: GenericEventArguments) -> None:
     for name, size, why in event.args:
         do.refuse_file(str(name), float(size), why == "max-file-size")
-
-
-@dataclass(frozen=True)
-class VehicleChoice(Panel):
-    """The vehicle in use, as the text of its file, and others to choose from."""
-
-    vehicle: Vehicle | None
-    vehicles: tuple[Path, ...]
-    template: str
-
-    def draw(self, do: Controls) -> None:
-        vehicle = self.vehicle
-        with tag("section", "card vehicle"):
-            heading("Vehicle" if vehicle is None else f"Vehicle: {vehicle.name}")
-            if vehicle is None:
-                tag("p", "muted", "Choose the vehicle that flew, or enter its numbers.")
-            if self.vehicles:
-                with tag("div", "line wrap"):
-                    for path in self.vehicles:
-                        _draw_choice(do, path)
-            text = self.template if vehicle is None else _as_text(vehicle)
-            with ui.expansion("Edit its numbers").props("dense"):
-                box = ui.textarea("Vehicle file (YAML)", value=text).props("outlined autogrow").classes("yaml")
-                use = ui.button("Use this vehicle", on_click=lambda: do.use_vehicle(box.value))
-                do.when_idle(use.props("no-caps outline"))
-
-
-def _draw_choice(do: Controls, path: Path) -> None:
-    button = ui.button(path.stem, icon="flight", on_click=lambda: do.act(do.bench.begin_with(path)))
-    do.when_idle(button.props("no-caps outline"))
-
-
-def _as_text(vehicle: Vehicle) -> str:
-    content = vehicle.model_dump(mode="json", exclude_none=True)
-    return yaml.safe_dump(content, sort_keys=False, default_flow_style=None)
 
 
 TAB = Tab("flights", "Flights", "folder_open", (Flights, DropZone, VehicleChoice))

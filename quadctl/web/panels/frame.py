@@ -12,8 +12,9 @@ from quadctl.model import Model
 from quadctl.web.elements.browser_theme import theme_button
 from quadctl.web.elements.html import busy, heading, tag
 from quadctl.web.elements.theme import Theme
-from quadctl.web.panels.flights import VehicleChoice, drop_zone
+from quadctl.web.panels.flights import drop_zone
 from quadctl.web.panels.panel import Controls, Panel
+from quadctl.web.panels.vehicle import VehicleChoice
 from quadctl.web.session.session import Rung
 from quadctl.web.work.state import Message
 

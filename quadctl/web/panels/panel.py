@@ -13,6 +13,7 @@ from nicegui.elements.mixins.disableable_element import DisableableElement
 from nicegui.elements.upload_files import FileUpload
 
 from quadctl.lab.flights.dataset import HoldOut
+from quadctl.vehicle_draft.draft import Answers
 from quadctl.web.panels.view import Brush, View
 
 
@@ -63,6 +64,7 @@ class Controls(Protocol):
     async def take_files(self, files: Sequence[FileUpload]) -> None: ...
     def refuse_file(self, name: str, size: float, too_large: bool) -> None: ...
     async def use_vehicle(self, text: str) -> None: ...
+    async def use_new_vehicle(self, answers: Answers) -> None: ...
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,9 @@ from pathlib import Path
 
 from nicegui.elements.upload_files import FileUpload
 
-from quadctl.errors import QuadctlError
+from quadctl.errors import QuadctlError, SettingsError
 from quadctl.settings import read_yaml
+from quadctl.vehicle_draft.draft import Answers, draft
 from quadctl.web.session.files import SETTINGS_SUFFIXES, own_effects, require_inside, too_large, upload_path
 from quadctl.web.session.session import load_session
 from quadctl.web.workbench.workbench import Workbench
@@ -108,6 +109,15 @@ class Intake:
             self.bench.say("error", f"{path}: cannot be written ({error.strerror}).")
             return
         await self.bench.begin_with(path)
+
+    async def use_new_vehicle(self, answers: Answers) -> None:
+        """Begin with a vehicle of which a few numbers are known."""
+        try:
+            text = draft(answers, {})
+        except SettingsError as error:
+            self.bench.say("error", f"{error}.")
+            return
+        await self.use_vehicle(text)
 
 
 def _free(wanted: Path, incoming: Path) -> Path:
