@@ -19,8 +19,10 @@ def draw(log: FlightLog, path: Path) -> None:
     """
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(11, 8), layout="constrained")
-    axes = figure.subplots(3, 3, sharex=True)
+    has_force = all(log.has(name) for name in IMU)
+    rows = 3 if has_force else 2
+    figure = Figure(figsize=(11, 2.7 * rows), layout="constrained")
+    axes = figure.subplots(rows, 3, sharex=True)
     roll, pitch, yaw = (np.radians(log[name]) for name in ATTITUDE)
     turning = _slopes(log, [np.unwrap(np.nan_to_num(angle)) for angle in (roll, pitch, yaw)])
     rates = (
@@ -32,7 +34,7 @@ def draw(log: FlightLog, path: Path) -> None:
     for column in range(3):
         _pair(axes[0][column], log, VELOCITY[column], moving[column], "slope of the position")
         _pair(axes[1][column], log, RATES[column], rates[column], "slope of the attitude")
-    if all(log.has(name) for name in IMU):
+    if has_force:
         north, east, down = rotate(quaternion_from_euler(roll, pitch, yaw), (log[IMU[0]], log[IMU[1]], log[IMU[2]]))
         for axis, name, force in zip(axes[2], ("north", "east", "up"), (north, east, -down), strict=True):
             axis.plot(log.time_s, force, lw=0.8, label=f"specific force {name}, m/s²")
