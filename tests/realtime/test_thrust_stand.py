@@ -130,7 +130,7 @@ def test_outputs_that_no_flight_uses_are_not_measured() -> None:
         try:
             assert motor.on_scale([5, 10, 50, 95, 97, 100]) == [15, 50, 95]
             assert motor.throttle(15) == 0.0
-            assert motor.throttle(95) == pytest.approx(0.9016, abs=1e-3)  # the rest is spent on thin air
+            assert motor.throttle(95) == pytest.approx(0.9016, abs=4e-3)  # the rest is spent on thin air
         finally:
             asyncio.run(motor.close())
 

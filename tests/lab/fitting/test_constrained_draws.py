@@ -58,6 +58,7 @@ class TestIntervalsAtABound:
             for seed in range(25)
         ]
 
+    @pytest.mark.long
     def test_they_say_how_large_the_parameter_may_be(self, raptor: Vehicle) -> None:
         at_bound = 0
         for k in (0.0, 0.005, 0.01):

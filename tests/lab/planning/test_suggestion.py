@@ -84,6 +84,7 @@ def asked(model: Model, dataset: Dataset, candidates: list[str], *pair: str, mis
 # --- what is suggested -----------------------------------------------------------------------------------------------
 
 
+@pytest.mark.long
 def test_wind_or_a_tilted_thrust_asks_for_another_heading(world: World) -> None:
     data = world.flown("leaning", HOVER, [("thrust_tilt.fixed", {"roll_deg": 2.0, "pitch_deg": -2.0})])
     result = asked(world.rigid, data, ["thrust_tilt", "wind"], "thrust_tilt", "wind")

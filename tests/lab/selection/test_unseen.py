@@ -107,6 +107,7 @@ class TestNested:
         assert flights.after["total"] == pytest.approx(flights.before["total"], rel=0.1)
         assert blocks.after["total"] < 0.6 * blocks.before["total"]
 
+    @pytest.mark.long
     def test_no_search_sees_the_samples_that_it_is_judged_on(
         self, both: Dataset, monkeypatch: pytest.MonkeyPatch
     ) -> None:
