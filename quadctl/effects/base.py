@@ -99,8 +99,6 @@ class Effect:
     """Kind of flight that distinguishes it from effects that look alike."""
     mission: ClassVar[str]
     """Mission file that shows this effect best."""
-    replaces: ClassVar[tuple[str, ...]] = ()
-    """Nuisance parameters of single flights that this effect stands for; they are not fitted together with it."""
     needs: ClassVar[dict[str, float]] = {}
     """Span of each variable, of `SPANS`, that the data must have for this effect to be told from its look-alikes."""
     affects_moment: ClassVar[bool] = False

@@ -25,7 +25,6 @@ class LineMap(Effect):
     )
     distinguished_by: ClassVar[str] = "strong and quick changes of thrust, away from the ground"
     mission: ClassVar[str] = "missions/vertical_runs.yaml"
-    replaces: ClassVar[tuple[str, ...]] = ("thrust_scale",)
     needs: ClassVar[dict[str, float]] = {"thrust_share": 0.1}
     only_without_rotor_speeds: ClassVar[bool] = True
 

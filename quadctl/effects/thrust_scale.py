@@ -26,7 +26,6 @@ class ConstantScale(ThrustRatio):
     )
     distinguished_by: ClassVar[str] = "being the same at all heights, speeds and voltages"
     mission: ClassVar[str] = "missions/hover_staircase_high.yaml"
-    replaces: ClassVar[tuple[str, ...]] = ("thrust_scale",)
 
     factor: float = parameter(1.0, 0.5, 2.0, "", "true thrust over the vehicle file's thrust, per mass")
 

@@ -24,7 +24,6 @@ class FixedTilt(Effect):
     )
     distinguished_by: ClassVar[str] = "hovering at several headings: the push turns with the body, wind does not"
     mission: ClassVar[str] = "missions/headings.yaml"
-    replaces: ClassVar[tuple[str, ...]] = ("roll_rad", "pitch_rad")
 
     roll_deg: float = parameter(0.0, -4.0, 4.0, "deg", "thrust leans to the right")
     pitch_deg: float = parameter(0.0, -4.0, 4.0, "deg", "thrust leans backward")

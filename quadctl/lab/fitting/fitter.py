@@ -24,7 +24,7 @@ from quadctl.lab.fitting.normal_equations import (
     slices,
     soft_l1_loss,
 )
-from quadctl.lab.fitting.nuisances import BOUND, KINDS, acceleration_jacobian, predicted_with, prior_standard_deviations
+from quadctl.lab.fitting.nuisances import BOUND, KINDS, PRIOR_STD, acceleration_jacobian, predicted_with
 from quadctl.lab.fitting.parameters import (
     HELD,
     free_parameters,
@@ -104,7 +104,6 @@ class Fitter:
         self._low = np.concatenate([[f.parameter.low for f in self.free], np.tile(-BOUND, count)])
         self._high = np.concatenate([[f.parameter.high for f in self.free], np.tile(BOUND, count)])
         self._unit = self._high - self._low
-        self._prior_std = prior_standard_deviations(model)
         self._last: tuple[Optimum, _Linearisation] | None = None
 
     @one_blas_thread
@@ -190,7 +189,7 @@ class Fitter:
         times, alike = np.empty((BOOTSTRAPS, count), dtype=np.uint16), np.full(runs, 1.0 / runs)
         for now in parts:
             times[now] = random.multinomial(runs, alike, now.stop - now.start)[:, run]
-        centres = self._prior_std * random.standard_normal((BOOTSTRAPS, *fitted.nuisances.shape))
+        centres = PRIOR_STD * random.standard_normal((BOOTSTRAPS, *fitted.nuisances.shape))
         # The spread is estimated from few runs: Student's t instead of the normal distribution, n - 1 instead of n.
         wider = float(stats.t.ppf(0.975, runs - 1)) / 1.96 * math.sqrt(runs / (runs - 1)) if runs > 1 else 1.0
         first = np.flatnonzero(np.diff(self.dataset.flight_index[tangent.starts], prepend=-1))
@@ -242,8 +241,8 @@ class Fitter:
         unit = np.concatenate([self._unit[: p + len(KINDS)], [1.0]])
         scaled = gram * np.outer(unit, unit)
         own = unit[p:-1]
-        scaled[..., p + kinds, p + kinds] += (own / self._prior_std) ** 2
-        scaled[..., p:-1, -1] += own / self._prior_std**2 * prior_offset
+        scaled[..., p + kinds, p + kinds] += (own / PRIOR_STD) ** 2
+        scaled[..., p:-1, -1] += own / PRIOR_STD**2 * prior_offset
         return Arrow.of_gram_matrices(scaled, p).ridged()
 
     def _moves_of_held(
@@ -368,7 +367,7 @@ class Fitter:
     def _objective(self, fitted: Optimum, residual: Floats, scale: Floats, rows: Mask) -> float:
         """Objective: soft-L1 loss of the residual in units of the noise, plus the squared prior terms of the
         nuisances."""
-        total = float(np.sum((fitted.nuisances / self._prior_std) ** 2))
+        total = float(np.sum((fitted.nuisances / PRIOR_STD) ** 2))
         for flight, part in zip(self.dataset.flights, self.dataset.parts, strict=True):
             total += soft_l1_loss(residual[part][rows[part]] / scale, axis_weights(flight, self.dataset.groups))
         return total

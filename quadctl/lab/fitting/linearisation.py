@@ -4,7 +4,7 @@ flights."""
 import numpy as np
 
 from quadctl.lab.arrays import Floats
-from quadctl.lab.fitting.nuisances import FORCES, nuisance_jacobian, prior_standard_deviations
+from quadctl.lab.fitting.nuisances import FORCES, PRIOR_STD, nuisance_jacobian
 from quadctl.lab.fitting.parameters import free_parameters, parameter_jacobian
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.flights.prediction import predict_targets
@@ -29,8 +29,7 @@ class Tangent:
     def __init__(self, model: Model, dataset: Dataset, scale: Floats) -> None:
         self._parts = dataset.parts
         self._own: list[_WidenedNoise] = []
-        prior_stds = prior_standard_deviations(model)
-        prior_stds[:FORCES] *= UNCONSTRAINED
+        prior_stds = np.where(np.arange(len(PRIOR_STD)) < FORCES, UNCONSTRAINED, 1.0) * PRIOR_STD
         ranges = np.array([f.parameter.high - f.parameter.low for f in free_parameters(model)])
         size, beside = 0.0, []
         for flight in dataset.flights:

@@ -3,7 +3,8 @@
 Each flight has its own nuisances: the scale of its thrust (rotors, battery), the trim of its attitude estimate, the
 datum of its height, the delay of its rotor signal, and a moment from rotors that are not all alike and a centre of mass
 that is off. They are fitted together with the effects, so that an effect does not explain them, and held by priors and
-bounds, so that they do not explain an effect.
+bounds, so that they do not explain an effect. An effect of the same kind, such as a thrust scale or a tilt, is the mean
+of the vehicle, about which its flights scatter by the priors; so its interval knows how flights differ.
 """
 
 from collections.abc import Sequence
@@ -46,18 +47,9 @@ LEAN = np.radians(0.3)
 off."""
 PRIOR_STD = np.array([kind.prior_std for kind in KINDS])
 BOUND = np.array([kind.bound for kind in KINDS])
-HELD = 1e-4
-"""Factor on the prior standard deviation of a nuisance that an effect of the model replaces: the two could not be told
-apart."""
 FORCES = 5
 """Number of the kinds that act on the acceleration; the others act on the moments."""
 HEIGHT, AGE = ([kind.name for kind in KINDS].index(name) for name in ("height_m", "delay_s"))
-
-
-def prior_standard_deviations(model: Model) -> Floats:
-    """Prior standard deviations of the nuisances when `model` is fitted, shape (kinds,)."""
-    replaced = {name for effect in model.effects for name in effect.replaces}
-    return np.array([HELD * kind.prior_std if kind.name in replaced else kind.prior_std for kind in KINDS])
 
 
 def disturbed(flight: Flight, nuisance: Floats) -> Flight:
