@@ -40,6 +40,8 @@ class StackedEffect:
 
     effect: Effect
     fitted: Provenance | None = None
+    held: bool = False
+    """True: a fit leaves its parameters as they are."""
 
 
 class Loads(NamedTuple):
@@ -72,7 +74,7 @@ class Model:
 
     def with_effects(self, effects: Sequence[Effect]) -> "Model":
         """The same stack with other parameters; `effects` in the stack's order."""
-        stack = tuple(StackedEffect(new, old.fitted) for new, old in zip(effects, self.stack, strict=True))
+        stack = tuple(replace(old, effect=new) for new, old in zip(effects, self.stack, strict=True))
         return replace(self, stack=stack)
 
     def in_air(self, c: Conditions) -> Conditions:

@@ -19,7 +19,7 @@ from quadctl.flight.preflight.findings import Verdict
 from quadctl.flight.preflight.plan import read_flight
 from quadctl.lab.flights.dataset import load_dataset
 from quadctl.lab.planning.suggestion import Suggestion, least_known_surface
-from quadctl.lab.selection.surfaces import Population, SurfaceComparison, compare_surfaces
+from quadctl.lab.selection.surfaces import SurfaceComparison, compare_surfaces
 from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.read import read_log
 from quadctl.missions import load_mission
@@ -235,26 +235,6 @@ class TestSuggestion:
 
     def test_without_surfaces_there_is_none(self) -> None:
         assert least_known_surface(Model(VEHICLE)) is None
-
-
-class TestPopulation:
-    def test_equal_surfaces_have_no_spread(self) -> None:
-        found = Population.of(np.array([0.5, 0.5, 0.5]), np.array([0.01, 0.01, 0.01]))
-        assert found.mean == pytest.approx(0.5)
-        assert found.spread == 0.0
-        assert found.standard_error == pytest.approx(0.1 / 3**0.5)
-
-    def test_by_hand(self) -> None:
-        """Weights 0 and 1 with variance 0.1: Q = 5, tau^2 = (5 - 1) / 10 = 0.4, standard error sqrt(0.5 / 2)."""
-        found = Population.of(np.array([0.0, 1.0]), np.array([0.1, 0.1]))
-        assert (found.mean, found.spread**2, found.standard_error) == pytest.approx((0.5, 0.4, 0.5))
-        assert found.shrunk(1.0, 0.1) == pytest.approx((0.9, 0.08**0.5))
-
-    def test_a_new_surface_is_less_certain_than_the_mean(self) -> None:
-        found = Population.of(np.array([1.0, 2.0]), np.array([0.01, 0.01]))
-        low, high = found.next_ci95
-        assert high - low > 2 * 1.96 * found.standard_error
-        assert low >= 0.0
 
 
 def test_a_place_of_no_surfaces_is_refused() -> None:

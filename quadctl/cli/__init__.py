@@ -11,6 +11,7 @@ from quadctl import __version__
 from quadctl.cli import (
     check,
     export,
+    fleet,
     flight,
     ground_curve,
     init,
@@ -29,6 +30,7 @@ __all__ = [
     "app",
     "check",
     "export",
+    "fleet",
     "flight",
     "ground_curve",
     "init",

@@ -182,6 +182,27 @@ def add(
 
 
 @app.command()
+def verify(
+    model: ModelArgument,
+    logs: LogArguments,
+    json_out: JsonOption = None,
+) -> None:
+    """Tell whether a fitted model still holds on new flights; the exit status is 1 where it does not."""
+    from quadctl.lab.flights.dataset import load_dataset
+    from quadctl.lab.selection.verification import verify as run
+    from quadctl.logs.read import read_logs
+    from quadctl.model import load_model
+
+    check_outputs([model, *logs], json_out)
+    loaded = load_model(model)
+    result = run(loaded, [load_dataset([log], loaded.vehicle) for log in read_logs(logs)])
+    console.print(result)
+    write_json(json_out, result.to_dict())
+    if not result.holds:
+        raise typer.Exit(1)
+
+
+@app.command()
 def surfaces(
     model: ModelArgument,
     logs: LogArguments,

@@ -17,6 +17,7 @@ from quadctl.lab.arrays import Floats
 from quadctl.lab.flights.flight import Flight
 from quadctl.lab.flights.prediction import PREDICT, predict
 from quadctl.model import Model
+from quadctl.vehicle import Vehicle
 
 
 @dataclass(frozen=True)
@@ -107,9 +108,13 @@ def predicted_with(model: Model, flight: Flight, nuisance: Floats, groups: Seque
 
 
 def rotor_moments_n_m(flight: Flight) -> Floats:
-    """Root of the summed squares of the moments of the rotors, roll, pitch, yaw, shape (n, 3)."""
-    vehicle = flight.vehicle
+    """Moment by which each moment's nuisance of 1 acts: roll, pitch, yaw, shape (n, 3)."""
+    return np.asarray(np.outer(flight.load, moment_per_load(flight.vehicle)))
+
+
+def moment_per_load(vehicle: Vehicle) -> Floats:
+    """Root of the summed squares of the moments of the rotors in hover, N m, roll, pitch, yaw, shape (3,)."""
     lever_m = np.linalg.norm([rotor.position_m[:2] for rotor in vehicle.rotors])
     arms_m = np.linalg.norm(vehicle.moment_arms_m, axis=0)
     arms_m[2] = np.hypot(arms_m[2], LEAN / 0.01 * lever_m)
-    return np.asarray(np.outer(flight.load, arms_m * vehicle.weight_n / vehicle.n_rotors))
+    return np.asarray(arms_m * vehicle.weight_n / vehicle.n_rotors)

@@ -27,7 +27,8 @@ class Free:
 
 def free_parameters(model: Model) -> list[Free]:
     """Parameters of the stack that a fit may change."""
-    return [Free(i, p) for i, effect in enumerate(model.effects) for p in effect.parameters() if p.fitted]
+    stack = enumerate(model.stack)
+    return [Free(i, p) for i, item in stack if not item.held for p in item.effect.parameters() if p.fitted]
 
 
 def values_of(model: Model, free: Sequence[Free]) -> Floats:

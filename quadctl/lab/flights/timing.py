@@ -15,6 +15,7 @@ import numpy as np
 from quadctl.lab.arrays import Floats
 from quadctl.lab.flights.flight import Estimate, Flight, Timing
 from quadctl.lab.flights.prediction import predict
+from quadctl.lab.random_effects import variance_between
 from quadctl.model import Model
 
 VELOCITY_PRIOR = Estimate(0.0, 0.02)
@@ -85,7 +86,7 @@ def _shrunk(own: Sequence[Estimate], prior: Estimate) -> _Shrunk:
     """Combine the estimates of single flights by the random-effects model, with a prior of the common value."""
     value = np.array([estimate.value for estimate in own])
     variance = np.clip([estimate.std for estimate in own], LEAST_STD_S, UNSEEN_STD_S) ** 2
-    between = max(_variance_between(value, variance), LEAST_STD_S**2)
+    between = max(variance_between(value, variance), LEAST_STD_S**2)
     weights = 1.0 / (variance + between)
     precision = weights.sum() + 1.0 / prior.std**2
     common = Estimate(float((weights @ value + prior.value / prior.std**2) / precision), float(precision**-0.5))
@@ -97,14 +98,6 @@ def _shrunk(own: Sequence[Estimate], prior: Estimate) -> _Shrunk:
         for v, s2 in zip(value, variance, strict=True)
     ]
     return _Shrunk(common, each)
-
-
-def _variance_between(value: Floats, variance: Floats) -> float:
-    """Variance between flights by the method of moments (DerSimonian & Laird 1986, eq. 8)."""
-    weights = 1.0 / variance
-    mean = float(weights @ value / weights.sum())
-    excess = float(weights @ (value - mean) ** 2) - (len(value) - 1)
-    return max(excess / max(float(weights.sum() - (weights @ weights) / weights.sum()), 1e-12), 0.0)
 
 
 def _velocity_lag(flight: Flight) -> Estimate:

@@ -1,9 +1,8 @@
 """Comparison of the surfaces that flights passed over: does the ground effect differ between them, and by how much."""
 
-import math
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from rich.console import Group, RenderableType
@@ -16,46 +15,13 @@ from quadctl.errors import SettingsError
 from quadctl.lab.arrays import Floats
 from quadctl.lab.fitting.fitted_model import fit_model
 from quadctl.lab.flights.dataset import Dataset
+from quadctl.lab.random_effects import Z95, Population
 from quadctl.lab.selection.refit import Refit, refitted
 from quadctl.lab.selection.rule import is_significant
 from quadctl.model import Model, StackedEffect
 
 HEIGHT_M = 0.2
 """Height of the rotor plane at which thrusts over the surfaces are compared."""
-Z95 = 1.96
-
-
-class Population(NamedTuple):
-    """Distribution of the fountain's weight over surfaces, from those that were measured."""
-
-    mean: float
-    standard_error: float
-    """Standard error of the mean."""
-    spread: float
-    """Standard deviation between surfaces, errors of measurement excluded."""
-
-    @classmethod
-    def of(cls, weights: Floats, variances: Floats) -> "Population":
-        """Random-effects estimate (DerSimonian & Laird 1986, Control. Clin. Trials 7)."""
-        inverse = 1.0 / variances
-        fixed = float(inverse @ weights / inverse.sum())
-        excess = float(inverse @ (weights - fixed) ** 2) - (len(weights) - 1)
-        scale = inverse.sum() - float(inverse @ inverse) / inverse.sum()
-        between = max(excess / scale, 0.0)
-        inverse = 1.0 / (variances + between)
-        return cls(float(inverse @ weights / inverse.sum()), float(inverse.sum() ** -0.5), math.sqrt(between))
-
-    @property
-    def next_ci95(self) -> tuple[float, float]:
-        """95 % interval of the weight of a surface that was not measured; no weight is below 0."""
-        reach = Z95 * math.hypot(self.standard_error, self.spread)
-        return max(self.mean - reach, 0.0), self.mean + reach
-
-    def shrunk(self, weight: float, variance: float) -> tuple[float, float]:
-        """Weight of a measured surface drawn toward the mean by the error of its measurement, and its deviation."""
-        between = self.spread**2
-        share = between / (between + variance)
-        return self.mean + share * (weight - self.mean), math.sqrt(share * variance)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -88,6 +54,12 @@ class SurfaceComparison(Refit):
         return found
 
     @property
+    def next_weight_ci95(self) -> tuple[float, float]:
+        """95 % interval of the weight of a surface that was not measured; no weight is below 0."""
+        low, high = self.population.next_ci95
+        return max(low, 0.0), high
+
+    @property
     def least_known(self) -> str:
         """The surface whose weight has the widest interval."""
         low, high = np.quantile(self.weight_draws, (0.025, 0.975), axis=0)
@@ -105,7 +77,7 @@ class SurfaceComparison(Refit):
         )
 
     def to_dict(self) -> dict[str, Any]:
-        low, high = self.population.next_ci95
+        low, high = self.next_weight_ci95
         return {
             **super().to_dict(),
             "surfaces_differ": self.differ,
@@ -133,7 +105,7 @@ class SurfaceComparison(Refit):
             table.add_row(
                 name, f"{self.weights[i]:.3g} [{low:.3g}, {high:.3g}]", f"{ratio:.3f} [{least:.3f}, {most:.3f}]"
             )
-        low, high = self.population.next_ci95
+        low, high = self.next_weight_ci95
         table.add_row("a new surface", f"{self.population.mean:.3g} [{low:.3g}, {high:.3g}]", "", style="dim")
         one, each = self.before[self.measure], self.after[self.measure]
         lines = [

@@ -7,7 +7,7 @@ import pytest
 
 from quadctl.lab.flights.dataset import load_dataset
 from quadctl.lab.flights.flight import Estimate
-from quadctl.lab.flights.timing import _shrunk, _variance_between, comes_too_early
+from quadctl.lab.flights.timing import _shrunk, comes_too_early
 from quadctl.logs.flight_log import VELOCITY, FlightLog
 from quadctl.model import Model
 from tests.support.flights import obedient, with_late_rotors
@@ -47,14 +47,6 @@ class TestOfAllFlights:
         unseen = _shrunk([Estimate(0.2, 10.0)], Estimate(0.0, 0.02))
         assert unseen.common.value == pytest.approx(0.0, abs=1e-4)
         assert unseen.common.std == pytest.approx(0.02, rel=0.01)
-
-    def test_the_variance_between_flights_is_that_of_dersimonian_and_laird(self) -> None:
-        """Two estimates 0.01 and 0.03 with a standard error of 0.001: Q = 200, C = 1e6, (Q - 1) / C = 1.99e-4."""
-        found = _variance_between(np.array([0.01, 0.03]), np.full(2, 1e-6))
-        assert found == pytest.approx(1.99e-4)
-
-    def test_flights_that_agree_do_not_differ(self) -> None:
-        assert _variance_between(np.array([0.02, 0.0201]), np.full(2, 1e-6)) == 0.0
 
 
 def test_signals_that_come_before_their_force_by_more_than_a_position_is_old_come_too_early(rigid: Model) -> None:

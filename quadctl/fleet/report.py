@@ -1,0 +1,56 @@
+"""Report of a fleet as one HTML file."""
+
+from datetime import UTC, datetime
+from importlib.resources import files
+from pathlib import Path
+
+from jinja2 import Environment, StrictUndefined
+
+from quadctl import __version__
+from quadctl.errors import SettingsError
+from quadctl.fleet.changes import by_quantity
+from quadctl.fleet.figures import small_multiples
+from quadctl.fleet.summary import Fleet
+from quadctl.lab.plots.svg import to_svg
+
+
+def write_report(path: Path, fleet: Fleet, folder: Path, model: Path) -> None:
+    """Write the page to `path`.
+
+    Raises
+    ------
+    SettingsError
+        It cannot be written.
+    """
+    template = files("quadctl.fleet").joinpath("report.html.j2").read_text(encoding="utf-8")
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    text = environment.from_string(template).render(
+        folder=str(folder),
+        model=str(model),
+        lines=fleet.lines(),
+        counted=fleet.counted().splitlines(),
+        spreads=fleet.spreads,
+        panels=_panels(fleet),
+        software=f"quadctl {__version__}",
+        written=f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC",
+    )
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise SettingsError(f"{path}: the report cannot be written ({error.strerror}), expected a file name") from None
+
+
+def _panels(fleet: Fleet) -> list[tuple[str, str, str]]:
+    """Quantity, figure and a sentence of its values; quantities that changed come first."""
+    populations = {spread.quantity: spread.population for spread in fleet.spreads}
+    panels = []
+    for number, (quantity, series) in enumerate(by_quantity(fleet.series).items()):
+        changes = [change for change in fleet.changes if change.quantity == quantity]
+        population = populations.get(quantity)
+        figure = small_multiples(series, changes, population)
+        mean = "" if population is None else f" with mean {population.mean:.3g}"
+        changed = f"; {', '.join(change.vehicle for change in changes)} changed" if changes else ""
+        sentence = f"{quantity} of {len(series)} vehicles over their flights{mean}{changed}."
+        panels.append((bool(not changes), (quantity, to_svg(figure, f"fleet{number}"), sentence)))
+    return [panel for _, panel in sorted(panels, key=lambda item: item[0])]

@@ -1,0 +1,181 @@
+"""Verification of a model on new flights: do its parameters still hold, and is anything missing that was not?
+
+Each flight is judged by itself, because that is what changes from one day to the next. Two questions are asked of it:
+
+- Does a refit of the model's parameters lower the error on held-out blocks of this flight, and does one of them move by
+  more than its interval in the model's file and its interval in this flight allow?
+- Does the diagnosis find an effect missing on top of the refitted model, by the rule of `diagnose`?
+
+The trim of a flight (`nuisances`) is fitted in both, so that what flights of one vehicle differ by is no change.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+from scipy.stats import norm
+
+from quadctl.errors import SettingsError
+from quadctl.lab.fitting.parameters import free_parameters, undetermined
+from quadctl.lab.flights.dataset import Dataset
+from quadctl.lab.results import Result
+from quadctl.lab.selection.diagnosis import diagnose
+from quadctl.lab.selection.refit import Refit, fit
+from quadctl.model import Model
+
+FALSE_ALARMS = 0.05
+"""Nominal share of all verifications of an unchanged vehicle in which some parameter is called changed."""
+Z95 = 1.96
+
+
+class Change(NamedTuple):
+    """A parameter that left its interval."""
+
+    effect: str
+    parameter: str
+    before: tuple[float, float, float]
+    """Value and 95 % interval in the model's file."""
+    now: tuple[float, float, float]
+    """The same by this flight alone."""
+    sigmas: float
+    """Difference over the standard error of the difference."""
+
+
+@dataclass(frozen=True)
+class FlightCheck:
+    """Result of one flight."""
+
+    flight: str
+    error_m_s2: float
+    """Held-out acceleration error of the model as it is, trim fitted."""
+    refitted_m_s2: float
+    """The same with all its parameters refitted to this flight."""
+    changes: tuple[Change, ...]
+    missing: tuple[str, ...]
+    """Families of effects that are missing on top of the refitted model."""
+    silent: tuple[str, ...]
+    """Parameters that this flight does not determine."""
+
+    @property
+    def holds(self) -> bool:
+        return not self.changes and not self.missing
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Verification(Result):
+    """Result of `verify`."""
+
+    model: Model
+    checks: tuple[FlightCheck, ...]
+
+    @property
+    def holds(self) -> bool:
+        return all(check.holds for check in self.checks)
+
+    def to_dict(self) -> dict[str, Any]:
+        return {
+            "holds": self.holds,
+            "false_alarm_rate": FALSE_ALARMS,
+            "flights": [
+                {
+                    "flight": check.flight,
+                    "holds": check.holds,
+                    "error_m_s2": check.error_m_s2,
+                    "refitted_m_s2": check.refitted_m_s2,
+                    "changes": [
+                        {
+                            "effect": c.effect,
+                            "parameter": c.parameter,
+                            "value": c.before[0],
+                            "ci95": list(c.before[1:]),
+                            "now": c.now[0],
+                            "now_ci95": list(c.now[1:]),
+                            "sigmas": c.sigmas,
+                        }
+                        for c in check.changes
+                    ],
+                    "missing": list(check.missing),
+                    "not_determined": list(check.silent),
+                }
+                for check in self.checks
+            ],
+        }
+
+    def __rich__(self) -> RenderableType:
+        table = Table(title="Held-out acceleration error of each flight, m/s^2", title_justify="left")
+        for heading in ("flight", "model", "refitted", "verdict"):
+            table.add_column(heading, overflow="fold")
+        for check in self.checks:
+            verdict = "holds" if check.holds else "does not hold"
+            table.add_row(check.flight, f"{check.error_m_s2:.4f}", f"{check.refitted_m_s2:.4f}", verdict)
+        return Group(table, Text("\n".join(self.lines())))
+
+    def lines(self) -> list[str]:
+        """Sentences on what changed, since which flight, and the verdict."""
+        said = []
+        first: dict[tuple[str, str], str] = {}
+        for check in self.checks:
+            for c in check.changes:
+                since = first.setdefault((c.effect, c.parameter), check.flight)
+                since = "" if since == check.flight else f" (first in {since})"
+                said.append(
+                    f"{check.flight}: {c.parameter} of {c.effect} is {c.now[0]:.4g} [{c.now[1]:.4g}, {c.now[2]:.4g}], "
+                    f"was {c.before[0]:.4g} [{c.before[1]:.4g}, {c.before[2]:.4g}]{since}."
+                )
+            if check.missing:
+                said.append(f"{check.flight}: missing on top of the model: {', '.join(check.missing)}.")
+            if check.silent:
+                said.append(f"{check.flight}: does not determine {', '.join(check.silent)}.")
+        said.append("The model holds." if self.holds else "The model does not hold on these flights.")
+        return said
+
+
+def verify(
+    model: Model, flights: Sequence[Dataset], progress: Callable[[str], None] = lambda text: None
+) -> Verification:
+    """Judge a fitted `model` on new flights, a dataset of one flight each, in their order of time.
+
+    Raises
+    ------
+    SettingsError
+        The model holds no parameter with an interval, so that no change could be told.
+    """
+    known = [name for item in model.stack if item.fitted is not None for name in item.fitted.ci95]
+    if not known:
+        raise SettingsError(f"{model.name}: holds no parameter with an interval, expected a model that was fitted")
+    limit = float(norm.isf(0.5 * FALSE_ALARMS / (len(known) * len(flights))))
+    checks = []
+    for dataset in flights:
+        progress(f"verified on {dataset.names[0]}")
+        checks.append(_check(model, dataset, limit, FALSE_ALARMS / len(flights)))
+    return Verification(model, tuple(checks))
+
+
+def _check(model: Model, dataset: Dataset, limit: float, p_limit: float) -> FlightCheck:
+    refit = fit(model, dataset)
+    changes = _changes(model, refit, limit) if refit.p_value < p_limit and refit.held_out_drop > 0.0 else ()
+    effects, after = model.effects, refit.fit_after
+    silent = [f"{f.parameter.name} of {effects[f.effect].name}" for f in undetermined(after.free, after.intervals)]
+    missing = tuple(diagnose(model, dataset).missing)
+    return FlightCheck(dataset.names[0], refit.before["total"], refit.after["total"], changes, missing, tuple(silent))
+
+
+def _changes(model: Model, refit: Refit, limit: float) -> tuple[Change, ...]:
+    found = []
+    after = refit.fit_after
+    blind = undetermined(after.free, after.intervals)
+    for free, (low, high) in zip(free_parameters(model), after.intervals, strict=True):
+        item, name = model.stack[free.effect], free.parameter.name
+        old = item.fitted.ci95.get(name) if item.fitted is not None else None
+        if old is None or any(f.effect == free.effect and f.parameter.name == name for f in blind):
+            continue
+        before, now = getattr(item.effect, name), getattr(refit.model.effects[free.effect], name)
+        error = math.hypot(old[1] - old[0], high - low) / (2.0 * Z95)
+        sigmas = abs(now - before) / error if error > 0.0 else 0.0
+        if sigmas > limit:
+            found.append(Change(item.effect.name, name, (before, *old), (now, low, high), sigmas))
+    return tuple(found)
