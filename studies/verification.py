@@ -50,6 +50,7 @@ BEFORE: Effects = {
 }
 UNCHANGED = Case("nothing", {})
 CASES = (
+    Case("nothing, hover staircase", {}, "hover_staircase"),
     Case("mass + 5 % (as thrust - 5 %)", {"thrust_scale.constant": {"factor": 0.95 / 1.05}}),
     Case("drag + 40 %", {"rotor_drag.linear": {"d_x": 0.49, "d_y": 0.49, "d_z": 0.28}}),
     Case("ground effect + 50 %", {"ground_effect.exponential": {"a": 0.45, "b": 5.0}}, "hover_staircase"),

@@ -1,10 +1,11 @@
 """Nuisances: small errors of every real flight that are not physics that a model should hold.
 
 Each flight has its own nuisances: the scale of its thrust (rotors, battery), the trim of its attitude estimate, the
-datum of its height, the delay of its rotor signal, and a moment from rotors that are not all alike and a centre of mass
-that is off. They are fitted together with the effects, so that an effect does not explain them, and held by priors and
-bounds, so that they do not explain an effect. An effect of the same kind, such as a thrust scale or a tilt, is the mean
-of the vehicle, about which its flights scatter by the priors; so its interval knows how flights differ.
+datum of its height, the delay of its rotor signal, the share of a lean that accelerates the vehicle which the attitude
+estimate takes for level, and a moment from rotors that are not all alike and a centre of mass that is off. They are
+fitted together with the effects, so that an effect does not explain them, and held by priors and bounds, so that they
+do not explain an effect. An effect of the same kind, such as a thrust scale or a tilt, is the mean of the vehicle,
+about which its flights scatter by the priors; so its interval knows how flights differ.
 """
 
 from collections.abc import Sequence
@@ -12,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from quadctl.frames import multiply, quaternion_from_euler
+from quadctl.frames import GRAVITY_M_S2, multiply, quaternion_from_euler
 from quadctl.lab.arrays import Floats
 from quadctl.lab.flights.flight import Flight
 from quadctl.lab.flights.prediction import PREDICT, predict
@@ -35,6 +36,7 @@ KINDS = (
     Kind("pitch_rad", np.radians(0.4), np.radians(0.8)),
     Kind("height_m", 0.01, 0.02),
     Kind("delay_s", 0.008, 0.03),
+    Kind("levelling", 0.02, 0.1),
     Kind("roll_moment", 0.01, 0.025),
     Kind("pitch_moment", 0.01, 0.025),
     Kind("yaw_moment", 0.01, 0.025),
@@ -48,16 +50,16 @@ LEAN = np.radians(0.3)
 off."""
 PRIOR_STD = np.array([kind.prior_std for kind in KINDS])
 BOUND = np.array([kind.bound for kind in KINDS])
-FORCES = 5
+FORCES = 6
 """Number of the kinds that act on the acceleration; the others act on the moments."""
-HEIGHT, AGE = ([kind.name for kind in KINDS].index(name) for name in ("height_m", "delay_s"))
+HEIGHT, AGE, LEVELLING = ([kind.name for kind in KINDS].index(name) for name in ("height_m", "delay_s", "levelling"))
 
 
 def disturbed(flight: Flight, nuisance: Floats) -> Flight:
     """Correct the logged flight by its nuisance; predictions are made from the result."""
-    if not nuisance[:FORCES].any():
+    if not nuisance[:LEVELLING].any():
         return flight
-    scale, roll, pitch, height, delay_s = (float(value) for value in nuisance[:FORCES])
+    scale, roll, pitch, height, delay_s = (float(value) for value in nuisance[:LEVELLING])
     c = flight.conditions
     attitude = multiply(c.attitude, quaternion_from_euler(roll, pitch, 0.0)) if roll or pitch else c.attitude
     flight = flight.shifted(delay_s)
@@ -96,7 +98,21 @@ def acceleration_jacobian(model: Model, flight: Flight, predicted: Floats) -> Fl
 
 
 def _acceleration_derivative(model: Model, flight: Flight, predicted: Floats, i: int) -> Floats:
+    if i == LEVELLING:
+        return _leant(predicted[:, :3], 1.0) - predicted[:, :3]
     return np.asarray((predict(model, disturbed(flight, np.diag(PRIOR_STD)[i])) - predicted[:, :3]) / PRIOR_STD[i])
+
+
+def _leant(acceleration: Floats, share: float) -> Floats:
+    """Acceleration where the lean that causes it is larger by `share` than estimated, north, east, up, shape (n, 3).
+
+    An estimator that levels itself by its accelerometer takes a part of such a lean for level (Mahony et al. 2008,
+    IEEE Trans. Autom. Control 53, on bias by acceleration). The rotors' force is the same, so what is pushed to the
+    side is missing upward.
+    """
+    side = share * acceleration[:, :2]
+    missing = np.sum(side * acceleration[:, :2], axis=1) / (GRAVITY_M_S2 + acceleration[:, 2])
+    return np.column_stack([acceleration[:, :2] + side, acceleration[:, 2] - missing])
 
 
 def predicted_with(model: Model, flight: Flight, nuisance: Floats, groups: Sequence[str]) -> Floats:
@@ -104,7 +120,8 @@ def predicted_with(model: Model, flight: Flight, nuisance: Floats, groups: Seque
     predicted = {group: PREDICT[group](model, flight) for group in groups if group != "total"}
     if "turning" in predicted:
         predicted["turning"] = predicted["turning"] + nuisance[FORCES:] * rotor_moments_n_m(flight)
-    return np.column_stack([predict(model, disturbed(flight, nuisance)), *predicted.values()])
+    total = predict(model, disturbed(flight, nuisance))
+    return np.column_stack([_leant(total, float(nuisance[LEVELLING])), *predicted.values()])
 
 
 def rotor_moments_n_m(flight: Flight) -> Floats:

@@ -2,7 +2,7 @@
 
 Each flight is judged by itself, because that is what changes from one day to the next. Two questions are asked of it:
 
-- Does a refit of the model's parameters lower the error on held-out blocks of this flight, and does one of them move by
+- Does a refit of an effect lower the error on held-out blocks of this flight, and does one of its parameters move by
   more than its interval in the model's file and its interval in this flight allow?
 - Does the diagnosis find an effect missing on top of the refitted model, by the rule of `diagnose`?
 
@@ -11,7 +11,7 @@ The trim of a flight (`nuisances`) is fitted in both, so that what flights of on
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 from rich.console import Group, RenderableType
@@ -20,16 +20,17 @@ from rich.text import Text
 from scipy.stats import norm
 
 from quadctl.errors import SettingsError
-from quadctl.lab.fitting.parameters import free_parameters, undetermined
+from quadctl.lab.fitting.fitted_model import FittedModel, fit_model
+from quadctl.lab.fitting.parameters import undetermined
+from quadctl.lab.fitting.significance import improvement_p_value
 from quadctl.lab.flights.dataset import Dataset
+from quadctl.lab.random_effects import Z95
 from quadctl.lab.results import Result
 from quadctl.lab.selection.diagnosis import diagnose
-from quadctl.lab.selection.refit import Refit, fit
 from quadctl.model import Model
 
 FALSE_ALARMS = 0.05
 """Nominal share of all verifications of an unchanged vehicle in which some parameter is called changed."""
-Z95 = 1.96
 
 
 class Change(NamedTuple):
@@ -53,7 +54,7 @@ class FlightCheck:
     error_m_s2: float
     """Held-out acceleration error of the model as it is, trim fitted."""
     refitted_m_s2: float
-    """The same with all its parameters refitted to this flight."""
+    """The same with the effects refitted to this flight that it shows to have changed."""
     changes: tuple[Change, ...]
     missing: tuple[str, ...]
     """Families of effects that are missing on top of the refitted model."""
@@ -156,24 +157,50 @@ def verify(
 
 
 def _check(model: Model, dataset: Dataset, limit: float, p_limit: float) -> FlightCheck:
-    refit = fit(model, dataset)
-    changes = _changes(model, refit, limit) if refit.p_value < p_limit and refit.held_out_drop > 0.0 else ()
-    effects, after = model.effects, refit.fit_after
-    silent = [f"{f.parameter.name} of {effects[f.effect].name}" for f in undetermined(after.free, after.intervals)]
+    whole = fit_model(model, dataset)
+    names = [f"{f.parameter.name} of {model.effects[f.effect].name}" for f in whole.free]
+    blind = undetermined(whole.free, whole.intervals)
+    silent = tuple(name for name, free in zip(names, whole.free, strict=True) if free in blind)
+    as_it_is, after = _refitted_effects(model, dataset, p_limit / max(1, len(model.stack)))
+    changes = _changes(model, after, limit)
     missing = tuple(diagnose(model, dataset).missing)
-    return FlightCheck(dataset.names[0], refit.before["total"], refit.after["total"], changes, missing, tuple(silent))
+    before_m_s2, after_m_s2 = as_it_is.held_out_rmse["total"], after.held_out_rmse["total"]
+    return FlightCheck(dataset.names[0], before_m_s2, after_m_s2, changes, missing, silent)
 
 
-def _changes(model: Model, refit: Refit, limit: float) -> tuple[Change, ...]:
+def _refitted_effects(model: Model, dataset: Dataset, p_limit: float) -> tuple[FittedModel, FittedModel]:
+    """Fit of the model as it is, and with those effects refitted that lower the held-out error, one after the other.
+
+    A change of one effect bends the parameters of all others in a common fit; so an effect is freed only where the
+    effects freed before it do not explain what changed.
+    """
+    freed: frozenset[int] = frozenset()
+    before = after = fit_model(_held_but(model, freed), dataset)
+    while len(freed) < len(model.stack):
+        others = (i for i in range(len(model.stack)) if i not in freed)
+        trials = {i: fit_model(_held_but(model, freed | {i}), dataset) for i in others}
+        best = min(trials, key=lambda i: trials[i].held_out_rmse["total"])
+        lower = after.held_out_residual - trials[best].held_out_residual
+        if improvement_p_value(after.held_out_residual, lower, dataset) >= p_limit:
+            break
+        freed, after = freed | {best}, trials[best]
+    return before, after
+
+
+def _held_but(model: Model, freed: frozenset[int]) -> Model:
+    """The model whose effects keep their parameters in a fit, but those of the indices `freed`."""
+    return replace(model, stack=tuple(replace(item, held=i not in freed) for i, item in enumerate(model.stack)))
+
+
+def _changes(model: Model, after: FittedModel, limit: float) -> tuple[Change, ...]:
     found = []
-    after = refit.fit_after
     blind = undetermined(after.free, after.intervals)
-    for free, (low, high) in zip(free_parameters(model), after.intervals, strict=True):
+    for free, (low, high) in zip(after.free, after.intervals, strict=True):
         item, name = model.stack[free.effect], free.parameter.name
         old = item.fitted.ci95.get(name) if item.fitted is not None else None
-        if old is None or any(f.effect == free.effect and f.parameter.name == name for f in blind):
+        if old is None or free in blind:
             continue
-        before, now = getattr(item.effect, name), getattr(refit.model.effects[free.effect], name)
+        before, now = getattr(item.effect, name), getattr(after.model.effects[free.effect], name)
         error = math.hypot(old[1] - old[0], high - low) / (2.0 * Z95)
         sigmas = abs(now - before) / error if error > 0.0 else 0.0
         if sigmas > limit:

@@ -17,20 +17,23 @@ from quadctl.effects.rotor_interaction import FrontWake
 from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.effects.thrust_tilt import FixedTilt
 from quadctl.effects.wind import SteadyWind
+from quadctl.frames import GRAVITY_M_S2
 from quadctl.lab.fitting.arrowhead import Arrow
 from quadctl.lab.fitting.fitted_model import fit_model
 from quadctl.lab.fitting.fitter import Fitter, Optimum, noise_scale
 from quadctl.lab.fitting.initial_guesses import Unmodelled, best_guesses
 from quadctl.lab.fitting.linearisation import Tangent
 from quadctl.lab.fitting.normal_equations import axis_weights
-from quadctl.lab.fitting.nuisances import BOUND, KINDS, disturbed, rotor_moments_n_m
+from quadctl.lab.fitting.nuisances import BOUND, KINDS, LEVELLING, disturbed, rotor_moments_n_m
 from quadctl.lab.fitting.parameters import free_parameters, intervals, values_of
 from quadctl.lab.flights.dataset import Dataset, HoldOut, load_dataset
 from quadctl.lab.flights.flight import Flight
+from quadctl.lab.flights.prediction import rmse
 from quadctl.lab.selection.addition import add
 from quadctl.lab.selection.candidate import Candidate
 from quadctl.lab.selection.diagnosis import diagnose
 from quadctl.lab.selection.rule import is_supported
+from quadctl.logs.columns import rpm_columns
 from quadctl.logs.flight_log import RATES, FlightLog
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle, load_vehicle
@@ -514,3 +517,23 @@ class TestOtherAxes:
 
     def test_they_do_not_speak_for_an_effect_that_turns_nothing(self, raptor: Vehicle) -> None:
         assert not is_supported(self.candidate(raptor, ConstantScale(0.9), roll=0.05, turning=0.15))
+
+
+def test_a_part_of_an_accelerating_lean_that_is_taken_for_level_is_a_nuisance(raptor: Vehicle) -> None:
+    """Runs to and fro whose logged pitch is 4 % smaller than the one that accelerates."""
+    rigid, taken = Model(raptor), 0.04
+    log = obedient(rigid, 60.0)
+    w, speed = 2.0 * np.pi * 0.25, 1.5
+    ahead, push = speed * np.sin(w * log.time_s), speed * w * np.cos(w * log.time_s)
+    columns = dict(log.columns)
+    columns["x_m"] = columns["x_m"] - speed / w * np.cos(w * log.time_s)
+    columns["vx_m_s"] = columns["vx_m_s"] + ahead
+    pitch = -np.arctan(push / (GRAVITY_M_S2 + np.gradient(log["vz_m_s"], log.time_s)))
+    columns["pitch_deg"] = np.degrees((1.0 - taken) * pitch)
+    for rpm in rpm_columns(raptor.n_rotors):
+        columns[rpm] = columns[rpm] / np.sqrt(np.cos(pitch))
+    data = load_dataset([dataclasses.replace(log, columns=columns)], raptor)
+    found = fit_model(rigid, data)
+    assert found.optimum.nuisances[0, LEVELLING] == pytest.approx(taken, abs=0.008)
+    before = rmse(data.aligned_for(rigid).residual(rigid))
+    assert found.held_out_rmse["north"] < 0.5 * before["north"]
