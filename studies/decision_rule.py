@@ -29,6 +29,7 @@ PAGE = ROOT / "docs" / "decision-rule.md"
 MOVED: dict[str, tuple[float, ...]] = {
     "SIGNIFICANT": (0.003, 0.03),
     "MATERIAL": (0.03, 0.08),
+    "MATERIAL_M_S2": (0.05, 0.2),
     "HARMLESS": (0.003, 0.03),
     "HARMLESS_BESIDE": (0.1, 0.4),
     "LEAST_SHARE_OF_MOMENT": (0.05, 0.2),

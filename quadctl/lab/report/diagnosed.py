@@ -17,7 +17,7 @@ from quadctl.lab.comparison.wording import (
 from quadctl.lab.report.parts import Cell, Results, Section, Table, figure
 from quadctl.lab.selection.candidate import Candidate
 from quadctl.lab.selection.diagnosis import Diagnosis
-from quadctl.lab.selection.rule import MATERIAL, SIGNIFICANT, is_supported
+from quadctl.lab.selection.rule import MATERIAL, MATERIAL_M_S2, SIGNIFICANT, is_supported
 from quadctl.lab.selection.unseen import unseen_in_words
 
 SHOWN_CANDIDATES = 8
@@ -84,7 +84,10 @@ def _verdict_table(d: Diagnosis) -> Table:
     finding = f"yes: {listed([step.effect for step in d.steps[1:]])}" if d.missing else "no effect does"
     explained = "explain a significant part" if d.unexplained else "explain no significant part"
     left = f"the logged variables {explained} of the {'remaining error' if d.missing else 'error'}"
-    test = f"an effect has p < {SIGNIFICANT:g} and lowers the held-out error of one axis by more than {MATERIAL:.0%}"
+    test = (
+        f"an effect has p < {SIGNIFICANT:g} and lowers the held-out error of one axis by more than {MATERIAL:.0%}, "
+        f"or explains more than {MATERIAL_M_S2:g} m/s² on it"
+    )
     rows = {
         "missing": [Cell("missing", test), Cell(finding)],
         "none": [

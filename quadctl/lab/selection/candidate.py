@@ -1,5 +1,6 @@
 """Candidate: one effect tried on top of a model, with the data on which the decision rule judges it."""
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -78,6 +79,13 @@ class Candidate:
     def largest_drop(self) -> float:
         """Relative drop on the axis on which the effect helps most."""
         return max(self.drops.values())
+
+    @property
+    def explained_m_s2(self) -> float:
+        """Root mean square of the acceleration that the effect explains on held-out data, on the axis where it is
+        largest."""
+        squares = [self.before[axis] ** 2 - self.after[axis] ** 2 for axis in GROUPS["total"] if axis in self.drops]
+        return math.sqrt(max([0.0, *squares]))
 
     def fit(self, dataset: Dataset) -> FittedModel:
         """Fitted model of this candidate; `dataset` is the one that it was fitted to.

@@ -24,6 +24,9 @@ SIGNIFICANT = 0.01
 MATERIAL = 0.05
 """Least relative drop of the held-out error of one axis by a missing effect: unknown trims and coefficients of any real
 vehicle cause drops up to this."""
+MATERIAL_M_S2 = 0.1
+"""Acceleration explained on one axis above which an effect is material however noisy the log is: 1 % of g, as trims of
+0.6 degrees or a thrust that is off by 1 % make."""
 
 # --- moments ----------------------------------------------------------------------------------------------------------
 
@@ -79,8 +82,9 @@ def is_significant(p_value: float) -> bool:
 
 def is_material(before: Floats, after: Floats) -> bool:
     """Tell whether a change of the held-out residual, shape (n, axes), lowers the error of an axis by a material
-    share."""
-    return largest_gain(before, after) > MATERIAL
+    share, or explains a material acceleration."""
+    explained = np.mean(before[:, :3] ** 2 - after[:, :3] ** 2, axis=0)
+    return largest_gain(before, after) > MATERIAL or float(explained.max()) > MATERIAL_M_S2**2
 
 
 def is_harmful(c: Candidate) -> bool:
@@ -125,7 +129,8 @@ def is_trim(c: Candidate) -> bool:
 
 def is_plausible(c: Candidate) -> bool:
     """Tell whether a candidate would be supported if the data distinguished it from its look-alikes."""
-    return is_there(c) and c.largest_drop > MATERIAL and not c.effect.negligible() and not c.implied
+    material = c.largest_drop > MATERIAL or c.explained_m_s2 > MATERIAL_M_S2
+    return is_there(c) and material and not c.effect.negligible() and not c.implied
 
 
 def is_supported(c: Candidate) -> bool:
@@ -204,7 +209,7 @@ def is_unexplained(residual: Floats, flexible: Floats, p_value: float) -> bool:
 
     `flexible` is the held-out prediction of the residual by a regression on the variables, shape (n, 3).
     """
-    return is_significant(p_value) and is_material(residual, residual - flexible)
+    return is_significant(p_value) and largest_gain(residual, residual - flexible) > MATERIAL
 
 
 def is_large(residual: Floats, flexible: Floats) -> bool:

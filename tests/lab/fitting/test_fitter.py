@@ -476,6 +476,14 @@ class TestOtherAxes:
     def test_a_gain_on_one_axis_is_enough(self, raptor: Vehicle) -> None:
         assert is_supported(self.candidate(raptor, ConstantScale(0.9), up=0.7, total=1.58))
 
+    @pytest.mark.parametrize(("up", "supported"), [(0.99, True), (0.997, False)])
+    def test_in_a_noisy_log_the_acceleration_explained_counts(
+        self, raptor: Vehicle, up: float, supported: bool
+    ) -> None:
+        """1 % less of an error of 1 m/s^2 is sqrt(1 - 0.99^2) = 0.14 m/s^2 explained, 0.3 % less is 0.08 m/s^2."""
+        total = (2.0 + up**2) ** 0.5
+        assert is_supported(self.candidate(raptor, ConstantScale(0.9), up=up, total=total)) is supported
+
     @pytest.mark.parametrize("harmed", [{"roll": 0.11}, {"pitch": 0.11}, {"yaw": 0.11}])
     def test_not_if_another_moment_pays_for_it(self, raptor: Vehicle, harmed: dict[str, float]) -> None:
         turning = {"roll": 0.05, "pitch": 0.05, "yaw": 0.05, "turning": 0.12, **harmed}
