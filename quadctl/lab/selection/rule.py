@@ -149,6 +149,13 @@ def is_measured(c: Candidate) -> bool:
     return c.distinct and is_there(c)
 
 
+def is_left_out(c: Candidate) -> bool:
+    """Tell whether a candidate is significant on held-out data, and larger than a trim, be it plausible beside the
+    effects of the model or not."""
+    fits = c.determined and not c.at_bound and not c.implied
+    return c.held_out_drop > 0.0 and is_significant(c.p_value) and fits and not c.effect.negligible()
+
+
 def is_promising(p_value: float) -> bool:
     """Tell whether an effect with this p-value in the last round is worth trying in the next."""
     return p_value <= PROMISING

@@ -2,8 +2,8 @@
 
 Forward selection tries every effect on top of the model, judges it on held-out data, adds the best supported one, and
 repeats until none is supported. Pruning then removes effects that the later ones made superfluous. A pair of effects is
-replaced where one look-alike explains as much alone. A path is a value: each of these is a function from a path to a
-path.
+replaced where one look-alike explains as much alone, and an effect where another one encompasses it. A path is a value:
+each of these is a function from a path to a path.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -21,9 +21,11 @@ from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.flights.prediction import rmse
 from quadctl.lab.selection.candidate import Candidate
 from quadctl.lab.selection.rule import (
+    EQUAL_SCORE,
     choose,
     indistinct,
     is_as_good,
+    is_left_out,
     is_look_alike,
     is_needed,
     is_promising,
@@ -36,6 +38,9 @@ from quadctl.lab.selection.trial import try_effect
 
 NESTED = ({"thrust_map", "thrust_scale"},)
 """Families of which one is the other with a parameter more: that they do equally well is no doubt."""
+
+MOST_EXCHANGED = 3
+"""Largest number of effects that are tried in the place of those found."""
 
 Progress = Callable[[str], None]
 
@@ -93,7 +98,7 @@ class _Round(NamedTuple):
 def search(start: FittedModel, pool: Sequence[type[Effect]], progress: Progress) -> Path:
     """Search `pool` for the effects that the fitted model `start` is missing."""
     path = pruned(forward(begun_at(start), pool, progress))
-    return with_pair_replaced(path, pool, progress)
+    return with_one_exchanged(with_pair_replaced(path, pool, progress), pool, progress)
 
 
 def begun_at(start: FittedModel) -> Path:
@@ -145,6 +150,41 @@ def with_pair_replaced(path: Path, pool: Sequence[type[Effect]], progress: Progr
         if other.missing == (candidate.family,):
             return replace(other, confounded=(*other.confounded, (candidate.family, path.missing[-1])))
     return path
+
+
+def with_one_exchanged(path: Path, pool: Sequence[type[Effect]], progress: Progress) -> Path:
+    """Path, or a path in which one effect that was found gives way to another one that encompasses it.
+
+    The greedy search may add an effect that has a little of two others, beside which neither is plausible any more.
+    Where one of these is still significant on top of the path, it is tried in the place of each effect found, and the
+    search goes on from there. It encompasses that effect (Mizon & Richard 1986, Econometrica 54) where that one is not
+    significant on top of the new path.
+    """
+    significant = [c for c in path.latest.values() if c.family not in path.missing and is_left_out(c)]
+    for candidate in sorted(significant, key=lambda c: score(c.residual))[:MOST_EXCHANGED]:
+        for family in path.missing:
+            other = _exchanged(path, family, candidate, pool, progress)
+            if other is None or family in other.missing or candidate.family not in other.missing:
+                continue
+            again = [c for c in other.latest.values() if c.family == family]
+            if score(other.residual) < score(path.residual) + EQUAL_SCORE and not any(is_left_out(c) for c in again):
+                return other
+    return path
+
+
+def _exchanged(
+    path: Path, family: str, candidate: Candidate, pool: Sequence[type[Effect]], progress: Progress
+) -> Path | None:
+    """Path with the effects of `path` but `family`, then `candidate`, then what the search finds beside them; None
+    where one of them is not supported there."""
+    other = replace(begun_at(path.start), latest=path.latest)
+    found = [c for c in path.chosen if c.family in path.missing and c.family != family]
+    for kind in (type(c.effect) for c in (*found, candidate)):
+        tried = try_effect(kind, Unmodelled(other.current), len(pool))
+        if not is_supported(tried):
+            return None
+        other = taken(other, tried)
+    return pruned(forward(other, pool, progress))
 
 
 def emptied(path: Path) -> Path:
