@@ -44,11 +44,20 @@ def _write_gazebo(model: Model, path: Path) -> tuple[str, ...]:
     return left_out
 
 
+def _write_sih(model: Model, path: Path) -> tuple[str, ...]:
+    from quadctl.export.sih import sih_parameters
+
+    text, left_out = sih_parameters(model)
+    path.write_text(text, encoding="utf-8")
+    return left_out
+
+
 PROGRAMS: dict[str, Callable[[Model, Path], tuple[str, ...]]] = {
     "casadi": _write_casadi,
     "numpy": _write_numpy,
     "rotorpy": _write_rotorpy,
     "gazebo": _write_gazebo,
+    "sih": _write_sih,
 }
 """Targets that are equations of motion, or a simulator's parameters, each with the function that writes a model into a
 file; it returns what of the model the file leaves out."""
