@@ -94,6 +94,18 @@ def test_a_new_vehicle_is_entered_as_a_few_numbers(browser: Browser, tmp_path: P
         visitor.leaves()
 
 
+@pytest.mark.long
+def test_without_a_log_a_sample_flight_is_flown_and_a_tap_explains_a_word(browser: Browser, tmp_path: Path) -> None:
+    with served(tmp_path / "lab") as (url, _):
+        visitor = Visitor(browser, url)
+        visitor.click("button:has-text('Try a sample flight')")
+        assert "ground effect" in visitor.sees("#verdict[data-verdict=missing]")
+        visitor.click("button.term:has-text('trim')")
+        assert "to hover" in visitor.sees("p.meaning")
+        visitor.keeps("sample-and-word")
+        visitor.leaves()
+
+
 def test_the_address_is_told_when_it_answers(tmp_path: Path) -> None:
     port = free_tcp_port()
     words = ["lab", "--no-open", "--port", str(port), "--out", str(tmp_path / "lab")]

@@ -24,6 +24,7 @@ from quadctl.model import Model, Provenance
 from quadctl.vehicle import Vehicle
 from quadctl.web.elements.theme import DARK, LIGHT
 from quadctl.web.page.page import TABS, Page
+from quadctl.web.panels.glossary import GLOSSARY
 from quadctl.web.panels.panel import Bench, Controls, Panel
 from quadctl.web.panels.view import View
 from quadctl.web.session.findings import Diagnosed
@@ -326,6 +327,15 @@ class TestOpenTab:
         error = evaluation.error_m_s2
         expected = f"The model mispredicts acceleration by {quantity(error)}, {share_of_g(error)} of g"
         assert expected in str(tabs("missing", views["at first"]).shown)
+
+    def test_the_words_of_the_trade_are_explained_where_they_stand(
+        self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
+    ) -> None:
+        everywhere = "".join(
+            str(tabs(tab, views[name]).shown) for tab in TABS for name in ("at first", "steps that were flown")
+        )
+        for word in ("fold", "noise floor", "M_A", "M_B", "trim"):
+            assert GLOSSARY[word] in everywhere, word
 
     def test_each_of_several_flights_has_its_error(
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]

@@ -3,16 +3,19 @@
 import asyncio
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, cast
 
+import numpy as np
 import pytest
+import yaml
 
 from quadctl.logs.flight_log import FlightLog
 from quadctl.model import load_model
 from quadctl.vehicle import Vehicle
 from quadctl.web.panels.vehicle import TYPICAL
 from quadctl.web.session.session import Session
-from quadctl.web.work import jobs
+from quadctl.web.work import jobs, simulated
 from quadctl.web.work.jobs import Opened
 from quadctl.web.work.simulated import Simulation
 from quadctl.web.work.worker import CancelledError
@@ -20,7 +23,7 @@ from quadctl.web.workbench import workbench
 from quadctl.web.workbench.intake import Intake
 from quadctl.web.workbench.workbench import Workbench
 from tests.support.flights import obedient
-from tests.support.places import RAPTOR
+from tests.support.places import RAPTOR, ROOT
 
 
 class Here:
@@ -119,6 +122,39 @@ class TestDrops:
 
         asyncio.run(drop_twice())
         assert bench.message is None
+
+
+class TestSampleFlight:
+    def test_it_is_flown_in_a_world_that_the_vehicle_file_does_not_hold_and_is_opened(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        flown: list[tuple[str, Any]] = []
+
+        def simulate(plan: Any, folder: Path, hidden: Path, seed: int) -> Any:
+            flown.append((plan.body.vehicle.name, yaml.safe_load(hidden.read_text())))
+            folder.mkdir(parents=True, exist_ok=True)
+            (folder / "sample.csv").write_text("time_s\n0.0\n")
+            return SimpleNamespace(completed=True, log=folder / "sample.csv")
+
+        class AlsoFlies(Here):
+            async def run(self, job: Callable[..., Any], *args: Any, progress: Callable[[str], None]) -> Any:
+                if job is jobs.fly_sample:
+                    return job(*args, progress)
+                return await super().run(job, *args, progress=progress)
+
+        monkeypatch.setattr(workbench, "Worker", AlsoFlies)
+        monkeypatch.setattr(simulated, "read_log", lambda path: FlightLog(path.name, path, {"time_s": np.zeros(1)}))
+        world = {"effects": [{"effect": "hidden.ground_cushion"}]}
+        made = Workbench(tmp_path, Simulation(simulate, ROOT / "missions", tmp_path, None, world))
+        made.session = Session().begun_with(load_model(RAPTOR))
+        asyncio.run(made.open_sample())
+        assert flown == [(load_model(RAPTOR).vehicle.name, world)]
+        assert names(made) == ["sample.csv"] and made.message is None
+
+    def test_without_a_vehicle_it_asks_for_one(self, bench: Workbench) -> None:
+        bench.session = Session()
+        asyncio.run(bench.open_sample())
+        assert bench.message is not None and "choose the one to fly" in bench.message.text
 
 
 class TestNewVehicle:

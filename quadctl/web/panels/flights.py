@@ -9,6 +9,7 @@ from nicegui.events import GenericEventArguments, MultiUploadEventArguments
 from quadctl.lab.flights.dataset import HoldOut
 from quadctl.logs.formats import labels
 from quadctl.web.elements.html import heading, tag
+from quadctl.web.panels.glossary import explained
 from quadctl.web.panels.panel import Controls, Panel, Tab
 from quadctl.web.panels.vehicle import VehicleChoice
 from quadctl.web.session.files import LOG_SUFFIXES, MAX_UPLOAD_BYTES, SETTINGS_SUFFIXES
@@ -41,7 +42,8 @@ class Flights(Panel):
 
     def _draw_hold_out(self, do: Controls) -> None:
         with tag("div", "line wrap"):
-            tag("span", "muted grow", "Cross-validation on the other flights leaves out, one fold at a time:")
+            with tag("span", "muted grow"):
+                explained("Cross-validation on the other flights leaves out, one fold at a time:")
             choice = ui.toggle(
                 {"blocks": "blocks of time", "flights": "whole flights"},
                 value=self.hold_out,

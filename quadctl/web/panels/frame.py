@@ -148,8 +148,11 @@ class Start(Panel):
                 names = listed([path.name for path in self.logs])
                 tag("p", "verdict", f"Open: {names}. Choose below the vehicle that flew.")
             drop_zone(do)
-            with tag("p", "muted"):
-                ui.label("No log at hand? ").style("display:contents")
-                tag("code", "", "quadctl demo")
-                ui.label(" flies one with a hidden effect, in a minute.").style("display:contents")
+            with tag("div", "line wrap"):
+                sample = ui.button(
+                    "Try a sample flight", icon="flight_takeoff", on_click=lambda: do.act(do.bench.open_sample())
+                )
+                sample.props("no-caps outline")
+                text = "No log at hand? The vehicle below is flown in simulation, with an effect that its model lacks."
+                tag("span", "muted grow", text)
         do.nest(VehicleChoice)

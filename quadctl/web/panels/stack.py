@@ -11,6 +11,7 @@ from quadctl.lab.fitting.nuisances import KINDS
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.model import StackedEffect
 from quadctl.web.elements.html import tag
+from quadctl.web.panels.glossary import explained
 from quadctl.web.panels.panel import Controls, Panel
 from quadctl.web.session.session import Rung
 from quadctl.web.work.jobs import Evaluation
@@ -89,12 +90,11 @@ def _draw_errors(by_flight: Mapping[str, float]) -> None:
 
 def _draw_nuisances(evaluation: Evaluation, seen: Dataset) -> None:
     with ui.expansion("Trim and calibration").classes("nuisances").props("dense"):
-        tag(
-            "p",
-            "muted",
-            "Nuisance parameters: small offsets that differ between flights. They are fitted together with the "
-            "effects, and are not saved with the model.",
-        )
+        with tag("p", "muted"):
+            explained(
+                "Trim and calibration are small offsets that differ between flights. They are fitted together with the "
+                "effects, and are not saved with the model."
+            )
         kinds = [kind.name for kind in KINDS]
         with tag("table", "small"):
             with tag("tr"):

@@ -254,6 +254,10 @@ def fly(simulation: Simulation, model: Model, progress: Progress) -> StepRespons
     return simulation.fly_steps(model, progress)
 
 
+def fly_sample(simulation: Simulation, vehicle: Vehicle, progress: Progress) -> Path:
+    return simulation.fly_sample(vehicle, progress)
+
+
 def report(rungs: Sequence[Rung], opened: Opened, steps: StepResponses | None, progress: Progress) -> bytes:
     """The report of the ladder `rungs`, from its first step to its last: one file of HTML."""
     first, last = rungs[0], rungs[-1]

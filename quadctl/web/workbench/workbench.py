@@ -106,6 +106,18 @@ class Workbench:
     async def open_logs(self, paths: Sequence[Path]) -> None:
         await self._with_flights(self.session.with_logs(paths), known=True)
 
+    async def open_sample(self) -> None:
+        """Fly the vehicle in a simulated world with a hidden effect, and open the log."""
+        if self.session.rung is None:
+            self.say("error", "There is no vehicle yet: choose the one to fly.")
+            return
+        vehicle = self.session.rung.model.vehicle
+        flown = None
+        async with self._working("Flying a sample flight in simulation") as progress:
+            flown = await self._quick.run(jobs.fly_sample, self.simulation, vehicle, progress=progress)
+        if flown is not None:
+            await self.open_logs([flown])
+
     async def forget_log(self, path: Path) -> None:
         await self._with_flights(self.session.without_log(path), known=True)
 
