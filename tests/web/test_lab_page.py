@@ -303,6 +303,16 @@ class TestAnalysed:
         visitor.press("button[aria-label^='Show where in the flight']")
         assert visitor.points(visitor.figure("Selected samples over time"), "selected") > 0
 
+    def test_any_channel_is_found_by_its_name(self, visitor: Visitor) -> None:
+        visitor.click("[role=tab]:has-text('Over time')")
+        visitor.figure("Channels over time: z_m and z_ref_m")
+        visitor.page.locator(".channels input").click()
+        visitor.page.keyboard.type("motor 3 sp")
+        visitor.click("[role=option]:has-text('motor3_rpm')")
+        visitor.page.keyboard.press("Escape")
+        visitor.figure("Channels over time: z_m, z_ref_m and motor3_rpm")
+        assert visitor.points(visitor.figure("Spectrum of motor3_rpm"), "filter of the analysis: gain") > 0
+
     def test_all_can_be_taken_along(self, visitor: Visitor, tmp_path: Path) -> None:
         stand_on(visitor, "+ ground effect")
         report = visitor.keeps_file("button:has-text('Report')", tmp_path).read_text(encoding="utf-8")

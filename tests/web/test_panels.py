@@ -139,6 +139,8 @@ def views(raptor: Vehicle) -> dict[str, View]:
         axis="up",
         brush={},
         flight_name="",
+        channels=("z_m", "motor1_rpm"),
+        over_each_other=False,
     )
     searching = replace(view, search=Work("Looking"), results=replace(results, found=None, before=found))
     working = replace(view, work=Work("Fitting"))
@@ -172,6 +174,8 @@ def views(raptor: Vehicle) -> dict[str, View]:
         "other vehicles": {"vehicles": ()},
         "another axis": {"axis": "north"},
         "another flight": {"flight_name": "1.csv"},
+        "other channels": {"channels": ("roll_deg",)},
+        "flights over each other": {"over_each_other": True},
         "a selection": {"brush": {"height_over_radius": (1.0, 3.0)}},
         "other colours": {"theme": DARK},
     }

@@ -55,6 +55,8 @@ class Page:
         self._theme = LIGHT
         self._axis = "up"
         self._flight_name = ""
+        self._channels: tuple[str, ...] = over_time.FIRST_CHANNELS
+        self._over_each_other = False
         self._brush: Brush = {}
         self._frame_parts: list[Part] = []
         self._tab_parts: list[Part] = []
@@ -135,6 +137,8 @@ class Page:
             axis=self._axis,
             brush=self._brush,
             flight_name=self._flight_name,
+            channels=self._channels,
+            over_each_other=self._over_each_other,
         )
 
     def refresh(self) -> None:
@@ -186,6 +190,10 @@ class Page:
     def look_at(self, flight: str | None = None, axis: str | None = None) -> None:
         self._flight_name = flight or self._flight_name
         self._axis = axis or self._axis
+        self.refresh()
+
+    def choose_channels(self, channels: Sequence[str], over_each_other: bool) -> None:
+        self._channels, self._over_each_other = tuple(channels), over_each_other
         self.refresh()
 
     def select(self, ranges: Brush, axis: str) -> None:
