@@ -313,6 +313,25 @@ class TestAnalysed:
         visitor.figure("Channels over time: z_m, z_ref_m and motor3_rpm")
         assert visitor.points(visitor.figure("Spectrum of motor3_rpm"), "filter of the analysis: gain") > 0
 
+    def test_keys_move_through_the_page_and_undo(self, visitor: Visitor) -> None:
+        stand_on(visitor, "rigid body")
+        keys = visitor.page.keyboard
+        keys.press("3")
+        visitor.sees("[role=tab][aria-selected=true]:has-text('Where it fails')")
+        keys.press("?")
+        visitor.sees("kbd:has-text('Shift Z')")
+        keys.press("Escape")
+        expect(visitor.page.locator("kbd")).to_have_count(0)
+        stand_on(visitor, "+ ground effect")
+        keys.press("z")
+        visitor.sees(".step.here:has-text('rigid body')")
+        visitor.waits_until_done()
+        keys.press("Shift+Z")
+        visitor.sees(".step.here:has-text('+ ground effect')")
+        visitor.waits_until_done()
+        keys.press("1")
+        visitor.sees("#verdict")
+
     def test_all_can_be_taken_along(self, visitor: Visitor, tmp_path: Path) -> None:
         stand_on(visitor, "+ ground effect")
         report = visitor.keeps_file("button:has-text('Report')", tmp_path).read_text(encoding="utf-8")

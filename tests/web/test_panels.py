@@ -1,5 +1,6 @@
 """Panels of the lab page: a panel can show its fields only, and a tab that stays open is never stale."""
 
+import asyncio
 import inspect
 import re
 from collections.abc import Callable, Iterator
@@ -25,6 +26,7 @@ from quadctl.vehicle import Vehicle
 from quadctl.web.elements.theme import DARK, LIGHT
 from quadctl.web.page.page import TABS, Page
 from quadctl.web.panels.glossary import GLOSSARY
+from quadctl.web.panels.help import KEYS
 from quadctl.web.panels.panel import Bench, Controls, Panel
 from quadctl.web.panels.view import View
 from quadctl.web.session.findings import Diagnosed
@@ -132,6 +134,8 @@ def views(raptor: Vehicle) -> dict[str, View]:
         search=None,
         message=None,
         waiting=(),
+        can_undo=True,
+        can_redo=False,
         hidden=None,
         vehicles=(Path("raptor.yaml"),),
         template="",
@@ -169,6 +173,7 @@ def views(raptor: Vehicle) -> dict[str, View]:
         "a warning of the check": {"results": replace(results, checked=("too high",))},
         "a refusal of the check": {"results": replace(results, checked=None, refused="it has a pole")},
         "a file that waits": {"waiting": ("a.csv",)},
+        "a change taken back": {"can_undo": False, "can_redo": True},
         "a message": {"message": Message("error", "no")},
         "another world": {"hidden": Path("hidden.yaml")},
         "other vehicles": {"vehicles": ()},
@@ -224,6 +229,23 @@ class OpenTab:
     def follow(self, view: View) -> None:
         self._view = view
         self._page.refresh()
+
+    def acts_on(self, key: str, shift: bool = False) -> set[str]:
+        """Actions on the model that a key calls."""
+        bench = self._page.bench
+        bench.results = self._view.results  # type: ignore[misc]
+        with self._client:
+            asyncio.run(self._page.press(key, shift))
+        return {call[0] for call in cast(Any, bench).method_calls} - {"subscribe"}
+
+    @property
+    def texts(self) -> set[str]:
+        """All texts, those of dialogs that are closed, too."""
+        return {element.text for element in self._client.elements.values() if isinstance(element, ui.label)}
+
+    @property
+    def part(self) -> str:
+        return self._page._tab
 
     @property
     def shown(self) -> Any:
@@ -331,6 +353,25 @@ class TestOpenTab:
         error = evaluation.error_m_s2
         expected = f"The model mispredicts acceleration by {quantity(error)}, {share_of_g(error)} of g"
         assert expected in str(tabs("missing", views["at first"]).shown)
+
+    @pytest.mark.parametrize(
+        ("key", "shift", "done"),
+        [("z", False, "undo"), ("Z", True, "redo"), ("r", False, "refit"), ("a", False, "add"), ("x", False, "")],
+    )
+    def test_keys_act_on_the_model(
+        self, key: str, shift: bool, done: str, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
+    ) -> None:
+        assert tabs("missing", views["at first"]).acts_on(key, shift) == {done} - {""}
+
+    def test_keys_show_the_parts_of_the_page_and_the_help_lists_them(
+        self, views: dict[str, View], tabs: Callable[[str, View], OpenTab], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr(ui.navigate.history, "push", lambda address: None)
+        tab = tabs("missing", views["at first"])
+        for key, name in zip("12345", TABS, strict=True):
+            tab.acts_on(key)
+            assert tab.part == name
+        assert set(KEYS) <= tab.texts
 
     def test_the_words_of_the_trade_are_explained_where_they_stand(
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]

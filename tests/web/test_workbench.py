@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 import yaml
 
+from quadctl.effects.ground_effect import Exponential
 from quadctl.logs.flight_log import FlightLog
 from quadctl.model import load_model
 from quadctl.vehicle import Vehicle
 from quadctl.web.panels.vehicle import TYPICAL
-from quadctl.web.session.session import Session
+from quadctl.web.session.session import Rung, Session
 from quadctl.web.work import jobs, simulated
 from quadctl.web.work.jobs import Opened
 from quadctl.web.work.simulated import Simulation
@@ -122,6 +123,54 @@ class TestDrops:
 
         asyncio.run(drop_twice())
         assert bench.message is None
+
+
+class TestUndo:
+    @pytest.fixture
+    def climbed(self, bench: Workbench, monkeypatch: pytest.MonkeyPatch) -> Workbench:
+        """A bench whose model has been given an effect, by a fit that takes no time."""
+
+        async def judge(*_: Any) -> None:
+            """Nothing is evaluated here."""
+
+        monkeypatch.setattr(bench, "_judge", judge)
+        rung = bench.session.rung
+        assert rung is not None
+        added = Rung("+ one", rung.model.plus(Exponential(a=0.3, b=5.0)))
+
+        async def climb(*_: Any) -> None:
+            bench.session = bench.session.climbed(added)
+
+        monkeypatch.setattr(bench, "_climb", climb)
+        asyncio.run(bench.add("one"))
+        return bench
+
+    def test_a_change_of_the_model_is_undone_and_redone(self, climbed: Workbench) -> None:
+        after = climbed.session
+        assert climbed.can_undo and not climbed.can_redo
+        asyncio.run(climbed.undo())
+        assert [rung.name for rung in climbed.session.rungs] == ["rigid body"]
+        assert climbed.can_redo and not climbed.can_undo
+        asyncio.run(climbed.redo())
+        assert climbed.session == after
+
+    def test_an_effect_that_was_switched_off_is_on_again(self, climbed: Workbench) -> None:
+        before = climbed.session
+        asyncio.run(climbed.switch("ground_effect.exponential"))
+        assert climbed.session.off
+        asyncio.run(climbed.undo())
+        assert climbed.session == before
+
+    def test_a_new_change_ends_the_redo(self, climbed: Workbench) -> None:
+        asyncio.run(climbed.undo())
+        asyncio.run(climbed.add("another"))
+        assert climbed.can_undo and not climbed.can_redo
+
+    def test_other_flights_end_the_undo(self, climbed: Workbench) -> None:
+        asyncio.run(climbed.open_logs([Path("a.csv")]))
+        assert not climbed.can_undo
+        asyncio.run(climbed.undo())
+        assert climbed.message is not None and "no change of the model to undo" in climbed.message.text
 
 
 class TestSampleFlight:

@@ -9,6 +9,7 @@ from nicegui.client import Client
 from nicegui.element import Element
 from nicegui.elements.mixins.disableable_element import DisableableElement
 from nicegui.elements.upload_files import FileUpload
+from nicegui.events import KeyEventArguments
 
 from quadctl.lab.flights.prediction import AXES
 from quadctl.vehicle_draft.draft import Answers
@@ -17,6 +18,7 @@ from quadctl.web.elements.html import tag
 from quadctl.web.elements.theme import DARK, LIGHT, Theme
 from quadctl.web.panels import compensator, fails, flights, missing, over_time
 from quadctl.web.panels.frame import FittedTo, Header, Start, Status
+from quadctl.web.panels.help import help_dialog
 from quadctl.web.panels.ladder import Ladder
 from quadctl.web.panels.panel import Panel, Tab
 from quadctl.web.panels.stack import Stack
@@ -31,6 +33,8 @@ window.addEventListener("popstate", () => emitEvent("{WENT_BACK}", new URLSearch
 </script>"""
 """Tells the server of the browser's Back and Forward."""
 TABS: dict[str, Tab] = {tab.name: tab for tab in (missing.TAB, over_time.TAB, fails.TAB, compensator.TAB, flights.TAB)}
+
+KEYS_OF_TABS = {str(number): name for number, name in enumerate(TABS, start=1)}
 
 
 @dataclass(eq=False)
@@ -101,6 +105,37 @@ class Page:
                 self._tabs = tabs
                 ui.on(WENT_BACK, lambda event: self._go_back(event.args))
                 self._body = tag("div", "body")
+        self._help = help_dialog()
+        ui.keyboard(on_key=self._on_key, repeating=False, ignore=["input", "select", "textarea"])
+
+    async def _on_key(self, event: KeyEventArguments) -> None:
+        modifiers = event.modifiers
+        if event.action.keydown and not (modifiers.ctrl or modifiers.alt or modifiers.meta):
+            await self.press(event.key.name, modifiers.shift)
+
+    async def press(self, key: str, shift: bool = False) -> None:
+        """Do what a key stands for (see `panels/help.py`); other keys do nothing."""
+        bench = self.bench
+        if key == "?":
+            self._help.value = not self._help.value
+        elif self.view().starting:
+            return
+        elif key in KEYS_OF_TABS:
+            self._tabs.set_value(KEYS_OF_TABS[key])
+        elif key.lower() == "z":
+            await self.act(bench.redo() if shift else bench.undo())
+        elif key.lower() == "r":
+            await self.act(bench.refit())
+        elif key.lower() == "a":
+            await self._add_missing()
+
+    async def _add_missing(self) -> None:
+        found = self.bench.results.found
+        missing = [] if found is None else [step.effect for step in found.diagnosis.steps[1:]]
+        if missing:
+            await self.act(self.bench.add(*missing))
+        else:
+            self.bench.say("done", "There is nothing to add: no effect has been found missing.")
 
     def _show(self, tab: str) -> None:
         if tab == self._tab:
@@ -130,6 +165,8 @@ class Page:
             search=bench.search,
             message=bench.message,
             waiting=bench.waiting,
+            can_undo=bench.can_undo,
+            can_redo=bench.can_redo,
             hidden=bench.simulation.hidden,
             vehicles=tuple(self._intake.vehicles),
             template=TEMPLATE,
@@ -208,6 +245,9 @@ class Page:
         self._set_theme(LIGHT if self._theme is DARK else DARK)
         keep_theme(self._theme)
         self.refresh()
+
+    def show_help(self) -> None:
+        self._help.open()
 
     def _set_theme(self, theme: Theme) -> None:
         self._theme = theme

@@ -37,6 +37,8 @@ class Header(Panel):
             ):
                 button = ui.button(label, icon=icon, on_click=act).props(f'flat no-caps aria-label="{label}"')
                 button.classes("header-button")
+        help_button = ui.button(icon="help_outline", on_click=do.show_help)
+        help_button.props('flat round aria-label="Help" title="Keys and words (?)"')
         theme_button(self.theme, do.toggle_theme)
 
 

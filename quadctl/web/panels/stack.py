@@ -34,6 +34,8 @@ class Stack(Panel):
     off: frozenset[str]
     seen: Dataset | None
     evaluation: Evaluation | None
+    can_undo: bool
+    can_redo: bool
 
     def draw(self, do: Controls) -> None:
         if self.rung is None:
@@ -42,6 +44,8 @@ class Stack(Panel):
         with tag("section", "card stack").props('aria-label="Effect stack"'):
             with tag("div", "line"):
                 tag("h2", "title grow", "Effects in the model")
+                if self.can_undo or self.can_redo:
+                    _draw_undo(do, self.can_undo, self.can_redo)
                 if model.stack:
                     refit = ui.button("Refit", on_click=lambda: do.act(do.bench.refit()))
                     do.when_idle(refit.props("flat dense no-caps"), not self.off)
@@ -53,6 +57,15 @@ class Stack(Panel):
                 _draw_errors(self.evaluation.by_flight)
             if self.evaluation is not None and self.seen is not None:
                 _draw_nuisances(self.evaluation, self.seen)
+
+
+def _draw_undo(do: Controls, can_undo: bool, can_redo: bool) -> None:
+    for name, icon, act, allowed in (
+        ("Undo", "undo", do.bench.undo, can_undo),
+        ("Redo", "redo", do.bench.redo, can_redo),
+    ):
+        button = ui.button(icon=icon, on_click=lambda act=act: do.act(act()))
+        do.when_idle(button.props(f'flat dense round size=sm aria-label="{name}" title="{name}"'), allowed)
 
 
 def _draw_effect(do: Controls, item: StackedEffect, on: bool) -> None:

@@ -38,6 +38,8 @@ class View:
     message: Message | None
     waiting: tuple[str, ...]
     """Names of files that were dropped, and that wait for the work in progress."""
+    can_undo: bool
+    can_redo: bool
     hidden: Path | None
     """File of the simulated world; None: the world is as the model says."""
     vehicles: tuple[Path, ...]
