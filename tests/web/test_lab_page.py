@@ -40,6 +40,14 @@ pytestmark = needs_chromium
 
 HOVERING = ROOT.parent / "shared" / "data" / "raptor" / "HOVERING.csv"
 MOST_CLICKS = 10
+PARTS = (
+    ("What is missing", "h2:has-text('measured and predicted')"),
+    ("Over time", "h2:has-text('The flight path')"),
+    ("Where it fails", "h2:has-text('On the flight path')"),
+    ("Compensator", "text=The check accepts it"),
+    ("Flights", "h2:has-text('Vehicle')"),
+)
+"""Parts of the page, and what is there when they are drawn."""
 
 
 @pytest.fixture(scope="module")
@@ -161,7 +169,7 @@ def test_a_newcomer_finds_the_missing_effect_and_flies_it_in_at_most_ten_clicks(
 
         visitor.click("[role=tab]:has-text('Compensator')")
         visitor.sees("text=The check accepts it")
-        exported = visitor.keeps_file("main button:has-text('Export model')", tmp_path)
+        exported = visitor.keeps_file(".main button:has-text('Export model')", tmp_path)
         (effect,) = load_model(exported).effects
         assert effect.family() == "ground_effect"
         visitor.keeps("4-compensator")
@@ -303,6 +311,20 @@ class TestAnalysed:
         visitor.press("button[aria-label^='Show where in the flight']")
         assert visitor.points(visitor.figure("Selected samples over time"), "selected") > 0
 
+    @pytest.mark.parametrize(("size", "theme"), [(DESK, "light"), (PHONE, "dark")], ids=["desk-light", "phone-dark"])
+    def test_every_part_is_clean_for_axe(
+        self, browser: Browser, analysed: str, size: dict[str, int], theme: str
+    ) -> None:
+        visitor = Visitor(browser, analysed, size, theme)
+        visitor.sees("#error-now")
+        visitor.waits_until_done()
+        for part, shown in PARTS:
+            visitor.click(f"[role=tab]:has-text('{part}')")
+            visitor.sees(shown)
+            visitor.waits_until_all_is_drawn()
+            assert visitor.barriers() == [], part
+        visitor.leaves()
+
     def test_any_channel_is_found_by_its_name(self, visitor: Visitor) -> None:
         visitor.click("[role=tab]:has-text('Over time')")
         visitor.figure("Channels over time: z_m and z_ref_m")
@@ -384,7 +406,7 @@ def test_what_no_effect_explains_is_said_as_an_expression_that_can_be_added(
         visitor.click("button:has-text('Add it as an effect of your own')")
         visitor.waits_for_less_than(0.7 * before)
         visitor.sees("text=Looking for what is missing")
-        visitor.click("main button:has-text('Cancel')")
+        visitor.click(".main button:has-text('Cancel')")
         visitor.sees("button:has-text('Look for what is missing')")
         exported = visitor.keeps_file("header button:has-text('Export model')", tmp_path)
         assert load_model(exported).effects[0].family() == "unexplained"
@@ -424,12 +446,7 @@ def test_pictures_of_every_part(browser: Browser, session: Path, tmp_path: Path,
         visitor.page.locator(".candidate.primary").scroll_into_view_if_needed()
         visitor.keeps(f"{size}-{theme}-candidate")
         stand_on(visitor, "+ ground effect")
-        for part, shown in (
-            ("Over time", "h2:has-text('The flight path')"),
-            ("Where it fails", "h2:has-text('On the flight path')"),
-            ("Compensator", "text=The check accepts it"),
-            ("Flights", "h2:has-text('Vehicle')"),
-        ):
+        for part, shown in PARTS[1:]:
             visitor.click(f"[role=tab]:has-text('{part}')")
             visitor.sees(shown)
             visitor.keeps(f"{size}-{theme}-{part.lower().replace(' ', '-')}")

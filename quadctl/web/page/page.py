@@ -92,7 +92,7 @@ class Page:
             with tag("aside", "side"):
                 self._frame_parts.append(Part(tag("div", "place-ladder"), Ladder))
                 self._frame_parts.append(Part(tag("div", "place-stack"), Stack))
-            with tag("main", "main"):
+            with tag("div", "main"):  # Quasar's page around it is the main region
                 self._frame_parts.append(Part(tag("div", "place-status").props('aria-live="polite"'), Status))
                 self._frame_parts.append(Part(tag("div", "place-fitted"), FittedTo))
                 self._frame_parts.append(Part(tag("div", "place-start"), Start))

@@ -27,7 +27,7 @@ class Header(Panel):
     starting: bool
 
     def draw(self, do: Controls) -> None:
-        tag("span", "brand", "quadctl lab")
+        tag("h1", "brand", "quadctl lab")
         tag("span", "grow")
         if not self.starting:
             for label, icon, act in (
