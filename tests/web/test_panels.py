@@ -159,6 +159,9 @@ def views(raptor: Vehicle) -> dict[str, View]:
         "a flight held out": {"session": session.with_role(Path("1.csv"), True)},
         "another cross-validation": {"session": replace(session, hold_out="flights")},
         "a log that cannot be used": {"opened": replace(opened, logs=[OpenedLog(Path("x.csv"), problem="no log")])},
+        "a log of another vehicle": {
+            "opened": replace(opened, logs=[replace(opened.logs[0], doubt="This flight says 1.9 kg"), opened.logs[1]])
+        },
         "no flight that can be used": {"opened": replace(opened, seen=None)},
         "no flight": {"opened": None},
         "a fit to one of the flights": {"session": _fitted_to(session, ("0.csv",))},
@@ -331,6 +334,14 @@ class TestOpenTab:
         shown = str(tabs("missing", views["a fit to one of the flights"]).shown)
         assert "The model is fitted to 0.csv only, not to 1.csv." in shown
         assert "Refit to all flights" in shown
+
+    def test_a_log_of_another_vehicle_gets_a_question_instead_of_a_tick(
+        self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
+    ) -> None:
+        asked = str(tabs("flights", views["a log of another vehicle"]).shown)
+        assert "0.csv: This flight says 1.9 kg. Use it anyway?" in asked
+        at_first = str(tabs("flights", views["at first"]).shown)
+        assert asked.count("check_circle") == at_first.count("check_circle") - 1
 
     def test_what_is_there_but_small_is_no_contradiction(
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]

@@ -2,6 +2,7 @@
 
 import asyncio
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -17,6 +18,7 @@ from quadctl.vehicle import Vehicle
 from quadctl.web.panels.vehicle import TYPICAL
 from quadctl.web.session.session import Rung, Session
 from quadctl.web.work import jobs, simulated
+from quadctl.web.work.doubts import doubt_beside
 from quadctl.web.work.jobs import Opened
 from quadctl.web.work.simulated import Simulation
 from quadctl.web.work.worker import CancelledError
@@ -186,7 +188,9 @@ class TestSampleFlight:
             return SimpleNamespace(completed=True, log=folder / "sample.csv")
 
         class AlsoFlies(Here):
-            async def run(self, job: Callable[..., Any], *args: Any, progress: Callable[[str], None]) -> Any:
+            async def run(
+                self, job: Callable[..., Any], *args: Any, progress: Callable[[str], None], **more: Any
+            ) -> Any:
                 if job is jobs.fly_sample:
                     return job(*args, progress)
                 return await super().run(job, *args, progress=progress)
@@ -251,9 +255,9 @@ class TestOpening:
         b.write_text("2")
 
         def open_both(vehicle: Vehicle, known: list[jobs.OpenedLog]) -> list[jobs.OpenedLog]:
-            return jobs.open_logs([a, b], frozenset(), vehicle, "blocks", known, lambda text: None).logs
+            return jobs.open_logs([a, b], frozenset(), vehicle, "blocks", known, frozenset(), lambda text: None).logs
 
-        one = jobs.open_logs([a], frozenset(), raptor, "blocks", [], lambda text: None).logs
+        one = jobs.open_logs([a], frozenset(), raptor, "blocks", [], frozenset(), lambda text: None).logs
         both = open_both(raptor, one)
         assert read == ["a.csv", "b.csv"]
         assert both[0] is one[0]
@@ -262,3 +266,44 @@ class TestOpening:
         a.write_text("changed")
         open_both(raptor, both)
         assert read == ["a.csv", "b.csv", "a.csv"]
+
+
+class TestDoubts:
+    """A log that seems to be of another vehicle is asked about, and not used before the answer."""
+
+    @pytest.fixture
+    def metas(self, monkeypatch: pytest.MonkeyPatch) -> dict[str, dict[str, Any]]:
+        """Contents of the sidecars of the logs that are read, by their names."""
+        said: dict[str, dict[str, Any]] = {}
+
+        def reading(path: Path) -> FlightLog:
+            return replace(obedient(load_model(RAPTOR), 20.0, name=path.name), meta=said[path.name])
+
+        monkeypatch.setattr(jobs, "read_log", reading)
+        return said
+
+    def opened(self, vehicle: Vehicle, metas: dict[str, dict[str, Any]], *accepted: str) -> jobs.Opened:
+        paths = [Path(name) for name in metas]
+        answered = frozenset(Path(name) for name in accepted)
+        return jobs.open_logs(paths, frozenset(), vehicle, "blocks", [], answered, lambda text: None)
+
+    def test_another_mass_is_asked_about(self, raptor: Vehicle, metas: dict[str, dict[str, Any]]) -> None:
+        metas["a.csv"] = {"vehicle": {"name": raptor.name, "mass_kg": 1.9}}
+        asked = self.opened(raptor, metas)
+        assert asked.logs[0].doubt == f"This flight says 1.9 kg, the vehicle has {raptor.mass_kg:g} kg"
+        assert asked.usable == [] and asked.seen is None
+        answered = self.opened(raptor, metas, "a.csv")
+        assert answered.logs[0].doubt == "" and answered.seen is not None
+
+    def test_another_autopilot_is_asked_about(self, raptor: Vehicle, metas: dict[str, dict[str, Any]]) -> None:
+        metas |= {"a.csv": {"autopilot": "simulated PX4"}, "b.csv": {"autopilot": "ArduPilot"}, "c.csv": {}}
+        asked = self.opened(raptor, metas)
+        assert [log.doubt for log in asked.logs] == ["", "This flight was flown by ArduPilot, a.csv by PX4", ""]
+        assert asked.seen is not None and asked.seen.names == ["a.csv", "c.csv"]
+
+    def test_thrust_from_another_source_is_asked_about(self) -> None:
+        one, other = (FlightLog(name, None, {"time_s": np.zeros(1)}) for name in ("a.csv", "b.csv"))
+        assert doubt_beside(other, "throttle command", one, "rotor speed") == (
+            "The thrust of this flight is from throttle command, that of a.csv from rotor speed"
+        )
+        assert doubt_beside(other, "rotor speed", one, "rotor speed") == ""

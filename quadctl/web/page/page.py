@@ -17,7 +17,7 @@ from quadctl.web.elements.browser_theme import keep_theme, wanted_theme
 from quadctl.web.elements.html import tag
 from quadctl.web.elements.theme import DARK, LIGHT, Theme
 from quadctl.web.panels import compensator, fails, flights, missing, over_time
-from quadctl.web.panels.frame import FittedTo, Header, Start, Status
+from quadctl.web.panels.frame import Doubts, FittedTo, Header, Start, Status
 from quadctl.web.panels.help import help_dialog
 from quadctl.web.panels.ladder import Ladder
 from quadctl.web.panels.panel import Panel, Tab
@@ -94,6 +94,7 @@ class Page:
                 self._frame_parts.append(Part(tag("div", "place-stack"), Stack))
             with tag("div", "main"):  # Quasar's page around it is the main region
                 self._frame_parts.append(Part(tag("div", "place-status").props('aria-live="polite"'), Status))
+                self._frame_parts.append(Part(tag("div", "place-fitted"), Doubts))
                 self._frame_parts.append(Part(tag("div", "place-fitted"), FittedTo))
                 self._frame_parts.append(Part(tag("div", "place-start"), Start))
                 with ui.tabs().classes("tabs") as tabs:

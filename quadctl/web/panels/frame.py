@@ -16,6 +16,7 @@ from quadctl.web.panels.flights import drop_zone
 from quadctl.web.panels.panel import Controls, Panel
 from quadctl.web.panels.vehicle import VehicleChoice
 from quadctl.web.session.session import Rung
+from quadctl.web.work.jobs import Opened, OpenedLog
 from quadctl.web.work.state import Message
 
 
@@ -73,6 +74,28 @@ class Status(Panel):
                 ui.icon("error" if message.kind == "error" else "info")
                 tag("span", "grow", message.text if message.text.endswith((".", "?")) else f"{message.text}.")
                 ui.button(icon="close", on_click=do.bench.dismiss).props('flat dense round aria-label="Dismiss"')
+
+
+@dataclass(frozen=True)
+class Doubts(Panel):
+    """Questions about flights that seem to be of another vehicle; they are not used before the answer."""
+
+    opened: Opened | None
+
+    def draw(self, do: Controls) -> None:
+        for log in [] if self.opened is None else self.opened.logs:
+            if log.doubt:
+                _draw_doubt(do, log)
+
+
+def _draw_doubt(do: Controls, log: OpenedLog) -> None:
+    with tag("div", "banner wrap").props('role="status" id="doubt"'):
+        ui.icon("help").classes("warn")
+        tag("span", "grow", f"{log.path.name}: {log.doubt}. Use it anyway?")
+        use = ui.button("Use it anyway", on_click=lambda: do.act(do.bench.use_anyway(log.path)))
+        do.when_idle(use.props("no-caps outline dense"))
+        leave = ui.button("Leave it out", on_click=lambda: do.act(do.bench.forget_log(log.path)))
+        do.when_idle(leave.props("no-caps flat dense"))
 
 
 @dataclass(frozen=True)

@@ -46,6 +46,9 @@ class Workbench:
     waiting: tuple[str, ...] = ()
     """Names of the files that are taken as soon as the work in progress is done."""
 
+    accepted: frozenset[Path] = frozenset()
+    """Logs that a person has said to use in spite of a doubt."""
+
     def __post_init__(self) -> None:
         self._listeners: list[Callable[[], None]] = []
         self._quick, self._slow = Worker(jobs.__name__), Worker(jobs.__name__, patient=True)
@@ -143,7 +146,14 @@ class Workbench:
             return
         await self._with_flights(self.session.unjudged().begun_with(model))
 
+    async def use_anyway(self, path: Path) -> None:
+        """Use a log in spite of the doubt about it."""
+        self.accepted |= {path}
+        await self._with_flights(self.session, known=True)
+
     async def resume(self, session: Session) -> None:
+        if any(rung.error_m_s2 is not None for rung in session.rungs):  # its logs were in use when it was saved
+            self.accepted |= set(session.logs)
         await self._with_flights(session)
 
     async def _with_flights(self, session: Session, known: bool = False) -> None:
@@ -161,6 +171,7 @@ class Workbench:
                     session.rung.model.vehicle,
                     session.hold_out,
                     () if self.opened is None else self.opened.logs,
+                    self.accepted,
                     progress=progress,
                 )
             if known and opened and (self.opened is None or opened.usable != self.opened.usable):
