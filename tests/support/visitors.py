@@ -168,6 +168,13 @@ class Visitor:
         self.page.wait_for_function(_NOTHING_MOVES)
         self.page.evaluate(_TWO_FRAMES)
 
+    def shows_whole_tables(self, html: str) -> None:
+        """Another page of this size shows `html` without cutting off any table."""
+        page = self.page.context.new_page()
+        page.set_content(html)
+        assert page.evaluate("[...document.querySelectorAll('.scroll')].every(e => e.scrollWidth <= e.clientWidth)")
+        page.close()
+
     def barriers(self) -> list[str]:
         """Whatever axe-core finds on the page that keeps people out, with the element."""
         # The bar that Quasar shows while the browser loads a file has no name, and is gone in a moment.

@@ -359,6 +359,7 @@ class TestAnalysed:
         report = visitor.keeps_file("button:has-text('Report')", tmp_path).read_text(encoding="utf-8")
         assert "Missing, in the order of adding: ground effect" in report
         assert "The fitted effect" in report
+        visitor.shows_whole_tables(report)
         begins = {"png": b"\x89PNG", "svg": b"<svg", "csv": b"measured: time in the log / s,"}
         for form, begin in begins.items():
             path = visitor.keeps_file(f"figure button:has-text('{form.upper()}')", tmp_path)
