@@ -29,6 +29,7 @@ def lab_page(
     show: Annotated[bool, typer.Option("--open/--no-open", help="Open the browser.")] = True,
 ) -> None:
     """Find what a model is missing, on a page in the browser."""
+    from quadctl.demo import HIDDEN
     from quadctl.web.page.server import serve
     from quadctl.web.session.start import check_folders, first_session, vehicle_files
     from quadctl.web.work.simulated import Simulation
@@ -39,7 +40,7 @@ def lab_page(
         raise typer.BadParameter("give --session, or LOG and --model, not both")
     check_folders(out, missions)
     begun = first_session(logs or [], model, session)
-    simulation = Simulation(simulator().simulate, missions, out, hidden)
+    simulation = Simulation(simulator().simulate, missions, out, hidden, HIDDEN)
     serve(
         lambda: Workbench(out, simulation), begun, lambda bench: Intake(bench, vehicle_files()), port, show, _announce
     )

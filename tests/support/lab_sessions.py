@@ -49,7 +49,7 @@ def fly_over_a_cushion(where: Path) -> Path:
 def searched(log: Path) -> Path:
     """A session with `log` and the rigid body, searched."""
     model = load_model(VEHICLE)
-    opened = open_logs([log], frozenset(), model.vehicle, "blocks", (), _say_nothing)
+    opened = open_logs([log], frozenset(), model.vehicle, "blocks", (), frozenset(), _say_nothing)
     assert opened.seen is not None
     found = look_for(Current(model), opened.seen, _say_nothing)
     return _saved(Session().with_logs([log]).begun_with(model).searched(model, found), log.with_name("one.lab.yaml"))

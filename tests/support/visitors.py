@@ -21,6 +21,7 @@ from PIL import Image
 from tests.support.places import ROOT
 
 sync_api = pytest.importorskip("playwright.sync_api")
+Axe = pytest.importorskip("axe_playwright_python.sync_playwright").Axe
 from playwright.sync_api import Browser, Page, expect  # noqa: E402
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
@@ -39,6 +40,8 @@ IN_DOCS = {
 FEW_COLOURS = 64
 """A page has no more, and git keeps every picture for ever."""
 _ALL_DRAWN = "() => [...document.querySelectorAll('.js-plotly-plot')].every(p => p.querySelector('.main-svg'))"
+_NOTHING_MOVES = """() => document.getAnimations().every(
+  a => a.playState !== 'running' || a.effect.getTiming().iterations === Infinity)"""
 _TWO_FRAMES = "() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))"
 _POINTS = "(figure, curve) => figure.data.find(trace => trace.name === curve)?.x.length ?? 0"
 _RESIZE_ONE_THAT_HAS_LEFT = """async () => {
@@ -154,12 +157,31 @@ class Visitor:
     def keeps(self, name: str) -> None:
         """A screenshot, as soon as all figures are drawn and nothing moves."""
         SCREENSHOTS.mkdir(parents=True, exist_ok=True)
-        self.page.wait_for_function(_ALL_DRAWN)
-        self.page.evaluate(_TWO_FRAMES)
+        self.waits_until_all_is_drawn()
         self.page.screenshot(path=SCREENSHOTS / f"{name}.png", animations="disabled")
         if "SCREENSHOTS" in os.environ and name in IN_DOCS:
             with Image.open(SCREENSHOTS / f"{name}.png") as picture:
                 picture.convert("RGB").quantize(FEW_COLOURS).save(ROOT / "docs" / IN_DOCS[name], optimize=True)
+
+    def waits_until_all_is_drawn(self) -> None:
+        self.page.wait_for_function(_ALL_DRAWN)
+        self.page.wait_for_function(_NOTHING_MOVES)
+        self.page.evaluate(_TWO_FRAMES)
+
+    def shows_whole_tables(self, html: str) -> None:
+        """Another page of this size shows `html` without cutting off any table."""
+        page = self.page.context.new_page()
+        page.set_content(html)
+        assert page.evaluate("[...document.querySelectorAll('.scroll')].every(e => e.scrollWidth <= e.clientWidth)")
+        page.close()
+
+    def barriers(self) -> list[str]:
+        """Whatever axe-core finds on the page that keeps people out, with the element."""
+        # The bar that Quasar shows while the browser loads a file has no name, and is gone in a moment.
+        found = (
+            Axe().run(self.page, context={"exclude": [["#q-loading-bar"], [".q-loading-bar"]]}).response["violations"]
+        )
+        return [f"{each['id']}: {node['html'][:120]}" for each in found for node in each["nodes"]]
 
     def keeps_file(self, selector: str, where: Path) -> Path:
         """The file that a click downloads, in the folder `where`."""

@@ -40,6 +40,14 @@ pytestmark = needs_chromium
 
 HOVERING = ROOT.parent / "shared" / "data" / "raptor" / "HOVERING.csv"
 MOST_CLICKS = 10
+PARTS = (
+    ("What is missing", "h2:has-text('measured and predicted')"),
+    ("Over time", "h2:has-text('The flight path')"),
+    ("Where it fails", "h2:has-text('On the flight path')"),
+    ("Compensator", "text=The check accepts it"),
+    ("Flights", "h2:has-text('Vehicle')"),
+)
+"""Parts of the page, and what is there when they are drawn."""
 
 
 @pytest.fixture(scope="module")
@@ -91,6 +99,18 @@ def test_a_new_vehicle_is_entered_as_a_few_numbers(browser: Browser, tmp_path: P
         box = visitor.page.locator("textarea").bounding_box()
         assert box is not None and box["width"] > 600.0 and box["height"] < 500.0
         assert "mass_kg: 2.5" in visitor.page.locator("textarea").input_value()
+        visitor.leaves()
+
+
+@pytest.mark.long
+def test_without_a_log_a_sample_flight_is_flown_and_a_tap_explains_a_word(browser: Browser, tmp_path: Path) -> None:
+    with served(tmp_path / "lab") as (url, _):
+        visitor = Visitor(browser, url)
+        visitor.click("button:has-text('Try a sample flight')")
+        assert "ground effect" in visitor.sees("#verdict[data-verdict=missing]")
+        visitor.click("button.term:has-text('trim')")
+        assert "to hover" in visitor.sees("p.meaning")
+        visitor.keeps("sample-and-word")
         visitor.leaves()
 
 
@@ -149,7 +169,7 @@ def test_a_newcomer_finds_the_missing_effect_and_flies_it_in_at_most_ten_clicks(
 
         visitor.click("[role=tab]:has-text('Compensator')")
         visitor.sees("text=The check accepts it")
-        exported = visitor.keeps_file("main button:has-text('Export model')", tmp_path)
+        exported = visitor.keeps_file(".main button:has-text('Export model')", tmp_path)
         (effect,) = load_model(exported).effects
         assert effect.family() == "ground_effect"
         visitor.keeps("4-compensator")
@@ -291,11 +311,55 @@ class TestAnalysed:
         visitor.press("button[aria-label^='Show where in the flight']")
         assert visitor.points(visitor.figure("Selected samples over time"), "selected") > 0
 
+    @pytest.mark.parametrize(("size", "theme"), [(DESK, "light"), (PHONE, "dark")], ids=["desk-light", "phone-dark"])
+    def test_every_part_is_clean_for_axe(
+        self, browser: Browser, analysed: str, size: dict[str, int], theme: str
+    ) -> None:
+        visitor = Visitor(browser, analysed, size, theme)
+        visitor.sees("#error-now")
+        visitor.waits_until_done()
+        for part, shown in PARTS:
+            visitor.click(f"[role=tab]:has-text('{part}')")
+            visitor.sees(shown)
+            visitor.waits_until_all_is_drawn()
+            assert visitor.barriers() == [], part
+        visitor.leaves()
+
+    def test_any_channel_is_found_by_its_name(self, visitor: Visitor) -> None:
+        visitor.click("[role=tab]:has-text('Over time')")
+        visitor.figure("Channels over time: z_m and z_ref_m")
+        visitor.page.locator(".channels input").click()
+        visitor.page.keyboard.type("motor 3 sp")
+        visitor.click("[role=option]:has-text('motor3_rpm')")
+        visitor.page.keyboard.press("Escape")
+        visitor.figure("Channels over time: z_m, z_ref_m and motor3_rpm")
+        assert visitor.points(visitor.figure("Spectrum of motor3_rpm"), "filter of the analysis: gain") > 0
+
+    def test_keys_move_through_the_page_and_undo(self, visitor: Visitor) -> None:
+        stand_on(visitor, "rigid body")
+        keys = visitor.page.keyboard
+        keys.press("3")
+        visitor.sees("[role=tab][aria-selected=true]:has-text('Where it fails')")
+        keys.press("?")
+        visitor.sees("kbd:has-text('Shift Z')")
+        keys.press("Escape")
+        expect(visitor.page.locator("kbd")).to_have_count(0)
+        stand_on(visitor, "+ ground effect")
+        keys.press("z")
+        visitor.sees(".step.here:has-text('rigid body')")
+        visitor.waits_until_done()
+        keys.press("Shift+Z")
+        visitor.sees(".step.here:has-text('+ ground effect')")
+        visitor.waits_until_done()
+        keys.press("1")
+        visitor.sees("#verdict")
+
     def test_all_can_be_taken_along(self, visitor: Visitor, tmp_path: Path) -> None:
         stand_on(visitor, "+ ground effect")
         report = visitor.keeps_file("button:has-text('Report')", tmp_path).read_text(encoding="utf-8")
         assert "Missing, in the order of adding: ground effect" in report
         assert "The fitted effect" in report
+        visitor.shows_whole_tables(report)
         begins = {"png": b"\x89PNG", "svg": b"<svg", "csv": b"measured: time in the log / s,"}
         for form, begin in begins.items():
             path = visitor.keeps_file(f"figure button:has-text('{form.upper()}')", tmp_path)
@@ -343,7 +407,7 @@ def test_what_no_effect_explains_is_said_as_an_expression_that_can_be_added(
         visitor.click("button:has-text('Add it as an effect of your own')")
         visitor.waits_for_less_than(0.7 * before)
         visitor.sees("text=Looking for what is missing")
-        visitor.click("main button:has-text('Cancel')")
+        visitor.click(".main button:has-text('Cancel')")
         visitor.sees("button:has-text('Look for what is missing')")
         exported = visitor.keeps_file("header button:has-text('Export model')", tmp_path)
         assert load_model(exported).effects[0].family() == "unexplained"
@@ -383,12 +447,7 @@ def test_pictures_of_every_part(browser: Browser, session: Path, tmp_path: Path,
         visitor.page.locator(".candidate.primary").scroll_into_view_if_needed()
         visitor.keeps(f"{size}-{theme}-candidate")
         stand_on(visitor, "+ ground effect")
-        for part, shown in (
-            ("Over time", "h2:has-text('The flight path')"),
-            ("Where it fails", "h2:has-text('On the flight path')"),
-            ("Compensator", "text=The check accepts it"),
-            ("Flights", "h2:has-text('Vehicle')"),
-        ):
+        for part, shown in PARTS[1:]:
             visitor.click(f"[role=tab]:has-text('{part}')")
             visitor.sees(shown)
             visitor.keeps(f"{size}-{theme}-{part.lower().replace(' ', '-')}")

@@ -1,5 +1,6 @@
 """Panels of the lab page: a panel can show its fields only, and a tab that stays open is never stale."""
 
+import asyncio
 import inspect
 import re
 from collections.abc import Callable, Iterator
@@ -24,6 +25,8 @@ from quadctl.model import Model, Provenance
 from quadctl.vehicle import Vehicle
 from quadctl.web.elements.theme import DARK, LIGHT
 from quadctl.web.page.page import TABS, Page
+from quadctl.web.panels.glossary import GLOSSARY
+from quadctl.web.panels.help import KEYS
 from quadctl.web.panels.panel import Bench, Controls, Panel
 from quadctl.web.panels.view import View
 from quadctl.web.session.findings import Diagnosed
@@ -131,6 +134,8 @@ def views(raptor: Vehicle) -> dict[str, View]:
         search=None,
         message=None,
         waiting=(),
+        can_undo=True,
+        can_redo=False,
         hidden=None,
         vehicles=(Path("raptor.yaml"),),
         template="",
@@ -138,6 +143,8 @@ def views(raptor: Vehicle) -> dict[str, View]:
         axis="up",
         brush={},
         flight_name="",
+        channels=("z_m", "motor1_rpm"),
+        over_each_other=False,
     )
     searching = replace(view, search=Work("Looking"), results=replace(results, found=None, before=found))
     working = replace(view, work=Work("Fitting"))
@@ -152,6 +159,9 @@ def views(raptor: Vehicle) -> dict[str, View]:
         "a flight held out": {"session": session.with_role(Path("1.csv"), True)},
         "another cross-validation": {"session": replace(session, hold_out="flights")},
         "a log that cannot be used": {"opened": replace(opened, logs=[OpenedLog(Path("x.csv"), problem="no log")])},
+        "a log of another vehicle": {
+            "opened": replace(opened, logs=[replace(opened.logs[0], doubt="This flight says 1.9 kg"), opened.logs[1]])
+        },
         "no flight that can be used": {"opened": replace(opened, seen=None)},
         "no flight": {"opened": None},
         "a fit to one of the flights": {"session": _fitted_to(session, ("0.csv",))},
@@ -166,11 +176,14 @@ def views(raptor: Vehicle) -> dict[str, View]:
         "a warning of the check": {"results": replace(results, checked=("too high",))},
         "a refusal of the check": {"results": replace(results, checked=None, refused="it has a pole")},
         "a file that waits": {"waiting": ("a.csv",)},
+        "a change taken back": {"can_undo": False, "can_redo": True},
         "a message": {"message": Message("error", "no")},
         "another world": {"hidden": Path("hidden.yaml")},
         "other vehicles": {"vehicles": ()},
         "another axis": {"axis": "north"},
         "another flight": {"flight_name": "1.csv"},
+        "other channels": {"channels": ("roll_deg",)},
+        "flights over each other": {"over_each_other": True},
         "a selection": {"brush": {"height_over_radius": (1.0, 3.0)}},
         "other colours": {"theme": DARK},
     }
@@ -219,6 +232,23 @@ class OpenTab:
     def follow(self, view: View) -> None:
         self._view = view
         self._page.refresh()
+
+    def acts_on(self, key: str, shift: bool = False) -> set[str]:
+        """Actions on the model that a key calls."""
+        bench = self._page.bench
+        bench.results = self._view.results  # type: ignore[misc]
+        with self._client:
+            asyncio.run(self._page.press(key, shift))
+        return {call[0] for call in cast(Any, bench).method_calls} - {"subscribe"}
+
+    @property
+    def texts(self) -> set[str]:
+        """All texts, those of dialogs that are closed, too."""
+        return {element.text for element in self._client.elements.values() if isinstance(element, ui.label)}
+
+    @property
+    def part(self) -> str:
+        return self._page._tab
 
     @property
     def shown(self) -> Any:
@@ -305,6 +335,14 @@ class TestOpenTab:
         assert "The model is fitted to 0.csv only, not to 1.csv." in shown
         assert "Refit to all flights" in shown
 
+    def test_a_log_of_another_vehicle_gets_a_question_instead_of_a_tick(
+        self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
+    ) -> None:
+        asked = str(tabs("flights", views["a log of another vehicle"]).shown)
+        assert "0.csv: This flight says 1.9 kg. Use it anyway?" in asked
+        at_first = str(tabs("flights", views["at first"]).shown)
+        assert asked.count("check_circle") == at_first.count("check_circle") - 1
+
     def test_what_is_there_but_small_is_no_contradiction(
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
     ) -> None:
@@ -326,6 +364,34 @@ class TestOpenTab:
         error = evaluation.error_m_s2
         expected = f"The model mispredicts acceleration by {quantity(error)}, {share_of_g(error)} of g"
         assert expected in str(tabs("missing", views["at first"]).shown)
+
+    @pytest.mark.parametrize(
+        ("key", "shift", "done"),
+        [("z", False, "undo"), ("Z", True, "redo"), ("r", False, "refit"), ("a", False, "add"), ("x", False, "")],
+    )
+    def test_keys_act_on_the_model(
+        self, key: str, shift: bool, done: str, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
+    ) -> None:
+        assert tabs("missing", views["at first"]).acts_on(key, shift) == {done} - {""}
+
+    def test_keys_show_the_parts_of_the_page_and_the_help_lists_them(
+        self, views: dict[str, View], tabs: Callable[[str, View], OpenTab], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr(ui.navigate.history, "push", lambda address: None)
+        tab = tabs("missing", views["at first"])
+        for key, name in zip("12345", TABS, strict=True):
+            tab.acts_on(key)
+            assert tab.part == name
+        assert set(KEYS) <= tab.texts
+
+    def test_the_words_of_the_trade_are_explained_where_they_stand(
+        self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
+    ) -> None:
+        everywhere = "".join(
+            str(tabs(tab, views[name]).shown) for tab in TABS for name in ("at first", "steps that were flown")
+        )
+        for word in ("fold", "noise floor", "M_A", "M_B", "trim"):
+            assert GLOSSARY[word] in everywhere, word
 
     def test_each_of_several_flights_has_its_error(
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]

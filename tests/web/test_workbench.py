@@ -2,17 +2,23 @@
 
 import asyncio
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, cast
 
+import numpy as np
 import pytest
+import yaml
 
+from quadctl.effects.ground_effect import Exponential
 from quadctl.logs.flight_log import FlightLog
 from quadctl.model import load_model
 from quadctl.vehicle import Vehicle
 from quadctl.web.panels.vehicle import TYPICAL
-from quadctl.web.session.session import Session
-from quadctl.web.work import jobs
+from quadctl.web.session.session import Rung, Session
+from quadctl.web.work import jobs, simulated
+from quadctl.web.work.doubts import doubt_beside
 from quadctl.web.work.jobs import Opened
 from quadctl.web.work.simulated import Simulation
 from quadctl.web.work.worker import CancelledError
@@ -20,7 +26,7 @@ from quadctl.web.workbench import workbench
 from quadctl.web.workbench.intake import Intake
 from quadctl.web.workbench.workbench import Workbench
 from tests.support.flights import obedient
-from tests.support.places import RAPTOR
+from tests.support.places import RAPTOR, ROOT
 
 
 class Here:
@@ -121,6 +127,89 @@ class TestDrops:
         assert bench.message is None
 
 
+class TestUndo:
+    @pytest.fixture
+    def climbed(self, bench: Workbench, monkeypatch: pytest.MonkeyPatch) -> Workbench:
+        """A bench whose model has been given an effect, by a fit that takes no time."""
+
+        async def judge(*_: Any) -> None:
+            """Nothing is evaluated here."""
+
+        monkeypatch.setattr(bench, "_judge", judge)
+        rung = bench.session.rung
+        assert rung is not None
+        added = Rung("+ one", rung.model.plus(Exponential(a=0.3, b=5.0)))
+
+        async def climb(*_: Any) -> None:
+            bench.session = bench.session.climbed(added)
+
+        monkeypatch.setattr(bench, "_climb", climb)
+        asyncio.run(bench.add("one"))
+        return bench
+
+    def test_a_change_of_the_model_is_undone_and_redone(self, climbed: Workbench) -> None:
+        after = climbed.session
+        assert climbed.can_undo and not climbed.can_redo
+        asyncio.run(climbed.undo())
+        assert [rung.name for rung in climbed.session.rungs] == ["rigid body"]
+        assert climbed.can_redo and not climbed.can_undo
+        asyncio.run(climbed.redo())
+        assert climbed.session == after
+
+    def test_an_effect_that_was_switched_off_is_on_again(self, climbed: Workbench) -> None:
+        before = climbed.session
+        asyncio.run(climbed.switch("ground_effect.exponential"))
+        assert climbed.session.off
+        asyncio.run(climbed.undo())
+        assert climbed.session == before
+
+    def test_a_new_change_ends_the_redo(self, climbed: Workbench) -> None:
+        asyncio.run(climbed.undo())
+        asyncio.run(climbed.add("another"))
+        assert climbed.can_undo and not climbed.can_redo
+
+    def test_other_flights_end_the_undo(self, climbed: Workbench) -> None:
+        asyncio.run(climbed.open_logs([Path("a.csv")]))
+        assert not climbed.can_undo
+        asyncio.run(climbed.undo())
+        assert climbed.message is not None and "no change of the model to undo" in climbed.message.text
+
+
+class TestSampleFlight:
+    def test_it_is_flown_in_a_world_that_the_vehicle_file_does_not_hold_and_is_opened(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        flown: list[tuple[str, Any]] = []
+
+        def simulate(plan: Any, folder: Path, hidden: Path, seed: int) -> Any:
+            flown.append((plan.body.vehicle.name, yaml.safe_load(hidden.read_text())))
+            folder.mkdir(parents=True, exist_ok=True)
+            (folder / "sample.csv").write_text("time_s\n0.0\n")
+            return SimpleNamespace(completed=True, log=folder / "sample.csv")
+
+        class AlsoFlies(Here):
+            async def run(
+                self, job: Callable[..., Any], *args: Any, progress: Callable[[str], None], **more: Any
+            ) -> Any:
+                if job is jobs.fly_sample:
+                    return job(*args, progress)
+                return await super().run(job, *args, progress=progress)
+
+        monkeypatch.setattr(workbench, "Worker", AlsoFlies)
+        monkeypatch.setattr(simulated, "read_log", lambda path: FlightLog(path.name, path, {"time_s": np.zeros(1)}))
+        world = {"effects": [{"effect": "hidden.ground_cushion"}]}
+        made = Workbench(tmp_path, Simulation(simulate, ROOT / "missions", tmp_path, None, world))
+        made.session = Session().begun_with(load_model(RAPTOR))
+        asyncio.run(made.open_sample())
+        assert flown == [(load_model(RAPTOR).vehicle.name, world)]
+        assert names(made) == ["sample.csv"] and made.message is None
+
+    def test_without_a_vehicle_it_asks_for_one(self, bench: Workbench) -> None:
+        bench.session = Session()
+        asyncio.run(bench.open_sample())
+        assert bench.message is not None and "choose the one to fly" in bench.message.text
+
+
 class TestNewVehicle:
     def test_a_few_numbers_make_a_vehicle(self, bench: Workbench) -> None:
         async def enter() -> None:
@@ -166,9 +255,9 @@ class TestOpening:
         b.write_text("2")
 
         def open_both(vehicle: Vehicle, known: list[jobs.OpenedLog]) -> list[jobs.OpenedLog]:
-            return jobs.open_logs([a, b], frozenset(), vehicle, "blocks", known, lambda text: None).logs
+            return jobs.open_logs([a, b], frozenset(), vehicle, "blocks", known, frozenset(), lambda text: None).logs
 
-        one = jobs.open_logs([a], frozenset(), raptor, "blocks", [], lambda text: None).logs
+        one = jobs.open_logs([a], frozenset(), raptor, "blocks", [], frozenset(), lambda text: None).logs
         both = open_both(raptor, one)
         assert read == ["a.csv", "b.csv"]
         assert both[0] is one[0]
@@ -177,3 +266,44 @@ class TestOpening:
         a.write_text("changed")
         open_both(raptor, both)
         assert read == ["a.csv", "b.csv", "a.csv"]
+
+
+class TestDoubts:
+    """A log that seems to be of another vehicle is asked about, and not used before the answer."""
+
+    @pytest.fixture
+    def metas(self, monkeypatch: pytest.MonkeyPatch) -> dict[str, dict[str, Any]]:
+        """Contents of the sidecars of the logs that are read, by their names."""
+        said: dict[str, dict[str, Any]] = {}
+
+        def reading(path: Path) -> FlightLog:
+            return replace(obedient(load_model(RAPTOR), 20.0, name=path.name), meta=said[path.name])
+
+        monkeypatch.setattr(jobs, "read_log", reading)
+        return said
+
+    def opened(self, vehicle: Vehicle, metas: dict[str, dict[str, Any]], *accepted: str) -> jobs.Opened:
+        paths = [Path(name) for name in metas]
+        answered = frozenset(Path(name) for name in accepted)
+        return jobs.open_logs(paths, frozenset(), vehicle, "blocks", [], answered, lambda text: None)
+
+    def test_another_mass_is_asked_about(self, raptor: Vehicle, metas: dict[str, dict[str, Any]]) -> None:
+        metas["a.csv"] = {"vehicle": {"name": raptor.name, "mass_kg": 1.9}}
+        asked = self.opened(raptor, metas)
+        assert asked.logs[0].doubt == f"This flight says 1.9 kg, the vehicle has {raptor.mass_kg:g} kg"
+        assert asked.usable == [] and asked.seen is None
+        answered = self.opened(raptor, metas, "a.csv")
+        assert answered.logs[0].doubt == "" and answered.seen is not None
+
+    def test_another_autopilot_is_asked_about(self, raptor: Vehicle, metas: dict[str, dict[str, Any]]) -> None:
+        metas |= {"a.csv": {"autopilot": "simulated PX4"}, "b.csv": {"autopilot": "ArduPilot"}, "c.csv": {}}
+        asked = self.opened(raptor, metas)
+        assert [log.doubt for log in asked.logs] == ["", "This flight was flown by ArduPilot, a.csv by PX4", ""]
+        assert asked.seen is not None and asked.seen.names == ["a.csv", "c.csv"]
+
+    def test_thrust_from_another_source_is_asked_about(self) -> None:
+        one, other = (FlightLog(name, None, {"time_s": np.zeros(1)}) for name in ("a.csv", "b.csv"))
+        assert doubt_beside(other, "throttle command", one, "rotor speed") == (
+            "The thrust of this flight is from throttle command, that of a.csv from rotor speed"
+        )
+        assert doubt_beside(other, "rotor speed", one, "rotor speed") == ""

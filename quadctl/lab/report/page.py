@@ -14,6 +14,7 @@ from quadctl.lab.report.added import before_and_after, fitted_effects
 from quadctl.lab.report.compared import flights, open_loop_section, over_time, over_variables, where_it_fails
 from quadctl.lab.report.diagnosed import missing
 from quadctl.lab.report.flown import step_section
+from quadctl.lab.report.origin import origin
 from quadctl.lab.report.parts import Results
 from quadctl.lab.report.top import headline
 from quadctl.lab.selection.addition import Addition
@@ -73,6 +74,7 @@ def render_report(results: Results) -> str:
         model=results.comparison.model.name,
         vehicle=results.comparison.model.vehicle.name,
         headline=headline(results),
+        origin=origin(results),
         sections=sections,
         software=f"quadctl {__version__}",
         written=f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC",

@@ -94,10 +94,6 @@ def _what_is_left(r: Results) -> list[str]:
 def _tiles(r: Results) -> list[Tile]:
     c = r.comparison
     tiles = [
-        Tile(
-            quantity(c.rmse["total"]),
-            f"acceleration error of {c.model.name} as given, trim included, on the flights analysed",
-        ),
         Tile(quantity(c.noise_floor["total"]), "noise floor of the same flights"),
     ]
     if c.explained > 0.0:

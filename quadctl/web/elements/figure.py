@@ -14,6 +14,8 @@ Figure: TypeAlias = dict[str, Any]
 
 GAP_PX = 10
 """Gap between axes below each other."""
+SAID_CURVES = 6
+"""Most curves of a figure that are read aloud."""
 UNWANTED_BUTTONS = ["toImage", "lasso2d", "autoScale2d", "zoomIn2d", "zoomOut2d", "toggleSpikelines"]
 
 
@@ -96,6 +98,26 @@ def to_csv(drawn: Figure) -> str:
     for row in range(rows):
         writer.writerow([values[row] if row < len(values) else "" for _, values in columns])
     return out.getvalue()
+
+
+def in_a_sentence(drawn: Figure) -> str:
+    """The values of a figure for those who cannot see it: the range of each curve, with the titles of the axes."""
+    said = []
+    for trace in drawn["data"][:SAID_CURVES]:
+        ranges = [_range(trace, letter, _title(drawn["layout"], trace, letter)) for letter in ("x", "y", "z")]
+        said.append(f"{trace['name']}: {', '.join(text for text in ranges if text)}")
+    more = len(drawn["data"]) - SAID_CURVES
+    return "; ".join([*said, *([f"and {more} more curves"] if more > 0 else [])]) + "."
+
+
+def _range(trace: Mapping[str, Any], letter: str, title: str) -> str:
+    """`height / m from 0.1 to 1.2`; empty where the curve has no numbers there."""
+    try:
+        values = np.asarray(trace.get(letter, ()), dtype=float)
+    except (TypeError, ValueError):
+        return ""
+    known = values[np.isfinite(values)]
+    return f"{title} from {known.min():.3g} to {known.max():.3g}" if known.size else ""
 
 
 def _columns(trace: Mapping[str, Any], letter: str, title: str) -> list[tuple[str, Sequence[Any]]]:

@@ -6,7 +6,7 @@ from functools import partial
 from nicegui import ui
 from nicegui.element import Element
 
-from quadctl.web.elements.figure import Figure, to_csv
+from quadctl.web.elements.figure import Figure, in_a_sentence, to_csv
 
 PICTURE_PX = 1200
 LOAD_PLOTLY = """<script type="module">
@@ -53,9 +53,11 @@ def loading(text: str) -> None:
 
 
 def plot(drawn: Figure, name: str, label: str) -> ui.plotly:
-    """Draw a figure and its buttons for PNG, SVG and CSV files called `name`; screen readers read `label`."""
-    with tag("figure", "figure"):
-        shown = ui.plotly(drawn).props(f'role="img" aria-label="{label}"')
+    """Draw a figure and its buttons for files called `name`; screen readers read `label` and the ranges of curves."""
+    with tag("figure", "figure") as whole:
+        whole.props["aria-label"] = f"{label}. {in_a_sentence(drawn)}"
+        # A group, not an image: its buttons can have the focus.
+        shown = ui.plotly(drawn).props(f'role="group" aria-label="{label}"')
         with tag("div", "take"):
             for form in ("png", "svg"):
                 _button(form, label, partial(_picture, shown, name, form))

@@ -44,6 +44,10 @@ class Timeline:
     """Titles, with units."""
     series: list[Series]
     phases: list[tuple[str, float, float]] = field(default_factory=list)
+    marks: list[tuple[str, float]] = field(default_factory=list)
+    """Text and time of events."""
+    legend_of_all: bool = False
+    """Name the lines of every pane in the legend, not only those of the first."""
 
     def points(self, window: tuple[float, float] | None = None) -> tuple[list[Floats], list[Floats]]:
         """Times and values of every line inside a window of time, downsampled for a screen."""
@@ -66,6 +70,8 @@ class Timeline:
         for name, start, end in self.phases:
             least_s = NAMED_SHARE * (self.phases[-1][2] - self.phases[0][1])
             _draw_phase(layout, name if end - start > least_s else "", start, theme)
+        for text, time_s in self.marks:
+            _draw_mark(layout, text, time_s, theme)
         xs, ys = self.points()
         data = [
             {
@@ -77,7 +83,7 @@ class Timeline:
                 "yaxis": f"y{_number(self.panes.index(s.pane))}",
                 "line": {"color": s.colour, "width": s.width},
                 "marker": {"color": s.colour, "size": 5},
-                "showlegend": s.pane == self.panes[0],
+                "showlegend": self.legend_of_all or s.pane == self.panes[0],
                 "hovertemplate": "%{y:.4~g}",
                 "connectgaps": False,
             }
@@ -102,14 +108,27 @@ def _draw_phase(layout: dict[str, Any], name: str, start: float, theme: Theme) -
     )  # fmt: skip
 
 
+def _draw_mark(layout: dict[str, Any], text: str, time_s: float, theme: Theme) -> None:
+    """Draw a line at an event, with its text along it."""
+    mark = {"color": theme.highlight, "width": 1.5}
+    ends = {"x0": time_s, "x1": time_s, "yref": "paper", "y0": 0, "y1": 1}
+    layout["shapes"].append({"type": "line", **ends, "line": mark})
+    layout["annotations"].append(
+        {
+            "x": time_s, "y": 0, "yref": "paper", "text": text, "showarrow": False, "xanchor": "right",
+            "yanchor": "bottom", "textangle": -90, "font": {"size": 10, "color": theme.muted},
+        }
+    )  # fmt: skip
+
+
 def short_timeline(flight: Flight, predicted: Mapping[str, Floats], axis_name: str, theme: Theme) -> Timeline:
     """Measured acceleration on one axis, the prediction of one or two models, and the height."""
     a = AXES.index(axis_name)
     first, height = f"{axis_name} / m/s²", "height / m"
-    series = [_line(first, "measured", theme.measured, flight.time_s, flight.measured[:, a], 1.7)]
+    series = [line(first, "measured", theme.measured, flight.time_s, flight.measured[:, a], 1.7)]
     for (name, values), colour in zip(predicted.items(), (theme.before, theme.after), strict=False):
-        series.append(_line(first, name, colour, flight.time_s, values[:, a]))
-    series.append(_line(height, "rotor height", theme.muted, flight.grid_s, np.asarray(flight.conditions.height_m)))
+        series.append(line(first, name, colour, flight.time_s, values[:, a]))
+    series.append(line(height, "rotor height", theme.muted, flight.grid_s, np.asarray(flight.conditions.height_m)))
     return Timeline([first, height], series)
 
 
@@ -128,19 +147,19 @@ def full_timeline(
     measured = flight.measured[:, AXES.index(axis_name)]
     for (name, values), colour in zip(predicted.items(), (theme.before, theme.after), strict=False):
         left = measured - values[:, AXES.index(axis_name)]
-        series.append(_line(residual, f"residual, {name}", colour, flight.time_s, left))
+        series.append(line(residual, f"residual, {name}", colour, flight.time_s, left))
     if brushed is not None and brushed.any():
         series.append(_brushed(series[0], brushed, theme))
     speed = np.sqrt(sum(np.asarray(v) ** 2 for v in flight.conditions.velocity_body_m_s))
     panes.append("speed / m/s")
-    series.append(_line("speed / m/s", "speed", theme.muted, flight.grid_s, speed))
+    series.append(line("speed / m/s", "speed", theme.muted, flight.grid_s, speed))
     for title, values in _logged(log):
         panes.append(title)
-        series.append(_line(title, title.partition(" / ")[0], theme.muted, log.time_s if log else values, values))
-    return Timeline(panes, series, _phases(log))
+        series.append(line(title, title.partition(" / ")[0], theme.muted, log.time_s if log else values, values))
+    return Timeline(panes, series, phases_of(log))
 
 
-def _line(pane: str, name: str, colour: str, time_s: Floats, values: Floats, width: float = 1.3) -> Series:
+def line(pane: str, name: str, colour: str, time_s: Floats, values: Floats, width: float = 1.3) -> Series:
     """A line that is broken where the log has a gap."""
     steps = np.diff(time_s)
     gaps = np.flatnonzero(steps > GAP_FACTOR * np.median(steps)) + 1
@@ -171,7 +190,8 @@ def _mean(log: FlightLog, columns: Sequence[str]) -> Floats:
     return np.asarray(np.mean([log[column] for column in columns], axis=0))
 
 
-def _phases(log: FlightLog | None) -> list[tuple[str, float, float]]:
+def phases_of(log: FlightLog | None) -> list[tuple[str, float, float]]:
+    """Name, begin and end of each phase of the mission, s; none where the log names none."""
     if log is None or log.phase is None or not len(log):
         return []
     starts = np.flatnonzero(np.concatenate([[True], log.phase[1:] != log.phase[:-1]]))

@@ -9,6 +9,7 @@ from nicegui.client import Client
 from nicegui.element import Element
 from nicegui.elements.mixins.disableable_element import DisableableElement
 from nicegui.elements.upload_files import FileUpload
+from nicegui.events import KeyEventArguments
 
 from quadctl.lab.flights.prediction import AXES
 from quadctl.vehicle_draft.draft import Answers
@@ -16,7 +17,8 @@ from quadctl.web.elements.browser_theme import keep_theme, wanted_theme
 from quadctl.web.elements.html import tag
 from quadctl.web.elements.theme import DARK, LIGHT, Theme
 from quadctl.web.panels import compensator, fails, flights, missing, over_time
-from quadctl.web.panels.frame import FittedTo, Header, Start, Status
+from quadctl.web.panels.frame import Doubts, FittedTo, Header, Start, Status
+from quadctl.web.panels.help import help_dialog
 from quadctl.web.panels.ladder import Ladder
 from quadctl.web.panels.panel import Panel, Tab
 from quadctl.web.panels.stack import Stack
@@ -31,6 +33,8 @@ window.addEventListener("popstate", () => emitEvent("{WENT_BACK}", new URLSearch
 </script>"""
 """Tells the server of the browser's Back and Forward."""
 TABS: dict[str, Tab] = {tab.name: tab for tab in (missing.TAB, over_time.TAB, fails.TAB, compensator.TAB, flights.TAB)}
+
+KEYS_OF_TABS = {str(number): name for number, name in enumerate(TABS, start=1)}
 
 
 @dataclass(eq=False)
@@ -55,6 +59,8 @@ class Page:
         self._theme = LIGHT
         self._axis = "up"
         self._flight_name = ""
+        self._channels: tuple[str, ...] = over_time.FIRST_CHANNELS
+        self._over_each_other = False
         self._brush: Brush = {}
         self._frame_parts: list[Part] = []
         self._tab_parts: list[Part] = []
@@ -86,8 +92,9 @@ class Page:
             with tag("aside", "side"):
                 self._frame_parts.append(Part(tag("div", "place-ladder"), Ladder))
                 self._frame_parts.append(Part(tag("div", "place-stack"), Stack))
-            with tag("main", "main"):
+            with tag("div", "main"):  # Quasar's page around it is the main region
                 self._frame_parts.append(Part(tag("div", "place-status").props('aria-live="polite"'), Status))
+                self._frame_parts.append(Part(tag("div", "place-fitted"), Doubts))
                 self._frame_parts.append(Part(tag("div", "place-fitted"), FittedTo))
                 self._frame_parts.append(Part(tag("div", "place-start"), Start))
                 with ui.tabs().classes("tabs") as tabs:
@@ -99,6 +106,37 @@ class Page:
                 self._tabs = tabs
                 ui.on(WENT_BACK, lambda event: self._go_back(event.args))
                 self._body = tag("div", "body")
+        self._help = help_dialog()
+        ui.keyboard(on_key=self._on_key, repeating=False, ignore=["input", "select", "textarea"])
+
+    async def _on_key(self, event: KeyEventArguments) -> None:
+        modifiers = event.modifiers
+        if event.action.keydown and not (modifiers.ctrl or modifiers.alt or modifiers.meta):
+            await self.press(event.key.name, modifiers.shift)
+
+    async def press(self, key: str, shift: bool = False) -> None:
+        """Do what a key stands for (see `panels/help.py`); other keys do nothing."""
+        bench = self.bench
+        if key == "?":
+            self._help.value = not self._help.value
+        elif self.view().starting:
+            return
+        elif key in KEYS_OF_TABS:
+            self._tabs.set_value(KEYS_OF_TABS[key])
+        elif key.lower() == "z":
+            await self.act(bench.redo() if shift else bench.undo())
+        elif key.lower() == "r":
+            await self.act(bench.refit())
+        elif key.lower() == "a":
+            await self._add_missing()
+
+    async def _add_missing(self) -> None:
+        found = self.bench.results.found
+        missing = [] if found is None else [step.effect for step in found.diagnosis.steps[1:]]
+        if missing:
+            await self.act(self.bench.add(*missing))
+        else:
+            self.bench.say("done", "There is nothing to add: no effect has been found missing.")
 
     def _show(self, tab: str) -> None:
         if tab == self._tab:
@@ -128,6 +166,8 @@ class Page:
             search=bench.search,
             message=bench.message,
             waiting=bench.waiting,
+            can_undo=bench.can_undo,
+            can_redo=bench.can_redo,
             hidden=bench.simulation.hidden,
             vehicles=tuple(self._intake.vehicles),
             template=TEMPLATE,
@@ -135,6 +175,8 @@ class Page:
             axis=self._axis,
             brush=self._brush,
             flight_name=self._flight_name,
+            channels=self._channels,
+            over_each_other=self._over_each_other,
         )
 
     def refresh(self) -> None:
@@ -188,6 +230,10 @@ class Page:
         self._axis = axis or self._axis
         self.refresh()
 
+    def choose_channels(self, channels: Sequence[str], over_each_other: bool) -> None:
+        self._channels, self._over_each_other = tuple(channels), over_each_other
+        self.refresh()
+
     def select(self, ranges: Brush, axis: str) -> None:
         self._brush, self._axis = ranges, axis if axis in AXES else self._axis
         self.refresh()
@@ -200,6 +246,9 @@ class Page:
         self._set_theme(LIGHT if self._theme is DARK else DARK)
         keep_theme(self._theme)
         self.refresh()
+
+    def show_help(self) -> None:
+        self._help.open()
 
     def _set_theme(self, theme: Theme) -> None:
         self._theme = theme

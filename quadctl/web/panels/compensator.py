@@ -13,6 +13,7 @@ from quadctl.web.elements.html import empty, heading, plot, tag
 from quadctl.web.elements.theme import Theme
 from quadctl.web.figures.ratio import ratio_over_height, ratio_over_speed
 from quadctl.web.figures.steps import step_figure
+from quadctl.web.panels.glossary import explained
 from quadctl.web.panels.panel import Controls, Panel, Tab
 from quadctl.web.work.simulated import WITH, WITHOUT
 
@@ -130,16 +131,12 @@ def _draw_metrics(steps: StepResponses) -> None:
                 tag("th", "number" if head else "", head)
         for name, unit, field in rows:
             with tag("tr"):
-                tag("td", "", f"{name} / {unit}")
+                with tag("td"):
+                    explained(f"{name} / {unit}")
                 without, compensated = (getattr(flown[name], field) or 0.0 for name in (WITHOUT, WITH))
                 for value in (without, compensated):
                     tag("td", "number", f"{value:.4f}".replace("-", "\u2212"))
                 tag("td", "number", change_in_words(1.0 - abs(compensated) / abs(without)) if without else "\u2013")
-    tag(
-        "p",
-        "muted",
-        "M_A: integral of the tracking error. M_B: integral of the difference from the same step far from the ground.",
-    )
 
 
 TAB = Tab("compensator", "Compensator", "flight_takeoff", (Ratio, Check, Export, SimulatedFlight))

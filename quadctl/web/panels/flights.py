@@ -9,6 +9,7 @@ from nicegui.events import GenericEventArguments, MultiUploadEventArguments
 from quadctl.lab.flights.dataset import HoldOut
 from quadctl.logs.formats import labels
 from quadctl.web.elements.html import heading, tag
+from quadctl.web.panels.glossary import explained
 from quadctl.web.panels.panel import Controls, Panel, Tab
 from quadctl.web.panels.vehicle import VehicleChoice
 from quadctl.web.session.files import LOG_SUFFIXES, MAX_UPLOAD_BYTES, SETTINGS_SUFFIXES
@@ -34,14 +35,15 @@ class Flights(Panel):
                 "Flights", "Held out: no fit uses the flight, and the error at the top of the page is computed on it."
             )
             for log in self.opened.logs:
-                held_out = log.path in self.unseen if several and not log.problem else None
+                held_out = log.path in self.unseen if several and log.path in self.opened.usable else None
                 _draw_log(do, log, held_out)
             if several:
                 self._draw_hold_out(do)
 
     def _draw_hold_out(self, do: Controls) -> None:
         with tag("div", "line wrap"):
-            tag("span", "muted grow", "Cross-validation on the other flights leaves out, one fold at a time:")
+            with tag("span", "muted grow"):
+                explained("Cross-validation on the other flights leaves out, one fold at a time:")
             choice = ui.toggle(
                 {"blocks": "blocks of time", "flights": "whole flights"},
                 value=self.hold_out,
@@ -50,12 +52,20 @@ class Flights(Panel):
             do.when_idle(choice.props("dense no-caps unelevated"))
 
 
+def _sign(log: OpenedLog) -> tuple[str, str]:
+    """Icon and colour of a log that cannot be used, that is asked about, or that is used."""
+    if log.problem:
+        return "error", "bad"
+    return ("help", "warn") if log.doubt else ("check_circle", "good")
+
+
 def _draw_log(do: Controls, log: OpenedLog, held_out: bool | None) -> None:
     """Draw one log; `held_out`: None where there is nothing to choose."""
     with tag("div", "flight") as row:
         row.props["data-log"] = log.path.name
         with tag("div", "line wrap"):
-            ui.icon("error" if log.problem else "check_circle").classes("bad" if log.problem else "good")
+            icon, colour = _sign(log)
+            ui.icon(icon).classes(colour)
             tag("span", "effect-name grow", log.path.name)
             if held_out is not None:
                 held = ui.switch(
@@ -65,6 +75,8 @@ def _draw_log(do: Controls, log: OpenedLog, held_out: bool | None) -> None:
             away = ui.button(icon="close", on_click=lambda: do.act(do.bench.forget_log(log.path)))
             away.props["aria-label"] = f"Leave out {log.path.name}"
             do.when_idle(away.props("flat dense round size=sm"))
+        if log.doubt:
+            tag("p", "", f"Not used yet. {log.doubt}.")
         if log.problem:
             tag("p", "problem", f"{log.problem}.")
         if log.quality is None:

@@ -16,6 +16,7 @@ from quadctl.web.panels.flights import drop_zone
 from quadctl.web.panels.panel import Controls, Panel
 from quadctl.web.panels.vehicle import VehicleChoice
 from quadctl.web.session.session import Rung
+from quadctl.web.work.jobs import Opened, OpenedLog
 from quadctl.web.work.state import Message
 
 
@@ -27,7 +28,7 @@ class Header(Panel):
     starting: bool
 
     def draw(self, do: Controls) -> None:
-        tag("span", "brand", "quadctl lab")
+        tag("h1", "brand", "quadctl lab")
         tag("span", "grow")
         if not self.starting:
             for label, icon, act in (
@@ -37,6 +38,8 @@ class Header(Panel):
             ):
                 button = ui.button(label, icon=icon, on_click=act).props(f'flat no-caps aria-label="{label}"')
                 button.classes("header-button")
+        help_button = ui.button(icon="help_outline", on_click=do.show_help)
+        help_button.props('flat round aria-label="Help" title="Keys and words (?)"')
         theme_button(self.theme, do.toggle_theme)
 
 
@@ -71,6 +74,28 @@ class Status(Panel):
                 ui.icon("error" if message.kind == "error" else "info")
                 tag("span", "grow", message.text if message.text.endswith((".", "?")) else f"{message.text}.")
                 ui.button(icon="close", on_click=do.bench.dismiss).props('flat dense round aria-label="Dismiss"')
+
+
+@dataclass(frozen=True)
+class Doubts(Panel):
+    """Questions about flights that seem to be of another vehicle; they are not used before the answer."""
+
+    opened: Opened | None
+
+    def draw(self, do: Controls) -> None:
+        for log in [] if self.opened is None else self.opened.logs:
+            if log.doubt:
+                _draw_doubt(do, log)
+
+
+def _draw_doubt(do: Controls, log: OpenedLog) -> None:
+    with tag("div", "banner wrap").props('role="status" id="doubt"'):
+        ui.icon("help").classes("warn")
+        tag("span", "grow", f"{log.path.name}: {log.doubt}. Use it anyway?")
+        use = ui.button("Use it anyway", on_click=lambda: do.act(do.bench.use_anyway(log.path)))
+        do.when_idle(use.props("no-caps outline dense"))
+        leave = ui.button("Leave it out", on_click=lambda: do.act(do.bench.forget_log(log.path)))
+        do.when_idle(leave.props("no-caps flat dense"))
 
 
 @dataclass(frozen=True)
@@ -148,8 +173,11 @@ class Start(Panel):
                 names = listed([path.name for path in self.logs])
                 tag("p", "verdict", f"Open: {names}. Choose below the vehicle that flew.")
             drop_zone(do)
-            with tag("p", "muted"):
-                ui.label("No log at hand? ").style("display:contents")
-                tag("code", "", "quadctl demo")
-                ui.label(" flies one with a hidden effect, in a minute.").style("display:contents")
+            with tag("div", "line wrap"):
+                sample = ui.button(
+                    "Try a sample flight", icon="flight_takeoff", on_click=lambda: do.act(do.bench.open_sample())
+                )
+                sample.props("no-caps outline")
+                text = "No log at hand? The vehicle below is flown in simulation, with an effect that its model lacks."
+                tag("span", "muted grow", text)
         do.nest(VehicleChoice)

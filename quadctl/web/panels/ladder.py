@@ -8,6 +8,7 @@ from nicegui import ui
 from quadctl.lab.comparison.wording import change_in_words, held_out, listed, number, plain, quantity, share_of_g
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.web.elements.html import tag
+from quadctl.web.panels.glossary import explained
 from quadctl.web.panels.panel import Controls, Panel
 from quadctl.web.session.session import Session
 from quadctl.web.work.jobs import Evaluation
@@ -42,7 +43,8 @@ class Ladder(Panel):
                         change = change_in_words(1.0 - now / errors[0])
                         tag("span", "change", change).props('title="change since the first step"')
             if evaluation is not None:
-                tag("p", "muted what", self._kind_of_error())
+                with tag("p", "muted what"):
+                    explained(self._kind_of_error())
             largest = max([*errors, now or 0.0, 1e-9])
             floors = [session.floor_m_s2, None if evaluation is None else evaluation.floor_m_s2]
             least = min((floor for floor in floors if floor is not None), default=None)
@@ -57,7 +59,8 @@ class Ladder(Panel):
                 with tag("p", "floor-key"):
                     tag("span", "floor-mark")
                     words = "held-out error of a regression on all logged variables, the lowest over all steps"
-                    tag("span", "", f"noise floor {number(least)} m/s²: {words}")
+                    with tag("span"):
+                        explained(f"noise floor {number(least)} m/s²: {words}")
 
     def _error_now(self) -> float | None:
         """Error of the current model, m/s²; the saved one while the evaluation runs, None where there is none."""

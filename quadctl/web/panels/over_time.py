@@ -1,13 +1,41 @@
-"""One flight over time: phases, acceleration, residual, height, speed, rotors, voltage; and its path."""
+"""One flight over time: phases, acceleration, residual, height, speed, rotors, voltage; its path; and any channel."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 
+import numpy as np
 from nicegui import ui
 
+from quadctl.lab.comparison.wording import listed
+from quadctl.lab.flights.flight import Flight
 from quadctl.lab.flights.prediction import AXES
-from quadctl.web.elements.html import empty, heading, tag
+from quadctl.logs.columns import motor_columns
+from quadctl.logs.flight_log import FlightLog
+from quadctl.web.elements.html import empty, heading, plot, tag
+from quadctl.web.elements.theme import Theme
+from quadctl.web.figures.channels import (
+    Statistics,
+    channel_timeline,
+    channels_of,
+    in_words,
+    spectrum_figure,
+    statistics_of,
+)
 from quadctl.web.panels.chosen_flight import ChosenFlightPanel, selected
-from quadctl.web.panels.panel import Controls, Tab
+from quadctl.web.panels.panel import Controls, Panel, Tab
+from quadctl.web.panels.zoomed import zoomed_plot
+
+FIRST_CHANNELS = ("z_m", "z_ref_m")
+MOST_MOTORS = 12
+PRESETS = {
+    "Position and setpoint": ("x_m", "x_ref_m", "y_m", "y_ref_m", "z_m", "z_ref_m"),
+    "Attitude and setpoint": ("roll_deg", "roll_cmd_deg", "pitch_deg", "pitch_cmd_deg"),
+    "Speed of each motor": tuple(motor_columns(MOST_MOTORS, "rpm")),
+    "Command to each motor": tuple(motor_columns(MOST_MOTORS, "output")),
+    "Accelerometer": ("imu_x_m_s2", "imu_y_m_s2", "imu_z_m_s2"),
+}
+"""Channels that are often looked at together."""
 
 
 @dataclass(frozen=True)
@@ -35,4 +63,79 @@ class OverTime(ChosenFlightPanel):
             self.draw_path(flight, brushed)
 
 
-TAB = Tab("time", "Over time", "timeline", (OverTime,))
+@dataclass(frozen=True)
+class AnyChannel(Panel):
+    """Channels that a person has chosen: over time, as statistics, and the last one as a spectrum."""
+
+    flight: Flight | None
+    flight_names: tuple[str, ...]
+    shown_logs: tuple[FlightLog, ...]
+    channels: tuple[str, ...]
+    over_each_other: bool
+    theme: Theme
+
+    def draw(self, do: Controls) -> None:
+        flight = self.flight
+        if flight is None or not self.shown_logs:
+            return
+        offered = channels_of(self.shown_logs)
+        chosen = tuple(channel for channel in self.channels if channel in offered)
+        with tag("section", "card"):
+            heading("Any channel over time", "Search by name. Channels of one unit share a pane.")
+            self._draw_choice(do, offered, chosen)
+            if not chosen:
+                tag("p", "muted", "Choose a channel to see it.")
+                return
+            timeline = channel_timeline(self.shown_logs, chosen, self.theme)
+            zoomed_plot(timeline, self.theme, "channels", f"Channels over time: {listed(list(chosen))}")
+            _draw_statistics(statistics_of(self.shown_logs, chosen))
+            drawn = spectrum_figure(self.shown_logs, chosen[-1], flight, self.theme)
+            tag("h3", "spectrum", f"Spectrum of {offered[chosen[-1]]}")
+            if drawn is None:
+                tag("p", "muted", "It has too few updates for a spectrum.")
+            else:
+                tag(
+                    "p", "muted", "The analysis sees only what its filter lets pass; vibration lies to the right of it."
+                )
+                plot(drawn, f"spectrum_of_{chosen[-1]}", f"Spectrum of {chosen[-1]}")
+
+    def _draw_choice(self, do: Controls, offered: dict[str, str], chosen: tuple[str, ...]) -> None:
+        with tag("div", "line wrap"):
+            search = ui.select(offered, value=list(chosen), multiple=True, with_input=True, label="Channels")
+            search.props("dense outlined options-dense use-chips").classes("grow channels")
+            # Drawn again when the list closes: a list that closes at every choice would have to be opened again.
+            for event in ("popup-hide", "remove"):
+                search.on(event, lambda: do.choose_channels(search.value, self.over_each_other), args=[])
+            if len(self.flight_names) > 1:
+                ui.switch(
+                    "all flights over each other",
+                    value=self.over_each_other,
+                    on_change=lambda e: do.choose_channels(self.channels, e.value),
+                ).props("dense")
+        with tag("div", "line wrap"):
+            for name, columns in PRESETS.items():
+                wanted = [column for column in columns if column in offered]
+                if wanted:
+                    choose = partial(do.choose_channels, wanted, self.over_each_other)
+                    ui.button(name, on_click=choose).props("flat dense no-caps size=sm")
+
+
+def _draw_statistics(found: Mapping[tuple[str, str], Statistics]) -> None:
+    several = len({flight for flight, _ in found}) > 1
+    with tag("div", "scroll").props('tabindex="0"'), tag("table", "small"):
+        with tag("tr"):
+            for head in ("flight", "channel") if several else ("channel",):
+                tag("th", "", head)
+            for head in ("mean", "std", "min", "max", "rate / Hz"):
+                tag("th", "number", head)
+        for (flight, column), values in found.items():
+            with tag("tr"):
+                if several:
+                    tag("td", "", flight)
+                tag("td", "", in_words(column))
+                for value in values[:-1]:
+                    tag("td", "number", f"{value:.4g}".replace("-", "\u2212"))
+                tag("td", "number", f"{values.rate_hz:.1f}" if np.isfinite(values.rate_hz) else "\u2013")
+
+
+TAB = Tab("time", "Over time", "timeline", (OverTime, AnyChannel))

@@ -11,6 +11,7 @@ from quadctl.lab.fitting.nuisances import KINDS
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.model import StackedEffect
 from quadctl.web.elements.html import tag
+from quadctl.web.panels.glossary import explained
 from quadctl.web.panels.panel import Controls, Panel
 from quadctl.web.session.session import Rung
 from quadctl.web.work.jobs import Evaluation
@@ -34,6 +35,8 @@ class Stack(Panel):
     off: frozenset[str]
     seen: Dataset | None
     evaluation: Evaluation | None
+    can_undo: bool
+    can_redo: bool
 
     def draw(self, do: Controls) -> None:
         if self.rung is None:
@@ -42,6 +45,8 @@ class Stack(Panel):
         with tag("section", "card stack").props('aria-label="Effect stack"'):
             with tag("div", "line"):
                 tag("h2", "title grow", "Effects in the model")
+                if self.can_undo or self.can_redo:
+                    _draw_undo(do, self.can_undo, self.can_redo)
                 if model.stack:
                     refit = ui.button("Refit", on_click=lambda: do.act(do.bench.refit()))
                     do.when_idle(refit.props("flat dense no-caps"), not self.off)
@@ -53,6 +58,15 @@ class Stack(Panel):
                 _draw_errors(self.evaluation.by_flight)
             if self.evaluation is not None and self.seen is not None:
                 _draw_nuisances(self.evaluation, self.seen)
+
+
+def _draw_undo(do: Controls, can_undo: bool, can_redo: bool) -> None:
+    for name, icon, act, allowed in (
+        ("Undo", "undo", do.bench.undo, can_undo),
+        ("Redo", "redo", do.bench.redo, can_redo),
+    ):
+        button = ui.button(icon=icon, on_click=lambda act=act: do.act(act()))
+        do.when_idle(button.props(f'flat dense round size=sm aria-label="{name}" title="{name}"'), allowed)
 
 
 def _draw_effect(do: Controls, item: StackedEffect, on: bool) -> None:
@@ -90,12 +104,11 @@ def _draw_errors(by_flight: Mapping[str, float]) -> None:
 
 def _draw_nuisances(evaluation: Evaluation, seen: Dataset) -> None:
     with ui.expansion("Trim and calibration").classes("nuisances").props("dense"):
-        tag(
-            "p",
-            "muted",
-            "Nuisance parameters: small offsets that differ between flights. They are fitted together with the "
-            "effects, and are not saved with the model.",
-        )
+        with tag("p", "muted"):
+            explained(
+                "Trim and calibration are small offsets that differ between flights. They are fitted together with the "
+                "effects, and are not saved with the model."
+            )
         kinds = [kind.name for kind in KINDS]
         with tag("table", "small"):
             with tag("tr"):

@@ -38,6 +38,8 @@ class View:
     message: Message | None
     waiting: tuple[str, ...]
     """Names of files that were dropped, and that wait for the work in progress."""
+    can_undo: bool
+    can_redo: bool
     hidden: Path | None
     """File of the simulated world; None: the world is as the model says."""
     vehicles: tuple[Path, ...]
@@ -49,6 +51,10 @@ class View:
     brush: Brush
     flight_name: str
     """Name of the flight that was chosen; empty where none was."""
+    channels: tuple[str, ...]
+    """Columns of the logs that are shown over time."""
+    over_each_other: bool
+    """Show these channels of all flights, not only of the chosen one."""
 
     # --- work in progress ---------------------------------------------------------------------------------------------
 
@@ -128,6 +134,15 @@ class View:
         """The log of the chosen flight."""
         flight = self.flight
         return None if flight is None or self.opened is None else self.opened.log(flight.name)
+
+    @property
+    def shown_logs(self) -> tuple[FlightLog, ...]:
+        """Logs whose channels are shown: the chosen flight's first."""
+        opened, log = self.opened, self.log
+        if opened is None or log is None:
+            return ()
+        others = (opened.log(name) for name in self.flight_names if name != log.name and self.over_each_other)
+        return (log, *(other for other in others if other is not None))
 
     # --- models -------------------------------------------------------------------------------------------------------
 

@@ -29,6 +29,7 @@ from quadctl.model import Model
 from quadctl.vehicle import Vehicle
 from quadctl.web.session.findings import Findings
 from quadctl.web.session.session import Rung
+from quadctl.web.work.doubts import doubt_beside, doubt_of
 from quadctl.web.work.progress import Progress
 from quadctl.web.work.simulated import Simulation
 
@@ -45,6 +46,8 @@ class OpenedLog:
     """Vehicle that it was prepared for."""
     stamp: tuple[int, int] | None = None
     """Time of its last change, ns, and size, bytes, as it was read."""
+    doubt: str = ""
+    """Reason to ask a person before it is used; empty where there is none, or it was answered."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +62,7 @@ class Opened:
     @property
     def usable(self) -> list[Path]:
         """Paths of the logs that can be analysed."""
-        return [opened.path for opened in self.logs if not opened.problem]
+        return [opened.path for opened in self.logs if not (opened.problem or opened.doubt)]
 
     def log(self, name: str) -> FlightLog | None:
         return next((opened.log for opened in self.logs if opened.log is not None and opened.log.name == name), None)
@@ -117,11 +120,13 @@ def open_logs(
     vehicle: Vehicle,
     hold_out: HoldOut,
     known: Sequence[OpenedLog],
+    accepted: frozenset[Path],
     progress: Progress,
 ) -> Opened:
     """Read and prepare logs; one that cannot be used does not spoil the others.
 
-    Those of `known` that have not changed since are not read again.
+    Those of `known` that have not changed since are not read again. One that seems to be of another vehicle is not used
+    unless it is among the `accepted`.
     """
     before = {log.path: log for log in known}
     opened = []
@@ -137,10 +142,32 @@ def open_logs(
             opened.append(OpenedLog(path, problem=_without_folder(str(error), path), stamp=stamp))
             continue
         opened.append(OpenedLog(path, log, quality(log), _problem(log, vehicle), vehicle, stamp))
+    opened = _doubted(opened, vehicle, accepted)
     fitted, kept = (
-        [o.log for o in opened if not o.problem and (o.path in unseen) == held_out] for held_out in (False, True)
+        [o.log for o in opened if not (o.problem or o.doubt) and (o.path in unseen) == held_out]
+        for held_out in (False, True)
     )
     return Opened(opened, _dataset(fitted, vehicle, hold_out), _dataset(kept, vehicle))
+
+
+def _doubted(opened: Sequence[OpenedLog], vehicle: Vehicle, accepted: frozenset[Path]) -> list[OpenedLog]:
+    """The logs, each with its doubt: about the vehicle, or beside the first flight that is used."""
+    first: OpenedLog | None = None
+    asked = []
+    for one in opened:
+        doubt = ""
+        if one.log is not None and not one.problem and one.path not in accepted:
+            doubt = doubt_of(one.log, vehicle)
+            if not doubt and first is not None and first.log is not None:
+                doubt = doubt_beside(one.log, _thrust_source(one), first.log, _thrust_source(first))
+        if first is None and one.log is not None and not (one.problem or doubt):
+            first = one
+        asked.append(one if one.doubt == doubt else replace(one, doubt=doubt))
+    return asked
+
+
+def _thrust_source(opened: OpenedLog) -> str | None:
+    return None if opened.quality is None else opened.quality.thrust_source
 
 
 def _renamed(opened: OpenedLog, log: FlightLog, name: str, vehicle: Vehicle) -> OpenedLog:
@@ -252,6 +279,10 @@ def next_flight(diagnosis: Diagnosis, missions: Path, progress: Progress) -> Sug
 
 def fly(simulation: Simulation, model: Model, progress: Progress) -> StepResponses:
     return simulation.fly_steps(model, progress)
+
+
+def fly_sample(simulation: Simulation, vehicle: Vehicle, progress: Progress) -> Path:
+    return simulation.fly_sample(vehicle, progress)
 
 
 def report(rungs: Sequence[Rung], opened: Opened, steps: StepResponses | None, progress: Progress) -> bytes:

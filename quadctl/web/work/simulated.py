@@ -1,7 +1,7 @@
 """Fly a model in the simulated world: the step response with the compensator and without it."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +13,11 @@ from quadctl.lab.tracking.step_response import StepResponses, step_responses
 from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.read import read_log
 from quadctl.model import Model, save_model
+from quadctl.vehicle import Vehicle
 from quadctl.web.work.progress import Progress
 
 MISSION, REFERENCE_MISSION = "step_response", "step_response_high"
+SAMPLE_MISSION, SAMPLE_SEED = "hover_staircase", 1
 WITHOUT, WITH, FAR = "without compensator", "with this model", "far from the ground"
 
 
@@ -30,6 +32,8 @@ class Simulation:
     """Folder for logs and models."""
     hidden: Path | None = None
     """File that describes the world; None: the world obeys the model that is flown."""
+    sample_world: Mapping[str, Any] = field(default_factory=dict)
+    """Content of the file of the world that a sample flight is flown in."""
 
     def check(self, model: Model) -> list[str]:
         """Check `model` as a compensator before a flight, and return warnings.
@@ -65,6 +69,22 @@ class Simulation:
             logs[name] = self._fly(mission, flown, hidden, seed)
         table = metrics([logs[WITHOUT], logs[WITH]], [logs[FAR]], window=Window(phase="step"))
         return step_responses(logs, table)
+
+    def fly_sample(self, vehicle: Vehicle, progress: Progress) -> Path:
+        """Log of a flight of `vehicle` in a world with an effect that its model does not hold.
+
+        Raises
+        ------
+        QuadctlError
+            The vehicle cannot fly the mission, or a file is missing.
+        """
+        rigid = self._saved(Model(vehicle, name="uncompensated"))
+        world = self.folder / "simulated" / "sample_world.yaml"
+        world.write_text(yaml.safe_dump(dict(self.sample_world)), encoding="utf-8")
+        progress("hovering at several heights over the ground")
+        flown = self._fly(SAMPLE_MISSION, rigid, world, SAMPLE_SEED)
+        assert flown.path is not None, "a log that was read has a path"
+        return flown.path
 
     def _fly(self, mission: str, model: Path, hidden: Path, seed: int) -> FlightLog:
         from quadctl.flight.preflight.preparation import prepare_flight

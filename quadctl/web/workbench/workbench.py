@@ -46,11 +46,16 @@ class Workbench:
     waiting: tuple[str, ...] = ()
     """Names of the files that are taken as soon as the work in progress is done."""
 
+    accepted: frozenset[Path] = frozenset()
+    """Logs that a person has said to use in spite of a doubt."""
+
     def __post_init__(self) -> None:
         self._listeners: list[Callable[[], None]] = []
         self._quick, self._slow = Worker(jobs.__name__), Worker(jobs.__name__, patient=True)
         self._tasks: set[asyncio.Task[None]] = set()
         self._searches = 0
+        self._past: list[Session] = []
+        self._future: list[Session] = []
         self._turn, self._free = asyncio.Lock(), asyncio.Event()
 
     # --- who looks at it ----------------------------------------------------------------------------------------------
@@ -106,6 +111,18 @@ class Workbench:
     async def open_logs(self, paths: Sequence[Path]) -> None:
         await self._with_flights(self.session.with_logs(paths), known=True)
 
+    async def open_sample(self) -> None:
+        """Fly the vehicle in a simulated world with a hidden effect, and open the log."""
+        if self.session.rung is None:
+            self.say("error", "There is no vehicle yet: choose the one to fly.")
+            return
+        vehicle = self.session.rung.model.vehicle
+        flown = None
+        async with self._working("Flying a sample flight in simulation") as progress:
+            flown = await self._quick.run(jobs.fly_sample, self.simulation, vehicle, progress=progress)
+        if flown is not None:
+            await self.open_logs([flown])
+
     async def forget_log(self, path: Path) -> None:
         await self._with_flights(self.session.without_log(path), known=True)
 
@@ -129,7 +146,14 @@ class Workbench:
             return
         await self._with_flights(self.session.unjudged().begun_with(model))
 
+    async def use_anyway(self, path: Path) -> None:
+        """Use a log in spite of the doubt about it."""
+        self.accepted |= {path}
+        await self._with_flights(self.session, known=True)
+
     async def resume(self, session: Session) -> None:
+        if any(rung.error_m_s2 is not None for rung in session.rungs):  # its logs were in use when it was saved
+            self.accepted |= set(session.logs)
         await self._with_flights(session)
 
     async def _with_flights(self, session: Session, known: bool = False) -> None:
@@ -147,12 +171,14 @@ class Workbench:
                     session.rung.model.vehicle,
                     session.hold_out,
                     () if self.opened is None else self.opened.logs,
+                    self.accepted,
                     progress=progress,
                 )
             if known and opened and (self.opened is None or opened.usable != self.opened.usable):
                 session = session.unjudged()
             told = [] if self.opened is None else [(log.path, log.problem) for log in self.opened.logs]
             self.session, self.opened, self.results = session, opened, Results()
+            self._past, self._future = [], []  # their errors are those of other flights
             logs = [] if opened is None else opened.logs
             problems = [log.problem for log in logs if log.problem and (log.path, log.problem) not in told]
             if problems:
@@ -165,19 +191,19 @@ class Workbench:
         """Stand on another step of the ladder."""
         if step == self.session.current and not self.session.off:
             return
-        async with self._working("Comparing") as progress:
+        async with self._changing_model("Comparing") as progress:
             self.session = self.session.at(step)
             await self._judge(progress)
 
     async def switch(self, effect: str) -> None:
         """Switch an effect of the current model off, or on again."""
-        async with self._working("Comparing") as progress:
+        async with self._changing_model("Comparing") as progress:
             self.session = self.session.switched(effect)
             await self._judge(progress)
 
     async def add(self, *effects: str) -> None:
         """Add effects to the current model, one after the other."""
-        async with self._working(f"Adding {effects[0] if len(effects) == 1 else 'what is missing'}") as progress:
+        async with self._changing_model(f"Adding {effects[0] if len(effects) == 1 else 'what is missing'}") as progress:
             for effect in effects:
                 await self._climb(f"+ {effect}", progress, jobs.add_effect, effect)
 
@@ -186,19 +212,55 @@ class Workbench:
         found = self.results.found
         if found is None or found.diagnosis.symbolic is None:
             return
-        async with self._working("Adding the expression") as progress:
+        async with self._changing_model("Adding the expression") as progress:
             path = keep_expression(found.diagnosis.symbolic, found.diagnosis.model, self.folder)
             await self._climb("+ expression", progress, jobs.add_expression, path)
 
     async def refit(self) -> None:
-        async with self._working("Refitting") as progress:
+        async with self._changing_model("Refitting") as progress:
             await self._climb("refitted", progress, jobs.refit_model)
 
     async def remove(self, effect: str) -> None:
-        async with self._working(f"Removing {effect}") as progress:
+        async with self._changing_model(f"Removing {effect}") as progress:
             if effect in self.session.off:
                 self.session = self.session.switched(effect)
             await self._climb(f"\N{MINUS SIGN} {effect}", progress, jobs.remove_effect, effect)
+
+    @property
+    def can_undo(self) -> bool:
+        return bool(self._past)
+
+    @property
+    def can_redo(self) -> bool:
+        return bool(self._future)
+
+    async def undo(self) -> None:
+        """Take the last change of the model back; the flights stay."""
+        await self._return_to("undo", self._past, self._future)
+
+    async def redo(self) -> None:
+        """Make the change again that was taken back last."""
+        await self._return_to("redo", self._future, self._past)
+
+    async def _return_to(self, name: str, there: list[Session], back: list[Session]) -> None:
+        if not there:
+            self.say("done", f"There is no change of the model to {name}.")
+            return
+        async with self._working("Comparing") as progress:
+            back.append(self.session)
+            self.session = there.pop()
+            await self._judge(progress)
+
+    @asynccontextmanager
+    async def _changing_model(self, title: str) -> AsyncIterator[Callable[[str], None]]:
+        """Run work that changes the model, so that it can be undone."""
+        before = self.session
+        async with self._working(title) as progress:
+            yield progress
+        if (self.session.rungs, self.session.model) != (before.rungs, before.model):
+            self._past.append(before)
+            self._future.clear()
+            self._changed()
 
     async def _climb(self, name: str, progress: Callable[[str], None], job: Callable[..., Any], *args: Any) -> None:
         model, seen = self.session.model, self.seen

@@ -365,3 +365,20 @@ def _fitted_drag(raptor: Vehicle) -> Addition:
     """Drag on top of a thrust scale, fitted to a flight to and fro that has only the scale."""
     log = to_and_fro(obedient(Model(raptor).plus(ConstantScale(factor=1.1)), noise_m_s=0.005), 0.8)
     return add(LinearDrag, Model(raptor).plus(ConstantScale()), load_dataset([log], raptor))
+
+
+class TestFirstPage:
+    def test_it_stands_alone(self, raptor: Vehicle) -> None:
+        truth = Model(raptor).plus(Exponential(a=0.3, b=5.0))
+        flown = load_dataset([obedient(truth, 30.0, name="a.csv")], raptor)
+        hashed = dataclasses.replace(flown, flights=[dataclasses.replace(f, sha256=64 * "7") for f in flown.flights])
+        page = Page(render_report(Results(compare(truth, hashed))))
+        first = page.text.partition("Flights")[0]
+        assert "Written" in first and "by quadctl" in first
+        assert "m a = m g" in first
+        assert "ground_effect.exponential" in first and "a = 0.3" in first and "b = 5 1/m" in first
+        assert f"a.csv (SHA-256 {12 * '7'}" in first
+
+    def test_it_names_one_error_only(self, raptor: Vehicle) -> None:
+        flown = load_dataset([obedient(Model(raptor).plus(Exponential(a=0.3, b=5.0)), 30.0)], raptor)
+        assert "as given, trim included" not in Page(render_report(Results(compare(Model(raptor), flown)))).text

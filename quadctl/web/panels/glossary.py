@@ -1,0 +1,53 @@
+"""Words that a page explains where they stand: with the mouse over them, or with a tap."""
+
+import re
+
+from nicegui import ui
+
+from quadctl.web.elements.html import tag
+
+GLOSSARY = {
+    "fold": (
+        "One part of the flights, a few seconds or a whole flight, that is set aside: the model is fitted to the rest "
+        "and predicts this part. Every part is set aside once, so no error is computed on data that the fit has seen."
+    ),
+    "noise floor": (
+        "The error that no model can go below with these logs: what remains when acceleration is predicted from "
+        "everything that was logged. It is sensor noise, vibration, and gusts that nobody measured."
+    ),
+    "M_A": (
+        "How far the vehicle was from its commanded position, added up over the step: metres times seconds. "
+        "0 is perfect tracking."
+    ),
+    "M_B": (
+        "How far the step near the ground was from the same step flown high up, added up over time: metres times "
+        "seconds. It leaves out the lag of the controller itself; 0 means that the ground no longer shows."
+    ),
+    "trim": (
+        "The constant tilt and thrust offset that this vehicle needs on this day to hover: the battery is not where it "
+        "was, the level of the autopilot is off by a fraction of a degree. It is fitted for each flight by itself."
+    ),
+}
+_FORMS = {"folds": "fold", "Trim": "trim"}
+_WORD = re.compile(rf"\b({'|'.join(map(re.escape, sorted([*GLOSSARY, *_FORMS], key=len, reverse=True)))})\b")
+
+
+def explained(text: str) -> None:
+    """Write `text`; the first of each word of the glossary in it can be asked for its meaning."""
+    told: set[str] = set()
+    for i, part in enumerate(_WORD.split(text)):
+        word = _FORMS.get(part, part)
+        if i % 2 and word not in told:
+            told.add(word)
+            _draw_term(part, GLOSSARY[word])
+        elif part:
+            ui.label(part).style("display:contents")
+
+
+def _draw_term(word: str, meaning: str) -> None:
+    """Draw a word with its meaning: a tooltip under a mouse, a box after a tap, a click or Enter."""
+    with tag("button", "term", word) as term:
+        term.props('type="button" aria-haspopup="dialog"').props["aria-label"] = f"{word}: what does it mean?"
+        ui.tooltip(meaning).classes("meaning")
+        with ui.menu().props("max-width=320px"):
+            tag("p", "meaning", meaning)

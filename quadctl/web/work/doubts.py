@@ -1,0 +1,33 @@
+"""Doubts whether a log belongs to the vehicle and to the flights that are open: sentences to ask a person."""
+
+from quadctl.logs.flight_log import FlightLog
+from quadctl.vehicle import Vehicle
+
+MASS_TOLERANCE = 0.02
+"""Largest relative difference of two statements of the mass of one vehicle."""
+FIRMWARES = ("PX4", "ArduPilot")
+
+
+def doubt_of(log: FlightLog, vehicle: Vehicle) -> str:
+    """Doubt whether `vehicle` flew the log; empty where there is none."""
+    said = log.meta.get("vehicle")
+    mass = said.get("mass_kg") if isinstance(said, dict) else None
+    if isinstance(mass, int | float) and abs(mass - vehicle.mass_kg) > MASS_TOLERANCE * vehicle.mass_kg:
+        return f"This flight says {mass:g} kg, the vehicle has {vehicle.mass_kg:g} kg"
+    return ""
+
+
+def doubt_beside(log: FlightLog, source: str | None, first: FlightLog, first_source: str | None) -> str:
+    """Doubt whether the log can be analysed together with the `first` flight; empty where there is none."""
+    autopilot, first_autopilot = firmware(log), firmware(first)
+    if autopilot and first_autopilot and autopilot != first_autopilot:
+        return f"This flight was flown by {autopilot}, {first.name} by {first_autopilot}"
+    if source and first_source and source != first_source:
+        return f"The thrust of this flight is from {source}, that of {first.name} from {first_source}"
+    return ""
+
+
+def firmware(log: FlightLog) -> str:
+    """Firmware that the log names; empty where it names none that is known."""
+    said = str(log.meta.get("autopilot", ""))
+    return next((name for name in FIRMWARES if name.lower() in said.lower()), "")
