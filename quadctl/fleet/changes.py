@@ -67,9 +67,20 @@ def number_of_tests(series: Sequence[Series]) -> int:
 
 
 def _surest(series: Series) -> Change:
+    """Change with the p-value of the surer test; a drift or a jump, whichever leaves the smaller deviations."""
     drift, jump = _drift(series), _jump(series)
-    surest = min(drift, jump, key=lambda change: change.p_value)
-    return surest._replace(p_value=min(1.0, 2.0 * surest.p_value))
+    p = min(1.0, 2.0 * min(drift.p_value, jump.p_value))
+    return min(drift, jump, key=lambda change: _deviation(series, change))._replace(p_value=p)
+
+
+def _deviation(series: Series, change: Change) -> float:
+    """Mean absolute deviation of the values from a line, or from the medians before and after a jump."""
+    if change.kind == "drift":
+        along = series.values - change.size / 10.0 * series.number
+        return float(np.abs(along - np.median(along)).mean())
+    at = series.flights.index(change.since)
+    parts = (series.values[:at], series.values[at:])
+    return float(np.concatenate([np.abs(part - np.median(part)) for part in parts]).mean())
 
 
 def _drift(series: Series) -> Change:
