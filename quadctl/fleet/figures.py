@@ -30,7 +30,10 @@ def small_multiples(series: Sequence[Series], changes: Sequence[Change], populat
     height = rows * PANEL_HEIGHT_PX + 40
     figure = Figure(figsize=(WIDE_PX / 72.0, height / 72.0))
     panels = np.atleast_1d(figure.subplots(rows, min(COLUMNS, len(order)), sharex=True, sharey=True)).ravel()
-    low, high = np.quantile(np.concatenate([one.values for one in order]), [OUTLIERS, 1.0 - OUTLIERS])
+    ends = [OUTLIERS, 1.0 - OUTLIERS]
+    shown = [np.quantile(np.concatenate([one.values for one in order]), ends)]
+    shown += [np.quantile(one.values, ends) for one in order if one.vehicle in changed]
+    low, high = float(np.min(shown)), float(np.max(shown))
     margin = 0.08 * max(high - low, 1e-9)
     for ax, one in zip(panels, order, strict=False):
         _panel(ax, one, changed.get(one.vehicle), population)

@@ -65,6 +65,12 @@ class TestChanges:
         (change,) = find_changes([series(values, quantity="rotor_drag d_x")])
         assert change.kind == "jump"
         assert change.since in ("a/14.csv", "a/15.csv", "a/16.csv")
+
+    def test_a_jump_of_one_vehicle_of_many_is_sure_where_before_and_after_do_not_overlap(self) -> None:
+        random = np.random.default_rng(7)
+        steady = [series(random.normal(0.3, 0.001, 20), f"v{i}") for i in range(200)]
+        (change,) = find_changes([*steady, series(random.normal(0.3, 0.001, 20) + 0.06 * (np.arange(20) >= 10))])
+        assert (change.vehicle, change.kind, change.since) == ("a", "jump", "a/10.csv")
         assert change.ci95[0] <= 0.06 <= change.ci95[1]
 
     def test_of_steady_fleets_at_most_the_stated_share_shows_a_change(self) -> None:

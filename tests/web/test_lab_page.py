@@ -44,7 +44,7 @@ PARTS = (
     ("What is missing", "h2:has-text('measured and predicted')"),
     ("Over time", "h2:has-text('The flight path')"),
     ("Where it fails", "h2:has-text('On the flight path')"),
-    ("Compensator", "text=The check accepts it"),
+    ("Compensator", "h2:has-text('Export')"),
     ("Flights", "h2:has-text('Vehicle')"),
 )
 """Parts of the page, and what is there when they are drawn."""
