@@ -22,13 +22,13 @@ THRUST_FAMILIES = ("thrust_scale", "thrust_map")
 
 @dataclass(frozen=True)
 class FlightRecord:
-    """What one flight says."""
+    """Quantities that one flight shows, or the reason why it shows none."""
 
     vehicle: str
     flight: str
     """Path of the log in the folder of the fleet."""
     key: str = ""
-    """What the measurement depends on: another key means that it must be measured again."""
+    """Content, model and software that were measured: with another key the flight is measured again."""
     problem: str = ""
     """Reason why the flight could not be measured, one sentence; "" where it was."""
     flight_s: float = 0.0

@@ -74,7 +74,7 @@ class TestChanges:
         assert change.ci95[0] <= 0.06 <= change.ci95[1]
 
     def test_of_steady_fleets_at_most_the_stated_share_shows_a_change(self) -> None:
-        """Where nothing changes, every finding is false: fleets with one are as rare as the rate says."""
+        """Every finding is false where nothing changes: fleets with one are as rare as the rate says."""
         random = np.random.default_rng(3)
         fleets = [[series(random.standard_normal(12), f"v{i}") for i in range(10)] for _ in range(60)]
         wrong = sum(bool(find_changes(fleet)) for fleet in fleets)
