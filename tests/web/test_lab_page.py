@@ -72,6 +72,7 @@ def analysed(session: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterato
         yield url
 
 
+@pytest.mark.long
 def test_another_site_can_neither_frame_it_nor_talk_to_it(browser: Browser, tmp_path: Path) -> None:
     with served(tmp_path / "lab") as (url, _), attacking(url) as site:
         assert is_kept_out(browser, site)
@@ -80,6 +81,7 @@ def test_another_site_can_neither_frame_it_nor_talk_to_it(browser: Browser, tmp_
         visitor.leaves()
 
 
+@pytest.mark.long
 def test_a_new_vehicle_is_entered_as_a_few_numbers(browser: Browser, tmp_path: Path) -> None:
     with served(tmp_path / "lab") as (url, _):
         visitor = Visitor(browser, url)

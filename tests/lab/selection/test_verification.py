@@ -22,7 +22,7 @@ NOISE_M_S = 0.01
 
 
 def flight(rigid: Model, a: float, seed: int, name: str = "new.csv") -> Dataset:
-    log = obedient(rigid.plus(Exponential(a, 5.0)), 80.0, noise_m_s=NOISE_M_S, seed=seed, name=name)
+    log = obedient(rigid.plus(Exponential(a, 5.0)), 50.0, noise_m_s=NOISE_M_S, seed=seed, name=name)
     return load_dataset([log], rigid.vehicle)
 
 
@@ -56,7 +56,7 @@ def test_a_changed_parameter_is_named_with_the_flight_since_which_it_is_another(
 @pytest.mark.parametrize(("factor", "holds"), [(0.955, True), (0.91, False)])
 def test_flights_differ_by_their_trim_and_no_change_is_called_by_it(rigid: Model, factor: float, holds: bool) -> None:
     def scaled(factor: float, seed: int) -> Dataset:
-        log = obedient(rigid.plus(ConstantScale(factor)), 80.0, noise_m_s=NOISE_M_S, seed=seed, name=f"{seed}.csv")
+        log = obedient(rigid.plus(ConstantScale(factor)), 40.0, noise_m_s=NOISE_M_S, seed=seed, name=f"{seed}.csv")
         return load_dataset([log], rigid.vehicle)
 
     before = add(ConstantScale, rigid, scaled(0.95, 1)).model
