@@ -87,6 +87,12 @@ class Candidate:
         squares = [self.before[axis] ** 2 - self.after[axis] ** 2 for axis in GROUPS["total"] if axis in self.drops]
         return math.sqrt(max([0.0, *squares]))
 
+    @property
+    def n_seen(self) -> int:
+        """Number of the effect's parameters that these data show: their intervals reach no bound."""
+        bounds = {p.name: (p.low, p.high) for p in self.effect.parameters()}
+        return sum(low > bounds[name][0] and high < bounds[name][1] for name, (low, high) in self.ci95.items())
+
     def fit(self, dataset: Dataset) -> FittedModel:
         """Fitted model of this candidate; `dataset` is the one that it was fitted to.
 

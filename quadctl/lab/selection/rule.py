@@ -9,7 +9,6 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from quadctl.lab.arrays import Floats
-from quadctl.lab.fitting.parameters import free_parameters
 from quadctl.lab.fitting.significance import difference_p_value
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.flights.prediction import MOMENTS
@@ -200,14 +199,15 @@ def choose(
     """Choose the candidate to add, and list the other families that do as well, `look_alikes` among them.
 
     Each family is represented by its best variant. Of the families that are as good as the best, the one with the
-    fewest parameters is chosen. `supported` is sorted, the best first.
+    fewest parameters is chosen; a parameter that these data do not show, as a lateral drag in a vertical flight, does
+    not count. `supported` is sorted, the best first.
     """
     best = supported[0]
     every = [*supported, *look_alikes]
     leaders = [c for i, c in enumerate(every) if c.family not in {other.family for other in every[:i]}]
     alike = [c for c in leaders if c is best or are_alike(best.residual, c.residual, dataset)]
     as_good = [c for c in alike if is_supported(c) and score(c.residual) < score(best.residual) + EQUAL_SCORE]
-    chosen = min(as_good, key=lambda c: (len(free_parameters(c.model)), score(c.residual)))
+    chosen = min(as_good, key=lambda c: (c.n_seen, score(c.residual)))
     return chosen, sorted({c.family for c in alike} - {chosen.family})
 
 

@@ -1,0 +1,55 @@
+"""Specification of the choice between effects that explain a flight equally well."""
+
+from dataclasses import replace
+
+import pytest
+
+from quadctl.lab.flights.dataset import Dataset, load_dataset
+from quadctl.lab.selection.candidate import Candidate
+from quadctl.lab.selection.diagnosis import diagnose
+from quadctl.lab.selection.rule import choose
+from quadctl.logs.flight_log import FlightLog
+from quadctl.model import Model
+
+ACROSS = (0.0, 1.1)
+"""Interval of a lateral drag, 1/s, that a vertical flight does not show: it begins at the parameter's lower bound."""
+
+
+@pytest.fixture(scope="module")
+def dataset(rigid: Model, plain_runs: list[FlightLog]) -> Dataset:
+    return load_dataset(plain_runs, rigid.vehicle)
+
+
+@pytest.fixture(scope="module")
+def tried(rigid: Model, dataset: Dataset) -> dict[str, Candidate]:
+    """Candidates by the name of their effect, as if each explained half of the same error."""
+    ranking = diagnose(rigid, dataset).ranking
+    half = {axis: 0.5 * error for axis, error in ranking[0].before.items()}
+    same = {"after": half, "residual": ranking[0].residual, "p_value": 1e-6, "believable": True, "distinct": True}
+    return {c.effect.name: replace(c, **same, determined=True, at_bound=False, implied=False) for c in ranking}
+
+
+@pytest.mark.parametrize(
+    ("d_x", "d_y", "n_seen", "chosen"),
+    [
+        (ACROSS, ACROSS, 1, "rotor_drag.linear"),  # as simple as the other one: the first of them, which is the better
+        ((0.8, 1.1), (0.8, 1.1), 3, "inflow.axial"),
+    ],
+    ids=["vertical flight", "all directions"],
+)
+def test_a_parameter_that_the_data_do_not_show_makes_no_effect_less_simple(
+    dataset: Dataset,
+    tried: dict[str, Candidate],
+    d_x: tuple[float, float],
+    d_y: tuple[float, float],
+    n_seen: int,
+    chosen: str,
+) -> None:
+    drag = tried["rotor_drag.linear"]
+    drag = replace(drag, effect=type(drag.effect)(1.0, 1.0, 1.0), ci95={"d_x": d_x, "d_y": d_y, "d_z": (0.8, 1.1)})
+    inflow = tried["inflow.axial"]
+    inflow = replace(inflow, effect=type(inflow.effect)(0.4), ci95={"k": (0.4, 0.5)})
+    best, alike = choose([drag, inflow], [], dataset)
+    assert (drag.n_seen, inflow.n_seen) == (n_seen, 1)
+    assert best.effect.name == chosen
+    assert alike == sorted({"rotor_drag", "inflow"} - {best.family})
