@@ -26,8 +26,17 @@ and positions up to 40 ms; a larger delay needs evidence."""
 MOST_EARLY_S = 0.04
 """Largest time by which a rotor signal comes before its force because the position is late."""
 VELOCITY_RANGE_S = (-0.04, 0.08)
-ROTOR_RANGE_S = (-0.06, 0.3)
-"""Ranges that are searched."""
+ROTOR_RANGE_S = (-0.2, 0.3)
+"""Ranges that are searched; an estimate at an end says nothing."""
+VELOCITY_GAIN = 1.0
+"""Acceleration that a controller commands per error of the velocity, 1/s: half of that of autopilots (PX4's
+MPC_XY_VEL_P_ACC is 1.8, ArduPilot's PSC_VELXY_P 2), as the intercepts of `_regression` take away half of the answer or
+more."""
+CLIMB_GAIN = 4.0
+"""The same for the vertical velocity (PX4's MPC_Z_VEL_P_ACC is 4, ArduPilot's PSC_VELZ_P 5), of which the regression on
+several columns takes away little."""
+STEADY_S = 2.0
+"""Length of the windows between which motion grows and fades while the noise of the velocity stays as it is."""
 LEAST_STD_S = 0.002
 """Least standard deviation between flights, and of an estimate."""
 WINDOW_S = 3.0
@@ -111,10 +120,12 @@ def _velocity_lag(flight: Flight) -> Estimate:
     found = Estimate(0.0, UNSEEN_STD_S)
     for _ in range(ITERATIONS):
         seen = [flight.later(v, found.value) for v in flight.velocity_neu]
-        error = _quick(flight, flight.filtered_vector((seen[0], seen[1], seen[2])) - true)
+        error = _quick(flight, true - flight.filtered_vector((seen[0], seen[1], seen[2])))
         acceleration = _quick(flight, np.column_stack([flight.derivative @ v for v in seen]))
-        step, std = _regression(flight, -error, [acceleration])
-        found = Estimate(float(np.clip(found.value + np.clip(step, -MAX_STEP_S, MAX_STEP_S), *VELOCITY_RANGE_S)), std)
+        (step,), (std,) = _regression(flight, error, [acceleration])
+        lag_s = float(np.clip(found.value + np.clip(step, -MAX_STEP_S, MAX_STEP_S), *VELOCITY_RANGE_S))
+        std = np.hypot(std, _feedback_error(VELOCITY_GAIN, error - step * acceleration, acceleration))
+        found = Estimate(lag_s, float(std) if lag_s not in VELOCITY_RANGE_S else UNSEEN_STD_S)
         if abs(step) < 0.1 * LEAST_STD_S:
             break
     return found
@@ -124,7 +135,8 @@ def _rotor_delay(flight: Flight, lag: Model) -> Estimate:
     """Delay of the rotor signal relative to the force that it makes, s, from quick vertical motion.
 
     The vertical acceleration is regressed on the predicted one, its derivative with respect to the delay, the climb
-    rate and the height: forces that depend on these (inflow, ground effect) would else pass for a delay.
+    rate and the height: forces that depend on these (inflow, ground effect) would else pass for a delay, and the
+    rotors' answer to the noise of the velocity for a signal that comes before its force.
     """
     c = flight.conditions
     up = _quick(flight, flight.measured[:, 2:3])
@@ -136,18 +148,20 @@ def _rotor_delay(flight: Flight, lag: Model) -> Estimate:
     left = {start: _left(up, [predicted(start), *beside]) for start in STARTS_S}
     best = min(left, key=left.__getitem__)
     delay_s, std = (best if left[best] < CLEARLY * left[0.0] else 0.0), UNSEEN_STD_S
+    # What the velocity has and the position has not is noise of one of them.
+    noise = _quick(flight, (flight.filtered(flight.velocity_up) - flight.derivative @ c.height_m)[:, None])
+    noise_slope = np.gradient(noise, flight.time_s, axis=0)
     for _ in range(ITERATIONS):
         here = predicted(delay_s)
         slope = (predicted(delay_s + PROBE_S) - predicted(delay_s - PROBE_S)) / (2.0 * PROBE_S)
-        share, _ = _regression(flight, up, [here, slope, *beside])
-        step, std = _regression(flight, up, [slope, here, *beside])
+        (step, share, *_), (std, *_) = _regression(flight, up, [slope, here, *beside])
         if not share > LEAST_SHARE:
             return Estimate(0.0, UNSEEN_STD_S)
-        step, std = step / share, std / share
+        step, std = step / share, float(np.hypot(std / share, _feedback_error(CLIMB_GAIN, noise_slope, slope)))
         delay_s = float(np.clip(delay_s + np.clip(step, -MAX_STEP_S, MAX_STEP_S), *ROTOR_RANGE_S))
         if abs(step) < 0.1 * LEAST_STD_S:
             break
-    return Estimate(delay_s, std)
+    return Estimate(delay_s, std if delay_s not in ROTOR_RANGE_S else UNSEEN_STD_S)
 
 
 def _left(target: Floats, columns: Sequence[Floats]) -> float:
@@ -157,23 +171,54 @@ def _left(target: Floats, columns: Sequence[Floats]) -> float:
     return float(left @ left)
 
 
-def _regression(flight: Flight, target: Floats, columns: Sequence[Floats]) -> tuple[float, float]:
-    """Coefficient of the first of `columns` in a linear regression of `target`, shape (n, axes) each, and its standard
-    error, with blocks of time as the independent units (sandwich estimator)."""
-    x = np.stack([column.ravel() for column in columns], axis=-1)
-    gram = x.T @ x
-    if not gram[0, 0] > len(x) * LEAST_MOTION_M_S2**2 or np.linalg.cond(gram) > 1e12:
-        return 0.0, UNSEEN_STD_S
-    coefficients = np.linalg.solve(gram, x.T @ target.ravel())
-    scores = (x * (target.ravel() - x @ coefficients)[:, None]).reshape(*target.shape, -1).sum(axis=1)
-    numbers = np.unique(flight.block, return_inverse=True)[1]
-    per_block = np.stack([np.bincount(numbers, score) for score in scores.T])
-    count = per_block.shape[1]
-    if count < 3:
-        return float(coefficients[0]), UNSEEN_STD_S
-    inverse = np.linalg.inv(gram)
-    variance = inverse @ (per_block @ per_block.T) @ inverse * count / (count - len(x.T)) if count > len(x.T) else None
-    return float(coefficients[0]), float(np.sqrt(variance[0, 0])) if variance is not None else UNSEEN_STD_S
+def _regression(flight: Flight, target: Floats, columns: Sequence[Floats]) -> tuple[Floats, Floats]:
+    """Coefficients of a linear regression of `target` on `columns`, shape (n, axes) each, and their standard errors.
+
+    The controller answers the noise of the velocity, so that noise and motion are correlated (closed-loop
+    identification: Söderström & Stoica 1989, System Identification, ch. 10). Their covariance is the same all the time,
+    while what the motion explains grows and fades with it. Therefore the normal equations are taken for each window of
+    `STEADY_S`, with an intercept for each column and axis, and solved by weighted least squares. Windows are the
+    independent units of the standard errors (sandwich estimator).
+    """
+    windows = np.unique(((flight.time_s - flight.time_s[0]) / STEADY_S).astype(int), return_inverse=True)[1]
+    size = np.bincount(windows)
+
+    def per_window(values: Floats) -> Floats:
+        """Means of `values`, shape (n, axes), in the windows, shape (axes, windows)."""
+        return np.stack([np.bincount(windows, column) for column in values.T]) / size
+
+    gram, right, equations = np.zeros((len(columns), len(columns))), np.zeros(len(columns)), []
+    for one in columns:
+        covariance, moments = per_window(one * target), np.stack([per_window(one * other) for other in columns])
+        power = per_window(one**2)
+        # The covariances of a window scatter the more, the more motion it has.
+        weight = size / (power + np.maximum(np.median(power, axis=1, keepdims=True), LEAST_MOTION_M_S2**2))
+        mean = weight / weight.sum(axis=1, keepdims=True)
+        x = moments - (mean * moments).sum(axis=-1, keepdims=True)
+        y = covariance - (mean * covariance).sum(axis=-1, keepdims=True)
+        gram += np.einsum("iaw,jaw,aw->ij", x, x, weight)
+        right += np.einsum("iaw,aw,aw->i", x, y, weight)
+        equations.append((x, y, weight))
+    free = len(size) - len(columns) * (1 + target.shape[1])
+    seen = gram[0, 0] > len(target) * LEAST_MOTION_M_S2**2
+    if free < 1 or not seen or np.linalg.cond(gram) > 1e12:
+        return np.zeros(len(columns)), np.full(len(columns), UNSEEN_STD_S)
+    coefficients, inverse = np.linalg.solve(gram, right), np.linalg.inv(gram)
+    scores = np.zeros((len(columns), len(size)))
+    for x, y, weight in equations:
+        scores += np.einsum("iaw,aw->iw", x, weight * (y - np.tensordot(coefficients, x, 1)))
+    variance = inverse @ (scores @ scores.T) @ inverse * len(size) / free
+    return np.asarray(coefficients), np.sqrt(np.diag(variance))
+
+
+def _feedback_error(gain: float, noise: Floats, motion: Floats) -> float:
+    """Standard error of a delay, s, by a controller's answer to noise of the velocity.
+
+    Noise n of the velocity makes an acceleration of about -`gain` n. A regression of the noise on a motion that holds
+    this answer is off by up to gain var(n) / var(motion); the same is true of their derivatives. `noise` and `motion`
+    have shape (n, axes).
+    """
+    return gain * float(np.mean(noise**2)) / max(float(np.mean(motion**2)), LEAST_MOTION_M_S2**2)
 
 
 def _quick(flight: Flight, values: Floats) -> Floats:
