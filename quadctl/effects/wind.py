@@ -38,6 +38,7 @@ class _Wind(Effect):
     )
     distinguished_by: ClassVar[str] = "headings that differ: a tilted thrust turns with the body, the wind does not"
     mission: ClassVar[str] = "missions/headings.yaml"
+    essential: ClassVar[tuple[str, ...]] = ("north_m_s", "east_m_s")
     stands_back_for: ClassVar[tuple[str, ...]] = ("rotor_drag", "body_drag")
     not_for_flight: ClassVar[str] = "the wind of another day is not that of today"
 

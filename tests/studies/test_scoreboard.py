@@ -1,5 +1,7 @@
 """Specification of the scoreboard of worlds: when an answer is right."""
 
+import dataclasses
+
 import pytest
 
 from studies.worlds.scoreboard import Answer, section
@@ -42,3 +44,13 @@ def test_a_section_counts_and_lists_what_is_wrong() -> None:
     assert "| false alarms where nothing is hidden | 0 of 1 |" in text
     assert text.count("\n- case") == 1
     assert "- case (wind, 0.1 m/s²): tether" in text
+
+
+def test_what_is_there_but_too_small_to_be_called_missing_is_counted_by_itself() -> None:
+    small = dataclasses.replace(answer("wind", "", "none"), measured=("wind", "tether"))
+    text = section("a world", [small, answer("wind", "")])
+    assert (
+        "| one effect: nothing named, and the right family first of those that are there but small | 1/2 = 50% |"
+        in text
+    )
+    assert "- case (wind, 0.1 m/s²): none; there but small: wind, tether" in text

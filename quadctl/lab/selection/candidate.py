@@ -49,7 +49,7 @@ class Candidate:
     at_bound: bool = False
     """True where a parameter of the effect ran into a bound."""
     determined: bool = True
-    """False where the data determine none of the effect's parameters."""
+    """False where the data determine none of the effect's parameters, or none of its essential ones."""
     solution: Solution | None = None
     """Fit of the model; None when the candidate was read from a session."""
 
