@@ -28,9 +28,15 @@ MOST_EARLY_S = 0.04
 VELOCITY_RANGE_S = (-0.04, 0.08)
 ROTOR_RANGE_S = (-0.2, 0.3)
 """Ranges that are searched; an estimate at an end says nothing."""
-STEADY_S = 1.5
-"""Length of the windows between which motion grows and fades while the noise of the velocity stays as it is; noise is
-independent between them."""
+VELOCITY_GAIN = 1.0
+"""Acceleration that a controller commands per error of the velocity, 1/s: half of that of autopilots (PX4's
+MPC_XY_VEL_P_ACC is 1.8, ArduPilot's PSC_VELXY_P 2), as the intercepts of `_regression` take away half of the answer or
+more."""
+CLIMB_GAIN = 4.0
+"""The same for the vertical velocity (PX4's MPC_Z_VEL_P_ACC is 4, ArduPilot's PSC_VELZ_P 5), of which the regression on
+several columns takes away little."""
+STEADY_S = 2.0
+"""Length of the windows between which motion grows and fades while the noise of the velocity stays as it is."""
 LEAST_STD_S = 0.002
 """Least standard deviation between flights, and of an estimate."""
 WINDOW_S = 3.0
@@ -118,7 +124,8 @@ def _velocity_lag(flight: Flight) -> Estimate:
         acceleration = _quick(flight, np.column_stack([flight.derivative @ v for v in seen]))
         (step,), (std,) = _regression(flight, error, [acceleration])
         lag_s = float(np.clip(found.value + np.clip(step, -MAX_STEP_S, MAX_STEP_S), *VELOCITY_RANGE_S))
-        found = Estimate(lag_s, std if lag_s not in VELOCITY_RANGE_S else UNSEEN_STD_S)
+        std = np.hypot(std, _feedback_error(VELOCITY_GAIN, error - step * acceleration, acceleration))
+        found = Estimate(lag_s, float(std) if lag_s not in VELOCITY_RANGE_S else UNSEEN_STD_S)
         if abs(step) < 0.1 * LEAST_STD_S:
             break
     return found
@@ -141,13 +148,16 @@ def _rotor_delay(flight: Flight, lag: Model) -> Estimate:
     left = {start: _left(up, [predicted(start), *beside]) for start in STARTS_S}
     best = min(left, key=left.__getitem__)
     delay_s, std = (best if left[best] < CLEARLY * left[0.0] else 0.0), UNSEEN_STD_S
+    # What the velocity has and the position has not is noise of one of them.
+    noise = _quick(flight, (flight.filtered(flight.velocity_up) - flight.derivative @ c.height_m)[:, None])
+    noise_slope = np.gradient(noise, flight.time_s, axis=0)
     for _ in range(ITERATIONS):
         here = predicted(delay_s)
         slope = (predicted(delay_s + PROBE_S) - predicted(delay_s - PROBE_S)) / (2.0 * PROBE_S)
         (step, share, *_), (std, *_) = _regression(flight, up, [slope, here, *beside])
         if not share > LEAST_SHARE:
             return Estimate(0.0, UNSEEN_STD_S)
-        step, std = step / share, std / share
+        step, std = step / share, float(np.hypot(std / share, _feedback_error(CLIMB_GAIN, noise_slope, slope)))
         delay_s = float(np.clip(delay_s + np.clip(step, -MAX_STEP_S, MAX_STEP_S), *ROTOR_RANGE_S))
         if abs(step) < 0.1 * LEAST_STD_S:
             break
@@ -164,12 +174,11 @@ def _left(target: Floats, columns: Sequence[Floats]) -> float:
 def _regression(flight: Flight, target: Floats, columns: Sequence[Floats]) -> tuple[Floats, Floats]:
     """Coefficients of a linear regression of `target` on `columns`, shape (n, axes) each, and their standard errors.
 
-    The controller answers the noise of the velocity, so that noise and motion are correlated: least squares takes the
-    answer for a delay (closed-loop identification: Söderström & Stoica 1989, System Identification, ch. 10). Their
-    covariance is the same all the time, while what the motion explains grows and fades with it. Therefore the normal
-    equations are taken for each window of `STEADY_S`, with an intercept for each column and axis. How much motion there
-    is in the windows before and after tells of that in a window, and not of its noise: it is the instrumental variable
-    by which the equations are solved. Windows are the independent units of the standard errors (sandwich estimator).
+    The controller answers the noise of the velocity, so that noise and motion are correlated (closed-loop
+    identification: Söderström & Stoica 1989, System Identification, ch. 10). Their covariance is the same all the time,
+    while what the motion explains grows and fades with it. Therefore the normal equations are taken for each window of
+    `STEADY_S`, with an intercept for each column and axis, and solved by weighted least squares. Windows are the
+    independent units of the standard errors (sandwich estimator).
     """
     windows = np.unique(((flight.time_s - flight.time_s[0]) / STEADY_S).astype(int), return_inverse=True)[1]
     size = np.bincount(windows)
@@ -180,36 +189,36 @@ def _regression(flight: Flight, target: Floats, columns: Sequence[Floats]) -> tu
 
     gram, right, equations = np.zeros((len(columns), len(columns))), np.zeros(len(columns)), []
     for one in columns:
+        covariance, moments = per_window(one * target), np.stack([per_window(one * other) for other in columns])
         power = per_window(one**2)
         # The covariances of a window scatter the more, the more motion it has.
         weight = size / (power + np.maximum(np.median(power, axis=1, keepdims=True), LEAST_MOTION_M_S2**2))
-        weight_sum = weight.sum(axis=1, keepdims=True)
-
-        def varying(values: Floats, weight: Floats = weight, total: Floats = weight_sum) -> Floats:
-            """Values of the windows without their weighted mean, which takes the intercept away."""
-            return np.asarray(values - (weight * values).sum(axis=-1, keepdims=True) / total)
-
-        moments = np.stack([per_window(one * other) for other in columns])
-        x, y, z = varying(moments), varying(per_window(one * target)), varying(_around(moments))
-        gram += np.einsum("iaw,jaw,aw->ij", z, x, weight)
-        right += np.einsum("iaw,aw,aw->i", z, y, weight)
-        equations.append((x, y, weight * z))
+        mean = weight / weight.sum(axis=1, keepdims=True)
+        x = moments - (mean * moments).sum(axis=-1, keepdims=True)
+        y = covariance - (mean * covariance).sum(axis=-1, keepdims=True)
+        gram += np.einsum("iaw,jaw,aw->ij", x, x, weight)
+        right += np.einsum("iaw,aw,aw->i", x, y, weight)
+        equations.append((x, y, weight))
     free = len(size) - len(columns) * (1 + target.shape[1])
-    seen = abs(gram[0, 0]) > len(target) * LEAST_MOTION_M_S2**2
+    seen = gram[0, 0] > len(target) * LEAST_MOTION_M_S2**2
     if free < 1 or not seen or np.linalg.cond(gram) > 1e12:
         return np.zeros(len(columns)), np.full(len(columns), UNSEEN_STD_S)
     coefficients, inverse = np.linalg.solve(gram, right), np.linalg.inv(gram)
     scores = np.zeros((len(columns), len(size)))
-    for x, y, instrument in equations:
-        scores += np.einsum("iaw,aw->iw", instrument, y - np.tensordot(coefficients, x, 1))
-    variance = inverse @ (scores @ scores.T) @ inverse.T * len(size) / free
+    for x, y, weight in equations:
+        scores += np.einsum("iaw,aw->iw", x, weight * (y - np.tensordot(coefficients, x, 1)))
+    variance = inverse @ (scores @ scores.T) @ inverse * len(size) / free
     return np.asarray(coefficients), np.sqrt(np.diag(variance))
 
 
-def _around(values: Floats) -> Floats:
-    """Mean of the values of the windows before and after, along the last axis; at the ends that of the one there is."""
-    padded = np.concatenate([values[..., 1:2], values, values[..., -2:-1]], axis=-1)
-    return np.asarray(0.5 * (padded[..., :-2] + padded[..., 2:]))
+def _feedback_error(gain: float, noise: Floats, motion: Floats) -> float:
+    """Standard error of a delay, s, by a controller's answer to noise of the velocity.
+
+    Noise n of the velocity makes an acceleration of about -`gain` n. A regression of the noise on a motion that holds
+    this answer is off by up to gain var(n) / var(motion); the same is true of their derivatives. `noise` and `motion`
+    have shape (n, axes).
+    """
+    return gain * float(np.mean(noise**2)) / max(float(np.mean(motion**2)), LEAST_MOTION_M_S2**2)
 
 
 def _quick(flight: Flight, values: Floats) -> Floats:
