@@ -105,6 +105,7 @@ class TestCommands:
         assert done.status == 0 and "No expression was found: found.py is not written." in done.out
         assert not Path("found.py").exists()
 
+    @pytest.mark.long
     def test_a_report_is_written(self, quadctl: Callable[..., Result], log: Path) -> None:
         for command in (("compare", VEHICLE, log), ("diagnose", VEHICLE, log)):
             assert quadctl(*command, "--html", "r.html").status == 0
@@ -140,6 +141,7 @@ class TestOutsideTheRepository:
         assert yaml.safe_load(next(Path("logs").glob("*.meta.yaml")).read_text())["compensator"] == "hayden"
         one_sentence(quadctl("init", "."), "config", "is there already and would be overwritten")
 
+    @pytest.mark.long
     def test_a_log_is_analysed_and_the_next_flight_suggested(self, quadctl: Callable[..., Result], log: Path) -> None:
         assert quadctl("add", "exponential", "config/vehicles/raptor.yaml", log, "-o", "new.yaml").status == 0
         done = quadctl("suggest", "new.yaml", log, "--json", "s.json")

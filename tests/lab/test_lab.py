@@ -212,6 +212,7 @@ class TestCompare:
 
 
 class TestDiagnose:
+    @pytest.mark.long
     def test_a_hidden_ground_effect_of_another_form_is_found_alone(
         self, staircases: list[FlightLog], rigid: Model
     ) -> None:

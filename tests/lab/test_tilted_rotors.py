@@ -61,6 +61,7 @@ def test_a_ground_effect_that_is_in_no_catalogue_is_named(tmp_path: Path) -> Non
     assert found.missing == ["ground_effect"]
 
 
+@pytest.mark.long
 def test_rotor_drag_is_named_and_measured_to_the_side(dragged: FlightLog) -> None:
     found = diagnose(RIGID, load_dataset([dragged], RIGID.vehicle))
     assert found.missing == ["rotor_drag"]

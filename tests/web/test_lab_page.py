@@ -150,6 +150,7 @@ def stand_on(visitor: Visitor, step: str) -> None:
     visitor.waits_until_done()
 
 
+@pytest.mark.long
 def test_a_newcomer_finds_the_missing_effect_and_flies_it_in_at_most_ten_clicks(
     browser: Browser, flown: Path, tmp_path: Path
 ) -> None:

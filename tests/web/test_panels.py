@@ -309,6 +309,7 @@ class TestOpenTab:
             following.follow(views["at first"])
             assert following.shown == at_first, f"back from {name}"
 
+    @pytest.mark.long
     def test_every_change_is_seen_in_some_part_of_the_page(
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
     ) -> None:

@@ -120,6 +120,7 @@ def test_linear_or_quadratic_drag_asks_for_several_speeds(world: World) -> None:
     assert option(result, "hover_staircase").sigmas[0] < 1
 
 
+@pytest.mark.long
 def test_an_unknown_ground_effect_asks_for_a_flight_near_the_ground(world: World) -> None:
     model = world.rigid.plus(find_effect("ground_effect.exponential", "test")())
     result = asked(model, world.hover(), [])
@@ -145,6 +146,7 @@ def test_an_unknown_inflow_asks_for_climbs_and_descents(world: World) -> None:
     assert climbs < 0.5 * runs
 
 
+@pytest.mark.long
 def test_with_nothing_else_open_the_flight_lets_more_effects_be_tried(world: World) -> None:
     result = asked(world.rigid, world.hover(), [])
     assert (result.pairs, result.parameter) == ([], None)
