@@ -356,6 +356,28 @@ class TestAnalysed:
         keys.press("1")
         visitor.sees("#verdict")
 
+    @pytest.mark.parametrize(("size", "theme"), [(DESK, "light"), (PHONE, "dark")], ids=["desk-light", "phone-dark"])
+    def test_the_verdict_leads_to_its_evidence(
+        self, browser: Browser, analysed: str, size: dict[str, int], theme: str
+    ) -> None:
+        visitor = Visitor(browser, analysed, size, theme)
+        stand_on(visitor, "rigid body")
+        visitor.sees("#verdict[data-verdict=missing]")
+        visitor.click("button[aria-label^='Evidence for ground_effect']")
+        curve = "#evidence .js-plotly-plot[aria-label^='Ground effect over']"
+        visitor.sees(f"{curve} .main-svg")
+        assert visitor.points(curve, "residual without it, mean ± 95%") > 5
+        expect(visitor.page.locator("#evidence h2")).to_be_in_viewport()
+        assert "why it lost" in visitor.sees("table.reasons")
+        visitor.waits_until_all_is_drawn()
+        assert visitor.barriers() == []
+        visitor.keeps(f"evidence-{theme}")
+        visitor.page.locator("table.reasons").first.scroll_into_view_if_needed()
+        visitor.keeps(f"evidence-below-{theme}")
+        visitor.click("button[aria-label='Close the evidence']")
+        expect(visitor.page.locator("#evidence")).to_have_count(0)
+        visitor.leaves()
+
     def test_all_can_be_taken_along(self, visitor: Visitor, tmp_path: Path) -> None:
         stand_on(visitor, "+ ground effect")
         report = visitor.keeps_file("button:has-text('Report')", tmp_path).read_text(encoding="utf-8")

@@ -61,6 +61,7 @@ class Page:
         self._flight_name = ""
         self._channels: tuple[str, ...] = over_time.FIRST_CHANNELS
         self._over_each_other = False
+        self._evidence = ""
         self._brush: Brush = {}
         self._frame_parts: list[Part] = []
         self._tab_parts: list[Part] = []
@@ -176,6 +177,7 @@ class Page:
             brush=self._brush,
             flight_name=self._flight_name,
             channels=self._channels,
+            evidence=self._evidence,
             over_each_other=self._over_each_other,
         )
 
@@ -232,6 +234,11 @@ class Page:
 
     def choose_channels(self, channels: Sequence[str], over_each_other: bool) -> None:
         self._channels, self._over_each_other = tuple(channels), over_each_other
+        self.refresh()
+
+    def show_evidence(self, effect: str) -> None:
+        """Open the evidence for an effect that was found missing; close it where `effect` is empty."""
+        self._evidence = effect
         self.refresh()
 
     def select(self, ranges: Brush, axis: str) -> None:

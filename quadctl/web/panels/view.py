@@ -53,6 +53,8 @@ class View:
     """Name of the flight that was chosen; empty where none was."""
     channels: tuple[str, ...]
     """Columns of the logs that are shown over time."""
+    evidence: str
+    """Name of the effect whose evidence is open; empty where none is."""
     over_each_other: bool
     """Show these channels of all flights, not only of the chosen one."""
 
