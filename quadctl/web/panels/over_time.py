@@ -18,6 +18,7 @@ from quadctl.web.figures.channels import (
     Statistics,
     channel_timeline,
     channels_of,
+    events_of,
     in_words,
     spectrum_figure,
     statistics_of,
@@ -88,6 +89,7 @@ class AnyChannel(Panel):
                 return
             timeline = channel_timeline(self.shown_logs, chosen, self.theme)
             zoomed_plot(timeline, self.theme, "channels", f"Channels over time: {listed(list(chosen))}")
+            _draw_events(self.shown_logs[0])
             _draw_statistics(statistics_of(self.shown_logs, chosen))
             drawn = spectrum_figure(self.shown_logs, chosen[-1], flight, self.theme)
             tag("h3", "spectrum", f"Spectrum of {offered[chosen[-1]]}")
@@ -118,6 +120,25 @@ class AnyChannel(Panel):
                 if wanted:
                     choose = partial(do.choose_channels, wanted, self.over_each_other)
                     ui.button(name, on_click=choose).props("flat dense no-caps size=sm")
+
+
+def _draw_events(log: FlightLog) -> None:
+    """Draw a folded list of the events of a flight: on the axis of time there is no room for whole texts."""
+    found = events_of(log)
+    if not found:
+        return
+    with (
+        ui.expansion(f"Modes, messages and parameter changes of {log.name} ({len(found)})").classes("more"),
+        tag("div", "scroll tall").props('tabindex="0"'),
+        tag("table", "small"),
+    ):
+        with tag("tr"):
+            tag("th", "number", "time / s")
+            tag("th", "", "event")
+        for text, time_s in found:
+            with tag("tr"):
+                tag("td", "number", f"{time_s:.2f}")
+                tag("td", "", text)
 
 
 def _draw_statistics(found: Mapping[tuple[str, str], Statistics]) -> None:
