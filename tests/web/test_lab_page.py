@@ -39,6 +39,7 @@ from tests.support.visitors import (
 pytestmark = needs_chromium
 
 HOVERING = ROOT.parent / "shared" / "data" / "raptor" / "HOVERING.csv"
+REAL_PX4 = ROOT.parent / "shared" / "data" / "real" / "px4"
 MOST_CLICKS = 10
 PARTS = (
     ("What is missing", "h2:has-text('measured and predicted')"),
@@ -435,6 +436,23 @@ def test_what_no_effect_explains_is_said_as_an_expression_that_can_be_added(
         visitor.sees("button:has-text('Look for what is missing')")
         exported = visitor.keeps_file("header button:has-text('Export model')", tmp_path)
         assert load_model(exported).effects[0].family() == "unexplained"
+        visitor.leaves()
+
+
+@pytest.mark.long
+@pytest.mark.skipif(not REAL_PX4.is_dir(), reason="the flights of real autopilots are not here")
+def test_modes_and_messages_of_a_real_autopilot_stand_on_the_axis_of_time(browser: Browser, tmp_path: Path) -> None:
+    words = [str(REAL_PX4 / "vertical_runs.ulg"), "--model", str(REAL_PX4 / "vehicle.yaml")]
+    with served(tmp_path / "lab", *words) as (url, _):
+        visitor = Visitor(browser, url)
+        visitor.sees("#error-now")
+        visitor.click("[role=tab]:has-text('Over time')")
+        channels = visitor.figure("Channels over time: z_m")
+        visitor.sees(f"{channels} .annotation-text:has-text('mode OFFBOARD')")
+        visitor.page.locator(channels).scroll_into_view_if_needed()
+        visitor.keeps("marks")
+        visitor.click("text=Modes, messages and parameter changes")
+        visitor.sees("td:has-text('[commander] Takeoff detected')")
         visitor.leaves()
 
 
