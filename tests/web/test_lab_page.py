@@ -338,6 +338,22 @@ class TestAnalysed:
         visitor.figure("Channels over time: z_m, z_ref_m and motor3_rpm")
         assert visitor.points(visitor.figure("Spectrum of motor3_rpm"), "filter of the analysis: gain") > 0
 
+    def test_two_models_lie_over_each_other(self, visitor: Visitor, session: Path, tmp_path: Path) -> None:
+        stand_on(visitor, "+ ground effect")
+        exported = visitor.keeps_file("header button:has-text('Export model')", tmp_path)
+        stand_on(visitor, "rigid body")
+        visitor.click("[role=tab]:has-text('Over time')")
+        figure = visitor.figure("Flight over time")
+        assert visitor.points(figure, f"step 2: + {ADDED}") == 0
+        visitor.page.get_by_label("A further model").last.click()
+        visitor.click("[role=option]:has-text('step 2')")
+        visitor.page.wait_for_function(_HAS_CURVE, arg=f"step 2: + {ADDED}")
+        visitor.page.locator(".beside input[type=file]").set_input_files(exported)
+        visitor.page.wait_for_function(_HAS_CURVE, arg=f"file {exported.name}")
+        visitor.keeps("two-models")
+        visitor.page.locator(".beside input[type=file]").set_input_files(session)
+        assert "is a session, expected a model" in visitor.sees("[role=alert]")
+
     def test_keys_move_through_the_page_and_undo(self, visitor: Visitor) -> None:
         stand_on(visitor, "rigid body")
         keys = visitor.page.keyboard
@@ -498,6 +514,8 @@ def test_pictures_of_every_part(browser: Browser, session: Path, tmp_path: Path,
         visitor.leaves()
 
 
+_HAS_CURVE = """name => [...document.querySelectorAll('.js-plotly-plot')].some(
+  plot => (plot.data ?? []).some(curve => curve.name === name))"""
 _ZOOM = """async () => {
   const plot = document.querySelector('.js-plotly-plot');
   const began = performance.now();

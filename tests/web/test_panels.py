@@ -145,6 +145,8 @@ def views(raptor: Vehicle) -> dict[str, View]:
         flight_name="",
         channels=("z_m", "motor1_rpm"),
         over_each_other=False,
+        beside="",
+        other_model=None,
         evidence="",
     )
     searching = replace(view, search=Work("Looking"), results=replace(results, found=None, before=found))
@@ -184,6 +186,8 @@ def views(raptor: Vehicle) -> dict[str, View]:
         "another axis": {"axis": "north"},
         "another flight": {"flight_name": "1.csv"},
         "other channels": {"channels": ("roll_deg",)},
+        "a step beside the others": {"beside": "0"},
+        "the model of a file beside the others": {"beside": "file", "other_model": replace(truth, name="mine.yaml")},
         "the evidence for an effect": {"evidence": found.diagnosis.steps[1].effect},
         "flights over each other": {"over_each_other": True},
         "a selection": {"brush": {"height_over_radius": (1.0, 3.0)}},
@@ -348,6 +352,14 @@ class TestOpenTab:
         assert "Ground effect is told from its look-alikes by hovering at many heights" in str(tab.shown)
         tab.follow(views["at first"])
         assert len(tab.figures) == before
+
+    def test_a_further_model_lies_over_the_others_with_its_name(
+        self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
+    ) -> None:
+        view = views["the model of a file beside the others"]
+        assert list(view.models) == ["rigid body", "with added effects", "file mine.yaml"]
+        figure = cast(Any, tabs("time", view).figures[0].figure)
+        assert {"file mine.yaml", "residual, file mine.yaml"} <= {curve["name"] for curve in figure["data"]}
 
     def test_a_log_of_another_vehicle_gets_a_question_instead_of_a_tick(
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]

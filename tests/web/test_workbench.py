@@ -12,6 +12,7 @@ import pytest
 import yaml
 
 from quadctl.effects.ground_effect import Exponential
+from quadctl.errors import SettingsError
 from quadctl.logs.flight_log import FlightLog
 from quadctl.model import load_model
 from quadctl.vehicle import Vehicle
@@ -26,7 +27,7 @@ from quadctl.web.workbench import workbench
 from quadctl.web.workbench.intake import Intake
 from quadctl.web.workbench.workbench import Workbench
 from tests.support.flights import obedient
-from tests.support.places import RAPTOR, ROOT
+from tests.support.places import RAPTOR, ROOT, VEHICLES
 
 
 class Here:
@@ -234,6 +235,21 @@ class TestNewVehicle:
         asyncio.run(enter())
         assert bench.session is before
         assert bench.message is not None and said in bench.message.text
+
+
+class TestOtherModel:
+    """A model of a file is shown beside those of the session."""
+
+    def test_it_needs_as_many_rotors(self, bench: Workbench) -> None:
+        hexarotor = load_model(VEHICLES / "f550.yaml")
+        with pytest.raises(SettingsError, match="has 6 rotors, expected 4 as raptor has"):
+            bench.show_beside(hexarotor)
+        assert bench.other_model is None
+
+    def test_the_session_stays_as_it_is(self, bench: Workbench) -> None:
+        session = bench.session
+        bench.show_beside(replace(load_model(RAPTOR), name="mine.yaml"))
+        assert bench.other_model is not None and bench.session is session
 
 
 class TestOpening:

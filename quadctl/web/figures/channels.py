@@ -41,7 +41,7 @@ LEAST_UPDATES = 64
 """Fewest updates of a channel for a spectrum."""
 NEAR = 0.02
 """Least distance of two marks on the axis of time, as a share of the flight."""
-MARK_LENGTH = 40
+MARK_LENGTH = 28
 """Longest text of a mark on the axis of time."""
 
 

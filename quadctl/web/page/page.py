@@ -22,7 +22,7 @@ from quadctl.web.panels.help import help_dialog
 from quadctl.web.panels.ladder import Ladder
 from quadctl.web.panels.panel import Panel, Tab
 from quadctl.web.panels.stack import Stack
-from quadctl.web.panels.view import Brush, View
+from quadctl.web.panels.view import FILE, Brush, View
 from quadctl.web.work.worker import CancelledError
 from quadctl.web.workbench.intake import TEMPLATE, Intake
 from quadctl.web.workbench.workbench import Workbench
@@ -62,6 +62,7 @@ class Page:
         self._channels: tuple[str, ...] = over_time.FIRST_CHANNELS
         self._over_each_other = False
         self._evidence = ""
+        self._beside = ""
         self._brush: Brush = {}
         self._frame_parts: list[Part] = []
         self._tab_parts: list[Part] = []
@@ -177,6 +178,8 @@ class Page:
             brush=self._brush,
             flight_name=self._flight_name,
             channels=self._channels,
+            beside=self._beside,
+            other_model=bench.other_model,
             evidence=self._evidence,
             over_each_other=self._over_each_other,
         )
@@ -235,6 +238,16 @@ class Page:
     def choose_channels(self, channels: Sequence[str], over_each_other: bool) -> None:
         self._channels, self._over_each_other = tuple(channels), over_each_other
         self.refresh()
+
+    def compare_with(self, beside: str) -> None:
+        """Draw another model beside those that are drawn: a step of the ladder, a file, or none (see `View`)."""
+        self._beside = beside
+        self.refresh()
+
+    async def take_model(self, file: FileUpload) -> None:
+        """Draw the model of a file beside the others."""
+        if await self._intake.take_model(file):
+            self.compare_with(FILE)
 
     def show_evidence(self, effect: str) -> None:
         """Open the evidence for an effect that was found missing; close it where `effect` is empty."""

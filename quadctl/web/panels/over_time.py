@@ -43,6 +43,9 @@ PRESETS = {
 class OverTime(ChosenFlightPanel):
     """All channels of the chosen flight over time, and its path, with the selected samples marked."""
 
+    comparable: dict[str, str]
+    beside: str
+
     def draw(self, do: Controls) -> None:
         flight = self.flight
         if flight is None:
@@ -56,12 +59,27 @@ class OverTime(ChosenFlightPanel):
                 ui.toggle(list(AXES), value=self.axis, on_change=lambda e: do.look_at(axis=e.value)).props(
                     'dense no-caps unelevated aria-label="Axis"'
                 )
+            self._draw_other_model(do)
             self.draw_brush_note(do, brushed)
             self.draw_timeline(flight, brushed, f"{flight.name}_{self.axis}", "Flight over time")
             tag("p", "muted", "Drag to zoom, double-click to see all. The cursor is the same in all panes.")
         with tag("section", "card"):
             heading("The flight path")
             self.draw_path(flight, brushed)
+
+    def _draw_other_model(self, do: Controls) -> None:
+        """Draw the choice of a further model, which is drawn over the others: a step of the ladder, or a file."""
+        with tag("div", "line wrap beside"):
+            options = {"": "none", **self.comparable}
+            chosen = self.beside if self.beside in options else ""
+            ui.select(
+                options, value=chosen, label="A further model", on_change=lambda e: do.compare_with(e.value)
+            ).props("dense outlined options-dense")
+            upload = ui.upload(auto_upload=True, on_upload=lambda e: do.act(do.take_model(e.file)))
+            upload.props('accept=".yaml,.yml"').classes("hidden")
+            choose = ui.button("From a file", icon="file_open").props("flat dense no-caps")
+            # In the browser itself: only there does a click open the window in which files are chosen.
+            choose.on("click", js_handler=f"() => getElement({upload.id}).pickFiles()")
 
 
 @dataclass(frozen=True)

@@ -3,12 +3,13 @@
 import filecmp
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from nicegui.elements.upload_files import FileUpload
 
 from quadctl.errors import QuadctlError, SettingsError
+from quadctl.model import load_model
 from quadctl.settings import read_yaml
 from quadctl.vehicle_draft.draft import Answers, draft
 from quadctl.web.session.files import SETTINGS_SUFFIXES, own_effects, require_inside, too_large, upload_path
@@ -74,6 +75,22 @@ class Intake:
         session = load_session(path)
         require_inside(self.bench.folder, tuple(log for log in session.logs if log not in self._known))
         await self.bench.resume(session)
+
+    async def take_model(self, file: FileUpload) -> bool:
+        """Show the model in a file beside those of the session; False, with a sentence, where it is none."""
+        try:
+            path = await self._keep(file)
+            if path.suffix.lower() not in SETTINGS_SUFFIXES:
+                raise SettingsError(f"{path.name}: is no model by its name, expected a .yaml file")
+            settings = read_yaml(path)
+            require_inside(self.bench.folder, tuple(path.parent / own for own in own_effects(settings)))
+            if "rungs" in settings:
+                raise SettingsError(f"{path.name}: is a session, expected a model: drop it on Flights to open it")
+            self.bench.show_beside(replace(load_model(path), name=path.name))
+        except QuadctlError as error:
+            self.bench.say("error", f"{error}.")
+            return False
+        return True
 
     @property
     def _known(self) -> tuple[Path, ...]:

@@ -46,6 +46,8 @@ class Workbench:
     waiting: tuple[str, ...] = ()
     """Names of the files that are taken as soon as the work in progress is done."""
 
+    other_model: Model | None = None
+    """Model of a file, to be drawn beside those of the session; nothing is fitted to it, nor judged by it."""
     accepted: frozenset[Path] = frozenset()
     """Logs that a person has said to use in spite of a doubt."""
 
@@ -145,6 +147,23 @@ class Workbench:
             self.say("error", str(error))
             return
         await self._with_flights(self.session.unjudged().begun_with(model))
+
+    def show_beside(self, model: Model) -> None:
+        """Show a model beside those of the session.
+
+        Raises
+        ------
+        SettingsError
+            It is of a vehicle with another number of rotors.
+        """
+        rung = self.session.rung
+        if rung is not None and model.vehicle.n_rotors != rung.model.vehicle.n_rotors:
+            raise SettingsError(
+                f"{model.name}: has {model.vehicle.n_rotors} rotors, expected {rung.model.vehicle.n_rotors} as "
+                f"{rung.model.vehicle.name} has"
+            )
+        self.other_model = model
+        self._changed()
 
     async def use_anyway(self, path: Path) -> None:
         """Use a log in spite of the doubt about it."""
