@@ -17,6 +17,7 @@ from pathlib import Path
 import pytest
 
 from quadctl.model import load_model
+from quadctl.web.session.files import sha256_of
 from quadctl.web.session.session import load_session
 from tests.support.lab_sessions import ADDED, fly_over_a_cushion, one_step_up, searched, unexplained, wrong_files
 from tests.support.other_site import attacking
@@ -354,6 +355,23 @@ class TestAnalysed:
         visitor.page.locator(".beside input[type=file]").set_input_files(session)
         assert "is a session, expected a model" in visitor.sees("[role=alert]")
 
+    def test_a_link_leads_to_the_same_state(self, browser: Browser, analysed: str, visitor: Visitor) -> None:
+        stand_on(visitor, "rigid body")
+        visitor.click("button[aria-label^='Evidence for ground_effect']")
+        visitor.sees("#evidence")
+        visitor.click("[role=tab]:has-text('Over time')")
+        visitor.click("button:has-text('north')")
+        visitor.page.wait_for_url("**axis=north**")
+        visitor.click("button:has-text('Speed of each motor')")
+        visitor.page.wait_for_url("**channels=motor1_rpm**")
+        other = Visitor(browser, analysed)
+        other.page.goto(visitor.page.url)
+        other.figure("Channels over time: motor1_rpm, motor2_rpm, motor3_rpm and motor4_rpm")
+        expect(other.page.locator("button[aria-pressed=true]:has-text('north')")).to_be_visible()
+        other.click("[role=tab]:has-text('What is missing')")
+        other.sees("#evidence")
+        other.leaves()
+
     def test_keys_move_through_the_page_and_undo(self, visitor: Visitor) -> None:
         stand_on(visitor, "rigid body")
         keys = visitor.page.keyboard
@@ -406,7 +424,10 @@ class TestAnalysed:
             path = visitor.keeps_file(f"figure button:has-text('{form.upper()}')", tmp_path)
             assert path.suffix == f".{form}" and path.read_bytes().startswith(begin)
         saved = visitor.keeps_file("button:has-text('Save session')", tmp_path)
-        assert [rung.name for rung in load_session(saved).rungs][:2] == ["rigid body", f"+ {ADDED}"]
+        again = load_session(saved)
+        assert [rung.name for rung in again.rungs][:2] == ["rigid body", f"+ {ADDED}"]
+        assert again.hashes == {log: sha256_of(log) for log in again.logs}
+        assert again.view.startswith("show=missing")
 
     def test_the_next_flight_is_suggested_with_its_command(self, visitor: Visitor) -> None:
         stand_on(visitor, "rigid body")

@@ -231,7 +231,7 @@ class OpenTab:
         self._client = Client(ui.page("/"))
         with self._client:
             bench = create_autospec(Workbench, instance=True)
-            self._page = Page(bench, create_autospec(Intake, instance=True), self._client, tab)
+            self._page = Page(bench, create_autospec(Intake, instance=True), self._client, f"show={tab}")
             self._page.view = lambda: self._view  # type: ignore[method-assign]
             self._page.build(view.theme)
 
@@ -254,7 +254,7 @@ class OpenTab:
 
     @property
     def part(self) -> str:
-        return self._page._tab
+        return self._page._choices.show
 
     @property
     def shown(self) -> Any:

@@ -12,7 +12,15 @@ from quadctl.errors import QuadctlError, SettingsError
 from quadctl.model import load_model
 from quadctl.settings import read_yaml
 from quadctl.vehicle_draft.draft import Answers, draft
-from quadctl.web.session.files import SETTINGS_SUFFIXES, own_effects, require_inside, too_large, upload_path
+from quadctl.web.session.files import (
+    SETTINGS_SUFFIXES,
+    UPLOADS,
+    is_inside,
+    own_effects,
+    require_inside,
+    too_large,
+    upload_path,
+)
 from quadctl.web.session.session import load_session
 from quadctl.web.workbench.workbench import Workbench
 
@@ -73,6 +81,10 @@ class Intake:
             await self.bench.begin_with(path)
             return
         session = load_session(path)
+        strange = [log for log in session.logs if log not in self._known and not is_inside(self.bench.folder, log)]
+        uploads = self.bench.folder / UPLOADS
+        places = {log: uploads / log.name for log in strange if (uploads / log.name).is_file()}
+        session = session.moved(places)
         require_inside(self.bench.folder, tuple(log for log in session.logs if log not in self._known))
         await self.bench.resume(session)
 
@@ -97,7 +109,7 @@ class Intake:
         return self.bench.session.logs
 
     async def _keep(self, file: FileUpload) -> Path:
-        wanted = upload_path(self.bench.folder / "uploads", file.name)
+        wanted = upload_path(self.bench.folder / UPLOADS, file.name)
         incoming = wanted.with_name(f".{wanted.name}.{os.getpid()}.tmp")
         try:
             await file.save(incoming)
