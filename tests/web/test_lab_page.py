@@ -355,6 +355,24 @@ class TestAnalysed:
         visitor.page.locator(".beside input[type=file]").set_input_files(session)
         assert "is a session, expected a model" in visitor.sees("[role=alert]")
 
+    def test_the_flight_is_played_back_and_the_vehicle_follows_the_cursor(self, visitor: Visitor) -> None:
+        stand_on(visitor, "rigid body")
+        visitor.click("[role=tab]:has-text('Over time')")
+        path, in_time = visitor.figure("Flight path"), visitor.figure("Flight over time")
+        at_first = visitor.page.locator(path).evaluate(_PLACE)
+        visitor.page.locator(f"{in_time} .nsewdrag").first.hover()
+        visitor.page.wait_for_function(_HAS_MOVED, arg=[path, at_first])
+        hovered = visitor.page.locator(path).evaluate(_PLACE)
+        visitor.page.locator(path).scroll_into_view_if_needed()
+        visitor.keeps("replay")
+        visitor.click(".replay button:has-text('Play')")
+        visitor.page.wait_for_function(_HAS_MOVED, arg=[path, hovered])
+        visitor.click(".replay button:has-text('Pause')")
+        slider = visitor.page.get_by_label("Time in the flight")
+        slider.fill("0")
+        expect(visitor.page.locator(".replay .mono")).to_have_text(re.compile(r"[0-9.]+ s"))
+        assert visitor.page.locator(path).evaluate(_PLACE) == at_first
+
     def test_a_link_leads_to_the_same_state(self, browser: Browser, analysed: str, visitor: Visitor) -> None:
         stand_on(visitor, "rigid body")
         visitor.click("button[aria-label^='Evidence for ground_effect']")
@@ -537,6 +555,11 @@ def test_pictures_of_every_part(browser: Browser, session: Path, tmp_path: Path,
 
 _HAS_CURVE = """name => [...document.querySelectorAll('.js-plotly-plot')].some(
   plot => (plot.data ?? []).some(curve => curve.name === name))"""
+_PLACE = "plot => Array.from(plot.data.find(curve => curve.name === 'its nose').z)"
+_HAS_MOVED = """([path, before]) => {
+  const now = document.querySelector(path).data.find(curve => curve.name === 'its nose').z;
+  return Math.abs(now[0] - before[0]) > 1e-3;
+}"""
 _ZOOM = """async () => {
   const plot = document.querySelector('.js-plotly-plot');
   const began = performance.now();

@@ -23,9 +23,13 @@ from quadctl.web.figures.channels import (
     spectrum_figure,
     statistics_of,
 )
+from quadctl.web.figures.replay import frame_times, replay_figure
 from quadctl.web.panels.chosen_flight import ChosenFlightPanel, selected
 from quadctl.web.panels.panel import Controls, Panel, Tab
+from quadctl.web.panels.replayed import replayed_plot
+from quadctl.web.panels.view import CURRENT
 from quadctl.web.panels.zoomed import zoomed_plot
+from quadctl.web.work.predictions import predictions
 
 FIRST_CHANNELS = ("z_m", "z_ref_m")
 MOST_MOTORS = 12
@@ -61,11 +65,15 @@ class OverTime(ChosenFlightPanel):
                 )
             self._draw_other_model(do)
             self.draw_brush_note(do, brushed)
-            self.draw_timeline(flight, brushed, f"{flight.name}_{self.axis}", "Flight over time")
+            timeline = self.draw_timeline(flight, brushed, f"{flight.name}_{self.axis}", "Flight over time")
             tag("p", "muted", "Drag to zoom, double-click to see all. The cursor is the same in all panes.")
         with tag("section", "card"):
-            heading("The flight path")
-            self.draw_path(flight, brushed)
+            text = "The vehicle stands where the cursor is in the figures over time; press Play, or move the slider."
+            heading("The flight path", text)
+            predicted = predictions(self.models, flight)
+            residual = flight.measured - predicted.get(CURRENT, next(iter(predicted.values()), flight.measured))
+            replay = replay_figure(flight, residual, brushed, self.theme)
+            replayed_plot(replay, frame_times(flight), timeline, f"{flight.name}_path", "Flight path")
 
     def _draw_other_model(self, do: Controls) -> None:
         """Draw the choice of a further model, which is drawn over the others: a step of the ladder, or a file."""

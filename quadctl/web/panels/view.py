@@ -18,6 +18,8 @@ from quadctl.web.session.session import Rung, Session
 from quadctl.web.work.jobs import Evaluation, Opened
 from quadctl.web.work.state import Message, Results, Work
 
+CURRENT = "with added effects"
+"""Name of the current model in a legend, where it is not the first one."""
 FILE = "file"
 """Value of `View.beside` for the model of a file."""
 Brush = Mapping[str, tuple[float, float]]
@@ -181,7 +183,7 @@ class View:
             return {}
         first = session.rungs[0]
         changed = session.current > 0 or session.off
-        shown = {first.name: first.model} | ({"with added effects": session.model} if changed else {})
+        shown = {first.name: first.model} | ({CURRENT: session.model} if changed else {})
         beside = self._model_beside
         return shown if beside is None else shown | {self.comparable[self.beside]: beside}
 
