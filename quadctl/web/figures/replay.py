@@ -7,7 +7,7 @@ import numpy as np
 from quadctl.frames import rotate
 from quadctl.lab.arrays import Floats, Mask
 from quadctl.lab.flights.flight import Flight
-from quadctl.web.elements.figure import Figure, faded
+from quadctl.web.elements.figure import Figure
 from quadctl.web.elements.theme import Theme
 from quadctl.web.figures.path import path_figure
 
@@ -16,8 +16,8 @@ LEAST_SIZE = 0.08
 """Least span of the drawn vehicle, as a share of the half space that is shown: a small one is enlarged."""
 ARROW = 0.5
 """Length of the arrow of a large residual, as a share of the half space that is shown."""
-NEAR_GROUND = 3.0
-"""Largest distance from the ground, in spans of the flight, at which the ground is drawn."""
+NEAR = 1.0
+"""Largest distance of the flight from the ground or a ceiling that is drawn, as a share of its own extent."""
 _CIRCLE = np.linspace(0.0, 2.0 * np.pi, 9)
 
 
@@ -38,13 +38,23 @@ def replay_figure(flight: Flight, residual: Floats, brushed: Mask | None, theme:
     first = [{**look, **lines} for look, lines in zip(looks, states[0], strict=True)]
     moving = list(range(len(drawn["data"]), len(drawn["data"]) + len(first)))
     frames = [{"name": str(i), "data": state, "traces": moving} for i, state in enumerate(states)]
-    planes = _planes(flight, places, reach, theme)
     scene = drawn["layout"]["scene"]
-    heights = [places[:, 2].min(), places[:, 2].max(), *(plane["z"][0] for plane in planes)]
-    middle, half = (max(heights) + min(heights)) / 2.0, max(reach, (max(heights) - min(heights)) / 2.0) * 1.05
-    for name, centre in zip(("xaxis", "yaxis"), _middles(places), strict=True):
+    near = _near_planes(flight, places, reach, theme)
+    heights = [places[:, 2].min(), places[:, 2].max(), *(height for _, height, _ in near)]
+    half = 1.05 * max(reach, (max(heights) - min(heights)) / 2.0)
+    east, north = (float(places[:, a].min() + places[:, a].max()) / 2.0 for a in (0, 1))
+    for name, centre in (("xaxis", east), ("yaxis", north), ("zaxis", (max(heights) + min(heights)) / 2.0)):
         scene[name]["range"] = [centre - half, centre + half]
-    scene["zaxis"]["range"] = [middle - half, middle + half]
+    scene["camera"] = {"eye": {"x": 1.4, "y": 1.4, "z": 0.7}}
+    planes = [
+        {
+            "type": "mesh3d", "name": name, "x": [east - half, east + half, east + half, east - half],
+            "y": [north - half, north - half, north + half, north + half], "z": [height] * 4,
+            "i": [0, 0], "j": [1, 2], "k": [2, 3], "color": colour, "opacity": 0.18, "hoverinfo": "skip",
+            "showlegend": True,
+        }
+        for name, height, colour in near
+    ]  # fmt: skip
     drawn["data"] = [*drawn["data"], *first, *planes]
     drawn["layout"] |= {"height": 420}
     return {**drawn, "frames": frames}
@@ -54,10 +64,6 @@ def frame_times(flight: Flight) -> Floats:
     """Times of the frames, evenly spaced over the flight, s."""
     n = min(MOST_FRAMES, len(flight.time_s))
     return np.linspace(float(flight.time_s[0]), float(flight.time_s[-1]), n)
-
-
-def _middles(places: Floats) -> list[float]:
-    return [float(places[:, a].min() + places[:, a].max()) / 2.0 for a in (0, 1)]
 
 
 def _vehicle_at(
@@ -111,21 +117,8 @@ def _looks(theme: Theme, m_per_m_s2: float) -> list[dict[str, Any]]:
     ]  # fmt: skip
 
 
-def _planes(flight: Flight, places: Floats, reach: float, theme: Theme) -> list[dict[str, Any]]:
-    """The ground, and the ceiling where the vehicle file says one, if the flight comes near them."""
+def _near_planes(flight: Flight, places: Floats, reach: float, theme: Theme) -> list[tuple[str, float, str]]:
+    """Name, height in m and colour of the ground, and of the ceiling of the vehicle file, if the flight comes near."""
     ceiling = flight.vehicle.ceiling_m
-    heights = [("ground", 0.0, theme.floor), *([] if ceiling is None else [("ceiling", ceiling, theme.highlight)])]
-    east, north = _middles(places)
-    planes = []
-    for name, height, colour in heights:
-        if np.min(np.abs(places[:, 2] - height)) < NEAR_GROUND * 2.0 * reach:
-            side = 1.05 * max(reach, float(np.max(np.abs(places[:, 2] - height))) / 2.0)
-            planes.append(
-                {
-                    "type": "mesh3d", "name": name, "x": [east - side, east + side, east + side, east - side],
-                    "y": [north - side, north - side, north + side, north + side], "z": [height] * 4,
-                    "i": [0, 0], "j": [1, 2], "k": [2, 3], "color": faded(colour, 1.0), "opacity": 0.18,
-                    "hoverinfo": "skip", "showlegend": True,
-                }
-            )  # fmt: skip
-    return planes
+    known = [("ground", 0.0, theme.floor), *([] if ceiling is None else [("ceiling", ceiling, theme.highlight)])]
+    return [plane for plane in known if np.min(np.abs(places[:, 2] - plane[1])) < NEAR * 2.0 * reach]
