@@ -18,6 +18,8 @@ from quadctl.lab.selection.rule import (
 
 UNITS = {"total": "m/s^2", "turning": "N m", "sensing": "m/s^2"}
 """Unit of the error of each measured group."""
+NO_GAIN = 0.005
+"""Relative drop of the error that rounds to 0 %."""
 SMALL_ERROR = 0.0095
 """Error below which three decimals hide a change."""
 
@@ -43,10 +45,10 @@ def reason_against(c: Candidate, chosen: Candidate) -> str:
 
     The first predicate of the rule that fails is said, with the number that was found and the one that was expected.
     """
-    if c.held_out_drop <= 0.0:
+    if c.held_out_drop <= 0.0 or (c.held_out_drop < NO_GAIN and not is_significant(c.p_value)):
         return "it does not lower the held-out error"
     if not is_significant(c.p_value):
-        return f"chance explains its gain: p {p_in_table(c.p_value)}, expected below {SIGNIFICANT:g}"
+        return f"its gain is not significant: p {p_in_table(c.p_value)}, expected below {SIGNIFICANT:g}"
     if not c.determined:
         return "these data determine none of its parameters"
     if c.at_bound:
@@ -74,7 +76,7 @@ def reason_against(c: Candidate, chosen: Candidate) -> str:
 
 
 def _drops(c: Candidate, chosen: Candidate) -> str:
-    return f"{c.held_out_drop:.0%} of the error, and {chosen.held_out_drop:.0%}"
+    return f"it explains {c.held_out_drop:.0%} of the error, that one {chosen.held_out_drop:.0%}"
 
 
 def p_in_table(p_value: float) -> str:

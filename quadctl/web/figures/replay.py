@@ -45,7 +45,7 @@ def replay_figure(flight: Flight, residual: Floats, brushed: Mask | None, theme:
     east, north = (float(places[:, a].min() + places[:, a].max()) / 2.0 for a in (0, 1))
     for name, centre in (("xaxis", east), ("yaxis", north), ("zaxis", (max(heights) + min(heights)) / 2.0)):
         scene[name]["range"] = [centre - half, centre + half]
-    scene["camera"] = {"eye": {"x": 1.4, "y": 1.4, "z": 0.7}}
+    scene["camera"] = {"eye": {"x": 1.6, "y": 1.6, "z": 0.8}}
     planes = [
         {
             "type": "mesh3d", "name": name, "x": [east - half, east + half, east + half, east - half],

@@ -77,7 +77,7 @@ class TestReasonAgainst:
     @pytest.mark.parametrize(
         ("change", "words"),
         [
-            ({"p_value": 0.3}, "chance explains its gain: p 0.3, expected below 0.01"),
+            ({"p_value": 0.3}, "its gain is not significant: p 0.3, expected below 0.01"),
             ({"determined": False}, "these data determine none of its parameters"),
             ({"at_bound": True}, "a parameter ran into a bound of what is physically possible"),
             ({"believable": False}, "its fit is not physically plausible"),
