@@ -162,7 +162,8 @@ class Page:
     def _choose(self, **changes: Any) -> None:
         """Change choices of this tab; its address follows, so that it is a link to what is shown."""
         self._choices = replace(self._choices, **changes)
-        ui.navigate.history.replace(f"/?{self._choices.query()}")
+        with self._client:  # the element that was clicked may have been drawn again, and be gone
+            ui.navigate.history.replace(f"/?{self._choices.query()}")
         self.refresh()
 
     # --- drawing ------------------------------------------------------------------------------------------------------
