@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from quadctl.errors import LogError
 from quadctl.logs.ardupilot import PARAMETERS, motor_of_servo, motor_outputs, output_note
+from quadctl.logs.events import Event, mode_changes, parameter_changes, said
 from quadctl.logs.flight_log import FlightLog, Floats
 from quadctl.logs.merge import Channel, Origin, finite, intervals, merge
 from quadctl.thrust_chain.ardupilot import air_density_ratio
@@ -36,15 +37,23 @@ MESSAGES = (
     "ARM",
     "MOTB",
     "BARO",
+    "MODE",
+    "MSG",
 )
 NEEDED = "XKF1 (or NKF1) and ATT"
 
 _HEAD = b"\xa3\x95"
 _FMT = 0x80
 _FMT_BODY = struct.Struct("<BB4s16s64s")
-_TEXT_FIELDS = ("Name", "FWS")
+_TEXT_FIELDS = ("Name", "FWS", "Message")
 """Fields of the MESSAGES that are no numbers."""
-_NEEDED_FIELDS = {"PARM": ("Name",), "ESC": ("Instance", "RPM"), "ARM": ("ArmState",)}
+_NEEDED_FIELDS = {
+    "PARM": ("Name",),
+    "ESC": ("Instance", "RPM"),
+    "ARM": ("ArmState",),
+    "MODE": ("Mode",),
+    "MSG": ("Message",),
+}
 """Fields, beside the time, without which a message says nothing; any other may be missing."""
 _INSTANCE_FIELDS = ("I", "C", "Inst", "Instance")
 _MAX_OUTPUTS = 14
@@ -91,7 +100,7 @@ def read_dataflash(path: Path) -> FlightLog:
     channels = list(_channels(messages, parameters, notes))
     armed_s = _armed(messages)
     notes += _doubts(messages, armed_s)
-    return merge(channels, Origin(path, NEEDED, meta, notes, armed_s))
+    return merge(channels, Origin(path, NEEDED, meta, notes, armed_s, events=_events(messages)))
 
 
 # --- bytes ------------------------------------------------------------------------------------------------------------
@@ -308,6 +317,21 @@ def _parameters(messages: dict[str, _Message]) -> dict[str, float]:
         return {}
     names = [name.decode("ascii", "replace") for name in parm["Name"].tolist()]
     return dict(zip(names, _values(parm, "Value").tolist(), strict=True))
+
+
+def _events(messages: dict[str, _Message]) -> list[Event]:
+    """Modes, messages, and changes of parameters."""
+    from pymavlink.mavutil import mode_mapping_acm
+
+    found: list[Event] = []
+    if (mode := messages.get("MODE")) is not None:
+        found += mode_changes(_seconds(mode), mode["Mode"].tolist(), mode_mapping_acm)
+    if (msg := messages.get("MSG")) is not None:
+        found += said(_seconds(msg), [text.decode("ascii", "replace") for text in msg["Message"].tolist()])
+    if (parm := messages.get("PARM")) is not None:
+        names = [name.decode("ascii", "replace") for name in parm["Name"].tolist()]
+        found += parameter_changes(_seconds(parm), names, _values(parm, "Value").tolist())
+    return found
 
 
 def _version(messages: dict[str, _Message]) -> str:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from quadctl.errors import LogError
 from quadctl.logs.cleaning import increasing
 from quadctl.logs.columns import STATE_COLUMNS
+from quadctl.logs.events import Event, events_in_meta
 from quadctl.logs.flight_log import ATTITUDE, POSITION, VELOCITY, FlightLog, Floats
 
 ROW_TOLERANCE_S = 0.002
@@ -57,6 +58,7 @@ class Origin:
     """[(from, to), ...] in which the motors were armed, on the autopilot's clock; empty where the log does not say."""
     invalid: dict[str, str] = field(default_factory=dict)
     """Reason why a column holds no values although its message is there, by the name of the column."""
+    events: list[Event] = field(default_factory=list)
 
 
 def merge(channels: Iterable[Channel], origin: Origin) -> FlightLog:
@@ -86,6 +88,7 @@ def merge(channels: Iterable[Channel], origin: Origin) -> FlightLog:
         **origin.meta,
         "time_zero_s": float(clock[0]),
         "armed_s": [[round(edge - float(clock[0]), 3) for edge in interval] for interval in origin.armed_s],
+        "events": events_in_meta(origin.events, float(clock[0]), float(clock[-1])),
         "sources": {c.source: {"rate_hz": round(c.rate_hz, 2), "columns": list(c.columns)} for c in kept},
     }
     return FlightLog(origin.path.name, origin.path, columns, None, meta, notes)

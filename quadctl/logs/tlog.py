@@ -19,6 +19,7 @@ import numpy as np
 from quadctl.errors import LogError
 from quadctl.frames import GRAVITY_M_S2, euler_from_quaternion
 from quadctl.logs.ardupilot import PARAMETERS, motor_of_servo, motor_outputs, output_note
+from quadctl.logs.events import Event, mode_changes, parameter_changes, said
 from quadctl.logs.flight_log import ATTITUDE, RATES, FlightLog, Floats
 from quadctl.logs.merge import Channel, Origin, finite, intervals, merge
 from quadctl.thrust_chain.ardupilot import BOOST, air_density_ratio, angle_boost
@@ -38,6 +39,7 @@ MESSAGES = {
     83: "ATTITUDE_TARGET",
     105: "HIGHRES_IMU",
     147: "BATTERY_STATUS",
+    253: "STATUSTEXT",
     291: "ESC_STATUS",
     11030: "ESC_TELEMETRY_1_TO_4",
     11031: "ESC_TELEMETRY_5_TO_8",
@@ -121,7 +123,7 @@ def read_tlog(path: Path) -> FlightLog:
         "parameters": {name: parameters[name] for name in PARAMETERS if name in parameters},
     }
     channels = list(_channels(telemetry, parameters, is_ardupilot, notes))
-    return merge(channels, Origin(path, NEEDED, meta, notes, telemetry.armed()))
+    return merge(channels, Origin(path, NEEDED, meta, notes, telemetry.armed(), events=_events(telemetry)))
 
 
 # --- records ----------------------------------------------------------------------------------------------------------
@@ -295,6 +297,20 @@ def _channels(
             notes.append(output_note(parameters, ambient))
         yield _channel(telemetry, "SERVO_OUTPUT_RAW", {}, columns)
     yield from _battery(telemetry)
+
+
+def _events(telemetry: _Telemetry) -> list[Event]:
+    """Modes, messages, and changes of parameters."""
+    from pymavlink.mavutil import mode_string_v10
+
+    beats, texts, parameters = (telemetry.records[kind] for kind in ("HEARTBEAT", "STATUSTEXT", "PARAM_VALUE"))
+    names = [record.fields.param_id for record in parameters]
+    values = [float(record.fields.param_value) for record in parameters]
+    return [
+        *mode_changes(telemetry.times(beats).tolist(), [mode_string_v10(beat.fields) for beat in beats]),
+        *said(telemetry.times(texts).tolist(), [record.fields.text for record in texts]),
+        *parameter_changes(telemetry.times(parameters).tolist(), names, values),
+    ]
 
 
 def _channel(

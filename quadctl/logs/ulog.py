@@ -7,7 +7,7 @@ time of the sensor sample it stands for; commands and motor outputs at the time 
 
 import contextlib
 import io
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -16,6 +16,7 @@ import numpy as np
 from quadctl.errors import LogError
 from quadctl.frames import euler_from_quaternion
 from quadctl.logs.columns import LATERAL_THROTTLE, motor_columns
+from quadctl.logs.events import PX4_MODES, Event, mode_changes, parameter_changes, said
 from quadctl.logs.flight_log import ATTITUDE, RATES, FlightLog, Floats
 from quadctl.logs.merge import Channel, Origin, finite, intervals, merge
 from quadctl.thrust_chain.chain import Ambient, bent
@@ -35,6 +36,7 @@ TOPICS = (
     "vehicle_attitude_setpoint",
     "vehicle_thrust_setpoint",
     "actuator_armed",
+    "vehicle_status",
 )
 PARAMETERS = (
     "CA_ROTOR_COUNT",
@@ -48,6 +50,8 @@ PARAMETERS = (
     "THR_MDL_FAC",
 )
 """Parameters that an analysis of motor outputs may need, kept in the log's `meta`."""
+INFO = ord("6")
+"""Level of messages above which they are for debugging, as the logger writes it."""
 MAGIC = b"ULog\x01\x12\x35"
 """The first bytes of every ULog."""
 NEEDED = "vehicle_local_position and vehicle_attitude"
@@ -116,11 +120,15 @@ def read_ulog(path: Path) -> FlightLog:
     if "actuator_motors" not in topics and "CA_ROTOR_COUNT" not in parameters:  # PX4 1.12 and before
         topics |= _motors_from_outputs(outputs, parameters, notes)
     _remove_battery_scale(topics, parameters, notes)
-    return log_of_topics(path, topics, meta, notes)
+    return log_of_topics(path, topics, meta, notes, _said(log))
 
 
-def log_of_topics(path: Path, topics: dict[str, _Topic], meta: dict[str, Any], notes: list[str]) -> FlightLog:
+def log_of_topics(
+    path: Path, topics: dict[str, _Topic], meta: dict[str, Any], notes: list[str], events: Sequence[Event] = ()
+) -> FlightLog:
     """The flight log in PX4's topics, by their names in a ULog: arrays of shape (n,) by the names of their fields.
+
+    `events` are those that no topic says.
 
     Raises
     ------
@@ -131,7 +139,19 @@ def log_of_topics(path: Path, topics: dict[str, _Topic], meta: dict[str, Any], n
     periods = [] if armed is None else intervals(_seconds(armed, "timestamp"), _values(armed, "armed") > 0)
     channels = list(_channels(topics, notes))
     invalid = _invalid(topics.get("vehicle_local_position", {}), notes)
-    return merge(channels, Origin(path, NEEDED, meta, notes, periods, invalid))
+    status = topics.get("vehicle_status")
+    if status is not None and "nav_state" in status:
+        events = [*events, *mode_changes(_seconds(status, "timestamp"), status["nav_state"].tolist(), PX4_MODES)]
+    return merge(channels, Origin(path, NEEDED, meta, notes, periods, invalid, list(events)))
+
+
+def _said(log: Any) -> list[Event]:
+    """Messages of a ULog, those for debugging left out, and changes of parameters after its begin."""
+    told = [message for message in log.logged_messages if message.log_level <= INFO]
+    texts = said([1e-6 * message.timestamp for message in told], [message.message for message in told])
+    changed = [change for change in log.changed_parameters if change[0] > log.start_timestamp]
+    times, names, values = zip(*changed, strict=True) if changed else ((), (), ())
+    return [*texts, *parameter_changes([1e-6 * time for time in times], names, values, log.initial_parameters)]
 
 
 def _parsed(path: Path) -> Any:

@@ -65,6 +65,13 @@ def test_phases_and_events_are_marks_on_the_axis_of_time(log: FlightLog) -> None
     assert "mode POSCTL" in [note["text"] for note in drawn.figure(LIGHT)["layout"]["annotations"]]
 
 
+def test_marks_too_close_to_be_read_are_one_and_the_mode_is_its_text(log: FlightLog) -> None:
+    events = [
+        {"time_s": t, "what": w} for t, w in ((3.0, "Armed"), (3.1, "mode OFFBOARD"), (3.2, "x"), (9.0, "Landed"))
+    ]
+    assert marks_of(replace(log, meta={"events": events})) == [("mode OFFBOARD (+2)", 3.0), ("Landed", 9.0)]
+
+
 def test_a_vibration_stands_at_its_frequency_with_its_amplitude(log: FlightLog) -> None:
     found = spectrum(log, "imu_z_m_s2")
     assert found is not None

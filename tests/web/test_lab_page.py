@@ -17,6 +17,7 @@ from pathlib import Path
 import pytest
 
 from quadctl.model import load_model
+from quadctl.web.session.files import sha256_of
 from quadctl.web.session.session import load_session
 from tests.support.lab_sessions import ADDED, fly_over_a_cushion, one_step_up, searched, unexplained, wrong_files
 from tests.support.other_site import attacking
@@ -39,6 +40,7 @@ from tests.support.visitors import (
 pytestmark = needs_chromium
 
 HOVERING = ROOT.parent / "shared" / "data" / "raptor" / "HOVERING.csv"
+REAL_PX4 = ROOT.parent / "shared" / "data" / "real" / "px4"
 MOST_CLICKS = 10
 PARTS = (
     ("What is missing", "h2:has-text('measured and predicted')"),
@@ -338,6 +340,57 @@ class TestAnalysed:
         visitor.figure("Channels over time: z_m, z_ref_m and motor3_rpm")
         assert visitor.points(visitor.figure("Spectrum of motor3_rpm"), "filter of the analysis: gain") > 0
 
+    def test_two_models_lie_over_each_other(self, visitor: Visitor, session: Path, tmp_path: Path) -> None:
+        stand_on(visitor, "+ ground effect")
+        exported = visitor.keeps_file("header button:has-text('Export model')", tmp_path)
+        stand_on(visitor, "rigid body")
+        visitor.click("[role=tab]:has-text('Over time')")
+        figure = visitor.figure("Flight over time")
+        assert visitor.points(figure, f"step 2: + {ADDED}") == 0
+        visitor.page.get_by_label("A further model").last.click()
+        visitor.click("[role=option]:has-text('step 2')")
+        visitor.page.wait_for_function(_HAS_CURVE, arg=f"step 2: + {ADDED}")
+        visitor.page.locator(".beside input[type=file]").set_input_files(exported)
+        visitor.page.wait_for_function(_HAS_CURVE, arg=f"file {exported.name}")
+        visitor.keeps("two-models")
+        visitor.page.locator(".beside input[type=file]").set_input_files(session)
+        assert "is a session, expected a model" in visitor.sees("[role=alert]")
+
+    def test_the_flight_is_played_back_and_the_vehicle_follows_the_cursor(self, visitor: Visitor) -> None:
+        stand_on(visitor, "rigid body")
+        visitor.click("[role=tab]:has-text('Over time')")
+        path, in_time = visitor.figure("Flight path"), visitor.figure("Flight over time")
+        at_first = visitor.page.locator(path).evaluate(_PLACE)
+        visitor.page.locator(f"{in_time} .nsewdrag").first.hover()
+        visitor.page.wait_for_function(_HAS_MOVED, arg=[path, at_first])
+        hovered = visitor.page.locator(path).evaluate(_PLACE)
+        visitor.page.locator(path).scroll_into_view_if_needed()
+        visitor.keeps("replay")
+        visitor.click(".replay button:has-text('Play')")
+        visitor.page.wait_for_function(_HAS_MOVED, arg=[path, hovered])
+        visitor.click(".replay button:has-text('Pause')")
+        slider = visitor.page.get_by_label("Time in the flight")
+        slider.fill("0")
+        expect(visitor.page.locator(".replay .mono")).to_have_text(re.compile(r"[0-9.]+ s"))
+        assert visitor.page.locator(path).evaluate(_PLACE) == at_first
+
+    def test_a_link_leads_to_the_same_state(self, browser: Browser, analysed: str, visitor: Visitor) -> None:
+        stand_on(visitor, "rigid body")
+        visitor.click("button[aria-label^='Evidence for ground_effect']")
+        visitor.sees("#evidence")
+        visitor.click("[role=tab]:has-text('Over time')")
+        visitor.click("button:has-text('north')")
+        visitor.page.wait_for_url("**axis=north**")
+        visitor.click("button:has-text('Speed of each motor')")
+        visitor.page.wait_for_url("**channels=motor1_rpm**")
+        other = Visitor(browser, analysed)
+        other.page.goto(visitor.page.url)
+        other.figure("Channels over time: motor1_rpm, motor2_rpm, motor3_rpm and motor4_rpm")
+        expect(other.page.locator("button[aria-pressed=true]:has-text('north')")).to_be_visible()
+        other.click("[role=tab]:has-text('What is missing')")
+        other.sees("#evidence")
+        other.leaves()
+
     def test_keys_move_through_the_page_and_undo(self, visitor: Visitor) -> None:
         stand_on(visitor, "rigid body")
         keys = visitor.page.keyboard
@@ -357,6 +410,28 @@ class TestAnalysed:
         keys.press("1")
         visitor.sees("#verdict")
 
+    @pytest.mark.parametrize(("size", "theme"), [(DESK, "light"), (PHONE, "dark")], ids=["desk-light", "phone-dark"])
+    def test_the_verdict_leads_to_its_evidence(
+        self, browser: Browser, analysed: str, size: dict[str, int], theme: str
+    ) -> None:
+        visitor = Visitor(browser, analysed, size, theme)
+        stand_on(visitor, "rigid body")
+        visitor.sees("#verdict[data-verdict=missing]")
+        visitor.click("button[aria-label^='Evidence for ground_effect']")
+        curve = "#evidence .js-plotly-plot[aria-label^='Ground effect over']"
+        visitor.sees(f"{curve} .main-svg")
+        assert visitor.points(curve, "residual without it, mean ± 95%") > 5
+        expect(visitor.page.locator("#evidence h2")).to_be_in_viewport()
+        assert "why it lost" in visitor.sees("table.reasons")
+        visitor.waits_until_all_is_drawn()
+        assert visitor.barriers() == []
+        visitor.keeps(f"evidence-{theme}")
+        visitor.page.locator("table.reasons").first.scroll_into_view_if_needed()
+        visitor.keeps(f"evidence-below-{theme}")
+        visitor.click("button[aria-label='Close the evidence']")
+        expect(visitor.page.locator("#evidence")).to_have_count(0)
+        visitor.leaves()
+
     def test_all_can_be_taken_along(self, visitor: Visitor, tmp_path: Path) -> None:
         stand_on(visitor, "+ ground effect")
         report = visitor.keeps_file("button:has-text('Report')", tmp_path).read_text(encoding="utf-8")
@@ -368,7 +443,10 @@ class TestAnalysed:
             path = visitor.keeps_file(f"figure button:has-text('{form.upper()}')", tmp_path)
             assert path.suffix == f".{form}" and path.read_bytes().startswith(begin)
         saved = visitor.keeps_file("button:has-text('Save session')", tmp_path)
-        assert [rung.name for rung in load_session(saved).rungs][:2] == ["rigid body", f"+ {ADDED}"]
+        again = load_session(saved)
+        assert [rung.name for rung in again.rungs][:2] == ["rigid body", f"+ {ADDED}"]
+        assert again.hashes == {log: sha256_of(log) for log in again.logs}
+        assert again.view.startswith("show=missing")
 
     def test_the_next_flight_is_suggested_with_its_command(self, visitor: Visitor) -> None:
         stand_on(visitor, "rigid body")
@@ -417,6 +495,23 @@ def test_what_no_effect_explains_is_said_as_an_expression_that_can_be_added(
         visitor.leaves()
 
 
+@pytest.mark.long
+@pytest.mark.skipif(not REAL_PX4.is_dir(), reason="the flights of real autopilots are not here")
+def test_modes_and_messages_of_a_real_autopilot_stand_on_the_axis_of_time(browser: Browser, tmp_path: Path) -> None:
+    words = [str(REAL_PX4 / "vertical_runs.ulg"), "--model", str(REAL_PX4 / "vehicle.yaml")]
+    with served(tmp_path / "lab", *words) as (url, _):
+        visitor = Visitor(browser, url)
+        visitor.sees("#error-now")
+        visitor.click("[role=tab]:has-text('Over time')")
+        channels = visitor.figure("Channels over time: z_m")
+        visitor.sees(f"{channels} .annotation-text:has-text('mode OFFBOARD')")
+        visitor.page.locator(channels).scroll_into_view_if_needed()
+        visitor.keeps("marks")
+        visitor.click("text=Modes, messages and parameter changes")
+        visitor.sees("td:has-text('[commander] Takeoff detected')")
+        visitor.leaves()
+
+
 @pytest.mark.skipif("SCREENSHOTS" not in os.environ, reason="`make screenshots` takes the times")
 @pytest.mark.skipif(not HOVERING.is_file(), reason="the thesis' flights are not here")
 def test_how_fast_the_page_is_on_a_real_flight(browser: Browser, tmp_path: Path) -> None:
@@ -459,6 +554,13 @@ def test_pictures_of_every_part(browser: Browser, session: Path, tmp_path: Path,
         visitor.leaves()
 
 
+_HAS_CURVE = """name => [...document.querySelectorAll('.js-plotly-plot')].some(
+  plot => (plot.data ?? []).some(curve => curve.name === name))"""
+_PLACE = "plot => Array.from(plot.data.find(curve => curve.name === 'its nose').z)"
+_HAS_MOVED = """([path, before]) => {
+  const now = document.querySelector(path).data.find(curve => curve.name === 'its nose').z;
+  return Math.abs(now[0] - before[0]) > 1e-3;
+}"""
 _ZOOM = """async () => {
   const plot = document.querySelector('.js-plotly-plot');
   const began = performance.now();

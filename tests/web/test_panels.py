@@ -145,11 +145,14 @@ def views(raptor: Vehicle) -> dict[str, View]:
         flight_name="",
         channels=("z_m", "motor1_rpm"),
         over_each_other=False,
+        beside="",
+        other_model=None,
+        evidence="",
     )
     searching = replace(view, search=Work("Looking"), results=replace(results, found=None, before=found))
     working = replace(view, work=Work("Fitting"))
     empty = replace(view, session=Session(), opened=None, results=Results())
-    suggestion = SimpleNamespace(best=None, lines=lambda: ["this mission tells most"])
+    suggestion = SimpleNamespace(best=None, reasons=list, lines=lambda: ["this mission tells most"])
     changed: dict[str, dict[str, Any]] = {
         "another step": {"session": session.at(0)},
         "one more step": {"session": session.climbed(Rung("refitted", truth))},
@@ -183,6 +186,9 @@ def views(raptor: Vehicle) -> dict[str, View]:
         "another axis": {"axis": "north"},
         "another flight": {"flight_name": "1.csv"},
         "other channels": {"channels": ("roll_deg",)},
+        "a step beside the others": {"beside": "0"},
+        "the model of a file beside the others": {"beside": "file", "other_model": replace(truth, name="mine.yaml")},
+        "the evidence for an effect": {"evidence": found.diagnosis.steps[1].effect},
         "flights over each other": {"over_each_other": True},
         "a selection": {"brush": {"height_over_radius": (1.0, 3.0)}},
         "other colours": {"theme": DARK},
@@ -225,7 +231,7 @@ class OpenTab:
         self._client = Client(ui.page("/"))
         with self._client:
             bench = create_autospec(Workbench, instance=True)
-            self._page = Page(bench, create_autospec(Intake, instance=True), self._client, tab)
+            self._page = Page(bench, create_autospec(Intake, instance=True), self._client, f"show={tab}")
             self._page.view = lambda: self._view  # type: ignore[method-assign]
             self._page.build(view.theme)
 
@@ -248,7 +254,7 @@ class OpenTab:
 
     @property
     def part(self) -> str:
-        return self._page._tab
+        return self._page._choices.show
 
     @property
     def shown(self) -> Any:
@@ -335,6 +341,26 @@ class TestOpenTab:
         shown = str(tabs("missing", views["a fit to one of the flights"]).shown)
         assert "The model is fitted to 0.csv only, not to 1.csv." in shown
         assert "Refit to all flights" in shown
+
+    def test_the_evidence_for_what_is_missing_opens_when_it_is_asked_for_and_not_before(
+        self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
+    ) -> None:
+        tab = tabs("missing", views["at first"])
+        before = len(tab.figures)
+        tab.follow(views["the evidence for an effect"])
+        assert len(tab.figures) == before + 1
+        assert "What else was tried, and why it lost" in str(tab.shown)
+        assert "Ground effect is told from its look-alikes by hovering at many heights" in str(tab.shown)
+        tab.follow(views["at first"])
+        assert len(tab.figures) == before
+
+    def test_a_further_model_lies_over_the_others_with_its_name(
+        self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
+    ) -> None:
+        view = views["the model of a file beside the others"]
+        assert list(view.models) == ["rigid body", "with added effects", "file mine.yaml"]
+        figure = cast(Any, tabs("time", view).figures[0].figure)
+        assert {"file mine.yaml", "residual, file mine.yaml"} <= {curve["name"] for curve in figure["data"]}
 
     def test_a_log_of_another_vehicle_gets_a_question_instead_of_a_tick(
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]

@@ -35,7 +35,7 @@ from quadctl.web.figures.path import path_figure
 from quadctl.web.figures.profile import profile_figure
 from quadctl.web.figures.ratio import ratio_over_height
 from quadctl.web.figures.timeline import full_timeline
-from quadctl.web.session.files import keep_expression, own_effects, require_inside, upload_path
+from quadctl.web.session.files import keep_expression, own_effects, places_of, require_inside, upload_path
 from quadctl.web.session.findings import Findings, require_formula
 from quadctl.web.session.session import Rung, Session, load_session, session_to_yaml
 from quadctl.web.work import jobs
@@ -100,6 +100,24 @@ class TestSession:
             (r.name, r.error_m_s2, r.model.effects) for r in session.rungs
         ]
         assert again.current == 1
+
+    def test_a_file_holds_the_hashes_of_the_logs_and_the_choices_of_the_tab(
+        self, climbed: Session, tmp_path: Path
+    ) -> None:
+        path = tmp_path / "session.lab.yaml"
+        path.write_text(session_to_yaml(replace(climbed, hashes={A: "12ab"}, view="show=time&axis=north")))
+        again = load_session(path)
+        assert again.hashes == {A.resolve(): "12ab"}
+        assert again.view == "show=time&axis=north"
+        assert again.without_log(A.resolve()).hashes == {}
+
+    def test_logs_that_lie_beside_the_session_now_are_found(self, climbed: Session, tmp_path: Path) -> None:
+        gone = [Path("/elsewhere/a.csv"), Path("/elsewhere/b.csv")]
+        session = Session(hashes={gone[0]: "12ab"}, unseen=frozenset(gone[:1])).with_logs(gone)
+        (tmp_path / "a.csv").touch()
+        moved = session.moved(places_of(session.logs, [tmp_path]))
+        assert moved.logs == (tmp_path / "a.csv", gone[1])
+        assert moved.unseen == {tmp_path / "a.csv"} and moved.hashes == {tmp_path / "a.csv": "12ab"}
 
     def test_what_was_found_is_found_again_in_the_file(self, found: Diagnosis, tmp_path: Path) -> None:
         path = tmp_path / "found.lab.yaml"

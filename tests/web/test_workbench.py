@@ -1,6 +1,7 @@
 """The workbench and its intake without a browser and without other processes."""
 
 import asyncio
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -12,11 +13,13 @@ import pytest
 import yaml
 
 from quadctl.effects.ground_effect import Exponential
+from quadctl.errors import SettingsError
 from quadctl.logs.flight_log import FlightLog
 from quadctl.model import load_model
 from quadctl.vehicle import Vehicle
 from quadctl.web.panels.vehicle import TYPICAL
-from quadctl.web.session.session import Rung, Session
+from quadctl.web.session.files import sha256_of
+from quadctl.web.session.session import Rung, Session, session_to_yaml
 from quadctl.web.work import jobs, simulated
 from quadctl.web.work.doubts import doubt_beside
 from quadctl.web.work.jobs import Opened
@@ -26,7 +29,7 @@ from quadctl.web.workbench import workbench
 from quadctl.web.workbench.intake import Intake
 from quadctl.web.workbench.workbench import Workbench
 from tests.support.flights import obedient
-from tests.support.places import RAPTOR, ROOT
+from tests.support.places import RAPTOR, ROOT, VEHICLES
 
 
 class Here:
@@ -234,6 +237,47 @@ class TestNewVehicle:
         asyncio.run(enter())
         assert bench.session is before
         assert bench.message is not None and said in bench.message.text
+
+
+class TestResuming:
+    """A session knows its logs by name and hash."""
+
+    def test_a_log_that_has_changed_is_left_out_with_one_sentence(self, bench: Workbench, tmp_path: Path) -> None:
+        same, other, gone = (tmp_path / name for name in ("same.csv", "other.csv", "gone.csv"))
+        same.write_text("1")
+        other.write_text("2")
+        hashes = {same: sha256_of(same), other: "12ab" * 16, gone: "34cd" * 16}
+        asyncio.run(bench.resume(replace(bench.session.with_logs([same, other, gone]), hashes=hashes)))
+        assert bench.session.logs == (same, gone)
+        assert bench.message is not None
+        assert re.fullmatch(r"other.csv: has the SHA-256 \w{12}, expected 12ab12ab12ab as [^.]*\.", bench.message.text)
+
+    def test_a_session_from_elsewhere_finds_the_logs_that_were_dropped_with_it(
+        self, bench: Workbench, tmp_path: Path
+    ) -> None:
+        (tmp_path / "uploads").mkdir()
+        log = tmp_path / "uploads" / "a.csv"
+        log.write_text("1")
+        session = replace(bench.session, logs=(Path("/elsewhere/a.csv"),), view="show=time")
+        (tmp_path / "uploads" / "s.lab.yaml").write_text(session_to_yaml(session))
+        asyncio.run(Intake(bench, [])._begin_with(tmp_path / "uploads" / "s.lab.yaml"))
+        assert bench.session.logs == (log,)
+        assert bench.session.view == "show=time"
+
+
+class TestOtherModel:
+    """A model of a file is shown beside those of the session."""
+
+    def test_it_needs_as_many_rotors(self, bench: Workbench) -> None:
+        hexarotor = load_model(VEHICLES / "f550.yaml")
+        with pytest.raises(SettingsError, match="has 6 rotors, expected 4 as raptor has"):
+            bench.show_beside(hexarotor)
+        assert bench.other_model is None
+
+    def test_the_session_stays_as_it_is(self, bench: Workbench) -> None:
+        session = bench.session
+        bench.show_beside(replace(load_model(RAPTOR), name="mine.yaml"))
+        assert bench.other_model is not None and bench.session is session
 
 
 class TestOpening:

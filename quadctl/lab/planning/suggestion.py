@@ -136,6 +136,22 @@ class Suggestion(Result):
             table.add_row(*row, f"{option.mission.duration_s:.0f}")
         return Group(table, Text("\n".join(self.lines())))
 
+    def reasons(self) -> list[str]:
+        """Sentences that say what the best option is expected to tell; none where no flight is suggested."""
+        best = self.best
+        if best is None:
+            return []
+        apart = [
+            f"It tells {one} from {other} by {sigma:.1f} standard deviations."
+            for (one, other), sigma in zip(self.pairs, best.sigmas, strict=True)
+        ]
+        narrowed = (
+            [f"It narrows {self.parameter} from {_plus_minus(self.width)} to {_plus_minus(best.width)}."]
+            if self.width is not None and best.width is not None
+            else []
+        )
+        return [*apart, *narrowed]
+
     def lines(self) -> list[str]:
         """Sentences that state the suggestion."""
         lines = [f"Left out: {reason}." for reason in self.left_out]

@@ -1,5 +1,6 @@
 """Curves of a fitted effect over the variables that it depends on: numbers for a plot, without its style."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -97,15 +98,25 @@ def effect_curves(addition: Addition, index: int) -> list[EffectCurve]:
 
     An effect that depends on no variable is shown over time, along the axes on which it is largest.
     """
-    dataset, effect = addition.dataset, addition.model.effects[index]
-    without = _predicted(_without(addition.model, index), dataset)
-    full = _predicted(addition.model, dataset)
+    models = _drawn_models(addition, index, CURVE_DRAWS)
+    return _curves(addition.model, addition.dataset, index, models)
+
+
+def last_effect_curves(model: Model, dataset: Dataset) -> list[EffectCurve]:
+    """Curves of the last effect of a model as it stands, without a fit: the spread of its contribution is 0."""
+    return _curves(model, dataset, len(model.stack) - 1, [])
+
+
+def _curves(model: Model, dataset: Dataset, index: int, drawn: Sequence[Model]) -> list[EffectCurve]:
+    """Curves of one effect of the stack; `drawn` are copies of the model whose spread is the error of the effect."""
+    effect = model.effects[index]
+    without = _predicted(_without(model, index), dataset)
+    full = _predicted(model, dataset)
     heading = _heading(dataset)
     before = _in_heading(dataset.measured - without, heading)
     after = _in_heading(dataset.measured - full, heading)
     push = _in_heading(full - without, heading)
-    models = _drawn_models(addition, index, CURVE_DRAWS)
-    draws = [_in_heading(_predicted(model, dataset) - without, heading) for model in models]
+    draws = [_in_heading(_predicted(each, dataset) - without, heading) for each in drawn]
 
     variables = [name for name in effect.depends_on if dataset.variable(name) is not None]
     pairs = [(name, _ACROSS.get(name, "up")) for name in variables] or [("time", c) for c in _pushed(push)]
@@ -114,7 +125,8 @@ def effect_curves(addition: Addition, index: int) -> list[EffectCurve]:
         a = BODY_AXES.index(component)
         x = _variable(dataset, variable)
         fitted = binned(x, push[:, a], after[:, a], dataset)
-        spread = np.std([binned(x, d[:, a], None, dataset).mean for d in draws], axis=0)
+        means = [binned(x, d[:, a], None, dataset).mean for d in draws] or [fitted.mean]
+        spread = np.std(means, axis=0)
         found.append(
             EffectCurve(
                 variable,

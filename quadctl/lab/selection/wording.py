@@ -3,10 +3,23 @@
 from typing import Any
 
 from quadctl.lab.selection.candidate import Candidate
-from quadctl.lab.selection.rule import is_plausible, is_supported, is_trim
+from quadctl.lab.selection.rule import (
+    MATERIAL,
+    MATERIAL_M_S2,
+    SIGNIFICANT,
+    is_harmful,
+    is_plausible,
+    is_significant,
+    is_supported,
+    is_there,
+    is_trim,
+    shows_in_moments,
+)
 
 UNITS = {"total": "m/s^2", "turning": "N m", "sensing": "m/s^2"}
 """Unit of the error of each measured group."""
+NO_GAIN = 0.005
+"""Relative drop of the error that rounds to 0 %."""
 SMALL_ERROR = 0.0095
 """Error below which three decimals hide a change."""
 
@@ -25,6 +38,45 @@ def candidate_in_words(c: Candidate) -> str:
         else "The held-out data do not support it."
     )
     return " ".join([c.effect.physics, verdict, *(f"Note: {remark}." for remark in c.remarks)])
+
+
+def reason_against(c: Candidate, chosen: Candidate) -> str:
+    """Reason why the decision rule has not called `c` missing beside, or instead of, `chosen`: a part of a sentence.
+
+    The first predicate of the rule that fails is said, with the number that was found and the one that was expected.
+    """
+    if c.held_out_drop <= 0.0 or (c.held_out_drop < NO_GAIN and not is_significant(c.p_value)):
+        return "it does not lower the held-out error"
+    if not is_significant(c.p_value):
+        return f"its gain is not significant: p {p_in_table(c.p_value)}, expected below {SIGNIFICANT:g}"
+    if not c.determined:
+        return "these data determine none of its parameters"
+    if c.at_bound:
+        return "a parameter ran into a bound of what is physically possible"
+    if not c.believable:
+        return "its fit is not physically plausible"
+    if is_harmful(c):
+        return "it makes a moment worse, as a stand-in for another effect does"
+    if not shows_in_moments(c):
+        return "the moments do not show it, as its physics would"
+    if c.effect.negligible():
+        return "it is no larger than the trim errors of any real vehicle"
+    if c.implied:
+        return "the other effects of the model imply it"
+    if is_there(c) and not is_plausible(c):
+        return (
+            f"it is there, but small: {c.largest_drop:.1%} of an axis' error and {c.explained_m_s2:.2g} m/s^2, "
+            f"expected more than {MATERIAL:.0%} or {MATERIAL_M_S2:g} m/s^2"
+        )
+    if not c.distinct:
+        return f"these data do not distinguish it from its look-alikes, {c.effect.distinguished_by} would"
+    if c.family == chosen.family:
+        return f"another form of the same effect, no better than {chosen.effect.name} ({_drops(c, chosen)})"
+    return f"it is not needed beside {chosen.effect.name}, which was found first or explains more ({_drops(c, chosen)})"
+
+
+def _drops(c: Candidate, chosen: Candidate) -> str:
+    return f"it explains {c.held_out_drop:.0%} of the error, that one {chosen.held_out_drop:.0%}"
 
 
 def p_in_table(p_value: float) -> str:

@@ -39,7 +39,9 @@ SEGMENT_S = 5.0
 """Length of the segments whose spectra are averaged."""
 LEAST_UPDATES = 64
 """Fewest updates of a channel for a spectrum."""
-MARK_LENGTH = 40
+NEAR = 0.02
+"""Least distance of two marks on the axis of time, as a share of the flight."""
+MARK_LENGTH = 28
 """Longest text of a mark on the axis of time."""
 
 
@@ -94,15 +96,34 @@ def channel_timeline(logs: Sequence[FlightLog], columns: Sequence[str], theme: T
 
 
 def marks_of(log: FlightLog) -> list[tuple[str, float]]:
-    """Events that the meta file of a log holds: modes, messages and parameters of the autopilot, acts of a guard."""
+    """Events of a log as texts that fit on the axis of time; those too close to be read share a mark."""
+    found = events_of(log)
+    near_s = NEAR * float(log.time_s[-1] - log.time_s[0]) if len(log) else 0.0
+    groups: list[list[tuple[str, float]]] = []
+    for text, time_s in found:
+        if groups and time_s - groups[-1][0][1] < near_s:
+            groups[-1].append((text, time_s))
+        else:
+            groups.append([(text, time_s)])
     marks = []
+    for group in groups:
+        modes = [text for text, _ in group if text.startswith("mode ")]
+        text = modes[-1] if modes else group[0][0]
+        more = f" (+{len(group) - 1})" if len(group) > 1 else ""
+        room = MARK_LENGTH - len(more)
+        marks.append(((text if len(text) <= room else f"{text[: room - 1]}\u2026") + more, group[0][1]))
+    return marks
+
+
+def events_of(log: FlightLog) -> list[tuple[str, float]]:
+    """Texts and times, s, of the events in the meta of a log: modes, messages, parameters, acts of a guard."""
+    found = []
     events = log.meta.get("events")
     for event in events if isinstance(events, list) else []:
         time_s = event.get("time_s") if isinstance(event, dict) else None
         if isinstance(time_s, int | float) and np.isfinite(time_s):
-            text = str(event.get("what", "event"))
-            marks.append((text if len(text) <= MARK_LENGTH else f"{text[: MARK_LENGTH - 1]}\u2026", float(time_s)))
-    return marks
+            found.append((str(event.get("what", "event")), float(time_s)))
+    return sorted(found, key=lambda event: event[1])
 
 
 def statistics(log: FlightLog, column: str) -> Statistics:

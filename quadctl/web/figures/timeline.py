@@ -122,11 +122,11 @@ def _draw_mark(layout: dict[str, Any], text: str, time_s: float, theme: Theme) -
 
 
 def short_timeline(flight: Flight, predicted: Mapping[str, Floats], axis_name: str, theme: Theme) -> Timeline:
-    """Measured acceleration on one axis, the prediction of one or two models, and the height."""
+    """Measured acceleration on one axis, the prediction of up to three models, and the height."""
     a = AXES.index(axis_name)
     first, height = f"{axis_name} / m/s²", "height / m"
     series = [line(first, "measured", theme.measured, flight.time_s, flight.measured[:, a], 1.7)]
-    for (name, values), colour in zip(predicted.items(), (theme.before, theme.after), strict=False):
+    for (name, values), colour in zip(predicted.items(), (theme.before, theme.after, theme.others[0]), strict=False):
         series.append(line(first, name, colour, flight.time_s, values[:, a]))
     series.append(line(height, "rotor height", theme.muted, flight.grid_s, np.asarray(flight.conditions.height_m)))
     return Timeline([first, height], series)
@@ -145,7 +145,7 @@ def full_timeline(
     residual = "residual / m/s²"
     panes, series = [short.panes[0], residual, *short.panes[1:]], list(short.series)
     measured = flight.measured[:, AXES.index(axis_name)]
-    for (name, values), colour in zip(predicted.items(), (theme.before, theme.after), strict=False):
+    for (name, values), colour in zip(predicted.items(), (theme.before, theme.after, theme.others[0]), strict=False):
         left = measured - values[:, AXES.index(axis_name)]
         series.append(line(residual, f"residual, {name}", colour, flight.time_s, left))
     if brushed is not None and brushed.any():

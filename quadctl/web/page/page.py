@@ -2,7 +2,8 @@
 
 from collections.abc import Awaitable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 from nicegui import ui
 from nicegui.client import Client
@@ -16,25 +17,31 @@ from quadctl.vehicle_draft.draft import Answers
 from quadctl.web.elements.browser_theme import keep_theme, wanted_theme
 from quadctl.web.elements.html import tag
 from quadctl.web.elements.theme import DARK, LIGHT, Theme
+from quadctl.web.page.choices import Choices, choices_of
 from quadctl.web.panels import compensator, fails, flights, missing, over_time
 from quadctl.web.panels.frame import Doubts, FittedTo, Header, Start, Status
 from quadctl.web.panels.help import help_dialog
 from quadctl.web.panels.ladder import Ladder
 from quadctl.web.panels.panel import Panel, Tab
 from quadctl.web.panels.stack import Stack
-from quadctl.web.panels.view import Brush, View
+from quadctl.web.panels.view import FILE, Brush, View
 from quadctl.web.work.worker import CancelledError
 from quadctl.web.workbench.intake import TEMPLATE, Intake
 from quadctl.web.workbench.workbench import Workbench
 
 WENT_BACK = "quadctl-went-back"
 TELL_OF_BACK = f"""<script>
-window.addEventListener("popstate", () => emitEvent("{WENT_BACK}", new URLSearchParams(location.search).get("show")));
+window.addEventListener("popstate", () => emitEvent("{WENT_BACK}", location.search));
 </script>"""
 """Tells the server of the browser's Back and Forward."""
 TABS: dict[str, Tab] = {tab.name: tab for tab in (missing.TAB, over_time.TAB, fails.TAB, compensator.TAB, flights.TAB)}
 
 KEYS_OF_TABS = {str(number): name for number, name in enumerate(TABS, start=1)}
+
+
+def _known(choices: Choices) -> Choices:
+    """The same choices, if the part of the page that they name is there; else those of the first part."""
+    return choices if choices.show in TABS else replace(choices, show=next(iter(TABS)))
 
 
 @dataclass(eq=False)
@@ -52,16 +59,12 @@ class Part:
 class Page:
     """One open tab. It is the `Controls` of its panels."""
 
-    def __init__(self, bench: Workbench, intake: Intake, client: Client, tab: str) -> None:
+    def __init__(self, bench: Workbench, intake: Intake, client: Client, query: str) -> None:
+        """A tab of `bench` whose address has this query; without one, it begins with the choices of the session."""
         self.bench = bench
         self._intake, self._client = intake, client
-        self._tab = tab if tab in TABS else next(iter(TABS))
+        self._choices = _known(choices_of(query or bench.session.view))
         self._theme = LIGHT
-        self._axis = "up"
-        self._flight_name = ""
-        self._channels: tuple[str, ...] = over_time.FIRST_CHANNELS
-        self._over_each_other = False
-        self._brush: Brush = {}
         self._frame_parts: list[Part] = []
         self._tab_parts: list[Part] = []
         self._drawing: Part | None = None
@@ -100,7 +103,7 @@ class Page:
                 with ui.tabs().classes("tabs") as tabs:
                     for tab in TABS.values():
                         ui.tab(tab.name, label=tab.title, icon=tab.icon)
-                tabs.set_value(self._tab)
+                tabs.set_value(self._choices.show)
                 tabs.on_value_change(lambda event: self._show(event.value))
                 tabs.props('no-caps inline-label outside-arrows mobile-arrows align="left"')
                 self._tabs = tabs
@@ -139,25 +142,35 @@ class Page:
             self.bench.say("done", "There is nothing to add: no effect has been found missing.")
 
     def _show(self, tab: str) -> None:
-        if tab == self._tab:
+        if tab == self._choices.show:
             return
-        self._tab = tab
-        ui.navigate.history.push(f"/?show={tab}")
+        self._choices = replace(self._choices, show=tab)
+        ui.navigate.history.push(f"/?{self._choices.query()}")
         self._tab_parts = []
         self.refresh()
 
-    def _go_back(self, tab: object) -> None:
-        """Show the part of the page that the browser's Back or Forward has led to."""
-        self._tab = tab if isinstance(tab, str) and tab in TABS else next(iter(TABS))
-        self._tabs.set_value(self._tab)
+    def _go_back(self, query: object) -> None:
+        """Show the state of the page that the browser's Back or Forward has led to."""
+        self._show_choices(choices_of(query if isinstance(query, str) else ""))
+
+    def _show_choices(self, choices: Choices) -> None:
+        self._choices = _known(choices)
+        self._tabs.set_value(self._choices.show)
         self._tab_parts = []
+        self.refresh()
+
+    def _choose(self, **changes: Any) -> None:
+        """Change choices of this tab; its address follows, so that it is a link to what is shown."""
+        self._choices = replace(self._choices, **changes)
+        with self._client:  # the element that was clicked may have been drawn again, and be gone
+            ui.navigate.history.replace(f"/?{self._choices.query()}")
         self.refresh()
 
     # --- drawing ------------------------------------------------------------------------------------------------------
 
     def view(self) -> View:
         """All that can be shown now."""
-        bench = self.bench
+        bench, chosen = self.bench, self._choices
         return View(
             session=bench.session,
             opened=bench.opened,
@@ -172,11 +185,14 @@ class Page:
             vehicles=tuple(self._intake.vehicles),
             template=TEMPLATE,
             theme=self._theme,
-            axis=self._axis,
-            brush=self._brush,
-            flight_name=self._flight_name,
-            channels=self._channels,
-            over_each_other=self._over_each_other,
+            axis=chosen.axis,
+            brush=chosen.brush,
+            flight_name=chosen.flight,
+            channels=chosen.channels,
+            beside=chosen.beside,
+            other_model=bench.other_model,
+            evidence=chosen.evidence,
+            over_each_other=chosen.over_each_other,
         )
 
     def refresh(self) -> None:
@@ -189,7 +205,7 @@ class Page:
             if not self._tab_parts:
                 self._body.clear()
                 with self._body:
-                    self._tab_parts = [Part(tag("div", "part"), panel) for panel in TABS[self._tab].panels]
+                    self._tab_parts = [Part(tag("div", "part"), panel) for panel in TABS[self._choices.show].panels]
             for part in [*self._frame_parts, *([] if view.starting else self._tab_parts)]:
                 self._refresh(part, view)
 
@@ -226,21 +242,29 @@ class Page:
         self._drawing.nested.append(Part(tag("div", classes), panel))
 
     def look_at(self, flight: str | None = None, axis: str | None = None) -> None:
-        self._flight_name = flight or self._flight_name
-        self._axis = axis or self._axis
-        self.refresh()
+        self._choose(flight=flight or self._choices.flight, axis=axis or self._choices.axis)
 
     def choose_channels(self, channels: Sequence[str], over_each_other: bool) -> None:
-        self._channels, self._over_each_other = tuple(channels), over_each_other
-        self.refresh()
+        self._choose(channels=tuple(channels), over_each_other=over_each_other)
+
+    def compare_with(self, beside: str) -> None:
+        """Draw another model beside those that are drawn: a step of the ladder, a file, or none (see `View`)."""
+        self._choose(beside=beside)
+
+    async def take_model(self, file: FileUpload) -> None:
+        """Draw the model of a file beside the others."""
+        if await self._intake.take_model(file):
+            self.compare_with(FILE)
+
+    def show_evidence(self, effect: str) -> None:
+        """Open the evidence for an effect that was found missing; close it where `effect` is empty."""
+        self._choose(evidence=effect)
 
     def select(self, ranges: Brush, axis: str) -> None:
-        self._brush, self._axis = ranges, axis if axis in AXES else self._axis
-        self.refresh()
+        self._choose(brush=ranges, axis=axis if axis in AXES else self._choices.axis)
 
     def clear_brush(self) -> None:
-        self._brush = {}
-        self.refresh()
+        self._choose(brush={})
 
     def toggle_theme(self) -> None:
         self._set_theme(LIGHT if self._theme is DARK else DARK)
@@ -255,7 +279,11 @@ class Page:
         self._dark.set_value(theme is DARK)
 
     async def take_files(self, files: Sequence[FileUpload]) -> None:
+        before = self.bench.session.view
         await self.act(self._intake.take(files))
+        view = self.bench.session.view
+        if view and view != before:  # a session was opened, and this tab shows it as it was saved
+            self._show_choices(choices_of(view))
 
     def refuse_file(self, name: str, size: float, too_large: bool) -> None:
         self._intake.refuse(name, size, too_large)
@@ -270,7 +298,7 @@ class Page:
         ui.download.content(self.bench.model_file(), "model.yaml", "application/yaml")
 
     def save_session(self) -> None:
-        ui.download.content(self.bench.session_file(), "session.lab.yaml", "application/yaml")
+        ui.download.content(self.bench.session_file(self._choices.query()), "session.lab.yaml", "application/yaml")
 
     async def save_report(self) -> None:
         with suppress(CancelledError):

@@ -46,10 +46,10 @@ def serve(
     css = files("quadctl.web").joinpath("static/page.css").read_text(encoding="utf-8")
 
     @ui.page("/", title="quadctl lab")
-    async def index(client: Client, show: str = "") -> None:
+    async def index(client: Client, request: Request) -> None:
         ui.add_css(css)
         ui.add_body_html(LOAD_PLOTLY + TELL_OF_BACK)
-        await Page(bench, taking, client, show).open()
+        await Page(bench, taking, client, request.url.query).open()
 
     app.on_startup(lambda: bench.resume(session))
     app.on_startup(lambda: _announce(port, announce))

@@ -47,11 +47,11 @@ class ChosenFlightPanel(Panel):
             tag("span", "grow", f"Selected: {listed(ranges)}, {percent(float(brushed.mean()))} of this flight")
             ui.button("Clear", on_click=do.clear_brush).props("flat dense no-caps")
 
-    def draw_timeline(self, flight: Flight, brushed: Mask | None, name: str, label: str) -> None:
+    def draw_timeline(self, flight: Flight, brushed: Mask | None, name: str, label: str) -> ui.plotly:
         """Draw all channels over time, with the prediction of each model; files of the figure are called `name`."""
         predicted = predictions(self.models, flight)
         timeline = full_timeline(flight, self.log, predicted, self.axis, self.theme, brushed)
-        zoomed_plot(timeline, self.theme, name, label)
+        return zoomed_plot(timeline, self.theme, name, label)
 
     def draw_path(self, flight: Flight, brushed: Mask | None) -> None:
         plot(path_figure(flight, brushed, self.theme), f"{flight.name}_path", "Flight path")

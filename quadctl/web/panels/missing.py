@@ -23,6 +23,7 @@ from quadctl.web.elements.html import busy, empty, heading, loading, tag
 from quadctl.web.elements.theme import Theme
 from quadctl.web.figures.sketch import sketch_svg
 from quadctl.web.figures.timeline import short_timeline
+from quadctl.web.panels.evidence import Evidence, chosen_of, draw_suggestion
 from quadctl.web.panels.panel import Controls, Panel, Tab
 from quadctl.web.panels.zoomed import zoomed_plot
 from quadctl.web.session.findings import Diagnosed
@@ -171,7 +172,7 @@ class Candidates(Panel):
 
     def _draw_found(self, do: Controls, found: Diagnosed) -> None:
         diagnosis = found.diagnosis
-        chosen = _chosen(diagnosis)
+        chosen = chosen_of(diagnosis)
         missing = {candidate.effect.name for candidate in chosen}
         alike = {other: first for first, other in diagnosis.confounded}
         rest = [c for c in diagnosis.ranking if c.effect.name not in missing]
@@ -183,6 +184,7 @@ class Candidates(Panel):
                 for i, candidate in enumerate(chosen):
                     looks = [other for other, first in alike.items() if first == candidate.family]
                     self._draw_card(do, found, candidate, looks, primary=i == 0)
+            do.nest(Evidence, "evidence-place")
         for title, text, group in (
             ("Also supported", NOT_NEEDED, near),
             ("Not supported by these data", NO_HELP, others),
@@ -207,7 +209,7 @@ class Candidates(Panel):
 
     def _draw_expected(self, do: Controls, before: Diagnosed) -> None:
         held = {effect.family() for effect in self.model.effects} if self.model is not None else set()
-        left = [candidate for candidate in _chosen(before.diagnosis) if candidate.family not in held]
+        left = [candidate for candidate in chosen_of(before.diagnosis) if candidate.family not in held]
         if left:
             heading("Found by the last search, and not added yet")
             with tag("div", "candidates"):
@@ -238,15 +240,13 @@ class Candidates(Panel):
             for remark in candidate.remarks:
                 tag("p", "note", f"Note: {remark}.")
             held = candidate.family in {effect.family() for effect in candidate.model.effects[:-1]}
-            add = ui.button("Add", icon="add", on_click=lambda: do.act(do.bench.add(name)))
-            add.props(f'no-caps aria-label="Add {name}"').props("unelevated" if primary else "outline")
-            do.when_idle(add, not held)
-
-
-def _chosen(diagnosis: Diagnosis) -> list[Candidate]:
-    """Candidates for the missing effects, in the order of adding."""
-    missing = {step.effect for step in diagnosis.steps[1:]}
-    return [candidate for candidate in diagnosis.ranking if candidate.effect.name in missing]
+            with tag("div", "line wrap actions"):
+                add = ui.button("Add", icon="add", on_click=lambda: do.act(do.bench.add(name)))
+                add.props(f'no-caps aria-label="Add {name}"').props("unelevated" if primary else "outline")
+                do.when_idle(add, not held)
+                if candidate in chosen_of(found.diagnosis):
+                    show = ui.button("Evidence", icon="fact_check", on_click=lambda: do.show_evidence(name))
+                    show.props(f'flat no-caps aria-label="Evidence for {name}"')
 
 
 @dataclass(frozen=True)
@@ -269,22 +269,7 @@ class NextFlight(Panel):
                     ask = ui.button("Suggest a flight", on_click=lambda: do.act(do.bench.suggest()))
                     do.when_idle(ask.props("no-caps outline"))
             else:
-                _draw_suggestion(self.suggestion)
-
-
-def _draw_suggestion(suggestion: Suggestion) -> None:
-    *reasons, answer = suggestion.lines()
-    if suggestion.best is None:
-        tag("p", "", answer)
-    else:
-        command = suggestion.best.command
-        with tag("div", "line"):
-            tag("code", "command grow", command)
-            ui.button(icon="content_copy", on_click=lambda: ui.clipboard.write(command)).props(
-                'flat dense round aria-label="Copy the command"'
-            )
-    for reason in reasons:
-        tag("p", "muted", reason)
+                draw_suggestion(self.suggestion)
 
 
 TAB = Tab("missing", "What is missing", "search", (Overview, Verdict, Candidates, NextFlight))

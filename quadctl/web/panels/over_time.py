@@ -18,13 +18,18 @@ from quadctl.web.figures.channels import (
     Statistics,
     channel_timeline,
     channels_of,
+    events_of,
     in_words,
     spectrum_figure,
     statistics_of,
 )
+from quadctl.web.figures.replay import frame_times, replay_figure
 from quadctl.web.panels.chosen_flight import ChosenFlightPanel, selected
 from quadctl.web.panels.panel import Controls, Panel, Tab
+from quadctl.web.panels.replayed import replayed_plot
+from quadctl.web.panels.view import CURRENT
 from quadctl.web.panels.zoomed import zoomed_plot
+from quadctl.web.work.predictions import predictions
 
 FIRST_CHANNELS = ("z_m", "z_ref_m")
 MOST_MOTORS = 12
@@ -42,6 +47,9 @@ PRESETS = {
 class OverTime(ChosenFlightPanel):
     """All channels of the chosen flight over time, and its path, with the selected samples marked."""
 
+    comparable: dict[str, str]
+    beside: str
+
     def draw(self, do: Controls) -> None:
         flight = self.flight
         if flight is None:
@@ -55,12 +63,31 @@ class OverTime(ChosenFlightPanel):
                 ui.toggle(list(AXES), value=self.axis, on_change=lambda e: do.look_at(axis=e.value)).props(
                     'dense no-caps unelevated aria-label="Axis"'
                 )
+            self._draw_other_model(do)
             self.draw_brush_note(do, brushed)
-            self.draw_timeline(flight, brushed, f"{flight.name}_{self.axis}", "Flight over time")
+            timeline = self.draw_timeline(flight, brushed, f"{flight.name}_{self.axis}", "Flight over time")
             tag("p", "muted", "Drag to zoom, double-click to see all. The cursor is the same in all panes.")
         with tag("section", "card"):
-            heading("The flight path")
-            self.draw_path(flight, brushed)
+            text = "The vehicle stands where the cursor is in the figures over time; press Play, or move the slider."
+            heading("The flight path", text)
+            predicted = predictions(self.models, flight)
+            residual = flight.measured - predicted.get(CURRENT, next(iter(predicted.values()), flight.measured))
+            replay = replay_figure(flight, residual, brushed, self.theme)
+            replayed_plot(replay, frame_times(flight), timeline, f"{flight.name}_path", "Flight path")
+
+    def _draw_other_model(self, do: Controls) -> None:
+        """Draw the choice of a further model, which is drawn over the others: a step of the ladder, or a file."""
+        with tag("div", "line wrap beside"):
+            options = {"": "none", **self.comparable}
+            chosen = self.beside if self.beside in options else ""
+            ui.select(
+                options, value=chosen, label="A further model", on_change=lambda e: do.compare_with(e.value)
+            ).props("dense outlined options-dense")
+            upload = ui.upload(auto_upload=True, on_upload=lambda e: do.act(do.take_model(e.file)))
+            upload.props('accept=".yaml,.yml"').classes("hidden")
+            choose = ui.button("From a file", icon="file_open").props("flat dense no-caps")
+            # In the browser itself: only there does a click open the window in which files are chosen.
+            choose.on("click", js_handler=f"() => getElement({upload.id}).pickFiles()")
 
 
 @dataclass(frozen=True)
@@ -88,6 +115,7 @@ class AnyChannel(Panel):
                 return
             timeline = channel_timeline(self.shown_logs, chosen, self.theme)
             zoomed_plot(timeline, self.theme, "channels", f"Channels over time: {listed(list(chosen))}")
+            _draw_events(self.shown_logs[0])
             _draw_statistics(statistics_of(self.shown_logs, chosen))
             drawn = spectrum_figure(self.shown_logs, chosen[-1], flight, self.theme)
             tag("h3", "spectrum", f"Spectrum of {offered[chosen[-1]]}")
@@ -118,6 +146,25 @@ class AnyChannel(Panel):
                 if wanted:
                     choose = partial(do.choose_channels, wanted, self.over_each_other)
                     ui.button(name, on_click=choose).props("flat dense no-caps size=sm")
+
+
+def _draw_events(log: FlightLog) -> None:
+    """Draw a folded list of the events of a flight: on the axis of time there is no room for whole texts."""
+    found = events_of(log)
+    if not found:
+        return
+    with (
+        ui.expansion(f"Modes, messages and parameter changes of {log.name} ({len(found)})").classes("more"),
+        tag("div", "scroll tall").props('tabindex="0"'),
+        tag("table", "small"),
+    ):
+        with tag("tr"):
+            tag("th", "number", "time / s")
+            tag("th", "", "event")
+        for text, time_s in found:
+            with tag("tr"):
+                tag("td", "number", f"{time_s:.2f}")
+                tag("td", "", text)
 
 
 def _draw_statistics(found: Mapping[tuple[str, str], Statistics]) -> None:

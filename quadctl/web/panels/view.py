@@ -18,6 +18,10 @@ from quadctl.web.session.session import Rung, Session
 from quadctl.web.work.jobs import Evaluation, Opened
 from quadctl.web.work.state import Message, Results, Work
 
+CURRENT = "with added effects"
+"""Name of the current model in a legend, where it is not the first one."""
+FILE = "file"
+"""Value of `View.beside` for the model of a file."""
 Brush = Mapping[str, tuple[float, float]]
 """Selected ranges, by the names of their variables."""
 
@@ -53,6 +57,12 @@ class View:
     """Name of the flight that was chosen; empty where none was."""
     channels: tuple[str, ...]
     """Columns of the logs that are shown over time."""
+    beside: str
+    """Model that is drawn beside the others: the number of a step of the ladder, `FILE`, or empty for none."""
+    other_model: Model | None
+    """Model of a file, named after it, to be drawn beside those of the ladder."""
+    evidence: str
+    """Name of the effect whose evidence is open; empty where none is."""
     over_each_other: bool
     """Show these channels of all flights, not only of the chosen one."""
 
@@ -173,7 +183,21 @@ class View:
             return {}
         first = session.rungs[0]
         changed = session.current > 0 or session.off
-        return {first.name: first.model} | ({"with added effects": session.model} if changed else {})
+        shown = {first.name: first.model} | ({CURRENT: session.model} if changed else {})
+        beside = self._model_beside
+        return shown if beside is None else shown | {self.comparable[self.beside]: beside}
+
+    @property
+    def comparable(self) -> dict[str, str]:
+        """Models that can be drawn beside the others: their names in a legend, by the value of `beside`."""
+        steps = {str(i): f"step {i + 1}: {rung.name}" for i, rung in enumerate(self.session.rungs)}
+        return steps | ({} if self.other_model is None else {FILE: f"file {self.other_model.name}"})
+
+    @property
+    def _model_beside(self) -> Model | None:
+        if self.beside not in self.comparable:
+            return None
+        return self.other_model if self.beside == FILE else self.session.rungs[int(self.beside)].model
 
     # --- results for the current model --------------------------------------------------------------------------------
 

@@ -1,7 +1,8 @@
 """Files in the one folder that the page writes to: names, limits, and checks of dropped files."""
 
+import hashlib
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,8 @@ from quadctl.model import Model
 MAX_UPLOAD_BYTES = 512 * 2**20
 LOG_SUFFIXES = suffixes()
 SETTINGS_SUFFIXES = (".yaml", ".yml")
+UPLOADS = "uploads"
+"""Folder of the files that were dropped, in that of the page."""
 EXPRESSION = "unexplained"
 """Family of the effects that come from an expression."""
 _UNUSUAL = re.compile(r"[^\w.+ -]")
@@ -37,6 +40,43 @@ def upload_path(folder: Path, name: str) -> Path:
     return folder / safe
 
 
+def sha256_of(path: Path) -> str:
+    """SHA-256 of a file; empty where it cannot be read."""
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError:
+        return ""
+
+
+def changed_logs(hashes: Mapping[Path, str]) -> dict[Path, str]:
+    """Sentences for the logs that are not what they were when their session was saved; a log that is gone is none."""
+    changed = {}
+    for path, expected in hashes.items():
+        found = sha256_of(path)
+        if found and found != expected:
+            changed[path] = (
+                f"{path.name}: has the SHA-256 {found[:12]}, expected {expected[:12]} as when the session was saved: "
+                "it is another file, and was left out"
+            )
+    return changed
+
+
+def places_of(logs: Sequence[Path], folders: Sequence[Path]) -> dict[Path, Path]:
+    """New places of the logs that are not where a session says: in the first of `folders` that holds one so named."""
+    places = {}
+    for log in logs:
+        found = next((folder / log.name for folder in folders if (folder / log.name).is_file()), None)
+        if found is not None and not log.is_file():
+            places[log] = found
+    return places
+
+
+def is_inside(folder: Path, path: Path) -> bool:
+    """Tell whether `path` is in `folder`, links followed."""
+    return path.resolve().is_relative_to(folder.resolve())
+
+
 def require_inside(folder: Path, paths: tuple[Path, ...]) -> None:
     """Refuse paths that lead out of `folder`, links followed.
 
@@ -45,9 +85,8 @@ def require_inside(folder: Path, paths: tuple[Path, ...]) -> None:
     QuadctlError
         One does.
     """
-    root = folder.resolve()
     for path in paths:
-        if not path.resolve().is_relative_to(root):
+        if not is_inside(folder, path):
             raise QuadctlError(f"{path}: is outside {folder}, the folder of this page: drop the file itself instead")
 
 

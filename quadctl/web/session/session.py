@@ -3,7 +3,7 @@
 A session is a value: every action gives a new one. It can be written to a file and read again.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -49,6 +49,10 @@ class Session:
     current: int = 0
     off: frozenset[str] = field(default_factory=frozenset)
     """Effects of the current model that are switched off, by name."""
+    hashes: Mapping[Path, str] = field(default_factory=dict)
+    """SHA-256 of the logs as they were when the session was saved; those that are not known are left out."""
+    view: str = ""
+    """Choices of the tab in which the session was saved, as the query of its address."""
 
     @property
     def rung(self) -> Rung | None:
@@ -121,7 +125,17 @@ class Session:
     def without_log(self, log: Path) -> "Session":
         """Session without a log. Results stay valid if the log could not be used."""
         logs = tuple(other for other in self.logs if other != log)
-        return replace(self, logs=logs, unseen=self.unseen - {log})
+        hashes = {other: text for other, text in self.hashes.items() if other != log}
+        return replace(self, logs=logs, unseen=self.unseen - {log}, hashes=hashes)
+
+    def moved(self, places: Mapping[Path, Path]) -> "Session":
+        """Session whose logs lie in other places: `places` are the new paths by the old ones."""
+        return replace(
+            self,
+            logs=tuple(places.get(log, log) for log in self.logs),
+            unseen=frozenset(places.get(log, log) for log in self.unseen),
+            hashes={places.get(log, log): text for log, text in self.hashes.items()},
+        )
 
     def with_role(self, log: Path, unseen: bool) -> "Session":
         """Session in which `log` is held out of all fits, or used by them.
@@ -148,7 +162,10 @@ class _RungEntry(Settings):
 
 class _SessionFile(Settings):
     logs: list[str] = Field(default_factory=list)
+    sha256: dict[str, str] = Field(default_factory=dict)
+    """By the paths of the logs."""
     unseen: list[str] = Field(default_factory=list)
+    view: str = ""
     hold_out: HoldOut = "blocks"
     current: int = Field(default=0, ge=0)
     switched_off: list[str] = Field(default_factory=list)
@@ -170,6 +187,8 @@ def session_to_yaml(session: Session) -> str:
 def _to_yaml(session: Session) -> str:
     content = {
         "logs": [str(log.resolve()) for log in session.logs],
+        "sha256": {str(log.resolve()): text for log, text in session.hashes.items() if log in session.logs},
+        "view": session.view,
         "unseen": sorted(str(log.resolve()) for log in session.unseen),
         "hold_out": session.hold_out,
         "current": session.current,
@@ -204,7 +223,8 @@ def load_session(path: Path) -> Session:
     if entry.rungs and entry.current >= len(entry.rungs):
         raise SettingsError(f"{path}: current is {entry.current}, expected a step from 0 to {len(entry.rungs) - 1}")
     rungs = tuple(_rung(rung, path) for rung in entry.rungs)
-    session = Session(logs, unseen, entry.hold_out, rungs, entry.current)
+    hashes = {path.parent / log: text for log, text in entry.sha256.items()}
+    session = Session(logs, unseen, entry.hold_out, rungs, entry.current, hashes=hashes, view=entry.view)
     held = {item.effect.name for item in session.rung.model.stack} if session.rung else set()
     if not set(entry.switched_off) <= held:
         off = ", ".join(entry.switched_off)

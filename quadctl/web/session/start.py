@@ -9,7 +9,7 @@ from quadctl.flight.pilot.settings import DEFAULT_CONFIG, load_flight_settings
 from quadctl.installed import locate
 from quadctl.logs.read import read_log
 from quadctl.model import load_model
-from quadctl.web.session.files import LOG_SUFFIXES, SETTINGS_SUFFIXES
+from quadctl.web.session.files import LOG_SUFFIXES, SETTINGS_SUFFIXES, UPLOADS, places_of
 from quadctl.web.session.session import Session, load_session
 
 VEHICLES = Path("config/vehicles")
@@ -55,7 +55,8 @@ def first_session(logs: Sequence[Path], model: Path | None, session: Path | None
         A log does not exist, or neither its name nor its content is that of a log.
     """
     if session is not None:
-        return load_session(session)
+        loaded = load_session(session)
+        return loaded.moved(places_of(loaded.logs, [session.parent, session.parent / UPLOADS]))
     for log in logs:
         if log.is_dir():
             raise LogError(f"{log}: is a directory, expected the flight logs in it, {log}/*.csv for example")

@@ -3,15 +3,24 @@
 import filecmp
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from nicegui.elements.upload_files import FileUpload
 
 from quadctl.errors import QuadctlError, SettingsError
+from quadctl.model import load_model
 from quadctl.settings import read_yaml
 from quadctl.vehicle_draft.draft import Answers, draft
-from quadctl.web.session.files import SETTINGS_SUFFIXES, own_effects, require_inside, too_large, upload_path
+from quadctl.web.session.files import (
+    SETTINGS_SUFFIXES,
+    UPLOADS,
+    is_inside,
+    own_effects,
+    require_inside,
+    too_large,
+    upload_path,
+)
 from quadctl.web.session.session import load_session
 from quadctl.web.workbench.workbench import Workbench
 
@@ -72,15 +81,35 @@ class Intake:
             await self.bench.begin_with(path)
             return
         session = load_session(path)
+        strange = [log for log in session.logs if log not in self._known and not is_inside(self.bench.folder, log)]
+        uploads = self.bench.folder / UPLOADS
+        places = {log: uploads / log.name for log in strange if (uploads / log.name).is_file()}
+        session = session.moved(places)
         require_inside(self.bench.folder, tuple(log for log in session.logs if log not in self._known))
         await self.bench.resume(session)
+
+    async def take_model(self, file: FileUpload) -> bool:
+        """Show the model in a file beside those of the session; False, with a sentence, where it is none."""
+        try:
+            path = await self._keep(file)
+            if path.suffix.lower() not in SETTINGS_SUFFIXES:
+                raise SettingsError(f"{path.name}: is no model by its name, expected a .yaml file")
+            settings = read_yaml(path)
+            require_inside(self.bench.folder, tuple(path.parent / own for own in own_effects(settings)))
+            if "rungs" in settings:
+                raise SettingsError(f"{path.name}: is a session, expected a model: drop it on Flights to open it")
+            self.bench.show_beside(replace(load_model(path), name=path.name))
+        except QuadctlError as error:
+            self.bench.say("error", f"{error}.")
+            return False
+        return True
 
     @property
     def _known(self) -> tuple[Path, ...]:
         return self.bench.session.logs
 
     async def _keep(self, file: FileUpload) -> Path:
-        wanted = upload_path(self.bench.folder / "uploads", file.name)
+        wanted = upload_path(self.bench.folder / UPLOADS, file.name)
         incoming = wanted.with_name(f".{wanted.name}.{os.getpid()}.tmp")
         try:
             await file.save(incoming)

@@ -16,7 +16,7 @@ from quadctl.errors import QuadctlError, SettingsError
 from quadctl.lab.comparison.wording import quantity
 from quadctl.lab.flights.dataset import Dataset, HoldOut
 from quadctl.model import Model, load_model, model_to_dict
-from quadctl.web.session.files import keep_expression
+from quadctl.web.session.files import changed_logs, keep_expression
 from quadctl.web.session.findings import Findings
 from quadctl.web.session.session import SUFFIX, Rung, Session, session_to_yaml
 from quadctl.web.work import jobs
@@ -46,6 +46,8 @@ class Workbench:
     waiting: tuple[str, ...] = ()
     """Names of the files that are taken as soon as the work in progress is done."""
 
+    other_model: Model | None = None
+    """Model of a file, to be drawn beside those of the session; nothing is fitted to it, nor judged by it."""
     accepted: frozenset[Path] = frozenset()
     """Logs that a person has said to use in spite of a doubt."""
 
@@ -146,6 +148,23 @@ class Workbench:
             return
         await self._with_flights(self.session.unjudged().begun_with(model))
 
+    def show_beside(self, model: Model) -> None:
+        """Show a model beside those of the session.
+
+        Raises
+        ------
+        SettingsError
+            It is of a vehicle with another number of rotors.
+        """
+        rung = self.session.rung
+        if rung is not None and model.vehicle.n_rotors != rung.model.vehicle.n_rotors:
+            raise SettingsError(
+                f"{model.name}: has {model.vehicle.n_rotors} rotors, expected {rung.model.vehicle.n_rotors} as "
+                f"{rung.model.vehicle.name} has"
+            )
+        self.other_model = model
+        self._changed()
+
     async def use_anyway(self, path: Path) -> None:
         """Use a log in spite of the doubt about it."""
         self.accepted |= {path}
@@ -154,7 +173,12 @@ class Workbench:
     async def resume(self, session: Session) -> None:
         if any(rung.error_m_s2 is not None for rung in session.rungs):  # its logs were in use when it was saved
             self.accepted |= set(session.logs)
+        changed = await asyncio.to_thread(changed_logs, session.hashes)
+        for log in changed:
+            session = session.without_log(log).unjudged()
         await self._with_flights(session)
+        if changed:
+            self.say("error", " ".join(f"{sentence}." for sentence in changed.values()))
 
     async def _with_flights(self, session: Session, known: bool = False) -> None:
         """Read the flights of `session` and evaluate its model; where that fails, nothing changes.
@@ -404,8 +428,14 @@ class Workbench:
             raise SettingsError("there is no model yet, expected a vehicle to be chosen")
         return yaml.safe_dump(model_to_dict(model, None), sort_keys=False)
 
-    def session_file(self) -> str:
-        return session_to_yaml(self.session)
+    def session_file(self, view: str = "") -> str:
+        """The session as the text of a file: its logs by path and hash, and the choices of a tab (see `Session`)."""
+        datasets = () if self.opened is None else (self.opened.seen, self.opened.unseen)
+        known = {flight.name: flight.sha256 for dataset in datasets if dataset for flight in dataset.flights}
+        logs = [] if self.opened is None else self.opened.logs
+        hashes = {log.path: known[log.log.name] for log in logs if log.log and known.get(log.log.name)}
+        session = replace(self.session, hashes={**self.session.hashes, **hashes}, view=view or self.session.view)
+        return session_to_yaml(session)
 
     async def report(self) -> bytes | None:
         """The report as one file of HTML; None where it could not be made."""

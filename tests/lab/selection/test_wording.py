@@ -1,6 +1,7 @@
 """Specification of how a diagnosis says what it found."""
 
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
@@ -8,9 +9,10 @@ from quadctl.effects.payload import MassStep
 from quadctl.effects.rotor_fault import WeakRotor
 from quadctl.lab.comparison.wording import parameters_in_words, share_of_g
 from quadctl.lab.flights.dataset import load_dataset
+from quadctl.lab.selection.candidate import Candidate
 from quadctl.lab.selection.diagnosis import Diagnosis, diagnose
 from quadctl.lab.selection.rule import alternatives
-from quadctl.lab.selection.wording import error_in_table
+from quadctl.lab.selection.wording import error_in_table, reason_against
 from quadctl.logs.flight_log import FlightLog
 from quadctl.model import Model
 
@@ -58,3 +60,43 @@ def test_what_is_as_small_as_a_trim_is_said_to_be_there(nothing: Diagnosis) -> N
     (said,) = (line for line in replace(nothing, ranking=ranking).lines() if line.startswith(("Measured", "There")))
     assert "rotor_fault.weak, loss = 0.01" in said
     assert "rotor = 2" in said
+
+
+class TestReasonAgainst:
+    """The first predicate of the decision rule that fails, in words."""
+
+    @pytest.fixture
+    def supported(self, nothing: Diagnosis) -> Candidate:
+        """A drag that halves the error of every axis."""
+        tried = next(c for c in nothing.ranking if c.family == "rotor_drag")
+        effect = type(tried.effect).from_values({p.name: 0.3 for p in tried.effect.parameters()}, "test")
+        after = {axis: 0.5 * error for axis, error in tried.before.items()}
+        good = {"believable": True, "distinct": True, "implied": False, "at_bound": False, "determined": True}
+        return replace(tried, effect=effect, after=after, p_value=1e-6, worst_flight=0.0, **good)
+
+    @pytest.mark.parametrize(
+        ("change", "words"),
+        [
+            ({"p_value": 0.3}, "its gain is not significant: p 0.3, expected below 0.01"),
+            ({"determined": False}, "these data determine none of its parameters"),
+            ({"at_bound": True}, "a parameter ran into a bound of what is physically possible"),
+            ({"believable": False}, "its fit is not physically plausible"),
+            ({"implied": True}, "the other effects of the model imply it"),
+            ({"distinct": False}, "these data do not distinguish it from its look-alikes"),
+            ({}, "another form of the same effect"),
+        ],
+    )
+    def test_each_predicate_has_its_words(self, supported: Candidate, change: dict[str, Any], words: str) -> None:
+        assert reason_against(replace(supported, **change), supported).startswith(words)
+
+    def test_an_effect_that_does_not_help_needs_no_other_reason(self, supported: Candidate) -> None:
+        useless = replace(supported, after=supported.before, p_value=0.9)
+        assert reason_against(useless, supported) == "it does not lower the held-out error"
+
+    def test_a_small_effect_is_said_to_be_there_with_what_was_expected(self, supported: Candidate) -> None:
+        small = replace(supported, after={axis: 0.999 * error for axis, error in supported.before.items()})
+        assert reason_against(small, supported).startswith("it is there, but small: 0.1% of an axis' error")
+
+    def test_another_family_is_not_needed_beside_what_was_chosen(self, supported: Candidate) -> None:
+        other = replace(supported, effect=WeakRotor(0.5, 3.0))
+        assert "beside rotor_fault.weak" in reason_against(supported, other)

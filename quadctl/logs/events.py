@@ -1,0 +1,62 @@
+"""Events of an autopilot's log: changes of its flight mode, its messages, and changes of its parameters."""
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+PX4_MODES = {
+    0: "MANUAL", 1: "ALTCTL", 2: "POSCTL", 3: "AUTO.MISSION", 4: "AUTO.LOITER", 5: "AUTO.RTL", 6: "POSITION_SLOW",
+    8: "ALTITUDE_CRUISE", 10: "ACRO", 12: "DESCEND", 13: "TERMINATION", 14: "OFFBOARD", 15: "STABILIZED",
+    17: "AUTO.TAKEOFF", 18: "AUTO.LAND", 19: "AUTO.FOLLOW", 20: "AUTO.PRECLAND", 21: "ORBIT", 22: "VTOL.TAKEOFF",
+}  # fmt: skip
+"""Names of `nav_state` in PX4's vehicle_status."""
+EARLY_S = 1.0
+"""Time before the first row of a log from which events are kept: they hold at its begin."""
+_COLOURS = re.compile(r"\x1b\[[0-9;]*m")
+
+
+class Event(NamedTuple):
+    """One event, on the autopilot's clock."""
+
+    time_s: float
+    what: str
+
+
+def mode_changes(time_s: Iterable[float], modes: Sequence[Any], names: Mapping[int, str] | None = None) -> list[Event]:
+    """The first mode, and every change of it; `modes` are names, or numbers with `names`."""
+    found: list[Event] = []
+    last: Any = None
+    for time, mode in zip(time_s, modes, strict=True):
+        if mode != last:
+            name = mode if names is None else names.get(int(mode), f"number {int(mode)}")
+            found.append(Event(float(time), f"mode {name}"))
+            last = mode
+    return found
+
+
+def parameter_changes(
+    time_s: Iterable[float], names: Sequence[str], values: Sequence[float], known: Mapping[str, float] | None = None
+) -> list[Event]:
+    """Changes of parameters; a value that is said for the first time, or again, is none. `known` are those before."""
+    last = dict(known or {})
+    found = []
+    for time, name, value in zip(time_s, names, values, strict=True):
+        if name in last and last[name] != value:
+            found.append(Event(float(time), f"{name} = {value:g} (was {last[name]:g})"))
+        last[name] = value
+    return found
+
+
+def said(time_s: Iterable[float], texts: Iterable[str]) -> list[Event]:
+    """Messages, without the codes of colours; the same text at the same time is one."""
+    cleaned = (Event(float(time), _COLOURS.sub("", text).strip()) for time, text in zip(time_s, texts, strict=True))
+    return list(dict.fromkeys(event for event in cleaned if event.what))
+
+
+def events_in_meta(events: Iterable[Event], begin_s: float, end_s: float) -> list[dict[str, Any]]:
+    """Entries of a log's `meta`, in the order of time from `begin_s`; events outside of the log are left out."""
+    inside = [event for event in events if begin_s - EARLY_S <= event.time_s <= end_s]
+    return [
+        {"time_s": round(max(event.time_s - begin_s, 0.0), 3), "what": event.what}
+        for event in sorted(inside, key=lambda event: event.time_s)
+    ]
