@@ -53,7 +53,7 @@ def export(
 
     What the flights do not tell, and what the target cannot say, is listed.
     """
-    from quadctl.export.autopilot import parameter_file, parameters
+    from quadctl.export.autopilot import check_same_autopilot, parameter_file, parameters
     from quadctl.export.targets import AUTOPILOTS, PROGRAMS
     from quadctl.model import load_model
     from quadctl.parameter_file import read_parameters
@@ -78,7 +78,11 @@ def export(
         undo_at(str(link), dialect, kept, _say)
         return
     loaded = load_model(model)
-    rows = parameters(loaded, dialect, read_parameters(now) if now is not None else {})
+    present: dict[str, float] = {}
+    if now is not None:
+        present = read_parameters(now)
+        check_same_autopilot(present, dialect, str(now))
+    rows = parameters(loaded, dialect, present)
     if link is not None:
         from quadctl.export.apply import present_parameters
 

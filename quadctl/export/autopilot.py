@@ -67,6 +67,24 @@ class _Quantity(NamedTuple):
     of: Callable[[Model], float]
 
 
+def check_same_autopilot(present: Mapping[str, float], dialect: Dialect, source: str) -> None:
+    """Refuse present parameters of another kind of autopilot: their curve of the motors would be taken for the default.
+
+    `source` is the name of their file.
+
+    Raises
+    ------
+    SettingsError
+        None of the parameters that the export is about is among them.
+    """
+    names = (dialect.hover, dialect.curve, dialect.ballistic_x, dialect.ballistic_y, dialect.momentum_drag)
+    if not any(name in present for name in (*names, *dialect.switches)):
+        raise SettingsError(
+            f"{source}: holds {len(present)} parameters, such as {next(iter(present))}, "
+            f"but none of {', '.join(names)}, expected a parameter file of {dialect.name}"
+        )
+
+
 def parameters(model: Model, dialect: Dialect, present: Mapping[str, float]) -> list[Row]:
     """Parameters of the autopilot that the model tells, and those that it does not, with the reason.
 

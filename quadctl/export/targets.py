@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from quadctl.export.ardupilot import ARDUPILOT
 from quadctl.export.px4 import PX4
@@ -15,7 +16,10 @@ def _write_casadi(model: Model, path: Path) -> tuple[str, ...]:
     from quadctl.export.dynamics import dynamics  # CasADi takes half a second
 
     equations = dynamics(model)
-    equations.function.save(str(path))
+    with TemporaryDirectory() as folder:  # CasADi says nothing where it cannot write
+        saved = Path(folder) / "body.casadi"
+        equations.function.save(str(saved))
+        path.write_bytes(saved.read_bytes())
     return equations.left_out
 
 
