@@ -34,7 +34,10 @@ def export(
     ],
     output: Annotated[Path | None, typer.Option("-o", "--output", metavar="FILE", help="File to write.")] = None,
     now: Annotated[
-        Path | None, typer.Option("--now", metavar="FILE", help="The vehicle's present parameters: .params or .parm.")
+        Path | None,
+        typer.Option(
+            "--now", metavar="FILE", help="The vehicle's present parameters (.params, .parm), or a log of it."
+        ),
     ] = None,
     link: Annotated[
         str | None, typer.Option("--link", metavar="URL", help="Ask the vehicle for its present parameters.")
@@ -55,8 +58,8 @@ def export(
     """
     from quadctl.export.autopilot import check_same_autopilot, parameter_file, parameters
     from quadctl.export.targets import AUTOPILOTS, PROGRAMS
+    from quadctl.logs.parameters import read_present_parameters
     from quadctl.model import load_model
-    from quadctl.parameter_file import read_parameters
 
     if to not in AUTOPILOTS and to not in PROGRAMS:
         raise typer.BadParameter(f"--to is {to}, expected one of {', '.join([*AUTOPILOTS, *PROGRAMS])}")
@@ -80,7 +83,7 @@ def export(
     loaded = load_model(model)
     present: dict[str, float] = {}
     if now is not None:
-        present = read_parameters(now)
+        present = read_present_parameters(now)
         check_same_autopilot(present, dialect, str(now))
     rows = parameters(loaded, dialect, present)
     if link is not None:

@@ -21,7 +21,11 @@ def new(
     output: Annotated[Path, typer.Argument(metavar="NEW.yaml", help="Vehicle file to write.")],
     parameters: Annotated[
         Path | None,
-        typer.Option("--parameters", metavar="FILE", help="The autopilot's parameters: .params, .param or .parm."),
+        typer.Option(
+            "--parameters",
+            metavar="FILE",
+            help="The autopilot's parameters: .params, .param, .parm, or a log (.ulg, .bin).",
+        ),
     ] = None,
     mass: Annotated[float | None, typer.Option("--mass", metavar="KG", help="Take-off mass with battery.")] = None,
     propeller: Annotated[
@@ -40,13 +44,13 @@ def new(
     force: Annotated[bool, typer.Option("--force", help="Overwrite NEW.yaml.")] = False,
 ) -> None:
     """Write a vehicle file; what neither the parameters nor the options say is asked."""
-    from quadctl.parameter_file import read_parameters
+    from quadctl.logs.parameters import read_present_parameters
     from quadctl.vehicle_draft.draft import Answers, draft, missing
 
     check_outputs([parameters], output)
     if output.exists() and not force:
         raise QuadctlError(f"{output}: is there already, expected a new file (or --force)")
-    known = read_parameters(parameters) if parameters is not None else {}
+    known = read_present_parameters(parameters) if parameters is not None else {}
     answers = Answers(output.stem, mass, propeller, frame, arm, hover_throttle, hover_rpm)
     for fact in missing(answers, known):
         option = OPTIONS[fact.field]

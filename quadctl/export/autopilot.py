@@ -130,9 +130,12 @@ def _row(quantity: _Quantity, model: Model) -> Row:
         names = f"{', '.join(others)} or {last}" if others else last
         return row._replace(lacking=f"the model holds no {names}: {fly}")
     found = estimate(model, quantity.of)
-    if math.isnan(found.low):
+    fitted = any(item.fitted is not None and item.fitted.ci95 for item in items)
+    if not fitted:
         return row._replace(lacking=f"the model's {items[0].effect.name} has no confidence intervals: {fly}")
-    if not found.known:
+    if math.isnan(found.low):  # whatever the parameters are within their intervals, it is at an end of its range
+        found = Estimate(found.value, found.value, found.value)
+    elif not found.known:
         return row._replace(lacking=f"these flights do not tell it ({found.low:.3g} to {found.high:.3g}): {fly}")
     logs = dict.fromkeys(log for item in items if item.fitted is not None for log in item.fitted.logs)
     return row._replace(estimate=found, logs=tuple(logs))

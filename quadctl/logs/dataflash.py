@@ -78,15 +78,7 @@ def read_dataflash(path: Path) -> FlightLog:
     LogError
         The file cannot be read, is no DataFlash log, or holds no position, velocity or attitude.
     """
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise LogError(f"{path}: cannot be read ({error.strerror})") from None
-    index = _index(data)
-    if not index.formats:
-        raise LogError(
-            f"{path}: describes no message that is needed, expected an ArduPilot DataFlash log with {NEEDED}"
-        )
+    data, index = _indexed(path)
     notes = ["the last message is cut short and was left out"] if index.is_cut_short else []
     if index.n_damaged_bytes:
         notes.append(f"{index.n_damaged_bytes} damaged bytes left out, the first at byte {index.first_damage}")
@@ -101,6 +93,19 @@ def read_dataflash(path: Path) -> FlightLog:
     armed_s = _armed(messages)
     notes += _doubts(messages, armed_s)
     return merge(channels, Origin(path, NEEDED, meta, notes, armed_s, events=_events(messages)))
+
+
+def parameters_in_dataflash(path: Path) -> dict[str, float]:
+    """Last value of each parameter in an ArduPilot DataFlash log.
+
+    Raises
+    ------
+    LogError
+        The file cannot be read, or is no DataFlash log.
+    """
+    data, index = _indexed(path)
+    form = index.formats.get("PARM")
+    return _parameters({"PARM": _decoded(data, form)} if form is not None and form.offsets else {})
 
 
 # --- bytes ------------------------------------------------------------------------------------------------------------
@@ -125,6 +130,20 @@ class _Index:
     """True where the file ends within a message."""
     n_damaged_bytes: int
     first_damage: int | None
+
+
+def _indexed(path: Path) -> tuple[bytes, _Index]:
+    """Content of a log, and where its messages are."""
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise LogError(f"{path}: cannot be read ({error.strerror})") from None
+    index = _index(data)
+    if not index.formats:
+        raise LogError(
+            f"{path}: describes no message that is needed, expected an ArduPilot DataFlash log with {NEEDED}"
+        )
+    return data, index
 
 
 def _index(data: bytes) -> _Index:

@@ -123,6 +123,19 @@ def read_ulog(path: Path) -> FlightLog:
     return log_of_topics(path, topics, meta, notes, _said(log))
 
 
+def parameters_in_ulog(path: Path) -> dict[str, float]:
+    """Last value of each parameter in a PX4 ULog.
+
+    Raises
+    ------
+    LogError
+        The file cannot be read, or is no ULog.
+    """
+    log = _parsed(path)
+    changed = {name: value for _, name, value in log.changed_parameters}
+    return {name: float(value) for name, value in (log.initial_parameters | changed).items()}
+
+
 def log_of_topics(
     path: Path, topics: dict[str, _Topic], meta: dict[str, Any], notes: list[str], events: Sequence[Event] = ()
 ) -> FlightLog:

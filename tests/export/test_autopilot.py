@@ -14,7 +14,7 @@ from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.errors import SettingsError
 from quadctl.export.ardupilot import ARDUPILOT
 from quadctl.export.autopilot import Row, parameter_file, parameters
-from quadctl.export.estimate import estimate
+from quadctl.export.estimate import Estimate, estimate
 from quadctl.export.hover import bend, hover_throttle
 from quadctl.export.px4 import PX4
 from quadctl.model import Model, Provenance
@@ -66,6 +66,15 @@ class TestCurve:
         vehicle = raptor.model_copy(update={"throttle": straight})
         square = replace(PowerCurve(), exponent=4.0)  # T over the linear T to the power of two
         assert bend(Model(vehicle).plus(square), 0.0) == pytest.approx(1.0, abs=1e-6)
+
+    def test_a_bend_that_is_zero_whatever_the_parameters_are_is_known(self, raptor: Vehicle) -> None:
+        """Thrust that begins above zero bends the other way: no value above 0 is nearer within the intervals."""
+        straight = ThrottleCurve(per_newton=1.0 / 32.0, offset=0.0, max_thrust_per_rotor_n=8.0)
+        vehicle = raptor.model_copy(update={"throttle": straight})
+        fitted = Provenance(logs=("a.ulg",), ci95={"factor": (0.79, 0.81), "offset": (0.19, 0.21)})
+        row = rows_of(Model(vehicle).plus(LineMap(factor=0.8, offset=0.2), fitted), {"THR_MDL_FAC": 0.0})["THR_MDL_FAC"]
+        assert row.lacking == ""
+        assert row.estimate == Estimate(0.0, 0.0, 0.0)
 
 
 class TestDrag:

@@ -12,6 +12,7 @@ from quadctl.frames import GRAVITY_M_S2
 from quadctl.settings import validate
 from quadctl.vehicle import Vehicle, load_vehicle
 from quadctl.vehicle_draft.draft import Answers, draft, missing
+from tests.support.places import DATA
 from tests.vehicle_draft.test_frames import QUAD
 
 SMALL = Answers("small", mass_kg=1.0, propeller_m=0.2)
@@ -86,6 +87,18 @@ class TestCommand:
         assert result.exit_code == 0
         assert "4 rotors, 1 kg, thrust up to 4.0 times the weight, throttle in hover 0.25" in result.output
         assert load_vehicle(path).name == "mine"
+
+    @pytest.mark.parametrize(
+        ("log", "arm"), [("px4/excitation.ulg", []), ("ardupilot/excitation.bin", ["--arm", "0.2"])]
+    )
+    def test_a_log_holds_the_parameters_that_it_was_flown_with(self, log: str, arm: list[str], tmp_path: Path) -> None:
+        if not (DATA / "real" / log).exists():
+            pytest.skip("the real logs are not here")
+        path = tmp_path / "mine.yaml"
+        words = ["--parameters", str(DATA / "real" / log), "--mass", "1.0", "--propeller", "0.24", *arm]
+        result = CliRunner().invoke(app, ["vehicle", "new", str(path), *words, "--hover-throttle", "0.49"])
+        assert result.exit_code == 0, result.output
+        assert load_vehicle(path).n_rotors == 4
 
     def test_what_is_missing_is_named_where_nobody_can_be_asked(self, tmp_path: Path) -> None:
         result = CliRunner().invoke(app, ["vehicle", "new", str(tmp_path / "mine.yaml"), "--mass", "1.0"])

@@ -1,0 +1,31 @@
+"""Parameters of an autopilot, from a parameter file or from a log, which holds those that it was flown with."""
+
+from pathlib import Path
+
+from quadctl.errors import SettingsError
+from quadctl.logs.dataflash import is_dataflash, parameters_in_dataflash
+from quadctl.logs.ulog import MAGIC, is_ulog, parameters_in_ulog
+from quadctl.parameter_file import read_parameters
+
+
+def read_present_parameters(path: Path) -> dict[str, float]:
+    """Values by name; of a PX4 ULog or an ArduPilot DataFlash log the last ones.
+
+    Raises
+    ------
+    SettingsError
+        The file cannot be read, is neither a log nor a parameter file, or holds no parameters.
+    LogError
+        The log cannot be parsed.
+    """
+    try:
+        with path.open("rb") as file:
+            head = file.read(len(MAGIC))
+    except OSError as error:
+        raise SettingsError(f"{path}: cannot be read ({error.strerror})") from None
+    if not (is_ulog(head) or is_dataflash(head)):
+        return read_parameters(path)
+    values = parameters_in_ulog(path) if is_ulog(head) else parameters_in_dataflash(path)
+    if not values:
+        raise SettingsError(f"{path}: is a log without parameters, expected an autopilot's parameters")
+    return values
