@@ -29,7 +29,9 @@ def export(
     to: Annotated[
         str,
         typer.Option(
-            "--to", metavar="px4|ardupilot|casadi|numpy|rotorpy|gazebo|sih", help="Parameters, or equations of motion."
+            "--to",
+            metavar="px4|ardupilot|casadi|numpy|rotorpy|gazebo|sih|sitl",
+            help="Parameters, or equations of motion.",
         ),
     ],
     output: Annotated[Path | None, typer.Option("-o", "--output", metavar="FILE", help="File to write.")] = None,

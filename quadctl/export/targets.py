@@ -56,12 +56,21 @@ def _write_sih(model: Model, path: Path) -> tuple[str, ...]:
     return left_out
 
 
+def _write_sitl(model: Model, path: Path) -> tuple[str, ...]:
+    from quadctl.export.sitl_frame import sitl_frame
+
+    text, left_out = sitl_frame(model)
+    path.write_text(text, encoding="utf-8")
+    return left_out
+
+
 PROGRAMS: dict[str, Callable[[Model, Path], tuple[str, ...]]] = {
     "casadi": _write_casadi,
     "numpy": _write_numpy,
     "rotorpy": _write_rotorpy,
     "gazebo": _write_gazebo,
     "sih": _write_sih,
+    "sitl": _write_sitl,
 }
 """Targets that are equations of motion, or a simulator's parameters, each with the function that writes a model into a
 file; it returns what of the model the file leaves out."""
