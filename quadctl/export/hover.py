@@ -1,6 +1,7 @@
 """Thrust and throttle of a model in still air, far from the ground."""
 
 import math
+from collections.abc import Callable
 
 from quadctl.effects.base import Conditions
 from quadctl.errors import SettingsError
@@ -27,13 +28,17 @@ def hover_throttle(model: Model) -> float:
     SettingsError
         No throttle from 0 to 1 carries the vehicle.
     """
-    low, high = 0.0, 1.0
     weight_n = model.vehicle.weight_n
-    if not lift_n(model, low) < weight_n < lift_n(model, high):
+    if not lift_n(model, 0.0) < weight_n < lift_n(model, 1.0):
         raise SettingsError(f"{model.name}: no throttle from 0 to 1 carries the vehicle, by this model")
+    return root(lambda throttle: lift_n(model, throttle) - weight_n, 0.0, 1.0)
+
+
+def root(rising: Callable[[float], float], low: float, high: float) -> float:
+    """Argument between `low` and `high` at which a rising function is 0, by bisection."""
     for _ in range(ITERATIONS):
         middle = 0.5 * (low + high)
-        low, high = (middle, high) if lift_n(model, middle) < weight_n else (low, middle)
+        low, high = (middle, high) if rising(middle) < 0.0 else (low, middle)
         if high - low < TOLERANCE:
             break
     return 0.5 * (low + high)

@@ -9,13 +9,11 @@ with a lean of refAngle.
 import json
 import math
 
-from scipy.optimize import brentq
-
 from quadctl.effects.body_drag import QuadraticDrag
 from quadctl.effects.rotor_drag import LinearDrag
 from quadctl.errors import SettingsError
 from quadctl.export.ardupilot import ARDUPILOT
-from quadctl.export.hover import bend, lift_n
+from quadctl.export.hover import bend, lift_n, root
 from quadctl.frames import GRAVITY_M_S2
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
@@ -106,7 +104,7 @@ def _lean_deg(vehicle: Vehicle, momentum: float, area_m2: float, discs_m2: float
         linear_n = momentum * along_m_s * math.cos(lean) * math.sqrt(weight_n / math.cos(lean) * density * discs_m2)
         return weight_n * math.tan(lean) - linear_n - 0.5 * density * area_m2 * REFERENCE_SPEED_M_S**2
 
-    return math.degrees(brentq(unbalanced_n, 0.0, math.radians(MOST_LEAN_DEG)))
+    return math.degrees(root(unbalanced_n, 0.0, math.radians(MOST_LEAN_DEG)))
 
 
 def _hover_power(vehicle: Vehicle) -> dict[str, float]:
