@@ -198,7 +198,7 @@ class Effect:
         return ""
 
     def shows_in(self, vehicle: Vehicle) -> tuple[str, ...]:
-        """Axes (roll, pitch, yaw) whose moment error must fall, on each of them, for the effect to be accepted."""
+        """Axes (roll, pitch, yaw; up) whose error must fall, on each of them, for the effect to be accepted."""
         return ()
 
     def standing_back(self) -> Self:

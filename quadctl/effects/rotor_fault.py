@@ -39,13 +39,15 @@ class WeakRotor(Effect):
         return "" if whole else f"parameter rotor of {self.name} is {self.rotor:g}, {expected}"
 
     def shows_in(self, vehicle: Vehicle) -> tuple[str, ...]:
-        """Axes on which the rotor has a long lever arm. An error on one of two alone may come from the centre of mass.
+        """Axes on which the rotor has a long lever arm; beside a single one, the vertical axis.
 
-        Not yaw: there motors that lean by little turn the vehicle by more than a rotor's drag does.
+        An error of one moment alone may come from the centre of mass; a weak rotor also lacks thrust, or has a second
+        moment. Not yaw: there motors that lean by little turn the vehicle by more than a rotor's drag does.
         """
         x, y, _ = vehicle.rotors[round(self.rotor) - 1].position_m
         furthest = max(math.hypot(*rotor.position_m[:2]) for rotor in vehicle.rotors)
-        return tuple(axis for axis, lever in (("roll", y), ("pitch", x)) if abs(lever) > 0.3 * furthest)
+        long = tuple(axis for axis, lever in (("roll", y), ("pitch", x)) if abs(lever) > 0.3 * furthest)
+        return long if len(long) > 1 else (*long, "up")
 
     def rotor_thrust(self, thrust_n: Sequence[Number], c: Conditions, vehicle: Vehicle) -> Sequence[Number]:
         weak = round(self.rotor) - 1

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from quadctl.lab.comparison.comparison import Comparison
-from quadctl.lab.comparison.noise_floor import flexible_residual, noise_floor
+from quadctl.lab.fitting.flexible_regression import flexible_residual, noise_floor
 from quadctl.lab.flights.prediction import predict, rmse
 from quadctl.lab.planning.suggestion import Suggestion
 from quadctl.lab.results import draws

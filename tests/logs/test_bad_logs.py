@@ -198,6 +198,17 @@ def test_a_channel_that_says_nothing_is_named(runs: FlightLog, raptor: Vehicle, 
         prepare(damage(runs), raptor)
 
 
+def test_rotor_speeds_of_which_many_updates_repeat_the_last_are_slow_but_not_refused(
+    runs: FlightLog, raptor: Vehicle
+) -> None:
+    """A rounded speed that stays the same is no update: the mean rate falls below the least, the usual one does not."""
+    ticks = np.flatnonzero(np.arange(len(runs)) % 15 == 0)  # 3.3 updates per second
+    kept = ticks[~np.isin(np.arange(len(ticks)) % 10, (7, 8, 9))]
+    shown = kept[np.maximum(np.searchsorted(kept, np.arange(len(runs)), "right") - 1, 0)]
+    flight = prepare(having(runs, {name: runs[name][shown] for name in SPEEDS}), raptor)
+    assert flight.bandwidth_hz == pytest.approx(0.35 * 2.33, rel=0.05)
+
+
 def impaired(log: FlightLog, vehicle: Vehicle) -> tuple[float, str]:
     """Error of the rigid body, which flew, on what is left of a log, and what is said to have been left out."""
     data = load_dataset([log], vehicle)

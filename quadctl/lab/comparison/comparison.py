@@ -9,8 +9,8 @@ from rich.text import Text
 
 from quadctl.lab.arrays import Floats
 from quadctl.lab.comparison.failures import Failure, Profile, failures, profiles
-from quadctl.lab.comparison.noise_floor import flexible_residual, noise_floor
 from quadctl.lab.comparison.open_loop import OpenLoop, open_loop, open_loop_in_words, open_loop_table
+from quadctl.lab.fitting.flexible_regression import flexible_residual, noise_floor
 from quadctl.lab.flights.dataset import AlignedDataset, Dataset
 from quadctl.lab.flights.prediction import rmse
 from quadctl.lab.results import Result, errors_table

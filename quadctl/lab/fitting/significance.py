@@ -16,22 +16,29 @@ NO_CHANGE = 1e-3
 of the fit."""
 SLOPES = np.linspace(0.0, 2.0, 21)
 """Exponents of the power law of the noise: from white noise to a random walk."""
+CORNERS = np.array([0.0, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0])
+"""Frequencies below which the noise is white, in units of the lowest of the flight; 0: at none."""
 FEW_BLOCKS = 3.0
 """Number of blocks of time, by their shares of the evidence, below which it may be a burst of noise."""
 LEAST_FLIGHTS = 4
 """Least number of flights whose differences are the noise; fewer say nothing of an effect in one of them."""
 
 
-def improvement_p_value(before: Floats, predicted_change: Floats, dataset: Dataset) -> float:
+def improvement_p_value(
+    before: Floats, predicted_change: Floats, dataset: Dataset, noise: Floats | None = None
+) -> float:
     """One-sided p-value of the hypothesis that a candidate's change of the prediction does not explain the residual.
 
     `before` is the residual without the candidate and `predicted_change` the held-out change of the prediction by the
     candidate, both of shape (n, axes), for the first axes of the `targets` of `dataset`. For an irrelevant candidate
     their product has mean zero (Clark & West 2007, J. Econometrics 138, test for nested models), but for what errors of
     the logged inputs give, which is subtracted (see `_attenuation`). The variance of the sum comes from the residual
-    with the candidate (see `_variance_of_sum`).
+    with the candidate or, for each axis where it is smaller, from `noise` (see `_variance_of_sum`): a candidate of the
+    right kind but of another form leaves an error that is as slow as the effect, and no noise.
     """
     after = before - predicted_change
+    if noise is not None:
+        after = np.where(np.mean(noise**2, axis=0) < np.mean(after**2, axis=0), noise, after)
     used = [
         axis
         for axis in range(before.shape[1])
@@ -98,20 +105,22 @@ def _spectrum(noise: Floats, taken: Floats, low: int) -> Floats:
     """Variance of the noise of one flight, shape (n,), at each frequency of `rfft`; white noise has its variance at
     all.
 
-    The periodogram, but at the `low` lowest frequencies a power law fitted to it (Whittle likelihood; the power does
-    not fall toward lower frequencies). A fit takes the noise out at the frequencies at which its model varies, so a
-    frequency counts the less the more of the power `taken` of the model is there. The mean counts as half the lowest
-    frequency.
+    The periodogram, but at the `low` lowest frequencies a power law with a corner fitted to it, (f^2 + corner^2) to the
+    power of -slope / 2 (Whittle likelihood; the power does not fall toward lower frequencies). A fit takes the noise
+    out at the frequencies at which its model varies, so a frequency counts the less the more of the power `taken` of
+    the model is there. The mean counts as half the lowest frequency.
     """
     found = np.abs(rfft(noise)) ** 2 / len(noise)
     at = np.arange(1.0, min(low, len(found) - 1) + 1.0)
     power = found[1 : len(at) + 1]
     share = 1.0 / (1.0 + taken[1 : len(at) + 1] / max(float(taken[1 : len(at) + 1].mean()), LEAST_VARIANCE))
     share /= share.sum()
-    scales = np.array([np.sum(share * power * at**slope) for slope in SLOPES])
-    likelihoods = SLOPES * np.sum(share * np.log(at)) - np.log(np.maximum(scales, LEAST_VARIANCE))
-    best = int(np.argmax(likelihoods))
-    found[: len(at) + 1] = scales[best] * np.concatenate([[0.5], at]) ** -SLOPES[best]
+    logs = 0.5 * np.log(np.concatenate([[0.5], at]) ** 2 + CORNERS[:, None] ** 2)
+    shapes = SLOPES[:, None, None] * logs
+    scales = np.exp(shapes[..., 1:]) @ (share * power)
+    likelihoods = shapes[..., 1:] @ share - np.log(np.maximum(scales, LEAST_VARIANCE))
+    best = np.unravel_index(np.argmax(likelihoods), likelihoods.shape)
+    found[: len(at) + 1] = scales[best] * np.exp(-shapes[best])
     return np.asarray(found)
 
 

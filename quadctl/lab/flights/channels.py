@@ -53,9 +53,19 @@ class Channel:
         return Akima1DInterpolator(self.time_s, self.value, method="makima")
 
     def rate_hz(self, segments: Sequence[tuple[float, float]]) -> float:
+        """Mean update rate in these segments of time."""
         ends = np.array(segments).T
         inside = np.sum(np.searchsorted(self.time_s, ends[1], "right") - np.searchsorted(self.time_s, ends[0]))
         return float(inside / max(sum(b - a for a, b in segments), 1e-9))
+
+    def usual_rate_hz(self, segments: Sequence[tuple[float, float]]) -> float:
+        """Update rate by the median time between updates in these segments; 0 where there are not two.
+
+        An update that is lost, or that repeats a rounded value, lowers the mean rate but not this one.
+        """
+        between = [np.diff(self.time_s[(self.time_s >= begin) & (self.time_s <= end)]) for begin, end in segments]
+        steps = np.concatenate(between)
+        return float(1.0 / np.median(steps)) if len(steps) else 0.0
 
 
 @dataclass(frozen=True)

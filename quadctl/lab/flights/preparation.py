@@ -72,7 +72,7 @@ def prepare(log: FlightLog, vehicle: Vehicle) -> Flight:
     segments = _flight_segments(log, signals, vehicle, notes)
     rates = {name: channel.rate_hz(segments) for name, channel in signals.timed.items()}
     name, slowest = min(rates.items(), key=lambda item: item[1])
-    if slowest < MIN_UPDATE_RATE_HZ:
+    if max(slowest, signals.timed[name].usual_rate_hz(segments)) < MIN_UPDATE_RATE_HZ:
         changes = f"has {slowest:.2f} updates per second" if slowest > 0.0 else "never changes"
         raise LogError(
             f"{log.name}: its slowest channel, {name}, {changes} in flight, expected at least {MIN_UPDATE_RATE_HZ:g} "

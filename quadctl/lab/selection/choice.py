@@ -4,8 +4,8 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 from quadctl.effects import Effect, every_effect
-from quadctl.lab.comparison.noise_floor import drift_of, flexible_residual
 from quadctl.lab.fitting.fitted_model import FittedModel
+from quadctl.lab.fitting.flexible_regression import drift_of, flexible_residual
 from quadctl.lab.fitting.significance import improvement_p_value
 from quadctl.lab.flights.channels import ROTOR_SPEED
 from quadctl.lab.selection.rule import (

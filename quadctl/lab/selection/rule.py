@@ -108,10 +108,14 @@ def _moment_drops(c: Candidate) -> list[float]:
 
 
 def shows_in_moments(c: Candidate) -> bool:
-    """Tell whether a candidate lowers the error of every moment that its physics must show in, and worsens none."""
-    shown = [c.drops.get(axis, 0.0) for axis in c.effect.shows_in(c.model.vehicle)]
+    """Tell whether a candidate lowers the error of every moment that its physics must show in, and worsens none; and
+    that of the thrust, where it must show there too."""
+    axes = c.effect.shows_in(c.model.vehicle)
+    shown = [c.drops.get(axis, 0.0) for axis in axes if axis in MOMENTS]
     enough = max(SHOWN if len(shown) > 1 else SHOWN_ALONE, SHOWN_BESIDE * c.largest_drop)
     drops = _moment_drops(c)
+    if "up" in axes and c.drops.get("up", 0.0) < SHOWN:
+        return False
     return not shown or (min(shown) > enough and min(drops) > -HARMLESS)
 
 
