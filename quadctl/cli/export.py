@@ -30,7 +30,7 @@ def export(
         str,
         typer.Option(
             "--to",
-            metavar="px4|ardupilot|casadi|numpy|rotorpy|gazebo|sih|sitl",
+            metavar="px4|ardupilot|casadi|numpy|rotorpy|crazyflow|gazebo|sih|sitl",
             help="Parameters, or equations of motion.",
         ),
     ],
@@ -144,7 +144,9 @@ def _print(rows: "list[Row]") -> None:
             table.add_row(row.name, f"{found.value:.4g}", interval, present)
     console.print(table)
     for row in rows:
-        _say(f"{row.name}: {row.lacking or row.formula}{f'; {row.note}' if row.note and not row.lacking else ''}")
+        logs = f", from {', '.join(row.logs)}" if row.logs else ""
+        note = f"; {row.note}" if row.note else ""
+        _say(f"{row.name}: {row.lacking or f'{row.formula}{logs}{note}'}")
 
 
 def _as_dict(row: "Row") -> dict[str, object]:

@@ -79,6 +79,7 @@ def test_present_parameters_of_the_same_autopilot_are_read(quadctl: QuadCtl, mod
     done = quadctl("export", model, "--to", "px4", "--now", tmp_path / "now.params")
     assert done.status == 0, done.err
     assert "0.15" in done.out
+    assert "EKF2_MCOEF: mean of d_x and d_y, at 1.225 kg/m³, from runs.csv; one number for both axes" in done.out
 
 
 @pytest.mark.parametrize("target", [*AUTOPILOTS, *PROGRAMS])
@@ -92,7 +93,7 @@ def test_an_output_that_cannot_be_written(
     refused(quadctl("export", model, "--to", target, "-o", output), f"{output}: ")
 
 
-@pytest.mark.parametrize("target", ["rotorpy", "sih"])
+@pytest.mark.parametrize("target", ["rotorpy", "crazyflow", "sih"])
 def test_a_target_that_cannot_hold_the_vehicle(quadctl: QuadCtl, tmp_path: Path, target: str) -> None:
     save_model(Model(load_vehicle(VEHICLES / "f550.yaml")), tmp_path / "six.yaml")
     done = quadctl("export", tmp_path / "six.yaml", "--to", target, "-o", tmp_path / "out")
