@@ -171,8 +171,8 @@ def read_table(path: Path) -> pl.DataFrame:
             if header[0].count(separator):  # names may hold spaces
                 table = pl.read_csv(path, separator=separator, **_CSV)
             else:
-                names = header[0].lstrip("#").split()
-                table = pl.read_csv(path, separator=" ", has_header=False, skip_rows=1, new_columns=names, **_CSV)
+                rows = pl.read_csv(path, separator=" ", has_header=False, skip_rows=1, **_CSV)
+                table = _named(path, rows, header[0].lstrip("#").split())
     except OSError as error:
         raise LogError(f"{path}: cannot be read ({error.strerror or error})") from None
     except pl.exceptions.ShapeError:  # of names and columns
@@ -190,6 +190,16 @@ def read_table(path: Path) -> pl.DataFrame:
 
 
 # --- parts ------------------------------------------------------------------------------------------------------------
+
+
+def _named(path: Path, rows: pl.DataFrame, names: list[str]) -> pl.DataFrame:
+    """The rows with names for their columns; empty ones after a blank at the ends of the lines are left out."""
+    kept, ends = rows.columns[: len(names)], rows.columns[len(names) :]
+    if not names or len(kept) < len(names) or any(rows[column].null_count() < len(rows) for column in ends):
+        raise LogError(
+            f"{path}: its header names {len(names)} columns and its rows have {rows.width}, expected a table"
+        )
+    return rows.select(kept).rename(dict(zip(kept, names, strict=True)))
 
 
 def _numbers(path: Path, table: pl.DataFrame, name: str) -> Floats:
