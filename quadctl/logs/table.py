@@ -175,10 +175,6 @@ def read_table(path: Path) -> pl.DataFrame:
                 table = _named(path, rows, header[0].lstrip("#").split())
     except OSError as error:
         raise LogError(f"{path}: cannot be read ({error.strerror or error})") from None
-    except pl.exceptions.ShapeError:  # of names and columns
-        raise LogError(
-            f"{path}: its header names another number of columns than its rows have, expected a table"
-        ) from None
     except pl.exceptions.PolarsError as error:
         raise LogError(f"{path}: is no table ({str(error).splitlines()[0]}), expected CSV or Parquet") from None
     if table.is_empty():
