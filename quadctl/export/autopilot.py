@@ -15,9 +15,9 @@ from quadctl.model import Model
 SEA_LEVEL_DENSITY_KG_M3 = 1.225
 THRUST, CURVE = ("thrust_scale", "thrust_map", "thrust_curve"), ("thrust_map", "thrust_curve")
 """Families of effects between command and thrust, and those of them that bend it."""
-FORWARD_RUNS, VERTICAL_RUNS, STAIRCASE = (
-    *("missions/forward_runs.yaml", "missions/vertical_runs.yaml", "missions/hover_staircase_high.yaml"),
-)
+RUNS = "runs at several speeds, such as missions/forward_runs.yaml"
+CLIMBS = "climbs and descents, such as missions/vertical_runs.yaml"
+HOVER = "a flight away from the ground, such as missions/hover_staircase_high.yaml"
 
 
 OFF = Estimate(0.0, 0.0, 0.0)
@@ -63,7 +63,8 @@ class _Quantity(NamedTuple):
     formula: str
     families: Sequence[str]
     """Effects of which one must have been fitted."""
-    mission: str
+    flight: str
+    """Flight that shows it, in words and as a mission."""
     of: Callable[[Model], float]
 
 
@@ -97,15 +98,13 @@ def parameters(model: Model, dialect: Dialect, present: Mapping[str, float]) -> 
     """
     used = present.get(dialect.curve, dialect.default_curve)
     drag = [
-        _Quantity(dialect.ballistic_x, "mass / area_x", ("body_drag",), FORWARD_RUNS, lambda m: _ballistic(m, 0)),
-        _Quantity(dialect.ballistic_y, "mass / area_y", ("body_drag",), FORWARD_RUNS, lambda m: _ballistic(m, 1)),
-        _Quantity(
-            dialect.momentum_drag, "mean of d_x and d_y, at 1.225 kg/m³", ("rotor_drag",), FORWARD_RUNS, _momentum
-        ),
+        _Quantity(dialect.ballistic_x, "mass / area_x", ("body_drag",), RUNS, lambda m: _ballistic(m, 0)),
+        _Quantity(dialect.ballistic_y, "mass / area_y", ("body_drag",), RUNS, lambda m: _ballistic(m, 1)),
+        _Quantity(dialect.momentum_drag, "mean of d_x and d_y, at 1.225 kg/m³", ("rotor_drag",), RUNS, _momentum),
     ]
     thrust = [
-        _Quantity(dialect.hover, "throttle of hover, far from the ground", THRUST, STAIRCASE, hover_throttle),
-        _Quantity(dialect.curve, "b of thrust = b s² + (1 - b) s", CURVE, VERTICAL_RUNS, lambda m: bend(m, used)),
+        _Quantity(dialect.hover, "throttle of hover, far from the ground", THRUST, HOVER, hover_throttle),
+        _Quantity(dialect.curve, "b of thrust = b s² + (1 - b) s", CURVE, CLIMBS, lambda m: bend(m, used)),
     ]
     drag_rows = [_row(quantity, model) for quantity in drag]
     if any(row.estimate is not None for row in drag_rows):  # what the model does not hold must not be added to it
@@ -124,11 +123,12 @@ def parameters(model: Model, dialect: Dialect, present: Mapping[str, float]) -> 
 def _row(quantity: _Quantity, model: Model) -> Row:
     row = Row(quantity.name, quantity.formula)
     items = [item for item in model.stack if item.effect.family() in quantity.families]
-    fly = f"fly {quantity.mission}, and fit it"
+    fly = f"fly {quantity.flight}, and fit it"
     if not items:
         *others, last = quantity.families
         names = f"{', '.join(others)} or {last}" if others else last
-        return row._replace(lacking=f"the model holds no {names}: {fly}")
+        fit = f"quadctl add {quantity.families[0]} fits one to {quantity.flight}"
+        return row._replace(lacking=f"the model holds no {names}: {fit}")
     found = estimate(model, quantity.of)
     fitted = any(item.fitted is not None and item.fitted.ci95 for item in items)
     if not fitted:
