@@ -58,7 +58,7 @@ def export(
 
     What the flights do not tell, and what the target cannot say, is listed.
     """
-    from quadctl.export.autopilot import check_same_autopilot, parameter_file, parameters
+    from quadctl.export.autopilot import check_same_autopilot, check_same_vehicle, parameter_file, parameters
     from quadctl.export.targets import AUTOPILOTS, PROGRAMS
     from quadctl.logs.parameters import read_present_parameters
     from quadctl.model import load_model
@@ -91,7 +91,9 @@ def export(
     if link is not None:
         from quadctl.export.apply import present_parameters
 
-        rows = parameters(loaded, dialect, present_parameters(link, dialect, [row.name for row in rows]))
+        present = present_parameters(link, dialect, [*(row.name for row in rows), dialect.frame])
+        rows = parameters(loaded, dialect, present)
+    check_same_vehicle(present, dialect, loaded, str(link or now))
     text = parameter_file(rows, dialect, str(model))
     _print(rows)
     write_json(

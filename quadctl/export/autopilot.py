@@ -39,6 +39,10 @@ class Dialect(NamedTuple):
     default_curve: float
     notes: Mapping[str, str]
     """Note beside a parameter."""
+    frame: str
+    """Parameter that tells the number of rotors."""
+    n_rotors: Callable[[float], int | None]
+    """Function from its value to that number; None where it does not say."""
     file_line: Callable[[str, float], str]
     """Function from a parameter's name and value to its line in a parameter file."""
 
@@ -83,6 +87,23 @@ def check_same_autopilot(present: Mapping[str, float], dialect: Dialect, source:
         raise SettingsError(
             f"{source}: holds {len(present)} parameters, such as {next(iter(present))}, "
             f"but none of {', '.join(names)}, expected a parameter file of {dialect.name}"
+        )
+
+
+def check_same_vehicle(present: Mapping[str, float], dialect: Dialect, model: Model, source: str) -> None:
+    """Refuse present parameters of a vehicle with another number of rotors; `source` is where they are from.
+
+    Raises
+    ------
+    SettingsError
+        They tell another number of rotors than the model's vehicle has.
+    """
+    value = present.get(dialect.frame)
+    found, expected = None if value is None else dialect.n_rotors(value), model.vehicle.n_rotors
+    if found is not None and found != expected:
+        raise SettingsError(
+            f"{source}: is of a vehicle with {found} rotors ({dialect.frame} is {value:g}), "
+            f"expected {expected} as {model.vehicle.name} has"
         )
 
 

@@ -74,6 +74,23 @@ def test_present_parameters_of_no_such_vehicle(
     refused(quadctl("export", model, "--to", "px4", "--now", tmp_path / "now.params"), said)
 
 
+@pytest.mark.parametrize(
+    ("to", "content", "said"),
+    [
+        ("px4", "EKF2_MCOEF 0.15\nCA_ROTOR_COUNT 6", "6 rotors (CA_ROTOR_COUNT is 6), expected 4 as raptor has"),
+        ("ardupilot", "EK3_DRAG_MCOEF,0.15\nFRAME_CLASS,3", "8 rotors (FRAME_CLASS is 3), expected 4 as raptor has"),
+    ],
+)
+def test_present_parameters_of_another_vehicle(
+    quadctl: QuadCtl, model: Path, tmp_path: Path, to: str, content: str, said: str
+) -> None:
+    (tmp_path / "now.params").write_text(content)
+    refused(
+        quadctl("export", model, "--to", to, "--now", tmp_path / "now.params"),
+        f"now.params: is of a vehicle with {said}",
+    )
+
+
 def test_present_parameters_of_the_same_autopilot_are_read(quadctl: QuadCtl, model: Path, tmp_path: Path) -> None:
     (tmp_path / "now.params").write_text("1\t1\tEKF2_MCOEF\t0.15\t9\n")
     done = quadctl("export", model, "--to", "px4", "--now", tmp_path / "now.params")
