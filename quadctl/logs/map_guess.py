@@ -26,7 +26,7 @@ MIN_MISFIT = 0.5
 """Sum of disagreements below which no other reading is looked for."""
 WORDS = (
     ("rates", r"gyro|ang(ular)?_?(vel|rate)|omega|body_?rate|twist_angular|rates?\b|^w_|_rate_"),
-    ("imu", r"acc|imu|specific_force"),
+    ("imu", r"(?<!ang_)(?<!angular_)acc|imu|specific_force"),
     ("velocity", r"vel|speed|twist_linear|^v_"),
     ("position", r"pos|^p_|loc|^_$"),
 )

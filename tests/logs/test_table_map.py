@@ -343,6 +343,12 @@ class TestGuess:
         path.write_text(as_yaml(by, "a guess"))
         assert_same_flight(read_by_map(table, path), own)
 
+    def test_an_angular_acceleration_is_no_accelerometer(self, own: FlightLog, tmp_path: Path) -> None:
+        neurobem(own).write_csv(tmp_path / "a.csv")
+        by, log = proposed(tmp_path / "a.csv")
+        assert by.imu is not None and by.imu.columns == ("acc x", "acc y", "acc z")
+        assert_same_flight(log, own)
+
     def test_columns_without_telling_names(self, tmp_path: Path) -> None:
         path = tmp_path / "a.csv"
         path.write_text("time,foo,bar\n0,1,2\n1,2,3\n")
