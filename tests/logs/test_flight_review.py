@@ -59,6 +59,7 @@ def test_it_is_the_same_flight_as_its_ulog(folder: Path, tmp_path: Path) -> None
     assert_same(folder, tmp_path / "small.ulg")
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not REAL.is_file(), reason="the recordings of real autopilots are not here")
 def test_a_real_flight_with_its_parameters_and_messages(tmp_path: Path) -> None:
     folder = flight_review(REAL, tmp_path / "real")

@@ -36,7 +36,7 @@ MAP: dict[str, Any] = {
 }
 
 
-def flight(duration_s: float = 60.0) -> FlightLog:
+def flight(duration_s: float = 30.0) -> FlightLog:
     """A flight in circles with changing heading, in our own frames: it leans where it accelerates to."""
     t = np.arange(0.0, duration_s, 0.01)
     north, east, up = 4.0 * np.sin(0.9 * t), 3.0 * np.sin(1.3 * t), 5.0 + np.sin(0.5 * t)
