@@ -30,7 +30,7 @@ def export(
         str,
         typer.Option(
             "--to",
-            metavar="px4|ardupilot|casadi|numpy|rotorpy|gazebo|sih|sitl",
+            metavar="px4|ardupilot|casadi|numpy|rotorpy|crazyflow|gazebo|sih|sitl",
             help="Parameters, or equations of motion.",
         ),
     ],
@@ -58,7 +58,7 @@ def export(
 
     What the flights do not tell, and what the target cannot say, is listed.
     """
-    from quadctl.export.autopilot import check_same_autopilot, parameter_file, parameters
+    from quadctl.export.autopilot import check_same_autopilot, check_same_vehicle, parameter_file, parameters
     from quadctl.export.targets import AUTOPILOTS, PROGRAMS
     from quadctl.logs.parameters import read_present_parameters
     from quadctl.model import load_model
@@ -91,7 +91,9 @@ def export(
     if link is not None:
         from quadctl.export.apply import present_parameters
 
-        rows = parameters(loaded, dialect, present_parameters(link, dialect, [row.name for row in rows]))
+        present = present_parameters(link, dialect, [*(row.name for row in rows), dialect.frame])
+        rows = parameters(loaded, dialect, present)
+    check_same_vehicle(present, dialect, loaded, str(link or now))
     text = parameter_file(rows, dialect, str(model))
     _print(rows)
     write_json(
@@ -144,7 +146,9 @@ def _print(rows: "list[Row]") -> None:
             table.add_row(row.name, f"{found.value:.4g}", interval, present)
     console.print(table)
     for row in rows:
-        _say(f"{row.name}: {row.lacking or row.formula}{f'; {row.note}' if row.note and not row.lacking else ''}")
+        logs = f", from {', '.join(row.logs)}" if row.logs else ""
+        note = f"; {row.note}" if row.note else ""
+        _say(f"{row.name}: {row.lacking or f'{row.formula}{logs}{note}'}")
 
 
 def _as_dict(row: "Row") -> dict[str, object]:

@@ -391,7 +391,8 @@ def inspect_logs(
         typer.Option("-o", "--output", metavar="DIR", help="Folder to write to [default: beside each log]."),
     ] = None,
     by_map: Annotated[
-        Path | None, typer.Option("--map", metavar="MAP.yaml", help="Read tables of another program by this map.")
+        Path | None,
+        typer.Option("--map", metavar="MAP.yaml", help="Read tables of another program by this map.", callback=find),
     ] = None,
     guess: Annotated[bool, typer.Option("--guess", help="Propose a map of one table, and print it.")] = False,
     plot: Annotated[

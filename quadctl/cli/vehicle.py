@@ -52,10 +52,11 @@ def new(
         raise QuadctlError(f"{output}: is there already, expected a new file (or --force)")
     known = read_present_parameters(parameters) if parameters is not None else {}
     answers = Answers(output.stem, mass, propeller, frame, arm, hover_throttle, hover_rpm)
-    for fact in missing(answers, known):
-        option = OPTIONS[fact.field]
-        if not sys.stdin.isatty():
-            raise SettingsError(f"{option} is missing, expected the {fact.question}")
+    facts = missing(answers, known)
+    if facts and not sys.stdin.isatty():
+        options = "; ".join(f"{OPTIONS[fact.field]}, the {fact.question}" for fact in facts)
+        raise SettingsError(f"facts are missing, expected {options}")
+    for fact in facts:
         kind = str if fact.field == "frame" else float
         answers = answers._replace(
             **{fact.field: typer.prompt(fact.question[0].upper() + fact.question[1:], type=kind)}

@@ -2,6 +2,9 @@
 
 from quadctl.export.autopilot import Dialect
 
+ROTORS_OF_CLASS = {1: 4, 2: 6, 3: 8, 4: 8, 5: 6, 7: 3}
+"""Number of rotors by FRAME_CLASS: quad, hexa, octa, octa-quad, Y6, tri."""
+
 ARDUPILOT = Dialect(
     name="ArduPilot",
     hover="MOT_THST_HOVER",
@@ -16,5 +19,7 @@ ARDUPILOT = Dialect(
         "MOT_THST_EXPO": "tune the gains of the rate controller again; the vehicle file's throttle line changes, too",
         "EK3_DRAG_MCOEF": "one number for both axes",
     },
+    frame="FRAME_CLASS",
+    n_rotors=lambda value: ROTORS_OF_CLASS.get(int(value)),
     file_line=lambda name, value: f"{name},{value:.9g}",
 )

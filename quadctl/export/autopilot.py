@@ -15,9 +15,9 @@ from quadctl.model import Model
 SEA_LEVEL_DENSITY_KG_M3 = 1.225
 THRUST, CURVE = ("thrust_scale", "thrust_map", "thrust_curve"), ("thrust_map", "thrust_curve")
 """Families of effects between command and thrust, and those of them that bend it."""
-FORWARD_RUNS, VERTICAL_RUNS, STAIRCASE = (
-    *("missions/forward_runs.yaml", "missions/vertical_runs.yaml", "missions/hover_staircase_high.yaml"),
-)
+RUNS = "runs at several speeds, such as missions/forward_runs.yaml"
+CLIMBS = "climbs and descents, such as missions/vertical_runs.yaml"
+HOVER = "a flight away from the ground, such as missions/hover_staircase_high.yaml"
 
 
 OFF = Estimate(0.0, 0.0, 0.0)
@@ -39,6 +39,10 @@ class Dialect(NamedTuple):
     default_curve: float
     notes: Mapping[str, str]
     """Note beside a parameter."""
+    frame: str
+    """Parameter that tells the number of rotors."""
+    n_rotors: Callable[[float], int | None]
+    """Function from its value to that number; None where it does not say."""
     file_line: Callable[[str, float], str]
     """Function from a parameter's name and value to its line in a parameter file."""
 
@@ -63,7 +67,8 @@ class _Quantity(NamedTuple):
     formula: str
     families: Sequence[str]
     """Effects of which one must have been fitted."""
-    mission: str
+    flight: str
+    """Flight that shows it, in words and as a mission."""
     of: Callable[[Model], float]
 
 
@@ -85,6 +90,23 @@ def check_same_autopilot(present: Mapping[str, float], dialect: Dialect, source:
         )
 
 
+def check_same_vehicle(present: Mapping[str, float], dialect: Dialect, model: Model, source: str) -> None:
+    """Refuse present parameters of a vehicle with another number of rotors; `source` is where they are from.
+
+    Raises
+    ------
+    SettingsError
+        They tell another number of rotors than the model's vehicle has.
+    """
+    value = present.get(dialect.frame)
+    found, expected = None if value is None else dialect.n_rotors(value), model.vehicle.n_rotors
+    if found is not None and found != expected:
+        raise SettingsError(
+            f"{source}: is of a vehicle with {found} rotors ({dialect.frame} is {value:g}), "
+            f"expected {expected} as {model.vehicle.name} has"
+        )
+
+
 def parameters(model: Model, dialect: Dialect, present: Mapping[str, float]) -> list[Row]:
     """Parameters of the autopilot that the model tells, and those that it does not, with the reason.
 
@@ -97,15 +119,13 @@ def parameters(model: Model, dialect: Dialect, present: Mapping[str, float]) -> 
     """
     used = present.get(dialect.curve, dialect.default_curve)
     drag = [
-        _Quantity(dialect.ballistic_x, "mass / area_x", ("body_drag",), FORWARD_RUNS, lambda m: _ballistic(m, 0)),
-        _Quantity(dialect.ballistic_y, "mass / area_y", ("body_drag",), FORWARD_RUNS, lambda m: _ballistic(m, 1)),
-        _Quantity(
-            dialect.momentum_drag, "mean of d_x and d_y, at 1.225 kg/m³", ("rotor_drag",), FORWARD_RUNS, _momentum
-        ),
+        _Quantity(dialect.ballistic_x, "mass / area_x", ("body_drag",), RUNS, lambda m: _ballistic(m, 0)),
+        _Quantity(dialect.ballistic_y, "mass / area_y", ("body_drag",), RUNS, lambda m: _ballistic(m, 1)),
+        _Quantity(dialect.momentum_drag, "mean of d_x and d_y, at 1.225 kg/m³", ("rotor_drag",), RUNS, _momentum),
     ]
     thrust = [
-        _Quantity(dialect.hover, "throttle of hover, far from the ground", THRUST, STAIRCASE, hover_throttle),
-        _Quantity(dialect.curve, "b of thrust = b s² + (1 - b) s", CURVE, VERTICAL_RUNS, lambda m: bend(m, used)),
+        _Quantity(dialect.hover, "throttle of hover, far from the ground", THRUST, HOVER, hover_throttle),
+        _Quantity(dialect.curve, "b of thrust = b s² + (1 - b) s", CURVE, CLIMBS, lambda m: bend(m, used)),
     ]
     drag_rows = [_row(quantity, model) for quantity in drag]
     if any(row.estimate is not None for row in drag_rows):  # what the model does not hold must not be added to it
@@ -124,11 +144,12 @@ def parameters(model: Model, dialect: Dialect, present: Mapping[str, float]) -> 
 def _row(quantity: _Quantity, model: Model) -> Row:
     row = Row(quantity.name, quantity.formula)
     items = [item for item in model.stack if item.effect.family() in quantity.families]
-    fly = f"fly {quantity.mission}, and fit it"
+    fly = f"fly {quantity.flight}, and fit it"
     if not items:
         *others, last = quantity.families
         names = f"{', '.join(others)} or {last}" if others else last
-        return row._replace(lacking=f"the model holds no {names}: {fly}")
+        fit = f"quadctl add {quantity.families[0]} fits one to {quantity.flight}"
+        return row._replace(lacking=f"the model holds no {names}: {fit}")
     found = estimate(model, quantity.of)
     fitted = any(item.fitted is not None and item.fitted.ci95 for item in items)
     if not fitted:

@@ -20,5 +20,7 @@ PX4 = Dialect(
         "EKF2_MCOEF": "one number for both axes",
         "EKF2_DRAG_CTRL": "without it the drag is not used",
     },
+    frame="CA_ROTOR_COUNT",
+    n_rotors=lambda value: int(value) or None,
     file_line=lambda name, value: f"1\t1\t{name}\t{value:.9g}\t{INT32 if name == 'EKF2_DRAG_CTRL' else REAL32}",
 )

@@ -40,6 +40,14 @@ def _write_rotorpy(model: Model, path: Path) -> tuple[str, ...]:
     return left_out
 
 
+def _write_crazyflow(model: Model, path: Path) -> tuple[str, ...]:
+    from quadctl.export.crazyflow import crazyflow_code
+
+    text, left_out = crazyflow_code(model)
+    path.write_text(text, encoding="utf-8")
+    return left_out
+
+
 def _write_gazebo(model: Model, path: Path) -> tuple[str, ...]:
     from quadctl.export.gazebo import gazebo_sdf
 
@@ -68,6 +76,7 @@ PROGRAMS: dict[str, Callable[[Model, Path], tuple[str, ...]]] = {
     "casadi": _write_casadi,
     "numpy": _write_numpy,
     "rotorpy": _write_rotorpy,
+    "crazyflow": _write_crazyflow,
     "gazebo": _write_gazebo,
     "sih": _write_sih,
     "sitl": _write_sitl,

@@ -17,6 +17,8 @@ Body: TypeAlias = Literal["FRD", "FLU"]
 Vectors: TypeAlias = tuple[Floats, Floats, Floats]
 """Three components, each of shape (n,)."""
 
+MAX_DETERMINANT_ERROR = 0.1
+"""Largest distance of a rotation matrix's determinant from 1."""
 _HALF_TURN_ABOUT_X: Quaternion = (0.0, 1.0, 0.0, 0.0)
 _TO_NED: dict[str, Quaternion] = {
     "NED": (1.0, 0.0, 0.0, 0.0),
@@ -60,6 +62,16 @@ def euler_deg(quaternion: Quaternion) -> Vectors:
 def quaternion_of(angles_rad: Vectors) -> Quaternion:
     """Quaternion of roll, pitch and yaw in the frames in which these are given."""
     return quaternion_from_euler(*angles_rad)
+
+
+def quaternion_of_matrix(rows: tuple[Vectors, Vectors, Vectors]) -> Quaternion:
+    """Quaternion of rotation matrices, given by their rows; NaN where a matrix is far from a rotation."""
+    from scipy.spatial.transform import Rotation  # heavy, and few tables need it
+
+    matrices = np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    sound = np.abs(np.linalg.det(matrices) - 1.0) < MAX_DETERMINANT_ERROR
+    x, y, z, w = Rotation.from_matrix(np.where(sound[:, None, None], matrices, np.eye(3))).as_quat().T
+    return tuple(np.where(sound, part, np.nan) for part in (w, x, y, z))  # type: ignore[return-value]
 
 
 def body_to_world(quaternion: Quaternion, velocity: Vectors) -> Vectors:

@@ -26,13 +26,19 @@ class LogFormat:
 
     label: str
     suffix: str
-    """With its dot, in lower case."""
+    """With its dot, in lower case; "" where a log is always a folder."""
     reader: str
     """(path) -> FlightLog; it raises a LogError for a file that is not of its format."""
     recogniser: str | None
     """(the first HEAD_BYTES of a file) -> bool; None for the one format that is tried where no other is recognised."""
     folder_holds: str | None = None
     """File that makes a folder a log of this format; None where a log is always one file."""
+    other_suffixes: tuple[str, ...] = ()
+    """Further suffixes of its files, as `suffix`."""
+
+    @property
+    def suffixes(self) -> tuple[str, ...]:
+        return (self.suffix, *self.other_suffixes) if self.suffix else ()
 
     def recognises(self, head: bytes) -> bool:
         return self.recogniser is not None and bool(resolve_name(self.recogniser)(head))
@@ -48,8 +54,15 @@ FORMATS: tuple[LogFormat, ...] = (
         "ArduPilot DataFlash", ".bin", "quadctl.logs.dataflash:read_dataflash", "quadctl.logs.dataflash:is_dataflash"
     ),
     LogFormat("MAVLink telemetry", ".tlog", "quadctl.logs.tlog:read_tlog", "quadctl.logs.tlog:is_tlog"),
-    LogFormat("ROS bag", ".mcap", "quadctl.logs.rosbag:read_rosbag", "quadctl.logs.rosbag:is_rosbag", "metadata.yaml"),
+    LogFormat(
+        *("ROS bag", ".mcap", "quadctl.logs.rosbag:read_rosbag", "quadctl.logs.rosbag:is_rosbag", "metadata.yaml"),
+        other_suffixes=(".db3", ".bag"),
+    ),
     LogFormat("Parquet", ".parquet", "quadctl.logs.table:read_parquet", "quadctl.logs.table:is_parquet"),
+    LogFormat(
+        *("folder of PX4 Flight Review 2", "", "quadctl.logs.flight_review:read_flight_review", None),
+        folder_holds="vehicle_attitude.parquet",
+    ),
 )
 MAP_SUFFIX = ".map.yaml"
 """A table `NAME.csv` with a map `NAME.map.yaml` beside it is read by that map, by every command."""
@@ -66,12 +79,12 @@ CONVERTERS: dict[str, str] = {
 
 def suffixes() -> tuple[str, ...]:
     """Suffixes of all formats that can be read."""
-    return tuple(form.suffix for form in FORMATS)
+    return tuple(suffix for form in FORMATS for suffix in form.suffixes)
 
 
 def labels() -> str:
-    """All formats that can be read, in words: `CSV (.csv), PX4 ULog (.ulg), ...`."""
-    return ", ".join(f"{form.label} ({form.suffix})" for form in FORMATS)
+    """All formats of files that can be read, in words: `CSV (.csv), PX4 ULog (.ulg), ...`."""
+    return ", ".join(f"{form.label} ({', '.join(form.suffixes)})" for form in FORMATS if form.suffix)
 
 
 def format_of(head: bytes, suffix: str) -> LogFormat:
@@ -79,7 +92,7 @@ def format_of(head: bytes, suffix: str) -> LogFormat:
     for form in FORMATS:
         if form.recognises(head):
             return form
-    by_suffix = [form for form in FORMATS if form.suffix == suffix.lower()]
+    by_suffix = [form for form in FORMATS if suffix.lower() in form.suffixes]
     return (by_suffix or [form for form in FORMATS if form.recogniser is None])[0]
 
 

@@ -12,6 +12,7 @@ from typing import Any, get_args
 import numpy as np
 import polars as pl
 import yaml
+from pydantic import ValidationError
 
 from quadctl.errors import LogError, QuadctlError
 from quadctl.logs.consistency import complaints, misfit
@@ -25,7 +26,7 @@ MIN_MISFIT = 0.5
 """Sum of disagreements below which no other reading is looked for."""
 WORDS = (
     ("rates", r"gyro|ang(ular)?_?(vel|rate)|omega|body_?rate|twist_angular|rates?\b|^w_|_rate_"),
-    ("imu", r"acc|imu|specific_force"),
+    ("imu", r"(?<!ang_)(?<!angular_)acc|imu|specific_force"),
     ("velocity", r"vel|speed|twist_linear|^v_"),
     ("position", r"pos|^p_|loc|^_$"),
 )
@@ -184,7 +185,10 @@ def _alternatives(by: TableMap) -> Iterator[tuple[str, str, TableMap]]:
                 continue
             choices = [v for choice in get_args(info.annotation) for v in get_args(choice) or (choice,)]
             for other in (not present,) if isinstance(present, bool) else choices:
-                if other != present and other is not type(None):
-                    changed = data | {name: data[name] | {field: other}}
-                    shown = str(other).lower() if isinstance(other, bool) else str(other)
-                    yield f"{name}.{field}", shown, TableMap.model_validate(changed)
+                if other == present or other is type(None):
+                    continue
+                try:
+                    changed = TableMap.model_validate(data | {name: data[name] | {field: other}})
+                except ValidationError:  # the order of a quaternion for a matrix, for example
+                    continue
+                yield f"{name}.{field}", str(other).lower() if isinstance(other, bool) else str(other), changed

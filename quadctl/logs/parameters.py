@@ -4,12 +4,13 @@ from pathlib import Path
 
 from quadctl.errors import SettingsError
 from quadctl.logs.dataflash import is_dataflash, parameters_in_dataflash
+from quadctl.logs.flight_review import parameters_in_flight_review
 from quadctl.logs.ulog import MAGIC, is_ulog, parameters_in_ulog
 from quadctl.parameter_file import read_parameters
 
 
 def read_present_parameters(path: Path) -> dict[str, float]:
-    """Values by name; of a PX4 ULog or an ArduPilot DataFlash log the last ones.
+    """Values by name; of a PX4 ULog, a folder of Flight Review or an ArduPilot DataFlash log the last ones.
 
     Raises
     ------
@@ -18,6 +19,8 @@ def read_present_parameters(path: Path) -> dict[str, float]:
     LogError
         The log cannot be parsed.
     """
+    if path.is_dir() and (values := parameters_in_flight_review(path)):
+        return values
     try:
         with path.open("rb") as file:
             head = file.read(len(MAGIC))

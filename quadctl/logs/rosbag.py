@@ -23,6 +23,8 @@ from quadctl.logs.ulog import TOPICS, log_of_topics
 
 MAGICS = {b"\x89MCAP": ".mcap", b"SQLite format 3": ".db3", b"#ROSBAG V2": ".bag"}
 """Beginnings of the files of a bag, with the suffixes by which the library knows them."""
+LINK = "bag"
+"""Name, without its suffix, under which the library is shown a file."""
 PX4 = "px4_msgs/msg/"
 NEEDED = "nav_msgs/Odometry, or px4_msgs VehicleLocalPosition and VehicleAttitude"
 
@@ -86,6 +88,7 @@ def _messages(path: Path, notes: list[str]) -> dict[str, _Topic]:
         raise
     except Exception as error:  # the libraries below stumble over damage in any way that Python can
         reason = str(error).splitlines()[0].rstrip(".") if str(error) else type(error).__name__
+        reason = re.sub(rf"\S*/{LINK}\.\w+", path.name, reason)
         raise LogError(f"{path}: cannot be read as a ROS bag ({reason}), expected a whole one") from None
     return {kind: _columns(found) for kind, found in rows.items() if found}
 
@@ -98,9 +101,11 @@ def _named(path: Path) -> Iterator[Path]:
         return
     with path.open("rb") as file:
         head = file.read(16)
-    suffix = next((suffix for magic, suffix in MAGICS.items() if head.startswith(magic)), path.suffix)
+    suffix = next((suffix for magic, suffix in MAGICS.items() if head.startswith(magic)), None)
+    if suffix is None:
+        raise LogError(f"{path}: does not begin as a ROS bag does, expected a {path.suffix} file")
     with tempfile.TemporaryDirectory() as folder:
-        link = Path(folder) / f"bag{suffix}"
+        link = Path(folder) / f"{LINK}{suffix}"
         link.symlink_to(path.resolve())
         yield link
 

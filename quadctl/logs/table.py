@@ -17,10 +17,12 @@ from quadctl.logs.axes import (
     forward_right_down,
     north_east_up,
     quaternion_of,
+    quaternion_of_matrix,
 )
 from quadctl.logs.cleaning import clean_log
 from quadctl.logs.columns import PHASE_COLUMN, motor_columns
 from quadctl.logs.flight_log import ATTITUDE, IMU, POSITION, RATES, VELOCITY, FlightLog, Floats, did_you_mean
+from quadctl.logs.formats import format_of_folder
 from quadctl.logs.merge import Channel, Origin, held, merge
 from quadctl.logs.table_map import (
     METRES,
@@ -41,8 +43,9 @@ from quadctl.logs.table_map import (
 )
 
 PARQUET_MAGIC = b"PAR1"
-SEPARATORS = (",", ";", "\t", " ")
+SEPARATORS = (",", ";", "\t")
 _MISSING = ["", "nan", "NaN", "NAN", "null", "None", "NA"]
+_CSV: dict[str, Any] = {"null_values": _MISSING, "infer_schema_length": None, "truncate_ragged_lines": True}
 
 
 def is_parquet(head: bytes) -> bool:
@@ -62,6 +65,8 @@ def read_parquet(path: Path) -> FlightLog:
         if not is_parquet(file.read(len(PARQUET_MAGIC))):
             raise LogError(f"{path}: does not begin as Parquet does, expected a {path.suffix} file")
     table = read_table(path)
+    if "timestamp" in table.columns and format_of_folder(path.parent) is not None:
+        raise LogError(f"{path}: is one topic of a flight, expected the folder {path.parent}")
     if "time_s" not in table.columns:
         raise LogError(
             f"{path}: has no column time_s, expected a flight log's columns, or a map {path.stem}.map.yaml beside it"
@@ -162,10 +167,12 @@ def read_table(path: Path) -> pl.DataFrame:
             table = pl.read_parquet(path)
         else:
             header = head.decode("utf-8-sig", errors="replace").splitlines()[:1] or [""]
-            separator = max(SEPARATORS, key=header[0].lstrip("# ").rstrip().count)
-            table = pl.read_csv(
-                path, separator=separator, null_values=_MISSING, infer_schema_length=None, truncate_ragged_lines=True
-            )
+            separator = max(SEPARATORS, key=header[0].count)
+            if header[0].count(separator):  # names may hold spaces
+                table = pl.read_csv(path, separator=separator, **_CSV)
+            else:
+                rows = pl.read_csv(path, separator=" ", has_header=False, skip_rows=1, **_CSV)
+                table = _named(path, rows, header[0].lstrip("#").split())
     except OSError as error:
         raise LogError(f"{path}: cannot be read ({error.strerror or error})") from None
     except pl.exceptions.PolarsError as error:
@@ -179,6 +186,16 @@ def read_table(path: Path) -> pl.DataFrame:
 
 
 # --- parts ------------------------------------------------------------------------------------------------------------
+
+
+def _named(path: Path, rows: pl.DataFrame, names: list[str]) -> pl.DataFrame:
+    """The rows with names for their columns; empty ones after a blank at the ends of the lines are left out."""
+    kept, ends = rows.columns[: len(names)], rows.columns[len(names) :]
+    if not names or len(kept) < len(names) or any(rows[column].null_count() < len(rows) for column in ends):
+        raise LogError(
+            f"{path}: its header names {len(names)} columns and its rows have {rows.width}, expected a table"
+        )
+    return rows.select(kept).rename(dict(zip(kept, names, strict=True)))
 
 
 def _numbers(path: Path, table: pl.DataFrame, name: str) -> Floats:
@@ -215,6 +232,10 @@ def _scaled(values: list[Floats], factor: float) -> Vectors:
 def _attitude(group: Attitude, time_s: Floats, values: list[Floats]) -> tuple[Floats, Quaternion]:
     if group.unit is not None:
         given = quaternion_of(_scaled(values, RADIANS[group.unit]))
+    elif len(values) == 9:
+        a, b, c, d, e, f, g, h, i = values
+        rows = ((a, b, c), (d, e, f), (g, h, i)) if group.order == "rows" else ((a, d, g), (b, e, h), (c, f, i))
+        given = quaternion_of_matrix(rows)
     else:
         w, x, y, z = values if group.order == "wxyz" else (values[3], *values[:3])
         given = (w, x, y, z)

@@ -28,6 +28,7 @@ SHARES = {"share": 1.0, "percent": 0.01}
 VOLTS = {"V": 1.0, "mV": 1e-3}
 
 _Three = tuple[str, str, str]
+_Nine = tuple[str, str, str, str, str, str, str, str, str]
 
 
 class Clock(Settings):
@@ -57,10 +58,11 @@ class Velocity(Group):
 
 
 class Attitude(Group):
-    """A quaternion, or roll, pitch and yaw (ZYX), of `body` in `world`."""
+    """A quaternion, a rotation matrix, or roll, pitch and yaw (ZYX), of `body` in `world`."""
 
-    columns: tuple[str, str, str, str] | _Three
-    order: Literal["wxyz", "xyzw"] | None = None
+    columns: tuple[str, str, str, str] | _Three | _Nine
+    order: Literal["wxyz", "xyzw", "rows", "columns"] | None = None
+    """Order of a quaternion's parts, or of a matrix's elements: row after row, or column after column."""
     unit: Literal["rad", "deg"] | None = None
     body: Body
     world: AttitudeWorld
@@ -69,10 +71,12 @@ class Attitude(Group):
 
     @model_validator(mode="after")
     def _says_what_it_needs(self) -> "Attitude":
-        if len(self.columns) == 4 and (self.order is None or self.unit is not None):
+        if len(self.columns) == 4 and (self.order not in ("wxyz", "xyzw") or self.unit is not None):
             raise ValueError("has four columns, expected `order: wxyz` or `order: xyzw`, and no unit")
         if len(self.columns) == 3 and (self.unit is None or self.order is not None or self.inverse):
             raise ValueError("has three columns (roll, pitch, yaw), expected `unit: deg` or `unit: rad`, and no order")
+        if len(self.columns) == 9 and (self.order not in ("rows", "columns") or self.unit is not None or self.inverse):
+            raise ValueError("has nine columns (a matrix), expected `order: rows` or `order: columns`, and no unit")
         return self
 
 

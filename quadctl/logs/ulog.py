@@ -7,7 +7,7 @@ time of the sensor sample it stands for; commands and motor outputs at the time 
 
 import contextlib
 import io
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -96,31 +96,49 @@ def read_ulog(path: Path) -> FlightLog:
         The file cannot be read, is no ULog, or holds no position, velocity or attitude.
     """
     log = _parsed(path)
-    topics: dict[str, _Topic] = {}
-    outputs: list[_Topic] = []
-    for data in log.data_list:
-        if len(data.data.get("timestamp", ())):
-            topics.setdefault(data.name, data.data)  # the first instance: PX4's primary
-            if data.name == "actuator_outputs":
-                outputs.append(data.data)
     notes: list[str] = []
     if log.file_corruption:
         notes.append("the file is damaged: what could not be read was left out")
     if log.dropouts:
         lost = sum(dropout.duration for dropout in log.dropouts) / 1000.0
         notes.append(f"PX4's logger lost data {len(log.dropouts)} times, {lost:.2f} s together")
-    known = log.initial_parameters
+    instances = ((data.name, data.data) for data in log.data_list)
+    known, release = log.initial_parameters, log.msg_info_dict.get("ver_sw_release")
+    return log_of_instances(path, instances, known, release, notes, _said(log))
+
+
+def log_of_instances(
+    path: Path,
+    instances: Iterable[tuple[str, _Topic]],
+    known: Mapping[str, float],
+    release: object,
+    notes: list[str],
+    events: Sequence[Event],
+) -> FlightLog:
+    """The flight log in PX4's topics, of which several instances may have the same name; the first is the primary.
+
+    `known` are parameters by their names, `release` is PX4's number of the version, if it is one; notes are added to
+    `notes`, and `events` are those that no topic says.
+
+    Raises
+    ------
+    LogError
+        They hold no position, velocity or attitude.
+    """
+    topics: dict[str, _Topic] = {}
+    outputs: list[_Topic] = []
+    for name, topic in instances:
+        if len(topic.get("timestamp", ())):
+            topics.setdefault(name, topic)
+            if name == "actuator_outputs":
+                outputs.append(topic)
     parameters = {name: float(value) for name in PARAMETERS if (value := known.get(name)) is not None}
-    meta = {
-        "autopilot": "PX4",
-        "software": _version(log.msg_info_dict),
-        "parameters": parameters,
-    }
+    meta = {"autopilot": "PX4", "software": _version(release), "parameters": parameters}
     topics.pop("actuator_outputs", None)
     if "actuator_motors" not in topics and "CA_ROTOR_COUNT" not in parameters:  # PX4 1.12 and before
         topics |= _motors_from_outputs(outputs, parameters, notes)
     _remove_battery_scale(topics, parameters, notes)
-    return log_of_topics(path, topics, meta, notes, _said(log))
+    return log_of_topics(path, topics, meta, notes, events)
 
 
 def parameters_in_ulog(path: Path) -> dict[str, float]:
@@ -185,8 +203,7 @@ def _parsed(path: Path) -> Any:
     return log
 
 
-def _version(info: dict[str, Any]) -> str:
-    release = info.get("ver_sw_release")
+def _version(release: object) -> str:
     if not isinstance(release, int):
         return "PX4"
     return f"PX4 {release >> 24 & 0xFF}.{release >> 16 & 0xFF}.{release >> 8 & 0xFF}"

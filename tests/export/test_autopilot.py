@@ -98,13 +98,17 @@ class TestDrag:
     def test_an_area_that_may_be_zero_gives_no_number(self, raptor: Vehicle) -> None:
         row = rows_of(Model(raptor).plus(QuadraticDrag(0.03, 0.02, 0.0), AREA))["EKF2_BCOEF_Y"]
         assert row.estimate is None
-        assert row.lacking == "these flights do not tell it (30 to inf): fly missions/forward_runs.yaml, and fit it"
+        fly = "fly runs at several speeds, such as missions/forward_runs.yaml, and fit it"
+        assert row.lacking == f"these flights do not tell it (30 to inf): {fly}"
 
 
-def test_what_the_model_does_not_hold_is_named_with_the_flight_that_would_show_it(raptor: Vehicle) -> None:
+def test_what_the_model_does_not_hold_is_named_with_the_command_and_a_flight_that_shows_it(
+    raptor: Vehicle,
+) -> None:
     rows = rows_of(Model(raptor))
     assert all(row.estimate is None for row in rows.values())
-    assert rows["EKF2_MCOEF"].lacking == "the model holds no rotor_drag: fly missions/forward_runs.yaml, and fit it"
+    fits = "quadctl add rotor_drag fits one to runs at several speeds, such as missions/forward_runs.yaml"
+    assert rows["EKF2_MCOEF"].lacking == f"the model holds no rotor_drag: {fits}"
     with pytest.raises(SettingsError, match="tells no parameter of PX4"):
         parameter_file(list(rows.values()), PX4, "rigid.yaml")
 

@@ -74,11 +74,29 @@ def test_present_parameters_of_no_such_vehicle(
     refused(quadctl("export", model, "--to", "px4", "--now", tmp_path / "now.params"), said)
 
 
+@pytest.mark.parametrize(
+    ("to", "content", "said"),
+    [
+        ("px4", "EKF2_MCOEF 0.15\nCA_ROTOR_COUNT 6", "6 rotors (CA_ROTOR_COUNT is 6), expected 4 as raptor has"),
+        ("ardupilot", "EK3_DRAG_MCOEF,0.15\nFRAME_CLASS,3", "8 rotors (FRAME_CLASS is 3), expected 4 as raptor has"),
+    ],
+)
+def test_present_parameters_of_another_vehicle(
+    quadctl: QuadCtl, model: Path, tmp_path: Path, to: str, content: str, said: str
+) -> None:
+    (tmp_path / "now.params").write_text(content)
+    refused(
+        quadctl("export", model, "--to", to, "--now", tmp_path / "now.params"),
+        f"now.params: is of a vehicle with {said}",
+    )
+
+
 def test_present_parameters_of_the_same_autopilot_are_read(quadctl: QuadCtl, model: Path, tmp_path: Path) -> None:
     (tmp_path / "now.params").write_text("1\t1\tEKF2_MCOEF\t0.15\t9\n")
     done = quadctl("export", model, "--to", "px4", "--now", tmp_path / "now.params")
     assert done.status == 0, done.err
     assert "0.15" in done.out
+    assert "EKF2_MCOEF: mean of d_x and d_y, at 1.225 kg/m³, from runs.csv; one number for both axes" in done.out
 
 
 @pytest.mark.parametrize("target", [*AUTOPILOTS, *PROGRAMS])
@@ -92,7 +110,7 @@ def test_an_output_that_cannot_be_written(
     refused(quadctl("export", model, "--to", target, "-o", output), f"{output}: ")
 
 
-@pytest.mark.parametrize("target", ["rotorpy", "sih"])
+@pytest.mark.parametrize("target", ["rotorpy", "crazyflow", "sih"])
 def test_a_target_that_cannot_hold_the_vehicle(quadctl: QuadCtl, tmp_path: Path, target: str) -> None:
     save_model(Model(load_vehicle(VEHICLES / "f550.yaml")), tmp_path / "six.yaml")
     done = quadctl("export", tmp_path / "six.yaml", "--to", target, "-o", tmp_path / "out")

@@ -19,10 +19,12 @@ from quadctl.effects.motor_lag import FirstOrderLag
 from quadctl.effects.rotor_drag import LinearDrag
 from quadctl.export.dynamics import STATE, dynamics
 from quadctl.export.numpy_code import numpy_code
+from quadctl.export.targets import PROGRAMS
 from quadctl.frames import rotate_inverse
 from quadctl.model import Model, conditions, save_model
 from quadctl.vehicle import Vehicle
 from tests.support.commands import Result
+from tests.support.held_out import Floats, HeldOut
 
 P = (16.0, 3.0)
 
@@ -91,6 +93,25 @@ def test_the_numpy_file_knows_every_instruction_and_takes_many_samples(effect: t
     assert found.shape == (len(STATE), 2)
     assert found[3:6, 0] == pytest.approx(accelerations(model, one, list(u[:, 0]))[:3], rel=1e-9, abs=1e-9)
     assert found[3:6, 1] == pytest.approx(accelerations(model, two, list(u[:, 1]))[:3], rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize("target", ["casadi", "numpy"])
+def test_a_held_out_flight_is_predicted_as_by_the_model(held_out: HeldOut, target: str, tmp_path: Path) -> None:
+    model = held_out.model
+    written = tmp_path / "body"
+    PROGRAMS[target](model, written)
+
+    def by_target(velocity: Floats, attitude: Floats, thrust_n: Floats) -> Floats:
+        n = len(velocity)
+        x = np.column_stack([np.zeros((n, 3)), velocity, attitude, np.zeros((n, 3))]).T
+        p = np.tile(P, (n, 1)).T
+        if target == "numpy":
+            place: dict[str, Any] = {}
+            exec(written.read_text(), place)
+            return np.asarray(place["x_dot"](x, thrust_n.T, p)[3:6].T)
+        return np.array(ca.Function.load(str(written)).map(n)(x, thrust_n.T, p))[3:6].T
+
+    held_out.assert_as_good(by_target)
 
 
 def test_jacobians_come_with_it(raptor: Vehicle) -> None:

@@ -15,14 +15,13 @@ from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.effects.translational_lift import HorizontalLift
 from quadctl.export.rotorpy import rotorpy_code
 from quadctl.frames import rotate_inverse
-from quadctl.lab.interface import add, prepare_flights
-from quadctl.model import Model, conditions, load_model, save_model
+from quadctl.model import Model, conditions, save_model
 from quadctl.vehicle import Vehicle
 from tests.support.commands import Result
-from tests.support.places import DATA, VEHICLES
+from tests.support.held_out import Floats, HeldOut
+from tests.support.places import VEHICLES
 
 multirotor = pytest.importorskip("rotorpy.vehicles.multirotor")
-REAL = DATA / "real" / "px4"
 UP = np.array([0.0, 0.0, 1.0])
 FLIP = np.array([1.0, -1.0, -1.0])
 """Between north, east, down and north, west, up, and between forward, right, down and forward, left, up."""
@@ -91,28 +90,16 @@ def test_each_rotor_turns_the_vehicle_as_in_the_model(raptor: Vehicle) -> None:
         assert found == pytest.approx(expected, abs=1e-9)
 
 
-@pytest.mark.skipif(not REAL.is_dir(), reason="the logs of real PX4 are not here")
-def test_a_held_out_flight_is_predicted_at_most_a_tenth_worse() -> None:
-    rigid = load_model(REAL / "vehicle.yaml")
-    model = add("rotor_drag", rigid, [REAL / "forward_runs.csv", REAL / "vertical_runs.csv"]).model
-    data = prepare_flights(REAL / "excitation.csv", model.vehicle).aligned_for(model)
-    (flight,) = data.flights
-    c, vehicle = flight.conditions, flown(model)
-    k = model.vehicle.rotor.thrust_n_per_rpm2
-    speeds = np.sqrt(np.maximum(flight.nominal_n, 0.0) / k).T * np.pi / 30.0
-    north, east, up = (np.broadcast_to(v, len(flight.grid_s)) for v in flight.velocity_neu)
-    turns = np.column_stack([np.broadcast_to(part, len(flight.grid_s)) for part in c.attitude])
-    velocity = np.column_stack([north, east, -up])
-    rates = np.zeros(3)
-    found = np.array(
-        [accelerations(vehicle, v, q, rates, s)[0] for v, q, s in zip(velocity, turns, speeds, strict=True)]
-    )
-    by_rotorpy = flight.filtered_vector((found[:, 0], found[:, 1], -found[:, 2]))
-    error = float(np.sqrt(np.mean(np.square(flight.measured - by_rotorpy))))
-    own = float(np.sqrt(np.mean(np.square(data.residual(model)))))
-    without = float(np.sqrt(np.mean(np.square(data.residual(rigid)))))
-    assert error <= 1.1 * own
-    assert own < 0.9 * without  # the drag is worth something on this flight
+def test_a_held_out_flight_is_predicted_at_most_a_tenth_worse(held_out: HeldOut) -> None:
+    vehicle, rates = flown(held_out.model), np.zeros(3)
+    k = held_out.model.vehicle.rotor.thrust_n_per_rpm2
+
+    def by_rotorpy(velocity: Floats, attitude: Floats, thrust_n: Floats) -> Floats:
+        speeds = np.sqrt(thrust_n / k) * np.pi / 30.0
+        rows = zip(velocity, attitude, speeds, strict=True)
+        return np.array([accelerations(vehicle, v, q, rates, s)[0] for v, q, s in rows])
+
+    held_out.assert_as_good(by_rotorpy)
 
 
 def test_what_rotorpy_cannot_say_is_listed_in_the_file_and_on_the_terminal(

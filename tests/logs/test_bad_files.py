@@ -12,7 +12,9 @@ KINDS = {
     "ulg": "does not begin as a PX4 ULog does, expected a .ulg file of PX4",
     "bin": "describes no message that is needed, expected an ArduPilot DataFlash log",
     "tlog": "holds no readable MAVLink message, expected a telemetry log",
-    "mcap": "cannot be read as a ROS bag",
+    "mcap": "does not begin as a ROS bag does, expected a .mcap file",
+    "db3": "does not begin as a ROS bag does, expected a .db3 file",
+    "bag": "does not begin as a ROS bag does, expected a .bag file",
     "parquet": "does not begin as Parquet does, expected a .parquet file",
     "csv": "is not a text file, expected a CSV flight log",
 }
@@ -28,6 +30,16 @@ def refused(done: Result, said: str) -> None:
 def test_garbage(quadctl: Callable[..., Result], tmp_path: Path, suffix: str, said: str) -> None:
     (tmp_path / f"log.{suffix}").write_bytes(GARBAGE)
     refused(quadctl("logs", tmp_path / f"log.{suffix}"), f"log.{suffix}: {said}")
+
+
+@pytest.mark.parametrize("magic", [b"\x89MCAP0\r\n", b"SQLite format 3\0", b"#ROSBAG V2.0\n"])
+def test_a_bag_of_which_only_the_beginning_is_right_is_named_as_the_user_knows_it(
+    quadctl: Callable[..., Result], tmp_path: Path, magic: bytes
+) -> None:
+    (tmp_path / "my.bag").write_bytes(magic + GARBAGE)
+    done = quadctl("logs", tmp_path / "my.bag")
+    refused(done, f"{tmp_path / 'my.bag'}: cannot be read as a ROS bag")
+    assert "bag.db3" not in done.err
 
 
 @pytest.mark.parametrize("suffix", KINDS)

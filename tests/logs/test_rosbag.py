@@ -175,11 +175,14 @@ def test_standard_messages_in_enu_and_flu_are_the_same_flight(
     assert log["imu_z_m_s2"] == pytest.approx(np.full(len(log), -9.81))
 
 
-def test_a_storage_file_alone_is_read_too(flight: FlightLog, tmp_path: Path) -> None:
-    standard_bag(flight, tmp_path / "bag", storage=StoragePlugin.MCAP)
-    (inside,) = (tmp_path / "bag").glob("*.mcap")
-    shutil.copy(inside, tmp_path / "alone.mcap")
-    assert len(read_log(tmp_path / "alone.mcap")) == len(flight)
+@pytest.mark.parametrize(("storage", "suffix"), [(StoragePlugin.MCAP, "mcap"), (StoragePlugin.SQLITE3, "db3")])
+def test_a_storage_file_alone_is_read_too(
+    storage: StoragePlugin, suffix: str, flight: FlightLog, tmp_path: Path
+) -> None:
+    standard_bag(flight, tmp_path / "bag", storage=storage)
+    (inside,) = (tmp_path / "bag").glob(f"*.{suffix}")
+    shutil.copy(inside, tmp_path / f"alone.{suffix}")
+    assert len(read_log(tmp_path / f"alone.{suffix}")) == len(flight)
 
 
 class TestBadBags:

@@ -15,13 +15,15 @@ from quadctl.errors import LogError, SettingsError
 from quadctl.frames import quaternion_from_euler, rotate_inverse
 from quadctl.logs.consistency import complaints
 from quadctl.logs.convert import write_parquet
-from quadctl.logs.flight_log import ATTITUDE, IMU, POSITION, RATES, VELOCITY, FlightLog
+from quadctl.logs.flight_log import ATTITUDE, IMU, POSITION, RATES, VELOCITY, FlightLog, Floats
 from quadctl.logs.map_guess import as_yaml, better_reading, proposed
 from quadctl.logs.read import read_log
 from quadctl.logs.table import read_by_map
 from tests.support.commands import Result
 from tests.support.log_files import G
+from tests.support.places import ROOT
 
+MAPS = ROOT / "config" / "maps"
 MAP: dict[str, Any] = {
     "time": {"column": "timestamp", "unit": "ns"},
     "position": {"columns": ["pos x", "pos y", "pos z"], "frame": "ENU"},
@@ -34,7 +36,7 @@ MAP: dict[str, Any] = {
 }
 
 
-def flight(duration_s: float = 60.0) -> FlightLog:
+def flight(duration_s: float = 30.0) -> FlightLog:
     """A flight in circles with changing heading, in our own frames: it leans where it accelerates to."""
     t = np.arange(0.0, duration_s, 0.01)
     north, east, up = 4.0 * np.sin(0.9 * t), 3.0 * np.sin(1.3 * t), 5.0 + np.sin(0.5 * t)
@@ -85,6 +87,54 @@ def foreign(log: FlightLog) -> pl.DataFrame:
     return pl.DataFrame(cells | {"vbat": log["battery_v"]})
 
 
+def rotation_matrix(w: Floats, x: Floats, y: Floats, z: Floats) -> Floats:
+    """Rows and columns of the rotation that a unit quaternion is, shape (3, 3, n)."""
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def neurobem(log: FlightLog) -> pl.DataFrame:
+    """The flight in the columns of the NeuroBEM data set: velocity in the body, acceleration with gravity."""
+    table = foreign(log)
+    quaternion = [table[f"q {part}"].to_numpy() for part in "wxyz"]
+    of_world = tuple(table[f"vel {axis}"].to_numpy() for axis in "xyz")
+    cells: dict[str, Any] = {"t": log.time_s}
+    cells |= {f"ang acc {axis}": np.zeros(len(log)) for axis in "xyz"}
+    cells |= {f"ang vel {axis}": table[f"gyro {axis}"] for axis in "xyz"}
+    cells |= {f"quat {part}": table[f"q {part}"] for part in "xyzw"}
+    cells |= {f"acc {axis}": table[f"acc {axis}"] for axis in "xyz"}
+    cells |= {f"vel {axis}": v for axis, v in zip("xyz", rotate_inverse(tuple(quaternion), of_world), strict=True)}
+    cells |= {f"pos {axis}": table[f"pos {axis}"] for axis in "xyz"}
+    cells |= {f"mot {i}": table[f"mot {i}"] for i in range(1, 5)}
+    cells |= {f"dmot {i}": np.zeros(len(log)) for i in range(1, 5)}
+    return pl.DataFrame(cells | {"vbat": table["vbat"]})
+
+
+def tii_ratm(log: FlightLog) -> pl.DataFrame:
+    """The flight in the columns of TII's data set of drone races that describe the vehicle: attitude as a matrix."""
+    table = foreign(log)
+    turn = rotation_matrix(*(table[f"q {part}"].to_numpy() for part in "wxyz"))
+    cells: dict[str, Any] = {"elapsed_time": log.time_s, "timestamp": table["timestamp"] // 1000}
+    cells["img_filename"] = [f"{i:05d}.jpg" for i in range(len(log))]
+    cells |= {f"accel_{axis}": table[f"acc {axis}"] for axis in "xyz"}
+    cells |= {f"gyro_{axis}": table[f"gyro {axis}"] for axis in "xyz"}
+    cells |= {f"thrust[{i}]": (log[f"motor{i + 1}_rpm"] / 10_000.0) ** 2 for i in range(4)}
+    cells |= {"vbat": table["vbat"]}
+    cells |= {f"drone_{axis}": table[f"pos {axis}"] for axis in "xyz"}
+    cells |= {f"drone_velocity_linear_{axis}": table[f"vel {axis}"] for axis in "xyz"}
+    cells |= {f"drone_rot[{i}]": turn[i % 3, i // 3] for i in range(9)}
+    return pl.DataFrame(cells)
+
+
+LAYOUTS = {"neurobem": neurobem, "tii_ratm": tii_ratm}
+"""A flight in the columns of each public data set whose map ships with quadctl."""
+
+
 @pytest.fixture(scope="module")
 def own() -> FlightLog:
     return flight()
@@ -125,6 +175,16 @@ class TestRead:
         assert_same_flight(read_by_map(tmp_path / "a.parquet", by), own)
         assert_same_flight(read_by_map(tmp_path / "a.txt", by), own)
 
+    def test_blanks_between_columns_and_a_sign_before_the_header(self, own: FlightLog, tmp_path: Path) -> None:
+        """As trajectories of mocap and SLAM are written."""
+        rows = foreign(own).rename(lambda name: name.replace(" ", "_")).write_csv(separator=" ")
+        (tmp_path / "a.txt").write_text("# " + rows.replace("\n", " \n"))
+        names = yaml.safe_dump(MAP)
+        for column in foreign(own).columns:
+            names = names.replace(column, column.replace(" ", "_"))
+        (tmp_path / "a.yaml").write_text(names)
+        assert_same_flight(read_by_map(tmp_path / "a.txt", tmp_path / "a.yaml"), own)
+
     def test_own_parquet_needs_no_map(self, own: FlightLog, tmp_path: Path) -> None:
         write_parquet(own, tmp_path / "own.parquet")
         assert_same_flight(read_log(tmp_path / "own.parquet"), own)
@@ -152,7 +212,67 @@ class TestRead:
         assert complaints(log) == []
 
 
+class TestShippedMaps:
+    def test_each_is_tested_here(self) -> None:
+        assert LAYOUTS.keys() == {path.stem for path in MAPS.glob("*.yaml")}
+
+    @pytest.mark.parametrize("name", LAYOUTS)
+    def test_reads_the_layout_of_its_data_set(self, own: FlightLog, tmp_path: Path, name: str) -> None:
+        path, by = tmp_path / "flight.csv", MAPS / f"{name}.yaml"
+        LAYOUTS[name](own).write_csv(path)
+        log = read_by_map(path, by)
+        for column in (*POSITION, *VELOCITY, *ATTITUDE, *RATES, *IMU, "battery_v"):
+            assert log[column][5:-5] == pytest.approx(own[column][5:-5], abs=2e-3), column
+        driven = [column for column in log.columns if column.startswith("motor")]
+        assert len(driven) == 4 and all(np.ptp(log[column]) > 0.0 for column in driven)
+        assert complaints(log) == []
+        assert better_reading(path, by, log) is None
+
+    def test_it_is_found_wherever_the_user_is(
+        self, quadctl: Callable[..., Result], own: FlightLog, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.chdir(tmp_path)
+        neurobem(own).write_csv(tmp_path / "flight.csv")
+        shown = quadctl("logs", "flight.csv", "--map", "config/maps/neurobem.yaml")
+        assert shown.status == 0, shown.err
+        assert "read by the map neurobem.yaml" in shown.out
+
+
+class TestMatrix:
+    @pytest.mark.parametrize("order", ["rows", "columns"])
+    def test_attitude_as_a_matrix(self, own: FlightLog, tmp_path: Path, order: str) -> None:
+        table = foreign(own)
+        turn = rotation_matrix(*(table[f"q {part}"].to_numpy() for part in "wxyz"))
+        flat = (turn if order == "rows" else turn.swapaxes(0, 1)).reshape(9, -1)
+        table.with_columns(**{f"r{i}": flat[i] for i in range(9)}).write_csv(tmp_path / "a.csv")
+        attitude = {"columns": [f"r{i}" for i in range(9)], "order": order, "body": "FLU", "world": "ENU"}
+        by = written(tmp_path, {"attitude": attitude})
+        assert_same_flight(read_by_map(tmp_path / "a.csv", by), own)
+        other = "columns" if order == "rows" else "rows"
+        wrong = written(tmp_path, {"attitude": attitude | {"order": other}})
+        log = read_by_map(tmp_path / "a.csv", wrong)
+        assert (
+            better_reading(tmp_path / "a.csv", wrong, log)
+            == f"the channels agree with `attitude.order: {order}` in the map"
+        )
+
+    def test_what_is_no_rotation_is_no_attitude(self, own: FlightLog, tmp_path: Path) -> None:
+        foreign(own).with_columns(**{f"r{i}": pl.lit(0.0) for i in range(9)}).write_csv(tmp_path / "a.csv")
+        attitude = {"columns": [f"r{i}" for i in range(9)], "order": "rows", "body": "FLU", "world": "ENU"}
+        with pytest.raises(LogError, match="holds no values of roll_deg"):
+            read_by_map(tmp_path / "a.csv", written(tmp_path, {"attitude": attitude}))
+
+
 class TestComplaints:
+    def test_a_wrong_map_of_roll_pitch_and_yaw_is_answered_too(self, own: FlightLog, tmp_path: Path) -> None:
+        """No other order or direction is tried of these, as there is none."""
+        angles = {name: np.radians(own[name]) for name in ATTITUDE}
+        foreign(own).with_columns(**angles).write_csv(tmp_path / "a.csv")
+        attitude = {"columns": list(ATTITUDE), "unit": "deg", "body": "FRD", "world": "NED"}
+        by = written(tmp_path, {"attitude": attitude})
+        log = read_by_map(tmp_path / "a.csv", by)
+        assert better_reading(tmp_path / "a.csv", by, log) == "the channels agree with `attitude.unit: rad` in the map"
+
     @pytest.mark.parametrize(
         ("change", "mended"),
         [
@@ -186,6 +306,7 @@ class TestBadInput:
             ),
             ({"velocity": MAP["velocity"] | {"frame": "XYZ"}}, "velocity.frame"),
             ({"attitude": MAP["attitude"] | {"order": None}}, "expected `order: wxyz` or `order: xyzw`"),
+            ({"attitude": MAP["attitude"] | {"columns": ["q x"] * 9}}, "expected `order: rows` or `order: columns`"),
             ({"position": {"columns": ["pos x", "pos y"], "frame": "NED"}}, "position.columns"),
         ],
     )
@@ -198,6 +319,11 @@ class TestBadInput:
     def test_text_for_numbers(self, own: FlightLog, tmp_path: Path) -> None:
         foreign(own).with_columns(pl.lit("high").alias("vbat")).write_csv(tmp_path / "a.csv")
         with pytest.raises(LogError, match="column 'vbat' holds 'high', expected a number"):
+            read_by_map(tmp_path / "a.csv", written(tmp_path))
+
+    def test_a_header_that_does_not_suit_the_rows(self, tmp_path: Path) -> None:
+        (tmp_path / "a.csv").write_text("some words here\n1\n2\n")
+        with pytest.raises(LogError, match="its header names 3 columns and its rows have 1"):
             read_by_map(tmp_path / "a.csv", written(tmp_path))
 
     def test_parquet_of_others_needs_a_map(self, own: FlightLog, tmp_path: Path) -> None:
@@ -216,6 +342,12 @@ class TestGuess:
         path = tmp_path / "guessed.yaml"
         path.write_text(as_yaml(by, "a guess"))
         assert_same_flight(read_by_map(table, path), own)
+
+    def test_an_angular_acceleration_is_no_accelerometer(self, own: FlightLog, tmp_path: Path) -> None:
+        neurobem(own).write_csv(tmp_path / "a.csv")
+        by, log = proposed(tmp_path / "a.csv")
+        assert by.imu is not None and by.imu.columns == ("acc x", "acc y", "acc z")
+        assert_same_flight(log, own)
 
     def test_columns_without_telling_names(self, tmp_path: Path) -> None:
         path = tmp_path / "a.csv"

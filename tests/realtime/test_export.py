@@ -70,6 +70,17 @@ def test_another_kind_of_autopilot_is_refused(quadctl: Callable[..., Result], mo
     assert "is there, expected PX4, whose parameters these are" in done.err
 
 
+def test_a_vehicle_with_another_number_of_rotors_is_refused(quadctl: Callable[..., Result], model: Path) -> None:
+    px, port = SimulatedAutopilot(load_vehicle(RAPTOR)), free_port()
+    px.parameters |= BEFORE | {"CA_ROTOR_COUNT": 6.0}
+    url = f"udpin://127.0.0.1:{port}"
+    with mock(px, port):
+        done = quadctl("export", str(model), "--to", "px4", "--link", url, "--apply", "--yes")
+    assert done.status == 1
+    assert f"{url}: is of a vehicle with 6 rotors (CA_ROTOR_COUNT is 6), expected 4 as raptor has" in done.err
+    assert px.parameters["EKF2_MCOEF"] == BEFORE["EKF2_MCOEF"]
+
+
 def test_an_armed_vehicle_keeps_its_parameters(quadctl: Callable[..., Result], model: Path, tmp_path: Path) -> None:
     px, port = SimulatedAutopilot(load_vehicle(RAPTOR)), free_port()
     px.parameters |= BEFORE | {"COM_DISARM_PRFLT": 600.0}

@@ -100,10 +100,12 @@ class TestCommand:
         assert result.exit_code == 0, result.output
         assert load_vehicle(path).n_rotors == 4
 
-    def test_what_is_missing_is_named_where_nobody_can_be_asked(self, tmp_path: Path) -> None:
+    def test_all_that_is_missing_is_named_where_nobody_can_be_asked(self, tmp_path: Path) -> None:
         result = CliRunner().invoke(app, ["vehicle", "new", str(tmp_path / "mine.yaml"), "--mass", "1.0"])
         assert str(result.exception) == (
-            "--propeller is missing, expected the diameter of a propeller, m (10 inches are 0.254)"
+            "facts are missing, expected --propeller, the diameter of a propeller, m (10 inches are 0.254); "
+            "--frame, the frame: quad-x, quad-plus, hexa-x or hexa-plus; --arm, the distance from the centre to a "
+            "rotor's axis, m; --hover-throttle, the throttle in hover, 0 to 1"
         )
 
     def test_no_file_is_overwritten(self, tmp_path: Path) -> None:

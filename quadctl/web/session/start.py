@@ -7,6 +7,7 @@ from pathlib import Path
 from quadctl.errors import LogError, SettingsError
 from quadctl.flight.pilot.settings import DEFAULT_CONFIG, load_flight_settings
 from quadctl.installed import locate
+from quadctl.logs.formats import format_of_folder
 from quadctl.logs.read import read_log
 from quadctl.model import load_model
 from quadctl.web.session.files import LOG_SUFFIXES, SETTINGS_SUFFIXES, UPLOADS, places_of
@@ -59,7 +60,9 @@ def first_session(logs: Sequence[Path], model: Path | None, session: Path | None
         return loaded.moved(places_of(loaded.logs, [session.parent, session.parent / UPLOADS]))
     for log in logs:
         if log.is_dir():
-            raise LogError(f"{log}: is a directory, expected the flight logs in it, {log}/*.csv for example")
+            if format_of_folder(log) is None:
+                raise LogError(f"{log}: is a directory, expected the flight logs in it, {log}/*.csv for example")
+            continue
         if not log.is_file():
             raise LogError(f"{log}: there is no such file, expected a flight log")
         if log.suffix.lower() in SETTINGS_SUFFIXES:
