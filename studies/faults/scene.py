@@ -17,6 +17,7 @@ import numpy as np
 import yaml
 
 from quadctl.flight.autopilot.ardupilot import ARDUPILOT
+from quadctl.flight.autopilot.mavlink import OWN_SYSTEM_ID
 from quadctl.flight.pilot.guards import GuardLimits, unfit
 from quadctl.logs.read import read_log
 from quadctl.sitl.rules.copter import Guided, SimulatedCopter
@@ -67,7 +68,7 @@ def px4(port: int) -> MavlinkMock:
 
 def ardupilot(port: int) -> MavlinkMock:
     copter = SimulatedCopter(VEHICLE)
-    for need in ARDUPILOT.requirements:
+    for need in ARDUPILOT.requirements(OWN_SYSTEM_ID):
         copter.parameters[need.parameter] = need.to_meet(copter.parameters[need.parameter])
     return MavlinkArduPilot(copter, port)
 

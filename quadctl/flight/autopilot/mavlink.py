@@ -2,8 +2,11 @@
 
 MAV_COMP_ID_AUTOPILOT = 1
 OWN_SYSTEM_ID = 1
-"""System id of quadctl's heartbeats: that of the vehicle whose companion it is, not 255, a ground station's, whose
-heartbeats would go on after quadctl has died."""
+"""System id of quadctl's messages, unless the user chooses another: that of the vehicle whose companion it is."""
+MOCAP_SYSTEM_ID = 250
+"""System id of `quadctl mocap`, whose heartbeats must not stand for those of a flight that has died."""
+TALKERS = {255: "most ground stations use", MOCAP_SYSTEM_ID: "`quadctl mocap` uses"}
+"""System ids of others whose heartbeats go on after a flight has died."""
 MAV_MODE_FLAG_CUSTOM_MODE_ENABLED = 1
 MAV_MODE_FLAG_SAFETY_ARMED = 128
 MAV_LANDED_STATE_ON_GROUND = 1
@@ -27,6 +30,9 @@ CMD_DO_MOTOR_TEST = 209
 CMD_COMPONENT_ARM_DISARM = 400
 CMD_RUN_PREARM_CHECKS = 401
 CMD_SET_MESSAGE_INTERVAL = 511
+CMD_REQUEST_MESSAGE = 512
+
+AUTOPILOT_VERSION_ID = 148
 
 ATTITUDE_TARGET_IGNORE_RATES = 0b111
 """Type mask of SET_ATTITUDE_TARGET: fly the attitude and the thrust, leave the body rates to the autopilot."""

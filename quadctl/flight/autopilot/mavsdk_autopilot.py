@@ -30,6 +30,8 @@ MORE_REASONS_S = 0.1
 """Time in which further texts follow the first."""
 STATION_EVERY_S = 1.0
 """Interval of a ground station's heartbeats."""
+VERSION_WAIT_S = 1.0
+"""Longest wait for the message with the hardware id."""
 ROTORS_WAIT_S = 0.5
 """Longest wait for the first rotor speeds: autopilots without speed sensors accept the request too."""
 AIR_WAIT_S = 1.2
@@ -42,11 +44,13 @@ UNIT_TOLERANCE = 1e-3
 class MavsdkAutopilot:
     """An autopilot at the other end of `url`; implements the port `Autopilot`."""
 
-    def __init__(self, url: str, n_rotors: int, connect_timeout_s: float = 10.0) -> None:
+    def __init__(
+        self, url: str, n_rotors: int, connect_timeout_s: float = 10.0, own_system_id: int = mavlink.OWN_SYSTEM_ID
+    ) -> None:
         """Raises LinkError when `url` is not one that MAVSDK can open."""
         self._connect_timeout_s = connect_timeout_s
         self._telemetry = Telemetry(n_rotors)
-        self._link = MavsdkLink(url, self._telemetry.receive)
+        self._link = MavsdkLink(url, self._telemetry.receive, own_system_id)
         self._thrust_parameters: dict[str, float] = {}
         """Parameters of the firmware's thrust chain that it has told."""
         self._newer: dict[str, Renamed] = {}
@@ -76,7 +80,7 @@ class MavsdkAutopilot:
 
     @property
     def requirements(self) -> Sequence[Requirement]:
-        return self._firmware.requirements
+        return self._firmware.requirements(self._link.own_system_id)
 
     @property
     def checks(self) -> Sequence[Check]:
@@ -101,6 +105,21 @@ class MavsdkAutopilot:
         self._show_station()
         self._asker.start()
 
+    async def identity(self) -> str:
+        """System id of the vehicle, and the id of its hardware where it tells one (AUTOPILOT_VERSION).
+
+        It asks at the first call. Raises LinkError when no answer comes.
+        """
+        if not self._telemetry.has_version:
+            await self._link.run(
+                lambda: self._link.command(
+                    mavlink.CMD_REQUEST_MESSAGE, mavlink.AUTOPILOT_VERSION_ID, what="tell its hardware"
+                )
+            )
+            await self._await(lambda: self._telemetry.has_version, VERSION_WAIT_S)
+        hardware = self._telemetry.hardware
+        return f"system {self._link.system_id}{f', hardware {hardware}' if hardware else ''}"
+
     async def request_telemetry(self) -> None:
         """Ask for the message rates that control needs.
 
@@ -117,6 +136,12 @@ class MavsdkAutopilot:
             if stream.required:
                 raise FlightError(sentence)
             self.warnings.append(f"{sentence} {stream.without}".rstrip())
+        talker = mavlink.TALKERS.get(self._link.own_system_id)
+        if talker is not None and self.stays_up:
+            self.warnings.append(
+                f"This flight has the system id {self._link.own_system_id}, which {talker} too: heartbeats of that "
+                f"would keep {self._firmware.name} in the air after the flight has died."
+            )
         await self._ask_for_thrust_chain()
         if not await self._await(lambda: self._telemetry.has_rpm, ROTORS_WAIT_S):
             instead = "motor outputs" if self._telemetry.has_outputs else "the throttle"

@@ -95,7 +95,7 @@ PX4 = Firmware(
     texts_for_stations=True,
     tells_aids=False,
     thrust_chain=CHAIN,
-    requirements=(
+    requirements=lambda own_system_id: (
         Requirement(
             "EKF2_NOAID_TOUT",
             lambda value: min(value, UNAIDED_US),

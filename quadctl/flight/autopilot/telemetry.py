@@ -92,6 +92,10 @@ class Telemetry:
         self._landed = True
         self._heartbeat = _Heartbeat()
         self._mode = _Mode()
+        self.has_version = False
+        """True once AUTOPILOT_VERSION has come."""
+        self.hardware = ""
+        """Id of the autopilot's hardware, in hexadecimal digits; empty where it tells none."""
         self._estimator_ratio = NAN
         self._std_m = (NAN, NAN)
         self._aided = self._aid_lost = False
@@ -118,6 +122,7 @@ class Telemetry:
             "EXTENDED_SYS_STATE": self._on_extended_state,
             "HEARTBEAT": self._on_heartbeat,
             "CURRENT_MODE": self._on_current_mode,
+            "AUTOPILOT_VERSION": self._on_version,
             "TIMESYNC": self._on_timesync,
             "STATUSTEXT": self._on_text,
         }
@@ -243,8 +248,8 @@ class Telemetry:
             self._texts.settle(now_s)
 
     def wait_for(self, condition: Callable[[], bool], timeout_s: float) -> bool:
-        """Block until a heartbeat, a mode, a round trip, a pressure or a status text makes `condition` true; False when
-        the time is up."""
+        """Block until a heartbeat, a mode, a version, a round trip, a pressure or a text makes `condition` true; False
+        when the time is up."""
         with self._news:
             return self._news.wait_for(condition, timeout_s)
 
@@ -359,6 +364,15 @@ class Telemetry:
     def _on_current_mode(self, fields: Fields, now_s: float) -> None:
         with self._news:
             self._mode = self._told_mode(fields, now_s)
+            self._news.notify_all()
+
+    def _on_version(self, fields: Fields, now_s: float) -> None:
+        """Take in the hardware's id: 18 bytes, or where those are all 0 a number of 64 bits."""
+        del now_s
+        long, short = bytes(fields.get("uid2") or ()), int(fields.get("uid") or 0)
+        with self._news:
+            self.hardware = long.hex() if any(long) else f"{short:016x}" if short else ""
+            self.has_version = True
             self._news.notify_all()
 
     def _told_mode(self, fields: Fields, now_s: float) -> _Mode:
