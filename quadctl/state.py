@@ -60,7 +60,12 @@ class VehicleState:
     ready_to_arm: bool = True
     """False when the autopilot says that its own checks do not pass, for example soon after boot."""
     tells_readiness: bool = True
-    """False when it does not say if they pass, as PX4 in offboard mode, so that `ready_to_arm` is a guess."""
+    """False when it does not say if they pass, as PX4 in offboard mode, or ArduPilot whose checks are off; then
+    `ready_to_arm` is a guess."""
+    checks_off: bool = False
+    """True when its own checks before arming are switched off, so that it arms whatever is wrong."""
+    failing: tuple[str, ...] = ()
+    """Names of the parts that the autopilot uses and reports as not healthy."""
     connected: bool = False
     """True when heartbeats arrive."""
     received_s: Mapping[str, float] = field(default_factory=dict)

@@ -14,7 +14,7 @@ from quadctl.flight.loop import fly, landing_on_signals
 from quadctl.flight.pilot.outcome import Outcome, Tally
 from quadctl.flight.preflight.changed_parameters import ChangedParameters, left_behind, restore, still_changed
 from quadctl.flight.preflight.findings import Verdict, of_verdict
-from quadctl.flight.preflight.inquiry import advisable_parameters
+from quadctl.flight.preflight.inquiry import CHECKS_OFF, advisable_parameters
 from quadctl.flight.preflight.lateral import ask_about_lateral_force
 from quadctl.flight.preflight.plan import FlightPlan
 from quadctl.flight.preflight.requirements import requirements_met
@@ -85,6 +85,8 @@ async def _fly(
             raise FlightError(f"{refused[0]}.")
         for warning in [*autopilot.warnings, *of_verdict(advice, Verdict.WARNING)]:
             warn(str(warning))
+        if autopilot.state().checks_off:
+            warn(f"{CHECKS_OFF}.")
         kept = None
         if allowed.keep_in is not None:
             kept = ChangedParameters(allowed.keep_in, await autopilot.identity())

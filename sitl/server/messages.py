@@ -87,9 +87,11 @@ def sys_status(lists_prearm: bool) -> Builder:
     present = gps | checked if lists_prearm else gps
 
     def build(estimate: VehicleState) -> Iterator[Message]:
-        healthy = (checked if estimate.ready_to_arm else 0) | (0 if estimate.aid_lost else gps)
+        enabled = present & ~checked if estimate.checks_off else present
+        ready = estimate.ready_to_arm and not estimate.checks_off
+        healthy = (checked if ready else 0) | (0 if estimate.aid_lost else gps)
         yield mavlink.MAVLink_sys_status_message(
-            present, present, healthy, 0, _millivolts(estimate), -1, -1, 0, 0, 0, 0, 0, 0
+            present, enabled, healthy, 0, _millivolts(estimate), -1, -1, 0, 0, 0, 0, 0, 0
         )
 
     return build

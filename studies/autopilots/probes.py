@@ -92,6 +92,15 @@ def setpoints_lost_s(name: str) -> float:
     return until(px, lambda: px.mode != px.offboard_mode)
 
 
+def setpoints_lost_mode(name: str) -> str:
+    """Mode after the last setpoint, by the default of COM_OBL_RC_ACT, without a remote control."""
+    px = hovering(name)
+    px.remote = False
+    px.parameters["COM_OBL_RC_ACT"] = 0.0
+    until(px, lambda: px.mode != px.offboard_mode)
+    return px.mode
+
+
 def station_lost_s(name: str) -> float:
     """Time to LAND after a heartbeat that came half a second before the end, as on average."""
     px = hovering(name)
@@ -190,8 +199,9 @@ def second_station(name: str) -> str:
 PROBES: dict[str, Callable[[str], str | float]] = {
     probe.__name__: probe
     for probe in (
-        *(heartbeat_hz, heartbeat_interval, position_hz, attitude_hz, ready_s, setpoints_lost_s, station_lost_s),
+        *(heartbeat_hz, heartbeat_interval, position_hz, attitude_hz, ready_s, setpoints_lost_s, setpoints_lost_mode),
         *(
+            station_lost_s,
             station_ignored,
             position_lost_s,
             remote_lost,

@@ -34,7 +34,7 @@ def test_the_autopilot_is_asked_over_mavlink(quadctl: Callable[..., Result], px4
     lines = asked.out.splitlines()
     assert any(line.startswith("ok       autopilot    PX4 (system 1)") for line in lines)
     assert "warning  parameters   COM_OF_LOSS_T: acts 5 s after the last setpoint: expected at most 1 s" in lines
-    assert "ok       parameters   COM_OBL_RC_ACT: then it goes to Land (4)" in lines
+    assert "ok       parameters   COM_OBL_RC_ACT: when setpoints stop it goes to Land (4)" in lines
     assert any(line.startswith("ok       mode         HOLD, disarmed") for line in lines)
     trusts = "EKF2_NOAID_TOUT: without GPS or motion capture the estimator trusts itself for 5 s: expected 1000000"
     assert any(line.startswith(f"warning  parameters   {trusts} (--set-params does it)") for line in lines)

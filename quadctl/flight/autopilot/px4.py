@@ -12,8 +12,12 @@ LOST_OFFBOARD = {0: "Position", 1: "Altitude", 2: "Stabilized", 3: "Return", 4: 
 UNAIDED_US = 1e6
 """Longest time, us, for which the estimator should trust itself without GPS or motion capture: after 1 s the vehicle
 was measured 0.28 m off, after the default of 5 s 1.1 and 2.3 m."""
-RETURN = 3
-GOOD_LOST_OFFBOARD = (4, 5)
+LAND = 4
+PILOTED = (0, 1, 2)
+"""Modes of COM_OBL_RC_ACT that a pilot flies. Without a remote control PX4 returns instead: RTL was measured 1.0 s
+after the last setpoint."""
+LANDING = (3, LAND)
+"""Modes of COM_OBL_RC_ACT that bring the vehicle down in control by themselves."""
 
 _MAIN_AND_SUB_MODE = {
     "MANUAL": (1, 0),
@@ -46,16 +50,24 @@ def _too_patient(seconds: float, vehicle: Vehicle) -> str | None:
     return f"expected at most {MAX_SILENCE_S:g} s" if seconds > MAX_SILENCE_S else None
 
 
-def _action(value: float, vehicle: Vehicle) -> str:
+def _without_setpoints(value: float) -> str:
     action = round(value)
-    return f"COM_OBL_RC_ACT: then it goes to {LOST_OFFBOARD.get(action, 'an unknown mode')} ({action})"
+    piloted = ", where a pilot has to fly" if action in PILOTED else ""
+    return f"when setpoints stop it goes to {LOST_OFFBOARD.get(action, 'an unknown mode')}{piloted} ({action})"
 
 
-def _poor_action(value: float, vehicle: Vehicle) -> str | None:
-    action = round(value)
-    if action == RETURN and vehicle.ceiling_m is not None:
-        return f"it climbs first, and there is a ceiling at {vehicle.ceiling_m:g} m; expected 4 (Land)"
-    return None if action in GOOD_LOST_OFFBOARD else "expected 4 (Land) or 5 (Hold), which need nobody"
+def _landing_without_setpoints(value: float) -> float:
+    return value if round(value) in LANDING else float(LAND)
+
+
+def _return_height(metres: float, vehicle: Vehicle) -> str:
+    return f"RTL_RETURN_ALT: a return climbs to up to {metres:g} m first"
+
+
+def _return_too_high(metres: float, vehicle: Vehicle) -> str | None:
+    if vehicle.ceiling_m is None or metres < vehicle.ceiling_m:
+        return None
+    return f"there is a ceiling at {vehicle.ceiling_m:g} m; expected failsafes that land"
 
 
 def _scaling(value: float, vehicle: Vehicle) -> str:
@@ -97,6 +109,13 @@ PX4 = Firmware(
     thrust_chain=CHAIN,
     requirements=lambda own_system_id: (
         Requirement(
+            "COM_OBL_RC_ACT",
+            _landing_without_setpoints,
+            "when quadctl dies, nobody would land the vehicle",
+            failsafe=True,
+            finding=_without_setpoints,
+        ),
+        Requirement(
             "EKF2_NOAID_TOUT",
             lambda value: min(value, UNAIDED_US),
             "for so many microseconds PX4 flies on by dead reckoning when GPS or motion capture is lost",
@@ -106,7 +125,7 @@ PX4 = Firmware(
     ),
     checks=(
         Check("COM_OF_LOSS_T", _silence, _too_patient),
-        Check("COM_OBL_RC_ACT", _action, _poor_action),
+        Check("RTL_RETURN_ALT", _return_height, _return_too_high),
         hover_throttle_check("MPC_THR_HOVER"),
         Check("MC_BAT_SCALE_EN", _scaling, _scaled),
     ),

@@ -84,6 +84,10 @@ class Telemetry:
         self._outputs = _Outputs()
         self._estimator_ok = True
         self._prearm_ok = True
+        self._checks_off = False
+        self._health = (0, 0)
+        """Flags of SYS_STATUS: parts in use, and healthy ones."""
+        self._failing: tuple[str, ...] = ()
         self._battery = (-math.inf, NAN)
         self._resting_v = NAN
         self._density_ratio = NAN
@@ -143,7 +147,7 @@ class Telemetry:
         mode_s, mode = self._mode
         rpm_s, rpm = self._rpm()
         n, firmware = self._n_rotors, self.firmware
-        tells_readiness = firmware is not None and firmware.tells_readiness(mode)
+        tells_readiness = firmware is not None and firmware.tells_readiness(mode) and not self._checks_off
         return VehicleState(
             time_s=now_s,
             position_ned_m=position.position_ned_m,
@@ -162,6 +166,8 @@ class Telemetry:
             estimator_ok=self._estimator_ok,
             ready_to_arm=self._prearm_ok or not tells_readiness,
             tells_readiness=tells_readiness,
+            checks_off=self._checks_off,
+            failing=self._failing,
             connected=now_s - heartbeat.received_s < HEARTBEAT_TIMEOUT_S,
             received_s={
                 "position": position.received_s,
@@ -319,13 +325,18 @@ class Telemetry:
         self._std_m = _number(fields.get("pos_horiz_accuracy")), _number(fields.get("pos_vert_accuracy"))
 
     def _on_sys_status(self, fields: Fields, now_s: float) -> None:
-        health, check, firmware = (
-            fields["onboard_control_sensors_health"],
-            mavlink.MAV_SYS_STATUS_PREARM_CHECK,
-            self.firmware,
+        present, enabled, health = (
+            int(fields[f"onboard_control_sensors_{kind}"]) for kind in ("present", "enabled", "health")
         )
-        told = fields["onboard_control_sensors_present"] & check or (firmware is not None and not firmware.lists_prearm)
+        check, firmware = mavlink.MAV_SYS_STATUS_PREARM_CHECK, self.firmware
+        listed = firmware is None or firmware.lists_prearm
+        # ArduPilot with ARMING_CHECK 0 lists the check as one that is not in use, and never as healthy.
+        self._checks_off = listed and bool(present & check) and not enabled & check
+        told = not listed or bool(present & enabled & check)
         self._prearm_ok = not told or bool(health & check)
+        if (enabled, health) != self._health:
+            self._health = enabled, health
+            self._failing = mavlink.failing_parts(enabled, health)
         if firmware is not None and firmware.tells_aids:
             self._notice_aids(bool(health & mavlink.POSITION_AIDS))
         millivolts = fields["voltage_battery"]

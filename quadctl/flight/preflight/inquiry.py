@@ -25,6 +25,7 @@ from quadctl.state import VehicleState
 from quadctl.thrust_chain.chain import Addition
 from quadctl.vehicle import Vehicle
 
+CHECKS_OFF = "its own checks before arming are off (ARMING_CHECK is 0): it arms whatever it would object to"
 LOOK_EVERY_S = 0.002
 """Interval at which the state is read: shorter than that of the most frequent message, so that each is counted."""
 
@@ -236,8 +237,11 @@ def _mode(state: VehicleState) -> Finding:
     armed = "armed" if state.armed else "disarmed"
     refused = "expected a vehicle that is disarmed" if state.armed else None
     if refused is None and not state.ready_to_arm:
-        refused = "its own checks do not pass: it would not arm"
+        failing = f" (failing: {', '.join(state.failing)})" if state.failing else ""
+        refused = f"its own checks do not pass{failing}: it would not arm"
     unknown = None if state.tells_readiness else "in this mode it does not say if it would arm: choose another mode"
+    if state.checks_off:
+        unknown = CHECKS_OFF
     return judged("mode", f"{state.mode or 'unknown'}, {armed}", refused=refused, warning=unknown)
 
 
