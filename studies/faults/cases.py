@@ -209,9 +209,14 @@ def _weaken(loss: float) -> Callable[[Scene], None]:
     def inject(scene: Scene) -> None:
         body = scene.px.autopilot.body
         body.truth = body.truth.plus(WeakRotor(loss=loss, rotor=1.0))
-        scene.later(5.0, lambda: scene.process.poll() is None and scene.signal(SIGINT))
+        scene.later(5.0, lambda: _interrupt(scene))
 
     return inject
+
+
+def _interrupt(scene: Scene) -> None:
+    if scene.process.poll() is None:
+        scene.signal(SIGINT)
 
 
 def _fill_disk(scene: Scene) -> None:

@@ -18,7 +18,7 @@ from quadctl.flight.autopilot.firmware import Check, Firmware, Renamed, Requirem
 from quadctl.flight.autopilot.firmwares import FIRMWARES
 from quadctl.flight.autopilot.mavsdk_link import MavsdkLink
 from quadctl.flight.autopilot.telemetry import Telemetry
-from quadctl.frames import tilt
+from quadctl.frames import cos_tilt
 from quadctl.state import AttitudeTarget, VehicleState
 from quadctl.thrust_chain.chain import Addition
 
@@ -281,10 +281,10 @@ class MavsdkAutopilot:
 
     def _boost(self) -> float:
         """Factor with which the firmware multiplies the thrust at the attitude that arrived last."""
-        lean = tilt(self._telemetry.attitude)
-        if not math.isfinite(lean):
+        upright = cos_tilt(self._telemetry.attitude)
+        if not math.isfinite(upright):
             return 1.0
-        return float(self._firmware.thrust_chain.boost(math.cos(lean), self._thrust_parameters))
+        return float(self._firmware.thrust_chain.boost(upright, self._thrust_parameters))
 
     def _ask_again(self) -> None:
         """Request the rates again after a silence of the line: an autopilot without power has forgotten them."""
