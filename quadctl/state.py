@@ -66,6 +66,8 @@ class VehicleState:
     """True when its own checks before arming are switched off, so that it arms whatever is wrong."""
     failing: tuple[str, ...] = ()
     """Names of the parts that the autopilot uses and reports as not healthy."""
+    refusals: tuple[str, ...] = ()
+    """Reasons against arming in the autopilot's last report, for this mode and the one that follows our targets."""
     connected: bool = False
     """True when heartbeats arrive."""
     received_s: Mapping[str, float] = field(default_factory=dict)
@@ -107,6 +109,12 @@ class VehicleState:
     def mode_age_s(self) -> float:
         """Time since the mode was told, by a message about it alone or by a heartbeat, s."""
         return min(self.age_s("mode"), self.age_s("heartbeat"))
+
+    @property
+    def why_not_ready(self) -> tuple[str, ...]:
+        """Reasons against arming beside the texts: those of its report, and the parts that fail."""
+        failing = (f"failing: {', '.join(self.failing)}",) if self.failing else ()
+        return (*self.refusals, *failing)
 
     @property
     def offboard(self) -> bool:

@@ -137,6 +137,24 @@ def statustext(severity: int, text: str, number: int) -> Iterator[Message]:
         yield mavlink.MAVLink_statustext_message(severity, data[first : first + CHUNK], number, place)
 
 
+ARMING_SUMMARY, WAITING_FOR_ESTIMATOR, NO_POSITION, NO_SETPOINTS = 11047904, 6054338, 13835193, 3087815
+"""Numbers of PX4's events about arming, as recorded."""
+EVERY_MODE, MODES_BY_POSITION, OFFBOARD = 0xFFFFFFFF, 0x7E007C, 1 << 14
+"""Modes that those events concern."""
+ERROR, PROTOCOL = 0x33, 0x88
+"""Log levels of events."""
+
+
+def arming_report(ready: bool, boot_ms: int) -> Iterator[Message]:
+    """PX4's report of its checks as events: what is wrong before it is `ready`, and that offboard has no setpoints."""
+    events = [(ARMING_SUMMARY, PROTOCOL, 0), (NO_SETPOINTS, ERROR, OFFBOARD)]
+    if not ready:
+        events[1:1] = [(WAITING_FOR_ESTIMATOR, ERROR, EVERY_MODE), (NO_POSITION, ERROR, MODES_BY_POSITION)]
+    for sequence, (number, level, modes) in enumerate(events):
+        arguments = [*modes.to_bytes(4, "little"), *[0] * 36]
+        yield dialect.Event(0, 0, 1 << 24 | number, boot_ms, sequence, level, arguments)
+
+
 def _by_fours(rpm: Sequence[float]) -> Iterator[tuple[int, list[int]]]:
     """Groups of four motors with the number of the first, the last one filled with zeros; none without speeds."""
     if all(map(math.isfinite, rpm)):

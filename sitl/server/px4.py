@@ -13,6 +13,13 @@ class MavlinkPx4(MavlinkMock):
 
     rules = SimulatedAutopilot
 
+    def _run_checks(self, command: messages.Message) -> int:
+        result = super()._run_checks(command)
+        ready = self.autopilot.estimate().ready_to_arm
+        for event in messages.arming_report(ready, round(1000.0 * self._clock_s)):
+            self._send(event)
+        return result
+
     def new_manners(self) -> Manners:
         return Manners(
             mav_autopilot=mavlink.MAV_AUTOPILOT_PX4,

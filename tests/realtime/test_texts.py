@@ -68,6 +68,18 @@ def test_check_refuses_an_autopilot_that_would_not_arm_with_its_reasons(
     assert f"warning  autopilot    the autopilot says (critical): {reason}" in lines, asked
 
 
+@pytest.mark.usefixtures("impatient")
+def test_reasons_that_px4_tells_as_events_only_are_told_too(quadctl: Callable[..., Result]) -> None:
+    px4, port = SimulatedAutopilot(VEHICLE), free_port()
+    px4.ready_after_s = 1e9
+    px = mock(px4, port)
+    px.faults.withheld = frozenset({"STATUSTEXT"})
+    with px:
+        asked = quadctl("check", "missions/short_hop.yaml", "--link", f"udpin://127.0.0.1:{port}", "--seconds", "1")
+    reasons = "Waiting for estimator to initialize; Navigation error: No valid position estimate"
+    assert f"its own checks do not pass ({reasons}): it would not arm" in asked.out, asked
+
+
 def test_check_waits_as_a_flight_does_until_the_autopilot_is_ready(quadctl: Callable[..., Result]) -> None:
     px4, port = SimulatedAutopilot(VEHICLE), free_port()
     px4.ready_after_s = 6.0

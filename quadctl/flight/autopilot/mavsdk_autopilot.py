@@ -337,16 +337,15 @@ class MavsdkAutopilot:
             )
 
     async def _reasons(self, since_s: float) -> list[str]:
-        """Warnings and errors of the autopilot since `since_s`, and of the next moment; without any, the parts that it
-        reports as failing."""
+        """Warnings and errors of the autopilot since `since_s`, and of the next moment, and the other reasons that it
+        tells."""
 
         def given() -> list[str]:
             return [text.text for text in self._telemetry.texts_since(since_s) if text.grave]
 
         if await self._await(lambda: bool(given()), REASON_WAIT_S):
             await asyncio.sleep(MORE_REASONS_S)
-        failing = self.state().failing
-        return given() or ([f"failing: {', '.join(failing)}"] if failing else [])
+        return [*given(), *self.state().why_not_ready]
 
     async def _await(self, condition: Callable[[], bool], timeout_s: float) -> bool:
         return await self._link.run(lambda: self._telemetry.wait_for(condition, timeout_s))

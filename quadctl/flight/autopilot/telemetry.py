@@ -10,6 +10,7 @@ from quadctl.flight.autopilot import mavlink
 from quadctl.flight.autopilot.firmware import Firmware, share_of_pulse
 from quadctl.flight.autopilot.firmwares import FIRMWARES
 from quadctl.flight.autopilot.link_clock import LinkClock
+from quadctl.flight.autopilot.px4_events import ArmingReport
 from quadctl.flight.autopilot.round_trips import RoundTrips
 from quadctl.flight.autopilot.status_texts import StatusTexts
 from quadctl.state import NAN, NO_VECTOR, Quat, StatusText, Vec3, VehicleState
@@ -88,6 +89,8 @@ class Telemetry:
         self._health = (0, 0)
         """Flags of SYS_STATUS: parts in use, and healthy ones."""
         self._failing: tuple[str, ...] = ()
+        self._report = ArmingReport()
+        self._refusals: tuple[str, ...] = ()
         self._battery = (-math.inf, NAN)
         self._resting_v = NAN
         self._density_ratio = NAN
@@ -129,6 +132,7 @@ class Telemetry:
             "AUTOPILOT_VERSION": self._on_version,
             "TIMESYNC": self._on_timesync,
             "STATUSTEXT": self._on_text,
+            "EVENT": self._on_event,
         }
 
     @property
@@ -168,6 +172,7 @@ class Telemetry:
             tells_readiness=tells_readiness,
             checks_off=self._checks_off,
             failing=self._failing,
+            refusals=self._refusals,
             connected=now_s - heartbeat.received_s < HEARTBEAT_TIMEOUT_S,
             received_s={
                 "position": position.received_s,
@@ -397,6 +402,13 @@ class Telemetry:
             with self._news:
                 self._clock.exchanged(*trip)
                 self._news.notify_all()
+
+    def _on_event(self, fields: Fields, now_s: float) -> None:
+        """Take in an event: PX4's reasons against the present mode, and against the one that it is to fly."""
+        del now_s
+        self._report.take(fields)
+        firmware = self.firmware
+        self._refusals = () if firmware is None else self._report.against(self._mode.name, firmware.offboard_mode)
 
     def _on_text(self, fields: Fields, now_s: float) -> None:
         with self._news:

@@ -326,12 +326,12 @@ class Pilot:
         return new
 
     def _reasons(self, state: VehicleState) -> list[str]:
-        """Latest warnings and errors of an autopilot that is not ready, each once, and the parts that fail."""
+        """Latest warnings and errors of an autopilot that is not ready, each once, and its other reasons."""
         if state.ready_to_arm:
             return []
         since_s = state.time_s - REASONS_S
         told = dict.fromkeys(text.text for text in state.texts if text.grave and text.received_s > since_s)
-        return [*told, *([f"failing: {', '.join(state.failing)}"] if state.failing else [])]
+        return [*told, *state.why_not_ready]
 
     def _idle(self, requests: tuple[Request, ...] = ()) -> Decision:
         """Level target without thrust; none where the autopilot takes off itself, which a target would prevent."""

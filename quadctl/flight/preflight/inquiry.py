@@ -237,8 +237,8 @@ def _mode(state: VehicleState) -> Finding:
     armed = "armed" if state.armed else "disarmed"
     refused = "expected a vehicle that is disarmed" if state.armed else None
     if refused is None and not state.ready_to_arm:
-        failing = f" (failing: {', '.join(state.failing)})" if state.failing else ""
-        refused = f"its own checks do not pass{failing}: it would not arm"
+        reasons = f" ({'; '.join(state.why_not_ready)})" if state.why_not_ready else ""
+        refused = f"its own checks do not pass{reasons}: it would not arm"
     unknown = None if state.tells_readiness else "in this mode it does not say if it would arm: choose another mode"
     if state.checks_off:
         unknown = CHECKS_OFF
