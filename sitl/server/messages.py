@@ -130,6 +130,11 @@ def ekf_status_report(estimate: VehicleState) -> Iterator[Message]:
     yield mavlink.MAVLink_ekf_status_report_message(flags, 0.1, estimate.estimator_ratio, 0.1, 0.1, 0.1)
 
 
+def timesync(estimate: VehicleState) -> Iterator[Message]:
+    """Question of its own about the other side's clock, which nobody has to answer."""
+    yield mavlink.MAVLink_timesync_message(0, round(1e9 * estimate.time_s))
+
+
 def statustext(severity: int, text: str, number: int) -> Iterator[Message]:
     """STATUSTEXT in as many chunks as the text needs."""
     data = text.encode()

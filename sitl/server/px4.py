@@ -42,6 +42,7 @@ class MavlinkPx4(MavlinkMock):
                 mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS: Stream(messages.estimator_status, 1.0, "position"),
                 mavlink.MAVLINK_MSG_ID_SYS_STATUS: Stream(messages.sys_status(lists_prearm=False), 5.0, "battery"),
                 mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: Stream(messages.battery_status, 0.5, "battery"),
+                mavlink.MAVLINK_MSG_ID_TIMESYNC: Stream(messages.timesync, 10.0, "heartbeat"),
                 mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: Stream(messages.extended_sys_state, 5.0, "heartbeat"),
             },
             unknown_interval=mavlink.MAV_RESULT_FAILED,

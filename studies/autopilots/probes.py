@@ -80,6 +80,19 @@ def attitude_hz(name: str) -> float:
     return on_the_wire(mock(name), name).manners.streams[mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION].default_rate_hz
 
 
+def timesync(name: str) -> str:
+    """Answer to a question about its clock."""
+    wire = on_the_wire(mock(name), name)
+    sent: list[object] = []
+    wire._send = sent.append  # type: ignore[method-assign, assignment]
+    wire._timesync(mavlink.MAVLink_timesync_message(0, 1))
+    return "answered" if sent else "ignored"
+
+
+def timesync_hz(name: str) -> float:
+    return on_the_wire(mock(name), name).manners.streams[mavlink.MAVLINK_MSG_ID_TIMESYNC].default_rate_hz
+
+
 def ready_s(name: str) -> float:
     px = mock(name)
     return until(px, lambda: px.estimate().ready_to_arm)
@@ -199,6 +212,7 @@ def second_station(name: str) -> str:
 PROBES: dict[str, Callable[[str], str | float]] = {
     probe.__name__: probe
     for probe in (
+        *(timesync, timesync_hz),
         *(heartbeat_hz, heartbeat_interval, position_hz, attitude_hz, ready_s, setpoints_lost_s, setpoints_lost_mode),
         *(
             station_lost_s,
