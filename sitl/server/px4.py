@@ -53,6 +53,11 @@ class MavlinkPx4(MavlinkMock):
             integer_parameters=frozenset(
                 {
                     "COM_OBL_RC_ACT",
+                    "NAV_RCL_ACT",
+                    "COM_RCL_EXCEPT",
+                    "COM_RC_IN_MODE",
+                    "COM_RC_OVERRIDE",
+                    "COM_LOW_BAT_ACT",
                     "EKF2_NOAID_TOUT",
                     "MC_BAT_SCALE_EN",
                     "MC_AIRMODE",

@@ -19,6 +19,19 @@ after the last setpoint."""
 LANDING = (3, LAND)
 """Modes of COM_OBL_RC_ACT that bring the vehicle down in control by themselves."""
 
+LOST_REMOTE = {0: "it goes to Hold, and stays", 1: "it goes to Hold", 2: "it goes to Return", 3: "it goes to Land",
+               5: "its motors stop", 6: "its motors stop"}  # fmt: skip
+"""NAV_RCL_ACT: the action when the remote control is lost."""
+LANDING_WITHOUT_REMOTE = (2, 3)
+EXCEPT_OFFBOARD = 4
+"""Bit of COM_RCL_EXCEPT: offboard goes on without a remote control."""
+NO_REMOTE = 4
+"""COM_RC_IN_MODE: sticks are not read."""
+STICKS_END_OFFBOARD = 2
+"""Bit of COM_RC_OVERRIDE."""
+LOW_BATTERY = {0: "it only says so", 1: "it returns", 2: "it lands", 3: "it returns, and lands in an emergency"}
+"""COM_LOW_BAT_ACT."""
+
 _MAIN_AND_SUB_MODE = {
     "MANUAL": (1, 0),
     "ALTCTL": (2, 0),
@@ -68,6 +81,51 @@ def _return_too_high(metres: float, vehicle: Vehicle) -> str | None:
     if vehicle.ceiling_m is None or metres < vehicle.ceiling_m:
         return None
     return f"there is a ceiling at {vehicle.ceiling_m:g} m; expected failsafes that land"
+
+
+def _without_remote(value: float, vehicle: Vehicle) -> str:
+    action = LOST_REMOTE.get(round(value), "it does something unknown")
+    return f"NAV_RCL_ACT: when the remote control is lost {action} ({value:g})"
+
+
+def _poor_without_remote(value: float, vehicle: Vehicle) -> str | None:
+    return None if round(value) in LANDING_WITHOUT_REMOTE else "expected 3 (Land)"
+
+
+def _excepted(value: float, vehicle: Vehicle) -> str:
+    flies_on = "flies on" if int(value) & EXCEPT_OFFBOARD else "does not fly on"
+    return f"COM_RCL_EXCEPT: offboard {flies_on} without a remote control ({value:g})"
+
+
+def _poorly_excepted(value: float, vehicle: Vehicle) -> str | None:
+    return "then nobody can take the vehicle; expected 0" if int(value) & EXCEPT_OFFBOARD else None
+
+
+def _sticks(value: float, vehicle: Vehicle) -> str:
+    return f"COM_RC_IN_MODE: sticks are {'not read' if round(value) == NO_REMOTE else 'read'} ({value:g})"
+
+
+def _no_sticks(value: float, vehicle: Vehicle) -> str | None:
+    return "nobody can take the vehicle with a remote control; expected 0" if round(value) == NO_REMOTE else None
+
+
+def _override(value: float, vehicle: Vehicle) -> str:
+    ends = "ends" if int(value) & STICKS_END_OFFBOARD else "does not end"
+    return f"COM_RC_OVERRIDE: moving the sticks {ends} offboard ({value:g})"
+
+
+def _no_override(value: float, vehicle: Vehicle) -> str | None:
+    return None if int(value) & STICKS_END_OFFBOARD else "only the mode switch does; expected 3"
+
+
+def _low_battery(value: float, vehicle: Vehicle) -> str:
+    return (
+        f"COM_LOW_BAT_ACT: with a low battery {LOW_BATTERY.get(round(value), 'it does something unknown')} ({value:g})"
+    )
+
+
+def _ignored_battery(value: float, vehicle: Vehicle) -> str | None:
+    return None if round(value) in LOW_BATTERY and value else "expected 2 (Land)"
 
 
 def _scaling(value: float, vehicle: Vehicle) -> str:
@@ -125,6 +183,11 @@ PX4 = Firmware(
     ),
     checks=(
         Check("COM_OF_LOSS_T", _silence, _too_patient),
+        Check("COM_RC_IN_MODE", _sticks, _no_sticks),
+        Check("COM_RC_OVERRIDE", _override, _no_override),
+        Check("NAV_RCL_ACT", _without_remote, _poor_without_remote),
+        Check("COM_RCL_EXCEPT", _excepted, _poorly_excepted),
+        Check("COM_LOW_BAT_ACT", _low_battery, _ignored_battery),
         Check("RTL_RETURN_ALT", _return_height, _return_too_high),
         hover_throttle_check("MPC_THR_HOVER"),
         Check("MC_BAT_SCALE_EN", _scaling, _scaled),

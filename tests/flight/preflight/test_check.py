@@ -152,6 +152,11 @@ def test_a_compensator_beyond_its_data_or_its_band_is_a_warning(tmp_path: Path) 
 GOOD = {
     "COM_OF_LOSS_T": 0.5,
     "COM_OBL_RC_ACT": 4.0,
+    "COM_RC_IN_MODE": 0.0,
+    "COM_RC_OVERRIDE": 3.0,
+    "NAV_RCL_ACT": 3.0,
+    "COM_RCL_EXCEPT": 0.0,
+    "COM_LOW_BAT_ACT": 2.0,
     "RTL_RETURN_ALT": 2.0,
     "EKF2_NOAID_TOUT": 1e6,
     "MPC_THR_HOVER": 0.5,
@@ -274,6 +279,11 @@ def test_an_autopilot_that_refuses_a_message_is_refused(tmp_path: Path) -> None:
     ("values", "said"),
     [
         ({"COM_OF_LOSS_T": 5.0}, "acts 5 s after the last setpoint: expected at most 1 s"),
+        ({"NAV_RCL_ACT": 1.0}, "when the remote control is lost it goes to Hold (1): expected 3 (Land)"),
+        ({"COM_RCL_EXCEPT": 4.0}, "offboard flies on without a remote control (4): then nobody can take the vehicle"),
+        ({"COM_RC_IN_MODE": 4.0}, "sticks are not read (4): nobody can take the vehicle with a remote control"),
+        ({"COM_RC_OVERRIDE": 1.0}, "moving the sticks does not end offboard (1): only the mode switch does"),
+        ({"COM_LOW_BAT_ACT": 0.0}, "with a low battery it only says so (0): expected 2 (Land)"),
         ({"RTL_RETURN_ALT": 30.0}, "a return climbs to up to 30 m first: there is a ceiling at 2.6 m"),
         ({"MPC_THR_HOVER": 0.3}, "hovers at 0.30, the vehicle file at 0.52: one of them is wrong"),
     ],
