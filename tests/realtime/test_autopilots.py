@@ -187,6 +187,7 @@ def test_parameters_that_a_killed_flight_left_are_named_at_the_next_contact_and_
     before = dict(copter.parameters)
     url, logs = f"udpin://127.0.0.1:{port}", tmp_path / "logs"
     check = ("check", "missions/short_hop.yaml", "--link", url, "--seconds", "1", "--log-dir", str(logs))
+    ChangedParameters(logs, "system 9").note("RTL_ALT", Change(was=1500.0, set_to=0.0))
     with mock(copter, port) as wire:
         flight = Flight(logs, url, "--set-params")
         flight.until_recorded("hover")
@@ -197,10 +198,12 @@ def test_parameters_that_a_killed_flight_left_are_named_at_the_next_contact_and_
         named = quadctl(*check)
         left = "GUID_OPTIONS = 8 was set for an earlier flight, which ended without restoring it: it was 0"
         assert f"warning  parameters   {left}, --restore-params restores it" in named.out.splitlines()
+        assert "keeps old values for another vehicle too (system 9)" in named.out
         restored = quadctl(*check, "--restore-params")
         assert "ok       parameters   GUID_OPTIONS is 0 again." in restored.out.splitlines()
         assert copter.parameters == before
-        assert not (logs / "changed_parameters.yaml").exists()
+        kept = ChangedParameters(logs, "system 1, hardware 0000000000000001")
+        assert (kept.read(), kept.others) == ({}, ["system 9"])
         assert "earlier flight" not in quadctl(*check).out
 
 

@@ -64,7 +64,7 @@ def test_an_ardupilot_that_nobody_would_land_after_quadctl_has_died_is_refused(
     ask = ("check", "missions/short_hop.yaml", "--link", f"udpin://127.0.0.1:{port}", "--seconds", "1")
     with mock(copter, port):
         asked = quadctl(*ask)
-        accepted = quadctl(*ask, "--without-failsafe")
+        accepted = quadctl(*ask, "--without-failsafe", "--system-id", "42")
     assert (asked.status, accepted.status) == (1, 0), accepted
     lines = asked.out.splitlines()
     expected = (
@@ -76,6 +76,7 @@ def test_an_ardupilot_that_nobody_would_land_after_quadctl_has_died_is_refused(
         "the ground-station failsafe watches the heartbeats of system 255: expected 1 (--set-params does it): its"
     )
     assert any(line.startswith(f"refused  parameters   SYSID_MYGCS: {expected}") for line in lines), asked
+    assert "heartbeats of system 255: expected 42 (--set-params does it)" in accepted.out
     assert any(
         "FS_GCS_TIMEOUT: the ground-station failsafe acts 5 s after the last heartbeat" in line for line in lines
     )
