@@ -72,8 +72,13 @@ def multiply(p: Quaternion, q: Quaternion) -> Quaternion:
 
 def tilt(q: Quaternion) -> float:
     """Angle between body z and the vertical, radians in [0, pi]. Scalars only."""
+    return math.acos(min(max(cos_tilt(q), -1.0), 1.0))
+
+
+def cos_tilt(q: Quaternion) -> Number:
+    """Cosine of the angle between body z and the vertical."""
     _, x, y, _ = q
-    return math.acos(clip(1.0 - 2.0 * (x * x + y * y), -1.0, 1.0))
+    return 1.0 - 2.0 * (x * x + y * y)
 
 
 def wrap_pi(angle: float) -> float:

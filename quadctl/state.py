@@ -60,7 +60,14 @@ class VehicleState:
     ready_to_arm: bool = True
     """False when the autopilot says that its own checks do not pass, for example soon after boot."""
     tells_readiness: bool = True
-    """False when it does not say if they pass, as PX4 in offboard mode, so that `ready_to_arm` is a guess."""
+    """False when it does not say if they pass, as PX4 in offboard mode, or ArduPilot whose checks are off; then
+    `ready_to_arm` is a guess."""
+    checks_off: bool = False
+    """True when its own checks before arming are switched off, so that it arms whatever is wrong."""
+    failing: tuple[str, ...] = ()
+    """Names of the parts that the autopilot uses and reports as not healthy."""
+    refusals: tuple[str, ...] = ()
+    """Reasons against arming in the autopilot's last report, for this mode and the one that follows our targets."""
     connected: bool = False
     """True when heartbeats arrive."""
     received_s: Mapping[str, float] = field(default_factory=dict)
@@ -102,6 +109,12 @@ class VehicleState:
     def mode_age_s(self) -> float:
         """Time since the mode was told, by a message about it alone or by a heartbeat, s."""
         return min(self.age_s("mode"), self.age_s("heartbeat"))
+
+    @property
+    def why_not_ready(self) -> tuple[str, ...]:
+        """Reasons against arming beside the texts: those of its report, and the parts that fail."""
+        failing = (f"failing: {', '.join(self.failing)}",) if self.failing else ()
+        return (*self.refusals, *failing)
 
     @property
     def offboard(self) -> bool:

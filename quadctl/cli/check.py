@@ -14,6 +14,7 @@ from quadctl.cli.flight import (
     OffsetOption,
     RestoreOption,
     SetOption,
+    SystemIdOption,
     WithoutFailsafeOption,
 )
 from quadctl.cli.inputs import find_all, find_configuration
@@ -41,6 +42,7 @@ def check(
     seconds: Annotated[
         float, typer.Option("--seconds", metavar="S", min=1.0, max=60.0, help="How long its messages are counted.")
     ] = 3.0,
+    system_id: SystemIdOption = None,
     without_failsafe: WithoutFailsafeOption = False,
     restore_params: RestoreOption = False,
     log_dir: LogDirOption = Path("logs"),
@@ -50,7 +52,6 @@ def check(
 ) -> None:
     """Check whether a flight may begin: mission, vehicle, compensator, limits, and with --link the autopilot."""
     from quadctl.flight.autopilot.ports import resolve
-    from quadctl.flight.preflight.changed_parameters import ChangedParameters
     from quadctl.flight.preflight.check import check_flight
     from quadctl.flight.preflight.findings import Verdict, of_verdict
     from quadctl.flight.preflight.inquiry import ask_autopilot
@@ -67,12 +68,12 @@ def check(
         offset_up,
         overrides or (),
         vehicles[0] if vehicles else None,
-    )
+    ).speaking_as(system_id)
     findings = check_flight(plan)
     if link is not None:
         url = resolve(link, console)
         with console.status(f"listening to {url}"):
-            findings += ask_autopilot(plan, url, seconds, ChangedParameters(log_dir), without_failsafe, restore_params)
+            findings += ask_autopilot(plan, url, seconds, log_dir, without_failsafe, restore_params)
     for finding in findings:
         line = Text(f"{finding.verdict.value:8}", style=STYLES[finding.verdict.value])
         console.print(line.append(f" {finding.topic:12} {finding.text}", style="default not bold"), soft_wrap=True)

@@ -44,6 +44,17 @@ SetOption = Annotated[
     typer.Option("--set", metavar="NAME=VALUE", help="Other value for one of the mission's parameters."),
 ]
 
+SystemIdOption = Annotated[
+    int | None,
+    typer.Option(
+        "--system-id",
+        metavar="N",
+        min=1,
+        max=255,
+        help="MAVLink system id of quadctl [default: that of the configuration, 1].",
+    ),
+]
+
 WithoutFailsafeOption = Annotated[
     bool,
     typer.Option(
@@ -93,6 +104,7 @@ def fly(
     set_params: Annotated[
         bool, typer.Option("--set-params", help="Set the autopilot's parameters as needed, restore them afterwards.")
     ] = False,
+    system_id: SystemIdOption = None,
     without_failsafe: WithoutFailsafeOption = False,
     restore_params: RestoreOption = False,
     model: ModelOption = None,
@@ -116,7 +128,6 @@ def fly(
 ) -> None:
     """Fly a mission on an autopilot, unless `check` refuses it. Ctrl-C lands."""
     from quadctl.flight.autopilot.ports import resolve
-    from quadctl.flight.preflight.changed_parameters import ChangedParameters
     from quadctl.flight.preflight.preparation import prepare_flight
     from quadctl.flight.session import Allowed, fly_real_time
 
@@ -135,7 +146,7 @@ def fly(
             "there is no config/flight.yaml here, expected one that describes your vehicle: `quadctl init DIR` writes "
             "an example to edit, --config names another file"
         )
-    plan = prepare_flight(mission, configuration, model, offset_up, overrides or ())
+    plan = prepare_flight(mission, configuration, model, offset_up, overrides or ()).speaking_as(system_id)
     _print_warnings(plan, simulated=sitl)
     with ExitStack() as stack:
         viewer = stack.enter_context(_viewer(plan, view_port, view_token)) if view else None
@@ -144,8 +155,7 @@ def fly(
             url = stack.enter_context(simulator().mock_process(plan.body.vehicle, hidden, seed, kind))
         else:
             url = resolve(plan.settings.link.url if link is None else link, console)
-        kept = None if sitl else ChangedParameters(log_dir)
-        allowed = Allowed(set_params, without_failsafe, restore_params, kept)
+        allowed = Allowed(set_params, without_failsafe, restore_params, None if sitl else log_dir)
         outcome = fly_real_time(plan, url, log_dir, console, allowed, viewer and viewer.end)
         if viewer is not None:
             viewer.tell(outcome)

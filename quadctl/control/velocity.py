@@ -23,14 +23,14 @@ class VelocityMemory(NamedTuple):
 
 def velocity_setpoint(setpoint: Setpoint, position_ned_m: Vec3, settings: ControllerSettings) -> Vec3:
     """Velocity that brings the vehicle to the setpoint, limited; an axis whose position is nan keeps its velocity."""
-    wanted = []
-    for target, feed_forward, actual in zip(
-        setpoint.position_ned_m, setpoint.velocity_ned_m_s, position_ned_m, strict=True
-    ):
-        correction = 0.0 if math.isnan(target) else settings.position_p * (target - actual)
-        wanted.append(feed_forward + correction)
-    north, east = _limit_length(wanted[0], wanted[1], settings.max_horizontal_m_s)
-    return north, east, min(max(wanted[2], -settings.max_up_m_s), settings.max_down_m_s)
+    target, feed_forward, p = setpoint.position_ned_m, setpoint.velocity_ned_m_s, settings.position_p
+    north, east = _limit_length(
+        _led_back(target[0], position_ned_m[0], feed_forward[0], p),
+        _led_back(target[1], position_ned_m[1], feed_forward[1], p),
+        settings.max_horizontal_m_s,
+    )
+    down = _led_back(target[2], position_ned_m[2], feed_forward[2], p)
+    return north, east, min(max(down, -settings.max_up_m_s), settings.max_down_m_s)
 
 
 def acceleration_setpoint(
@@ -53,11 +53,24 @@ def acceleration_setpoint(
     )
     limited = _limit_acceleration(raw, settings)
     # Anti-windup: an axis at its limit integrates only what leads away from the limit.
-    new_integral = tuple(
-        i if (r - low) * e > 0.0 else _clip(i + g.i * e * dt, settings.max_integral_m_s2)
-        for i, r, low, e, g in zip(integral, raw, limited, error, gains, strict=True)
+    most = settings.max_integral_m_s2
+    new_integral = (
+        integral[0]
+        if (raw[0] - limited[0]) * error[0] > 0.0
+        else _clip(integral[0] + gains[0].i * error[0] * dt, most),
+        integral[1]
+        if (raw[1] - limited[1]) * error[1] > 0.0
+        else _clip(integral[1] + gains[1].i * error[1] * dt, most),
+        integral[2]
+        if (raw[2] - limited[2]) * error[2] > 0.0
+        else _clip(integral[2] + gains[2].i * error[2] * dt, most),
     )
-    return limited, VelocityMemory((new_integral[0], new_integral[1], new_integral[2]), velocity, measured)
+    return limited, VelocityMemory(new_integral, velocity, measured)
+
+
+def _led_back(target: float, actual: float, feed_forward: float, p: float) -> float:
+    """Velocity of one axis that leads back to its target; nan: there is none."""
+    return feed_forward if math.isnan(target) else feed_forward + p * (target - actual)
 
 
 def _pid(error: float, integral: float, measured: float, feed_forward: float, gains: AxisGains) -> float:

@@ -6,7 +6,7 @@ from pathlib import Path
 from quadctl.errors import FlightError
 from quadctl.export.autopilot import Dialect, Row
 from quadctl.flight.autopilot.mavsdk_autopilot import MavsdkAutopilot
-from quadctl.flight.preflight.changed_parameters import Change, ChangedParameters, restore
+from quadctl.flight.preflight.changed_parameters import FILE_NAME, Change, ChangedParameters, restore
 from quadctl.flight.realtime import run
 
 Say = Callable[[str], None]
@@ -49,7 +49,8 @@ def write_parameters(url: str, dialect: Dialect, rows: Sequence[Row], kept: Path
         try:
             present = await autopilot.parameters([row.name for row in rows])
             _require_disarmed(autopilot)
-            await _set(autopilot, _wanted(rows), present, ChangedParameters(kept), say)
+            changed = ChangedParameters(kept, await autopilot.identity())
+            await _set(autopilot, _wanted(rows), present, changed, say)
         finally:
             await autopilot.close()
 
@@ -64,16 +65,20 @@ def undo(url: str, dialect: Dialect, kept: Path, say: Say) -> None:
     LinkError
         No autopilot answers.
     FlightError
-        It is another kind of autopilot, or nothing is kept in that folder.
+        It is another kind of autopilot, or nothing is kept in that folder for this vehicle.
     """
-    file = ChangedParameters(kept)
-    changes = file.read()
-    if not changes:
-        raise FlightError(f"{file.path}: holds no old values, so there is nothing to undo")
+    path = kept / FILE_NAME
+    if not path.is_file():
+        raise FlightError(f"{path}: there is no such file of old values, so there is nothing to undo")
 
     async def put_back() -> None:
         autopilot = await _connected(url, dialect)
         try:
+            file = ChangedParameters(kept, await autopilot.identity())
+            changes = file.read()
+            if not changes:
+                others = ", ".join(f"'{name}'" for name in file.others)
+                raise FlightError(f"{path}: holds old values of {others}, expected some of '{file.vehicle}'")
             await restore(autopilot, changes, file, say)
         finally:
             await autopilot.close()

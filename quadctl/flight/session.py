@@ -14,7 +14,7 @@ from quadctl.flight.loop import fly, landing_on_signals
 from quadctl.flight.pilot.outcome import Outcome, Tally
 from quadctl.flight.preflight.changed_parameters import ChangedParameters, left_behind, restore, still_changed
 from quadctl.flight.preflight.findings import Verdict, of_verdict
-from quadctl.flight.preflight.inquiry import advisable_parameters
+from quadctl.flight.preflight.inquiry import CHECKS_OFF, advisable_parameters
 from quadctl.flight.preflight.lateral import ask_about_lateral_force
 from quadctl.flight.preflight.plan import FlightPlan
 from quadctl.flight.preflight.requirements import requirements_met
@@ -33,8 +33,8 @@ class Allowed(NamedTuple):
     """True: fly though nobody would land the vehicle if this program died."""
     restore_parameters: bool = False
     """True: restore first what an earlier flight left behind."""
-    kept: ChangedParameters | None = None
-    """File for the old values; None: they need not outlive this program."""
+    keep_in: Path | None = None
+    """Folder of the file for the old values; None: they need not outlive this program."""
 
 
 def fly_real_time(
@@ -54,7 +54,8 @@ def fly_real_time(
     FlightError
         The log cannot be written, the autopilot refuses what a flight needs, or Ctrl-C came before the flight.
     """
-    autopilot = MavsdkAutopilot(url, plan.body.vehicle.n_rotors, plan.settings.link.timeout_s)
+    link = plan.settings.link
+    autopilot = MavsdkAutopilot(url, plan.body.vehicle.n_rotors, link.timeout_s, link.system_id)
     try:
         with privileges() as real_time:
             return run(_fly(plan, autopilot, log_dir, console, allowed or Allowed(), view, real_time))
@@ -84,20 +85,27 @@ async def _fly(
             raise FlightError(f"{refused[0]}.")
         for warning in [*autopilot.warnings, *of_verdict(advice, Verdict.WARNING)]:
             warn(str(warning))
-        await _look_for_left_parameters(autopilot, allowed, warn)
-        async with requirements_met(autopilot, allowed.set_parameters, warn, allowed.without_failsafe, allowed.kept):
+        if autopilot.state().checks_off:
+            warn(f"{CHECKS_OFF}.")
+        kept = None
+        if allowed.keep_in is not None:
+            kept = ChangedParameters(allowed.keep_in, await autopilot.identity())
+        await _look_for_left_parameters(autopilot, allowed, kept, warn)
+        async with requirements_met(autopilot, allowed.set_parameters, warn, allowed.without_failsafe, kept):
             return await _fly_prepared(plan, autopilot, log_dir, console, allowed, view, real_time)
     finally:
         await autopilot.close()
 
 
-async def _look_for_left_parameters(autopilot: Autopilot, allowed: Allowed, warn: Callable[[str], None]) -> None:
+async def _look_for_left_parameters(
+    autopilot: Autopilot, allowed: Allowed, kept: ChangedParameters | None, warn: Callable[[str], None]
+) -> None:
     """Restore what an earlier flight left behind, or name it; a flight that sets parameters restores it at its end."""
-    if allowed.kept is None:
+    if kept is None:
         return
-    left = await still_changed(autopilot, allowed.kept)
+    left = await still_changed(autopilot, kept)
     if allowed.restore_parameters:
-        await restore(autopilot, left, allowed.kept, warn)
+        await restore(autopilot, left, kept, warn)
     elif not allowed.set_parameters:
         for name, change in left.items():
             warn(left_behind(name, change))

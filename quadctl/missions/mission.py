@@ -36,6 +36,10 @@ class Phase(NamedTuple):
     end_s: float
     start_m: Vec3
 
+    def reference(self, t_s: float) -> Reference:
+        """Reference at `t_s` since lift-off."""
+        return self.trajectory.reference(t_s - self.start_s, self.start_m)
+
 
 class Turn(NamedTuple):
     """A turn that begins at `start_s` and ends at the heading `yaw_rad`, or when the next turn begins."""
@@ -71,8 +75,7 @@ class Mission(NamedTuple):
         return self.phases[min(index, len(self.phases) - 1)]
 
     def reference(self, t_s: float) -> Reference:
-        phase = self.phase_at(t_s)
-        return phase.trajectory.reference(t_s - phase.start_s, phase.start_m)
+        return self.phase_at(t_s).reference(t_s)
 
     def yaw_rad(self, t_s: float, heading_rad: float) -> float:
         """Heading at `t_s` when it was `heading_rad` at take-off: each turn goes the short way at the yaw rate."""

@@ -128,7 +128,7 @@ def forward(url: str, source: Source, frame: str, yaw_rad: float, console: Conso
         The axes contradict the autopilot's attitude from the beginning.
     """
     telemetry = Telemetry(n_rotors=4)
-    link = MavsdkLink(url, telemetry.receive)
+    link = MavsdkLink(url, telemetry.receive, mavlink.MOCAP_SYSTEM_ID)
     try:
         with console.status("waiting for the autopilot"):
             asyncio.run(_open(link, telemetry))

@@ -57,6 +57,7 @@ class SimulatedCopter(SimulatedAutopilot):
         "FS_THR_ENABLE": 1.0,
         "FS_EKF_ACTION": 1.0,
         "RTL_ALT": 1500.0,
+        "ARMING_CHECK": 1.0,
         "MOT_THST_HOVER": 0.5,
         "ATC_ANGLE_BOOST": 1.0,
         "MOT_THST_EXPO": 0.65,
@@ -116,7 +117,9 @@ class SimulatedCopter(SimulatedAutopilot):
 
     def _objection_before_arming(self) -> str | None:
         if self.time_s < self.ready_after_s:
-            return "PreArm: EKF attitude is bad"
+            if not self._checks_off:
+                return "PreArm: EKF attitude is bad"
+            return "Arm: Need Position Estimate" if self.mode == "GUIDED" else None  # it insists on that
         return "PreArm: Internal errors 0x4000000" if self._internal_error else None
 
     def _objection_to_arming(self) -> str | None:
@@ -158,7 +161,11 @@ class SimulatedCopter(SimulatedAutopilot):
 
     @property
     def _trusts_estimate(self) -> bool:
-        return self.estimator.unaided_s(self.time_s) <= UNAIDED_S
+        return self.time_s >= self.ready_after_s and self.estimator.unaided_s(self.time_s) <= UNAIDED_S
+
+    @property
+    def _checks_off(self) -> bool:
+        return self.parameters["ARMING_CHECK"] == 0.0
 
     def power_cycle(self) -> None:
         super().power_cycle()

@@ -23,6 +23,8 @@ BATTERY_HOLD_S = 5.0
 """Time for which it holds its place before it lands with a failed battery (COM_FAIL_ACT_T)."""
 REMOTE_LOST = {1: "HOLD", 2: "RTL", 3: "LAND"}
 """Mode of the failsafe by NAV_RCL_ACT, when the remote control is lost."""
+TARGETS_LOST = {0: "POSCTL", 1: "POSCTL", 2: "POSCTL", 3: "RTL", 4: "LAND", 5: "HOLD"}
+"""Mode of the failsafe by COM_OBL_RC_ACT, when targets stop; of the modes of a pilot it simulates one."""
 EXCEPT_OFFBOARD = 4
 """Bit of COM_RCL_EXCEPT: offboard goes on without a remote control."""
 CRITICAL = 2
@@ -49,12 +51,16 @@ class SimulatedAutopilot:
     """Time without GPS or motion capture after which it says that those have failed; inf: it never does."""
     default_parameters: ClassVar[dict[str, float]] = {
         "COM_OF_LOSS_T": 1.0,
-        "COM_OBL_RC_ACT": 3.0,
+        "COM_OBL_RC_ACT": 3.0,  # by default 0, which without a remote control ends in the same return
+        "RTL_RETURN_ALT": 30.0,
         "COM_DISARM_LAND": 2.0,
         "COM_DISARM_PRFLT": 10.0,
         "MPC_LAND_SPEED": 0.7,
         "EKF2_NOAID_TOUT": 5e6,
         "NAV_RCL_ACT": 2.0,
+        "COM_RC_IN_MODE": 3.0,
+        "COM_RC_OVERRIDE": 1.0,
+        "COM_LOW_BAT_ACT": 0.0,
         "COM_RCL_EXCEPT": 0.0,
         "MPC_THR_HOVER": 0.5,
         "THR_MDL_FAC": 0.0,
@@ -88,6 +94,8 @@ class SimulatedAutopilot:
         self._steps = 0
         self._motor_test = MotorTest(0, 0.0, -math.inf)
         self._battery_failed_s: float | None = None
+        self.remote = True
+        """False: there is no remote control."""
         self.said: deque[tuple[int, str]] = deque()
         """Texts that it has to say, with their MAV_SEVERITY; taken by whoever sends them."""
         self.estimator.observe(self.body.motion())
@@ -175,6 +183,7 @@ class SimulatedAutopilot:
 
     def lose_remote(self) -> None:
         """Lose the remote control."""
+        self.remote = False
         excepted = self.mode == "OFFBOARD" and int(self.parameters["COM_RCL_EXCEPT"]) & EXCEPT_OFFBOARD
         mode = REMOTE_LOST.get(int(self.parameters["NAV_RCL_ACT"]))
         if self.armed and mode is not None and not excepted:
@@ -228,6 +237,7 @@ class SimulatedAutopilot:
             mode=self.mode,
             offboard_mode=self.offboard_mode,
             ready_to_arm=self._objection_before_arming() is None,
+            checks_off=self._checks_off,
             estimator_ok=self._trusts_estimate,
             horizontal_std_m=e.horizontal_std_m,
             vertical_std_m=VERTICAL_STD_M,
@@ -249,6 +259,11 @@ class SimulatedAutopilot:
     def _trusts_estimate(self) -> bool:
         """False once dead reckoning has lasted for longer than the estimator trusts it."""
         return self.estimator.unaided_s(self.time_s) <= 1e-6 * self.parameters["EKF2_NOAID_TOUT"]
+
+    @property
+    def _checks_off(self) -> bool:
+        """True when its checks before arming are switched off."""
+        return False
 
     @property
     def _streaming(self) -> bool:
@@ -304,7 +319,8 @@ class SimulatedAutopilot:
     def _watch_targets(self, silence_s: float) -> None:
         """Apply the failsafe for a companion that has fallen silent."""
         if self.armed and silence_s > self.parameters["COM_OF_LOSS_T"]:
-            self._enter("RTL")
+            mode = TARGETS_LOST[int(self.parameters["COM_OBL_RC_ACT"])]
+            self._enter("RTL" if mode == "POSCTL" and not self.remote else mode)
 
     @property
     def _disarm_after_s(self) -> float:

@@ -51,6 +51,7 @@ class MavlinkArduPilot(MavlinkMock):
                     "FS_THR_ENABLE",
                     "FS_EKF_ACTION",
                     "RTL_ALT",
+                    "ARMING_CHECK",
                     "ATC_ANGLE_BOOST",
                 }
             ),

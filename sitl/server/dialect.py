@@ -7,6 +7,7 @@ from pymavlink.dialects.v20 import ardupilotmega
 
 ESC_STATUS_ID = 291
 CURRENT_MODE_ID = 436
+EVENT_ID = 410
 SET_ATTITUDE_TARGET_ID = 82
 THRUST_BODY_SET = 32
 """Bit of its `type_mask`: `thrust_body` takes the place of `thrust`."""
@@ -80,6 +81,30 @@ class CurrentMode(_Message):
     unpacker = struct.Struct("<IIB")
 
 
+class Event(_Message):
+    """EVENT: the number of an event, its log levels, and its arguments as bytes."""
+
+    id = EVENT_ID
+    msgname = "EVENT"
+    name = "EVENT"
+    fieldnames: ClassVar[list[str]] = [
+        *("destination_component", "destination_system", "id", "event_time_boot_ms", "sequence", "log_levels"),
+        "arguments",
+    ]
+    ordered_fieldnames: ClassVar[list[str]] = [
+        *("id", "event_time_boot_ms", "sequence", "destination_component", "destination_system", "log_levels"),
+        "arguments",
+    ]
+    fieldtypes: ClassVar[list[str]] = ["uint8_t", "uint8_t", "uint32_t", "uint32_t", "uint16_t", "uint8_t", "uint8_t"]
+    fieldunits_by_name: ClassVar[dict[str, str]] = {}
+    native_format = bytearray(b"<IIHBBBB")
+    orders: ClassVar[list[int]] = [3, 4, 0, 1, 2, 5, 6]
+    lengths: ClassVar[list[int]] = [1, 1, 1, 1, 1, 1, 40]
+    array_lengths: ClassVar[list[int]] = [0, 0, 0, 0, 0, 0, 40]
+    crc_extra = 160
+    unpacker = struct.Struct("<IIHBBB40B")
+
+
 class SetAttitudeTarget(_Message):
     """SET_ATTITUDE_TARGET with its extension: thrust in three dimensions of the body, FRD, -1..1."""
 
@@ -113,5 +138,6 @@ def register(dialect: Any = ardupilotmega) -> None:
     """Let a pymavlink dialect module parse the messages of this file; may be called again."""
     dialect.mavlink_map.setdefault(ESC_STATUS_ID, EscStatus)
     dialect.mavlink_map.setdefault(CURRENT_MODE_ID, CurrentMode)
+    dialect.mavlink_map.setdefault(EVENT_ID, Event)
     if "thrust_body" not in dialect.mavlink_map[SET_ATTITUDE_TARGET_ID].fieldnames:
         dialect.mavlink_map[SET_ATTITUDE_TARGET_ID] = SetAttitudeTarget

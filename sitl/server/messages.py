@@ -87,9 +87,11 @@ def sys_status(lists_prearm: bool) -> Builder:
     present = gps | checked if lists_prearm else gps
 
     def build(estimate: VehicleState) -> Iterator[Message]:
-        healthy = (checked if estimate.ready_to_arm else 0) | (0 if estimate.aid_lost else gps)
+        enabled = present & ~checked if estimate.checks_off else present
+        ready = estimate.ready_to_arm and not estimate.checks_off
+        healthy = (checked if ready else 0) | (0 if estimate.aid_lost else gps)
         yield mavlink.MAVLink_sys_status_message(
-            present, present, healthy, 0, _millivolts(estimate), -1, -1, 0, 0, 0, 0, 0, 0
+            present, enabled, healthy, 0, _millivolts(estimate), -1, -1, 0, 0, 0, 0, 0, 0
         )
 
     return build
@@ -128,11 +130,34 @@ def ekf_status_report(estimate: VehicleState) -> Iterator[Message]:
     yield mavlink.MAVLink_ekf_status_report_message(flags, 0.1, estimate.estimator_ratio, 0.1, 0.1, 0.1)
 
 
+def timesync(estimate: VehicleState) -> Iterator[Message]:
+    """Question of its own about the other side's clock, which nobody has to answer."""
+    yield mavlink.MAVLink_timesync_message(0, round(1e9 * estimate.time_s))
+
+
 def statustext(severity: int, text: str, number: int) -> Iterator[Message]:
     """STATUSTEXT in as many chunks as the text needs."""
     data = text.encode()
     for place, first in enumerate(range(0, len(data), CHUNK)):
         yield mavlink.MAVLink_statustext_message(severity, data[first : first + CHUNK], number, place)
+
+
+ARMING_SUMMARY, WAITING_FOR_ESTIMATOR, NO_POSITION, NO_SETPOINTS = 11047904, 6054338, 13835193, 3087815
+"""Numbers of PX4's events about arming, as recorded."""
+EVERY_MODE, MODES_BY_POSITION, OFFBOARD = 0xFFFFFFFF, 0x7E007C, 1 << 14
+"""Modes that those events concern."""
+ERROR, PROTOCOL = 0x33, 0x88
+"""Log levels of events."""
+
+
+def arming_report(ready: bool, boot_ms: int) -> Iterator[Message]:
+    """PX4's report of its checks as events: what is wrong before it is `ready`, and that offboard has no setpoints."""
+    events = [(ARMING_SUMMARY, PROTOCOL, 0), (NO_SETPOINTS, ERROR, OFFBOARD)]
+    if not ready:
+        events[1:1] = [(WAITING_FOR_ESTIMATOR, ERROR, EVERY_MODE), (NO_POSITION, ERROR, MODES_BY_POSITION)]
+    for sequence, (number, level, modes) in enumerate(events):
+        arguments = [*modes.to_bytes(4, "little"), *[0] * 36]
+        yield dialect.Event(0, 0, 1 << 24 | number, boot_ms, sequence, level, arguments)
 
 
 def _by_fours(rpm: Sequence[float]) -> Iterator[tuple[int, list[int]]]:

@@ -13,6 +13,13 @@ class MavlinkPx4(MavlinkMock):
 
     rules = SimulatedAutopilot
 
+    def _run_checks(self, command: messages.Message) -> int:
+        result = super()._run_checks(command)
+        ready = self.autopilot.estimate().ready_to_arm
+        for event in messages.arming_report(ready, round(1000.0 * self._clock_s)):
+            self._send(event)
+        return result
+
     def new_manners(self) -> Manners:
         return Manners(
             mav_autopilot=mavlink.MAV_AUTOPILOT_PX4,
@@ -35,6 +42,7 @@ class MavlinkPx4(MavlinkMock):
                 mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS: Stream(messages.estimator_status, 1.0, "position"),
                 mavlink.MAVLINK_MSG_ID_SYS_STATUS: Stream(messages.sys_status(lists_prearm=False), 5.0, "battery"),
                 mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: Stream(messages.battery_status, 0.5, "battery"),
+                mavlink.MAVLINK_MSG_ID_TIMESYNC: Stream(messages.timesync, 10.0, "heartbeat"),
                 mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: Stream(messages.extended_sys_state, 5.0, "heartbeat"),
             },
             unknown_interval=mavlink.MAV_RESULT_FAILED,
@@ -45,6 +53,11 @@ class MavlinkPx4(MavlinkMock):
             integer_parameters=frozenset(
                 {
                     "COM_OBL_RC_ACT",
+                    "NAV_RCL_ACT",
+                    "COM_RCL_EXCEPT",
+                    "COM_RC_IN_MODE",
+                    "COM_RC_OVERRIDE",
+                    "COM_LOW_BAT_ACT",
                     "EKF2_NOAID_TOUT",
                     "MC_BAT_SCALE_EN",
                     "MC_AIRMODE",

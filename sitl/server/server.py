@@ -65,6 +65,8 @@ class MavlinkMock(ABC):
         self.manners = self.new_manners()
         self.faults = Faults()
         self.setpoints_received: list[ReceivedSetpoint] = []
+        self.hardware = 1
+        """Number of its hardware (AUTOPILOT_VERSION.uid); 0: it tells none."""
         self.heartbeats_sent = 0
         self.motor_tests_received = 0
         self.vision_poses_received: list[Message] = []
@@ -418,7 +420,7 @@ class MavlinkMock(ABC):
     def _version(self, _: VehicleState) -> Iterator[Message]:
         none = [0] * 8
         yield mavlink.MAVLink_autopilot_version_message(
-            self.manners.capabilities, self.manners.version, 0, 0, 0, none, none, none, 0, 0, 1
+            self.manners.capabilities, self.manners.version, 0, 0, 0, none, none, none, 0, 0, self.hardware
         )
 
 

@@ -80,6 +80,19 @@ def attitude_hz(name: str) -> float:
     return on_the_wire(mock(name), name).manners.streams[mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION].default_rate_hz
 
 
+def timesync(name: str) -> str:
+    """Answer to a question about its clock."""
+    wire = on_the_wire(mock(name), name)
+    sent: list[object] = []
+    wire._send = sent.append  # type: ignore[method-assign, assignment]
+    wire._timesync(mavlink.MAVLink_timesync_message(0, 1))
+    return "answered" if sent else "ignored"
+
+
+def timesync_hz(name: str) -> float:
+    return on_the_wire(mock(name), name).manners.streams[mavlink.MAVLINK_MSG_ID_TIMESYNC].default_rate_hz
+
+
 def ready_s(name: str) -> float:
     px = mock(name)
     return until(px, lambda: px.estimate().ready_to_arm)
@@ -90,6 +103,15 @@ def setpoints_lost_s(name: str) -> float:
     if isinstance(px, SimulatedCopter):
         return until(px, lambda: px.guided is Guided.LEVEL)
     return until(px, lambda: px.mode != px.offboard_mode)
+
+
+def setpoints_lost_mode(name: str) -> str:
+    """Mode after the last setpoint, by the default of COM_OBL_RC_ACT, without a remote control."""
+    px = hovering(name)
+    px.remote = False
+    px.parameters["COM_OBL_RC_ACT"] = 0.0
+    until(px, lambda: px.mode != px.offboard_mode)
+    return px.mode
 
 
 def station_lost_s(name: str) -> float:
@@ -190,8 +212,10 @@ def second_station(name: str) -> str:
 PROBES: dict[str, Callable[[str], str | float]] = {
     probe.__name__: probe
     for probe in (
-        *(heartbeat_hz, heartbeat_interval, position_hz, attitude_hz, ready_s, setpoints_lost_s, station_lost_s),
+        *(timesync, timesync_hz),
+        *(heartbeat_hz, heartbeat_interval, position_hz, attitude_hz, ready_s, setpoints_lost_s, setpoints_lost_mode),
         *(
+            station_lost_s,
             station_ignored,
             position_lost_s,
             remote_lost,

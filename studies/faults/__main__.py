@@ -28,13 +28,18 @@ The limits are those of `config/flight.yaml`, with a battery guarded at 13.5 V; 
 after 2 s (`max_over_time_s`), and the vehicle comes down a second later. In the faults of delay, jitter and loss a
 line that holds back, loses and repeats datagrams lies between the two.
 
+The vehicle is the quadrotor of `config/vehicles/raptor.yaml`; rows that say *of six* or *six rotors* fly the hexarotor
+of `config/vehicles/f550.yaml`. With one weak motor the attitude loops of the mock decide what happens, which are
+simpler than those of the autopilots: the quadrotor leaves its place, and the fence answers. How a real autopilot bears
+it was not measured.
+
 ArduPilot's own answer to missing setpoints is to level and hold its height, in GUIDED, without reporting it. Its
-ground-station failsafe lands it 3 s after the last heartbeat of quadctl, as a flight requires (`SYSID_MYGCS`). A
-The mocks land faster than real autopilots: a PX4 needed 5 to 6 s from 1.5 m to the ground, and as long again to disarm.
-Times of an answer that waits for a message, such as PX4's heartbeats at 1 Hz, are those of one flight. In rows about a
-person, that person also lands the vehicle, one or two seconds later. A restarted autopilot may still be asked to land
-once: its state is old before it is known to have restarted. A
-vehicle that neither of the two lands is landed by a simulated pilot with the switch after 14 s.
+ground-station failsafe lands it 3 s after the last heartbeat of quadctl, as a flight requires (`SYSID_MYGCS`). PX4's
+is `COM_OBL_RC_ACT`, here 3 (return). The mocks land faster than real autopilots: a PX4 needed 5 to 6 s from 1.5 m to
+the ground, and another 4 s to disarm. Times of an answer that waits for a message, such as PX4's heartbeats at 1 Hz,
+are those of one flight. In rows about a person, that person also lands the vehicle, one or two seconds later. A
+restarted autopilot may still be asked to land once: its state is old before it is known to have restarted. A vehicle
+that neither of the two lands is landed by a simulated pilot with the switch after 14 s.
 
 | fault | autopilot | answer | last setpoint | mode of the autopilot | at rest | how the log says it ended |
 |---|---|---|---|---|---|---|

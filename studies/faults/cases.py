@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from signal import SIGCONT, SIGINT, SIGKILL, SIGSTOP, SIGTERM, SIGUSR1, SIGUSR2
 from typing import Any
 
+from quadctl.effects.rotor_fault import WeakRotor
 from quadctl.sitl.server import faults
 
 from .scene import HERE, Profile, Scene, Seen, Setting
@@ -202,6 +203,22 @@ def _open_the_port_too(scene: Scene) -> None:
     scene.later(2.1, second.close)
 
 
+def _weaken(loss: float) -> Callable[[Scene], None]:
+    """The first motor loses a share of its thrust, for good; a vehicle that bears it is landed by Ctrl-C after 5 s."""
+
+    def inject(scene: Scene) -> None:
+        body = scene.px.autopilot.body
+        body.truth = body.truth.plus(WeakRotor(loss=loss, rotor=1.0))
+        scene.later(5.0, lambda: _interrupt(scene))
+
+    return inject
+
+
+def _interrupt(scene: Scene) -> None:
+    if scene.process.poll() is None:
+        scene.signal(SIGINT)
+
+
 def _fill_disk(scene: Scene) -> None:
     """Limit the size of files to the present size of the log."""
     size = scene.log.stat().st_size
@@ -219,6 +236,7 @@ def _shake(scene: Scene) -> None:
 OVER_TIME_S = 2.0
 LET_GO = "hand over or release"
 ON_A_LINE = Setting(on_a_line=True)
+SIX = Setting(vehicle="f550")
 SLOW = "the link is slow"
 NAN, STALE, STALL = "not a number", "s old, allowed are 0.2 s", "the control loop stalled for"
 
@@ -318,6 +336,15 @@ LIMITS = (
     Case("remote control lost", _lose_remote, "release", "left offboard for RTL", "return", silent_s=0.5),
     Case("battery low", _distort(lambda: faults.battery_at(12.0)), "land", "the battery is at 12.00 V", silent_s=1.0),
 )
+ROTORS = (
+    Case("a motor of four at half thrust", _weaken(0.5), "land", "from take-off", silent_s=2.5),
+    Case("a motor of six at half thrust", _weaken(0.5), "land", "asked to land by SIGINT", silent_s=5.5, setting=SIX),
+    Case("a motor of six at a tenth of its thrust", _weaken(0.9), "land", "from take-off", silent_s=2.5, setting=SIX),
+    Case("process killed, six rotors", lambda s: s.signal(SIGKILL), "", "in flight", "failsafe", setting=SIX),
+    Case(
+        "Ctrl-C, six rotors", lambda s: s.signal(SIGINT), "land", "asked to land by SIGINT", silent_s=0.5, setting=SIX
+    ),
+)
 LINK = (
     Case("autopilot's messages stop", _be(silent=True), "hand over", STALE, answered_s=0.5),
     Case("delay of 0.25 s each way", lambda s: s.line.delay(0.25), "hand over", STALE, silent_s=0.6, setting=ON_A_LINE),
@@ -390,4 +417,4 @@ PEOPLE = (
     Case("Ctrl-C twice", _interrupt_twice, "hand over", "asked to let go", silent_s=0.5),
     Case("Ctrl-C twice, autopilot hears nothing", _interrupt_twice_unheard, "hand over", "let go", "failsafe"),
 )
-CASES = (*PROCESS, *STATE, *LIMITS, *LINK, *PEOPLE)
+CASES = (*PROCESS, *STATE, *LIMITS, *ROTORS, *LINK, *PEOPLE)

@@ -17,6 +17,7 @@ import numpy as np
 import yaml
 
 from quadctl.flight.autopilot.ardupilot import ARDUPILOT
+from quadctl.flight.autopilot.mavlink import OWN_SYSTEM_ID
 from quadctl.flight.pilot.guards import GuardLimits, unfit
 from quadctl.logs.read import read_log
 from quadctl.sitl.rules.copter import Guided, SimulatedCopter
@@ -24,14 +25,14 @@ from quadctl.sitl.rules.px4 import SimulatedAutopilot
 from quadctl.sitl.server.ardupilot import MavlinkArduPilot
 from quadctl.sitl.server.px4 import MavlinkPx4
 from quadctl.sitl.server.server import MavlinkMock
-from quadctl.vehicle import load_vehicle
+from quadctl.vehicle import Vehicle, load_vehicle
 
 from .line import Line
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
 CONFIG = ROOT / "config" / "flight.yaml"
-VEHICLE = load_vehicle(CONFIG.parent / "vehicles" / "raptor.yaml")
+VEHICLES = CONFIG.parent / "vehicles"
 PERSON_S = 14.0
 """Time after which a person lands a vehicle that nothing has landed: longer than any failsafe takes."""
 HOVER_M = 0.4
@@ -46,8 +47,8 @@ class Profile:
     """An autopilot that faults are tried on."""
 
     name: str
-    make: Callable[[int], MavlinkMock]
-    """Function from a port to the autopilot on the wire."""
+    make: Callable[[Vehicle, int], MavlinkMock]
+    """Function from a vehicle and a port to the autopilot on the wire."""
     offboard: str
     boot: str
     """Its mode after power-up."""
@@ -59,15 +60,15 @@ class Profile:
     """Name of the parameter with the landing speed."""
 
 
-def px4(port: int) -> MavlinkMock:
-    autopilot = SimulatedAutopilot(VEHICLE)
+def px4(vehicle: Vehicle, port: int) -> MavlinkMock:
+    autopilot = SimulatedAutopilot(vehicle)
     autopilot.parameters["COM_DISARM_LAND"] = 0.3  # the default would only make us wait
     return MavlinkPx4(autopilot, port)
 
 
-def ardupilot(port: int) -> MavlinkMock:
-    copter = SimulatedCopter(VEHICLE)
-    for need in ARDUPILOT.requirements:
+def ardupilot(vehicle: Vehicle, port: int) -> MavlinkMock:
+    copter = SimulatedCopter(vehicle)
+    for need in ARDUPILOT.requirements(OWN_SYSTEM_ID):
         copter.parameters[need.parameter] = need.to_meet(copter.parameters[need.parameter])
     return MavlinkArduPilot(copter, port)
 
@@ -130,6 +131,8 @@ class Setting:
     guards: Mapping[str, Any] = field(default_factory=dict)
     model: Path | None = None
     """Compensator of the flight."""
+    vehicle: str = "raptor"
+    """Name of a file in config/vehicles."""
     on_a_line: bool = False
     """True: a `Line` lies between autopilot and flight."""
 
@@ -142,11 +145,12 @@ class Scene:
         self.where = where
         port = _free_port()
         self._line = Line(_free_port(), port) if setting.on_a_line else None
-        self.px = profile.make(port if self._line is None else self._line.autopilot_port)
+        vehicle = VEHICLES / f"{setting.vehicle}.yaml"
+        self.px = profile.make(load_vehicle(vehicle), port if self._line is None else self._line.autopilot_port)
         self.began_s = time.monotonic()
         self._later: list[tuple[float, Callable[[], object]]] = []
         words = ["fly", str(HERE / "hover.yaml"), "--link", f"udpin://127.0.0.1:{port}", "--log-dir", str(where)]
-        words += ["--config", str(_config(where, setting.guards)), "--json", str(where / "out.json")]
+        words += ["--config", str(_config(where, vehicle, setting.guards)), "--json", str(where / "out.json")]
         words += [] if setting.model is None else ["--model", str(setting.model)]
         self._complaints = where / "stderr.txt"
         with self._complaints.open("w") as complaints:
@@ -267,9 +271,9 @@ class Scene:
             seen.problem = json.loads(result.read_text())["problem"] or ""
 
 
-def _config(where: Path, guards: Mapping[str, Any]) -> Path:
+def _config(where: Path, vehicle: Path, guards: Mapping[str, Any]) -> Path:
     settings = yaml.safe_load(CONFIG.read_text())
-    settings["vehicle"] = str(CONFIG.parent / settings["vehicle"])
+    settings["vehicle"] = str(vehicle)
     settings["guards"] |= {"min_battery_v": MIN_BATTERY_V, **guards}
     path = where / "flight.yaml"
     path.write_text(yaml.safe_dump(settings))

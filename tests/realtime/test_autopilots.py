@@ -10,7 +10,7 @@ import pytest
 
 from quadctl.errors import FlightError
 from quadctl.flight.autopilot.ardupilot import ARDUPILOT
-from quadctl.flight.preflight.changed_parameters import Change, ChangedParameters
+from quadctl.flight.preflight.changed_parameters import Change, ChangedParameters, still_changed
 from quadctl.flight.preflight.requirements import requirements_met
 from quadctl.lab.comparison.comparison import compare
 from quadctl.lab.flights.channels import ROTOR_SPEED, signals_of
@@ -187,6 +187,7 @@ def test_parameters_that_a_killed_flight_left_are_named_at_the_next_contact_and_
     before = dict(copter.parameters)
     url, logs = f"udpin://127.0.0.1:{port}", tmp_path / "logs"
     check = ("check", "missions/short_hop.yaml", "--link", url, "--seconds", "1", "--log-dir", str(logs))
+    ChangedParameters(logs, "system 9").note("RTL_ALT", Change(was=1500.0, set_to=0.0))
     with mock(copter, port) as wire:
         flight = Flight(logs, url, "--set-params")
         flight.until_recorded("hover")
@@ -197,27 +198,61 @@ def test_parameters_that_a_killed_flight_left_are_named_at_the_next_contact_and_
         named = quadctl(*check)
         left = "GUID_OPTIONS = 8 was set for an earlier flight, which ended without restoring it: it was 0"
         assert f"warning  parameters   {left}, --restore-params restores it" in named.out.splitlines()
+        assert "keeps old values for another vehicle too (system 9)" in named.out
         restored = quadctl(*check, "--restore-params")
         assert "ok       parameters   GUID_OPTIONS is 0 again." in restored.out.splitlines()
         assert copter.parameters == before
-        assert not (logs / "changed_parameters.yaml").exists()
+        kept = ChangedParameters(logs, "system 1, hardware 0000000000000001")
+        assert (kept.read(), kept.others) == ({}, ["system 9"])
         assert "earlier flight" not in quadctl(*check).out
 
 
 def test_a_flight_restores_what_an_earlier_one_left_behind(tmp_path: Path) -> None:
     says: list[str] = []
-    kept = ChangedParameters(tmp_path)
 
     async def fly(link: Link) -> None:
         async with requirements_met(link.adapter, True, says.append, kept=kept):
             assert kept.read()["SYSID_MYGCS"].was == 255.0  # before anything else happens
 
     with connected(SimulatedCopter(VEHICLE)) as link:
+        kept = ChangedParameters(tmp_path, asyncio.run(link.adapter.identity()))
         kept.note("GUID_OPTIONS", Change(was=3.0, set_to=11.0))
         link.px.autopilot.parameters["GUID_OPTIONS"] = 11.0
         asyncio.run(fly(link))
         assert link.px.autopilot.parameters["GUID_OPTIONS"] == 3.0
     assert kept.read() == {}
+
+
+def test_what_a_flight_of_one_vehicle_left_behind_is_not_offered_to_another(tmp_path: Path) -> None:
+    async def left(link: Link) -> dict[str, Change]:
+        return await still_changed(link.adapter, ChangedParameters(tmp_path, await link.adapter.identity()))
+
+    ChangedParameters(tmp_path, "system 1, hardware 000000000000002a").note("GUID_OPTIONS", Change(was=3.0, set_to=0.0))
+    for hardware, named in ((7, False), (42, True)):
+        with connected(SimulatedCopter(VEHICLE), hardware=hardware) as link:
+            assert ("GUID_OPTIONS" in asyncio.run(left(link))) == named
+    with connected(SimulatedCopter(VEHICLE), hardware=0) as link:  # it tells none
+        assert asyncio.run(link.adapter.identity()) == "system 1"
+
+
+def test_the_failsafe_is_asked_to_watch_the_system_id_that_we_chose() -> None:
+    says: list[str] = []
+
+    async def fly(link: Link) -> None:
+        async with requirements_met(link.adapter, True, says.append):
+            assert link.px.autopilot.parameters["SYSID_MYGCS"] == 42.0
+
+    with connected(SimulatedCopter(VEHICLE), own_system_id=42) as link:
+        assert link.px.wait_until(lambda: bool(link.px.heartbeats_heard), TIMEOUT_S)
+        assert {system for system, _ in link.px.heartbeats_heard} == {42}
+        asyncio.run(fly(link))
+
+
+@pytest.mark.parametrize(("system_id", "warned"), [(1, False), (250, True), (255, True)])
+def test_a_system_id_that_others_use_is_a_warning(system_id: int, warned: bool) -> None:
+    with connected(SimulatedCopter(VEHICLE), own_system_id=system_id) as link:
+        asyncio.run(link.adapter.request_telemetry())
+        assert any("would keep ArduPilot in the air" in warning for warning in link.adapter.warnings) == warned
 
 
 def test_px4_is_told_to_trust_dead_reckoning_for_a_second_and_no_longer() -> None:

@@ -34,7 +34,7 @@ def test_the_autopilot_is_asked_over_mavlink(quadctl: Callable[..., Result], px4
     lines = asked.out.splitlines()
     assert any(line.startswith("ok       autopilot    PX4 (system 1)") for line in lines)
     assert "warning  parameters   COM_OF_LOSS_T: acts 5 s after the last setpoint: expected at most 1 s" in lines
-    assert "ok       parameters   COM_OBL_RC_ACT: then it goes to Land (4)" in lines
+    assert "ok       parameters   COM_OBL_RC_ACT: when setpoints stop it goes to Land (4)" in lines
     assert any(line.startswith("ok       mode         HOLD, disarmed") for line in lines)
     trusts = "EKF2_NOAID_TOUT: without GPS or motion capture the estimator trusts itself for 5 s: expected 1000000"
     assert any(line.startswith(f"warning  parameters   {trusts} (--set-params does it)") for line in lines)
@@ -64,7 +64,7 @@ def test_an_ardupilot_that_nobody_would_land_after_quadctl_has_died_is_refused(
     ask = ("check", "missions/short_hop.yaml", "--link", f"udpin://127.0.0.1:{port}", "--seconds", "1")
     with mock(copter, port):
         asked = quadctl(*ask)
-        accepted = quadctl(*ask, "--without-failsafe")
+        accepted = quadctl(*ask, "--without-failsafe", "--system-id", "42")
     assert (asked.status, accepted.status) == (1, 0), accepted
     lines = asked.out.splitlines()
     expected = (
@@ -76,6 +76,7 @@ def test_an_ardupilot_that_nobody_would_land_after_quadctl_has_died_is_refused(
         "the ground-station failsafe watches the heartbeats of system 255: expected 1 (--set-params does it): its"
     )
     assert any(line.startswith(f"refused  parameters   SYSID_MYGCS: {expected}") for line in lines), asked
+    assert "heartbeats of system 255: expected 42 (--set-params does it)" in accepted.out
     assert any(
         "FS_GCS_TIMEOUT: the ground-station failsafe acts 5 s after the last heartbeat" in line for line in lines
     )

@@ -17,6 +17,7 @@ from typer.testing import CliRunner
 
 from quadctl.cli import app
 from quadctl.errors import FlightError
+from quadctl.flight.autopilot.mavlink import MOCAP_SYSTEM_ID, OWN_SYSTEM_ID
 from quadctl.flight.autopilot.mavsdk_autopilot import MavsdkAutopilot
 from quadctl.sitl.rules.copter import SimulatedCopter
 from quadctl.sitl.rules.px4 import SimulatedAutopilot
@@ -184,5 +185,8 @@ def test_it_works_beside_a_flight_on_a_link_of_its_own() -> None:
                     flight.send(IDLE)
                 assert px.wait_until(lambda: len(px.setpoints_received) == 10, TIMEOUT_S)
                 assert more_poses(px, 10)
+                # Told apart, so that those of the one do not stand for those of a flight that has died.
+                apart = {OWN_SYSTEM_ID, MOCAP_SYSTEM_ID}
+                assert px.wait_until(lambda: {system for system, _ in px.heartbeats_heard} == apart, TIMEOUT_S)
         finally:
             asyncio.run(flight.close())

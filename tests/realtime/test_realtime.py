@@ -47,7 +47,10 @@ def test_a_short_hop_in_real_time(tmp_path: Path, machine: Witness) -> None:
     assert outcome.phases == ["takeoff", "hover", "down"]
     assert outcome.problem is None
     # What the autopilot does when we fall silent is asked before anything is armed.
-    assert "warning: parameters: COM_OBL_RC_ACT: then it goes to Return (3): it climbs first" in told.getvalue()
+    assert (
+        "warning: parameters: RTL_RETURN_ALT: a return climbs to up to 30 m first: there is a ceiling at"
+        in told.getvalue()
+    )
     log = read_log(outcome.log)
     assert log.notes == []
     assert log.phase is not None

@@ -68,6 +68,18 @@ def test_check_refuses_an_autopilot_that_would_not_arm_with_its_reasons(
     assert f"warning  autopilot    the autopilot says (critical): {reason}" in lines, asked
 
 
+@pytest.mark.usefixtures("impatient")
+def test_reasons_that_px4_tells_as_events_only_are_told_too(quadctl: Callable[..., Result]) -> None:
+    px4, port = SimulatedAutopilot(VEHICLE), free_port()
+    px4.ready_after_s = 1e9
+    px = mock(px4, port)
+    px.faults.withheld = frozenset({"STATUSTEXT"})
+    with px:
+        asked = quadctl("check", "missions/short_hop.yaml", "--link", f"udpin://127.0.0.1:{port}", "--seconds", "1")
+    reasons = "Waiting for estimator to initialize; Navigation error: No valid position estimate"
+    assert f"its own checks do not pass ({reasons}): it would not arm" in asked.out, asked
+
+
 def test_check_waits_as_a_flight_does_until_the_autopilot_is_ready(quadctl: Callable[..., Result]) -> None:
     px4, port = SimulatedAutopilot(VEHICLE), free_port()
     px4.ready_after_s = 6.0
@@ -75,6 +87,22 @@ def test_check_waits_as_a_flight_does_until_the_autopilot_is_ready(quadctl: Call
         asked = quadctl("check", "missions/short_hop.yaml", "--link", f"udpin://127.0.0.1:{port}", "--seconds", "1")
     assert asked.status == 0, asked
     assert px4.time_s > 6.0
+
+
+def test_ardupilot_without_its_own_checks_is_warned_of_and_waited_for(quadctl: Callable[..., Result]) -> None:
+    """With ARMING_CHECK 0, SYS_STATUS lists the check as one that is not in use, and never as healthy."""
+    copter, port = SimulatedCopter(VEHICLE), free_port()
+    meet_requirements(copter)
+    copter.parameters["ARMING_CHECK"] = 0.0
+    copter.ready_after_s = 4.0  # its estimator
+    with mock(copter, port):
+        asked = quadctl("check", "missions/short_hop.yaml", "--link", f"udpin://127.0.0.1:{port}", "--seconds", "1")
+    assert (
+        "warning  mode         STABILIZE, disarmed: its own checks before arming are off (ARMING_CHECK is 0)"
+        in asked.out
+    )
+    assert asked.status == 0, asked
+    assert copter.time_s > 4.0
 
 
 def test_check_says_that_px4_in_offboard_does_not_tell_if_it_would_arm(quadctl: Callable[..., Result]) -> None:

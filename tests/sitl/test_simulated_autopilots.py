@@ -30,5 +30,5 @@ def test_it_is_told_by_its_heartbeat(simulated: Simulated, raptor: Vehicle) -> N
 def test_it_has_the_parameters_that_are_judged_before_a_flight(simulated: Simulated, raptor: Vehicle) -> None:
     mock = simulated.on_the_wire(simulated.on_the_wire.rules(raptor))
     firmware = FIRMWARES[mock.manners.mav_autopilot]
-    judged = {check.parameter for check in firmware.checks} | {need.parameter for need in firmware.requirements}
+    judged = {check.parameter for check in firmware.checks} | {need.parameter for need in firmware.requirements(1)}
     assert judged <= mock.autopilot.parameters.keys()

@@ -11,6 +11,7 @@ from contextlib import asynccontextmanager, contextmanager, suppress
 from pathlib import Path
 
 from quadctl.flight.autopilot.ardupilot import ARDUPILOT
+from quadctl.flight.autopilot.mavlink import OWN_SYSTEM_ID
 from quadctl.flight.autopilot.mavsdk_autopilot import MavsdkAutopilot
 from quadctl.flight.autopilot.port import Autopilot
 from quadctl.sitl.rules.copter import SimulatedCopter
@@ -40,7 +41,7 @@ def hover_throttle(vehicle: Vehicle) -> float:
 
 def meet_requirements(copter: SimulatedCopter) -> None:
     """Set the parameters as quadctl requires and recommends."""
-    for need in ARDUPILOT.requirements:
+    for need in ARDUPILOT.requirements(OWN_SYSTEM_ID):
         copter.parameters[need.parameter] = need.to_meet(copter.parameters[need.parameter])
 
 
@@ -73,11 +74,15 @@ def mock(autopilot: SimulatedAutopilot, port: int) -> MavlinkMock:
 
 
 @contextmanager
-def connected(autopilot: SimulatedAutopilot, n_rotors: int = 4) -> Iterator[Link]:
+def connected(
+    autopilot: SimulatedAutopilot, n_rotors: int = 4, own_system_id: int = OWN_SYSTEM_ID, hardware: int = 1
+) -> Iterator[Link]:
     port = free_port()
-    adapter = MavsdkAutopilot(f"udpin://127.0.0.1:{port}", n_rotors)
+    adapter = MavsdkAutopilot(f"udpin://127.0.0.1:{port}", n_rotors, own_system_id=own_system_id)
+    px = mock(autopilot, port)
+    px.hardware = hardware
     try:
-        with mock(autopilot, port) as px:
+        with px:
             asyncio.run(adapter.connect())
             yield Link(px, adapter)
     finally:

@@ -12,7 +12,6 @@ from quadctl.flight.autopilot.firmware import (
     Stream,
     hover_throttle_check,
 )
-from quadctl.flight.autopilot.mavlink import OWN_SYSTEM_ID
 from quadctl.thrust_chain.ardupilot import CHAIN
 from quadctl.vehicle import Vehicle
 
@@ -76,6 +75,43 @@ def _return_too_high(centimetres: float, vehicle: Vehicle) -> str | None:
     return f"there is a ceiling at {vehicle.ceiling_m:g} m; expected failsafes that land, or 0 (keep the height)"
 
 
+def _requirements(own_system_id: int) -> tuple[Requirement, ...]:
+    return (
+        Requirement(
+            "GUID_OPTIONS",
+            lambda value: float(int(value) | THRUST_AS_THRUST),
+            "with bit 3 (value 8) clear, ArduPilot takes thrust for a climb rate",
+        ),
+        Requirement(
+            "GUID_TIMEOUT",
+            lambda value: min(value, SILENCE_S),
+            "for so many seconds ArduPilot keeps its last tilt when setpoints stop",
+            advice=True,
+        ),
+        Requirement(
+            "FS_GCS_ENABLE",
+            _landing_without_station,
+            "when quadctl dies, ArduPilot stays in GUIDED in the air until somebody lands it",
+            failsafe=True,
+            finding=_without_station,
+        ),
+        Requirement(
+            "SYSID_MYGCS",
+            lambda value: float(own_system_id),
+            "its ground-station failsafe watches the heartbeats of that system and never notices that quadctl dies",
+            failsafe=True,
+            finding=lambda value: f"the ground-station failsafe watches the heartbeats of system {value:g}",
+        ),
+        Requirement(
+            "FS_GCS_TIMEOUT",
+            lambda value: min(value, HEARTBEATS_LOST_S),
+            "for so many seconds it holds its height before its failsafe lands it",
+            advice=True,
+            finding=lambda value: f"the ground-station failsafe acts {value:g} s after the last heartbeat",
+        ),
+    )
+
+
 ARDUPILOT = Firmware(
     name="ArduPilot",
     mav_autopilot=3,
@@ -125,40 +161,7 @@ ARDUPILOT = Firmware(
     thrust_chain=CHAIN,
     tests_motors_clockwise=True,
     renamed={"SYSID_MYGCS": Renamed("MAV_GCS_SYSID"), "RTL_ALT": Renamed("RTL_ALT_M", 100.0)},  # since 4.7
-    requirements=(
-        Requirement(
-            "GUID_OPTIONS",
-            lambda value: float(int(value) | THRUST_AS_THRUST),
-            "with bit 3 (value 8) clear, ArduPilot takes thrust for a climb rate",
-        ),
-        Requirement(
-            "GUID_TIMEOUT",
-            lambda value: min(value, SILENCE_S),
-            "for so many seconds ArduPilot keeps its last tilt when setpoints stop",
-            advice=True,
-        ),
-        Requirement(
-            "FS_GCS_ENABLE",
-            _landing_without_station,
-            "when quadctl dies, ArduPilot stays in GUIDED in the air until somebody lands it",
-            failsafe=True,
-            finding=_without_station,
-        ),
-        Requirement(
-            "SYSID_MYGCS",
-            lambda value: float(OWN_SYSTEM_ID),
-            "its ground-station failsafe watches the heartbeats of that system and never notices that quadctl dies",
-            failsafe=True,
-            finding=lambda value: f"the ground-station failsafe watches the heartbeats of system {value:g}",
-        ),
-        Requirement(
-            "FS_GCS_TIMEOUT",
-            lambda value: min(value, HEARTBEATS_LOST_S),
-            "for so many seconds it holds its height before its failsafe lands it",
-            advice=True,
-            finding=lambda value: f"the ground-station failsafe acts {value:g} s after the last heartbeat",
-        ),
-    ),
+    requirements=_requirements,
     checks=(
         Check("FS_THR_ENABLE", _without_remote, _poor_without_remote),
         Check("FS_EKF_ACTION", _without_estimate, _poor_without_estimate),

@@ -107,7 +107,8 @@ class Firmware:
     """Functions between the throttle target and the motor outputs that it reports."""
     renamed: Mapping[str, Renamed] = field(default_factory=dict)
     """Newer names of the parameters below: an autopilot that does not know the older one is asked for these."""
-    requirements: Sequence[Requirement] = ()
+    requirements: Callable[[int], Sequence[Requirement]] = lambda own_system_id: ()
+    """Function from quadctl's own system id to the parameters that must have certain values before a flight."""
     checks: Sequence[Check] = ()
     """Parameters that are judged before a flight, besides the requirements."""
     serial_parameters: Sequence[str] = ()

@@ -2,12 +2,36 @@
 
 MAV_COMP_ID_AUTOPILOT = 1
 OWN_SYSTEM_ID = 1
-"""System id of quadctl's heartbeats: that of the vehicle whose companion it is, not 255, a ground station's, whose
-heartbeats would go on after quadctl has died."""
+"""System id of quadctl's messages, unless the user chooses another: that of the vehicle whose companion it is."""
+MOCAP_SYSTEM_ID = 250
+"""System id of `quadctl mocap`, whose heartbeats must not stand for those of a flight that has died."""
+TALKERS = {255: "most ground stations use", MOCAP_SYSTEM_ID: "`quadctl mocap` uses"}
+"""System ids of others whose heartbeats go on after a flight has died."""
 MAV_MODE_FLAG_CUSTOM_MODE_ENABLED = 1
 MAV_MODE_FLAG_SAFETY_ARMED = 128
 MAV_LANDED_STATE_ON_GROUND = 1
 MAV_SYS_STATUS_PREARM_CHECK = 1 << 28
+HEALTH_BITS = {
+    0: "gyroscope",
+    1: "accelerometer",
+    2: "magnetometer",
+    3: "barometer",
+    5: "GPS",
+    6: "optical flow",
+    7: "vision or motion capture",
+    8: "range finder",
+    15: "motor outputs",
+    16: "remote control",
+    20: "geofence",
+    21: "attitude estimate (AHRS)",
+    22: "terrain data",
+    24: "logging",
+    25: "battery",
+    26: "proximity sensor",
+    29: "obstacle avoidance",
+    30: "propulsion",
+}
+"""Names of parts by their bit of SYS_STATUS (MAV_SYS_STATUS_SENSOR)."""
 POSITION_AIDS = 1 << 5 | 1 << 7
 """Sensors of SYS_STATUS that measure the position: MAV_SYS_STATUS_SENSOR_GPS and ..._VISION_POSITION."""
 
@@ -27,6 +51,9 @@ CMD_DO_MOTOR_TEST = 209
 CMD_COMPONENT_ARM_DISARM = 400
 CMD_RUN_PREARM_CHECKS = 401
 CMD_SET_MESSAGE_INTERVAL = 511
+CMD_REQUEST_MESSAGE = 512
+
+AUTOPILOT_VERSION_ID = 148
 
 ATTITUDE_TARGET_IGNORE_RATES = 0b111
 """Type mask of SET_ATTITUDE_TARGET: fly the attitude and the thrust, leave the body rates to the autopilot."""
@@ -44,6 +71,11 @@ RESULTS = {
     6: "CANCELLED",
 }
 """MAV_RESULT of a COMMAND_ACK."""
+
+
+def failing_parts(enabled: int, health: int) -> tuple[str, ...]:
+    """Names of the parts that are in use and not healthy, from the flags of SYS_STATUS."""
+    return tuple(name for bit, name in HEALTH_BITS.items() if enabled & ~health & 1 << bit)
 
 
 def result_name(result: int) -> str:

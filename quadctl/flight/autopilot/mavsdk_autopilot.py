@@ -18,7 +18,7 @@ from quadctl.flight.autopilot.firmware import Check, Firmware, Renamed, Requirem
 from quadctl.flight.autopilot.firmwares import FIRMWARES
 from quadctl.flight.autopilot.mavsdk_link import MavsdkLink
 from quadctl.flight.autopilot.telemetry import Telemetry
-from quadctl.frames import tilt
+from quadctl.frames import cos_tilt
 from quadctl.state import AttitudeTarget, VehicleState
 from quadctl.thrust_chain.chain import Addition
 
@@ -30,6 +30,8 @@ MORE_REASONS_S = 0.1
 """Time in which further texts follow the first."""
 STATION_EVERY_S = 1.0
 """Interval of a ground station's heartbeats."""
+VERSION_WAIT_S = 1.0
+"""Longest wait for the message with the hardware id."""
 ROTORS_WAIT_S = 0.5
 """Longest wait for the first rotor speeds: autopilots without speed sensors accept the request too."""
 AIR_WAIT_S = 1.2
@@ -42,11 +44,13 @@ UNIT_TOLERANCE = 1e-3
 class MavsdkAutopilot:
     """An autopilot at the other end of `url`; implements the port `Autopilot`."""
 
-    def __init__(self, url: str, n_rotors: int, connect_timeout_s: float = 10.0) -> None:
+    def __init__(
+        self, url: str, n_rotors: int, connect_timeout_s: float = 10.0, own_system_id: int = mavlink.OWN_SYSTEM_ID
+    ) -> None:
         """Raises LinkError when `url` is not one that MAVSDK can open."""
         self._connect_timeout_s = connect_timeout_s
         self._telemetry = Telemetry(n_rotors)
-        self._link = MavsdkLink(url, self._telemetry.receive)
+        self._link = MavsdkLink(url, self._telemetry.receive, own_system_id)
         self._thrust_parameters: dict[str, float] = {}
         """Parameters of the firmware's thrust chain that it has told."""
         self._newer: dict[str, Renamed] = {}
@@ -76,7 +80,7 @@ class MavsdkAutopilot:
 
     @property
     def requirements(self) -> Sequence[Requirement]:
-        return self._firmware.requirements
+        return self._firmware.requirements(self._link.own_system_id)
 
     @property
     def checks(self) -> Sequence[Check]:
@@ -101,6 +105,21 @@ class MavsdkAutopilot:
         self._show_station()
         self._asker.start()
 
+    async def identity(self) -> str:
+        """System id of the vehicle, and the id of its hardware where it tells one (AUTOPILOT_VERSION).
+
+        It asks at the first call. Raises LinkError when no answer comes.
+        """
+        if not self._telemetry.has_version:
+            await self._link.run(
+                lambda: self._link.command(
+                    mavlink.CMD_REQUEST_MESSAGE, mavlink.AUTOPILOT_VERSION_ID, what="tell its hardware"
+                )
+            )
+            await self._await(lambda: self._telemetry.has_version, VERSION_WAIT_S)
+        hardware = self._telemetry.hardware
+        return f"system {self._link.system_id}{f', hardware {hardware}' if hardware else ''}"
+
     async def request_telemetry(self) -> None:
         """Ask for the message rates that control needs.
 
@@ -117,6 +136,12 @@ class MavsdkAutopilot:
             if stream.required:
                 raise FlightError(sentence)
             self.warnings.append(f"{sentence} {stream.without}".rstrip())
+        talker = mavlink.TALKERS.get(self._link.own_system_id)
+        if talker is not None and self.stays_up:
+            self.warnings.append(
+                f"This flight has the system id {self._link.own_system_id}, which {talker} too: heartbeats of that "
+                f"would keep {self._firmware.name} in the air after the flight has died."
+            )
         await self._ask_for_thrust_chain()
         if not await self._await(lambda: self._telemetry.has_rpm, ROTORS_WAIT_S):
             instead = "motor outputs" if self._telemetry.has_outputs else "the throttle"
@@ -256,10 +281,10 @@ class MavsdkAutopilot:
 
     def _boost(self) -> float:
         """Factor with which the firmware multiplies the thrust at the attitude that arrived last."""
-        lean = tilt(self._telemetry.attitude)
-        if not math.isfinite(lean):
+        upright = cos_tilt(self._telemetry.attitude)
+        if not math.isfinite(upright):
             return 1.0
-        return float(self._firmware.thrust_chain.boost(math.cos(lean), self._thrust_parameters))
+        return float(self._firmware.thrust_chain.boost(upright, self._thrust_parameters))
 
     def _ask_again(self) -> None:
         """Request the rates again after a silence of the line: an autopilot without power has forgotten them."""
@@ -312,14 +337,15 @@ class MavsdkAutopilot:
             )
 
     async def _reasons(self, since_s: float) -> list[str]:
-        """Warnings and errors of the autopilot since `since_s`, and of the next moment."""
+        """Warnings and errors of the autopilot since `since_s`, and of the next moment, and the other reasons that it
+        tells."""
 
         def given() -> list[str]:
             return [text.text for text in self._telemetry.texts_since(since_s) if text.grave]
 
         if await self._await(lambda: bool(given()), REASON_WAIT_S):
             await asyncio.sleep(MORE_REASONS_S)
-        return given()
+        return [*given(), *self.state().why_not_ready]
 
     async def _await(self, condition: Callable[[], bool], timeout_s: float) -> bool:
         return await self._link.run(lambda: self._telemetry.wait_for(condition, timeout_s))

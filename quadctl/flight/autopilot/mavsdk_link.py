@@ -29,7 +29,7 @@ from mavsdk.system import System
 from quadctl.errors import FlightError, LinkError
 from quadctl.flight.autopilot import udp_port
 from quadctl.flight.autopilot.firmwares import FIRMWARES
-from quadctl.flight.autopilot.mavlink import MAV_COMP_ID_AUTOPILOT
+from quadctl.flight.autopilot.mavlink import MAV_COMP_ID_AUTOPILOT, OWN_SYSTEM_ID
 
 T = TypeVar("T")
 Receiver = Callable[[str, Mapping[str, Any], float], None]
@@ -46,9 +46,10 @@ _URL_EXPECTED = "udpin://0.0.0.0:14540, udpout://HOST:PORT, tcpout://HOST:PORT o
 class MavsdkLink:
     """The connection to the first autopilot that is heard at `url`."""
 
-    def __init__(self, url: str, receiver: Receiver) -> None:
+    def __init__(self, url: str, receiver: Receiver, own_system_id: int = OWN_SYSTEM_ID) -> None:
         """Raises LinkError when `url` is not one that MAVSDK can open."""
         self.url = _checked(url)
+        self.own_system_id = own_system_id
         self.system_id = 1
         self.on_reopened: Callable[[], None] = lambda: None
         """Called on a thread of the link when a line that had gone silent speaks again."""
@@ -73,6 +74,7 @@ class MavsdkLink:
             udp_port.require_free(self.url)
         log_subscribe(_Log())
         configuration = Configuration.create_with_component_type(ComponentType.COMPANION_COMPUTER)
+        configuration.system_id = self.own_system_id
         mavsdk = self._mavsdk = Mavsdk(configuration)
         try:
             self._handle = await self.run(lambda: mavsdk.add_any_connection_with_handle(self.url))

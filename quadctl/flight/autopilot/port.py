@@ -56,6 +56,10 @@ class Autopilot(Protocol):
         """Open the link and wait for the first heartbeat; raises `LinkError` with one sentence when none comes."""
         ...
 
+    async def identity(self) -> str:
+        """Name of the vehicle, by which it is told from others at the next contact; raises `LinkError` without one."""
+        ...
+
     async def request_telemetry(self) -> None:
         """Ask for the message rates that control needs."""
         ...

@@ -12,8 +12,25 @@ LOST_OFFBOARD = {0: "Position", 1: "Altitude", 2: "Stabilized", 3: "Return", 4: 
 UNAIDED_US = 1e6
 """Longest time, us, for which the estimator should trust itself without GPS or motion capture: after 1 s the vehicle
 was measured 0.28 m off, after the default of 5 s 1.1 and 2.3 m."""
-RETURN = 3
-GOOD_LOST_OFFBOARD = (4, 5)
+LAND = 4
+PILOTED = (0, 1, 2)
+"""Modes of COM_OBL_RC_ACT that a pilot flies. Without a remote control PX4 returns instead: RTL was measured 1.0 s
+after the last setpoint."""
+LANDING = (3, LAND)
+"""Modes of COM_OBL_RC_ACT that bring the vehicle down in control by themselves."""
+
+LOST_REMOTE = {0: "it goes to Hold, and stays", 1: "it goes to Hold", 2: "it goes to Return", 3: "it goes to Land",
+               5: "its motors stop", 6: "its motors stop"}  # fmt: skip
+"""NAV_RCL_ACT: the action when the remote control is lost."""
+LANDING_WITHOUT_REMOTE = (2, 3)
+EXCEPT_OFFBOARD = 4
+"""Bit of COM_RCL_EXCEPT: offboard goes on without a remote control."""
+NO_REMOTE = 4
+"""COM_RC_IN_MODE: sticks are not read."""
+STICKS_END_OFFBOARD = 2
+"""Bit of COM_RC_OVERRIDE."""
+LOW_BATTERY = {0: "it only says so", 1: "it returns", 2: "it lands", 3: "it returns, and lands in an emergency"}
+"""COM_LOW_BAT_ACT."""
 
 _MAIN_AND_SUB_MODE = {
     "MANUAL": (1, 0),
@@ -46,16 +63,69 @@ def _too_patient(seconds: float, vehicle: Vehicle) -> str | None:
     return f"expected at most {MAX_SILENCE_S:g} s" if seconds > MAX_SILENCE_S else None
 
 
-def _action(value: float, vehicle: Vehicle) -> str:
+def _without_setpoints(value: float) -> str:
     action = round(value)
-    return f"COM_OBL_RC_ACT: then it goes to {LOST_OFFBOARD.get(action, 'an unknown mode')} ({action})"
+    piloted = ", where a pilot has to fly" if action in PILOTED else ""
+    return f"when setpoints stop it goes to {LOST_OFFBOARD.get(action, 'an unknown mode')}{piloted} ({action})"
 
 
-def _poor_action(value: float, vehicle: Vehicle) -> str | None:
-    action = round(value)
-    if action == RETURN and vehicle.ceiling_m is not None:
-        return f"it climbs first, and there is a ceiling at {vehicle.ceiling_m:g} m; expected 4 (Land)"
-    return None if action in GOOD_LOST_OFFBOARD else "expected 4 (Land) or 5 (Hold), which need nobody"
+def _landing_without_setpoints(value: float) -> float:
+    return value if round(value) in LANDING else float(LAND)
+
+
+def _return_height(metres: float, vehicle: Vehicle) -> str:
+    return f"RTL_RETURN_ALT: a return climbs to up to {metres:g} m first"
+
+
+def _return_too_high(metres: float, vehicle: Vehicle) -> str | None:
+    if vehicle.ceiling_m is None or metres < vehicle.ceiling_m:
+        return None
+    return f"there is a ceiling at {vehicle.ceiling_m:g} m; expected failsafes that land"
+
+
+def _without_remote(value: float, vehicle: Vehicle) -> str:
+    action = LOST_REMOTE.get(round(value), "it does something unknown")
+    return f"NAV_RCL_ACT: when the remote control is lost {action} ({value:g})"
+
+
+def _poor_without_remote(value: float, vehicle: Vehicle) -> str | None:
+    return None if round(value) in LANDING_WITHOUT_REMOTE else "expected 3 (Land)"
+
+
+def _excepted(value: float, vehicle: Vehicle) -> str:
+    flies_on = "flies on" if int(value) & EXCEPT_OFFBOARD else "does not fly on"
+    return f"COM_RCL_EXCEPT: offboard {flies_on} without a remote control ({value:g})"
+
+
+def _poorly_excepted(value: float, vehicle: Vehicle) -> str | None:
+    return "then nobody can take the vehicle; expected 0" if int(value) & EXCEPT_OFFBOARD else None
+
+
+def _sticks(value: float, vehicle: Vehicle) -> str:
+    return f"COM_RC_IN_MODE: sticks are {'not read' if round(value) == NO_REMOTE else 'read'} ({value:g})"
+
+
+def _no_sticks(value: float, vehicle: Vehicle) -> str | None:
+    return "nobody can take the vehicle with a remote control; expected 0" if round(value) == NO_REMOTE else None
+
+
+def _override(value: float, vehicle: Vehicle) -> str:
+    ends = "ends" if int(value) & STICKS_END_OFFBOARD else "does not end"
+    return f"COM_RC_OVERRIDE: moving the sticks {ends} offboard ({value:g})"
+
+
+def _no_override(value: float, vehicle: Vehicle) -> str | None:
+    return None if int(value) & STICKS_END_OFFBOARD else "only the mode switch does; expected 3"
+
+
+def _low_battery(value: float, vehicle: Vehicle) -> str:
+    return (
+        f"COM_LOW_BAT_ACT: with a low battery {LOW_BATTERY.get(round(value), 'it does something unknown')} ({value:g})"
+    )
+
+
+def _ignored_battery(value: float, vehicle: Vehicle) -> str | None:
+    return None if round(value) in LOW_BATTERY and value else "expected 2 (Land)"
 
 
 def _scaling(value: float, vehicle: Vehicle) -> str:
@@ -95,7 +165,14 @@ PX4 = Firmware(
     texts_for_stations=True,
     tells_aids=False,
     thrust_chain=CHAIN,
-    requirements=(
+    requirements=lambda own_system_id: (
+        Requirement(
+            "COM_OBL_RC_ACT",
+            _landing_without_setpoints,
+            "when quadctl dies, nobody would land the vehicle",
+            failsafe=True,
+            finding=_without_setpoints,
+        ),
         Requirement(
             "EKF2_NOAID_TOUT",
             lambda value: min(value, UNAIDED_US),
@@ -106,7 +183,12 @@ PX4 = Firmware(
     ),
     checks=(
         Check("COM_OF_LOSS_T", _silence, _too_patient),
-        Check("COM_OBL_RC_ACT", _action, _poor_action),
+        Check("COM_RC_IN_MODE", _sticks, _no_sticks),
+        Check("COM_RC_OVERRIDE", _override, _no_override),
+        Check("NAV_RCL_ACT", _without_remote, _poor_without_remote),
+        Check("COM_RCL_EXCEPT", _excepted, _poorly_excepted),
+        Check("COM_LOW_BAT_ACT", _low_battery, _ignored_battery),
+        Check("RTL_RETURN_ALT", _return_height, _return_too_high),
         hover_throttle_check("MPC_THR_HOVER"),
         Check("MC_BAT_SCALE_EN", _scaling, _scaled),
     ),

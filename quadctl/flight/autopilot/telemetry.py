@@ -10,6 +10,7 @@ from quadctl.flight.autopilot import mavlink
 from quadctl.flight.autopilot.firmware import Firmware, share_of_pulse
 from quadctl.flight.autopilot.firmwares import FIRMWARES
 from quadctl.flight.autopilot.link_clock import LinkClock
+from quadctl.flight.autopilot.px4_events import ArmingReport
 from quadctl.flight.autopilot.round_trips import RoundTrips
 from quadctl.flight.autopilot.status_texts import StatusTexts
 from quadctl.state import NAN, NO_VECTOR, Quat, StatusText, Vec3, VehicleState
@@ -84,6 +85,12 @@ class Telemetry:
         self._outputs = _Outputs()
         self._estimator_ok = True
         self._prearm_ok = True
+        self._checks_off = False
+        self._health = (0, 0)
+        """Flags of SYS_STATUS: parts in use, and healthy ones."""
+        self._failing: tuple[str, ...] = ()
+        self._report = ArmingReport()
+        self._refusals: tuple[str, ...] = ()
         self._battery = (-math.inf, NAN)
         self._resting_v = NAN
         self._density_ratio = NAN
@@ -92,6 +99,10 @@ class Telemetry:
         self._landed = True
         self._heartbeat = _Heartbeat()
         self._mode = _Mode()
+        self.has_version = False
+        """True once AUTOPILOT_VERSION has come."""
+        self.hardware = ""
+        """Id of the autopilot's hardware, in hexadecimal digits; empty where it tells none."""
         self._estimator_ratio = NAN
         self._std_m = (NAN, NAN)
         self._aided = self._aid_lost = False
@@ -118,8 +129,10 @@ class Telemetry:
             "EXTENDED_SYS_STATE": self._on_extended_state,
             "HEARTBEAT": self._on_heartbeat,
             "CURRENT_MODE": self._on_current_mode,
+            "AUTOPILOT_VERSION": self._on_version,
             "TIMESYNC": self._on_timesync,
             "STATUSTEXT": self._on_text,
+            "EVENT": self._on_event,
         }
 
     @property
@@ -138,7 +151,7 @@ class Telemetry:
         mode_s, mode = self._mode
         rpm_s, rpm = self._rpm()
         n, firmware = self._n_rotors, self.firmware
-        tells_readiness = firmware is not None and firmware.tells_readiness(mode)
+        tells_readiness = firmware is not None and firmware.tells_readiness(mode) and not self._checks_off
         return VehicleState(
             time_s=now_s,
             position_ned_m=position.position_ned_m,
@@ -157,6 +170,9 @@ class Telemetry:
             estimator_ok=self._estimator_ok,
             ready_to_arm=self._prearm_ok or not tells_readiness,
             tells_readiness=tells_readiness,
+            checks_off=self._checks_off,
+            failing=self._failing,
+            refusals=self._refusals,
             connected=now_s - heartbeat.received_s < HEARTBEAT_TIMEOUT_S,
             received_s={
                 "position": position.received_s,
@@ -243,8 +259,8 @@ class Telemetry:
             self._texts.settle(now_s)
 
     def wait_for(self, condition: Callable[[], bool], timeout_s: float) -> bool:
-        """Block until a heartbeat, a mode, a round trip, a pressure or a status text makes `condition` true; False when
-        the time is up."""
+        """Block until a heartbeat, a mode, a version, a round trip, a pressure or a text makes `condition` true; False
+        when the time is up."""
         with self._news:
             return self._news.wait_for(condition, timeout_s)
 
@@ -314,13 +330,18 @@ class Telemetry:
         self._std_m = _number(fields.get("pos_horiz_accuracy")), _number(fields.get("pos_vert_accuracy"))
 
     def _on_sys_status(self, fields: Fields, now_s: float) -> None:
-        health, check, firmware = (
-            fields["onboard_control_sensors_health"],
-            mavlink.MAV_SYS_STATUS_PREARM_CHECK,
-            self.firmware,
+        present, enabled, health = (
+            int(fields[f"onboard_control_sensors_{kind}"]) for kind in ("present", "enabled", "health")
         )
-        told = fields["onboard_control_sensors_present"] & check or (firmware is not None and not firmware.lists_prearm)
+        check, firmware = mavlink.MAV_SYS_STATUS_PREARM_CHECK, self.firmware
+        listed = firmware is None or firmware.lists_prearm
+        # ArduPilot with ARMING_CHECK 0 lists the check as one that is not in use, and never as healthy.
+        self._checks_off = listed and bool(present & check) and not enabled & check
+        told = not listed or bool(present & enabled & check)
         self._prearm_ok = not told or bool(health & check)
+        if (enabled, health) != self._health:
+            self._health = enabled, health
+            self._failing = mavlink.failing_parts(enabled, health)
         if firmware is not None and firmware.tells_aids:
             self._notice_aids(bool(health & mavlink.POSITION_AIDS))
         millivolts = fields["voltage_battery"]
@@ -361,6 +382,15 @@ class Telemetry:
             self._mode = self._told_mode(fields, now_s)
             self._news.notify_all()
 
+    def _on_version(self, fields: Fields, now_s: float) -> None:
+        """Take in the hardware's id: 18 bytes, or where those are all 0 a number of 64 bits."""
+        del now_s
+        long, short = bytes(fields.get("uid2") or ()), int(fields.get("uid") or 0)
+        with self._news:
+            self.hardware = long.hex() if any(long) else f"{short:016x}" if short else ""
+            self.has_version = True
+            self._news.notify_all()
+
     def _told_mode(self, fields: Fields, now_s: float) -> _Mode:
         firmware = self.firmware
         name = "" if firmware is None else firmware.mode_name(fields["custom_mode"])
@@ -372,6 +402,13 @@ class Telemetry:
             with self._news:
                 self._clock.exchanged(*trip)
                 self._news.notify_all()
+
+    def _on_event(self, fields: Fields, now_s: float) -> None:
+        """Take in an event: PX4's reasons against the present mode, and against the one that it is to fly."""
+        del now_s
+        self._report.take(fields)
+        firmware = self.firmware
+        self._refusals = () if firmware is None else self._report.against(self._mode.name, firmware.offboard_mode)
 
     def _on_text(self, fields: Fields, now_s: float) -> None:
         with self._news:

@@ -69,12 +69,13 @@ class Continuity:
         if before is None or now.moved_s == before.moved_s:
             return None
         dt = max(now.moved_s - before.moved_s, 0.0)  # a stream may repeat what is updated seldom
-        velocity = [0.5 * (a + b) for a, b in zip(before.values[3:], now.values[3:], strict=True)]
-        expected = [x + v * dt for x, v in zip(before.values[:3], velocity, strict=True)]
-        jump_m, largest_m = math.dist(now.values[:3], expected), self._limits.max_position_jump_m
+        (x, y, z, u, v, w), after = before.values, now.values
+        half = 0.5 * dt
+        expected = x + half * (u + after[3]), y + half * (v + after[4]), z + half * (w + after[5])
+        jump_m, largest_m = math.dist(after[:3], expected), self._limits.max_position_jump_m
         if 0.0 < largest_m < jump_m:
             return f"the position jumped by {jump_m:.2f} m, allowed are {largest_m:g} m"
-        jump_m_s = math.dist(now.values[3:], before.values[3:]) - MAX_ACCELERATION_M_S2 * dt
+        jump_m_s = math.dist(after[3:], (u, v, w)) - MAX_ACCELERATION_M_S2 * dt
         if 0.0 < self._limits.max_velocity_jump_m_s < jump_m_s:
             return f"the velocity jumped by {jump_m_s:.1f} m/s, allowed are {self._limits.max_velocity_jump_m_s:g} m/s"
         return None
@@ -83,7 +84,8 @@ class Continuity:
         if before is None or now.moved_s == before.moved_s:
             return None
         dt = max(now.moved_s - before.moved_s, 0.0)  # a stream may repeat what is updated seldom
-        cosine = abs(sum(a * b for a, b in zip(before.values[:4], now.values[:4], strict=True)))
+        a, b = before.values, now.values
+        cosine = abs(a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3])
         turn_rad = 2.0 * math.acos(min(cosine, 1.0))
         jump_deg, largest_deg = math.degrees(turn_rad - MAX_RATE_RAD_S * dt), self._limits.max_attitude_jump_deg
         if 0.0 < largest_deg < jump_deg:

@@ -5,7 +5,7 @@ import math
 from pydantic import Field
 
 from quadctl.control import ControllerSettings
-from quadctl.frames import tilt
+from quadctl.frames import cos_tilt, tilt
 from quadctl.settings import Settings
 from quadctl.state import AttitudeTarget, Setpoint, VehicleState
 from quadctl.vehicle import Vehicle
@@ -87,7 +87,7 @@ class Following:
         """
         errors = self._errors_m(state, setpoint)
         if state.time_s >= self._grace_until_s:
-            self._square_sum_m2 += sum(error * error for error in errors)
+            self._square_sum_m2 += errors[0] ** 2 + errors[1] ** 2 + errors[2] ** 2
             self._ticks += 1
         return (
             self._contact(state, setpoint, target, rest_down_m)
@@ -96,10 +96,8 @@ class Following:
         )
 
     def _errors_m(self, state: VehicleState, setpoint: Setpoint) -> tuple[float, float, float]:
-        n, e, d = (
-            0.0 if math.isnan(wanted) else at - wanted
-            for at, wanted in zip(state.position_ned_m, setpoint.position_ned_m, strict=True)
-        )
+        at, wanted = state.position_ned_m, setpoint.position_ned_m
+        n, e, d = _off(at[0], wanted[0]), _off(at[1], wanted[1]), _off(at[2], wanted[2])
         jump_m = self._jump_m(setpoint, (n, e, d))
         if jump_m > JUMP_M:
             self._grace_until_s = max(self._grace_until_s, state.time_s + jump_m / SLOW_M_S)
@@ -112,7 +110,7 @@ class Following:
         After a run that was flown by velocity, the reference of an axis jumps to a place where the vehicle never had to
         be.
         """
-        if self._reference is None:
+        if self._reference is None or setpoint.position_ned_m == self._reference.position_ned_m:
             return 0.0
         axes = zip(setpoint.position_ned_m, self._reference.position_ned_m, errors_m, strict=True)
         jumps = (error if math.isnan(before) else now - before for now, before, error in axes if not math.isnan(now))
@@ -123,17 +121,13 @@ class Following:
             self._off_horizontally.forget()
             self._off_vertically.forget()
             return None
-        north, east, down = errors_m
-        limits = self._limits
-        for name, error_m, largest_m, timer in (
-            ("horizontal", math.hypot(north, east), limits.max_horizontal_error_m, self._off_horizontally),
-            ("vertical", abs(down), limits.max_vertical_error_m, self._off_vertically),
-        ):
-            if timer.held_s(0.0 < largest_m < error_m, now_s) > limits.max_error_s:
-                return (
-                    f"the mission is not followed: the {name} error has been over {largest_m:g} m for more than "
-                    f"{limits.max_error_s:g} s, it is {error_m:.2f} m"
-                )
+        level_m, height_m = math.hypot(errors_m[0], errors_m[1]), abs(errors_m[2])
+        most_level_m, most_height_m = self._limits.max_horizontal_error_m, self._limits.max_vertical_error_m
+        longest_s = self._limits.max_error_s
+        if self._off_horizontally.held_s(0.0 < most_level_m < level_m, now_s) > longest_s:
+            return _astray("horizontal", level_m, most_level_m, longest_s)
+        if self._off_vertically.held_s(0.0 < most_height_m < height_m, now_s) > longest_s:
+            return _astray("vertical", height_m, most_height_m, longest_s)
         return None
 
     def _contact(
@@ -161,7 +155,7 @@ class Following:
         """Share of the weight that the thrust of `target` carries in the present attitude."""
         vehicle = self._vehicle
         thrust_n = (target.throttle - vehicle.throttle.offset) / vehicle.throttle.per_newton * vehicle.axial_share
-        return thrust_n * math.cos(tilt(state.attitude)) / vehicle.weight_n
+        return float(thrust_n * cos_tilt(state.attitude) / vehicle.weight_n)
 
     def _saturation(self, target: AttitudeTarget, now_s: float) -> str | None:
         longest_s, controller = self._limits.max_saturated_s, self._controller
@@ -173,3 +167,15 @@ class Following:
         if 0.0 < longest_s < pushing_s:
             return f"the throttle has been at its limit of {controller.max_throttle:g} for {pushing_s:.1f} s"
         return None
+
+
+def _off(at: float, wanted: float) -> float:
+    """Error of one axis; none where there is no place to be."""
+    return 0.0 if math.isnan(wanted) else at - wanted
+
+
+def _astray(name: str, error_m: float, largest_m: float, longest_s: float) -> str:
+    return (
+        f"the mission is not followed: the {name} error has been over {largest_m:g} m for more than "
+        f"{longest_s:g} s, it is {error_m:.2f} m"
+    )

@@ -150,7 +150,7 @@ def inspect(
     tilt_deg = math.degrees(tilt(state.attitude))
     if tilt_deg > limits.max_tilt_deg:
         return Breach(Answer.HAND_OVER, f"the tilt is {tilt_deg:.0f} deg, allowed are {limits.max_tilt_deg:g} deg")
-    speed = math.sqrt(sum(v * v for v in state.velocity_ned_m_s))
+    speed = math.hypot(*state.velocity_ned_m_s)
     if speed > limits.max_speed_m_s:
         return Breach(Answer.LAND, f"the speed is {speed:.1f} m/s, allowed are {limits.max_speed_m_s:g} m/s")
     ceiling_m = mission.max_z_m + mission.margin_m

@@ -277,7 +277,7 @@ class Pilot:
             self.phases_flown.append(phase.name)
         if t_s >= self.mission.duration_s:
             return self._landing.begin(self._verdict(), state)
-        decision = self._steering.along(t_s, state, dt)
+        decision = self._steering.along(phase, t_s, state, dt)
         assert decision.target is not None
         assert decision.setpoint is not None
         rest_down_m = self._home.position_ned_m[2]
@@ -326,11 +326,12 @@ class Pilot:
         return new
 
     def _reasons(self, state: VehicleState) -> list[str]:
-        """Latest warnings and errors of an autopilot that is not ready, each once."""
+        """Latest warnings and errors of an autopilot that is not ready, each once, and its other reasons."""
         if state.ready_to_arm:
             return []
         since_s = state.time_s - REASONS_S
-        return list(dict.fromkeys(text.text for text in state.texts if text.grave and text.received_s > since_s))
+        told = dict.fromkeys(text.text for text in state.texts if text.grave and text.received_s > since_s)
+        return [*told, *state.why_not_ready]
 
     def _idle(self, requests: tuple[Request, ...] = ()) -> Decision:
         """Level target without thrust; none where the autopilot takes off itself, which a target would prevent."""

@@ -25,6 +25,8 @@ class LinkSettings(Settings):
 
     url: str = "udpin://0.0.0.0:14540"
     timeout_s: float = Field(default=10.0, gt=0.0, le=120.0)
+    system_id: int = Field(default=1, ge=1, le=255)
+    """MAVLink system id of quadctl, whose heartbeats ArduPilot's ground-station failsafe watches."""
 
 
 class FlightSettings(Settings):

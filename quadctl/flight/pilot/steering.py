@@ -8,7 +8,7 @@ from quadctl.control import Memory, control
 from quadctl.flight.pilot.settings import FlightSettings
 from quadctl.flight.pilot.tick import Decision
 from quadctl.frames import euler_from_quaternion
-from quadctl.missions import Mission
+from quadctl.missions import Mission, Phase
 from quadctl.state import NAN, AttitudeTarget, Setpoint, Vec3, VehicleState
 from quadctl.vehicle import Vehicle
 
@@ -67,12 +67,13 @@ class Steering:
         half_rad = 0.5 * self._home.heading_rad
         return Decision(AttitudeTarget((math.cos(half_rad), 0.0, 0.0, math.sin(half_rad)), share_of_hover * hover))
 
-    def along(self, t_s: float, state: VehicleState, dt: float) -> Decision:
-        """Follow the mission at its time `t_s`."""
-        position, velocity, acceleration, by_velocity = self._mission.reference(t_s)
+    def along(self, phase: Phase, t_s: float, state: VehicleState, dt: float) -> Decision:
+        """Follow a phase of the mission, at the mission's time `t_s`."""
+        position, velocity, acceleration, free = phase.reference(t_s)
         north, east, _ = self._home.position_ned_m
-        place = (north + position[0], east + position[1], self._home.ground_down_m - position[2])
-        n, e, d = (NAN if free else at for at, free in zip(place, by_velocity, strict=True))
+        n = NAN if free[0] else north + position[0]
+        e = NAN if free[1] else east + position[1]
+        d = NAN if free[2] else self._home.ground_down_m - position[2]
         self._yaw_rad = self._mission.yaw_rad(t_s, self._home.heading_rad)
         setpoint = Setpoint(
             (n, e, d),

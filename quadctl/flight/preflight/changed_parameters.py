@@ -1,7 +1,8 @@
 """Parameters that quadctl has changed on an autopilot, with their old values, in a file beside the logs.
 
 The file is written before a parameter is changed and goes away when it is restored. So it outlives a flight that was
-killed, and the next contact with the autopilot can tell, and restore.
+killed, and the next contact with that vehicle can tell, and restore. Each vehicle has an entry of its own: values of
+one are never offered to another.
 """
 
 import math
@@ -26,18 +27,25 @@ class Change(Settings):
 
 
 class _Content(Settings):
-    parameters: dict[str, Change]
+    vehicles: dict[str, dict[str, Change]]
 
 
 class ChangedParameters:
-    """The file in one folder of logs."""
+    """The entry of one vehicle in the file of one folder."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, vehicle: str) -> None:
+        """`vehicle` is its name, as `Autopilot.identity` gives it."""
         self.path = folder / FILE_NAME
+        self.vehicle = vehicle
+
+    @property
+    def others(self) -> list[str]:
+        """Other vehicles with changes that were not undone."""
+        return sorted(self._all().keys() - {self.vehicle})
 
     def read(self) -> dict[str, Change]:
         """Changes that were not undone, by parameter; raises SettingsError for a file that is not one of these."""
-        return dict(load(self.path, _Content).parameters) if self.path.is_file() else {}
+        return dict(self._all().get(self.vehicle, {}))
 
     def note(self, name: str, change: Change) -> None:
         """Write down a change that is about to be made; raises FlightError when that is not possible."""
@@ -47,16 +55,20 @@ class ChangedParameters:
         """Remove a parameter that is restored."""
         self._write({other: change for other, change in self.read().items() if other != name})
 
+    def _all(self) -> dict[str, dict[str, Change]]:
+        return dict(load(self.path, _Content).vehicles) if self.path.is_file() else {}
+
     def _write(self, changes: dict[str, Change]) -> None:
+        vehicles = {name: entry for name, entry in (self._all() | {self.vehicle: changes}).items() if entry}
         try:
-            if not changes:
+            if not vehicles:
                 self.path.unlink(missing_ok=True)
                 return
             self.path.parent.mkdir(parents=True, exist_ok=True)
             new = self.path.with_suffix(".new")
             with new.open("w") as file:
-                file.write("# Parameters of the autopilot that quadctl has changed; --restore-params restores them.\n")
-                yaml.safe_dump(_Content(parameters=changes).model_dump(), file)
+                file.write("# Parameters that quadctl has changed, by vehicle; --restore-params restores them.\n")
+                yaml.safe_dump(_Content(vehicles=vehicles).model_dump(), file)
                 file.flush()
                 os.fsync(file.fileno())
             new.replace(self.path)
@@ -75,7 +87,7 @@ def left_behind(name: str, change: Change) -> str:
 async def still_changed(autopilot: Autopilot, kept: ChangedParameters) -> dict[str, Change]:
     """Parameters that have the value that an earlier flight gave them and did not undo.
 
-    The file forgets those that somebody has restored since. Others are those of another vehicle, or set anew.
+    The file forgets those that somebody has restored since; the others were set anew.
     """
     changes = kept.read()
     values = await autopilot.parameters(changes)

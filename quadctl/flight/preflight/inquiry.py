@@ -5,6 +5,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Protocol
 
 from quadctl.errors import FlightError
@@ -24,6 +25,7 @@ from quadctl.state import VehicleState
 from quadctl.thrust_chain.chain import Addition
 from quadctl.vehicle import Vehicle
 
+CHECKS_OFF = "its own checks before arming are off (ARMING_CHECK is 0): it arms whatever it would object to"
 LOOK_EVERY_S = 0.002
 """Interval at which the state is read: shorter than that of the most frequent message, so that each is counted."""
 
@@ -73,23 +75,24 @@ def ask_autopilot(
     plan: FlightPlan,
     url: str,
     seconds: float,
-    kept: ChangedParameters,
+    logs: Path,
     without_failsafe: bool = False,
     restore_parameters: bool = False,
 ) -> list[Finding]:
     """Connect to the autopilot at `url`, listen for `seconds`, ask for parameters, let go.
 
-    With `without_failsafe` a missing failsafe is a warning only. `kept` holds what an earlier flight may have left
-    behind; with `restore_parameters` that is restored.
+    With `without_failsafe` a missing failsafe is a warning only. The folder `logs` tells what an earlier flight may
+    have left behind; with `restore_parameters` that is restored.
 
     Raises
     ------
     LinkError
         No autopilot answers.
     """
-    autopilot = MavsdkAutopilot(url, plan.body.vehicle.n_rotors, plan.settings.link.timeout_s)
+    link = plan.settings.link
+    autopilot = MavsdkAutopilot(url, plan.body.vehicle.n_rotors, link.timeout_s, link.system_id)
     try:
-        return run(_ask(plan, autopilot, seconds, kept, without_failsafe, restore_parameters))
+        return run(_ask(plan, autopilot, seconds, logs, without_failsafe, restore_parameters))
     except KeyboardInterrupt:
         raise FlightError("interrupted while the autopilot was asked") from None
 
@@ -98,12 +101,13 @@ async def _ask(
     plan: FlightPlan,
     autopilot: Autopilot,
     seconds: float,
-    kept: ChangedParameters,
+    logs: Path,
     without_failsafe: bool,
     restore_parameters: bool,
 ) -> list[Finding]:
     try:
         await autopilot.connect()
+        kept = ChangedParameters(logs, await autopilot.identity())
         left = await _left_behind(autopilot, kept, restore_parameters)
         return left + await inspect_autopilot(plan, autopilot, seconds, without_failsafe)
     finally:
@@ -113,15 +117,23 @@ async def _ask(
 async def _left_behind(autopilot: Autopilot, kept: ChangedParameters, restore_parameters: bool) -> list[Finding]:
     """Findings about the parameters that an earlier flight has changed and did not restore."""
     left = await still_changed(autopilot, kept)
+    of_others = [
+        judged(
+            "parameters", f"{kept.path} keeps old values for another vehicle too ({name}): connect it to restore them"
+        )
+        for name in kept.others
+    ]
     if not restore_parameters:
-        return [Finding(Verdict.WARNING, "parameters", left_behind(name, change)) for name, change in left.items()]
+        named = [Finding(Verdict.WARNING, "parameters", left_behind(name, change)) for name, change in left.items()]
+        return named + of_others
     said: list[str] = []
     await restore(autopilot, left, kept, said.append)
     unrestored = kept.read()
-    return [
+    restored = [
         Finding(Verdict.WARNING if name in unrestored else Verdict.OK, "parameters", sentence)
         for name, sentence in zip(left, said, strict=True)
     ]
+    return restored + of_others
 
 
 async def inspect_autopilot(
@@ -225,8 +237,11 @@ def _mode(state: VehicleState) -> Finding:
     armed = "armed" if state.armed else "disarmed"
     refused = "expected a vehicle that is disarmed" if state.armed else None
     if refused is None and not state.ready_to_arm:
-        refused = "its own checks do not pass: it would not arm"
+        reasons = f" ({'; '.join(state.why_not_ready)})" if state.why_not_ready else ""
+        refused = f"its own checks do not pass{reasons}: it would not arm"
     unknown = None if state.tells_readiness else "in this mode it does not say if it would arm: choose another mode"
+    if state.checks_off:
+        unknown = CHECKS_OFF
     return judged("mode", f"{state.mode or 'unknown'}, {armed}", refused=refused, warning=unknown)
 
 

@@ -29,6 +29,13 @@ class FlightPlan(NamedTuple):
         up = self.body.vehicle.rotor_height_m
         return max(self.mission.limits.min_z_m + up, 0.01), self.mission.limits.max_z_m + up
 
+    def speaking_as(self, system_id: int | None) -> "FlightPlan":
+        """The same plan with another MAVLink system id of quadctl; None: that of the configuration."""
+        if system_id is None:
+            return self
+        link = self.settings.link.model_copy(update={"system_id": system_id})
+        return self._replace(settings=self.settings.model_copy(update={"link": link}))
+
     def pilot(self, autopilot_takes_off: bool = False, autopilot_stays_up: bool = False) -> Pilot:
         compensator = Compensator(self.compensator, self.settings.compensator_limits, self.mission.place)
         return Pilot(self.mission, self.body, self.settings, compensator, autopilot_takes_off, autopilot_stays_up)

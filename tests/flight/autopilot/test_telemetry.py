@@ -11,7 +11,12 @@ from quadctl.flight.autopilot.telemetry import Telemetry
 from quadctl.thrust_chain.ardupilot import DEFAULT_CURVE, output_of_thrust
 from quadctl.thrust_chain.chain import Ambient
 
-VOLTAGE = {"voltage_battery": 15000, "onboard_control_sensors_present": 0, "onboard_control_sensors_health": 0}
+VOLTAGE = {
+    "voltage_battery": 15000,
+    "onboard_control_sensors_present": 0,
+    "onboard_control_sensors_enabled": 0,
+    "onboard_control_sensors_health": 0,
+}
 
 
 COPTER = {"autopilot": 3, "base_mode": 1, "custom_mode": 4}
@@ -158,5 +163,23 @@ def test_px4s_health_bit_alone_says_if_it_would_arm(health: int, ready: bool) ->
 
 @pytest.mark.parametrize(("present", "health", "ready"), [(0, 0, True), (PREARM, 0, False), (PREARM, PREARM, True)])
 def test_ardupilot_lists_its_check_as_present(present: int, health: int, ready: bool) -> None:
-    status = {**VOLTAGE, "onboard_control_sensors_present": present, "onboard_control_sensors_health": health}
-    assert heard(("SYS_STATUS", status)).state(1.0).ready_to_arm == ready
+    assert heard(status(present, present, health)).state(1.0).ready_to_arm == ready
+
+
+def test_ardupilot_whose_checks_are_off_lists_them_as_not_in_use_and_says_nothing_of_readiness() -> None:
+    """With ARMING_CHECK 0 the health bit never comes: waiting for it would never end."""
+    state = heard(status(PREARM, 0, 0)).state(1.0)
+    assert (state.checks_off, state.ready_to_arm, state.tells_readiness) == (True, True, False)
+    state = heard(status(PREARM, PREARM, 0)).state(1.0)
+    assert (state.checks_off, state.ready_to_arm, state.tells_readiness) == (False, False, True)
+
+
+def test_parts_that_are_in_use_and_not_healthy_are_named() -> None:
+    battery, magnetometer = 1 << 25, 1 << 2
+    state = heard(status(GPS | battery, GPS | battery | PREARM, GPS | magnetometer)).state(1.0)
+    assert state.failing == ("battery",)
+
+
+def status(present: int, enabled: int, health: int) -> tuple[str, dict[str, Any]]:
+    kinds = {"present": present, "enabled": enabled, "health": health}
+    return "SYS_STATUS", VOLTAGE | {f"onboard_control_sensors_{kind}": flags for kind, flags in kinds.items()}

@@ -149,7 +149,18 @@ def test_a_compensator_beyond_its_data_or_its_band_is_a_warning(tmp_path: Path) 
 
 # --- the autopilot ---------------------------------------------------------------------------------------------------
 
-GOOD = {"COM_OF_LOSS_T": 0.5, "COM_OBL_RC_ACT": 4.0, "MPC_THR_HOVER": 0.5}
+GOOD = {
+    "COM_OF_LOSS_T": 0.5,
+    "COM_OBL_RC_ACT": 4.0,
+    "COM_RC_IN_MODE": 0.0,
+    "COM_RC_OVERRIDE": 3.0,
+    "NAV_RCL_ACT": 3.0,
+    "COM_RCL_EXCEPT": 0.0,
+    "COM_LOW_BAT_ACT": 2.0,
+    "RTL_RETURN_ALT": 2.0,
+    "EKF2_NOAID_TOUT": 1e6,
+    "MPC_THR_HOVER": 0.5,
+}
 
 
 @dataclass
@@ -162,7 +173,7 @@ class FakeAutopilot:
     refusal: str = ""
     warnings: list[str] = field(default_factory=list)
     description: str = "an autopilot"
-    requirements: Sequence[Requirement] = ()
+    requirements: Sequence[Requirement] = field(default_factory=lambda: PX4.requirements(1))
     checks: Sequence[Check] = PX4.checks
 
     def __post_init__(self) -> None:
@@ -208,7 +219,7 @@ def test_a_ready_autopilot_passes(tmp_path: Path) -> None:
     assert {finding.verdict for finding in findings} == {Verdict.OK}
     texts = [finding.text for finding in findings]
     assert "position at 100 Hz, up to 8 ms old" in texts  # looked at every 2 ms
-    assert "COM_OBL_RC_ACT: then it goes to Land (4)" in texts
+    assert "COM_OBL_RC_ACT: when setpoints stop it goes to Land (4)" in texts
 
 
 def test_the_table_of_what_the_autopilot_adds_is_among_the_findings(tmp_path: Path) -> None:
@@ -268,8 +279,12 @@ def test_an_autopilot_that_refuses_a_message_is_refused(tmp_path: Path) -> None:
     ("values", "said"),
     [
         ({"COM_OF_LOSS_T": 5.0}, "acts 5 s after the last setpoint: expected at most 1 s"),
-        ({"COM_OBL_RC_ACT": 0.0}, "goes to Position (0): expected 4 (Land)"),
-        ({"COM_OBL_RC_ACT": 3.0}, "it climbs first, and there is a ceiling at 2.6 m"),
+        ({"NAV_RCL_ACT": 1.0}, "when the remote control is lost it goes to Hold (1): expected 3 (Land)"),
+        ({"COM_RCL_EXCEPT": 4.0}, "offboard flies on without a remote control (4): then nobody can take the vehicle"),
+        ({"COM_RC_IN_MODE": 4.0}, "sticks are not read (4): nobody can take the vehicle with a remote control"),
+        ({"COM_RC_OVERRIDE": 1.0}, "moving the sticks does not end offboard (1): only the mode switch does"),
+        ({"COM_LOW_BAT_ACT": 0.0}, "with a low battery it only says so (0): expected 2 (Land)"),
+        ({"RTL_RETURN_ALT": 30.0}, "a return climbs to up to 30 m first: there is a ceiling at 2.6 m"),
         ({"MPC_THR_HOVER": 0.3}, "hovers at 0.30, the vehicle file at 0.52: one of them is wrong"),
     ],
 )
@@ -281,12 +296,33 @@ def test_parameters_that_make_silence_dangerous_are_warnings(
     assert not found(findings, Verdict.REFUSED)
 
 
+@pytest.mark.parametrize(
+    ("action", "said"),
+    [
+        (0.0, "it goes to Position, where a pilot has to fly (0): expected 4"),
+        (5.0, "it goes to Hold (5): expected 4"),  # for as long as the battery lasts
+        (7.0, "it goes to Disarm (7): expected 4"),
+    ],
+)
+def test_a_px4_that_nobody_would_land_after_our_death_is_refused_unless_that_is_accepted(
+    tmp_path: Path, action: float, said: str
+) -> None:
+    autopilot = FakeAutopilot(STANDING, values={**GOOD, "COM_OBL_RC_ACT": action})
+    refused = found(asked(tmp_path, autopilot), Verdict.REFUSED)["parameters"]
+    assert said in refused
+    assert "when quadctl dies, nobody would land the vehicle" in refused
+    accepted = asyncio.run(inspect_autopilot(planned(tmp_path), autopilot, 0.5, without_failsafe=True))
+    assert not found(accepted, Verdict.REFUSED)
+    assert said in found(accepted, Verdict.WARNING)["parameters"]
+
+
 def test_what_is_judged_of_a_parameter_belongs_to_the_autopilot(tmp_path: Path) -> None:
     patience = Check(
         "ACME_PATIENCE",
         finding=lambda seconds, _: f"ACME_PATIENCE: waits {seconds:g} s",
         objection=lambda seconds, _: "expected 1 s" if seconds > 1.0 else None,
     )
-    autopilot = FakeAutopilot(STANDING, values={"ACME_PATIENCE": 3.0, "COM_OF_LOSS_T": 5.0}, checks=[patience])
+    values = {"ACME_PATIENCE": 3.0, "COM_OF_LOSS_T": 5.0}
+    autopilot = FakeAutopilot(STANDING, values=values, requirements=(), checks=[patience])
     findings = [finding for finding in asked(tmp_path, autopilot) if finding.topic == "parameters"]
     assert [str(finding) for finding in findings] == ["parameters: ACME_PATIENCE: waits 3 s: expected 1 s"]
