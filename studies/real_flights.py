@@ -124,7 +124,7 @@ def section(flights: Flights, found: Discovery, seconds: float) -> str:
         effect = words.get(step.effect)
         parameters = parameters_in_words(effect, intervals[effect.name]) if effect else ""
         rows.append((step.effect or "rigid body", f"{step.rmse['total']:.3f}", parameters))
-    rows.append(("noise floor of all variables together", f"{found.before.noise_floor['total']:.3f}", ""))
+    rows.append(("noise floor of all variables together", f"{found.noise_floor['total']:.3f}", ""))
     table = _table(("model", "held-out error", "parameters in the end [95 %]"), rows)
     said = [line for line in found.diagnosis.lines() if "->" not in line and not line.startswith("Missing")]
     logs = ", ".join(f"`{Path(name).name}`" for name in flights.logs)

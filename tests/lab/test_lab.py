@@ -385,6 +385,7 @@ class TestDiscover:
         errors = [step.rmse["total"] for step in found.diagnosis.steps]
         assert errors == sorted(errors, reverse=True)
         assert [step.family for step in found.diagnosis.steps] == ["", *found.diagnosis.missing]
+        assert found.noise_floor["total"] <= errors[-1]
         assert diagnose(found.model, data).missing == []
         self.check_that_parameters_are_told(found)
 

@@ -19,8 +19,28 @@ def flexible_residual(residual: Floats, dataset: Dataset, variables: Collection[
     """Held-out prediction of `residual`, shape (n, axes), by ridge regression on `variables`, or on all; same shape.
 
     The features are piecewise linear functions of each variable. Each fold is predicted from the other folds; for each
-    axis the ridge with the smallest held-out error is used.
+    axis the ridge with the smallest held-out error is used. North and east, the first axes, are also predicted as
+    forward and right, since some errors turn with the vehicle and others, such as wind, do not; the better of the two
+    counts.
     """
+    predicted = _by_hinges(residual, dataset, variables)
+    heading = np.concatenate([flight.heading_rad for flight in dataset.flights])
+    turned = _by_hinges(turned_by(residual[:, :2], -heading), dataset, variables)
+    turned = turned_by(turned, heading)
+    if np.sum((residual[:, :2] - turned) ** 2) < np.sum((residual[:, :2] - predicted[:, :2]) ** 2):
+        predicted[:, :2] = turned
+    return predicted
+
+
+def turned_by(north_east: Floats, angle_rad: Floats) -> Floats:
+    """Horizontal vectors, shape (n, 2), turned from north toward east by an angle each, shape (n,); shape (n, 2)."""
+    north, east = north_east.T
+    cos, sin = np.cos(angle_rad), np.sin(angle_rad)
+    return np.column_stack([cos * north - sin * east, sin * north + cos * east])
+
+
+def _by_hinges(residual: Floats, dataset: Dataset, variables: Collection[str] | None) -> Floats:
+    """Held-out prediction of each axis of `residual` by itself, same shape."""
     hinges = _Hinges(dataset, dataset.flights[0].variables if variables is None else variables)
     gram = _gram_by_fold(hinges, residual, dataset)
     others = [np.delete(gram, i, axis=0).sum(axis=0) for i in range(len(gram))]

@@ -249,10 +249,15 @@ class Flight:
         return self.slowly(self.filtered(sum(self.nominal_n))) / self.vehicle.weight_n
 
     @cached_property
+    def heading_rad(self) -> Floats:
+        """Filtered yaw, unwrapped, at the samples, shape (n,)."""
+        return self.filtered(np.unwrap(euler_from_quaternion(self.conditions.attitude)[2]))
+
+    @cached_property
     def manoeuvres(self) -> dict[str, Floats]:
         """Accelerations, m/s^2, shape (n,), for which the variables of the attitude controller are flown: those up,
         to the right and forward, by the names of `variables`."""
-        yaw = self.filtered(np.unwrap(euler_from_quaternion(self.conditions.attitude)[2]))
+        yaw = self.heading_rad
         north, east, up = self.measured.T
         return {
             "thrust": up,

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 from rich.console import Group, RenderableType
@@ -13,7 +14,9 @@ from quadctl.effects import Effect
 from quadctl.lab.comparison.comparison import Comparison, compare
 from quadctl.lab.comparison.wording import parameter_lines
 from quadctl.lab.fitting.fitted_model import fit_model
+from quadctl.lab.fitting.flexible_regression import flexible_residual, noise_floor
 from quadctl.lab.flights.dataset import Dataset
+from quadctl.lab.flights.prediction import rmse
 from quadctl.lab.results import Result, errors_table
 from quadctl.lab.selection.addition import Addition, add_to_fit
 from quadctl.lab.selection.diagnosis import Diagnosis, diagnose_fit
@@ -51,6 +54,16 @@ class Discovery(Result):
             ],
         }
 
+    @cached_property
+    def noise_floor(self) -> dict[str, float]:
+        """Noise floor as RMSE per axis, the lower of two: of the model as given, and of the model found. So it is never
+        above the error of the model found."""
+        floors = [self.before.noise_floor]
+        if self.diagnosis.fit is not None:
+            residual = self.diagnosis.fit.held_out_residual[:, :3]
+            floors.append(rmse(noise_floor(residual, flexible_residual(residual, self.diagnosis.fit.dataset))))
+        return min(floors, key=lambda floor: floor["total"])
+
     @property
     def p_values(self) -> dict[str, float]:
         """p-value with which each missing family was found, by family; none of those that the model held before."""
@@ -59,7 +72,7 @@ class Discovery(Result):
 
     def __rich__(self) -> RenderableType:
         ladder = [(f"+ {step.effect}" if step.family else step.effect, step.rmse) for step in self.diagnosis.steps]
-        floor = ("noise floor", self.before.noise_floor)
+        floor = ("noise floor", self.noise_floor)
         table = errors_table("Held-out acceleration error after each selection step", [*ladder, floor])
         effects = [self._effects_table()] if self.model.stack else []
         return Group(table, *effects, Text("\n".join(self.diagnosis.lines())))
