@@ -18,14 +18,13 @@ from quadctl.lab.flights.dataset import Dataset, HoldOut
 from quadctl.model import Model, load_model, model_to_dict
 from quadctl.web.session.files import changed_logs, keep_expression
 from quadctl.web.session.findings import Findings
-from quadctl.web.session.session import SUFFIX, Rung, Session, session_to_yaml
+from quadctl.web.session.session import AUTOSAVED, Rung, Session, session_to_yaml
 from quadctl.web.work import jobs
 from quadctl.web.work.simulated import Simulation
 from quadctl.web.work.state import Message, Results, Work
 from quadctl.web.work.worker import CancelledError, Worker
 
 _LOG = logging.getLogger(__name__)
-AUTOSAVED = f"session{SUFFIX}"
 SAME_ERROR = 0.01
 """Largest relative difference of the same fit on two computers."""
 
@@ -486,6 +485,8 @@ class Workbench:
     def _autosave(self) -> None:
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
-            (self.folder / AUTOSAVED).write_text(self.session_file(), encoding="utf-8")
+            part = self.folder / f".{AUTOSAVED}.part"
+            part.write_text(self.session_file(), encoding="utf-8")
+            part.replace(self.folder / AUTOSAVED)  # whole or not at all, also in a power failure
         except OSError as error:
             self.message = Message("error", f"{self.folder / AUTOSAVED}: cannot be written ({error.strerror})")
