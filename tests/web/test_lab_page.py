@@ -538,6 +538,11 @@ def test_modes_and_messages_of_a_real_autopilot_stand_on_the_axis_of_time(browse
         visitor.keeps("marks")
         visitor.click("text=Modes, messages and parameter changes")
         visitor.sees("td:has-text('[commander] Takeoff detected')")
+        visitor.click("[role=tab]:has-text('Flights')")
+        visitor.click("text=A new vehicle")
+        visitor.click("button:has-text('Fill in from vertical_runs.ulg')")
+        visitor.sees("text=vertical_runs.ulg says the rotors and the throttle in hover")
+        visitor.keeps("filled-in")
         visitor.leaves()
 
 
