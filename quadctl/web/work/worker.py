@@ -90,24 +90,31 @@ def _serve(pipe: Connection, jobs: str | None, patient: bool) -> None:
     if jobs is not None:
         importlib.import_module(jobs)
 
+    while _one_job(pipe):
+        pass
+
+
+def _one_job(pipe: Connection) -> bool:
+    """Run one job and send its result, of which nothing is kept here; False at the end of all work."""
+
     def say(kind: str, value: Any) -> None:
         pipe.send_bytes(cloudpickle.dumps((kind, value)))
 
-    while True:
-        try:
-            job, args = cloudpickle.loads(pipe.recv_bytes())
-        except (EOFError, KeyboardInterrupt):
-            return
-        try:
-            result = job(*args, progress=lambda text: say("progress", text))
-        except QuadctlError as error:
-            say("failed", str(error))
-        except MemoryError:
-            say("failed", "there is not enough memory for flights of this size")
-        except KeyboardInterrupt:
-            return
-        except Exception as error:
-            traceback.print_exc()
-            say("failed", f"this is a mistake of quadctl, not yours ({type(error).__name__}: {error})")
-        else:
-            say("done", result)
+    try:
+        job, args = cloudpickle.loads(pipe.recv_bytes())
+    except (EOFError, KeyboardInterrupt):
+        return False
+    try:
+        result = job(*args, progress=lambda text: say("progress", text))
+    except QuadctlError as error:
+        say("failed", str(error))
+    except MemoryError:
+        say("failed", "there is not enough memory for flights of this size")
+    except KeyboardInterrupt:
+        return False
+    except Exception as error:
+        traceback.print_exc()
+        say("failed", f"this is a mistake of quadctl, not yours ({type(error).__name__}: {error})")
+    else:
+        say("done", result)
+    return True
