@@ -24,14 +24,14 @@ from quadctl.web.elements.space import (
 from quadctl.web.elements.theme import Theme
 from quadctl.web.live.history import Row
 
-HEIGHT_PX = 380
+HEIGHT_PX = 460
 EYE = (0.0, -0.75, 1.65)
 """From above, and a little from the south: north is up on the screen, and heights can be told."""
 ROOM = 1.3
 """A box that has become too small is made larger than it must be, so that it seldom changes."""
 BELOW = 0.1
 """Depth of the box below the ground, as a share of its half."""
-NO_BOX = Box(0.0, 0.0, (1.0 - BELOW) * 0.5, 0.5)
+NO_BOX = Box(0.0, 0.0, 1.0 - BELOW, 1.0)
 """Space that is shown before anything is known of a place."""
 Point: TypeAlias = tuple[float, float, float]
 """East, north and height, m; NaN where they are not known."""

@@ -20,6 +20,7 @@ from quadctl.web.session.files import changed_logs, keep_expression
 from quadctl.web.session.findings import Findings
 from quadctl.web.session.session import AUTOSAVED, Rung, Session, session_to_yaml
 from quadctl.web.work import jobs
+from quadctl.web.work.exchange import Exchange
 from quadctl.web.work.simulated import Simulation
 from quadctl.web.work.state import Message, Results, Work
 from quadctl.web.work.worker import CancelledError, Worker
@@ -52,7 +53,8 @@ class Workbench:
 
     def __post_init__(self) -> None:
         self._listeners: list[Callable[[], None]] = []
-        self._quick, self._slow = Worker(jobs.__name__), Worker(jobs.__name__, patient=True)
+        exchange = Exchange()
+        self._quick, self._slow = Worker(jobs.__name__, exchange), Worker(jobs.__name__, exchange, patient=True)
         self._tasks: set[asyncio.Task[None]] = set()
         self._searches = 0
         self._past: list[Session] = []
