@@ -179,6 +179,7 @@ class Page:
             work=bench.work,
             search=bench.search,
             message=bench.message,
+            as_read=bench.as_read,
             waiting=bench.waiting,
             can_undo=bench.can_undo,
             can_redo=bench.can_redo,

@@ -3,6 +3,7 @@ sent from process to process."""
 
 from collections import Counter
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -117,6 +118,20 @@ class Climbed:
     evaluation: Evaluation
 
 
+def read_logs(paths: Sequence[Path], known: Sequence[OpenedLog], progress: Progress) -> list[OpenedLog]:
+    """The `known` logs, and those of `paths` that are not among them, as they are logged; what cannot be read is left
+    out."""
+    read = list(known)
+    for path in paths:
+        stamp = _stamp(path)
+        if any((log.path, log.stamp) == (path, stamp) for log in known if stamp is not None):
+            continue
+        progress(f"reading {path.name}")
+        with suppress(QuadctlError):  # `open_logs` says why
+            read.append(OpenedLog(path, read_log(path), stamp=stamp))
+    return read
+
+
 def open_logs(
     paths: Sequence[Path],
     unseen: frozenset[Path],
@@ -136,6 +151,8 @@ def open_logs(
     for path, name in zip(paths, log_names(paths), strict=True):
         known_log, stamp = before.get(path), _stamp(path)
         if known_log is not None and known_log.log is not None and known_log.stamp == stamp is not None:
+            if known_log.vehicle is None:
+                progress(f"preparing {name}")
             opened.append(_renamed(known_log, known_log.log, name, vehicle))
             continue
         progress(f"reading {name}")

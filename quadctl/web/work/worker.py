@@ -1,6 +1,9 @@
 """A process for long work: the page keeps responding, progress comes back, and cancelling ends the process."""
 
 import asyncio
+import contextlib
+import ctypes
+import gc
 import importlib
 import multiprocessing
 import os
@@ -97,7 +100,14 @@ def _serve(pipe: Connection, jobs: str | None, folder: Path, patient: bool) -> N
 
     exchange = Exchange(folder)
     while _one_job(pipe, exchange):
-        pass
+        _give_memory_back()
+
+
+def _give_memory_back() -> None:
+    """Free what the last job needed: datasets hold each other in circles, and glibc keeps freed arrays of its heap."""
+    gc.collect()
+    with contextlib.suppress(OSError, AttributeError):  # another C library
+        ctypes.CDLL(None).malloc_trim(0)
 
 
 def _one_job(pipe: Connection, exchange: Exchange) -> bool:

@@ -15,6 +15,7 @@ from typing import Any, Literal
 from quadctl.errors import QuadctlError, SettingsError
 from quadctl.lab.comparison.wording import quantity
 from quadctl.lab.flights.dataset import Dataset, HoldOut
+from quadctl.logs.flight_log import FlightLog
 from quadctl.model import Model, load_model, model_to_dict
 from quadctl.web.session.files import changed_logs, keep_expression
 from quadctl.web.session.findings import Findings
@@ -43,6 +44,8 @@ class Workbench:
     work: Work | None = None
     search: Work | None = None
     message: Message | None = None
+    as_read: tuple[FlightLog, ...] = ()
+    """Logs that have been read and are being prepared."""
     waiting: tuple[str, ...] = ()
     """Names of the files that are taken as soon as the work in progress is done."""
 
@@ -189,20 +192,24 @@ class Workbench:
         async with self._working("Reading flights") as progress:
             opened = None
             if session.rung is not None and session.logs:
+                before = [] if self.opened is None else self.opened.logs
+                read = await self._quick.run(jobs.read_logs, session.logs, before, progress=progress)
+                self.as_read = tuple(log.log for log in read if log.log is not None)
+                self._changed()
                 opened = await self._quick.run(
                     jobs.open_logs,
                     session.logs,
                     session.unseen,
                     session.rung.model.vehicle,
                     session.hold_out,
-                    () if self.opened is None else self.opened.logs,
+                    read,
                     self.accepted,
                     progress=progress,
                 )
             if known and opened and (self.opened is None or opened.usable != self.opened.usable):
                 session = session.unjudged()
             told = [] if self.opened is None else [(log.path, log.problem) for log in self.opened.logs]
-            self.session, self.opened, self.results = session, opened, Results()
+            self.session, self.opened, self.results, self.as_read = session, opened, Results(), ()
             self._past, self._future = [], []  # their errors are those of other flights
             logs = [] if opened is None else opened.logs
             problems = [log.problem for log in logs if log.problem and (log.path, log.problem) not in told]
@@ -475,7 +482,7 @@ class Workbench:
         except QuadctlError as error:
             self.message = Message("error", str(error))
         finally:
-            self.work = None
+            self.work, self.as_read = None, ()
             self._free.set()
             self._changed()
 
