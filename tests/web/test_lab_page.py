@@ -542,6 +542,7 @@ def test_modes_and_messages_of_a_real_autopilot_stand_on_the_axis_of_time(browse
         visitor.click("text=A new vehicle")
         visitor.click("button:has-text('Fill in from vertical_runs.ulg')")
         visitor.sees("text=vertical_runs.ulg says the rotors and the throttle in hover")
+        visitor.page.locator("button:has-text('Use this vehicle')").scroll_into_view_if_needed()
         visitor.keeps("filled-in")
         visitor.leaves()
 

@@ -10,7 +10,7 @@ from quadctl.web.elements.figure import Figure, figure
 from quadctl.web.elements.space import Box, scene
 from quadctl.web.elements.theme import Theme
 
-EYE = (1.7, 1.7, 0.9)
+EYE = (1.85, 1.85, 1.0)
 
 
 def path_figure(flight: Flight, brushed: Mask | None, theme: Theme) -> Figure:

@@ -25,7 +25,7 @@ ARROW = 0.5
 NEAR = 1.0
 """Largest distance of the flight from the ground or a ceiling that is drawn, as a share of its own extent."""
 LEAST_HALF_M = 0.1
-EYE = (1.6, 1.6, 0.8)
+EYE = (1.85, 1.85, 0.95)
 
 
 def replay_figure(flight: Flight, residual: Floats, brushed: Mask | None, theme: Theme) -> Figure:

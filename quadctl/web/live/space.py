@@ -25,7 +25,7 @@ from quadctl.web.elements.theme import Theme
 from quadctl.web.live.history import Row
 
 HEIGHT_PX = 460
-EYE = (0.0, -0.75, 1.65)
+EYE = (0.0, -0.9, 2.0)
 """From above, and a little from the south: north is up on the screen, and heights can be told."""
 ROOM = 1.3
 """A box that has become too small is made larger than it must be, so that it seldom changes."""
