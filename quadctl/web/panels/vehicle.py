@@ -149,7 +149,8 @@ class _NewVehicle:
         names = listed([name for name, there in found.items() if there])
         self._filled.clear()
         with self._filled:
-            ui.label(f"{log_name} says {names}; all else is for you to enter.").style("display:contents")
+            check = " PX4 needs no true distances of the rotors: check them in the file." if known.places else ""
+            ui.label(f"{log_name} says {names}; all else is for you to enter.{check}").style("display:contents")
 
     async def _use(self) -> None:
         frame, arm = (None, None) if self._as_logged else (self._frame.value, self._arm.value)
