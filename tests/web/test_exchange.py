@@ -97,6 +97,14 @@ def test_two_workers_share_what_one_of_them_made() -> None:
         slow.close()
 
 
+def test_arrays_outlive_the_folder(owner: Exchange, other: Exchange) -> None:
+    got = owner.unpack(other.pack(np.ones(N))[0])
+    other.close()
+    assert owner.folder.is_dir()
+    owner.close()
+    assert not owner.folder.exists() and got[-1] == 1.0
+
+
 def test_the_folder_goes_with_the_exchange_that_made_it() -> None:
     exchange = Exchange()
     folder = Path(exchange.folder)

@@ -78,6 +78,11 @@ class Exchange:
         if name and name not in self._maps:
             self._remove(name)
 
+    def close(self) -> None:
+        """Remove the folder, if it was made here; arrays that were received stay."""
+        if self._made is not None:
+            self._made.cleanup()
+
     def _written(self, buffers: list[memoryview]) -> tuple[str, list[Place]]:
         if not buffers:
             return "", []

@@ -56,8 +56,9 @@ class Workbench:
 
     def __post_init__(self) -> None:
         self._listeners: list[Callable[[], None]] = []
-        exchange = Exchange()
-        self._quick, self._slow = Worker(jobs.__name__, exchange), Worker(jobs.__name__, exchange, patient=True)
+        self._exchange = Exchange()
+        self._quick = Worker(jobs.__name__, self._exchange)
+        self._slow = Worker(jobs.__name__, self._exchange, patient=True)
         self._tasks: set[asyncio.Task[None]] = set()
         self._searches = 0
         self._past: list[Session] = []
@@ -102,6 +103,7 @@ class Workbench:
     def close(self) -> None:
         self._quick.close()
         self._slow.close()
+        self._exchange.close()
 
     # --- flights and model --------------------------------------------------------------------------------------------
 
