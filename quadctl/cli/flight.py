@@ -180,7 +180,7 @@ def _viewer(plan: Any, port: int, token: str | None) -> AbstractContextManager[A
     from quadctl.web.live.history import Brief
     from quadctl.web.live.viewer import live_view
 
-    brief = Brief(plan.mission, plan.settings.guards, plan.body.vehicle.name, plan.compensator.name)
+    brief = Brief(plan.mission, plan.settings.guards, plan.body.vehicle, plan.compensator.name)
     return live_view(
         brief, port, token, lambda said: console.print(said, soft_wrap=True, markup=False, highlight=False)
     )

@@ -20,6 +20,9 @@ def lab_page(
         typer.Option("--model", metavar="MODEL.yaml", help="Model or vehicle file to begin with.", callback=find),
     ] = None,
     session: Annotated[Path | None, typer.Option("--session", metavar="FILE", help="Continue a saved session.")] = None,
+    anew: Annotated[
+        bool, typer.Option("--new", help="Begin a new session, even where DIR holds one of these logs.")
+    ] = False,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for all that is saved.")] = Path("lab"),
     missions: Annotated[
         Path, typer.Option("--missions", metavar="DIR", help="Folder of the missions.", callback=find_missions)
@@ -28,10 +31,13 @@ def lab_page(
     port: Annotated[int, typer.Option("--port", metavar="N", min=1, max=65535)] = 8090,
     show: Annotated[bool, typer.Option("--open/--no-open", help="Open the browser.")] = True,
 ) -> None:
-    """Find what a model is missing, on a page in the browser."""
+    """Find what a model is missing, on a page in the browser.
+
+    Without logs, or with those of the session in DIR, this session is continued.
+    """
     from quadctl.demo import HIDDEN
     from quadctl.web.page.server import serve
-    from quadctl.web.session.start import check_folders, first_session, vehicle_files
+    from quadctl.web.session.start import check_folders, first_session, kept_session, vehicle_files
     from quadctl.web.work.simulated import Simulation
     from quadctl.web.workbench.intake import Intake
     from quadctl.web.workbench.workbench import Workbench
@@ -40,9 +46,17 @@ def lab_page(
         raise typer.BadParameter("give --session, or LOG and --model, not both")
     check_folders(out, missions)
     begun = first_session(logs or [], model, session)
+    kept = None if session is not None or anew else kept_session(out, begun, model_given=model is not None)
+    if kept is not None:
+        console.print(f"The session in {out} is continued; --new begins another.", soft_wrap=True, highlight=False)
     simulation = Simulation(simulator().simulate, missions, out, hidden, HIDDEN)
     serve(
-        lambda: Workbench(out, simulation), begun, lambda bench: Intake(bench, vehicle_files()), port, show, _announce
+        lambda: Workbench(out, simulation),
+        kept or begun,
+        lambda bench: Intake(bench, vehicle_files()),
+        port,
+        show,
+        _announce,
     )
 
 

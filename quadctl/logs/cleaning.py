@@ -70,8 +70,10 @@ def clean_log(
         said.append(f"{_count(first, 'row')} before the first known position left out (from {word} {number[0]})")
         log, number = log.rows(slice(first, None)), number[first:]
     keep = _increasing_rows(path, log, number, word, said)
-    columns = {name: _possible(name, values[keep], said) for name, values in log.columns.items()}
-    phase = None if log.phase is None else log.phase[keep]
+    if not keep.all():
+        log = log.rows(keep)
+    columns = {name: _possible(name, values, said) for name, values in log.columns.items()}
+    phase = log.phase
     return FlightLog(path.name, path, columns, phase, read_meta(path, said) if meta is None else dict(meta), said)
 
 
@@ -173,14 +175,17 @@ def _longest_run(rows: Sequence[int] | NDArray[np.intp]) -> int:
 
 def _possible(name: str, values: Floats, notes: list[str]) -> Floats:
     """The values with NaN for those that are infinite or impossible."""
-    infinite = np.isinf(values)
     largest = MAX_RPM if name.endswith("_rpm") else MAX_TIME if name == "time_s" else MAX_VALUE
-    impossible = (np.abs(values) > largest) & ~infinite
+    beyond = np.abs(values) > largest
+    if not beyond.any():
+        return values
+    infinite = np.isinf(values)
+    impossible = beyond & ~infinite
     for which, kind in ((infinite, "infinite value"), (impossible, "impossible value")):
         if which.any():
             limit = "" if which is infinite else f" (beyond {largest:g})"
             notes.append(f"{_count(int(which.sum()), kind)} of {name}{limit} read as missing")
-    return np.where(infinite | impossible, np.nan, values)
+    return np.where(beyond, np.nan, values)
 
 
 def _count(n: int, what: str) -> str:

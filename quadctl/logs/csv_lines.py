@@ -5,6 +5,7 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import BinaryIO
 
@@ -14,19 +15,48 @@ from numpy.typing import NDArray
 
 from quadctl.errors import LogError
 
+BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 CHUNK_BYTES = 1 << 23
 """Size of the parts in which a file is read and split into lines: the fields of a whole large file would need several
 times its size."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Lines:
     """Lines of a file that can be read."""
 
-    text: pl.Series
-    """Lines that are complete and not blank."""
-    number: NDArray[np.int64]
-    """Their numbers in the file, from 1, shape (n,)."""
+    data: bytes
+    """Whole lines, without the line feed of the last."""
+    before: int
+    """Number of lines before them in the file."""
+    count: int
+    """Number of the lines, blank ones included."""
+
+    @property
+    def text(self) -> pl.Series:
+        """Lines that are not blank."""
+        return self._kept[0]
+
+    @property
+    def number(self) -> NDArray[np.int64]:
+        """Their numbers in the file, from 1, shape (n,)."""
+        return self._kept[1]
+
+    @cached_property
+    def _kept(self) -> tuple[pl.Series, NDArray[np.int64]]:
+        # Bytes that are no text, as a power cut leaves them, damage their line and not the file.
+        text = self.data.decode("utf-8" if self.before else "utf-8-sig", errors="replace")
+        kept = [(at, line) for at, raw in enumerate(text.split("\n"), self.before + 1) if (line := raw.strip("\r \t"))]
+        return pl.Series([line for _, line in kept], dtype=pl.String), np.array([at for at, _ in kept], dtype=np.int64)
+
+    def without_first(self) -> "Lines":
+        """All but the first line that is not blank."""
+        skipped, data = 0, self.data.removeprefix(BYTE_ORDER_MARK)
+        blank = True
+        while blank and data:
+            line, _, data = data.partition(b"\n")
+            skipped, blank = skipped + 1, not line.strip(b"\r \t")
+        return Lines(data, self.before + skipped, self.count - skipped)
 
 
 @dataclass(frozen=True)
@@ -46,14 +76,10 @@ class RawText:
         with _opened(self.path) as file:
             for (begin, size), count in zip(self.spans, self.counts, strict=True):
                 file.seek(begin)
-                # Bytes that are no text, as a power cut leaves them, damage their line and not the file.
-                text = file.read(size).decode("utf-8" if before else "utf-8-sig", errors="replace")
-                kept = [
-                    (at, line) for at, raw in enumerate(text.split("\n"), before + 1) if (line := raw.strip("\r \t"))
-                ]
+                lines = Lines(file.read(size), before, count)
                 before += count
-                if kept:
-                    yield Lines(pl.Series([line for _, line in kept]), np.array([at for at, _ in kept], dtype=np.int64))
+                if lines.data.removeprefix(BYTE_ORDER_MARK).strip(b"\r\n \t"):
+                    yield lines
 
     @property
     def first(self) -> tuple[int, str]:

@@ -17,10 +17,12 @@ from quadctl.errors import LogError
 from quadctl.logs.cleaning import clean_log
 from quadctl.logs.columns import PHASE_COLUMN, column_order
 from quadctl.logs.csv_layout import Layout, layout_of
-from quadctl.logs.csv_lines import read_text, reason_of, split_line
+from quadctl.logs.csv_lines import Lines, read_text, reason_of, split_line
 from quadctl.logs.flight_log import FlightLog, Floats
 from quadctl.logs.sidecar import meta_path
 
+_UNUSUAL = (b'"', b"\r", b" \n")
+"""Bytes that are read the slow way: quotes, and what is stripped from the ends of lines."""
 _Rows: TypeAlias = tuple[dict[str, NDArray[Any]], NDArray[np.int64]]
 """Columns, and the number in the file of the line that each row comes from."""
 
@@ -75,9 +77,8 @@ def _table(path: Path, notes: list[str]) -> _Rows:
     damage: dict[int, str] = {}
     parts, skip = [], layout.has_header
     for lines in raw.parts():
-        parts.append(
-            _part(lines.text[1:] if skip else lines.text, lines.number[1:] if skip else lines.number, layout, damage)
-        )
+        rows = lines.without_first() if skip else lines
+        parts.append(_plain_part(rows, layout) or _part(rows.text, rows.number, layout, damage))
         skip = False
     count = sum(part.n_lines for part in parts)
     if not count:
@@ -120,6 +121,31 @@ class _Part:
     """Line and text of the first of these."""
     last_field: list[str]
     """Last field of the last two lines."""
+
+
+def _plain_part(lines: Lines, layout: Layout) -> _Part | None:
+    """Values of some lines, by the fast reader of the library; None where any of them may be blank or damaged."""
+    if not lines.count or any(unusual in lines.data for unusual in _UNUSUAL):
+        return None
+    kinds = [pl.String if name in (None, PHASE_COLUMN) else pl.Float64 for name in layout.names]
+    schema = {f"field_{i}": kind for i, kind in enumerate(kinds)}
+    try:
+        table = pl.read_csv(lines.data, has_header=False, schema=schema, quote_char=None)
+    except (pl.exceptions.PolarsError, ValueError):
+        return None
+    # The last field of a line that is cut short, or blank, is missing.
+    if len(table) != lines.count or table[:, -1].null_count():
+        return None
+    columns: dict[str, NDArray[Any]] = {}
+    for name, field in zip(layout.names, table.get_columns(), strict=True):
+        if name == PHASE_COLUMN:
+            columns[name] = field.fill_null("").to_numpy()
+        elif name is not None:
+            columns[name] = field.fill_null(float("nan")).to_numpy()
+    nothing_wrong = {name: np.empty(0, dtype=np.intp) for name in columns if name != PHASE_COLUMN}
+    number = np.arange(lines.before + 1, lines.before + 1 + lines.count)
+    last = [str(value) for value in table[:, -1].tail(2)]
+    return _Part(lines.count, columns, number, nothing_wrong, {}, last)
 
 
 def _part(lines: pl.Series, number: NDArray[np.int64], layout: Layout, damage: dict[int, str]) -> _Part:

@@ -41,6 +41,27 @@ class Missing(NamedTuple):
     question: str
 
 
+class Told(NamedTuple):
+    """Facts about a vehicle that an autopilot's parameters hold; None where they do not."""
+
+    places: tuple[Place, ...] | None
+    """Places of the rotors, which make frame and arm needless."""
+    frame: str | None
+    hover_throttle: float | None
+
+
+def told(parameters: Mapping[str, float]) -> Told:
+    """Facts that `draft` takes from the parameters.
+
+    Raises
+    ------
+    SettingsError
+        The parameters describe a vehicle that this cannot draw.
+    """
+    hover = next((parameters[name] for name in (PX4_HOVER, ARDUPILOT_HOVER) if name in parameters), None)
+    return Told(px4_places(parameters), ardupilot_frame(parameters), hover)
+
+
 def missing(answers: Answers, parameters: Mapping[str, float]) -> list[Missing]:
     """Facts that a vehicle file still needs, in the order in which to ask.
 
@@ -53,11 +74,12 @@ def missing(answers: Answers, parameters: Mapping[str, float]) -> list[Missing]:
         Missing("mass_kg", "take-off mass with battery, kg"),
         Missing("propeller_m", "diameter of a propeller, m (10 inches are 0.254)"),
     ]
-    if px4_places(parameters) is None:
-        if ardupilot_frame(parameters) is None:
+    known = told(parameters)
+    if known.places is None:
+        if known.frame is None:
             questions.append(Missing("frame", "frame: quad-x, quad-plus, hexa-x or hexa-plus"))
         questions.append(Missing("arm_m", "distance from the centre to a rotor's axis, m"))
-    if PX4_HOVER not in parameters and ARDUPILOT_HOVER not in parameters:
+    if known.hover_throttle is None:
         questions.append(Missing("hover_throttle", "throttle in hover, 0 to 1"))
     return [question for question in questions if getattr(answers, question.field) is None]
 

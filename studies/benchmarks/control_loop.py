@@ -320,7 +320,7 @@ def _patient(folder: Path) -> Path:
 
 @contextlib.contextmanager
 def _live_view(plan: FlightPlan, folder: Path) -> Iterator[Viewer]:
-    brief = Brief(plan.mission, plan.settings.guards, plan.body.vehicle.name, plan.compensator.name)
+    brief = Brief(plan.mission, plan.settings.guards, plan.body.vehicle, plan.compensator.name)
     with live_view(brief, VIEW_PORT, None, lambda said: None) as viewer:
         words = ["--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={folder / 'browser'}"]
         url = f"http://127.0.0.1:{VIEW_PORT}"

@@ -29,6 +29,8 @@ needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromi
 
 SCREENSHOTS = ROOT / "build" / "screenshots"
 DESK, PHONE = {"width": 1280, "height": 800}, {"width": 390, "height": 844}
+MOST_SCREENS = {1280: 2.0, 390: 4.0}
+"""Most screens that a report with its details folded may fill, by the width of the screen."""
 PATIENCE_MS = 120_000.0
 IN_DOCS = {
     "2-missing": "lab-page-see.png",
@@ -168,20 +170,26 @@ class Visitor:
         self.page.wait_for_function(_NOTHING_MOVES)
         self.page.evaluate(_TWO_FRAMES)
 
-    def shows_whole_tables(self, html: str) -> None:
-        """Another page of this size shows `html` without cutting off any table."""
+    def reads(self, html: str, size: dict[str, int], picture: str) -> None:
+        """Read a report on a screen of this size: one page stands alone, no table is cut off, nobody is kept out."""
         page = self.page.context.new_page()
+        page.set_viewport_size(size)  # type: ignore[arg-type]
         page.set_content(html)
+        SCREENSHOTS.mkdir(parents=True, exist_ok=True)
+        page.screenshot(path=SCREENSHOTS / f"{picture}.png", full_page=True)
+        screens = page.evaluate("document.documentElement.scrollHeight") / size["height"]
+        assert screens < MOST_SCREENS[size["width"]]
+        page.evaluate("document.querySelectorAll('details').forEach(each => { each.open = true; })")
+        assert page.locator(".scroll table").count() == page.locator(".scroll table:visible").count() > 0
         assert page.evaluate("[...document.querySelectorAll('.scroll')].every(e => e.scrollWidth <= e.clientWidth)")
+        assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+        assert _barriers(page) == []
+        page.screenshot(path=SCREENSHOTS / f"{picture}-open.png", full_page=True)
         page.close()
 
     def barriers(self) -> list[str]:
         """Whatever axe-core finds on the page that keeps people out, with the element."""
-        # The bar that Quasar shows while the browser loads a file has no name, and is gone in a moment.
-        found = (
-            Axe().run(self.page, context={"exclude": [["#q-loading-bar"], [".q-loading-bar"]]}).response["violations"]
-        )
-        return [f"{each['id']}: {node['html'][:120]}" for each in found for node in each["nodes"]]
+        return _barriers(self.page)
 
     def keeps_file(self, selector: str, where: Path) -> Path:
         """The file that a click downloads, in the folder `where`."""
@@ -212,3 +220,9 @@ class Visitor:
         assert not self.elsewhere, f"asked of another machine: {self.elsewhere}"
         assert not self.mistakes, f"mistakes of the page: {self.mistakes}"
         self.page.context.close()
+
+
+def _barriers(page: Page) -> list[str]:
+    # The bar that Quasar shows while the browser loads a file has no name, and is gone in a moment.
+    found = Axe().run(page, context={"exclude": [["#q-loading-bar"], [".q-loading-bar"]]}).response["violations"]
+    return [f"{each['id']}: {node['html'][:120]}" for each in found for node in each["nodes"]]

@@ -225,6 +225,34 @@ def test_two_tabs_show_the_same_and_neither_a_lost_connection_nor_a_new_start_lo
 
 
 @pytest.mark.long
+def test_a_link_leads_to_the_same_state_after_a_new_start_in_the_same_folder(
+    browser: Browser, flown: Path, session: Path, tmp_path: Path
+) -> None:
+    port = free_tcp_port()
+    with served(tmp_path / "lab", "--session", str(session), port=port) as (url, _):
+        visitor = Visitor(browser, url)
+        before = visitor.error_now()
+        visitor.click("button[aria-label^='Add ground_effect']")
+        after = visitor.waits_for_less_than(0.5 * before)
+        visitor.waits_until_done()
+        visitor.click("[role=tab]:has-text('Over time')")
+        visitor.click("button:has-text('Speed of each motor')")
+        visitor.page.wait_for_url("**channels=motor1_rpm**")
+        link = visitor.page.url
+        visitor.leaves()
+    with served(tmp_path / "lab", str(flown), port=port):
+        visitor = Visitor(browser, url)
+        visitor.page.goto(link)
+        visitor.sees(f".step.here:has-text('+ {ADDED.partition('.')[0].replace('_', ' ')}')")
+        visitor.sees("[role=tab][aria-selected=true]:has-text('Over time')")
+        visitor.figure("Channels over time: motor1_rpm, motor2_rpm, motor3_rpm and motor4_rpm")
+        assert visitor.error_now() == after
+        visitor.click("[role=tab]:has-text('Flights')")
+        visitor.sees(f"[data-log='{flown.name}']")
+        visitor.leaves()
+
+
+@pytest.mark.long
 class TestAnalysed:
     """Actions on flights that have been searched: nothing here searches again."""
 
@@ -437,7 +465,8 @@ class TestAnalysed:
         report = visitor.keeps_file("button:has-text('Report')", tmp_path).read_text(encoding="utf-8")
         assert "Missing, in the order of adding: ground effect" in report
         assert "The fitted effect" in report
-        visitor.shows_whole_tables(report)
+        visitor.reads(report, DESK, "report-desk")
+        visitor.reads(report, PHONE, "report-phone")
         begins = {"png": b"\x89PNG", "svg": b"<svg", "csv": b"measured: time in the log / s,"}
         for form, begin in begins.items():
             path = visitor.keeps_file(f"figure button:has-text('{form.upper()}')", tmp_path)
@@ -509,6 +538,12 @@ def test_modes_and_messages_of_a_real_autopilot_stand_on_the_axis_of_time(browse
         visitor.keeps("marks")
         visitor.click("text=Modes, messages and parameter changes")
         visitor.sees("td:has-text('[commander] Takeoff detected')")
+        visitor.click("[role=tab]:has-text('Flights')")
+        visitor.click("text=A new vehicle")
+        visitor.click("button:has-text('Fill in from vertical_runs.ulg')")
+        visitor.sees("text=vertical_runs.ulg says the rotors and the throttle in hover")
+        visitor.page.locator("button:has-text('Use this vehicle')").scroll_into_view_if_needed()
+        visitor.keeps("filled-in")
         visitor.leaves()
 
 

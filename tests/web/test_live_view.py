@@ -104,7 +104,7 @@ def record() -> Record:
 
 
 class TestGuards:
-    BRIEF = Brief(plan().mission._replace(limits=MISSION), LIMITS, "raptor", "none")
+    BRIEF = Brief(plan().mission._replace(limits=MISSION), LIMITS, plan().body.vehicle, "none")
     TOLD_BY_EVENTS_ALONE = ("disarmed", "mode taken", "mode unknown", "no attitude at all", "position aid lost")
 
     @pytest.mark.parametrize("name", BEYOND)

@@ -32,6 +32,12 @@ from tests.support.visitors import (
 pytestmark = needs_chromium
 
 TOKEN = "a-token-of-the-test"
+ABOVE = "The vehicle from above, with its path and setpoint"
+HAS_CLIMBED = """figure => {
+  const height = document.querySelector(figure).data.find(curve => curve.name === "its nose").z[0];
+  return Math.abs(height - 0.6) < 0.1;
+}"""
+"""Tells whether the vehicle that is drawn hovers at its height."""
 LONG_HOVER = {
     "name": "long_hover",
     "phases": [
@@ -74,7 +80,13 @@ def test_a_flight_is_seen_in_four_tabs_and_landed_from_one(browser: Browser, tmp
         phone.page.reload()
         for each in late:
             is_in(each, "hover")
+        above = desk.figure(ABOVE)
+        assert desk.points(above, "path") > 10 and desk.points(above, "setpoint") == 2
+        desk.page.wait_for_function(HAS_CLIMBED, arg=above)
         desk.keeps("live-desk-light")
+        phone.page.locator(phone.figure(ABOVE)).scroll_into_view_if_needed()
+        phone.keeps("live-above-phone-dark")
+        phone.page.evaluate("scrollTo(0, 0)")
         desk.resizes_a_figure_that_has_left()
         phone.keeps("live-phone-dark")
 

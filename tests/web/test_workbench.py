@@ -29,7 +29,15 @@ from quadctl.web.workbench import workbench
 from quadctl.web.workbench.intake import Intake
 from quadctl.web.workbench.workbench import Workbench
 from tests.support.flights import obedient
+from tests.support.log_files import ulog_bytes
 from tests.support.places import RAPTOR, ROOT, VEHICLES
+
+PX4_TRI = {
+    "CA_ROTOR_COUNT": 3.0, "CA_ROTOR0_PX": 0.1, "CA_ROTOR0_PY": 0.2, "CA_ROTOR1_PX": -0.1, "CA_ROTOR1_PY": 0.2,
+    "CA_ROTOR2_PX": 0.0, "CA_ROTOR2_PY": -0.3, "CA_ROTOR0_KM": 0.05, "CA_ROTOR1_KM": -0.05, "CA_ROTOR2_KM": 0.05,
+    "MPC_THR_HOVER": 0.4,
+}  # fmt: skip
+"""Parameters of a PX4 with three rotors."""
 
 
 class Here:
@@ -42,6 +50,8 @@ class Here:
 
     async def run(self, job: Callable[..., Any], *args: Any, progress: Callable[[str], None]) -> Any:
         await self.go_on.wait()
+        if job is jobs.read_logs:
+            return []
         if job is not jobs.open_logs:
             raise CancelledError
         self.opened.append(tuple(path.name for path in args[0]))
@@ -216,12 +226,32 @@ class TestSampleFlight:
 class TestNewVehicle:
     def test_a_few_numbers_make_a_vehicle(self, bench: Workbench) -> None:
         async def enter() -> None:
-            await Intake(bench, []).use_new_vehicle(TYPICAL._replace(name="mine", mass_kg=2.0))
+            await Intake(bench, []).use_new_vehicle(TYPICAL._replace(name="mine", mass_kg=2.0), {})
 
         asyncio.run(enter())
         assert bench.session.rung is not None
         vehicle = bench.session.rung.model.vehicle
         assert (vehicle.name, vehicle.mass_kg, vehicle.n_rotors) == ("mine", 2.0, 4)
+
+    def test_the_parameters_in_a_log_say_rotors_and_throttle(self, bench: Workbench, tmp_path: Path) -> None:
+        log, empty = tmp_path / "flight.ulg", tmp_path / "empty.ulg"
+        log.write_bytes(ulog_bytes(parameters=PX4_TRI))
+        empty.write_bytes(ulog_bytes(parameters={"MPC_XY_P": 1.0}))
+        intake = Intake(bench, [])
+
+        async def enter() -> None:
+            assert await intake.parameters_of(empty) == {}
+            assert bench.message is not None
+            assert "empty.ulg: its parameters say neither rotors nor throttle in hover" in bench.message.text
+            asked = TYPICAL._replace(name="mine", frame=None, arm_m=None, hover_throttle=None)
+            await intake.use_new_vehicle(asked, await intake.parameters_of(log))
+
+        asyncio.run(enter())
+        assert bench.session.rung is not None
+        vehicle = bench.session.rung.model.vehicle
+        assert [rotor.position_m for rotor in vehicle.rotors] == [(0.1, 0.2, 0.0), (-0.1, 0.2, 0.0), (0.0, -0.3, 0.0)]
+        hover = vehicle.throttle.offset + vehicle.throttle.per_newton * vehicle.weight_n
+        assert hover == pytest.approx(PX4_TRI["MPC_THR_HOVER"], rel=1e-3)
 
     @pytest.mark.parametrize(
         ("wrong", "said"), [({"mass_kg": None}, "mass_kg"), ({"hover_throttle": 2.0}, "less than 1")]
@@ -232,7 +262,7 @@ class TestNewVehicle:
         before = bench.session
 
         async def enter() -> None:
-            await Intake(bench, []).use_new_vehicle(TYPICAL._replace(**wrong))
+            await Intake(bench, []).use_new_vehicle(TYPICAL._replace(**wrong), {})
 
         asyncio.run(enter())
         assert bench.session is before

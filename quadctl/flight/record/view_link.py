@@ -13,7 +13,7 @@ from typing import NamedTuple, TypeAlias
 from quadctl.flight.pilot.pilot import Pilot
 from quadctl.flight.pilot.tick import Event, Stage, Tick
 from quadctl.frames import tilt
-from quadctl.state import NAN
+from quadctl.state import NAN, NO_VECTOR, Quat
 
 SEND_S = 0.1
 """Interval of the records: as often as a page can show them, so that most ticks cost nothing."""
@@ -40,6 +40,13 @@ class Record(NamedTuple):
     """Time in the mission, s."""
     height_m: float
     height_ref_m: float
+    north_m: float
+    """Position in the frame of the autopilot, as `east_m` and their setpoints."""
+    east_m: float
+    north_ref_m: float
+    east_ref_m: float
+    attitude: Quat
+    """From body (FRD) to world (NED)."""
     distance_m: float
     """Horizontal distance from the take-off point."""
     speed_m_s: float
@@ -118,13 +125,20 @@ class ViewLink:
 
 def _record(tick: Tick, late_s: float, pilot: Pilot, events: tuple[Event, ...]) -> Record:
     state = tick.state
+    north, east, down = state.position_ned_m
+    north_ref, east_ref, down_ref = tick.setpoint.position_ned_m if tick.setpoint else NO_VECTOR
     return Record(
         time_s=tick.time_s,
         stage=tick.stage.name,
         phase=tick.phase,
         flight_s=pilot.flight_s,
-        height_m=tick.ground_down_m - state.position_ned_m[2],
-        height_ref_m=tick.ground_down_m - tick.setpoint.position_ned_m[2] if tick.setpoint else NAN,
+        height_m=tick.ground_down_m - down,
+        height_ref_m=tick.ground_down_m - down_ref,
+        north_m=north,
+        east_m=east,
+        north_ref_m=north_ref,
+        east_ref_m=east_ref,
+        attitude=state.attitude,
         distance_m=pilot.distance_m(state),
         speed_m_s=math.hypot(*state.velocity_ned_m_s),
         tilt_deg=math.degrees(tilt(state.attitude)),

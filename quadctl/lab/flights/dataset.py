@@ -235,14 +235,25 @@ def load_dataset(logs: Iterable[FlightLog], vehicle: Vehicle, hold_out: HoldOut 
     LogError
         The first reason why one of them cannot be analysed, or why they are of different vehicles.
     """
-    flights = Parallel()(delayed(prepare)(log, vehicle) for log in logs)
+    return joined(Parallel()(delayed(prepare)(log, vehicle) for log in logs), hold_out)
+
+
+def joined(flights: Sequence[Flight], hold_out: HoldOut = "blocks") -> Dataset:
+    """Dataset of flights that were prepared one by one; the times of their channels are estimated from all together.
+
+    Raises
+    ------
+    LogError
+        They are of different vehicles.
+    """
     _require_one_vehicle(flights)
-    if len(flights) > 1:
-        flights = [
-            replace(flight, conditions=replace(flight.conditions, flight=number))
-            for number, flight in enumerate(flights, start=1)
-        ]
-    return Dataset(timed(flights, Model(vehicle)) if flights else (), hold_out)
+    if len(flights) < 2:  # its times have been estimated from it already
+        return Dataset(tuple(flights), hold_out)
+    numbered = [
+        replace(flight, conditions=replace(flight.conditions, flight=number))
+        for number, flight in enumerate(flights, start=1)
+    ]
+    return Dataset(timed(numbered, Model(flights[0].vehicle)), hold_out)
 
 
 def _require_one_vehicle(flights: Sequence[Flight]) -> None:

@@ -6,6 +6,7 @@ replaced where one look-alike explains as much alone, and an effect where anothe
 each of these is a function from a path to a path.
 """
 
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
@@ -216,8 +217,10 @@ def _trials(effects: Sequence[type[Effect]], left: Unmodelled, n_tried: int, pro
     """Try each of `effects` by itself; parallel as `joblib.parallel_config` says, serial by default."""
     work = Parallel(return_as="generator")(delayed(try_effect)(effect, left, n_tried) for effect in effects)
     tried = []
+    began_s = time.monotonic()
     for number, (effect, candidate) in enumerate(zip(effects, work, strict=True), start=1):
-        progress(f"tried {effect.name}, {number} of {len(effects)} of this round")
+        left_s = (time.monotonic() - began_s) / number * (len(effects) - number)
+        progress(f"tried {effect.name}, {number} of {len(effects)} of this round, about {left_s:.0f} s left in it")
         tried.append(candidate)
     return tried
 

@@ -10,6 +10,7 @@ from quadctl.flight.pilot.guards import GuardLimits
 from quadctl.flight.pilot.tick import Stage
 from quadctl.flight.record.view_link import Record
 from quadctl.missions import Mission
+from quadctl.vehicle import Vehicle
 
 ROWS_KEPT = 36_000
 """One hour of rows."""
@@ -23,7 +24,7 @@ class Brief(NamedTuple):
 
     mission: Mission
     guards: GuardLimits
-    vehicle: str
+    vehicle: Vehicle
     compensator: str
 
 
@@ -40,6 +41,9 @@ class Row(NamedTuple):
     late_ms: float
     state_age_ms: float
     link_age_ms: float
+    north_m: float
+    """NaN while disarmed, as `east_m`: standing is no part of the path."""
+    east_m: float
 
 
 class Ending(NamedTuple):
@@ -109,6 +113,8 @@ def _row(record: Record) -> Row:
         1e3 * record.late_s,
         _known_ms(record.state_age_s),
         _known_ms(record.link_age_s),
+        record.north_m if record.armed else math.nan,
+        record.east_m if record.armed else math.nan,
     )
 
 

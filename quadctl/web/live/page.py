@@ -2,6 +2,7 @@
 
 import asyncio
 import time
+from collections.abc import Sequence
 from contextlib import suppress
 
 from nicegui import ui
@@ -12,8 +13,10 @@ from quadctl.flight.pilot.tick import Stage
 from quadctl.web.elements.browser_theme import keep_theme, theme_button, wanted_theme
 from quadctl.web.elements.html import heading, plot, tag
 from quadctl.web.elements.theme import DARK, LIGHT, Theme
+from quadctl.web.live.history import Row
 from quadctl.web.live.land import LandButton
 from quadctl.web.live.panels import EventList, GuardList, NowPanel, Tiles
+from quadctl.web.live.space import NO_BOX, additions, box_for, place, present, space_figure
 from quadctl.web.live.strips import FLIGHT, MACHINE, WINDOW_ROWS, marks, points, strips
 from quadctl.web.live.viewing import Viewing
 
@@ -43,6 +46,8 @@ class LivePage:
         self._rows_drawn = 0
         self._phases_drawn = 0
         self._all_drawn = False
+        self._box = NO_BOX
+        """Space that is shown."""
         self._can_extend = False
         """False until the browser has loaded Plotly, which takes long: until then new rows wait."""
 
@@ -95,7 +100,8 @@ class LivePage:
         self._head.clear()
         with self._head:
             tag("span", "brand", "quadctl live")
-            tag("span", "muted head-what", f"{brief.mission.name} · {brief.vehicle} · compensator {brief.compensator}")
+            words = f"{brief.mission.name} · {brief.vehicle.name} · compensator {brief.compensator}"
+            tag("span", "muted head-what", words)
             tag("span", "grow")
             theme_button(self._theme, self._toggle_theme)
 
@@ -109,13 +115,13 @@ class LivePage:
         self._rows_drawn, self._phases_drawn = history.n_rows, len(history.phases)
         self._charts.clear()
         with self._charts:
-            self._plots = [
-                (panes, plot(strips(panes, rows[::step], phases, self._theme), name, label))
-                for panes, name, label in (
-                    (FLIGHT, "flight", "Height, speed, tilt and throttle over time"),
-                    (MACHINE, "link", "Tick lateness, ages and battery over time"),
-                )
-            ]
+            flight = strips(FLIGHT, rows[::step], phases, self._theme)
+            machine = strips(MACHINE, rows[::step], phases, self._theme)
+            self._box = box_for(NO_BOX, [*map(place, rows), *present(history.latest)])
+            in_space = space_figure(rows[::step], history.latest, history.brief.vehicle, self._box, self._theme)
+            self._plots = [(FLIGHT, plot(flight, "flight", "Height, speed, tilt and throttle over time"))]
+            self._space = plot(in_space, "path", "The vehicle from above, with its path and setpoint")
+            self._plots += [(MACHINE, plot(machine, "link", "Tick lateness, ages and battery over time"))]
 
     # --- following ----------------------------------------------------------------------------------------------------
 
@@ -151,12 +157,25 @@ class LivePage:
             for panes, shown in self._plots:
                 xs, ys = points(panes, rows)
                 shown.run_plot_method("extendTraces", {"x": xs, "y": ys}, list(range(len(xs))), WINDOW_ROWS)
+            self._move_vehicle(rows)
         if len(history.phases) > self._phases_drawn:
             self._phases_drawn = len(history.phases)
             since_s = history.rows[-WINDOW_ROWS].time_s if len(history.rows) >= WINDOW_ROWS else 0.0
             drawn = marks([(t, name) for t, name in history.phases if t >= since_s], self._theme)
             for _, shown in self._plots:
                 shown.run_plot_method("relayout", drawn)
+
+    def _move_vehicle(self, rows: Sequence[Row]) -> None:
+        """Show the vehicle where it is now, in a larger space where it has left the one that is shown."""
+        history = self._history
+        box = box_for(self._box, [*map(place, rows), *present(history.latest)])
+        if box == self._box:
+            points, most = additions(rows, history.latest, history.brief.vehicle, box, WINDOW_ROWS)
+            self._space.run_plot_method("extendTraces", points, list(range(len(most["x"]))), most)
+        else:
+            self._box = box
+            shown = history.since(0, WINDOW_ROWS)
+            self._space.update_figure(space_figure(shown, history.latest, history.brief.vehicle, box, self._theme))
 
     def _say_how_it_is(self) -> None:
         history = self._history

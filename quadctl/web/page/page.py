@@ -1,8 +1,9 @@
 """One open tab of a browser: its choices (part, flight, axis, selection), and its panels, drawn from the workbench."""
 
-from collections.abc import Awaitable, Sequence
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 from nicegui import ui
@@ -178,6 +179,7 @@ class Page:
             work=bench.work,
             search=bench.search,
             message=bench.message,
+            as_read=bench.as_read,
             waiting=bench.waiting,
             can_undo=bench.can_undo,
             can_redo=bench.can_redo,
@@ -291,8 +293,13 @@ class Page:
     async def use_vehicle(self, text: str) -> None:
         await self.act(self._intake.use_vehicle(text))
 
-    async def use_new_vehicle(self, answers: Answers) -> None:
-        await self.act(self._intake.use_new_vehicle(answers))
+    async def use_new_vehicle(self, answers: Answers, parameters: Mapping[str, float]) -> None:
+        await self.act(self._intake.use_new_vehicle(answers, parameters))
+
+    async def read_parameters(self, log: Path, take: Callable[[Mapping[str, float]], None]) -> None:
+        parameters = await self._intake.parameters_of(log)
+        if parameters:
+            take(parameters)
 
     def export_model(self) -> None:
         ui.download.content(self.bench.model_file(), "model.yaml", "application/yaml")

@@ -18,9 +18,11 @@ from quadctl.lab.planning.suggestion import Suggestion
 from quadctl.lab.selection.candidate import Candidate
 from quadctl.lab.selection.diagnosis import Diagnosis
 from quadctl.lab.selection.rule import is_supported
+from quadctl.logs.flight_log import FlightLog
 from quadctl.model import Model
-from quadctl.web.elements.html import busy, empty, heading, loading, tag
+from quadctl.web.elements.html import busy, empty, heading, loading, plot, tag
 from quadctl.web.elements.theme import Theme
+from quadctl.web.figures.channels import channel_timeline
 from quadctl.web.figures.sketch import sketch_svg
 from quadctl.web.figures.timeline import short_timeline
 from quadctl.web.panels.evidence import Evidence, chosen_of, draw_suggestion
@@ -29,6 +31,7 @@ from quadctl.web.panels.zoomed import zoomed_plot
 from quadctl.web.session.findings import Diagnosed
 from quadctl.web.work.predictions import predictions
 
+AS_LOGGED = ("z_m", "z_ref_m", "vx_m_s", "vy_m_s", "vz_m_s")
 NOT_NEEDED = "Other forms of these effects, or look-alikes: not needed together with those above."
 NO_HELP = "These effects do not reduce the held-out error, or only with parameters outside their physical bounds."
 
@@ -39,13 +42,20 @@ class Overview(Panel):
 
     flight: Flight | None
     reading: bool
+    as_read: tuple[FlightLog, ...]
     models: dict[str, Model]
     axis: str
     theme: Theme
 
     def draw(self, do: Controls) -> None:
         flight = self.flight
-        if flight is None and self.reading:
+        if flight is None and self.reading and self.as_read:
+            first = self.as_read[0]
+            with tag("section", "card"):
+                heading(f"{first.name}, as it was logged", "It is being prepared: a prediction follows.")
+                timeline = channel_timeline(self.as_read[:1], AS_LOGGED, self.theme)
+                plot(timeline.figure(self.theme), "as_logged", "Height and velocity as logged")
+        elif flight is None and self.reading:
             loading("Reading the flights")
         elif flight is None:
             empty("insights", "No flight yet", "Open a flight log to see where your model is wrong.")

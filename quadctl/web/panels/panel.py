@@ -4,7 +4,7 @@ So a figure that a person has zoomed into stays as it is while work goes on else
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Awaitable, Sequence
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol, Self
@@ -73,7 +73,9 @@ class Controls(Protocol):
     async def take_files(self, files: Sequence[FileUpload]) -> None: ...
     def refuse_file(self, name: str, size: float, too_large: bool) -> None: ...
     async def use_vehicle(self, text: str) -> None: ...
-    async def use_new_vehicle(self, answers: Answers) -> None: ...
+    async def use_new_vehicle(self, answers: Answers, parameters: Mapping[str, float]) -> None: ...
+    async def read_parameters(self, log: Path, take: Callable[[Mapping[str, float]], None]) -> None:
+        """Give the parameters of the autopilot that a log holds to `take`; say why where there are none."""
 
 
 @dataclass(frozen=True)

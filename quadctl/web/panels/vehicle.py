@@ -1,20 +1,27 @@
 """The vehicle: chosen from those that ship, entered as a few numbers, or edited as the text of its file."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import yaml
 from nicegui import ui
 
+from quadctl.lab.comparison.wording import listed
 from quadctl.vehicle import Vehicle
-from quadctl.vehicle_draft.draft import Answers
+from quadctl.vehicle_draft.draft import Answers, told
 from quadctl.vehicle_draft.frames import FRAMES, frame_places
 from quadctl.web.elements.html import heading, tag
 from quadctl.web.elements.theme import Theme
-from quadctl.web.figures.rotors import rotors_svg
+from quadctl.web.figures.rotors import Place, rotors_svg
 from quadctl.web.panels.panel import Controls, Panel
 
+WITH_PARAMETERS = (".ulg", ".bin")
+"""Suffixes of the logs that hold the parameters of their autopilot."""
+AS_LOGGED = "as in the log"
+"""Choice of the frame whose rotors are those of a log's parameters."""
 TYPICAL = Answers("my_vehicle", 1.5, 0.254, "quad-x", 0.225, 0.5)
 """Numbers that a form of a new vehicle begins with: those of a quadrotor with propellers of ten inches."""
 
@@ -25,6 +32,7 @@ class VehicleChoice(Panel):
 
     vehicle: Vehicle | None
     vehicles: tuple[Path, ...]
+    logs: tuple[Path, ...]
     template: str
     theme: Theme
 
@@ -42,7 +50,7 @@ class VehicleChoice(Panel):
                 with ui.expansion("Its numbers").props("dense"):
                     _draw_numbers(do, vehicle, self.theme)
             with ui.expansion("A new vehicle").props("dense"):
-                _draw_new(do, self.theme)
+                _NewVehicle(do, [log for log in self.logs if log.suffix.lower() in WITH_PARAMETERS], self.theme)
             with ui.expansion("As a file (YAML)").props("dense"):
                 text = self.template if vehicle is None else _as_text(_content(vehicle))
                 box = ui.textarea("Vehicle file", value=text).props("outlined").classes("yaml")
@@ -79,35 +87,75 @@ def _draw_numbers(do: Controls, vehicle: Vehicle, theme: Theme) -> None:
     do.when_idle(use.props("no-caps unelevated"))
 
 
-def _draw_new(do: Controls, theme: Theme) -> None:
-    """Draw a form of a vehicle on a regular frame; what is not asked is assumed, and its file says so."""
-    assert TYPICAL.arm_m is not None and TYPICAL.propeller_m is not None and TYPICAL.frame is not None
-    with tag("div", "form"):
-        with tag("div", "form-fields"):
-            name = ui.input("Name", value=TYPICAL.name).props("outlined dense")
-            mass = _number("Mass with battery / kg", TYPICAL.mass_kg)
-            propeller = _number("Propeller diameter / m", TYPICAL.propeller_m)
-            frame = ui.select(list(FRAMES), label="Frame", value=TYPICAL.frame).props("outlined dense")
-            arm = _number("Centre to a rotor's axis / m", TYPICAL.arm_m)
-            hover = _number("Throttle in hover, 0 to 1", TYPICAL.hover_throttle)
-            speed = _number("Rotor speed in hover / rpm, where known", None)
-        drawing = ui.html("", sanitize=False).classes("rotors")
+class _NewVehicle:
+    """Form of a vehicle on a regular frame, or on that of a log's parameters; what is not asked is assumed, and its
+    file says so."""
 
-    def draw() -> None:
-        if arm.value and propeller.value:
-            drawing.set_content(rotors_svg(frame_places(frame.value, arm.value), 0.5 * propeller.value, theme))
+    def __init__(self, do: Controls, logs: Sequence[Path], theme: Theme) -> None:
+        """Draw the form; it can be filled in from the parameters of one of `logs`."""
+        assert TYPICAL.arm_m is not None and TYPICAL.propeller_m is not None and TYPICAL.frame is not None
+        self._do, self._theme = do, theme
+        self._parameters: Mapping[str, float] = {}
+        for log in logs:
+            fill = ui.button(
+                f"Fill in from {log.name}",
+                icon="input",
+                on_click=partial(do.read_parameters, log, partial(self._fill, log.name)),
+            )
+            fill.props("no-caps outline dense")
+        self._filled = tag("p", "muted").props('role="status"')
+        with tag("div", "form"):
+            with tag("div", "form-fields"):
+                self._name = ui.input("Name", value=TYPICAL.name).props("outlined dense")
+                self._mass = _number("Mass with battery / kg", TYPICAL.mass_kg)
+                self._propeller = _number("Propeller diameter / m", TYPICAL.propeller_m)
+                self._frame = ui.select(list(FRAMES), label="Frame", value=TYPICAL.frame).props("outlined dense")
+                self._arm = _number("Centre to a rotor's axis / m", TYPICAL.arm_m)
+                self._hover = _number("Throttle in hover, 0 to 1", TYPICAL.hover_throttle)
+                self._speed = _number("Rotor speed in hover / rpm, where known", None)
+            self._drawing = ui.html("", sanitize=False).classes("rotors")
+        for field in (self._propeller, self._frame, self._arm):
+            field.on_value_change(self._draw_rotors)
+        self._draw_rotors()
+        use = ui.button("Use this vehicle", on_click=self._use)
+        do.when_idle(use.props("no-caps unelevated"))
 
-    for field in (propeller, frame, arm):
-        field.on_value_change(draw)
-    draw()
+    @property
+    def _as_logged(self) -> bool:
+        """The rotors are those of the parameters."""
+        return bool(self._frame.value == AS_LOGGED)
 
-    def answers() -> Answers:
-        return Answers(
-            name.value, mass.value, propeller.value, frame.value, arm.value, hover.value, speed.value or None
-        )
+    def _draw_rotors(self) -> None:
+        self._arm.set_enabled(not self._as_logged)
+        places: Sequence[Place] = told(self._parameters).places or () if self._as_logged else ()
+        if not places and self._arm.value:
+            places = frame_places(self._frame.value, self._arm.value)
+        if places and self._propeller.value:
+            self._drawing.set_content(rotors_svg(places, 0.5 * self._propeller.value, self._theme))
 
-    use = ui.button("Use this vehicle", on_click=lambda: do.use_new_vehicle(answers()))
-    do.when_idle(use.props("no-caps unelevated"))
+    def _fill(self, log_name: str, parameters: Mapping[str, float]) -> None:
+        self._parameters, known = parameters, told(parameters)
+        if known.places is not None:
+            self._frame.set_options([AS_LOGGED, *FRAMES], value=AS_LOGGED)
+        elif known.frame is not None:
+            self._frame.set_value(known.frame)
+        if known.hover_throttle is not None:
+            self._hover.set_value(round(known.hover_throttle, 4))
+        found = {
+            "the rotors": known.places is not None,
+            "the frame": known.frame is not None,
+            "the throttle in hover": known.hover_throttle is not None,
+        }
+        names = listed([name for name, there in found.items() if there])
+        self._filled.clear()
+        with self._filled:
+            check = " PX4 needs no true distances of the rotors: check them in the file." if known.places else ""
+            ui.label(f"{log_name} says {names}; all else is for you to enter.{check}").style("display:contents")
+
+    async def _use(self) -> None:
+        frame, arm = (None, None) if self._as_logged else (self._frame.value, self._arm.value)
+        numbers = (self._mass.value, self._propeller.value, frame, arm, self._hover.value, self._speed.value or None)
+        await self._do.use_new_vehicle(Answers(self._name.value, *numbers), self._parameters)
 
 
 def _number(label: str, value: float | None) -> ui.number:

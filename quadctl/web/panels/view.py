@@ -40,6 +40,8 @@ class View:
     work: Work | None
     search: Work | None
     message: Message | None
+    as_read: tuple[FlightLog, ...]
+    """Logs that have been read and are being prepared."""
     waiting: tuple[str, ...]
     """Names of files that were dropped, and that wait for the work in progress."""
     can_undo: bool

@@ -18,6 +18,8 @@ from quadctl.settings import MAX_YAML_BYTES, Settings, read_yaml, validate
 from quadctl.web.session.findings import Findings
 
 SUFFIX = ".lab.yaml"
+AUTOSAVED = f"session{SUFFIX}"
+"""File that holds every step of the page, in its folder."""
 
 
 @dataclass(frozen=True)

@@ -9,9 +9,9 @@ from quadctl.flight.pilot.settings import DEFAULT_CONFIG, load_flight_settings
 from quadctl.installed import locate
 from quadctl.logs.formats import format_of_folder
 from quadctl.logs.read import read_log
-from quadctl.model import load_model
-from quadctl.web.session.files import LOG_SUFFIXES, SETTINGS_SUFFIXES, UPLOADS, places_of
-from quadctl.web.session.session import Session, load_session
+from quadctl.model import load_model, model_to_dict
+from quadctl.web.session.files import LOG_SUFFIXES, SETTINGS_SUFFIXES, UPLOADS, changed_logs, places_of
+from quadctl.web.session.session import AUTOSAVED, Session, load_session
 
 VEHICLES = Path("config/vehicles")
 
@@ -56,8 +56,7 @@ def first_session(logs: Sequence[Path], model: Path | None, session: Path | None
         A log does not exist, or neither its name nor its content is that of a log.
     """
     if session is not None:
-        loaded = load_session(session)
-        return loaded.moved(places_of(loaded.logs, [session.parent, session.parent / UPLOADS]))
+        return _loaded(session)
     for log in logs:
         if log.is_dir():
             if format_of_folder(log) is None:
@@ -72,3 +71,32 @@ def first_session(logs: Sequence[Path], model: Path | None, session: Path | None
     begin = model if model is not None else own_vehicle()
     begun = Session().with_logs(logs)
     return begun if begin is None else begun.begun_with(load_model(begin))
+
+
+def kept_session(folder: Path, begun: Session, model_given: bool) -> Session | None:
+    """Session that the page kept in `folder`, if it goes on with what was begun: the same logs and more, unchanged.
+
+    Where a model was given, its ladder must begin with that one. None where it is about something else, or cannot be
+    read: then another begins.
+    """
+    try:
+        kept = _loaded(folder / AUTOSAVED)
+    except SettingsError:
+        return None
+    if not kept.logs or not kept.rungs or not {log.resolve() for log in begun.logs} <= set(kept.logs):
+        return None
+    if model_given and model_to_dict(kept.rungs[0].model, None) != model_to_dict(begun.rungs[0].model, None):
+        return None
+    return None if changed_logs(kept.hashes) else kept
+
+
+def _loaded(path: Path) -> Session:
+    """Session in a file, with its logs where they are now: where it says, or beside it.
+
+    Raises
+    ------
+    SettingsError
+        It cannot be read.
+    """
+    loaded = load_session(path)
+    return loaded.moved(places_of(loaded.logs, [path.parent, path.parent / UPLOADS]))

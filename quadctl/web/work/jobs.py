@@ -3,6 +3,7 @@ sent from process to process."""
 
 from collections import Counter
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -11,9 +12,10 @@ from quadctl.errors import QuadctlError
 from quadctl.lab.arrays import Floats
 from quadctl.lab.comparison.comparison import Comparison, compare
 from quadctl.lab.fitting.fitted_model import FittedModel, Solution, fit_model
-from quadctl.lab.flights.dataset import Dataset, HoldOut
+from quadctl.lab.flights.dataset import Dataset, HoldOut, joined
+from quadctl.lab.flights.flight import Flight
 from quadctl.lab.flights.prediction import rmse
-from quadctl.lab.interface import prepare_flights
+from quadctl.lab.flights.preparation import prepare
 from quadctl.lab.planning.suggestion import Suggestion, suggest
 from quadctl.lab.report import Results, render_report
 from quadctl.lab.selection.addition import add, add_to_fit
@@ -42,6 +44,8 @@ class OpenedLog:
     log: FlightLog | None = None
     quality: QualityReport | None = None
     problem: str = ""
+    flight: Flight | None = None
+    """The flight in it, prepared by itself; None where it cannot be analysed."""
     vehicle: Vehicle | None = None
     """Vehicle that it was prepared for."""
     stamp: tuple[int, int] | None = None
@@ -114,6 +118,20 @@ class Climbed:
     evaluation: Evaluation
 
 
+def read_logs(paths: Sequence[Path], known: Sequence[OpenedLog], progress: Progress) -> list[OpenedLog]:
+    """The `known` logs, and those of `paths` that are not among them, as they are logged; what cannot be read is left
+    out."""
+    read = list(known)
+    for path in paths:
+        stamp = _stamp(path)
+        if any((log.path, log.stamp) == (path, stamp) for log in known if stamp is not None):
+            continue
+        progress(f"reading {path.name}")
+        with suppress(QuadctlError):  # `open_logs` says why
+            read.append(OpenedLog(path, read_log(path), stamp=stamp))
+    return read
+
+
 def open_logs(
     paths: Sequence[Path],
     unseen: frozenset[Path],
@@ -133,6 +151,8 @@ def open_logs(
     for path, name in zip(paths, log_names(paths), strict=True):
         known_log, stamp = before.get(path), _stamp(path)
         if known_log is not None and known_log.log is not None and known_log.stamp == stamp is not None:
+            if known_log.vehicle is None:
+                progress(f"preparing {name}")
             opened.append(_renamed(known_log, known_log.log, name, vehicle))
             continue
         progress(f"reading {name}")
@@ -141,13 +161,13 @@ def open_logs(
         except QuadctlError as error:
             opened.append(OpenedLog(path, problem=_without_folder(str(error), path), stamp=stamp))
             continue
-        opened.append(OpenedLog(path, log, quality(log), _problem(log, vehicle), vehicle, stamp))
+        opened.append(_prepared(OpenedLog(path, log, quality(log), stamp=stamp), log, vehicle))
     opened = _doubted(opened, vehicle, accepted)
     fitted, kept = (
-        [o.log for o in opened if not (o.problem or o.doubt) and (o.path in unseen) == held_out]
+        [o.flight for o in opened if o.flight and not o.doubt and (o.path in unseen) == held_out]
         for held_out in (False, True)
     )
-    return Opened(opened, _dataset(fitted, vehicle, hold_out), _dataset(kept, vehicle))
+    return Opened(opened, _dataset(fitted, hold_out), _dataset(kept))
 
 
 def _doubted(opened: Sequence[OpenedLog], vehicle: Vehicle, accepted: frozenset[Path]) -> list[OpenedLog]:
@@ -175,7 +195,15 @@ def _renamed(opened: OpenedLog, log: FlightLog, name: str, vehicle: Vehicle) -> 
     if (log.name, opened.vehicle) == (name, vehicle):
         return opened
     named = replace(log, name=name)
-    return replace(opened, log=named, quality=quality(named), problem=_problem(named, vehicle), vehicle=vehicle)
+    return _prepared(replace(opened, log=named, quality=quality(named)), named, vehicle)
+
+
+def _prepared(opened: OpenedLog, log: FlightLog, vehicle: Vehicle) -> OpenedLog:
+    """The log with its flight, or with the problem that keeps it from being analysed."""
+    try:
+        return replace(opened, flight=prepare(log, vehicle), problem="", vehicle=vehicle)
+    except QuadctlError as error:
+        return replace(opened, flight=None, problem=str(error), vehicle=vehicle)
 
 
 def _stamp(path: Path) -> tuple[int, int] | None:
@@ -198,23 +226,14 @@ def log_names(paths: Sequence[Path]) -> list[str]:
     return [path.name if same[path.name] == 1 else f"{path.name} ({folder(path)})" for path in paths]
 
 
-def _problem(log: FlightLog, vehicle: Vehicle) -> str:
-    try:
-        prepare_flights(log, vehicle)
-    except QuadctlError as error:
-        return str(error)
-    return ""
-
-
 def _without_folder(sentence: str, path: Path) -> str:
     return sentence.replace(str(path), path.name)
 
 
-def _dataset(logs: Sequence[FlightLog | None], vehicle: Vehicle, hold_out: HoldOut = "blocks") -> Dataset | None:
-    known = [log for log in logs if log is not None]
-    if not known:
+def _dataset(flights: Sequence[Flight], hold_out: HoldOut = "blocks") -> Dataset | None:
+    if not flights:
         return None
-    return prepare_flights(known, vehicle, hold_out if len(known) > 1 else "blocks")
+    return joined(flights, hold_out if len(flights) > 1 else "blocks")
 
 
 def evaluate(current: Current, seen: Dataset, unseen: Dataset | None, progress: Progress) -> Evaluation:

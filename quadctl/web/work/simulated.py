@@ -60,12 +60,13 @@ class Simulation:
         rigid, compensated = self._saved(Model(model.vehicle, name="uncompensated")), self._saved(model)
         hidden = self.hidden or self._as_model_says(model)
         logs = {}
-        for name, mission, flown, seed in (
+        flights = (
             (WITHOUT, MISSION, rigid, 11),
             (WITH, MISSION, compensated, 11),
             (FAR, REFERENCE_MISSION, rigid, 10),
-        ):
-            progress(f"flying the step {name}")
+        )
+        for number, (name, mission, flown, seed) in enumerate(flights, start=1):
+            progress(f"flying the step {name}, {number} of {len(flights)}")
             logs[name] = self._fly(mission, flown, hidden, seed)
         table = metrics([logs[WITHOUT], logs[WITH]], [logs[FAR]], window=Window(phase="step"))
         return step_responses(logs, table)

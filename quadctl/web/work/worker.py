@@ -1,17 +1,20 @@
 """A process for long work: the page keeps responding, progress comes back, and cancelling ends the process."""
 
 import asyncio
+import contextlib
+import ctypes
+import gc
 import importlib
 import multiprocessing
 import os
 import traceback
 from collections.abc import Callable
 from multiprocessing.connection import Connection
+from pathlib import Path
 from typing import Any
 
-import cloudpickle  # effects in a person's own file are in no module that another process could import
-
 from quadctl.errors import QuadctlError
+from quadctl.web.work.exchange import Exchange
 from quadctl.web.work.progress import Progress
 
 _CONTEXT = multiprocessing.get_context("spawn")
@@ -29,11 +32,12 @@ class Worker:
     ----------
     jobs: name of the module that holds the jobs. Its libraries take seconds to load: the process imports it as soon as
         it starts, not within the first job.
+    exchange: the exchange through which values go; workers that get the same one share their large arrays.
     patient: run at low priority, for work that nobody waits for.
     """
 
-    def __init__(self, jobs: str | None = None, *, patient: bool = False) -> None:
-        self._jobs, self._patient = jobs, patient
+    def __init__(self, jobs: str | None = None, exchange: Exchange | None = None, *, patient: bool = False) -> None:
+        self._jobs, self._exchange, self._patient = jobs, exchange or Exchange(), patient
         self._one_at_a_time = asyncio.Lock()
         self._working = False
         self._start()
@@ -51,10 +55,11 @@ class Worker:
         async with self._one_at_a_time:
             pipe = self._pipe
             self._working = True
+            message, file = self._exchange.pack((job, args))
             try:
-                await asyncio.to_thread(pipe.send_bytes, cloudpickle.dumps((job, args)))
+                await asyncio.to_thread(pipe.send_bytes, message)
                 while True:
-                    kind, value = cloudpickle.loads(await asyncio.to_thread(pipe.recv_bytes))
+                    kind, value = self._exchange.unpack(await asyncio.to_thread(pipe.recv_bytes))
                     if kind == "progress":
                         progress(value)
                     elif kind == "failed":
@@ -65,6 +70,7 @@ class Worker:
                 raise CancelledError from None
             finally:
                 self._working = False
+                self._exchange.forget(file)
 
     def cancel(self) -> None:
         """End what is being done, at once; without work, nothing happens."""
@@ -78,36 +84,53 @@ class Worker:
 
     def _start(self) -> None:
         self._pipe, theirs = _CONTEXT.Pipe()
-        self._process = _CONTEXT.Process(target=_serve, args=(theirs, self._jobs, self._patient), daemon=True)
+        self._process = _CONTEXT.Process(
+            target=_serve, args=(theirs, self._jobs, self._exchange.folder, self._patient), daemon=True
+        )
         self._process.start()
         theirs.close()
 
 
-def _serve(pipe: Connection, jobs: str | None, patient: bool) -> None:
+def _serve(pipe: Connection, jobs: str | None, folder: Path, patient: bool) -> None:
     """Run job after job in the worker's process, until the other end of `pipe` is closed."""
     if patient:
         os.nice(5)
     if jobs is not None:
         importlib.import_module(jobs)
 
-    def say(kind: str, value: Any) -> None:
-        pipe.send_bytes(cloudpickle.dumps((kind, value)))
+    exchange = Exchange(folder)
+    while _one_job(pipe, exchange):
+        _give_memory_back()
 
-    while True:
-        try:
-            job, args = cloudpickle.loads(pipe.recv_bytes())
-        except (EOFError, KeyboardInterrupt):
-            return
-        try:
-            result = job(*args, progress=lambda text: say("progress", text))
-        except QuadctlError as error:
-            say("failed", str(error))
-        except MemoryError:
-            say("failed", "there is not enough memory for flights of this size")
-        except KeyboardInterrupt:
-            return
-        except Exception as error:
-            traceback.print_exc()
-            say("failed", f"this is a mistake of quadctl, not yours ({type(error).__name__}: {error})")
-        else:
-            say("done", result)
+
+def _give_memory_back() -> None:
+    """Free what the last job needed: datasets hold each other in circles, and glibc keeps freed arrays of its heap."""
+    gc.collect()
+    with contextlib.suppress(OSError, AttributeError):  # another C library
+        ctypes.CDLL(None).malloc_trim(0)
+
+
+def _one_job(pipe: Connection, exchange: Exchange) -> bool:
+    """Run one job and send its result, of which nothing is kept here; False at the end of all work."""
+
+    def say(kind: str, value: Any) -> None:
+        pipe.send_bytes(exchange.pack((kind, value))[0])
+
+    try:
+        job, args = exchange.unpack(pipe.recv_bytes())
+    except (EOFError, KeyboardInterrupt):
+        return False
+    try:
+        result = job(*args, progress=lambda text: say("progress", text))
+    except QuadctlError as error:
+        say("failed", str(error))
+    except MemoryError:
+        say("failed", "there is not enough memory for flights of this size")
+    except KeyboardInterrupt:
+        return False
+    except Exception as error:
+        traceback.print_exc()
+        say("failed", f"this is a mistake of quadctl, not yours ({type(error).__name__}: {error})")
+    else:
+        say("done", result)
+    return True

@@ -1,17 +1,19 @@
 """Intake of the page: files that are dropped, and vehicles that are written down."""
 
+import asyncio
 import filecmp
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from nicegui.elements.upload_files import FileUpload
 
 from quadctl.errors import QuadctlError, SettingsError
+from quadctl.logs.parameters import read_present_parameters
 from quadctl.model import load_model
 from quadctl.settings import read_yaml
-from quadctl.vehicle_draft.draft import Answers, draft
+from quadctl.vehicle_draft.draft import Answers, draft, told
 from quadctl.web.session.files import (
     SETTINGS_SUFFIXES,
     UPLOADS,
@@ -139,10 +141,21 @@ class Intake:
             return
         await self.bench.begin_with(path)
 
-    async def use_new_vehicle(self, answers: Answers) -> None:
-        """Begin with a vehicle of which a few numbers are known."""
+    async def parameters_of(self, log: Path) -> dict[str, float]:
+        """Parameters that a vehicle can be drawn from, in a log; none, with a sentence, where it holds none."""
         try:
-            text = draft(answers, {})
+            parameters = await asyncio.to_thread(read_present_parameters, log)
+            if not any(told(parameters)):
+                raise SettingsError(f"{log.name}: its parameters say neither rotors nor throttle in hover")
+        except QuadctlError as error:
+            self.bench.say("error", f"{error}.")
+            return {}
+        return parameters
+
+    async def use_new_vehicle(self, answers: Answers, parameters: Mapping[str, float]) -> None:
+        """Begin with a vehicle of which a few numbers are known, and the parameters of its autopilot or none."""
+        try:
+            text = draft(answers, parameters)
         except SettingsError as error:
             self.bench.say("error", f"{error}.")
             return

@@ -15,17 +15,18 @@ from typing import Any, Literal
 from quadctl.errors import QuadctlError, SettingsError
 from quadctl.lab.comparison.wording import quantity
 from quadctl.lab.flights.dataset import Dataset, HoldOut
+from quadctl.logs.flight_log import FlightLog
 from quadctl.model import Model, load_model, model_to_dict
 from quadctl.web.session.files import changed_logs, keep_expression
 from quadctl.web.session.findings import Findings
-from quadctl.web.session.session import SUFFIX, Rung, Session, session_to_yaml
+from quadctl.web.session.session import AUTOSAVED, Rung, Session, session_to_yaml
 from quadctl.web.work import jobs
+from quadctl.web.work.exchange import Exchange
 from quadctl.web.work.simulated import Simulation
 from quadctl.web.work.state import Message, Results, Work
 from quadctl.web.work.worker import CancelledError, Worker
 
 _LOG = logging.getLogger(__name__)
-AUTOSAVED = f"session{SUFFIX}"
 SAME_ERROR = 0.01
 """Largest relative difference of the same fit on two computers."""
 
@@ -43,6 +44,8 @@ class Workbench:
     work: Work | None = None
     search: Work | None = None
     message: Message | None = None
+    as_read: tuple[FlightLog, ...] = ()
+    """Logs that have been read and are being prepared."""
     waiting: tuple[str, ...] = ()
     """Names of the files that are taken as soon as the work in progress is done."""
 
@@ -53,7 +56,9 @@ class Workbench:
 
     def __post_init__(self) -> None:
         self._listeners: list[Callable[[], None]] = []
-        self._quick, self._slow = Worker(jobs.__name__), Worker(jobs.__name__, patient=True)
+        self._exchange = Exchange()
+        self._quick = Worker(jobs.__name__, self._exchange)
+        self._slow = Worker(jobs.__name__, self._exchange, patient=True)
         self._tasks: set[asyncio.Task[None]] = set()
         self._searches = 0
         self._past: list[Session] = []
@@ -98,6 +103,7 @@ class Workbench:
     def close(self) -> None:
         self._quick.close()
         self._slow.close()
+        self._exchange.close()
 
     # --- flights and model --------------------------------------------------------------------------------------------
 
@@ -188,20 +194,24 @@ class Workbench:
         async with self._working("Reading flights") as progress:
             opened = None
             if session.rung is not None and session.logs:
+                before = [] if self.opened is None else self.opened.logs
+                read = await self._quick.run(jobs.read_logs, session.logs, before, progress=progress)
+                self.as_read = tuple(log.log for log in read if log.log is not None)
+                self._changed()
                 opened = await self._quick.run(
                     jobs.open_logs,
                     session.logs,
                     session.unseen,
                     session.rung.model.vehicle,
                     session.hold_out,
-                    () if self.opened is None else self.opened.logs,
+                    read,
                     self.accepted,
                     progress=progress,
                 )
             if known and opened and (self.opened is None or opened.usable != self.opened.usable):
                 session = session.unjudged()
             told = [] if self.opened is None else [(log.path, log.problem) for log in self.opened.logs]
-            self.session, self.opened, self.results = session, opened, Results()
+            self.session, self.opened, self.results, self.as_read = session, opened, Results(), ()
             self._past, self._future = [], []  # their errors are those of other flights
             logs = [] if opened is None else opened.logs
             problems = [log.problem for log in logs if log.problem and (log.path, log.problem) not in told]
@@ -474,7 +484,7 @@ class Workbench:
         except QuadctlError as error:
             self.message = Message("error", str(error))
         finally:
-            self.work = None
+            self.work, self.as_read = None, ()
             self._free.set()
             self._changed()
 
@@ -486,6 +496,8 @@ class Workbench:
     def _autosave(self) -> None:
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
-            (self.folder / AUTOSAVED).write_text(self.session_file(), encoding="utf-8")
+            part = self.folder / f".{AUTOSAVED}.part"
+            part.write_text(self.session_file(), encoding="utf-8")
+            part.replace(self.folder / AUTOSAVED)  # whole or not at all, also in a power failure
         except OSError as error:
             self.message = Message("error", f"{self.folder / AUTOSAVED}: cannot be written ({error.strerror})")

@@ -142,6 +142,11 @@ class TestWhatThePageHolds:
         ]
         assert page.open == []
 
+    def test_the_first_page_stands_alone_and_all_else_is_folded(self, page: Page) -> None:
+        folded = [attrs for tag, attrs in page.tags if tag == "details"]
+        assert len(folded) == len(page.sections)
+        assert not any("open" in attrs for attrs in folded)
+
     def test_only_the_comparison_is_required(self, made: Comparison) -> None:
         assert Page(render_report(Results(made))).sections == [
             *("flights", "over-time", "open-loop", "variables", "fails")
