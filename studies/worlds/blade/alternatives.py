@@ -1,16 +1,20 @@
 """Families that the flights of a case cannot separate, by least squares on the true motion.
 
 The true acceleration of the hidden effects is fitted by simple terms of the hidden families, and by those with one
-family exchanged for another. Where the exchange leaves nearly as little, the two are alike in these flights. Families
-that a moment gives away (rotor_fault, ground_torque, rotor_interaction) are alike to none.
+family exchanged for another, each with the signs and bounds that physics allows. Where the exchange leaves nearly as
+little, the two are alike in these flights. Families that a moment gives away (rotor_fault, ground_torque,
+rotor_interaction) are alike to none. A wind is felt by a drag: whether that drag is named beside it is no matter of
+physics.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import lsq_linear
 
 from studies.worlds.blade.flight import COMMANDED, MEASURED, THROTTLE, TICK, Flight, Recording
+from studies.worlds.blade.power import CELL_VOLTS
 from studies.worlds.blade.rotation import Array, matrix, rotate_back
 from studies.worlds.blade.vehicles import GRAVITY
 
@@ -18,8 +22,10 @@ EVERY = 20
 """Ticks from sample to sample."""
 FAINT = 0.03
 """Acceleration that noisy logs do not show for sure, m/s^2."""
-SHARE = 0.12
-"""Share of the effect that may be left over where two families are called alike."""
+SHARE = 0.08
+"""Share of the effect that may be left over where two families are called alike; the forms of one differ by more."""
+TAKEN = 0.2
+"""Share of a family's effect that must be left where the other hidden families have taken what they can."""
 
 
 @dataclass(frozen=True)
@@ -42,6 +48,7 @@ class Motion:
     speed: Array
     """Mean rotor speed over that in hover."""
     voltage: Array
+    """Battery voltage over that of a full battery in hover."""
     source: str
 
 
@@ -68,23 +75,26 @@ def motion(flights: tuple[Flight, ...], recordings: list[Recording]) -> Motion:
                 "below": ((v.ceiling or 1e6) - hub) / v.radius,
                 "altitude": -tape["true_position"][:, 2],
                 "speed": rotors.mean(-1) / v.hover_speed,
-                "voltage": tape["voltage"][:, 0] / tape["voltage"].max(),
+                "voltage": tape["voltage"][:, 0] / (flight.pack.cells * CELL_VOLTS[-1] * (1.0 - flight.pack.sag)),
             }
         )
     joined = {name: np.concatenate([p[name] for p in parts]) for name in parts[0]}
     return Motion(**joined, source=flights[0].source)
 
 
-def _drags(m: Motion, factor: Array) -> list[Array]:
+Terms = list[Array]
+
+
+def _drags(m: Motion, factor: Array) -> Terms:
     body = rotate_back(m.rotation, m.velocity) * factor[:, None]
-    return [m.rotation[:, :, i] * body[:, i : i + 1] for i in range(3)]
+    return [-m.rotation[:, :, i] * body[:, i : i + 1] for i in range(3)]
 
 
-def _constants(m: Motion) -> list[Array]:
+def _constants(m: Motion) -> Terms:
     return [np.tile(axis, (len(m.time), 1)) for axis in np.eye(3)[:2]]
 
 
-def _steps(m: Motion) -> list[Array]:
+def _steps(m: Motion) -> Terms:
     """Thrust from the moment on that suits a step of the effect best, in each flight."""
     out = []
     for flight in np.unique(m.flight):
@@ -98,26 +108,33 @@ def _steps(m: Motion) -> list[Array]:
     return out
 
 
-TERMS: dict[str, Callable[[Motion], list[Array]]] = {
-    "thrust_scale": lambda m: [m.thrust],
-    "payload": _steps,
-    "ground_effect": lambda m: [m.thrust * np.exp(-r * m.height)[:, None] for r in (0.7, 1.5, 3.0)],
-    "ceiling_effect": lambda m: [m.thrust * np.exp(-r * m.below)[:, None] for r in (0.7, 1.5, 3.0)],
-    "rotor_drag": lambda m: _drags(m, np.ones(len(m.time))),
-    "body_drag": lambda m: _drags(m, np.sqrt((m.velocity**2).sum(-1))),
-    "inflow": lambda m: [m.thrust * rotate_back(m.rotation, m.velocity)[:, 2:]],
-    "translational_lift": lambda m: [
-        m.thrust * np.hypot(*rotate_back(m.rotation, m.velocity)[:, :2].T)[:, None] ** power for power in (1, 2)
-    ],
-    "wind": _constants,
-    "thrust_tilt": lambda m: [
-        m.rotation[:, :, i] * np.sqrt((m.thrust**2).sum(-1, keepdims=True)) for i in range(2)
-    ],
-    "tether": lambda m: [np.array([0.0, 0.0, 1.0]) * m.altitude[:, None]],
-    "thrust_curve": lambda m: [m.thrust * np.log(m.speed)[:, None]],
-    "battery_sag": lambda m: [m.thrust * (1.0 - m.voltage)[:, None]],
-    "motor_lag": lambda m: [m.thrust_rate],
-    "thrust_map": lambda m: [m.thrust, m.thrust / np.sqrt((m.thrust**2).sum(-1, keepdims=True))],
+def _size(m: Motion) -> Array:
+    size: Array = np.sqrt((m.thrust**2).sum(-1, keepdims=True))
+    return size
+
+
+def _edgewise(m: Motion) -> Terms:
+    edge = np.hypot(*rotate_back(m.rotation, m.velocity)[:, :2].T)[:, None]
+    return [m.thrust * edge, m.thrust * edge**2]
+
+
+ANY, MORE = (-np.inf, np.inf), (0.0, np.inf)
+TERMS: dict[str, tuple[Callable[[Motion], Terms], tuple[float, float]]] = {
+    "thrust_scale": (lambda m: [m.thrust], ANY),
+    "payload": (_steps, ANY),
+    "ground_effect": (lambda m: [m.thrust * np.exp(-r * m.height)[:, None] for r in (0.7, 1.5, 3.0)], MORE),
+    "ceiling_effect": (lambda m: [m.thrust * np.exp(-r * m.below)[:, None] for r in (0.7, 1.5, 3.0)], MORE),
+    "rotor_drag": (lambda m: _drags(m, np.ones(len(m.time))), MORE),
+    "body_drag": (lambda m: _drags(m, np.sqrt((m.velocity**2).sum(-1))), MORE),
+    "inflow": (lambda m: [m.thrust * rotate_back(m.rotation, m.velocity)[:, 2:]], MORE),
+    "translational_lift": (_edgewise, MORE),
+    "wind": (_constants, ANY),
+    "thrust_tilt": (lambda m: [m.rotation[:, :, i] * _size(m) for i in range(2)], ANY),
+    "tether": (lambda m: [np.array([0.0, 0.0, 1.0]) * m.altitude[:, None]], MORE),
+    "thrust_curve": (lambda m: [m.thrust * np.log(m.speed)[:, None]], (-1.0, 1.0)),
+    "battery_sag": (lambda m: [m.thrust * (m.voltage - 1.0)[:, None]], MORE),
+    "motor_lag": (lambda m: [-m.thrust_rate], MORE),
+    "thrust_map": (lambda m: [m.thrust, m.thrust / _size(m) * GRAVITY], (-0.6, 0.6)),
 }
 BY_MOMENT = {"rotor_fault", "ground_torque", "rotor_interaction", "imu_bias"}
 
@@ -135,46 +152,56 @@ def possible(family: str, m: Motion) -> bool:
     return not (family == "ceiling_effect" and m.below.min() > 1e3)
 
 
-def left_over(m: Motion, families: list[str]) -> float:
+def left_over(m: Motion, families: list[str], hidden: tuple[str, ...]) -> float:
     """Root mean square of what terms of these families leave of the effect, m/s^2."""
-    columns = [term.ravel() for family in families if family in TERMS for term in TERMS[family](m)]
-    if "wind" in families:
-        columns += [term.ravel() for term in TERMS["rotor_drag"](m) + TERMS["body_drag"](m)]
+    named = [TERMS[family] for family in families if family in TERMS]
+    if "wind" in families and "wind" in hidden:
+        named += [TERMS["rotor_drag"], TERMS["body_drag"]]  # the drag that makes it felt
+    columns = [(term.ravel(), bounds) for terms, bounds in named for term in terms(m)]
+    columns = [(term, bounds) for term, bounds in columns if np.abs(term).max() > 1e-9]
     effect = m.effect.ravel()
-    if not columns:
-        return float(np.sqrt((effect**2).sum() / len(m.time)))
-    matrix_ = np.column_stack(columns)
-    size = np.sqrt((matrix_**2).mean(0))
-    keep = size > 1e-9
-    fit = np.linalg.lstsq(matrix_[:, keep] / size[keep], effect, rcond=None)[0]
-    rest = effect - matrix_[:, keep] / size[keep] @ fit
+    rest = effect
+    if columns:
+        size = np.array([np.sqrt((term**2).mean()) for term, _ in columns])
+        design = np.column_stack([term for term, _ in columns]) / size
+        low, high = (np.array([bounds[i] for _, bounds in columns]) * size for i in range(2))
+        rest = effect - design @ lsq_linear(design, effect, (low, high), method="bvls").x
     return float(np.sqrt((rest**2).sum() / len(m.time)))
 
 
-def alike(m: Motion, families: tuple[str, ...]) -> list[list[str]]:
+def alike(m: Motion, families: tuple[str, ...], forms: tuple[str, ...]) -> list[list[str]]:
     """Pairs of a hidden family and another one that these flights do not separate."""
-    size = float(np.sqrt((m.effect**2).sum(-1).mean()))
-    hidden = list(families)
-    least = left_over(m, hidden)
-    pairs = []
-    for family in set(hidden) - BY_MOMENT:
+    least = left_over(m, list(families), families)
+    clear = visible(m, families)
+    whole = float(np.sqrt((m.effect**2).sum(-1).mean()))
+    pairs = set()
+    for family, form in zip(families, forms, strict=True):
+        if family == "wind":
+            pairs.add(("body_drag" if form == "body" else "rotor_drag", "wind"))
+        if family in BY_MOMENT:
+            continue
+        others = [f for f in families if f != family]
+        alone = np.sqrt(max(whole**2 - left_over(m, [family], families) ** 2, 0.0))
         for other in TERMS:
-            # With a wind comes the drag that makes it felt: exchanging a drag for both says nothing.
-            if other in hidden or not possible(other, m) or (other == "wind" and family in ("rotor_drag", "body_drag")):
+            if other in others:
+                alike_ = other not in BY_MOMENT and clear[family] < max(FAINT, TAKEN * alone)
+            elif other == family or not possible(other, m):
                 continue
-            exchanged = [f for f in hidden if f != family] + [other]
-            more = np.sqrt(max(left_over(m, exchanged) ** 2 - least**2, 0.0))
-            if more < max(FAINT, SHARE * size):
-                pairs.append(sorted([family, other]))
-    return sorted(pairs)
+            else:
+                exchanged = left_over(m, [*others, other], families)
+                more = np.sqrt(max(exchanged**2 - least**2, 0.0))
+                alike_ = more < max(FAINT, SHARE * clear[family])
+            if alike_:
+                pairs.add((min(family, other), max(family, other)))
+    return sorted([first, second] for first, second in pairs)
 
 
 def visible(m: Motion, families: tuple[str, ...]) -> dict[str, float]:
     """Acceleration that each family explains and the others do not, m/s^2."""
-    whole = left_over(m, list(families))
+    whole = left_over(m, list(families), families)
     out = {}
     for family in families:
         if family in TERMS:
             others = [f for f in families if f != family]
-            out[family] = round(float(np.sqrt(max(left_over(m, others) ** 2 - whole**2, 0.0))), 4)
+            out[family] = round(float(np.sqrt(max(left_over(m, others, families) ** 2 - whole**2, 0.0))), 4)
     return out

@@ -64,8 +64,8 @@ def _space(rng: np.random.Generator, space: str, vehicle: Vehicle) -> dict[str, 
         low = max(rng.uniform(0.6, 0.8) * radius - hub, 0.015)
         return {"extent": 1.5, "low": low, "high": low + rng.uniform(4.5, 7.0) * radius, "speed": rng.uniform(0.8, 1.5)}
     assert space == "ceiling" and vehicle.ceiling is not None
-    high = vehicle.ceiling - hub - rng.uniform(0.75, 1.0) * radius
-    return {"extent": 1.2, "low": high - rng.uniform(4.5, 6.0) * radius, "high": high, "speed": 1.2}
+    high = vehicle.ceiling - hub - rng.uniform(1.3, 1.6) * radius
+    return {"extent": 1.2, "low": high - rng.uniform(3.5, 5.0) * radius, "high": high, "speed": 1.2}
 
 
 def _prepare(rng: np.random.Generator, recipe: Recipe) -> Vehicle:
@@ -112,12 +112,14 @@ def _in_flight(rng: np.random.Generator, effects: list[Effect], duration: float,
     return tuple(out)
 
 
-def draw_case(recipe: Recipe, seed: int, attempt: int, strength: float) -> Case:
-    """Case with its numbers; an attempt of the same seed draws everything anew."""
+def draw_case(recipe: Recipe, seed: int, attempt: int, strength: float, duration: float | None = None) -> Case:
+    """Case with its numbers; another attempt of the same seed draws everything anew. A duration is for short tests."""
     rng = np.random.default_rng([seed, zlib.crc32(recipe.name.encode()), attempt])
     families = {family for family, _ in recipe.hidden}
     vehicle = _prepare(rng, recipe)
     demands = tuple(_demand(rng, recipe, vehicle, shape) for shape in recipe.shapes)
+    if duration is not None:
+        demands = tuple(replace(demand, duration=duration) for demand in demands)
     drawn = [DRAWS[family](rng, form, vehicle, demands[0]).at(strength) for family, form in recipe.hidden]
     recorder = draw_recorder(rng, vehicle.hover_speed * RPM, recipe.rotor_rates)
     if "battery_sag" in families:
@@ -130,7 +132,9 @@ def draw_case(recipe: Recipe, seed: int, attempt: int, strength: float) -> Case:
     suite = _turn_board(suite, drawn)
     kind = int(rng.choice([CASCADE, GEOMETRIC])) if recipe.pilot is None else recipe.pilot
     lag = next((float(np.asarray(e.values["time_constant_s"])) for e in drawn if e.family == "motor_lag"), None)
-    tuning = draw_tuning(rng, kind, vehicle.time_constant if lag is None else lag, suite.delay * 0.5)
+    tuning = draw_tuning(
+        rng, kind, vehicle.time_constant if lag is None else lag, suite.delay * 0.5, stiff=recipe.space == "ceiling"
+    )
     spread = rng.normal(0.0, 0.006, vehicle.count).clip(-0.012, 0.012)
     copy = Copy(
         k_error=float(np.clip(rng.normal(0.0, 0.007), -0.014, 0.014)),
@@ -175,19 +179,33 @@ def _turn_board(suite: Suite, effects: list[Effect]) -> Suite:
     return suite
 
 
-def _recipes() -> list[Recipe]:
-    fast = {"extent": 26.0, "speed": 8.0, "low": 6.0, "high": 7.5, "acceleration": 4.0, "heading": "turning"}
-    quick = {"rate": 0.75, "lift": 5.0, "climb": 2.5}
-    turning = {"heading": "turning"}
+FAST: dict[str, Any] = {
+    "extent": 36.0,
+    "speed": 10.5,
+    "low": 6.0,
+    "high": 7.5,
+    "acceleration": 4.0,
+    "heading": "turning",
+}
+QUICK: dict[str, Any] = {"rate": 0.75, "lift": 5.0, "climb": 2.5}
+TURNING: dict[str, Any] = {"heading": "turning"}
+CLIMBS: dict[str, Any] = {"extent": 3.0, "low": 4.0, "high": 16.0, "climb": 3.0, "lift": 2.5, "rate": 0.14}
+LEVEL: dict[str, Any] = {"high": 7.0, "low": 6.3, "heading": "steps"}
+BREEZE: dict[str, Any] = {"extent": 3.0, "speed": 1.2, "heading": "steps"}
+ROPE: dict[str, Any] = {"low": 1.0, "extent": 2.5, "climb": 2.0}
+SEEN: dict[str, Any] = {"rotor_rates": (25.0, 50.0)}
+SKIM: dict[str, Any] = {"high": 0.22, "speed": 2.5, "acceleration": 4.0, "extent": 1.8}
+RUNS: dict[str, Any] = {**FAST, "heading": "steps"}
+
+
+def _hidden() -> list[Recipe]:
+    """Cases of one hidden effect."""
     out: list[Recipe] = []
 
     def add(family: str, *rows: dict[str, Any]) -> None:
         for i, row in enumerate(rows, 1):
             form = row.pop("form", "")
             out.append(Recipe(name=f"{family}_{i}", hidden=((family, form),), **row))
-
-    def pair(first: tuple[str, str], second: tuple[str, str], **row: Any) -> None:
-        out.append(Recipe(name=f"pair_{first[0]}_{second[0]}", hidden=(first, second), **row))
 
     low = {"space": "floor", "rotor_rates": (12.0, 50.0)}
     add(
@@ -196,7 +214,7 @@ def _recipes() -> list[Recipe]:
         {"form": "hayden", "mass": MIDDLE, "suite": "flow", "shapes": ("staircase", "vertical"), **low},
         {"form": "danjun", "mass": LARGE, "suite": "rtk", "shapes": ("staircase", "spline"), **low},
     )
-    roof = {"space": "ceiling", "mass": MIDDLE, "rotor_rates": (10.0, 50.0)}
+    roof = {"space": "ceiling", "mass": (1.2, 4.0), "rotor_rates": (10.0, 50.0)}
     add(
         "ceiling_effect",
         {"form": "contact", "suite": "mocap", "shapes": ("ceiling_staircase", "ceiling_staircase"), **roof},
@@ -214,38 +232,35 @@ def _recipes() -> list[Recipe]:
     add(
         "body_drag",
         {"form": "bluff", "mass": MIDDLE, "suite": "gnss", "shapes": ("dashes", "lemniscate"), "space": "field",
-         "demand": fast},
+         "demand": FAST},
         {"form": "plates", "mass": LARGE, "suite": "rtk", "shapes": ("dashes", "dashes", "spline"), "space": "field",
-         "demand": fast},
+         "demand": FAST},
         {"form": "frontal", "mass": MIDDLE, "suite": "gnss", "shapes": ("dashes", "dashes"), "space": "field",
-         "demand": {**fast, "heading": "course"}},
+         "demand": {**FAST, "heading": "course"}},
     )  # fmt: skip
-    climbs = {"extent": 3.0, "low": 4.0, "high": 16.0, "climb": 3.0, "lift": 2.5, "rate": 0.14}
     add(
         "inflow",
-        {"mass": MIDDLE, "suite": "gnss", "shapes": ("vertical", "vertical"), "space": "field", "demand": climbs},
+        {"mass": MIDDLE, "suite": "gnss", "shapes": ("vertical", "vertical"), "space": "field", "demand": CLIMBS},
         {"mass": SMALL, "suite": "mocap", "shapes": ("vertical", "spline", "vertical"), "space": "room",
          "demand": {"low": 0.7, "high": 2.7, "climb": 1.8, "rate": 0.3}},
         {"mass": LARGE, "suite": "rtk", "shapes": ("vertical", "spline"), "space": "field",
-         "demand": {**climbs, "extent": 8.0, "speed": 2.0}},
+         "demand": {**CLIMBS, "extent": 8.0, "speed": 2.0}},
     )  # fmt: skip
-    level = {"high": 7.0, "low": 6.3, "heading": "steps"}
     add(
         "translational_lift",
-        {"mass": MIDDLE, "suite": "gnss", "shapes": ("dashes", "lemniscate"), "space": "field", "demand": level},
+        {"mass": MIDDLE, "suite": "gnss", "shapes": ("dashes", "lemniscate"), "space": "field", "demand": LEVEL},
         {"mass": (0.25, 0.6), "suite": "flow", "shapes": ("lemniscate", "dashes"), "space": "hall",
          "demand": {"speed": 4.5, "acceleration": 4.0, "low": 1.8, "high": 2.3}},
-        {"mass": LARGE, "suite": "gnss", "shapes": ("dashes", "sticks", "dashes"), "space": "field", "demand": level},
+        {"mass": LARGE, "suite": "gnss", "shapes": ("dashes", "sticks", "dashes"), "space": "field", "demand": LEVEL},
     )  # fmt: skip
-    breeze = {"extent": 3.0, "speed": 1.2, "heading": "steps"}
     add(
         "wind",
         {"form": "rotor", "mass": MIDDLE, "suite": "gnss", "shapes": ("spline", "staircase"), "space": "field",
-         "demand": {**breeze, "heading": "turning"}},
+         "demand": {**BREEZE, "heading": "turning"}},
         {"form": "body", "mass": LARGE, "suite": "rtk", "shapes": ("spline", "spline"), "space": "field",
-         "demand": breeze},
+         "demand": BREEZE},
         {"form": "rotor", "mass": MIDDLE, "suite": "gnss", "shapes": ("sticks", "spline", "staircase"),
-         "space": "field", "demand": breeze, "pilot": PERSON},
+         "space": "field", "demand": BREEZE, "pilot": PERSON},
     )  # fmt: skip
     share = {"form": "share"}
     add(
@@ -271,106 +286,118 @@ def _recipes() -> list[Recipe]:
     )  # fmt: skip
     add(
         "motor_lag",
-        {"mass": MIDDLE, "suite": "mocap", "shapes": ("vertical", "spline"), "space": "room", "demand": quick,
+        {"mass": MIDDLE, "suite": "mocap", "shapes": ("vertical", "spline"), "space": "room", "demand": QUICK,
          "source": COMMANDED, "pilot": GEOMETRIC},
         {"mass": LARGE, "suite": "rtk", "shapes": ("vertical", "vertical"), "space": "field",
-         "demand": {**quick, "extent": 4.0}, "source": COMMANDED, "pilot": GEOMETRIC},
+         "demand": {**QUICK, "extent": 4.0}, "source": COMMANDED, "pilot": GEOMETRIC},
         {"mass": (0.5, 1.2), "suite": "mocap", "shapes": ("vertical", "vertical", "spline"), "space": "room",
-         "demand": {**quick, "rate": 0.9}, "source": COMMANDED, "pilot": GEOMETRIC},
+         "demand": {**QUICK, "rate": 0.9}, "source": COMMANDED, "pilot": GEOMETRIC},
     )  # fmt: skip
     add(
         "thrust_tilt",
         {"form": "motors", "mass": MIDDLE, "suite": "mocap", "shapes": ("spline", "staircase"), "space": "room",
-         "demand": turning},
+         "demand": TURNING},
         {"form": "board", "mass": MIDDLE, "suite": "gnss", "shapes": ("spline", "dashes"), "space": "field",
-         "demand": turning},
+         "demand": TURNING},
         {"form": "motors", "mass": LARGE, "suite": "gnss", "shapes": ("sticks", "spline", "staircase"),
          "space": "field", "demand": {"heading": "steps"}, "pilot": PERSON},
     )  # fmt: skip
-    rope = {"low": 1.0, "extent": 2.5, "climb": 2.0}
     add(
         "tether",
         {"form": "slack", "mass": MIDDLE, "suite": "gnss", "shapes": ("staircase", "vertical"), "space": "field",
-         "demand": {**rope, "high": 12.0, "rate": 0.08}},
+         "demand": {**ROPE, "high": 12.0, "rate": 0.08}},
         {"form": "straight", "mass": LARGE, "suite": "rtk", "shapes": ("staircase", "spline"), "space": "field",
-         "demand": {**rope, "high": 16.0}},
+         "demand": {**ROPE, "high": 16.0}},
         {"form": "slack", "mass": (0.3, 0.8), "suite": "flow", "shapes": ("staircase", "vertical", "spline"),
-         "space": "hall", "demand": {**rope, "high": 6.0, "rate": 0.1}},
+         "space": "hall", "demand": {**ROPE, "high": 6.0, "rate": 0.1}},
     )  # fmt: skip
-    seen: dict[str, Any] = {"rotor_rates": (25.0, 50.0)}
     add(
         "rotor_fault",
-        {"mass": MIDDLE, "suite": "mocap", "shapes": ("spline", "lemniscate"), "space": "room", **seen},
-        {"mass": LARGE, "suite": "gnss", "shapes": ("spline", "staircase"), "space": "field", **seen},
-        {"mass": SMALL, "suite": "mocap", "shapes": ("staircase", "spline", "spline"), "space": "room", **seen},
+        {"mass": MIDDLE, "suite": "mocap", "shapes": ("spline", "lemniscate"), "space": "room", **SEEN},
+        {"mass": LARGE, "suite": "gnss", "shapes": ("spline", "staircase"), "space": "field", **SEEN},
+        {"mass": SMALL, "suite": "mocap", "shapes": ("staircase", "spline", "spline"), "space": "room", **SEEN},
     )
     add(
         "thrust_curve",
         {"form": "power", "mass": MIDDLE, "suite": "mocap", "shapes": ("vertical", "vertical"), "space": "room",
-         "demand": quick, "pilot": GEOMETRIC, **seen},
+         "demand": QUICK, "pilot": GEOMETRIC, **SEEN},
         {"form": "mixed", "mass": SMALL, "suite": "mocap", "shapes": ("vertical", "spline"), "space": "room",
-         "demand": quick, "pilot": GEOMETRIC, **seen},
+         "demand": QUICK, "pilot": GEOMETRIC, **SEEN},
         {"form": "power", "mass": LARGE, "suite": "rtk", "shapes": ("vertical", "vertical", "spline"),
-         "space": "field", "demand": {**quick, "extent": 4.0}, "pilot": GEOMETRIC, **seen},
+         "space": "field", "demand": {**QUICK, "extent": 4.0}, "pilot": GEOMETRIC, **SEEN},
     )  # fmt: skip
     add(
         "imu_bias",
-        {"mass": MIDDLE, "suite": "mocap", "shapes": ("spline", "lemniscate"), "space": "room", "demand": turning},
-        {"mass": SMALL, "suite": "mocap", "shapes": ("spline", "staircase"), "space": "room", "demand": turning},
+        {"mass": MIDDLE, "suite": "mocap", "shapes": ("spline", "lemniscate"), "space": "room", "demand": TURNING},
+        {"mass": SMALL, "suite": "mocap", "shapes": ("spline", "staircase"), "space": "room", "demand": TURNING},
         {"mass": LARGE, "suite": "mocap", "shapes": ("spline", "spline", "vertical"), "space": "room",
          "demand": {"heading": "steps", "extent": 2.5, "high": 3.0, "low": 1.2}},
     )  # fmt: skip
-    skim = {"high": 0.3, "speed": 2.5, "acceleration": 4.0, "extent": 1.8}
     add(
         "ground_torque",
-        {"mass": MIDDLE, "suite": "mocap", "shapes": ("spline", "lemniscate"), "demand": skim, "space": "floor", **seen},
-        {"mass": MIDDLE, "suite": "mocap", "shapes": ("dashes", "spline"), "demand": skim, "space": "floor", **seen},
-        {"mass": (0.5, 1.2), "suite": "mocap", "shapes": ("spline", "dashes", "lemniscate"), "demand": skim,
-         "space": "floor", **seen},
+        {"mass": MIDDLE, "suite": "mocap", "shapes": ("spline", "lemniscate"), "demand": SKIM, "space": "floor",
+         **SEEN},
+        {"mass": MIDDLE, "suite": "mocap", "shapes": ("dashes", "spline"), "demand": SKIM, "space": "floor", **SEEN},
+        {"mass": (0.5, 1.2), "suite": "mocap", "shapes": ("spline", "dashes", "lemniscate"), "demand": SKIM,
+         "space": "floor", **SEEN},
     )  # fmt: skip
-    runs = {**fast, "heading": "steps"}
     add(
         "rotor_interaction",
-        {"mass": MIDDLE, "suite": "gnss", "shapes": ("dashes", "lemniscate"), "demand": runs, "space": "field", **seen},
-        {"mass": LARGE, "suite": "rtk", "shapes": ("dashes", "spline"), "demand": runs, "space": "field", **seen},
+        {"mass": MIDDLE, "suite": "gnss", "shapes": ("dashes", "lemniscate"), "demand": RUNS, "space": "field", **SEEN},
+        {"mass": LARGE, "suite": "rtk", "shapes": ("dashes", "spline"), "demand": RUNS, "space": "field", **SEEN},
         {"mass": MIDDLE, "suite": "rtk", "shapes": ("dashes", "dashes", "lemniscate"), "space": "field",
-         "demand": {**fast, "heading": "course"}, **seen},
+         "demand": {**FAST, "heading": "course"}, **SEEN},
     )  # fmt: skip
     add(
         "thrust_map",
-        {"mass": MIDDLE, "suite": "mocap", "shapes": ("vertical", "spline"), "space": "room", "demand": quick,
+        {"mass": MIDDLE, "suite": "mocap", "shapes": ("vertical", "spline"), "space": "room", "demand": QUICK,
          "source": THROTTLE, "pilot": GEOMETRIC},
-        {"mass": SMALL, "suite": "mocap", "shapes": ("vertical", "vertical"), "space": "room", "demand": quick,
+        {"mass": SMALL, "suite": "mocap", "shapes": ("vertical", "vertical"), "space": "room", "demand": QUICK,
          "source": THROTTLE, "pilot": GEOMETRIC},
         {"mass": LARGE, "suite": "rtk", "shapes": ("vertical", "spline", "vertical"), "space": "field",
-         "demand": {**quick, "extent": 5.0}, "source": THROTTLE, "pilot": GEOMETRIC},
+         "demand": {**QUICK, "extent": 5.0}, "source": THROTTLE, "pilot": GEOMETRIC},
     )  # fmt: skip
+    return out
+
+
+def _pairs() -> list[Recipe]:
+    """Cases of two hidden effects."""
+    out: list[Recipe] = []
+
+    def pair(first: tuple[str, str], second: tuple[str, str], **row: Any) -> None:
+        out.append(Recipe(name=f"pair_{first[0]}_{second[0]}", hidden=(first, second), **row))
 
     pair(("ground_effect", "images"), ("battery_sag", ""), mass=MIDDLE, suite="mocap",
          shapes=("staircase", "staircase", "spline"), space="floor", source=COMMANDED)  # fmt: skip
     pair(("ground_effect", "danjun"), ("thrust_tilt", "motors"), mass=MIDDLE, suite="mocap",
-         shapes=("staircase", "spline"), space="floor", demand=turning, rotor_rates=(12.0, 50.0))  # fmt: skip
+         shapes=("staircase", "spline"), space="floor", demand=TURNING, rotor_rates=(12.0, 50.0))  # fmt: skip
     pair(("wind", "alone"), ("rotor_drag", "speed"), mass=MIDDLE, suite="gnss", shapes=("dashes", "lemniscate"),
-         space="field", demand=turning)  # fmt: skip
+         space="field", demand=TURNING)  # fmt: skip
     pair(("wind", "rotor"), ("payload", "dropped"), mass=LARGE, suite="rtk", shapes=("spline", "staircase"),
-         space="field", demand=breeze)  # fmt: skip
+         space="field", demand=BREEZE)  # fmt: skip
+    pair(("wind", "body"), ("thrust_tilt", "motors"), mass=MIDDLE, suite="gnss", shapes=("spline", "staircase"),
+         space="field", demand={**BREEZE, **TURNING})  # fmt: skip
     pair(("inflow", ""), ("rotor_drag", "thrust"), mass=MIDDLE, suite="gnss", shapes=("vertical", "dashes", "spline"),
          space="field", demand={"climb": 3.0, "rate": 0.14, "high": 14.0})  # fmt: skip
     pair(("translational_lift", ""), ("rotor_drag", "speed"), mass=LARGE, suite="gnss", shapes=("dashes", "lemniscate"),
-         space="field", demand=level)  # fmt: skip
+         space="field", demand=LEVEL)  # fmt: skip
     pair(("body_drag", "bluff"), ("thrust_tilt", "board"), mass=MIDDLE, suite="gnss", shapes=("dashes", "lemniscate"),
-         space="field", demand=fast)  # fmt: skip
+         space="field", demand=FAST)  # fmt: skip
     pair(("payload", "taken"), ("rotor_drag", "axes"), mass=LARGE, suite="gnss", shapes=("dashes", "spline", "dashes"),
          space="field")  # fmt: skip
     pair(("tether", "slack"), ("wind", "rotor"), mass=LARGE, suite="gnss", shapes=("staircase", "vertical"),
-         space="field", demand={**breeze, **rope, "high": 14.0, "rate": 0.08})  # fmt: skip
+         space="field", demand={**BREEZE, **ROPE, "high": 14.0, "rate": 0.08})  # fmt: skip
     pair(("thrust_scale", "share"), ("body_drag", "plates"), mass=MIDDLE, suite="rtk", shapes=("dashes", "spline"),
-         space="field", demand=fast)  # fmt: skip
+         space="field", demand=FAST)  # fmt: skip
     pair(("motor_lag", ""), ("thrust_curve", "power"), mass=MIDDLE, suite="mocap", shapes=("vertical", "vertical"),
-         space="room", demand=quick, source=COMMANDED, pilot=GEOMETRIC)  # fmt: skip
+         space="room", demand=QUICK, source=COMMANDED, pilot=GEOMETRIC)  # fmt: skip
     pair(("rotor_fault", ""), ("rotor_drag", "speed"), mass=MIDDLE, suite="gnss", shapes=("dashes", "lemniscate"),
-         space="field", **seen)  # fmt: skip
+         space="field", **SEEN)  # fmt: skip
+    return out
 
+
+def _clean() -> list[Recipe]:
+    """Cases in which nothing is hidden."""
     clean: list[dict[str, Any]] = [
         {"mass": SMALL, "suite": "mocap", "shapes": ("spline", "lemniscate"), "space": "room"},
         {"mass": MIDDLE, "suite": "mocap", "shapes": ("spline", "vertical"), "space": "room", "light_air": 0.02},
@@ -385,12 +412,11 @@ def _recipes() -> list[Recipe]:
         {"mass": SMALL, "suite": "flow", "shapes": ("lemniscate", "spline"), "space": "hall", "light_air": 0.02},
         {"mass": MIDDLE, "suite": "mocap", "shapes": ("spline", "vertical"), "space": "room", "source": THROTTLE},
         {"mass": MIDDLE, "suite": "rtk", "shapes": ("dashes", "lemniscate", "spline"), "space": "field",
-         "demand": fast},
+         "demand": {"extent": 26.0, "speed": 8.0, "low": 6.0, "high": 7.5, "acceleration": 4.0}},
         {"mass": MIDDLE, "suite": "gnss", "shapes": ("staircase", "vertical"), "space": "field", "light_air": 0.03,
          "demand": {"climb": 2.5, "rate": 0.12}, "rotor_rates": (3.0, 10.0)},
     ]  # fmt: skip
-    out += [Recipe(name=f"clean_{i:02d}", hidden=(), **row) for i, row in enumerate(clean, 1)]
-    return out
+    return [Recipe(name=f"clean_{i:02d}", hidden=(), **row) for i, row in enumerate(clean, 1)]
 
 
-RECIPES: dict[str, Recipe] = {recipe.name: recipe for recipe in _recipes()}
+RECIPES: dict[str, Recipe] = {recipe.name: recipe for recipe in _hidden() + _pairs() + _clean()}

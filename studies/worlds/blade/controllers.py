@@ -34,8 +34,9 @@ class Tuning:
     """Greatest tilt, rad."""
 
 
-def draw_tuning(rng: np.random.Generator, kind: int, time_constant: float, slow: float) -> Tuning:
-    """Gains that suit the motors' time constant, and an estimator that is `slow` seconds late.
+def draw_tuning(rng: np.random.Generator, kind: int, time_constant: float, slow: float, *, stiff: bool) -> Tuning:
+    """Gains that suit the motors' time constant, and an estimator that is `slow` seconds late; `stiff` vertically for
+    flights next to a ceiling, which pulls the more the nearer it is.
 
     Each loop is about three times slower than the next inner one. A person follows the crossover model: the loop
     crosses over at about 0.8 rad/s with a delay of 0.2 to 0.3 s (McRuer and Jex 1967).
@@ -44,7 +45,7 @@ def draw_tuning(rng: np.random.Generator, kind: int, time_constant: float, slow:
     attitude = rate * rng.uniform(0.3, 0.38)
     sideways = min(attitude * rng.uniform(0.36, 0.46), 0.4 / (slow + 0.05), 3.5)
     vertical = min(0.22 / (time_constant + 0.03), 0.4 / (slow + 0.05), 4.0) * rng.uniform(0.8, 1.0)
-    velocity = np.array([sideways, sideways, vertical])
+    velocity = np.array([sideways, sideways, 1.6 * vertical if stiff else vertical])
     position = velocity * rng.uniform(0.32, 0.42)
     if kind == PERSON:
         velocity, position = np.minimum(velocity, rng.uniform(0.9, 1.1)), np.full(3, rng.uniform(0.25, 0.35))
@@ -52,8 +53,18 @@ def draw_tuning(rng: np.random.Generator, kind: int, time_constant: float, slow:
     else:
         delay, remnant, lead = 0.0, 0.0, 1.0 if kind == GEOMETRIC else float(rng.choice([0.0, 0.7]))
     integral = velocity * rng.uniform(0.16, 0.24)
-    gains = [values.tolist() for values in (position, velocity, integral)]
-    return Tuning(kind, *gains, attitude, rate, lead, delay, remnant, float(np.radians(38.0)))
+    return Tuning(
+        kind=kind,
+        position=position.tolist(),
+        velocity=velocity.tolist(),
+        integral=integral.tolist(),
+        attitude=attitude,
+        rate=rate,
+        lead=lead,
+        delay=delay,
+        remnant=remnant,
+        tilt=float(np.radians(38.0)),
+    )
 
 
 class Pilots:
@@ -77,6 +88,11 @@ class Pilots:
         self._force = np.tile([0.0, 0.0, -GRAVITY], (flights, 1)) * mass[:, None]
         self.attitude = np.tile([1.0, 0.0, 0.0, 0.0], (flights, 1))
         self.thrust = mass * GRAVITY
+
+    def trim(self, acceleration: Array, angular: Array) -> None:
+        """Integrators at what hover takes, as after some time in the air."""
+        self._sum = np.clip(acceleration, -4.5, 4.5)
+        self._rate_sum = np.clip(angular / (self._rate * np.array([1.0, 1.0, 0.5])), -2.5, 2.5)
 
     def advance_outer(
         self, position: Array, velocity: Array, reference: tuple[Array, Array, Array, Array], noise: Array, step: float
@@ -109,7 +125,7 @@ class Pilots:
         error = np.where(self._geometric, -e_r, error)
         gain = self._attitude * np.array([1.0, 1.0, 0.5])
         rate_error = np.clip(gain * error, -3.5, 3.5) - rates
-        self._rate_sum = np.clip(self._rate_sum + 0.3 * self._attitude * rate_error * step, -1.0, 1.0)
+        self._rate_sum = np.clip(self._rate_sum + 0.3 * self._attitude * rate_error * step, -2.5, 2.5)
         weight = self._rate * np.array([1.0, 1.0, 0.5])
         angular = weight * (rate_error + self._rate_sum)
         moment = self._inertia * angular + np.where(self._geometric, cross(rates, self._inertia * rates), 0.0)
@@ -119,4 +135,5 @@ class Pilots:
         yaw = self._mixer[:, :, 3] * demand[:, 3:]
         room = np.minimum(self._largest - without, without - 0.02 * self._largest).clip(0.0)
         share = np.min(np.where(np.abs(yaw) > 1e-9, room / np.maximum(np.abs(yaw), 1e-9), 1.0), -1, keepdims=True)
-        return np.clip(without + yaw * np.clip(share, 0.0, 1.0), 0.02 * self._largest, self._largest)
+        thrusts: Array = np.clip(without + yaw * np.clip(share, 0.0, 1.0), 0.02 * self._largest, self._largest)
+        return thrusts

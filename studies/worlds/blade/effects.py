@@ -64,16 +64,16 @@ class Situation:
 
     def of(self, lanes: Array) -> "Situation":
         """Part of the situation."""
-        blades = Blades(
-            *(b[lanes] for b in (self.blades.radius_m, self.blades.air_density, self.blades.lift, self.blades.pitch_rad))
-        )
+        b = self.blades
+        blades = Blades(b.radius_m[lanes], b.air_density[lanes], b.lift[lanes], b.pitch_rad[lanes])
         parts = {name: getattr(self, name)[lanes] for name in self.__dataclass_fields__ if name != "blades"}
         return Situation(blades=blades, **parts)
 
     @property
     def edge(self) -> Array:
         """Edgewise airspeed of the rotors."""
-        return np.sqrt(self.airspeed[:, :1] ** 2 + self.airspeed[:, 1:2] ** 2)
+        edge: Array = np.sqrt(self.airspeed[:, :1] ** 2 + self.airspeed[:, 1:2] ** 2)
+        return edge
 
     @property
     def ideal(self) -> Array:
@@ -126,7 +126,7 @@ def _images(s: Situation, height: Array) -> Array:
 
 
 def ground_images(s: Situation, v: Values, out: Change) -> None:
-    """Ground effect by image sources in the blade elements' inflow; `gain` stands for what experiments find above them."""
+    """Ground effect by image sources in the blade elements' inflow; `gain`: experiments find more than the images."""
     height = np.maximum(s.height, 0.3 * s.blades.radius_m)
     reduction = _column(v, "gain") * _images(s, height) * _washed_out(s)
     out.factor *= thrust_ratio_reduced_inflow(s.blades, reduction)
@@ -303,7 +303,8 @@ def rear_wake(s: Situation, v: Values, out: Change) -> None:
     out.factor *= 1.0 - _column(v, "loss") * covered * ratio / (1.0 + ratio)
 
 
-FORMS: dict[tuple[str, str], Callable[[Situation, Values, Change], None]] = {
+Form = Callable[[Situation, Values, Change], None]
+FORMS: dict[tuple[str, str], Form] = {
     ("ground_effect", "images"): ground_images,
     ("ground_effect", "hayden"): ground_hayden,
     ("ground_effect", "danjun"): ground_danjun,
@@ -338,7 +339,7 @@ FORMS: dict[tuple[str, str], Callable[[Situation, Values, Change], None]] = {
 class Ensemble:
     """Effects of many flights, those of one form together."""
 
-    groups: list[tuple[Callable[[Situation, Values, Change], None], Array, Values]] = field(default_factory=list)
+    groups: list[tuple[Form, Array, Values]] = field(default_factory=list)
 
     @classmethod
     def of(cls, flights: Sequence[Sequence[Effect]]) -> "Ensemble":
@@ -348,7 +349,7 @@ class Ensemble:
             for effect in effects:
                 if (effect.family, effect.form) in FORMS:
                     found.setdefault((effect.family, effect.form), []).append((lane, effect))
-        groups = []
+        groups: list[tuple[Form, Array, Values]] = []
         for key, members in found.items():
             values = {name: np.array([e.values[name] for _, e in members], float) for name in members[0][1].values}
             groups.append((FORMS[key], np.array([lane for lane, _ in members]), values))

@@ -80,7 +80,7 @@ class Filter:
         self._angle_sum, self._accel_sum, self._sums = 0.0 * rate, 0.0 * rate, 0
 
     def correct(self, lanes: Array, slope: Array, residual: Array, sigma: Array) -> None:
-        """Update of some flights by measurements: residual (n, m), its slope by the error state (n, m, 15), sigma (n, m)."""
+        """Update of some flights by measurements: residual and sigma (n, m), slope by the error state (n, m, 15)."""
         covariance = self._covariance[lanes]
         turned = slope @ covariance
         innovation = turned @ np.swapaxes(slope, -1, -2)

@@ -115,6 +115,11 @@ WIDTHS = {
 }
 
 
+def column(values: list[float]) -> Array:
+    """One number of each flight."""
+    return np.array(values, float)
+
+
 def _padded(flights: list[Flight], name: str, fill: float) -> Array:
     out = np.full((len(flights), LARGEST_ROTORS, *np.shape(getattr(flights[0].vehicle, name))[1:]), fill)
     for row, flight in zip(out, flights, strict=True):
@@ -156,12 +161,17 @@ class World:
     def __init__(self, flights: list[Flight]) -> None:
         """Flights in hover at the first point of their reference."""
         self.flights = flights
+        self.lanes = np.arange(len(flights))
+        self.failures = [""] * len(flights)
+        self._build()
+        self._hide()
+        self._plan()
+        self._begin()
+
+    def _build(self) -> None:
+        """Vehicles, as their files have them and as they were built."""
+        flights, vehicles = self.flights, [f.vehicle for f in self.flights]
         n = len(flights)
-        vehicles = [f.vehicle for f in flights]
-
-        def column(values: list[float]) -> Array:
-            return np.array(values, float)
-
         self.mass = column([v.mass for v in vehicles])
         self.inertia_file = np.array([v.inertia for v in vehicles])
         self.inertia = self.inertia_file * (1.0 + np.array([f.copy.inertia_error for f in flights]))
@@ -169,7 +179,7 @@ class World:
         self.spins = _padded(flights, "spins", 0.0)
         self.present = self.spins != 0.0
         self.k_file = column([v.k for v in vehicles])[:, None] * np.ones((1, LARGEST_ROTORS))
-        spread = np.array([[*f.copy.spread, *[0.0] * (LARGEST_ROTORS - len(f.copy.spread))] for f in flights])
+        spread = np.array([np.pad(f.copy.spread, (0, LARGEST_ROTORS - f.vehicle.count)) for f in flights])
         self.k = self.k_file * (1.0 + column([f.copy.k_error for f in flights])[:, None] + spread)
         self.radius = column([v.radius for v in vehicles])[:, None]
         wide = np.ones((n, LARGEST_ROTORS))
@@ -183,17 +193,29 @@ class World:
         self.arm = column([v.arm for v in vehicles])
         self.hub = column([v.rotor_height for v in vehicles])
         self.ceiling = column([v.ceiling or 1e6 for v in vehicles])
-        lags = [f.value("motor_lag", "first_order", "time_constant_s") for f in flights]
-        lag = column([v.time_constant if x is None else max(float(x), 1e-3) for x, v in zip(lags, vehicles, strict=True)])
-        self.follow = 1.0 - np.exp(-TICK / SUBSTEPS / lag)[:, None]
         self.centre = np.array([[*f.copy.centre, 0.0] for f in flights])
+
+    def _hide(self) -> None:
+        """Hidden effects, batteries and air."""
+        flights, n = self.flights, len(self.flights)
+        lags = [f.value("motor_lag", "first_order", "time_constant_s") for f in flights]
+        lag = column(
+            [
+                v.time_constant if x is None else max(float(x), 1e-3)
+                for x, v in zip(lags, (f.vehicle for f in flights), strict=True)
+            ]
+        )
+        self.follow = 1.0 - np.exp(-TICK / SUBSTEPS / lag)[:, None]
         boards = [f.value("thrust_tilt", "board", "angles_rad") for f in flights]
         self.board = from_vector(np.array([np.zeros(3) if b is None else [*b, 0.0] for b in boards]))
         maps = [[f.value("thrust_map", "line", name) for name in ("slope_error", "offset")] for f in flights]
-        self.map = np.array([[0.0 if x is None else float(x) for x in pair] for pair in maps]) + [1.0, 0.0]
+        self.map = np.array([[0.0 if x is None else float(x) for x in pair] for pair in maps]) + np.array([1.0, 0.0])
         sags = [f.value("battery_sag", "open_loop", "share") for f in flights]
         self.sags = column(
-            [(1.0 if f.source == MEASURED else 0.0) if s is None else float(s) for s, f in zip(sags, flights, strict=True)]
+            [
+                (1.0 if f.source == MEASURED else 0.0) if s is None else float(s)
+                for s, f in zip(sags, flights, strict=True)
+            ]
         )[:, None]
         packs = [f.pack for f in flights]
         cells, sag = column([p.cells for p in packs]), column([p.sag for p in packs])
@@ -205,7 +227,10 @@ class World:
         self.turbulence = Turbulence(sigma, np.full(n, 15.0), np.sqrt((self.wind**2).sum(-1)) + 2.0, TICK)
         self.light = column([f.light_air for f in flights])
         self.light_turbulence = Turbulence(self.light, np.full(n, 10.0), np.full(n, 3.0), TICK)
-        # References, each held at its end.
+
+    def _plan(self) -> None:
+        """References, each held at its end, and tapes."""
+        flights, n = self.flights, len(self.flights)
         steps = max(len(f.reference.yaw) for f in flights)
         self.reference = np.zeros((n, steps, 10), np.float32)
         for row, f in zip(self.reference, flights, strict=True):
@@ -214,21 +239,29 @@ class World:
             row[: len(whole)], row[len(whole) :] = whole, whole[-1]
             row[len(whole) :, 3:9] = 0.0
         self.ends = np.array([len(f.reference.yaw) * OUTER for f in flights])
-        # States.
+        self.begin = round(SETTLE / TICK)
+        length = steps * OUTER - self.begin
+        self.tape = {name: np.zeros((length, n, width), np.float32) for name, width in WIDTHS.items()}
+
+    def _begin(self) -> None:
+        """States in hover, sensors, filters and controllers."""
+        flights, n = self.flights, len(self.flights)
         self.position = self.reference[:, 0, :3].astype(float)
         self.velocity, self.rates = np.zeros((n, 3)), np.zeros((n, 3))
         self.attitude = from_axes(np.tile([0.0, 0.0, 1.0], (n, 1)), self.reference[:, 0, 9].astype(float))
         self.acceleration = np.zeros((n, 3))
         self.speed = np.where(self.present, self.hover[:, None], 1.0)
         self.command = self.speed.copy()
-        self.gust = np.zeros((n, 3))
+        self.gust = self.wind.copy()
         self.light_force = np.zeros((n, 3))
         self.effect, self.effect_moment = np.zeros((n, 3)), np.zeros((n, 3))
         bias = [f.value("imu_bias", "constant", "bias_m_s2") for f in flights]
-        self.sensors = Sensors([f.suite for f in flights], np.array([np.zeros(3) if b is None else b for b in bias]), TICK)
+        self.sensors = Sensors(
+            [f.suite for f in flights], np.array([np.zeros(3) if b is None else b for b in bias]), TICK
+        )
         self.filter = Filter(self.sensors.start(self.attitude), self.velocity, self.position, self.sensors.noise())
-        largest = column([v.largest_thrust for v in vehicles])
-        mixer = np.array([mix(v) for v in vehicles])
+        largest = column([f.vehicle.largest_thrust for f in flights])
+        mixer = np.array([mix(f.vehicle) for f in flights])
         self.pilots = Pilots([f.tuning for f in flights], self.mass, self.inertia_file, mixer, largest)
         self.reaction = np.round(column([f.tuning.delay for f in flights]) / TICK).astype(int)
         self.remnant = column([f.tuning.remnant for f in flights])[:, None]
@@ -238,11 +271,7 @@ class World:
         self.sources = np.array([f.source == MEASURED for f in flights])[:, None]
         self.generators = [np.random.default_rng([f.seed, 77]) for f in flights]
         self.white = np.zeros((n, CHUNK, CHANNELS), np.float32)
-        begin = round(SETTLE / TICK)
-        self.begin, length = begin, steps * OUTER - begin
-        self.tape = {name: np.zeros((length, n, width), np.float32) for name, width in WIDTHS.items()}
-        self.failures = [""] * n
-        self.lanes = np.arange(n)
+        self.pilots.trim(*self._trimmed())
 
     def advance(self, tick: int) -> None:
         """Step of one tick: IMU and estimator, controller, motors and body."""
@@ -277,20 +306,36 @@ class World:
         reference = (row[:, :3], row[:, 3:6], row[:, 6:9], row[:, 9])
         self.pilots.advance_outer(position, velocity, reference, self.hand, STEP)
 
-    def _turn_motors_and_move(self, tick: int) -> None:
-        step = TICK / SUBSTEPS
-        late = self.queue[(tick - self.waiting) % 8, self.lanes]
+    def _targets(self, command: Array) -> Array:
+        """Speeds that the motors turn towards at commanded speeds."""
         per_rotor = (self.mass * GRAVITY / self.present.sum(-1))[:, None]
-        mapped = self.map[:, :1] * self.k_file * late**2 + self.map[:, 1:] * per_rotor
+        mapped = self.map[:, :1] * self.k_file * command**2 + self.map[:, 1:] * per_rotor
         target = np.sqrt(np.maximum(mapped, 0.02 * per_rotor) / self.k_file)
         ratio = 1.0 + self.sags * (self.battery.voltage / self.nominal - 1.0)[:, None]
         hover = self.hover[:, None]
-        target = np.where(self.present, hover * open_loop_speed(target / hover, ratio, self.loss), 1.0)
+        return np.where(self.present, hover * open_loop_speed(target / hover, ratio, self.loss), 1.0)
+
+    def _trimmed(self) -> tuple[Array, Array]:
+        """Acceleration and angular acceleration that the controllers add in hover."""
+        self.speed = self._targets(self.command)
+        rotation = matrix(self.attitude)
+        now = self.situation(rotation)
+        change = self.ensemble.act(now)
+        thrusts = now.ideal * change.factor
+        lift = thrusts.sum(-1) / (self.mass + change.added_mass)
+        pull = (rotate(rotation, change.body) + change.world) / self.mass[:, None]
+        pull[:, 2] += GRAVITY - lift
+        return -pull, -(change.moment + self._moments(thrusts, now.ideal)) / self.inertia_file
+
+    def _turn_motors_and_move(self, tick: int) -> None:
+        step = TICK / SUBSTEPS
+        late = self.queue[(tick - self.waiting) % 8, self.lanes]
+        target = self._targets(late)
         change = self.ensemble.act(self.situation(matrix(self.attitude)))
         for _ in range(SUBSTEPS):
             self.speed = self.speed + self.follow * (target - self.speed)
             self._move(change, step)
-        share = np.where(self.present, (self.speed / hover) ** 3, 0.0).sum(-1) / self.present.sum(-1)
+        share = np.where(self.present, (self.speed / self.hover[:, None]) ** 3, 0.0).sum(-1) / self.present.sum(-1)
         self.battery.advance(share, TICK)
         self._account()
 

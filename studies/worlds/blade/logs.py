@@ -56,7 +56,7 @@ def row_times(rng: np.random.Generator, recorder: Recorder, duration: float) -> 
     steps = np.maximum(rng.normal(1.0, recorder.jitter, count), 0.25) / recorder.rate
     times = 0.02 + np.cumsum(steps)
     for _ in range(recorder.gaps):
-        start, length = rng.uniform(5.0, duration - 5.0), rng.uniform(0.3, 1.5)
+        start, length = rng.uniform(0.1, 0.9) * duration, rng.uniform(0.3, 1.5)
         times = times[(times < start) | (times > start + length)]
     kept: Array = times[times < duration - 0.02]
     return kept
@@ -106,8 +106,8 @@ def tabulate(rng: np.random.Generator, flight: Flight, recorder: Recorder, recor
         else:
             speeds = tape["command"][at] * RPM
         step = max(recorder.rotor_step_rpm, 1.0)
-        for i in range(vehicle.count):
-            columns[f"motor{i + 1}_rpm"] = np.round(speeds[:, i].astype(float) / step) * step
+        speeds = np.round(speeds.astype(float) / step) * step
+        columns |= {f"motor{i + 1}_rpm": speeds[:, i] for i in range(vehicle.count)}
     if recorder.accelerometer:
         add("imu_x_m_s2 imu_y_m_s2 imu_z_m_s2", low_pass(tape["accelerometer"], recorder.accelerometer_cutoff_hz)[at])
     if recorder.battery:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.interpolate import make_interp_spline
@@ -50,7 +51,8 @@ class Reference:
 def ease(share: Array) -> Array:
     """Rise from 0 to 1 with no speed and no acceleration at either end."""
     x = np.clip(share, 0.0, 1.0)
-    return x**3 * (10.0 - 15.0 * x + 6.0 * x * x)
+    risen: Array = x**3 * (10.0 - 15.0 * x + 6.0 * x * x)
+    return risen
 
 
 def fly_spline(rng: np.random.Generator, time: Array, d: Demand) -> Array:
@@ -61,7 +63,8 @@ def fly_spline(rng: np.random.Generator, time: Array, d: Demand) -> Array:
     knots = np.concatenate([[0.0], np.cumsum(rng.uniform(0.8, 1.2, legs))])
     knots *= d.duration / knots[-1]
     rest = [(1, np.zeros(3)), (2, np.zeros(3)), (3, np.zeros(3))]
-    curve: Array = make_interp_spline(knots, points, k=7, bc_type=(rest, rest))(time)
+    conditions: Any = (rest, rest)
+    curve: Array = make_interp_spline(knots, points, k=7, bc_type=conditions)(time)
     return curve
 
 
@@ -205,10 +208,10 @@ def plan(rng: np.random.Generator, d: Demand) -> Reference:
     velocity = np.gradient(curve, STEP, axis=0)
     yaw = head(rng, time, d, velocity)
     before = round(SETTLE / STEP)
-    # The first of the hover eases the shape in, which may begin with a speed.
-    start = ease((np.arange(before + len(curve)) * STEP - SETTLE + 2.0) / 3.0)[:, None]
     whole = np.concatenate([np.tile(curve[0], (before, 1)), curve])
-    whole = whole[0] + (whole - whole[0]) * start
+    # A shape that begins with a speed is eased in.
+    share = ease((np.arange(len(whole)) * STEP - SETTLE) / 3.0)[:, None]
+    whole = whole[0] + (whole - whole[0]) * share
     position = whole * [1.0, 1.0, -1.0]
     speed = np.gradient(position, STEP, axis=0)
     headings = np.concatenate([np.full(before, yaw[0]), yaw])

@@ -41,4 +41,5 @@ def open_loop_speed(command: Array, voltage_ratio: Array, loss: Array) -> Array:
     where the winding takes the share `loss` of the voltage.
     """
     duty = (command + loss * command**2) * voltage_ratio
-    return (np.sqrt(1.0 + 4.0 * loss * duty) - 1.0) / (2.0 * loss)
+    speed: Array = (np.sqrt(1.0 + 4.0 * loss * duty) - 1.0) / (2.0 * loss)
+    return speed

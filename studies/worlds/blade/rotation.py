@@ -1,9 +1,11 @@
 """Quaternions (w, x, y, z), Hamilton, body to world, for arrays of any leading shape."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+Array = NDArray[Any]
 
 
 def multiply(p: Array, q: Array) -> Array:
@@ -23,7 +25,8 @@ def multiply(p: Array, q: Array) -> Array:
 
 def conjugate(q: Array) -> Array:
     """Inverse of unit quaternions."""
-    return q * np.array([1.0, -1.0, -1.0, -1.0])
+    inverse: Array = q * np.array([1.0, -1.0, -1.0, -1.0])
+    return inverse
 
 
 def from_vector(v: Array) -> Array:

@@ -1,7 +1,8 @@
 """Rotors by blade-element and momentum theory with uniform inflow.
 
 Symbols as in Leishman, Principles of Helicopter Aerodynamics (2nd ed. 2006): C_T = T / (rho A (Omega R)^2), solidity
-sigma, lift slope a, pitch theta, advance ratio mu = V_edge / (Omega R), inflow ratio lambda = (V_axial + v_i) / (Omega R).
+sigma, lift slope a, pitch theta, advance ratio mu = V_edge / (Omega R), inflow ratio
+lambda = (V_axial + v_i) / (Omega R).
 """
 
 from dataclasses import dataclass
@@ -28,15 +29,18 @@ def hover_inflow(thrust_coefficient: Array | float) -> Array:
 
 
 def pitch_for(thrust_coefficient: Array | float, lift: Array | float) -> Array:
-    """Pitch of untwisted blades that gives C_T in hover: C_T = sigma a / 2 (theta / 3 - lambda / 2) (Leishman, section 3.3)."""
+    """Pitch of untwisted blades that gives C_T in hover.
+
+    C_T = sigma a / 2 (theta / 3 - lambda / 2) (Leishman, section 3.3).
+    """
     return 3.0 * (2.0 * np.asarray(thrust_coefficient) / lift + hover_inflow(thrust_coefficient) / 2.0)
 
 
 def induced_ratio(blades: Blades, mu: Array, axial: Array) -> Array:
     """Induced inflow ratio at advance ratio mu and axial (climb) ratio, by Glauert's momentum theory.
 
-    Newton's method on C_T(lambda_i) = 2 lambda_i sqrt(mu^2 + (axial + lambda_i)^2) (Leishman, section 2.14), C_T by blade elements.
-    Valid in climb and in slow descent; not in the vortex ring.
+    Newton's method on C_T = 2 lambda_i sqrt(mu^2 + (axial + lambda_i)^2) (Leishman, section 2.14), with C_T(lambda_i)
+    by blade elements. Valid in climb and in slow descent; not in the vortex ring.
     """
     s = blades.lift / 2.0
     constant = s * blades.pitch_rad / 3.0 * (1.0 + 1.5 * mu**2)
@@ -47,7 +51,8 @@ def induced_ratio(blades: Blades, mu: Array, axial: Array) -> Array:
         root = np.sqrt(mu**2 + total**2 + 1e-12)
         error = 2.0 * x * root - constant + s * total / 2.0
         x = np.maximum(x - error / (2.0 * root + 2.0 * x * total / root + s / 2.0), 1e-4)
-    return x
+    ratio: Array = x
+    return ratio
 
 
 def thrust_coefficient(blades: Blades, mu: Array, climb: Array) -> Array:

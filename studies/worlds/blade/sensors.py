@@ -53,6 +53,8 @@ class Suite:
     """Rotation of the IMU's board against the rotors, rad."""
     rate: float
     """Fixes (or poses, or flow) per second."""
+    phase: float
+    """Moment of the first one, as a share of the time between two."""
     delay: float
     believed_delay: float
     fix_noise: float
@@ -91,12 +93,13 @@ def draw_suite(rng: np.random.Generator, kind: str, *, low: bool) -> Suite:
         accel_bias=rng.normal(0.0, 0.02, 3).clip(-0.03, 0.03).tolist(),
         board=board.tolist(),
         rate=float(rate),
+        phase=float(rng.uniform()),
         delay=float(delay),
         believed_delay=float(max(delay + (rng.uniform(-0.03, 0.03) if satellite else rng.uniform(-0.004, 0.004)), 0.0)),
         fix_noise=float(fix),
         fix_walk=float(walk),
         fix_time=float(correlated),
-        speed_noise=float(rng.uniform(0.02, 0.05) if satellite else rng.uniform(0.02, 0.05)),
+        speed_noise=float(rng.uniform(0.02, 0.05)),
         speed_walk=float(rng.uniform(0.01, 0.03)) if satellite else 0.0,
         attitude_noise=float(np.radians(rng.uniform(0.08, 0.25))),
         flow_scale=float(rng.normal(0.0, 0.008)) if kind == "flow" else 0.0,
@@ -120,7 +123,7 @@ class Sensors:
         self._bias = named["accel_bias"] + bias
         self.board = from_vector(named["board"])
         self._every = np.round(1.0 / (named["rate"] * tick)).astype(int)
-        self._phase = np.arange(len(suites)) % self._every
+        self._phase = (named["phase"] * self._every).astype(int)
         self._late = np.round(named["delay"] / tick).astype(int)
         self._believed = np.round(named["believed_delay"] / tick).astype(int)
         self._walk = np.zeros((len(suites), 3))

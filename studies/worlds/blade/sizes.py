@@ -29,7 +29,10 @@ def ceiling_effect(rng: np.random.Generator, form: str, vehicle: Vehicle, demand
         return Effect("ceiling_effect", form, {"gain": float(rng.uniform(0.9, 1.2))}, {"gain": 1})
     if form == "images":
         return Effect("ceiling_effect", form, {"gain": float(rng.uniform(2.5, 3.5))}, {"gain": 1})
-    values: dict[str, float | list[float]] = {"gain": float(rng.uniform(0.4, 0.6)), "decay": float(rng.uniform(0.9, 1.2))}
+    values: dict[str, float | list[float]] = {
+        "gain": float(rng.uniform(0.4, 0.6)),
+        "decay": float(rng.uniform(0.9, 1.2)),
+    }
     return Effect("ceiling_effect", form, values, {"gain": 1})
 
 
@@ -43,7 +46,7 @@ def rotor_drag(rng: np.random.Generator, form: str, vehicle: Vehicle, demand: De
 
 
 def body_drag(rng: np.random.Generator, form: str, vehicle: Vehicle, demand: Demand) -> Effect:
-    """Flat-plate areas of about a tenth of the rotors' span squared (C_D near 1): 0.012 to 0.03 of the mass per metre."""
+    """Flat-plate areas of about a tenth of the span squared, C_D near 1: 0.014 to 0.026 of the mass per metre."""
     size = float(rng.uniform(0.014, 0.026))
     if form == "bluff":
         return Effect("body_drag", form, {"per_metre": size}, {"per_metre": 1})
@@ -85,7 +88,9 @@ def battery_sag(rng: np.random.Generator, form: str, vehicle: Vehicle, demand: D
 
 def motor_lag(rng: np.random.Generator, form: str, vehicle: Vehicle, demand: Demand) -> Effect:
     """Time constants of 70 to 110 ms: propellers that are heavy for their motors."""
-    return Effect("motor_lag", "first_order", {"time_constant_s": float(rng.uniform(0.07, 0.11))}, {"time_constant_s": 1})
+    return Effect(
+        "motor_lag", "first_order", {"time_constant_s": float(rng.uniform(0.07, 0.11))}, {"time_constant_s": 1}
+    )
 
 
 def thrust_tilt(rng: np.random.Generator, form: str, vehicle: Vehicle, demand: Demand) -> Effect:
@@ -134,8 +139,11 @@ def imu_bias(rng: np.random.Generator, form: str, vehicle: Vehicle, demand: Dema
 
 
 def ground_torque(rng: np.random.Generator, form: str, vehicle: Vehicle, demand: Demand) -> Effect:
-    """Levelling moment of a fifth to two fifths of weight times arm times tilt at the ground."""
-    values: dict[str, float | list[float]] = {"gain": float(rng.uniform(0.25, 0.45)), "decay": float(rng.uniform(1.2, 2.0))}
+    """Levelling moment of two to three fifths of weight times arm times tilt, extrapolated to the ground."""
+    values: dict[str, float | list[float]] = {
+        "gain": float(rng.uniform(0.4, 0.7)),
+        "decay": float(rng.uniform(1.2, 2.0)),
+    }
     return Effect("ground_torque", "levelling", values, {"gain": 1})
 
 

@@ -11,6 +11,7 @@ from studies.worlds.blade.alternatives import alike, motion, visible
 from studies.worlds.blade.cases import RECIPES, Case, draw_case
 from studies.worlds.blade.flight import Recording, fly
 from studies.worlds.blade.logs import tabulate, write_log
+from studies.worlds.blade.rotation import Array, conjugate, multiply, to_vector
 from studies.worlds.blade.vehicles import write_vehicle
 
 BATCH = 200
@@ -18,11 +19,13 @@ BATCH = 200
 ATTEMPTS = 8
 
 
-def write_world(out: Path, names: list[str], seed: int, strength: float) -> list[Case]:
+def write_world(
+    out: Path, names: list[str], seed: int, strength: float, duration: float | None = None
+) -> list[Case]:
     """Cases of these names, flown and written; one with a flight that crashes is drawn again."""
     waiting, done = [RECIPES[name] for name in names], []
     for attempt in range(ATTEMPTS):
-        cases = [draw_case(recipe, seed, attempt, strength) for recipe in waiting]
+        cases = [draw_case(recipe, seed, attempt, strength, duration) for recipe in waiting]
         waiting = []
         for batch in _batches(cases):
             recordings = iter(fly([flight for case in batch for flight in case.flights]))
@@ -68,6 +71,11 @@ def _rms(parts: list[Any]) -> float:
     return round(float(np.sqrt((whole**2).sum(-1).mean())), 4)
 
 
+def _turned(estimate: Array, true: Array) -> Array:
+    """Rotation from the true attitude to the estimate, degrees."""
+    return np.degrees(to_vector(multiply(conjugate(true.astype(float)), estimate.astype(float))))
+
+
 def truth(case: Case, recordings: list[Recording], seed: int, strength: float) -> dict[str, Any]:
     """Truth of a case: its families, what is alike in these flights, sizes, and how it was flown."""
     families = tuple(family for family, _ in case.recipe.hidden)
@@ -83,7 +91,7 @@ def truth(case: Case, recordings: list[Recording], seed: int, strength: float) -
         size = round(moment / (vehicle.mass * vehicle.arm), 4)
     return {
         "families": list(families),
-        "indistinguishable": alike(moved, families) if families else [],
+        "indistinguishable": alike(moved, families, tuple(form for _, form in case.recipe.hidden)) if families else [],
         "effect_rms_m_s2": size if families else 0.0,
         "effect_moment_rms_n_m": moment,
         "visible_m_s2": visible(moved, families),
@@ -108,6 +116,7 @@ def truth(case: Case, recordings: list[Recording], seed: int, strength: float) -
         "estimate_error_rms": {
             "velocity_m_s": _rms([t["velocity"] - t["true_velocity"] for t in tapes]),
             "position_m": _rms([t["position"] - t["true_position"] for t in tapes]),
+            "attitude_deg": _rms([_turned(t["attitude"], t["true_attitude"]) for t in tapes]),
         },
         "light_air_m_s2": [f.light_air for f in case.flights],
         "rest_of_physics_m_s2": size if not families else None,
