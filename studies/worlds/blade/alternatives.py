@@ -22,7 +22,7 @@ EVERY = 20
 """Ticks from sample to sample."""
 FAINT = 0.03
 """Acceleration that noisy logs do not show for sure, m/s^2."""
-SHARE = 0.08
+SHARE = 0.12
 """Share of the effect that may be left over where two families are called alike; the forms of one differ by more."""
 TAKEN = 0.2
 """Share of a family's effect that must be left where the other hidden families have taken what they can."""
@@ -185,8 +185,8 @@ def alike(m: Motion, families: tuple[str, ...], forms: tuple[str, ...]) -> list[
         for other in TERMS:
             if other in others:
                 alike_ = other not in BY_MOMENT and clear[family] < max(FAINT, TAKEN * alone)
-            elif other == family or not possible(other, m):
-                continue
+            elif other == family or not possible(other, m) or clear[family] < FAINT:
+                continue  # what cannot be seen is like everything
             else:
                 exchanged = left_over(m, [*others, other], families)
                 more = np.sqrt(max(exchanged**2 - least**2, 0.0))

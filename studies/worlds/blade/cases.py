@@ -64,7 +64,7 @@ def _space(rng: np.random.Generator, space: str, vehicle: Vehicle) -> dict[str, 
         low = max(rng.uniform(0.6, 0.8) * radius - hub, 0.015)
         return {"extent": 1.5, "low": low, "high": low + rng.uniform(4.5, 7.0) * radius, "speed": rng.uniform(0.8, 1.5)}
     assert space == "ceiling" and vehicle.ceiling is not None
-    high = vehicle.ceiling - hub - rng.uniform(1.3, 1.6) * radius
+    high = vehicle.ceiling - hub - rng.uniform(1.7, 1.9) * radius
     return {"extent": 1.2, "low": high - rng.uniform(3.5, 5.0) * radius, "high": high, "speed": 1.2}
 
 
@@ -194,7 +194,7 @@ LEVEL: dict[str, Any] = {"high": 7.0, "low": 6.3, "heading": "steps"}
 BREEZE: dict[str, Any] = {"extent": 3.0, "speed": 1.2, "heading": "steps"}
 ROPE: dict[str, Any] = {"low": 1.0, "extent": 2.5, "climb": 2.0}
 SEEN: dict[str, Any] = {"rotor_rates": (25.0, 50.0)}
-SKIM: dict[str, Any] = {"high": 0.22, "speed": 2.5, "acceleration": 4.0, "extent": 1.8}
+SKIM: dict[str, Any] = {"low": 0.09, "high": 0.26, "speed": 2.5, "acceleration": 4.0, "extent": 1.8}
 RUNS: dict[str, Any] = {**FAST, "heading": "steps"}
 
 
@@ -214,7 +214,7 @@ def _hidden() -> list[Recipe]:
         {"form": "hayden", "mass": MIDDLE, "suite": "flow", "shapes": ("staircase", "vertical"), **low},
         {"form": "danjun", "mass": LARGE, "suite": "rtk", "shapes": ("staircase", "spline"), **low},
     )
-    roof = {"space": "ceiling", "mass": (1.2, 4.0), "rotor_rates": (10.0, 50.0)}
+    roof = {"space": "ceiling", "mass": (2.0, 5.0), "rotor_rates": (10.0, 50.0)}
     add(
         "ceiling_effect",
         {"form": "contact", "suite": "mocap", "shapes": ("ceiling_staircase", "ceiling_staircase"), **roof},

@@ -46,7 +46,7 @@ def draw_tuning(rng: np.random.Generator, kind: int, time_constant: float, slow:
     sideways = min(attitude * rng.uniform(0.36, 0.46), 0.4 / (slow + 0.05), 3.5)
     vertical = min(0.22 / (time_constant + 0.03), 0.4 / (slow + 0.05), 4.0) * rng.uniform(0.8, 1.0)
     velocity = np.array([sideways, sideways, 1.6 * vertical if stiff else vertical])
-    position = velocity * rng.uniform(0.32, 0.42)
+    position = velocity * rng.uniform(0.32, 0.42) * np.array([1.0, 1.0, 1.6 if stiff else 1.0])
     if kind == PERSON:
         velocity, position = np.minimum(velocity, rng.uniform(0.9, 1.1)), np.full(3, rng.uniform(0.25, 0.35))
         delay, remnant, lead = rng.uniform(0.2, 0.3), rng.uniform(0.1, 0.3), 0.0

@@ -24,13 +24,13 @@ def ground_effect(rng: np.random.Generator, form: str, vehicle: Vehicle, demand:
 
 
 def ceiling_effect(rng: np.random.Generator, form: str, vehicle: Vehicle, demand: Demand) -> Effect:
-    """15 to 30 % more thrust at one radius below the ceiling (Jimenez-Cano et al. 2019)."""
+    """15 to 20 % more thrust at one radius below the ceiling (Jimenez-Cano et al. 2019)."""
     if form == "contact":
         return Effect("ceiling_effect", form, {"gain": float(rng.uniform(0.9, 1.2))}, {"gain": 1})
     if form == "images":
-        return Effect("ceiling_effect", form, {"gain": float(rng.uniform(2.5, 3.5))}, {"gain": 1})
+        return Effect("ceiling_effect", form, {"gain": float(rng.uniform(2.0, 2.6))}, {"gain": 1})
     values: dict[str, float | list[float]] = {
-        "gain": float(rng.uniform(0.4, 0.6)),
+        "gain": float(rng.uniform(0.36, 0.46)),
         "decay": float(rng.uniform(0.9, 1.2)),
     }
     return Effect("ceiling_effect", form, values, {"gain": 1})

@@ -19,9 +19,7 @@ BATCH = 200
 ATTEMPTS = 8
 
 
-def write_world(
-    out: Path, names: list[str], seed: int, strength: float, duration: float | None = None
-) -> list[Case]:
+def write_world(out: Path, names: list[str], seed: int, strength: float, duration: float | None = None) -> list[Case]:
     """Cases of these names, flown and written; one with a flight that crashes is drawn again."""
     waiting, done = [RECIPES[name] for name in names], []
     for attempt in range(ATTEMPTS):
