@@ -35,7 +35,7 @@ class Demand:
     """Greatest vertical acceleration, m/s^2."""
     heading: str = "turning"
     rate: float = 0.4
-    """Frequency of vertical oscillations, Hz; they sweep from a third of it to it."""
+    """Frequency of vertical oscillations, Hz; they sweep from half of it to it."""
 
 
 @dataclass(frozen=True)
@@ -110,10 +110,12 @@ def _visit(rng: np.random.Generator, time: Array, d: Demand, heights: Array) -> 
 
 def fly_vertical(rng: np.random.Generator, time: Array, d: Demand) -> Array:
     """Vertical oscillations whose frequency goes up and down again, with a slow drift sideways."""
-    sweep = 0.33 + 0.67 * 0.5 * (1.0 - np.cos(2.0 * np.pi * time / d.duration * rng.choice([1.0, 2.0])))
+    sweep = 0.5 + 0.5 * 0.5 * (1.0 - np.cos(2.0 * np.pi * time / d.duration * rng.choice([1.0, 2.0])))
     phase = 2.0 * np.pi * np.cumsum(d.rate * sweep) * STEP
-    height = np.sin(phase) / sweep**1.5
-    height *= ease(time / 3.0) * ease((d.duration - time) / 3.0) / np.abs(height).max()
+    height = np.sin(phase) / sweep
+    rise = min(max(1.2 / d.rate, 3.0), d.duration / 4.0)
+    height *= ease(time / rise) * ease((d.duration - time) / rise)
+    height /= np.abs(height).max()
     slow = 2.0 * np.pi * time / d.duration
     x, y = d.extent * 0.5 * np.sin(slow), d.extent * 0.5 * np.sin(2 * slow)
     return np.stack([x, y, (d.low + d.high) / 2 + height * (d.high - d.low) / 2], -1)

@@ -115,6 +115,7 @@ def truth(case: Case, recordings: list[Recording], seed: int, strength: float) -
             "velocity_m_s": _rms([t["velocity"] - t["true_velocity"] for t in tapes]),
             "position_m": _rms([t["position"] - t["true_position"] for t in tapes]),
             "attitude_deg": _rms([_turned(t["attitude"], t["true_attitude"]) for t in tapes]),
+            "tilt_deg": _rms([_turned(t["attitude"], t["true_attitude"])[:, :2] for t in tapes]),
         },
         "light_air_m_s2": [f.light_air for f in case.flights],
         "rest_of_physics_m_s2": size if not families else None,
