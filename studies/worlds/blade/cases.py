@@ -188,6 +188,7 @@ FAST: dict[str, Any] = {
     "heading": "turning",
 }
 QUICK: dict[str, Any] = {"rate": 0.75, "lift": 5.0, "climb": 2.5}
+SWINGS: dict[str, Any] = {"rate": 0.6, "lift": 2.5, "climb": 2.5}
 TURNING: dict[str, Any] = {"heading": "turning"}
 CLIMBS: dict[str, Any] = {"extent": 3.0, "low": 4.0, "high": 16.0, "climb": 3.0, "lift": 2.5, "rate": 0.14}
 LEVEL: dict[str, Any] = {"high": 7.0, "low": 6.3, "heading": "steps"}
@@ -350,12 +351,12 @@ def _hidden() -> list[Recipe]:
     )  # fmt: skip
     add(
         "thrust_map",
-        {"mass": MIDDLE, "suite": "mocap", "shapes": ("vertical", "spline"), "space": "room", "demand": QUICK,
+        {"mass": MIDDLE, "suite": "mocap", "shapes": ("vertical", "spline"), "space": "room", "demand": SWINGS,
          "source": THROTTLE, "pilot": GEOMETRIC},
-        {"mass": SMALL, "suite": "mocap", "shapes": ("vertical", "vertical"), "space": "room", "demand": QUICK,
+        {"mass": SMALL, "suite": "mocap", "shapes": ("vertical", "vertical"), "space": "room", "demand": SWINGS,
          "source": THROTTLE, "pilot": GEOMETRIC},
         {"mass": LARGE, "suite": "rtk", "shapes": ("vertical", "spline", "vertical"), "space": "field",
-         "demand": {**QUICK, "extent": 5.0}, "source": THROTTLE, "pilot": GEOMETRIC},
+         "demand": {**SWINGS, "extent": 5.0}, "source": THROTTLE, "pilot": GEOMETRIC},
     )  # fmt: skip
     return out
 

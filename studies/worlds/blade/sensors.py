@@ -77,7 +77,7 @@ class Suite:
 
 def draw_suite(rng: np.random.Generator, kind: str, *, low: bool) -> Suite:
     """Sensors as they are sold; `low` for flights close to the ground, whose height a range finder measures."""
-    board = rng.normal(0.0, np.radians(0.1), 3).clip(-np.radians(0.16), np.radians(0.16))
+    board = rng.normal(0.0, np.radians(0.08), 3).clip(-np.radians(0.12), np.radians(0.12))
     rate, delay, fix, walk, correlated = {
         "gnss": (rng.choice([5.0, 10.0]), rng.uniform(0.1, 0.2), 0.02, rng.uniform(0.15, 0.5), rng.uniform(40, 120)),
         "rtk": (rng.choice([5.0, 10.0]), rng.uniform(0.1, 0.2), 0.008, 0.006, 60.0),
@@ -90,7 +90,7 @@ def draw_suite(rng: np.random.Generator, kind: str, *, low: bool) -> Suite:
         gyro_noise=float(rng.uniform(0.002, 0.006)),
         accel_noise=float(rng.uniform(0.04, 0.12)),
         gyro_bias=rng.normal(0.0, 0.004, 3).tolist(),
-        accel_bias=rng.normal(0.0, 0.02, 3).clip(-0.03, 0.03).tolist(),
+        accel_bias=rng.normal(0.0, 0.012, 3).clip(-0.02, 0.02).tolist(),
         board=board.tolist(),
         rate=float(rate),
         phase=float(rng.uniform()),
