@@ -18,6 +18,9 @@ SLOPES = np.linspace(0.0, 2.0, 21)
 """Exponents of the power law of the noise: from white noise to a random walk."""
 CORNERS = np.array([0.0, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0])
 """Frequencies below which the noise is white, in units of the lowest of the flight; 0: at none."""
+MOSTLY_EXPLAINED = 0.5
+"""Share of the power of the explainable error below which the rest is an error of the candidate's form; a larger rest
+is something else, with which a candidate can go together by chance."""
 FEW_BLOCKS = 3.0
 """Number of blocks of time, by their shares of the evidence, below which it may be a burst of noise."""
 LEAST_FLIGHTS = 4
@@ -33,12 +36,13 @@ def improvement_p_value(
     candidate, both of shape (n, axes), for the first axes of the `targets` of `dataset`. For an irrelevant candidate
     their product has mean zero (Clark & West 2007, J. Econometrics 138, test for nested models), but for what errors of
     the logged inputs give, which is subtracted (see `_attenuation`). The variance of the sum comes from the residual
-    with the candidate or, for each axis where it is smaller, from `noise` (see `_variance_of_sum`): a candidate of the
-    right kind but of another form leaves an error that is as slow as the effect, and no noise.
+    with the candidate (see `_variance_of_sum`). On an axis where the candidate explains most of what is no `noise`, it
+    comes from that: a candidate of the right kind but of another form leaves an error that is as slow as the effect.
     """
     after = before - predicted_change
     if noise is not None:
-        after = np.where(np.mean(noise**2, axis=0) < np.mean(after**2, axis=0), noise, after)
+        floor, left, had = (np.mean(values**2, axis=0) for values in (noise, after, before))
+        after = np.where((floor < left) & (left - floor < MOSTLY_EXPLAINED * (had - floor)), noise, after)
     used = [
         axis
         for axis in range(before.shape[1])
