@@ -36,25 +36,32 @@ def improvement_p_value(
     candidate, both of shape (n, axes), for the first axes of the `targets` of `dataset`. For an irrelevant candidate
     their product has mean zero (Clark & West 2007, J. Econometrics 138, test for nested models), but for what errors of
     the logged inputs give, which is subtracted (see `_attenuation`). The variance of the sum comes from the residual
-    with the candidate (see `_variance_of_sum`). On an axis where the candidate explains most of what is no `noise`, it
-    comes from that: a candidate of the right kind but of another form leaves an error that is as slow as the effect.
+    with the candidate (see `_variance_of_sum`) or, on the axes where the candidate explains most of what is no `noise`,
+    from that: a candidate of the right kind but of another form leaves an error that is as slow as the effect. Each
+    contains all of the noise, so the smaller p-value counts.
     """
     after = before - predicted_change
-    if noise is not None:
-        floor, left, had = (np.mean(values**2, axis=0) for values in (noise, after, before))
-        after = np.where((floor < left) & (left - floor < MOSTLY_EXPLAINED * (had - floor)), noise, after)
-    used = [
-        axis
-        for axis in range(before.shape[1])
-        if np.mean(predicted_change[:, axis] ** 2) >= NO_CHANGE**2 * _power(after[:, axis])
-    ]
-    if not used:
+    p_value = _p_value(before, predicted_change, after, dataset)
+    if noise is None:
+        return p_value
+    floor, left, had = (np.mean(values**2, axis=0) for values in (noise, after, before))
+    by_form = (floor < left) & (left - floor < MOSTLY_EXPLAINED * (had - floor))
+    if not by_form.any():
+        return p_value
+    return min(p_value, _p_value(before, predicted_change, np.where(by_form, noise, after), dataset))
+
+
+def _p_value(before: Floats, change: Floats, noise: Floats, dataset: Dataset) -> float:
+    """p-value where the variance comes from `noise`, shape (n, axes) each; see `improvement_p_value`."""
+    power = np.array([_power(noise[:, axis]) for axis in range(noise.shape[1])])
+    used = np.mean(change**2, axis=0) >= NO_CHANGE**2 * power
+    if not used.any():
         return 1.0
-    weights = predicted_change[:, used] / np.array([_power(after[:, axis]) for axis in used])
+    weights = (change / power)[:, used]
     score = float(np.sum(weights * before[:, used]))
     predicted = (dataset.targets[:, : before.shape[1]] - before)[:, used]
-    by_errors = sum(_attenuation(weights[part], predicted[part], after[part][:, used]) for part in dataset.parts)
-    variance, degrees = _variance_of_sum(weights, after[:, used], dataset)
+    by_errors = sum(_attenuation(weights[part], predicted[part], noise[part][:, used]) for part in dataset.parts)
+    variance, degrees = _variance_of_sum(weights, noise[:, used], dataset)
     return float(stats.t.sf((score - by_errors) / math.sqrt(variance), degrees))
 
 
