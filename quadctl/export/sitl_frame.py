@@ -22,7 +22,7 @@ THRUST = {"thrust_scale", "thrust_map", "thrust_curve"}
 """Families of effects that are in the thrust over the command."""
 REFERENCE_SPEED_M_S = 10.0
 SEA_LEVEL_PA, GAS_CONSTANT, KELVIN = 101325.0, 287.26, 273.15
-"""Of ArduPilot's standard atmosphere."""
+"""Standard atmosphere of ArduPilot: pressure, Pa, gas constant, J/(kg K), and 0 °C in K."""
 MOST_LEAN_DEG = 89.0
 SAME = 0.02
 """Largest relative difference between numbers that count as the same."""

@@ -32,7 +32,7 @@ class Recipe:
     """Mission of each flight."""
     space: str
     demand: dict[str, Any] = field(default_factory=dict)
-    """What the missions ask other than the space offers."""
+    """Demands of the missions beside the space that there is."""
     pilot: int | None = None
     source: str = MEASURED
     rotor_rates: tuple[float, float] = (5.0, 50.0)

@@ -69,7 +69,7 @@ class Flight:
     copy: Copy
     pack: Pack
     source: str
-    """What the log tells of the rotors: `measured` speeds, `commanded` speeds, or only the `throttle`."""
+    """Rotor signal of the log: `measured` speeds, `commanded` speeds, or only the `throttle`."""
     command_delay: int
     """Ticks from the controller to the motors."""
     light_air: float
