@@ -28,6 +28,8 @@ from studies.worlds.blade.rotors import (
 from studies.worlds.blade.vehicles import GRAVITY
 from studies.worlds.blade.world import write_world
 
+pytestmark = pytest.mark.long
+
 C_T, LIFT = 0.01, 0.57
 SILENCED = ("ground_effect_1", "rotor_drag_1", "inflow_2", "payload_1", "rotor_fault_1", "thrust_tilt_1")
 """Cases that are flown at strength 0, and again without their effects."""

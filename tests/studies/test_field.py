@@ -15,6 +15,8 @@ from studies.worlds.field.draws import draw_case
 from studies.worlds.field.missions import STEP_S
 from studies.worlds.field.simulation import Track, simulate
 
+pytestmark = pytest.mark.long
+
 SECONDS = 20.0
 
 
