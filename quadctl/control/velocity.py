@@ -52,20 +52,18 @@ def acceleration_setpoint(
         _pid(error[2], integral[2], measured[2], feed_forward[2], gains[2]),
     )
     limited = _limit_acceleration(raw, settings)
-    # Anti-windup: an axis at its limit integrates only what leads away from the limit.
-    most = settings.max_integral_m_s2
+    most, beyond = settings.max_integral_m_s2, _subtract(raw, limited)
     new_integral = (
-        integral[0]
-        if (raw[0] - limited[0]) * error[0] > 0.0
-        else _clip(integral[0] + gains[0].i * error[0] * dt, most),
-        integral[1]
-        if (raw[1] - limited[1]) * error[1] > 0.0
-        else _clip(integral[1] + gains[1].i * error[1] * dt, most),
-        integral[2]
-        if (raw[2] - limited[2]) * error[2] > 0.0
-        else _clip(integral[2] + gains[2].i * error[2] * dt, most),
+        _integrated(integral[0], error[0], beyond[0], gains[0], dt, most),
+        _integrated(integral[1], error[1], beyond[1], gains[1], dt, most),
+        _integrated(integral[2], error[2], beyond[2], gains[2], dt, most),
     )
     return limited, VelocityMemory(new_integral, velocity, measured)
+
+
+def _integrated(integral: float, error: float, beyond: float, gains: AxisGains, dt: float, most: float) -> float:
+    """Integral of one axis after `dt`; an axis that is `beyond` its limit integrates only what leads away from it."""
+    return integral if beyond * error > 0.0 else _clip(integral + gains.i * error * dt, most)
 
 
 def _led_back(target: float, actual: float, feed_forward: float, p: float) -> float:
