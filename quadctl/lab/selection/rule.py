@@ -4,7 +4,8 @@ A candidate holds data (`Candidate`); the predicates of this module decide. `doc
 on hidden-effect cases when a threshold is moved.
 """
 
-from collections.abc import Iterable, Sequence
+import math
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -97,14 +98,20 @@ def is_harmful(c: Candidate) -> bool:
     return c.effect.affects_moment and (overall or c.worst_flight < -max(HARMLESS, *drops))
 
 
+def moment_drops(before: Mapping[str, float], after: Mapping[str, float]) -> dict[str, float]:
+    """Drop of the error of each moment by a change, relative to that error, or to `LEAST_SHARE_OF_MOMENT` of the error
+    of all three where that is larger; a rise also relative to the moment that the change explains. So a moment that was
+    right to a fraction of the others has no veto."""
+    least = max(LEAST_SHARE_OF_MOMENT * before["turning"], LEAST_ERROR)
+    explained = math.sqrt(sum(max(before[axis] ** 2 - after[axis] ** 2, 0.0) for axis in MOMENTS))
+    scale = {axis: max(before[axis], least, explained if after[axis] > before[axis] else 0.0) for axis in MOMENTS}
+    return {axis: (before[axis] - after[axis]) / scale[axis] for axis in MOMENTS}
+
+
 def _moment_drops(c: Candidate) -> list[float]:
-    """Drop of the held-out error of each moment, relative to that error or to `LEAST_SHARE_OF_MOMENT` of that of all
-    three: a moment that was right to a fraction of the others has no veto."""
-    whole = LEAST_SHARE_OF_MOMENT * c.before.get("turning", 0.0)
-    return [
-        (c.before[axis] - c.after[axis]) / max(c.before[axis], whole, LEAST_ERROR) if axis in c.drops else 0.0
-        for axis in MOMENTS
-    ]
+    """Drop of the held-out error of each moment (see `moment_drops`); 0 where the effect acts on none."""
+    acts = "turning" in c.after and any(axis in c.drops for axis in MOMENTS)
+    return list(moment_drops(c.before, c.after).values()) if acts else [0.0, 0.0, 0.0]
 
 
 def shows_in_moments(c: Candidate) -> bool:

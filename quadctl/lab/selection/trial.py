@@ -12,10 +12,10 @@ from quadctl.lab.fitting.initial_guesses import Unmodelled, best_guesses
 from quadctl.lab.fitting.nuisances import AGE, BOUND
 from quadctl.lab.fitting.significance import improvement_p_value
 from quadctl.lab.flights.dataset import Dataset
-from quadctl.lab.flights.prediction import MOMENTS, rmse
+from quadctl.lab.flights.prediction import rmse
 from quadctl.lab.flights.timing import comes_too_early
-from quadctl.lab.selection.candidate import LEAST_ERROR, Candidate
-from quadctl.lab.selection.rule import indistinct, unbelievable
+from quadctl.lab.selection.candidate import Candidate
+from quadctl.lab.selection.rule import indistinct, moment_drops, unbelievable
 from quadctl.lab.threads import one_blas_thread
 
 LEFT_BY_A_LAG = 0.5
@@ -91,9 +91,8 @@ def _is_no_delay(before: Floats, after: Floats, dataset: Dataset) -> bool:
 
 
 def _worst_flight(before: Floats, after: Floats, dataset: Dataset) -> float:
-    """Smallest relative drop of the error of a moment in a single flight; 0 where none is negative."""
-    worst = 0.0
-    for part in dataset.parts:
-        had, left = rmse(before[part], dataset.groups), rmse(after[part], dataset.groups)
-        worst = min([worst, *(1.0 - left[axis] / max(had[axis], LEAST_ERROR) for axis in MOMENTS if axis in had)])
-    return worst
+    """Smallest drop of the error of a moment in a single flight (see `moment_drops`); 0 where none is negative."""
+    if "turning" not in dataset.groups:
+        return 0.0
+    errors = [(rmse(before[part], dataset.groups), rmse(after[part], dataset.groups)) for part in dataset.parts]
+    return min([0.0, *(drop for had, left in errors for drop in moment_drops(had, left).values())])

@@ -32,7 +32,7 @@ from quadctl.lab.flights.prediction import rmse
 from quadctl.lab.selection.addition import add
 from quadctl.lab.selection.candidate import Candidate
 from quadctl.lab.selection.diagnosis import diagnose
-from quadctl.lab.selection.rule import is_supported
+from quadctl.lab.selection.rule import is_supported, moment_drops
 from quadctl.logs.columns import rpm_columns
 from quadctl.logs.flight_log import RATES, FlightLog
 from quadctl.model import Model
@@ -488,6 +488,13 @@ class TestOtherAxes:
     def test_not_if_another_moment_pays_for_it(self, raptor: Vehicle, harmed: dict[str, float]) -> None:
         turning = {"roll": 0.05, "pitch": 0.05, "yaw": 0.05, "turning": 0.12, **harmed}
         assert not is_supported(self.candidate(raptor, WeakRotor(0.1), **turning))
+
+    def test_a_moment_that_rises_by_a_trace_of_what_is_explained_has_no_veto(self, raptor: Vehicle) -> None:
+        """A rotor that lost lift may turn the vehicle as before: yaw is wrong by a little, roll and pitch are right."""
+        before = {**ERRORS, "yaw": 0.0004, "turning": 0.1414}
+        weak = self.candidate(raptor, WeakRotor(0.1), roll=0.001, pitch=0.001, yaw=0.0008, turning=0.0016)
+        assert moment_drops(before, weak.after)["yaw"] == pytest.approx(-0.0004 / 0.1414, rel=1e-3)
+        assert is_supported(dataclasses.replace(weak, before=before))
 
     def test_a_weak_rotor_shows_in_all_its_moments_alike(self, raptor: Vehicle) -> None:
         """A yaw moment with a trace of the others is explained by leaning motors."""
