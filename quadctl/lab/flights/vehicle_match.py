@@ -19,6 +19,9 @@ MAX_SETTING_DIFFERENCE = 0.1
 MIN_CORRELATION, STRANGER_CORRELATION = 0.4, 0.15
 """Correlation of the rotors' moments with the measured ones: least in the right order of the motors, largest in a wrong
 one."""
+MIN_SHARE_OF_MOMENT = 0.5
+"""Least share of the rotors' moments that turns the vehicle, in the right order of the motors. Where most of them
+counters a moment from outside, such as that of the ground, the vehicle turns against them in any order."""
 MIN_LIFT_CORRELATION = 0.7
 """Least correlation of thrust with vertical acceleration at which sign and factor are clear."""
 MAX_ACCELERATION_FACTOR = 2.5
@@ -132,8 +135,11 @@ def _motor_order(torque: Floats, thrust_n: Floats, vehicle: Vehicle) -> str | No
     gain = thrust.T @ (needed / np.maximum(needed.std(axis=0), 1e-12)) @ arms.T
     speeds, places = linear_sum_assignment(gain, maximize=True)
     order = speeds[np.argsort(places)]
-    as_logged, best = _correlations(thrust @ arms, needed), _correlations(thrust[:, order] @ arms, needed)
+    made = thrust[:, order] @ arms
+    as_logged, best = _correlations(thrust @ arms, needed), _correlations(made, needed)
     if min(best) < MIN_CORRELATION or min(as_logged) > STRANGER_CORRELATION:
+        return None
+    if np.min(np.sum(made * needed, axis=0) / np.sum(made**2, axis=0)) < MIN_SHARE_OF_MOMENT:
         return None
     return (
         "its rotor speeds do not turn the vehicle as it turns (correlation of the roll and pitch moments "
