@@ -107,6 +107,18 @@ def test_a_new_vehicle_is_entered_as_a_few_numbers(browser: Browser, tmp_path: P
 
 
 @pytest.mark.long
+def test_files_are_chosen_in_the_window_of_the_browser(browser: Browser, flown: Path, tmp_path: Path) -> None:
+    with served(tmp_path / "lab") as (url, _):
+        visitor = Visitor(browser, url)
+        visitor.sees("button:has-text('Choose files')")
+        with visitor.page.expect_file_chooser() as chosen:
+            visitor.click("button:has-text('Choose files')")
+        chosen.value.set_files(flown)
+        visitor.sees("h2:has-text('measured and predicted')")
+        visitor.leaves()
+
+
+@pytest.mark.long
 def test_without_a_log_a_sample_flight_is_flown_and_a_tap_explains_a_word(browser: Browser, tmp_path: Path) -> None:
     with served(tmp_path / "lab") as (url, _):
         visitor = Visitor(browser, url)

@@ -170,6 +170,9 @@ def views(raptor: Vehicle) -> dict[str, View]:
         "no flight": {"opened": None},
         "a log that has been read": {"opened": None, "work": Work("Reading flights"), "as_read": (logs[0],)},
         "a fit to one of the flights": {"session": _fitted_to(session, ("0.csv",))},
+        "a fit to a flight before it was held out": {
+            "session": _fitted_to(session.with_role(Path("1.csv"), True), ("0.csv", "1.csv"))
+        },
         "no evaluation": {"results": replace(results, evaluation=None)},
         "nothing found": {"results": replace(results, found=None)},
         "findings of another step": {
@@ -343,6 +346,14 @@ class TestOpenTab:
         shown = str(tabs("missing", views["a fit to one of the flights"]).shown)
         assert "The model is fitted to 0.csv only, not to 1.csv." in shown
         assert "Refit to all flights" in shown
+
+    def test_a_flight_that_was_fitted_before_it_was_held_out_gives_no_held_out_error(
+        self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
+    ) -> None:
+        view = views["a fit to a flight before it was held out"]
+        shown = str(tabs("missing", view).shown)
+        assert "The model is fitted to 1.csv, too: the error there is no held-out error." in shown
+        assert "Refit without what is held out" in shown
 
     def test_the_evidence_for_what_is_missing_opens_when_it_is_asked_for_and_not_before(
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]

@@ -125,7 +125,7 @@ def drop_zone(do: Controls) -> None:
         with tag("div", "line wrap"):
             choose = ui.button("Choose files", icon="folder_open").props("no-caps unelevated")
             # In the browser itself: only there does a click open the window in which files are chosen.
-            choose.on("click", js_handler=f"() => getElement({upload.id}).pickFiles()")
+            choose.on("click", js_handler=f"() => runMethod({upload.id}, 'pickFiles', [])")
             tag("span", "muted grow", f"{labels()}.")
 
 

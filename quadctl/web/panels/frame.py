@@ -105,17 +105,25 @@ class FittedTo(Panel):
     rung: Rung | None
     seen: Dataset | None
     off: frozenset[str]
+    unseen: frozenset[Path]
 
     def draw(self, do: Controls) -> None:
         if self.rung is None or self.seen is None:
             return
         used, new = flights_of_the_fit(self.rung.model, self.seen.names)
-        if not new:
+        known = sorted({log.name for log in self.unseen} & set(used))
+        if not (new or known):
             return
+        if known:
+            words = f"The model is fitted to {listed(known)}, too: the error there is no held-out error."
+            what = "Refit without what is held out"
+        else:
+            words = f"The model is fitted to {listed(used)} only, not to {listed(new)}."
+            what = "Refit to all flights"
         with tag("div", "banner").props('role="status" id="fitted-to"'):
             ui.icon("rule")
-            tag("span", "grow", f"The model is fitted to {listed(used)} only, not to {listed(new)}.")
-            refit = ui.button("Refit to all flights", on_click=lambda: do.act(do.bench.refit()))
+            tag("span", "grow", words)
+            refit = ui.button(what, on_click=lambda: do.act(do.bench.refit()))
             do.when_idle(refit.props("no-caps outline dense"), not self.off)
 
 

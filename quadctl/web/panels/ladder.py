@@ -8,6 +8,7 @@ from nicegui import ui
 from quadctl.lab.comparison.wording import change_in_words, held_out, listed, number, plain, quantity, share_of_g
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.web.elements.html import tag
+from quadctl.web.panels.frame import flights_of_the_fit
 from quadctl.web.panels.glossary import explained
 from quadctl.web.panels.panel import Controls, Panel
 from quadctl.web.session.session import Session
@@ -75,7 +76,12 @@ class Ladder(Panel):
         error = self.evaluation.error_m_s2
         said = f"The model mispredicts acceleration by {quantity(error)}, {share_of_g(error)} of g (RMSE)"
         if self.evaluation.unseen is not None:
-            return f"{said}, on the held-out {listed(self.evaluation.unseen.dataset.names)}."
+            names = self.evaluation.unseen.dataset.names
+            used = [] if self.session.rung is None else flights_of_the_fit(self.session.rung.model, names)[0]
+            known = [name for name in names if name in used]
+            if known:
+                return f"{said}, on {listed(names)}; the model was fitted to {listed(known)} before it was held out."
+            return f"{said}, on the held-out {listed(names)}."
         refitted = ", the other effects refitted" if self.session.off else ""
         return f"{said}, apart from the trim of each flight{refitted}: on {held_out(self.seen)}."
 

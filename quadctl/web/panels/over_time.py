@@ -87,7 +87,7 @@ class OverTime(ChosenFlightPanel):
             upload.props('accept=".yaml,.yml"').classes("hidden")
             choose = ui.button("From a file", icon="file_open").props("flat dense no-caps")
             # In the browser itself: only there does a click open the window in which files are chosen.
-            choose.on("click", js_handler=f"() => getElement({upload.id}).pickFiles()")
+            choose.on("click", js_handler=f"() => runMethod({upload.id}, 'pickFiles', [])")
 
 
 @dataclass(frozen=True)
