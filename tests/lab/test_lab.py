@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from rich.console import Console
-from scipy import stats
 
 from quadctl.effects import find_effect
 from quadctl.effects.ground_effect import Exponential, Sanchez
@@ -113,32 +112,6 @@ class TestStatistics:
         before = 0.7 * change + np.column_stack([_correlated(n, 0.7, axis) for axis in range(3)])
         data.targets[:, :3] = before + _motion(n, 8, 30.0)
         assert (improvement_p_value(before, change, data) < 1e-3) is significant
-
-    def test_a_slow_effect_of_another_form_is_judged_against_the_noise_where_that_is_known(self, rigid: Model) -> None:
-        """The error that a wrong form leaves is as slow as the effect; taken for noise, it hides the effect."""
-        data = load_dataset([obedient(rigid, 200.0)], rigid.vehicle)
-        n = len(data.measured)
-        noise = np.column_stack([0.1 * _correlated(n, 0.7, axis) for axis in range(3)])
-        slow = np.sin(np.linspace(0.0, 4.0 * np.pi, n))
-        up = np.array([0.0, 0.0, 1.0])
-        before = np.outer(slow**3, up) + noise
-        change = np.outer(0.7 * slow, up)
-        data.targets[:, :3] = before + _motion(n, 8, 30.0)
-        assert improvement_p_value(before, change, data, noise) < 1e-6 * improvement_p_value(before, change, data)
-
-    def test_noise_that_forgets_is_no_random_walk(self, rigid: Model) -> None:
-        """A slow effect is tested against the noise at its frequencies, which is white below those of its memory."""
-        data = load_dataset([obedient(rigid, 200.0)], rigid.vehicle)
-        n = len(data.measured)
-        slow = np.outer(np.sin(np.linspace(0.0, 2.0 * np.pi, n)), [0.0, 0.0, 0.5])
-        p = []
-        for seed in range(20):
-            noise = np.column_stack([_correlated(n, 0.9, 10 * seed + axis) for axis in range(3)])
-            data.targets[:, :3] = noise + slow + _motion(n, 8, 30.0)
-            p.append(improvement_p_value(noise + slow, slow, data))
-        # Variance of the mean of an AR(1) process: (1 + rho) / (1 - rho) = 19 times that of white noise.
-        expected = stats.norm.sf(np.sqrt(np.sum(slow**2) / 19.0))
-        assert np.log10(np.median(p)) == pytest.approx(np.log10(expected), rel=0.5)
 
     def test_two_equal_candidates_cannot_be_told_apart(self, rigid: Model) -> None:
         data = load_dataset([obedient(rigid, 200.0)], rigid.vehicle)

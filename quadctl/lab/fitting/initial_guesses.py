@@ -9,7 +9,6 @@ from quadctl.effects import Effect
 from quadctl.lab.arrays import Floats
 from quadctl.lab.fitting.fitted_model import FittedModel
 from quadctl.lab.fitting.fitter import noise_scale
-from quadctl.lab.fitting.flexible_regression import flexible_residual, noise_floor
 from quadctl.lab.fitting.linearisation import Tangent
 from quadctl.lab.flights.dataset import AlignedDataset, Dataset
 from quadctl.model import Model
@@ -34,11 +33,6 @@ class Unmodelled:
         along = float(np.vdot(change, self._left))
         squared = along * (along if effect.reversible else abs(along))
         return squared / max(float(np.vdot(change, change)), 1e-12)
-
-    @cached_property
-    def noise(self) -> Floats:
-        """Part of the held-out residual that no function of the logged causes explains, shape (n, 3 * groups)."""
-        return noise_floor(self.residual, flexible_residual(self.residual, self.dataset, self.dataset.causes))
 
     # Computed only for effects with several starts.
 

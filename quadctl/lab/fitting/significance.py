@@ -16,52 +16,34 @@ NO_CHANGE = 1e-3
 of the fit."""
 SLOPES = np.linspace(0.0, 2.0, 21)
 """Exponents of the power law of the noise: from white noise to a random walk."""
-CORNERS = np.array([0.0, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0])
-"""Frequencies below which the noise is white, in units of the lowest of the flight; 0: at none."""
-MOSTLY_EXPLAINED = 0.5
-"""Share of the power of the explainable error below which the rest is an error of the candidate's form; a larger rest
-is something else, with which a candidate can go together by chance."""
 FEW_BLOCKS = 3.0
 """Number of blocks of time, by their shares of the evidence, below which it may be a burst of noise."""
 LEAST_FLIGHTS = 4
 """Least number of flights whose differences are the noise; fewer say nothing of an effect in one of them."""
 
 
-def improvement_p_value(
-    before: Floats, predicted_change: Floats, dataset: Dataset, noise: Floats | None = None
-) -> float:
+def improvement_p_value(before: Floats, predicted_change: Floats, dataset: Dataset) -> float:
     """One-sided p-value of the hypothesis that a candidate's change of the prediction does not explain the residual.
 
     `before` is the residual without the candidate and `predicted_change` the held-out change of the prediction by the
     candidate, both of shape (n, axes), for the first axes of the `targets` of `dataset`. For an irrelevant candidate
     their product has mean zero (Clark & West 2007, J. Econometrics 138, test for nested models), but for what errors of
     the logged inputs give, which is subtracted (see `_attenuation`). The variance of the sum comes from the residual
-    with the candidate (see `_variance_of_sum`) or, on the axes where the candidate explains most of what is no `noise`,
-    from that: a candidate of the right kind but of another form leaves an error that is as slow as the effect. Each
-    contains all of the noise, so the smaller p-value counts.
+    with the candidate (see `_variance_of_sum`).
     """
     after = before - predicted_change
-    p_value = _p_value(before, predicted_change, after, dataset)
-    if noise is None:
-        return p_value
-    floor, left, had = (np.mean(values**2, axis=0) for values in (noise, after, before))
-    by_form = (floor < left) & (left - floor < MOSTLY_EXPLAINED * (had - floor))
-    if not by_form.any():
-        return p_value
-    return min(p_value, _p_value(before, predicted_change, np.where(by_form, noise, after), dataset))
-
-
-def _p_value(before: Floats, change: Floats, noise: Floats, dataset: Dataset) -> float:
-    """p-value where the variance comes from `noise`, shape (n, axes) each; see `improvement_p_value`."""
-    power = np.array([_power(noise[:, axis]) for axis in range(noise.shape[1])])
-    used = np.mean(change**2, axis=0) >= NO_CHANGE**2 * power
-    if not used.any():
+    used = [
+        axis
+        for axis in range(before.shape[1])
+        if np.mean(predicted_change[:, axis] ** 2) >= NO_CHANGE**2 * _power(after[:, axis])
+    ]
+    if not used:
         return 1.0
-    weights = (change / power)[:, used]
+    weights = predicted_change[:, used] / np.array([_power(after[:, axis]) for axis in used])
     score = float(np.sum(weights * before[:, used]))
     predicted = (dataset.targets[:, : before.shape[1]] - before)[:, used]
-    by_errors = sum(_attenuation(weights[part], predicted[part], noise[part][:, used]) for part in dataset.parts)
-    variance, degrees = _variance_of_sum(weights, noise[:, used], dataset)
+    by_errors = sum(_attenuation(weights[part], predicted[part], after[part][:, used]) for part in dataset.parts)
+    variance, degrees = _variance_of_sum(weights, after[:, used], dataset)
     return float(stats.t.sf((score - by_errors) / math.sqrt(variance), degrees))
 
 
@@ -116,22 +98,20 @@ def _spectrum(noise: Floats, taken: Floats, low: int) -> Floats:
     """Variance of the noise of one flight, shape (n,), at each frequency of `rfft`; white noise has its variance at
     all.
 
-    The periodogram, but at the `low` lowest frequencies a power law with a corner fitted to it, (f^2 + corner^2) to the
-    power of -slope / 2 (Whittle likelihood; the power does not fall toward lower frequencies). A fit takes the noise
-    out at the frequencies at which its model varies, so a frequency counts the less the more of the power `taken` of
-    the model is there. The mean counts as half the lowest frequency.
+    The periodogram, but at the `low` lowest frequencies a power law fitted to it (Whittle likelihood; the power does
+    not fall toward lower frequencies). A fit takes the noise out at the frequencies at which its model varies, so a
+    frequency counts the less the more of the power `taken` of the model is there. The mean counts as half the lowest
+    frequency.
     """
     found = np.abs(rfft(noise)) ** 2 / len(noise)
     at = np.arange(1.0, min(low, len(found) - 1) + 1.0)
     power = found[1 : len(at) + 1]
     share = 1.0 / (1.0 + taken[1 : len(at) + 1] / max(float(taken[1 : len(at) + 1].mean()), LEAST_VARIANCE))
     share /= share.sum()
-    logs = 0.5 * np.log(np.concatenate([[0.5], at]) ** 2 + CORNERS[:, None] ** 2)
-    shapes = SLOPES[:, None, None] * logs
-    scales = np.exp(shapes[..., 1:]) @ (share * power)
-    likelihoods = shapes[..., 1:] @ share - np.log(np.maximum(scales, LEAST_VARIANCE))
-    best = np.unravel_index(np.argmax(likelihoods), likelihoods.shape)
-    found[: len(at) + 1] = scales[best] * np.exp(-shapes[best])
+    scales = np.array([np.sum(share * power * at**slope) for slope in SLOPES])
+    likelihoods = SLOPES * np.sum(share * np.log(at)) - np.log(np.maximum(scales, LEAST_VARIANCE))
+    best = int(np.argmax(likelihoods))
+    found[: len(at) + 1] = scales[best] * np.concatenate([[0.5], at]) ** -SLOPES[best]
     return np.asarray(found)
 
 

@@ -38,7 +38,7 @@ def try_effect(effect: type[Effect], left: Unmodelled, n_tried: int) -> Candidat
         ci95=ci95,
         before=rmse(residual, dataset.groups),
         after=rmse(after, dataset.groups),
-        p_value=min(1.0, improvement_p_value(residual, residual - after, dataset, left.noise) * n_tried * independent),
+        p_value=min(1.0, improvement_p_value(residual, residual - after, dataset) * n_tried * independent),
         residual=after,
         worst_flight=_worst_flight(residual, after, dataset),
         remarks=fit.remarks(last),
