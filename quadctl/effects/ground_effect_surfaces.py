@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, make_dataclass
 from functools import cache
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Self, cast
 
 from quadctl.effects.base import Conditions, Effect, parameter
 from quadctl.effects.ground_effect import LOWEST_HEIGHT_OVER_RADIUS, NearGround, quadrotor_ratio
@@ -50,8 +50,7 @@ class Surfaces(NearGround):
             if not name.isidentifier():
                 raise SettingsError(f"{source}: '{PREFIX}{name}' names no surface, expected {PREFIX} and its name")
         # Every class that `_over` makes is a Surfaces, and has the inherited method.
-        made: Any = super(Surfaces, _over(tuple(named))).from_values(values, source)
-        return made  # type: ignore[no-any-return]
+        return cast(Self, super(Surfaces, _over(tuple(named))).from_values(values, source))
 
     @classmethod
     def starts(cls, flights: Sequence[Conditions], vehicle: Vehicle) -> Sequence[Effect]:

@@ -5,6 +5,7 @@ The instructions of the CasADi function, one line each: the same numbers, withou
 
 import casadi as ca
 
+from quadctl.errors import SettingsError
 from quadctl.export.dynamics import PARAMETERS, STATE, Dynamics
 from quadctl.model import Model
 
@@ -73,5 +74,8 @@ def _line(function: ca.Function, i: int) -> str:
         return f"d{outputs[1]} = a{inputs[0]}"
     form = _UNARY.get(kind) or _BINARY.get(kind)
     if form is None:
-        raise NotImplementedError(f"instruction {kind} of CasADi")
+        raise SettingsError(
+            f"an effect of the model uses instruction {kind} of CasADi, which has no form in NumPy, expected those of "
+            "quadctl.numeric: export to casadi instead"
+        )
     return f"a{outputs[0]} = {form.format(*(f'a{k}' for k in inputs))}"

@@ -70,8 +70,9 @@ def quaternion_of_matrix(rows: tuple[Vectors, Vectors, Vectors]) -> Quaternion:
 
     matrices = np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
     sound = np.abs(np.linalg.det(matrices) - 1.0) < MAX_DETERMINANT_ERROR
-    x, y, z, w = Rotation.from_matrix(np.where(sound[:, None, None], matrices, np.eye(3))).as_quat().T
-    return tuple(np.where(sound, part, np.nan) for part in (w, x, y, z))  # type: ignore[return-value]
+    found = Rotation.from_matrix(np.where(sound[:, None, None], matrices, np.eye(3))).as_quat().T
+    x, y, z, w = np.where(sound, found, np.nan)
+    return w, x, y, z
 
 
 def body_to_world(quaternion: Quaternion, velocity: Vectors) -> Vectors:

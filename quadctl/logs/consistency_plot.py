@@ -1,12 +1,16 @@
 """A figure on which a wrong frame or unit is seen at once: each channel over what the others make of it."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from quadctl.errors import LogError
 from quadctl.frames import GRAVITY_M_S2, quaternion_from_euler, rotate
 from quadctl.logs.flight_log import ATTITUDE, IMU, POSITION, RATES, VELOCITY, FlightLog, Floats
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 
 def draw(log: FlightLog, path: Path) -> None:
@@ -58,8 +62,8 @@ def _slopes(log: FlightLog, values: list[Floats]) -> list[Floats]:
     return [np.interp(time_s, grid, np.gradient(np.interp(grid, time_s, v), 0.2)) for v in values]
 
 
-def _pair(axis: "object", log: FlightLog, name: str, other: Floats, label: str) -> None:
+def _pair(axis: "Axes", log: FlightLog, name: str, other: Floats, label: str) -> None:
     if log.has(name):
-        axis.plot(log.time_s, log[name], lw=0.8, label=name)  # type: ignore[attr-defined]
-    axis.plot(log.time_s, other, "k--", lw=0.8, label=label)  # type: ignore[attr-defined]
-    axis.legend(fontsize=7)  # type: ignore[attr-defined]
+        axis.plot(log.time_s, log[name], lw=0.8, label=name)
+    axis.plot(log.time_s, other, "k--", lw=0.8, label=label)
+    axis.legend(fontsize=7)

@@ -35,7 +35,8 @@ from quadctl.logs.table_map import (
     SHARES,
     VOLTS,
     Attitude,
-    Group,
+    Several,
+    Single,
     TableMap,
     Velocity,
     load_map,
@@ -215,10 +216,10 @@ def _numbers(path: Path, table: pl.DataFrame, name: str) -> Floats:
     return values.fill_null(np.nan).to_numpy().astype(np.float64)
 
 
-def _updates(group: Group, by: TableMap, cells: dict[str, Floats]) -> tuple[Floats, list[Floats]]:
+def _updates(group: Several | Single, by: TableMap, cells: dict[str, Floats]) -> tuple[Floats, list[Floats]]:
     """Times and values of the rows in which all columns of the group are known."""
     clock = group.time or by.time
-    columns = getattr(group, "columns", None) or (group.column,)  # type: ignore[attr-defined]
+    (columns,) = group.names.values()
     time_s, values = SECONDS[clock.unit] * cells[clock.column], [cells[column] for column in columns]
     known = np.logical_and.reduce([np.isfinite(v) for v in (time_s, *values)])
     return time_s[known], [v[known] for v in values]

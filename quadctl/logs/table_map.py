@@ -45,19 +45,37 @@ class Group(Settings):
     """Their own clock, with the same zero as the table's; the table's if None."""
 
 
-class Position(Group):
+class Several(Group):
+    columns: tuple[str, ...]
+
+    @property
+    def names(self) -> dict[str, tuple[str, ...]]:
+        """Columns of the table, by the field that names them."""
+        return {"columns": self.columns}
+
+
+class Single(Group):
+    column: str
+
+    @property
+    def names(self) -> dict[str, tuple[str, ...]]:
+        """Column of the table, by the field that names it."""
+        return {"column": (self.column,)}
+
+
+class Position(Several):
     columns: _Three
     frame: Literal["NED", "ENU", "NWU", "NEU"]
     unit: Literal["m", "cm", "mm", "ft"] = "m"
 
 
-class Velocity(Group):
+class Velocity(Several):
     columns: _Three
     frame: Literal["NED", "ENU", "NWU", "NEU", "FRD", "FLU"]
     unit: Literal["m/s", "cm/s", "mm/s", "km/h", "ft/s"] = "m/s"
 
 
-class Attitude(Group):
+class Attitude(Several):
     """A quaternion, a rotation matrix, or roll, pitch and yaw (ZYX), of `body` in `world`."""
 
     columns: tuple[str, str, str, str] | _Three | _Nine
@@ -80,13 +98,13 @@ class Attitude(Group):
         return self
 
 
-class Rates(Group):
+class Rates(Several):
     columns: _Three
     frame: Body
     unit: Literal["rad/s", "deg/s"] = "rad/s"
 
 
-class Imu(Group):
+class Imu(Several):
     """Specific force, as an accelerometer measures it."""
 
     columns: _Three
@@ -94,20 +112,18 @@ class Imu(Group):
     unit: Literal["m/s2", "g"] = "m/s2"
 
 
-class Motors(Group):
+class Motors(Several):
     """Speeds of the rotors, or outputs to them, in the order of `rotors` in the vehicle file."""
 
     columns: tuple[str, ...] = Field(min_length=1, max_length=12)
     unit: Literal["rpm", "rad/s", "rev/s", "share", "percent"]
 
 
-class Battery(Group):
-    column: str
+class Battery(Single):
     unit: Literal["V", "mV"] = "V"
 
 
-class Throttle(Group):
-    column: str
+class Throttle(Single):
     unit: Literal["share", "percent"] = "share"
 
 
@@ -132,16 +148,14 @@ class TableMap(Settings):
         for name, group in self.groups():
             if group.time is not None:
                 yield f"{name}.time.column", group.time.column
-            if isinstance(group, Battery | Throttle):
-                yield f"{name}.column", group.column
-            else:
-                yield from ((f"{name}.columns", column) for column in group.columns)  # type: ignore[attr-defined]
+            for field, columns in group.names.items():
+                yield from ((f"{name}.{field}", column) for column in columns)
 
-    def groups(self) -> Iterator[tuple[str, Group]]:
+    def groups(self) -> Iterator[tuple[str, Several | Single]]:
         """All groups that the map holds, by their names."""
         for name in type(self).model_fields:
             group = getattr(self, name)
-            if isinstance(group, Group):
+            if isinstance(group, Several | Single):
                 yield name, group
 
 

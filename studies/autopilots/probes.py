@@ -84,7 +84,7 @@ def timesync(name: str) -> str:
     """Answer to a question about its clock."""
     wire = on_the_wire(mock(name), name)
     sent: list[object] = []
-    wire._send = sent.append  # type: ignore[method-assign, assignment]
+    wire._send = sent.append  # type: ignore[method-assign, assignment]  # it has no socket here
     wire._timesync(mavlink.MAVLink_timesync_message(0, 1))
     return "answered" if sent else "ignored"
 
@@ -118,7 +118,8 @@ def station_lost_s(name: str) -> float:
     """Time to LAND after a heartbeat that came half a second before the end, as on average."""
     px = hovering(name)
     px.hear_heartbeat(1)
-    until(px, lambda at_s=px.time_s: px.time_s > at_s + 0.5)  # type: ignore[misc]
+    heard_s = px.time_s
+    until(px, lambda: px.time_s > heard_s + 0.5)
     return until(px, lambda: px.mode == "LAND")
 
 

@@ -17,7 +17,8 @@ from quadctl.effects.ground_effect import Exponential
 from quadctl.effects.imu_bias import ConstantBias
 from quadctl.effects.motor_lag import FirstOrderLag
 from quadctl.effects.rotor_drag import LinearDrag
-from quadctl.export.dynamics import STATE, dynamics
+from quadctl.errors import SettingsError
+from quadctl.export.dynamics import STATE, Dynamics, dynamics
 from quadctl.export.numpy_code import numpy_code
 from quadctl.export.targets import PROGRAMS
 from quadctl.frames import rotate_inverse
@@ -157,3 +158,10 @@ def test_a_saved_function_is_loaded_by_casadi_alone(raptor: Vehicle, tmp_path: P
     hover = [raptor.weight_n / 4.0] * 4
     assert float(again(x, hover, P)[5]) == pytest.approx(0.0, abs=1e-12)
     assert math.isclose(float(again(x, hover, P)[5]), float(function(x, hover, P)[5]))
+
+
+def test_an_operation_without_a_form_in_numpy_is_a_sentence_that_says_what_to_do(raptor: Vehicle) -> None:
+    x, u, p = (ca.SX.sym(name, n) for name, n in (("x", 13), ("u", 4), ("p", 2)))
+    function = ca.Function("f", [x, u, p], [ca.erf(x)])
+    with pytest.raises(SettingsError, match=r"has no form in NumPy, expected those of quadctl\.numeric"):
+        numpy_code(Model(raptor), Dynamics(function, ()), "mine")
