@@ -4,14 +4,14 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 
-.PHONY: demo test test-flights test-computing test-long lint docs bench bench-loop faults autopilots papers hidden decision-rule tutorial real
+.PHONY: demo test test-flights test-computing test-long test-long-flights test-long-computing lint docs bench bench-loop faults autopilots papers hidden decision-rule tutorial real
 .PHONY: architecture sitl-check screenshots clean
 
 demo: $(INSTALLED)
 	$(BIN)/quadctl demo
 
 # A test run starts many processes: what the first compiles, the others read, even where the environment forbids it.
-test test-flights test-computing test-long: export PYTHONDONTWRITEBYTECODE :=
+test test-flights test-computing test-long test-long-flights test-long-computing: export PYTHONDONTWRITEBYTECODE :=
 
 # Both at the same time: flights mostly wait, and computing, which gives way to them, uses what they leave.
 test: $(INSTALLED)
@@ -23,13 +23,21 @@ AGAIN = --last-failed --last-failed-no-failures none
 test-flights: $(INSTALLED)
 	$(FLIGHTS) -m "not long" -n 4 --dist loadfile --no-loadscope-reorder || $(FLIGHTS) -m "not long" $(AGAIN)
 
+# A process for each core: none needs more than a thread.
+test-computing test-long-computing: export OPENBLAS_NUM_THREADS := 1
 test-computing: $(INSTALLED)
 	nice -n 10 $(BIN)/python -m pytest -m "not long" --ignore=tests/realtime -n 2 --dist loadfile --no-loadscope-reorder
 
 # Journeys through a page and checks of a study that would double the time of `make test`; CI runs them, too.
 test-long: $(INSTALLED)
-	$(BIN)/python -m pytest -m long -n 2 --ignore=tests/realtime
+	@$(MAKE) --no-print-directory --jobs=2 --keep-going --output-sync=target test-long-flights test-long-computing
+
+test-long-flights: $(INSTALLED)
 	$(FLIGHTS) -m long || $(FLIGHTS) -m long $(AGAIN)
+
+# Three at once: a browser is often waited for.
+test-long-computing: $(INSTALLED)
+	nice -n 10 $(BIN)/python -m pytest -m long -n 3 --ignore=tests/realtime
 
 lint: $(INSTALLED)
 	$(BIN)/ruff check .

@@ -106,7 +106,7 @@ def test_a_plug_pulled_in_flight_ends_in_a_landing_all_of_it_recorded(tmp_path: 
     assert not copter.armed
     assert stages(log)[-3:] == ["hover", "land", "done"]
     assert log["telemetry_age_s"].max() > 2.5
-    assert log["telemetry_age_s"][-1] < 0.2
+    assert log["telemetry_age_s"][-1] < 1.0  # within what is allowed, again
     assert log["z_m"][-1] == pytest.approx(0.05, abs=0.02)
 
 

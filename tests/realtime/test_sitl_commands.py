@@ -16,7 +16,7 @@ from quadctl.vehicle import load_vehicle
 from tests.support.links import free_port, mock
 from tests.support.places import ROOT
 
-pytestmark = pytest.mark.realtime
+pytestmark = [pytest.mark.realtime, pytest.mark.long]
 
 RULES = {"px4": SimulatedAutopilot, "ardupilot": SimulatedCopter}
 PARAMETERS = {"px4": "parameters.txt", "ardupilot": "quadctl.parm"}

@@ -158,6 +158,7 @@ class TestGarofano:
         for tilts in garofano.UNEQUAL:
             assert all(abs(jump.size) > 0.05 for jump in garofano.jumps(*tilts)[:2])
 
+    @pytest.mark.long
     def test_table_iv_in_the_world_of_eq_9_its_own_compensator_reaches_a_fifth(self, tmp_path: Path) -> None:
         upright = garofano_flight.VEHICLES[0]
         world = World(tmp_path / "world", upright.config, f"ground_effect.{upright.formula}")

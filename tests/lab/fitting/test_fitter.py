@@ -405,7 +405,13 @@ class TestToldApart:
         [
             # One heading: one effect is a simpler explanation than two, but where both do as well, both are named.
             ("figure8", WIND, ["wind"], [["wind", "thrust_tilt"]]),
-            ("figure8", DRAG_AND_TILT, ["rotor_drag", "thrust_tilt"], [["thrust_tilt", "wind"]]),
+            pytest.param(
+                "figure8",
+                DRAG_AND_TILT,
+                ["rotor_drag", "thrust_tilt"],
+                [["thrust_tilt", "wind"]],
+                marks=pytest.mark.long,
+            ),
             pytest.param("headings", WIND, ["wind"], [], marks=pytest.mark.long),
             pytest.param("headings", DRAG_AND_TILT, ["rotor_drag", "thrust_tilt"], [], marks=pytest.mark.long),
         ],

@@ -135,6 +135,7 @@ def test_an_unknown_ground_effect_asks_for_a_flight_near_the_ground(world: World
     assert option(result, "hover_staircase_high").width == pytest.approx(result.width, rel=0.1)
 
 
+@pytest.mark.long
 def test_an_unknown_inflow_asks_for_climbs_and_descents(world: World) -> None:
     result = asked(world.rigid.plus(find_effect("inflow", "test")()), world.hover(), [])
     assert result.parameter == "k of inflow.axial"

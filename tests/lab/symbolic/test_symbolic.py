@@ -111,6 +111,7 @@ class TestFound:
         assert law.sparse.text.startswith("-0.3")  # times north, and at most a small term by chance
         assert law.sparse.held_out_share == pytest.approx(law.compact.held_out_share, abs=0.02)
 
+    @pytest.mark.long
     def test_a_pull_toward_a_point_acts_along_two_axes(self, rigid: Model, tmp_path: Path) -> None:
         eights = load_dataset([simulated("figure8", [], 3, tmp_path)], rigid.vehicle)
         away = value(eights, "north") - 0.5, value(eights, "east") - 0.2
