@@ -262,8 +262,10 @@ class Page:
         """Open the evidence for an effect that was found missing; close it where `effect` is empty."""
         self._choose(evidence=effect)
 
-    def select(self, ranges: Brush, axis: str) -> None:
-        self._choose(brush=ranges, axis=axis if axis in AXES else self._choices.axis)
+    def select(self, ranges: Brush, axis: str, flight: str | None = None) -> None:
+        """Select the samples in `ranges`, and look at an axis and a flight; None: at the same flight."""
+        shown = axis if axis in AXES else self._choices.axis
+        self._choose(brush=ranges, axis=shown, flight=flight or self._choices.flight)
 
     def clear_brush(self) -> None:
         self._choose(brush={})

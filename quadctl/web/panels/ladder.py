@@ -5,10 +5,19 @@ from dataclasses import dataclass
 
 from nicegui import ui
 
-from quadctl.lab.comparison.wording import change_in_words, held_out, listed, number, plain, quantity, share_of_g
+from quadctl.lab.comparison.agreement import flights_of_the_fit
+from quadctl.lab.comparison.wording import (
+    agreement_in_words,
+    change_in_words,
+    held_out,
+    listed,
+    number,
+    plain,
+    quantity,
+    share_of_g,
+)
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.web.elements.html import tag
-from quadctl.web.panels.frame import flights_of_the_fit
 from quadctl.web.panels.glossary import explained
 from quadctl.web.panels.panel import Controls, Panel
 from quadctl.web.session.session import Session
@@ -46,6 +55,8 @@ class Ladder(Panel):
             if evaluation is not None:
                 with tag("p", "muted what"):
                     explained(self._kind_of_error())
+                if evaluation.agreement is not None:
+                    tag("p", "what", agreement_in_words(evaluation.agreement)).props('id="agreement"')
             largest = max([*errors, now or 0.0, 1e-9])
             floors = [session.floor_m_s2, None if evaluation is None else evaluation.floor_m_s2]
             least = min((floor for floor in floors if floor is not None), default=None)

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from quadctl.lab.comparison.agreement import Agreement
 from quadctl.lab.comparison.comparison import Comparison
 from quadctl.lab.flights.dataset import Dataset, HoldOut
 from quadctl.lab.flights.flight import Flight
@@ -211,6 +212,11 @@ class View:
     def comparison(self) -> Comparison | None:
         """The comparison on the flights that fits may use."""
         return None if self.results.evaluation is None else self.results.evaluation.comparison
+
+    @property
+    def agreement(self) -> Agreement | None:
+        """Agreement of the flights in the error of the model."""
+        return None if self.results.evaluation is None else self.results.evaluation.agreement
 
     @property
     def found(self) -> Diagnosed | None:
