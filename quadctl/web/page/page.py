@@ -31,10 +31,20 @@ from quadctl.web.workbench.intake import TEMPLATE, Intake
 from quadctl.web.workbench.workbench import Workbench
 
 WENT_BACK = "quadctl-went-back"
+MODEL_FILE = "model.yaml"
 TELL_OF_BACK = f"""<script>
 window.addEventListener("popstate", () => emitEvent("{WENT_BACK}", location.search));
 </script>"""
 """Tells the server of the browser's Back and Forward."""
+SCROLL_TO_VEHICLE = """
+const scroll = (trials) => {
+  const card = document.querySelector('.card.vehicle');
+  if (card) card.scrollIntoView();
+  else if (trials > 0) requestAnimationFrame(() => scroll(trials - 1));
+};
+scroll(600);
+"""
+"""Runs a moment before the part of the page is drawn that holds the vehicle."""
 TABS: dict[str, Tab] = {tab.name: tab for tab in (missing.TAB, over_time.TAB, fails.TAB, compensator.TAB, flights.TAB)}
 
 KEYS_OF_TABS = {str(number): name for number, name in enumerate(TABS, start=1)}
@@ -267,6 +277,12 @@ class Page:
         shown = axis if axis in AXES else self._choices.axis
         self._choose(brush=ranges, axis=shown, flight=flight or self._choices.flight)
 
+    def show_vehicles(self) -> None:
+        """Show the part of the page where another vehicle is chosen."""
+        self._tabs.set_value(flights.TAB.name)
+        with self._client:
+            ui.run_javascript(SCROLL_TO_VEHICLE)
+
     def clear_brush(self) -> None:
         self._choose(brush={})
 
@@ -304,7 +320,8 @@ class Page:
             take(parameters)
 
     def export_model(self) -> None:
-        ui.download.content(self.bench.model_file(), "model.yaml", "application/yaml")
+        ui.download.content(self.bench.model_file(), MODEL_FILE, "application/yaml")
+        self.bench.say_exported(MODEL_FILE)
 
     def save_session(self) -> None:
         ui.download.content(self.bench.session_file(self._choices.query()), "session.lab.yaml", "application/yaml")

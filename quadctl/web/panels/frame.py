@@ -71,7 +71,12 @@ class Status(Panel):
             role = 'role="alert"' if message.kind == "error" else 'role="status"'
             with tag("div", f"banner {message.kind}").props(role):
                 ui.icon("error" if message.kind == "error" else "info")
-                tag("span", "grow", message.text if message.text.endswith((".", "?")) else f"{message.text}.")
+                with tag("div", "grow"):
+                    tag("span", "", message.text if message.text.endswith((".", "?")) else f"{message.text}.")
+                    for purpose, command in message.commands:
+                        with tag("div", "next-command"):
+                            tag("span", "muted", purpose)
+                            tag("code", "", command)
                 ui.button(icon="close", on_click=do.bench.dismiss).props('flat dense round aria-label="Dismiss"')
 
 

@@ -20,6 +20,7 @@ from quadctl.lab.flights.dataset import Dataset
 from quadctl.web.elements.html import tag
 from quadctl.web.panels.glossary import explained
 from quadctl.web.panels.panel import Controls, Panel
+from quadctl.web.panels.vehicle import WhichVehicle
 from quadctl.web.session.session import Session
 from quadctl.web.work.jobs import Evaluation
 
@@ -57,6 +58,7 @@ class Ladder(Panel):
                     explained(self._kind_of_error())
                 if evaluation.agreement is not None:
                     tag("p", "what", agreement_in_words(evaluation.agreement)).props('id="agreement"')
+            do.nest(WhichVehicle)
             largest = max([*errors, now or 0.0, 1e-9])
             floors = [session.floor_m_s2, None if evaluation is None else evaluation.floor_m_s2]
             least = min((floor for floor in floors if floor is not None), default=None)

@@ -27,6 +27,23 @@ TYPICAL = Answers("my_vehicle", 1.5, 0.254, "quad-x", 0.225, 0.5)
 
 
 @dataclass(frozen=True)
+class WhichVehicle(Panel):
+    """The question whether the vehicle that was assumed is the one that flew, until it is answered."""
+
+    unconfirmed: Vehicle | None
+
+    def draw(self, do: Controls) -> None:
+        vehicle = self.unconfirmed
+        if vehicle is None:
+            return
+        with tag("div", "which-vehicle").props('role="group" aria-label="The vehicle that flew"'):
+            tag("p", "", f"Evaluated as {vehicle.name} ({vehicle.mass_kg:g} kg): is that the vehicle that flew?")
+            with tag("div", "line wrap"):
+                ui.button("Yes", on_click=do.bench.confirm_vehicle).props("no-caps outline dense")
+                ui.button("Choose another", on_click=do.show_vehicles).props("no-caps flat dense")
+
+
+@dataclass(frozen=True)
 class VehicleChoice(Panel):
     """The vehicle in use with its rotors drawn, others to choose from, and forms for its numbers or another's."""
 

@@ -16,6 +16,7 @@ from quadctl.vehicle import Vehicle
 from quadctl.web.elements.theme import Theme
 from quadctl.web.session.findings import Diagnosed
 from quadctl.web.session.session import Rung, Session
+from quadctl.web.work.doubts import names_its_vehicle
 from quadctl.web.work.jobs import Evaluation, Opened
 from quadctl.web.work.state import Message, Results, Work
 
@@ -126,6 +127,13 @@ class View:
     def seen(self) -> Dataset | None:
         """Flights that fits may use."""
         return None if self.opened is None else self.opened.seen
+
+    @property
+    def unconfirmed(self) -> Vehicle | None:
+        """The vehicle, where nobody has said that it flew: neither a person nor one of the logs that are used."""
+        logs = [] if self.opened is None else self.opened.logs
+        silent = any(log.log is not None and not names_its_vehicle(log.log) for log in logs if not log.problem)
+        return self.vehicle if self.session.vehicle_assumed and silent else None
 
     @property
     def flights(self) -> tuple[Flight, ...]:
