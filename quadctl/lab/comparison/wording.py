@@ -11,6 +11,8 @@ from quadctl.lab.flights.flight import VARIABLE_NAMES, VARIABLE_UNITS
 from quadctl.lab.flights.preparation import BLOCK_S
 
 UNIT = "m/s²"
+ERRORS = {"total": "acceleration error", "turning": "moment error", "sensing": "accelerometer error"}
+"""Name of the error of each measured group."""
 
 
 def number(value: float) -> str:
@@ -116,6 +118,11 @@ def count(n: int, what: str) -> str:
 
 def listed(words: Sequence[str]) -> str:
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
+
+
+def looks_like(families: Sequence[str]) -> str:
+    """Sentence on an effect that the data do not distinguish from those of other families."""
+    return f"Looks like {listed([plain(family) for family in families])}: these data do not distinguish them."
 
 
 def plain(family: str) -> str:

@@ -80,6 +80,7 @@ class Page:
         self._tab_parts: list[Part] = []
         self._drawing: Part | None = None
         self._idle = True
+        self._worst_axis = "up"
 
     # --- building -----------------------------------------------------------------------------------------------------
 
@@ -182,6 +183,8 @@ class Page:
     def view(self) -> View:
         """All that can be shown now."""
         bench, chosen = self.bench, self._choices
+        if bench.results.evaluation is not None:  # until the next one is there, the figures stay as they are
+            self._worst_axis = bench.results.evaluation.worst_axis
         return View(
             session=bench.session,
             opened=bench.opened,
@@ -197,7 +200,7 @@ class Page:
             vehicles=tuple(self._intake.vehicles),
             template=TEMPLATE,
             theme=self._theme,
-            axis=chosen.axis,
+            axis=chosen.axis or self._worst_axis,
             brush=chosen.brush,
             flight_name=chosen.flight,
             channels=chosen.channels,

@@ -42,7 +42,8 @@ class Ladder(Panel):
                 tag("p", "muted", "The acceleration error of your model, on held-out data, appears here.")
                 return
             now = self._error_now()
-            errors = [rung.error_m_s2 for rung in session.rungs if rung.error_m_s2 is not None]
+            judged = [(rung.name, rung.error_m_s2) for rung in session.rungs if rung.error_m_s2 is not None]
+            errors = [error for _, error in judged]
             with tag("div", "now"):
                 if now is None:
                     tag("div", "big", "\u2013" if self.idle else "\u2026")
@@ -52,7 +53,7 @@ class Ladder(Panel):
                         tag("span", "unit", "m/s²")
                     if errors and now < 0.995 * errors[0]:
                         change = change_in_words(1.0 - now / errors[0])
-                        tag("span", "change", change).props('title="change since the first step"')
+                        tag("span", "change", f"{change} since {_plain(judged[0][0])}")
             if evaluation is not None:
                 with tag("p", "muted what"):
                     explained(self._kind_of_error())

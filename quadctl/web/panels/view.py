@@ -187,6 +187,11 @@ class View:
         return self.session.off
 
     @property
+    def look_alikes(self) -> dict[str, tuple[str, ...]]:
+        """Families that the data did not distinguish from those in the model."""
+        return self.session.look_alikes
+
+    @property
     def models(self) -> dict[str, Model]:
         """The first model of the ladder and the current one, by their names in a legend."""
         session = self.session

@@ -76,6 +76,19 @@ class Session:
         return tuple(log for log in self.logs if log not in self.unseen)
 
     @property
+    def look_alikes(self) -> dict[str, tuple[str, ...]]:
+        """Families that the data did not distinguish from those in the model, by the families of the model, as the
+        searches of the steps up to the current one have found."""
+        alike: dict[str, tuple[str, ...]] = {}
+        held = [] if self.rung is None else [effect.family() for effect in self.rung.model.effects]
+        for rung in self.rungs[: self.current + 1]:
+            pairs = [] if rung.found is None else rung.found.confounded
+            for one, other in [*pairs, *((b, a) for a, b in pairs)]:
+                if one in held and other not in alike.get(one, ()):
+                    alike[one] = (*alike.get(one, ()), other)
+        return alike
+
+    @property
     def floor_m_s2(self) -> float | None:
         """Lowest noise floor of all steps, m/s²: each estimate is an upper bound."""
         return min((rung.floor_m_s2 for rung in self.rungs if rung.floor_m_s2 is not None), default=None)

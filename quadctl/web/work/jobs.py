@@ -15,7 +15,7 @@ from quadctl.lab.comparison.comparison import Comparison, compare
 from quadctl.lab.fitting.fitted_model import FittedModel, Solution, fit_model
 from quadctl.lab.flights.dataset import Dataset, HoldOut, joined
 from quadctl.lab.flights.flight import Flight
-from quadctl.lab.flights.prediction import rmse
+from quadctl.lab.flights.prediction import AXES, rmse
 from quadctl.lab.flights.preparation import prepare
 from quadctl.lab.planning.suggestion import Suggestion, suggest
 from quadctl.lab.report import Results, render_report
@@ -95,7 +95,17 @@ class Evaluation:
     @property
     def error_m_s2(self) -> float:
         """Total error on the held-out flights; where there are none, the cross-validated one."""
-        return self.held_out["total"] if self.unseen is None else self.unseen.rmse["total"]
+        return self.errors_m_s2["total"]
+
+    @property
+    def errors_m_s2(self) -> dict[str, float]:
+        """The same error by axis, and in total."""
+        return self.held_out if self.unseen is None else self.unseen.rmse
+
+    @property
+    def worst_axis(self) -> str:
+        """Axis with the largest error."""
+        return max(AXES, key=self.errors_m_s2.__getitem__)
 
     @property
     def floor_m_s2(self) -> float:
