@@ -269,9 +269,8 @@ def _offset(values: Floats, noise: CorrelatedNoise, axis: str, dataset: Dataset)
     if time is None or abs(mean) < MIN_RESIDUAL_M_S2 or abs(sigma) < MIN_SIGMA:
         return None
     most = stretches(values, np.ones(len(values), dtype=bool), dataset)
-    over = f"the whole of {dataset.names[0]}" if len(dataset.flights) == 1 else "all flights"
-    where = "" if len(dataset.flights) == 1 and most[0].whole else _most_in_words(most)
-    text = f"on average over {over} {_push(axis, mean)}{where}"
+    over = "the whole flight" if len(dataset.flights) == 1 else "all flights"
+    text = f"on average over {over} {_push(axis, mean)}{_most_in_words(most)}"
     return Failure(axis, "time", float(time.min()), float(time.max()), mean, sigma, len(values), text, most)
 
 

@@ -1,7 +1,5 @@
 """Failures of a model in words: in which flight, when, and the largest error among them."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -45,20 +43,15 @@ class TestStretches:
         assert all(stretch.whole for stretch in found)
 
 
-def test_each_sentence_names_the_flight_and_when_most_of_it_was(raptor: Vehicle) -> None:
-    """The ground effect is in the second half of the flight only: before that it is three metres higher."""
-    low = obedient(Model(raptor).plus(Exponential(a=0.4, b=5.0)), 60.0, noise_m_s=0.01, name="low.csv")
-    high = obedient(Model(raptor), 60.0, noise_m_s=0.01, name="low.csv")
-    late = low.time_s >= 40.0
-    columns = {name: np.where(late, low[name], high[name]) for name in low.columns}
-    columns["z_m"] = columns["z_m"] + np.interp(low.time_s, [0.0, 35.0, 40.0], [3.0, 3.0, 0.0])
-    found = compare(Model(raptor), load_dataset([replace(low, columns=columns)], raptor)).fails_where
-    near = [f for f in found if f.axis == "up" and f.variable == "height_over_radius" and f.mean_residual > 0.1]
-    assert near
-    for failure in near:
+def test_a_sentence_names_the_flight_and_when_most_of_it_was(raptor: Vehicle) -> None:
+    """The waves over height swell and fade within 25 s: the lowest heights are reached in the middle."""
+    log = obedient(Model(raptor).plus(Exponential(a=0.4, b=5.0)), 25.0, noise_m_s=0.01, name="low.csv")
+    found = compare(Model(raptor), load_dataset([log], raptor)).fails_where
+    assert found
+    for failure in found:
         (stretch,) = failure.stretches
-        assert stretch.begin_s >= 34.0
-        assert f"mostly in low.csv between {stretch.begin_s:.0f} and {stretch.end_s:.0f} s" in failure.text
+        assert 4.0 < stretch.begin_s < stretch.end_s < 21.0
+        assert failure.text.endswith(f", mostly in low.csv between {stretch.begin_s:.0f} and {stretch.end_s:.0f} s")
         assert failure.to_dict()["most_in"] == [{"flight": "low.csv", "from_s": stretch.begin_s, "to_s": stretch.end_s}]
 
 
