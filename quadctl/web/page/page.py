@@ -198,6 +198,7 @@ class Page:
             can_redo=bench.can_redo,
             hidden=bench.simulation.hidden,
             vehicles=tuple(self._intake.vehicles),
+            own_vehicles=tuple(self._intake.own_vehicles),
             template=TEMPLATE,
             theme=self._theme,
             axis=chosen.axis or self._worst_axis,
@@ -311,8 +312,8 @@ class Page:
     def refuse_file(self, name: str, size: float, too_large: bool) -> None:
         self._intake.refuse(name, size, too_large)
 
-    async def use_vehicle(self, text: str) -> None:
-        await self.act(self._intake.use_vehicle(text))
+    async def use_vehicle(self, text: str, from_a_form: bool = False) -> None:
+        await self.act(self._intake.use_vehicle(text, from_a_form))
 
     async def use_new_vehicle(self, answers: Answers, parameters: Mapping[str, float]) -> None:
         await self.act(self._intake.use_new_vehicle(answers, parameters))

@@ -52,6 +52,8 @@ class View:
     """File of the simulated world; None: the world is as the model says."""
     vehicles: tuple[Path, ...]
     """Vehicle files to choose from."""
+    own_vehicles: tuple[Path, ...]
+    """Vehicle files that were made on this page."""
     template: str
     """Text of a vehicle file to begin with."""
     theme: Theme
