@@ -108,7 +108,7 @@ def test_a_new_vehicle_is_entered_as_a_few_numbers(browser: Browser, tmp_path: P
         visitor.keeps("new-vehicle")
         visitor.click("button:has-text('Use this vehicle')")
         visitor.sees("h2:has-text('Vehicle: mine')")
-        visitor.sees(f"text={tmp_path / 'lab' / 'vehicles'}")
+        visitor.sees(f"p:has-text('{tmp_path / 'lab' / 'vehicles'}')")
         visitor.sees("#own-vehicles button:has-text('mine')")
         visitor.keeps("own-vehicle")
         visitor.click("text=As a file (YAML)")
