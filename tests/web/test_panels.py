@@ -414,7 +414,7 @@ class TestOpenTab:
         assert str(tabs("fails", views["at first"]).shown).count(sentence) == 2
 
     def test_a_flight_held_out_is_compared_with_those_that_the_model_was_fitted_to(
-        self, views: dict[str, View]
+        self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
     ) -> None:
         opened, session = views["at first"].opened, views["a fit to one of the flights"].session
         assert opened is not None and opened.seen is not None and session.model is not None
@@ -422,6 +422,9 @@ class TestOpenTab:
         found = evaluate(Current(session.model), seen, unseen, lambda text: None)
         assert found.agreement is not None and found.agreement.fitted == "these"
         assert (found.agreement.reference, found.agreement.judged) == (("0.csv",), ("1.csv",))
+        view = replace(views["at first"], opened=replace(opened, seen=seen, unseen=unseen), results=Results(found))
+        shown = str(tabs("fails", view).shown)
+        assert "On 0.csv (used by the fits)" in shown and "On 1.csv (held out)" in shown
         assert found.agreement.judged_m_s2 == pytest.approx(found.error_m_s2)
         assert found.by_flight == pytest.approx(
             {"0.csv": found.agreement.reference_m_s2, "1.csv": found.agreement.judged_m_s2}
@@ -434,7 +437,7 @@ class TestOpenTab:
         wrong = replace(comparison, fails_where=[FAILURE])
         with Client(ui.page("/")), pytest.MonkeyPatch.context() as patched:
             patched.setattr(ui, "run_javascript", ran := MagicMock())
-            Failures(wrong, None, False, LIGHT).draw(do)
+            Failures(wrong, None, None, False, LIGHT).draw(do)
             (show,) = [e for e in ui.context.client.elements.values() if isinstance(e, ui.button) and e.text == "Show"]
             for listener in show._event_listeners.values():
                 if listener.type == "click":

@@ -230,12 +230,12 @@ def _trials(effects: Sequence[type[Effect]], left: Unmodelled, n_tried: int, pro
 def tried_in_words(effect: str, number: int, count: int, left_s: float) -> str:
     """Progress within a round. Only the time of the round is known: whether another follows is decided at its end."""
     done = f"tried {effect}, {number} of {count}"
-    return f"{done}; about {left_s:.0f} s left of this round" if left_s >= 1.0 else done
+    return f"{done}; about {left_s:.0f} s left of this round, another may follow" if left_s >= 1.0 else done
 
 
 def _in_round(number: int, progress: Progress) -> Progress:
-    """Progress that names its round: the first, and one after each effect that was found."""
-    return _prefixed(f"round {number}" if number > 1 else "round 1, another follows each effect found", progress)
+    """Progress that names its round: the first, and one more after each effect that was found."""
+    return _prefixed(f"round {number}", progress)
 
 
 def _prefixed(what: str, progress: Progress) -> Progress:

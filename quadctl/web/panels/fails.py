@@ -10,7 +10,7 @@ from quadctl.lab.arrays import Mask
 from quadctl.lab.comparison.agreement import Agreement
 from quadctl.lab.comparison.comparison import Comparison
 from quadctl.lab.comparison.failures import Failure, Profile, is_telling, told
-from quadctl.lab.comparison.wording import agreement_in_words, failure_in_words
+from quadctl.lab.comparison.wording import agreement_in_words, failure_in_words, listed
 from quadctl.lab.flights.flight import Flight
 from quadctl.web.elements.html import empty, heading, loading, plot, tag
 from quadctl.web.elements.theme import Theme
@@ -21,13 +21,13 @@ from quadctl.web.panels.panel import Controls, Panel, Tab
 
 _SCROLL = "document.querySelector('#selected').scrollIntoView()"
 _SCROLL_WHEN_DRAWN = """
-const scroll = (trials) => {
-  if (document.querySelector('#selected-in-time')) document.querySelector('#selected').scrollIntoView();
-  else if (trials > 0) requestAnimationFrame(() => scroll(trials - 1));
-};
-scroll(600);
+const scroll = (trials) => requestAnimationFrame(() => {
+  if (document.querySelector('#selected-in-time .main-svg')) document.querySelector('#selected').scrollIntoView();
+  else if (trials > 0) scroll(trials - 1);
+});
+requestAnimationFrame(() => scroll(600));
 """
-"""The selection that was just asked for is drawn a moment later than this runs."""
+"""The selection that was just asked for is drawn a moment later than this runs; before, there is no room to scroll."""
 SHOWN_SENTENCES, SHOWN_PROFILES = 4, 6
 
 
@@ -36,6 +36,7 @@ class Failures(Panel):
     """Sentences on where the model fails, and the residual over the variables that explain most of it."""
 
     comparison: Comparison | None
+    unseen_comparison: Comparison | None
     agreement: Agreement | None
     comparing: bool
     theme: Theme
@@ -54,10 +55,12 @@ class Failures(Panel):
                 "Sigma says how certain a difference is, not how large. The model is taken as it is exported: the "
                 "trim of a flight, which cross-validation leaves out, counts here.",
             )
-            if not comparison.fails_where:
-                tag("p", "verdict", "In no range: the residual does not exceed the noise.")
-            for failure in told(comparison.fails_where, SHOWN_SENTENCES):
-                _draw_sentence(do, failure)
+            if self.unseen_comparison is None:
+                _draw_sentences(do, comparison)
+            else:
+                for role, each in (("used by the fits", comparison), ("held out", self.unseen_comparison)):
+                    tag("h3", "", f"On {listed(each.dataset.names)} ({role})")
+                    _draw_sentences(do, each)
         if self.agreement is not None:
             with tag("section", "card"):
                 heading("Do the flights agree?")
@@ -76,6 +79,13 @@ class Failures(Panel):
                     name = f"residual_{profile.axis}_over_{profile.variable}"
                     shown = plot(profile_figure(comparison, profile, self.theme), name, name.replace("_", " "))
                     _let_select(do, shown, profile.axis, (profile.variable,))
+
+
+def _draw_sentences(do: Controls, comparison: Comparison) -> None:
+    if not comparison.fails_where:
+        tag("p", "verdict", "In no range: the residual does not exceed the noise.")
+    for failure in told(comparison.fails_where, SHOWN_SENTENCES):
+        _draw_sentence(do, failure)
 
 
 def _draw_sentence(do: Controls, failure: Failure) -> None:

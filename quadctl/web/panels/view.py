@@ -229,6 +229,11 @@ class View:
         return None if self.results.evaluation is None else self.results.evaluation.comparison
 
     @property
+    def unseen_comparison(self) -> Comparison | None:
+        """The comparison on the flights held out of all fits."""
+        return None if self.results.evaluation is None else self.results.evaluation.unseen
+
+    @property
     def agreement(self) -> Agreement | None:
         """Agreement of the flights in the error of the model."""
         return None if self.results.evaluation is None else self.results.evaluation.agreement

@@ -448,8 +448,8 @@ class Workbench:
         """Say where the browser has put the model, in a file of this name, and which commands use it."""
         self.say(
             "done",
-            f"The model is saved as {name} in the downloads folder of your browser; where that holds a {name} already, "
-            "under another number. The commands that use it, in its folder:",
+            f"The model is saved as {name} in the downloads folder of your browser (with a number where there is a "
+            f"{name} already). These commands use it, in its folder.",
             commands_of_a_model(name),
         )
 

@@ -15,11 +15,11 @@ def test_each_round_is_named(raptor: Vehicle) -> None:
     flight = load_dataset([obedient(truth, 60.0, noise_m_s=0.01)], raptor)
     said: list[str] = []
     forward(begun_at(fit_model(Model(raptor), flight)), [Exponential, Hayden, ConstantScale], said.append)
-    assert [text.partition(":")[0] for text in said[:3]] == ["round 1, another follows each effect found"] * 3
+    assert [text.partition(":")[0] for text in said[:3]] == ["round 1"] * 3
     assert said[3].startswith("round 2: ") and "1 of 1" in said[3]
     assert not any("about 0 s" in text for text in said)
 
 
 def test_at_the_end_of_a_round_no_time_is_said() -> None:
     assert tried_in_words("a", 10, 10, 0.0) == "tried a, 10 of 10"
-    assert tried_in_words("a", 3, 10, 7.2) == "tried a, 3 of 10; about 7 s left of this round"
+    assert tried_in_words("a", 3, 10, 7.2) == "tried a, 3 of 10; about 7 s left of this round, another may follow"
