@@ -197,7 +197,8 @@ def _most_in_words(found: Sequence[Stretch]) -> str:
     ]
     if len(found) > NAMED_FLIGHTS:
         return f", in {len(found)} flights, of which the most {places[0]}"
-    return f", {' and '.join(places)}"
+    text = " and ".join(places)
+    return f", {text.replace(' and mostly in ', ' and in ') if text.startswith('mostly') else text}"
 
 
 def _profile(values: Floats, noise: CorrelatedNoise, x: Floats, axis: str, variable: str, dataset: Dataset) -> Profile:
