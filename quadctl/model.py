@@ -26,7 +26,9 @@ class Provenance(Settings):
 
     logs: tuple[str, ...] = ()
     rmse_before: float | None = None
+    """Held-out acceleration error without the effect, the rest of the model refitted, m/s^2; None where not known."""
     rmse_after: float | None = None
+    """The same with the effect."""
     held_out: bool = False
     ci95: dict[str, tuple[float, float]] = Field(default_factory=dict)
     height_m: tuple[float, float] | None = None

@@ -1,6 +1,7 @@
 """YAML files to validated settings; every error names the file, the field, the value and what was expected."""
 
 import difflib
+import math
 import re
 import reprlib
 import types
@@ -99,6 +100,14 @@ def validate(data: Any, kind: type[S], source: str) -> S:
         return kind.model_validate(data)
     except ValidationError as error:
         raise SettingsError(f"{source}: {_first_problem(error, kind, data)}") from None
+
+
+def limits(kind: type[BaseModel], field: str) -> tuple[float, float]:
+    """Lowest and highest value between which a number of a settings class must lie; infinite where it has no limit."""
+    metadata = kind.model_fields[field].metadata
+    lows = [float(getattr(limit, name)) for limit in metadata for name in ("gt", "ge") if hasattr(limit, name)]
+    highs = [float(getattr(limit, name)) for limit in metadata for name in ("lt", "le") if hasattr(limit, name)]
+    return max(lows, default=-math.inf), min(highs, default=math.inf)
 
 
 class _StrictLoader(yaml.SafeLoader):

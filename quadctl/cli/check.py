@@ -17,11 +17,17 @@ from quadctl.cli.flight import (
     SystemIdOption,
     WithoutFailsafeOption,
 )
-from quadctl.cli.inputs import find_all, find_configuration
+from quadctl.cli.inputs import find_all, find_configuration, find_mission
 from quadctl.cli.output import JsonOption, check_outputs, write_json
 from quadctl.errors import FlightError
 
 STYLES = {"ok": "green", "warning": "yellow", "refused": "bold red"}
+
+
+def _found(files: list[Path]) -> list[Path]:
+    """Vehicle file, if any, and mission file."""
+    *vehicles, mission = files
+    return [*find_all(vehicles), find_mission(mission)]
 
 
 @app.command()
@@ -29,9 +35,9 @@ def check(
     files: Annotated[
         list[Path],
         typer.Argument(
-            metavar="[VEHICLE.yaml] MISSION.yaml",
-            help="Without a vehicle file: the vehicle of the configuration.",
-            callback=find_all,
+            metavar="[VEHICLE.yaml] MISSION",
+            help="Without a vehicle file: the vehicle of the configuration. Mission file, or its name: figure8.",
+            callback=_found,
         ),
     ],
     model: ModelOption = None,

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from quadctl.cli.app import app, console
-from quadctl.cli.inputs import find, find_configuration
+from quadctl.cli.inputs import find, find_configuration, find_mission
 from quadctl.cli.output import JsonOption, check_outputs, write_json
 from quadctl.errors import FlightError
 from quadctl.installed import is_installed
@@ -19,7 +19,12 @@ TOKEN = re.compile(r"[\w-]{8,}", re.ASCII)
 """Token of the live view: characters that an address can hold, too many to be guessed."""
 
 
-MissionArgument = Annotated[Path, typer.Argument(metavar="MISSION.yaml", callback=find)]
+MissionArgument = Annotated[
+    Path,
+    typer.Argument(
+        metavar="MISSION", help="Mission file, or the name of one in missions/: figure8.", callback=find_mission
+    ),
+]
 ModelOption = Annotated[
     str | None,
     typer.Option("--model", metavar="MODEL", help="Compensator: none, an effect such as hayden, or a model file."),
@@ -32,7 +37,10 @@ LogDirOption = Annotated[Path, typer.Option("--log-dir", metavar="DIR", help="Fo
 HiddenOption = Annotated[
     Path | None,
     typer.Option(
-        "--hidden", metavar="FILE", help="File with the hidden effects of the simulated world.", callback=find
+        "--hidden",
+        metavar="FILE",
+        help="File with the hidden effects of the simulated world; or a model file, whose effects it then has.",
+        callback=find,
     ),
 ]
 SeedOption = Annotated[int, typer.Option("--seed", metavar="N", min=0, help="Same seed, same flight.")]

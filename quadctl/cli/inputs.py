@@ -21,6 +21,13 @@ def find_all(paths: list[Path]) -> list[Path]:
     return [found for path in paths if (found := find(path)) is not None]
 
 
+def find_mission(path: Path) -> Path:
+    """Callback of an argument that names a mission file, as `find`; `figure8` stands for missions/figure8.yaml, too."""
+    named = Path("missions") / f"{path.name.removesuffix('.yaml')}.yaml"
+    bare = len(path.parts) == 1 and not path.exists() and locate(named).is_file()
+    return find(named if bare else path) or path
+
+
 def find_missions(folder: Path) -> Path:
     """Callback of an argument or option that names the folder of the missions: says which one is used."""
     found = locate(folder)

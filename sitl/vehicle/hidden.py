@@ -10,11 +10,11 @@ from typing import ClassVar
 
 from pydantic import Field, NonNegativeFloat
 
-from quadctl.effects import Conditions, Effect, ThrustRatio, find_effect, parameter
+from quadctl.effects import Conditions, Effect, ThrustRatio, catalog_with, find_effect, parameter
 from quadctl.errors import SettingsError
-from quadctl.model import EffectEntry, Model, StackedEffect
+from quadctl.model import EffectEntry, Model, StackedEffect, model_from_dict
 from quadctl.numeric import Number, maximum
-from quadctl.settings import Settings, load
+from quadctl.settings import Settings, read_yaml, validate
 from quadctl.surfaces import Place
 from quadctl.vehicle import Vehicle
 
@@ -70,6 +70,8 @@ class HiddenTruth(Settings):
     """Content of the file of `simulate --hidden FILE`."""
 
     effects: list[EffectEntry] = Field(default_factory=list)
+    effect_files: list[Path] = Field(default_factory=list)
+    """Python files with a user's own effects."""
     ground: Place | None = None
     """True places of the surfaces of `ground_effect.surfaces`."""
     noise: Noise = Noise()
@@ -99,15 +101,26 @@ HIDDEN_EFFECTS: dict[str, type[Effect]] = {GroundCushion.name: GroundCushion}
 
 
 def load_hidden(path: Path | str | None) -> HiddenTruth:
-    """Read the truth of a file; None: no effects, default noise."""
-    return HiddenTruth() if path is None else load(path, HiddenTruth)
+    """Read the truth of a file; None: no effects, default noise.
+
+    The file may also be that of a model: then the world has the effects of the model, and default noise.
+    """
+    if path is None:
+        return HiddenTruth()
+    content = read_yaml(Path(path))
+    if "vehicle" not in content:
+        return validate(content, HiddenTruth, str(path))
+    model = model_from_dict(content, Path(path))
+    entries = [EffectEntry(effect=effect.name, parameters=effect.values()) for effect in model.effects]
+    return HiddenTruth(effects=entries, effect_files=list(model.effect_files))
 
 
 def true_model(vehicle: Vehicle, truth: HiddenTruth, source: str) -> Model:
     """The model that the simulated world obeys."""
+    known = catalog_with(truth.effect_files)
     stack = []
     for entry in truth.effects:
-        kind = HIDDEN_EFFECTS.get(entry.effect) or find_effect(entry.effect, source)
+        kind = HIDDEN_EFFECTS.get(entry.effect) or find_effect(entry.effect, source, known)
         effect = kind.from_values(entry.parameters, source)
         if problem := effect.mismatch(vehicle):
             raise SettingsError(f"{source}: {problem}")

@@ -60,6 +60,26 @@ def test_the_list_of_missions_is_readable_on_80_columns(
         assert told == mission.description
 
 
+@pytest.mark.parametrize("name", ["short_hop", "short_hop.yaml", "missions/short_hop.yaml"])
+def test_a_mission_is_called_by_its_name(quadctl: Callable[..., Result], name: str, tmp_path: Path) -> None:
+    for words in (["mission", "show", name], ["check", name], ["check", "config/vehicles/raptor.yaml", name]):
+        assert quadctl(*words).status == 0
+    refused = quadctl("fly", name, "--link", "nonsense", "--log-dir", tmp_path)
+    assert "no such file" not in refused.err and "nonsense" in refused.err
+    wrong = quadctl("check", "short_hopp")
+    assert (wrong.status, wrong.err) == (1, "quadctl: short_hopp: there is no such file\n")
+
+
+def test_a_file_where_one_is_goes_before_a_mission_of_that_name(
+    quadctl: Callable[..., Result], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    own = yaml.safe_load((ROOT / "missions" / "short_hop.yaml").read_text()) | {"description": "my own hop"}
+    (tmp_path / "short_hop.yaml").write_text(yaml.safe_dump(own))
+    (tmp_path / "missions").mkdir()
+    monkeypatch.chdir(tmp_path)
+    assert "missions/short_hop.yaml" not in quadctl("mission", "show", "short_hop.yaml").out
+
+
 def test_set_changes_what_is_flown_and_recorded(quadctl: Callable[..., Result], tmp_path: Path) -> None:
     words = ["simulate", "missions/oscillation.yaml", "--set", "cycles=1", "--log-dir", tmp_path]
     assert quadctl(*words).status == 0

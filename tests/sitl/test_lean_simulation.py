@@ -38,7 +38,7 @@ from quadctl.web.work.simulated import Simulation
 model, folder = Path("config/vehicles/raptor.yaml"), Path({folder!r})
 world = Simulation(quadctl.sitl.run.simulate, Path("missions"), folder)
 saved = world._saved(load_model(model))
-assert len(world._fly("short_hop", saved, world._as_model_says(load_model(model)), 1).columns)
+assert len(world._fly("short_hop", saved, saved, 1).columns)
 """
 PLANNING = "import quadctl.lab.planning.suggestion, quadctl.lab.planning.planned_flight"
 

@@ -508,6 +508,51 @@ def test_no_hidden_file_is_a_rigid_body_with_noise() -> None:
     assert true_model(RAPTOR, truth, "x").stack == ()
 
 
+OWN_EFFECT = """
+from dataclasses import dataclass
+from typing import ClassVar
+from quadctl.effects import Conditions, Effect, parameter
+from quadctl.numeric import Number, Vector
+from quadctl.vehicle import Vehicle
+
+@dataclass(frozen=True)
+class Updraught(Effect):
+    name: ClassVar[str] = "updraught.constant"
+    source: ClassVar[str] = "this test"
+    depends_on: ClassVar[tuple[str, ...]] = ()
+    physics: ClassVar[str] = "Air rises."
+    distinguished_by: ClassVar[str] = "flying elsewhere"
+    mission: ClassVar[str] = "missions/hover_staircase.yaml"
+    force_n: float = parameter(0.1, -1.0, 1.0, "N", "force up")
+
+    def force(self, total_thrust_n: Number, c: Conditions, vehicle: Vehicle) -> Vector:
+        return (0.0, 0.0, -self.force_n)
+"""
+
+
+def test_a_model_file_is_a_world_with_its_effects_also_those_of_ones_own(tmp_path: Path) -> None:
+    (tmp_path / "own.py").write_text(OWN_EFFECT)
+    (tmp_path / "model.yaml").write_text(
+        yaml.safe_dump(
+            {
+                "vehicle": RAPTOR.model_dump(mode="json", exclude_none=True),
+                "effect_files": ["own.py"],
+                "effects": [
+                    {"effect": "ground_effect.sanchez", "parameters": {"k_b": 1.5}, "fitted": {"logs": ["a.csv"]}},
+                    {"effect": "updraught.constant", "parameters": {"force_n": 0.2}},
+                ],
+            }
+        )
+    )
+    truth = load_hidden(tmp_path / "model.yaml")
+    stack = true_model(RAPTOR, truth, "model.yaml").effects
+    assert [(effect.name, *effect.values().values()) for effect in stack] == [
+        ("ground_effect.sanchez", 1.5),
+        ("updraught.constant", 0.2),
+    ]
+    assert truth.noise == HiddenTruth().noise
+
+
 # --- the command -----------------------------------------------------------------------------------------------------
 
 

@@ -1,15 +1,19 @@
 """A new start of the page in the same folder goes on with the session that is kept there, if it is the same one."""
 
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from quadctl.effects.ground_effect import Exponential
+from quadctl.logs.flight_log import FlightLog
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
 from quadctl.web.session.files import sha256_of
 from quadctl.web.session.session import AUTOSAVED, Session, session_to_yaml
-from quadctl.web.session.start import kept_session
+from quadctl.web.session.start import first_session, kept_session
+from quadctl.web.work.doubts import names_its_vehicle
 
 
 @pytest.fixture
@@ -54,6 +58,34 @@ def test_a_model_that_is_given_is_the_one_it_must_have_begun_with(kept: Session,
     assert kept_session(log.parent, begun(raptor, log), model_given=True) is not None
     other = Session().with_logs([log]).begun_with(Model(raptor).plus(Exponential(a=0.3, b=5.0)))
     assert kept_session(log.parent, other, model_given=True) is None
+
+
+class TestVehicleThatNobodyHasNamed:
+    """It is that of config/flight.yaml; the page asks whether it flew, and the session keeps the answer."""
+
+    def test_a_session_begun_without_a_model_has_assumed_its_vehicle(self, log: Path, raptor_path: Path) -> None:
+        assert first_session([], None, None).vehicle_assumed
+        assert not first_session([], raptor_path, None).vehicle_assumed
+
+    def test_a_vehicle_that_is_chosen_is_not_assumed(self, raptor: Vehicle) -> None:
+        assert not replace(Session(), vehicle_assumed=True).begun_with(Model(raptor)).vehicle_assumed
+
+    @pytest.mark.parametrize("assumed", [True, False])
+    def test_the_answer_is_kept_with_the_session(self, assumed: bool, kept: Session, log: Path) -> None:
+        (log.parent / AUTOSAVED).write_text(session_to_yaml(replace(kept, vehicle_assumed=assumed)))
+        again = kept_session(log.parent, Session(), model_given=False)
+        assert again is not None and again.vehicle_assumed is assumed
+
+    def test_a_model_that_is_given_answers_it(self, kept: Session, log: Path, raptor: Vehicle) -> None:
+        (log.parent / AUTOSAVED).write_text(session_to_yaml(replace(kept, vehicle_assumed=True)))
+        again = kept_session(log.parent, begun(raptor, log), model_given=True)
+        assert again is not None and not again.vehicle_assumed
+
+    def test_only_a_log_that_names_neither_vehicle_nor_mass_leaves_it_open(self) -> None:
+        silent = FlightLog("a.csv", None, {"time_s": np.zeros(1)})
+        assert not names_its_vehicle(silent)
+        for vehicle in ({"name": "raptor"}, {"mass_kg": 1.5}, "raptor"):
+            assert names_its_vehicle(replace(silent, meta={"vehicle": vehicle}))
 
 
 @pytest.mark.parametrize("text", [None, "", "rungs: nonsense", "logs: []\nrungs: []\n"])

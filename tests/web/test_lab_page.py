@@ -93,11 +93,24 @@ def test_a_new_vehicle_is_entered_as_a_few_numbers(browser: Browser, tmp_path: P
         visitor.page.get_by_label("Frame").last.click()
         visitor.click("[role=option]:has-text('hexa-x')")
         visitor.sees("svg[aria-label^='6 rotors']:visible")
+        for size in (PHONE, DESK):
+            visitor.page.set_viewport_size(size)
+            assert visitor.page.locator(".form-fields:visible .q-field__label").evaluate_all(_CUT) == []
         visitor.page.get_by_label("Name", exact=True).fill("mine")
+        visitor.page.get_by_label("Mass with battery / kg").last.fill("")
+        visitor.page.get_by_label("Throttle in hover, 0 to 1").last.fill("2")
+        visitor.click("button:has-text('Use this vehicle')")
+        visitor.sees("text=expected a number above 0 and below 1000")
+        visitor.sees("text=/expected a number above 0 and below 1$/")
+        visitor.keeps("new-vehicle-wrong")
         visitor.page.get_by_label("Mass with battery / kg").last.fill("2.5")
+        visitor.page.get_by_label("Throttle in hover, 0 to 1").last.fill("0.3")
         visitor.keeps("new-vehicle")
         visitor.click("button:has-text('Use this vehicle')")
         visitor.sees("h2:has-text('Vehicle: mine')")
+        visitor.sees(f"p:has-text('{tmp_path / 'lab' / 'vehicles'}')")
+        visitor.sees("#own-vehicles button:has-text('mine')")
+        visitor.keeps("own-vehicle")
         visitor.click("text=As a file (YAML)")
         visitor.sees("textarea:visible")
         box = visitor.page.locator("textarea").bounding_box()
@@ -178,6 +191,7 @@ def test_a_newcomer_finds_the_missing_effect_and_flies_it_in_at_most_ten_clicks(
         assert "ground effect" in visitor.sees("#verdict[data-verdict=missing]")
         before = visitor.error_now()
         visitor.keeps("2-missing")
+        visitor.sees("text=is that the vehicle that flew?")  # a question that keeps nobody waiting
         visitor.resizes_a_figure_that_has_left()
         visitor.press("button[aria-label^='Add ground_effect']")
         after = visitor.waits_for_less_than(0.5 * before)
@@ -189,6 +203,10 @@ def test_a_newcomer_finds_the_missing_effect_and_flies_it_in_at_most_ten_clicks(
         exported = visitor.keeps_file(".main button:has-text('Export model')", tmp_path)
         (effect,) = load_model(exported).effects
         assert effect.family() == "ground_effect"
+        assert "saved as model.yaml in the downloads folder" in visitor.sees(".banner.done")
+        visitor.sees("code:has-text('quadctl compare model.yaml LOG')")
+        visitor.keeps("exported")
+        visitor.page.locator("button[aria-label='Dismiss']").click()
         visitor.keeps("4-compensator")
 
         visitor.click("button:has-text('Fly it in simulation')")
@@ -355,6 +373,8 @@ class TestAnalysed:
         visitor.click("[role=tab]:has-text('Where it fails')")
         visitor.press("button[aria-label^='Show where in the flight']")
         assert visitor.points(visitor.figure("Selected samples over time"), "selected") > 0
+        visitor.page.wait_for_function("document.querySelector('#selected').getBoundingClientRect().top < 100")
+        visitor.keeps("shown-at-once")
 
     @pytest.mark.parametrize(("size", "theme"), [(DESK, "light"), (PHONE, "dark")], ids=["desk-light", "phone-dark"])
     def test_every_part_is_clean_for_axe(
@@ -601,6 +621,7 @@ def test_pictures_of_every_part(browser: Browser, session: Path, tmp_path: Path,
         visitor.leaves()
 
 
+_CUT = "labels => labels.filter(l => l.scrollWidth > l.clientWidth + 1).map(l => l.innerText)"
 _HAS_CURVE = """name => [...document.querySelectorAll('.js-plotly-plot')].some(
   plot => (plot.data ?? []).some(curve => curve.name === name))"""
 _PLACE = "plot => Array.from(plot.data.find(curve => curve.name === 'its nose').z)"

@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast, get_type_hints
-from unittest.mock import create_autospec
+from unittest.mock import MagicMock, create_autospec
 
 import numpy as np
 import pytest
@@ -17,19 +17,24 @@ from nicegui.client import Client
 from nicegui.element import Element
 
 from quadctl.effects.ground_effect import Exponential, Hayden
-from quadctl.lab.comparison.wording import number, quantity, share_of_g
+from quadctl.effects.thrust_scale import ConstantScale
+from quadctl.lab.comparison.failures import Failure, Stretch
+from quadctl.lab.comparison.wording import agreement_in_words, number, quantity, share_of_g
 from quadctl.lab.flights.dataset import load_dataset
 from quadctl.lab.selection.diagnosis import diagnose
 from quadctl.logs.quality import quality
 from quadctl.model import Model, Provenance
 from quadctl.vehicle import Vehicle
 from quadctl.web.elements.theme import DARK, LIGHT
+from quadctl.web.figures.ratio import ratio_over_height
 from quadctl.web.page.page import TABS, Page
+from quadctl.web.panels.compensator import far_in_words
+from quadctl.web.panels.fails import Failures
 from quadctl.web.panels.glossary import GLOSSARY
 from quadctl.web.panels.help import KEYS
 from quadctl.web.panels.panel import Bench, Controls, Panel
 from quadctl.web.panels.view import View
-from quadctl.web.session.findings import Diagnosed
+from quadctl.web.session.findings import Diagnosed, Findings
 from quadctl.web.session.session import Rung, Session
 from quadctl.web.work.jobs import Current, Opened, OpenedLog, evaluate
 from quadctl.web.work.simulated import FAR, WITH, WITHOUT
@@ -47,6 +52,7 @@ def subclasses(panel: type[Panel]) -> list[type[Panel]]:
 
 CLASSES = sorted(subclasses(Panel), key=lambda panel: panel.__name__)
 PANELS = [each for each in CLASSES if not inspect.isabstract(each)]
+FAILURE = Failure("up", "time", 0.0, 9.0, 0.5, 9.0, 100, "it fails", (Stretch("1.csv", 1.0, 5.0, 0.9, whole=False),))
 ADDRESSES = {"url", "id", "for"}
 """Properties that hold the number of an element, another one in every tab."""
 FIELDS = [(panel, field.name) for panel in PANELS for field in fields(panel)]
@@ -139,6 +145,7 @@ def views(raptor: Vehicle) -> dict[str, View]:
         can_redo=False,
         hidden=None,
         vehicles=(Path("raptor.yaml"),),
+        own_vehicles=(),
         template="",
         theme=LIGHT,
         axis="up",
@@ -188,6 +195,8 @@ def views(raptor: Vehicle) -> dict[str, View]:
         "a message": {"message": Message("error", "no")},
         "another world": {"hidden": Path("hidden.yaml")},
         "other vehicles": {"vehicles": ()},
+        "a vehicle of one's own": {"own_vehicles": (Path("lab/vehicles/mine.yaml"),)},
+        "a vehicle that nobody has named": {"session": replace(session, vehicle_assumed=True)},
         "another axis": {"axis": "north"},
         "another flight": {"flight_name": "1.csv"},
         "other channels": {"channels": ("roll_deg",)},
@@ -382,6 +391,114 @@ class TestOpenTab:
         assert "0.csv: This flight says 1.9 kg. Use it anyway?" in asked
         at_first = str(tabs("flights", views["at first"]).shown)
         assert asked.count("check_circle") == at_first.count("check_circle") - 1
+
+    def test_a_vehicle_that_nobody_has_named_is_asked_about_beside_the_headline_and_the_flights(
+        self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
+    ) -> None:
+        question = "Evaluated as raptor (1.5 kg): is that the vehicle that flew?"
+        asked = views["a vehicle that nobody has named"]
+        assert str(tabs("missing", asked).shown).count(question) == 1
+        assert str(tabs("flights", asked).shown).count(question) == 2
+        assert question not in str(tabs("flights", views["at first"]).shown)
+        assert asked.opened is not None
+        named = [replace(log, log=replace(log.log, meta={"vehicle": {"mass_kg": 1.5}})) for log in asked.opened.logs]  # type: ignore[type-var]
+        assert replace(asked, opened=replace(asked.opened, logs=named)).unconfirmed is None
+
+    def test_whether_the_flights_agree_is_said_beside_the_error_and_where_the_model_fails(
+        self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
+    ) -> None:
+        evaluation = views["at first"].evaluation
+        assert evaluation is not None and evaluation.agreement is not None
+        sentence = agreement_in_words(evaluation.agreement)
+        assert sentence in str(tabs("missing", views["at first"]).shown)
+        assert str(tabs("fails", views["at first"]).shown).count(sentence) == 2
+
+    def test_a_flight_held_out_is_compared_with_those_that_the_model_was_fitted_to(
+        self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
+    ) -> None:
+        opened, session = views["at first"].opened, views["a fit to one of the flights"].session
+        assert opened is not None and opened.seen is not None and session.model is not None
+        seen, unseen = opened.seen.some([0]), opened.seen.some([1])
+        found = evaluate(Current(session.model), seen, unseen, lambda text: None)
+        assert found.agreement is not None and found.agreement.fitted == "these"
+        assert (found.agreement.reference, found.agreement.judged) == (("0.csv",), ("1.csv",))
+        view = replace(views["at first"], opened=replace(opened, seen=seen, unseen=unseen), results=Results(found))
+        shown = str(tabs("fails", view).shown)
+        assert "On 0.csv (used by the fits)" in shown and "On 1.csv (held out)" in shown
+        assert found.agreement.judged_m_s2 == pytest.approx(found.error_m_s2)
+        assert found.by_flight == pytest.approx(
+            {"0.csv": found.agreement.reference_m_s2, "1.csv": found.agreement.judged_m_s2}
+        )
+
+    def test_a_sentence_leads_to_its_flight_with_one_click(self, views: dict[str, View]) -> None:
+        do = create_autospec(Controls, instance=True)
+        comparison = views["at first"].comparison
+        assert comparison is not None
+        wrong = replace(comparison, fails_where=[FAILURE])
+        with Client(ui.page("/")), pytest.MonkeyPatch.context() as patched:
+            patched.setattr(ui, "run_javascript", ran := MagicMock())
+            Failures(wrong, None, None, False, LIGHT).draw(do)
+            (show,) = [e for e in ui.context.client.elements.values() if isinstance(e, ui.button) and e.text == "Show"]
+            for listener in show._event_listeners.values():
+                if listener.type == "click":
+                    listener.handler(None)  # type: ignore[misc]
+        do.select.assert_called_once_with({"time": (0.0, 9.0)}, "up", "1.csv")
+        assert "scrollIntoView" in ran.call_args.args[0]
+
+    def test_the_headline_says_the_error_of_all_axes_and_which_axis_it_is_shown_for(
+        self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
+    ) -> None:
+        evaluation = views["at first"].evaluation
+        assert evaluation is not None
+        errors = evaluation.errors_m_s2
+        worst = evaluation.worst_axis
+        assert errors[worst] == max(errors[axis] for axis in ("north", "east", "up"))
+        shown = str(tabs("missing", replace(views["at first"], axis=worst)).shown)
+        assert f"Error of all axes {quantity(errors['total'])}; shown is {worst}" in shown
+        assert "the axis with the largest error." in shown
+        other = next(axis for axis in ("north", "east", "up") if axis != worst)
+        shown = str(tabs("missing", replace(views["at first"], axis=other)).shown)
+        assert f"It is largest {worst}: {quantity(errors[worst])}." in shown
+
+    def test_what_an_added_effect_looks_like_stays_on_its_card(
+        self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
+    ) -> None:
+        view = views["at first"]
+        warning = "Looks like thrust scale: these data do not distinguish them."
+        assert warning not in str(tabs("missing", view).shown)
+        first, *later = view.session.rungs
+        found = Findings({"ranking": [], "confounded": [["ground_effect", "thrust_scale"]]})
+        session = replace(view.session, rungs=(replace(first, found=found), *later))
+        assert warning in str(tabs("missing", replace(view, session=session)).shown)
+        assert session.at(0).look_alikes == {}
+
+    def test_the_error_that_a_change_is_of_is_named(
+        self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
+    ) -> None:
+        view = views["at first"]
+        shown = str(tabs("missing", view).shown)
+        assert "Adding it reduces the held-out acceleration error by" in shown
+        assert "% held-out acceleration error" in shown
+        assert "% since rigid body" in shown
+        held = str(tabs("missing", views["a flight held out"]).shown)
+        assert "reduces the held-out acceleration error of the flights for fitting by" in held
+
+    def test_the_factor_far_from_the_ground_is_no_part_of_the_curve(self, views: dict[str, View]) -> None:
+        view = views["at first"]
+        assert view.model is not None and view.seen is not None
+        scaled = view.model.plus(ConstantScale(0.87))
+        assert "Far from the ground the rotors give 0.870 times the thrust" in far_in_words(scaled)
+        assert "factor 1" in far_in_words(view.model)
+        own, without = (
+            next(
+                curve["y"]
+                for curve in ratio_over_height(model, view.seen, LIGHT)["data"]
+                if curve["name"] == "this model"
+            )
+            for model in (scaled, view.model)
+        )
+        assert own == pytest.approx(without)
+        assert own[-1] == pytest.approx(1.0, abs=0.01)
 
     def test_what_is_there_but_small_is_no_contradiction(
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]

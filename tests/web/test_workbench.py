@@ -11,15 +11,18 @@ from typing import Any, cast
 import numpy as np
 import pytest
 import yaml
+from typer.testing import CliRunner
 
+from quadctl.cli import app
 from quadctl.effects.ground_effect import Exponential
 from quadctl.errors import SettingsError
 from quadctl.logs.flight_log import FlightLog
 from quadctl.model import load_model
 from quadctl.vehicle import Vehicle
+from quadctl.vehicle_draft.draft import draft
 from quadctl.web.panels.vehicle import TYPICAL
 from quadctl.web.session.files import sha256_of
-from quadctl.web.session.session import Rung, Session, session_to_yaml
+from quadctl.web.session.session import AUTOSAVED, Rung, Session, load_session, session_to_yaml
 from quadctl.web.work import jobs, simulated
 from quadctl.web.work.doubts import doubt_beside
 from quadctl.web.work.jobs import Opened
@@ -27,7 +30,7 @@ from quadctl.web.work.simulated import Simulation
 from quadctl.web.work.worker import CancelledError
 from quadctl.web.workbench import workbench
 from quadctl.web.workbench.intake import Intake
-from quadctl.web.workbench.workbench import Workbench
+from quadctl.web.workbench.workbench import Workbench, commands_of_a_model
 from tests.support.flights import obedient
 from tests.support.log_files import ulog_bytes
 from tests.support.places import RAPTOR, ROOT, VEHICLES
@@ -254,7 +257,7 @@ class TestNewVehicle:
         assert hover == pytest.approx(PX4_TRI["MPC_THR_HOVER"], rel=1e-3)
 
     @pytest.mark.parametrize(
-        ("wrong", "said"), [({"mass_kg": None}, "mass_kg"), ({"hover_throttle": 2.0}, "less than 1")]
+        ("wrong", "said"), [({"mass_kg": None}, "Mass with battery"), ({"hover_throttle": 2.0}, "less than 1")]
     )
     def test_a_number_that_is_wrong_is_named_and_nothing_changes(
         self, bench: Workbench, wrong: dict[str, Any], said: str
@@ -267,6 +270,57 @@ class TestNewVehicle:
         asyncio.run(enter())
         assert bench.session is before
         assert bench.message is not None and said in bench.message.text
+
+
+class TestOwnVehicle:
+    def enter(self, bench: Workbench, text: str, from_a_form: bool = False) -> Intake:
+        intake = Intake(bench, [])
+        asyncio.run(intake.use_vehicle(text, from_a_form))
+        return intake
+
+    def test_it_stands_among_those_to_choose_from_and_its_path_is_said(self, bench: Workbench, tmp_path: Path) -> None:
+        intake = self.enter(bench, draft(TYPICAL._replace(name="my/own"), {}))
+        assert intake.own_vehicles == [tmp_path / "vehicles" / "my_own.yaml"]
+        assert bench.message is not None and str(tmp_path / "vehicles" / "my_own.yaml") in bench.message.text
+        asyncio.run(bench.begin_with(intake.own_vehicles[0]))
+        assert bench.session.rung is not None and bench.session.rung.model.vehicle.name == "my/own"
+
+    def test_one_that_cannot_fly_is_not_kept_and_a_form_hears_of_it_in_its_own_words(self, bench: Workbench) -> None:
+        weak = yaml.safe_load(RAPTOR.read_text())
+        weak["throttle"]["max_thrust_per_rotor_n"] = 1.0
+        text = yaml.safe_dump(weak)
+        assert self.enter(bench, text).own_vehicles == []
+        assert bench.message is not None and "throttle.max_thrust_per_rotor_n is 1, expected more" in bench.message.text
+        self.enter(bench, text, from_a_form=True)
+        assert bench.message.text.startswith(
+            "This vehicle cannot fly: Most thrust of a rotor / N is 1, expected more than 3.68 N"
+        )
+
+
+class TestExport:
+    def test_the_file_and_the_commands_that_use_it_are_said(self, bench: Workbench) -> None:
+        bench.say_exported("model.yaml")
+        assert bench.message is not None and "saved as model.yaml in the downloads folder" in bench.message.text
+        commands = [command for _, command in bench.message.commands]
+        assert commands == [
+            "quadctl fly MISSION --model model.yaml",
+            "quadctl simulate MISSION --model model.yaml --hidden model.yaml",
+            "quadctl export model.yaml --to px4",
+            "quadctl compare model.yaml LOG",
+        ]
+
+    def test_the_commands_are_those_that_there_are(self, bench: Workbench, capsys: pytest.CaptureFixture[str]) -> None:
+        for _, command in commands_of_a_model("model.yaml"):
+            _, name, *words = command.split()
+            options = [word for word in words if word.startswith("--")]
+            shown = CliRunner().invoke(app, [name, "--help"], env={"COLUMNS": "200"}).output
+            assert all(option in shown for option in options), command
+
+    def test_yes_is_the_answer_to_the_question_about_the_vehicle(self, bench: Workbench) -> None:
+        bench.session = replace(bench.session, vehicle_assumed=True)
+        bench.confirm_vehicle()
+        assert not bench.session.vehicle_assumed
+        assert not load_session(bench.folder / AUTOSAVED).vehicle_assumed
 
 
 class TestResuming:

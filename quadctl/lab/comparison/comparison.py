@@ -8,8 +8,10 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 
 from quadctl.lab.arrays import Floats
-from quadctl.lab.comparison.failures import Failure, Profile, failures, profiles
+from quadctl.lab.comparison.agreement import Agreement, Errors, of_one_model
+from quadctl.lab.comparison.failures import Failure, Profile, failures, profiles, told
 from quadctl.lab.comparison.open_loop import OpenLoop, open_loop, open_loop_in_words, open_loop_table
+from quadctl.lab.comparison.wording import agreement_in_words
 from quadctl.lab.fitting.flexible_regression import flexible_residual, noise_floor
 from quadctl.lab.flights.dataset import AlignedDataset, Dataset
 from quadctl.lab.flights.prediction import rmse
@@ -39,6 +41,8 @@ class Comparison(Result):
     profiles: list[Profile]
     open_loop: list[OpenLoop]
     """Open-loop errors, one entry per horizon; empty where no flight is long enough."""
+    agreement: Agreement | None
+    """Agreement of the flights in the error of the model; None of a single flight."""
 
     def to_dict(self) -> dict[str, Any]:
         return {
@@ -51,6 +55,7 @@ class Comparison(Result):
             "explained": self.explained,
             "open_loop": [errors.to_dict() for errors in self.open_loop],
             "fails_where": [failure.to_dict() for failure in self.fails_where],
+            "agreement": None if self.agreement is None else self.agreement.to_dict(),
             "notes": [f"{flight.name}: {note}" for flight in self.dataset.flights for note in flight.notes],
         }
 
@@ -66,10 +71,13 @@ class Comparison(Result):
                 else "the model is worse than predicting the mean acceleration."
             )
         ]
+        if self.agreement is not None:
+            lines.append(agreement_in_words(self.agreement))
         if self.fails_where:
             lines.append("The model fails in these ranges:")
             lines += [
-                f"  - {failure.text} ({abs(failure.sigma):.0f} sigma)" for failure in self.fails_where[:SHOWN_FAILURES]
+                f"  - {failure.text} ({abs(failure.sigma):.0f} sigma)"
+                for failure in told(self.fails_where, SHOWN_FAILURES)
             ]
             if len(self.fails_where) > SHOWN_FAILURES:
                 lines.append(f"  - and {len(self.fails_where) - SHOWN_FAILURES} more ranges (see --json or --html)")
@@ -96,6 +104,7 @@ def compare(model: Model, dataset: Dataset) -> Comparison:
         fails_where=failures(residual, noise, aligned, seen),
         profiles=seen,
         open_loop=open_loop(model, aligned),
+        agreement=of_one_model(model, Errors.of(residual, aligned)),
     )
 
 

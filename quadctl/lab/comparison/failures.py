@@ -6,7 +6,9 @@ not count as independent.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy import stats
@@ -19,6 +21,10 @@ from quadctl.lab.flights.flight import VARIABLE_NAMES, VARIABLE_UNITS
 from quadctl.lab.flights.prediction import AXES
 
 BINS = 10
+MOST = 0.8
+"""Share of a squared error that is most of it."""
+NAMED_FLIGHTS = 2
+"""Most flights that a sentence names."""
 LEAST_ERROR_M_S2 = 1e-6
 """Smallest standard error of a mean; synthetic flights without noise have less."""
 MIN_SIGMA = 4.0
@@ -27,6 +33,19 @@ MIN_RESIDUAL_M_S2 = 0.02
 """Least mean residual that is reported, m/s^2."""
 TELLING_SHARE, TELLING_P_VALUE = 0.05, 0.01
 """Least share of the squared residual in the bins' means, and largest p-value, of a profile that is shown."""
+
+
+class Stretch(NamedTuple):
+    """Stretch of one flight that holds most of the error of a failure there."""
+
+    flight: str
+    begin_s: float
+    """Time in the log."""
+    end_s: float
+    share: float
+    """Share of the flight in the squared error of the failure."""
+    whole: bool
+    """True where the error is spread over the whole flight."""
 
 
 @dataclass(frozen=True)
@@ -42,6 +61,8 @@ class Failure:
     sigma: float
     n: int
     text: str
+    stretches: tuple[Stretch, ...] = ()
+    """Where most of it is: of each flight that is needed for it, the one with the largest error first."""
 
     def to_dict(self) -> dict[str, object]:
         return {
@@ -53,6 +74,10 @@ class Failure:
             "sigma": self.sigma,
             "n": self.n,
             "text": self.text,
+            "most_in": [
+                {"flight": stretch.flight, "from_s": stretch.begin_s, "to_s": stretch.end_s}
+                for stretch in self.stretches
+            ],
         }
 
 
@@ -119,6 +144,63 @@ def most_telling(found: list[Failure]) -> list[Failure]:
     return sorted(found, key=lambda failure: -failure.n * failure.mean_residual**2)
 
 
+def told(found: Sequence[Failure], count: int) -> list[Failure]:
+    """The `count` failures with the largest squared errors; that with the largest mean error is always among them."""
+    first = most_telling(list(found))[:count]
+    if not first:
+        return []
+    largest = max(found, key=lambda failure: abs(failure.mean_residual))
+    return first if largest in first else [*first[: count - 1], largest]
+
+
+def stretches(values: Floats, inside: Mask, dataset: Dataset) -> tuple[Stretch, ...]:
+    """Stretches of flights that hold most of the squared residual of one axis, shape (n,), at the samples `inside`.
+
+    Of the flights, those with the largest errors that together hold `MOST`; of each, the shortest stretch of time that
+    holds `MOST` of its own.
+    """
+    square = np.where(inside, values**2, 0.0)
+    total = float(square.sum())
+    if total == 0.0:
+        return ()
+    own = [(float(square[part].sum()) / total, i, part) for i, part in enumerate(dataset.parts)]
+    found: list[Stretch] = []
+    for share, i, part in sorted(own, key=lambda item: (-item[0], item[1])):
+        flight = dataset.flights[i]
+        begin, end = _shortest(square[part])
+        whole = end - begin + 1 >= MOST * (part.stop - part.start)
+        times = float(flight.time_s[begin]), float(flight.time_s[end])
+        found.append(Stretch(flight.name, *times, share, whole))
+        if sum(stretch.share for stretch in found) >= MOST:
+            break
+    return tuple(found)
+
+
+def _shortest(square: Floats) -> tuple[int, int]:
+    """First and last sample of the shortest stretch that holds `MOST` of the sum of `square`, shape (n,)."""
+    total = np.concatenate([[0.0], np.cumsum(square)])
+    ends = np.searchsorted(total, total[:-1] + MOST * total[-1] * (1.0 - 1e-12))
+    length = np.where(ends <= len(square), ends - np.arange(len(square)), len(square) + 1)
+    begin = int(np.argmin(length))
+    return begin, int(ends[begin]) - 1
+
+
+def _most_in_words(found: Sequence[Stretch]) -> str:
+    """`, mostly in HOVERING.csv between 12 and 31 s`"""
+    if not found:
+        return ""
+    places = [
+        f"throughout {stretch.flight}"
+        if stretch.whole
+        else f"mostly in {stretch.flight} between {stretch.begin_s:.0f} and {stretch.end_s:.0f} s"
+        for stretch in found
+    ]
+    if len(found) > NAMED_FLIGHTS:
+        return f", in {len(found)} flights, of which the most {places[0]}"
+    text = " and ".join(places)
+    return f", {text.replace(' and mostly in ', ' and in ') if text.startswith('mostly') else text}"
+
+
 def _profile(values: Floats, noise: CorrelatedNoise, x: Floats, axis: str, variable: str, dataset: Dataset) -> Profile:
     edges = np.unique(np.quantile(x, np.linspace(0.0, 1.0, BINS + 1)))
     index = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, len(edges) - 2)
@@ -162,9 +244,12 @@ def _runs(profile: Profile, values: Floats, noise: CorrelatedNoise, dataset: Dat
             mean = float(values[inside].mean())
             sigma = (mean - level) / _standard_error(inside, noise)
             where = _range_in_words(profile.variable, (low, high), (start == 0, stop == len(wrong)))
-            text = f"{where} {_push(profile.axis, mean)}{_against_average(profile.axis, mean, level)}"
             if abs(mean - level) > MIN_RESIDUAL_M_S2:
-                found.append(Failure(profile.axis, profile.variable, low, high, mean, sigma, int(inside.sum()), text))
+                most = stretches(values, inside, dataset)
+                what = f"{_push(profile.axis, mean)}{_against_average(profile.axis, mean, level)}"
+                text = f"{where} {what}{_most_in_words(most)}"
+                size = int(inside.sum())
+                found.append(Failure(profile.axis, profile.variable, low, high, mean, sigma, size, text, most))
         start = stop
     return found
 
@@ -184,8 +269,10 @@ def _offset(values: Floats, noise: CorrelatedNoise, axis: str, dataset: Dataset)
     time = dataset.variable("time")
     if time is None or abs(mean) < MIN_RESIDUAL_M_S2 or abs(sigma) < MIN_SIGMA:
         return None
-    text = f"on average over the whole flight {_push(axis, mean)}"
-    return Failure(axis, "time", float(time.min()), float(time.max()), mean, sigma, len(values), text)
+    most = stretches(values, np.ones(len(values), dtype=bool), dataset)
+    over = "the whole flight" if len(dataset.flights) == 1 else "all flights"
+    text = f"on average over {over} {_push(axis, mean)}{_most_in_words(most)}"
+    return Failure(axis, "time", float(time.min()), float(time.max()), mean, sigma, len(values), text, most)
 
 
 def _range_in_words(variable: str, limits: tuple[float, float], at_edge: tuple[bool, bool]) -> str:

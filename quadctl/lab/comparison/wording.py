@@ -4,13 +4,15 @@ from collections.abc import Callable, Mapping, Sequence
 
 from quadctl.effects import Effect
 from quadctl.frames import GRAVITY_M_S2
-from quadctl.lab.comparison.comparison import Comparison
+from quadctl.lab.comparison.agreement import Agreement
 from quadctl.lab.comparison.failures import Failure
 from quadctl.lab.flights.dataset import FOLDS, Dataset
 from quadctl.lab.flights.flight import VARIABLE_NAMES, VARIABLE_UNITS
 from quadctl.lab.flights.preparation import BLOCK_S
 
 UNIT = "m/s²"
+ERRORS = {"total": "acceleration error", "turning": "moment error", "sensing": "accelerometer error"}
+"""Name of the error of each measured group."""
 
 
 def number(value: float) -> str:
@@ -103,9 +105,10 @@ def flights_in_words(names: Sequence[str]) -> str:
     return listed(names) if len(names) <= 3 else f"{len(names)} flights"
 
 
-def variance_in_words(c: Comparison) -> str:
-    if c.explained > 0.0:
-        return f"The model explains {percent(c.explained)} of the acceleration's variance."
+def variance_in_words(explained: float) -> str:
+    """Sentence on the share of the variance that a model explains (see `Comparison.explained`)."""
+    if explained > 0.0:
+        return f"The model explains {percent(explained)} of the acceleration's variance."
     return "The model is worse than predicting the mean acceleration."
 
 
@@ -117,12 +120,49 @@ def listed(words: Sequence[str]) -> str:
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
 
 
+def looks_like(families: Sequence[str]) -> str:
+    """Sentence on an effect that the data do not distinguish from those of other families."""
+    return f"Looks like {listed([plain(family) for family in families])}: these data do not distinguish them."
+
+
 def plain(family: str) -> str:
     return family.replace("_", " ")
 
 
 def sentence(text: str) -> str:
     return text[:1].upper() + text[1:]
+
+
+def agreement_in_words(found: Agreement) -> str:
+    """Sentence that answers whether two flights agree: `The model fitted to A predicts B as well as A: ...`."""
+    judged, reference = flights_in_words(found.judged), flights_in_words(found.reference)
+    model = {
+        "": "the model",
+        "these": f"the model fitted to {reference}",
+        "others": "the model fitted to the other flights each time",
+        "all": "the model fitted to all flights",
+    }[found.fitted]
+    them = f"{judged}, which differs most," if found.differs_most else judged
+    errors = f"{quantity(found.judged_m_s2)} on {judged} and {quantity(found.reference_m_s2)} on {reference}"
+    if found.verdict == "not known" or found.ci95 is None:
+        why = "one of them is too short for an interval"
+        if found.ci95 is not None:
+            why = f"the difference is anything {_range_of(found.ci95)}"
+        untold = f"Whether {model} predicts {them} as well as {reference} cannot be told from these flights"
+        return f"{untold}: its error is {errors}; {why}."
+    if found.verdict == "as well":
+        range_ = _range_of(found.ci95)
+        agreed = f"{sentence(model)} predicts {them} as well as {reference}"
+        return f"{agreed}: its error is {errors}; the difference is {range_}."
+    low, high = sorted(abs(end) for end in found.ci95)
+    by = f"by {quantity(abs(found.difference_m_s2))} [{number(low)}, {number(high)}]"
+    return f"{sentence(model)} predicts {them} {found.verdict} than {reference}, {by}: its error is {errors}."
+
+
+def _range_of(ci95: tuple[float, float]) -> str:
+    """`from -0.05 to +0.07 m/s²`"""
+    low, high = (f"{end:+.2g}".replace("-", "\u2212") for end in ci95)
+    return f"from {low} to {high} {UNIT} (95%)"
 
 
 def failure_in_words(failure: Failure) -> str:

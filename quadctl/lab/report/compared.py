@@ -77,7 +77,7 @@ def over_time(r: Results) -> Section:
         f"The difference between the coloured and the black line is the acceleration error of {c.model.name}: "
         f"{quantity(c.rmse['total'])} (RMSE over all axes, 95% interval {low:.3g} to {high:.3g}), largest on the "
         f"{worst} axis ({quantity(c.rmse[worst])}).",
-        f"{variance_in_words(c)} The noise floor is {quantity(c.noise_floor['total'])}: "
+        f"{variance_in_words(c.explained)} The noise floor is {quantity(c.noise_floor['total'])}: "
         "the held-out error of a flexible regression on all logged variables.",
     ]
     return Section("over-time", "Measured against predicted", text, time_figures(c, {c.model.name: c}, "seen"))

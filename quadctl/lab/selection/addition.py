@@ -53,4 +53,4 @@ def add_to_fit(effect: type[Effect], model: Model, fit: FittedModel) -> Addition
     """Fit `model`, whose fit is given, with `effect` on top of its stack; the model must not hold an effect of that
     family."""
     on_top, _ = fit_on_top(effect, Unmodelled(fit.relabelled(model)))
-    return refitted(Addition, model, fit, on_top.refined(), keep=len(model.stack))
+    return refitted(Addition, model, fit, on_top.refined(), added=True)

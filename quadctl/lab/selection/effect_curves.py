@@ -20,6 +20,8 @@ RATIO_DRAWS, CURVE_DRAWS = 400, 60
 RATIO_BINS = 14
 HIGHEST_HEIGHT_OVER_RADIUS = 10.0
 """Largest rotor height over radius in a plot of the ground effect, which is negligible above."""
+FAR_OVER_RADIUS = 30.0
+"""Rotor height over radius at which no ground effect is left: less than 0.01 % by any formula of the catalogue."""
 BODY_AXES = ("forward", "right", "up")
 _ACROSS = {"speed_forward": "forward", "speed_right": "right"}
 """Component of the effects that depend on these variables; all other effects are plotted along up."""
@@ -175,6 +177,14 @@ def hover_ratio(model: Model, height_m: Floats, forward_m_s: Floats) -> Floats:
     c = model.in_air(Conditions(height_m, (forward_m_s, 0.0, 0.0), level))
     each = np.full_like(height_m + forward_m_s, model.vehicle.weight_n / model.vehicle.n_rotors)
     return np.asarray(sum(model.rotor_thrust([each] * model.vehicle.n_rotors, c)) / model.vehicle.weight_n)
+
+
+def far_ratio(model: Model) -> float:
+    """`hover_ratio` far from the ground and from any ceiling: the constant factor of the thrust, forms included that
+    do not fade to 1."""
+    vehicle = model.vehicle.model_copy(update={"ceiling_m": None})
+    height_m = np.array([FAR_OVER_RADIUS * vehicle.rotor.radius_m])
+    return float(hover_ratio(replace(model, vehicle=vehicle), height_m, np.zeros(1))[0])
 
 
 def measured_ratio(dataset: Dataset, variable: str) -> Binned | None:

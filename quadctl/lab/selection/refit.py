@@ -13,7 +13,7 @@ from quadctl import __version__
 from quadctl.effects import Effect
 from quadctl.errors import SettingsError
 from quadctl.lab.arrays import Floats
-from quadctl.lab.comparison.wording import parameters_in_words
+from quadctl.lab.comparison.wording import ERRORS, parameters_in_words
 from quadctl.lab.fitting.bootstrap import drop_interval
 from quadctl.lab.fitting.fitted_model import FittedModel, fit_model
 from quadctl.lab.fitting.fitter import Fitter, Optimum
@@ -129,10 +129,8 @@ class Refit(Result):
         table = errors_table(self.title, (("before", self.before), ("after", self.after)))
         low, high = self.drop_ci95
         p = "< 1e-4" if self.p_value < 1e-4 else f"= {self.p_value:.2g}"
-        error = {"total": "acceleration error", "turning": "moment error", "sensing": "accelerometer error"}[
-            self.measure
-        ]
-        lines = [f"The held-out {error} changes by {-self.held_out_drop:+.1%} [{-high:+.1%}, {-low:+.1%}], p {p}."]
+        change = f"{-self.held_out_drop:+.1%} [{-high:+.1%}, {-low:+.1%}], p {p}"
+        lines = [f"The held-out {ERRORS[self.measure]} changes by {change}."]
         lines.append(
             "The model now contains:" if self.model.stack else "The model now contains no effect: the rigid body."
         )
@@ -164,22 +162,34 @@ def fit(model: Model, dataset: Dataset) -> Refit:
 
 
 def refitted(
-    kind: type[_Refit], before_model: Model, before: FittedModel, after: FittedModel, keep: int = 0, **further: Any
+    kind: type[_Refit],
+    before_model: Model,
+    before: FittedModel,
+    after: FittedModel,
+    added: bool = False,
+    **further: Any,
 ) -> _Refit:
     """Build the result, of class `kind`, from the fits before and after a change of the model.
 
-    The first `keep` effects of the stack keep the errors of their own addition; `further` are fields of the result.
+    With `added`, the last effect of the stack is new: its provenance has the errors without and with it. The others
+    keep those of their own addition to these flights; after any other change, the error without an effect is not known.
+    `further` are fields of the result.
     """
     dataset = after.dataset
     errors = before.held_out_rmse["total"], after.held_out_rmse["total"]
     known = {item.effect.name: item.fitted for item in before_model.stack}
     stack = []
     for i, effect in enumerate(after.model.effects):
-        old = known.get(effect.name) or Provenance()
+        old = known.get(effect.name)
+        without, with_it = None, errors[1]
+        if added and effect is after.model.effects[-1]:
+            without = errors[0]
+        elif added and old is not None and old.logs == tuple(dataset.names) and old.rmse_after is not None:
+            without, with_it = old.rmse_before, old.rmse_after
         provenance = Provenance(
             logs=tuple(dataset.names),
-            rmse_before=old.rmse_before if i < keep else errors[0],
-            rmse_after=old.rmse_after if i < keep else errors[1],
+            rmse_before=without,
+            rmse_after=with_it,
             held_out=True,
             ci95=after.ci95(i),
             height_m=dataset.heights_m,

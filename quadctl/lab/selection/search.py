@@ -112,7 +112,7 @@ def forward(path: Path, pool: Sequence[type[Effect]], progress: Progress) -> Pat
     """Forward selection: add the best supported effect of `pool`, and try again, until none is supported."""
     alike: list[str] = []
     while True:
-        path, supported, look_alikes = _tried(path, pool, progress)
+        path, supported, look_alikes = _tried(path, pool, _in_round(len(path.missing) + 1, progress))
         path = _with_confounded(path, alike, [*supported, *look_alikes])
         if not supported:
             return path
@@ -147,7 +147,8 @@ def with_pair_replaced(path: Path, pool: Sequence[type[Effect]], progress: Progr
         other = taken(replace(begun_at(path.start), latest=path.latest), candidate)
         if not is_as_good(other.residual, path.residual, path.dataset):
             continue
-        other = pruned(forward(other, pool, progress))
+        instead = f"with {candidate.effect.name} instead of {' and '.join(path.missing)}"
+        other = pruned(forward(other, pool, _prefixed(instead, progress)))
         if other.missing == (candidate.family,):
             return replace(other, confounded=(*other.confounded, (candidate.family, path.missing[-1])))
     return path
@@ -185,7 +186,7 @@ def _exchanged(
         if not is_supported(tried):
             return None
         other = taken(other, tried)
-    return pruned(forward(other, pool, progress))
+    return pruned(forward(other, pool, _prefixed(f"with {candidate.effect.name} instead of {family}", progress)))
 
 
 def emptied(path: Path) -> Path:
@@ -202,7 +203,8 @@ def _tried(path: Path, pool: Sequence[type[Effect]], progress: Progress) -> _Rou
     latest, failures, look_alikes = dict(path.latest), dict(path.failures), []
     supported: list[Candidate] = []
     for effects in (promising, [effect for effect in open_ if effect not in promising]):
-        tried = _trials(effects, left, len(pool) * (len(path.chosen) + 1), progress)
+        told = progress if effects is promising else _prefixed("the unlikely ones", progress)
+        tried = _trials(effects, left, len(pool) * (len(path.chosen) + 1), told)
         for c in tried:
             latest[c.effect.name] = c
             failures[c.effect.name] = 0 if is_promising(c.p_value) else failures.get(c.effect.name, 0) + 1
@@ -220,9 +222,24 @@ def _trials(effects: Sequence[type[Effect]], left: Unmodelled, n_tried: int, pro
     began_s = time.monotonic()
     for number, (effect, candidate) in enumerate(zip(effects, work, strict=True), start=1):
         left_s = (time.monotonic() - began_s) / number * (len(effects) - number)
-        progress(f"tried {effect.name}, {number} of {len(effects)} of this round, about {left_s:.0f} s left in it")
+        progress(tried_in_words(effect.name, number, len(effects), left_s))
         tried.append(candidate)
     return tried
+
+
+def tried_in_words(effect: str, number: int, count: int, left_s: float) -> str:
+    """Progress within a round. Only the time of the round is known: whether another follows is decided at its end."""
+    done = f"tried {effect}, {number} of {count}"
+    return f"{done}; about {left_s:.0f} s left of this round, another may follow" if left_s >= 1.0 else done
+
+
+def _in_round(number: int, progress: Progress) -> Progress:
+    """Progress that names its round: the first, and one more after each effect that was found."""
+    return _prefixed(f"round {number}", progress)
+
+
+def _prefixed(what: str, progress: Progress) -> Progress:
+    return lambda text: progress(f"{what}: {text}")
 
 
 def _with_confounded(path: Path, alike: Sequence[str], still_needed: Sequence[Candidate]) -> Path:

@@ -1,6 +1,7 @@
 """A model as a compensator: the thrust ratio that it inverts, over height and over speed."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ from quadctl.effects import CATALOG
 from quadctl.lab.arrays import Floats
 from quadctl.lab.comparison.wording import label_of
 from quadctl.lab.flights.dataset import Dataset
-from quadctl.lab.selection.effect_curves import Binned, hover_ratio, measured_ratio
+from quadctl.lab.selection.effect_curves import Binned, far_ratio, hover_ratio, measured_ratio
 from quadctl.model import Model
 from quadctl.web.elements.figure import Figure, axis, figure
 from quadctl.web.elements.theme import Theme
@@ -22,7 +23,8 @@ MARGIN = 0.15
 
 
 def ratio_over_height(model: Model, dataset: Dataset, theme: Theme, height_px: int = 380) -> Figure:
-    """Thrust ratio in hover over height: of the model, of the textbook's ground effects, and as measured."""
+    """Thrust ratio in hover over height, relative to that far from the ground: of the model, of the textbook's ground
+    effects, and as measured."""
     radius = model.vehicle.rotor.radius_m
     flown = [h / radius for h in dataset.heights_m]
     x = np.linspace(max(LOWEST, min(0.75 * flown[0], 1.0)), min(HIGHEST, (1.0 + MARGIN) * flown[1]), 200)
@@ -32,8 +34,9 @@ def ratio_over_height(model: Model, dataset: Dataset, theme: Theme, height_px: i
                f"{name.capitalize()}, textbook", colour, dash)
         for name, colour, dash in zip(TEXTBOOK, theme.others, ("dash", "dashdot", "dot"), strict=False)
     ]  # fmt: skip
-    own = _curve(x, _ratio(model, x * radius, still), "this model", theme.after, "solid", 3.0)
-    points = _points(measured_ratio(dataset, "height_over_radius"), theme)
+    far = far_ratio(model)
+    own = _curve(x, _ratio(model, x * radius, still) / far, "this model", theme.after, "solid", 3.0)
+    points = _points(_relative(measured_ratio(dataset, "height_over_radius"), far), theme)
     top = _top([own, *points])
     return figure(
         [*curves, own, *points],
@@ -57,6 +60,10 @@ def ratio_over_speed(model: Model, dataset: Dataset, theme: Theme, height_px: in
     y = axis("thrust ratio", theme, range=_top([own, *points]))
     data = [own, *points]
     return figure(data, theme, height_px, xaxis=axis(label_of("speed_forward"), theme), yaxis=y, shapes=[_one(theme)])
+
+
+def _relative(measured: Binned | None, far: float) -> Binned | None:
+    return None if measured is None else replace(measured, mean=measured.mean / far, error=measured.error / far)
 
 
 def _ratio(model: Model, height_m: Floats, forward_m_s: Floats) -> Floats:

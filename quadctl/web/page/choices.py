@@ -19,7 +19,8 @@ class Choices:
 
     show: str = "missing"
     """Name of the part of the page."""
-    axis: str = "up"
+    axis: str = ""
+    """Axis that is shown; empty where none was chosen: that with the largest error."""
     flight: str = ""
     channels: tuple[str, ...] = FIRST_CHANNELS
     over_each_other: bool = False

@@ -31,10 +31,20 @@ from quadctl.web.workbench.intake import TEMPLATE, Intake
 from quadctl.web.workbench.workbench import Workbench
 
 WENT_BACK = "quadctl-went-back"
+MODEL_FILE = "model.yaml"
 TELL_OF_BACK = f"""<script>
 window.addEventListener("popstate", () => emitEvent("{WENT_BACK}", location.search));
 </script>"""
 """Tells the server of the browser's Back and Forward."""
+SCROLL_TO_VEHICLE = """
+const scroll = (trials) => {
+  const card = document.querySelector('.card.vehicle');
+  if (card) card.scrollIntoView();
+  else if (trials > 0) requestAnimationFrame(() => scroll(trials - 1));
+};
+scroll(600);
+"""
+"""Runs a moment before the part of the page is drawn that holds the vehicle."""
 TABS: dict[str, Tab] = {tab.name: tab for tab in (missing.TAB, over_time.TAB, fails.TAB, compensator.TAB, flights.TAB)}
 
 KEYS_OF_TABS = {str(number): name for number, name in enumerate(TABS, start=1)}
@@ -70,6 +80,7 @@ class Page:
         self._tab_parts: list[Part] = []
         self._drawing: Part | None = None
         self._idle = True
+        self._worst_axis = "up"
 
     # --- building -----------------------------------------------------------------------------------------------------
 
@@ -172,6 +183,8 @@ class Page:
     def view(self) -> View:
         """All that can be shown now."""
         bench, chosen = self.bench, self._choices
+        if bench.results.evaluation is not None:  # until the next one is there, the figures stay as they are
+            self._worst_axis = bench.results.evaluation.worst_axis
         return View(
             session=bench.session,
             opened=bench.opened,
@@ -185,9 +198,10 @@ class Page:
             can_redo=bench.can_redo,
             hidden=bench.simulation.hidden,
             vehicles=tuple(self._intake.vehicles),
+            own_vehicles=tuple(self._intake.own_vehicles),
             template=TEMPLATE,
             theme=self._theme,
-            axis=chosen.axis,
+            axis=chosen.axis or self._worst_axis,
             brush=chosen.brush,
             flight_name=chosen.flight,
             channels=chosen.channels,
@@ -262,8 +276,16 @@ class Page:
         """Open the evidence for an effect that was found missing; close it where `effect` is empty."""
         self._choose(evidence=effect)
 
-    def select(self, ranges: Brush, axis: str) -> None:
-        self._choose(brush=ranges, axis=axis if axis in AXES else self._choices.axis)
+    def select(self, ranges: Brush, axis: str, flight: str | None = None) -> None:
+        """Select the samples in `ranges`, and look at an axis and a flight; None: at the same flight."""
+        shown = axis if axis in AXES else self._choices.axis
+        self._choose(brush=ranges, axis=shown, flight=flight or self._choices.flight)
+
+    def show_vehicles(self) -> None:
+        """Show the part of the page where another vehicle is chosen."""
+        self._tabs.set_value(flights.TAB.name)
+        with self._client:
+            ui.run_javascript(SCROLL_TO_VEHICLE)
 
     def clear_brush(self) -> None:
         self._choose(brush={})
@@ -290,8 +312,8 @@ class Page:
     def refuse_file(self, name: str, size: float, too_large: bool) -> None:
         self._intake.refuse(name, size, too_large)
 
-    async def use_vehicle(self, text: str) -> None:
-        await self.act(self._intake.use_vehicle(text))
+    async def use_vehicle(self, text: str, from_a_form: bool = False) -> None:
+        await self.act(self._intake.use_vehicle(text, from_a_form))
 
     async def use_new_vehicle(self, answers: Answers, parameters: Mapping[str, float]) -> None:
         await self.act(self._intake.use_new_vehicle(answers, parameters))
@@ -302,7 +324,8 @@ class Page:
             take(parameters)
 
     def export_model(self) -> None:
-        ui.download.content(self.bench.model_file(), "model.yaml", "application/yaml")
+        ui.download.content(self.bench.model_file(), MODEL_FILE, "application/yaml")
+        self.bench.say_exported(MODEL_FILE)
 
     def save_session(self) -> None:
         ui.download.content(self.bench.session_file(self._choices.query()), "session.lab.yaml", "application/yaml")

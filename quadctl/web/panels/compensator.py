@@ -7,6 +7,7 @@ from nicegui import ui
 
 from quadctl.lab.comparison.wording import change_in_words
 from quadctl.lab.flights.dataset import Dataset
+from quadctl.lab.selection.effect_curves import far_ratio
 from quadctl.lab.tracking.step_response import StepResponses
 from quadctl.model import Model
 from quadctl.web.elements.html import empty, heading, plot, tag
@@ -16,6 +17,9 @@ from quadctl.web.figures.steps import step_figure
 from quadctl.web.panels.glossary import explained
 from quadctl.web.panels.panel import Controls, Panel, Tab
 from quadctl.web.work.simulated import WITH, WITHOUT
+
+UNITY = 5e-4
+"""Largest difference of a factor from 1 that three decimals hide."""
 
 
 @dataclass(frozen=True)
@@ -31,13 +35,25 @@ class Ratio(Panel):
             empty("flight", "No model to fly yet", "Open a flight log and add what is missing.")
             return
         with tag("section", "card"):
-            heading("Thrust ratio", "The compensator divides the thrust command by this ratio.")
+            heading("Thrust ratio", "The compensator divides the thrust command by it.")
+            tag("p", "", far_in_words(self.model))
             with tag("div", "panes"):
                 drawn = ratio_over_height(self.model, self.seen, self.theme)
                 plot(drawn, "thrust_ratio_over_height", "Thrust ratio over height")
                 over_speed = ratio_over_speed(self.model, self.seen, self.theme)
                 if over_speed is not None:
                     plot(over_speed, "thrust_ratio_over_speed", "Thrust ratio over forward speed")
+
+
+def far_in_words(model: Model) -> str:
+    """Sentence on the factor of the thrust far from the ground, to which the curve over height is relative."""
+    factor = far_ratio(model)
+    if abs(factor - 1.0) < UNITY:
+        return "Far from the ground the rotors give the thrust that the vehicle file says: factor 1."
+    return (
+        f"Far from the ground the rotors give {factor:.3f} times the thrust that the vehicle file says. The curve over "
+        "height is relative to that; the compensator divides by both."
+    )
 
 
 @dataclass(frozen=True)
@@ -86,7 +102,7 @@ class Export(Panel):
             heading("Export")
             with tag("div", "line wrap"):
                 ui.button("Export model", icon="download", on_click=do.export_model).props("no-caps unelevated")
-                tag("code", "command grow", "quadctl fly missions/step_response.yaml --model model.yaml --link URL")
+                tag("code", "command grow", "quadctl fly step_response --model model.yaml")
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,10 @@ from nicegui import ui
 from nicegui.events import GenericEventArguments
 
 from quadctl.lab.arrays import Mask
+from quadctl.lab.comparison.agreement import Agreement
 from quadctl.lab.comparison.comparison import Comparison
-from quadctl.lab.comparison.failures import Failure, Profile, is_telling, most_telling
-from quadctl.lab.comparison.wording import failure_in_words
+from quadctl.lab.comparison.failures import Failure, Profile, is_telling, told
+from quadctl.lab.comparison.wording import agreement_in_words, failure_in_words, listed
 from quadctl.lab.flights.flight import Flight
 from quadctl.web.elements.html import empty, heading, loading, plot, tag
 from quadctl.web.elements.theme import Theme
@@ -19,6 +20,14 @@ from quadctl.web.panels.chosen_flight import ChosenFlightPanel, selected
 from quadctl.web.panels.panel import Controls, Panel, Tab
 
 _SCROLL = "document.querySelector('#selected').scrollIntoView()"
+_SCROLL_WHEN_DRAWN = """
+const scroll = (trials) => requestAnimationFrame(() => {
+  if (document.querySelector('#selected-in-time .main-svg')) document.querySelector('#selected').scrollIntoView();
+  else if (trials > 0) scroll(trials - 1);
+});
+requestAnimationFrame(() => scroll(600));
+"""
+"""The selection that was just asked for is drawn a moment later than this runs; before, there is no room to scroll."""
 SHOWN_SENTENCES, SHOWN_PROFILES = 4, 6
 
 
@@ -27,6 +36,8 @@ class Failures(Panel):
     """Sentences on where the model fails, and the residual over the variables that explain most of it."""
 
     comparison: Comparison | None
+    unseen_comparison: Comparison | None
+    agreement: Agreement | None
     comparing: bool
     theme: Theme
 
@@ -44,10 +55,16 @@ class Failures(Panel):
                 "Sigma says how certain a difference is, not how large. The model is taken as it is exported: the "
                 "trim of a flight, which cross-validation leaves out, counts here.",
             )
-            if not comparison.fails_where:
-                tag("p", "verdict", "In no range: the residual does not exceed the noise.")
-            for failure in most_telling(comparison.fails_where)[:SHOWN_SENTENCES]:
-                _draw_sentence(do, failure)
+            if self.unseen_comparison is None:
+                _draw_sentences(do, comparison)
+            else:
+                for role, each in (("used by the fits", comparison), ("held out", self.unseen_comparison)):
+                    tag("h3", "", f"On {listed(each.dataset.names)} ({role})")
+                    _draw_sentences(do, each)
+        if self.agreement is not None:
+            with tag("section", "card"):
+                heading("Do the flights agree?")
+                tag("p", "verdict-of-flights", agreement_in_words(self.agreement))
         telling = [p for p in comparison.profiles if is_telling(p)]
         with tag("section", "card"):
             heading(
@@ -64,12 +81,25 @@ class Failures(Panel):
                     _let_select(do, shown, profile.axis, (profile.variable,))
 
 
+def _draw_sentences(do: Controls, comparison: Comparison) -> None:
+    if not comparison.fails_where:
+        tag("p", "verdict", "In no range: the residual does not exceed the noise.")
+    for failure in told(comparison.fails_where, SHOWN_SENTENCES):
+        _draw_sentence(do, failure)
+
+
 def _draw_sentence(do: Controls, failure: Failure) -> None:
-    """Draw one sentence, with a button that selects its range: the same as a mouse does, for the keyboard."""
+    """Draw one sentence, with a button that selects its range, in the flight that has most of it, and shows it."""
     with tag("div", "line top said"):
         tag("p", "grow", f"{failure_in_words(failure)} ({abs(failure.sigma):.0f} sigma).")
         ranges = {failure.variable: (failure.low, failure.high)}
-        show = ui.button("Show", icon="my_location", on_click=lambda: do.select(ranges, failure.axis))
+        flight = failure.stretches[0].flight if failure.stretches else None
+
+        def select() -> None:
+            do.select(ranges, failure.axis, flight)
+            ui.run_javascript(_SCROLL_WHEN_DRAWN)
+
+        show = ui.button("Show", icon="my_location", on_click=select)
         show.props(f'flat dense no-caps size=sm aria-label="Show where in the flight: {failure.text}"')
 
 
@@ -106,7 +136,7 @@ class Selected(ChosenFlightPanel):
             self.draw_brush_note(do, brushed)
             show = ui.button("Show", icon="south", on_click=lambda: ui.run_javascript(_SCROLL))
             show.props('no-caps unelevated dense aria-label="Show the selected samples"')
-        with tag("section", "card"):
+        with tag("section", "card").props('id="selected-in-time"'):
             heading("In time")
             self.draw_timeline(flight, brushed, f"{flight.name}_selected", "Selected samples over time")
 

@@ -11,7 +11,7 @@ from quadctl.logs.formats import labels
 from quadctl.web.elements.html import heading, tag
 from quadctl.web.panels.glossary import explained
 from quadctl.web.panels.panel import Controls, Panel, Tab
-from quadctl.web.panels.vehicle import VehicleChoice
+from quadctl.web.panels.vehicle import VehicleChoice, WhichVehicle
 from quadctl.web.session.files import LOG_SUFFIXES, MAX_UPLOAD_BYTES, SETTINGS_SUFFIXES
 from quadctl.web.work.jobs import Opened, OpenedLog
 
@@ -34,6 +34,7 @@ class Flights(Panel):
             heading(
                 "Flights", "Held out: no fit uses the flight, and the error at the top of the page is computed on it."
             )
+            do.nest(WhichVehicle)
             for log in self.opened.logs:
                 held_out = log.path in self.unseen if several and log.path in self.opened.usable else None
                 _draw_log(do, log, held_out)

@@ -1,14 +1,13 @@
 """The frame of the page: the bar on top, the work in progress, and the place to begin without a flight."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from nicegui import ui
 
+from quadctl.lab.comparison.agreement import flights_of_the_fit
 from quadctl.lab.comparison.wording import listed
 from quadctl.lab.flights.dataset import Dataset
-from quadctl.model import Model
 from quadctl.web.elements.browser_theme import theme_button
 from quadctl.web.elements.html import busy, heading, tag
 from quadctl.web.elements.theme import Theme
@@ -72,7 +71,12 @@ class Status(Panel):
             role = 'role="alert"' if message.kind == "error" else 'role="status"'
             with tag("div", f"banner {message.kind}").props(role):
                 ui.icon("error" if message.kind == "error" else "info")
-                tag("span", "grow", message.text if message.text.endswith((".", "?")) else f"{message.text}.")
+                with tag("div", "grow"):
+                    tag("span", "", message.text if message.text.endswith((".", "?")) else f"{message.text}.")
+                    for purpose, command in message.commands:
+                        with tag("div", "next-command"):
+                            tag("span", "muted", purpose)
+                            tag("code", "", command)
                 ui.button(icon="close", on_click=do.bench.dismiss).props('flat dense round aria-label="Dismiss"')
 
 
@@ -125,13 +129,6 @@ class FittedTo(Panel):
             tag("span", "grow", words)
             refit = ui.button(what, on_click=lambda: do.act(do.bench.refit()))
             do.when_idle(refit.props("no-caps outline dense"), not self.off)
-
-
-def flights_of_the_fit(model: Model, flights: Sequence[str]) -> tuple[list[str], list[str]]:
-    """Names of the flights that the parameters of `model` were fitted to, and those of `flights` that some were not."""
-    fits = [item.fitted.logs for item in model.stack if item.fitted is not None and item.fitted.logs]
-    used = list(dict.fromkeys(name for logs in fits for name in logs))
-    return used, [name for name in flights if any(name not in logs for logs in fits)]
 
 
 @dataclass(frozen=True)

@@ -5,12 +5,22 @@ from dataclasses import dataclass
 
 from nicegui import ui
 
-from quadctl.lab.comparison.wording import change_in_words, held_out, listed, number, plain, quantity, share_of_g
+from quadctl.lab.comparison.agreement import flights_of_the_fit
+from quadctl.lab.comparison.wording import (
+    agreement_in_words,
+    change_in_words,
+    held_out,
+    listed,
+    number,
+    plain,
+    quantity,
+    share_of_g,
+)
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.web.elements.html import tag
-from quadctl.web.panels.frame import flights_of_the_fit
 from quadctl.web.panels.glossary import explained
 from quadctl.web.panels.panel import Controls, Panel
+from quadctl.web.panels.vehicle import WhichVehicle
 from quadctl.web.session.session import Session
 from quadctl.web.work.jobs import Evaluation
 
@@ -32,7 +42,8 @@ class Ladder(Panel):
                 tag("p", "muted", "The acceleration error of your model, on held-out data, appears here.")
                 return
             now = self._error_now()
-            errors = [rung.error_m_s2 for rung in session.rungs if rung.error_m_s2 is not None]
+            judged = [(rung.name, rung.error_m_s2) for rung in session.rungs if rung.error_m_s2 is not None]
+            errors = [error for _, error in judged]
             with tag("div", "now"):
                 if now is None:
                     tag("div", "big", "\u2013" if self.idle else "\u2026")
@@ -42,10 +53,13 @@ class Ladder(Panel):
                         tag("span", "unit", "m/s²")
                     if errors and now < 0.995 * errors[0]:
                         change = change_in_words(1.0 - now / errors[0])
-                        tag("span", "change", change).props('title="change since the first step"')
+                        tag("span", "change", f"{change} since {_plain(judged[0][0])}")
             if evaluation is not None:
                 with tag("p", "muted what"):
                     explained(self._kind_of_error())
+                if evaluation.agreement is not None:
+                    tag("p", "what", agreement_in_words(evaluation.agreement)).props('id="agreement"')
+            do.nest(WhichVehicle)
             largest = max([*errors, now or 0.0, 1e-9])
             floors = [session.floor_m_s2, None if evaluation is None else evaluation.floor_m_s2]
             least = min((floor for floor in floors if floor is not None), default=None)

@@ -1,16 +1,20 @@
 """The search for missing effects: its verdict, the candidates with their Add buttons, and the next flight."""
 
 from dataclasses import dataclass
+from pathlib import Path
 
 from nicegui import ui
 
 from quadctl.lab.comparison.wording import (
+    ERRORS,
     change_in_words,
     listed,
+    looks_like,
     p_in_words,
     parameters_in_text,
     percent,
     plain,
+    quantity,
 )
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.flights.flight import Flight
@@ -29,6 +33,7 @@ from quadctl.web.panels.evidence import Evidence, chosen_of, draw_suggestion
 from quadctl.web.panels.panel import Controls, Panel, Tab
 from quadctl.web.panels.zoomed import zoomed_plot
 from quadctl.web.session.findings import Diagnosed
+from quadctl.web.work.jobs import Evaluation
 from quadctl.web.work.predictions import predictions
 
 AS_LOGGED = ("z_m", "z_ref_m", "vx_m_s", "vy_m_s", "vz_m_s")
@@ -62,9 +67,28 @@ class Overview(Panel):
         else:
             with tag("section", "card"):
                 heading(f"{flight.name}: measured and predicted acceleration")
+                do.nest(ErrorsByAxis)
                 timeline = short_timeline(flight, predictions(self.models, flight), self.axis, self.theme)
                 label = "Measured and predicted acceleration over time"
                 zoomed_plot(timeline, self.theme, "measured_and_predicted", label)
+
+
+@dataclass(frozen=True)
+class ErrorsByAxis(Panel):
+    """The error of all axes, and that of the axis that is shown; a panel of its own, so that the figure below stays."""
+
+    evaluation: Evaluation | None
+    axis: str
+
+    def draw(self, do: Controls) -> None:
+        if self.evaluation is None:
+            return
+        errors, worst = self.evaluation.errors_m_s2, self.evaluation.worst_axis
+        shown = f"Error of all axes {quantity(errors['total'])}; shown is {self.axis}, {quantity(errors[self.axis])}"
+        if self.axis == worst:
+            tag("p", "muted", f"{shown}, the axis with the largest error.")
+        else:
+            tag("p", "muted", f"{shown}. It is largest {worst}: {quantity(errors[worst])}.")
 
 
 @dataclass(frozen=True)
@@ -75,6 +99,7 @@ class Verdict(Panel):
     search_title: str | None
     found: Diagnosed | None
     off: frozenset[str]
+    unseen: frozenset[Path]
 
     def draw(self, do: Controls) -> None:
         if self.seen is None:
@@ -87,7 +112,7 @@ class Verdict(Panel):
             elif self.found is None:
                 self._draw_invitation(do)
             else:
-                _draw_verdict(do, self.found.diagnosis)
+                _draw_verdict(do, self.found.diagnosis, bool(self.unseen))
 
     def _draw_invitation(self, do: Controls) -> None:
         with tag("div", "line"):
@@ -98,8 +123,8 @@ class Verdict(Panel):
                 look.props("no-caps unelevated")
 
 
-def _draw_verdict(do: Controls, diagnosis: Diagnosis) -> None:
-    icon, text, more = _in_words(diagnosis)
+def _draw_verdict(do: Controls, diagnosis: Diagnosis, some_held_out: bool) -> None:
+    icon, text, more = _in_words(diagnosis, some_held_out)
     with tag("div", "line top verdict-line"):
         ui.icon(icon).classes(f"verdict-icon {diagnosis.verdict}")
         with tag("div", "grow"):
@@ -115,7 +140,7 @@ def _draw_verdict(do: Controls, diagnosis: Diagnosis) -> None:
         _draw_expression(do, diagnosis)
 
 
-def _in_words(diagnosis: Diagnosis) -> tuple[str, str, list[str]]:
+def _in_words(diagnosis: Diagnosis, some_held_out: bool) -> tuple[str, str, list[str]]:
     """Icon, verdict, and further sentences."""
     more = []
     if diagnosis.verdict == "none":
@@ -134,7 +159,12 @@ def _in_words(diagnosis: Diagnosis) -> tuple[str, str, list[str]]:
         return "help", "Something is missing that no known effect explains.", more
     first, last = diagnosis.steps[0].rmse["total"], diagnosis.steps[-1].rmse["total"]
     them = "it" if len(diagnosis.missing) == 1 else "them"
-    more.append(f"Adding {them} reduces the held-out error by {percent(1.0 - last / first)}.")
+    on = " of the flights for fitting" if some_held_out else ""
+    more.append(f"Adding {them} reduces the held-out acceleration error{on} by {percent(1.0 - last / first)}.")
+    for candidate in chosen_of(diagnosis):
+        if candidate.measure != "total":
+            falls = f"{change_in_words(candidate.held_out_drop)} held-out {ERRORS[candidate.measure]}"
+            more.append(f"What shows {plain(candidate.family)} is another error: {falls}.")
     if diagnosis.unexplained:
         more.append("The residual after that still depends on the logged variables; no known effect explains it.")
     return "lightbulb", f"Missing: {listed([plain(family) for family in diagnosis.missing])}.", more
@@ -189,7 +219,8 @@ class Candidates(Panel):
         near = [c for c in rest if is_supported(c) or c.family in alike]
         others = [c for c in rest if c not in near]
         if chosen:
-            heading("Missing effects, in the order of adding")
+            title = "Missing effects, in the order of adding"
+            heading(title, "Each change is against the model with those before it." if len(chosen) > 1 else "")
             with tag("div", "candidates"):
                 for i, candidate in enumerate(chosen):
                     looks = [other for other, first in alike.items() if first == candidate.family]
@@ -226,9 +257,7 @@ class Candidates(Panel):
                 for i, candidate in enumerate(left):
                     self._draw_card(do, before, candidate, [], primary=i == 0)
 
-    def _draw_card(
-        self, do: Controls, found: Diagnosed, candidate: Candidate, looks_like: list[str], primary: bool
-    ) -> None:
+    def _draw_card(self, do: Controls, found: Diagnosed, candidate: Candidate, alike: list[str], primary: bool) -> None:
         name = candidate.effect.name
         with tag("article", "card candidate primary" if primary else "card candidate").props(f'data-effect="{name}"'):
             with tag("div", "line top"):
@@ -238,13 +267,13 @@ class Candidates(Panel):
                     tag("h3", "", plain(candidate.family).capitalize())
                     tag("div", "mono muted", name)
                     with tag("div", "numbers"):
-                        tag("span", "fall", f"{change_in_words(candidate.held_out_drop)} held-out error")
+                        error = f"held-out {ERRORS[candidate.measure]}"
+                        tag("span", "fall", f"{change_in_words(candidate.held_out_drop)} {error}")
                         tag("span", "muted", f"p {p_in_words(candidate.p_value)}")
             tag("p", "", candidate.effect.physics)
             tag("p", "mono muted", parameters_in_text(candidate.effect, candidate.ci95))
-            if looks_like:
-                families = listed([plain(family) for family in looks_like])
-                tag("p", "note", f"Looks like {families}: these data do not distinguish them.")
+            if alike:
+                tag("p", "note", looks_like(alike))
             if candidate in found.diagnosis.measured:
                 tag("p", "note", "It is there, as p says, but it changes the error too little to be called missing.")
             for remark in candidate.remarks:

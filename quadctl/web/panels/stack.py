@@ -1,12 +1,12 @@
 """The effect stack: the effects of the model, their parameters with intervals, and the trim of each flight."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from nicegui import ui
 
-from quadctl.lab.comparison.wording import interval_in_words, number, plain
+from quadctl.lab.comparison.wording import interval_in_words, looks_like, number, plain
 from quadctl.lab.fitting.nuisances import KINDS
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.model import StackedEffect
@@ -33,6 +33,7 @@ class Stack(Panel):
 
     rung: Rung | None
     off: frozenset[str]
+    look_alikes: dict[str, tuple[str, ...]]
     seen: Dataset | None
     evaluation: Evaluation | None
     can_undo: bool
@@ -53,7 +54,8 @@ class Stack(Panel):
             if not model.stack:
                 tag("p", "muted", f"None yet: the rigid body of {model.vehicle.name}, weight and rotor thrust alone.")
             for item in model.stack:
-                _draw_effect(do, item, on=item.effect.name not in self.off)
+                alike = self.look_alikes.get(item.effect.family(), ())
+                _draw_effect(do, item, alike, on=item.effect.name not in self.off)
             if self.evaluation is not None and len(self.evaluation.by_flight) > 1:
                 _draw_errors(self.evaluation.by_flight)
             if self.evaluation is not None and self.seen is not None:
@@ -69,7 +71,7 @@ def _draw_undo(do: Controls, can_undo: bool, can_redo: bool) -> None:
         do.when_idle(button.props(f'flat dense round size=sm aria-label="{name}" title="{name}"'), allowed)
 
 
-def _draw_effect(do: Controls, item: StackedEffect, on: bool) -> None:
+def _draw_effect(do: Controls, item: StackedEffect, alike: Sequence[str], on: bool) -> None:
     effect = item.effect
     with tag("div", "effect" if on else "effect off"):
         with tag("div", "line"):
@@ -79,6 +81,8 @@ def _draw_effect(do: Controls, item: StackedEffect, on: bool) -> None:
             remove = ui.button(icon="close", on_click=lambda: do.act(do.bench.remove(effect.name)))
             do.when_idle(remove.props(f'flat dense round size=sm aria-label="Remove {effect.name}"'))
         tag("div", "mono muted", effect.name)
+        if alike:
+            tag("p", "note", looks_like(alike))
         ci95 = item.fitted.ci95 if item.fitted else {}
         units = {p.name: p.unit for p in effect.parameters()}
         with tag("dl", "parameters"):

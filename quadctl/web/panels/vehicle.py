@@ -13,6 +13,7 @@ from quadctl.lab.comparison.wording import listed
 from quadctl.vehicle import Vehicle
 from quadctl.vehicle_draft.draft import Answers, told
 from quadctl.vehicle_draft.frames import FRAMES, frame_places
+from quadctl.vehicle_draft.questions import ITS_NUMBERS, NEW_VEHICLE, Question, wrong
 from quadctl.web.elements.html import heading, tag
 from quadctl.web.elements.theme import Theme
 from quadctl.web.figures.rotors import Place, rotors_svg
@@ -27,11 +28,29 @@ TYPICAL = Answers("my_vehicle", 1.5, 0.254, "quad-x", 0.225, 0.5)
 
 
 @dataclass(frozen=True)
+class WhichVehicle(Panel):
+    """The question whether the vehicle that was assumed is the one that flew, until it is answered."""
+
+    unconfirmed: Vehicle | None
+
+    def draw(self, do: Controls) -> None:
+        vehicle = self.unconfirmed
+        if vehicle is None:
+            return
+        with tag("div", "which-vehicle").props('role="group" aria-label="The vehicle that flew"'):
+            tag("p", "", f"Evaluated as {vehicle.name} ({vehicle.mass_kg:g} kg): is that the vehicle that flew?")
+            with tag("div", "line wrap"):
+                ui.button("Yes", on_click=do.bench.confirm_vehicle).props("no-caps outline dense")
+                ui.button("Choose another", on_click=do.show_vehicles).props("no-caps flat dense")
+
+
+@dataclass(frozen=True)
 class VehicleChoice(Panel):
     """The vehicle in use with its rotors drawn, others to choose from, and forms for its numbers or another's."""
 
     vehicle: Vehicle | None
     vehicles: tuple[Path, ...]
+    own_vehicles: tuple[Path, ...]
     logs: tuple[Path, ...]
     template: str
     theme: Theme
@@ -45,7 +64,12 @@ class VehicleChoice(Panel):
             if self.vehicles:
                 with tag("div", "line wrap"):
                     for path in self.vehicles:
-                        _draw_choice(do, path)
+                        _draw_choice(do, path, "flight")
+            if self.own_vehicles:
+                tag("p", "muted", f"Yours, kept in {self.own_vehicles[0].parent.resolve()}:")
+                with tag("div", "line wrap").props('id="own-vehicles"'):
+                    for path in self.own_vehicles:
+                        _draw_choice(do, path, "person")
             if vehicle is not None:
                 with ui.expansion("Its numbers").props("dense"):
                     _draw_numbers(do, vehicle, self.theme)
@@ -58,8 +82,8 @@ class VehicleChoice(Panel):
                 do.when_idle(use.props("no-caps outline"))
 
 
-def _draw_choice(do: Controls, path: Path) -> None:
-    button = ui.button(path.stem, icon="flight", on_click=lambda: do.act(do.bench.begin_with(path)))
+def _draw_choice(do: Controls, path: Path, icon: str) -> None:
+    button = ui.button(path.stem, icon=icon, on_click=lambda: do.act(do.bench.begin_with(path)))
     do.when_idle(button.props("no-caps outline"))
 
 
@@ -68,23 +92,31 @@ def _draw_numbers(do: Controls, vehicle: Vehicle, theme: Theme) -> None:
     line = vehicle.throttle
     with tag("div", "form"):
         with tag("div", "form-fields"):
-            mass = _number("Mass with battery / kg", vehicle.mass_kg)
-            propeller = _number("Propeller diameter / m", 2.0 * vehicle.rotor.radius_m)
-            coefficient = _number("Thrust of a rotor / N per rpm²", vehicle.rotor.thrust_n_per_rpm2)
-            slope = _number("Throttle per newton of thrust", line.per_newton)
-            offset = _number("Throttle without thrust", line.offset)
-            most = _number("Most thrust of a rotor / N", line.max_thrust_per_rotor_n)
+            now = {
+                "mass_kg": vehicle.mass_kg,
+                "propeller_m": 2.0 * vehicle.rotor.radius_m,
+                "thrust_n_per_rpm2": vehicle.rotor.thrust_n_per_rpm2,
+                "per_newton": line.per_newton,
+                "offset": line.offset,
+                "max_thrust_per_rotor_n": line.max_thrust_per_rotor_n,
+            }
+            numbers = {name: _number(question, now[name]) for name, question in ITS_NUMBERS.items()}
         ui.html(rotors_svg(vehicle.rotors, vehicle.rotor.radius_m, theme), sanitize=False).classes("rotors")
 
-    def changed() -> str:
-        content = _content(vehicle)
-        content["mass_kg"] = mass.value
-        content["rotor"] |= {"radius_m": 0.5 * (propeller.value or 0.0), "thrust_n_per_rpm2": coefficient.value}
-        content["throttle"] = {"per_newton": slope.value, "offset": offset.value, "max_thrust_per_rotor_n": most.value}
-        return _as_text(content)
+    async def use() -> None:
+        if _say_what_is_wrong(ITS_NUMBERS, numbers):
+            return
+        value = {name: number.value for name, number in numbers.items()}
+        content = _content(vehicle) | {"mass_kg": value["mass_kg"]}
+        content["rotor"] |= {
+            "radius_m": 0.5 * value["propeller_m"],
+            "thrust_n_per_rpm2": value["thrust_n_per_rpm2"],
+        }
+        content["throttle"] = {name: value[name] for name in ("per_newton", "offset", "max_thrust_per_rotor_n")}
+        await do.use_vehicle(_as_text(content), from_a_form=True)
 
-    use = ui.button("Use these numbers", on_click=lambda: do.use_vehicle(changed()))
-    do.when_idle(use.props("no-caps unelevated"))
+    button = ui.button("Use these numbers", on_click=use)
+    do.when_idle(button.props("no-caps unelevated"))
 
 
 class _NewVehicle:
@@ -106,19 +138,26 @@ class _NewVehicle:
         self._filled = tag("p", "muted").props('role="status"')
         with tag("div", "form"):
             with tag("div", "form-fields"):
-                self._name = ui.input("Name", value=TYPICAL.name).props("outlined dense")
-                self._mass = _number("Mass with battery / kg", TYPICAL.mass_kg)
-                self._propeller = _number("Propeller diameter / m", TYPICAL.propeller_m)
-                self._frame = ui.select(list(FRAMES), label="Frame", value=TYPICAL.frame).props("outlined dense")
-                self._arm = _number("Centre to a rotor's axis / m", TYPICAL.arm_m)
-                self._hover = _number("Throttle in hover, 0 to 1", TYPICAL.hover_throttle)
-                self._speed = _number("Rotor speed in hover / rpm, where known", None)
+                self._name = ui.input("Name", value=TYPICAL.name).props("outlined dense stack-label")
+                self._numbers: dict[str, ui.number] = {}
+                self._ask("mass_kg", TYPICAL.mass_kg)
+                self._propeller = self._ask("propeller_m", TYPICAL.propeller_m)
+                self._frame = ui.select(list(FRAMES), label="Frame", value=TYPICAL.frame).props(
+                    "outlined dense stack-label"
+                )
+                self._arm = self._ask("arm_m", TYPICAL.arm_m)
+                self._hover = self._ask("hover_throttle", TYPICAL.hover_throttle)
+                self._ask("hover_rpm", None)
             self._drawing = ui.html("", sanitize=False).classes("rotors")
         for field in (self._propeller, self._frame, self._arm):
             field.on_value_change(self._draw_rotors)
         self._draw_rotors()
         use = ui.button("Use this vehicle", on_click=self._use)
         do.when_idle(use.props("no-caps unelevated"))
+
+    def _ask(self, name: str, value: float | None) -> ui.number:
+        self._numbers[name] = _number(NEW_VEHICLE[name], value)
+        return self._numbers[name]
 
     @property
     def _as_logged(self) -> bool:
@@ -153,13 +192,25 @@ class _NewVehicle:
             ui.label(f"{log_name} says {names}; all else is for you to enter.{check}").style("display:contents")
 
     async def _use(self) -> None:
-        frame, arm = (None, None) if self._as_logged else (self._frame.value, self._arm.value)
-        numbers = (self._mass.value, self._propeller.value, frame, arm, self._hover.value, self._speed.value or None)
-        await self._do.use_new_vehicle(Answers(self._name.value, *numbers), self._parameters)
+        asked = {name: number for name, number in self._numbers.items() if not (name == "arm_m" and self._as_logged)}
+        self._name.error = None if (self._name.value or "").strip() else "expected a name"
+        if _say_what_is_wrong(NEW_VEHICLE, asked) or self._name.error:
+            return
+        value = {name: number.value for name, number in asked.items()}
+        answers = Answers(self._name.value.strip(), frame=None if self._as_logged else self._frame.value)
+        await self._do.use_new_vehicle(answers._replace(**value), self._parameters)
 
 
-def _number(label: str, value: float | None) -> ui.number:
-    return ui.number(label, value=value).props("outlined dense step=any")
+def _number(question: Question, value: float | None) -> ui.number:
+    return ui.number(question.label, value=value).props("outlined dense stack-label step=any")
+
+
+def _say_what_is_wrong(questions: Mapping[str, Question], numbers: Mapping[str, ui.number]) -> bool:
+    """Mark every field whose number is not possible, with what is expected; tell whether there is one."""
+    expected = wrong(questions, {name: number.value for name, number in numbers.items()})
+    for name, number in numbers.items():
+        number.error = expected.get(name)
+    return bool(expected)
 
 
 def _content(vehicle: Vehicle) -> dict[str, Any]:

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from quadctl.lab.comparison.agreement import Agreement
 from quadctl.lab.comparison.comparison import Comparison
 from quadctl.lab.flights.dataset import Dataset, HoldOut
 from quadctl.lab.flights.flight import Flight
@@ -15,6 +16,7 @@ from quadctl.vehicle import Vehicle
 from quadctl.web.elements.theme import Theme
 from quadctl.web.session.findings import Diagnosed
 from quadctl.web.session.session import Rung, Session
+from quadctl.web.work.doubts import names_its_vehicle
 from quadctl.web.work.jobs import Evaluation, Opened
 from quadctl.web.work.state import Message, Results, Work
 
@@ -50,6 +52,8 @@ class View:
     """File of the simulated world; None: the world is as the model says."""
     vehicles: tuple[Path, ...]
     """Vehicle files to choose from."""
+    own_vehicles: tuple[Path, ...]
+    """Vehicle files that were made on this page."""
     template: str
     """Text of a vehicle file to begin with."""
     theme: Theme
@@ -127,6 +131,13 @@ class View:
         return None if self.opened is None else self.opened.seen
 
     @property
+    def unconfirmed(self) -> Vehicle | None:
+        """The vehicle, where nobody has said that it flew: neither a person nor one of the logs that are used."""
+        logs = [] if self.opened is None else self.opened.logs
+        silent = any(log.log is not None and not names_its_vehicle(log.log) for log in logs if not log.problem)
+        return self.vehicle if self.session.vehicle_assumed and silent else None
+
+    @property
     def flights(self) -> tuple[Flight, ...]:
         datasets = () if self.opened is None else (self.opened.seen, self.opened.unseen)
         return tuple(flight for dataset in datasets if dataset is not None for flight in dataset.flights)
@@ -178,6 +189,11 @@ class View:
         return self.session.off
 
     @property
+    def look_alikes(self) -> dict[str, tuple[str, ...]]:
+        """Families that the data did not distinguish from those in the model."""
+        return self.session.look_alikes
+
+    @property
     def models(self) -> dict[str, Model]:
         """The first model of the ladder and the current one, by their names in a legend."""
         session = self.session
@@ -211,6 +227,16 @@ class View:
     def comparison(self) -> Comparison | None:
         """The comparison on the flights that fits may use."""
         return None if self.results.evaluation is None else self.results.evaluation.comparison
+
+    @property
+    def unseen_comparison(self) -> Comparison | None:
+        """The comparison on the flights held out of all fits."""
+        return None if self.results.evaluation is None else self.results.evaluation.unseen
+
+    @property
+    def agreement(self) -> Agreement | None:
+        """Agreement of the flights in the error of the model."""
+        return None if self.results.evaluation is None else self.results.evaluation.agreement
 
     @property
     def found(self) -> Diagnosed | None:

@@ -17,6 +17,8 @@ LOG_SUFFIXES = suffixes()
 SETTINGS_SUFFIXES = (".yaml", ".yml")
 UPLOADS = "uploads"
 """Folder of the files that were dropped, in that of the page."""
+OWN_VEHICLES = "vehicles"
+"""Folder of the vehicles that were made on the page, in that of the page."""
 EXPRESSION = "unexplained"
 """Family of the effects that come from an expression."""
 _UNUSUAL = re.compile(r"[^\w.+ -]")
@@ -38,6 +40,12 @@ def upload_path(folder: Path, name: str) -> Path:
             f"or a model, vehicle or session (.yaml)"
         )
     return folder / safe
+
+
+def vehicle_path(folder: Path, name: object) -> Path:
+    """Path of the file of one's own vehicle of this name, inside `folder`, whatever the name is."""
+    safe = _UNUSUAL.sub("_", str(name or "")).strip(" .") or "vehicle"
+    return folder / OWN_VEHICLES / f"{safe}.yaml"
 
 
 def sha256_of(path: Path) -> str:

@@ -61,6 +61,11 @@ class Findings:
             entry["sketch"] = None if sketch is None else _sketch_to_dict(sketch)
         return cls(content)
 
+    @property
+    def confounded(self) -> list[tuple[str, str]]:
+        """Pairs of families that the data do not distinguish (see `Diagnosis`)."""
+        return [(str(one), str(other)) for one, other in self.content.get("confounded", [])]
+
     def to_json(self) -> str:
         return json.dumps(self.content)
 

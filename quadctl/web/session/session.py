@@ -55,6 +55,8 @@ class Session:
     """SHA-256 of the logs as they were when the session was saved; those that are not known are left out."""
     view: str = ""
     """Choices of the tab in which the session was saved, as the query of its address."""
+    vehicle_assumed: bool = False
+    """True where nobody has said which vehicle flew: it was taken from the flight configuration."""
 
     @property
     def rung(self) -> Rung | None:
@@ -74,14 +76,27 @@ class Session:
         return tuple(log for log in self.logs if log not in self.unseen)
 
     @property
+    def look_alikes(self) -> dict[str, tuple[str, ...]]:
+        """Families that the data did not distinguish from those in the model, by the families of the model, as the
+        searches of the steps up to the current one have found."""
+        alike: dict[str, tuple[str, ...]] = {}
+        held = [] if self.rung is None else [effect.family() for effect in self.rung.model.effects]
+        for rung in self.rungs[: self.current + 1]:
+            pairs = [] if rung.found is None else rung.found.confounded
+            for one, other in [*pairs, *((b, a) for a, b in pairs)]:
+                if one in held and other not in alike.get(one, ()):
+                    alike[one] = (*alike.get(one, ()), other)
+        return alike
+
+    @property
     def floor_m_s2(self) -> float | None:
         """Lowest noise floor of all steps, m/s²: each estimate is an upper bound."""
         return min((rung.floor_m_s2 for rung in self.rungs if rung.floor_m_s2 is not None), default=None)
 
     def begun_with(self, model: Model) -> "Session":
-        """A new ladder that begins with `model`."""
+        """A new ladder that begins with `model`, whose vehicle somebody has chosen."""
         name = "as it was" if model.stack else "rigid body"
-        return replace(self, rungs=(Rung(name, model),), current=0, off=frozenset())
+        return replace(self, rungs=(Rung(name, model),), current=0, off=frozenset(), vehicle_assumed=False)
 
     def climbed(self, rung: Rung) -> "Session":
         """Session with one more step after the current one; later steps are dropped."""
@@ -168,6 +183,7 @@ class _SessionFile(Settings):
     """By the paths of the logs."""
     unseen: list[str] = Field(default_factory=list)
     view: str = ""
+    vehicle_assumed: bool = False
     hold_out: HoldOut = "blocks"
     current: int = Field(default=0, ge=0)
     switched_off: list[str] = Field(default_factory=list)
@@ -191,6 +207,7 @@ def _to_yaml(session: Session) -> str:
         "logs": [str(log.resolve()) for log in session.logs],
         "sha256": {str(log.resolve()): text for log, text in session.hashes.items() if log in session.logs},
         "view": session.view,
+        "vehicle_assumed": session.vehicle_assumed,
         "unseen": sorted(str(log.resolve()) for log in session.unseen),
         "hold_out": session.hold_out,
         "current": session.current,
@@ -231,7 +248,7 @@ def load_session(path: Path) -> Session:
     if not set(entry.switched_off) <= held:
         off = ", ".join(entry.switched_off)
         raise SettingsError(f"{path}: switched_off holds {off}, expected effects of the step where one stands")
-    return replace(session, off=frozenset(entry.switched_off))
+    return replace(session, off=frozenset(entry.switched_off), vehicle_assumed=entry.vehicle_assumed)
 
 
 def _rung(entry: _RungEntry, path: Path) -> Rung:

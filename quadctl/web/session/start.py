@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 from quadctl.errors import LogError, SettingsError
@@ -70,7 +71,9 @@ def first_session(logs: Sequence[Path], model: Path | None, session: Path | None
             read_log(log)  # probably none: then it is better said now than on the page
     begin = model if model is not None else own_vehicle()
     begun = Session().with_logs(logs)
-    return begun if begin is None else begun.begun_with(load_model(begin))
+    if begin is None:
+        return begun
+    return replace(begun.begun_with(load_model(begin)), vehicle_assumed=model is None)
 
 
 def kept_session(folder: Path, begun: Session, model_given: bool) -> Session | None:
@@ -87,7 +90,9 @@ def kept_session(folder: Path, begun: Session, model_given: bool) -> Session | N
         return None
     if model_given and model_to_dict(kept.rungs[0].model, None) != model_to_dict(begun.rungs[0].model, None):
         return None
-    return None if changed_logs(kept.hashes) else kept
+    if changed_logs(kept.hashes):
+        return None
+    return replace(kept, vehicle_assumed=kept.vehicle_assumed and not model_given)
 
 
 def _loaded(path: Path) -> Session:

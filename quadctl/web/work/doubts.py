@@ -17,6 +17,12 @@ def doubt_of(log: FlightLog, vehicle: Vehicle) -> str:
     return ""
 
 
+def names_its_vehicle(log: FlightLog) -> bool:
+    """Tell whether the log says which vehicle flew it, or what that weighed (see `doubt_of`)."""
+    said = log.meta.get("vehicle")
+    return bool(said.keys() & {"name", "mass_kg"}) if isinstance(said, dict) else bool(said)
+
+
 def doubt_beside(log: FlightLog, source: str | None, first: FlightLog, first_source: str | None) -> str:
     """Doubt whether the log can be analysed together with the `first` flight; empty where there is none."""
     autopilot, first_autopilot = firmware(log), firmware(first)

@@ -10,11 +10,12 @@ from pathlib import Path
 from quadctl.effects import catalog_with, choose_effect, find_effect
 from quadctl.errors import QuadctlError
 from quadctl.lab.arrays import Floats
+from quadctl.lab.comparison.agreement import Agreement, Errors, agreement, flights_of_the_fit, least_alike
 from quadctl.lab.comparison.comparison import Comparison, compare
 from quadctl.lab.fitting.fitted_model import FittedModel, Solution, fit_model
 from quadctl.lab.flights.dataset import Dataset, HoldOut, joined
 from quadctl.lab.flights.flight import Flight
-from quadctl.lab.flights.prediction import rmse
+from quadctl.lab.flights.prediction import AXES, rmse
 from quadctl.lab.flights.preparation import prepare
 from quadctl.lab.planning.suggestion import Suggestion, suggest
 from quadctl.lab.report import Results, render_report
@@ -85,12 +86,26 @@ class Evaluation:
     solution: Solution
     """Fit to the flights that fits may use."""
     by_flight: dict[str, float]
-    """Total error of each flight by its name: cross-validated, or of a flight held out of all fits, m/s^2."""
+    """Total error of each flight by its name, m/s^2: cross-validated; where flights are held out of all fits, that of
+    the model as it stands, on all flights alike."""
+    agreement: Agreement | None
+    """Agreement of the flights in these errors: of those held out of all fits with the others, else of the flight that
+    differs most; None of a single flight."""
 
     @property
     def error_m_s2(self) -> float:
         """Total error on the held-out flights; where there are none, the cross-validated one."""
-        return self.held_out["total"] if self.unseen is None else self.unseen.rmse["total"]
+        return self.errors_m_s2["total"]
+
+    @property
+    def errors_m_s2(self) -> dict[str, float]:
+        """The same error by axis, and in total."""
+        return self.held_out if self.unseen is None else self.unseen.rmse
+
+    @property
+    def worst_axis(self) -> str:
+        """Axis with the largest error."""
+        return max(AXES, key=self.errors_m_s2.__getitem__)
 
     @property
     def floor_m_s2(self) -> float:
@@ -244,11 +259,24 @@ def evaluate(current: Current, seen: Dataset, unseen: Dataset | None, progress: 
 
 def _evaluated(model: Model, fit: FittedModel, unseen: Dataset | None) -> Evaluation:
     """Errors of `model`, whose fit is given."""
+    seen = compare(model, fit.dataset)
     on_unseen = None if unseen is None else compare(model, unseen)
-    by_flight = _by_flight(fit.held_out_residual, fit.dataset)
-    if on_unseen is not None:
-        by_flight |= _by_flight(on_unseen.residual, on_unseen.dataset)
-    return Evaluation(compare(model, fit.dataset), on_unseen, fit.held_out_rmse, fit.solution, by_flight)
+    if on_unseen is None:
+        by_flight = _by_flight(fit.held_out_residual, fit.dataset)
+        errors = Errors.of(fit.held_out_residual[:, :3], fit.dataset)
+        found = least_alike(errors, "others" if model.stack and fit.dataset.whole_flights else "")
+    else:
+        by_flight = _by_flight(seen.residual, seen.dataset) | _by_flight(on_unseen.residual, on_unseen.dataset)
+        found = _held_out_agreement(model, seen, on_unseen)
+    return Evaluation(seen, on_unseen, fit.held_out_rmse, fit.solution, by_flight, found)
+
+
+def _held_out_agreement(model: Model, seen: Comparison, unseen: Comparison) -> Agreement:
+    """Agreement of the flights held out of all fits with the others, in the error of the model as it stands."""
+    used, _ = flights_of_the_fit(model, ())
+    known, new = (Errors.of(c.residual, c.dataset) for c in (seen, unseen))
+    predicts = set(known.flights) <= set(used) and not set(new.flights) & set(used)
+    return agreement(known, new, "these" if predicts else "")
 
 
 def _by_flight(residual: Floats, dataset: Dataset) -> dict[str, float]:

@@ -58,7 +58,7 @@ class Simulation:
             The model must not fly, a file is missing, or a flight was not completed.
         """
         rigid, compensated = self._saved(Model(model.vehicle, name="uncompensated")), self._saved(model)
-        hidden = self.hidden or self._as_model_says(model)
+        hidden = self.hidden or compensated  # the file of a model is also that of a world that obeys it
         logs = {}
         flights = (
             (WITHOUT, MISSION, rigid, 11),
@@ -105,10 +105,4 @@ class Simulation:
     def _saved(self, model: Model) -> Path:
         path = self.folder / "simulated" / f"{'model' if model.stack else 'uncompensated'}.yaml"
         save_model(model, path)
-        return path
-
-    def _as_model_says(self, model: Model) -> Path:
-        path = self.folder / "simulated" / "world.yaml"
-        effects = [{"effect": effect.name, "parameters": effect.values()} for effect in model.effects]
-        path.write_text(yaml.safe_dump({"effects": effects}), encoding="utf-8")
         return path

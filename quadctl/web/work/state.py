@@ -23,6 +23,8 @@ class Message:
 
     kind: Literal["error", "done"]
     text: str
+    commands: tuple[tuple[str, str], ...] = ()
+    """Commands to go on with, each with its purpose."""
 
 
 @dataclass(frozen=True, eq=False)

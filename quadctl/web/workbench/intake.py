@@ -11,10 +11,12 @@ from nicegui.elements.upload_files import FileUpload
 
 from quadctl.errors import QuadctlError, SettingsError
 from quadctl.logs.parameters import read_present_parameters
-from quadctl.model import load_model
-from quadctl.settings import read_yaml
+from quadctl.model import load_model, model_from_dict
+from quadctl.settings import parse_yaml, read_yaml
 from quadctl.vehicle_draft.draft import Answers, draft, told
+from quadctl.vehicle_draft.questions import in_words_of_the_form
 from quadctl.web.session.files import (
+    OWN_VEHICLES,
     SETTINGS_SUFFIXES,
     UPLOADS,
     is_inside,
@@ -22,6 +24,7 @@ from quadctl.web.session.files import (
     require_inside,
     too_large,
     upload_path,
+    vehicle_path,
 )
 from quadctl.web.session.session import load_session
 from quadctl.web.workbench.workbench import Workbench
@@ -130,16 +133,33 @@ class Intake:
             return
         self.bench.say("error", f"{too_large(name, size)}." if large else f"{name}: was refused by the browser.")
 
-    async def use_vehicle(self, text: str) -> None:
-        """Begin with the vehicle that is written in `text`."""
-        path = self.bench.folder / "vehicle.yaml"
+    @property
+    def own_vehicles(self) -> list[Path]:
+        """Files of the vehicles that were made on the page."""
+        return sorted((self.bench.folder / OWN_VEHICLES).glob("*.yaml"))
+
+    async def use_vehicle(self, text: str, from_a_form: bool = False) -> None:
+        """Begin with the vehicle that is written in `text`, and keep it as one to choose from; a form is told what is
+        wrong in its own words."""
+        path = vehicle_path(self.bench.folder, "")
         try:
+            content = parse_yaml(text, path)
+            path = vehicle_path(self.bench.folder, content.get("name"))
+            model_from_dict(content, path)  # what cannot be used is not kept
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(text, encoding="utf-8")
+        except QuadctlError as error:
+            said = str(error)
+            if from_a_form:
+                said = f"This vehicle cannot fly: {in_words_of_the_form(said.removeprefix(f'{path}: '))}"
+            self.bench.say("error", f"{said}.")
+            return
         except OSError as error:
             self.bench.say("error", f"{path}: cannot be written ({error.strerror}).")
             return
         await self.bench.begin_with(path)
+        if self.bench.message is None:
+            self.bench.say("done", f"The vehicle is kept in {path.resolve()}, and stands among those to choose from.")
 
     async def parameters_of(self, log: Path) -> dict[str, float]:
         """Parameters that a vehicle can be drawn from, in a log; none, with a sentence, where it holds none."""
@@ -157,9 +177,9 @@ class Intake:
         try:
             text = draft(answers, parameters)
         except SettingsError as error:
-            self.bench.say("error", f"{error}.")
+            self.bench.say("error", f"{in_words_of_the_form(str(error))}.")
             return
-        await self.use_vehicle(text)
+        await self.use_vehicle(text, from_a_form=True)
 
 
 def _free(wanted: Path, incoming: Path) -> Path:

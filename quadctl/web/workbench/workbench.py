@@ -79,8 +79,8 @@ class Workbench:
             except Exception:  # a page that cannot draw itself must not stop the work, nor the other pages
                 _LOG.exception("a page could not be drawn")
 
-    def say(self, kind: Literal["error", "done"], text: str) -> None:
-        self.message = Message(kind, text)
+    def say(self, kind: Literal["error", "done"], text: str, commands: tuple[tuple[str, str], ...] = ()) -> None:
+        self.message = Message(kind, text, commands)
         self._changed()
 
     def dismiss(self) -> None:
@@ -169,6 +169,12 @@ class Workbench:
                 f"{rung.model.vehicle.name} has"
             )
         self.other_model = model
+        self._changed()
+
+    def confirm_vehicle(self) -> None:
+        """Take the vehicle that was assumed as the one that flew."""
+        self.session = replace(self.session, vehicle_assumed=False)
+        self._autosave()
         self._changed()
 
     async def use_anyway(self, path: Path) -> None:
@@ -438,6 +444,15 @@ class Workbench:
             raise SettingsError("there is no model yet, expected a vehicle to be chosen")
         return yaml.safe_dump(model_to_dict(model, None), sort_keys=False)
 
+    def say_exported(self, name: str) -> None:
+        """Say where the browser has put the model, in a file of this name, and which commands use it."""
+        self.say(
+            "done",
+            f"The model is saved as {name} in the downloads folder of your browser (with a number where there is a "
+            f"{name} already). These commands use it, in its folder.",
+            commands_of_a_model(name),
+        )
+
     def session_file(self, view: str = "") -> str:
         """The session as the text of a file: its logs by path and hash, and the choices of a tab (see `Session`)."""
         datasets = () if self.opened is None else (self.opened.seen, self.opened.unseen)
@@ -501,3 +516,13 @@ class Workbench:
             part.replace(self.folder / AUTOSAVED)  # whole or not at all, also in a power failure
         except OSError as error:
             self.message = Message("error", f"{self.folder / AUTOSAVED}: cannot be written ({error.strerror})")
+
+
+def commands_of_a_model(name: str) -> tuple[tuple[str, str], ...]:
+    """Commands that use the model in the file `name`, each with its purpose."""
+    return (
+        ("fly with it as the compensator", f"quadctl fly MISSION --model {name}"),
+        ("simulate that, in a world with its effects", f"quadctl simulate MISSION --model {name} --hidden {name}"),
+        ("give it to the autopilot", f"quadctl export {name} --to px4"),
+        ("compare it with a further flight", f"quadctl compare {name} LOG"),
+    )

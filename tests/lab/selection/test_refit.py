@@ -67,7 +67,7 @@ class TestFit:
             assert item.fitted is not None
             assert item.fitted.logs == ("made.csv",)
             assert item.fitted.held_out
-            assert item.fitted.rmse_before == result.before["total"]
+            assert item.fitted.rmse_before is None  # the error of the old parameters is not that without the effect
             assert item.fitted.rmse_after == result.after["total"]
             for name, (low, high) in item.fitted.ci95.items():
                 assert low <= item.effect.values()[name] <= high
@@ -101,6 +101,36 @@ class TestFlightsHeldOut:
 
     def test_nor_where_every_fold_has_a_part_of_the_flight(self, wrong: Model, low_and_high: list[FlightLog]) -> None:
         assert not fit(wrong, load_dataset(low_and_high, wrong.vehicle, "blocks")).remarks
+
+
+class TestProvenance:
+    """`rmse_before` and `rmse_after` are the errors without and with one effect; what is not known is left out."""
+
+    def test_an_effect_that_is_added_has_both(self, truth: Model, data: Dataset) -> None:
+        added = add(Exponential, Model(truth.vehicle), data)
+        (item,) = added.model.stack
+        assert item.fitted is not None
+        assert (item.fitted.rmse_before, item.fitted.rmse_after) == (added.before["total"], added.after["total"])
+
+    def test_it_keeps_them_when_a_further_one_is_added_to_the_same_flights_only(
+        self, truth: Model, data: Dataset
+    ) -> None:
+        first = add(Exponential, Model(truth.vehicle), data)
+        same = add(ConstantScale, first.model, data).model.stack[0].fitted
+        known = first.model.stack[0].fitted
+        assert same is not None and known is not None
+        assert (same.rmse_before, same.rmse_after) == (known.rmse_before, known.rmse_after)
+        other = load_dataset([obedient(truth, 60.0, noise_m_s=0.01, seed=5, name="other.csv")], truth.vehicle)
+        moved = add(ConstantScale, first.model, other)
+        fitted = moved.model.stack[0].fitted
+        assert fitted is not None
+        assert (fitted.rmse_before, fitted.rmse_after) == (None, moved.after["total"])
+
+    def test_a_removal_says_nothing_of_the_error_without_those_that_stay(self, truth: Model, data: Dataset) -> None:
+        result = remove("thrust_scale", truth, data)
+        fitted = result.model.stack[0].fitted
+        assert fitted is not None
+        assert (fitted.rmse_before, fitted.rmse_after) == (None, result.after["total"])
 
 
 class TestAdd:

@@ -1,0 +1,185 @@
+"""Agreement of flights: does one model predict one set of flights as well as another?
+
+The mean squared errors of the two sets are compared like two independent samples of unequal variance (Welch 1947,
+Biometrika 34). Their units are blocks of time; where the reference has several flights that differ by more than their
+blocks do, the units are flights, and a further flight is expected to differ as much.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from quadctl.lab.arrays import Floats
+from quadctl.lab.fitting.bootstrap import FEWEST_BLOCKS
+from quadctl.lab.fitting.significance import LEAST_FLIGHTS
+from quadctl.lab.flights.dataset import Dataset
+from quadctl.model import Model
+
+CLOSE = 0.25
+"""Largest difference of two errors, as a share of the error of the reference, that counts as none where the whole
+interval lies within it (equivalence test: Schuirmann 1987, J. Pharmacokinet. Biopharm. 15)."""
+LEAST_SQUARE = 1e-18
+"""Least mean square in a denominator, m^2/s^4; only synthetic logs have less."""
+
+Fitted = Literal["", "these", "others", "all"]
+"""Flights that the model was fitted to: none of these, or not known; those of the reference alone; for each flight the
+others; all."""
+
+
+@dataclass(frozen=True, eq=False)
+class Errors:
+    """Squared errors of a model on one set of flights."""
+
+    flights: tuple[str, ...]
+    squares: Floats
+    """Squared error of all axes, m^2/s^4, shape (n,)."""
+    block: NDArray[np.int64]
+    """Number of the block of time of each sample, shape (n,)."""
+    flight: NDArray[np.int64]
+    """Number of the flight of each sample, shape (n,)."""
+
+    @classmethod
+    def of(cls, residual: Floats, dataset: Dataset) -> "Errors":
+        """Errors of a residual acceleration, m/s^2, shape (n, 3), on all flights of `dataset`."""
+        return cls(tuple(dataset.names), np.sum(residual**2, axis=1), dataset.block, dataset.flight_index)
+
+    def some(self, numbers: Sequence[int]) -> "Errors":
+        """Errors on the flights with these numbers."""
+        inside = np.isin(self.flight, numbers)
+        names = tuple(self.flights[number] for number in numbers)
+        return Errors(names, self.squares[inside], self.block[inside], self.flight[inside])
+
+    @property
+    def rmse(self) -> float:
+        return float(np.sqrt(self.squares.mean()))
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """Errors of one model on two sets of flights, m/s^2."""
+
+    reference: tuple[str, ...]
+    """Names of the flights that the others are compared with."""
+    judged: tuple[str, ...]
+    reference_m_s2: float
+    judged_m_s2: float
+    ci95: tuple[float, float] | None
+    """95 % interval of the error of the judged flights minus that of the reference; None where one of the two sets has
+    too few blocks of time."""
+    fitted: Fitted = ""
+    differs_most: bool = False
+    """True where the judged flight was chosen because it differs most; the interval allows for the choice."""
+
+    @property
+    def difference_m_s2(self) -> float:
+        return self.judged_m_s2 - self.reference_m_s2
+
+    @property
+    def verdict(self) -> Literal["as well", "worse", "better", "not known"]:
+        if self.ci95 is None:
+            return "not known"
+        low, high = self.ci95
+        if low > 0.0:
+            return "worse"
+        if high < 0.0:
+            return "better"
+        return "as well" if max(-low, high) <= CLOSE * self.reference_m_s2 else "not known"
+
+    def to_dict(self) -> dict[str, Any]:
+        return {
+            "reference": list(self.reference),
+            "judged": list(self.judged),
+            "reference_m_s2": self.reference_m_s2,
+            "judged_m_s2": self.judged_m_s2,
+            "difference_ci95": None if self.ci95 is None else list(self.ci95),
+            "verdict": self.verdict,
+        }
+
+
+def agreement(reference: Errors, judged: Errors, fitted: Fitted = "", chosen_of: int = 1) -> Agreement:
+    """Compare the error on the flights `judged` with that on the flights `reference`.
+
+    `chosen_of` is the number of flights of which the judged one was chosen by its error (Bonferroni).
+    """
+    found = Agreement(reference.flights, judged.flights, reference.rmse, judged.rmse, None, fitted, chosen_of > 1)
+    if min(len(np.unique(errors.block)) for errors in (reference, judged)) < FEWEST_BLOCKS:
+        return found
+    error, degrees = _standard_error(reference, judged)
+    reach = float(stats.t.ppf(1.0 - 0.025 / chosen_of, degrees)) * error
+    return replace(found, ci95=(found.difference_m_s2 - reach, found.difference_m_s2 + reach))
+
+
+def least_alike(errors: Errors, fitted: Fitted = "") -> Agreement | None:
+    """Compare the flight that differs most from the others with them; None of a single flight.
+
+    Of two flights, the one with the larger error is compared with the other.
+    """
+    numbers = [int(number) for number in np.unique(errors.flight)]
+    if len(numbers) < 2:
+        return None
+    tried = len(numbers) if len(numbers) > 2 else 1
+    found = [
+        agreement(errors.some([n for n in numbers if n != number]), errors.some([number]), fitted, tried)
+        for number in numbers
+    ]
+    return max(found, key=lambda a: (_clarity(a), a.difference_m_s2))
+
+
+def flights_of_the_fit(model: Model, flights: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Names of the flights that the parameters of `model` were fitted to, and those of `flights` that some were not."""
+    fits = [item.fitted.logs for item in model.stack if item.fitted is not None and item.fitted.logs]
+    used = list(dict.fromkeys(name for logs in fits for name in logs))
+    return used, [name for name in flights if any(name not in logs for logs in fits)]
+
+
+def of_one_model(model: Model, errors: Errors) -> Agreement | None:
+    """Compare the flights that `model` was not fitted to with those that it was fitted to; where there are not both,
+    the flight that differs most with the others. None of a single flight."""
+    used, new = flights_of_the_fit(model, errors.flights)
+    judged = [number for number, name in enumerate(errors.flights) if name in new]
+    reference = [number for number, name in enumerate(errors.flights) if name in used and name not in new]
+    if not (judged and reference):
+        return least_alike(errors, "all" if used and not new else "")
+    return agreement(errors.some(reference), errors.some(judged), "these")
+
+
+def _clarity(found: Agreement) -> float:
+    """Size of the difference in half widths of its interval, rounded, so that two flights are equally far from each
+    other."""
+    if found.ci95 is None:
+        return 0.0
+    half = 0.5 * (found.ci95[1] - found.ci95[0])
+    return round(abs(found.difference_m_s2) / max(half, LEAST_SQUARE), 6)
+
+
+def _standard_error(reference: Errors, judged: Errors) -> tuple[float, float]:
+    """Standard error of the difference of the errors (RMSE), m/s^2, and its degrees of freedom."""
+    of_reference, of_judged = (_variance(errors.squares, errors.block) for errors in (reference, judged))
+    flights = len(reference.flights)
+    if flights >= LEAST_FLIGHTS:
+        between, degrees = _variance(reference.squares, reference.flight)
+        if between > of_reference[0]:
+            of_reference = between, degrees
+            of_judged = max(of_judged, (between * flights / len(judged.flights), degrees))
+    parts = [
+        (variance / (4.0 * max(float(errors.squares.mean()), LEAST_SQUARE)), degrees)
+        for errors, (variance, degrees) in ((reference, of_reference), (judged, of_judged))
+    ]
+    total = sum(variance for variance, _ in parts)
+    if total == 0.0:
+        return 0.0, 1.0
+    return math.sqrt(total), total**2 / sum(variance**2 / degrees for variance, degrees in parts)
+
+
+def _variance(squares: Floats, unit: NDArray[np.int64]) -> tuple[float, float]:
+    """Variance of the mean of `squares`, shape (n,), whose units are independent (of any size), and its degrees of
+    freedom."""
+    number = np.unique(unit, return_inverse=True)[1]
+    sums = np.bincount(number, squares - squares.mean())
+    units = len(sums)
+    return units / (units - 1) * float(sums @ sums) / len(squares) ** 2, float(units - 1)

@@ -1,0 +1,65 @@
+"""Failures of a model in words: in which flight, when, and the largest error among them."""
+
+import numpy as np
+import pytest
+
+from quadctl.effects.ground_effect import Exponential
+from quadctl.lab.comparison.comparison import compare
+from quadctl.lab.comparison.failures import Failure, stretches, told
+from quadctl.lab.flights.dataset import Dataset, load_dataset
+from quadctl.model import Model
+from quadctl.vehicle import Vehicle
+from tests.support.flights import obedient
+
+
+@pytest.fixture(scope="module")
+def two(raptor: Vehicle) -> Dataset:
+    model = Model(raptor)
+    return load_dataset([obedient(model, 60.0, noise_m_s=0.01, seed=i, name=f"{i}.csv") for i in range(2)], raptor)
+
+
+class TestStretches:
+    def test_an_error_in_one_part_of_one_flight_is_found_there(self, two: Dataset) -> None:
+        first, second = two.parts
+        values = np.full(len(two.measured), 0.01)
+        time_s = two.flights[1].time_s
+        wrong = (time_s > 20.0) & (time_s < 30.0)
+        values[second] += 0.5 * wrong
+        (found,) = stretches(values, np.ones(len(values), dtype=bool), two)
+        assert found.flight == "1.csv" and not found.whole
+        assert found.begin_s >= 19.0 and found.end_s <= 31.0 and found.end_s - found.begin_s > 7.0
+        assert first.stop == second.start
+
+    def test_only_the_samples_of_the_range_count(self, two: Dataset) -> None:
+        values = np.ones(len(two.measured))
+        inside = np.zeros(len(values), dtype=bool)
+        inside[two.parts[0]] = two.flights[0].time_s < 10.0
+        (found,) = stretches(values, inside, two)
+        assert found.flight == "0.csv" and found.end_s < 10.0
+
+    def test_an_error_that_is_everywhere_is_in_all_flights_from_begin_to_end(self, two: Dataset) -> None:
+        found = stretches(np.ones(len(two.measured)), np.ones(len(two.measured), dtype=bool), two)
+        assert sorted(stretch.flight for stretch in found) == ["0.csv", "1.csv"]
+        assert all(stretch.whole for stretch in found)
+
+
+def test_a_sentence_names_the_flight_and_when_most_of_it_was(raptor: Vehicle) -> None:
+    """The waves over height swell and fade within 25 s: the lowest heights are reached in the middle."""
+    log = obedient(Model(raptor).plus(Exponential(a=0.4, b=5.0)), 25.0, noise_m_s=0.01, name="low.csv")
+    found = compare(Model(raptor), load_dataset([log], raptor)).fails_where
+    assert found
+    for failure in found:
+        (stretch,) = failure.stretches
+        assert 4.0 < stretch.begin_s < stretch.end_s < 21.0
+        assert failure.text.endswith(f", mostly in low.csv between {stretch.begin_s:.0f} and {stretch.end_s:.0f} s")
+        assert failure.to_dict()["most_in"] == [{"flight": "low.csv", "from_s": stretch.begin_s, "to_s": stretch.end_s}]
+
+
+def test_the_largest_error_is_told_even_where_others_hold_more_of_the_squared_error() -> None:
+    def failure(mean: float, n: int) -> Failure:
+        return Failure("up", "time", 0.0, 1.0, mean, 9.0, n, f"{mean} in {n} samples")
+
+    wide, short = [failure(0.1 + 0.001 * i, 1000) for i in range(6)], failure(-0.9, 3)
+    assert told([*wide, short], 4) == [*reversed(wide[3:]), short]
+    assert told(wide, 4) == list(reversed(wide[2:]))
+    assert told([], 4) == []

@@ -1,0 +1,32 @@
+"""What a form about a vehicle says of its answers: all that is wrong at once, in the words of its labels."""
+
+import math
+
+from quadctl.vehicle_draft.questions import ITS_NUMBERS, NEW_VEHICLE, in_words_of_the_form, wrong
+
+RIGHT = {"mass_kg": 1.5, "propeller_m": 0.25, "arm_m": 0.2, "hover_throttle": 0.4, "hover_rpm": None}
+
+
+def test_all_that_is_wrong_is_said_at_once() -> None:
+    assert wrong(NEW_VEHICLE, RIGHT) == {}
+    answers = RIGHT | {"mass_kg": None, "propeller_m": 12.0, "hover_throttle": 1.0, "hover_rpm": -3.0}
+    assert wrong(NEW_VEHICLE, answers) == {
+        "mass_kg": "expected a number above 0 and below 1000",
+        "propeller_m": "expected a number above 0 and below 10",
+        "hover_throttle": "expected a number above 0 and below 1",
+        "hover_rpm": "expected a number above 0, or nothing",
+    }
+
+
+def test_what_is_not_asked_is_not_wrong() -> None:
+    assert wrong(NEW_VEHICLE, {name: value for name, value in RIGHT.items() if name != "arm_m"}) == {}
+
+
+def test_a_number_is_none_of_the_forms_where_it_is_no_number() -> None:
+    assert "mass_kg" in wrong(ITS_NUMBERS, {"mass_kg": math.nan})
+
+
+def test_a_sentence_about_the_file_is_said_in_the_words_of_the_form() -> None:
+    assert in_words_of_the_form("throttle.max_thrust_per_rotor_n is 1, expected more") == (
+        "Most thrust of a rotor / N is 1, expected more"
+    )
