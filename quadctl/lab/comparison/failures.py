@@ -62,7 +62,7 @@ class Failure:
     n: int
     text: str
     stretches: tuple[Stretch, ...] = ()
-    """Where most of it is: of each flight that is needed for it, the one with the largest error first."""
+    """Stretches with most of it: one of each flight that is needed for it, that with the largest error first."""
 
     def to_dict(self) -> dict[str, object]:
         return {
