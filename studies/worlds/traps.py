@@ -143,7 +143,8 @@ def rotation(vector_rad: Floats) -> Floats:
         return np.eye(3)
     x, y, z = vector_rad / angle
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * (cross @ cross)
+    result: Floats = np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * (cross @ cross)
+    return result
 
 
 def heading(yaw_rad: float) -> Floats:
@@ -181,7 +182,8 @@ class Controller:
         moment += np.cross(body.rates_rad_s, self._inertia * body.rates_rad_s)
         thrust = self._to_rotors @ np.array([-force @ attitude[:, 2], *moment])
         limit = self.vehicle.throttle.max_thrust_per_rotor_n
-        return np.sqrt(np.clip(thrust, 0.05 * limit, limit) / self.vehicle.rotor.thrust_n_per_rpm2)
+        result: Floats = np.sqrt(np.clip(thrust, 0.05 * limit, limit) / self.vehicle.rotor.thrust_n_per_rpm2)
+        return result
 
 
 def fly(
@@ -446,7 +448,8 @@ def gust_with_every_run(name: str, vehicle: str) -> FlightLog:
         t = since_s / (move_s + 4.5)
         gust_m_s = 1.8 * np.sin(np.pi * t) ** 2 if number >= 0 and t < 1.0 else 0.0
         air = np.array([-gust_m_s if number % 2 == 0 else gust_m_s, 0.0, 0.0])
-        return -2.064 * 0.25 * (body.velocity_m_s - air) * np.array([1.0, 1.0, 0.0])
+        result: Floats = -2.064 * 0.25 * (body.velocity_m_s - air) * np.array([1.0, 1.0, 0.0])
+        return result
 
     return fly(name, vehicle, legs, World(force_n=force), OUTDOORS)
 
@@ -523,11 +526,12 @@ class Complementary:
     ),
 )
 def accelerometer_as_vertical(name: str, vehicle: str) -> FlightLog:
-    """A simple attitude estimator takes the accelerometer for the vertical (2 s): after each acceleration its attitude is
-    off in proportion to the speed, and rotor drag (0.3 1/s) looks like its tilt. Long runs north and south."""
+    """A simple attitude estimator takes the accelerometer for the vertical (2 s): after each acceleration its attitude
+    is off in proportion to the speed, and rotor drag (0.3 1/s) looks like its tilt. Long runs north and south."""
 
     def force(time_s: float, body: Body) -> Floats:
-        return -2.064 * 0.3 * body.velocity_m_s * np.array([1.0, 1.0, 0.0])
+        result: Floats = -2.064 * 0.3 * body.velocity_m_s * np.array([1.0, 1.0, 0.0])
+        return result
 
     legs = back_and_forth(9.0, 5.0, 7.0, 4.0, 4)
     return fly(name, vehicle, legs, World(force_n=force, estimated_attitude=Complementary()), OUTDOORS)
@@ -589,8 +593,8 @@ def saturated_rotor_speed(name: str, vehicle: str) -> FlightLog:
 
 @listed(TRAPS, "raptor", Honest("none, or unexplained", verdicts={"none", "unexplained"}))
 def late_pose(name: str, vehicle: str) -> FlightLog:
-    """Poses of motion capture arrive over a busy wireless link 100 ms late, rotor speeds at once. Thrust seems to follow
-    the rotor speeds with a lag; the vehicle is clean."""
+    """Poses of motion capture arrive over a busy wireless link 100 ms late, rotor speeds at once. Thrust seems to
+    follow the rotor speeds with a lag; the vehicle is clean."""
     up_and_down = [leg for _ in range(6) for leg in staircase((0.9, 2.1), 1.6, 1.5)]
     legs = [*up_and_down, *back_and_forth(1.5, 1.5, 1.8, 1.5, 6), *up_and_down]
     return fly(name, vehicle, legs, sensors=Sensors(pose_delay_s=0.1))
@@ -603,7 +607,7 @@ def late_pose(name: str, vehicle: str) -> FlightLog:
 )
 def sinking_air(name: str, vehicle: str) -> FlightLog:
     """Air sinks over a cool pond, the faster the higher (0.12 1/s, up to 1.6 m/s), and none of it at the ground. Inflow
-    takes 4 % of thrust per m/s of climb through the air, so that the loss grows with height as the weight of a cable."""
+    takes 4 % of thrust per m/s of climb through the air, so that the loss grows with height as a cable's weight."""
 
     def ratio(time_s: float, body: Body) -> Floats:
         climb_m_s = -float(body.velocity_m_s[2]) + min(-0.12 * float(body.position_m[2]), 1.6)
@@ -638,12 +642,13 @@ def table(answers: Sequence[tuple[Trap, Mapping[str, Any]]]) -> str:
 
 INTRODUCTION = """# Traps
 
-Written by `python -m studies.worlds.traps --page docs/traps.md`. Ten flights that are meant to make `quadctl diagnose` say
-something false with confidence: name an effect that is not there, give a 95 % interval that leaves out the truth, or
-call a clean vehicle faulty. They were written by somebody who had not read the lab, in a simulation of their own
-([studies/worlds/traps.py](../studies/worlds/traps.py)), and so were the honest answers, before the lab had seen a flight.
-A pair that these data do not distinguish is honest where one of the two is true. *Missed* is an answer that says nothing
-false and overlooks the effect. An effect that is there but too small to be called missing is shown and not judged.
+Written by `python -m studies.worlds.traps --page docs/traps.md`. Ten flights that are meant to make `quadctl
+diagnose` say something false with confidence: name an effect that is not there, give a 95 % interval that leaves out
+the truth, or call a clean vehicle faulty. They were written by somebody who had not read the lab, in a simulation of
+their own ([studies/worlds/traps.py](../studies/worlds/traps.py)), and so were the honest answers, before the lab had
+seen a flight. A pair that these data do not distinguish is honest where one of the two is true. *Missed* is an answer
+that says nothing false and overlooks the effect. An effect that is there but too small to be called missing is shown
+and not judged.
 """
 
 

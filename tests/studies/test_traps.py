@@ -1,4 +1,4 @@
-"""The flights that are meant to fool the lab obey Newton's laws, and their judge tells a true answer from a false one."""
+"""The flights that are meant to fool the lab obey Newton's laws, and their judge tells true answers from false ones."""
 
 from collections.abc import Sequence
 from pathlib import Path
