@@ -1,0 +1,96 @@
+"""The flights that are meant to fool the lab obey Newton's laws, and their judge tells true answers from false ones."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from quadctl.logs.csv_log import write_csv
+from quadctl.vehicle import load_vehicle
+from studies.worlds.traps import CONTROLS, TRAPS, VEHICLES, Honest, Leg, Outcome, SlungLoad, World, fly, judge
+
+pytestmark = pytest.mark.long
+
+DRAG = Honest("drag of 0.3", {"rotor_drag"}, {"unexplained"}, {"rotor_drag.linear d_x": (0.3, 0.3)})
+CLEAN = Honest("none", verdicts={"none"})
+
+
+def _named(
+    family: str, interval: tuple[float, float] = (0.2, 0.4), confounded: Sequence[Sequence[str]] = ()
+) -> dict[str, Any]:
+    """Result of a diagnosis that names one effect with one parameter."""
+    effect = {"rotor_drag": "rotor_drag.linear"}.get(family, f"{family}.formula")
+    return {
+        "verdict": "missing",
+        "missing": [family],
+        "confounded": confounded,
+        "ladder": [{"family": "", "effect": "raptor"}, {"family": family, "effect": effect}],
+        "ranking": [{"effect": effect, "parameters": {"d_x": sum(interval) / 2}, "ci95": {"d_x": interval}}],
+    }
+
+
+def _silent(verdict: str) -> dict[str, Any]:
+    """Result of a diagnosis that names nothing."""
+    return {"verdict": verdict, "missing": [], "confounded": [], "ladder": [], "ranking": []}
+
+
+def test_there_are_ten_traps_and_their_names_differ() -> None:
+    assert len(TRAPS) == 10
+    assert len({trap.name for trap in (*CONTROLS, *TRAPS)}) == len(CONTROLS) + len(TRAPS)
+
+
+def test_a_trap_that_is_generated_twice_is_the_same_file(tmp_path: Path) -> None:
+    trap = next(trap for trap in TRAPS if trap.name == "swinging_load")
+    paths = [tmp_path / name for name in ("once.csv", "again.csv")]
+    for path in paths:
+        write_csv(trap.generate(), path)
+    once, again = (path.read_bytes() for path in paths)
+    assert once == again
+
+
+@pytest.mark.parametrize("loaded", [False, True])
+def test_the_mean_thrust_of_a_hover_is_the_weight_of_all_that_hangs_on_the_rotors(loaded: bool) -> None:
+    vehicle = load_vehicle(VEHICLES / "x500.yaml")
+    sling = World(force_n=SlungLoad(), mass_kg=lambda time_s: vehicle.mass_kg - SlungLoad.mass_kg)
+    log = fly("hover", "x500", [Leg(0.0, 0.0, 3.0, 0.0, 20.0)], sling if loaded else World())
+    rpm = np.array([log[f"motor{i + 1}_rpm"] for i in range(4)])
+    thrust_n = (vehicle.rotor.thrust_n_per_rpm2 * rpm**2).sum(axis=0).mean()
+    assert thrust_n == pytest.approx(vehicle.weight_n, rel=0.005)
+
+
+def test_a_run_arrives_and_accelerates_where_the_rotors_tilt_the_thrust() -> None:
+    vehicle = load_vehicle(VEHICLES / "raptor.yaml")
+    log = fly("run", "raptor", [Leg(0.0, 0.0, 1.0, 0.0, 2.0), Leg(3.0, 0.0, 1.0, 3.0, 4.0)])
+    assert log["x_m"][-1] == pytest.approx(3.0, abs=0.05)
+    rpm = np.array([log[f"motor{i + 1}_rpm"] for i in range(4)])
+    thrust_n = (vehicle.rotor.thrust_n_per_rpm2 * rpm**2).sum(axis=0)
+    by_thrust = -np.sin(np.radians(log["pitch_deg"])) * thrust_n / vehicle.mass_kg
+    speed = np.cumsum(by_thrust) * 0.02
+    assert np.abs(speed - log["vx_m_s"]).max() < 0.15
+
+
+def test_the_judge_takes_the_true_effect_whose_interval_holds_the_truth() -> None:
+    assert judge(DRAG, _named("rotor_drag")) is Outcome.HONEST
+
+
+def test_the_judge_is_not_content_with_an_interval_that_leaves_out_the_truth() -> None:
+    assert judge(DRAG, _named("rotor_drag", (0.4, 0.5))) is Outcome.FOOLED
+
+
+def test_the_judge_sees_an_effect_that_is_not_there() -> None:
+    assert judge(DRAG, _named("wind")) is Outcome.FOOLED
+    assert judge(CLEAN, _named("wind")) is Outcome.FOOLED
+
+
+def test_a_pair_that_cannot_be_told_apart_is_honest_where_one_of_the_two_is_true() -> None:
+    assert judge(DRAG, _named("wind", confounded=[["rotor_drag", "wind"]])) is Outcome.HONEST
+    assert judge(DRAG, _named("wind", confounded=[["thrust_tilt", "wind"]])) is Outcome.FOOLED
+
+
+def test_silence_about_an_effect_is_a_miss_and_a_fault_in_a_clean_flight_is_false() -> None:
+    assert judge(DRAG, _silent("unexplained")) is Outcome.HONEST
+    assert judge(DRAG, _silent("none")) is Outcome.MISSED
+    assert judge(CLEAN, _silent("none")) is Outcome.HONEST
+    assert judge(CLEAN, _silent("unexplained")) is Outcome.FOOLED
