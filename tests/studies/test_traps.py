@@ -9,7 +9,9 @@ import pytest
 
 from quadctl.logs.csv_log import write_csv
 from quadctl.vehicle import load_vehicle
-from studies.worlds.traps import CONTROLS, TRAPS, VEHICLES, Honest, Leg, Outcome, SlungLoad, World, fly, judge
+from studies.worlds.traps.flights import CONTROLS, TRAPS, SlungLoad
+from studies.worlds.traps.judgement import Honest, Outcome, judge
+from studies.worlds.traps.simulation import VEHICLES, Leg, World, fly
 
 pytestmark = pytest.mark.long
 

@@ -1,4 +1,4 @@
-"""What a form about a vehicle says of its answers: all that is wrong at once, in the words of its labels."""
+"""Sentences of a form about the answers on a vehicle: all that is wrong at once, in the words of its labels."""
 
 import math
 
