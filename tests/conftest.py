@@ -16,7 +16,7 @@ from quadctl.model import Model
 from quadctl.vehicle import Vehicle, load_vehicle
 from studies.faults.witness import Witness
 from tests.support.commands import Result
-from tests.support.flights import CUSHION, simulated
+from tests.support.flights import CUSHION, flown_once
 from tests.support.places import ROOT
 
 pytest.register_assert_rewrite("watched", "log_files")
@@ -77,17 +77,22 @@ def rigid(raptor: Vehicle) -> Model:
 
 
 @pytest.fixture(scope="session")
-def staircases(tmp_path_factory: pytest.TempPathFactory) -> list[FlightLog]:
-    """Two hover staircases over a ground whose cushion is not in the catalogue."""
-    where = tmp_path_factory.mktemp("staircases")
-    return [simulated("hover_staircase", [CUSHION], seed, where) for seed in (1, 2)]
+def shared(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Path:
+    """Folder that all processes of a test run share."""
+    own = tmp_path_factory.getbasetemp()
+    return (own if worker_id == "master" else own.parent) / "shared"
 
 
 @pytest.fixture(scope="session")
-def plain_runs(tmp_path_factory: pytest.TempPathFactory) -> list[FlightLog]:
+def staircases(shared: Path) -> list[FlightLog]:
+    """Two hover staircases over a ground whose cushion is not in the catalogue."""
+    return [flown_once("hover_staircase", [CUSHION], seed, shared) for seed in (1, 2)]
+
+
+@pytest.fixture(scope="session")
+def plain_runs(shared: Path) -> list[FlightLog]:
     """Runs forward and up and down, where no effect is hidden."""
-    where = tmp_path_factory.mktemp("plain")
-    return [simulated(mission, [], 3, where) for mission in ("forward_runs", "vertical_runs")]
+    return [flown_once(mission, [], 3, shared) for mission in ("forward_runs", "vertical_runs")]
 
 
 @pytest.fixture

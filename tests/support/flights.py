@@ -1,6 +1,8 @@
 """Flights for the tests of the lab: simulated ones, and synthetic logs that obey a model exactly."""
 
+import fcntl
 import math
+import zlib
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -32,6 +34,17 @@ def simulated(mission: str, effects: Sequence[tuple[str, dict[str, float]]], see
     outcome = quadctl.sitl.run.simulate(plan, where, hidden, seed)
     assert outcome.completed, outcome.ended
     return read_log(outcome.log)
+
+
+def flown_once(mission: str, effects: Sequence[tuple[str, dict[str, float]]], seed: int, shared: Path) -> FlightLog:
+    """The log of `simulated`, kept in a folder that all processes of a test run share: the first to ask flies."""
+    where = shared / f"{mission}-{zlib.crc32(repr(effects).encode())}-{seed}"
+    where.mkdir(parents=True, exist_ok=True)
+    with (where / "lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        for path in where.glob("*.csv"):
+            return read_log(path)
+        return simulated(mission, effects, seed, where)
 
 
 def obedient(

@@ -28,7 +28,7 @@ from quadctl.lab.tracking.step_response import StepResponses, step_responses
 from quadctl.logs.flight_log import FlightLog
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
-from tests.support.flights import CUSHION, obedient, simulated, to_and_fro
+from tests.support.flights import CUSHION, flown_once, obedient, simulated, to_and_fro
 
 CANDIDATES = (ConstantScale, Exponential, LinearDrag)
 NASTY = '<script>alert("x")</script>&_$a$.csv'
@@ -87,11 +87,10 @@ class Flown:
 
 
 @pytest.fixture(scope="module")
-def flown(raptor: Vehicle, tmp_path_factory: pytest.TempPathFactory) -> Flown:
-    where = tmp_path_factory.mktemp("flown")
+def flown(raptor: Vehicle, shared: Path, tmp_path_factory: pytest.TempPathFactory) -> Flown:
     rigid = Model(raptor)
-    seen = load_dataset([simulated("hover_staircase", [CUSHION], 1, where)], raptor)
-    steps = _step_logs(where)
+    seen = load_dataset([flown_once("hover_staircase", [CUSHION], 1, shared)], raptor)
+    steps = _step_logs(tmp_path_factory.mktemp("steps"))
     unseen = load_dataset([steps["none"]], raptor)
     addition = add(Exponential, rigid, seen)
     return Flown(
