@@ -155,7 +155,7 @@ class QualityReport:
         if clock.runs_wrong:
             percent, error = 100.0 * (clock.scale - 1.0), 100.0 * clock.scale_error
             lines.append(
-                f"Positions change {abs(percent):.1f} % (+-{error:.1f}) {'more' if percent > 0 else 'less'} than the "
+                f"Positions change {abs(percent):.1f} % (±{error:.1f}) {'more' if percent > 0 else 'less'} than the "
                 f"velocities say: the clock runs {'slow' if percent > 0 else 'fast'} by as much, "
                 "or the velocity is wrong."
             )

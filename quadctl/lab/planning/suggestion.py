@@ -382,4 +382,4 @@ def _ordered(options: Sequence[Option]) -> list[Option]:
 
 
 def _plus_minus(width: float) -> str:
-    return f"+-{width / 2.0:.0%}" if width < UNKNOWN else "unknown"
+    return f"±{width / 2.0:.0%}" if width < UNKNOWN else "unknown"

@@ -68,7 +68,7 @@ class Failures(Panel):
         telling = [p for p in comparison.profiles if is_telling(p)]
         with tag("section", "card"):
             heading(
-                "Residual over each variable; the variable that explains most comes first"
+                "Residual over each variable; the variable that explains most of the error of all axes comes first"
                 if telling
                 else "No variable explains a significant share of the residual; these two explain most",
                 "Where the mean is on the zero line, the model is right. "

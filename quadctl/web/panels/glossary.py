@@ -12,8 +12,9 @@ GLOSSARY = {
         "and predicts this part. Every part is set aside once, so no error is computed on data that the fit has seen."
     ),
     "noise floor": (
-        "The error that no model can go below with these logs: what remains when acceleration is predicted from "
-        "everything that was logged. It is sensor noise, vibration, and gusts that nobody measured."
+        "What remains, on data not used in its fit, when a flexible regression predicts acceleration from everything "
+        "that was logged: sensor noise, vibration, gusts that nobody measured. A good model comes close to it; one "
+        "that holds the right physics can be below it."
     ),
     "M_A": (
         "How far the vehicle was from its commanded position, added up over the step: metres times seconds. "

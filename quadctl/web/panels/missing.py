@@ -18,6 +18,7 @@ from quadctl.lab.comparison.wording import (
 )
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.flights.flight import Flight
+from quadctl.lab.flights.prediction import AXES
 from quadctl.lab.planning.suggestion import Suggestion
 from quadctl.lab.selection.candidate import Candidate
 from quadctl.lab.selection.diagnosis import Diagnosis
@@ -38,7 +39,10 @@ from quadctl.web.work.predictions import predictions
 
 AS_LOGGED = ("z_m", "z_ref_m", "vx_m_s", "vy_m_s", "vz_m_s")
 NOT_NEEDED = "Other forms of these effects, or look-alikes: not needed together with those above."
-NO_HELP = "These effects do not reduce the held-out error, or only with parameters outside their physical bounds."
+NO_HELP = (
+    "These effects do not reduce the held-out error by more than chance might, or only with parameters outside their "
+    "physical bounds."
+)
 
 
 @dataclass(frozen=True)
@@ -75,16 +79,20 @@ class Overview(Panel):
 
 @dataclass(frozen=True)
 class ErrorsByAxis(Panel):
-    """The error of all axes, and that of the axis that is shown; a panel of its own, so that the figure below stays."""
+    """Errors in the flight that is shown, of all axes and of the one that is shown; a panel of its own, so that the
+    figure below stays."""
 
     evaluation: Evaluation | None
+    flight: Flight | None
     axis: str
 
     def draw(self, do: Controls) -> None:
-        if self.evaluation is None:
+        if self.evaluation is None or self.flight is None or self.flight.name not in self.evaluation.by_flight:
             return
-        errors, worst = self.evaluation.errors_m_s2, self.evaluation.worst_axis
-        shown = f"Error of all axes {quantity(errors['total'])}; shown is {self.axis}, {quantity(errors[self.axis])}"
+        errors = self.evaluation.by_flight[self.flight.name]
+        worst = max(AXES, key=errors.__getitem__)
+        where = "Error" if len(self.evaluation.by_flight) == 1 else "Error in this flight"
+        shown = f"{where}, all axes: {quantity(errors['total'])}; shown is {self.axis}, {quantity(errors[self.axis])}"
         if self.axis == worst:
             tag("p", "muted", f"{shown}, the axis with the largest error.")
         else:

@@ -95,15 +95,15 @@ def _draw_effect(do: Controls, item: StackedEffect, alike: Sequence[str], on: bo
                         tag("span", "muted", words).props('title="95% confidence interval"')
 
 
-def _draw_errors(by_flight: Mapping[str, float]) -> None:
+def _draw_errors(by_flight: Mapping[str, Mapping[str, float]]) -> None:
     with tag("table", "small by-flight"):
         with tag("tr"):
             tag("th", "", "flight")
             tag("th", "number", "error / m/s²")
-        for flight, error in by_flight.items():
+        for flight, errors in by_flight.items():
             with tag("tr"):
                 tag("td", "", flight)
-                tag("td", "number", number(error))
+                tag("td", "number", number(errors["total"]))
 
 
 def _draw_nuisances(evaluation: Evaluation, seen: Dataset) -> None:

@@ -85,9 +85,9 @@ class Evaluation:
     """Cross-validated RMSE on the flights that fits may use."""
     solution: Solution
     """Fit to the flights that fits may use."""
-    by_flight: dict[str, float]
-    """Total error of each flight by its name, m/s^2: cross-validated; where flights are held out of all fits, that of
-    the model as it stands, on all flights alike."""
+    by_flight: dict[str, dict[str, float]]
+    """Error of each flight by its name, per axis and in total, m/s^2: cross-validated; where flights are held out of
+    all fits, that of the model as it stands, on all flights alike."""
     agreement: Agreement | None
     """Agreement of the flights in these errors: of those held out of all fits with the others, else of the flight that
     differs most; None of a single flight."""
@@ -279,9 +279,9 @@ def _held_out_agreement(model: Model, seen: Comparison, unseen: Comparison) -> A
     return agreement(known, new, "these" if predicts else "")
 
 
-def _by_flight(residual: Floats, dataset: Dataset) -> dict[str, float]:
-    """Error of all axes of each flight, m/s^2, from the residual acceleration, shape (n, at least 3)."""
-    return {name: rmse(residual[part, :3])["total"] for name, part in zip(dataset.names, dataset.parts, strict=True)}
+def _by_flight(residual: Floats, dataset: Dataset) -> dict[str, dict[str, float]]:
+    """Error of each flight, per axis and in total, m/s^2, from the residual acceleration, shape (n, at least 3)."""
+    return {name: rmse(residual[part, :3]) for name, part in zip(dataset.names, dataset.parts, strict=True)}
 
 
 def look_for(current: Current, dataset: Dataset, progress: Progress) -> Findings:
