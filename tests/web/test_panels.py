@@ -404,6 +404,13 @@ class TestOpenTab:
         named = [replace(log, log=replace(log.log, meta={"vehicle": {"mass_kg": 1.5}})) for log in asked.opened.logs]  # type: ignore[type-var]
         assert replace(asked, opened=replace(asked.opened, logs=named)).unconfirmed is None
 
+    def test_the_form_of_a_new_vehicle_says_what_is_assumed(
+        self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
+    ) -> None:
+        shown = str(tabs("flights", views["at first"]).shown)
+        for guess in ("motor lag of 0.04 s", "thrust coefficient 0.011", "square of the throttle"):
+            assert guess in shown
+
     def test_whether_the_flights_agree_is_said_beside_the_error_and_where_the_model_fails(
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
     ) -> None:

@@ -11,7 +11,7 @@ from nicegui import ui
 
 from quadctl.lab.comparison.wording import listed
 from quadctl.vehicle import Vehicle
-from quadctl.vehicle_draft.draft import Answers, told
+from quadctl.vehicle_draft.draft import THRUST_COEFFICIENT, Answers, told
 from quadctl.vehicle_draft.frames import FRAMES, frame_places
 from quadctl.vehicle_draft.questions import ITS_NUMBERS, NEW_VEHICLE, Question, wrong
 from quadctl.web.elements.html import heading, tag
@@ -23,6 +23,13 @@ WITH_PARAMETERS = (".ulg", ".bin")
 """Suffixes of the logs that hold the parameters of their autopilot."""
 AS_LOGGED = "as in the log"
 """Choice of the frame whose rotors are those of a log's parameters."""
+ASSUMED = (
+    "Assumed, since it is not asked: a motor lag of 0.04 s; the inertia, from mass and arm; thrust that grows with the "
+    "square of the throttle, unless the parameters of a log say otherwise. Without a rotor speed in hover, thrust per "
+    f"rpm² is assumed, too (thrust coefficient {THRUST_COEFFICIENT:g}; most propellers have 0.007 to 0.015): a thrust "
+    "scale that is found in a flight then corrects this guess. The file says so at each of these numbers."
+)
+"""Numbers of a new vehicle that nobody was asked for."""
 TYPICAL = Answers("my_vehicle", 1.5, 0.254, "quad-x", 0.225, 0.5)
 """Numbers that a form of a new vehicle begins with: those of a quadrotor with propellers of ten inches."""
 
@@ -152,6 +159,7 @@ class _NewVehicle:
         for field in (self._propeller, self._frame, self._arm):
             field.on_value_change(self._draw_rotors)
         self._draw_rotors()
+        tag("p", "muted", ASSUMED)
         use = ui.button("Use this vehicle", on_click=self._use)
         do.when_idle(use.props("no-caps unelevated"))
 
