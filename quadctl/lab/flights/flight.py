@@ -71,6 +71,8 @@ class Timing:
     """Delay of the rotor signal relative to the force that it makes."""
     velocity: Estimate
     """Lag of the velocity behind the position."""
+    earliest_s: float = -math.inf
+    """Least delay of a rotor signal that is taken out: one that comes still earlier has rotors that follow it late."""
 
     def to_dict(self) -> dict[str, list[float]]:
         """Value and 95 % interval of each time, s."""

@@ -7,11 +7,13 @@ random-effects model (DerSimonian & Laird 1986, Controlled Clinical Trials 7) sa
 flight does not show is taken from the others and, where none shows it, from a prior.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from quadctl.effects.motor_lag import lagged
 from quadctl.lab.arrays import Floats
 from quadctl.lab.flights.flight import Estimate, Flight, Timing
 from quadctl.lab.flights.prediction import predict
@@ -24,7 +26,8 @@ ROTOR_PRIOR = Estimate(0.0, 0.03)
 """Prior of the delay of the rotor signal relative to the force that it makes, s. Rotor speeds come up to 30 ms late,
 and positions up to 40 ms; a larger delay needs evidence."""
 MOST_EARLY_S = 0.04
-"""Largest time by which a rotor signal comes before its force because the position is late."""
+"""Largest time by which a rotor signal comes before its force because the position is late, unless the flights show
+that the position is later."""
 VELOCITY_RANGE_S = (-0.04, 0.08)
 ROTOR_RANGE_S = (-0.2, 0.3)
 """Ranges that are searched; an estimate at an end says nothing."""
@@ -49,6 +52,8 @@ MAX_STEP_S = 0.04
 STARTS_S = (-0.05, 0.0, 0.05, 0.1, 0.15, 0.2, 0.25)
 CLEARLY = 0.8
 """A delay far from 0 is where the search begins if the squared error there is less than this share of that at 0."""
+LAGS_S = (0.02, 0.03, 0.05, 0.08, 0.12, 0.16, 0.25)
+"""Motor lags by which a signal that comes before its force is explained."""
 LEAST_SHARE = 0.1
 """Least coefficient of the thrust in the vertical acceleration; with less, the thrust does not move the vehicle, and
 nothing is known of its time."""
@@ -70,17 +75,58 @@ def timed(flights: Sequence[Flight], lag: Model) -> tuple[Flight, ...]:
         for flight, of_flight in zip(flights, velocity.of_flights, strict=True)
     ]
     rotor = _shrunk([_rotor_delay(flight, lag) for flight in prompt], ROTOR_PRIOR)
-    timing = Timing(rotor=rotor.common, velocity=velocity.common)
+    delays_s = [of_flight.value for of_flight in rotor.of_flights]
+    earliest_s = -math.inf if _is_position_late(prompt, delays_s, lag) else -MOST_EARLY_S
+    timing = Timing(rotor=rotor.common, velocity=velocity.common, earliest_s=earliest_s)
     return tuple(
-        replace(flight.with_rotor_delay(max(of_flight.value, -MOST_EARLY_S)), timing=timing)
-        for flight, of_flight in zip(prompt, rotor.of_flights, strict=True)
+        replace(flight.with_rotor_delay(max(delay_s, earliest_s)), timing=timing)
+        for flight, delay_s in zip(prompt, delays_s, strict=True)
     )
 
 
 def comes_too_early(timing: Timing) -> bool:
-    """Tell whether the rotor signal comes before its force by more than the age of any position: then the rotors follow
-    it late."""
-    return timing.rotor.value + 1.64 * timing.rotor.std < -MOST_EARLY_S
+    """Tell whether the rotor signal comes before its force by more than the position is old: then the rotors follow it
+    late."""
+    return timing.rotor.value + 1.64 * timing.rotor.std < timing.earliest_s
+
+
+def timing_in_words(timing: Timing) -> list[str]:
+    """Sentence on a position that is later than positions usually are; none otherwise."""
+    if timing.rotor.value > -MOST_EARLY_S or timing.earliest_s > timing.rotor.value:
+        return []
+    least, most = sorted(-1000.0 * end for end in timing.rotor.ci95)
+    return [
+        f"The position comes {-1000.0 * timing.rotor.value:.0f} ms [{least:.0f}, {most:.0f}] after the rotors' signal, "
+        "and no lag of the motors explains it: what brings or filters the position is slow. It has been taken out."
+    ]
+
+
+def _is_position_late(flights: Sequence[Flight], delays_s: Sequence[float], lag: Model) -> bool:
+    """Tell whether rotor signals come before their force because the position is later than `MOST_EARLY_S`.
+
+    A late position shifts the answer to a quick change of thrust, rotors that lag also round it. So the position is
+    late where the best lag, beside a delay that a position usually has, clearly leaves more of the quick vertical
+    acceleration than the delay alone. Where both explain as much, a lag is likelier: positions are seldom that late.
+    """
+    early = [(f, delay_s) for f, delay_s in zip(flights, delays_s, strict=True) if delay_s < -MOST_EARLY_S]
+    if not early:
+        return False
+    shifted = sum(_left_with(flight, lag, delay_s) for flight, delay_s in early)
+    rounded = [
+        sum(
+            # To first order a lag delays the thrust by its time constant, to which the delay makes room.
+            _left_with(_with_lag(flight, lag_s), lag, max(delay_s + lag_s, -MOST_EARLY_S))
+            for flight, delay_s in early
+        )
+        for lag_s in LAGS_S
+    ]
+    return shifted < CLEARLY * min(rounded)
+
+
+def _with_lag(flight: Flight, lag_s: float) -> Flight:
+    """Copy of a flight whose rotors follow the logged signal with a first-order lag."""
+    step_s = float(flight.grid_s[1] - flight.grid_s[0])
+    return replace(flight, logged_n=[lagged(thrust, step_s, lag_s) for thrust in flight.logged_n], delay_s=math.nan)
 
 
 @dataclass(frozen=True)
@@ -138,18 +184,17 @@ def _rotor_delay(flight: Flight, lag: Model) -> Estimate:
     rate and the height: forces that depend on these (inflow, ground effect) would else pass for a delay, and the
     rotors' answer to the noise of the velocity for a signal that comes before its force.
     """
-    c = flight.conditions
-    up = _quick(flight, flight.measured[:, 2:3])
-    beside = [_quick(flight, flight.filtered(signal)[:, None]) for signal in (flight.velocity_up, c.height_m)]
+    up, beside = _quick_vertical(flight)
 
     def predicted(delay_s: float) -> Floats:
-        return _quick(flight, predict(lag, flight.with_rotor_delay(delay_s))[:, 2:3])
+        return _quick_prediction(flight, lag, delay_s)
 
     left = {start: _left(up, [predicted(start), *beside]) for start in STARTS_S}
     best = min(left, key=left.__getitem__)
     delay_s, std = (best if left[best] < CLEARLY * left[0.0] else 0.0), UNSEEN_STD_S
     # What the velocity has and the position has not is noise of one of them.
-    noise = _quick(flight, (flight.filtered(flight.velocity_up) - flight.derivative @ c.height_m)[:, None])
+    height_m = flight.conditions.height_m
+    noise = _quick(flight, (flight.filtered(flight.velocity_up) - flight.derivative @ height_m)[:, None])
     noise_slope = np.gradient(noise, flight.time_s, axis=0)
     for _ in range(ITERATIONS):
         here = predicted(delay_s)
@@ -162,6 +207,23 @@ def _rotor_delay(flight: Flight, lag: Model) -> Estimate:
         if abs(step) < 0.1 * LEAST_STD_S:
             break
     return Estimate(delay_s, std if delay_s not in ROTOR_RANGE_S else UNSEEN_STD_S)
+
+
+def _quick_vertical(flight: Flight) -> tuple[Floats, list[Floats]]:
+    """Quick vertical acceleration, and the quick climb rate and height, at the samples, shape (n, 1) each."""
+    beside = (flight.velocity_up, flight.conditions.height_m)
+    return _quick(flight, flight.measured[:, 2:3]), [_quick(flight, flight.filtered(s)[:, None]) for s in beside]
+
+
+def _quick_prediction(flight: Flight, lag: Model, delay_s: float) -> Floats:
+    """Quick vertical acceleration by `lag`, m/s^2, shape (n, 1), of rotor signals that are read `delay_s` later."""
+    return _quick(flight, predict(lag, flight.with_rotor_delay(delay_s))[:, 2:3])
+
+
+def _left_with(flight: Flight, lag: Model, delay_s: float) -> float:
+    """Sum of squares of the quick vertical acceleration that `lag` and a delay leave."""
+    up, beside = _quick_vertical(flight)
+    return _left(up, [_quick_prediction(flight, lag, delay_s), *beside])
 
 
 def _left(target: Floats, columns: Sequence[Floats]) -> float:

@@ -17,6 +17,7 @@ from quadctl.lab.fitting.fitted_model import FittedModel, fit_model
 from quadctl.lab.fitting.fitter import BOOTSTRAP_SEED
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.flights.flight import SPAN_NAMES, SPAN_UNITS, UNKNOWN_TIMING, Timing
+from quadctl.lab.flights.timing import timing_in_words
 from quadctl.lab.results import Result
 from quadctl.lab.selection.candidate import Candidate
 from quadctl.lab.selection.choice import choose_effects
@@ -176,6 +177,7 @@ class Diagnosis(Result):
             if is_trim(c) and c.family not in self.missing and c not in self.measured
         ]
         lines += [f"These data do not distinguish {' and '.join(pair)}." for pair in self.confounded]
+        lines += timing_in_words(self.timing)
         lines += [f"Not tried: {reason}." for reason in self.untried]
         if self.suggested_mission:
             lines.append(f"To learn more, fly {self.suggested_mission}; `quadctl suggest` compares all missions.")

@@ -20,7 +20,6 @@ from quadctl.lab.fitting.fitter import Fitter
 from quadctl.lab.fitting.nuisances import KINDS, predicted_with
 from quadctl.lab.flights.dataset import Dataset, HoldOut
 from quadctl.lab.flights.prediction import measured_targets, rmse
-from quadctl.lab.flights.timing import MOST_EARLY_S
 from quadctl.lab.selection.choice import choose_effects
 from quadctl.model import Model
 
@@ -153,7 +152,7 @@ def _residual_of(fit: FittedModel, dataset: Dataset, held: Mask) -> Floats:
         delay_s = flight.delay_s
         if has_lag:  # The delay beside a motor lag is that of the fit; without one it is that of the preparation.
             delay_s = fit.flights[0].timing.rotor.value if as_seen is None else as_seen.delay_s
-        unseen = flight.with_rotor_delay(max(delay_s, -MOST_EARLY_S)).some(own)
+        unseen = flight.with_rotor_delay(max(delay_s, fit.flights[0].timing.earliest_s)).some(own)
         predicted = predicted_with(fit.model, unseen, nuisance, dataset.groups)
         residuals.append(measured_targets(unseen, dataset.groups) - predicted)
     return np.concatenate(residuals)

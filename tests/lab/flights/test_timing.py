@@ -7,7 +7,7 @@ import pytest
 
 from quadctl.lab.flights.dataset import load_dataset
 from quadctl.lab.flights.flight import Estimate
-from quadctl.lab.flights.timing import _shrunk, comes_too_early
+from quadctl.lab.flights.timing import MOST_EARLY_S, _shrunk, comes_too_early, timing_in_words
 from quadctl.logs.flight_log import VELOCITY, FlightLog
 from quadctl.model import Model
 from tests.support.flights import obedient, with_late_rotors
@@ -74,7 +74,19 @@ class TestOfAllFlights:
         assert unseen.common.std == pytest.approx(0.02, rel=0.01)
 
 
-def test_signals_that_come_before_their_force_by_more_than_a_position_is_old_come_too_early(rigid: Model) -> None:
-    late, early = (load_dataset([with_late_rotors(obedient(rigid), s)], rigid.vehicle) for s in (0.03, -0.055))
-    assert not comes_too_early(late.flights[0].timing)
-    assert comes_too_early(early.flights[0].timing)
+class TestSignalsThatComeBeforeTheirForce:
+    def test_rotors_that_follow_them_late_leave_no_more_than_a_usual_delay_to_the_position(self, rigid: Model) -> None:
+        late, lagging = (
+            load_dataset([with_late_rotors(obedient(rigid), *s)], rigid.vehicle) for s in ((0.03,), (0.0, 0.07))
+        )
+        assert not comes_too_early(late.flights[0].timing)
+        assert comes_too_early(lagging.flights[0].timing)
+        assert lagging.flights[0].delay_s == -MOST_EARLY_S
+
+    def test_a_position_that_is_later_than_usual_is_taken_for_what_it_is(self, rigid: Model) -> None:
+        """A lag would round the quick changes, which a delay leaves as they are."""
+        data = load_dataset([with_late_rotors(obedient(rigid), -0.1)], rigid.vehicle)
+        assert data.flights[0].delay_s == pytest.approx(-0.1, abs=0.003)
+        assert not comes_too_early(data.flights[0].timing)
+        (told,) = timing_in_words(data.flights[0].timing)
+        assert told.startswith("The position comes 100 ms [9")
