@@ -26,7 +26,7 @@ from quadctl.effects.inflow import AxialInflow
 from quadctl.effects.motor_lag import FirstOrderLag
 from quadctl.effects.payload import MassStep
 from quadctl.effects.rotor_drag import LinearDrag
-from quadctl.effects.rotor_fault import WeakRotor
+from quadctl.effects.rotor_fault import FailingRotor, WeakRotor
 from quadctl.effects.rotor_interaction import FrontWake
 from quadctl.effects.tether import HangingTether
 from quadctl.effects.thrust_curve import PowerCurve
@@ -71,6 +71,7 @@ CATALOG: dict[str, type[Effect]] = {
         PowerCurve,
         FirstOrderLag,
         WeakRotor,
+        FailingRotor,
         FrontWake,
         Levelling,
         ConstantBias,

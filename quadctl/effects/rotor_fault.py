@@ -1,11 +1,12 @@
-"""Rotor fault: one rotor gives less thrust than k rpm^2."""
+"""Rotor fault: one rotor gives less thrust than k rpm^2, all the time or from one moment on."""
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from quadctl.effects.base import Conditions, Effect, parameter
+from quadctl.effects.onset import onsets, onsets_near, since
 from quadctl.numeric import Number
 from quadctl.vehicle import Vehicle
 
@@ -50,5 +51,36 @@ class WeakRotor(Effect):
         return long if len(long) > 1 else (*long, "up")
 
     def rotor_thrust(self, thrust_n: Sequence[Number], c: Conditions, vehicle: Vehicle) -> Sequence[Number]:
-        weak = round(self.rotor) - 1
-        return [(1.0 - self.loss) * thrust if i == weak else thrust for i, thrust in enumerate(thrust_n)]
+        weak, left = round(self.rotor) - 1, 1.0 - self.loss * self.share(c)
+        return [left * thrust if i == weak else thrust for i, thrust in enumerate(thrust_n)]
+
+    def share(self, c: Conditions) -> Number:
+        """Share of the loss that is there: all of it."""
+        return 1.0
+
+
+@dataclass(frozen=True)
+class FailingRotor(WeakRotor):
+    """Rotor number `rotor` gives 1 - loss of its thrust, and of its drag torque, from `time_s` of one flight on."""
+
+    name: ClassVar[str] = "rotor_fault.onset"
+    depends_on: ClassVar[tuple[str, ...]] = ("time",)
+    physics: ClassVar[str] = "From one moment on one rotor gives less thrust at its speed: its propeller was chipped."
+    distinguished_by: ClassVar[str] = "a step in time of the balance of moments; a load at the centre has none"
+    not_for_flight: ClassVar[str] = "the time of the damage belongs to one flight"
+
+    time_s: float = parameter(0.0, 0.0, 1e6, "s", "time of the log at which it happens", fitted=False)
+    flight: float = parameter(0.0, 0.0, 1e6, "", "number of the flight, in the order given; 0: every one", fitted=False)
+
+    @classmethod
+    def starts(cls, flights: Sequence[Conditions], vehicle: Vehicle) -> Sequence[Effect]:
+        numbers = [float(number) for number in range(1, vehicle.n_rotors + 1)]
+        return [
+            cls(rotor=number, time_s=time_s, flight=flight) for time_s, flight in onsets(flights) for number in numbers
+        ] or [cls(rotor=number) for number in numbers]
+
+    def closer(self, flights: Sequence[Conditions]) -> Sequence[Effect]:
+        return [replace(self, time_s=time_s) for time_s in onsets_near(self.time_s, self.flight, flights)]
+
+    def share(self, c: Conditions) -> Number:
+        return since(self.time_s, self.flight, c)

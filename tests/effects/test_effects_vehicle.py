@@ -23,7 +23,7 @@ from quadctl.effects.inflow import AxialInflow
 from quadctl.effects.motor_lag import FirstOrderLag
 from quadctl.effects.payload import MassStep
 from quadctl.effects.rotor_drag import LinearDrag
-from quadctl.effects.rotor_fault import WeakRotor
+from quadctl.effects.rotor_fault import FailingRotor, WeakRotor
 from quadctl.effects.rotor_interaction import FrontWake
 from quadctl.effects.thrust_curve import PowerCurve
 from quadctl.effects.thrust_map import LineMap
@@ -297,6 +297,30 @@ def test_every_rotor_may_be_the_weak_one(raptor: Vehicle) -> None:
         assert given_n[i] == 0.95 and sum(given_n) == pytest.approx(3.95)
 
 
+def test_a_failing_rotor_is_a_weak_one_from_one_moment_of_one_flight_on(raptor: Vehicle) -> None:
+    weak = WeakRotor(loss=0.1, rotor=2.0)
+    failing = FailingRotor(loss=0.1, rotor=2.0, time_s=10.0)
+    before, after, elsewhere = at(time_s=9.9), at(time_s=10.0), dataclasses.replace(at(time_s=11.0), flight=3.0)
+    thrust_n = [1.0, 2.0, 3.0, 4.0]
+    assert failing.rotor_thrust(thrust_n, before, raptor) == thrust_n
+    assert failing.rotor_thrust(thrust_n, after, raptor) == weak.rotor_thrust(thrust_n, after, raptor)
+    assert dataclasses.replace(failing, flight=2.0).rotor_thrust(thrust_n, elsewhere, raptor) == thrust_n
+
+
+def test_any_rotor_may_fail_at_any_moment(raptor: Vehicle) -> None:
+    flight = [at(time_s=np.arange(0.0, 20.01, 0.1))]
+    starts = FailingRotor.starts(flight, raptor)
+    found = {(start.values()["rotor"], start.values()["time_s"]) for start in starts}
+    assert found == {(rotor, time_s) for rotor in (1.0, 2.0, 3.0, 4.0) for time_s in (5.0, 9.0, 13.0)}
+    assert {fine.values()["rotor"] for fine in starts[0].closer(flight)} == {1.0}
+
+
+def test_no_moment_is_looked_for_where_a_log_has_a_gap(raptor: Vehicle) -> None:
+    flight = [at(time_s=np.concatenate([np.arange(0.0, 20.0, 0.1), np.arange(1000.0, 1020.0, 0.1)]))]
+    times = [start.values()["time_s"] for start in MassStep.starts(flight, raptor)]
+    assert len(times) < 10 and all(t < 20.0 or t > 1000.0 for t in times)
+
+
 # --- rotor interaction ---------------------------------------------------------------------------------------------
 
 ONE_ARM = 0.5 * 0.248 * math.sqrt(2.0)  # of the raptor: half the distance between opposite rotors
@@ -365,7 +389,7 @@ def test_levelling_turns_back_to_level(raptor: Vehicle, roll: float, pitch: floa
 
 THEM: tuple[type[Effect], ...] = (
     *(LinearSag, MassStep, HorizontalLift, SteadyWind, PowerCurve, FirstOrderLag),
-    *(WeakRotor, FrontWake, Levelling),
+    *(WeakRotor, FailingRotor, FrontWake, Levelling),
 )
 speed = st.floats(-12.0, 12.0)
 angle = st.floats(-1.0, 1.0)
@@ -412,9 +436,10 @@ def test_what_any_vehicle_is_off_by_is_negligible(small: Effect, real: Effect) -
     assert small.negligible() and not real.negligible()
 
 
-def test_no_fit_moves_a_rotors_number_the_time_and_flight_of_a_payload_or_the_reference_voltage() -> None:
+def test_no_fit_moves_a_rotors_number_the_time_and_flight_of_an_onset_or_the_reference_voltage() -> None:
     held = {f"{kind.family()}.{p.name}" for kind in THEM for p in kind.parameters() if not p.fitted}
-    assert held == {"battery_sag.reference_v", "payload.time_s", "payload.flight", "rotor_fault.rotor"}
+    onsets = {f"{family}.{name}" for family in ("payload", "rotor_fault") for name in ("time_s", "flight")}
+    assert held == {"battery_sag.reference_v", "rotor_fault.rotor", *onsets}
 
 
 def test_what_turns_the_body_says_so(raptor: Vehicle) -> None:

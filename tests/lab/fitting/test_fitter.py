@@ -12,7 +12,7 @@ from quadctl.effects import CATALOG, Effect
 from quadctl.effects.ground_effect import Exponential
 from quadctl.effects.payload import MassStep
 from quadctl.effects.rotor_drag import LinearDrag
-from quadctl.effects.rotor_fault import WeakRotor
+from quadctl.effects.rotor_fault import FailingRotor, WeakRotor
 from quadctl.effects.rotor_interaction import FrontWake
 from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.effects.thrust_tilt import FixedTilt
@@ -393,6 +393,20 @@ class TestToldApart:
         blind = dataclasses.replace(log, columns={**log.columns, **dict.fromkeys(RATES, np.nan * log.time_s)})
         result = diagnose(Model(raptor), load_dataset([blind], raptor), self.PAIR)
         assert result.missing == ["thrust_scale"]
+
+    def test_a_rotor_that_fails_half_way_is_no_payload(self, raptor: Vehicle) -> None:
+        """Both cost thrust from one moment on; only the weak rotor turns faster than the others."""
+        whole = with_weak_rotor(raptor, 3, 0.15)
+        sound = shaken(obedient(Model(raptor), 90.0, noise_m_s=NOISE_M_S))["motor3_rpm"]
+        rpm = np.where(whole.time_s < 42.0, sound, whole["motor3_rpm"])
+        log = dataclasses.replace(whole, columns={**whole.columns, "motor3_rpm": rpm})
+        pool = (MassStep, WeakRotor, FailingRotor)
+        result = diagnose(Model(raptor), load_dataset([log], raptor), pool)
+        assert result.missing == ["rotor_fault"]
+        (found,) = result.best.effects
+        assert isinstance(found, FailingRotor)
+        assert found.values() == pytest.approx({"loss": 0.15, "rotor": 3.0, "time_s": 42.0, "flight": 0.0}, abs=0.5)
+        assert found.values()["loss"] == pytest.approx(0.15, abs=0.03)
 
     @pytest.mark.parametrize(("mass_kg", "time_s"), [(0.2, 31.3), (-0.15, 20.0)])
     def test_the_time_of_a_payload_is_found(self, raptor: Vehicle, mass_kg: float, time_s: float) -> None:
