@@ -6,8 +6,10 @@ import ctypes
 import gc
 import os
 import selectors
+import struct
 import sys
 from collections.abc import Coroutine, Iterator
+from pathlib import Path
 from typing import Any, TypeVar
 
 T = TypeVar("T")
@@ -16,6 +18,9 @@ PRIORITY = 20
 """Priority under SCHED_FIFO: above all ordinary processes, below the kernel's interrupt threads (50)."""
 SWITCH_INTERVAL_S = 0.0005
 """Longest time for which another thread (recorder, display) may keep the interpreter from the loop; by default 5 ms."""
+IDLE_STATES = Path("/dev/cpu_dma_latency")
+"""Linux' interface for the longest time, an int32 in us, in which a processor may wake up, for as long as it is open
+(Linux kernel documentation, PM Quality of Service Interface)."""
 MCL_CURRENT, MCL_FUTURE, MCL_ONFAULT = 1, 2, 4
 
 
@@ -48,6 +53,9 @@ def privileges() -> Iterator[tuple[str, ...]]:
         if _memory_locked():
             undo.callback(_libc().munlockall)
             used.append("memory locked")
+        with contextlib.suppress(OSError):
+            undo.callback(os.close, _kept_awake())
+            used.append("processor kept awake")
         yield tuple(used)
 
 
@@ -57,6 +65,17 @@ def _memory_locked() -> bool:
         return bool(_libc().mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT) == 0)
     except (AttributeError, OSError):  # no Linux
         return False
+
+
+def _kept_awake() -> int:
+    """Keep the processor from idle states, out of which it comes late and with cold caches; the open file does it."""
+    file = os.open(IDLE_STATES, os.O_WRONLY)
+    try:
+        os.write(file, struct.pack("i", 0))
+    except OSError:
+        os.close(file)
+        raise
+    return file
 
 
 def _libc() -> ctypes.CDLL:

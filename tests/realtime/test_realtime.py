@@ -93,12 +93,30 @@ def test_what_keeps_the_ticks_punctual_is_told_and_undone() -> None:
     assert settings() == before
 
 
-def test_what_is_not_permitted_is_done_without_and_not_claimed(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_processor_is_kept_awake_for_as_long_as_the_flight_lasts(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """The kernel takes the int32 0 for "no idle state" until the file is closed."""
+    interface = tmp_path / "cpu_dma_latency"
+    interface.touch()
+    monkeypatch.setattr("quadctl.flight.realtime.IDLE_STATES", interface)
+
+    def is_open() -> bool:
+        return str(interface) in {os.path.realpath(link) for link in Path("/proc/self/fd").iterdir()}
+
+    with privileges() as used:
+        assert "processor kept awake" in used
+        assert is_open() and interface.read_bytes() == bytes(4)
+    assert not is_open()
+
+
+def test_what_is_not_permitted_is_done_without_and_not_claimed(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     def refuse(*_: object) -> None:
         raise PermissionError
 
     monkeypatch.setattr(os, "sched_setscheduler", refuse)
     monkeypatch.setattr("quadctl.flight.realtime._memory_locked", lambda: False)
+    monkeypatch.setattr("quadctl.flight.realtime.IDLE_STATES", tmp_path / "not there")
     with privileges() as used:
         assert used == ("select", "switch interval 0.5 ms", "gc frozen")
 
