@@ -19,9 +19,10 @@ from nicegui.element import Element
 from quadctl.effects.ground_effect import Exponential, Hayden
 from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.lab.comparison.failures import Failure, Stretch
+from quadctl.lab.comparison.remainder import Remainder
 from quadctl.lab.comparison.wording import agreement_in_words, number, quantity, share_of_g
 from quadctl.lab.flights.dataset import load_dataset
-from quadctl.lab.selection.diagnosis import diagnose
+from quadctl.lab.selection.diagnosis import Verdict, diagnose
 from quadctl.logs.quality import quality
 from quadctl.model import Model, Provenance
 from quadctl.vehicle import Vehicle
@@ -226,6 +227,19 @@ def _fitted_to(session: Session, logs: tuple[str, ...]) -> Session:
     rung = session.rungs[1]
     stack = tuple(replace(item, fitted=Provenance(logs=logs)) for item in rung.model.stack)
     return replace(session, rungs=(session.rungs[0], replace(rung, model=replace(rung.model, stack=stack))))
+
+
+def _nothing_found(view: View, error_m_s2: float, floor_m_s2: float, verdict: Verdict = "none") -> View:
+    """The same view, if the search had found no effect, and this error remained."""
+    assert view.found is not None and view.evaluation is not None
+    diagnosis = replace(view.found.diagnosis, verdict=verdict, missing=[], ranking=[], steps=[])
+    left = Remainder(error_m_s2, 0.994 * error_m_s2, floor_m_s2, ("thrust",), "up")
+    evaluation = replace(view.evaluation, remainder=left)
+    session = view.session.judged(error_m_s2, floor_m_s2)
+    results = replace(view.results, evaluation=evaluation, found=Diagnosed(diagnosis, {}))
+    comparison = replace(evaluation.comparison, noise_floor={"total": floor_m_s2})
+    results = replace(results, evaluation=replace(evaluation, comparison=comparison))
+    return replace(view, session=session, results=results)
 
 
 def _steps() -> Any:
@@ -517,9 +531,44 @@ class TestOpenTab:
         nothing = replace(view.found.diagnosis, verdict="none", missing=[], ranking=[small], steps=[])
         results = replace(view.results, found=Diagnosed(nothing, {}))
         shown = str(tabs("missing", replace(view, results=results)).shown)
-        assert "Nothing significant is missing." in shown
+        assert "No effect of the catalogue reduces the held-out error enough to matter." in shown
         assert "There, but too small to matter in these flights: ground effect." in shown
         assert "It is there, as p says, but it changes the error too little to be called missing." in shown
+
+    def test_the_verdict_has_a_tick_only_where_the_error_is_near_the_noise_floor(
+        self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
+    ) -> None:
+        view = _nothing_found(views["at first"], error_m_s2=0.323, floor_m_s2=0.186)
+        shown = str(tabs("missing", view).shown)
+        assert "No known effect is missing, but not all of the error is noise." in shown
+        assert "An error of 0.323 m/s² remains." in shown
+        assert "explains 67% of its square" in shown and "leaves 0.186 m/s²" in shown
+        assert "without thrust it explains 1%" in shown
+        assert "check_circle" not in shown
+        near = str(tabs("missing", _nothing_found(view, error_m_s2=0.2, floor_m_s2=0.186)).shown)
+        assert "Nothing significant is missing." in near and "check_circle" in near
+        assert "An error of 0.200 m/s² remains, 8% above the " in near
+
+    def test_what_no_effect_explains_is_called_little_where_it_is(
+        self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
+    ) -> None:
+        view = _nothing_found(views["at first"], error_m_s2=0.441, floor_m_s2=0.428, verdict="unexplained")
+        assert "A little is left that no known effect explains." in str(tabs("missing", view).shown)
+        view = _nothing_found(views["at first"], error_m_s2=0.9, floor_m_s2=0.428, verdict="unexplained")
+        assert "Something is missing that no known effect explains." in str(tabs("missing", view).shown)
+
+    def test_a_larger_error_on_a_held_out_flight_is_said_beside_the_verdict(
+        self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
+    ) -> None:
+        view = _nothing_found(views["at first"], error_m_s2=0.567, floor_m_s2=0.246)
+        evaluation = view.evaluation
+        assert evaluation is not None
+        judged = replace(evaluation, unseen=replace(evaluation.comparison, rmse={"total": 0.567}))
+        view = replace(view, results=replace(view.results, evaluation=judged))
+        shown = str(tabs("missing", view).shown)
+        assert "No known effect is missing in the 2 flights for fitting; the held-out error is larger." in shown
+        assert "An error of 0.567 m/s² remains on the held-out 0.csv and 1.csv." in shown
+        assert "check_circle" not in shown
 
     def test_the_error_is_said_in_words(self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]) -> None:
         evaluation = views["at first"].evaluation

@@ -32,6 +32,7 @@ class Ladder(Panel):
     session: Session
     seen: Dataset | None
     evaluation: Evaluation | None
+    floor_m_s2: float | None
     starting: bool
     idle: bool
 
@@ -61,8 +62,7 @@ class Ladder(Panel):
                     tag("p", "what", agreement_in_words(evaluation.agreement)).props('id="agreement"')
             do.nest(WhichVehicle)
             largest = max([*errors, now or 0.0, 1e-9])
-            floors = [session.floor_m_s2, None if evaluation is None else evaluation.floor_m_s2]
-            least = min((floor for floor in floors if floor is not None), default=None)
+            least = self.floor_m_s2
             bars = _Bars(largest, None if least is None else min(least / largest, 1.0), self.idle)
             with tag("ol", "steps"):
                 for step, rung in enumerate(session.rungs):

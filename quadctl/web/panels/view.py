@@ -217,6 +217,12 @@ class View:
             return None
         return self.other_model if self.beside == FILE else self.session.rungs[int(self.beside)].model
 
+    @property
+    def floor_m_s2(self) -> float | None:
+        """Lowest noise floor of all steps of the ladder, m/s^2; None before the first is known."""
+        floors = [self.session.floor_m_s2, None if self.evaluation is None else self.evaluation.floor_m_s2]
+        return min((floor for floor in floors if floor is not None), default=None)
+
     # --- results for the current model --------------------------------------------------------------------------------
 
     @property

@@ -12,6 +12,7 @@ from quadctl.errors import QuadctlError
 from quadctl.lab.arrays import Floats
 from quadctl.lab.comparison.agreement import Agreement, Errors, agreement, flights_of_the_fit, least_alike
 from quadctl.lab.comparison.comparison import Comparison, compare
+from quadctl.lab.comparison.remainder import Remainder, remainder
 from quadctl.lab.fitting.fitted_model import FittedModel, Solution, fit_model
 from quadctl.lab.flights.dataset import Dataset, HoldOut, joined
 from quadctl.lab.flights.flight import Flight
@@ -91,6 +92,8 @@ class Evaluation:
     agreement: Agreement | None
     """Agreement of the flights in these errors: of those held out of all fits with the others, else of the flight that
     differs most; None of a single flight."""
+    remainder: Remainder
+    """Explanation of `error_m_s2` by the logged variables."""
 
     @property
     def error_m_s2(self) -> float:
@@ -268,7 +271,11 @@ def _evaluated(model: Model, fit: FittedModel, unseen: Dataset | None) -> Evalua
     else:
         by_flight = _by_flight(seen.residual, seen.dataset) | _by_flight(on_unseen.residual, on_unseen.dataset)
         found = _held_out_agreement(model, seen, on_unseen)
-    return Evaluation(seen, on_unseen, fit.held_out_rmse, fit.solution, by_flight, found)
+    if on_unseen is None:
+        left = remainder(fit.held_out_residual[:, :3], fit.dataset, seen.noise_floor)
+    else:
+        left = remainder(on_unseen.residual, on_unseen.dataset, on_unseen.noise_floor)
+    return Evaluation(seen, on_unseen, fit.held_out_rmse, fit.solution, by_flight, found, left)
 
 
 def _held_out_agreement(model: Model, seen: Comparison, unseen: Comparison) -> Agreement:
