@@ -92,14 +92,16 @@ def compare(model: Model, dataset: Dataset) -> Comparison:
     """Evaluate `model` on `dataset` with its present parameters; no parameter is fitted."""
     aligned = dataset.aligned_for(model)
     residual = aligned.residual(model)
-    noise = noise_floor(residual, flexible_residual(residual, aligned))
+    floor = noise_floor(residual, flexible_residual(residual, aligned))
+    causes = aligned.causes
+    noise = noise_floor(residual, flexible_residual(residual, aligned, causes)) if causes else residual
     seen = profiles(residual, noise, aligned)
     return Comparison(
         model=model,
         dataset=aligned,
         residual=residual,
         rmse=rmse(residual),
-        noise_floor=rmse(noise),
+        noise_floor=rmse(floor),
         explained=explained(residual, aligned.measured),
         fails_where=failures(residual, noise, aligned, seen),
         profiles=seen,

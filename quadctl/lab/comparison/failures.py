@@ -1,21 +1,21 @@
 """Ranges of the flight variables in which a model fails: binned residuals with standard errors.
 
 The standard error of a bin's mean is computed from the noise, i.e. from the residual minus the prediction of a flexible
-regression, with its autocorrelation: the structure to be found must not count as noise, and neighbouring samples must
-not count as independent.
+regression on the variables that can be a cause: the structure to be found must not count as noise, but drift must. The
+noise stays correlated for long (see `LongRangeNoise`).
 """
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import stats
 
 from quadctl.frames import GRAVITY_M_S2
 from quadctl.lab.arrays import Floats, Mask
-from quadctl.lab.fitting.noise import CorrelatedNoise
+from quadctl.lab.comparison.long_range import LongRangeNoise
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.flights.flight import VARIABLE_NAMES, VARIABLE_UNITS
 from quadctl.lab.flights.prediction import AXES
@@ -104,12 +104,18 @@ class Profile:
 def profiles(residual: Floats, noise: Floats, dataset: Dataset) -> list[Profile]:
     """Profiles of every axis over every variable, sorted by the share of the squared residual that they hold."""
     found = []
-    by_axis = [CorrelatedNoise(noise[:, a], dataset) for a in range(len(AXES))]
+    correlated = LongRangeNoise(noise, dataset)
     for name in dataset.flights[0].variables:
         x = dataset.variable(name)
         if x is None or np.ptp(x) < 1e-9:
             continue
-        found += [_profile(residual[:, a], by_axis[a], x, axis, name, dataset) for a, axis in enumerate(AXES)]
+        edges = np.unique(np.quantile(x, np.linspace(0.0, 1.0, BINS + 1)))
+        index = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, len(edges) - 2)
+        error = np.maximum(correlated.errors_of_means(index, len(edges) - 1), LEAST_ERROR_M_S2)
+        found += [
+            _profile(residual[:, a], error[:, a], (axis, name), edges, index, correlated.degrees)
+            for a, axis in enumerate(AXES)
+        ]
     total = float(np.mean(residual**2))
     # Shares of the squared residual of all axes: a clear pattern in a small error comes after one in a large error.
     power = {axis: float(np.mean(residual[:, a] ** 2)) / max(total, 1e-12) for a, axis in enumerate(AXES)}
@@ -125,16 +131,17 @@ def failures(residual: Floats, noise: Floats, dataset: Dataset, tried: list[Prof
     """Failures of the model: axes with an offset over the whole flight, then ranges, the profile with the largest share
     first."""
     found = []
-    by_axis = [CorrelatedNoise(noise[:, a], dataset) for a in range(len(AXES))]
+    correlated = LongRangeNoise(noise, dataset)
+    everywhere = _standard_errors(np.ones(len(residual), dtype=bool), correlated)
     for a, axis in enumerate(AXES):
-        offset = _offset(residual[:, a], by_axis[a], axis, dataset)
+        offset = _offset(residual[:, a], everywhere[a], axis, dataset)
         if offset is not None:
             found.append(offset)
     found.sort(key=lambda failure: -abs(failure.mean_residual))
     for profile in tried:
         if profile.p_value < 1e-3 / len(tried):
             a = AXES.index(profile.axis)
-            runs = _runs(profile, residual[:, a], by_axis[a], dataset)
+            runs = _runs(profile, residual[:, a], correlated, dataset)
             found += sorted(runs, key=lambda failure: -abs(failure.sigma))
     return found
 
@@ -201,28 +208,29 @@ def _most_in_words(found: Sequence[Stretch]) -> str:
     return f", {text.replace(' and mostly in ', ' and in ') if text.startswith('mostly') else text}"
 
 
-def _profile(values: Floats, noise: CorrelatedNoise, x: Floats, axis: str, variable: str, dataset: Dataset) -> Profile:
-    edges = np.unique(np.quantile(x, np.linspace(0.0, 1.0, BINS + 1)))
-    index = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, len(edges) - 2)
+def _profile(
+    values: Floats, error: Floats, of: tuple[str, str], edges: Floats, index: NDArray[np.intp], degrees: int
+) -> Profile:
+    """Profile of an axis over a variable; `index` is the number of the bin of each sample, and `error` the standard
+    error of each bin's mean with its degrees of freedom."""
     count = np.bincount(index, minlength=len(edges) - 1).astype(float)
     mean = np.bincount(index, values, minlength=len(count)) / np.maximum(count, 1.0)
-    error = np.maximum(noise.errors_of_means(index, len(count)), LEAST_ERROR_M_S2)
     weight = 1.0 / error**2
     centre = float((weight * mean).sum() / weight.sum())
     chi2 = float((weight * (mean - centre) ** 2).sum())
-    # The standard errors are estimated from a limited number of blocks: an F distribution, not chi squared.
-    degrees = max(len(count) - 1, 1)
-    p = float(stats.f.sf(chi2 / degrees, degrees, max(4, len(np.unique(dataset.block)) - len(count))))
+    # The standard errors are estimated, from a limited number of frequencies: an F distribution, not chi squared.
+    bins = max(len(count) - 1, 1)
+    p = float(stats.f.sf(chi2 / bins, bins, degrees))
     spread = float(count @ (mean - values.mean()) ** 2) / max(float(values @ values), 1e-12)
-    return Profile(axis, variable, edges, mean, error, count, p, spread)
+    return Profile(*of, edges, mean, error, count, p, spread)
 
 
-def _standard_error(inside: Mask, noise: CorrelatedNoise) -> float:
-    """Standard error of the mean over the samples `inside`."""
-    return max(math.sqrt(noise.variance_of_sum(inside / max(int(inside.sum()), 1))), LEAST_ERROR_M_S2)
+def _standard_errors(inside: Mask, noise: LongRangeNoise) -> Floats:
+    """Standard error of the mean of each axis over the samples `inside`, shape (axes,)."""
+    return np.maximum(np.sqrt(noise.variances_of_sum(inside / max(int(inside.sum()), 1))), LEAST_ERROR_M_S2)
 
 
-def _runs(profile: Profile, values: Floats, noise: CorrelatedNoise, dataset: Dataset) -> list[Failure]:
+def _runs(profile: Profile, values: Floats, noise: LongRangeNoise, dataset: Dataset) -> list[Failure]:
     """Failures of one profile: neighbouring bins with the same sign of the error, joined.
 
     An offset common to all bins is reported once, by `_offset`; here only the deviation from it counts.
@@ -242,7 +250,7 @@ def _runs(profile: Profile, values: Floats, noise: CorrelatedNoise, dataset: Dat
             low, high = float(profile.edges[start]), float(profile.edges[stop])
             inside = (x >= low) & (x <= high)
             mean = float(values[inside].mean())
-            sigma = (mean - level) / _standard_error(inside, noise)
+            sigma = (mean - level) / float(_standard_errors(inside, noise)[AXES.index(profile.axis)])
             where = _range_in_words(profile.variable, (low, high), (start == 0, stop == len(wrong)))
             if abs(mean - level) > MIN_RESIDUAL_M_S2:
                 most = stretches(values, inside, dataset)
@@ -263,9 +271,9 @@ def _common_level(profile: Profile) -> float:
     return float(profile.count @ profile.mean / profile.count.sum())
 
 
-def _offset(values: Floats, noise: CorrelatedNoise, axis: str, dataset: Dataset) -> Failure | None:
+def _offset(values: Floats, error: float, axis: str, dataset: Dataset) -> Failure | None:
     mean = float(values.mean())
-    sigma = mean / _standard_error(np.ones(len(values), dtype=bool), noise)
+    sigma = mean / error
     time = dataset.variable("time")
     if time is None or abs(mean) < MIN_RESIDUAL_M_S2 or abs(sigma) < MIN_SIGMA:
         return None

@@ -17,6 +17,7 @@ from quadctl.web.elements.theme import Theme
 from quadctl.web.figures.error_map import error_map
 from quadctl.web.figures.profile import profile_figure
 from quadctl.web.panels.chosen_flight import ChosenFlightPanel, selected
+from quadctl.web.panels.glossary import explained
 from quadctl.web.panels.panel import Controls, Panel, Tab
 
 _SCROLL = "document.querySelector('#selected').scrollIntoView()"
@@ -50,11 +51,12 @@ class Failures(Panel):
                 empty("troubleshoot", "No flight yet", "Open a flight log to see where your model fails.")
             return
         with tag("section", "card"):
-            heading(
-                "Where the model fails",
-                "Sigma says how certain a difference is, not how large. The model is taken as it is exported: the "
-                "trim of a flight, which cross-validation leaves out, counts here.",
-            )
+            heading("Where the model fails")
+            with tag("p", "muted"):
+                explained(
+                    "Sigma says how certain a difference is, not how large. The model is taken as it is exported: the "
+                    "trim of a flight, which cross-validation leaves out, counts here."
+                )
             if self.unseen_comparison is None:
                 _draw_sentences(do, comparison)
             else:

@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from quadctl.effects.ground_effect import Exponential
 from quadctl.lab.comparison.comparison import compare
 from quadctl.lab.comparison.failures import Failure, stretches, told
+from quadctl.lab.comparison.long_range import LongRangeNoise
 from quadctl.lab.flights.dataset import Dataset, load_dataset
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
@@ -16,6 +18,19 @@ from tests.support.flights import obedient
 def two(raptor: Vehicle) -> Dataset:
     model = Model(raptor)
     return load_dataset([obedient(model, 60.0, noise_m_s=0.01, seed=i, name=f"{i}.csv") for i in range(2)], raptor)
+
+
+def test_sigma_counts_noise_that_drifts_for_long(raptor: Vehicle) -> None:
+    """Noise with a time constant of 10 s in flights of two minutes: its means are no failures."""
+    data = load_dataset([obedient(Model(raptor), 120.0, noise_m_s=0.01)], raptor)
+    random, keep = np.random.default_rng(3), np.exp(-1.0 / (50.0 * 10.0))
+    sigmas = []
+    for _ in range(30):
+        noise = lfilter([np.sqrt(1.0 - keep**2)], [1.0, -keep], random.standard_normal((2 * len(data.measured), 3)), 0)
+        noise = noise[-len(data.measured) :]
+        error = LongRangeNoise(noise, data).errors_of_means(np.zeros(len(noise), dtype=np.intp), 1)[0]
+        sigmas += list(noise.mean(axis=0) / error)
+    assert 0.5 < np.sqrt(np.mean(np.square(sigmas))) < 2.0
 
 
 class TestStretches:
