@@ -466,6 +466,15 @@ class TestOpenTab:
         do.select.assert_called_once_with({"time": (0.0, 9.0)}, "up", "1.csv")
         assert "scrollIntoView" in ran.call_args.args[0]
 
+    def test_a_sentence_on_the_whole_flight_has_nothing_to_show(self, views: dict[str, View]) -> None:
+        comparison = views["at first"].comparison
+        assert comparison is not None
+        wrong = replace(comparison, fails_where=[replace(FAILURE, low=0.0, high=100.0)])
+        with Client(ui.page("/")):
+            Failures(wrong, None, None, False, LIGHT).draw(create_autospec(Controls, instance=True))
+            texts = [e.text for e in ui.context.client.elements.values() if isinstance(e, ui.button)]
+        assert "Show" not in texts
+
     def test_the_figure_says_the_errors_of_the_flight_that_it_shows(
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
     ) -> None:

@@ -6,7 +6,7 @@ noise stays correlated for long (see `LongRangeNoise`).
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -23,6 +23,8 @@ from quadctl.lab.flights.prediction import AXES
 BINS = 10
 MOST = 0.8
 """Share of a squared error that is most of it."""
+BRIEF = 0.5
+"""Largest share of a flight that a stretch of time with most of the error may have to be told."""
 NAMED_FLIGHTS = 2
 """Most flights that a sentence names."""
 LEAST_ERROR_M_S2 = 1e-6
@@ -45,7 +47,7 @@ class Stretch(NamedTuple):
     share: float
     """Share of the flight in the squared error of the failure."""
     whole: bool
-    """True where the error is spread over the whole flight."""
+    """True where the error is spread over most of the flight."""
 
 
 @dataclass(frozen=True)
@@ -63,6 +65,16 @@ class Failure:
     text: str
     stretches: tuple[Stretch, ...] = ()
     """Stretches with most of it: one of each flight that is needed for it, that with the largest error first."""
+    square_m2_s4: float = 0.0
+    """Sum of the squared residual that it explains, of a range that beside the offset of its axis; 0: that of its
+    mean."""
+    of_profile: bool = False
+    """True of the dependence on the variable over all that was flown; its range is where most of the error is."""
+
+    @property
+    def size_m2_s4(self) -> float:
+        """Sum of the squared residual that it explains."""
+        return self.square_m2_s4 or self.n * self.mean_residual**2
 
     def to_dict(self) -> dict[str, object]:
         return {
@@ -129,7 +141,7 @@ def is_telling(profile: Profile) -> bool:
 
 def failures(residual: Floats, noise: Floats, dataset: Dataset, tried: list[Profile]) -> list[Failure]:
     """Failures of the model: axes with an offset over the whole flight, then ranges, the profile with the largest share
-    first."""
+    first; before those of the first profile of an axis the dependence on its variable."""
     found = []
     correlated = LongRangeNoise(noise, dataset)
     everywhere = _standard_errors(np.ones(len(residual), dtype=bool), correlated)
@@ -138,26 +150,45 @@ def failures(residual: Floats, noise: Floats, dataset: Dataset, tried: list[Prof
         if offset is not None:
             found.append(offset)
     found.sort(key=lambda failure: -abs(failure.mean_residual))
+    offsets = {failure.axis: failure.mean_residual for failure in found}
+    depend: set[str] = set()
     for profile in tried:
         if profile.p_value < 1e-3 / len(tried):
             a = AXES.index(profile.axis)
-            runs = _runs(profile, residual[:, a], correlated, dataset)
+            about = offsets.get(profile.axis, 0.0)
+            runs = [
+                replace(run, square_m2_s4=run.n * (run.mean_residual - about) ** 2)
+                for run in _runs(profile, residual[:, a], correlated, dataset)
+            ]
+            if runs and profile.axis not in depend and profile.share > TELLING_SHARE:
+                depend.add(profile.axis)
+                found.append(_dependence(profile, max(runs, key=lambda run: run.size_m2_s4), residual[:, a]))
             found += sorted(runs, key=lambda failure: -abs(failure.sigma))
     return found
 
 
 def most_telling(found: list[Failure]) -> list[Failure]:
-    """Failures sorted by their squared error, the largest first."""
-    return sorted(found, key=lambda failure: -failure.n * failure.mean_residual**2)
+    """Failures sorted by the squared error that they explain, the largest first."""
+    return sorted(found, key=lambda failure: -failure.size_m2_s4)
 
 
 def told(found: Sequence[Failure], count: int) -> list[Failure]:
-    """The `count` failures with the largest squared errors; that with the largest mean error is always among them."""
-    first = most_telling(list(found))[:count]
+    """The `count` failures with the largest squared errors; that with the largest mean error is always among them.
+
+    Ranges of a dependence that is told are parts of it.
+    """
+    whole = {(failure.axis, failure.variable) for failure in found if failure.of_profile}
+    found = [failure for failure in found if (failure.axis, failure.variable) not in whole or not _is_range(failure)]
+    first = most_telling(found)[:count]
     if not first:
         return []
     largest = max(found, key=lambda failure: abs(failure.mean_residual))
-    return first if largest in first else [*first[: count - 1], largest]
+    return first if largest in first else most_telling([*first[: count - 1], largest])
+
+
+def _is_range(failure: Failure) -> bool:
+    """Tell whether a failure is one of a range, and neither an offset nor a dependence."""
+    return failure.square_m2_s4 > 0.0 and not failure.of_profile
 
 
 def stretches(values: Floats, inside: Mask, dataset: Dataset) -> tuple[Stretch, ...]:
@@ -175,7 +206,7 @@ def stretches(values: Floats, inside: Mask, dataset: Dataset) -> tuple[Stretch, 
     for share, i, part in sorted(own, key=lambda item: (-item[0], item[1])):
         flight = dataset.flights[i]
         begin, end = _shortest(square[part])
-        whole = end - begin + 1 >= MOST * (part.stop - part.start)
+        whole = end - begin + 1 > BRIEF * (part.stop - part.start)
         times = float(flight.time_s[begin]), float(flight.time_s[end])
         found.append(Stretch(flight.name, *times, share, whole))
         if sum(stretch.share for stretch in found) >= MOST:
@@ -262,6 +293,20 @@ def _runs(profile: Profile, values: Floats, noise: LongRangeNoise, dataset: Data
     return found
 
 
+def _dependence(profile: Profile, run: Failure, values: Floats) -> Failure:
+    """Dependence of a residual, shape (n,), on the variable of its profile; its range is that of its largest run."""
+    centre = 0.5 * (profile.edges[1:] + profile.edges[:-1])
+    unit = VARIABLE_UNITS[profile.variable]
+    ends = sorted({int(np.argmin(profile.mean)), int(np.argmax(profile.mean))})
+    reach = " and ".join(f"{profile.mean[b]:+.2f} m/s^2 at {centre[b]:.3g} {unit}" for b in ends)
+    text = (
+        f"the {profile.axis} residual goes with the {VARIABLE_NAMES[profile.variable]}: {reach} on average, "
+        f"{profile.share:.0%} of the squared error on this axis"
+    ).replace("-", "\u2212")
+    square = profile.share * float(values @ values)
+    return replace(run, text=text, square_m2_s4=square, of_profile=True)
+
+
 def _common_level(profile: Profile) -> float:
     """Mean over all bins where the whole profile is offset, i.e. no bin is nearly right; else 0."""
     smallest, largest = np.abs(profile.mean).min(), np.abs(profile.mean).max()
@@ -279,7 +324,9 @@ def _offset(values: Floats, error: float, axis: str, dataset: Dataset) -> Failur
         return None
     most = stretches(values, np.ones(len(values), dtype=bool), dataset)
     over = "the whole flight" if len(dataset.flights) == 1 else "all flights"
-    text = f"on average over {over} {_push(axis, mean)}{_most_in_words(most)}"
+    held = [stretch.flight for stretch in most]
+    where = f", most of it in {' and '.join(held)}" if len(held) < min(len(dataset.flights), NAMED_FLIGHTS + 1) else ""
+    text = f"on average over {over} {_push(axis, mean)}{where}"
     return Failure(axis, "time", float(time.min()), float(time.max()), mean, sigma, len(values), text, most)
 
 
