@@ -43,7 +43,7 @@ from quadctl.web.work.state import Message, Results, Work
 from quadctl.web.workbench.intake import Intake
 from quadctl.web.workbench.workbench import Workbench
 from tests.support.flights import obedient
-from tests.support.places import ROOT
+from tests.support.places import ROOT, VEHICLES
 
 
 def subclasses(panel: type[Panel]) -> list[type[Panel]]:
@@ -281,6 +281,11 @@ class OpenTab:
         return {element.text for element in self._client.elements.values() if isinstance(element, ui.label)}
 
     @property
+    def buttons(self) -> dict[str, ui.button]:
+        """Buttons by their texts."""
+        return {e.text: e for e in self._client.elements.values() if isinstance(e, ui.button)}
+
+    @property
     def part(self) -> str:
         return self._page._choices.show
 
@@ -417,6 +422,22 @@ class TestOpenTab:
         assert asked.opened is not None
         named = [replace(log, log=replace(log.log, meta={"vehicle": {"mass_kg": 1.5}})) for log in asked.opened.logs]  # type: ignore[type-var]
         assert replace(asked, opened=replace(asked.opened, logs=named)).unconfirmed is None
+
+    def test_a_finding_holds_only_if_the_assumed_vehicle_flew(
+        self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
+    ) -> None:
+        said = "Missing: ground effect, if the vehicle is raptor (1.5 kg)."
+        assert said in str(tabs("missing", views["a vehicle that nobody has named"]).shown)
+        assert said not in str(tabs("missing", views["at first"]).shown)
+
+    def test_the_vehicle_in_use_is_marked_among_those_to_choose_from(
+        self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
+    ) -> None:
+        view = replace(views["at first"], vehicles=tuple(sorted(VEHICLES.glob("*.yaml"))))
+        buttons = tabs("flights", view).buttons
+        assert buttons["raptor, 1.5 kg"].props["aria-pressed"] == "true"
+        marked = [name for name, button in buttons.items() if button.props.get("aria-pressed") == "true"]
+        assert marked == ["raptor, 1.5 kg"]
 
     def test_the_form_of_a_new_vehicle_says_what_is_assumed(
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]

@@ -29,6 +29,7 @@ from quadctl.lab.selection.diagnosis import Diagnosis
 from quadctl.lab.selection.rule import is_supported
 from quadctl.logs.flight_log import FlightLog
 from quadctl.model import Model
+from quadctl.vehicle import Vehicle
 from quadctl.web.elements.html import busy, empty, heading, loading, plot, tag
 from quadctl.web.elements.theme import Theme
 from quadctl.web.figures.channels import channel_timeline
@@ -37,6 +38,7 @@ from quadctl.web.figures.timeline import short_timeline
 from quadctl.web.panels.evidence import Evidence, chosen_of, draw_suggestion
 from quadctl.web.panels.glossary import explained
 from quadctl.web.panels.panel import Controls, Panel, Tab
+from quadctl.web.panels.vehicle import vehicle_in_words
 from quadctl.web.panels.zoomed import zoomed_plot
 from quadctl.web.session.findings import Diagnosed
 from quadctl.web.work.jobs import Evaluation
@@ -115,6 +117,7 @@ class Verdict(Panel):
     unseen: frozenset[Path]
     evaluation: Evaluation | None
     floor_m_s2: float | None
+    unconfirmed: Vehicle | None
 
     def draw(self, do: Controls) -> None:
         if self.seen is None:
@@ -127,7 +130,7 @@ class Verdict(Panel):
             elif self.found is None:
                 self._draw_invitation(do)
             else:
-                _draw_verdict(do, self.found.diagnosis, self._in_words(self.found.diagnosis))
+                _draw_verdict(do, self.found.diagnosis, self._with_reservation(self._in_words(self.found.diagnosis)))
 
     def _draw_invitation(self, do: Controls) -> None:
         with tag("div", "line"):
@@ -158,6 +161,12 @@ class Verdict(Panel):
             flights = f"the {count(len(diagnosis.dataset.flights), 'flight')} for fitting"
             return _Said("info", f"No known effect is missing in {flights}; the held-out error is larger.", more)
         return _Said("info", "No known effect is missing, but not all of the error is noise.", more)
+
+    def _with_reservation(self, said: "_Said") -> "_Said":
+        """The verdict, as long as nobody has said which vehicle flew, on the condition that it is the assumed one."""
+        if self.unconfirmed is None:
+            return said
+        return said._replace(verdict=f"{said.verdict[:-1]}, if the vehicle is {vehicle_in_words(self.unconfirmed)}.")
 
     def _missing(self, diagnosis: Diagnosis) -> tuple[str, list[str]]:
         first, last = diagnosis.steps[0].rmse["total"], diagnosis.steps[-1].rmse["total"]
