@@ -16,8 +16,9 @@ from typer.testing import CliRunner
 from quadctl.cli import app
 from quadctl.effects.ground_effect import Exponential
 from quadctl.errors import SettingsError
+from quadctl.lab.flights.dataset import Dataset, load_dataset
 from quadctl.logs.flight_log import FlightLog
-from quadctl.model import load_model
+from quadctl.model import Model, load_model
 from quadctl.vehicle import Vehicle
 from quadctl.vehicle_draft.draft import draft
 from quadctl.web.panels.vehicle import TYPICAL
@@ -171,6 +172,15 @@ class TestUndo:
         assert climbed.can_redo and not climbed.can_undo
         asyncio.run(climbed.redo())
         assert climbed.session == after
+
+    def test_another_step_is_said_and_can_be_left_by_undo(self, climbed: Workbench) -> None:
+        before = climbed.session
+        asyncio.run(climbed.go(0))
+        assert climbed.message is not None and climbed.message.undo
+        expected = "The model is now that of step 1, rigid body. Later steps stay until something else is added."
+        assert climbed.message.text == expected
+        asyncio.run(climbed.undo())
+        assert climbed.session == before and climbed.message is None
 
     def test_an_effect_that_was_switched_off_is_on_again(self, climbed: Workbench) -> None:
         before = climbed.session
@@ -394,6 +404,44 @@ class TestOpening:
         a.write_text("changed")
         open_both(raptor, both)
         assert read == ["a.csv", "b.csv", "a.csv"]
+
+
+class TestErrorsOfAllSteps:
+    """Every step of the ladder has its error on the flights that count now."""
+
+    @pytest.fixture
+    def flown(self, raptor: Vehicle) -> tuple[Model, Dataset, Dataset]:
+        truth = Model(raptor).plus(Exponential(a=0.3, b=5.0))
+        logs = [obedient(truth, 30.0, noise_m_s=0.01, seed=seed, name=f"{seed}.csv") for seed in (0, 1)]
+        seen, unseen = (load_dataset([log], raptor) for log in logs)
+        return truth, seen, unseen
+
+    def test_they_are_those_of_an_evaluation(self, flown: tuple[Model, Dataset, Dataset]) -> None:
+        truth, seen, unseen = flown
+        models = [Model(truth.vehicle), truth]
+        for held_out in (None, unseen):
+            found = jobs.errors_of(models, seen, held_out, lambda text: None)
+            evaluated = [jobs.evaluate(jobs.Current(model), seen, held_out, lambda text: None) for model in models]
+            assert found == [pytest.approx((each.error_m_s2, each.floor_m_s2)) for each in evaluated]
+
+    def test_a_step_that_is_not_known_is_computed_with_the_current_one(
+        self, bench: Workbench, flown: tuple[Model, Dataset, Dataset], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        truth, seen, unseen = flown
+
+        async def run(job: Callable[..., Any], *args: Any, progress: Callable[[str], None]) -> Any:
+            return job(*args, progress=progress)
+
+        async def look() -> None:
+            """Nothing is looked for here."""
+
+        monkeypatch.setattr(bench._quick, "run", run)
+        monkeypatch.setattr(bench, "look", look)
+        rung = Rung("+ ground_effect.exponential", truth)
+        bench.session, bench.opened = bench.session.climbed(rung), Opened([], seen, unseen)
+        asyncio.run(bench._judge(lambda text: None))
+        first, last = (rung.error_m_s2 for rung in bench.session.rungs)
+        assert first is not None and last is not None and first > 2.0 * last
 
 
 class TestDoubts:

@@ -92,7 +92,6 @@ def compare(model: Model, dataset: Dataset) -> Comparison:
     """Evaluate `model` on `dataset` with its present parameters; no parameter is fitted."""
     aligned = dataset.aligned_for(model)
     residual = aligned.residual(model)
-    floor = noise_floor(residual, flexible_residual(residual, aligned))
     causes = aligned.causes
     noise = noise_floor(residual, flexible_residual(residual, aligned, causes)) if causes else residual
     seen = profiles(residual, noise, aligned)
@@ -101,13 +100,18 @@ def compare(model: Model, dataset: Dataset) -> Comparison:
         dataset=aligned,
         residual=residual,
         rmse=rmse(residual),
-        noise_floor=rmse(floor),
+        noise_floor=floor_on(aligned, residual),
         explained=explained(residual, aligned.measured),
         fails_where=failures(residual, noise, aligned, seen),
         profiles=seen,
         open_loop=open_loop(model, aligned),
         agreement=of_one_model(model, Errors.of(residual, aligned)),
     )
+
+
+def floor_on(dataset: Dataset, residual: Floats) -> dict[str, float]:
+    """Noise floor per axis and total, m/s^2, on `dataset`, from the residual of a model, shape (n, 3)."""
+    return rmse(noise_floor(residual, flexible_residual(residual, dataset)))
 
 
 def explained(residual: Floats, measured: Floats) -> float:

@@ -95,7 +95,7 @@ class Ladder(Panel):
             known = [name for name in names if name in used]
             if known:
                 return f"{said}, on {listed(names)}; the model was fitted to {listed(known)} before it was held out."
-            return f"{said}, on the held-out {listed(names)}."
+            return f"{said}, trim included, on the held-out {listed(names)}."
         refitted = ", the other effects refitted" if self.session.off else ""
         return f"{said}, apart from the trim of each flight{refitted}: on {held_out(self.seen)}."
 
@@ -122,7 +122,7 @@ class _Bars:
                 tag("span", "step-name", _plain(name)).props(f'title="{name}"')
                 value = tag("span", "step-value", number(error) if error is not None else "\u2013")
                 if error is None:
-                    value.props('title="not computed with these flights: a click on the step computes it"')
+                    value.props('title="not computed with these flights yet"')
                 with tag("span", "bar-room"):
                     if error is not None:
                         length = 100.0 * error / self.largest

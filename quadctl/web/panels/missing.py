@@ -19,6 +19,7 @@ from quadctl.lab.comparison.wording import (
     plain,
     quantity,
     remainder_in_words,
+    sentence,
 )
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.flights.flight import Flight
@@ -100,10 +101,11 @@ class ErrorsByAxis(Panel):
         worst = max(AXES, key=errors.__getitem__)
         where = "Error" if len(self.evaluation.by_flight) == 1 else "Error in this flight"
         shown = f"{where}, all axes: {quantity(errors['total'])}; shown is {self.axis}, {quantity(errors[self.axis])}"
-        if self.axis == worst:
-            tag("p", "muted", f"{shown}, the axis with the largest error.")
-        else:
-            tag("p", "muted", f"{shown}. It is largest {worst}: {quantity(errors[worst])}.")
+        largest = f". It is largest {worst}: {quantity(errors[worst])}"
+        kind = sentence(self.evaluation.kind_by_flight)
+        with tag("p", "muted"):
+            at_worst = ", the axis with the largest error"
+            explained(f"{shown}{at_worst if self.axis == worst else largest}. {kind}.")
 
 
 @dataclass(frozen=True)
@@ -206,9 +208,9 @@ def _draw_verdict(do: Controls, diagnosis: Diagnosis, said: "_Said") -> None:
         ui.icon(said.icon).classes(f"verdict-icon {diagnosis.verdict}")
         with tag("div", "grow"):
             tag("p", "verdict", said.verdict).props(f'id="verdict" data-verdict="{diagnosis.verdict}"')
-            for sentence in said.more:
+            for each in said.more:
                 with tag("p", "muted"):
-                    explained(sentence)
+                    explained(each)
         names = [step.effect for step in diagnosis.steps[1:]]
         if names:
             label = f"Add {plain(diagnosis.missing[0])}" if len(names) == 1 else f"Add all {len(names)}"

@@ -1,6 +1,6 @@
 """The effect stack: the effects of the model, their parameters with intervals, and the trim of each flight."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -57,7 +57,7 @@ class Stack(Panel):
                 alike = self.look_alikes.get(item.effect.family(), ())
                 _draw_effect(do, item, alike, on=item.effect.name not in self.off)
             if self.evaluation is not None and len(self.evaluation.by_flight) > 1:
-                _draw_errors(self.evaluation.by_flight)
+                _draw_errors(self.evaluation)
             if self.evaluation is not None and self.seen is not None:
                 _draw_nuisances(self.evaluation, self.seen)
 
@@ -95,12 +95,14 @@ def _draw_effect(do: Controls, item: StackedEffect, alike: Sequence[str], on: bo
                         tag("span", "muted", words).props('title="95% confidence interval"')
 
 
-def _draw_errors(by_flight: Mapping[str, Mapping[str, float]]) -> None:
+def _draw_errors(evaluation: Evaluation) -> None:
+    with tag("p", "muted what"):
+        explained(f"Errors {evaluation.kind_by_flight}:")
     with tag("table", "small by-flight"):
         with tag("tr"):
             tag("th", "", "flight")
             tag("th", "number", "error / m/s²")
-        for flight, errors in by_flight.items():
+        for flight, errors in evaluation.by_flight.items():
             with tag("tr"):
                 tag("td", "", flight)
                 tag("td", "number", number(errors["total"]))
