@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 from quadctl.effects import Effect
 from quadctl.frames import GRAVITY_M_S2
-from quadctl.lab.comparison.agreement import Agreement
+from quadctl.lab.comparison.agreement import CLOSE, Agreement
 from quadctl.lab.comparison.failures import Failure
 from quadctl.lab.comparison.remainder import Remainder
 from quadctl.lab.flights.dataset import FOLDS, Dataset
@@ -145,16 +145,17 @@ def agreement_in_words(found: Agreement) -> str:
     }[found.fitted]
     them = f"{judged}, which differs most," if found.differs_most else judged
     errors = f"{quantity(found.judged_m_s2)} on {judged} and {quantity(found.reference_m_s2)} on {reference}"
+    limit = f"{number(found.limit_m_s2)}, {percent(CLOSE)} of the error on {reference}, that count as none"
     if found.verdict == "not known" or found.ci95 is None:
         why = "one of them is too short for an interval"
         if found.ci95 is not None:
-            why = f"the difference is anything {_range_of(found.ci95)}"
+            why = f"the difference is anything {_range_of(found.ci95)}, which may be more than the {limit}"
         untold = f"Whether {model} predicts {them} as well as {reference} cannot be told from these flights"
         return f"{untold}: its error is {errors}; {why}."
     if found.verdict == "as well":
         range_ = _range_of(found.ci95)
         agreed = f"{sentence(model)} predicts {them} as well as {reference}"
-        return f"{agreed}: its error is {errors}; the difference is {range_}."
+        return f"{agreed}: its error is {errors}; the difference is {range_}, less than the {limit}."
     low, high = sorted(abs(end) for end in found.ci95)
     by = f"by {quantity(abs(found.difference_m_s2))} [{number(low)}, {number(high)}]"
     return f"{sentence(model)} predicts {them} {found.verdict} than {reference}, {by}: its error is {errors}."
