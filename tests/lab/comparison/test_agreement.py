@@ -39,8 +39,8 @@ class TestSentence:
     def test_as_well(self) -> None:
         assert said(0.41, (-0.03, 0.05)) == (
             "The model fitted to a.csv predicts b.csv as well as a.csv: its error is 0.410 m/s² on b.csv and "
-            "0.400 m/s² on a.csv; the difference is from \u22120.03 to +0.05 m/s² (95%), less than the 0.100, 25% of the "
-            "error on a.csv, that count as none."
+            "0.400 m/s² on a.csv; the difference is from \u22120.03 to +0.05 m/s² (95%), less than the 0.100, 25% "
+            "of the error on a.csv, that count as none."
         )
 
     def test_worse_by_so_much(self) -> None:
