@@ -29,7 +29,7 @@ from quadctl.vehicle import Vehicle
 from quadctl.web.elements.theme import DARK, LIGHT
 from quadctl.web.figures.ratio import ratio_over_height
 from quadctl.web.page.page import TABS, Page
-from quadctl.web.panels.compensator import far_in_words
+from quadctl.web.panels.compensator import answer_in_words, far_in_words
 from quadctl.web.panels.fails import Failures
 from quadctl.web.panels.glossary import GLOSSARY
 from quadctl.web.panels.help import KEYS
@@ -549,6 +549,40 @@ class TestOpenTab:
         )
         assert own == pytest.approx(without)
         assert own[-1] == pytest.approx(1.0, abs=0.01)
+
+    def test_one_sentence_says_whether_the_compensator_helps(self) -> None:
+        without = SimpleNamespace(m_b_absolute=0.249, rmse_m=0.148)
+        compensated = SimpleNamespace(m_b_absolute=0.078, rmse_m=0.144)
+        steps = cast(Any, SimpleNamespace(flown={WITHOUT: without, WITH: compensated}))
+        said = answer_in_words(steps)
+        assert said.startswith("Better with the compensator: what the ground does to the flight (M_B, absolute)")
+        assert "changes by \u221269%, from 0.249 to 0.078 m s." in said and "(RMSE) changes by \u22123%" in said
+        worse = cast(Any, SimpleNamespace(flown={WITHOUT: compensated, WITH: without}))
+        assert answer_in_words(worse).startswith("Not better with the compensator")
+
+    def test_what_the_data_lack_stands_beside_the_verdict(
+        self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
+    ) -> None:
+        view = views["at first"]
+        assert view.opened is not None
+        first = view.opened.logs[0]
+        assert first.quality is not None
+        note = "PX4's estimator reset its height 1 times: it jumps there"
+        logs = [replace(first, quality=replace(first.quality, notes=(note,))), view.opened.logs[1]]
+        assert f"0.csv: {note}." in str(tabs("missing", replace(view, opened=replace(view.opened, logs=logs))).shown)
+
+    def test_a_message_that_was_read_is_gone_in_the_next_part(
+        self, views: dict[str, View], tabs: Callable[[str, View], OpenTab], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr(ui.navigate.history, "push", lambda *_: None)
+        tab = tabs("missing", views["at first"])
+        for kind, dismissed in (("done", True), ("error", False)):
+            bench = cast(Any, tab._page.bench)
+            bench.message = Message(cast(Any, kind), "it is done")
+            with tab._client:
+                tab._page._show("fails" if dismissed else "time")
+            assert bench.dismiss.called == dismissed
+            bench.dismiss.reset_mock()
 
     def test_what_is_there_but_small_is_no_contradiction(
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]

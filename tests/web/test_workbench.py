@@ -18,6 +18,7 @@ from quadctl.effects.ground_effect import Exponential
 from quadctl.errors import SettingsError
 from quadctl.lab.flights.dataset import Dataset, load_dataset
 from quadctl.logs.flight_log import FlightLog
+from quadctl.logs.quality import ChannelQuality, QualityReport, quality
 from quadctl.model import Model, load_model
 from quadctl.vehicle import Vehicle
 from quadctl.vehicle_draft.draft import draft
@@ -25,7 +26,7 @@ from quadctl.web.panels.vehicle import TYPICAL
 from quadctl.web.session.files import sha256_of
 from quadctl.web.session.session import AUTOSAVED, Rung, Session, load_session, session_to_yaml
 from quadctl.web.work import jobs, simulated
-from quadctl.web.work.doubts import doubt_beside
+from quadctl.web.work.doubts import cautions_of, doubt_beside
 from quadctl.web.work.jobs import Opened
 from quadctl.web.work.simulated import Simulation
 from quadctl.web.work.worker import CancelledError
@@ -295,6 +296,16 @@ class TestOwnVehicle:
         asyncio.run(bench.begin_with(intake.own_vehicles[0]))
         assert bench.session.rung is not None and bench.session.rung.model.vehicle.name == "my/own"
 
+    def test_one_in_a_file_that_is_dropped_stands_there_too(self, bench: Workbench, tmp_path: Path) -> None:
+        path = tmp_path / "uploads" / "dropped.yaml"
+        path.parent.mkdir()
+        path.write_text(RAPTOR.read_text().replace("name: raptor", "name: mine"))
+        intake = Intake(bench, [])
+        asyncio.run(intake._begin_with(path))
+        assert [own.name for own in intake.own_vehicles] == ["mine.yaml"]
+        assert bench.session.rungs[0].model.vehicle.name == "mine"
+        assert bench.message is not None and "The vehicle is kept in" in bench.message.text
+
     def test_one_that_cannot_fly_is_not_kept_and_a_form_hears_of_it_in_its_own_words(self, bench: Workbench) -> None:
         weak = yaml.safe_load(RAPTOR.read_text())
         weak["throttle"]["max_thrust_per_rotor_n"] = 1.0
@@ -442,6 +453,28 @@ class TestErrorsOfAllSteps:
         asyncio.run(bench._judge(lambda text: None))
         first, last = (rung.error_m_s2 for rung in bench.session.rungs)
         assert first is not None and last is not None and first > 2.0 * last
+
+
+class TestCautions:
+    """What the data lack is said where the residual is judged."""
+
+    def test_an_estimator_that_was_reset(self) -> None:
+        note = "PX4's estimator reset its height 1 times: it jumps there"
+        assert cautions_of(_report(notes=(note, "thrust is taken from the motor output"))) == [f"{note}."]
+
+    def test_rotor_speeds_that_are_slower_than_the_position(self) -> None:
+        (said,) = cautions_of(_report(rates_hz={"rpm": 2.86, "position": 9.24}))
+        assert said.startswith(
+            "Thrust is from rpm, 2.9 times a second, once not for 2.2 s; the position comes 9.2 times"
+        )
+        assert cautions_of(_report(rates_hz={"rpm": 50.0, "position": 50.0})) == []
+
+
+def _report(rates_hz: dict[str, float] | None = None, notes: tuple[str, ...] = ()) -> QualityReport:
+    report = quality(FlightLog("a.csv", None, {"time_s": np.arange(0.0, 5.0, 0.02)}))
+    first = ChannelQuality("", (), "", 100, 1.0, 0.1, 2.17, 0.0, 1, 0.0, 0.0)
+    channels = tuple(replace(first, name=name, rate_hz=rate) for name, rate in (rates_hz or {}).items())
+    return replace(report, channels=channels, thrust_source="rpm", notes=notes)
 
 
 class TestDoubts:

@@ -22,7 +22,7 @@ from quadctl.lab.comparison.wording import (
     sentence,
 )
 from quadctl.lab.flights.dataset import Dataset
-from quadctl.lab.flights.flight import Flight
+from quadctl.lab.flights.flight import VARIABLE_NAMES, Flight
 from quadctl.lab.flights.prediction import AXES
 from quadctl.lab.planning.suggestion import Suggestion
 from quadctl.lab.selection.candidate import Candidate
@@ -120,6 +120,7 @@ class Verdict(Panel):
     evaluation: Evaluation | None
     floor_m_s2: float | None
     unconfirmed: Vehicle | None
+    cautions: tuple[str, ...]
 
     def draw(self, do: Controls) -> None:
         if self.seen is None:
@@ -133,6 +134,8 @@ class Verdict(Panel):
                 self._draw_invitation(do)
             else:
                 _draw_verdict(do, self.found.diagnosis, self._with_reservation(self._in_words(self.found.diagnosis)))
+                for caution in self.cautions:
+                    tag("p", "note", caution)
 
     def _draw_invitation(self, do: Controls) -> None:
         with tag("div", "line"):
@@ -237,7 +240,7 @@ def _draw_expression(do: Controls, diagnosis: Diagnosis) -> None:
         add = ui.button(
             "Add it as an effect of your own", icon="add", on_click=lambda: do.act(do.bench.add_expression())
         )
-        do.when_idle(add.props("no-caps unelevated"))
+        do.when_idle(add.props("no-caps outline"))
         tag("span", "muted grow", "A formula without physics: valid only within the range of these flights.")
 
 
@@ -312,7 +315,10 @@ class Candidates(Panel):
         with tag("article", "card candidate primary" if primary else "card candidate").props(f'data-effect="{name}"'):
             with tag("div", "line top"):
                 if name in found.sketches:
-                    ui.html(sketch_svg(found.sketches[name], self.theme), sanitize=False).classes("sketch")
+                    with tag("figure", "sketch-figure"):
+                        sketch = found.sketches[name]
+                        ui.html(sketch_svg(sketch, self.theme), sanitize=False).classes("sketch")
+                        tag("figcaption", "muted", f"{sketch.component} over {VARIABLE_NAMES[sketch.variable]}")
                 with tag("div", "grow"):
                     tag("h3", "", plain(candidate.family).capitalize())
                     tag("div", "mono muted", name)
@@ -321,7 +327,8 @@ class Candidates(Panel):
                         tag("span", "fall", f"{change_in_words(candidate.held_out_drop)} {error}")
                         tag("span", "muted", f"p {p_in_words(candidate.p_value)}")
             tag("p", "", candidate.effect.physics)
-            tag("p", "mono muted", parameters_in_text(candidate.effect, candidate.ci95))
+            intervals = " (95% intervals)" if candidate.ci95 else ""
+            tag("p", "mono muted", f"{parameters_in_text(candidate.effect, candidate.ci95)}{intervals}")
             if alike:
                 tag("p", "note", looks_like(alike))
             if candidate in found.diagnosis.measured:

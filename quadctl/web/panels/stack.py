@@ -85,6 +85,8 @@ def _draw_effect(do: Controls, item: StackedEffect, alike: Sequence[str], on: bo
             tag("p", "note", looks_like(alike))
         ci95 = item.fitted.ci95 if item.fitted else {}
         units = {p.name: p.unit for p in effect.parameters()}
+        if ci95:
+            tag("p", "muted what", "In brackets: 95% intervals.")
         with tag("dl", "parameters"):
             for name, value in effect.values().items():
                 tag("dt", "", name)
@@ -116,7 +118,7 @@ def _draw_nuisances(evaluation: Evaluation, seen: Dataset) -> None:
                 "effects, and are not saved with the model."
             )
         kinds = [kind.name for kind in KINDS]
-        with tag("table", "small"):
+        with tag("div", "scroll").props('tabindex="0"'), tag("table", "small"):
             with tag("tr"):
                 tag("th", "", "flight")
                 for name, _, unit in NUISANCES.values():

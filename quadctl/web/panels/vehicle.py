@@ -84,6 +84,12 @@ class VehicleChoice(Panel):
             with ui.expansion("A new vehicle").props("dense"):
                 _NewVehicle(do, [log for log in self.logs if log.suffix.lower() in WITH_PARAMETERS], self.theme)
             with ui.expansion("As a file (YAML)").props("dense"):
+                upload = ui.upload(auto_upload=True, on_upload=lambda e: do.take_files([e.file]))
+                upload.props('accept=".yaml,.yml"').classes("hidden")
+                choose = ui.button("Choose a file", icon="file_open").props("no-caps outline")
+                # In the browser itself: only there does a click open the window in which files are chosen.
+                choose.on("click", js_handler=f"() => runMethod({upload.id}, 'pickFiles', [])")
+                tag("p", "muted", "Or write it here:")
                 text = self.template if vehicle is None else _as_text(_content(vehicle))
                 box = ui.textarea("Vehicle file", value=text).props("outlined").classes("yaml")
                 use = ui.button("Use this file", on_click=lambda: do.use_vehicle(box.value))
@@ -221,7 +227,8 @@ class _NewVehicle:
 
 
 def _number(question: Question, value: float | None) -> ui.number:
-    return ui.number(question.label, value=value).props("outlined dense stack-label step=any")
+    number = ui.number(question.label, value=value).props("outlined dense stack-label step=any")
+    return number.props(f'hint="{question.hint}"') if question.hint else number
 
 
 def _say_what_is_wrong(questions: Mapping[str, Question], numbers: Mapping[str, ui.number]) -> bool:

@@ -16,7 +16,7 @@ from quadctl.vehicle import Vehicle
 from quadctl.web.elements.theme import Theme
 from quadctl.web.session.findings import Diagnosed
 from quadctl.web.session.session import Rung, Session
-from quadctl.web.work.doubts import names_its_vehicle
+from quadctl.web.work.doubts import cautions_of, names_its_vehicle
 from quadctl.web.work.jobs import Evaluation, Opened
 from quadctl.web.work.state import Message, Results, Work
 
@@ -136,6 +136,13 @@ class View:
         logs = [] if self.opened is None else self.opened.logs
         silent = any(log.log is not None and not names_its_vehicle(log.log) for log in logs if not log.problem)
         return self.vehicle if self.session.vehicle_assumed and silent else None
+
+    @property
+    def cautions(self) -> tuple[str, ...]:
+        """What the data of the flights lack, each sentence with the name of its log."""
+        logs = [] if self.opened is None else self.opened.logs
+        used = [log for log in logs if log.quality is not None and not (log.problem or log.doubt)]
+        return tuple(f"{log.path.name}: {said}" for log in used if log.quality for said in cautions_of(log.quality))
 
     @property
     def flights(self) -> tuple[Flight, ...]:

@@ -1,10 +1,15 @@
 """Doubts whether a log belongs to the vehicle and to the flights that are open: sentences to ask a person."""
 
 from quadctl.logs.flight_log import FlightLog
+from quadctl.logs.quality import QualityReport
 from quadctl.vehicle import Vehicle
 
 MASS_TOLERANCE = 0.02
 """Largest relative difference of two statements of the mass of one vehicle."""
+JUMPS = "it jumps there"
+"""End of the notes on an estimator that was reset (see `quadctl.logs`)."""
+SLOWER = 0.5
+"""Share of the rate of the position below which the thrust is called slow: half its changes are then not seen."""
 FIRMWARES = ("PX4", "ArduPilot")
 
 
@@ -31,6 +36,19 @@ def doubt_beside(log: FlightLog, source: str | None, first: FlightLog, first_sou
     if source and first_source and source != first_source:
         return f"The thrust of this flight is from {source}, that of {first.name} from {first_source}"
     return ""
+
+
+def cautions_of(report: QualityReport) -> list[str]:
+    """Sentences on what the data of a log lack that the residual may show."""
+    found = [f"{note[:1].upper()}{note[1:]}." for note in report.notes if note.endswith(JUMPS)]
+    thrust, position = report.channel(report.thrust_source or ""), report.channel("position")
+    if thrust is not None and position is not None and 0.0 < thrust.rate_hz < SLOWER * position.rate_hz:
+        gap = f", once not for {thrust.longest_gap_s:.1f} s" if thrust.n_gaps else ""
+        found.append(
+            f"Thrust is from {thrust.name}, {thrust.rate_hz:.2g} times a second{gap}; the position comes "
+            f"{position.rate_hz:.2g} times: an error that goes with thrust may be what lies between."
+        )
+    return found
 
 
 def firmware(log: FlightLog) -> str:
