@@ -630,7 +630,7 @@ class TestOpenTab:
         judged = replace(evaluation, unseen=replace(evaluation.comparison, rmse={"total": 0.567}))
         view = replace(view, results=replace(view.results, evaluation=judged))
         shown = str(tabs("missing", view).shown)
-        assert "No known effect is missing in the 2 flights for fitting; the held-out error is larger." in shown
+        assert "No known effect is missing in 0.csv and 1.csv; the held-out error is larger." in shown
         assert "An error of 0.567 m/s² remains on the held-out 0.csv and 1.csv." in shown
         assert "check_circle" not in shown
 

@@ -464,9 +464,8 @@ class TestCautions:
 
     def test_rotor_speeds_that_are_slower_than_the_position(self) -> None:
         (said,) = cautions_of(_report(rates_hz={"rpm": 2.86, "position": 9.24}))
-        assert said.startswith(
-            "Thrust is from rpm, 2.9 times a second, once not for 2.2 s; the position comes 9.2 times"
-        )
+        assert said.startswith("Thrust is from rpm, 2.86 times a second, once not for 2.2 s, at 0 s;")
+        assert "; the position comes 9.24 times: " in said
         assert cautions_of(_report(rates_hz={"rpm": 50.0, "position": 50.0})) == []
 
 

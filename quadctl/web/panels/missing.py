@@ -10,7 +10,7 @@ from quadctl.lab.comparison.remainder import Remainder
 from quadctl.lab.comparison.wording import (
     ERRORS,
     change_in_words,
-    count,
+    flights_in_words,
     listed,
     looks_like,
     p_in_words,
@@ -45,6 +45,8 @@ from quadctl.web.session.findings import Diagnosed
 from quadctl.web.work.jobs import Evaluation
 from quadctl.web.work.predictions import predictions
 
+OPEN = "info"
+"""Icon of a verdict that names nothing, and has no tick either."""
 AS_LOGGED = ("z_m", "z_ref_m", "vx_m_s", "vy_m_s", "vz_m_s")
 NOT_NEEDED = "Other forms of these effects, or look-alikes: not needed together with those above."
 NO_HELP = (
@@ -163,9 +165,9 @@ class Verdict(Panel):
         if small:
             return _Said("check_circle", "Nothing significant is missing.", more)
         if left is not None and self.evaluation is not None and self.evaluation.unseen is not None:
-            flights = f"the {count(len(diagnosis.dataset.flights), 'flight')} for fitting"
-            return _Said("info", f"No known effect is missing in {flights}; the held-out error is larger.", more)
-        return _Said("info", "No known effect is missing, but not all of the error is noise.", more)
+            flights = flights_in_words(diagnosis.dataset.names)
+            return _Said(OPEN, f"No known effect is missing in {flights}; the held-out error is larger.", more)
+        return _Said(OPEN, "No known effect is missing, but not all of the error is noise.", more)
 
     def _with_reservation(self, said: "_Said") -> "_Said":
         """The verdict, as long as nobody has said which vehicle flew, on the condition that it is the assumed one."""
@@ -208,7 +210,7 @@ class _Said(NamedTuple):
 
 def _draw_verdict(do: Controls, diagnosis: Diagnosis, said: "_Said") -> None:
     with tag("div", "line top verdict-line"):
-        ui.icon(said.icon).classes(f"verdict-icon {diagnosis.verdict}")
+        ui.icon(said.icon).classes(f"verdict-icon {'open' if said.icon == OPEN else diagnosis.verdict}")
         with tag("div", "grow"):
             tag("p", "verdict", said.verdict).props(f'id="verdict" data-verdict="{diagnosis.verdict}"')
             for each in said.more:

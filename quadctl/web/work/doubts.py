@@ -43,10 +43,12 @@ def cautions_of(report: QualityReport) -> list[str]:
     found = [f"{note[:1].upper()}{note[1:]}." for note in report.notes if note.endswith(JUMPS)]
     thrust, position = report.channel(report.thrust_source or ""), report.channel("position")
     if thrust is not None and position is not None and 0.0 < thrust.rate_hz < SLOWER * position.rate_hz:
-        gap = f", once not for {thrust.longest_gap_s:.1f} s" if thrust.n_gaps else ""
+        gap = (
+            f", once not for {thrust.longest_gap_s:.1f} s, at {thrust.longest_gap_at_s:.0f} s" if thrust.n_gaps else ""
+        )
         found.append(
-            f"Thrust is from {thrust.name}, {thrust.rate_hz:.2g} times a second{gap}; the position comes "
-            f"{position.rate_hz:.2g} times: an error that goes with thrust may be what lies between."
+            f"Thrust is from {thrust.name}, {thrust.rate_hz:.3g} times a second{gap}; the position comes "
+            f"{position.rate_hz:.3g} times: an error that goes with thrust may be what lies between."
         )
     return found
 
