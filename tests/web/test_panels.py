@@ -568,7 +568,8 @@ class TestOpenTab:
         first = view.opened.logs[0]
         assert first.quality is not None
         note = "PX4's estimator reset its height 1 times: it jumps there"
-        logs = [replace(first, quality=replace(first.quality, notes=(note,))), view.opened.logs[1]]
+        quality_of_it = replace(first.quality, notes=(note,))
+        logs = [replace(first, quality=quality_of_it, flight=view.flights[0]), view.opened.logs[1]]
         assert f"0.csv: {note}." in str(tabs("missing", replace(view, opened=replace(view.opened, logs=logs))).shown)
 
     def test_a_message_that_was_read_is_gone_in_the_next_part(

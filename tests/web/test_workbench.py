@@ -17,6 +17,7 @@ from quadctl.cli import app
 from quadctl.effects.ground_effect import Exponential
 from quadctl.errors import SettingsError
 from quadctl.lab.flights.dataset import Dataset, load_dataset
+from quadctl.lab.flights.preparation import MAX_BANDWIDTH_HZ
 from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.quality import ChannelQuality, QualityReport, quality
 from quadctl.model import Model, load_model
@@ -460,13 +461,15 @@ class TestCautions:
 
     def test_an_estimator_that_was_reset(self) -> None:
         note = "PX4's estimator reset its height 1 times: it jumps there"
-        assert cautions_of(_report(notes=(note, "thrust is taken from the motor output"))) == [f"{note}."]
+        report = _report(notes=(note, "thrust is taken from the motor output"))
+        assert cautions_of(report, MAX_BANDWIDTH_HZ) == [f"{note}."]
 
-    def test_rotor_speeds_that_are_slower_than_the_position(self) -> None:
-        (said,) = cautions_of(_report(rates_hz={"rpm": 2.86, "position": 9.24}))
-        assert said.startswith("Thrust is from rpm, 2.86 times a second, once not for 2.2 s, at 0 s;")
-        assert "; the position comes 9.24 times: " in said
-        assert cautions_of(_report(rates_hz={"rpm": 50.0, "position": 50.0})) == []
+    def test_a_channel_that_limits_the_bandwidth(self) -> None:
+        report = _report(rates_hz={"rpm": 2.86, "position": 9.24})
+        (said,) = cautions_of(report, 1.01)
+        assert said.startswith("The slowest channel, rpm, comes 2.86 times a second, once not for 2.2 s, at 0 s: only")
+        assert "only changes slower than 1 Hz are compared" in said
+        assert cautions_of(report, MAX_BANDWIDTH_HZ) == []
 
 
 def _report(rates_hz: dict[str, float] | None = None, notes: tuple[str, ...] = ()) -> QualityReport:

@@ -31,8 +31,8 @@ class Flights(Panel):
             return
         several = len(self.opened.usable) > 1
         with tag("section", "card"):
-            held_out = "Held out: no fit uses the flight, and the error at the top of the page is computed on it."
-            heading("Flights", held_out if several else "")
+            held = "Held out: no fit uses the flight, and the error at the top of the page is computed on it."
+            heading("Flights", held if several else "")
             do.nest(WhichVehicle)
             for log in self.opened.logs:
                 held_out = log.path in self.unseen if several and log.path in self.opened.usable else None

@@ -140,9 +140,11 @@ class View:
     @property
     def cautions(self) -> tuple[str, ...]:
         """What the data of the flights lack, each sentence with the name of its log."""
-        logs = [] if self.opened is None else self.opened.logs
-        used = [log for log in logs if log.quality is not None and not (log.problem or log.doubt)]
-        return tuple(f"{log.path.name}: {said}" for log in used if log.quality for said in cautions_of(log.quality))
+        found = []
+        for log in [] if self.opened is None else self.opened.logs:
+            if log.quality is not None and log.flight is not None and not (log.problem or log.doubt):
+                found += [f"{log.path.name}: {said}" for said in cautions_of(log.quality, log.flight.bandwidth_hz)]
+        return tuple(found)
 
     @property
     def flights(self) -> tuple[Flight, ...]:
