@@ -74,7 +74,7 @@ class Comparison(Result):
         if self.agreement is not None:
             lines.append(agreement_in_words(self.agreement))
         if self.fails_where:
-            lines.append("The model fails in these ranges:")
+            lines.append("The model fails here, what explains the most of the error first:")
             lines += [
                 f"  - {failure.text} ({abs(failure.sigma):.0f} sigma)"
                 for failure in told(self.fails_where, SHOWN_FAILURES)

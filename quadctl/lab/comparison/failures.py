@@ -162,14 +162,18 @@ def failures(residual: Floats, noise: Floats, dataset: Dataset, tried: list[Prof
             ]
             if runs and profile.axis not in depend and profile.share > TELLING_SHARE:
                 depend.add(profile.axis)
-                found.append(_dependence(profile, max(runs, key=lambda run: run.size_m2_s4), residual[:, a]))
+                found.append(_dependence(profile, max(runs, key=lambda run: run.size_m2_s4), residual[:, a], about))
             found += sorted(runs, key=lambda failure: -abs(failure.sigma))
     return found
 
 
 def most_telling(found: list[Failure]) -> list[Failure]:
-    """Failures sorted by the squared error that they explain, the largest first."""
-    return sorted(found, key=lambda failure: -failure.size_m2_s4)
+    """Failures sorted by the squared error that they explain, the largest first.
+
+    A range comes after all dependences where there is one of its axis: most of what it explains is explained there.
+    """
+    depend = {failure.axis for failure in found if failure.of_profile}
+    return sorted(found, key=lambda failure: (_is_range(failure) and failure.axis in depend, -failure.size_m2_s4))
 
 
 def told(found: Sequence[Failure], count: int) -> list[Failure]:
@@ -293,8 +297,9 @@ def _runs(profile: Profile, values: Floats, noise: LongRangeNoise, dataset: Data
     return found
 
 
-def _dependence(profile: Profile, run: Failure, values: Floats) -> Failure:
-    """Dependence of a residual, shape (n,), on the variable of its profile; its range is that of its largest run."""
+def _dependence(profile: Profile, run: Failure, values: Floats, about: float) -> Failure:
+    """Dependence of a residual, shape (n,), on the variable of its profile, beside an offset `about`, m/s^2; its range
+    is that of its largest run."""
     centre = 0.5 * (profile.edges[1:] + profile.edges[:-1])
     unit = VARIABLE_UNITS[profile.variable]
     ends = sorted({int(np.argmin(profile.mean)), int(np.argmax(profile.mean))})
@@ -303,7 +308,7 @@ def _dependence(profile: Profile, run: Failure, values: Floats) -> Failure:
         f"the {profile.axis} residual goes with the {VARIABLE_NAMES[profile.variable]}: {reach} on average, "
         f"{profile.share:.0%} of the squared error on this axis"
     ).replace("-", "\u2212")
-    square = profile.share * float(values @ values)
+    square = profile.share * float(values @ values) + len(values) * (float(values.mean()) - about) ** 2
     return replace(run, text=text, square_m2_s4=square, of_profile=True)
 
 

@@ -84,7 +84,7 @@ def test_the_variable_that_the_error_goes_with_comes_first(raptor: Vehicle) -> N
     noise = residual - flexible_residual(residual, data, data.causes)
     found = told(failures(residual, noise, data, profiles(residual, noise, data)), 6)
     sizes = [failure.size_m2_s4 for failure in found]
-    assert sizes == sorted(sizes, reverse=True)
+    assert sizes[:2] == sorted(sizes[:2], reverse=True)
     assert found[0].text.startswith("the up residual goes with the climb rate: \u2212")
     assert "of the squared error on this axis" in found[0].text
     inside = (rate >= found[0].low) & (rate <= found[0].high)
@@ -109,3 +109,5 @@ def test_ranges_of_a_dependence_are_parts_of_it_but_an_offset_is_not() -> None:
     whole = replace(late, text="goes with time", square_m2_s4=20.0, of_profile=True)
     assert told([offset, whole, late], 4) == [whole, offset]
     assert told([offset, late], 4) == [late, offset]
+    proxy = replace(late, variable="battery", text="as late", square_m2_s4=30.0)
+    assert told([offset, whole, late, proxy], 4) == [whole, offset, proxy]
