@@ -102,7 +102,7 @@ class Export(Panel):
             heading("Export")
             with tag("div", "line wrap"):
                 ui.button("Export model", icon="download", on_click=do.export_model).props("no-caps unelevated")
-                tag("code", "command grow", "quadctl fly step_response --model model.yaml")
+                tag("code", "command grow", "quadctl fly missions/step_response.yaml --model model.yaml")
 
 
 @dataclass(frozen=True)
