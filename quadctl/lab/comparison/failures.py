@@ -153,18 +153,28 @@ def failures(residual: Floats, noise: Floats, dataset: Dataset, tried: list[Prof
     offsets = {failure.axis: failure.mean_residual for failure in found}
     depend: set[str] = set()
     for profile in tried:
+        a = AXES.index(profile.axis)
+        about = offsets.get(profile.axis, 0.0)
+        runs = []
         if profile.p_value < 1e-3 / len(tried):
-            a = AXES.index(profile.axis)
-            about = offsets.get(profile.axis, 0.0)
             runs = [
                 replace(run, square_m2_s4=run.n * (run.mean_residual - about) ** 2)
                 for run in _runs(profile, residual[:, a], correlated, dataset)
             ]
-            if runs and profile.axis not in depend and profile.share > TELLING_SHARE:
-                depend.add(profile.axis)
-                found.append(_dependence(profile, max(runs, key=lambda run: run.size_m2_s4), residual[:, a], about))
-            found += sorted(runs, key=lambda failure: -abs(failure.sigma))
+        if is_telling(profile) and profile.axis not in depend:
+            depend.add(profile.axis)
+            largest = max(runs, key=lambda run: run.size_m2_s4, default=_largest_bin(profile, about))
+            found.append(_dependence(profile, largest, residual[:, a], about))
+        found += sorted(runs, key=lambda failure: -abs(failure.sigma))
     return found
+
+
+def _largest_bin(profile: Profile, about: float) -> Failure:
+    """The bin of a profile that holds the most of its squared error, beside an offset `about`, m/s^2."""
+    b = int(np.argmax(profile.count * (profile.mean - about) ** 2))
+    mean, error, n = float(profile.mean[b]), float(profile.error[b]), int(profile.count[b])
+    low, high = float(profile.edges[b]), float(profile.edges[b + 1])
+    return Failure(profile.axis, profile.variable, low, high, mean, (mean - about) / error, n, "")
 
 
 def most_telling(found: list[Failure]) -> list[Failure]:
