@@ -16,16 +16,18 @@ class Question(NamedTuple):
     low: float
     high: float
     optional: bool = False
+    hint: str = ""
+    """Help with the unit or the meaning, below the field."""
 
 
 _MASS, _RADIUS = limits(Vehicle, "mass_kg"), limits(Rotor, "radius_m")
 _DIAMETER = 2.0 * _RADIUS[0], 2.0 * _RADIUS[1]
 MASS = Question("Mass with battery / kg", *_MASS)
-PROPELLER = Question("Propeller diameter / m", *_DIAMETER)
+PROPELLER = Question("Propeller diameter / m", *_DIAMETER, hint="10 inches are 0.254 m")
 NEW_VEHICLE = {
     "mass_kg": MASS,
     "propeller_m": PROPELLER,
-    "arm_m": Question("Centre to a rotor's axis / m", 0.0, 20.0),
+    "arm_m": Question("Centre to a rotor's axis / m", 0.0, 20.0, hint="half the diagonal of the frame"),
     "hover_throttle": Question("Throttle in hover, 0 to 1", 0.0, 1.0),
     "hover_rpm": Question("Rotor speed in hover / rpm, if known", 0.0, math.inf, optional=True),
 }

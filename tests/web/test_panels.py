@@ -19,16 +19,17 @@ from nicegui.element import Element
 from quadctl.effects.ground_effect import Exponential, Hayden
 from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.lab.comparison.failures import Failure, Stretch
+from quadctl.lab.comparison.remainder import Remainder
 from quadctl.lab.comparison.wording import agreement_in_words, number, quantity, share_of_g
 from quadctl.lab.flights.dataset import load_dataset
-from quadctl.lab.selection.diagnosis import diagnose
+from quadctl.lab.selection.diagnosis import Verdict, diagnose
 from quadctl.logs.quality import quality
 from quadctl.model import Model, Provenance
 from quadctl.vehicle import Vehicle
 from quadctl.web.elements.theme import DARK, LIGHT
 from quadctl.web.figures.ratio import ratio_over_height
 from quadctl.web.page.page import TABS, Page
-from quadctl.web.panels.compensator import far_in_words
+from quadctl.web.panels.compensator import answer_in_words, far_in_words
 from quadctl.web.panels.fails import Failures
 from quadctl.web.panels.glossary import GLOSSARY
 from quadctl.web.panels.help import KEYS
@@ -42,7 +43,7 @@ from quadctl.web.work.state import Message, Results, Work
 from quadctl.web.workbench.intake import Intake
 from quadctl.web.workbench.workbench import Workbench
 from tests.support.flights import obedient
-from tests.support.places import ROOT
+from tests.support.places import ROOT, VEHICLES
 
 
 def subclasses(panel: type[Panel]) -> list[type[Panel]]:
@@ -228,6 +229,19 @@ def _fitted_to(session: Session, logs: tuple[str, ...]) -> Session:
     return replace(session, rungs=(session.rungs[0], replace(rung, model=replace(rung.model, stack=stack))))
 
 
+def _nothing_found(view: View, error_m_s2: float, floor_m_s2: float, verdict: Verdict = "none") -> View:
+    """The same view, if the search had found no effect, and this error remained."""
+    assert view.found is not None and view.evaluation is not None
+    diagnosis = replace(view.found.diagnosis, verdict=verdict, missing=[], ranking=[], steps=[])
+    left = Remainder(error_m_s2, 0.994 * error_m_s2, floor_m_s2, ("thrust",), "up")
+    evaluation = replace(view.evaluation, remainder=left)
+    session = view.session.judged(error_m_s2, floor_m_s2)
+    results = replace(view.results, evaluation=evaluation, found=Diagnosed(diagnosis, {}))
+    comparison = replace(evaluation.comparison, noise_floor={"total": floor_m_s2})
+    results = replace(results, evaluation=replace(evaluation, comparison=comparison))
+    return replace(view, session=session, results=results)
+
+
 def _steps() -> Any:
     time_s = np.linspace(0.0, 5.0, 50)
     track = SimpleNamespace(time_s=time_s, error_m=0.0 * time_s, position_m=time_s, reference_m=time_s)
@@ -265,6 +279,11 @@ class OpenTab:
     def texts(self) -> set[str]:
         """All texts, those of dialogs that are closed, too."""
         return {element.text for element in self._client.elements.values() if isinstance(element, ui.label)}
+
+    @property
+    def buttons(self) -> dict[str, ui.button]:
+        """Buttons by their texts."""
+        return {e.text: e for e in self._client.elements.values() if isinstance(e, ui.button)}
 
     @property
     def part(self) -> str:
@@ -404,6 +423,22 @@ class TestOpenTab:
         named = [replace(log, log=replace(log.log, meta={"vehicle": {"mass_kg": 1.5}})) for log in asked.opened.logs]  # type: ignore[type-var]
         assert replace(asked, opened=replace(asked.opened, logs=named)).unconfirmed is None
 
+    def test_a_finding_holds_only_if_the_assumed_vehicle_flew(
+        self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
+    ) -> None:
+        said = "Missing: ground effect, if the vehicle is raptor (1.5 kg)."
+        assert said in str(tabs("missing", views["a vehicle that nobody has named"]).shown)
+        assert said not in str(tabs("missing", views["at first"]).shown)
+
+    def test_the_vehicle_in_use_is_marked_among_those_to_choose_from(
+        self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
+    ) -> None:
+        view = replace(views["at first"], vehicles=tuple(sorted(VEHICLES.glob("*.yaml"))))
+        buttons = tabs("flights", view).buttons
+        assert buttons["raptor, 1.5 kg"].props["aria-pressed"] == "true"
+        marked = [name for name, button in buttons.items() if button.props.get("aria-pressed") == "true"]
+        assert marked == ["raptor, 1.5 kg"]
+
     def test_the_form_of_a_new_vehicle_says_what_is_assumed(
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
     ) -> None:
@@ -451,6 +486,15 @@ class TestOpenTab:
                     listener.handler(None)  # type: ignore[misc]
         do.select.assert_called_once_with({"time": (0.0, 9.0)}, "up", "1.csv")
         assert "scrollIntoView" in ran.call_args.args[0]
+
+    def test_a_sentence_on_the_whole_flight_has_nothing_to_show(self, views: dict[str, View]) -> None:
+        comparison = views["at first"].comparison
+        assert comparison is not None
+        wrong = replace(comparison, fails_where=[replace(FAILURE, low=0.0, high=100.0)])
+        with Client(ui.page("/")):
+            Failures(wrong, None, None, False, LIGHT).draw(create_autospec(Controls, instance=True))
+            texts = [e.text for e in ui.context.client.elements.values() if isinstance(e, ui.button)]
+        assert "Show" not in texts
 
     def test_the_figure_says_the_errors_of_the_flight_that_it_shows(
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
@@ -506,6 +550,41 @@ class TestOpenTab:
         assert own == pytest.approx(without)
         assert own[-1] == pytest.approx(1.0, abs=0.01)
 
+    def test_one_sentence_says_whether_the_compensator_helps(self) -> None:
+        without = SimpleNamespace(m_b_absolute=0.249, rmse_m=0.148)
+        compensated = SimpleNamespace(m_b_absolute=0.078, rmse_m=0.144)
+        steps = cast(Any, SimpleNamespace(flown={WITHOUT: without, WITH: compensated}))
+        said = answer_in_words(steps)
+        assert said.startswith("Better with the compensator: what the ground does to the flight (M_B, absolute)")
+        assert "changes by \u221269%, from 0.249 to 0.078 m s." in said and "(RMSE) changes by \u22123%" in said
+        worse = cast(Any, SimpleNamespace(flown={WITHOUT: compensated, WITH: without}))
+        assert answer_in_words(worse).startswith("Not better with the compensator")
+
+    def test_what_the_data_lack_stands_beside_the_verdict(
+        self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
+    ) -> None:
+        view = views["at first"]
+        assert view.opened is not None
+        first = view.opened.logs[0]
+        assert first.quality is not None
+        note = "PX4's estimator reset its height 1 times: it jumps there"
+        quality_of_it = replace(first.quality, notes=(note,))
+        logs = [replace(first, quality=quality_of_it, flight=view.flights[0]), view.opened.logs[1]]
+        assert f"0.csv: {note}." in str(tabs("missing", replace(view, opened=replace(view.opened, logs=logs))).shown)
+
+    def test_a_message_that_was_read_is_gone_in_the_next_part(
+        self, views: dict[str, View], tabs: Callable[[str, View], OpenTab], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr(ui.navigate.history, "push", lambda *_: None)
+        tab = tabs("missing", views["at first"])
+        for kind, dismissed in (("done", True), ("error", False)):
+            bench = cast(Any, tab._page.bench)
+            bench.message = Message(cast(Any, kind), "it is done")
+            with tab._client:
+                tab._page._show("fails" if dismissed else "time")
+            assert bench.dismiss.called == dismissed
+            bench.dismiss.reset_mock()
+
     def test_what_is_there_but_small_is_no_contradiction(
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
     ) -> None:
@@ -517,9 +596,44 @@ class TestOpenTab:
         nothing = replace(view.found.diagnosis, verdict="none", missing=[], ranking=[small], steps=[])
         results = replace(view.results, found=Diagnosed(nothing, {}))
         shown = str(tabs("missing", replace(view, results=results)).shown)
-        assert "Nothing significant is missing." in shown
+        assert "No effect of the catalogue reduces the held-out error enough to matter." in shown
         assert "There, but too small to matter in these flights: ground effect." in shown
         assert "It is there, as p says, but it changes the error too little to be called missing." in shown
+
+    def test_the_verdict_has_a_tick_only_where_the_error_is_near_the_noise_floor(
+        self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
+    ) -> None:
+        view = _nothing_found(views["at first"], error_m_s2=0.323, floor_m_s2=0.186)
+        shown = str(tabs("missing", view).shown)
+        assert "No known effect is missing, but not all of the error is noise." in shown
+        assert "An error of 0.323 m/s² remains." in shown
+        assert "explains 67% of its square" in shown and "leaves 0.186 m/s²" in shown
+        assert "without thrust it explains 1%" in shown
+        assert "check_circle" not in shown
+        near = str(tabs("missing", _nothing_found(view, error_m_s2=0.2, floor_m_s2=0.186)).shown)
+        assert "Nothing significant is missing." in near and "check_circle" in near
+        assert "An error of 0.200 m/s² remains, 8% above the " in near
+
+    def test_what_no_effect_explains_is_called_little_where_it_is(
+        self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
+    ) -> None:
+        view = _nothing_found(views["at first"], error_m_s2=0.441, floor_m_s2=0.428, verdict="unexplained")
+        assert "A little is left that no known effect explains." in str(tabs("missing", view).shown)
+        view = _nothing_found(views["at first"], error_m_s2=0.9, floor_m_s2=0.428, verdict="unexplained")
+        assert "Something is missing that no known effect explains." in str(tabs("missing", view).shown)
+
+    def test_a_larger_error_on_a_held_out_flight_is_said_beside_the_verdict(
+        self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
+    ) -> None:
+        view = _nothing_found(views["at first"], error_m_s2=0.567, floor_m_s2=0.246)
+        evaluation = view.evaluation
+        assert evaluation is not None
+        judged = replace(evaluation, unseen=replace(evaluation.comparison, rmse={"total": 0.567}))
+        view = replace(view, results=replace(view.results, evaluation=judged))
+        shown = str(tabs("missing", view).shown)
+        assert "No known effect is missing in 0.csv and 1.csv; the held-out error is larger." in shown
+        assert "An error of 0.567 m/s² remains on the held-out 0.csv and 1.csv." in shown
+        assert "check_circle" not in shown
 
     def test_the_error_is_said_in_words(self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]) -> None:
         evaluation = views["at first"].evaluation

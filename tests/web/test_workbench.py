@@ -16,15 +16,18 @@ from typer.testing import CliRunner
 from quadctl.cli import app
 from quadctl.effects.ground_effect import Exponential
 from quadctl.errors import SettingsError
+from quadctl.lab.flights.dataset import Dataset, load_dataset
+from quadctl.lab.flights.preparation import MAX_BANDWIDTH_HZ
 from quadctl.logs.flight_log import FlightLog
-from quadctl.model import load_model
+from quadctl.logs.quality import ChannelQuality, QualityReport, quality
+from quadctl.model import Model, load_model
 from quadctl.vehicle import Vehicle
 from quadctl.vehicle_draft.draft import draft
 from quadctl.web.panels.vehicle import TYPICAL
 from quadctl.web.session.files import sha256_of
 from quadctl.web.session.session import AUTOSAVED, Rung, Session, load_session, session_to_yaml
 from quadctl.web.work import jobs, simulated
-from quadctl.web.work.doubts import doubt_beside
+from quadctl.web.work.doubts import cautions_of, doubt_beside
 from quadctl.web.work.jobs import Opened
 from quadctl.web.work.simulated import Simulation
 from quadctl.web.work.worker import CancelledError
@@ -172,6 +175,15 @@ class TestUndo:
         asyncio.run(climbed.redo())
         assert climbed.session == after
 
+    def test_another_step_is_said_and_can_be_left_by_undo(self, climbed: Workbench) -> None:
+        before = climbed.session
+        asyncio.run(climbed.go(0))
+        assert climbed.message is not None and climbed.message.undo
+        expected = "The model is now that of step 1, rigid body. Later steps stay until something else is added."
+        assert climbed.message.text == expected
+        asyncio.run(climbed.undo())
+        assert climbed.session == before and climbed.message is None
+
     def test_an_effect_that_was_switched_off_is_on_again(self, climbed: Workbench) -> None:
         before = climbed.session
         asyncio.run(climbed.switch("ground_effect.exponential"))
@@ -285,6 +297,16 @@ class TestOwnVehicle:
         asyncio.run(bench.begin_with(intake.own_vehicles[0]))
         assert bench.session.rung is not None and bench.session.rung.model.vehicle.name == "my/own"
 
+    def test_one_in_a_file_that_is_dropped_stands_there_too(self, bench: Workbench, tmp_path: Path) -> None:
+        path = tmp_path / "uploads" / "dropped.yaml"
+        path.parent.mkdir()
+        path.write_text(RAPTOR.read_text().replace("name: raptor", "name: mine"))
+        intake = Intake(bench, [])
+        asyncio.run(intake._begin_with(path))
+        assert [own.name for own in intake.own_vehicles] == ["mine.yaml"]
+        assert bench.session.rungs[0].model.vehicle.name == "mine"
+        assert bench.message is not None and "The vehicle is kept in" in bench.message.text
+
     def test_one_that_cannot_fly_is_not_kept_and_a_form_hears_of_it_in_its_own_words(self, bench: Workbench) -> None:
         weak = yaml.safe_load(RAPTOR.read_text())
         weak["throttle"]["max_thrust_per_rotor_n"] = 1.0
@@ -394,6 +416,67 @@ class TestOpening:
         a.write_text("changed")
         open_both(raptor, both)
         assert read == ["a.csv", "b.csv", "a.csv"]
+
+
+class TestErrorsOfAllSteps:
+    """Every step of the ladder has its error on the flights that count now."""
+
+    @pytest.fixture
+    def flown(self, raptor: Vehicle) -> tuple[Model, Dataset, Dataset]:
+        truth = Model(raptor).plus(Exponential(a=0.3, b=5.0))
+        logs = [obedient(truth, 30.0, noise_m_s=0.01, seed=seed, name=f"{seed}.csv") for seed in (0, 1)]
+        seen, unseen = (load_dataset([log], raptor) for log in logs)
+        return truth, seen, unseen
+
+    def test_they_are_those_of_an_evaluation(self, flown: tuple[Model, Dataset, Dataset]) -> None:
+        truth, seen, unseen = flown
+        models = [Model(truth.vehicle), truth]
+        for held_out in (None, unseen):
+            found = jobs.errors_of(models, seen, held_out, lambda text: None)
+            evaluated = [jobs.evaluate(jobs.Current(model), seen, held_out, lambda text: None) for model in models]
+            assert found == [pytest.approx((each.error_m_s2, each.floor_m_s2)) for each in evaluated]
+
+    def test_a_step_that_is_not_known_is_computed_with_the_current_one(
+        self, bench: Workbench, flown: tuple[Model, Dataset, Dataset], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        truth, seen, unseen = flown
+
+        async def run(job: Callable[..., Any], *args: Any, progress: Callable[[str], None]) -> Any:
+            return job(*args, progress=progress)
+
+        async def look() -> None:
+            """Nothing is looked for here."""
+
+        monkeypatch.setattr(bench._quick, "run", run)
+        monkeypatch.setattr(bench, "look", look)
+        rung = Rung("+ ground_effect.exponential", truth)
+        bench.session, bench.opened = bench.session.climbed(rung), Opened([], seen, unseen)
+        asyncio.run(bench._judge(lambda text: None))
+        first, last = (rung.error_m_s2 for rung in bench.session.rungs)
+        assert first is not None and last is not None and first > 2.0 * last
+
+
+class TestCautions:
+    """What the data lack is said where the residual is judged."""
+
+    def test_an_estimator_that_was_reset(self) -> None:
+        note = "PX4's estimator reset its height 1 times: it jumps there"
+        report = _report(notes=(note, "thrust is taken from the motor output"))
+        assert cautions_of(report, MAX_BANDWIDTH_HZ) == [f"{note}."]
+
+    def test_a_channel_that_limits_the_bandwidth(self) -> None:
+        report = _report(rates_hz={"rpm": 2.86, "position": 9.24})
+        (said,) = cautions_of(report, 1.01)
+        assert said.startswith("The slowest channel, rpm, comes 2.86 times a second, once not for 2.2 s, at 0 s: only")
+        assert "only changes slower than 1 Hz are compared" in said
+        assert cautions_of(report, MAX_BANDWIDTH_HZ) == []
+
+
+def _report(rates_hz: dict[str, float] | None = None, notes: tuple[str, ...] = ()) -> QualityReport:
+    report = quality(FlightLog("a.csv", None, {"time_s": np.arange(0.0, 5.0, 0.02)}))
+    first = ChannelQuality("", (), "", 100, 1.0, 0.1, 2.17, 0.0, 1, 0.0, 0.0)
+    channels = tuple(replace(first, name=name, rate_hz=rate) for name, rate in (rates_hz or {}).items())
+    return replace(report, channels=channels, thrust_source="rpm", notes=notes)
 
 
 class TestDoubts:

@@ -80,6 +80,11 @@ class Agreement:
         return self.judged_m_s2 - self.reference_m_s2
 
     @property
+    def limit_m_s2(self) -> float:
+        """Largest difference that counts as none, m/s^2."""
+        return CLOSE * self.reference_m_s2
+
+    @property
     def verdict(self) -> Literal["as well", "worse", "better", "not known"]:
         if self.ci95 is None:
             return "not known"
@@ -88,7 +93,7 @@ class Agreement:
             return "worse"
         if high < 0.0:
             return "better"
-        return "as well" if max(-low, high) <= CLOSE * self.reference_m_s2 else "not known"
+        return "as well" if max(-low, high) <= self.limit_m_s2 else "not known"
 
     def to_dict(self) -> dict[str, Any]:
         return {

@@ -74,7 +74,7 @@ class Comparison(Result):
         if self.agreement is not None:
             lines.append(agreement_in_words(self.agreement))
         if self.fails_where:
-            lines.append("The model fails in these ranges:")
+            lines.append("The model fails here, what explains the most of the error first:")
             lines += [
                 f"  - {failure.text} ({abs(failure.sigma):.0f} sigma)"
                 for failure in told(self.fails_where, SHOWN_FAILURES)
@@ -92,20 +92,26 @@ def compare(model: Model, dataset: Dataset) -> Comparison:
     """Evaluate `model` on `dataset` with its present parameters; no parameter is fitted."""
     aligned = dataset.aligned_for(model)
     residual = aligned.residual(model)
-    noise = noise_floor(residual, flexible_residual(residual, aligned))
+    causes = aligned.causes
+    noise = noise_floor(residual, flexible_residual(residual, aligned, causes)) if causes else residual
     seen = profiles(residual, noise, aligned)
     return Comparison(
         model=model,
         dataset=aligned,
         residual=residual,
         rmse=rmse(residual),
-        noise_floor=rmse(noise),
+        noise_floor=floor_on(aligned, residual),
         explained=explained(residual, aligned.measured),
         fails_where=failures(residual, noise, aligned, seen),
         profiles=seen,
         open_loop=open_loop(model, aligned),
         agreement=of_one_model(model, Errors.of(residual, aligned)),
     )
+
+
+def floor_on(dataset: Dataset, residual: Floats) -> dict[str, float]:
+    """Noise floor per axis and total, m/s^2, on `dataset`, from the residual of a model, shape (n, 3)."""
+    return rmse(noise_floor(residual, flexible_residual(residual, dataset)))
 
 
 def explained(residual: Floats, measured: Floats) -> float:

@@ -1,21 +1,21 @@
 """Ranges of the flight variables in which a model fails: binned residuals with standard errors.
 
 The standard error of a bin's mean is computed from the noise, i.e. from the residual minus the prediction of a flexible
-regression, with its autocorrelation: the structure to be found must not count as noise, and neighbouring samples must
-not count as independent.
+regression on the variables that can be a cause: the structure to be found must not count as noise, but drift must. The
+noise stays correlated for long (see `LongRangeNoise`).
 """
 
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import stats
 
 from quadctl.frames import GRAVITY_M_S2
 from quadctl.lab.arrays import Floats, Mask
-from quadctl.lab.fitting.noise import CorrelatedNoise
+from quadctl.lab.comparison.long_range import LongRangeNoise
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.flights.flight import VARIABLE_NAMES, VARIABLE_UNITS
 from quadctl.lab.flights.prediction import AXES
@@ -23,6 +23,8 @@ from quadctl.lab.flights.prediction import AXES
 BINS = 10
 MOST = 0.8
 """Share of a squared error that is most of it."""
+BRIEF = 0.5
+"""Largest share of a flight that a stretch of time with most of the error may have to be told."""
 NAMED_FLIGHTS = 2
 """Most flights that a sentence names."""
 LEAST_ERROR_M_S2 = 1e-6
@@ -45,7 +47,7 @@ class Stretch(NamedTuple):
     share: float
     """Share of the flight in the squared error of the failure."""
     whole: bool
-    """True where the error is spread over the whole flight."""
+    """True where the error is spread over most of the flight."""
 
 
 @dataclass(frozen=True)
@@ -63,6 +65,16 @@ class Failure:
     text: str
     stretches: tuple[Stretch, ...] = ()
     """Stretches with most of it: one of each flight that is needed for it, that with the largest error first."""
+    square_m2_s4: float = 0.0
+    """Sum of the squared residual that it explains, of a range that beside the offset of its axis; 0: that of its
+    mean."""
+    of_profile: bool = False
+    """True of the dependence on the variable over all that was flown; its range is where most of the error is."""
+
+    @property
+    def size_m2_s4(self) -> float:
+        """Sum of the squared residual that it explains."""
+        return self.square_m2_s4 or self.n * self.mean_residual**2
 
     def to_dict(self) -> dict[str, object]:
         return {
@@ -104,12 +116,18 @@ class Profile:
 def profiles(residual: Floats, noise: Floats, dataset: Dataset) -> list[Profile]:
     """Profiles of every axis over every variable, sorted by the share of the squared residual that they hold."""
     found = []
-    by_axis = [CorrelatedNoise(noise[:, a], dataset) for a in range(len(AXES))]
+    correlated = LongRangeNoise(noise, dataset)
     for name in dataset.flights[0].variables:
         x = dataset.variable(name)
         if x is None or np.ptp(x) < 1e-9:
             continue
-        found += [_profile(residual[:, a], by_axis[a], x, axis, name, dataset) for a, axis in enumerate(AXES)]
+        edges = np.unique(np.quantile(x, np.linspace(0.0, 1.0, BINS + 1)))
+        index = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, len(edges) - 2)
+        error = np.maximum(correlated.errors_of_means(index, len(edges) - 1), LEAST_ERROR_M_S2)
+        found += [
+            _profile(residual[:, a], error[:, a], (axis, name), edges, index, correlated.degrees)
+            for a, axis in enumerate(AXES)
+        ]
     total = float(np.mean(residual**2))
     # Shares of the squared residual of all axes: a clear pattern in a small error comes after one in a large error.
     power = {axis: float(np.mean(residual[:, a] ** 2)) / max(total, 1e-12) for a, axis in enumerate(AXES)}
@@ -123,34 +141,68 @@ def is_telling(profile: Profile) -> bool:
 
 def failures(residual: Floats, noise: Floats, dataset: Dataset, tried: list[Profile]) -> list[Failure]:
     """Failures of the model: axes with an offset over the whole flight, then ranges, the profile with the largest share
-    first."""
+    first; before those of the first profile of an axis the dependence on its variable."""
     found = []
-    by_axis = [CorrelatedNoise(noise[:, a], dataset) for a in range(len(AXES))]
+    correlated = LongRangeNoise(noise, dataset)
+    everywhere = _standard_errors(np.ones(len(residual), dtype=bool), correlated)
     for a, axis in enumerate(AXES):
-        offset = _offset(residual[:, a], by_axis[a], axis, dataset)
+        offset = _offset(residual[:, a], everywhere[a], axis, dataset)
         if offset is not None:
             found.append(offset)
     found.sort(key=lambda failure: -abs(failure.mean_residual))
+    offsets = {failure.axis: failure.mean_residual for failure in found}
+    depend: set[str] = set()
     for profile in tried:
+        a = AXES.index(profile.axis)
+        about = offsets.get(profile.axis, 0.0)
+        runs = []
         if profile.p_value < 1e-3 / len(tried):
-            a = AXES.index(profile.axis)
-            runs = _runs(profile, residual[:, a], by_axis[a], dataset)
-            found += sorted(runs, key=lambda failure: -abs(failure.sigma))
+            runs = [
+                replace(run, square_m2_s4=run.n * (run.mean_residual - about) ** 2)
+                for run in _runs(profile, residual[:, a], correlated, dataset)
+            ]
+        if is_telling(profile) and profile.axis not in depend:
+            depend.add(profile.axis)
+            largest = max(runs, key=lambda run: run.size_m2_s4, default=_largest_bin(profile, about))
+            found.append(_dependence(profile, largest, residual[:, a], about))
+        found += sorted(runs, key=lambda failure: -abs(failure.sigma))
     return found
 
 
+def _largest_bin(profile: Profile, about: float) -> Failure:
+    """The bin of a profile that holds the most of its squared error, beside an offset `about`, m/s^2."""
+    b = int(np.argmax(profile.count * (profile.mean - about) ** 2))
+    mean, error, n = float(profile.mean[b]), float(profile.error[b]), int(profile.count[b])
+    low, high = float(profile.edges[b]), float(profile.edges[b + 1])
+    return Failure(profile.axis, profile.variable, low, high, mean, (mean - about) / error, n, "")
+
+
 def most_telling(found: list[Failure]) -> list[Failure]:
-    """Failures sorted by their squared error, the largest first."""
-    return sorted(found, key=lambda failure: -failure.n * failure.mean_residual**2)
+    """Failures sorted by the squared error that they explain, the largest first.
+
+    A range comes after all dependences where there is one of its axis: most of what it explains is explained there.
+    """
+    depend = {failure.axis for failure in found if failure.of_profile}
+    return sorted(found, key=lambda failure: (_is_range(failure) and failure.axis in depend, -failure.size_m2_s4))
 
 
 def told(found: Sequence[Failure], count: int) -> list[Failure]:
-    """The `count` failures with the largest squared errors; that with the largest mean error is always among them."""
-    first = most_telling(list(found))[:count]
+    """The `count` failures with the largest squared errors; that with the largest mean error is always among them.
+
+    Ranges of a dependence that is told are parts of it.
+    """
+    whole = {(failure.axis, failure.variable) for failure in found if failure.of_profile}
+    found = [failure for failure in found if (failure.axis, failure.variable) not in whole or not _is_range(failure)]
+    first = most_telling(found)[:count]
     if not first:
         return []
     largest = max(found, key=lambda failure: abs(failure.mean_residual))
-    return first if largest in first else [*first[: count - 1], largest]
+    return first if largest in first else most_telling([*first[: count - 1], largest])
+
+
+def _is_range(failure: Failure) -> bool:
+    """Tell whether a failure is one of a range, and neither an offset nor a dependence."""
+    return failure.square_m2_s4 > 0.0 and not failure.of_profile
 
 
 def stretches(values: Floats, inside: Mask, dataset: Dataset) -> tuple[Stretch, ...]:
@@ -168,7 +220,7 @@ def stretches(values: Floats, inside: Mask, dataset: Dataset) -> tuple[Stretch, 
     for share, i, part in sorted(own, key=lambda item: (-item[0], item[1])):
         flight = dataset.flights[i]
         begin, end = _shortest(square[part])
-        whole = end - begin + 1 >= MOST * (part.stop - part.start)
+        whole = end - begin + 1 > BRIEF * (part.stop - part.start)
         times = float(flight.time_s[begin]), float(flight.time_s[end])
         found.append(Stretch(flight.name, *times, share, whole))
         if sum(stretch.share for stretch in found) >= MOST:
@@ -201,28 +253,29 @@ def _most_in_words(found: Sequence[Stretch]) -> str:
     return f", {text.replace(' and mostly in ', ' and in ') if text.startswith('mostly') else text}"
 
 
-def _profile(values: Floats, noise: CorrelatedNoise, x: Floats, axis: str, variable: str, dataset: Dataset) -> Profile:
-    edges = np.unique(np.quantile(x, np.linspace(0.0, 1.0, BINS + 1)))
-    index = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, len(edges) - 2)
+def _profile(
+    values: Floats, error: Floats, of: tuple[str, str], edges: Floats, index: NDArray[np.intp], degrees: int
+) -> Profile:
+    """Profile of an axis over a variable; `index` is the number of the bin of each sample, and `error` the standard
+    error of each bin's mean with its degrees of freedom."""
     count = np.bincount(index, minlength=len(edges) - 1).astype(float)
     mean = np.bincount(index, values, minlength=len(count)) / np.maximum(count, 1.0)
-    error = np.maximum(noise.errors_of_means(index, len(count)), LEAST_ERROR_M_S2)
     weight = 1.0 / error**2
     centre = float((weight * mean).sum() / weight.sum())
     chi2 = float((weight * (mean - centre) ** 2).sum())
-    # The standard errors are estimated from a limited number of blocks: an F distribution, not chi squared.
-    degrees = max(len(count) - 1, 1)
-    p = float(stats.f.sf(chi2 / degrees, degrees, max(4, len(np.unique(dataset.block)) - len(count))))
+    # The standard errors are estimated, from a limited number of frequencies: an F distribution, not chi squared.
+    bins = max(len(count) - 1, 1)
+    p = float(stats.f.sf(chi2 / bins, bins, degrees))
     spread = float(count @ (mean - values.mean()) ** 2) / max(float(values @ values), 1e-12)
-    return Profile(axis, variable, edges, mean, error, count, p, spread)
+    return Profile(*of, edges, mean, error, count, p, spread)
 
 
-def _standard_error(inside: Mask, noise: CorrelatedNoise) -> float:
-    """Standard error of the mean over the samples `inside`."""
-    return max(math.sqrt(noise.variance_of_sum(inside / max(int(inside.sum()), 1))), LEAST_ERROR_M_S2)
+def _standard_errors(inside: Mask, noise: LongRangeNoise) -> Floats:
+    """Standard error of the mean of each axis over the samples `inside`, shape (axes,)."""
+    return np.maximum(np.sqrt(noise.variances_of_sum(inside / max(int(inside.sum()), 1))), LEAST_ERROR_M_S2)
 
 
-def _runs(profile: Profile, values: Floats, noise: CorrelatedNoise, dataset: Dataset) -> list[Failure]:
+def _runs(profile: Profile, values: Floats, noise: LongRangeNoise, dataset: Dataset) -> list[Failure]:
     """Failures of one profile: neighbouring bins with the same sign of the error, joined.
 
     An offset common to all bins is reported once, by `_offset`; here only the deviation from it counts.
@@ -242,7 +295,7 @@ def _runs(profile: Profile, values: Floats, noise: CorrelatedNoise, dataset: Dat
             low, high = float(profile.edges[start]), float(profile.edges[stop])
             inside = (x >= low) & (x <= high)
             mean = float(values[inside].mean())
-            sigma = (mean - level) / _standard_error(inside, noise)
+            sigma = (mean - level) / float(_standard_errors(inside, noise)[AXES.index(profile.axis)])
             where = _range_in_words(profile.variable, (low, high), (start == 0, stop == len(wrong)))
             if abs(mean - level) > MIN_RESIDUAL_M_S2:
                 most = stretches(values, inside, dataset)
@@ -254,6 +307,21 @@ def _runs(profile: Profile, values: Floats, noise: CorrelatedNoise, dataset: Dat
     return found
 
 
+def _dependence(profile: Profile, run: Failure, values: Floats, about: float) -> Failure:
+    """Dependence of a residual, shape (n,), on the variable of its profile, beside an offset `about`, m/s^2; its range
+    is that of its largest run."""
+    centre = 0.5 * (profile.edges[1:] + profile.edges[:-1])
+    unit = VARIABLE_UNITS[profile.variable]
+    ends = sorted({int(np.argmin(profile.mean)), int(np.argmax(profile.mean))})
+    reach = " and ".join(f"{profile.mean[b]:+.2f} m/s^2 at {centre[b]:.3g} {unit}" for b in ends)
+    text = (
+        f"the {profile.axis} residual goes with the {VARIABLE_NAMES[profile.variable]}: {reach} on average, "
+        f"{profile.share:.0%} of the squared error on this axis"
+    ).replace("-", "\u2212")
+    square = profile.share * float(values @ values) + len(values) * (float(values.mean()) - about) ** 2
+    return replace(run, text=text, square_m2_s4=square, of_profile=True)
+
+
 def _common_level(profile: Profile) -> float:
     """Mean over all bins where the whole profile is offset, i.e. no bin is nearly right; else 0."""
     smallest, largest = np.abs(profile.mean).min(), np.abs(profile.mean).max()
@@ -263,15 +331,17 @@ def _common_level(profile: Profile) -> float:
     return float(profile.count @ profile.mean / profile.count.sum())
 
 
-def _offset(values: Floats, noise: CorrelatedNoise, axis: str, dataset: Dataset) -> Failure | None:
+def _offset(values: Floats, error: float, axis: str, dataset: Dataset) -> Failure | None:
     mean = float(values.mean())
-    sigma = mean / _standard_error(np.ones(len(values), dtype=bool), noise)
+    sigma = mean / error
     time = dataset.variable("time")
     if time is None or abs(mean) < MIN_RESIDUAL_M_S2 or abs(sigma) < MIN_SIGMA:
         return None
     most = stretches(values, np.ones(len(values), dtype=bool), dataset)
     over = "the whole flight" if len(dataset.flights) == 1 else "all flights"
-    text = f"on average over {over} {_push(axis, mean)}{_most_in_words(most)}"
+    held = [stretch.flight for stretch in most]
+    where = f", most of it in {' and '.join(held)}" if len(held) < min(len(dataset.flights), NAMED_FLIGHTS + 1) else ""
+    text = f"on average over {over} {_push(axis, mean)}{where}"
     return Failure(axis, "time", float(time.min()), float(time.max()), mean, sigma, len(values), text, most)
 
 

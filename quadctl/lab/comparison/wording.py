@@ -4,8 +4,9 @@ from collections.abc import Callable, Mapping, Sequence
 
 from quadctl.effects import Effect
 from quadctl.frames import GRAVITY_M_S2
-from quadctl.lab.comparison.agreement import Agreement
+from quadctl.lab.comparison.agreement import CLOSE, Agreement
 from quadctl.lab.comparison.failures import Failure
+from quadctl.lab.comparison.remainder import Remainder
 from quadctl.lab.flights.dataset import FOLDS, Dataset
 from quadctl.lab.flights.flight import VARIABLE_NAMES, VARIABLE_UNITS
 from quadctl.lab.flights.preparation import BLOCK_S
@@ -144,16 +145,17 @@ def agreement_in_words(found: Agreement) -> str:
     }[found.fitted]
     them = f"{judged}, which differs most," if found.differs_most else judged
     errors = f"{quantity(found.judged_m_s2)} on {judged} and {quantity(found.reference_m_s2)} on {reference}"
+    limit = f"{number(found.limit_m_s2)}, {percent(CLOSE)} of the error on {reference}, that count as none"
     if found.verdict == "not known" or found.ci95 is None:
         why = "one of them is too short for an interval"
         if found.ci95 is not None:
-            why = f"the difference is anything {_range_of(found.ci95)}"
+            why = f"the difference is anything {_range_of(found.ci95)}, which may be more than the {limit}"
         untold = f"Whether {model} predicts {them} as well as {reference} cannot be told from these flights"
         return f"{untold}: its error is {errors}; {why}."
     if found.verdict == "as well":
         range_ = _range_of(found.ci95)
         agreed = f"{sentence(model)} predicts {them} as well as {reference}"
-        return f"{agreed}: its error is {errors}; the difference is {range_}."
+        return f"{agreed}: its error is {errors}; the difference is {range_}, less than the {limit}."
     low, high = sorted(abs(end) for end in found.ci95)
     by = f"by {quantity(abs(found.difference_m_s2))} [{number(low)}, {number(high)}]"
     return f"{sentence(model)} predicts {them} {found.verdict} than {reference}, {by}: its error is {errors}."
@@ -163,6 +165,29 @@ def _range_of(ci95: tuple[float, float]) -> str:
     """`from -0.05 to +0.07 m/s²`"""
     low, high = (f"{end:+.2g}".replace("-", "\u2212") for end in ci95)
     return f"from {low} to {high} {UNIT} (95%)"
+
+
+def remainder_in_words(found: Remainder, where: str = "") -> str:
+    """Sentences on the error that remains: how far above the noise floor, and what explains the difference.
+
+    `where` names the flights, as in ` on the held-out A.csv`.
+    """
+    error, floor = quantity(found.error_m_s2), quantity(found.floor_m_s2)
+    if found.above_the_floor <= 0.0:
+        return f"An error of {error} remains{where}, no more than the noise floor of {floor}."
+    if found.is_near_the_floor:
+        above = f"{percent(found.above_the_floor)} above the noise floor of {floor}"
+        return f"An error of {error} remains{where}, {above}; the difference is mostly {found.axis}."
+    share, by_causes = percent(found.explained), percent(found.explained_by_causes)
+    remains = f"An error of {error} remains{where}. A regression on all logged variables explains {share} of its square"
+    remains = f"{remains}, mostly {found.axis}, and leaves {floor}, the noise floor"
+    if found.explained_by_causes > 0.5 * found.explained or not found.others:
+        return f"{remains}."
+    others = listed([VARIABLE_NAMES[name] for name in found.others])
+    return (
+        f"{remains}; without {others} it explains {by_causes}. What goes with {others} can be a missing effect, or the "
+        "error of a sensor, or the controller's answer to a disturbance: these flights do not tell."
+    )
 
 
 def failure_in_words(failure: Failure) -> str:

@@ -73,7 +73,7 @@ def _variance_of_sum(weights: Floats, noise: Floats, dataset: Dataset) -> tuple[
     """Variance of sum(weights * noise), shape (n, axes) each, and its degrees of freedom.
 
     Residuals of flights stay correlated for tens of seconds, so the variance comes from the spectrum of the noise (see
-    `_spectrum`). Where flights differ by more than that tells (F test), they are the unit; so are blocks of time where
+    `spectrum`). Where flights differ by more than that tells (F test), they are the unit; so are blocks of time where
     all evidence is in a few of them: noise has bursts, and what explains one of them is seen once only.
     """
     variance, degrees = LEAST_VARIANCE, 0.0
@@ -84,7 +84,7 @@ def _variance_of_sum(weights: Floats, noise: Floats, dataset: Dataset) -> tuple[
         for w, e in zip(weights[part].T, noise[part].T, strict=True):
             power = np.abs(rfft(w)) ** 2 / n
             twice = np.where((np.arange(len(power)) == 0) | (2 * np.arange(len(power)) == n), 1.0, 2.0)
-            variance += float(np.sum(twice * power * _spectrum(e, power, low)))
+            variance += float(np.sum(twice * power * spectrum(e, power, low)))
     by_block, by_flight = (_batch_variance(weights, noise, unit) for unit in (dataset.block, dataset.flight_index))
     units = [by_block] if by_block[1] < FEW_BLOCKS - 1.0 else []
     units += [by_flight] if len(dataset.flights) >= LEAST_FLIGHTS else []
@@ -94,7 +94,7 @@ def _variance_of_sum(weights: Floats, noise: Floats, dataset: Dataset) -> tuple[
     return variance, degrees
 
 
-def _spectrum(noise: Floats, taken: Floats, low: int) -> Floats:
+def spectrum(noise: Floats, taken: Floats, low: int) -> Floats:
     """Variance of the noise of one flight, shape (n,), at each frequency of `rfft`; white noise has its variance at
     all.
 

@@ -7,7 +7,7 @@ import numpy as np
 from quadctl.frames import GRAVITY_M_S2
 from quadctl.lab import plots
 from quadctl.lab.comparison.comparison import Comparison
-from quadctl.lab.comparison.failures import is_telling, most_telling
+from quadctl.lab.comparison.failures import is_telling, told
 from quadctl.lab.comparison.open_loop import OpenLoop, open_loop, open_loop_in_words
 from quadctl.lab.comparison.wording import (
     UNIT,
@@ -177,7 +177,7 @@ def where_it_fails(r: Results) -> Section:
     title = "Where the model fails"
     if not c.fails_where:
         return Section("fails", title, [f"{c.model.name} has no significant error in any range of a variable."])
-    shown = most_telling(c.fails_where)[:SHOWN_FAILURES]
+    shown = told(c.fails_where, SHOWN_FAILURES)
     rows = [
         [
             Cell(failure_in_words(f)),

@@ -71,7 +71,7 @@ def _diagnosis_text(d: Diagnosis, floor: float) -> list[str]:
             )
         text += unseen_in_words(d.unseen, any_missing=True)
     elif d.verdict == "none":
-        text.append("No effect lowers the held-out error significantly: the remaining error is noise.")
+        text.append("No effect lowers the held-out error enough to matter.")
     else:
         text.append(
             "No effect lowers the held-out error significantly, but a part of the error depends on the logged "

@@ -49,7 +49,7 @@ def _verdict(r: Results) -> list[str]:
     name = r.comparison.model.name
     if r.diagnosis is not None:
         if r.diagnosis.verdict == "none":
-            return [f"Nothing significant is missing from {name}: the remaining error is noise."]
+            return [f"No known effect is missing from {name}: none lowers the held-out error enough to matter."]
         if r.diagnosis.verdict == "unexplained":
             return [f"Something is missing from {name}, and no effect of the catalogue explains it."]
         return [f"Missing from {name}: {listed([plain(f) for f in r.diagnosis.missing])}."]

@@ -147,7 +147,7 @@ class Diagnosis(Result):
         """Sentences that state the verdict."""
         lines = []
         if self.verdict == "none":
-            lines.append("Nothing significant is missing: the remaining error is noise.")
+            lines.append("No known effect is missing: none lowers the held-out error enough to matter.")
         elif self.verdict == "unexplained":
             lines.append(
                 "Part of the error depends on the logged variables, but no effect of the catalogue explains it."

@@ -40,7 +40,9 @@ def profile_figure(comparison: Comparison, profile: Profile, theme: Theme, heigh
         },
     ]  # fmt: skip
     reach = 1.15 * max(float(np.quantile(np.abs(values), 0.98)), float(np.max(np.abs([low, high]))))
-    share = f"{percent(profile.share)} of the squared residual on this axis, p {p_in_words(profile.p_value)}"
+    of_all = profile.share * float(np.sum(values**2)) / max(float(np.sum(comparison.residual**2)), 1e-12)
+    shares = f"{percent(profile.share)} of the square on this axis, {percent(of_all)} of all axes"
+    share = f"{shares}, p {p_in_words(profile.p_value)}"
     return figure(
         data,
         theme,

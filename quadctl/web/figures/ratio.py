@@ -18,6 +18,8 @@ from quadctl.web.elements.theme import Theme
 TEXTBOOK = ("cheeseman", "hayden", "sanchez")
 LOWEST, HIGHEST = 0.6, 10.0
 """Range of heights that is drawn, in rotor radii."""
+EDGE = 0.02
+"""Room for the half of a dot at the highest height, as a share of the axis."""
 MARGIN = 0.15
 """Margin above the heights flown, as a share of the highest."""
 
@@ -42,7 +44,9 @@ def ratio_over_height(model: Model, dataset: Dataset, theme: Theme, height_px: i
         [*curves, own, *points],
         theme,
         height_px,
-        xaxis=axis(label_of("height_over_radius"), theme, range=[float(x[0]), float(x[-1])], zeroline=False),
+        xaxis=axis(
+            label_of("height_over_radius"), theme, range=[float(x[0]), float(x[-1] + EDGE * np.ptp(x))], zeroline=False
+        ),
         yaxis=axis("thrust ratio (1 = far from the ground)", theme, range=top),
         shapes=[_trusted(flown, x, theme), _one(theme)],
     )

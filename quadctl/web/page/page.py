@@ -157,6 +157,8 @@ class Page:
         if tab == self._choices.show:
             return
         self._choices = replace(self._choices, show=tab)
+        if self.bench.message is not None and self.bench.message.kind == "done":  # read, or not of this part
+            self.bench.dismiss()
         ui.navigate.history.push(f"/?{self._choices.query()}")
         self._tab_parts = []
         self.refresh()

@@ -16,7 +16,7 @@ from quadctl.web.figures.ratio import ratio_over_height, ratio_over_speed
 from quadctl.web.figures.steps import step_figure
 from quadctl.web.panels.glossary import explained
 from quadctl.web.panels.panel import Controls, Panel, Tab
-from quadctl.web.work.simulated import WITH, WITHOUT
+from quadctl.web.work.simulated import FAR, WITH, WITHOUT
 
 UNITY = 5e-4
 """Largest difference of a factor from 1 that three decimals hide."""
@@ -102,7 +102,7 @@ class Export(Panel):
             heading("Export")
             with tag("div", "line wrap"):
                 ui.button("Export model", icon="download", on_click=do.export_model).props("no-caps unelevated")
-                tag("code", "command grow", "quadctl fly step_response --model model.yaml")
+                tag("code", "command grow", "quadctl fly missions/step_response.yaml --model model.yaml")
 
 
 @dataclass(frozen=True)
@@ -121,7 +121,10 @@ class SimulatedFlight(Panel):
             return
         with tag("section", "card"):
             world = "that obeys this model" if self.hidden is None else f"that obeys {self.hidden.name}"
-            heading("Fly it in simulation", f"A step down to the ground, flown twice in a simulated world {world}.")
+            heading(
+                "Fly it in simulation",
+                f"A step down to the ground, {WITHOUT} and {WITH}, and one {FAR}, in a simulated world {world}.",
+            )
             fly = ui.button("Fly it in simulation", icon="flight_takeoff", on_click=lambda: do.act(do.bench.fly()))
             do.when_idle(fly.props("no-caps unelevated"), not self.refused)
             if self.steps is None:
@@ -130,7 +133,26 @@ class SimulatedFlight(Panel):
                 plot(step_figure(self.steps, self.theme, close_up=False), "step_response", "Step response")
                 close_up = step_figure(self.steps, self.theme, close_up=True)
                 plot(close_up, "step_response_error", "Step response, close up")
+            answer = answer_in_words(self.steps)
+            if answer:
+                with tag("p", "verdict"):
+                    explained(answer)
             _draw_metrics(self.steps)
+
+
+def answer_in_words(steps: StepResponses) -> str:
+    """Sentence that says whether the compensator helps, by how much, and by which measure."""
+    without, compensated = (steps.flown[name] for name in (WITHOUT, WITH))
+    if not without.m_b_absolute or compensated.m_b_absolute is None:
+        return ""
+    better = "Better" if compensated.m_b_absolute < without.m_b_absolute else "Not better"
+    change = change_in_words(1.0 - compensated.m_b_absolute / without.m_b_absolute)
+    rmse = change_in_words(1.0 - compensated.rmse_m / without.rmse_m) if without.rmse_m else "0%"
+    return (
+        f"{better} with the compensator: what the ground does to the flight (M_B, absolute) changes by {change}, from "
+        f"{without.m_b_absolute:.3f} to {compensated.m_b_absolute:.3f} m s. The whole tracking error (RMSE) changes by "
+        f"{rmse}: most of it is the step itself."
+    )
 
 
 def _draw_metrics(steps: StepResponses) -> None:

@@ -9,7 +9,7 @@ from nicegui.events import GenericEventArguments
 from quadctl.lab.arrays import Mask
 from quadctl.lab.comparison.agreement import Agreement
 from quadctl.lab.comparison.comparison import Comparison
-from quadctl.lab.comparison.failures import Failure, Profile, is_telling, told
+from quadctl.lab.comparison.failures import MOST, Failure, Profile, is_telling, told
 from quadctl.lab.comparison.wording import agreement_in_words, failure_in_words, listed
 from quadctl.lab.flights.flight import Flight
 from quadctl.web.elements.html import empty, heading, loading, plot, tag
@@ -17,7 +17,9 @@ from quadctl.web.elements.theme import Theme
 from quadctl.web.figures.error_map import error_map
 from quadctl.web.figures.profile import profile_figure
 from quadctl.web.panels.chosen_flight import ChosenFlightPanel, selected
+from quadctl.web.panels.glossary import explained
 from quadctl.web.panels.panel import Controls, Panel, Tab
+from quadctl.web.panels.view import Brush
 
 _SCROLL = "document.querySelector('#selected').scrollIntoView()"
 _SCROLL_WHEN_DRAWN = """
@@ -50,11 +52,12 @@ class Failures(Panel):
                 empty("troubleshoot", "No flight yet", "Open a flight log to see where your model fails.")
             return
         with tag("section", "card"):
-            heading(
-                "Where the model fails",
-                "Sigma says how certain a difference is, not how large. The model is taken as it is exported: the "
-                "trim of a flight, which cross-validation leaves out, counts here.",
-            )
+            heading("Where the model fails")
+            with tag("p", "muted"):
+                explained(
+                    "Sigma says how certain a difference is, not how large. The model is taken as it is exported: the "
+                    "trim of a flight, which cross-validation leaves out, counts here."
+                )
             if self.unseen_comparison is None:
                 _draw_sentences(do, comparison)
             else:
@@ -85,15 +88,23 @@ def _draw_sentences(do: Controls, comparison: Comparison) -> None:
     if not comparison.fails_where:
         tag("p", "verdict", "In no range: the residual does not exceed the noise.")
     for failure in told(comparison.fails_where, SHOWN_SENTENCES):
-        _draw_sentence(do, failure)
+        _draw_sentence(do, failure, comparison)
 
 
-def _draw_sentence(do: Controls, failure: Failure) -> None:
+def _is_most(flight: Flight, ranges: Brush) -> bool:
+    """Tell whether most samples of the flight are in these ranges."""
+    inside = selected(flight, ranges)
+    return inside is not None and float(inside.mean()) > MOST
+
+
+def _draw_sentence(do: Controls, failure: Failure, comparison: Comparison) -> None:
     """Draw one sentence, with a button that selects its range, in the flight that has most of it, and shows it."""
+    ranges = {failure.variable: (failure.low, failure.high)}
+    flight = failure.stretches[0].flight if failure.stretches else None
     with tag("div", "line top said"):
         tag("p", "grow", f"{failure_in_words(failure)} ({abs(failure.sigma):.0f} sigma).")
-        ranges = {failure.variable: (failure.low, failure.high)}
-        flight = failure.stretches[0].flight if failure.stretches else None
+        if any(_is_most(other, ranges) for other in comparison.dataset.flights if other.name == flight):
+            return  # a selection of the whole flight shows nothing
 
         def select() -> None:
             do.select(ranges, failure.axis, flight)

@@ -31,9 +31,8 @@ class Flights(Panel):
             return
         several = len(self.opened.usable) > 1
         with tag("section", "card"):
-            heading(
-                "Flights", "Held out: no fit uses the flight, and the error at the top of the page is computed on it."
-            )
+            held = "Held out: no fit uses the flight, and the error at the top of the page is computed on it."
+            heading("Flights", held if several else "")
             do.nest(WhichVehicle)
             for log in self.opened.logs:
                 held_out = log.path in self.unseen if several and log.path in self.opened.usable else None
@@ -127,7 +126,7 @@ def drop_zone(do: Controls) -> None:
             choose = ui.button("Choose files", icon="folder_open").props("no-caps unelevated")
             # In the browser itself: only there does a click open the window in which files are chosen.
             choose.on("click", js_handler=f"() => runMethod({upload.id}, 'pickFiles', [])")
-            tag("span", "muted grow", f"{labels()}.")
+            tag("span", "muted grow", f"{labels()}; or a vehicle, a model or a session (.yaml).")
 
 
 async def _take(do: Controls, upload: ui.upload, event: MultiUploadEventArguments) -> None:

@@ -77,6 +77,9 @@ class Status(Panel):
                         with tag("div", "next-command"):
                             tag("span", "muted", purpose)
                             tag("code", "", command)
+                if message.undo:
+                    undo = ui.button("Undo", icon="undo", on_click=lambda: do.act(do.bench.undo()))
+                    do.when_idle(undo.props("flat dense no-caps"))
                 ui.button(icon="close", on_click=do.bench.dismiss).props('flat dense round aria-label="Dismiss"')
 
 

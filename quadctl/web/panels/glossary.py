@@ -16,6 +16,11 @@ GLOSSARY = {
         "that was logged: sensor noise, vibration, gusts that nobody measured. A good model comes close to it; one "
         "that holds the right physics can be below it."
     ),
+    "sigma": (
+        "How many standard errors a mean is away from zero, or from the mean of the flight: it says how certain a "
+        "difference is, not how large. 2 sigma happen by chance once in twenty times. The residual drifts for minutes, "
+        "so that its samples are not independent; that is counted."
+    ),
     "M_A": (
         "How far the vehicle was from its commanded position, added up over the step: metres times seconds. "
         "0 is perfect tracking."
@@ -29,7 +34,7 @@ GLOSSARY = {
         "was, the level of the autopilot is off by a fraction of a degree. It is fitted for each flight by itself."
     ),
 }
-_FORMS = {"folds": "fold", "Trim": "trim"}
+_FORMS = {"folds": "fold", "Trim": "trim", "Sigma": "sigma"}
 _WORD = re.compile(rf"\b({'|'.join(map(re.escape, sorted([*GLOSSARY, *_FORMS], key=len, reverse=True)))})\b")
 
 

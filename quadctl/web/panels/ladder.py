@@ -32,6 +32,7 @@ class Ladder(Panel):
     session: Session
     seen: Dataset | None
     evaluation: Evaluation | None
+    floor_m_s2: float | None
     starting: bool
     idle: bool
 
@@ -61,8 +62,7 @@ class Ladder(Panel):
                     tag("p", "what", agreement_in_words(evaluation.agreement)).props('id="agreement"')
             do.nest(WhichVehicle)
             largest = max([*errors, now or 0.0, 1e-9])
-            floors = [session.floor_m_s2, None if evaluation is None else evaluation.floor_m_s2]
-            least = min((floor for floor in floors if floor is not None), default=None)
+            least = self.floor_m_s2
             bars = _Bars(largest, None if least is None else min(least / largest, 1.0), self.idle)
             with tag("ol", "steps"):
                 for step, rung in enumerate(session.rungs):
@@ -95,7 +95,7 @@ class Ladder(Panel):
             known = [name for name in names if name in used]
             if known:
                 return f"{said}, on {listed(names)}; the model was fitted to {listed(known)} before it was held out."
-            return f"{said}, on the held-out {listed(names)}."
+            return f"{said}, trim included, on the held-out {listed(names)}."
         refitted = ", the other effects refitted" if self.session.off else ""
         return f"{said}, apart from the trim of each flight{refitted}: on {held_out(self.seen)}."
 
@@ -122,7 +122,7 @@ class _Bars:
                 tag("span", "step-name", _plain(name)).props(f'title="{name}"')
                 value = tag("span", "step-value", number(error) if error is not None else "\u2013")
                 if error is None:
-                    value.props('title="not computed with these flights: a click on the step computes it"')
+                    value.props('title="not computed with these flights yet"')
                 with tag("span", "bar-room"):
                     if error is not None:
                         length = 100.0 * error / self.largest

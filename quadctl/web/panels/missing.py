@@ -1,13 +1,16 @@
 """The search for missing effects: its verdict, the candidates with their Add buttons, and the next flight."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 from nicegui import ui
 
+from quadctl.lab.comparison.remainder import Remainder
 from quadctl.lab.comparison.wording import (
     ERRORS,
     change_in_words,
+    flights_in_words,
     listed,
     looks_like,
     p_in_words,
@@ -15,9 +18,11 @@ from quadctl.lab.comparison.wording import (
     percent,
     plain,
     quantity,
+    remainder_in_words,
+    sentence,
 )
 from quadctl.lab.flights.dataset import Dataset
-from quadctl.lab.flights.flight import Flight
+from quadctl.lab.flights.flight import VARIABLE_NAMES, Flight
 from quadctl.lab.flights.prediction import AXES
 from quadctl.lab.planning.suggestion import Suggestion
 from quadctl.lab.selection.candidate import Candidate
@@ -25,18 +30,23 @@ from quadctl.lab.selection.diagnosis import Diagnosis
 from quadctl.lab.selection.rule import is_supported
 from quadctl.logs.flight_log import FlightLog
 from quadctl.model import Model
+from quadctl.vehicle import Vehicle
 from quadctl.web.elements.html import busy, empty, heading, loading, plot, tag
 from quadctl.web.elements.theme import Theme
 from quadctl.web.figures.channels import channel_timeline
 from quadctl.web.figures.sketch import sketch_svg
 from quadctl.web.figures.timeline import short_timeline
 from quadctl.web.panels.evidence import Evidence, chosen_of, draw_suggestion
+from quadctl.web.panels.glossary import explained
 from quadctl.web.panels.panel import Controls, Panel, Tab
+from quadctl.web.panels.vehicle import vehicle_in_words
 from quadctl.web.panels.zoomed import zoomed_plot
 from quadctl.web.session.findings import Diagnosed
 from quadctl.web.work.jobs import Evaluation
 from quadctl.web.work.predictions import predictions
 
+OPEN = "info"
+"""Icon of a verdict that names nothing, and has no tick either."""
 AS_LOGGED = ("z_m", "z_ref_m", "vx_m_s", "vy_m_s", "vz_m_s")
 NOT_NEEDED = "Other forms of these effects, or look-alikes: not needed together with those above."
 NO_HELP = (
@@ -93,10 +103,11 @@ class ErrorsByAxis(Panel):
         worst = max(AXES, key=errors.__getitem__)
         where = "Error" if len(self.evaluation.by_flight) == 1 else "Error in this flight"
         shown = f"{where}, all axes: {quantity(errors['total'])}; shown is {self.axis}, {quantity(errors[self.axis])}"
-        if self.axis == worst:
-            tag("p", "muted", f"{shown}, the axis with the largest error.")
-        else:
-            tag("p", "muted", f"{shown}. It is largest {worst}: {quantity(errors[worst])}.")
+        largest = f". It is largest {worst}: {quantity(errors[worst])}"
+        kind = sentence(self.evaluation.kind_by_flight)
+        with tag("p", "muted"):
+            at_worst = ", the axis with the largest error"
+            explained(f"{shown}{at_worst if self.axis == worst else largest}. {kind}.")
 
 
 @dataclass(frozen=True)
@@ -108,6 +119,10 @@ class Verdict(Panel):
     found: Diagnosed | None
     off: frozenset[str]
     unseen: frozenset[Path]
+    evaluation: Evaluation | None
+    floor_m_s2: float | None
+    unconfirmed: Vehicle | None
+    cautions: tuple[str, ...]
 
     def draw(self, do: Controls) -> None:
         if self.seen is None:
@@ -120,7 +135,9 @@ class Verdict(Panel):
             elif self.found is None:
                 self._draw_invitation(do)
             else:
-                _draw_verdict(do, self.found.diagnosis, bool(self.unseen))
+                _draw_verdict(do, self.found.diagnosis, self._with_reservation(self._in_words(self.found.diagnosis)))
+                for caution in self.cautions:
+                    tag("p", "note", caution)
 
     def _draw_invitation(self, do: Controls) -> None:
         with tag("div", "line"):
@@ -130,15 +147,75 @@ class Verdict(Panel):
                 look = ui.button("Look for what is missing", on_click=lambda: do.act(do.bench.look()))
                 look.props("no-caps unelevated")
 
+    def _in_words(self, diagnosis: Diagnosis) -> "_Said":
+        if diagnosis.verdict == "missing":
+            return _Said("lightbulb", *self._missing(diagnosis))
+        left = self._remainder()
+        more = [] if left is None else [remainder_in_words(left, self._on_held_out())]
+        small = left is not None and left.is_near_the_floor
+        if diagnosis.verdict == "unexplained":
+            more.append("The residual depends on the logged variables, but no effect of the catalogue describes how.")
+            if small:
+                return _Said("help", "A little is left that no known effect explains.", more)
+            return _Said("help", "Something is missing that no known effect explains.", more)
+        more.insert(0, "No effect of the catalogue reduces the held-out error enough to matter.")
+        measured = [plain(candidate.family) for candidate in diagnosis.measured]
+        if measured:
+            more.append(f"There, but too small to matter in these flights: {listed(measured)}.")
+        if small:
+            return _Said("check_circle", "Nothing significant is missing.", more)
+        if left is not None and self.evaluation is not None and self.evaluation.unseen is not None:
+            flights = flights_in_words(diagnosis.dataset.names)
+            return _Said(OPEN, f"No known effect is missing in {flights}; the held-out error is larger.", more)
+        return _Said(OPEN, "No known effect is missing, but not all of the error is noise.", more)
 
-def _draw_verdict(do: Controls, diagnosis: Diagnosis, some_held_out: bool) -> None:
-    icon, text, more = _in_words(diagnosis, some_held_out)
+    def _with_reservation(self, said: "_Said") -> "_Said":
+        """The verdict, as long as nobody has said which vehicle flew, on the condition that it is the assumed one."""
+        if self.unconfirmed is None:
+            return said
+        return said._replace(verdict=f"{said.verdict[:-1]}, if the vehicle is {vehicle_in_words(self.unconfirmed)}.")
+
+    def _missing(self, diagnosis: Diagnosis) -> tuple[str, list[str]]:
+        first, last = diagnosis.steps[0].rmse["total"], diagnosis.steps[-1].rmse["total"]
+        them = "it" if len(diagnosis.missing) == 1 else "them"
+        on = " of the flights for fitting" if self.unseen else ""
+        more = [f"Adding {them} reduces the held-out acceleration error{on} by {percent(1.0 - last / first)}."]
+        for candidate in chosen_of(diagnosis):
+            if candidate.measure != "total":
+                falls = f"{change_in_words(candidate.held_out_drop)} held-out {ERRORS[candidate.measure]}"
+                more.append(f"What shows {plain(candidate.family)} is another error: {falls}.")
+        if diagnosis.unexplained:
+            more.append("The residual after that still depends on the logged variables; no known effect explains it.")
+        return f"Missing: {listed([plain(family) for family in diagnosis.missing])}.", more
+
+    def _remainder(self) -> Remainder | None:
+        """The remaining error, beside the noise floor that the ladder shows."""
+        if self.evaluation is None or self.floor_m_s2 is None:
+            return None
+        return replace(self.evaluation.remainder, floor_m_s2=self.floor_m_s2)
+
+    def _on_held_out(self) -> str:
+        if self.evaluation is None or self.evaluation.unseen is None:
+            return ""
+        return f" on the held-out {listed(self.evaluation.unseen.dataset.names)}"
+
+
+class _Said(NamedTuple):
+    """A verdict in words."""
+
+    icon: str
+    verdict: str
+    more: list[str]
+
+
+def _draw_verdict(do: Controls, diagnosis: Diagnosis, said: "_Said") -> None:
     with tag("div", "line top verdict-line"):
-        ui.icon(icon).classes(f"verdict-icon {diagnosis.verdict}")
+        ui.icon(said.icon).classes(f"verdict-icon {'open' if said.icon == OPEN else diagnosis.verdict}")
         with tag("div", "grow"):
-            tag("p", "verdict", text).props(f'id="verdict" data-verdict="{diagnosis.verdict}"')
-            for sentence in more:
-                tag("p", "muted", sentence)
+            tag("p", "verdict", said.verdict).props(f'id="verdict" data-verdict="{diagnosis.verdict}"')
+            for each in said.more:
+                with tag("p", "muted"):
+                    explained(each)
         names = [step.effect for step in diagnosis.steps[1:]]
         if names:
             label = f"Add {plain(diagnosis.missing[0])}" if len(names) == 1 else f"Add all {len(names)}"
@@ -146,36 +223,6 @@ def _draw_verdict(do: Controls, diagnosis: Diagnosis, some_held_out: bool) -> No
             do.when_idle(add.props(f'no-caps unelevated aria-label="Add {listed(names)}"'))
     if diagnosis.verdict == "unexplained":
         _draw_expression(do, diagnosis)
-
-
-def _in_words(diagnosis: Diagnosis, some_held_out: bool) -> tuple[str, str, list[str]]:
-    """Icon, verdict, and further sentences."""
-    more = []
-    if diagnosis.verdict == "none":
-        more.append(
-            "No effect of the catalogue reduces the held-out error enough to matter, and no material part of what "
-            "remains depends on the logged variables."
-        )
-        measured = [plain(candidate.family) for candidate in diagnosis.measured]
-        if measured:
-            more.append(f"There, but too small to matter in these flights: {listed(measured)}.")
-        return "check_circle", "Nothing significant is missing.", more
-    if diagnosis.verdict == "unexplained":
-        more.append(
-            "No effect of the catalogue reduces the held-out error, yet the residual depends on the logged variables."
-        )
-        return "help", "Something is missing that no known effect explains.", more
-    first, last = diagnosis.steps[0].rmse["total"], diagnosis.steps[-1].rmse["total"]
-    them = "it" if len(diagnosis.missing) == 1 else "them"
-    on = " of the flights for fitting" if some_held_out else ""
-    more.append(f"Adding {them} reduces the held-out acceleration error{on} by {percent(1.0 - last / first)}.")
-    for candidate in chosen_of(diagnosis):
-        if candidate.measure != "total":
-            falls = f"{change_in_words(candidate.held_out_drop)} held-out {ERRORS[candidate.measure]}"
-            more.append(f"What shows {plain(candidate.family)} is another error: {falls}.")
-    if diagnosis.unexplained:
-        more.append("The residual after that still depends on the logged variables; no known effect explains it.")
-    return "lightbulb", f"Missing: {listed([plain(family) for family in diagnosis.missing])}.", more
 
 
 def _draw_expression(do: Controls, diagnosis: Diagnosis) -> None:
@@ -195,7 +242,7 @@ def _draw_expression(do: Controls, diagnosis: Diagnosis) -> None:
         add = ui.button(
             "Add it as an effect of your own", icon="add", on_click=lambda: do.act(do.bench.add_expression())
         )
-        do.when_idle(add.props("no-caps unelevated"))
+        do.when_idle(add.props("no-caps outline"))
         tag("span", "muted grow", "A formula without physics: valid only within the range of these flights.")
 
 
@@ -270,7 +317,10 @@ class Candidates(Panel):
         with tag("article", "card candidate primary" if primary else "card candidate").props(f'data-effect="{name}"'):
             with tag("div", "line top"):
                 if name in found.sketches:
-                    ui.html(sketch_svg(found.sketches[name], self.theme), sanitize=False).classes("sketch")
+                    with tag("figure", "sketch-figure"):
+                        sketch = found.sketches[name]
+                        ui.html(sketch_svg(sketch, self.theme), sanitize=False).classes("sketch")
+                        tag("figcaption", "muted", f"{sketch.component} over {VARIABLE_NAMES[sketch.variable]}")
                 with tag("div", "grow"):
                     tag("h3", "", plain(candidate.family).capitalize())
                     tag("div", "mono muted", name)
@@ -279,7 +329,8 @@ class Candidates(Panel):
                         tag("span", "fall", f"{change_in_words(candidate.held_out_drop)} {error}")
                         tag("span", "muted", f"p {p_in_words(candidate.p_value)}")
             tag("p", "", candidate.effect.physics)
-            tag("p", "mono muted", parameters_in_text(candidate.effect, candidate.ci95))
+            intervals = " (95% intervals)" if candidate.ci95 else ""
+            tag("p", "mono muted", f"{parameters_in_text(candidate.effect, candidate.ci95)}{intervals}")
             if alike:
                 tag("p", "note", looks_like(alike))
             if candidate in found.diagnosis.measured:

@@ -1,6 +1,6 @@
 """The effect stack: the effects of the model, their parameters with intervals, and the trim of each flight."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -57,7 +57,7 @@ class Stack(Panel):
                 alike = self.look_alikes.get(item.effect.family(), ())
                 _draw_effect(do, item, alike, on=item.effect.name not in self.off)
             if self.evaluation is not None and len(self.evaluation.by_flight) > 1:
-                _draw_errors(self.evaluation.by_flight)
+                _draw_errors(self.evaluation)
             if self.evaluation is not None and self.seen is not None:
                 _draw_nuisances(self.evaluation, self.seen)
 
@@ -85,6 +85,8 @@ def _draw_effect(do: Controls, item: StackedEffect, alike: Sequence[str], on: bo
             tag("p", "note", looks_like(alike))
         ci95 = item.fitted.ci95 if item.fitted else {}
         units = {p.name: p.unit for p in effect.parameters()}
+        if ci95:
+            tag("p", "muted what", "In brackets: 95% intervals.")
         with tag("dl", "parameters"):
             for name, value in effect.values().items():
                 tag("dt", "", name)
@@ -95,12 +97,14 @@ def _draw_effect(do: Controls, item: StackedEffect, alike: Sequence[str], on: bo
                         tag("span", "muted", words).props('title="95% confidence interval"')
 
 
-def _draw_errors(by_flight: Mapping[str, Mapping[str, float]]) -> None:
+def _draw_errors(evaluation: Evaluation) -> None:
+    with tag("p", "muted what"):
+        explained(f"Errors {evaluation.kind_by_flight}:")
     with tag("table", "small by-flight"):
         with tag("tr"):
             tag("th", "", "flight")
             tag("th", "number", "error / m/s²")
-        for flight, errors in by_flight.items():
+        for flight, errors in evaluation.by_flight.items():
             with tag("tr"):
                 tag("td", "", flight)
                 tag("td", "number", number(errors["total"]))
@@ -114,7 +118,7 @@ def _draw_nuisances(evaluation: Evaluation, seen: Dataset) -> None:
                 "effects, and are not saved with the model."
             )
         kinds = [kind.name for kind in KINDS]
-        with tag("table", "small"):
+        with tag("div", "scroll").props('tabindex="0"'), tag("table", "small"):
             with tag("tr"):
                 tag("th", "", "flight")
                 for name, _, unit in NUISANCES.values():

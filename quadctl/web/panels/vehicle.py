@@ -18,6 +18,7 @@ from quadctl.web.elements.html import heading, tag
 from quadctl.web.elements.theme import Theme
 from quadctl.web.figures.rotors import Place, rotors_svg
 from quadctl.web.panels.panel import Controls, Panel
+from quadctl.web.session.files import vehicle_in
 
 WITH_PARAMETERS = (".ulg", ".bin")
 """Suffixes of the logs that hold the parameters of their autopilot."""
@@ -45,7 +46,7 @@ class WhichVehicle(Panel):
         if vehicle is None:
             return
         with tag("div", "which-vehicle").props('role="group" aria-label="The vehicle that flew"'):
-            tag("p", "", f"Evaluated as {vehicle.name} ({vehicle.mass_kg:g} kg): is that the vehicle that flew?")
+            tag("p", "", f"Evaluated as {vehicle_in_words(vehicle)}: is that the vehicle that flew?")
             with tag("div", "line wrap"):
                 ui.button("Yes", on_click=do.bench.confirm_vehicle).props("no-caps outline dense")
                 ui.button("Choose another", on_click=do.show_vehicles).props("no-caps flat dense")
@@ -71,27 +72,43 @@ class VehicleChoice(Panel):
             if self.vehicles:
                 with tag("div", "line wrap"):
                     for path in self.vehicles:
-                        _draw_choice(do, path, "flight")
+                        _draw_choice(do, path, "flight", vehicle)
             if self.own_vehicles:
                 tag("p", "muted", f"Yours, kept in {self.own_vehicles[0].parent.resolve()}:")
                 with tag("div", "line wrap").props('id="own-vehicles"'):
                     for path in self.own_vehicles:
-                        _draw_choice(do, path, "person")
+                        _draw_choice(do, path, "person", vehicle)
             if vehicle is not None:
                 with ui.expansion("Its numbers").props("dense"):
                     _draw_numbers(do, vehicle, self.theme)
             with ui.expansion("A new vehicle").props("dense"):
                 _NewVehicle(do, [log for log in self.logs if log.suffix.lower() in WITH_PARAMETERS], self.theme)
             with ui.expansion("As a file (YAML)").props("dense"):
+                upload = ui.upload(auto_upload=True, on_upload=lambda e: do.take_files([e.file]))
+                upload.props('accept=".yaml,.yml"').classes("hidden")
+                choose = ui.button("Choose a file", icon="file_open").props("no-caps outline")
+                # In the browser itself: only there does a click open the window in which files are chosen.
+                choose.on("click", js_handler=f"() => runMethod({upload.id}, 'pickFiles', [])")
+                tag("p", "muted", "Or write it here:")
                 text = self.template if vehicle is None else _as_text(_content(vehicle))
                 box = ui.textarea("Vehicle file", value=text).props("outlined").classes("yaml")
                 use = ui.button("Use this file", on_click=lambda: do.use_vehicle(box.value))
                 do.when_idle(use.props("no-caps outline"))
 
 
-def _draw_choice(do: Controls, path: Path, icon: str) -> None:
-    button = ui.button(path.stem, icon=icon, on_click=lambda: do.act(do.bench.begin_with(path)))
-    do.when_idle(button.props("no-caps outline"))
+def _draw_choice(do: Controls, path: Path, icon: str, used: Vehicle | None) -> None:
+    """Draw a button that begins with the vehicle of a file; that in use is marked."""
+    vehicle = vehicle_in(path)
+    here = vehicle is not None and vehicle == used
+    label = path.stem if vehicle is None else f"{path.stem}, {vehicle.mass_kg:g} kg"
+    button = ui.button(label, icon="check" if here else icon, on_click=lambda: do.act(do.bench.begin_with(path)))
+    button.props(f'no-caps aria-pressed="{"true" if here else "false"}"').props("unelevated" if here else "outline")
+    do.when_idle(button)
+
+
+def vehicle_in_words(vehicle: Vehicle) -> str:
+    """Name and mass of a vehicle: `raptor (1.5 kg)`."""
+    return f"{vehicle.name} ({vehicle.mass_kg:g} kg)"
 
 
 def _draw_numbers(do: Controls, vehicle: Vehicle, theme: Theme) -> None:
@@ -210,7 +227,8 @@ class _NewVehicle:
 
 
 def _number(question: Question, value: float | None) -> ui.number:
-    return ui.number(question.label, value=value).props("outlined dense stack-label step=any")
+    number = ui.number(question.label, value=value).props("outlined dense stack-label step=any")
+    return number.props(f'hint="{question.hint}"') if question.hint else number
 
 
 def _say_what_is_wrong(questions: Mapping[str, Question], numbers: Mapping[str, ui.number]) -> bool:

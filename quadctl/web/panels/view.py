@@ -16,7 +16,7 @@ from quadctl.vehicle import Vehicle
 from quadctl.web.elements.theme import Theme
 from quadctl.web.session.findings import Diagnosed
 from quadctl.web.session.session import Rung, Session
-from quadctl.web.work.doubts import names_its_vehicle
+from quadctl.web.work.doubts import cautions_of, names_its_vehicle
 from quadctl.web.work.jobs import Evaluation, Opened
 from quadctl.web.work.state import Message, Results, Work
 
@@ -138,6 +138,15 @@ class View:
         return self.vehicle if self.session.vehicle_assumed and silent else None
 
     @property
+    def cautions(self) -> tuple[str, ...]:
+        """What the data of the flights lack, each sentence with the name of its log."""
+        found = []
+        for log in [] if self.opened is None else self.opened.logs:
+            if log.quality is not None and log.flight is not None and not (log.problem or log.doubt):
+                found += [f"{log.path.name}: {said}" for said in cautions_of(log.quality, log.flight.bandwidth_hz)]
+        return tuple(found)
+
+    @property
     def flights(self) -> tuple[Flight, ...]:
         datasets = () if self.opened is None else (self.opened.seen, self.opened.unseen)
         return tuple(flight for dataset in datasets if dataset is not None for flight in dataset.flights)
@@ -216,6 +225,12 @@ class View:
         if self.beside not in self.comparable:
             return None
         return self.other_model if self.beside == FILE else self.session.rungs[int(self.beside)].model
+
+    @property
+    def floor_m_s2(self) -> float | None:
+        """Lowest noise floor of all steps of the ladder, m/s^2; None before the first is known."""
+        floors = [self.session.floor_m_s2, None if self.evaluation is None else self.evaluation.floor_m_s2]
+        return min((floor for floor in floors if floor is not None), default=None)
 
     # --- results for the current model --------------------------------------------------------------------------------
 

@@ -3,6 +3,7 @@
 import hashlib
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from quadctl.lab.symbolic.effect_file import as_effect_file
 from quadctl.lab.symbolic.formula import Symbolic
 from quadctl.logs.formats import suffixes
 from quadctl.model import Model
+from quadctl.vehicle import Vehicle, load_vehicle
 
 MAX_UPLOAD_BYTES = 512 * 2**20
 LOG_SUFFIXES = suffixes()
@@ -46,6 +48,22 @@ def vehicle_path(folder: Path, name: object) -> Path:
     """Path of the file of one's own vehicle of this name, inside `folder`, whatever the name is."""
     safe = _UNUSUAL.sub("_", str(name or "")).strip(" .") or "vehicle"
     return folder / OWN_VEHICLES / f"{safe}.yaml"
+
+
+def vehicle_in(path: Path) -> Vehicle | None:
+    """The vehicle in a file; None where it holds none, or cannot be read."""
+    try:
+        return _vehicle(path, path.stat().st_mtime_ns)
+    except OSError:
+        return None
+
+
+@lru_cache(maxsize=100)
+def _vehicle(path: Path, changed_ns: int) -> Vehicle | None:
+    try:
+        return load_vehicle(path)
+    except QuadctlError:
+        return None
 
 
 def sha256_of(path: Path) -> str:

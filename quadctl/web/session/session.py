@@ -121,8 +121,14 @@ class Session:
 
     def judged(self, error_m_s2: float, floor_m_s2: float | None = None) -> "Session":
         """Session with the error and the noise floor of the current step, m/s²."""
+        rung = replace(self.rungs[self.current], error_m_s2=error_m_s2, floor_m_s2=floor_m_s2)
+        return replace(self, rungs=(*self.rungs[: self.current], rung, *self.rungs[self.current + 1 :]))
+
+    def with_errors(self, errors: Mapping[int, tuple[float, float]]) -> "Session":
+        """Session with the error and the noise floor, m/s², of some of its steps, by their numbers."""
         rungs = list(self.rungs)
-        rungs[self.current] = replace(rungs[self.current], error_m_s2=error_m_s2, floor_m_s2=floor_m_s2)
+        for step, (error, floor) in errors.items():
+            rungs[step] = replace(rungs[step], error_m_s2=error, floor_m_s2=floor)
         return replace(self, rungs=tuple(rungs))
 
     def searched(self, model: Model, found: Findings) -> "Session":

@@ -1,10 +1,14 @@
 """Doubts whether a log belongs to the vehicle and to the flights that are open: sentences to ask a person."""
 
+from quadctl.lab.flights.preparation import MAX_BANDWIDTH_HZ
 from quadctl.logs.flight_log import FlightLog
+from quadctl.logs.quality import QualityReport
 from quadctl.vehicle import Vehicle
 
 MASS_TOLERANCE = 0.02
 """Largest relative difference of two statements of the mass of one vehicle."""
+JUMPS = "it jumps there"
+"""End of the notes on an estimator that was reset (see `quadctl.logs`)."""
 FIRMWARES = ("PX4", "ArduPilot")
 
 
@@ -31,6 +35,22 @@ def doubt_beside(log: FlightLog, source: str | None, first: FlightLog, first_sou
     if source and first_source and source != first_source:
         return f"The thrust of this flight is from {source}, that of {first.name} from {first_source}"
     return ""
+
+
+def cautions_of(report: QualityReport, bandwidth_hz: float) -> list[str]:
+    """Sentences on what the data of a log lack that its residual, of this bandwidth, may show."""
+    found = [f"{note[:1].upper()}{note[1:]}." for note in report.notes if note.endswith(JUMPS)]
+    channels = [report.channel(name) for name in (report.thrust_source or "", "position", "velocity", "attitude")]
+    known = [channel for channel in channels if channel is not None and channel.rate_hz > 0.0]
+    if bandwidth_hz < MAX_BANDWIDTH_HZ and known:
+        slowest = min(known, key=lambda channel: channel.rate_hz)
+        longest = f", once not for {slowest.longest_gap_s:.1f} s, at {slowest.longest_gap_at_s:.0f} s"
+        gap = longest if slowest.n_gaps else ""
+        found.append(
+            f"The slowest channel, {slowest.name}, comes {slowest.rate_hz:.3g} times a second{gap}: only changes "
+            f"slower than {bandwidth_hz:.2g} Hz are compared, and what lies between its values is an error of the data."
+        )
+    return found
 
 
 def firmware(log: FlightLog) -> str:

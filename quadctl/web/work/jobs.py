@@ -11,7 +11,8 @@ from quadctl.effects import catalog_with, choose_effect, find_effect
 from quadctl.errors import QuadctlError
 from quadctl.lab.arrays import Floats
 from quadctl.lab.comparison.agreement import Agreement, Errors, agreement, flights_of_the_fit, least_alike
-from quadctl.lab.comparison.comparison import Comparison, compare
+from quadctl.lab.comparison.comparison import Comparison, compare, floor_on
+from quadctl.lab.comparison.remainder import Remainder, remainder
 from quadctl.lab.fitting.fitted_model import FittedModel, Solution, fit_model
 from quadctl.lab.flights.dataset import Dataset, HoldOut, joined
 from quadctl.lab.flights.flight import Flight
@@ -91,6 +92,8 @@ class Evaluation:
     agreement: Agreement | None
     """Agreement of the flights in these errors: of those held out of all fits with the others, else of the flight that
     differs most; None of a single flight."""
+    remainder: Remainder
+    """Explanation of `error_m_s2` by the logged variables."""
 
     @property
     def error_m_s2(self) -> float:
@@ -101,6 +104,13 @@ class Evaluation:
     def errors_m_s2(self) -> dict[str, float]:
         """The same error by axis, and in total."""
         return self.held_out if self.unseen is None else self.unseen.rmse
+
+    @property
+    def kind_by_flight(self) -> str:
+        """Kind of the errors in `by_flight`."""
+        if self.unseen is None:
+            return "cross-validated, apart from the trim of the flight"
+        return "of the model as it is exported, the trim of the flight included"
 
     @property
     def worst_axis(self) -> str:
@@ -268,7 +278,25 @@ def _evaluated(model: Model, fit: FittedModel, unseen: Dataset | None) -> Evalua
     else:
         by_flight = _by_flight(seen.residual, seen.dataset) | _by_flight(on_unseen.residual, on_unseen.dataset)
         found = _held_out_agreement(model, seen, on_unseen)
-    return Evaluation(seen, on_unseen, fit.held_out_rmse, fit.solution, by_flight, found)
+    if on_unseen is None:
+        left = remainder(fit.held_out_residual[:, :3], fit.dataset, seen.noise_floor)
+    else:
+        left = remainder(on_unseen.residual, on_unseen.dataset, on_unseen.noise_floor)
+    return Evaluation(seen, on_unseen, fit.held_out_rmse, fit.solution, by_flight, found, left)
+
+
+def errors_of(
+    models: Sequence[Model], seen: Dataset, unseen: Dataset | None, progress: Progress
+) -> list[tuple[float, float]]:
+    """Error of each model, m/s^2, as `Evaluation.error_m_s2`, and its noise floor on the same flights."""
+    found = []
+    for number, model in enumerate(models, start=1):
+        progress(f"step {number} of {len(models)} on these flights")
+        judged = (seen if unseen is None else unseen).aligned_for(model)
+        residual = judged.residual(model)
+        error = fit_model(model, seen).held_out_rmse if unseen is None else rmse(residual)
+        found.append((error["total"], floor_on(judged, residual)["total"]))
+    return found
 
 
 def _held_out_agreement(model: Model, seen: Comparison, unseen: Comparison) -> Agreement:

@@ -25,6 +25,8 @@ class Message:
     text: str
     commands: tuple[tuple[str, str], ...] = ()
     """Commands to go on with, each with its purpose."""
+    undo: bool = False
+    """True of a change of the model that can be taken back."""
 
 
 @dataclass(frozen=True, eq=False)

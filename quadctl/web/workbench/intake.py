@@ -24,6 +24,7 @@ from quadctl.web.session.files import (
     require_inside,
     too_large,
     upload_path,
+    vehicle_in,
     vehicle_path,
 )
 from quadctl.web.session.session import load_session
@@ -82,6 +83,9 @@ class Intake:
         """Begin with a session, model or vehicle, if it makes the page read nothing that was not given to it."""
         settings = read_yaml(path)
         require_inside(self.bench.folder, tuple(path.parent / file for file in own_effects(settings)))
+        if "rungs" not in settings and vehicle_in(path) is not None:
+            await self.use_vehicle(path.read_text(encoding="utf-8"))
+            return
         if "rungs" not in settings:
             await self.bench.begin_with(path)
             return

@@ -79,8 +79,14 @@ class Workbench:
             except Exception:  # a page that cannot draw itself must not stop the work, nor the other pages
                 _LOG.exception("a page could not be drawn")
 
-    def say(self, kind: Literal["error", "done"], text: str, commands: tuple[tuple[str, str], ...] = ()) -> None:
-        self.message = Message(kind, text, commands)
+    def say(
+        self,
+        kind: Literal["error", "done"],
+        text: str,
+        commands: tuple[tuple[str, str], ...] = (),
+        undo: bool = False,
+    ) -> None:
+        self.message = Message(kind, text, commands, undo)
         self._changed()
 
     def dismiss(self) -> None:
@@ -234,6 +240,10 @@ class Workbench:
         async with self._changing_model("Comparing") as progress:
             self.session = self.session.at(step)
             await self._judge(progress)
+        if self.message is None and self.session.rung is not None:
+            later = len(self.session.rungs) - 1 - step
+            kept = "" if not later else " Later steps stay until something else is added."
+            self.say("done", f"The model is now that of step {step + 1}, {self.session.rung.name}.{kept}", undo=True)
 
     async def switch(self, effect: str) -> None:
         """Switch an effect of the current model off, or on again."""
@@ -340,6 +350,19 @@ class Workbench:
             if self.results.found is None:
                 self._begin(self.look())
         self._autosave()
+        await self._judge_others(opened.seen, opened.unseen, progress)
+
+    async def _judge_others(self, seen: Dataset, unseen: Dataset | None, progress: Callable[[str], None]) -> None:
+        """Compute the errors of the other steps on these flights, where they are not known."""
+        steps = [
+            i for i, rung in enumerate(self.session.rungs) if rung.error_m_s2 is None and i != self.session.current
+        ]
+        if steps:
+            self._changed()
+            models = [self.session.rungs[i].model for i in steps]
+            errors = await self._quick.run(jobs.errors_of, models, seen, unseen, progress=progress)
+            self.session = self.session.with_errors(dict(zip(steps, errors, strict=True)))
+            self._autosave()
 
     def _judged(self, evaluation: jobs.Evaluation) -> None:
         """Keep the error of the current step; where a saved one differs from it, drop all saved results."""

@@ -39,7 +39,8 @@ class TestSentence:
     def test_as_well(self) -> None:
         assert said(0.41, (-0.03, 0.05)) == (
             "The model fitted to a.csv predicts b.csv as well as a.csv: its error is 0.410 m/s² on b.csv and "
-            "0.400 m/s² on a.csv; the difference is from \u22120.03 to +0.05 m/s² (95%)."
+            "0.400 m/s² on a.csv; the difference is from \u22120.03 to +0.05 m/s² (95%), less than the 0.100, 25% "
+            "of the error on a.csv, that count as none."
         )
 
     def test_worse_by_so_much(self) -> None:
@@ -55,7 +56,7 @@ class TestSentence:
         assert said(0.41, (-0.3, 0.32)) == (
             "Whether the model fitted to a.csv predicts b.csv as well as a.csv cannot be told from these flights: "
             "its error is 0.410 m/s² on b.csv and 0.400 m/s² on a.csv; the difference is anything from \u22120.3 to "
-            "+0.32 m/s² (95%)."
+            "+0.32 m/s² (95%), which may be more than the 0.100, 25% of the error on a.csv, that count as none."
         )
 
     def test_nor_are_flights_too_short_for_an_interval(self) -> None:

@@ -1,11 +1,16 @@
 """Failures of a model in words: in which flight, when, and the largest error among them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from quadctl.effects.ground_effect import Exponential
 from quadctl.lab.comparison.comparison import compare
-from quadctl.lab.comparison.failures import Failure, stretches, told
+from quadctl.lab.comparison.failures import Failure, failures, profiles, stretches, told
+from quadctl.lab.comparison.long_range import LongRangeNoise
+from quadctl.lab.fitting.flexible_regression import flexible_residual
 from quadctl.lab.flights.dataset import Dataset, load_dataset
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
@@ -16,6 +21,19 @@ from tests.support.flights import obedient
 def two(raptor: Vehicle) -> Dataset:
     model = Model(raptor)
     return load_dataset([obedient(model, 60.0, noise_m_s=0.01, seed=i, name=f"{i}.csv") for i in range(2)], raptor)
+
+
+def test_sigma_counts_noise_that_drifts_for_long(raptor: Vehicle) -> None:
+    """Noise with a time constant of 10 s in flights of two minutes: its means are no failures."""
+    data = load_dataset([obedient(Model(raptor), 120.0, noise_m_s=0.01)], raptor)
+    random, keep = np.random.default_rng(3), np.exp(-1.0 / (50.0 * 10.0))
+    sigmas = []
+    for _ in range(30):
+        noise = lfilter([np.sqrt(1.0 - keep**2)], [1.0, -keep], random.standard_normal((2 * len(data.measured), 3)), 0)
+        noise = noise[-len(data.measured) :]
+        error = LongRangeNoise(noise, data).errors_of_means(np.zeros(len(noise), dtype=np.intp), 1)[0]
+        sigmas += list(noise.mean(axis=0) / error)
+    assert 0.5 < np.sqrt(np.mean(np.square(sigmas))) < 2.0
 
 
 class TestStretches:
@@ -48,11 +66,31 @@ def test_a_sentence_names_the_flight_and_when_most_of_it_was(raptor: Vehicle) ->
     log = obedient(Model(raptor).plus(Exponential(a=0.4, b=5.0)), 25.0, noise_m_s=0.01, name="low.csv")
     found = compare(Model(raptor), load_dataset([log], raptor)).fails_where
     assert found
-    for failure in found:
+    at_a_height = [failure for failure in found if failure.text.startswith("at a rotor height below")]
+    assert at_a_height
+    for failure in at_a_height:
         (stretch,) = failure.stretches
         assert 4.0 < stretch.begin_s < stretch.end_s < 21.0
         assert failure.text.endswith(f", mostly in low.csv between {stretch.begin_s:.0f} and {stretch.end_s:.0f} s")
         assert failure.to_dict()["most_in"] == [{"flight": "low.csv", "from_s": stretch.begin_s, "to_s": stretch.end_s}]
+
+
+def test_the_variable_that_the_error_goes_with_comes_first(raptor: Vehicle) -> None:
+    """Three quarters of the error follow the climb rate; what is left of it is an offset."""
+    data = load_dataset([obedient(Model(raptor), 60.0, noise_m_s=0.01, name="a.csv")], raptor)
+    rate = data.flights[0].variables["climb_rate"]
+    residual = np.random.default_rng(1).normal(0.0, 0.05, data.measured.shape)
+    residual[:, 2] += 0.5 * (rate - rate.mean()) / rate.std() + 0.2
+    noise = residual - flexible_residual(residual, data, data.causes)
+    found = told(failures(residual, noise, data, profiles(residual, noise, data)), 6)
+    sizes = [failure.size_m2_s4 for failure in found]
+    assert sizes[:2] == sorted(sizes[:2], reverse=True)
+    assert found[0].text.startswith("the up residual goes with the climb rate: \u2212")
+    assert "of the squared error on this axis" in found[0].text
+    inside = (rate >= found[0].low) & (rate <= found[0].high)
+    assert 0.0 < inside.mean() < 0.6
+    (offset,) = (failure for failure in found if "on average over" in failure.text)
+    assert offset.text == "on average over the whole flight the vehicle gets 2.0% more thrust than the model says"
 
 
 def test_the_largest_error_is_told_even_where_others_hold_more_of_the_squared_error() -> None:
@@ -63,3 +101,13 @@ def test_the_largest_error_is_told_even_where_others_hold_more_of_the_squared_er
     assert told([*wide, short], 4) == [*reversed(wide[3:]), short]
     assert told(wide, 4) == list(reversed(wide[2:]))
     assert told([], 4) == []
+
+
+def test_ranges_of_a_dependence_are_parts_of_it_but_an_offset_is_not() -> None:
+    offset = Failure("up", "time", 0.0, 9.0, 0.1, 9.0, 100, "on average")
+    late = Failure("up", "time", 5.0, 9.0, 0.5, 9.0, 40, "late", square_m2_s4=8.0)
+    whole = replace(late, text="goes with time", square_m2_s4=20.0, of_profile=True)
+    assert told([offset, whole, late], 4) == [whole, offset]
+    assert told([offset, late], 4) == [late, offset]
+    proxy = replace(late, variable="battery", text="as late", square_m2_s4=30.0)
+    assert told([offset, whole, late, proxy], 4) == [whole, offset, proxy]

@@ -49,7 +49,7 @@ def test_what_explains_as_much_is_one_group(nothing: Diagnosis) -> None:
 
 
 def test_a_sentence_about_nothing_missing_names_no_effect(nothing: Diagnosis) -> None:
-    assert nothing.lines()[0] == "Nothing significant is missing: the remaining error is noise."
+    assert nothing.lines()[0] == "No known effect is missing: none lowers the held-out error enough to matter."
     assert not any(line.startswith(("Measured", "There")) for line in nothing.lines())
 
 

@@ -1,0 +1,59 @@
+"""Remaining error of a model: how far it is above the noise floor, and which logged variables explain that part."""
+
+from dataclasses import dataclass
+
+from quadctl.lab.arrays import Floats
+from quadctl.lab.comparison.agreement import CLOSE
+from quadctl.lab.fitting.flexible_regression import flexible_residual, noise_floor
+from quadctl.lab.flights.dataset import Dataset
+from quadctl.lab.flights.prediction import AXES, rmse
+
+
+@dataclass(frozen=True)
+class Remainder:
+    """Errors (RMSE) of all axes, m/s^2."""
+
+    error_m_s2: float
+    by_causes_m_s2: float
+    """What a regression on the variables that can be a cause leaves (see `Dataset.causes`)."""
+    floor_m_s2: float
+    """Noise floor: what a regression on all logged variables leaves."""
+    others: tuple[str, ...]
+    """Logged variables that only the second regression sees: they pass by themselves or follow disturbances."""
+    axis: str
+    """Axis on which the second regression explains the most."""
+
+    @property
+    def is_near_the_floor(self) -> bool:
+        """Tell whether the error is the noise floor, as nearly as two errors are called the same."""
+        return self.error_m_s2 <= (1.0 + CLOSE) * self.floor_m_s2
+
+    @property
+    def above_the_floor(self) -> float:
+        """Error above the noise floor, as a share of that; negative below it."""
+        return self.error_m_s2 / self.floor_m_s2 - 1.0
+
+    @property
+    def explained(self) -> float:
+        """Share of the squared error that a regression on all logged variables explains."""
+        return self._share(self.floor_m_s2)
+
+    @property
+    def explained_by_causes(self) -> float:
+        """Share of the squared error that a regression on the variables that can be a cause explains."""
+        return self._share(self.by_causes_m_s2)
+
+    def _share(self, left_m_s2: float) -> float:
+        return max(0.0, 1.0 - (left_m_s2 / self.error_m_s2) ** 2)
+
+
+def remainder(residual: Floats, dataset: Dataset, floor: dict[str, float]) -> Remainder:
+    """Remainder of a held-out residual acceleration, m/s^2, shape (n, 3).
+
+    `floor` is the noise floor per axis and total, m/s^2.
+    """
+    error, causes = rmse(residual), dataset.causes
+    by_causes = rmse(noise_floor(residual, flexible_residual(residual, dataset, causes))) if causes else error
+    others = tuple(name for name in dataset.flights[0].variables if name not in causes)
+    axis = max(AXES, key=lambda axis: error[axis] ** 2 - floor[axis] ** 2)
+    return Remainder(error["total"], by_causes["total"], floor["total"], others, axis)
