@@ -161,7 +161,8 @@ def failures(residual: Floats, noise: Floats, dataset: Dataset, tried: list[Prof
                 replace(run, square_m2_s4=run.n * (run.mean_residual - about) ** 2)
                 for run in _runs(profile, residual[:, a], correlated, dataset)
             ]
-        if is_telling(profile) and profile.axis not in depend:
+        surely = profile.p_value * len(tried) < TELLING_P_VALUE  # one of many profiles is below it by chance
+        if surely and is_telling(profile) and profile.axis not in depend:
             depend.add(profile.axis)
             largest = max(runs, key=lambda run: run.size_m2_s4, default=_largest_bin(profile, about))
             found.append(_dependence(profile, largest, residual[:, a], about))
