@@ -146,7 +146,8 @@ def _curves(model: Model, dataset: Dataset, index: int, drawn: Sequence[Model]) 
 
 @dataclass(frozen=True, eq=False)
 class Sketch:
-    """Coarse curve of a model's last effect: residual without it, and its contribution, m/s^2."""
+    """Coarse curve of a model's last effect: residual without it, apart from a constant of each flight, and its
+    contribution, m/s^2."""
 
     variable: str
     component: str
@@ -155,7 +156,11 @@ class Sketch:
 
 
 def sketch(model: Model, dataset: Dataset) -> Sketch | None:
-    """Sketch the last effect of `model` over its first variable, along its largest axis; None where it has no force."""
+    """Sketch the last effect of `model` over its first variable, along its largest axis; None where it has no force.
+
+    The effect was fitted together with the trim of each flight, which is a constant: so the residual is drawn with the
+    mean of the effect in each flight.
+    """
     index = len(model.stack) - 1
     without = _predicted(_without(model, index), dataset)
     heading = _heading(dataset)
@@ -167,6 +172,8 @@ def sketch(model: Model, dataset: Dataset) -> Sketch | None:
     variable = names[0] if names else "time"
     a = int(np.argmax(np.mean(push**2, axis=0)))
     x = _variable(dataset, variable)
+    for part in dataset.parts:
+        residual[part] += (push[part] - residual[part]).mean(axis=0)
     before, effect = (binned(x, values[:, a], None, dataset) for values in (residual, push))
     return Sketch(variable, BODY_AXES[a], before, effect)
 

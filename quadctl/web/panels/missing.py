@@ -320,7 +320,11 @@ class Candidates(Panel):
                     with tag("figure", "sketch-figure"):
                         sketch = found.sketches[name]
                         ui.html(sketch_svg(sketch, self.theme), sanitize=False).classes("sketch")
-                        tag("figcaption", "muted", f"{sketch.component} over {VARIABLE_NAMES[sketch.variable]}")
+                        tag(
+                            "figcaption",
+                            "muted",
+                            f"{sketch.component} over {VARIABLE_NAMES[sketch.variable]}, without trims",
+                        )
                 with tag("div", "grow"):
                     tag("h3", "", plain(candidate.family).capitalize())
                     tag("div", "mono muted", name)
