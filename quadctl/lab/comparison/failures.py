@@ -35,6 +35,9 @@ MIN_RESIDUAL_M_S2 = 0.02
 """Least mean residual that is reported, m/s^2."""
 TELLING_SHARE, TELLING_P_VALUE = 0.05, 0.01
 """Least share of the squared residual in the bins' means, and largest p-value, of a profile that is shown."""
+FALSE_SHARE = 0.05
+"""Largest share of the dependences that are told which may be there by chance (Benjamini & Hochberg 1995, J. R. Stat.
+Soc. B 57)."""
 
 
 class Stretch(NamedTuple):
@@ -152,7 +155,9 @@ def failures(residual: Floats, noise: Floats, dataset: Dataset, tried: list[Prof
     found.sort(key=lambda failure: -abs(failure.mean_residual))
     offsets = {failure.axis: failure.mean_residual for failure in found}
     depend: set[str] = set()
-    for profile in tried:
+    # Of many profiles some are below any p-value by chance; several variables that go together are no chance.
+    chances = stats.false_discovery_control([profile.p_value for profile in tried]) if tried else ()
+    for profile, chance in zip(tried, chances, strict=True):
         a = AXES.index(profile.axis)
         about = offsets.get(profile.axis, 0.0)
         runs = []
@@ -161,8 +166,7 @@ def failures(residual: Floats, noise: Floats, dataset: Dataset, tried: list[Prof
                 replace(run, square_m2_s4=run.n * (run.mean_residual - about) ** 2)
                 for run in _runs(profile, residual[:, a], correlated, dataset)
             ]
-        surely = profile.p_value * len(tried) < TELLING_P_VALUE  # one of many profiles is below it by chance
-        if surely and is_telling(profile) and profile.axis not in depend:
+        if chance < FALSE_SHARE and is_telling(profile) and profile.axis not in depend:
             depend.add(profile.axis)
             largest = max(runs, key=lambda run: run.size_m2_s4, default=_largest_bin(profile, about))
             found.append(_dependence(profile, largest, residual[:, a], about))

@@ -36,6 +36,18 @@ def test_sigma_counts_noise_that_drifts_for_long(raptor: Vehicle) -> None:
     assert 0.5 < np.sqrt(np.mean(np.square(sigmas))) < 2.0
 
 
+def test_noise_that_drifts_goes_with_no_variable(raptor: Vehicle) -> None:
+    """Of twenty flights without an error in the model, noise of 3 s, hardly any has such a sentence."""
+    data = load_dataset([obedient(Model(raptor), 60.0, noise_m_s=0.01)], raptor)
+    random, keep = np.random.default_rng(5), np.exp(-1.0 / (7.5 * 3.0))
+    told_of = 0
+    for _ in range(20):
+        noise = lfilter([1.0], [1.0, -keep], random.standard_normal((len(data.measured) + 200, 3)), 0)[200:]
+        found = failures(noise, noise, data, profiles(noise, noise, data))
+        told_of += any(failure.of_profile for failure in found)
+    assert told_of <= 3
+
+
 class TestStretches:
     def test_an_error_in_one_part_of_one_flight_is_found_there(self, two: Dataset) -> None:
         first, second = two.parts
