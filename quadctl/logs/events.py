@@ -1,5 +1,6 @@
 """Events of an autopilot's log: changes of its flight mode, its messages, and changes of its parameters."""
 
+import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -12,11 +13,13 @@ PX4_MODES = {
 """Names of `nav_state` in PX4's vehicle_status."""
 EARLY_S = 1.0
 """Time before the first row of a log from which events are kept: they hold at its begin."""
+RESET = "estimator reset its "
+"""Begin of the events at which an estimator corrected itself by a jump; what was reset follows."""
 _COLOURS = re.compile(r"\x1b\[[0-9;]*m")
 
 
 class Event(NamedTuple):
-    """One event, on the autopilot's clock."""
+    """One event; its time is on the autopilot's clock, of those in `meta` from the log's first row."""
 
     time_s: float
     what: str
@@ -45,6 +48,32 @@ def parameter_changes(
             found.append(Event(float(time), f"{name} = {value:g} (was {last[name]:g})"))
         last[name] = value
     return found
+
+
+def estimator_resets(time_s: Sequence[float], counter: Sequence[float], what: str) -> list[Event]:
+    """Each change of an estimator's `counter` of the resets of one quantity, `what`."""
+    changed = [i for i in range(1, len(counter)) if counter[i] != counter[i - 1]]
+    return [Event(float(time_s[i]), f"{RESET}{what}") for i in changed]
+
+
+def events_of(meta: Mapping[str, Any]) -> list[Event]:
+    """The events in a log's `meta`, in the order of time; entries that a reader cannot place are left out."""
+    found = []
+    entries = meta.get("events")
+    for entry in entries if isinstance(entries, list) else []:
+        time_s = entry.get("time_s") if isinstance(entry, dict) else None
+        if isinstance(time_s, int | float) and math.isfinite(time_s):
+            found.append(Event(float(time_s), str(entry.get("what", "event"))))
+    return sorted(found, key=lambda event: event.time_s)
+
+
+def reset_notes(meta: Mapping[str, Any]) -> list[str]:
+    """Remarks on the resets among the events of a log's `meta`, one for each quantity, with their times."""
+    times: dict[str, list[str]] = {}
+    for event in events_of(meta):
+        if event.what.startswith(RESET):
+            times.setdefault(event.what.removeprefix(RESET), []).append(f"{event.time_s:.1f} s")
+    return [f"the {RESET}{what} at {', '.join(when)}: it jumps there" for what, when in times.items()]
 
 
 def said(time_s: Iterable[float], texts: Iterable[str]) -> list[Event]:

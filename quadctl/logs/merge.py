@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from quadctl.errors import LogError
 from quadctl.logs.cleaning import increasing
 from quadctl.logs.columns import STATE_COLUMNS
-from quadctl.logs.events import Event, events_in_meta
+from quadctl.logs.events import Event, events_in_meta, reset_notes
 from quadctl.logs.flight_log import ATTITUDE, POSITION, VELOCITY, FlightLog, Floats
 
 ROW_TOLERANCE_S = 0.002
@@ -91,7 +91,7 @@ def merge(channels: Iterable[Channel], origin: Origin) -> FlightLog:
         "events": events_in_meta(origin.events, float(clock[0]), float(clock[-1])),
         "sources": {c.source: {"rate_hz": round(c.rate_hz, 2), "columns": list(c.columns)} for c in kept},
     }
-    return FlightLog(origin.path.name, origin.path, columns, None, meta, notes)
+    return FlightLog(origin.path.name, origin.path, columns, None, meta, [*notes, *reset_notes(meta)])
 
 
 def _reasoned(missing: list[str], origin: Origin) -> str:

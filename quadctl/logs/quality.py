@@ -17,6 +17,7 @@ from rich.text import Text
 
 from quadctl.logs.columns import MOTOR_QUANTITIES, REFERENCE_COLUMNS
 from quadctl.logs.contradictions import contradictions
+from quadctl.logs.events import reset_notes
 from quadctl.logs.flight_log import ATTITUDE, POSITION, RATES, VELOCITY, FlightLog
 from quadctl.logs.own_correction import correction_notes
 
@@ -114,6 +115,8 @@ class QualityReport:
     obstacles: tuple[str, ...]
     """Why it cannot be analysed; none when it can."""
     notes: tuple[str, ...] = field(default=())
+    resets: tuple[str, ...] = field(default=())
+    """Those of the notes that say where the autopilot's estimator made the state jump."""
 
     @property
     def can_be_analysed(self) -> bool:
@@ -193,6 +196,7 @@ def quality(log: FlightLog) -> QualityReport:
             *correction_notes(log),
             *_frozen_note(log, frozen),
         ),
+        resets=tuple(reset_notes(log.meta)),
     )
 
 

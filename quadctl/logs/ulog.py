@@ -16,7 +16,7 @@ import numpy as np
 from quadctl.errors import LogError
 from quadctl.frames import euler_from_quaternion
 from quadctl.logs.columns import LATERAL_THROTTLE, motor_columns
-from quadctl.logs.events import PX4_MODES, Event, mode_changes, parameter_changes, said
+from quadctl.logs.events import PX4_MODES, Event, estimator_resets, mode_changes, parameter_changes, said
 from quadctl.logs.flight_log import ATTITUDE, RATES, FlightLog, Floats
 from quadctl.logs.merge import Channel, Origin, finite, intervals, merge
 from quadctl.thrust_chain.chain import Ambient, bent
@@ -75,6 +75,8 @@ FLAGS = {
     "v_z_valid": ("vz_m_s",),
 }
 """Columns that PX4's estimator calls valid by each of its flags."""
+RESET_COUNTERS = {"xy_reset_counter": "horizontal position", "z_reset_counter": "height"}
+"""What PX4's estimator reset where one of its counters changes."""
 IMU = ("imu_x_m_s2", "imu_y_m_s2", "imu_z_m_s2")
 ATTITUDE_COMMAND = ("roll_cmd_deg", "pitch_cmd_deg", "yaw_cmd_deg")
 
@@ -169,11 +171,18 @@ def log_of_topics(
     armed = topics.get("actuator_armed")
     periods = [] if armed is None else intervals(_seconds(armed, "timestamp"), _values(armed, "armed") > 0)
     channels = list(_channels(topics, notes))
-    invalid = _invalid(topics.get("vehicle_local_position", {}), notes)
+    position = topics.get("vehicle_local_position", {})
+    invalid = _invalid(position, notes)
+    resets = [
+        event
+        for counter, what in RESET_COUNTERS.items()
+        if counter in position
+        for event in estimator_resets(_sampled(position).tolist(), position[counter].tolist(), what)
+    ]
     status = topics.get("vehicle_status")
     if status is not None and "nav_state" in status:
         events = [*events, *mode_changes(_seconds(status, "timestamp"), status["nav_state"].tolist(), PX4_MODES)]
-    return merge(channels, Origin(path, NEEDED, meta, notes, periods, invalid, list(events)))
+    return merge(channels, Origin(path, NEEDED, meta, notes, periods, invalid, [*events, *resets]))
 
 
 def _said(log: Any) -> list[Event]:
@@ -211,7 +220,7 @@ def _version(release: object) -> str:
 
 def _channels(topics: dict[str, _Topic], notes: list[str]) -> Iterator[Channel]:
     if (topic := topics.get("vehicle_local_position")) is not None:
-        yield _local_position(topic, notes)
+        yield _local_position(topic)
     if (topic := topics.get("vehicle_attitude")) is not None:
         yield Channel("vehicle_attitude", _sampled(topic), _euler(topic, "q", ATTITUDE))
     yield from _rates_and_imu(topics)
@@ -222,7 +231,7 @@ def _channels(topics: dict[str, _Topic], notes: list[str]) -> Iterator[Channel]:
     yield from _commands(topics)
 
 
-def _local_position(topic: _Topic, notes: list[str]) -> Channel:
+def _local_position(topic: _Topic) -> Channel:
     columns = {
         "x_m": _valid(topic, "x", "xy_valid"),
         "y_m": _valid(topic, "y", "xy_valid"),
@@ -237,10 +246,6 @@ def _local_position(topic: _Topic, notes: list[str]) -> Channel:
             "ay_m_s2": _values(topic, "ay"),
             "az_m_s2": -_values(topic, "az"),
         }
-    for counter, what in (("xy_reset_counter", "horizontal position"), ("z_reset_counter", "height")):
-        resets = int(np.count_nonzero(np.diff(topic[counter]))) if counter in topic else 0
-        if resets:
-            notes.append(f"PX4's estimator reset its {what} {resets} times: it jumps there")
     return Channel("vehicle_local_position", _sampled(topic), columns)
 
 

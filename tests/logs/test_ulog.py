@@ -8,6 +8,7 @@ from pyulog import ULog
 
 from quadctl.logs import ulog
 from quadctl.logs.flight_log import ATTITUDE, RATES, FlightLog
+from quadctl.logs.quality import quality
 from quadctl.logs.read import read_log
 from tests.support.log_files import (
     PX4,
@@ -34,7 +35,16 @@ class TestULog:
         assert [last[name] for name in RATES] == pytest.approx([0.1, 0.2, 0.3], rel=1e-6)
         assert last["imu_z_m_s2"] == pytest.approx(-G)
         assert last["battery_v"] == 16.0
-        assert "PX4's estimator reset its height 1 times: it jumps there" in log.notes
+
+    def test_resets_of_the_estimator_are_events_and_one_note(self, tmp_path: Path) -> None:
+        path = tmp_path / "a.ulg"
+        path.write_bytes(small_ulog())  # its counter changes at the sample of 1 + 60 * 0.02 - 0.008 s
+        log = read_log(path)
+        reset_s = 1.0 + 1.2 - 0.008 - log.meta["time_zero_s"]
+        assert {"time_s": pytest.approx(reset_s, abs=1e-3), "what": "estimator reset its height"} in log.meta["events"]
+        (note,) = quality(log).resets
+        assert note == f"the estimator reset its height at {reset_s:.1f} s: it jumps there"
+        assert note in log.notes
 
     def test_positions_stand_at_the_time_of_their_sample_and_only_where_valid(self, tmp_path: Path) -> None:
         path = tmp_path / "a.ulg"

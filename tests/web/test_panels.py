@@ -567,10 +567,12 @@ class TestOpenTab:
         assert view.opened is not None
         first = view.opened.logs[0]
         assert first.quality is not None
-        note = "PX4's estimator reset its height 1 times: it jumps there"
-        quality_of_it = replace(first.quality, notes=(note,))
+        note = "the estimator reset its height at 3.2 s: it jumps there"
+        quality_of_it = replace(first.quality, resets=(note,))
         logs = [replace(first, quality=quality_of_it, flight=view.flights[0]), view.opened.logs[1]]
-        assert f"0.csv: {note}." in str(tabs("missing", replace(view, opened=replace(view.opened, logs=logs))).shown)
+        assert f"0.csv: T{note[1:]}." in str(
+            tabs("missing", replace(view, opened=replace(view.opened, logs=logs))).shown
+        )
 
     def test_a_message_that_was_read_is_gone_in_the_next_part(
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab], monkeypatch: pytest.MonkeyPatch

@@ -460,9 +460,9 @@ class TestCautions:
     """What the data lack is said where the residual is judged."""
 
     def test_an_estimator_that_was_reset(self) -> None:
-        note = "PX4's estimator reset its height 1 times: it jumps there"
-        report = _report(notes=(note, "thrust is taken from the motor output"))
-        assert cautions_of(report, MAX_BANDWIDTH_HZ) == [f"{note}."]
+        note = "the estimator reset its height at 3.2 s: it jumps there"
+        report = _report(notes=(note, "thrust is taken from the motor output"), resets=(note,))
+        assert cautions_of(report, MAX_BANDWIDTH_HZ) == [f"T{note[1:]}."]
 
     def test_a_channel_that_limits_the_bandwidth(self) -> None:
         report = _report(rates_hz={"rpm": 2.86, "position": 9.24})
@@ -472,11 +472,13 @@ class TestCautions:
         assert cautions_of(report, MAX_BANDWIDTH_HZ) == []
 
 
-def _report(rates_hz: dict[str, float] | None = None, notes: tuple[str, ...] = ()) -> QualityReport:
+def _report(
+    rates_hz: dict[str, float] | None = None, notes: tuple[str, ...] = (), resets: tuple[str, ...] = ()
+) -> QualityReport:
     report = quality(FlightLog("a.csv", None, {"time_s": np.arange(0.0, 5.0, 0.02)}))
     first = ChannelQuality("", (), "", 100, 1.0, 0.1, 2.17, 0.0, 1, 0.0, 0.0)
     channels = tuple(replace(first, name=name, rate_hz=rate) for name, rate in (rates_hz or {}).items())
-    return replace(report, channels=channels, thrust_source="rpm", notes=notes)
+    return replace(report, channels=channels, thrust_source="rpm", notes=notes, resets=resets)
 
 
 class TestDoubts:

@@ -9,6 +9,7 @@ from scipy.signal import welch
 from quadctl.lab.arrays import Floats
 from quadctl.lab.flights.flight import Flight
 from quadctl.logs.columns import column_order, motor_of
+from quadctl.logs.events import Event, events_of
 from quadctl.logs.flight_log import FlightLog
 from quadctl.web.elements.figure import Figure, axis, figure
 from quadctl.web.elements.theme import Theme
@@ -97,33 +98,21 @@ def channel_timeline(logs: Sequence[FlightLog], columns: Sequence[str], theme: T
 
 def marks_of(log: FlightLog) -> list[tuple[str, float]]:
     """Events of a log as texts that fit on the axis of time; those too close to be read share a mark."""
-    found = events_of(log)
     near_s = NEAR * float(log.time_s[-1] - log.time_s[0]) if len(log) else 0.0
-    groups: list[list[tuple[str, float]]] = []
-    for text, time_s in found:
-        if groups and time_s - groups[-1][0][1] < near_s:
-            groups[-1].append((text, time_s))
+    groups: list[list[Event]] = []
+    for event in events_of(log.meta):
+        if groups and event.time_s - groups[-1][0].time_s < near_s:
+            groups[-1].append(event)
         else:
-            groups.append([(text, time_s)])
+            groups.append([event])
     marks = []
     for group in groups:
-        modes = [text for text, _ in group if text.startswith("mode ")]
-        text = modes[-1] if modes else group[0][0]
+        modes = [event.what for event in group if event.what.startswith("mode ")]
+        text = modes[-1] if modes else group[0].what
         more = f" (+{len(group) - 1})" if len(group) > 1 else ""
         room = MARK_LENGTH - len(more)
-        marks.append(((text if len(text) <= room else f"{text[: room - 1]}\u2026") + more, group[0][1]))
+        marks.append(((text if len(text) <= room else f"{text[: room - 1]}\u2026") + more, group[0].time_s))
     return marks
-
-
-def events_of(log: FlightLog) -> list[tuple[str, float]]:
-    """Texts and times, s, of the events in the meta of a log: modes, messages, parameters, acts of a guard."""
-    found = []
-    events = log.meta.get("events")
-    for event in events if isinstance(events, list) else []:
-        time_s = event.get("time_s") if isinstance(event, dict) else None
-        if isinstance(time_s, int | float) and np.isfinite(time_s):
-            found.append((str(event.get("what", "event")), float(time_s)))
-    return sorted(found, key=lambda event: event[1])
 
 
 def statistics(log: FlightLog, column: str) -> Statistics:

@@ -11,6 +11,7 @@ from quadctl.lab.comparison.wording import listed
 from quadctl.lab.flights.flight import Flight
 from quadctl.lab.flights.prediction import AXES
 from quadctl.logs.columns import motor_columns
+from quadctl.logs.events import events_of
 from quadctl.logs.flight_log import FlightLog
 from quadctl.web.elements.html import empty, heading, plot, tag
 from quadctl.web.elements.theme import Theme
@@ -18,7 +19,6 @@ from quadctl.web.figures.channels import (
     Statistics,
     channel_timeline,
     channels_of,
-    events_of,
     in_words,
     spectrum_figure,
     statistics_of,
@@ -150,7 +150,7 @@ class AnyChannel(Panel):
 
 def _draw_events(log: FlightLog) -> None:
     """Draw a folded list of the events of a flight: on the axis of time there is no room for whole texts."""
-    found = events_of(log)
+    found = events_of(log.meta)
     if not found:
         return
     with (
@@ -161,10 +161,10 @@ def _draw_events(log: FlightLog) -> None:
         with tag("tr"):
             tag("th", "number", "time / s")
             tag("th", "", "event")
-        for text, time_s in found:
+        for event in found:
             with tag("tr"):
-                tag("td", "number", f"{time_s:.2f}")
-                tag("td", "", text)
+                tag("td", "number", f"{event.time_s:.2f}")
+                tag("td", "", event.what)
 
 
 def _draw_statistics(found: Mapping[tuple[str, str], Statistics]) -> None:

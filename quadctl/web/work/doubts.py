@@ -1,5 +1,6 @@
 """Doubts whether a log belongs to the vehicle and to the flights that are open: sentences to ask a person."""
 
+from quadctl.lab.comparison.wording import sentence
 from quadctl.lab.flights.preparation import MAX_BANDWIDTH_HZ
 from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.quality import QualityReport
@@ -7,8 +8,6 @@ from quadctl.vehicle import Vehicle
 
 MASS_TOLERANCE = 0.02
 """Largest relative difference of two statements of the mass of one vehicle."""
-JUMPS = "it jumps there"
-"""End of the notes on an estimator that was reset (see `quadctl.logs`)."""
 FIRMWARES = ("PX4", "ArduPilot")
 
 
@@ -39,7 +38,7 @@ def doubt_beside(log: FlightLog, source: str | None, first: FlightLog, first_sou
 
 def cautions_of(report: QualityReport, bandwidth_hz: float) -> list[str]:
     """Sentences on what the data of a log lack that its residual, of this bandwidth, may show."""
-    found = [f"{note[:1].upper()}{note[1:]}." for note in report.notes if note.endswith(JUMPS)]
+    found = [f"{sentence(note)}." for note in report.resets]
     channels = [report.channel(name) for name in (report.thrust_source or "", "position", "velocity", "attitude")]
     known = [channel for channel in channels if channel is not None and channel.rate_hz > 0.0]
     if bandwidth_hz < MAX_BANDWIDTH_HZ and known:
