@@ -151,7 +151,7 @@ def answer_in_words(steps: StepResponses) -> str:
     return (
         f"{better} with the compensator: what the ground does to the flight (M_B, absolute) changes by {change}, from "
         f"{without.m_b_absolute:.3f} to {compensated.m_b_absolute:.3f} m s. The whole tracking error (RMSE) changes by "
-        f"{rmse}: most of it is the step itself."
+        f"{rmse}."
     )
 
 
