@@ -275,12 +275,10 @@ def _evaluated(model: Model, fit: FittedModel, unseen: Dataset | None) -> Evalua
         by_flight = _by_flight(fit.held_out_residual, fit.dataset)
         errors = Errors.of(fit.held_out_residual[:, :3], fit.dataset)
         found = least_alike(errors, "others" if model.stack and fit.dataset.whole_flights else "")
+        left = remainder(fit.held_out_residual[:, :3], fit.dataset, seen.noise_floor)
     else:
         by_flight = _by_flight(seen.residual, seen.dataset) | _by_flight(on_unseen.residual, on_unseen.dataset)
         found = _held_out_agreement(model, seen, on_unseen)
-    if on_unseen is None:
-        left = remainder(fit.held_out_residual[:, :3], fit.dataset, seen.noise_floor)
-    else:
         left = remainder(on_unseen.residual, on_unseen.dataset, on_unseen.noise_floor)
     return Evaluation(seen, on_unseen, fit.held_out_rmse, fit.solution, by_flight, found, left)
 
