@@ -83,12 +83,15 @@ class Intake:
         """Begin with a session, model or vehicle, if it makes the page read nothing that was not given to it."""
         settings = read_yaml(path)
         require_inside(self.bench.folder, tuple(path.parent / file for file in own_effects(settings)))
-        if "rungs" not in settings and vehicle_in(path) is not None:
+        if "rungs" in settings:
+            await self._resume(path)
+        elif vehicle_in(path) is not None:
             await self.use_vehicle(path.read_text(encoding="utf-8"))
-            return
-        if "rungs" not in settings:
+        else:
             await self.bench.begin_with(path)
-            return
+
+    async def _resume(self, path: Path) -> None:
+        """Go on with a session, if it makes the page read nothing that was not given to it."""
         session = load_session(path)
         strange = [log for log in session.logs if log not in self._known and not is_inside(self.bench.folder, log)]
         uploads = self.bench.folder / UPLOADS
