@@ -126,7 +126,8 @@ def _is_position_late(flights: Sequence[Flight], delays_s: Sequence[float], lag:
 def _with_lag(flight: Flight, lag_s: float) -> Flight:
     """Copy of a flight whose rotors follow the logged signal with a first-order lag."""
     step_s = float(flight.grid_s[1] - flight.grid_s[0])
-    return replace(flight, logged_n=[lagged(thrust, step_s, lag_s) for thrust in flight.logged_n], delay_s=math.nan)
+    logged = [lagged(thrust, step_s, lag_s) for thrust in flight.logged_n]
+    return replace(flight, logged_n=logged, nominal_n=[flight.later(thrust, flight.delay_s) for thrust in logged])
 
 
 @dataclass(frozen=True)
