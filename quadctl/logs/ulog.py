@@ -76,7 +76,7 @@ FLAGS = {
 }
 """Columns that PX4's estimator calls valid by each of its flags."""
 RESET_COUNTERS = {"xy_reset_counter": "horizontal position", "z_reset_counter": "height"}
-"""What PX4's estimator reset where one of its counters changes."""
+"""Counters of PX4's estimator that change at a reset, and the part of the state that is reset."""
 IMU = ("imu_x_m_s2", "imu_y_m_s2", "imu_z_m_s2")
 ATTITUDE_COMMAND = ("roll_cmd_deg", "pitch_cmd_deg", "yaw_cmd_deg")
 

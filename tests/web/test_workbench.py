@@ -457,7 +457,7 @@ class TestErrorsOfAllSteps:
 
 
 class TestCautions:
-    """What the data lack is said where the residual is judged."""
+    """The page says what the data lack where it judges the residual."""
 
     def test_an_estimator_that_was_reset(self) -> None:
         note = "the estimator reset its height at 3.2 s: it jumps there"

@@ -15,7 +15,7 @@ class Remainder:
 
     error_m_s2: float
     by_causes_m_s2: float
-    """What a regression on the variables that can be a cause leaves (see `Dataset.causes`)."""
+    """Error that a regression on the variables that can be a cause leaves (see `Dataset.causes`)."""
     floor_m_s2: float
     """Noise floor: what a regression on all logged variables leaves."""
     others: tuple[str, ...]

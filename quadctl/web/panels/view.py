@@ -139,7 +139,7 @@ class View:
 
     @property
     def cautions(self) -> tuple[str, ...]:
-        """What the data of the flights lack, each sentence with the name of its log."""
+        """Sentences on what the data of the flights lack, each with the name of its log."""
         found = []
         for log in [] if self.opened is None else self.opened.logs:
             if log.quality is not None and log.flight is not None and not (log.problem or log.doubt):

@@ -29,8 +29,9 @@ def test_an_autopilot_of_which_nothing_comes_is_called_gone() -> None:
 
     flight = Flight().show(silent, at_stage(Stage.FLY, 1)).fly()
     assert flight.pilot.ended.endswith("; the autopilot is gone")
-    told = Console(file=io.StringIO())
+    text = io.StringIO()
+    told = Console(file=text)
     told.print(picture(flight.watch.ticks[-1], flight.pilot))
-    assert "gone: no message for " in told.file.getvalue()  # type: ignore[attr-defined]
+    assert "gone: no message for " in text.getvalue()
     events = [(event.what, event.answer) for tick in flight.watch.ticks for event in tick.events]
     assert ("the autopilot is gone: nothing comes from it", "") in events

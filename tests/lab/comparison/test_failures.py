@@ -37,7 +37,7 @@ def test_sigma_counts_noise_that_drifts_for_long(raptor: Vehicle) -> None:
 
 
 def test_noise_that_drifts_goes_with_no_variable(raptor: Vehicle) -> None:
-    """Of twenty flights without an error in the model, noise of 3 s, hardly any has such a sentence."""
+    """Hardly any of twenty flights without an error in the model, noise of 3 s, has such a sentence."""
     data = load_dataset([obedient(Model(raptor), 60.0, noise_m_s=0.01)], raptor)
     random, keep = np.random.default_rng(5), np.exp(-1.0 / (7.5 * 3.0))
     told_of = 0
