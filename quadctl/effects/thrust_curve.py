@@ -13,9 +13,9 @@ from quadctl.vehicle import Vehicle
 class PowerCurve(Effect):
     """T = T_hover (T_nominal / T_hover)^(exponent / 2): k rpm^2 is right in hover and off away from it.
 
-    Blade twist, Reynolds number and compressibility bend the curve; thrust stands find 1.8 to 2.4. Rotor speeds or
-    commands that are noisy or late flatten the thrust they promise as an exponent below 2 does, so that the least that
-    counts is more on that side.
+    Blade twist, Reynolds number and compressibility bend the curve; thrust stands find 1.8 to 2.4, and a command that
+    sets a motor's power instead of its speed is nearer to linear. Rotor speeds or commands that are noisy or late
+    flatten the thrust they promise as an exponent below 2 does, so that the least that counts is more on that side.
     """
 
     name: ClassVar[str] = "thrust_curve.power"
@@ -26,7 +26,7 @@ class PowerCurve(Effect):
     mission: ClassVar[str] = "missions/vertical_runs.yaml"
     needs: ClassVar[dict[str, float]] = {"thrust_share": 0.1}
 
-    exponent: float = parameter(2.0, 1.8, 2.6, "", "2: the vehicle file's law")
+    exponent: float = parameter(2.0, 1.0, 3.0, "", "2: the vehicle file's law")
 
     def negligible(self) -> bool:
         return -0.15 < self.exponent - 2.0 < 0.09

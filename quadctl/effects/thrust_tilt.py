@@ -14,7 +14,10 @@ LEAST_DEG = 0.8
 
 @dataclass(frozen=True)
 class FixedTilt(Effect):
-    """The thrust points as if the vehicle were rolled by `roll_deg` and pitched by `pitch_deg` more."""
+    """The thrust points as if the vehicle were rolled by `roll_deg` and pitched by `pitch_deg` more.
+
+    Trims of real vehicles are up to 3.5 deg; motors that are canted on purpose, or a frame that is bent, give more.
+    """
 
     name: ClassVar[str] = "thrust_tilt.fixed"
     source: ClassVar[str] = "geometry: R_y(pitch) R_x(roll) (0, 0, -1)"
@@ -25,8 +28,8 @@ class FixedTilt(Effect):
     distinguished_by: ClassVar[str] = "hovering at several headings: the push turns with the body, wind does not"
     mission: ClassVar[str] = "missions/headings.yaml"
 
-    roll_deg: float = parameter(0.0, -4.0, 4.0, "deg", "thrust leans to the right")
-    pitch_deg: float = parameter(0.0, -4.0, 4.0, "deg", "thrust leans backward")
+    roll_deg: float = parameter(0.0, -15.0, 15.0, "deg", "thrust leans to the right")
+    pitch_deg: float = parameter(0.0, -15.0, 15.0, "deg", "thrust leans backward")
 
     def negligible(self) -> bool:
         return math.hypot(self.roll_deg, self.pitch_deg) < LEAST_DEG
