@@ -144,6 +144,11 @@ class Effect:
         return []
 
     @classmethod
+    def joined(cls, explained: "Mapping[Effect, float]") -> "Sequence[Effect]":
+        """Further initial guesses that join several of those tried, of which each explains some squared error."""
+        return []
+
+    @classmethod
     def parameters(cls) -> tuple[Parameter, ...]:
         return tuple(Parameter(name=field.name, **field.metadata) for field in dataclasses.fields(cls))
 

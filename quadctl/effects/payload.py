@@ -1,17 +1,17 @@
 """Payload: the vehicle's mass changes at some time of the flight."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import ClassVar
 
 from quadctl.effects.base import Conditions, Effect, ThrustRatio, parameter
-from quadctl.effects.onset import onsets, onsets_near, since
+from quadctl.effects.onset import Sudden, onsets
 from quadctl.numeric import Number
 from quadctl.vehicle import Vehicle
 
 
 @dataclass(frozen=True)
-class MassStep(ThrustRatio):
+class MassStep(Sudden, ThrustRatio):
     """The mass grows by `mass_kg` at `time_s` of one flight: the same thrust accelerates m + mass_kg.
 
     K = m / (m + mass_kg) from then on.
@@ -35,12 +35,9 @@ class MassStep(ThrustRatio):
         """A small change every few seconds, in one flight or at the same time in every one; not near the ends, where it
         would look like a thrust scale."""
         small = 0.02 * vehicle.mass_kg
-        found = [cls(small, *onset) for onset in onsets(flights)]
+        found = [MassStep(small, *onset) for onset in onsets(flights)]
         every = sorted({start.time_s for start in found}) if len(flights) > 1 else []
-        return [*found, *(cls(small, t) for t in every)] or [cls()]
-
-    def closer(self, flights: Sequence[Conditions]) -> Sequence[Effect]:
-        return [replace(self, time_s=time_s) for time_s in onsets_near(self.time_s, self.flight, flights)]
+        return [*found, *(MassStep(small, t) for t in every)] or [MassStep()]
 
     def believable(self, flights: Sequence[Conditions], vehicle: Vehicle) -> bool:
         """True for changes above 1 % of the mass, by which a thrust scale may drift, except for losses above 70 %."""
@@ -48,4 +45,4 @@ class MassStep(ThrustRatio):
 
     def ratio(self, c: Conditions, vehicle: Vehicle) -> Number:
         share = max(self.mass_kg / vehicle.mass_kg, -0.9)
-        return 1.0 / (1.0 + share * since(self.time_s, self.flight, c))
+        return 1.0 / (1.0 + share * self.begun(c))

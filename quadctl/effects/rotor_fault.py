@@ -2,11 +2,11 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import ClassVar
 
 from quadctl.effects.base import Conditions, Effect, parameter
-from quadctl.effects.onset import onsets, onsets_near, since
+from quadctl.effects.onset import Sudden, onsets
 from quadctl.numeric import Number
 from quadctl.vehicle import Vehicle
 
@@ -60,7 +60,7 @@ class WeakRotor(Effect):
 
 
 @dataclass(frozen=True)
-class FailingRotor(WeakRotor):
+class FailingRotor(Sudden, WeakRotor):
     """Rotor number `rotor` gives 1 - loss of its thrust, and of its drag torque, from `time_s` of one flight on."""
 
     name: ClassVar[str] = "rotor_fault.onset"
@@ -76,11 +76,10 @@ class FailingRotor(WeakRotor):
     def starts(cls, flights: Sequence[Conditions], vehicle: Vehicle) -> Sequence[Effect]:
         numbers = [float(number) for number in range(1, vehicle.n_rotors + 1)]
         return [
-            cls(rotor=number, time_s=time_s, flight=flight) for time_s, flight in onsets(flights) for number in numbers
-        ] or [cls(rotor=number) for number in numbers]
-
-    def closer(self, flights: Sequence[Conditions]) -> Sequence[Effect]:
-        return [replace(self, time_s=time_s) for time_s in onsets_near(self.time_s, self.flight, flights)]
+            FailingRotor(rotor=number, time_s=time_s, flight=flight)
+            for time_s, flight in onsets(flights)
+            for number in numbers
+        ] or [FailingRotor(rotor=number) for number in numbers]
 
     def share(self, c: Conditions) -> Number:
-        return since(self.time_s, self.flight, c)
+        return self.begun(c)

@@ -6,6 +6,7 @@ RAPTOR: 1.5 kg, R = 0.12 m, v_h = 5.807795 m/s (v_h^2 = 33.730481), 3.67749375 N
 
 import dataclasses
 import math
+import pickle
 from typing import Any
 
 import numpy as np
@@ -117,6 +118,59 @@ def test_a_payload_is_looked_for_all_over_the_flight_but_at_its_ends_and_closer_
     times = {start.values()["time_s"] for start in (*starts, *(fine for s in starts for fine in s.closer(flight)))}
     assert sorted(times) == pytest.approx(np.arange(5.0, 15.0, 0.5))
     assert MassStep.starts([at(time_s=np.arange(0.0, 8.0, 0.1))], raptor) == [MassStep()]
+
+
+OWN = {"mass_kg": 0.5, "time_s": 10.0, "flight": 0.0, "time_2_s": 20.0}
+
+
+@pytest.mark.parametrize(("flight", "time_s"), [(0, 10.0), (1, 10.0), (2, 20.0), (3, 10.0)])
+def test_a_flight_may_have_a_moment_of_its_own(raptor: Vehicle, flight: int, time_s: float) -> None:
+    effect = MassStep.from_values(OWN, "model.yaml")
+    times_s = np.array([time_s - 0.1, time_s + 0.1])
+    c = dataclasses.replace(at(time_s=times_s), flight=flight)
+    assert effect.ratio(c, raptor) == pytest.approx([1.0, 0.75])  # 1.5 kg / (1.5 + 0.5) kg
+
+
+def test_moments_of_flights_survive_a_model_file_and_another_process() -> None:
+    effect = MassStep.from_values(OWN, "model.yaml")
+    assert effect.values() == OWN
+    assert pickle.loads(pickle.dumps(effect)) == effect
+    assert type(effect).from_values(effect.values(), "model.yaml") == effect
+    with pytest.raises(SettingsError, match=r"parameter time_2_s of payload\.step is -1, expected a number from 0"):
+        MassStep.from_values({"time_2_s": -1}, "model.yaml")
+
+
+def test_the_best_moments_of_single_flights_are_joined() -> None:
+    tried = {
+        MassStep(0.03, 5.0, 1.0): 2.0,
+        MassStep(0.03, 9.0, 1.0): 7.0,
+        MassStep(0.03, 13.0, 2.0): 4.0,
+        MassStep(0.03, 5.0, 2.0): 1.0,
+        MassStep(0.03, 5.0): 3.0,
+    }
+    (joined,) = MassStep.joined(tried)
+    assert joined.values() == {"mass_kg": 0.03, "time_s": 9.0, "flight": 0.0, "time_1_s": 9.0, "time_2_s": 13.0}
+    assert MassStep.joined({MassStep(0.03, 5.0): 3.0}) == []  # one flight
+
+
+def test_joined_moments_are_searched_more_finely_in_each_flight() -> None:
+    flights = [dataclasses.replace(at(time_s=np.arange(0.0, 20.01, 0.1)), flight=n) for n in (1, 2)]
+    (joined,) = MassStep.joined({MassStep(0.03, 5.0, 1.0): 1.0, MassStep(0.03, 9.0, 2.0): 1.0})
+    found = [(fine.values()["flight"], fine.values()["time_s"]) for fine in joined.closer(flights)]
+    assert all(type(fine) is MassStep for fine in joined.closer(flights))
+    assert [time_s for n, time_s in found if n == 1.0] == pytest.approx(np.arange(5.5, 8.9, 0.5))
+    second = [*np.arange(5.5, 8.9, 0.5), *np.arange(9.5, 12.9, 0.5)]  # about 9.0 s, which was tried
+    assert [time_s for n, time_s in found if n == 2.0] == pytest.approx(second)
+
+
+def test_a_failing_rotor_is_joined_rotor_by_rotor() -> None:
+    tried = {
+        FailingRotor(rotor=2.0, time_s=5.0, flight=1.0): 3.0,
+        FailingRotor(rotor=2.0, time_s=9.0, flight=2.0): 2.0,
+        FailingRotor(rotor=3.0, time_s=13.0, flight=1.0): 9.0,
+    }
+    (joined,) = FailingRotor.joined(tried)
+    assert joined.values()["rotor"] == 2.0
 
 
 @pytest.mark.parametrize(

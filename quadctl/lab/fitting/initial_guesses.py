@@ -22,7 +22,7 @@ class Unmodelled:
         self.model: Model = fit.model
         self.dataset: Dataset = fit.dataset
         self.residual = fit.held_out_residual
-        self.scale = noise_scale(self.residual)
+        self.scale = _trusted(noise_scale(self.residual), fit.dataset)
 
     def explained_by(self, effect: Effect) -> float:
         """Squared error, in units of the noise, that `effect` times a fitted factor explains.
@@ -57,6 +57,21 @@ class Unmodelled:
         return self._tangent.rest(change / self.scale)
 
 
+LEAST_SHARE_OF_MOMENT = 0.1
+"""Least noise of a moment, as a share of that of all three: a yaw moment that is right to a thousandth of the others
+would decide alone which rotor is weak, and a damaged propeller loses another share of its drag than of its thrust."""
+
+
+def _trusted(scale: Floats, dataset: Dataset) -> Floats:
+    """Noise scale of each axis, shape (axes,), with `LEAST_SHARE_OF_MOMENT` for the moments."""
+    found = scale.copy()
+    if "turning" in dataset.groups:
+        first = 3 * dataset.groups.index("turning")
+        moments = found[first : first + 3]
+        found[first : first + 3] = np.maximum(moments, LEAST_SHARE_OF_MOMENT * np.linalg.norm(moments))
+    return found
+
+
 TIED = 0.02
 """Starts that explain less than the best by no more than this share are all fitted, up to `MAX_GUESSES`."""
 MAX_GUESSES = 6
@@ -71,8 +86,14 @@ def best_guesses(effect: type[Effect], left: Unmodelled) -> tuple[list[Effect], 
     if len(starts) == 1:
         return list(starts), 1
     explained = {start: left.explained_by(start) for start in starts}
-    first = max(starts, key=explained.__getitem__)
+    joined = effect.joined(explained)
+    explained |= {start: left.explained_by(start) for start in joined}
+    first = max(explained, key=explained.__getitem__)
     explained |= {start: left.explained_by(start) for start in first.closer(flights)}
+    joined = [*joined, *effect.joined(explained)]
+    explained |= {start: left.explained_by(start) for start in joined}
     best = sorted(explained, key=lambda start: -explained[start])[:MAX_GUESSES]
     tied = [start for start in best if explained[start] >= explained[best[0]] - TIED * abs(explained[best[0]])]
-    return tied, min(len(explained), len(np.unique(dataset.block)))
+    independent = min(len(explained), len(np.unique(dataset.block)))
+    # One that was joined from the best of each flight is the best of all their combinations.
+    return tied, independent ** len(flights) if best[0] in joined else independent

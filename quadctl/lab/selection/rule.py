@@ -115,15 +115,18 @@ def _moment_drops(c: Candidate) -> list[float]:
 
 
 def shows_in_moments(c: Candidate) -> bool:
-    """Tell whether a candidate lowers the error of every moment that its physics must show in, and worsens none; and
-    that of the thrust, where it must show there too."""
+    """Tell whether a candidate lowers the error of every moment that its physics must show in, and worsens neither roll
+    nor pitch; and that of the thrust, where it must show there too.
+
+    Yaw may get a little worse (see `is_harmful`): a damaged propeller loses another share of its drag than of its
+    thrust."""
     axes = c.effect.shows_in(c.model.vehicle)
     shown = [c.drops.get(axis, 0.0) for axis in axes if axis in MOMENTS]
     enough = max(SHOWN if len(shown) > 1 else SHOWN_ALONE, SHOWN_BESIDE * c.largest_drop)
-    drops = _moment_drops(c)
+    leaning = _moment_drops(c)[:2]
     if "up" in axes and c.drops.get("up", 0.0) < SHOWN:
         return False
-    return not shown or (min(shown) > enough and min(drops) > -HARMLESS)
+    return not shown or (min(shown) > enough and min(leaning) > -HARMLESS)
 
 
 def is_there(c: Candidate) -> bool:

@@ -504,10 +504,15 @@ class TestOtherAxes:
         total = (2.0 + up**2) ** 0.5
         assert is_supported(self.candidate(raptor, ConstantScale(0.9), up=up, total=total)) is supported
 
-    @pytest.mark.parametrize("harmed", [{"roll": 0.11}, {"pitch": 0.11}, {"yaw": 0.11}])
+    @pytest.mark.parametrize("harmed", [{"roll": 0.11}, {"pitch": 0.11}, {"yaw": 0.14}])
     def test_not_if_another_moment_pays_for_it(self, raptor: Vehicle, harmed: dict[str, float]) -> None:
         turning = {"roll": 0.05, "pitch": 0.05, "yaw": 0.05, "turning": 0.12, **harmed}
         assert not is_supported(self.candidate(raptor, WeakRotor(0.1), **turning))
+
+    def test_yaw_may_pay_a_little_for_roll_and_pitch(self, raptor: Vehicle) -> None:
+        """A damaged propeller loses another share of its drag than of its thrust."""
+        weak = self.candidate(raptor, WeakRotor(0.1), roll=0.05, pitch=0.05, yaw=0.105, turning=0.127)
+        assert is_supported(weak)
 
     def test_a_moment_that_rises_by_a_trace_of_what_is_explained_has_no_veto(self, raptor: Vehicle) -> None:
         """A rotor that lost lift may turn the vehicle as before: yaw is wrong by a little, roll and pitch are right."""
