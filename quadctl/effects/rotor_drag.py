@@ -7,6 +7,9 @@ from quadctl.effects.base import Conditions, Effect, parameter
 from quadctl.numeric import Number, Vector
 from quadctl.vehicle import Vehicle
 
+LEAST_1_S = 0.04
+"""Smallest rate that counts: every rotor drags, and at 2 m/s a trim of 0.5 degrees makes as much."""
+
 
 @dataclass(frozen=True)
 class LinearDrag(Effect):
@@ -30,6 +33,9 @@ class LinearDrag(Effect):
     d_x: float = parameter(0.3, 0.0, 3.0, "1/s", "deceleration per forward velocity")
     d_y: float = parameter(0.3, 0.0, 3.0, "1/s", "deceleration per sideward velocity")
     d_z: float = parameter(0.0, 0.0, 3.0, "1/s", "deceleration per velocity along body z")
+
+    def negligible(self) -> bool:
+        return max(self.d_x, self.d_y, self.d_z) < LEAST_1_S
 
     def force(self, total_thrust_n: Number, c: Conditions, vehicle: Vehicle) -> Vector:
         u, v, w = c.velocity_body_m_s

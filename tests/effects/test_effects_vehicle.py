@@ -29,6 +29,7 @@ from quadctl.effects.rotor_interaction import FrontWake
 from quadctl.effects.thrust_curve import PowerCurve
 from quadctl.effects.thrust_map import LineMap
 from quadctl.effects.thrust_scale import ConstantScale
+from quadctl.effects.thrust_tilt import FixedTilt
 from quadctl.effects.translational_lift import HorizontalLift
 from quadctl.effects.wind import QuadraticWind, SteadyWind
 from quadctl.errors import SettingsError
@@ -286,6 +287,19 @@ def test_a_wind_is_told_from_a_tilt_where_headings_differ_or_where_no_tilt_pushe
 def test_thrust_curve_by_hand(raptor: Vehicle, exponent: float, nominal_n: float, thrust_n: float) -> None:
     given_n = PowerCurve(exponent).rotor_thrust([nominal_n] * 4, at(), raptor)
     assert list(given_n) == pytest.approx([thrust_n] * 4, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("kind", "values"),
+    [
+        (FixedTilt, {"pitch_deg": -7.0}),  # motors canted on purpose
+        (FixedTilt, {"roll_deg": 12.0}),
+        (PowerCurve, {"exponent": 1.0}),  # a command that sets thrust, in a file that takes it for speed
+        (PowerCurve, {"exponent": 1.65}),
+    ],
+)
+def test_bounds_are_what_is_possible_not_what_is_usual(kind: type[Effect], values: dict[str, float]) -> None:
+    assert kind.from_values(values, "model.yaml").values().items() >= values.items()
 
 
 # --- motor lag -----------------------------------------------------------------------------------------------------

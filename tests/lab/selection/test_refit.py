@@ -9,13 +9,10 @@ from pathlib import Path
 import pytest
 
 from quadctl.cli import main
-from quadctl.effects import Effect
 from quadctl.effects.ground_effect import Exponential, Hayden
 from quadctl.effects.payload import MassStep
 from quadctl.effects.rotor_drag import LinearDrag
-from quadctl.effects.thrust_curve import PowerCurve
 from quadctl.effects.thrust_scale import ConstantScale
-from quadctl.effects.thrust_tilt import FixedTilt
 from quadctl.errors import SettingsError
 from quadctl.lab.flights.dataset import Dataset, load_dataset
 from quadctl.lab.selection.addition import add
@@ -144,16 +141,6 @@ class TestAdd:
         (found,) = add(MassStep, Model(raptor), flights).model.effects
         assert found.values()["time_s"] == pytest.approx(40.0, abs=1.0)
         assert found.values()["mass_kg"] == pytest.approx(0.15, rel=0.1)
-
-    @pytest.mark.parametrize(
-        ("effect", "name"), [(FixedTilt(pitch_deg=-6.0), "pitch_deg"), (PowerCurve(exponent=1.6), "exponent")]
-    )
-    def test_more_than_a_trim_is_within_bounds(self, raptor: Vehicle, effect: Effect, name: str) -> None:
-        """Canted motors, or a command that sets power instead of speed."""
-        flights = load_dataset([obedient(Model(raptor).plus(effect), 60.0, noise_m_s=0.01)], raptor)
-        found = add(type(effect), Model(raptor), flights)
-        assert found.model.effects[0].values()[name] == pytest.approx(effect.values()[name], rel=0.15)
-        assert not any("bound" in remark for remark in found.remarks)
 
     def test_what_begins_in_each_flight_at_a_moment_of_its_own_is_one_effect(self, raptor: Vehicle) -> None:
         """A load that is dropped once in each flight: no single moment, and no single flight, has it all."""
