@@ -9,6 +9,7 @@ from quadctl.effects import Effect
 from quadctl.lab.arrays import Floats
 from quadctl.lab.fitting.fitted_model import FittedModel
 from quadctl.lab.fitting.fitter import noise_scale
+from quadctl.lab.fitting.form_errors import FormErrors
 from quadctl.lab.fitting.linearisation import Tangent
 from quadctl.lab.flights.dataset import AlignedDataset, Dataset
 from quadctl.model import Model
@@ -23,6 +24,7 @@ class Unmodelled:
         self.dataset: Dataset = fit.dataset
         self.residual = fit.held_out_residual
         self.scale = _trusted(noise_scale(self.residual), fit.dataset)
+        self.forms = FormErrors.of(fit)
 
     def explained_by(self, effect: Effect) -> float:
         """Squared error, in units of the noise, that `effect` times a fitted factor explains.

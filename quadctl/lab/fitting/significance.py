@@ -8,6 +8,7 @@ from scipy import stats
 from scipy.fft import rfft
 
 from quadctl.lab.arrays import Floats
+from quadctl.lab.fitting.form_errors import FormErrors
 from quadctl.lab.fitting.noise import LEAST_VARIANCE
 from quadctl.lab.flights.dataset import Dataset
 
@@ -22,14 +23,17 @@ LEAST_FLIGHTS = 4
 """Least number of flights whose differences are the noise; fewer say nothing of an effect in one of them."""
 
 
-def improvement_p_value(before: Floats, predicted_change: Floats, dataset: Dataset) -> float:
+def improvement_p_value(
+    before: Floats, predicted_change: Floats, dataset: Dataset, forms: FormErrors | None = None
+) -> float:
     """One-sided p-value of the hypothesis that a candidate's change of the prediction does not explain the residual.
 
     `before` is the residual without the candidate and `predicted_change` the held-out change of the prediction by the
     candidate, both of shape (n, axes), for the first axes of the `targets` of `dataset`. For an irrelevant candidate
     their product has mean zero (Clark & West 2007, J. Econometrics 138, test for nested models), but for what errors of
     the logged inputs give, which is subtracted (see `_attenuation`). The variance of the sum comes from the residual
-    with the candidate (see `_variance_of_sum`).
+    with the candidate (see `_variance_of_sum`), and from `forms`, the errors of the forms of the effects that the model
+    holds without the candidate.
     """
     after = before - predicted_change
     used = [
@@ -44,6 +48,12 @@ def improvement_p_value(before: Floats, predicted_change: Floats, dataset: Datas
     predicted = (dataset.targets[:, : before.shape[1]] - before)[:, used]
     by_errors = sum(_attenuation(weights[part], predicted[part], after[part][:, used]) for part in dataset.parts)
     variance, degrees = _variance_of_sum(weights, after[:, used], dataset)
+    if forms is not None:
+        every = np.zeros(before.shape)
+        every[:, used] = weights
+        of_noise, variance = variance, variance + forms.variance_of_sum(every)
+        # Welch & Satterthwaite: the size of a form's error is not estimated from these data.
+        degrees *= (variance / of_noise) ** 2
     return float(stats.t.sf((score - by_errors) / math.sqrt(variance), degrees))
 
 

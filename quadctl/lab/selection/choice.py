@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from quadctl.effects import Effect, every_effect
 from quadctl.lab.fitting.fitted_model import FittedModel
 from quadctl.lab.fitting.flexible_regression import drift_of, flexible_residual
+from quadctl.lab.fitting.form_errors import FormErrors
 from quadctl.lab.fitting.significance import improvement_p_value
 from quadctl.lab.flights.channels import ROTOR_SPEED
 from quadctl.lab.selection.rule import (
@@ -52,7 +53,8 @@ def choose_effects(
     small = [c.residual for c in path.latest.values() if is_measured(c) and not is_supported(c)]
     residual = min([path.residual, *small], key=score)[:, :3]
     flexible = flexible_residual(residual, dataset, dataset.causes)
-    matters = is_unexplained(residual, flexible, improvement_p_value(residual, flexible, dataset))
+    forms = FormErrors.of(path.current)
+    matters = is_unexplained(residual, flexible, improvement_p_value(residual, flexible, dataset, forms))
     drift = drift_of(residual, dataset)
     drifts = is_mostly_drift(residual, drift)
     symbolic = explain(residual, dataset) if matters or drifts else None

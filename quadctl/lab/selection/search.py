@@ -16,6 +16,7 @@ from joblib import Parallel, delayed
 from quadctl.effects import Effect
 from quadctl.lab.arrays import Floats
 from quadctl.lab.fitting.fitted_model import FittedModel, fit_model
+from quadctl.lab.fitting.form_errors import FormErrors
 from quadctl.lab.fitting.initial_guesses import Unmodelled
 from quadctl.lab.fitting.significance import improvement_p_value
 from quadctl.lab.flights.dataset import Dataset
@@ -258,7 +259,7 @@ def _without_superfluous(path: Path, family: str) -> Path:
     kept = tuple(item for item in model.stack if item.effect.family() != family)
     smaller = fit_model(replace(path.start.fitter.model, stack=kept), dataset)
     without = smaller.held_out_residual
-    p_value = improvement_p_value(without, without - path.residual, dataset)
+    p_value = improvement_p_value(without, without - path.residual, dataset, FormErrors.of(smaller))
     doubtful = unbelievable(smaller.model, dataset) | indistinct(smaller.model, dataset)
     doubtful -= unbelievable(model, dataset) | indistinct(model, dataset)
     (effect,) = (effect for effect in model.effects if effect.family() == family)

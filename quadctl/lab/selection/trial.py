@@ -32,13 +32,14 @@ def try_effect(effect: type[Effect], left: Unmodelled, n_tried: int) -> Candidat
     last = len(fit.model.effects) - 1
     ci95 = fit.ci95(last)
     after = fit.held_out_residual
+    p_value = improvement_p_value(residual, residual - after, dataset, left.forms)
     return Candidate(
         effect=fit.model.effects[last],
         model=fit.model,
         ci95=ci95,
         before=rmse(residual, dataset.groups),
         after=rmse(after, dataset.groups),
-        p_value=min(1.0, improvement_p_value(residual, residual - after, dataset) * n_tried * independent),
+        p_value=min(1.0, p_value * n_tried * independent),
         residual=after,
         worst_flight=_worst_flight(residual, after, dataset),
         remarks=fit.remarks(last),
