@@ -16,7 +16,8 @@ class MomentumCeiling(ThrustRatio):
     """K = 1/2 + 1/2 sqrt(1 + gain / (8 (D/R)^2)), D being the distance from the rotor plane to the ceiling.
 
     Momentum theory of a disk that draws its air through the gap below the ceiling gives gain = 1; neighbouring rotors
-    make it larger. The vehicle file says how high the ceiling is (`ceiling_m`); without it there is none.
+    make it larger: 15 to 20 % more thrust at one radius (Jimenez-Cano et al. 2019) is a gain of 6 to 8, and a thrust
+    that falls more slowly with the distance needs more. The vehicle file says how high the ceiling is (`ceiling_m`); without it there is none.
     """
 
     name: ClassVar[str] = "ceiling_effect.momentum"
@@ -28,7 +29,7 @@ class MomentumCeiling(ThrustRatio):
     distinguished_by: ClassVar[str] = "hovering within two rotor radii of the ceiling"
     mission: ClassVar[str] = "missions/hover_staircase_high.yaml"
 
-    gain: float = parameter(1.0, 0.0, 10.0, "", "1 for a single rotor")
+    gain: float = parameter(1.0, 0.0, 30.0, "", "1 for a single rotor")
 
     @classmethod
     def applies_to(cls, vehicle: Vehicle) -> bool:

@@ -28,6 +28,11 @@ MATERIAL_M_S2 = 0.1
 """Acceleration explained on one axis above which an effect is material however noisy the log is: 1 % of g, as trims of
 0.6 degrees or a thrust that is off by 1 % make."""
 
+TRIM_M_S2 = 0.07
+"""Acceleration by a trim of 0.4 degrees, the standard deviation of those of real vehicles (`KINDS`), and more than a
+thrust that is off by 0.5 % makes: attitudes that are off by as much depend on speed, acceleration and heading, and so
+does the error that they leave. A smaller dependence is not called unexplained."""
+
 # --- moments ----------------------------------------------------------------------------------------------------------
 
 HARMLESS = 0.01
@@ -83,8 +88,7 @@ def is_significant(p_value: float) -> bool:
 def is_material(before: Floats, after: Floats) -> bool:
     """Tell whether a change of the held-out residual, shape (n, axes), lowers the error of an axis by a material
     share, or explains a material acceleration."""
-    explained = np.mean(before[:, :3] ** 2 - after[:, :3] ** 2, axis=0)
-    return largest_gain(before, after) > MATERIAL or float(explained.max()) > MATERIAL_M_S2**2
+    return largest_gain(before, after) > MATERIAL or explained_m_s2(before, after) > MATERIAL_M_S2
 
 
 def is_harmful(c: Candidate) -> bool:
@@ -226,11 +230,14 @@ def choose(
 
 
 def is_unexplained(residual: Floats, flexible: Floats, p_value: float) -> bool:
-    """Tell whether the logged variables explain a significant and material part of a held-out residual.
+    """Tell whether the logged variables explain a significant and material part of a held-out residual: more than the
+    trims of any flight.
 
     `flexible` is the held-out prediction of the residual by a regression on the variables, shape (n, 3).
     """
-    return is_significant(p_value) and largest_gain(residual, residual - flexible) > MATERIAL
+    left = residual - flexible
+    more_than_trims = explained_m_s2(residual, left) > TRIM_M_S2
+    return is_significant(p_value) and largest_gain(residual, left) > MATERIAL and more_than_trims
 
 
 def is_large(residual: Floats, flexible: Floats) -> bool:
@@ -266,6 +273,12 @@ def score(residual: Floats) -> float:
 def largest_gain(before: Floats, after: Floats) -> float:
     """Largest relative drop of the RMSE of an axis."""
     return float(np.max(1.0 - np.sqrt(np.mean(after**2, axis=0) / np.maximum(np.mean(before**2, axis=0), 1e-18))))
+
+
+def explained_m_s2(before: Floats, after: Floats) -> float:
+    """Root mean square of the acceleration by which a residual is smaller, on the axis where it is largest."""
+    explained = np.mean(before[:, :3] ** 2 - after[:, :3] ** 2, axis=0)
+    return math.sqrt(max(float(explained.max()), 0.0))
 
 
 def unbelievable(model: Model, dataset: Dataset) -> set[str]:
