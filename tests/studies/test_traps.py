@@ -11,7 +11,8 @@ from quadctl.logs.csv_log import write_csv
 from quadctl.vehicle import load_vehicle
 from studies.worlds.traps.flights import CONTROLS, TRAPS, SlungLoad
 from studies.worlds.traps.judgement import Honest, Outcome, judge
-from studies.worlds.traps.simulation import VEHICLES, Leg, World, fly
+from studies.worlds.traps.second import SECOND
+from studies.worlds.traps.simulation import VEHICLES, Leg, World, fly, turning
 
 pytestmark = pytest.mark.long
 
@@ -38,16 +39,38 @@ def _silent(verdict: str) -> dict[str, Any]:
     return {"verdict": verdict, "missing": [], "confounded": [], "ladder": [], "ranking": []}
 
 
-def test_there_are_ten_traps_and_their_names_differ() -> None:
-    assert len(TRAPS) == 10
-    assert len({trap.name for trap in (*CONTROLS, *TRAPS)}) == len(CONTROLS) + len(TRAPS)
+def test_there_are_twice_ten_traps_and_their_names_differ() -> None:
+    assert len(TRAPS) == len(SECOND) == 10
+    assert len({trap.name for trap in (*CONTROLS, *TRAPS, *SECOND)}) == len(CONTROLS) + len(TRAPS) + len(SECOND)
+
+
+def test_a_trap_of_two_flights_has_two_logs_of_different_names() -> None:
+    trap = next(trap for trap in SECOND if trap.name == "warm_controllers")
+    assert [log.name for log in trap.generate()] == ["warm_controllers_1.csv", "warm_controllers_2.csv"]
+
+
+def test_a_moment_makes_the_rotors_hold_against_it() -> None:
+    vehicle = load_vehicle(VEHICLES / "raptor.yaml")
+    moment_n_m = np.array([0.04, -0.02, 0.0])
+    world = World(moment_n_m=lambda time_s, body: moment_n_m)
+    log = fly("held", "raptor", [Leg(0.0, 0.0, 1.0, 0.0, 20.0)], world)
+    rpm = np.array([log[f"motor{i + 1}_rpm"] for i in range(4)])[:, 500:]
+    thrust_n = (vehicle.rotor.thrust_n_per_rpm2 * rpm**2).mean(axis=1)
+    assert np.array(vehicle.moment_arms_m).T @ thrust_n == pytest.approx(-moment_n_m, abs=0.002)
+
+
+def test_products_of_inertia_turn_a_body_about_another_axis_than_its_moment() -> None:
+    inertia = np.array([[2.0, -0.5, 0.0], [-0.5, 1.0, 0.0], [0.0, 0.0, 3.0]])
+    rates = np.array([0.1, -0.2, 0.3])
+    accel = turning(np.array([1.0, 0.0, 0.0]), rates, inertia)
+    assert inertia @ accel + np.cross(rates, inertia @ rates) == pytest.approx([1.0, 0.0, 0.0])
 
 
 def test_a_trap_that_is_generated_twice_is_the_same_file(tmp_path: Path) -> None:
     trap = next(trap for trap in TRAPS if trap.name == "swinging_load")
     paths = [tmp_path / name for name in ("once.csv", "again.csv")]
     for path in paths:
-        write_csv(trap.generate(), path)
+        write_csv(trap.generate()[0], path)
     once, again = (path.read_bytes() for path in paths)
     assert once == again
 
@@ -84,6 +107,12 @@ def test_the_judge_is_not_content_with_an_interval_that_leaves_out_the_truth() -
 def test_the_judge_sees_an_effect_that_is_not_there() -> None:
     assert judge(DRAG, _named("wind")) is Outcome.FOOLED
     assert judge(CLEAN, _named("wind")) is Outcome.FOOLED
+
+
+def test_the_judge_takes_each_of_several_true_values_and_nothing_between_them() -> None:
+    days = Honest("one of two days", {"rotor_drag"}, either={"rotor_drag.linear d_x": (0.0, 0.8)})
+    assert judge(days, _named("rotor_drag", (0.7, 0.9))) is Outcome.HONEST
+    assert judge(days, _named("rotor_drag", (0.3, 0.5))) is Outcome.FOOLED
 
 
 def test_a_pair_that_cannot_be_told_apart_is_honest_where_one_of_the_two_is_true() -> None:

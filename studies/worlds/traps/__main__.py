@@ -13,14 +13,17 @@ from quadctl.logs.csv_log import write_csv
 from studies.benchmarks.page import write_page
 from studies.worlds.traps.flights import CONTROLS, TRAPS
 from studies.worlds.traps.judgement import Outcome, Trap, judge, said
+from studies.worlds.traps.second import SECOND
 from studies.worlds.traps.simulation import VEHICLES
 
 
 def diagnosed(trap: Trap, folder: Path) -> dict[str, Any]:
-    """Answer of `quadctl diagnose --json` to the flight of a trap, which is written to `folder`."""
-    log, answer = folder / f"{trap.name}.csv", folder / f"{trap.name}.json"
-    write_csv(trap.generate(), log)
-    command = [sys.executable, "-m", "quadctl", "diagnose", str(VEHICLES / f"{trap.vehicle}.yaml"), str(log)]
+    """Answer of `quadctl diagnose --json` to the flights of a trap, which are written to `folder`."""
+    answer, logs = folder / f"{trap.name}.json", []
+    for flight in trap.generate():
+        logs.append(str(folder / flight.name))
+        write_csv(flight, folder / flight.name)
+    command = [sys.executable, "-m", "quadctl", "diagnose", str(VEHICLES / f"{trap.vehicle}.yaml"), *logs]
     subprocess.run([*command, "--json", str(answer)], check=True, stdout=subprocess.DEVNULL)
     result: dict[str, Any] = json.loads(answer.read_text(encoding="utf-8"))
     return result
@@ -48,12 +51,27 @@ shown and not judged.
 """
 
 
-def page(controls: Sequence[tuple[Trap, Mapping[str, Any]]], traps: Sequence[tuple[Trap, Mapping[str, Any]]]) -> str:
-    """Markdown of the study, without its notes."""
+SECOND_INTRODUCTION = """Written later, of other kinds, by somebody else who had not read the lab; the honest answers
+were committed before the lab had seen one of the flights. Two traps are two flights of one vehicle.
+"""
+
+
+def section(title: str, traps: Sequence[tuple[Trap, Mapping[str, Any]]], introduction: str = "") -> str:
+    """Heading, count and table of ten traps."""
     outcomes = [judge(trap.honest, result) for trap, result in traps]
     counts = f"Fooled by **{outcomes.count(Outcome.FOOLED)} of {len(outcomes)}**"
     counts += f"; {outcomes.count(Outcome.MISSED)} missed.\n"
-    shown = f"## The ten\n\n{counts}\n{table(traps)}\n"
+    before = f"{introduction}\n" if introduction else ""
+    return f"## {title}\n\n{before}{counts}\n{table(traps)}\n"
+
+
+def page(
+    controls: Sequence[tuple[Trap, Mapping[str, Any]]],
+    traps: Sequence[tuple[Trap, Mapping[str, Any]]],
+    second: Sequence[tuple[Trap, Mapping[str, Any]]],
+) -> str:
+    """Markdown of the study, without its notes."""
+    shown = f"{section('The ten', traps)}\n{section('The second ten', second, SECOND_INTRODUCTION)}"
     return f"{INTRODUCTION}\n{shown}\n## Controls\n\nPlain flights, to check the simulation.\n\n{table(controls)}\n"
 
 
@@ -61,11 +79,13 @@ def main() -> None:
     """Fly, diagnose and judge all, and write the page; with `--only`, print the answers alone."""
     parser = argparse.ArgumentParser(prog="python -m studies.worlds.traps", description=__doc__)
     parser.add_argument("--page", type=Path, help="page to write")
-    parser.add_argument("--only", choices=[trap.name for trap in (*CONTROLS, *TRAPS)], nargs="+", help="some of them")
+    parser.add_argument(
+        "--only", choices=[trap.name for trap in (*CONTROLS, *TRAPS, *SECOND)], nargs="+", help="some of them"
+    )
     arguments = parser.parse_args()
     groups: list[list[tuple[Trap, Mapping[str, Any]]]] = []
     with tempfile.TemporaryDirectory() as folder:
-        for group in (CONTROLS, TRAPS):
+        for group in (CONTROLS, TRAPS, SECOND):
             groups.append([])
             for trap in group:
                 if arguments.only and trap.name not in arguments.only:

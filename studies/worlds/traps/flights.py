@@ -1,6 +1,7 @@
 """Flights of the study: three controls, then ten traps, each a plausible flight of a plausible vehicle."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
+from typing import TypeAlias
 
 import numpy as np
 
@@ -24,15 +25,22 @@ CONTROLS: list[Trap] = []
 TRAPS: list[Trap] = []
 
 
-def listed(
-    group: list[Trap], vehicle: str, honest: Honest
-) -> Callable[[Callable[[str, str], FlightLog]], Callable[[str, str], FlightLog]]:
-    """Decorator that adds a flight to a group; its docstring becomes the text of the page."""
+Generate: TypeAlias = Callable[[str, str], FlightLog | Sequence[FlightLog]]
+"""Flies one flight or more, by the name of the trap and that of the vehicle."""
 
-    def add(generate: Callable[[str, str], FlightLog]) -> Callable[[str, str], FlightLog]:
+
+def listed(group: list[Trap], vehicle: str, honest: Honest) -> Callable[[Generate], Generate]:
+    """Decorator that adds a flight, or several, to a group; its docstring becomes the text of the page."""
+
+    def add(generate: Generate) -> Generate:
         name = generate.__name__
         text = " ".join((generate.__doc__ or "").split())
-        group.append(Trap(name, vehicle, honest, text, lambda: generate(name, vehicle)))
+
+        def flights() -> Sequence[FlightLog]:
+            flown = generate(name, vehicle)
+            return [flown] if isinstance(flown, FlightLog) else flown
+
+        group.append(Trap(name, vehicle, honest, text, flights))
         return generate
 
     return add

@@ -1,6 +1,6 @@
 """Judgement of what `quadctl diagnose` answers to a trap, by what an honest answer would be."""
 
-from collections.abc import Callable, Iterable, Mapping, Set
+from collections.abc import Callable, Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
@@ -27,17 +27,19 @@ class Honest:
     """Verdicts that are true beside `missing`: `none` where the vehicle is clean, `unexplained`."""
     intervals: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     """Lowest and highest true value by `effect parameter`: the 95 % interval must hold at least one between them."""
+    either: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    """True values by `effect parameter` where flights differ or two conventions are right: it must hold one of them."""
 
 
 @dataclass(frozen=True)
 class Trap:
-    """A flight, the vehicle file that the lab gets, and what it may say."""
+    """One flight or more, the vehicle file that the lab gets, and what it may say."""
 
     name: str
     vehicle: str
     honest: Honest
     text: str
-    generate: Callable[[], FlightLog]
+    generate: Callable[[], Sequence[FlightLog]]
 
 
 def judge(honest: Honest, result: Mapping[str, Any]) -> Outcome:
@@ -53,6 +55,9 @@ def judge(honest: Honest, result: Mapping[str, Any]) -> Outcome:
     for effect, parameter, (low, high) in intervals(result):
         lowest, highest = honest.intervals.get(f"{effect} {parameter}", (low, high))
         if high < lowest or low > highest:
+            return Outcome.FOOLED
+        values = honest.either.get(f"{effect} {parameter}", (low,))
+        if not any(low <= value <= high for value in values):
             return Outcome.FOOLED
     return Outcome.HONEST
 

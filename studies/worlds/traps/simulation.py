@@ -45,6 +45,11 @@ def no_force(time_s: float, body: Body) -> Floats:
     return np.zeros(3)
 
 
+def no_moment(time_s: float, body: Body) -> Floats:
+    """Moment of the world on the vehicle, FRD, N m, besides rotors: none."""
+    return np.zeros(3)
+
+
 def full_thrust(time_s: float, body: Body) -> Floats:
     """Thrust of each rotor over k rpm²: 1."""
     return np.ones(len(body.speeds_rpm))
@@ -60,9 +65,12 @@ class World:
     """Physics and estimator of one flight. The vehicle file does not know of them."""
 
     force_n: Callable[[float, Body], Floats] = no_force
+    moment_n_m: Callable[[float, Body], Floats] = no_moment
     thrust_ratio: Callable[[float, Body], Floats] = full_thrust
     mass_kg: Callable[[float], float] | None = None
     """Mass over time; that of the vehicle file without it."""
+    inertia_kg_m2: Floats | None = None
+    """Inertia about the centre of mass, FRD, shape (3, 3); that of the vehicle file without it."""
     estimated_attitude: Callable[[float, Body, Floats], Floats] = true_attitude
 
 
@@ -180,7 +188,7 @@ def fly(
     position, velocity, accel, yaw = planned(legs)
     turbulence = _turbulence(len(yaw), random)
     arms = np.array(vehicle.moment_arms_m).T
-    inertia = np.array(vehicle.principal_inertia_kg_m2)
+    inertia = np.diag(vehicle.principal_inertia_kg_m2) if world.inertia_kg_m2 is None else world.inertia_kg_m2
     coefficient = vehicle.rotor.thrust_n_per_rpm2
     response = 1.0 - np.exp(-STEP_S / vehicle.rotor.time_constant_s)
     hover_rpm = np.sqrt(vehicle.weight_n / vehicle.n_rotors / coefficient)
@@ -197,14 +205,25 @@ def fly(
         specific_force = body.attitude.T @ force / mass_kg
         if step % STEPS_PER_ROW == 0:
             rows.append(_row(time_s, body, estimate, specific_force, thrust.sum()))
-        moment = arms @ thrust - np.cross(body.rates_rad_s, inertia * body.rates_rad_s)
+        moment = arms @ thrust + world.moment_n_m(time_s, body)
         command = controller.speeds_rpm(body, estimate, (position[step], velocity[step], accel[step]), yaw[step])
         body.velocity_m_s = body.velocity_m_s + (force / mass_kg + WEIGHT_M_S2) * STEP_S
         body.position_m = body.position_m + body.velocity_m_s * STEP_S
-        body.rates_rad_s = body.rates_rad_s + moment / inertia * STEP_S
+        body.rates_rad_s = body.rates_rad_s + turning(moment, body.rates_rad_s, inertia) * STEP_S
         body.attitude = body.attitude @ rotation(body.rates_rad_s * STEP_S)
         body.speeds_rpm = body.speeds_rpm + response * (command - body.speeds_rpm)
     return FlightLog(f"{name}.csv", None, _logged(np.array(rows), sensors, random))
+
+
+def turning(moment_n_m: Floats, rates_rad_s: Floats, inertia_kg_m2: Floats) -> Floats:
+    """Angular acceleration by Euler's equation, FRD, rad/s²."""
+    principal = np.diagonal(inertia_kg_m2)
+    if np.any(inertia_kg_m2 != np.diag(principal)):
+        spin = inertia_kg_m2 @ rates_rad_s
+        coupled = np.linalg.solve(inertia_kg_m2, moment_n_m - np.cross(rates_rad_s, spin))
+        return np.asarray(coupled, dtype=np.float64)
+    moment = moment_n_m - np.cross(rates_rad_s, principal * rates_rad_s)
+    return np.asarray(moment / principal, dtype=np.float64)
 
 
 def _turbulence(n_steps: int, random: np.random.Generator) -> Floats:
