@@ -21,6 +21,7 @@ class Case:
     source: str = "speeds"
     imu: bool = False
     quick: bool = False  # telemetry fast enough for moments
+    slow_speeds: bool = False  # telemetry of the rotors at a few Hz
     styles: tuple[str, ...] = ("geometric", "cascaded", "pilot")
     ceiling_m: float | None = None
     lag_known: bool = True
@@ -88,9 +89,9 @@ def near_ground(seconds: float, across: Part = SWAY, turn: str = "fixed", low: f
     return M(seconds, across, stairs(low, 8.0, 6, 3.0), turn, "radii")
 
 
-def near_ceiling(seconds: float, turn: str = "fixed") -> Mission:
+def near_ceiling(seconds: float, turn: str = "fixed", low: float = 1.0) -> Mission:
     """Staircase of hovers under the ceiling."""
-    return M(seconds, SWAY, stairs(0.5, 8.0, 6, 3.0), turn, "below")
+    return M(seconds, SWAY, stairs(low, 7.0, 6, 3.0, 2.6), turn, "below")
 
 
 def _one(
@@ -113,27 +114,29 @@ GROUND = [
         "ground_effect",
         3,
         "hexa",
-        "field",
-        (M(70, spline(1.0, 1.5), stairs(1.0, 10.0, 6, 3.0), "slow", "radii"), near_ground(60, low=1.0)),
+        "hall",
+        (M(70, spline(1.0, 1.5), stairs(0.8, 10.0, 6, 3.0), "slow", "radii"), near_ground(60)),
         {"form": "hayden"},
     ),
     _one(
         "ceiling_effect",
         1,
-        "nano",
+        "mapper",
         "room",
         (near_ceiling(70), near_ceiling(60, "slow")),
         {"form": "sanchez"},
-        ceiling_m=2.4,
+        ceiling_m=2.8,
+        styles=("geometric", "cascaded"),
     ),
     _one(
         "ceiling_effect",
         2,
-        "quad",
+        "carrier",
         "hall",
-        (near_ceiling(70), M(60, SWAY, wander(0.5, 6.0, 0.9), "steps", "below")),
+        (near_ceiling(70), M(60, SWAY, wander(1.0, 4.0, 1.4), "steps", "below")),
         {"form": "throttled"},
-        ceiling_m=3.2,
+        ceiling_m=4.5,
+        styles=("geometric", "cascaded"),
     ),
     _one(
         "ground_torque",
@@ -177,7 +180,7 @@ SPEED = [
         2,
         "racer",
         "hall",
-        (M(60, runs(5.0, 1.2, 3.5), hold(1.8), "fixed"), M(70, eight(4.0, 7.0), hold(2.0), "nose")),
+        (M(60, runs(5.0, 1.2, 3.5), hold(1.8), "fixed"), M(70, eight(4.0, 9.0), hold(2.0), "nose")),
         {"rate": [0.3, 0.22], "by_speed": 0.0},
     ),
     _one(
@@ -201,7 +204,7 @@ SPEED = [
         2,
         "racer",
         "field",
-        (M(80, eight(22.0, 14.0), hold(8.0), "nose"), M(70, runs(12.0, 2.5, 4.5), hold(8.0), "fixed")),
+        (M(80, eight(24.0, 20.0), hold(8.0), "nose"), M(70, runs(12.0, 2.5, 4.5), hold(8.0), "fixed")),
         {"area": [0.0085, 0.0095, 0.016]},
     ),
     _one(
@@ -217,7 +220,7 @@ SPEED = [
         2,
         "carrier",
         "field",
-        (M(90, runs(8.5, 4.0), hold(15.0), "nose"), M(60, eight(16.0, 14.0), hold(12.0), "slow")),
+        (M(90, runs(8.5, 4.0), hold(15.0), "nose"), M(60, eight(16.0, 17.0), hold(12.0), "slow")),
         {"blade": 5.0},
     ),
     _one(
@@ -225,7 +228,7 @@ SPEED = [
         1,
         "quad",
         "field",
-        (M(80, runs(7.0, 3.0), hold(8.0), "fixed"), M(60, eight(10.0, 11.0), hold(8.0), "slow")),
+        (M(80, runs(7.0, 3.0), hold(8.0), "fixed"), M(60, eight(10.0, 13.5), hold(8.0), "slow")),
         {"loss_per_m_s": 0.045},
         quick=True,
         styles=("geometric", "cascaded"),
@@ -266,6 +269,7 @@ SPEED = [
         (M(90, spline(1.2, 3.0), hold(12.0), "steps"), M(60, runs(1.5, 4.0, 1.0), hold(10.0), "slow")),
         {"speed": 7.0, "toward_deg": 200.0, "area": 0.1},
         notes="The wind is felt by a quadratic drag of its own.",
+        slow_speeds=True,
     ),
 ]
 
@@ -285,6 +289,7 @@ VERTICAL = [
         "hall",
         (M(60, SWAY, swings(3.0, 3.5, 3.4), "fixed"), M(60, spline(0.6, 2.0), wander(1.0, 5.5, 1.0), "slow")),
         {"blade": 8.0},
+        quick=True,
     ),
     _one(
         "inflow",
@@ -302,6 +307,7 @@ VERTICAL = [
         (M(90, SWAY, stairs(2.0, 16.0, 6, 4.0, 3.0), "slow"), M(70, SWAY, wander(2.0, 14.0, 3.0), "fixed")),
         {"share": 0.009},
         notes="The cable hangs below the vehicle.",
+        slow_speeds=True,
     ),
     _one(
         "tether",
@@ -319,6 +325,7 @@ VERTICAL = [
         "hall",
         (M(60, SWAY, swings(2.5, 4.2, 2.0), "fixed"), M(60, SWAY, swings(2.5, 4.4, 2.3), "slow")),
         {"change": 0.35},
+        quick=True,
     ),
     _one(
         "thrust_curve",
@@ -327,6 +334,7 @@ VERTICAL = [
         "hall",
         (M(60, SWAY, swings(2.0, 4.5, 1.9), "slow"), M(50, spline(0.8, 1.5), swings(2.2, 4.3, 2.2), "fixed")),
         {"change": -0.35},
+        quick=True,
     ),
     _one(
         "thrust_curve",
@@ -336,6 +344,7 @@ VERTICAL = [
         (M(70, SWAY, swings(8.0, 4.3, 2.4), "fixed"), M(60, SWAY, swings(8.0, 4.3, 2.2), "steps")),
         {"change": -0.3},
         styles=("geometric", "cascaded"),
+        quick=True,
     ),
     _one(
         "motor_lag",
@@ -397,6 +406,7 @@ CONSTANT = [
         "field",
         (M(80, runs(4.0, 2.5, 2.0), wander(6.0, 14.0, 3.0), "slow"),),
         {"error": -0.055},
+        slow_speeds=True,
     ),
     _one(
         "payload",
@@ -486,6 +496,7 @@ CONSTANT = [
         "field",
         (M(80, eight(6.0, 14.0), wander(6.0, 9.0, 2.0), "slow"), M(50, SWAY, hold(6.0), "steps")),
         {"deg": [0.6, 3.3]},
+        slow_speeds=True,
     ),
     _one(
         "rotor_fault",

@@ -15,6 +15,7 @@ class Gains:
 
     position: float
     velocity: float
+    stiffness_up: float  # factor on the bandwidth in the vertical
     integral: float
     feed_forward: float
     attitude: float
@@ -35,6 +36,7 @@ def gains(style: str, lag_s: float, rng: np.random.Generator) -> Gains:
     return Gains(
         position=bandwidth**2,
         velocity=1.7 * bandwidth,
+        stiffness_up=float(np.clip(0.35 / (lag_s * bandwidth), 1.0, 2.0)),
         integral=0.22 * bandwidth**3,
         feed_forward={"geometric": 1.0, "cascaded": 0.4, "pilot": 0.5}[style],
         attitude=attitude,
@@ -57,6 +59,8 @@ class Controllers:
         self.kp, self.kv, self.ki = stack("position"), stack("velocity"), stack("integral")
         self.ff, self.ka, self.kr = stack("feed_forward"), stack("attitude"), stack("rate")
         self.kd = stack("damping")
+        up = np.concatenate([np.ones((len(settings), 2)), stack("stiffness_up")], axis=1)
+        self.kp, self.kv, self.ki = self.kp * up**2, self.kv * up, self.ki * up**2
         self.geometric = stack("geometric") > 0.5
         self.mass, self.inertia = mass, inertia
         self.weight = np.array([1.0, 1.0, 0.35])
@@ -87,6 +91,8 @@ class Controllers:
         wish[:, 2] = np.clip(wish[:, 2], -7.0, 5.5)
         force = wish - np.array([0.0, 0.0, GRAVITY_M_S2])
         down = -force / np.linalg.norm(force, axis=1, keepdims=True)
+        now = np.arctan2(rotation[:, 1, 0], rotation[:, 0, 0])
+        yaw = now + np.clip(np.mod(yaw - now + np.pi, 2 * np.pi) - np.pi, -0.4, 0.4)
         right = np.cross(down, np.stack([np.cos(yaw), np.sin(yaw), np.zeros_like(yaw)], axis=1))
         right /= np.linalg.norm(right, axis=1, keepdims=True)
         self.wanted = np.stack([np.cross(right, down), right, down], axis=2)

@@ -42,7 +42,7 @@ def draw(case: Case, strength: float, seed: int, attempt: int) -> Drawn:
     rng = np.random.default_rng([*key, 0])
     craft = draw_craft(case.kind, rng)
     hidden, parameters = hide(case.effects, craft, strength)
-    kit = equip(case.place, case.source, case.imu, case.quick, rng)
+    kit = equip(case.place, case.source, case.imu, case.quick, case.slow_speeds, rng)
     calm = rng.uniform(0.04, 0.1) if case.place == "field" else rng.uniform(0.02, 0.05)
     drop = rng.uniform(0.02, 0.035)
     flights = []

@@ -73,7 +73,7 @@ def _ceiling(hidden: Hidden, craft: Craft, strength: float, size: Mapping[str, A
     if size["form"] == "sanchez":
         gain = 1.0 / (1.0 - 1.0 / 6.924 / (clearance + 0.35) ** 2) - 1.0
     else:
-        gain = (0.5 + 0.5 * np.sqrt(1.0 + 1.0 / (8.0 * clearance**2))) ** (4.0 / 3.0) - 1.0
+        gain = (0.5 + 0.5 * np.sqrt(1.0 + 1.0 / (3.0 * clearance**2))) ** (4.0 / 3.0) - 1.0
     hidden.ceiling = strength * np.clip(gain, 0.0, 1.0) * size.get("size", 1.0)
     return {"form": size["form"], "gain_at_1_radius": float(np.interp(1.0, TABLE, hidden.ceiling))}
 

@@ -84,7 +84,7 @@ def _runs(
 
 
 def _eight(t: Array, rng: np.random.Generator, size: float, period: float) -> Array:
-    rate = 2 * np.pi / period * (1.0 + 0.25 * np.sin(2 * np.pi * t / 35.0))
+    rate = 2 * np.pi / period * (1.0 + 0.12 * np.sin(2 * np.pi * t / 35.0))
     phase = np.cumsum(rate * _start(t)) * STEP_S
     path = size * np.stack([np.sin(phase), 0.5 * np.sin(2 * phase)], axis=1)
     turn = rng.uniform(0, np.pi)
@@ -199,7 +199,12 @@ def _heading(turn: str, t: Array, rng: np.random.Generator, path: Array) -> Arra
         fast = np.linalg.norm(velocity, axis=1)
         course = np.unwrap(np.arctan2(velocity[:, 1], velocity[:, 0]))
         moving = fast > 0.25 * fast.max()
-        return gaussian_filter1d(np.interp(t, t[moving], course[moving]), 0.6 / STEP_S)
+        wanted = np.interp(t, t[moving], course[moving])
+        heading = np.zeros_like(t)
+        heading[0] = wanted[0]
+        for i in range(1, len(t)):
+            heading[i] = heading[i - 1] + np.clip(wanted[i] - heading[i - 1], -0.9 * STEP_S, 0.9 * STEP_S)
+        return gaussian_filter1d(heading, 0.5 / STEP_S)
     return np.asarray(first + 0.05 * np.sin(2 * np.pi * t / 20.0))
 
 

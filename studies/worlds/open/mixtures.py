@@ -32,7 +32,7 @@ PAIRS = [
         "pair_inflow_and_rotor_drag",
         "racer",
         "hall",
-        (M(60, SWAY, wander(1.0, 6.0, 1.1), "slow"), M(70, eight(4.0, 7.5), hold(2.5), "nose")),
+        (M(60, SWAY, wander(1.0, 6.0, 1.1), "slow"), M(70, eight(4.0, 9.0), hold(2.5), "nose")),
         {"inflow": {"blade": 7.0}, "rotor_drag": {"rate": [0.26, 0.24]}},
     ),
     Case(
@@ -61,7 +61,7 @@ PAIRS = [
         "pair_tilt_and_body_drag",
         "racer",
         "field",
-        (M(80, runs(11.0, 2.5, 4.0), hold(8.0), "slow"), M(60, eight(18.0, 12.0), hold(8.0), "nose")),
+        (M(80, runs(11.0, 2.5, 4.0), hold(8.0), "slow"), M(60, eight(20.0, 18.0), hold(8.0), "nose")),
         {"thrust_tilt": {"deg": [2.4, 2.0]}, "body_drag": {"area": [0.0085, 0.009, 0.015]}},
     ),
     Case(
@@ -104,11 +104,12 @@ PAIRS = [
     ),
     Case(
         "pair_ground_and_ceiling",
-        "nano",
+        "plus",
         "room",
         (near_ground(70), near_ceiling(65, "slow")),
         {"ground_effect": {"form": "images"}, "ceiling_effect": {"form": "sanchez"}},
-        ceiling_m=2.3,
+        ceiling_m=2.6,
+        styles=("geometric", "cascaded"),
     ),
     Case(
         "pair_ground_and_levelling",
@@ -131,14 +132,14 @@ CLEAN = [
         "clean_02_nano",
         "nano",
         "room",
-        (M(70, eight(1.3, 6.0), wander(0.6, 1.8, 1.2), "slow"), near_ceiling(60)),
+        (M(70, eight(1.3, 6.0), wander(0.6, 1.8, 1.2), "slow"), near_ceiling(60, low=1.8)),
         ceiling_m=2.4,
     ),
     Case(
         "clean_03_runs",
         "mapper",
         "field",
-        (M(90, runs(10.0, 3.5), hold(15.0), "slow"), M(60, eight(15.0, 13.0), hold(10.0), "nose")),
+        (M(90, runs(10.0, 3.5), hold(15.0), "slow"), M(60, eight(18.0, 18.0), hold(10.0), "nose")),
     ),
     Case(
         "clean_04_climbs",
@@ -194,5 +195,6 @@ CLEAN = [
         "carrier",
         "field",
         (M(110, runs(7.0, 3.0), hold(10.0), "steps"), M(60, spline(2.0, 2.5), wander(3.0, 8.0, 3.0), "slow")),
+        slow_speeds=True,
     ),
 ]

@@ -39,13 +39,13 @@ class Equipment:
     jitter: float
 
 
-def equip(place: str, source: str, imu: bool, quick: bool, rng: np.random.Generator) -> Equipment:
-    """Equipment with imperfections drawn at random; `quick` has telemetry of the rotors fast enough for moments."""
+def equip(place: str, source: str, imu: bool, quick: bool, slow: bool, rng: np.random.Generator) -> Equipment:
+    """Equipment with imperfections drawn at random; telemetry of the rotors fast enough for moments, or slow."""
     field = place == "field"
     turn = rng.uniform(0, 2 * np.pi)
     trim = np.radians(rng.uniform(0.05, 0.4))
     log_hz = float(rng.choice([50, 60, 80, 100] if quick else [20, 25, 40, 50, 80, 100]))
-    rates = [40.0, 50.0] if quick else [8.0, 10.0, 15.0, 20.0, 25.0, 50.0]
+    rates = [40.0, 50.0] if quick else [3.0, 4.0, 5.0] if slow else [8.0, 10.0, 15.0, 20.0, 25.0, 50.0]
     return Equipment(
         place=place,
         source=source,
@@ -85,7 +85,7 @@ def navigation_error(record: Record, lean: Array, kit: Equipment, rng: np.random
     if kit.place == "field":
         w, hold = rng.uniform(0.8, 1.3), 40
         seen = drift(rng, rows, RECORD_S, rng.uniform(15, 30), rng.uniform(0.1, 0.25)) * np.array([1, 1, 1.2])
-        white = rng.normal(0, 0.04, (rows // hold + 1, 3))
+        white = rng.normal(0, 0.02, (rows // hold + 1, 3))
     else:
         w, hold = rng.uniform(12.0, 20.0), 2
         seen = drift(rng, rows, RECORD_S, 20.0, 0.0005)
