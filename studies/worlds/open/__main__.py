@@ -7,11 +7,12 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from studies.worlds.open.cases import SINGLE, Case
+from studies.worlds.open.cases import Case
 from studies.worlds.open.draw import draw
 from studies.worlds.open.files import write_case
 from studies.worlds.open.mixtures import CLEAN, PAIRS
 from studies.worlds.open.simulate import simulate
+from studies.worlds.open.singles import SINGLE
 from studies.worlds.open.verdicts import flaw
 
 ATTEMPTS = 5

@@ -19,8 +19,7 @@ TABLE = np.arange(240) * TABLE_STEP
 class Hidden:
     """Physics beyond the rigid body of one vehicle; the values that stand here hide nothing."""
 
-    ground: Array = field(default_factory=lambda: np.zeros(len(TABLE)))  # gain of thrust by clearance
-    ground_each: float = 0.0  # 1: each rotor by its own clearance, 0: all by that of the centre
+    ground: Array = field(default_factory=lambda: np.zeros(len(TABLE)))  # gain of thrust by clearance of the centre
     ceiling: Array = field(default_factory=lambda: np.zeros(len(TABLE)))
     drag_n_s_m: Array = field(default_factory=lambda: np.zeros(3))
     drag_by_speed: float = 0.0  # 1: proportional to the rotor speed, 0: constant
@@ -63,7 +62,6 @@ def _ground(hidden: Hidden, craft: Craft, strength: float, size: Mapping[str, An
         gain = (0.9926 + 0.03794 * (2.0 / clearance) ** 2) ** (2.0 / 3.0) - 1.0
         gain = np.clip(gain, 0.0, 0.6)
     hidden.ground = strength * gain
-    hidden.ground_each = float(size.get("each", 0.0))
     return {"form": size["form"], "gain_at_1_radius": float(np.interp(1.0, TABLE, hidden.ground))}
 
 
@@ -111,7 +109,9 @@ def _wind(hidden: Hidden, craft: Craft, strength: float, size: Mapping[str, Any]
         hidden.drag_n_s_m = np.array([size["rate"]] * 2 + [0.0]) * craft.mass_kg
     if "area" in size:
         hidden.area_m2 = np.full(3, size["area"])
-    return {"wind_north_m_s": hidden.wind_m_s[0], "wind_east_m_s": hidden.wind_m_s[1]}
+    drag = {"drag_over_mass_1_s": size.get("rate"), "drag_area_m2": size.get("area")}
+    felt = {name: value for name, value in drag.items() if value is not None}
+    return {"wind_north_m_s": hidden.wind_m_s[0], "wind_east_m_s": hidden.wind_m_s[1], **felt}
 
 
 def _scale(hidden: Hidden, craft: Craft, strength: float, size: Mapping[str, Any]) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from studies.worlds.open.draw import Drawn
 from studies.worlds.open.sensors import Columns, log_columns
 from studies.worlds.open.simulate import Record
 from studies.worlds.open.vehicles import vehicle_file
-from studies.worlds.open.verdicts import effect_rms
+from studies.worlds.open.verdicts import effect_rms, effect_sizes
 
 
 def _format(name: str) -> str:
@@ -55,6 +55,8 @@ def write_case(folder: Path, drawn: Drawn, records: Sequence[Record]) -> float:
         write_log(folder / f"flight{number}.csv", columns)
     if "payload" in drawn.parameters:
         drawn.parameters["payload"]["time_s"] = drawn.hidden.load_time_s - start
+    for name, part in effect_sizes(drawn, records).items():
+        drawn.parameters[name]["rms_m_s2"] = part
     size = effect_rms(drawn, records)
     truth = {
         "case": case.name,

@@ -31,11 +31,11 @@ def padded(values: Array, fill: float = 0.0) -> Array:
 
 
 def _lookup(table: Array, clearance: Array) -> Array:
-    """Interpolation in one table for each flight, at one clearance for each rotor."""
+    """Interpolation in one table for each flight, at one clearance each."""
     place = np.clip(clearance / TABLE_STEP, 0.0, len(TABLE) - 1.001)
     low = place.astype(np.int64)
     share = place - low
-    rows = np.arange(len(table))[:, None]
+    rows = np.arange(len(table))
     return np.asarray(table[rows, low] * (1.0 - share) + table[rows, low + 1] * share)
 
 
@@ -82,7 +82,14 @@ class World:
         return np.asarray(1.0 - self.h["blade"] * (through + self.induced - hover) / tip)
 
     def loads(
-        self, time: float, position: Array, velocity: Array, rotation: Array, rpm: Array, gust: Array, step: float
+        self,
+        time: float | Array,
+        position: Array,
+        velocity: Array,
+        rotation: Array,
+        rpm: Array,
+        gust: Array,
+        step: float,
     ) -> Loads:
         """Loads at one time."""
         h = self.h
@@ -94,13 +101,11 @@ class World:
         mean_rpm = rpm.sum(axis=1) / self.count
         factor = h["scale"] * self._blades(mean_rpm, -air[:, 2], edge, step)
         plane = -position[:, 2] + self.height
-        lower = rotation[:, 2, 0, None] * self.x + rotation[:, 2, 1, None] * self.y
-        clearance = (plane[:, None] - h["ground_each"][:, None] * lower) / self.radius[:, None]
-        near = _lookup(h["ground"], clearance)
-        above = _lookup(h["ceiling"], ((self.roof - plane) / self.radius)[:, None] * np.ones(MAX_ROTORS))
+        near = _lookup(h["ground"], plane / self.radius)
+        above = _lookup(h["ceiling"], (self.roof - plane) / self.radius)
         ahead = (self.x * air[:, 0, None] + self.y * air[:, 1, None]) / (self.arm * np.maximum(edge, 1e-6))[:, None]
         wake = np.minimum(h["wake_s_m"] * edge, 0.4)[:, None] * np.maximum(-ahead, 0.0)
-        thrust = thrust * h["rotors"] * factor[:, None] * (1.0 + near + above) * (1.0 - wake)
+        thrust = thrust * h["rotors"] * (factor * (1.0 + near + above))[:, None] * (1.0 - wake)
         total = thrust.sum(axis=1)
         speed = np.linalg.norm(air, axis=1)
         hub = 1.0 + h["drag_by_speed"] * (mean_rpm / self.hover - 1.0)

@@ -182,7 +182,9 @@ def _thrust_columns(record: Record, craft: Craft, kit: Equipment, t: Array, rng:
         speeds = np.sqrt(_at(record.command, t - 0.003) / craft.thrust_n_per_rpm2)
         out = {f"motor{i + 1}_rpm": np.asarray(np.round(speeds[:, i]), dtype=np.float64) for i in range(craft.count)}
     elif kit.source == "outputs":
-        shares = _at(record.command, t - 0.003) / craft.max_thrust_n
+        # Shares of the full range, each rotor on the vehicle's throttle line: their mean is the throttle.
+        slope = craft.throttle_per_newton * craft.count
+        shares = craft.throttle_offset + slope * _at(record.command, t - 0.003)
         out = {f"motor{i + 1}_output": np.round(shares[:, i], 4) for i in range(craft.count)}
     else:
         out["throttle_cmd"] = np.round(craft.throttle_offset + craft.throttle_per_newton * total, 4)

@@ -8,8 +8,10 @@ import numpy as np
 
 from studies.worlds.open.control import euler
 from studies.worlds.open.draw import Drawn
+from studies.worlds.open.effects import Hidden, hide
 from studies.worlds.open.missions import SETTLE_S, STEP_S
 from studies.worlds.open.noise import low_pass
+from studies.worlds.open.physics import Loads, World, padded
 from studies.worlds.open.simulate import RECORD_S, Flight, Record, rotations
 from studies.worlds.open.vehicles import GRAVITY_M_S2, Array
 
@@ -47,6 +49,41 @@ def effect_rms(drawn: Drawn, records: Sequence[Record]) -> float:
     return float(np.sqrt(squares.mean()))
 
 
+def _loads(drawn: Drawn, hidden: Hidden, record: Record, rows: slice) -> Loads:
+    """Loads of one hidden physics on the states that were flown, each state taken as a flight of its own."""
+    q = record.quaternion[rows]
+    n = len(q)
+    world = World([drawn.craft] * n, [hidden] * n, [drawn.case.ceiling_m] * n)
+    rpm = np.ascontiguousarray(padded(record.rpm[rows].T).T)
+    times = np.arange(len(record.quaternion), dtype=np.float64)[rows] * RECORD_S
+    for _ in range(30):  # until the inflow has settled
+        loads = world.loads(
+            times, record.position[rows], record.velocity[rows], rotations(q), rpm, record.gust[rows], 0.02
+        )
+    return loads
+
+
+def effect_sizes(drawn: Drawn, records: Sequence[Record], every: int = 20) -> dict[str, float]:
+    """Root mean square of the acceleration by each hidden effect alone, on the states that were flown."""
+    sizes, rows = {}, slice(None, None, every)
+    plain = [_loads(drawn, Hidden(), record, rows) for record in records]
+    for name, size in drawn.case.effects.items():
+        alone, _ = hide({name: size}, drawn.craft, drawn.strength)
+        squares = []
+        for record, rigid in zip(records, plain, strict=True):
+            if name in {"battery_sag", "motor_lag", "thrust_map"}:
+                real = np.sum(drawn.craft.rotor_gains * drawn.craft.thrust_n_per_rpm2 * record.rpm**2, axis=1)
+                squares.append(((real - believed_thrust(drawn, record)) / drawn.craft.mass_kg) ** 2)
+                continue
+            loads = _loads(drawn, alone, record, rows)
+            pull = loads.force / loads.mass[:, None] - rigid.force / rigid.mass[:, None]
+            turn = loads.levelling / drawn.craft.inertia_kg_m2 * drawn.craft.arm_m
+            bias = np.sum(alone.imu_bias_m_s2**2)
+            squares.append(np.sum(pull**2, axis=1) + np.sum(turn**2, axis=1) + bias)
+        sizes[name] = float(np.sqrt(np.mean(np.concatenate(squares))))
+    return sizes
+
+
 def _flaw(drawn: Drawn, flight: Flight, record: Record) -> str | None:
     """Reason why one flight is no good."""
     if not all(np.isfinite(part).all() for part in (record.position, record.quaternion, record.rpm)):
@@ -80,4 +117,7 @@ def flaw(drawn: Drawn, records: Sequence[Record]) -> str | None:
     size = effect_rms(drawn, records)
     if drawn.case.effects and not 0.15 * drawn.strength <= size <= 3.0 * max(drawn.strength, 1.0):
         return f"effect of {size:.2f} m/s^2"
+    for name, part in effect_sizes(drawn, records).items():
+        if part < 0.12 * drawn.strength:
+            return f"{name} of {part:.2f} m/s^2"
     return None
