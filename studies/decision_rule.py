@@ -30,6 +30,8 @@ MOVED: dict[str, tuple[float, ...]] = {
     "SIGNIFICANT": (0.003, 0.03),
     "MATERIAL": (0.03, 0.08),
     "MATERIAL_M_S2": (0.05, 0.2),
+    "LEAST_M_S2": (0.015, 0.06),
+    "TRIM_M_S2": (0.035, 0.14),
     "HARMLESS": (0.003, 0.03),
     "HARMLESS_BESIDE": (0.1, 0.4),
     "LEAST_SHARE_OF_MOMENT": (0.05, 0.2),

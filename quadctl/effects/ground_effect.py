@@ -6,6 +6,7 @@ the ground; they are evaluated no lower than `LOWEST_HEIGHT_OVER_RADIUS` rotor r
 experiments behind them end. A pole above that height is left where it is, for the check before flight to find.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -15,6 +16,9 @@ from quadctl.numeric import Number, exp, inverse, maximum
 from quadctl.vehicle import Vehicle
 
 LOWEST_HEIGHT_OVER_RADIUS = 0.5
+REACH_RADII, LEFT_THERE = 8.0, 0.2
+"""Height at which a ground effect has faded to less than this share of what it is at one radius: measurements find none
+above four to six radii (Sanchez-Cuevas et al. 2017), and textbook forms leave 2 to 6 % of it there."""
 
 
 @dataclass(frozen=True)
@@ -202,6 +206,11 @@ class Exponential(GroundEffect):
 
     def negligible(self) -> bool:
         return self.a < 0.03
+
+    def believable(self, flights: Sequence[Conditions], vehicle: Vehicle) -> bool:
+        """True where it fades as a ground effect does; what reaches higher is another force that changes with
+        height."""
+        return bool(exp(-self.b * (REACH_RADII - 1.0) * vehicle.rotor.radius_m) < LEFT_THERE)
 
     def at_height(self, z: Number, vehicle: Vehicle) -> Number:
         return self.c + self.a * exp(-self.b * z)

@@ -11,6 +11,9 @@ from quadctl.frames import rotate_inverse
 from quadctl.numeric import Vector, maximum
 from quadctl.vehicle import Vehicle
 
+THINNER_AIR_PER_M = 1e-4
+"""Share of the thrust that rotors lose per metre of height, at the same speed, as the air is thinner there (ISA)."""
+
 
 @dataclass(frozen=True)
 class HangingTether(Effect):
@@ -32,6 +35,10 @@ class HangingTether(Effect):
         heights = np.concatenate([np.atleast_1d(c.height_m) for c in flights])
         lowest, *between = np.quantile(heights, (0.05, 0.3, 0.55, 0.8))
         return [cls(), *(cls(slack_m=float(height)) for height in between if height - lowest > 0.0 and height < 50.0)]
+
+    def believable(self, flights: Sequence[Conditions], vehicle: Vehicle) -> bool:
+        """True for a cable that weighs clearly more than what thinner air costs in thrust."""
+        return self.weight_n_per_m > 2.0 * THINNER_AIR_PER_M * vehicle.weight_n
 
     def force(self, total_thrust_n: float, c: Conditions, vehicle: Vehicle) -> Vector:
         lifted = maximum(c.height_m - self.slack_m, 0.0)

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,9 @@ MAX_SPEED_JUMP_M_S, SPIKE_WINDOW_S = 15.0, 1.0
 """Largest deviation of a velocity from its running median over the window; no multirotor accelerates faster."""
 
 
+FROZEN_S, FROZEN_HOLDS, FROZEN_CHANGES = 5.0, 20.0, 20
+"""A rotor speed is frozen where it stays the same for longer than this time, and for that many times as long as it
+usually holds a value, while each of the others changes at least so many times."""
 LEAST_FOR_SPLINE = 5
 WIDE_GAP = 3.0
 """Gap between updates, over their median, across which a signal is taken to be straight."""
@@ -68,6 +72,18 @@ class Channel:
         return float(1.0 / np.median(steps)) if len(steps) else 0.0
 
 
+class Frozen(NamedTuple):
+    """Time in which the signal of one rotor stays the same while those of the others change: a wire that is off."""
+
+    rotor: int
+    begin_s: float
+    end_s: float
+
+    def __str__(self) -> str:
+        during = f"from {self.begin_s:.1f} to {self.end_s:.1f} s"
+        return f"the speed of rotor {self.rotor} stays the same {during} while those of the others change"
+
+
 @dataclass(frozen=True)
 class Signals:
     position: list[Channel]
@@ -85,6 +101,8 @@ class Signals:
     lag_s: float = 0.0
     """Time constant with which the rotors follow `rotor`, s, from the vehicle file; 0 where `rotor` is measured
     speed."""
+    frozen: Sequence[Frozen] = ()
+    """Times in which the speed of a rotor is not known."""
 
     def thrust_on(self, grid_s: Floats) -> list[Floats]:
         """Nominal thrust of each rotor on an even clock, N."""
@@ -141,6 +159,8 @@ def signals_of(log: FlightLog, vehicle: Vehicle, notes: list[str]) -> Signals:
         return found
 
     rotor, source = _rotorsignals_of(log, vehicle)
+    frozen = _frozen(rotor) if source == ROTOR_SPEED else []
+    notes += [f"{one}: this time is left out" for one in frozen]
     lag_s = 0.0 if source == ROTOR_SPEED else vehicle.rotor.time_constant_s
     if source != ROTOR_SPEED:
         notes.append(f"without rotor speeds, thrust is taken from the {source}")
@@ -160,7 +180,25 @@ def signals_of(log: FlightLog, vehicle: Vehicle, notes: list[str]) -> Signals:
         battery,
         source,
         lag_s,
+        frozen,
     )
+
+
+def _frozen(rotor: Sequence[Channel]) -> list[Frozen]:
+    """Times in which the signal of one rotor has frozen: a rotor that holds its speed still shows the noise of the
+    sensor, and one that is rounded holds values again and again."""
+    time_s = rotor[0].time_s
+    changed = [np.flatnonzero(np.diff(channel.value)) + 1 for channel in rotor]
+    found = []
+    for number, own in enumerate(changed, start=1):
+        ends = np.concatenate([[0], own, [len(time_s) - 1]])
+        holds_s = np.diff(time_s[ends])
+        longest_s = max(FROZEN_S, FROZEN_HOLDS * float(np.percentile(holds_s, 90.0)))
+        for first, last in zip(ends[:-1][holds_s > longest_s], ends[1:][holds_s > longest_s], strict=True):
+            others = [np.count_nonzero((c > first) & (c <= last)) for c in changed if c is not own]
+            if min(others, default=0) >= FROZEN_CHANGES:
+                found.append(Frozen(number, float(time_s[first]), float(time_s[last])))
+    return found
 
 
 def _without_spikes(channels: list[Channel], limit: float, what: str, notes: list[str]) -> list[Channel]:

@@ -87,7 +87,10 @@ def prepare(log: FlightLog, vehicle: Vehicle) -> Flight:
     time, smooth, derivative = _filter(grid, segments, sigma)
     if len(time) < 40 or sum(b - a for a, b in segments) < MIN_FLIGHT_S:
         seconds = sum(b - a for a, b in segments)
-        raise LogError(f"{log.name}: holds {seconds:.0f} s of usable flight, expected at least {MIN_FLIGHT_S:.0f} s")
+        why = "".join(f"; {frozen}" for frozen in signals.frozen)
+        raise LogError(
+            f"{log.name}: holds {seconds:.0f} s of usable flight, expected at least {MIN_FLIGHT_S:.0f} s{why}"
+        )
     flight = _over_surfaces(
         _assemble(log.name, vehicle, signals, grid, smooth, derivative, time, bandwidth, notes), log
     )
@@ -181,23 +184,26 @@ def _flight_segments(log: FlightLog, signals: Signals, vehicle: Vehicle, notes: 
 def _without_gaps(
     segments: list[tuple[float, float]], signals: Signals, longest_s: float, notes: list[str], name: str
 ) -> list[tuple[float, float]]:
-    """Cut out the times in which a channel brought nothing new for longer than `longest_s`."""
+    """Cut out the times in which a channel brought nothing new for longer than `longest_s`, or a rotor's has frozen."""
     lost = 0.0
+    for frozen in signals.frozen:
+        segments = _cut(segments, frozen.begin_s, frozen.end_s)
     for channel in signals.timed.values():
         gaps = np.flatnonzero(np.diff(channel.time_s) > longest_s)
         for a, b in zip(channel.time_s[gaps], channel.time_s[gaps + 1], strict=True):
             lost += sum(max(0.0, min(b, end) - max(a, begin)) for begin, end in segments)
-            segments = [
-                piece
-                for begin, end in segments
-                for piece in ((begin, min(end, a)), (max(begin, b), end))
-                if piece[1] - piece[0] > 0.0
-            ]
+            segments = _cut(segments, a, b)
     if lost > 0.0:
         notes.append(f"{lost:.1f} s without new values (gaps over {longest_s:.1f} s) are left out")
     if not segments:
         raise LogError(f"{name}: no stretch of the flight has new values at least every {longest_s:.1f} s")
     return segments
+
+
+def _cut(segments: Sequence[tuple[float, float]], begin: float, end: float) -> list[tuple[float, float]]:
+    """Segments of time without what lies between `begin` and `end`."""
+    pieces = [piece for a, b in segments for piece in ((a, min(b, begin)), (max(a, end), b))]
+    return [(a, b) for a, b in pieces if b > a]
 
 
 def _filter(

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
+from quadctl.effects import Effect
 from quadctl.lab.arrays import Floats
 from quadctl.lab.fitting.significance import difference_p_value
 from quadctl.lab.flights.dataset import Dataset
@@ -28,6 +29,9 @@ MATERIAL_M_S2 = 0.1
 """Acceleration explained on one axis above which an effect is material however noisy the log is: 1 % of g, as trims of
 0.6 degrees or a thrust that is off by 1 % make."""
 
+LEAST_M_S2 = 0.03
+"""Least acceleration that counts on any axis, 0.3 % of g: attitudes are off by 0.2 degrees, and rotor speeds by 0.15 %,
+as the motion goes, and quiet logs show what this does."""
 TRIM_M_S2 = 0.07
 """Acceleration by a trim of 0.4 degrees, the standard deviation of those of real vehicles (`KINDS`), and more than a
 thrust that is off by 0.5 % makes: attitudes that are off by as much depend on speed, acceleration and heading, and so
@@ -85,10 +89,14 @@ def is_significant(p_value: float) -> bool:
     return p_value < SIGNIFICANT
 
 
-def is_material(before: Floats, after: Floats) -> bool:
-    """Tell whether a change of the held-out residual, shape (n, axes), lowers the error of an axis by a material
-    share, or explains a material acceleration."""
-    return largest_gain(before, after) > MATERIAL or explained_m_s2(before, after) > MATERIAL_M_S2
+def is_material(effect: Effect, largest_drop: float, explained_m_s2: float) -> bool:
+    """Tell whether an effect that lowers the error of an axis by this share, and explains this acceleration, matters.
+
+    What shows in the moments or in the accelerometer, and a lag, of which a delay explains most, may explain little.
+    """
+    may_be_small = effect.affects_moment or effect.affects_accelerometer or effect.adds_lag
+    counts = may_be_small or explained_m_s2 > LEAST_M_S2
+    return (counts and largest_drop > MATERIAL) or explained_m_s2 > MATERIAL_M_S2
 
 
 def is_harmful(c: Candidate) -> bool:
@@ -146,7 +154,7 @@ def is_trim(c: Candidate) -> bool:
 
 def is_plausible(c: Candidate) -> bool:
     """Tell whether a candidate would be supported if the data distinguished it from its look-alikes."""
-    material = c.largest_drop > MATERIAL or c.explained_m_s2 > MATERIAL_M_S2
+    material = is_material(c.effect, c.largest_drop, c.explained_m_s2)
     return is_there(c) and material and not c.effect.negligible() and not c.implied
 
 
@@ -183,9 +191,11 @@ def is_replaceable(missing: Sequence[str]) -> bool:
     return len(missing) == REPLACED
 
 
-def is_needed(without: Floats, residual: Floats, p_value: float) -> bool:
-    """Tell whether an effect is still needed beside the others, from the held-out residuals without and with it."""
-    return is_significant(p_value) and is_material(without, residual)
+def is_needed(effect: Effect, without: Floats, residual: Floats, p_value: float) -> bool:
+    """Tell whether an effect is still needed beside the others, from the held-out residuals without and with it, shape
+    (n, axes)."""
+    explained = explained_m_s2(without, residual)
+    return is_significant(p_value) and is_material(effect, largest_gain(without, residual), explained)
 
 
 def are_alike(one: Floats, other: Floats, dataset: Dataset) -> bool:

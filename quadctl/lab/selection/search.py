@@ -264,7 +264,7 @@ def _without_superfluous(path: Path, family: str) -> Path:
     doubtful -= unbelievable(model, dataset) | indistinct(model, dataset)
     (effect,) = (effect for effect in model.effects if effect.family() == family)
     implied = effect.implied_by(smaller.model.effects, [f.conditions for f in dataset.flights], model.vehicle)
-    if (is_needed(without, path.residual, p_value) and not implied) or doubtful:
+    if (is_needed(effect, without, path.residual, p_value) and not implied) or doubtful:
         return path
     first, last = path.steps[:-1], path.steps[-1]
     steps = (*(step for step in first if step.family != family), replace(last, rmse=rmse(without, dataset.groups)))

@@ -18,13 +18,16 @@ from studies.worlds.traps.simulation import VEHICLES
 
 
 def diagnosed(trap: Trap, folder: Path) -> dict[str, Any]:
-    """Answer of `quadctl diagnose --json` to the flights of a trap, which are written to `folder`."""
+    """Answer of `quadctl diagnose --json` to the flights of a trap, which are written to `folder`; where it refuses
+    them, the verdict `refused` and its sentence."""
     answer, logs = folder / f"{trap.name}.json", []
     for flight in trap.generate():
         logs.append(str(folder / flight.name))
         write_csv(flight, folder / flight.name)
     command = [sys.executable, "-m", "quadctl", "diagnose", str(VEHICLES / f"{trap.vehicle}.yaml"), *logs]
-    subprocess.run([*command, "--json", str(answer)], check=True, stdout=subprocess.DEVNULL)
+    run = subprocess.run([*command, "--json", str(answer)], capture_output=True, text=True)
+    if run.returncode:
+        return {"verdict": "refused", "sentence": run.stderr.strip()}
     result: dict[str, Any] = json.loads(answer.read_text(encoding="utf-8"))
     return result
 

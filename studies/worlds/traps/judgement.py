@@ -43,7 +43,10 @@ class Trap:
 
 
 def judge(honest: Honest, result: Mapping[str, Any]) -> Outcome:
-    """Compare the JSON result of `quadctl diagnose` with the honest answers."""
+    """Compare the JSON result of `quadctl diagnose` with the honest answers; a refusal says nothing of the physics, as
+    `unexplained` does."""
+    if result["verdict"] == "refused":
+        return Outcome.HONEST if "unexplained" in honest.verdicts else Outcome.MISSED
     if result["verdict"] != "missing":
         if result["verdict"] in honest.verdicts:
             return Outcome.HONEST
@@ -77,6 +80,8 @@ def intervals(result: Mapping[str, Any]) -> Iterable[tuple[str, str, tuple[float
 
 def said(result: Mapping[str, Any]) -> str:
     """Answer of the lab in words, for the page."""
+    if result["verdict"] == "refused":
+        return f"refused: {result['sentence']}"
     parts = [" + ".join(result["missing"]) or str(result["verdict"])]
     for effect, name, (low, high) in intervals(result):
         parts.append(f"{effect} {name} " + (f"{low:.3g}" if low == high else f"[{low:.3g}, {high:.3g}]"))
