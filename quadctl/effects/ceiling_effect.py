@@ -17,7 +17,8 @@ class MomentumCeiling(ThrustRatio):
 
     Momentum theory of a disk that draws its air through the gap below the ceiling gives gain = 1; neighbouring rotors
     make it larger: 15 to 20 % more thrust at one radius (Jimenez-Cano et al. 2019) is a gain of 6 to 8, and a thrust
-    that falls more slowly with the distance needs more. The vehicle file says how high the ceiling is (`ceiling_m`); without it there is none.
+    that falls more slowly with the distance needs more. The vehicle file says how high the ceiling is (`ceiling_m`);
+    without it there is none.
     """
 
     name: ClassVar[str] = "ceiling_effect.momentum"

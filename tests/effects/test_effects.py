@@ -295,6 +295,18 @@ def test_body_drag_grows_with_the_square_of_the_speed_and_points_against_it(rapt
     assert drag.force(15.0, at_velocity(0.0, 0.0, -1.0), raptor) == pytest.approx((0.0, 0.0, 0.03615))
 
 
+def test_a_tether_weighs_more_than_thinner_air_costs(raptor: Vehicle) -> None:
+    # 1.5 kg: rotors lose 1.5 * 9.81 * 1e-4 = 0.0015 N of thrust per metre of height
+    assert not HangingTether(weight_n_per_m=0.0025).believable([], raptor)
+    assert HangingTether(weight_n_per_m=0.0035).believable([], raptor)
+
+
+def test_a_ground_effect_fades_within_a_few_radii(raptor: Vehicle) -> None:
+    # R = 0.12 m: from one radius to eight, 0.84 m, exp(-1.0 * 0.84) = 0.43 is left, and exp(-3.7 * 0.84) = 0.045
+    assert not Exponential(a=0.2, b=1.0).believable([], raptor)
+    assert Exponential(a=0.2, b=3.7).believable([], raptor)
+
+
 def test_a_tether_pulls_down_whatever_the_attitude(raptor: Vehicle) -> None:
     tether = HangingTether(weight_n_per_m=0.5, slack_m=0.2)
     tilted = quaternion_from_euler(0.3, -0.5, 1.0)

@@ -25,7 +25,7 @@ def diagnosed(trap: Trap, folder: Path) -> dict[str, Any]:
         logs.append(str(folder / flight.name))
         write_csv(flight, folder / flight.name)
     command = [sys.executable, "-m", "quadctl", "diagnose", str(VEHICLES / f"{trap.vehicle}.yaml"), *logs]
-    run = subprocess.run([*command, "--json", str(answer)], capture_output=True, text=True)
+    run = subprocess.run([*command, "--json", str(answer)], check=False, capture_output=True, text=True)
     if run.returncode:
         return {"verdict": "refused", "sentence": run.stderr.strip()}
     result: dict[str, Any] = json.loads(answer.read_text(encoding="utf-8"))

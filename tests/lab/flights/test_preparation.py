@@ -16,9 +16,18 @@ from quadctl.lab.flights.prediction import rmse
 from quadctl.lab.flights.preparation import prepare
 from quadctl.lab.selection.rule import is_supported
 from quadctl.lab.selection.trial import try_effect
+from quadctl.logs.columns import rpm_columns
+from quadctl.logs.flight_log import FlightLog
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
 from tests.support.flights import obedient, simulated, with_late_rotors
+
+
+def with_noisy_speeds(log: FlightLog) -> FlightLog:
+    """The same flight with the noise of a sensor in each rotor speed."""
+    random = np.random.default_rng(0)
+    noisy = {name: log[name] + 10.0 * random.standard_normal(len(log)) for name in rpm_columns(4)}
+    return dataclasses.replace(log, columns={**log.columns, **noisy})
 
 
 class TestPrepare:
@@ -66,6 +75,26 @@ class TestPrepare:
         assert is_supported(found)
         assert found.effect.values()["time_constant_s"] == pytest.approx(0.08, rel=0.05)
         assert data.aligned_for(found.model).flights[0].delay_s == pytest.approx(late_s, abs=0.005)
+
+    def test_a_rotor_speed_that_freezes_while_the_others_change_is_not_used(self, rigid: Model) -> None:
+        log = with_noisy_speeds(obedient(rigid, seconds=60.0))
+        speed = np.where(log.time_s < 40.0, log["motor3_rpm"], log["motor3_rpm"][log.time_s < 40.0][-1])
+        frozen = dataclasses.replace(log, columns={**log.columns, "motor3_rpm": speed})
+        flight = prepare(frozen, rigid.vehicle)
+        assert flight.time_s.max() < 40.0 < prepare(log, rigid.vehicle).time_s.max()
+        assert any("the speed of rotor 3 stays the same from 40.0 to" in note for note in flight.notes)
+
+    def test_rounded_rotor_speeds_are_not_frozen(self, rigid: Model) -> None:
+        log = with_noisy_speeds(obedient(rigid, seconds=60.0))
+        rounded = {name: np.round(log[name] / 200.0) * 200.0 for name in rpm_columns(4)}
+        flight = prepare(dataclasses.replace(log, columns={**log.columns, **rounded}), rigid.vehicle)
+        assert not any("stays the same" in note for note in flight.notes)
+
+    def test_too_little_of_a_flight_is_left_and_the_reason_is_said(self, rigid: Model) -> None:
+        log = with_noisy_speeds(obedient(rigid, seconds=60.0))
+        frozen = {**log.columns, "motor1_rpm": np.where(log.time_s < 8.0, log["motor1_rpm"], 5000.0)}
+        with pytest.raises(LogError, match=r"at least 10 s; the speed of rotor 1 stays the same from 8\.0 to"):
+            prepare(dataclasses.replace(log, columns=frozen), rigid.vehicle)
 
     def test_only_the_flight_is_used(self, raptor: Vehicle, tmp_path: Path) -> None:
         log = simulated("step_response", [], 1, tmp_path)

@@ -5,6 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
+from quadctl.lab.fitting.fitter import Fitter
+from quadctl.lab.fitting.nuisances import AGE
 from quadctl.lab.flights.dataset import load_dataset
 from quadctl.lab.flights.flight import Estimate
 from quadctl.lab.flights.timing import MOST_EARLY_S, _shrunk, comes_too_early, timing_in_words
@@ -90,3 +92,12 @@ class TestSignalsThatComeBeforeTheirForce:
         assert not comes_too_early(data.flights[0].timing)
         (told,) = timing_in_words(data.flights[0].timing)
         assert told.startswith("The position comes 100 ms [9")
+
+
+def test_no_nuisance_delays_a_signal_earlier_than_positions_are_late(rigid: Model) -> None:
+    """A signal that is earlier still has rotors that lag: no flight may take that for a delay of its own."""
+    data = load_dataset([with_late_rotors(obedient(rigid), 0.0, 0.07)], rigid.vehicle).aligned_for(rigid)
+    (flight,) = data.flights
+    assert flight.delay_s == pytest.approx(-MOST_EARLY_S)
+    fitted = Fitter(rigid, data).fit()
+    assert fitted.nuisances[0, AGE] >= 0.0
