@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from quadctl.effects.base import Conditions, Effect, parameter
+from quadctl.effects.rotor_drag import acts_sideways, is_of_inflow
 from quadctl.numeric import Vector, sqrt
 from quadctl.vehicle import Vehicle
 
@@ -32,7 +33,12 @@ class QuadraticDrag(Effect):
     area_z_m2: float = parameter(0.0, 0.0, 1.0, "m^2", "drag area seen from above")
 
     def believable(self, flights: Sequence[Conditions], vehicle: Vehicle) -> bool:
-        return are_possible_areas((self.area_x_m2, self.area_y_m2, self.area_z_m2), vehicle)
+        areas_m2 = (self.area_x_m2, self.area_y_m2, self.area_z_m2)
+        return are_possible_areas(areas_m2, vehicle) and acts_sideways(*areas_m2, flights)
+
+    def implied_by(self, others: Sequence[Effect], flights: Sequence[Conditions], vehicle: Vehicle) -> bool:
+        """True where it acts along the thrust axis alone, beside an inflow: then the form of that one is off."""
+        return is_of_inflow(self.area_x_m2, self.area_y_m2, self.area_z_m2, others)
 
     def force(self, total_thrust_n: float, c: Conditions, vehicle: Vehicle) -> Vector:
         u, v, w = c.velocity_body_m_s

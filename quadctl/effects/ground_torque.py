@@ -15,6 +15,9 @@ from quadctl.vehicle import Vehicle
 MOST_OF_IMPLIED = 2.0
 """Largest moment, over that which a ground effect on each rotor at its own height gives, that counts as part of it."""
 
+LEAST_STIFFNESS = 0.1
+"""Smallest moment that counts, over thrust and rotor radius, per rad."""
+
 
 @dataclass(frozen=True)
 class Levelling(Effect):
@@ -32,8 +35,9 @@ class Levelling(Effect):
     reach: float = parameter(1.0, 0.2, 10.0, "", "height, in rotor radii, over which it falls to 1/e")
 
     def negligible(self) -> bool:
-        """True where the moment is tiny with the rotor plane one radius above the ground."""
-        return self.stiffness * math.exp(-1.0 / self.reach) < 0.2
+        """True where one radius above the ground, at a lean of 0.1 rad, it moves the thrust by less than a hundredth of
+        the radius: rotors that are 1 % off do as much."""
+        return self.stiffness * math.exp(-1.0 / self.reach) < LEAST_STIFFNESS
 
     def implied_by(self, others: Sequence[Effect], flights: Sequence[Conditions], vehicle: Vehicle) -> bool:
         """True where a ground effect of the model, on each rotor at its own height, gives at least half of this moment.

@@ -1,7 +1,10 @@
 """Rotor drag: blade flapping and induced drag give a force against the body's velocity, linear in it."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
+
+import numpy as np
 
 from quadctl.effects.base import Conditions, Effect, parameter
 from quadctl.numeric import Number, Vector
@@ -9,6 +12,11 @@ from quadctl.vehicle import Vehicle
 
 LEAST_1_S = 0.04
 """Smallest rate that counts: every rotor drags, and at 2 m/s a trim of 0.5 degrees makes as much."""
+
+SIDEWAYS = 0.1
+"""Least drag along body x or y, as a share of that along z: a force along the thrust axis alone is an `inflow`."""
+FLOWN_M_S = 1.0
+"""Span of the horizontal speed that shows whether there is a drag along body x and y."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +45,29 @@ class LinearDrag(Effect):
     def negligible(self) -> bool:
         return max(self.d_x, self.d_y, self.d_z) < LEAST_1_S
 
+    def believable(self, flights: Sequence[Conditions], vehicle: Vehicle) -> bool:
+        return acts_sideways(self.d_x, self.d_y, self.d_z, flights)
+
+    def implied_by(self, others: Sequence[Effect], flights: Sequence[Conditions], vehicle: Vehicle) -> bool:
+        """True where it acts along the thrust axis alone, beside an inflow: then the form of that one is off."""
+        return is_of_inflow(self.d_x, self.d_y, self.d_z, others)
+
     def force(self, total_thrust_n: Number, c: Conditions, vehicle: Vehicle) -> Vector:
         u, v, w = c.velocity_body_m_s
         m = vehicle.mass_kg
         return -m * self.d_x * u, -m * self.d_y * v, -m * self.d_z * w
+
+
+def acts_sideways(x: float, y: float, z: float, flights: Sequence[Conditions]) -> bool:
+    """Tell whether a drag with these coefficients along the body axes acts along x or y, too, where that was flown."""
+    return max(x, y) >= SIDEWAYS * z or not any(_span_m_s(c) > FLOWN_M_S for c in flights)
+
+
+def is_of_inflow(x: float, y: float, z: float, others: Sequence[Effect]) -> bool:
+    """Tell whether a drag with these coefficients along the body axes is a part of an inflow of the model."""
+    return max(x, y) < SIDEWAYS * z and any(effect.family() == "inflow" for effect in others)
+
+
+def _span_m_s(c: Conditions) -> float:
+    u, v, _ = c.velocity_body_m_s
+    return float(np.ptp(np.quantile(np.hypot(u, v), (0.05, 0.95))))

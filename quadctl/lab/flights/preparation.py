@@ -96,7 +96,8 @@ def prepare(log: FlightLog, vehicle: Vehicle) -> Flight:
     )
     (flight,) = timed([replace(flight, sha256=_sha256(log))], Model(vehicle))
     thrust = np.column_stack([flight.filtered(nominal) for nominal in flight.nominal_n])
-    _refuse(log.name, motion_problem(flight.measured, thrust, flight.torque, vehicle))
+    lean = np.column_stack([flight.variables[name] for name in ("roll", "pitch")])
+    _refuse(log.name, motion_problem(flight.measured, thrust, flight.torque, lean, vehicle))
     return flight
 
 

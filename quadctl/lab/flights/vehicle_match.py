@@ -92,15 +92,18 @@ def _reason(factor: float, source: str) -> str:
     return f"{numbers}, or the speeds electrical ({pairs} pole pairs)?" if pairs in _POLE_PAIRS else f"{numbers}?"
 
 
-def motion_problem(measured: Floats, thrust_n: Floats, torque: Floats | None, vehicle: Vehicle) -> str | None:
+def motion_problem(
+    measured: Floats, thrust_n: Floats, torque: Floats | None, lean: Floats, vehicle: Vehicle
+) -> str | None:
     """Problem with the motion, as a sentence: the vehicle does not move as its rotors drive it; None if it does or
     hardly moves.
 
     All arguments have the same filter: `measured`, acceleration north, east, up, m/s^2, shape (n, 3); `thrust_n`,
-    nominal thrust of each rotor, N, shape (n, rotors); `torque`, from the body rates, FRD, N m, shape (n, 3), if known.
+    nominal thrust of each rotor, N, shape (n, rotors); `torque`, from the body rates, FRD, N m, shape (n, 3), if known;
+    `lean`, roll and pitch, shape (n, 2).
     """
     return _upside_down(measured[:, 2], thrust_n.sum(axis=1) / vehicle.mass_kg) or (
-        None if torque is None else _motor_order(torque[:, :2], thrust_n, vehicle)
+        None if torque is None else _motor_order(_without(lean, torque[:, :2]), _without(lean, thrust_n), vehicle)
     )
 
 
@@ -123,14 +126,22 @@ def _upside_down(up: Floats, by_thrust: Floats) -> str | None:
     return None
 
 
-def _motor_order(torque: Floats, thrust_n: Floats, vehicle: Vehicle) -> str | None:
-    """Compare the rotors' roll and pitch moments with the measured ones; find the order of motors that fits best.
+def _without(lean: Floats, values: Floats) -> Floats:
+    """Values without their mean and without what follows the lean, shape (n, k).
+
+    The ground levels a vehicle that leans, and its rotors hold against that: they then turn it, as far as one can see,
+    the wrong way.
+    """
+    columns = np.column_stack([lean, np.ones(len(lean))])
+    return np.asarray(values - columns @ np.linalg.lstsq(columns, values, rcond=None)[0])
+
+
+def _motor_order(needed: Floats, thrust: Floats, vehicle: Vehicle) -> str | None:
+    """Compare the rotors' roll and pitch moments with those `needed`; find the order of motors that fits best.
 
     The order whose moments have the largest covariance with the measured ones is the solution of a linear assignment
     problem.
     """
-    needed = torque - torque.mean(axis=0)
-    thrust = thrust_n - thrust_n.mean(axis=0)
     arms = np.array(vehicle.moment_arms_m)[:, :2]
     gain = thrust.T @ (needed / np.maximum(needed.std(axis=0), 1e-12)) @ arms.T
     speeds, places = linear_sum_assignment(gain, maximize=True)

@@ -22,7 +22,20 @@ def test_the_order_of_the_motors_is_judged_where_their_moments_turn_the_vehicle(
     thrust_n = raptor.weight_n / 4.0 + 0.3 * rng.standard_normal((500, 4))
     made = (thrust_n - thrust_n.mean(axis=0)) @ np.array(raptor.moment_arms_m)
     torque = share * made + 0.1 * abs(share) * made.std() * rng.standard_normal(made.shape)
-    problem = motion_problem(np.zeros((500, 3)), thrust_n, torque, raptor)
+    problem = motion_problem(np.zeros((500, 3)), thrust_n, torque, 0.1 * rng.standard_normal((500, 2)), raptor)
     assert (problem is not None) is refused
     if problem:
         assert "do not turn the vehicle as it turns" in problem
+
+
+def test_rotors_that_hold_against_a_levelling_ground_are_in_order(raptor: Vehicle) -> None:
+    """Here the ground's moment is 1.9 times that of the rotors, and always against it."""
+    rng = np.random.default_rng(1)
+    lean = 0.05 * rng.standard_normal((500, 2))
+    arms = np.array(raptor.moment_arms_m)
+    holding = np.column_stack([lean, np.zeros(500)]) @ np.linalg.pinv(arms)
+    thrust_n = raptor.weight_n / 4.0 + 5.0 * holding + 0.02 * rng.standard_normal((500, 4))
+    made = (thrust_n - raptor.weight_n / 4.0) @ arms
+    ground = -1.9 * 5.0 * np.column_stack([lean, np.zeros(500)])
+    assert np.corrcoef(made[:, 0], (made + ground)[:, 0])[0, 1] < -0.9
+    assert motion_problem(np.zeros((500, 3)), thrust_n, made + ground, lean, raptor) is None
