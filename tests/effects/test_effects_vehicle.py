@@ -587,3 +587,25 @@ def test_drag_areas_far_beyond_the_rotor_disks_are_not_believed(raptor: Vehicle)
     flights = [array_conditions(np.zeros(3))]
     assert QuadraticDrag(0.03, 0.03, 0.1).believable(flights, raptor)
     assert not QuadraticDrag(0.03, 0.03, 0.7).believable(flights, raptor)
+
+
+def test_a_drag_along_the_thrust_axis_alone_is_no_drag_where_the_others_were_flown(raptor: Vehicle) -> None:
+    hover, run = (
+        [dataclasses.replace(array_conditions(np.zeros(3)), velocity_body_m_s=(u, 0.0 * u, 0.0 * u))]
+        for u in (np.zeros(3), np.array([0.0, 2.0, 4.0]))
+    )
+    assert not LinearDrag(0.0, 0.01, 0.3).believable(run, raptor)
+    assert LinearDrag(0.0, 0.01, 0.3).believable(hover, raptor)
+    assert LinearDrag(0.2, 0.0, 0.3).believable(run, raptor)
+    assert not QuadraticDrag(0.0, 0.0, 0.02).believable(run, raptor)
+
+
+def test_a_drag_along_the_thrust_axis_alone_is_part_of_an_inflow(raptor: Vehicle) -> None:
+    flights = [array_conditions(np.zeros(3))]
+    for vertical, every in (
+        (LinearDrag(0.0, 0.0, 0.2), LinearDrag(0.2, 0.2, 0.2)),
+        (QuadraticDrag(0.0, 0.0, 0.02), QuadraticDrag(0.02, 0.02, 0.02)),
+    ):
+        assert vertical.implied_by([AxialInflow(0.2)], flights, raptor)
+        assert not every.implied_by([AxialInflow(0.2)], flights, raptor)
+        assert not vertical.implied_by([], flights, raptor)
