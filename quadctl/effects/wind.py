@@ -72,8 +72,9 @@ class _Wind(Effect):
     def believable(self, flights: Sequence[Conditions], vehicle: Vehicle) -> bool:
         """True for a push that is more than that of an uneven floor, and not that of a storm on a vehicle without drag;
         beside a drag of the model the wind has none of its own."""
-        push = self.push_m_s2(flights, vehicle)
-        return push == 0.0 or push > max(LEAST_PUSH_M_S2, LEAST_DRAG_PER_S * self.speed_m_s)
+        if self == self.standing_back():
+            return True
+        return self.push_m_s2(flights, vehicle) > max(LEAST_PUSH_M_S2, LEAST_DRAG_PER_S * self.speed_m_s)
 
     def distinct(self, flights: Sequence[Conditions], vehicle: Vehicle) -> bool:
         """True with different headings, or with a push larger than a tilted thrust would give."""

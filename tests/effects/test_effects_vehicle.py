@@ -556,6 +556,8 @@ def test_a_storm_without_drag_is_no_wind(raptor: Vehicle) -> None:
     hover = [array_conditions(np.zeros(3))]
     assert SteadyWind(5.0, 0.0, drag=0.2).believable(hover, raptor)
     assert not SteadyWind(12.0, 0.0, drag=0.01).believable(hover, raptor)
+    assert not SteadyWind(1.0, 0.0, drag=0.0, drag_z=0.2).believable(hover, raptor)  # an inflow, and no wind
+    assert SteadyWind(1.0, 0.0, drag=0.2, drag_z=0.2).standing_back().believable(hover, raptor)
     assert not SteadyWind(0.1, 0.0, drag=0.2).believable(hover, raptor)
 
 
