@@ -20,6 +20,9 @@ class Question(NamedTuple):
     """Help with the unit or the meaning, below the field."""
 
 
+LARGEST_PROPELLER_M = 2.0
+"""Largest diameter that a form takes; a larger number is one in inches."""
+METRES_PER_INCH = 0.0254
 _MASS, _RADIUS = limits(Vehicle, "mass_kg"), limits(Rotor, "radius_m")
 _DIAMETER = 2.0 * _RADIUS[0], 2.0 * _RADIUS[1]
 MASS = Question("Mass with battery / kg", *_MASS)
@@ -55,11 +58,16 @@ _IN_WORDS = {
 
 def wrong(questions: Mapping[str, Question], answers: Mapping[str, float | None]) -> dict[str, str]:
     """Expectations of the answers that are not possible, all of them, by the names of their questions."""
-    return {
+    found = {
         name: _expected(question)
         for name, question in questions.items()
         if name in answers and not _is_possible(question, answers[name])
     }
+    propeller = answers.get("propeller_m")
+    if "propeller_m" in questions and propeller is not None and propeller > LARGEST_PROPELLER_M:
+        inches = f"{propeller:g} inches are {METRES_PER_INCH * propeller:.4g} m"
+        found["propeller_m"] = f"expected metres, at most {LARGEST_PROPELLER_M:g}: {inches}"
+    return found
 
 
 def in_words_of_the_form(sentence: str) -> str:

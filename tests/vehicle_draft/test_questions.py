@@ -12,7 +12,7 @@ def test_all_that_is_wrong_is_said_at_once() -> None:
     answers = RIGHT | {"mass_kg": None, "propeller_m": 12.0, "hover_throttle": 1.0, "hover_rpm": -3.0}
     assert wrong(NEW_VEHICLE, answers) == {
         "mass_kg": "expected a number above 0 and below 1000",
-        "propeller_m": "expected a number above 0 and below 10",
+        "propeller_m": "expected metres, at most 2: 12 inches are 0.3048 m",
         "hover_throttle": "expected a number above 0 and below 1",
         "hover_rpm": "expected a number above 0, or nothing",
     }
@@ -30,3 +30,9 @@ def test_a_sentence_about_the_file_is_said_in_the_words_of_the_form() -> None:
     assert in_words_of_the_form("throttle.max_thrust_per_rotor_n is 1, expected more") == (
         "Most thrust of a rotor / N is 1, expected more"
     )
+
+
+def test_a_propeller_in_inches_is_told_in_metres() -> None:
+    assert wrong(NEW_VEHICLE, RIGHT | {"propeller_m": 7.0}) == {
+        "propeller_m": "expected metres, at most 2: 7 inches are 0.1778 m"
+    }

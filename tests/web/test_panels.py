@@ -537,7 +537,7 @@ class TestOpenTab:
         view = views["at first"]
         assert view.model is not None and view.seen is not None
         scaled = view.model.plus(ConstantScale(0.87))
-        assert "Far from the ground the rotors give 0.870 times the thrust" in far_in_words(scaled)
+        assert "Far from the ground the model gives the rotors 0.870 times the thrust" in far_in_words(scaled)
         assert "factor 1" in far_in_words(view.model)
         own, without = (
             next(
@@ -615,6 +615,15 @@ class TestOpenTab:
         near = str(tabs("missing", _nothing_found(view, error_m_s2=0.2, floor_m_s2=0.186)).shown)
         assert "Nothing significant is missing." in near and "check_circle" in near
         assert "An error of 0.200 m/s² remains, 8% above the " in near
+
+    def test_a_model_that_is_fitted_to_other_flights_gets_no_tick(
+        self, tabs: Callable[[str, View], OpenTab], views: dict[str, View]
+    ) -> None:
+        """The errors of a search are those of refits: the model as it stands may be far off."""
+        view = _nothing_found(views["a fit to one of the flights"], error_m_s2=0.2, floor_m_s2=0.186)
+        said = str(tabs("missing", view).shown)
+        assert "No further effect is missing, but the model is fitted to 0.csv only." in said
+        assert "Nothing significant is missing" not in said
 
     def test_what_no_effect_explains_is_called_little_where_it_is(
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]

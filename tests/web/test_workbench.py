@@ -84,6 +84,13 @@ class Dropped:
         path.write_text("")
 
 
+class _Untouchable:
+    """Results that must not be shown."""
+
+    def __repr__(self) -> str:
+        raise AssertionError("the results were shown as text")
+
+
 @pytest.fixture
 def bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Workbench:
     monkeypatch.setattr(workbench, "Worker", Here)
@@ -135,6 +142,11 @@ class TestDrops:
         assert bench.message is not None
         for said in ("notes.md: is no flight log", "wrong.yaml", "bad.csv: is empty"):
             assert said in bench.message.text
+
+    def test_its_name_in_a_task_computes_nothing(self, bench: Workbench) -> None:
+        """Timers and tasks are named by the methods that they call: the repr of results would run their analysis."""
+        bench.results = cast(Any, _Untouchable())
+        assert "check" in str(bench.check)
 
     def test_an_old_failure_does_not_come_back_with_the_next_file(self, bench: Workbench) -> None:
         async def drop_twice() -> None:

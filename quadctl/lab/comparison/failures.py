@@ -363,7 +363,8 @@ def _range_in_words(variable: str, limits: tuple[float, float], at_edge: tuple[b
 def _push(axis: str, mean: float) -> str:
     if axis == "up":
         share = abs(mean) / GRAVITY_M_S2
-        return f"the vehicle gets {share:.1%} {'more' if mean > 0.0 else 'less'} thrust than the model says"
+        more = "more" if mean > 0.0 else "less"
+        return f"the vehicle gets {more} thrust than the model says, by {share:.1%} of its weight"
     direction = {"north": ("north", "south"), "east": ("east", "west")}[axis][0 if mean > 0.0 else 1]
     return f"the vehicle is pushed {direction} by {abs(mean):.2f} m/s^2 more than the model says"
 

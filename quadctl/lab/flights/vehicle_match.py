@@ -25,7 +25,7 @@ counters a moment from outside, such as that of the ground, the vehicle turns ag
 MIN_LIFT_CORRELATION = 0.7
 """Least correlation of thrust with vertical acceleration at which sign and factor are clear."""
 MAX_ACCELERATION_FACTOR = 2.5
-"""Largest ratio of vertical acceleration to thrust over mass; less may be a thrust scale."""
+"""Largest slope of vertical acceleration over thrust by mass; less may be a thrust scale."""
 
 _SPEED_UNITS = {
     math.pi / 30.0: "are the rotor speeds in rad/s",
@@ -117,7 +117,7 @@ def _upside_down(up: Floats, by_thrust: Floats) -> str | None:
             f"vz_m_s falls when the rotors give more thrust (correlation {correlation:.2f}), "
             "expected it to rise: are z_m and vz_m_s up?"
         )
-    factor = float(np.std(up) / np.std(by_thrust))
+    factor = correlation * float(np.std(up) / np.std(by_thrust))
     if correlation > MIN_LIFT_CORRELATION and factor > MAX_ACCELERATION_FACTOR:
         return (
             f"vz_m_s speeds up {factor:.3g} times as much as the rotors' thrust over mass_kg says, expected about "

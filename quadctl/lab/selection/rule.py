@@ -204,10 +204,15 @@ def are_alike(one: Floats, other: Floats, dataset: Dataset) -> bool:
 
 
 def alternatives(candidates: Iterable[Candidate], dataset: Dataset) -> list[list[Candidate]]:
-    """Group candidates of which the data do not tell one from another; the simplest of each group first."""
+    """Group candidates of which the data do not tell one from another; the simplest of each group first.
+
+    Candidates that were read from a session have no residuals to compare: each is a group of its own.
+    """
+    if not dataset.flights:
+        return [[c] for c in candidates]
     groups: list[list[Candidate]] = []
     for c in sorted(candidates, key=lambda c: score(c.residual)):
-        alike = [group for group in groups if dataset.flights and are_alike(group[0].residual, c.residual, dataset)]
+        alike = [group for group in groups if are_alike(group[0].residual, c.residual, dataset)]
         if alike:
             alike[0].append(c)
         else:

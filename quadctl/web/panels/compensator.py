@@ -49,10 +49,10 @@ def far_in_words(model: Model) -> str:
     """Sentence on the factor of the thrust far from the ground, to which the curve over height is relative."""
     factor = far_ratio(model)
     if abs(factor - 1.0) < UNITY:
-        return "Far from the ground the rotors give the thrust that the vehicle file says: factor 1."
+        return "Far from the ground the model gives the rotors the thrust that the vehicle file says: factor 1."
     return (
-        f"Far from the ground the rotors give {factor:.3f} times the thrust that the vehicle file says. The curve over "
-        "height is relative to that; the compensator divides by both."
+        f"Far from the ground the model gives the rotors {factor:.3f} times the thrust of the vehicle file. The curve "
+        "over height is relative to that; the compensator divides by both."
     )
 
 

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 from nicegui import ui
 
+from quadctl.lab.comparison.agreement import flights_of_the_fit
 from quadctl.lab.comparison.remainder import Remainder
 from quadctl.lab.comparison.wording import (
     ERRORS,
@@ -42,6 +43,7 @@ from quadctl.web.panels.panel import Controls, Panel, Tab
 from quadctl.web.panels.vehicle import vehicle_in_words
 from quadctl.web.panels.zoomed import zoomed_plot
 from quadctl.web.session.findings import Diagnosed
+from quadctl.web.session.session import Rung
 from quadctl.web.work.jobs import Evaluation
 from quadctl.web.work.predictions import predictions
 
@@ -123,6 +125,7 @@ class Verdict(Panel):
     floor_m_s2: float | None
     unconfirmed: Vehicle | None
     cautions: tuple[str, ...]
+    rung: Rung | None
 
     def draw(self, do: Controls) -> None:
         if self.seen is None:
@@ -162,6 +165,13 @@ class Verdict(Panel):
         measured = [plain(candidate.family) for candidate in diagnosis.measured]
         if measured:
             more.append(f"There, but too small to matter in these flights: {listed(measured)}.")
+        used, new = ([], []) if self.rung is None else flights_of_the_fit(self.rung.model, diagnosis.dataset.names)
+        if used and new:
+            than = f"the model is fitted to {listed(used)} only"
+            more.append(
+                f"These are errors of refits to these flights; {than}, and its own error may be larger: refit it."
+            )
+            return _Said(OPEN, f"No further effect is missing, but {than}.", more)
         if small:
             return _Said("check_circle", "Nothing significant is missing.", more)
         if left is not None and self.evaluation is not None and self.evaluation.unseen is not None:

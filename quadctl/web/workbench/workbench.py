@@ -31,7 +31,7 @@ SAME_ERROR = 0.01
 """Largest relative difference of the same fit on two computers."""
 
 
-@dataclass
+@dataclass(repr=False)
 class Workbench:
     """One analysis: its session, its results, and the work on it."""
 
