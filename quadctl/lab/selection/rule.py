@@ -174,6 +174,18 @@ def is_measured(c: Candidate) -> bool:
     return c.distinct and is_there(c)
 
 
+def without_stand_ins(supported: Sequence[Candidate], tried: Sequence[Candidate]) -> list[Candidate]:
+    """Supported candidates that explain more of the acceleration than any that is there, but too small to be missing.
+
+    Where the best explanation is an exponent of the thrust within the usual, a battery that explains less stands in for
+    it. What shows in the moments or in the accelerometer is judged by these.
+    """
+    small = [c for c in tried if is_measured(c) and not is_supported(c)]
+    least = min((score(c.residual[:, :3]) for c in small), default=math.inf)
+    elsewhere = [c for c in supported if c.effect.affects_moment or c.effect.affects_accelerometer]
+    return [c for c in supported if c in elsewhere or score(c.residual[:, :3]) < least]
+
+
 def is_left_out(c: Candidate) -> bool:
     """Tell whether a candidate is significant on held-out data, and larger than a trim, be it plausible beside the
     effects of the model or not."""

@@ -35,6 +35,7 @@ from quadctl.lab.selection.rule import (
     is_supported,
     score,
     unbelievable,
+    without_stand_ins,
 )
 from quadctl.lab.selection.trial import try_effect
 
@@ -210,7 +211,8 @@ def _tried(path: Path, pool: Sequence[type[Effect]], progress: Progress) -> _Rou
             latest[c.effect.name] = c
             failures[c.effect.name] = 0 if is_promising(c.p_value) else failures.get(c.effect.name, 0) + 1
         look_alikes += [c for c in tried if is_look_alike(c)]
-        supported = sorted([c for c in tried if is_supported(c)], key=lambda c: score(c.residual))
+        supported = without_stand_ins([c for c in tried if is_supported(c)], tried)
+        supported.sort(key=lambda c: score(c.residual))
         if supported:
             break
     return _Round(replace(path, latest=latest, failures=failures), supported, look_alikes)

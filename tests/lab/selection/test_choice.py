@@ -8,7 +8,7 @@ import pytest
 from quadctl.lab.flights.dataset import Dataset, load_dataset
 from quadctl.lab.selection.candidate import Candidate
 from quadctl.lab.selection.diagnosis import diagnose
-from quadctl.lab.selection.rule import alternatives, choose
+from quadctl.lab.selection.rule import alternatives, choose, is_measured, is_supported, without_stand_ins
 from quadctl.logs.flight_log import FlightLog
 from quadctl.model import Model
 
@@ -60,3 +60,16 @@ def test_candidates_of_a_session_are_not_compared(tried: dict[str, Candidate]) -
     """A session keeps no residuals: neither an error, nor a word on what is alike."""
     read = [replace(c, residual=np.empty(0), solution=None) for c in list(tried.values())[:2]]
     assert alternatives(read, Dataset(())) == [[c] for c in read]
+
+
+@pytest.mark.parametrize(("share", "stays"), [(0.9, False), (1.1, True)])
+def test_nothing_stands_in_for_a_better_explanation_that_is_too_small_to_be_missing(
+    tried: dict[str, Candidate], share: float, stays: bool
+) -> None:
+    """`share` is the error with the small effect over that with the other one."""
+    drag, scale = tried["rotor_drag.linear"], tried["thrust_scale.constant"]
+    drag = replace(drag, effect=type(drag.effect)(1.0, 1.0, 1.0))
+    scale = replace(scale, effect=type(scale.effect)(1.001), residual=share * drag.residual)
+    assert is_supported(drag)
+    assert is_measured(scale) and not is_supported(scale)
+    assert without_stand_ins([drag], [drag, scale]) == ([drag] if stays else [])
