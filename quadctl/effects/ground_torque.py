@@ -30,6 +30,7 @@ class Levelling(Effect):
     distinguished_by: ClassVar[str] = "the balance of moments in runs close to the ground"
     mission: ClassVar[str] = "missions/forward_runs.yaml"
     affects_moment: ClassVar[bool] = True
+    essential: ClassVar[tuple[str, ...]] = ("stiffness",)
 
     stiffness: float = parameter(0.5, 0.0, 50.0, "1/rad", "moment at the ground, over thrust and rotor radius")
     reach: float = parameter(1.0, 0.2, 10.0, "", "height, in rotor radii, over which it falls to 1/e")
