@@ -208,6 +208,21 @@ class TestUndo:
         asyncio.run(climbed.add("another"))
         assert climbed.can_undo and not climbed.can_redo
 
+    def test_another_vehicle_takes_the_effects_away_and_undo_brings_them_back(
+        self, climbed: Workbench, tmp_path: Path, raptor: Vehicle
+    ) -> None:
+        before, other = climbed.session, tmp_path / "other.yaml"
+        heavier = raptor.model_copy(update={"name": "other", "mass_kg": 2.0})
+        other.write_text(yaml.safe_dump(heavier.model_dump(mode="json", exclude_none=True)), encoding="utf-8")
+        asyncio.run(climbed.begin_with(other))
+        assert climbed.session.model is not None and not climbed.session.model.effects
+        assert climbed.message is not None and climbed.message.undo
+        assert climbed.message.text == "The model is now other; ground_effect.exponential went with the one before."
+        asyncio.run(climbed.undo())
+        assert climbed.session.rungs == before.rungs
+        asyncio.run(climbed.redo())
+        assert climbed.session.model is not None and climbed.session.model.vehicle.mass_kg == 2.0
+
     def test_other_flights_end_the_undo(self, climbed: Workbench) -> None:
         asyncio.run(climbed.open_logs([Path("a.csv")]))
         assert not climbed.can_undo

@@ -13,10 +13,11 @@ from pathlib import Path
 from typing import Any, Literal
 
 from quadctl.errors import QuadctlError, SettingsError
-from quadctl.lab.comparison.wording import quantity
+from quadctl.lab.comparison.wording import listed, quantity
 from quadctl.lab.flights.dataset import Dataset, HoldOut
 from quadctl.logs.flight_log import FlightLog
 from quadctl.model import Model, load_model, model_to_dict
+from quadctl.vehicle import Vehicle
 from quadctl.web.session.files import changed_logs, keep_expression
 from quadctl.web.session.findings import Findings
 from quadctl.web.session.session import AUTOSAVED, Rung, Session, session_to_yaml
@@ -158,7 +159,12 @@ class Workbench:
         except QuadctlError as error:
             self.say("error", str(error))
             return
-        await self._with_flights(self.session.unjudged().begun_with(model))
+        before = self.session
+        await self._with_flights(before.unjudged().begun_with(model))
+        if before.model is not None and before.model.effects and self.message is None:
+            self._past.append(before)
+            gone = listed([effect.name for effect in before.model.effects])
+            self.say("done", f"The model is now {model.name}; {gone} went with the one before.", undo=True)
 
     def show_beside(self, model: Model) -> None:
         """Show a model beside those of the session.
@@ -296,10 +302,16 @@ class Workbench:
         if not there:
             self.say("done", f"There is no change of the model to {name}.")
             return
-        async with self._working("Comparing") as progress:
-            back.append(self.session)
-            self.session = there.pop()
-            await self._judge(progress)
+        before, session = self.session, there.pop()
+        if _vehicle_of(session) == _vehicle_of(before):
+            async with self._working("Comparing") as progress:
+                self.session = session
+                await self._judge(progress)
+        else:  # its flights must be prepared again
+            past, future = self._past, self._future
+            await self._with_flights(session)
+            self._past, self._future = past, future
+        back.append(before)
 
     @asynccontextmanager
     async def _changing_model(self, title: str) -> AsyncIterator[Callable[[str], None]]:
@@ -549,3 +561,8 @@ def commands_of_a_model(name: str) -> tuple[tuple[str, str], ...]:
         ("give it to the autopilot", f"quadctl export {name} --to px4"),
         ("compare it with a further flight", f"quadctl compare {name} LOG"),
     )
+
+
+def _vehicle_of(session: Session) -> Vehicle | None:
+    """Vehicle of a session's models; None before one is chosen."""
+    return session.rungs[0].model.vehicle if session.rungs else None
