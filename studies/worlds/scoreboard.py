@@ -15,6 +15,7 @@ from joblib import Parallel, delayed
 
 from quadctl.errors import QuadctlError
 from quadctl.lab import diagnose, load_model
+from studies.benchmarks.page import write_page
 
 
 @dataclass(frozen=True)
@@ -132,7 +133,7 @@ def main() -> None:
     for folder in arguments.folders:
         parts.append(section(folder.name.replace("_", " "), judge_world(folder, arguments.jobs)))
         print(parts[-1])
-    arguments.page.write_text(INTRODUCTION + "\n".join(parts), encoding="utf-8")
+    write_page(arguments.page, INTRODUCTION + "\n".join(parts))
 
 
 if __name__ == "__main__":
