@@ -239,7 +239,7 @@ def test_bad_model(tmp_path: Path, raptor_path: Path, text: str, said: str) -> N
     [
         ("{a: 9}", "parameter a of ground_effect.exponential is 9, expected a number from 0 to 5"),
         ("{a: -0.1}", "parameter a of ground_effect.exponential is -0.1, expected a number from 0 to 5"),
-        ("{b: 0.1}", "parameter b of ground_effect.exponential is 0.1, expected a number from 0.3 to 200 1/m"),
+        ("{b: 0.1}", "parameter b of ground_effect.exponential is 0.1, expected a number from 0.3 to 100 1/m"),
         ("{a: .nan}", "parameter a of ground_effect.exponential is nan, expected a number from 0 to 5"),
         ("{a: much}", "parameter a of ground_effect.exponential is much, expected a number from 0 to 5"),
         ("{a: yes}", "parameter a of ground_effect.exponential is True, expected a number from 0 to 5"),

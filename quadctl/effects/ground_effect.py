@@ -201,7 +201,7 @@ class Exponential(GroundEffect):
     formula: ClassVar[str] = r"K = c + a \, e^{-b z}"
 
     a: float = parameter(0.114, 0.0, 5.0, "", "gain in thrust at height 0")
-    b: float = parameter(5.388, 0.3, 200.0, "1/m", "rate at which it fades with height")
+    b: float = parameter(5.388, 0.3, 100.0, "1/m", "rate at which it fades with height")
     c: float = parameter(1.0, 0.8, 1.2, "", "ratio far away", fitted=False)
 
     def negligible(self) -> bool:
