@@ -1,4 +1,4 @@
-"""What a case says, and short names for the parts of its missions."""
+"""Statement of a case, and short names for the parts of its missions."""
 
 from __future__ import annotations
 

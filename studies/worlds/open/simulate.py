@@ -30,7 +30,7 @@ class Battery:
 
 @dataclass(frozen=True)
 class Flight:
-    """What is flown: vehicle, hidden physics, reference, disturbances at 100 Hz, controller and battery."""
+    """Flight to be flown: vehicle, hidden physics, reference, disturbances at 100 Hz, controller and battery."""
 
     craft: Craft
     hidden: Hidden
@@ -45,7 +45,7 @@ class Flight:
 
 @dataclass(frozen=True)
 class Record:
-    """What happened, from the end of the settling, rows at 200 Hz."""
+    """Record of a flight, from the end of the settling, rows at 200 Hz."""
 
     position: Array
     velocity: Array

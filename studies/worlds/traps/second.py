@@ -248,7 +248,7 @@ CENTRE_M = ARM_M * TRACKER_KG / (1.5 + TRACKER_KG)
 
 
 def tracker_moment(time_s: float, body: Body) -> Floats:
-    """What the moved centre of mass adds to the moment of the rotors about it, FRD, N m."""
+    """Addition of the moved centre of mass to the moment of the rotors about it, FRD, N m."""
     thrust_n = RAPTOR.rotor.thrust_n_per_rpm2 * float((body.speeds_rpm**2).sum())
     result: Floats = np.cross(-CENTRE_M, [0.0, 0.0, -thrust_n])
     return result

@@ -1,4 +1,4 @@
-"""What is large enough to be called missing, or unexplained."""
+"""Sizes that are large enough to be called missing, or unexplained."""
 
 import numpy as np
 import pytest
