@@ -18,7 +18,7 @@ from quadctl.vehicle import Vehicle
 LOWEST_HEIGHT_OVER_RADIUS = 0.5
 REACH_RADII, LEFT_THERE = 8.0, 0.2
 """Height at which a ground effect has faded to less than this share of what it is at one radius: measurements find none
-above four to six radii (Sanchez-Cuevas et al. 2017), and textbook forms leave 2 to 6 % of it there."""
+above four to six radii (Sanchez-Cuevas et al. 2017), and the textbook forms leave 1 to 6 % of it there."""
 
 
 @dataclass(frozen=True)
