@@ -109,6 +109,8 @@ class Effect:
     """True: it delays the thrust, so that the delay of the log must be estimated together with it."""
     only_without_rotor_speeds: ClassVar[bool] = False
     """True: it is an error of the way from a command to the thrust, which measured rotor speeds do not go."""
+    only_of_several_flights: ClassVar[bool] = False
+    """True: it says in what flights differ, so that one flight alone has nothing of it."""
     essential: ClassVar[tuple[str, ...]] = ()
     """Parameters of which data must show one to differ from 0: without them it is another effect, as a wind of 0 m/s is
     a drag."""

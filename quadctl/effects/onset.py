@@ -1,18 +1,14 @@
 """Onset: the moment of a flight from which an effect acts, and the moments at which a fit looks for it."""
 
-import re
 from collections.abc import Mapping, Sequence
-from dataclasses import make_dataclass
-from functools import cache
-from typing import Any, ClassVar, Self, cast
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from quadctl.effects.base import Conditions, Effect, parameter
+from quadctl.effects.base import Conditions, Effect
+from quadctl.effects.per_flight import PerFlight, own_name, with_own_values
 from quadctl.numeric import Number, step
-
-OWN_TIME = re.compile(r"time_([1-9]\d*)_s")
 
 MARGIN_S = 5.0
 COARSE_S, FINE_S = 4.0, 0.5
@@ -20,27 +16,17 @@ COARSE_S, FINE_S = 4.0, 0.5
 explains little less of another one that is a few seconds off."""
 
 
-class Sudden(Effect):
+class Sudden(PerFlight):
     """Base of effects that begin at one moment: `time_s` of the log of flight number `flight`, or of every one (0).
 
-    Where it is every one, each may have a moment of its own, as a load that is dropped once in each flight: with
-    `time_2_s` that of the second flight takes the place of `time_s`. `at_own_times` makes the class that has these
-    parameters.
+    Where it is every one, each may have a moment of its own, as a load that is dropped once in each flight.
     """
 
-    numbers: ClassVar[tuple[int, ...]] = ()
-    """Numbers of the flights that have a moment of their own."""
-
-    @classmethod
-    def from_values(cls, values: Mapping[str, Any], source: str) -> Self:
-        own = sorted(int(found[1]) for name in values if (found := OWN_TIME.fullmatch(name)))
-        # Every class that `at_own_times` makes is a subclass of this one, and has the inherited method.
-        return cast(Self, super(Sudden, at_own_times(cls._plain(), tuple(own))).from_values(values, source))
+    per_flight: ClassVar[tuple[str, ...]] = ("time_s",)
 
     def begun(self, c: Conditions) -> Number:
         """1 from the moment on, else 0."""
-        values = self.values()
-        return since(values.get(f"time_{c.flight}_s", values["time_s"]), values["flight"], c)
+        return since(self.of_flight("time_s", c.flight), self.values()["flight"], c)
 
     def closer(self, flights: Sequence[Conditions]) -> Sequence[Effect]:
         """The same at moments near its own; where flights have their own, at each moment near that in one flight."""
@@ -50,7 +36,7 @@ class Sudden(Effect):
         return [
             self._at(time_s, number)
             for number in self.numbers
-            for time_s in onsets_near(values[f"time_{number}_s"], number, flights)
+            for time_s in onsets_near(self.of_flight("time_s", number), number, flights)
         ]
 
     @classmethod
@@ -69,46 +55,16 @@ class Sudden(Effect):
 
     def _at(self, time_s: float, flight: float) -> Effect:
         """The same effect at one moment only."""
-        values = {name: value for name, value in self.values().items() if not OWN_TIME.fullmatch(name)}
-        kind = self._plain()
-        return kind(**(values | {"time_s": time_s, "flight": float(flight)}))
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Pickled by its numbers: a class with moments of flights is in no module."""
-        return _restored, (self._plain(), self.numbers, self.values())
-
-    @classmethod
-    def _plain(cls) -> "type[Sudden]":
-        """The class without moments of single flights."""
-        return cast("type[Sudden]", cls.__bases__[0]) if cls.numbers else cls
+        return self.plain()(**(self.common_values() | {"time_s": time_s, "flight": float(flight)}))
 
 
 def _joined(alone: Mapping[float, Sudden]) -> Effect:
     """One effect that begins in each flight at the moment at which it does in `alone`."""
     times = {int(number): guess.values()["time_s"] for number, guess in sorted(alone.items()) if number > 0.0}
     first = next(guess for number, guess in sorted(alone.items()) if number > 0.0)
-    own = {f"time_{number}_s": time_s for number, time_s in times.items()}
+    own = {own_name("time_s", number): time_s for number, time_s in times.items()}
     every = {"time_s": min(times.values()), "flight": 0.0}
-    return at_own_times(type(first), tuple(times))(**(first.values() | every | own))
-
-
-def at_own_times(kind: type[Sudden], numbers: tuple[int, ...]) -> type[Sudden]:
-    """`kind` with a moment of its own for each of these flights."""
-    return _made((kind, numbers)) if numbers else kind
-
-
-@cache
-def _made(of: tuple[type[Sudden], tuple[int, ...]]) -> type[Sudden]:
-    kind, numbers = of
-    fields = [
-        (f"time_{n}_s", float, parameter(0.0, 0.0, 1e6, "s", f"time_s of flight {n} instead", fitted=False))
-        for n in numbers
-    ]
-    return make_dataclass(kind.__name__, fields, bases=(kind,), frozen=True, namespace={"numbers": numbers})
-
-
-def _restored(kind: type[Sudden], numbers: tuple[int, ...], values: dict[str, float]) -> Sudden:
-    return at_own_times(kind, numbers)(**values)
+    return with_own_values(type(first), tuple(times))(**(first.values() | every | own))
 
 
 def since(time_s: float, flight: float, c: Conditions) -> Number:

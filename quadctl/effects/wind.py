@@ -9,6 +9,7 @@ import numpy as np
 
 from quadctl.effects.base import Conditions, Effect, parameter
 from quadctl.effects.body_drag import are_possible_areas
+from quadctl.effects.per_flight import PerFlight, own_name, with_own_values
 from quadctl.frames import euler_from_quaternion, quaternion_from_euler, rotate_inverse
 from quadctl.numeric import Number, Vector, sqrt
 from quadctl.vehicle import Vehicle
@@ -45,9 +46,17 @@ class _Wind(Effect):
     north_m_s: float
     east_m_s: float
 
-    @property
-    def speed_m_s(self) -> float:
-        return math.hypot(self.north_m_s, self.east_m_s)
+    def of_flight_m_s(self, flight: int) -> tuple[float, float]:
+        """Velocity of the air toward north and east in the flight with this number."""
+        return self.north_m_s, self.east_m_s
+
+    def push_m_s2(self, c: Conditions, vehicle: Vehicle) -> float:
+        """Acceleration of the vehicle by the drag of the wind in hover, at the heading of a flight."""
+        north, east = self.of_flight_m_s(c.flight)
+        heading = float(np.median(np.unwrap(euler_from_quaternion(c.attitude)[2])))
+        level = quaternion_from_euler(0.0, 0.0, heading)
+        x, y, _ = self.force(0.0, Conditions(1.0, rotate_inverse(level, (-north, -east, 0.0)), level), vehicle)
+        return math.hypot(x, y) / vehicle.mass_kg
 
     @classmethod
     def starts(cls, flights: Sequence[Conditions], vehicle: Vehicle) -> Sequence[Effect]:
@@ -55,35 +64,30 @@ class _Wind(Effect):
         signs = ((1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0))
         return [cls.from_values({"north_m_s": north, "east_m_s": east}, cls.name) for north, east in signs]
 
-    def push_m_s2(self, flights: Sequence[Conditions], vehicle: Vehicle) -> float:
-        """Largest acceleration of the vehicle by the drag of the wind in hover, at the headings of these flights."""
-        pushes = []
-        for c in flights:
-            heading = float(np.median(np.unwrap(euler_from_quaternion(c.attitude)[2])))
-            level = quaternion_from_euler(0.0, 0.0, heading)
-            air = rotate_inverse(level, (-self.north_m_s, -self.east_m_s, 0.0))
-            x, y, _ = self.force(0.0, Conditions(1.0, air, level), vehicle)
-            pushes.append(math.hypot(x, y) / vehicle.mass_kg)
-        return max(pushes)
-
     def negligible(self) -> bool:
-        return self.speed_m_s < LEAST_M_S
+        return math.hypot(self.north_m_s, self.east_m_s) < LEAST_M_S
 
     def believable(self, flights: Sequence[Conditions], vehicle: Vehicle) -> bool:
         """True for a push that is more than that of an uneven floor, and not that of a storm on a vehicle without drag;
         beside a drag of the model the wind has none of its own."""
         if self == self.standing_back():
             return True
-        return self.push_m_s2(flights, vehicle) > max(LEAST_PUSH_M_S2, LEAST_DRAG_PER_S * self.speed_m_s)
+        strongest = max(flights, key=lambda c: math.hypot(*self.of_flight_m_s(c.flight)))
+        speed_m_s = math.hypot(*self.of_flight_m_s(strongest.flight))
+        return self.push_m_s2(strongest, vehicle) > max(LEAST_PUSH_M_S2, LEAST_DRAG_PER_S * speed_m_s)
 
     def distinct(self, flights: Sequence[Conditions], vehicle: Vehicle) -> bool:
         """True with different headings, or with a push larger than a tilted thrust would give."""
-        headings = [np.degrees(np.unwrap(euler_from_quaternion(c.attitude)[2])) for c in flights]
-        turned = max(float(h.max()) for h in headings) - min(float(h.min()) for h in headings) > TURNED_DEG
-        return turned or self.push_m_s2(flights, vehicle) > TILT_M_S2
+        return _turned_deg(flights) > TURNED_DEG or max(self.push_m_s2(c, vehicle) for c in flights) > TILT_M_S2
 
     def wind_ned_m_s(self, c: Conditions) -> Vector:
-        return self.north_m_s, self.east_m_s, 0.0
+        return *self.of_flight_m_s(c.flight), 0.0
+
+
+def _turned_deg(flights: Sequence[Conditions]) -> float:
+    """Difference of the headings within these flights."""
+    headings = [np.degrees(np.unwrap(euler_from_quaternion(c.attitude)[2])) for c in flights]
+    return max(float(h.max()) for h in headings) - min(float(h.min()) for h in headings)
 
 
 @dataclass(frozen=True)
@@ -106,6 +110,39 @@ class SteadyWind(_Wind):
         u, v, w = c.velocity_body_m_s
         m = vehicle.mass_kg
         return -m * self.drag * u, -m * self.drag * v, -m * self.drag_z * w
+
+
+@dataclass(frozen=True)
+class WindOfEachFlight(PerFlight, SteadyWind):
+    """A steady wind as `wind.steady`, with a velocity of its own for each flight after the first: `north_2_m_s` is that
+    of the second flight."""
+
+    name: ClassVar[str] = "wind.each_flight"
+    physics: ClassVar[str] = "A wind that is steady in each flight, and not the same in all of them."
+    per_flight: ClassVar[tuple[str, ...]] = ("north_m_s", "east_m_s")
+    only_of_several_flights: ClassVar[bool] = True
+
+    @classmethod
+    def starts(cls, flights: Sequence[Conditions], vehicle: Vehicle) -> Sequence[Effect]:
+        """The guesses of a wind that is the same in all flights, for each flight by itself."""
+        numbers = [c.flight for c in flights[1:]]
+        kind = with_own_values(cls.plain(), numbers)
+        found = []
+        for start in SteadyWind.starts(flights, vehicle):
+            common = start.values()
+            own = {own_name(name, number): common[name] for name in cls.per_flight for number in numbers}
+            found.append(kind(**common, **own))
+        return found
+
+    def of_flight_m_s(self, flight: int) -> tuple[float, float]:
+        return self.of_flight("north_m_s", flight), self.of_flight("east_m_s", flight)
+
+    def negligible(self) -> bool:
+        return all(math.hypot(*self.of_flight_m_s(number)) < LEAST_M_S for number in (1, *self.numbers))
+
+    def distinct(self, flights: Sequence[Conditions], vehicle: Vehicle) -> bool:
+        """True where one flight by itself tells a wind from a tilted thrust (see `SteadyWind`)."""
+        return any(super(WindOfEachFlight, self).distinct([c], vehicle) for c in flights)
 
 
 @dataclass(frozen=True)

@@ -31,7 +31,7 @@ from quadctl.effects.thrust_map import LineMap
 from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.effects.thrust_tilt import FixedTilt
 from quadctl.effects.translational_lift import HorizontalLift
-from quadctl.effects.wind import QuadraticWind, SteadyWind
+from quadctl.effects.wind import QuadraticWind, SteadyWind, WindOfEachFlight
 from quadctl.errors import SettingsError
 from quadctl.frames import Quaternion, quaternion_from_euler, rotate
 from quadctl.model import Model
@@ -451,6 +451,30 @@ def test_levelling_turns_back_to_level(raptor: Vehicle, roll: float, pitch: floa
     c = at(attitude=quaternion_from_euler(roll, pitch, yaw), z_m=z_m)
     mx, my, mz = Levelling(2.0, 3.0).torque([3.0] * 4, c, raptor)
     assert mx * roll <= 1e-12 and my * pitch <= 1e-12 and mz == 0.0
+
+
+DAYS = {"north_m_s": -4.0, "east_m_s": 0.0, "drag": 0.25, "drag_z": 0.0, "north_2_m_s": 0.0, "east_2_m_s": 2.5}
+
+
+@pytest.mark.parametrize(("flight", "wind"), [(0, (-4.0, 0.0, 0.0)), (1, (-4.0, 0.0, 0.0)), (2, (0.0, 2.5, 0.0))])
+def test_a_flight_may_have_a_wind_of_its_own(raptor: Vehicle, flight: int, wind: tuple[float, ...]) -> None:
+    effect = WindOfEachFlight.from_values(DAYS, "model.yaml")
+    hover = dataclasses.replace(at(), flight=flight)
+    assert effect.wind_ned_m_s(hover) == wind
+    assert pickle.loads(pickle.dumps(effect)) == effect
+    assert effect.values() == DAYS
+    still = {**DAYS, "north_m_s": 0.0}
+    assert not WindOfEachFlight.from_values(still, "model.yaml").negligible()  # no wind in the first flight only
+    assert WindOfEachFlight.from_values({**still, "east_2_m_s": 0.1}, "model.yaml").negligible()
+
+
+def test_the_wind_of_each_flight_shows_in_one_of_them(raptor: Vehicle) -> None:
+    """A thrust that is tilted leans the same way in flights that point north and east, as two winds may do."""
+    north, east = (at(attitude=quaternion_from_euler(*np.zeros((2, 2)), np.full(2, yaw))) for yaw in (0.0, 1.6))
+    flights = [dataclasses.replace(c, flight=number) for number, c in enumerate((north, east), start=1)]
+    tilted = {**DAYS, "north_m_s": -1.2, "east_m_s": 0.0, "north_2_m_s": 0.0, "east_2_m_s": -1.2}  # 0.3 m/s^2
+    assert not WindOfEachFlight.from_values(tilted, "model.yaml").distinct(flights, raptor)
+    assert WindOfEachFlight.from_values({**tilted, "north_m_s": -4.0}, "model.yaml").distinct(flights, raptor)
 
 
 # --- what they promise ---------------------------------------------------------------------------------------------

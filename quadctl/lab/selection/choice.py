@@ -46,6 +46,8 @@ def choose_effects(
     pool = [e for e in pool if e.family() not in present and e.candidate and e.applies_to(model.vehicle)]
     if any(flight.thrust_source == ROTOR_SPEED for flight in dataset.flights):
         pool = [effect for effect in pool if not effect.only_without_rotor_speeds]
+    if len(dataset.flights) == 1:
+        pool = [effect for effect in pool if not effect.only_of_several_flights]
     unfit = [e for e in pool if any(dataset.span(variable) < span for variable, span in e.needs.items())]
     path = search(fit, [effect for effect in pool if effect not in unfit], progress)
     progress("analysing the remaining error")

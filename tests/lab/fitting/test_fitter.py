@@ -16,7 +16,7 @@ from quadctl.effects.rotor_fault import FailingRotor, WeakRotor
 from quadctl.effects.rotor_interaction import FrontWake
 from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.effects.thrust_tilt import FixedTilt
-from quadctl.effects.wind import SteadyWind
+from quadctl.effects.wind import SteadyWind, WindOfEachFlight
 from quadctl.frames import GRAVITY_M_S2
 from quadctl.lab.fitting.arrowhead import Arrow
 from quadctl.lab.fitting.fitted_model import fit_model
@@ -443,6 +443,19 @@ class TestToldApart:
         found = diagnose(Model(raptor), data, [SteadyWind, LinearDrag, FixedTilt])
         assert (found.missing, found.confounded) == (missing, confounded)
         assert found.suggested_mission == ("missions/headings.yaml" if confounded else None)
+
+    @pytest.mark.long
+    @pytest.mark.parametrize(("second", "name"), [((0.7, -0.5), "wind.steady"), ((-0.6, 0.9), "wind.each_flight")])
+    def test_flights_have_winds_of_their_own_where_they_differ(
+        self, raptor: Vehicle, tmp_path: Path, second: tuple[float, float], name: str
+    ) -> None:
+        later = [("wind.steady", {"north_m_s": second[0], "east_m_s": second[1], "drag": 0.35})]
+        logs = [simulated("headings", truth, seed, tmp_path) for seed, truth in ((2, WIND), (3, later))]
+        found = diagnose(Model(raptor), load_dataset(logs, raptor), [SteadyWind, WindOfEachFlight, LinearDrag])
+        (effect,) = found.best.effects
+        assert effect.name == name
+        winds = [[float(w) for w in effect.wind_ned_m_s(f.conditions)[:2]] for f in found.dataset.flights]
+        assert winds == [pytest.approx((0.7, -0.5), abs=0.15), pytest.approx(second, abs=0.15)]
 
     def test_more_is_found_beside_a_wind_that_the_data_do_not_tell_from_a_tilt(
         self, raptor: Vehicle, tmp_path: Path
