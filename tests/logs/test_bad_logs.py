@@ -286,6 +286,14 @@ def test_a_vehicle_of_another_weight_is_named(runs: FlightLog, raptor: Vehicle) 
     assert "3.5 times its weight of 14.7 N, expected about once: are mass_kg and" in sentence(runs, strong)
 
 
+def test_a_vehicle_of_half_the_mass_is_asked_about(runs: FlightLog, raptor: Vehicle) -> None:
+    """A thrust that is wrong by a factor of two would be named as a thrust scale, and is rather another vehicle."""
+    assert not any("is it the vehicle" in note for note in prepare(runs, raptor).notes)
+    light = altered(raptor, mass_kg=0.75)
+    (asked,) = [note for note in prepare(runs, light).notes if "is it the vehicle that flew" in note]
+    assert "by the rotor speed the rotors of 'raptor' give 2 times the thrust that carries its 0.75 kg" in asked
+
+
 def test_a_vehicle_with_half_the_rotors_is_named(runs: FlightLog, raptor: Vehicle) -> None:
     more = {f"motor{i}_rpm": runs[f"motor{i - 4}_rpm"] for i in range(5, 9)}
     assert "has the speeds of 8 rotors, expected 4 as the vehicle 'raptor' has" in sentence(having(runs, more), raptor)

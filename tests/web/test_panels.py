@@ -21,7 +21,7 @@ from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.lab.comparison.failures import Failure, Stretch
 from quadctl.lab.comparison.remainder import Remainder
 from quadctl.lab.comparison.wording import agreement_in_words, number, quantity, share_of_g
-from quadctl.lab.flights.dataset import load_dataset
+from quadctl.lab.flights.dataset import Dataset, load_dataset
 from quadctl.lab.selection.diagnosis import Verdict, diagnose
 from quadctl.logs.quality import quality
 from quadctl.model import Model, Provenance
@@ -177,6 +177,7 @@ def views(raptor: Vehicle) -> dict[str, View]:
         "no flight that can be used": {"opened": replace(opened, seen=None)},
         "no flight": {"opened": None},
         "a log that has been read": {"opened": None, "work": Work("Reading flights"), "as_read": (logs[0],)},
+        "a vehicle of half the mass": {"opened": replace(opened, seen=_of_half_the_mass(dataset, raptor))},
         "a fit to one of the flights": {"session": _fitted_to(session, ("0.csv",))},
         "a fit to a flight before it was held out": {
             "session": _fitted_to(session.with_role(Path("1.csv"), True), ("0.csv", "1.csv"))
@@ -220,6 +221,11 @@ def views(raptor: Vehicle) -> dict[str, View]:
         "another template": replace(empty, template="name: other"),
         "a log without a vehicle": replace(empty, session=Session().with_logs([Path("a.csv")])),
     }
+
+
+def _of_half_the_mass(dataset: Dataset, vehicle: Vehicle) -> Dataset:
+    light = vehicle.model_copy(update={"mass_kg": 0.5 * vehicle.mass_kg})
+    return replace(dataset, flights=tuple(replace(flight, vehicle=light) for flight in dataset.flights))
 
 
 def _fitted_to(session: Session, logs: tuple[str, ...]) -> Session:
@@ -422,6 +428,15 @@ class TestOpenTab:
         assert asked.opened is not None
         named = [replace(log, log=replace(log.log, meta={"vehicle": {"mass_kg": 1.5}})) for log in asked.opened.logs]  # type: ignore[type-var]
         assert replace(asked, opened=replace(asked.opened, logs=named)).unconfirmed is None
+
+    def test_a_vehicle_whose_thrust_carries_another_weight_is_asked_about(
+        self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
+    ) -> None:
+        asked = "0.csv: by the rotor speed the rotors of 'raptor' give 2 times the thrust that carries its 0.75 kg"
+        tab = tabs("missing", views["a vehicle of half the mass"])
+        assert asked in str(tab.shown)
+        assert "Choose another" in tab.buttons
+        assert asked not in str(tabs("missing", views["at first"]).shown)
 
     def test_a_finding_holds_only_if_the_assumed_vehicle_flew(
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 
 from quadctl.effects import Conditions
-from quadctl.frames import GRAVITY_M_S2, euler_from_quaternion, rotate_inverse
+from quadctl.frames import GRAVITY_M_S2, euler_from_quaternion, rotate, rotate_inverse
 from quadctl.lab.arrays import Floats, Mask
+from quadctl.lab.flights.vehicle_match import weight_doubt
 from quadctl.numeric import Number, Vector
 from quadctl.vehicle import Vehicle
 
@@ -193,6 +194,13 @@ class Flight:
             measured=np.column_stack([self.derivative @ v for v in (north, east, up)]),
             velocity_lag_s=lag_s,
         )
+
+    @property
+    def weight_doubt(self) -> str | None:
+        """Doubt whether the vehicle is the one that flew, as its thrust would carry another weight; None without."""
+        *_, upright = rotate(self.conditions.attitude, (0.0, 0.0, 1.0))
+        carried = float(np.median(np.sum(self.logged_n, axis=0) * upright)) / self.vehicle.weight_n
+        return weight_doubt(carried, self.vehicle, self.thrust_source)
 
     @property
     def imu_error(self) -> Floats | None:

@@ -98,7 +98,8 @@ def prepare(log: FlightLog, vehicle: Vehicle) -> Flight:
     thrust = np.column_stack([flight.filtered(nominal) for nominal in flight.nominal_n])
     lean = np.column_stack([flight.variables[name] for name in ("roll", "pitch")])
     _refuse(log.name, motion_problem(flight.measured, thrust, flight.torque, lean, vehicle))
-    return flight
+    doubt = flight.weight_doubt
+    return replace(flight, notes=[*notes, doubt]) if doubt else flight
 
 
 def _over_surfaces(flight: Flight, log: FlightLog) -> Flight:

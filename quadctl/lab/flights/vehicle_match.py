@@ -12,6 +12,8 @@ from quadctl.vehicle import Vehicle
 MAX_THRUST_FACTOR = 2.5
 """Largest ratio of the rotors' thrust to the weight in flight, or of the weight to the thrust: more is another vehicle
 or unit, not a thrust scale."""
+DOUBTFUL_THRUST_FACTOR = 1.4
+"""Such a ratio above which one must ask: throttle lines are off by a third, coefficients and masses by less."""
 MIN_HEIGHT_CHANGE_M = 0.3
 """Least change of height that shows a flight; below it the rotors may be idling on the ground."""
 MAX_SETTING_DIFFERENCE = 0.1
@@ -75,6 +77,19 @@ def thrust_problem(total_n: Floats, z_m: Floats, vehicle: Vehicle, source: str) 
         f"by the {source} and the vehicle '{vehicle.name}' the rotors give {factor * vehicle.weight_n:.3g} N in "
         f"flight, {factor:.2g} times its weight of {vehicle.weight_n:.3g} N, expected about once: "
         f"{_reason(factor, source)}"
+    )
+
+
+def weight_doubt(factor: float, vehicle: Vehicle, source: str) -> str | None:
+    """Doubt whether the vehicle is the one that flew, as a sentence; None where its thrust carries its weight.
+
+    `factor`: nominal thrust of all rotors in flight over the weight.
+    """
+    if 1.0 / DOUBTFUL_THRUST_FACTOR < factor < DOUBTFUL_THRUST_FACTOR:
+        return None
+    return (
+        f"by the {source} the rotors of '{vehicle.name}' give {factor:.2g} times the thrust that carries its "
+        f"{vehicle.mass_kg:g} kg: is it the vehicle that flew, with this mass and these propellers?"
     )
 
 

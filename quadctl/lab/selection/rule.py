@@ -143,8 +143,13 @@ def shows_in_moments(c: Candidate) -> bool:
 
 def is_there(c: Candidate) -> bool:
     """Tell whether held-out data show the effect of a candidate, even if it is too small to be called missing."""
-    helps = c.held_out_drop > 0.0 and not is_harmful(c) and is_significant(c.p_value)
-    return helps and shows_in_moments(c) and c.believable and c.determined and not c.at_bound
+    return is_significant(c.p_value) and _is_possible(c)
+
+
+def _is_possible(c: Candidate) -> bool:
+    """Tell whether a candidate helps, and has parameters that are possible, be it significant or not."""
+    helps = c.held_out_drop > 0.0 and not is_harmful(c) and shows_in_moments(c)
+    return helps and c.believable and c.determined and not c.at_bound
 
 
 def is_trim(c: Candidate) -> bool:
@@ -154,13 +159,22 @@ def is_trim(c: Candidate) -> bool:
 
 def is_plausible(c: Candidate) -> bool:
     """Tell whether a candidate would be supported if the data distinguished it from its look-alikes."""
+    return is_there(c) and _matters(c)
+
+
+def _matters(c: Candidate) -> bool:
     material = is_material(c.effect, c.largest_drop, c.explained_m_s2)
-    return is_there(c) and material and not c.effect.negligible() and not c.implied
+    return material and not c.effect.negligible() and not c.implied
 
 
 def is_supported(c: Candidate) -> bool:
     """Tell whether held-out data support a candidate: it is there, larger than a trim, and not a look-alike."""
     return c.distinct and is_plausible(c)
+
+
+def is_masked(c: Candidate) -> bool:
+    """Tell whether a candidate lacks nothing but significance: what else is missing may be the noise that hides it."""
+    return c.distinct and _is_possible(c) and _matters(c) and not is_significant(c.p_value)
 
 
 def is_look_alike(c: Candidate) -> bool:

@@ -29,6 +29,7 @@ from quadctl.lab.selection.rule import (
     is_as_good,
     is_left_out,
     is_look_alike,
+    is_masked,
     is_needed,
     is_promising,
     is_replaceable,
@@ -42,6 +43,8 @@ from quadctl.lab.selection.trial import try_effect
 NESTED = ({"thrust_map", "thrust_scale"},)
 """Families of which one is the other with a parameter more: that they do equally well is no doubt."""
 
+MOST_MASKED = 2
+"""Largest number of effects with which a search begins although they are not significant alone."""
 MOST_EXCHANGED = 3
 """Largest number of effects that are tried in the place of those found."""
 
@@ -77,6 +80,8 @@ class Path:
     """Pairs of families that these data do not distinguish: the one that was added, and the other."""
     passed_over: tuple[Candidate, ...] = ()
     """Look-alikes of the first round: plausible, but not distinguished from another effect."""
+    masked: tuple[Candidate, ...] = ()
+    """Candidates of the first round that explain more than the one that was chosen, and are not significant alone."""
 
     @property
     def dataset(self) -> Dataset:
@@ -101,6 +106,7 @@ class _Round(NamedTuple):
 def search(start: FittedModel, pool: Sequence[type[Effect]], progress: Progress) -> Path:
     """Search `pool` for the effects that the fitted model `start` is missing."""
     path = pruned(forward(begun_at(start), pool, progress))
+    path = with_masked_first(path, pool, progress)
     return with_one_exchanged(with_pair_replaced(path, pool, progress), pool, progress)
 
 
@@ -114,12 +120,15 @@ def forward(path: Path, pool: Sequence[type[Effect]], progress: Progress) -> Pat
     """Forward selection: add the best supported effect of `pool`, and try again, until none is supported."""
     alike: list[str] = []
     while True:
+        is_first = not path.chosen
         path, supported, look_alikes = _tried(path, pool, _in_round(len(path.missing) + 1, progress))
         path = _with_confounded(path, alike, [*supported, *look_alikes])
+        if is_first:
+            path = replace(path, passed_over=tuple(look_alikes), masked=_masked(path, supported))
         if not supported:
             return path
         chosen, alike = choose(supported, look_alikes, path.dataset)
-        path = taken(path if path.chosen else replace(path, passed_over=tuple(look_alikes)), chosen)
+        path = taken(path, chosen)
 
 
 def taken(path: Path, chosen: Candidate) -> Path:
@@ -139,6 +148,28 @@ def pruned(path: Path) -> Path:
     for family in path.missing[:-1]:
         path = _without_superfluous(path, family)
     return path
+
+
+def with_masked_first(path: Path, pool: Sequence[type[Effect]], progress: Progress) -> Path:
+    """Path, or a better one that begins with an effect that is not significant alone.
+
+    Two effects may each be the noise that hides the other one: thrust that is too low everywhere and grows near the
+    ground fits neither a factor nor a ground effect, but a cable. The effect that explains most is then taken first,
+    and stays only if it is needed beside what is found on top of it.
+    """
+    for candidate in sorted(path.masked, key=lambda c: score(c.residual))[:MOST_MASKED]:
+        other = taken(replace(begun_at(path.start), latest=path.latest), candidate)
+        other = pruned(forward(other, pool, _prefixed(f"beginning with {candidate.effect.name}", progress)))
+        beside = candidate.family in other.missing and len(other.missing) > 1
+        if beside and score(other.residual) < score(path.residual) - EQUAL_SCORE:
+            return other
+    return path
+
+
+def _masked(path: Path, supported: Sequence[Candidate]) -> tuple[Candidate, ...]:
+    """Candidates of the last round that explain more than the supported ones, and are not significant."""
+    least = min((score(c.residual) for c in supported), default=score(path.residual))
+    return tuple(c for c in path.latest.values() if is_masked(c) and score(c.residual) < least)
 
 
 def with_pair_replaced(path: Path, pool: Sequence[type[Effect]], progress: Progress) -> Path:

@@ -37,18 +37,24 @@ TYPICAL = Answers("my_vehicle", 1.5, 0.254, "quad-x", 0.225, 0.5)
 
 @dataclass(frozen=True)
 class WhichVehicle(Panel):
-    """The question whether the vehicle that was assumed is the one that flew, until it is answered."""
+    """The question whether the vehicle is the one that flew: where it was assumed, until it is answered, and where its
+    thrust would carry another weight."""
 
     unconfirmed: Vehicle | None
+    weight_doubts: tuple[str, ...]
 
     def draw(self, do: Controls) -> None:
         vehicle = self.unconfirmed
-        if vehicle is None:
+        if vehicle is None and not self.weight_doubts:
             return
         with tag("div", "which-vehicle").props('role="group" aria-label="The vehicle that flew"'):
-            tag("p", "", f"Evaluated as {vehicle_in_words(vehicle)}: is that the vehicle that flew?")
+            for doubt in self.weight_doubts:
+                tag("p", "", doubt)
+            if vehicle is not None:
+                tag("p", "", f"Evaluated as {vehicle_in_words(vehicle)}: is that the vehicle that flew?")
             with tag("div", "line wrap"):
-                ui.button("Yes", on_click=do.bench.confirm_vehicle).props("no-caps outline dense")
+                if vehicle is not None:
+                    ui.button("Yes", on_click=do.bench.confirm_vehicle).props("no-caps outline dense")
                 ui.button("Choose another", on_click=do.show_vehicles).props("no-caps flat dense")
 
 

@@ -138,6 +138,11 @@ class View:
         return self.vehicle if self.session.vehicle_assumed and silent else None
 
     @property
+    def weight_doubts(self) -> tuple[str, ...]:
+        """Doubts whether the vehicle is the one that flew, of the flights that are used."""
+        return tuple(f"{flight.name}: {doubt}" for flight in self.flights if (doubt := flight.weight_doubt))
+
+    @property
     def cautions(self) -> tuple[str, ...]:
         """Sentences on what the data of the flights lack, each with the name of its log."""
         found = []

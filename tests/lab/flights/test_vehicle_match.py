@@ -1,9 +1,9 @@
-"""The vehicle of a log: the order of its motors, by the moments that turn it."""
+"""The vehicle of a log: what its rotors carry, and the order of its motors, by the moments that turn it."""
 
 import numpy as np
 import pytest
 
-from quadctl.lab.flights.vehicle_match import motion_problem
+from quadctl.lab.flights.vehicle_match import motion_problem, weight_doubt
 from quadctl.vehicle import Vehicle
 
 
@@ -39,3 +39,13 @@ def test_rotors_that_hold_against_a_levelling_ground_are_in_order(raptor: Vehicl
     ground = -1.9 * 5.0 * np.column_stack([lean, np.zeros(500)])
     assert np.corrcoef(made[:, 0], (made + ground)[:, 0])[0, 1] < -0.9
     assert motion_problem(np.zeros((500, 3)), thrust_n, made + ground, lean, raptor) is None
+
+
+@pytest.mark.parametrize(
+    ("factor", "said"), [(1.3, None), (0.75, None), (1.9, "give 1.9 times"), (0.5, "give 0.5 times")]
+)
+def test_rotors_that_carry_another_weight_raise_a_doubt(raptor: Vehicle, factor: float, said: str | None) -> None:
+    doubt = weight_doubt(factor, raptor, "rotor speed")
+    assert (doubt is None) is (said is None)
+    if said and doubt:
+        assert said in doubt and "1.5 kg: is it the vehicle that flew" in doubt
