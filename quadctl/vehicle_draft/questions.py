@@ -30,11 +30,11 @@ PROPELLER = Question("Propeller diameter / m", *_DIAMETER, hint="10 inches are 0
 NEW_VEHICLE = {
     "mass_kg": MASS,
     "propeller_m": PROPELLER,
-    "arm_m": Question("Centre to a rotor's axis / m", 0.0, 20.0, hint="half the diagonal of the frame"),
+    "diagonal_m": Question("Diagonal, from motor to opposite motor / m", 0.0, 40.0),
     "hover_throttle": Question("Throttle in hover, 0 to 1", 0.0, 1.0),
     "hover_rpm": Question("Rotor speed in hover / rpm, if known", 0.0, math.inf, optional=True),
 }
-"""Questions about a new vehicle, by the fields of `Answers`."""
+"""Questions about a new vehicle, by the fields of `Answers`; twice the arm is asked for, as frames are sold."""
 ITS_NUMBERS = {
     "mass_kg": MASS,
     "propeller_m": PROPELLER,

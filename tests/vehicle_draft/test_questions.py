@@ -4,7 +4,7 @@ import math
 
 from quadctl.vehicle_draft.questions import ITS_NUMBERS, NEW_VEHICLE, in_words_of_the_form, wrong
 
-RIGHT = {"mass_kg": 1.5, "propeller_m": 0.25, "arm_m": 0.2, "hover_throttle": 0.4, "hover_rpm": None}
+RIGHT = {"mass_kg": 1.5, "propeller_m": 0.25, "diagonal_m": 0.4, "hover_throttle": 0.4, "hover_rpm": None}
 
 
 def test_all_that_is_wrong_is_said_at_once() -> None:
@@ -19,7 +19,7 @@ def test_all_that_is_wrong_is_said_at_once() -> None:
 
 
 def test_what_is_not_asked_is_not_wrong() -> None:
-    assert wrong(NEW_VEHICLE, {name: value for name, value in RIGHT.items() if name != "arm_m"}) == {}
+    assert wrong(NEW_VEHICLE, {name: value for name, value in RIGHT.items() if name != "diagonal_m"}) == {}
 
 
 def test_a_number_is_none_of_the_forms_where_it_is_no_number() -> None:

@@ -17,10 +17,12 @@ from nicegui.client import Client
 from nicegui.element import Element
 
 from quadctl.effects.ground_effect import Exponential, Hayden
+from quadctl.effects.inflow import AxialInflow
 from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.lab.comparison.failures import Failure, Stretch
 from quadctl.lab.comparison.remainder import Remainder
 from quadctl.lab.comparison.wording import agreement_in_words, number, quantity, share_of_g
+from quadctl.lab.fitting.nuisances import KINDS
 from quadctl.lab.flights.dataset import Dataset, load_dataset
 from quadctl.lab.selection.diagnosis import Verdict, diagnose
 from quadctl.logs.quality import quality
@@ -28,6 +30,7 @@ from quadctl.model import Model, Provenance
 from quadctl.vehicle import Vehicle
 from quadctl.web.elements.theme import DARK, LIGHT
 from quadctl.web.figures.ratio import ratio_over_height
+from quadctl.web.page.choices import Choices
 from quadctl.web.page.page import TABS, Page
 from quadctl.web.panels.compensator import answer_in_words, far_in_words
 from quadctl.web.panels.fails import Failures
@@ -296,6 +299,14 @@ class OpenTab:
         return self._page._choices.show
 
     @property
+    def choices(self) -> Choices:
+        return self._page._choices
+
+    def choose(self, **changes: Any) -> None:
+        """Choose without a browser, whose address would follow."""
+        self._page._choices = replace(self.choices, **changes)
+
+    @property
     def shown(self) -> Any:
         return _shown(self._client.content)
 
@@ -536,6 +547,61 @@ class TestOpenTab:
         session = replace(view.session, rungs=(replace(first, found=found), *later))
         assert warning in str(tabs("missing", replace(view, session=session)).shown)
         assert session.at(0).look_alikes == {}
+
+    def test_a_model_outlives_its_flights(self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]) -> None:
+        empty, session = views["nothing yet"], views["at first"].session
+        assert "Export model" not in tabs("missing", empty).buttons
+        assert "Export model" not in tabs("missing", replace(empty, session=session.at(0))).buttons  # a rigid body
+        kept = tabs("missing", replace(empty, session=session)).buttons
+        assert "Export model" in kept and "Report" not in kept
+
+    def test_a_selection_goes_with_its_flights(
+        self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
+    ) -> None:
+        view = views["at first"]
+        assert view.opened is not None and view.seen is not None
+        first, second = view.seen.flights
+        alone, other = (
+            replace(view, opened=replace(view.opened, seen=replace(view.seen, flights=(flight,))))
+            for flight in (first, replace(second, name="other.csv"))
+        )
+        tab = tabs("time", view)
+        tab.choose(brush={"time": (1.0, 2.0)}, axis="east")
+        chosen = tab.choices
+        tab.follow(alone)  # one of the flights is still open
+        assert tab.choices == chosen
+        tab.follow(replace(view, opened=None))
+        tab.follow(other)
+        assert (tab.choices.brush, tab.choices.axis, tab.choices.show) == ({}, "", chosen.show)
+
+    def test_an_offset_at_its_limit_is_marked(
+        self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
+    ) -> None:
+        view = views["at first"]
+        limit = "* At the limit of what is an offset of one flight"
+        assert limit not in str(tabs("missing", view).shown)
+        evaluation = view.results.evaluation
+        assert evaluation is not None
+        optimum = evaluation.solution.optimum
+        fitted = np.zeros_like(optimum.nuisances)
+        fitted[1, 0] = KINDS[0].bound
+        solution = replace(evaluation.solution, optimum=replace(optimum, nuisances=fitted))
+        results = replace(view.results, evaluation=replace(evaluation, solution=solution))
+        shown = str(tabs("missing", replace(view, results=results)).shown)
+        assert limit in shown and "'+1.50 *'" in shown
+
+    def test_a_look_alike_says_of_what(self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]) -> None:
+        view = views["at first"]
+        assert view.results.found is not None
+        diagnosis = view.results.found.diagnosis
+        other = next(c for c in diagnosis.ranking if c.effect.name == "ground_effect.hayden")
+        renamed = replace(other, effect=AxialInflow())
+        ranking = [c for c in diagnosis.ranking if c is not other]
+        alike = replace(diagnosis, ranking=[*ranking, renamed], confounded=[["ground_effect", "inflow"]])
+        results = replace(view.results, found=replace(view.results.found, diagnosis=alike))
+        said = "It explains the same as ground effect: beside that it changes nothing, instead of it it would."
+        assert said in str(tabs("missing", replace(view, results=results)).shown)
+        assert said not in str(tabs("missing", view).shown)
 
     def test_the_error_that_a_change_is_of_is_named(
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]

@@ -111,6 +111,12 @@ class TestSession:
         assert again.view == "show=time&axis=north"
         assert again.without_log(A.resolve()).hashes == {}
 
+    def test_of_one_flight_that_is_left_no_whole_flight_is_held_out_by_turns(self, climbed: Session) -> None:
+        by_flights = replace(climbed, hold_out="flights")
+        assert by_flights.without_log(A).hold_out == "blocks"
+        more = by_flights.with_logs([Path("c.csv"), Path("d.csv")])
+        assert more.without_log(A).hold_out == "flights"
+
     def test_logs_that_lie_beside_the_session_now_are_found(self, climbed: Session, tmp_path: Path) -> None:
         gone = [Path("/elsewhere/a.csv"), Path("/elsewhere/b.csv")]
         session = Session(hashes={gone[0]: "12ab"}, unseen=frozenset(gone[:1])).with_logs(gone)

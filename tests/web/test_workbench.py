@@ -23,6 +23,7 @@ from quadctl.logs.quality import ChannelQuality, QualityReport, quality
 from quadctl.model import Model, load_model
 from quadctl.vehicle import Vehicle
 from quadctl.vehicle_draft.draft import draft
+from quadctl.web.panels.compensator import commands_of_a_model
 from quadctl.web.panels.vehicle import TYPICAL
 from quadctl.web.session.files import sha256_of
 from quadctl.web.session.session import AUTOSAVED, Rung, Session, load_session, session_to_yaml
@@ -30,10 +31,11 @@ from quadctl.web.work import jobs, simulated
 from quadctl.web.work.doubts import cautions_of, doubt_beside
 from quadctl.web.work.jobs import Opened
 from quadctl.web.work.simulated import Simulation
+from quadctl.web.work.state import Message
 from quadctl.web.work.worker import CancelledError
 from quadctl.web.workbench import workbench
 from quadctl.web.workbench.intake import Intake
-from quadctl.web.workbench.workbench import Workbench, commands_of_a_model
+from quadctl.web.workbench.workbench import Workbench
 from tests.support.flights import obedient
 from tests.support.log_files import ulog_bytes
 from tests.support.places import RAPTOR, ROOT, VEHICLES
@@ -350,8 +352,7 @@ class TestExport:
     def test_the_file_and_the_commands_that_use_it_are_said(self, bench: Workbench) -> None:
         bench.say_exported("model.yaml")
         assert bench.message is not None and "saved as model.yaml in the downloads folder" in bench.message.text
-        commands = [command for _, command in bench.message.commands]
-        assert commands == [
+        assert [command for _, command in commands_of_a_model("model.yaml")] == [
             "quadctl fly MISSION --model model.yaml",
             "quadctl simulate MISSION --model model.yaml --hidden model.yaml",
             "quadctl export model.yaml --to px4",
@@ -364,6 +365,22 @@ class TestExport:
             options = [word for word in words if word.startswith("--")]
             shown = CliRunner().invoke(app, [name, "--help"], env={"COLUMNS": "200"}).output
             assert all(option in shown for option in options), command
+
+    def test_a_search_that_ends_says_so(self, bench: Workbench) -> None:
+        model = bench.session.model
+        assert model is not None
+        diagnosis = SimpleNamespace(verdict="missing", missing=["ground_effect", "inflow"])
+        bench.results = replace(bench.results, found=cast(Any, SimpleNamespace(diagnosis=diagnosis)))
+        bench.message = Message("error", "b.csv: holds no flight")
+        bench._say_found(model)
+        assert bench.message.kind == "error"  # it stays
+        bench.message = None
+        bench._say_found(replace(model, name="another one"))
+        assert bench.message is None
+        bench._say_found(model)
+        assert bench.message == Message(
+            "found", "The search has ended: missing: ground effect and inflow. See What is missing."
+        )
 
     def test_yes_is_the_answer_to_the_question_about_the_vehicle(self, bench: Workbench) -> None:
         bench.session = replace(bench.session, vehicle_assumed=True)

@@ -26,12 +26,12 @@ from quadctl.web.panels.ladder import Ladder
 from quadctl.web.panels.panel import Panel, Tab
 from quadctl.web.panels.stack import Stack
 from quadctl.web.panels.view import FILE, Brush, View
+from quadctl.web.work.state import Message
 from quadctl.web.work.worker import CancelledError
 from quadctl.web.workbench.intake import TEMPLATE, Intake
 from quadctl.web.workbench.workbench import Workbench
 
 WENT_BACK = "quadctl-went-back"
-MODEL_FILE = "model.yaml"
 TELL_OF_BACK = f"""<script>
 window.addEventListener("popstate", () => emitEvent("{WENT_BACK}", location.search));
 </script>"""
@@ -81,6 +81,7 @@ class Page:
         self._drawing: Part | None = None
         self._idle = True
         self._worst_axis = "up"
+        self._of_flights: frozenset[str] = frozenset()
 
     # --- building -----------------------------------------------------------------------------------------------------
 
@@ -157,7 +158,7 @@ class Page:
         if tab == self._choices.show:
             return
         self._choices = replace(self._choices, show=tab)
-        if self.bench.message is not None and self.bench.message.kind == "done":  # read, or not of this part
+        if self.bench.message is not None and self.bench.message.kind != "error":  # read, or not of this part
             self.bench.dismiss()
         ui.navigate.history.push(f"/?{self._choices.query()}")
         self._tab_parts = []
@@ -193,7 +194,7 @@ class Page:
             results=bench.results,
             work=bench.work,
             search=bench.search,
-            message=bench.message,
+            message=None if self._is_in_sight(bench.message) else bench.message,
             as_read=bench.as_read,
             waiting=bench.waiting,
             can_undo=bench.can_undo,
@@ -213,8 +214,20 @@ class Page:
             over_each_other=chosen.over_each_other,
         )
 
+    def _is_in_sight(self, message: Message | None) -> bool:
+        """Tell whether a message says what this part of the page shows anyway."""
+        return message is not None and message.kind == "found" and self._choices.show == missing.TAB.name
+
+    def _forget_other_flights(self) -> None:
+        """Drop the choices that belong to flights of which none is open any more: flight, axis, selection, ..."""
+        names = frozenset(self.view().flight_names)
+        if names and self._of_flights and not names & self._of_flights:
+            self._choices = Choices(self._choices.show, channels=self._choices.channels)
+        self._of_flights = names or self._of_flights
+
     def refresh(self) -> None:
         """Draw the panels again whose fields have changed."""
+        self._forget_other_flights()
         view = self.view()
         self._idle = view.idle
         with self._client:
@@ -326,8 +339,8 @@ class Page:
             take(parameters)
 
     def export_model(self) -> None:
-        ui.download.content(self.bench.model_file(), MODEL_FILE, "application/yaml")
-        self.bench.say_exported(MODEL_FILE)
+        ui.download.content(self.bench.model_file(), compensator.MODEL_FILE, "application/yaml")
+        self.bench.say_exported(compensator.MODEL_FILE)
 
     def save_session(self) -> None:
         ui.download.content(self.bench.session_file(self._choices.query()), "session.lab.yaml", "application/yaml")

@@ -18,6 +18,8 @@ from quadctl.web.panels.glossary import explained
 from quadctl.web.panels.panel import Controls, Panel, Tab
 from quadctl.web.work.simulated import FAR, WITH, WITHOUT
 
+MODEL_FILE = "model.yaml"
+"""Name of the file that an export gives to the browser."""
 UNITY = 5e-4
 """Largest difference of a factor from 1 that three decimals hide."""
 
@@ -102,7 +104,11 @@ class Export(Panel):
             heading("Export")
             with tag("div", "line wrap"):
                 ui.button("Export model", icon="download", on_click=do.export_model).props("no-caps unelevated")
-                tag("code", "command grow", "quadctl fly missions/step_response.yaml --model model.yaml")
+                tag("span", "muted grow", "Commands that use the file, in its folder:")
+            for purpose, command in commands_of_a_model(MODEL_FILE):
+                with tag("div", "next-command"):
+                    tag("span", "muted", purpose)
+                    tag("code", "", command)
 
 
 @dataclass(frozen=True)
@@ -175,6 +181,16 @@ def _draw_metrics(steps: StepResponses) -> None:
                 for value in (without, compensated):
                     tag("td", "number", f"{value:.4f}".replace("-", "\u2212"))
                 tag("td", "number", change_in_words(1.0 - abs(compensated) / abs(without)) if without else "\u2013")
+
+
+def commands_of_a_model(name: str) -> tuple[tuple[str, str], ...]:
+    """Commands that use the model in the file `name`, each with its purpose."""
+    return (
+        ("fly with it as the compensator", f"quadctl fly MISSION --model {name}"),
+        ("simulate that, in a world with its effects", f"quadctl simulate MISSION --model {name} --hidden {name}"),
+        ("give it to the autopilot", f"quadctl export {name} --to px4"),
+        ("compare it with a further flight", f"quadctl compare {name} LOG"),
+    )
 
 
 TAB = Tab("compensator", "Compensator", "flight_takeoff", (Ratio, Check, Export, SimulatedFlight))

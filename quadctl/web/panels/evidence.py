@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from nicegui import ui
 
-from quadctl.lab.comparison.wording import change_in_words, plain, sentence
+from quadctl.lab.comparison.wording import ERRORS, change_in_words, listed, plain, sentence
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.flights.flight import VARIABLE_NAMES
 from quadctl.lab.flights.prediction import GROUPS
@@ -107,12 +107,14 @@ def _draw_losers(diagnosis: Diagnosis, shown: Candidate) -> None:
 def _draw_reasons(losers: list[Candidate], shown: Candidate) -> None:
     with tag("div", "scroll").props('tabindex="0"'), tag("table", "small reasons"):
         with tag("tr"):
-            for head in ("effect", "change", "p", "why it lost"):
+            for head in ("effect", "tried beside", "change", "p", "why it lost"):
                 tag("th", "", head)
         for candidate in losers:
+            beside = [plain(effect.family()) for effect in candidate.model.effects[:-1]]
             with tag("tr"):
                 tag("td", "mono", candidate.effect.name)
-                tag("td", "", change_in_words(candidate.held_out_drop))
+                tag("td", "", listed(beside) if beside else "the rigid body")
+                tag("td", "", f"{change_in_words(candidate.held_out_drop)} {ERRORS[candidate.measure]}")
                 tag("td", "", p_in_table(candidate.p_value))
                 tag("td", "", sentence(reason_against(candidate, shown)).replace("m/s^2", "m/s²"))
 

@@ -73,7 +73,7 @@ class Failures(Panel):
             heading(
                 "Residual over each variable; the variable that explains most of the error of all axes comes first"
                 if telling
-                else "No variable explains a significant share of the residual; these two explain most",
+                else "No variable explains much of the error of all axes; these two explain most",
                 "Where the mean is on the zero line, the model is right. "
                 "Drag over a range to see where in the flight it occurred.",
             )

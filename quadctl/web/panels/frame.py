@@ -8,6 +8,7 @@ from nicegui import ui
 from quadctl.lab.comparison.agreement import flights_of_the_fit
 from quadctl.lab.comparison.wording import listed
 from quadctl.lab.flights.dataset import Dataset
+from quadctl.model import Model
 from quadctl.web.elements.browser_theme import theme_button
 from quadctl.web.elements.html import busy, heading, tag
 from quadctl.web.elements.theme import Theme
@@ -25,16 +26,18 @@ class Header(Panel):
 
     theme: Theme
     starting: bool
+    model: Model | None
 
     def draw(self, do: Controls) -> None:
         tag("h1", "brand", "quadctl lab")
         tag("span", "grow")
-        if not self.starting:
-            for label, icon, act in (
-                ("Save session", "save", do.save_session),
-                ("Report", "description", do.save_report),
-                ("Export model", "download", do.export_model),
-            ):
+        holds_effects = self.model is not None and bool(self.model.stack)
+        for label, icon, act, there in (
+            ("Save session", "save", do.save_session, not self.starting),
+            ("Report", "description", do.save_report, not self.starting),
+            ("Export model", "download", do.export_model, not self.starting or holds_effects),  # outlives its flights
+        ):
+            if there:
                 button = ui.button(label, icon=icon, on_click=act).props(f'flat no-caps aria-label="{label}"')
                 button.classes("header-button")
         help_button = ui.button(icon="help_outline", on_click=do.show_help)
@@ -73,10 +76,6 @@ class Status(Panel):
                 ui.icon("error" if message.kind == "error" else "info")
                 with tag("div", "grow"):
                     tag("span", "", message.text if message.text.endswith((".", "?")) else f"{message.text}.")
-                    for purpose, command in message.commands:
-                        with tag("div", "next-command"):
-                            tag("span", "muted", purpose)
-                            tag("code", "", command)
                 if message.undo:
                     undo = ui.button("Undo", icon="undo", on_click=lambda: do.act(do.bench.undo()))
                     do.when_idle(undo.props("flat dense no-caps"))

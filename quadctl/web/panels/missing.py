@@ -299,7 +299,8 @@ class Candidates(Panel):
                 more = ui.expansion(f"{title} ({len(group)})", caption=text).classes("more")
                 with more, tag("div", "candidates"):
                     for candidate in group:
-                        self._draw_card(do, found, candidate, [], primary=False)
+                        first = alike.get(candidate.family, "")
+                        self._draw_card(do, found, candidate, [], primary=False, instead_of=first)
         if diagnosis.untried:
             text = "The flights do not vary enough to identify these effects."
             with (
@@ -322,7 +323,15 @@ class Candidates(Panel):
                 for i, candidate in enumerate(left):
                     self._draw_card(do, before, candidate, [], primary=i == 0)
 
-    def _draw_card(self, do: Controls, found: Diagnosed, candidate: Candidate, alike: list[str], primary: bool) -> None:
+    def _draw_card(
+        self,
+        do: Controls,
+        found: Diagnosed,
+        candidate: Candidate,
+        alike: list[str],
+        primary: bool,
+        instead_of: str = "",
+    ) -> None:
         name = candidate.effect.name
         with tag("article", "card candidate primary" if primary else "card candidate").props(f'data-effect="{name}"'):
             with tag("div", "line top"):
@@ -347,6 +356,11 @@ class Candidates(Panel):
             tag("p", "mono muted", f"{parameters_in_text(candidate.effect, candidate.ci95)}{intervals}")
             if alike:
                 tag("p", "note", looks_like(alike))
+            if instead_of:
+                words = (
+                    f"explains the same as {plain(instead_of)}: beside that it changes nothing, instead of it it would"
+                )
+                tag("p", "note", f"It {words}. These data do not tell which of the two it is.")
             if candidate in found.diagnosis.measured:
                 tag("p", "note", "It is there, as p says, but it changes the error too little to be called missing.")
             for remark in candidate.remarks:

@@ -16,6 +16,8 @@ from quadctl.web.panels.panel import Controls, Panel
 from quadctl.web.session.session import Rung
 from quadctl.web.work.jobs import Evaluation
 
+AT_LIMIT = 0.98
+"""Share of its bound at which an offset is said to be at its limit."""
 NUISANCES = {
     "thrust_scale": ("thrust", 100.0, "%"),
     "roll_rad": ("roll", np.degrees(1.0), "°"),
@@ -117,14 +119,27 @@ def _draw_nuisances(evaluation: Evaluation, seen: Dataset) -> None:
                 "Trim and calibration are small offsets that differ between flights. They are fitted together with the "
                 "effects, and are not saved with the model."
             )
-        kinds = [kind.name for kind in KINDS]
+        fitted = evaluation.solution.optimum.nuisances
+        at_limit = False
         with tag("div", "scroll").props('tabindex="0"'), tag("table", "small"):
             with tag("tr"):
-                tag("th", "", "flight")
-                for name, _, unit in NUISANCES.values():
-                    tag("th", "number", f"{name} / {unit}")
-            for flight, values in zip(seen.names, evaluation.solution.optimum.nuisances, strict=True):
+                tag("th")
+                for flight in seen.names:
+                    tag("th", "number", flight)
+            for number_of_kind, kind in enumerate(KINDS):
+                if kind.name not in NUISANCES:
+                    continue
+                name, factor, unit = NUISANCES[kind.name]
                 with tag("tr"):
-                    tag("td", "", flight)
-                    for kind, (_, factor, _) in NUISANCES.items():
-                        tag("td", "number", f"{factor * values[kinds.index(kind)]:+.2f}".replace("-", "\u2212"))
+                    tag("td", "", f"{name} / {unit}")
+                    for value in fitted[:, number_of_kind]:
+                        limited = abs(value) > AT_LIMIT * kind.bound
+                        at_limit = at_limit or limited
+                        text = f"{factor * value:+.2f}".replace("-", "\u2212")
+                        tag("td", "number warn" if limited else "number", f"{text} *" if limited else text)
+        if at_limit:
+            tag(
+                "p",
+                "note",
+                "* At the limit of what is an offset of one flight; more would be an effect, or another vehicle.",
+            )

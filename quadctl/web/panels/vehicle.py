@@ -175,11 +175,11 @@ class _NewVehicle:
                 self._frame = ui.select(list(FRAMES), label="Frame", value=TYPICAL.frame).props(
                     "outlined dense stack-label"
                 )
-                self._arm = self._ask("arm_m", TYPICAL.arm_m)
+                self._diagonal = self._ask("diagonal_m", 2.0 * TYPICAL.arm_m)
                 self._hover = self._ask("hover_throttle", TYPICAL.hover_throttle)
                 self._ask("hover_rpm", None)
             self._drawing = ui.html("", sanitize=False).classes("rotors")
-        for field in (self._propeller, self._frame, self._arm):
+        for field in (self._propeller, self._frame, self._diagonal):
             field.on_value_change(self._draw_rotors)
         self._draw_rotors()
         tag("p", "muted", ASSUMED)
@@ -196,10 +196,10 @@ class _NewVehicle:
         return bool(self._frame.value == AS_LOGGED)
 
     def _draw_rotors(self) -> None:
-        self._arm.set_enabled(not self._as_logged)
+        self._diagonal.set_enabled(not self._as_logged)
         places: Sequence[Place] = told(self._parameters).places or () if self._as_logged else ()
-        if not places and self._arm.value:
-            places = frame_places(self._frame.value, self._arm.value)
+        if not places and self._diagonal.value:
+            places = frame_places(self._frame.value, 0.5 * self._diagonal.value)
         if places and self._propeller.value:
             self._drawing.set_content(rotors_svg(places, 0.5 * self._propeller.value, self._theme))
 
@@ -223,11 +223,14 @@ class _NewVehicle:
             ui.label(f"{log_name} says {names}; all else is for you to enter.{check}").style("display:contents")
 
     async def _use(self) -> None:
-        asked = {name: number for name, number in self._numbers.items() if not (name == "arm_m" and self._as_logged)}
+        of_the_log = {"diagonal_m"} if self._as_logged else set()
+        asked = {name: number for name, number in self._numbers.items() if name not in of_the_log}
         self._name.error = None if (self._name.value or "").strip() else "expected a name"
         if _say_what_is_wrong(NEW_VEHICLE, asked) or self._name.error:
             return
         value = {name: number.value for name, number in asked.items()}
+        if "diagonal_m" in value:
+            value["arm_m"] = 0.5 * value.pop("diagonal_m")
         answers = Answers(self._name.value.strip(), frame=None if self._as_logged else self._frame.value)
         await self._do.use_new_vehicle(answers._replace(**value), self._parameters)
 

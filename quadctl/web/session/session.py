@@ -146,10 +146,12 @@ class Session:
         return replace(self, logs=tuple(dict.fromkeys([*self.logs, *logs])))
 
     def without_log(self, log: Path) -> "Session":
-        """Session without a log. Results stay valid if the log could not be used."""
+        """Session without a log. Results stay valid if the log could not be used; of one flight no whole flight can be
+        held out by turns."""
         logs = tuple(other for other in self.logs if other != log)
         hashes = {other: text for other, text in self.hashes.items() if other != log}
-        return replace(self, logs=logs, unseen=self.unseen - {log}, hashes=hashes)
+        hold_out = self.hold_out if len(logs) > 1 else "blocks"
+        return replace(self, logs=logs, unseen=self.unseen - {log}, hashes=hashes, hold_out=hold_out)
 
     def moved(self, places: Mapping[Path, Path]) -> "Session":
         """Session whose logs lie in other places: `places` are the new paths by the old ones."""

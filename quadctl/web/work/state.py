@@ -21,10 +21,9 @@ class Work:
 class Message:
     """One sentence for the person at the page."""
 
-    kind: Literal["error", "done"]
+    kind: Literal["error", "done", "found"]
+    """`found` says what a search has found, which the part of the page on it shows, too."""
     text: str
-    commands: tuple[tuple[str, str], ...] = ()
-    """Commands to go on with, each with its purpose."""
     undo: bool = False
     """True of a change of the model that can be taken back."""
 

@@ -165,8 +165,11 @@ class Intake:
             self.bench.say("error", f"{path}: cannot be written ({error.strerror}).")
             return
         await self.bench.begin_with(path)
-        if self.bench.message is None:
-            self.bench.say("done", f"The vehicle is kept in {path.resolve()}, and stands among those to choose from.")
+        message = self.bench.message
+        if message is None or message.kind != "error":
+            kept = f"The vehicle is kept in {path.resolve()}, and stands among those to choose from."
+            text = kept if message is None else f"{message.text} {kept}"
+            self.bench.say("done", text, undo=message is not None and message.undo)
 
     async def parameters_of(self, log: Path) -> dict[str, float]:
         """Parameters that a vehicle can be drawn from, in a log; none, with a sentence, where it holds none."""

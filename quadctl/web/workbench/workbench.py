@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from quadctl.errors import QuadctlError, SettingsError
-from quadctl.lab.comparison.wording import listed, quantity
+from quadctl.lab.comparison.wording import listed, plain, quantity
 from quadctl.lab.flights.dataset import Dataset, HoldOut
 from quadctl.logs.flight_log import FlightLog
 from quadctl.model import Model, load_model, model_to_dict
@@ -80,14 +80,8 @@ class Workbench:
             except Exception:  # a page that cannot draw itself must not stop the work, nor the other pages
                 _LOG.exception("a page could not be drawn")
 
-    def say(
-        self,
-        kind: Literal["error", "done"],
-        text: str,
-        commands: tuple[tuple[str, str], ...] = (),
-        undo: bool = False,
-    ) -> None:
-        self.message = Message(kind, text, commands, undo)
+    def say(self, kind: Literal["error", "done", "found"], text: str, undo: bool = False) -> None:
+        self.message = Message(kind, text, undo)
         self._changed()
 
     def dismiss(self) -> None:
@@ -419,6 +413,7 @@ class Workbench:
             found: Findings = await self._slow.run(jobs.look_for, self._current(model), seen, progress=progress)
             self.session = self.session.searched(model, found)
             self._show_found()
+            self._say_found(model)
             self._autosave()
         except CancelledError:
             pass
@@ -428,6 +423,19 @@ class Workbench:
             if number == self._searches:
                 self.search = None
             self._changed()
+
+    def _say_found(self, model: Model) -> None:
+        """Say that the search on `model` has ended, where no other message stands."""
+        found = self.results.found
+        if found is None or model != self.session.model or self.message is not None:
+            return
+        diagnosis = found.diagnosis
+        said = {
+            "missing": f"missing: {listed([plain(family) for family in diagnosis.missing])}",
+            "unexplained": "something is missing that no known effect explains",
+            "none": "no further effect is missing",
+        }
+        self.say("found", f"The search has ended: {said[diagnosis.verdict]}. See What is missing.")
 
     def cancel_search(self) -> None:
         if self.search is not None:
@@ -484,8 +492,7 @@ class Workbench:
         self.say(
             "done",
             f"The model is saved as {name} in the downloads folder of your browser (with a number where there is a "
-            f"{name} already). These commands use it, in its folder.",
-            commands_of_a_model(name),
+            f"{name} already). The part Compensator lists the commands that use it.",
         )
 
     def session_file(self, view: str = "") -> str:
@@ -551,16 +558,6 @@ class Workbench:
             part.replace(self.folder / AUTOSAVED)  # whole or not at all, also in a power failure
         except OSError as error:
             self.message = Message("error", f"{self.folder / AUTOSAVED}: cannot be written ({error.strerror})")
-
-
-def commands_of_a_model(name: str) -> tuple[tuple[str, str], ...]:
-    """Commands that use the model in the file `name`, each with its purpose."""
-    return (
-        ("fly with it as the compensator", f"quadctl fly MISSION --model {name}"),
-        ("simulate that, in a world with its effects", f"quadctl simulate MISSION --model {name} --hidden {name}"),
-        ("give it to the autopilot", f"quadctl export {name} --to px4"),
-        ("compare it with a further flight", f"quadctl compare {name} LOG"),
-    )
 
 
 def _vehicle_of(session: Session) -> Vehicle | None:
