@@ -14,7 +14,9 @@ import numpy as np
 from quadctl.lab.arrays import Floats
 from quadctl.lab.fitting.consider_parameters import FORM
 from quadctl.lab.fitting.fitted_model import FittedModel
+from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.flights.prediction import predict_targets
+from quadctl.lab.flights.velocity_scale import velocity_scale_errors
 
 WAVES = np.arange(1, 7)
 """Numbers of half-waves over the range of a variable: the smooth functions."""
@@ -27,7 +29,8 @@ class FormErrors:
     """Errors of the forms of a model's effects: random functions of the variables on which each depends.
 
     Their standard deviation is `FORM` of the effect, and at least of its root mean square. The errors of the axes are
-    independent of each other. An effect that depends on no variable has no form.
+    independent of each other. An effect that depends on no variable has no form. The measured acceleration is among
+    them: it may be off by as much as the velocity is (see `velocity_scale_errors`).
     """
 
     sizes: tuple[Floats, ...]
@@ -39,7 +42,7 @@ class FormErrors:
     def of(cls, fit: FittedModel) -> "FormErrors":
         """Form errors of a fitted model."""
         dataset, model = fit.fitter.dataset, fit.model
-        sizes, waves = [], []
+        sizes, waves = [_of_acceleration(dataset)], [np.ones((len(dataset.targets), 1))]
         for i, effect in enumerate(model.effects):
             varied = [x for name in effect.depends_on if (x := dataset.variable(name)) is not None and np.ptp(x) > 0.0]
             if not varied:
@@ -60,6 +63,13 @@ class FormErrors:
         axes = weights.shape[1]
         sums = [(weights * size[:, :axes]).T @ waves for size, waves in zip(self.sizes, self.waves, strict=True)]
         return float(sum(np.sum(one**2) for one in sums))
+
+
+def _of_acceleration(dataset: Dataset) -> Floats:
+    """Error of the measured acceleration where the scale of the velocity is off, shape (n, 3 * groups)."""
+    found = np.zeros(dataset.targets.shape)
+    found[:, :3] = np.concatenate([flight.measured * velocity_scale_errors(flight) for flight in dataset.flights])
+    return found
 
 
 def _waves(x: Floats) -> Floats:

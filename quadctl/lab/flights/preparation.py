@@ -27,6 +27,7 @@ from quadctl.lab.flights.channels import THROTTLE, THRUST_COMMAND, Signals, sign
 from quadctl.lab.flights.flight import Flight, SlowFilter
 from quadctl.lab.flights.timing import timed
 from quadctl.lab.flights.vehicle_match import motion_problem, sidecar_problem, thrust_problem
+from quadctl.lab.flights.velocity_scale import scale_note
 from quadctl.logs.contradictions import contradictions
 from quadctl.logs.flight_log import ATTITUDE, POSITION, VELOCITY, FlightLog
 from quadctl.model import Model
@@ -98,8 +99,8 @@ def prepare(log: FlightLog, vehicle: Vehicle) -> Flight:
     thrust = np.column_stack([flight.filtered(nominal) for nominal in flight.nominal_n])
     lean = np.column_stack([flight.variables[name] for name in ("roll", "pitch")])
     _refuse(log.name, motion_problem(flight.measured, thrust, flight.torque, lean, vehicle))
-    doubt = flight.weight_doubt
-    return replace(flight, notes=[*notes, doubt]) if doubt else flight
+    doubts = [doubt for doubt in (flight.weight_doubt, scale_note(flight)) if doubt]
+    return replace(flight, notes=[*notes, *doubts])
 
 
 def _over_surfaces(flight: Flight, log: FlightLog) -> Flight:
