@@ -42,7 +42,7 @@ class FormErrors:
     def of(cls, fit: FittedModel) -> "FormErrors":
         """Form errors of a fitted model."""
         dataset, model = fit.fitter.dataset, fit.model
-        sizes, waves = [_of_acceleration(dataset)], [np.ones((len(dataset.targets), 1))]
+        sizes, waves = [], []
         for i, effect in enumerate(model.effects):
             varied = [x for name in effect.depends_on if (x := dataset.variable(name)) is not None and np.ptp(x) > 0.0]
             if not varied:
@@ -56,6 +56,8 @@ class FormErrors:
             )
             sizes.append(FORM * np.hypot(does, np.sqrt(np.mean(does**2, axis=0))))
             waves.append(np.concatenate([_waves(x) for x in varied], axis=1) / math.sqrt(len(varied)))
+        sizes.append(_of_acceleration(dataset))
+        waves.append(np.ones((len(dataset.targets), 1)))
         return cls(tuple(sizes), tuple(waves))
 
     def variance_of_sum(self, weights: Floats) -> float:
