@@ -381,6 +381,10 @@ class TestExport:
         assert bench.message == Message(
             "found", "The search has ended: missing: ground effect and inflow. See What is missing."
         )
+        for verdict, said in (("none", "no further effect is missing"), ("unexplained", "something is missing that")):
+            bench.message, diagnosis.verdict, diagnosis.missing = None, verdict, []
+            bench._say_found(model)
+            assert bench.message is not None and f"The search has ended: {said}" in bench.message.text
 
     def test_yes_is_the_answer_to_the_question_about_the_vehicle(self, bench: Workbench) -> None:
         bench.session = replace(bench.session, vehicle_assumed=True)

@@ -429,13 +429,14 @@ class Workbench:
         found = self.results.found
         if found is None or model != self.session.model or self.message is not None:
             return
-        diagnosis = found.diagnosis
-        said = {
-            "missing": f"missing: {listed([plain(family) for family in diagnosis.missing])}",
-            "unexplained": "something is missing that no known effect explains",
-            "none": "no further effect is missing",
-        }
-        self.say("found", f"The search has ended: {said[diagnosis.verdict]}. See What is missing.")
+        missing = [plain(family) for family in found.diagnosis.missing]
+        if missing:
+            said = f"missing: {listed(missing)}"
+        elif found.diagnosis.verdict == "unexplained":
+            said = "something is missing that no known effect explains"
+        else:
+            said = "no further effect is missing"
+        self.say("found", f"The search has ended: {said}. See What is missing.")
 
     def cancel_search(self) -> None:
         if self.search is not None:
