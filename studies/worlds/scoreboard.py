@@ -6,7 +6,7 @@ answer is compared with the truth beside them, which no command of quadctl reads
 
 import argparse
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -47,6 +47,11 @@ class Answer:
         return said == hidden or any(
             said ^ hidden <= pair and said & pair and hidden & pair and said - pair == hidden - pair for pair in alike
         )
+
+    @property
+    def says_false(self) -> bool:
+        """True where the lab names a family that is not hidden, and that these flights do not confuse with one."""
+        return not self.exact and bool(set(self.missing) - set(self.families))
 
     @property
     def right_first(self) -> bool:
@@ -112,6 +117,28 @@ def section(title: str, answers: Sequence[Answer]) -> str:
     return f"## {title}\n\n| cases | result |\n|---|---|\n{table}\n\nWrong:\n\n{wrong}\n"
 
 
+def side_by_side(worlds: Mapping[str, Sequence[Answer]]) -> str:
+    """Table of all worlds and strengths, by their titles."""
+    lines = [
+        "| world | one effect: named, and nothing else | two effects | named, and not there | false alarms |",
+        "|---|---|---|---|---|",
+    ]
+    for title, answers in worlds.items():
+        single, several, nothing = ([a for a in answers if len(a.families) in n] for n in ((1,), (2, 3), (0,)))
+        cells = (
+            title,
+            _share(single, (a.exact for a in single)),
+            _share(several, (a.exact for a in several)),
+            _share([*single, *several], (a.says_false for a in (*single, *several))),
+            f"{sum(not a.exact for a in nothing)} of {len(nothing)}",
+        )
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join([*lines, f"| goal at strength 1 / 0.5 / 0.3 | {GOALS[0]} | {GOALS[1]} | | 0 |", ""])
+
+
+GOALS = ("98 / 95 / 75 %", "95 / 85 / 60 %")
+"""Goals for one and for two effects."""
+
 INTRODUCTION = """# Worlds that share nothing with the lab
 
 Written by `python -m studies.worlds.scoreboard`. Each world (`studies/worlds`) is a generator of flights with hidden
@@ -129,10 +156,12 @@ def main() -> None:
     parser.add_argument("--page", type=Path, required=True, help="page to write")
     parser.add_argument("--jobs", type=int, default=1, help="processes")
     arguments = parser.parse_args()
-    parts = []
+    worlds = {}
     for folder in arguments.folders:
-        parts.append(section(folder.name.replace("_", " "), judge_world(folder, arguments.jobs)))
-        print(parts[-1])
+        title = folder.name.replace("_", " ")
+        worlds[title] = judge_world(folder, arguments.jobs)
+        print(section(title, worlds[title]), flush=True)
+    parts = [side_by_side(worlds), *(section(title, answers) for title, answers in worlds.items())]
     write_page(arguments.page, INTRODUCTION + "\n".join(parts))
 
 

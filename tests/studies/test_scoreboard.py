@@ -4,7 +4,7 @@ import dataclasses
 
 import pytest
 
-from studies.worlds.scoreboard import Answer, section
+from studies.worlds.scoreboard import Answer, section, side_by_side
 
 
 def answer(
@@ -44,6 +44,18 @@ def test_a_section_counts_and_lists_what_is_wrong() -> None:
     assert "| false alarms where nothing is hidden | 0 of 1 |" in text
     assert text.count("\n- case") == 1
     assert "- case (wind, 0.1 m/s²): tether" in text
+
+
+def test_worlds_stand_side_by_side_with_what_was_named_and_is_not_there() -> None:
+    """An effect that is overlooked says nothing false; one that is named in the place of another does."""
+    answers = [
+        answer("wind", "wind"),
+        answer("wind", ""),
+        answer("wind", "tether"),
+        answer("wind tether", "wind tether payload"),
+        answer("", "", "none"),
+    ]
+    assert "| open 2 1.0 | 1/3 = 33% | 0/1 = 0% | 2/4 = 50% | 0 of 1 |" in side_by_side({"open 2 1.0": answers})
 
 
 def test_what_is_there_but_too_small_to_be_called_missing_is_counted_by_itself() -> None:
