@@ -681,7 +681,7 @@ class TestOpenTab:
         shown = str(tabs("missing", replace(view, results=results)).shown)
         assert "No effect of the catalogue reduces the held-out error enough to matter." in shown
         assert "There, but too small to matter in these flights: ground effect." in shown
-        assert "It is there, as p says, but it changes the error too little to be called missing." in shown
+        assert "Why not: it is there, but small: " in shown
 
     def test_the_verdict_has_a_tick_only_where_the_error_is_near_the_noise_floor(
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]

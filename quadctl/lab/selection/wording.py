@@ -4,6 +4,7 @@ from typing import Any
 
 from quadctl.lab.selection.candidate import Candidate
 from quadctl.lab.selection.rule import (
+    LEAST_M_S2,
     MATERIAL,
     MATERIAL_M_S2,
     SIGNIFICANT,
@@ -40,8 +41,10 @@ def candidate_in_words(c: Candidate) -> str:
     return " ".join([c.effect.physics, verdict, *(f"Note: {remark}." for remark in c.remarks)])
 
 
-def reason_against(c: Candidate, chosen: Candidate) -> str:
+def reason_against(c: Candidate, chosen: Candidate | None) -> str:
     """Reason why the decision rule has not called `c` missing beside, or instead of, `chosen`: a part of a sentence.
+
+    `chosen` is None where nothing was called missing.
 
     The first predicate of the rule that fails is said, with the number that was found and the one that was expected.
     """
@@ -66,10 +69,12 @@ def reason_against(c: Candidate, chosen: Candidate) -> str:
     if is_there(c) and not is_plausible(c):
         return (
             f"it is there, but small: {c.largest_drop:.1%} of an axis' error and {c.explained_m_s2:.2g} m/s^2, "
-            f"expected more than {MATERIAL:.0%} or {MATERIAL_M_S2:g} m/s^2"
+            f"expected more than {MATERIAL:.0%} and {LEAST_M_S2:g} m/s^2, or {MATERIAL_M_S2:g} m/s^2"
         )
     if not c.distinct:
         return f"these data do not distinguish it from its look-alikes, {c.effect.distinguished_by} would"
+    if chosen is None:
+        return "what explains more is too small to be called missing"
     if c.family == chosen.family:
         return f"another form of the same effect, no better than {chosen.effect.name} ({_drops(c, chosen)})"
     return f"it is not needed beside {chosen.effect.name}, which was found first or explains more ({_drops(c, chosen)})"

@@ -29,6 +29,7 @@ from quadctl.lab.planning.suggestion import Suggestion
 from quadctl.lab.selection.candidate import Candidate
 from quadctl.lab.selection.diagnosis import Diagnosis
 from quadctl.lab.selection.rule import is_supported
+from quadctl.lab.selection.wording import reason_against
 from quadctl.logs.flight_log import FlightLog
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
@@ -51,10 +52,7 @@ OPEN = "info"
 """Icon of a verdict that names nothing, and has no tick either."""
 AS_LOGGED = ("z_m", "z_ref_m", "vx_m_s", "vy_m_s", "vz_m_s")
 NOT_NEEDED = "Other forms of these effects, or look-alikes: not needed together with those above."
-NO_HELP = (
-    "These effects do not reduce the held-out error by more than chance might, or only with parameters outside their "
-    "physical bounds."
-)
+NO_HELP = "These effects do not reduce the held-out error by more than chance might, or not as they physically can."
 
 
 @dataclass(frozen=True)
@@ -299,8 +297,10 @@ class Candidates(Panel):
                 more = ui.expansion(f"{title} ({len(group)})", caption=text).classes("more")
                 with more, tag("div", "candidates"):
                     for candidate in group:
-                        first = alike.get(candidate.family, "")
-                        self._draw_card(do, found, candidate, [], primary=False, instead_of=first)
+                        why = _instead_of(alike[candidate.family]) if candidate.family in alike else ""
+                        if group is others:
+                            why = f"Why not: {reason_against(candidate, chosen[0] if chosen else None)}."
+                        self._draw_card(do, found, candidate, [], primary=False, why=why)
         if diagnosis.untried:
             text = "The flights do not vary enough to identify these effects."
             with (
@@ -330,7 +330,7 @@ class Candidates(Panel):
         candidate: Candidate,
         alike: list[str],
         primary: bool,
-        instead_of: str = "",
+        why: str = "",
     ) -> None:
         name = candidate.effect.name
         with tag("article", "card candidate primary" if primary else "card candidate").props(f'data-effect="{name}"'):
@@ -356,13 +356,8 @@ class Candidates(Panel):
             tag("p", "mono muted", f"{parameters_in_text(candidate.effect, candidate.ci95)}{intervals}")
             if alike:
                 tag("p", "note", looks_like(alike))
-            if instead_of:
-                words = (
-                    f"explains the same as {plain(instead_of)}: beside that it changes nothing, instead of it it would"
-                )
-                tag("p", "note", f"It {words}. These data do not tell which of the two it is.")
-            if candidate in found.diagnosis.measured:
-                tag("p", "note", "It is there, as p says, but it changes the error too little to be called missing.")
+            if why:
+                tag("p", "note", why.replace("m/s^2", "m/s²"))
             for remark in candidate.remarks:
                 tag("p", "note", f"Note: {remark}.")
             held = candidate.family in {effect.family() for effect in candidate.model.effects[:-1]}
@@ -373,6 +368,12 @@ class Candidates(Panel):
                 if candidate in chosen_of(found.diagnosis):
                     show = ui.button("Evidence", icon="fact_check", on_click=lambda: do.show_evidence(name))
                     show.props(f'flat no-caps aria-label="Evidence for {name}"')
+
+
+def _instead_of(other: str) -> str:
+    """Sentences on a candidate that the data did not distinguish from an effect that was chosen."""
+    same = f"It explains the same as {plain(other)}: beside that it changes nothing, instead of it it would."
+    return f"{same} These data do not tell which of the two it is."
 
 
 @dataclass(frozen=True)
