@@ -317,10 +317,12 @@ def is_mostly_left(first: Floats, residual: Floats, flexible: Floats) -> bool:
 def score(residual: Floats) -> float:
     """Logarithm of the held-out RMSE of the acceleration, plus the mean logarithms of the other measured groups.
 
-    Logarithms make forces and moments, which have different units, comparable.
+    Logarithms make forces and moments, which have different units, comparable. An axis counts as no less than
+    `LEAST_SHARE_OF_MOMENT` of its group: a yaw moment that is right to a hundredth of the others would decide alone.
     """
     power = np.maximum(np.mean(residual**2, axis=0), 1e-12)
-    others = [float(np.log(power[i : i + 3]).mean()) for i in range(3, len(power), 3)]
+    groups = [power[i : i + 3] for i in range(3, len(power), 3)]
+    others = [float(np.log(np.maximum(p, LEAST_SHARE_OF_MOMENT**2 * p.sum())).mean()) for p in groups]
     return 0.5 * (float(np.log(power[:3].sum())) + sum(others))
 
 

@@ -167,9 +167,10 @@ def with_masked_first(path: Path, pool: Sequence[type[Effect]], progress: Progre
 
 
 def _masked(path: Path, supported: Sequence[Candidate]) -> tuple[Candidate, ...]:
-    """Candidates of the last round that explain more than the supported ones, and are not significant."""
-    least = min((score(c.residual) for c in supported), default=score(path.residual))
-    return tuple(c for c in path.latest.values() if is_masked(c) and score(c.residual) < least)
+    """Candidates of the last round that explain more of the acceleration than the supported ones, and are not
+    significant."""
+    least = min(score(residual[:, :3]) for residual in (path.residual, *(c.residual for c in supported)))
+    return tuple(c for c in path.latest.values() if is_masked(c) and score(c.residual[:, :3]) < least)
 
 
 def with_pair_replaced(path: Path, pool: Sequence[type[Effect]], progress: Progress) -> Path:
