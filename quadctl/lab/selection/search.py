@@ -45,6 +45,8 @@ NESTED = ({"thrust_map", "thrust_scale"},)
 
 MOST_MASKED = 2
 """Largest number of effects with which a search begins although they are not significant alone."""
+RIVAL = 0.5
+"""Least squared acceleration that a rival of a single effect explains, as a share of that one's."""
 MOST_EXCHANGED = 3
 """Largest number of effects that are tried in the place of those found."""
 
@@ -80,8 +82,8 @@ class Path:
     """Pairs of families that these data do not distinguish: the one that was added, and the other."""
     passed_over: tuple[Candidate, ...] = ()
     """Look-alikes of the first round: plausible, but not distinguished from another effect."""
-    masked: tuple[Candidate, ...] = ()
-    """Candidates of the first round that explain more than the one that was chosen, and are not significant alone."""
+    first: tuple[Candidate, ...] = ()
+    """Supported candidates of the first round, the best first, and those that lack nothing but significance."""
 
     @property
     def dataset(self) -> Dataset:
@@ -106,7 +108,7 @@ class _Round(NamedTuple):
 def search(start: FittedModel, pool: Sequence[type[Effect]], progress: Progress) -> Path:
     """Search `pool` for the effects that the fitted model `start` is missing."""
     path = pruned(forward(begun_at(start), pool, progress))
-    path = with_masked_first(path, pool, progress)
+    path = with_one_dropped(with_masked_first(path, pool, progress), pool, progress)
     return with_one_exchanged(with_pair_replaced(path, pool, progress), pool, progress)
 
 
@@ -124,7 +126,8 @@ def forward(path: Path, pool: Sequence[type[Effect]], progress: Progress) -> Pat
         path, supported, look_alikes = _tried(path, pool, _in_round(len(path.missing) + 1, progress))
         path = _with_confounded(path, alike, [*supported, *look_alikes])
         if is_first:
-            path = replace(path, passed_over=tuple(look_alikes), masked=_masked(path, supported))
+            alone = (c for c in path.latest.values() if is_masked(c))
+            path = replace(path, passed_over=tuple(look_alikes), first=(*supported, *alone))
         if not supported:
             return path
         chosen, alike = choose(supported, look_alikes, path.dataset)
@@ -153,11 +156,14 @@ def pruned(path: Path) -> Path:
 def with_masked_first(path: Path, pool: Sequence[type[Effect]], progress: Progress) -> Path:
     """Path, or a better one that begins with an effect that is not significant alone.
 
-    Two effects may each be the noise that hides the other one: thrust that is too low everywhere and grows near the
-    ground fits neither a factor nor a ground effect, but a cable. The effect that explains most is then taken first,
-    and stays only if it is needed beside what is found on top of it.
+    Two effects may each be the noise that hides the other one, such as a battery that sags and a ground effect. Where
+    an effect explains more of the acceleration than any that is supported, and lacks nothing but significance, it is
+    taken first, and stays only if it is needed beside what is found on top of it.
     """
-    for candidate in sorted(path.masked, key=lambda c: score(c.residual))[:MOST_MASKED]:
+    seen = [path.start.held_out_residual, *(c.residual for c in path.first if not is_masked(c))]
+    least = min(score(residual[:, :3]) for residual in seen)
+    masked = [c for c in path.first if is_masked(c) and score(c.residual[:, :3]) < least]
+    for candidate in sorted(masked, key=lambda c: score(c.residual))[:MOST_MASKED]:
         other = taken(replace(begun_at(path.start), latest=path.latest), candidate)
         other = pruned(forward(other, pool, _prefixed(f"beginning with {candidate.effect.name}", progress)))
         beside = candidate.family in other.missing and len(other.missing) > 1
@@ -166,11 +172,30 @@ def with_masked_first(path: Path, pool: Sequence[type[Effect]], progress: Progre
     return path
 
 
-def _masked(path: Path, supported: Sequence[Candidate]) -> tuple[Candidate, ...]:
-    """Candidates of the last round that explain more of the acceleration than the supported ones, and are not
-    significant."""
-    least = min(score(residual[:, :3]) for residual in (path.residual, *(c.residual for c in supported)))
-    return tuple(c for c in path.latest.values() if is_masked(c) and score(c.residual[:, :3]) < least)
+def with_one_dropped(path: Path, pool: Sequence[type[Effect]], progress: Progress) -> Path:
+    """Path, or a better one to which the search leads without one of the effects that were found.
+
+    The effect that explains most alone may have a little of each of two others: a thrust that is too low everywhere and
+    grows near the ground is first taken for a cable. The effect that was added last has had its rivals already.
+    """
+    for family in path.missing[:-1] or path.missing:
+        if len(path.missing) == 1 and not _has_rival(path):
+            continue
+        others = [effect for effect in pool if effect.family() != family]
+        other = replace(begun_at(path.start), latest=path.latest)
+        for kind in (type(c.effect) for c in path.chosen if c.family in path.missing and c.family != family):
+            other = taken(other, try_effect(kind, Unmodelled(other.current), len(pool)))
+        other = pruned(forward(other, others, _prefixed(f"without {family}", progress)))
+        if other.missing and score(other.residual) < score(path.residual) - EQUAL_SCORE:
+            return pruned(forward(other, pool, progress))
+    return path
+
+
+def _has_rival(path: Path) -> bool:
+    """Tell whether another family explains at least half as much of the acceleration, alone, as the one that was
+    found."""
+    found, *others = sorted(path.first, key=lambda c: c.family not in path.missing)
+    return any(c.family != found.family and c.explained_m_s2**2 > RIVAL * found.explained_m_s2**2 for c in others)
 
 
 def with_pair_replaced(path: Path, pool: Sequence[type[Effect]], progress: Progress) -> Path:

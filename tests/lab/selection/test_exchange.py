@@ -1,13 +1,26 @@
-"""An effect that was found first because it has a little of two others gives way to them."""
+"""Two effects that hide each other from a greedy search, or that a third one stands for, which has a little of both."""
 
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from quadctl.lab.flights.dataset import load_dataset
+from quadctl.effects.battery_sag import LinearSag
+from quadctl.effects.ground_effect import Exponential
+from quadctl.effects.tether import HangingTether
+from quadctl.effects.thrust_scale import ConstantScale
+from quadctl.lab.arrays import Floats
+from quadctl.lab.fitting.fitted_model import fit_model
+from quadctl.lab.flights.dataset import Dataset, load_dataset
 from quadctl.lab.selection.diagnosis import diagnose
+from quadctl.lab.selection.search import Path as Found
+from quadctl.lab.selection.search import begun_at, forward, pruned, with_masked_first, with_one_dropped
+from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.read import read_logs
 from quadctl.model import Model, load_model
+from quadctl.vehicle import Vehicle
 from studies.blind_cases.cases import all_cases
 from studies.blind_cases.fly import fly_case
 from tests.support.places import ROOT
@@ -23,3 +36,46 @@ def test_a_wind_with_its_drag_gives_way_to_a_drag_and_a_tilted_thrust(tmp_path: 
     assert sorted(found.missing) == ["rotor_drag", "thrust_tilt"]
     (wind,) = (c for c in found.ranking if c.effect.name == "wind.steady")
     assert wind.p_value > 0.01
+
+
+def weakened(logs: list[FlightLog], share: Callable[[Floats], Floats], vehicle: Vehicle) -> Dataset:
+    """The same flights by rotors that give this share of their thrust, and turn faster for it.
+
+    `share` is a function of the time of the flight, from 0 to 1; the voltage falls from 16.8 to 15.2 V.
+    """
+    made = []
+    for log in logs:
+        time = (log.time_s - log.time_s[0]) / np.ptp(log.time_s)
+        turned = {name: log[name] / np.sqrt(share(time)) for name in log.columns if name.endswith("_rpm")}
+        made.append(replace(log, columns={**log.columns, **turned, "battery_v": 16.8 - 1.6 * time}))
+    return load_dataset(made, vehicle)
+
+
+def quiet(text: str) -> None:
+    """Nobody is told of the progress."""
+
+
+def greedy(dataset: Dataset, *pool: type) -> Found:
+    return pruned(forward(begun_at(fit_model(Model(dataset.flights[0].vehicle), dataset)), pool, quiet))
+
+
+@pytest.mark.parametrize("share", [0.95, 0.85])
+def test_a_wrong_mass_over_a_ground_effect_is_no_cable(
+    staircases: list[FlightLog], raptor: Vehicle, share: float
+) -> None:
+    """Thrust that is too low everywhere and grows near the ground: alone, a cable explains most of it."""
+    pool = (ConstantScale, HangingTether, Exponential)
+    first = greedy(weakened(staircases, lambda time: np.full_like(time, share), raptor), *pool)
+    assert "tether" in first.missing
+    found = with_one_dropped(first, pool, quiet)
+    assert sorted(found.missing) == ["ground_effect", "thrust_scale"]
+    assert with_one_dropped(found, pool, quiet) is found
+
+
+def test_a_battery_and_a_ground_effect_that_hide_each_other_are_found(
+    staircases: list[FlightLog], raptor: Vehicle
+) -> None:
+    pool = (LinearSag, Exponential)
+    first = greedy(weakened(staircases, lambda time: 1.0 - 0.1 * time, raptor), *pool)
+    assert first.missing == ()
+    assert sorted(with_masked_first(first, pool, quiet).missing) == ["battery_sag", "ground_effect"]
