@@ -27,7 +27,7 @@ class ConstantScale(ThrustRatio):
     distinguished_by: ClassVar[str] = "being the same at all heights, speeds and voltages"
     mission: ClassVar[str] = "missions/hover_staircase_high.yaml"
 
-    factor: float = parameter(1.0, 0.5, 2.0, "", "true thrust over the vehicle file's thrust, per mass")
+    factor: float = parameter(1.0, 0.4, 2.5, "", "true thrust over the vehicle file's thrust, per mass")
 
     def negligible(self) -> bool:
         return abs(self.factor - 1.0) < 0.015

@@ -447,6 +447,7 @@ class TestOpenTab:
         tab = tabs("missing", views["a vehicle of half the mass"])
         assert asked in str(tab.shown)
         assert "Choose another" in tab.buttons
+        assert "Missing: ground effect, if the vehicle is raptor (1.5 kg)." in str(tab.shown)
         assert asked not in str(tabs("missing", views["at first"]).shown)
 
     def test_a_finding_holds_only_if_the_assumed_vehicle_flew(
@@ -573,6 +574,15 @@ class TestOpenTab:
         tab.follow(replace(view, opened=None))
         tab.follow(other)
         assert (tab.choices.brush, tab.choices.axis, tab.choices.show) == ({}, "", chosen.show)
+
+    def test_no_tick_for_a_model_that_knows_what_is_held_out(
+        self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
+    ) -> None:
+        view = views["a fit to a flight before it was held out"]
+        nothing = _nothing_found(view, error_m_s2=0.19, floor_m_s2=0.186)
+        shown = str(tabs("missing", nothing).shown)
+        assert "No further effect is missing, but the model is fitted to 1.csv, which is held out." in shown
+        assert "Nothing significant is missing." not in shown
 
     def test_an_offset_at_its_limit_is_marked(
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]

@@ -196,6 +196,11 @@ class Flight:
         )
 
     @property
+    def duration_s(self) -> float:
+        """Time in the air without gaps, s; each sample counts as one sampling step."""
+        return float(len(self.time_s) * np.median(np.diff(self.time_s)))
+
+    @property
     def weight_doubt(self) -> str | None:
         """Doubt whether the vehicle is the one that flew, as its thrust would carry another weight; None without."""
         *_, upright = rotate(self.conditions.attitude, (0.0, 0.0, 1.0))

@@ -25,7 +25,7 @@ from quadctl.lab.comparison.wording import (
 )
 from quadctl.lab.flights.flight import VARIABLE_NAMES, Flight
 from quadctl.lab.flights.prediction import AXES, predict
-from quadctl.lab.report.numbers import duration_s, rmse_interval, total
+from quadctl.lab.report.numbers import rmse_interval, total
 from quadctl.lab.report.parts import Cell, Figure, Results, Section, Table, both_widths, figure
 
 SHOWN_FLIGHTS, SHOWN_PANELS, SHOWN_FAILURES = 2, 6, 12
@@ -34,7 +34,7 @@ SHOWN_FLIGHTS, SHOWN_PANELS, SHOWN_FAILURES = 2, 6, 12
 def flights(r: Results) -> Section:
     dataset = r.comparison.dataset
     widths = sorted({f"{flight.bandwidth_hz:.2g}" for flight in dataset.flights})
-    duration = sum(duration_s(flight) for flight in dataset.flights)
+    duration = sum(flight.duration_s for flight in dataset.flights)
     text = [
         f"{count(len(dataset.flights), 'flight')} with {duration:.0f} s in the air and {len(dataset.measured)} "
         f"nearly independent samples, filtered to {listed(widths)} Hz, the bandwidth that the slowest channel allows. "
@@ -61,7 +61,7 @@ def _flight_cells(flight: Flight) -> list[Cell]:
     height = flight.filtered(flight.conditions.height_m)
     return [
         Cell(flight.thrust_source),
-        Cell(f"{duration_s(flight):.0f}"),
+        Cell(f"{flight.duration_s:.0f}"),
         Cell(f"{len(flight.time_s)}"),
         Cell(f"{flight.bandwidth_hz:.2f}"),
         Cell(f"{1000.0 * flight.delay_s:.0f}".replace("-", "\u2212")),

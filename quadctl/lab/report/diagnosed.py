@@ -83,7 +83,8 @@ def _diagnosis_text(d: Diagnosis, floor: float) -> list[str]:
 def _verdict_table(d: Diagnosis) -> Table:
     finding = f"yes: {listed([step.effect for step in d.steps[1:]])}" if d.missing else "no effect does"
     explained = "explain a significant part" if d.unexplained else "explain no significant part"
-    left = f"the logged variables {explained} of the {'remaining error' if d.missing else 'error'}"
+    error = "remaining error" if d.missing else "error"
+    left = f"the logged variables, time and battery voltage aside, {explained} of the {error}"
     test = (
         f"an effect has p < {SIGNIFICANT:g} and lowers the held-out error of one axis by more than {MATERIAL:.0%}, "
         f"or explains more than {MATERIAL_M_S2:g} m/s² on it"

@@ -6,7 +6,6 @@ from quadctl.errors import LogError
 from quadctl.lab.arrays import Floats
 from quadctl.lab.fitting.bootstrap import resampled_means
 from quadctl.lab.flights.dataset import Dataset
-from quadctl.lab.flights.flight import Flight
 from quadctl.lab.flights.prediction import rmse
 from quadctl.lab.report.parts import Results
 
@@ -34,8 +33,3 @@ def unseen_before(r: Results) -> dict[str, float]:
 
 def total(residual: Floats) -> float:
     return float(np.sqrt(np.mean(np.sum(residual**2, axis=1))))
-
-
-def duration_s(flight: Flight) -> float:
-    """Time in the air without gaps, s; each sample counts as one sampling step."""
-    return float(len(flight.time_s) * np.median(np.diff(flight.time_s)))

@@ -61,7 +61,7 @@ def reason_against(c: Candidate, chosen: Candidate | None) -> str:
     if is_harmful(c):
         return "it makes a moment worse, as a stand-in for another effect does"
     if not shows_in_moments(c):
-        return "the moments do not show it, as its physics would"
+        return "not every moment in which its physics shows has a smaller error"
     if c.effect.negligible():
         return "it is no larger than the trim errors of any real vehicle"
     if c.implied:

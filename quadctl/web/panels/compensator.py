@@ -86,7 +86,7 @@ class Check(Panel):
                 tag("p", "grow", f"The check warns: {'; '.join(self.checked)}.")
             else:
                 ui.icon("check_circle").classes("good")
-                text = "The check accepts it: the ratio is finite, positive, and falls with height."
+                text = "The check accepts it: the ratio is finite, positive, and nowhere rises with height."
                 tag("p", "grow", text)
 
 
@@ -131,6 +131,8 @@ class SimulatedFlight(Panel):
                 "Fly it in simulation",
                 f"A step down to the ground, {WITHOUT} and {WITH}, and one {FAR}, in a simulated world {world}.",
             )
+            if self.hidden is None:
+                tag("p", "muted", "It shows what the compensator does to the flight, not whether the model is right.")
             fly = ui.button("Fly it in simulation", icon="flight_takeoff", on_click=lambda: do.act(do.bench.fly()))
             do.when_idle(fly.props("no-caps unelevated"), not self.refused)
             if self.steps is None:

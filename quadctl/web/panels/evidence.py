@@ -57,7 +57,7 @@ class Evidence(Panel):
             _draw_errors(shown)
             tag("h3", "", "What else was tried, and why it lost")
             _draw_losers(diagnosis, shown)
-            tag("h3", "", "The flight that would tell more")
+            tag("h3", "", "The flight that shows it best")
             self._draw_next(do, shown)
         card.run_method("scrollIntoView", {"block": "nearest"})
 

@@ -86,7 +86,7 @@ class Failures(Panel):
 
 def _draw_sentences(do: Controls, comparison: Comparison) -> None:
     if not comparison.fails_where:
-        tag("p", "verdict", "In no range: the residual does not exceed the noise.")
+        tag("p", "verdict", "In no range does the mean of the residual differ significantly from zero.")
     for failure in told(comparison.fails_where, SHOWN_SENTENCES):
         _draw_sentence(do, failure, comparison)
 

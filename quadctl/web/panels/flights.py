@@ -83,7 +83,8 @@ def _draw_log(do: Controls, log: OpenedLog, held_out: bool | None) -> None:
             return
         report = log.quality
         source = f"thrust from {report.thrust_source}" if report.thrust_source else "thrust unknown"
-        tag("p", "muted", f"{report.duration_s:.0f} s, of which {report.flight_s:.0f} s in flight; {source}.")
+        used = "none is flight" if log.flight is None else f"{log.flight.duration_s:.0f} s of flight are used"
+        tag("p", "muted", f"{report.duration_s:.0f} s, of which {used}; {source}.")
         with ui.expansion("Quality report").props("dense"), tag("div", "scroll"), tag("table", "small"):
             with tag("tr"):
                 for head in ("channel", "updates", "rate / Hz", "longest gap / s", "missing / %"):

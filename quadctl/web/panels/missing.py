@@ -122,6 +122,8 @@ class Verdict(Panel):
     evaluation: Evaluation | None
     floor_m_s2: float | None
     unconfirmed: Vehicle | None
+    weight_doubts: tuple[str, ...]
+    model: Model | None
     cautions: tuple[str, ...]
     rung: Rung | None
 
@@ -164,6 +166,10 @@ class Verdict(Panel):
         if measured:
             more.append(f"There, but too small to matter in these flights: {listed(measured)}.")
         used, new = ([], []) if self.rung is None else flights_of_the_fit(self.rung.model, diagnosis.dataset.names)
+        known = sorted({log.name for log in self.unseen} & set(used))
+        if known:
+            than = f"the model is fitted to {listed(known)}, which is held out"
+            return _Said(OPEN, f"No further effect is missing, but {than}.", more)
         if used and new:
             than = f"the model is fitted to {listed(used)} only"
             more.append(
@@ -178,10 +184,12 @@ class Verdict(Panel):
         return _Said(OPEN, "No known effect is missing, but not all of the error is noise.", more)
 
     def _with_reservation(self, said: "_Said") -> "_Said":
-        """The verdict, as long as nobody has said which vehicle flew, on the condition that it is the assumed one."""
-        if self.unconfirmed is None:
+        """The verdict on the condition that the vehicle is the one that flew, where nobody has said so, or where its
+        thrust would carry another weight."""
+        doubted = self.model.vehicle if self.weight_doubts and self.model is not None else self.unconfirmed
+        if doubted is None:
             return said
-        return said._replace(verdict=f"{said.verdict[:-1]}, if the vehicle is {vehicle_in_words(self.unconfirmed)}.")
+        return said._replace(verdict=f"{said.verdict[:-1]}, if the vehicle is {vehicle_in_words(doubted)}.")
 
     def _missing(self, diagnosis: Diagnosis) -> tuple[str, list[str]]:
         first, last = diagnosis.steps[0].rmse["total"], diagnosis.steps[-1].rmse["total"]

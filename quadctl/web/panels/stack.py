@@ -52,7 +52,7 @@ class Stack(Panel):
                     _draw_undo(do, self.can_undo, self.can_redo)
                 if model.stack:
                     refit = ui.button("Refit", on_click=lambda: do.act(do.bench.refit()))
-                    do.when_idle(refit.props("flat dense no-caps"), not self.off)
+                    do.when_idle(refit.props("flat dense no-caps"), self.seen is not None and not self.off)
             if not model.stack:
                 tag("p", "muted", f"None yet: the rigid body of {model.vehicle.name}, weight and rotor thrust alone.")
             for item in model.stack:
@@ -136,7 +136,7 @@ def _draw_nuisances(evaluation: Evaluation, seen: Dataset) -> None:
                         limited = abs(value) > AT_LIMIT * kind.bound
                         at_limit = at_limit or limited
                         text = f"{factor * value:+.2f}".replace("-", "\u2212")
-                        tag("td", "number warn" if limited else "number", f"{text} *" if limited else text)
+                        tag("td", "number limited" if limited else "number", f"{text} *" if limited else text)
         if at_limit:
             tag(
                 "p",

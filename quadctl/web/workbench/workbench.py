@@ -492,8 +492,8 @@ class Workbench:
         """Say where the browser has put the model, in a file of this name, and which commands use it."""
         self.say(
             "done",
-            f"The model is saved as {name} in the downloads folder of your browser, with a number if need be. "
-            "Compensator lists the commands that use it.",
+            f"The model is saved as {name} in the downloads folder of your browser, with a number if need be."
+            + (" Compensator lists the commands that use it." if self.opened is not None else ""),
         )
 
     def session_file(self, view: str = "") -> str:
