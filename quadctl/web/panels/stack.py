@@ -131,7 +131,8 @@ def _draw_nuisances(evaluation: Evaluation, seen: Dataset) -> None:
                     continue
                 name, factor, unit = NUISANCES[kind.name]
                 with tag("tr"):
-                    tag("td", "", f"{name} / {unit}")
+                    with tag("td"):
+                        explained(f"{name} / {unit}")
                     for value in fitted[:, number_of_kind]:
                         limited = abs(value) > AT_LIMIT * kind.bound
                         at_limit = at_limit or limited
