@@ -31,8 +31,8 @@ GLOSSARY = {
     ),
     "trim": (
         "The constant tilt and thrust offset that this vehicle needs on this day to hover: the battery is not where it "
-        "was, the level of the autopilot is off by a fraction of a degree. It is fitted for each flight by itself, within "
-        "1.5% of the thrust and 0.8°: what is more is no trim, but an effect."
+        "was, the level of the autopilot is off by a fraction of a degree. It is fitted for each flight by itself, "
+        "within 1.5% of the thrust and 0.8°: what is more is no trim, but an effect."
     ),
     "lean taken for level": (
         "An attitude estimator that levels itself by its accelerometer takes a part of the lean that accelerates the "
