@@ -22,7 +22,7 @@ from quadctl.lab.results import Result
 from quadctl.lab.selection.candidate import Candidate
 from quadctl.lab.selection.choice import choose_effects
 from quadctl.lab.selection.rule import SIGNIFICANT, alternatives, is_measured, is_supported, is_trim
-from quadctl.lab.selection.search import Path, SelectionStep
+from quadctl.lab.selection.search import Path, SelectionStep, judged_beside
 from quadctl.lab.selection.unseen import UnseenError, held_out_errors, nested_errors, unseen_in_words
 from quadctl.lab.selection.wording import candidate_to_dict, error_in_table, measured_to_dict, p_in_table
 from quadctl.lab.symbolic.formula import Symbolic
@@ -249,7 +249,7 @@ def _ranking(path: Path, found: FittedModel) -> list[Candidate]:
     if len(first) > 1 or len(path.chosen) > len(first) or (first and found is not path.current):
         fit = found.refined() if found is path.current else found
         places = {effect.family(): place for place, effect in enumerate(fit.model.effects)}
-        first = [_refitted(candidate, fit, places[candidate.family]) for candidate in first]
+        first = [judged_beside(_refitted(candidate, fit, places[candidate.family]), path) for candidate in first]
     return [*first, *sorted(others, key=lambda c: -c.held_out_drop)]
 
 

@@ -33,6 +33,7 @@ from quadctl.lab.selection.rule import (
     is_needed,
     is_promising,
     is_replaceable,
+    is_significant,
     is_supported,
     score,
     unbelievable,
@@ -315,10 +316,8 @@ def _without_superfluous(path: Path, family: str) -> Path:
     """Path without `family`; unchanged where it is needed, or where other effects would become implausible without
     it."""
     dataset, model = path.dataset, path.current.model
-    kept = tuple(item for item in model.stack if item.effect.family() != family)
-    smaller = fit_model(replace(path.start.fitter.model, stack=kept), dataset)
+    smaller, p_value = _beside(path, family)
     without = smaller.held_out_residual
-    p_value = improvement_p_value(without, without - path.residual, dataset, FormErrors.of(smaller))
     doubtful = unbelievable(smaller.model, dataset) | indistinct(smaller.model, dataset)
     doubtful -= unbelievable(model, dataset) | indistinct(model, dataset)
     (effect,) = (effect for effect in model.effects if effect.family() == family)
@@ -328,3 +327,20 @@ def _without_superfluous(path: Path, family: str) -> Path:
     first, last = path.steps[:-1], path.steps[-1]
     steps = (*(step for step in first if step.family != family), replace(last, rmse=rmse(without, dataset.groups)))
     return replace(path, current=smaller, steps=steps, missing=tuple(name for name in path.missing if name != family))
+
+
+def _beside(path: Path, family: str) -> tuple[FittedModel, float]:
+    """Fit without one effect of the path, and the p-value of that effect beside the others."""
+    kept = tuple(item for item in path.current.model.stack if item.effect.family() != family)
+    smaller = fit_model(replace(path.start.fitter.model, stack=kept), path.dataset)
+    without = smaller.held_out_residual
+    return smaller, improvement_p_value(without, without - path.residual, path.dataset, FormErrors.of(smaller))
+
+
+def judged_beside(c: Candidate, path: Path) -> Candidate:
+    """Candidate of a path: one that another effect hides has the p-value that it has beside the others, and says so."""
+    if is_significant(c.p_value):
+        return c
+    alone = f"alone it would not be significant (p {c.p_value:.2g}); beside the others it is"
+    p_value = min(1.0, _beside(path, c.family)[1] * len(path.latest) * len(path.missing))
+    return replace(c, p_value=p_value, remarks=[*c.remarks, alone])

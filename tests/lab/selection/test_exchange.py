@@ -16,7 +16,7 @@ from quadctl.lab.fitting.fitted_model import fit_model
 from quadctl.lab.flights.dataset import Dataset, load_dataset
 from quadctl.lab.selection.diagnosis import diagnose
 from quadctl.lab.selection.search import Path as Found
-from quadctl.lab.selection.search import begun_at, forward, pruned, with_masked_first, with_one_dropped
+from quadctl.lab.selection.search import begun_at, forward, judged_beside, pruned, with_masked_first, with_one_dropped
 from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.read import read_logs
 from quadctl.model import Model, load_model
@@ -78,4 +78,11 @@ def test_a_battery_and_a_ground_effect_that_hide_each_other_are_found(
     pool = (LinearSag, Exponential)
     first = greedy(weakened(staircases, lambda time: 1.0 - 0.1 * time, raptor), *pool)
     assert first.missing == ()
-    assert sorted(with_masked_first(first, pool, quiet).missing) == ["battery_sag", "ground_effect"]
+    found = with_masked_first(first, pool, quiet)
+    assert sorted(found.missing) == ["battery_sag", "ground_effect"]
+    hidden, other = found.chosen
+    assert hidden.p_value > 0.01 > other.p_value
+    said = judged_beside(hidden, found)
+    assert said.p_value < 1e-4
+    assert said.remarks[-1].startswith("alone it would not be significant (p 0.")
+    assert judged_beside(other, found) is other
