@@ -10,6 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
+import numpy as np
+
 from quadctl.effects.base import Conditions, ThrustRatio, parameter
 from quadctl.frames import rotate
 from quadctl.numeric import Number, exp, inverse, maximum
@@ -19,6 +21,8 @@ LOWEST_HEIGHT_OVER_RADIUS = 0.5
 REACH_RADII, LEFT_THERE = 8.0, 0.2
 """Height at which a ground effect has faded to less than this share of what it is at one radius: measurements find none
 above four to six radii (Sanchez-Cuevas et al. 2017), and the textbook forms leave 1 to 6 % of it there."""
+LEAST_VARIATION = 0.5
+"""Least variation of a ground effect over the flights, as a share of its largest value: less is a constant factor."""
 
 
 @dataclass(frozen=True)
@@ -33,6 +37,13 @@ class NearGround(ThrustRatio):
     mission: ClassVar[str] = "missions/hover_staircase.yaml"
     sections_over_radius: ClassVar[tuple[float, ...]] = (LOWEST_HEIGHT_OVER_RADIUS,)
     """Heights, in rotor radii, at which the formula changes to another, or is held."""
+
+    def believable(self, flights: Sequence[Conditions], vehicle: Vehicle) -> bool:
+        """True where the ratio varies over these flights by much of what it differs from 1: far from the ground some
+        textbook forms leave a factor, which is that of a thrust scale."""
+        ratios = np.concatenate([np.atleast_1d(self.ratio(c, vehicle)) for c in flights])
+        low, high = np.percentile(ratios, [5.0, 95.0])
+        return bool(high - low >= LEAST_VARIATION * max(abs(low - 1.0), abs(high - 1.0)))
 
 
 @dataclass(frozen=True)
@@ -210,7 +221,8 @@ class Exponential(GroundEffect):
     def believable(self, flights: Sequence[Conditions], vehicle: Vehicle) -> bool:
         """True where it fades as a ground effect does; what reaches higher is another force that changes with
         height."""
-        return bool(exp(-self.b * (REACH_RADII - 1.0) * vehicle.rotor.radius_m) < LEFT_THERE)
+        fades = bool(exp(-self.b * (REACH_RADII - 1.0) * vehicle.rotor.radius_m) < LEFT_THERE)
+        return fades and super().believable(flights, vehicle)
 
     def at_height(self, z: Number, vehicle: Vehicle) -> Number:
         return self.c + self.a * exp(-self.b * z)

@@ -303,8 +303,22 @@ def test_a_tether_weighs_more_than_thinner_air_costs(raptor: Vehicle) -> None:
 
 def test_a_ground_effect_fades_within_a_few_radii(raptor: Vehicle) -> None:
     # R = 0.12 m: from one radius to eight, 0.84 m, exp(-1.0 * 0.84) = 0.43 is left, and exp(-3.7 * 0.84) = 0.045
-    assert not Exponential(a=0.2, b=1.0).believable([], raptor)
-    assert Exponential(a=0.2, b=3.7).believable([], raptor)
+    climb = [hovering(0.12, 1.5)]
+    assert not Exponential(a=0.2, b=1.0).believable(climb, raptor)
+    assert Exponential(a=0.2, b=3.7).believable(climb, raptor)
+
+
+def hovering(low_m: float, high_m: float) -> Conditions:
+    """Hover at all heights between two."""
+    return Conditions(np.linspace(low_m, high_m, 200), (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
+
+
+@pytest.mark.parametrize(("low_m", "believed"), [(0.12, True), (1.0, False)])
+def test_a_textbook_form_far_from_the_ground_is_a_constant_factor(
+    raptor: Vehicle, low_m: float, believed: bool
+) -> None:
+    """Hayden's is 1.094 at one radius, 0.9965 at eight, 0.9957 at twelve, and 0.995 far away."""
+    assert Hayden().believable([hovering(low_m, 1.5)], raptor) is believed
 
 
 def test_a_tether_pulls_down_whatever_the_attitude(raptor: Vehicle) -> None:

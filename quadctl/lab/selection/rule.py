@@ -200,6 +200,17 @@ def without_stand_ins(supported: Sequence[Candidate], tried: Sequence[Candidate]
     return [c for c in supported if c in elsewhere or score(c.residual[:, :3]) < least]
 
 
+def without_needless_differences(supported: Sequence[Candidate], tried: Sequence[Candidate]) -> list[Candidate]:
+    """Supported candidates without those whose values differ from flight to flight, where the same family, supported or
+    not, does as well with values that are common to all flights."""
+    common = [c for c in tried if not c.effect.only_of_several_flights]
+
+    def does_as_well(c: Candidate) -> bool:
+        return any(o.family == c.family and score(o.residual) < score(c.residual) + EQUAL_SCORE for o in common)
+
+    return [c for c in supported if not (c.effect.only_of_several_flights and does_as_well(c))]
+
+
 def is_left_out(c: Candidate) -> bool:
     """Tell whether a candidate is significant on held-out data, and larger than a trim, be it plausible beside the
     effects of the model or not."""
@@ -257,12 +268,10 @@ def choose(
 ) -> tuple[Candidate, list[str]]:
     """Choose the candidate to add, and list the other families that do as well, `look_alikes` among them.
 
-    Each family is represented by its best variant; one whose values differ from flight to flight must be better than
-    those with common values by more than `EQUAL_SCORE`. Of the families that are as good as the best, the one with the
+    Each family is represented by its best variant. Of the families that are as good as the best, the one with the
     fewest parameters is chosen; a parameter that these data do not show, as a lateral drag in a vertical flight, does
     not count. `supported` is sorted, the best first.
     """
-    supported = _common_first(supported)
     best = supported[0]
     every = [*supported, *look_alikes]
     leaders = [c for i, c in enumerate(every) if c.family not in {other.family for other in every[:i]}]
@@ -270,17 +279,6 @@ def choose(
     as_good = [c for c in alike if is_supported(c) and score(c.residual) < score(best.residual) + EQUAL_SCORE]
     chosen = min(as_good, key=lambda c: (c.n_seen, score(c.residual)))
     return chosen, sorted({c.family for c in alike} - {chosen.family})
-
-
-def _common_first(supported: Sequence[Candidate]) -> list[Candidate]:
-    """Candidates without those whose values differ from flight to flight, where the same family does as well with
-    values that are common to all flights."""
-    common = {c.family: c for c in reversed(supported) if not c.effect.only_of_several_flights}
-
-    def does_as_well(c: Candidate) -> bool:
-        return c.family in common and score(common[c.family].residual) < score(c.residual) + EQUAL_SCORE
-
-    return [c for c in supported if not (c.effect.only_of_several_flights and does_as_well(c))]
 
 
 def is_unexplained(residual: Floats, flexible: Floats, p_value: float) -> bool:

@@ -37,6 +37,7 @@ from quadctl.lab.selection.rule import (
     is_supported,
     score,
     unbelievable,
+    without_needless_differences,
     without_stand_ins,
 )
 from quadctl.lab.selection.trial import try_effect
@@ -270,6 +271,7 @@ def _tried(path: Path, pool: Sequence[type[Effect]], progress: Progress) -> _Rou
             failures[c.effect.name] = 0 if is_promising(c.p_value) else failures.get(c.effect.name, 0) + 1
         look_alikes += [c for c in tried if is_look_alike(c)]
         supported = without_stand_ins([c for c in tried if is_supported(c)], tried)
+        supported = without_needless_differences(supported, tried)
         supported.sort(key=lambda c: score(c.residual))
         if supported:
             break

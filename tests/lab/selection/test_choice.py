@@ -5,10 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from quadctl.effects.wind import WindOfEachFlight
 from quadctl.lab.flights.dataset import Dataset, load_dataset
 from quadctl.lab.selection.candidate import Candidate
 from quadctl.lab.selection.diagnosis import diagnose
-from quadctl.lab.selection.rule import alternatives, choose, is_measured, is_supported, without_stand_ins
+from quadctl.lab.selection.rule import (
+    alternatives,
+    choose,
+    is_measured,
+    is_supported,
+    without_needless_differences,
+    without_stand_ins,
+)
 from quadctl.logs.flight_log import FlightLog
 from quadctl.model import Model
 
@@ -73,3 +81,14 @@ def test_nothing_stands_in_for_a_better_explanation_that_is_too_small_to_be_miss
     assert is_supported(drag)
     assert is_measured(scale) and not is_supported(scale)
     assert without_stand_ins([drag], [drag, scale]) == ([drag] if stays else [])
+
+
+@pytest.mark.parametrize(("worse", "kept"), [(1.005, False), (1.03, True)])
+def test_a_wind_of_each_flight_must_be_better_than_a_common_one(
+    tried: dict[str, Candidate], worse: float, kept: bool
+) -> None:
+    """The common one counts even where it is not supported: its speed, a mean of the two, may be that of no wind."""
+    common = replace(tried["wind.steady"], believable=False, residual=worse * tried["wind.steady"].residual)
+    own = replace(tried["wind.steady"], effect=WindOfEachFlight())
+    assert (without_needless_differences([own], [common, own]) == [own]) is kept
+    assert without_needless_differences([common], [common, own]) == [common]
