@@ -35,7 +35,7 @@ from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.effects.thrust_tilt import FixedTilt
 from quadctl.effects.translational_lift import HorizontalLift
 from quadctl.effects.user import effects_of, installed, load_installed
-from quadctl.effects.wind import QuadraticWind, SteadyWind, WindOfEachFlight
+from quadctl.effects.wind import Push, QuadraticWind, SteadyWind, WindOfEachFlight
 from quadctl.errors import SettingsError
 from quadctl.settings import nearest
 
@@ -65,6 +65,7 @@ CATALOG: dict[str, type[Effect]] = {
         SteadyWind,
         WindOfEachFlight,
         QuadraticWind,
+        Push,
         HorizontalLift,
         MassStep,
         LinearSag,

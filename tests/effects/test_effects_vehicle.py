@@ -31,7 +31,7 @@ from quadctl.effects.thrust_map import LineMap
 from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.effects.thrust_tilt import FixedTilt
 from quadctl.effects.translational_lift import HorizontalLift
-from quadctl.effects.wind import QuadraticWind, SteadyWind, WindOfEachFlight
+from quadctl.effects.wind import Push, QuadraticWind, SteadyWind, WindOfEachFlight
 from quadctl.errors import SettingsError
 from quadctl.frames import Quaternion, quaternion_from_euler, rotate
 from quadctl.model import Model
@@ -466,6 +466,17 @@ def test_a_flight_may_have_a_wind_of_its_own(raptor: Vehicle, flight: int, wind:
     still = {**DAYS, "north_m_s": 0.0}
     assert not WindOfEachFlight.from_values(still, "model.yaml").negligible()  # no wind in the first flight only
     assert WindOfEachFlight.from_values({**still, "east_2_m_s": 0.1}, "model.yaml").negligible()
+
+
+def test_a_push_has_its_direction_over_ground(raptor: Vehicle) -> None:
+    east = at(attitude=quaternion_from_euler(0.0, 0.0, math.pi / 2.0))  # its right side points south
+    assert Push(0.5, 0.2).force(14.7, east, raptor) == pytest.approx((0.3, -0.75, 0.0))  # 1.5 kg
+
+
+def test_a_push_is_more_than_a_frame_that_is_askew_gives(raptor: Vehicle) -> None:
+    """A level that is off by 2.2 degrees gives 0.38 m/s^2 to one side, whatever the heading."""
+    assert not Push(0.3, -0.23).believable([at()], raptor)
+    assert Push(-0.4, 0.3).believable([at()], raptor)  # 0.5 m/s^2
 
 
 def test_the_wind_of_each_flight_shows_in_one_of_them(raptor: Vehicle) -> None:
