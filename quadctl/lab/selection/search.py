@@ -48,7 +48,7 @@ NESTED = ({"thrust_map", "thrust_scale"},)
 MOST_MASKED = 2
 """Largest number of effects with which a search begins although they are not significant alone."""
 RIVAL = 0.5
-"""Least squared acceleration that a rival of a single effect explains, as a share of that one's."""
+"""Least squared acceleration that a rival of an effect explains, as a share of that one's."""
 MOST_EXCHANGED = 3
 """Largest number of effects that are tried in the place of those found."""
 
@@ -181,7 +181,7 @@ def with_one_dropped(path: Path, pool: Sequence[type[Effect]], progress: Progres
     grows near the ground is first taken for a cable. The effect that was added last has had its rivals already.
     """
     for family in path.missing[:-1] or path.missing:
-        if len(path.missing) == 1 and not _has_rival(path):
+        if not _has_rival(path, family):
             continue
         others = [effect for effect in pool if effect.family() != family]
         other = replace(begun_at(path.start), latest=path.latest)
@@ -193,11 +193,11 @@ def with_one_dropped(path: Path, pool: Sequence[type[Effect]], progress: Progres
     return path
 
 
-def _has_rival(path: Path) -> bool:
-    """Tell whether another family explains at least half as much of the acceleration, alone, as the one that was
-    found."""
-    found, *others = sorted(path.first, key=lambda c: c.family not in path.missing)
-    return any(c.family != found.family and c.explained_m_s2**2 > RIVAL * found.explained_m_s2**2 for c in others)
+def _has_rival(path: Path, family: str) -> bool:
+    """Tell whether another family explains at least half as much of the acceleration, alone, as one that was found."""
+    explained = {c.family: c.explained_m_s2**2 for c in reversed(path.first)}
+    least = RIVAL * explained.get(family, 0.0)
+    return any(other > least for name, other in explained.items() if name != family)
 
 
 def with_pair_replaced(path: Path, pool: Sequence[type[Effect]], progress: Progress) -> Path:
