@@ -24,6 +24,7 @@ from quadctl.lab.flights.prediction import rmse
 from quadctl.lab.selection.candidate import Candidate
 from quadctl.lab.selection.rule import (
     EQUAL_SCORE,
+    are_alike,
     choose,
     indistinct,
     is_as_good,
@@ -168,8 +169,7 @@ def with_masked_first(path: Path, pool: Sequence[type[Effect]], progress: Progre
     for candidate in sorted(masked, key=lambda c: score(c.residual))[:MOST_MASKED]:
         other = taken(replace(begun_at(path.start), latest=path.latest), candidate)
         other = pruned(forward(other, pool, _prefixed(f"beginning with {candidate.effect.name}", progress)))
-        beside = candidate.family in other.missing and len(other.missing) > 1
-        if beside and score(other.residual) < score(path.residual) - EQUAL_SCORE:
+        if candidate.family in other.missing and len(other.missing) > 1 and _is_better(other, path):
             return other
     return path
 
@@ -188,9 +188,17 @@ def with_one_dropped(path: Path, pool: Sequence[type[Effect]], progress: Progres
         for kind in (type(c.effect) for c in path.chosen if c.family in path.missing and c.family != family):
             other = taken(other, try_effect(kind, Unmodelled(other.current), len(pool)))
         other = pruned(forward(other, others, _prefixed(f"without {family}", progress)))
-        if other.missing and score(other.residual) < score(path.residual) - EQUAL_SCORE:
+        if other.missing and _is_better(other, path):
             return pruned(forward(other, pool, progress))
     return path
+
+
+def _is_better(other: Path, path: Path) -> bool:
+    """Tell whether one path explains more than another; with more effects, where the data tell the two apart."""
+    more = 0 < len(path.missing) < len(other.missing)
+    if more and are_alike(other.residual, path.residual, path.dataset):
+        return False
+    return score(other.residual) < score(path.residual) - EQUAL_SCORE
 
 
 def _has_rival(path: Path, family: str) -> bool:
