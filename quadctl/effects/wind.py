@@ -20,6 +20,7 @@ LEAST_PUSH_M_S2 = 0.05
 """Least acceleration by a wind: a floor that slopes by 0.3 degrees in the frame of the log gives as much."""
 LEAST_DRAG_PER_S = 0.04
 """Least drag of a multirotor; published coefficients are 0.1 to 0.6 1/s."""
+ANOTHER_DAY = "the wind of another day is not that of today"
 TURNED_DEG = 60.0
 """Difference of headings that tells a wind from a tilted thrust."""
 TILT_M_S2 = 0.4
@@ -41,7 +42,7 @@ class _Wind(Effect):
     mission: ClassVar[str] = "missions/headings.yaml"
     essential: ClassVar[tuple[str, ...]] = ("north_m_s", "east_m_s")
     stands_back_for: ClassVar[tuple[str, ...]] = ("rotor_drag", "body_drag")
-    not_for_flight: ClassVar[str] = "the wind of another day is not that of today"
+    not_for_flight: ClassVar[str] = ANOTHER_DAY
 
     north_m_s: float
     east_m_s: float
@@ -101,7 +102,7 @@ class Push(Effect):
     distinguished_by: ClassVar[str] = "headings that differ, and runs as fast as the wind, which tell its speed"
     mission: ClassVar[str] = "missions/headings.yaml"
     essential: ClassVar[tuple[str, ...]] = ("north_m_s2", "east_m_s2")
-    not_for_flight: ClassVar[str] = "the wind of another day is not that of today"
+    not_for_flight: ClassVar[str] = ANOTHER_DAY
 
     north_m_s2: float = parameter(0.0, -8.0, 8.0, "m/s^2", "acceleration toward north")
     east_m_s2: float = parameter(0.0, -8.0, 8.0, "m/s^2", "acceleration toward east")

@@ -50,7 +50,7 @@ class Answer:
 
     @property
     def says_false(self) -> bool:
-        """True where the lab names a family that is not hidden, and that these flights do not confuse with one."""
+        """True of a wrong answer that names a family which is not hidden."""
         return not self.exact and bool(set(self.missing) - set(self.families))
 
     @property
@@ -117,6 +117,10 @@ def section(title: str, answers: Sequence[Answer]) -> str:
     return f"## {title}\n\n| cases | result |\n|---|---|\n{table}\n\nWrong:\n\n{wrong}\n"
 
 
+GOALS = ("98 / 95 / 75 %", "95 / 85 / 60 %")
+"""Goals for one and for two effects, at strengths 1, 0.5 and 0.3."""
+
+
 def side_by_side(worlds: Mapping[str, Sequence[Answer]]) -> str:
     """Table of all worlds and strengths, by their titles."""
     lines = [
@@ -135,9 +139,6 @@ def side_by_side(worlds: Mapping[str, Sequence[Answer]]) -> str:
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join([*lines, f"| goal at strength 1 / 0.5 / 0.3 | {GOALS[0]} | {GOALS[1]} | | 0 |", ""])
 
-
-GOALS = ("98 / 95 / 75 %", "95 / 85 / 60 %")
-"""Goals for one and for two effects."""
 
 INTRODUCTION = """# Worlds that share nothing with the lab
 

@@ -10,10 +10,10 @@ from quadctl.lab.arrays import Floats
 from quadctl.lab.flights.flight import Flight
 
 LEAST_SPEED_M_S, LEAST_TOLD_M_S = 0.05, 0.3
-"""Least standard deviations of a velocity whose scale counts, and of one of which a sentence tells: where a vehicle
-drifts slowly, the errors of estimators do."""
+"""Least standard deviation of a velocity of which a scale is computed, and of which a note is made: the velocity of a
+vehicle that hardly moves is mostly the error of its estimator."""
 OUTLIER = 5.0
-"""Difference from the median, in robust standard deviations, of samples that a reset or a jump of an estimator has."""
+"""Difference from the median, in robust standard deviations, from which on a sample is a reset of an estimator."""
 WORTH_A_NOTE = 0.05
 """Least error of the scale that is told: motion capture reaches 4 %."""
 

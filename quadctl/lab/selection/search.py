@@ -194,7 +194,11 @@ def with_one_dropped(path: Path, pool: Sequence[type[Effect]], progress: Progres
 
 
 def _is_better(other: Path, path: Path) -> bool:
-    """Tell whether one path explains more than another; with more effects, where the data tell the two apart."""
+    """Tell whether one path explains more than another by effects that are all significant beside each other, corrected
+    for the number tried; with more effects, where the data tell the two apart."""
+    found = (c for c in other.chosen if c.family in other.missing)
+    if not all(is_significant(judged_beside(c, other).p_value) for c in found):
+        return False
     more = 0 < len(path.missing) < len(other.missing)
     if more and are_alike(other.residual, path.residual, path.dataset):
         return False

@@ -218,17 +218,19 @@ class Page:
         """Tell whether a message says what this part of the page shows anyway."""
         return message is not None and message.kind == "found" and self._choices.show == missing.TAB.name
 
-    def _forget_other_flights(self) -> None:
+    def _forget_other_flights(self, open_: frozenset[str]) -> bool:
         """Drop the choices that belong to flights of which none is open any more: flight, axis, selection, ..."""
-        names = frozenset(self.view().flight_names)
-        if names and self._of_flights and not names & self._of_flights:
+        others = bool(open_ and self._of_flights and not open_ & self._of_flights)
+        if others:
             self._choices = Choices(self._choices.show, channels=self._choices.channels)
-        self._of_flights = names or self._of_flights
+        self._of_flights = open_ or self._of_flights
+        return others
 
     def refresh(self) -> None:
         """Draw the panels again whose fields have changed."""
-        self._forget_other_flights()
         view = self.view()
+        if self._forget_other_flights(frozenset(view.flight_names)):
+            view = self.view()
         self._idle = view.idle
         with self._client:
             self._tabs.set_visibility(not view.starting)

@@ -126,14 +126,14 @@ def _draw_nuisances(evaluation: Evaluation, seen: Dataset) -> None:
                 tag("th")
                 for flight in seen.names:
                     tag("th", "number", flight)
-            for number_of_kind, kind in enumerate(KINDS):
+            for place, kind in enumerate(KINDS):
                 if kind.name not in NUISANCES:
                     continue
                 name, factor, unit = NUISANCES[kind.name]
                 with tag("tr"):
                     with tag("td"):
                         explained(f"{name} / {unit}")
-                    for value in fitted[:, number_of_kind]:
+                    for value in fitted[:, place]:
                         limited = abs(value) > AT_LIMIT * kind.bound
                         at_limit = at_limit or limited
                         text = f"{factor * value:+.2f}".replace("-", "\u2212")
