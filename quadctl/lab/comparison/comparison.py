@@ -1,5 +1,6 @@
 """Comparison of a model with flights: its error, the noise floor, and the conditions under which it fails."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -7,6 +8,7 @@ import numpy as np
 from rich.console import Group, RenderableType
 from rich.text import Text
 
+from quadctl.effects.per_flight import PerFlight
 from quadctl.lab.arrays import Floats
 from quadctl.lab.comparison.agreement import Agreement, Errors, of_one_model
 from quadctl.lab.comparison.failures import Failure, Profile, failures, profiles, told
@@ -56,7 +58,10 @@ class Comparison(Result):
             "open_loop": [errors.to_dict() for errors in self.open_loop],
             "fails_where": [failure.to_dict() for failure in self.fails_where],
             "agreement": None if self.agreement is None else self.agreement.to_dict(),
-            "notes": [f"{flight.name}: {note}" for flight in self.dataset.flights for note in flight.notes],
+            "notes": [
+                *(f"{flight.name}: {note}" for flight in self.dataset.flights for note in flight.notes),
+                *values_of_other_flights(self.model, self.dataset.names),
+            ],
         }
 
     def __rich__(self) -> RenderableType:
@@ -83,6 +88,7 @@ class Comparison(Result):
                 lines.append(f"  - and {len(self.fails_where) - SHOWN_FAILURES} more ranges (see --json or --html)")
         else:
             lines.append("The model has no significant error in any range of a variable.")
+        lines += [f"Note: {note}." for note in values_of_other_flights(self.model, self.dataset.names)]
         lines += [open_loop_in_words(errors) for errors in self.open_loop if errors.horizon_s == TOLD_HORIZON_S]
         shown = [open_loop_table(self.open_loop)] if self.open_loop else []
         return Group(table, *shown, Text("\n".join(lines)))
@@ -107,6 +113,22 @@ def compare(model: Model, dataset: Dataset) -> Comparison:
         open_loop=open_loop(model, aligned),
         agreement=of_one_model(model, Errors.of(residual, aligned)),
     )
+
+
+def values_of_other_flights(model: Model, flights: Sequence[str]) -> list[str]:
+    """Sentences on effects that hold values of single flights, by their place in the order given, where these are not
+    the flights that they were fitted to, or stand in another order."""
+    found = []
+    for item in model.stack:
+        if not isinstance(item.effect, PerFlight) or not item.effect.numbers or item.fitted is None:
+            continue
+        logs = list(item.fitted.logs)
+        if list(flights) != logs[: len(flights)]:
+            found.append(
+                f"{item.effect.name} holds values of {', '.join(logs)}, which are used in this order for "
+                f"{', '.join(flights)}"
+            )
+    return found
 
 
 def floor_on(dataset: Dataset, residual: Floats) -> dict[str, float]:

@@ -1,0 +1,25 @@
+"""A model with values of single flights, on flights that are others, or stand in another order."""
+
+from dataclasses import replace
+
+import pytest
+
+from quadctl.effects.wind import SteadyWind, WindOfEachFlight
+from quadctl.lab.comparison.comparison import values_of_other_flights
+from quadctl.model import Model, Provenance, StackedEffect
+from quadctl.vehicle import Vehicle
+
+DAYS = {"north_m_s": -4.0, "north_2_m_s": 0.0, "east_m_s": 0.0, "east_2_m_s": 2.5}
+
+
+@pytest.mark.parametrize(
+    ("flights", "told"), [(["a.csv", "b.csv"], 0), (["a.csv"], 0), (["b.csv", "a.csv"], 1), (["c.csv"], 1)]
+)
+def test_their_values_are_told_to_be_of_others(raptor: Vehicle, flights: list[str], told: int) -> None:
+    fitted = Provenance(logs=("a.csv", "b.csv"))
+    item = StackedEffect(WindOfEachFlight.from_values(DAYS, "model.yaml"), fitted)
+    said = values_of_other_flights(replace(Model(raptor), stack=(item,)), flights)
+    assert len(said) == told
+    assert all("wind.each_flight holds values of a.csv, b.csv" in note for note in said)
+    common = StackedEffect(SteadyWind(-4.0, 0.0), fitted)
+    assert values_of_other_flights(replace(Model(raptor), stack=(common,)), flights) == []
