@@ -47,7 +47,7 @@ def last_model(r: Results) -> Model:
 
 def _term(effect: Effect) -> str:
     """Name, formula in one line, and values of an effect."""
-    formula = (effect.__doc__ or "").strip().split("\n\n")[0].replace("\n", " ").rstrip(".")
+    formula = (effect.__doc__ or "").strip().split("\n\n")[0].replace("\n", " ").replace("`", "").rstrip(".")
     units = {p.name: p.unit for p in effect.parameters()}
     values = ", ".join(f"{name} = {value:.4g} {units[name]}".strip() for name, value in effect.values().items())
     return f"{effect.name}: {' '.join(formula.split())}" + (f", with {values}" if values else "")

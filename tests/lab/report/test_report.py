@@ -386,3 +386,9 @@ class TestFirstPage:
     def test_it_names_one_error_only(self, raptor: Vehicle) -> None:
         flown = load_dataset([obedient(Model(raptor).plus(Exponential(a=0.3, b=5.0)), 30.0)], raptor)
         assert "as given, trim included" not in Page(render_report(Results(compare(Model(raptor), flown)))).text
+
+
+def test_the_equation_names_parameters_without_markup(raptor: Vehicle) -> None:
+    log = obedient(Model(raptor).plus(ConstantScale(factor=1.1)), noise_m_s=0.01)
+    html = render_report(Results(compare(Model(raptor).plus(ConstantScale(1.1)), load_dataset([log], raptor))))
+    assert "All rotors give factor times the thrust that the vehicle file says, with factor = 1.1" in html
