@@ -17,6 +17,9 @@ NO_CHANGE = 1e-3
 of the fit."""
 SLOPES = np.linspace(0.0, 2.0, 21)
 """Exponents of the power law of the noise: from white noise to a random walk."""
+CORNERS = np.array([0.0, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0])
+"""Frequencies below which that noise is white, in units of the lowest one: a disturbance that a controller or an
+estimator answers within seconds does not grow over a minute."""
 FEW_BLOCKS = 3.0
 """Number of blocks of time, by their shares of the evidence, below which it may be a burst of noise."""
 LEAST_FLIGHTS = 4
@@ -108,21 +111,28 @@ def spectrum(noise: Floats, taken: Floats, low: int) -> Floats:
     """Variance of the noise of one flight, shape (n,), at each frequency of `rfft`; white noise has its variance at
     all.
 
-    The periodogram, but at the `low` lowest frequencies a power law fitted to it (Whittle likelihood; the power does
-    not fall toward lower frequencies). A fit takes the noise out at the frequencies at which its model varies, so a
-    frequency counts the less the more of the power `taken` of the model is there. The mean counts as half the lowest
-    frequency.
+    The periodogram, but at the `low` lowest frequencies the mean of power laws that level off below a corner, (f^2 +
+    c^2)^(-slope / 2), each by its likelihood (Whittle's, with the best scale). A fit takes the noise out at the
+    frequencies at which its model varies, so a frequency counts the less the more of the power `taken` of the model is
+    there. The mean counts as half the lowest frequency.
     """
     found = np.abs(rfft(noise)) ** 2 / len(noise)
     at = np.arange(1.0, min(low, len(found) - 1) + 1.0)
     power = found[1 : len(at) + 1]
     share = 1.0 / (1.0 + taken[1 : len(at) + 1] / max(float(taken[1 : len(at) + 1].mean()), LEAST_VARIANCE))
     share /= share.sum()
-    scales = np.array([np.sum(share * power * at**slope) for slope in SLOPES])
-    likelihoods = SLOPES * np.sum(share * np.log(at)) - np.log(np.maximum(scales, LEAST_VARIANCE))
-    best = int(np.argmax(likelihoods))
-    found[: len(at) + 1] = scales[best] * np.concatenate([[0.5], at]) ** -SLOPES[best]
+    shapes = _shapes(np.concatenate([[0.5], at]))
+    scales = np.maximum(shapes[:, 1:] ** -1.0 @ (share * power), LEAST_VARIANCE)
+    likelihoods = -(np.log(shapes[:, 1:]) @ share + np.log(scales)) / float(share @ share)
+    weights = np.exp(likelihoods - likelihoods.max())
+    found[: len(at) + 1] = (weights / weights.sum() * scales) @ shapes
     return np.asarray(found)
+
+
+def _shapes(at: Floats) -> Floats:
+    """Every shape of the spectrum at the frequencies `at`, in units of the lowest one; shape (shapes, frequencies)."""
+    corners = CORNERS[at[-1] > CORNERS]
+    return np.concatenate([(at**2 + corner**2) ** (-0.5 * SLOPES[:, None]) for corner in corners])
 
 
 def _batch_variance(weights: Floats, noise: Floats, batch: NDArray[np.int64]) -> tuple[float, float]:
