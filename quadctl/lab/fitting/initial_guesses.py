@@ -10,8 +10,10 @@ from quadctl.lab.arrays import Floats
 from quadctl.lab.fitting.fitted_model import FittedModel
 from quadctl.lab.fitting.fitter import noise_scale
 from quadctl.lab.fitting.form_errors import FormErrors
-from quadctl.lab.fitting.linearisation import Tangent
+from quadctl.lab.fitting.linearisation import Tangent, orthonormal
+from quadctl.lab.fitting.parameters import free_parameters, parameter_jacobian
 from quadctl.lab.flights.dataset import AlignedDataset, Dataset
+from quadctl.lab.flights.prediction import predict_targets
 from quadctl.model import Model
 
 
@@ -31,12 +33,30 @@ class Unmodelled:
 
         Negative where the factor is negative and the effect is not reversible.
         """
-        change = self._part(self._aligned.predicted_targets(self.model.plus(effect)) - self._predicted)
+        change = self._tangent.rest(self._change(effect))
         along = float(np.vdot(change, self._left))
         squared = along * (along if effect.reversible else abs(along))
         return squared / max(float(np.vdot(change, change)), 1e-12)
 
-    # Computed only for effects with several starts.
+    def explained_about(self, start: Effect) -> float:
+        """Squared error, in units of the noise, that an effect explains to first order about `start`: by a factor on it
+        and a change of each of its parameters, beside trims as they usually are."""
+        model, dataset = self.model.plus(start), self._aligned
+        own = slice(len(free_parameters(self.model)), None)
+        jacobian = np.concatenate(
+            [
+                parameter_jacobian(model, flight, dataset.groups, predict_targets(model, flight, dataset.groups))
+                for flight in dataset.flights
+            ]
+        )[..., own]
+        changes = [self._change(start), *np.moveaxis(jacobian / self.scale[:, None], -1, 0)]
+        columns = np.stack([self._usual_trims.rest(change).ravel() for change in changes], axis=-1)
+        basis = orthonormal(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-12))
+        return float(np.sum((basis.T @ self._left_by_usual_trims.ravel()) ** 2))
+
+    def _change(self, effect: Effect) -> Floats:
+        """Change of the predicted targets by `effect`, in units of the noise, shape (n, axes)."""
+        return (self._aligned.predicted_targets(self.model.plus(effect)) - self._predicted) / self.scale
 
     @cached_property
     def _aligned(self) -> AlignedDataset:
@@ -47,16 +67,20 @@ class Unmodelled:
         return Tangent(self.model, self._aligned, self.scale)
 
     @cached_property
+    def _usual_trims(self) -> Tangent:
+        return Tangent(self.model, self._aligned, self.scale, trims_unknown=False)
+
+    @cached_property
     def _predicted(self) -> Floats:
         return self._aligned.predicted_targets(self.model)
 
     @cached_property
     def _left(self) -> Floats:
-        return self._part(self.dataset.targets - self._predicted)
+        return self._tangent.rest((self.dataset.targets - self._predicted) / self.scale)
 
-    def _part(self, change: Floats) -> Floats:
-        """Part of a change of the targets, in units of the noise, that parameters and nuisances cannot explain."""
-        return self._tangent.rest(change / self.scale)
+    @cached_property
+    def _left_by_usual_trims(self) -> Floats:
+        return self._usual_trims.rest((self.dataset.targets - self._predicted) / self.scale)
 
 
 LEAST_SHARE_OF_MOMENT = 0.1
@@ -99,3 +123,9 @@ def best_guesses(effect: type[Effect], left: Unmodelled) -> tuple[list[Effect], 
     independent = min(len(explained), len(np.unique(dataset.block)))
     # One that was joined from the best of each flight is the best of all their combinations.
     return tied, independent ** len(flights) if best[0] in joined else independent
+
+
+def promise(effect: type[Effect], left: Unmodelled) -> float:
+    """Squared error, in units of the noise, that `effect` explains to first order about the best of its starts."""
+    starts = effect.starts([flight.conditions for flight in left.dataset.flights], left.model.vehicle)
+    return left.explained_about(max(starts, key=left.explained_by) if len(starts) > 1 else starts[0])

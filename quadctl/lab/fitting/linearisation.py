@@ -21,15 +21,16 @@ class Tangent:
 
     Changes are in units of `scale` per axis, shape (axes,), so that the noise has variance 1. A nuisance adds variance
     along the direction in which it changes the targets of its flight: `rest` divides by that standard deviation, so
-    that what nuisances can easily explain counts little. Nuisances of the moments have their prior standard deviation,
-    because a weak rotor (an effect) looks like a large nuisance. Nuisances of the forces are unconstrained: a mass that
-    changes at the beginning of the flight is nothing but a thrust scale. Parameters are unconstrained too.
+    that what nuisances can easily explain counts little. With `trims_unknown`, the nuisances of the forces are
+    unconstrained: a mass that changes at the beginning of the flight is nothing but a thrust scale. All others have
+    their prior standard deviation: a weak rotor (an effect) looks like a large nuisance. Parameters are unconstrained.
     """
 
-    def __init__(self, model: Model, dataset: Dataset, scale: Floats) -> None:
+    def __init__(self, model: Model, dataset: Dataset, scale: Floats, *, trims_unknown: bool = True) -> None:
         self._parts = dataset.parts
         self._own: list[_WidenedNoise] = []
-        prior_stds = np.where(np.arange(len(PRIOR_STD)) < FORCES, UNCONSTRAINED, 1.0) * PRIOR_STD
+        of_forces = UNCONSTRAINED if trims_unknown else 1.0
+        prior_stds = np.where(np.arange(len(PRIOR_STD)) < FORCES, of_forces, 1.0) * PRIOR_STD
         ranges = np.array([f.parameter.high - f.parameter.low for f in free_parameters(model)])
         size, beside = 0.0, []
         for flight in dataset.flights:
@@ -41,7 +42,7 @@ class Tangent:
             size = max(size, float(np.linalg.norm(parameters)))
             self._own.append(own)
             beside.append(own.whitened(parameters))
-        self._shared = _orthonormal(np.concatenate(beside), RANK_TOLERANCE * size)
+        self._shared = orthonormal(np.concatenate(beside), RANK_TOLERANCE * size)
 
     def rest(self, change: Floats) -> Floats:
         """Part of a change of the targets, in units of the noise, shape (n, axes), that parameters and nuisances do not
@@ -68,7 +69,7 @@ def _flat(jacobian: Floats) -> Floats:
     return jacobian.reshape(n * axes, columns)
 
 
-def _orthonormal(columns: Floats, least: float) -> Floats:
+def orthonormal(columns: Floats, least: float = 0.0) -> Floats:
     """Orthonormal basis of the span of `columns`, without singular values below `least` or the rank tolerance; shape
     (n, r)."""
     u, size, _ = np.linalg.svd(columns, full_matrices=False)

@@ -13,7 +13,7 @@ from quadctl.effects import Effect
 from quadctl.lab.arrays import Floats
 from quadctl.lab.fitting.significance import difference_p_value
 from quadctl.lab.flights.dataset import Dataset
-from quadctl.lab.flights.prediction import MOMENTS
+from quadctl.lab.flights.prediction import GROUPS, MOMENTS
 from quadctl.lab.selection.candidate import LEAST_ERROR, Candidate
 from quadctl.model import Model
 
@@ -32,6 +32,9 @@ MATERIAL_M_S2 = 0.1
 LEAST_M_S2 = 0.03
 """Least acceleration that counts on any axis, 0.3 % of g: attitudes are off by 0.2 degrees, and rotor speeds by 0.15 %,
 as the motion goes, and quiet logs show what this does."""
+MOST_OF_ERROR = 0.5
+"""Relative drop of the error of the acceleration on an axis from which on an effect is missing even if it is as small
+as on any vehicle: it is what the model is wrong by."""
 TRIM_M_S2 = 0.07
 """Acceleration by a trim of 0.4 degrees, the standard deviation of those of real vehicles (`KINDS`), and more than a
 thrust that is off by 0.5 % makes: attitudes that are off by as much depend on speed, acceleration and heading, and so
@@ -64,12 +67,6 @@ simplest of them is taken."""
 REPLACED = 2
 """Number of found effects that one look-alike can replace when it explains as much alone. One effect against one is
 decided by the score; a single effect that matches three or more has more freedom than they have."""
-
-# --- search -----------------------------------------------------------------------------------------------------------
-
-PROMISING = 0.05
-"""Largest p-value of an effect that is tried in every round. An effect that was above it twice in a row is tried again
-only when no other effect is supported (this saves time and does not change the verdict)."""
 
 # --- unexplained ------------------------------------------------------------------------------------------------------
 
@@ -154,7 +151,12 @@ def _is_possible(c: Candidate) -> bool:
 
 def is_trim(c: Candidate) -> bool:
     """Tell whether a candidate is significant, but no larger than the trim errors of any real vehicle."""
-    return c.held_out_drop > 0.0 and is_significant(c.p_value) and c.effect.negligible()
+    return c.held_out_drop > 0.0 and is_significant(c.p_value) and is_usual(c)
+
+
+def is_usual(c: Candidate) -> bool:
+    """Tell whether an effect is as small as on any vehicle, and not most of the error of the acceleration."""
+    return c.effect.negligible() and max(c.drops.get(axis, 0.0) for axis in GROUPS["total"]) < MOST_OF_ERROR
 
 
 def is_plausible(c: Candidate) -> bool:
@@ -164,7 +166,7 @@ def is_plausible(c: Candidate) -> bool:
 
 def _matters(c: Candidate) -> bool:
     material = is_material(c.effect, c.largest_drop, c.explained_m_s2)
-    return material and not c.effect.negligible() and not c.implied
+    return material and not is_usual(c) and not c.implied
 
 
 def is_supported(c: Candidate) -> bool:
@@ -215,12 +217,7 @@ def is_left_out(c: Candidate) -> bool:
     """Tell whether a candidate is significant on held-out data, and larger than a trim, be it plausible beside the
     effects of the model or not."""
     fits = c.determined and not c.at_bound and not c.implied
-    return c.held_out_drop > 0.0 and is_significant(c.p_value) and fits and not c.effect.negligible()
-
-
-def is_promising(p_value: float) -> bool:
-    """Tell whether an effect with this p-value in the last round is worth trying in the next."""
-    return p_value <= PROMISING
+    return c.held_out_drop > 0.0 and is_significant(c.p_value) and fits and not is_usual(c)
 
 
 def is_replaceable(missing: Sequence[str]) -> bool:

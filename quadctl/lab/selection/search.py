@@ -17,7 +17,7 @@ from quadctl.effects import Effect
 from quadctl.lab.arrays import Floats
 from quadctl.lab.fitting.fitted_model import FittedModel, fit_model
 from quadctl.lab.fitting.form_errors import FormErrors
-from quadctl.lab.fitting.initial_guesses import Unmodelled
+from quadctl.lab.fitting.initial_guesses import Unmodelled, promise
 from quadctl.lab.fitting.significance import improvement_p_value
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.flights.prediction import rmse
@@ -32,7 +32,6 @@ from quadctl.lab.selection.rule import (
     is_look_alike,
     is_masked,
     is_needed,
-    is_promising,
     is_replaceable,
     is_significant,
     is_supported,
@@ -46,6 +45,9 @@ from quadctl.lab.selection.trial import try_effect
 NESTED = ({"thrust_map", "thrust_scale"},)
 """Families of which one is the other with a parameter more: that they do equally well is no doubt."""
 
+MOST_PROMISING = 12
+"""Number of effects of which a round after the first one chooses: those that explain most to first order. The others
+are tried where none of these is supported."""
 MOST_MASKED = 2
 """Largest number of effects with which a search begins although they are not significant alone."""
 RIVAL = 0.5
@@ -79,18 +81,29 @@ class Path:
     """All candidates that were added, including those that became superfluous later."""
     latest: Mapping[str, Candidate] = field(default_factory=dict)
     """Last trial of each effect, by its name."""
-    failures: Mapping[str, int] = field(default_factory=dict)
-    """Number of consecutive trials in which each effect was not promising."""
+    at_start: Mapping[str, Candidate] = field(default_factory=dict)
+    """Trial of each effect alone, on top of the start, by its name; empty before the first round."""
     confounded: tuple[tuple[str, str], ...] = ()
     """Pairs of families that these data do not distinguish: the one that was added, and the other."""
-    passed_over: tuple[Candidate, ...] = ()
-    """Look-alikes of the first round: plausible, but not distinguished from another effect."""
-    first: tuple[Candidate, ...] = ()
-    """Supported candidates of the first round, the best first, and those that lack nothing but significance."""
 
     @property
     def dataset(self) -> Dataset:
         return self.start.dataset
+
+    @property
+    def passed_over(self) -> list[Candidate]:
+        """Look-alikes of the first round: plausible, but not distinguished from another effect."""
+        return [c for c in self.at_start.values() if is_look_alike(c)]
+
+    @property
+    def first(self) -> list[Candidate]:
+        """Supported candidates of the first round, the best first, and those that lack nothing but significance."""
+        tried = list(self.at_start.values())
+        return [*_supported_of(tried), *(c for c in tried if is_masked(c))]
+
+    def restarted(self) -> "Path":
+        """Path back at its start, with its trials."""
+        return replace(begun_at(self.start), latest=self.latest, at_start=self.at_start)
 
     @property
     def residual(self) -> Floats:
@@ -121,16 +134,14 @@ def begun_at(start: FittedModel) -> Path:
     return Path(start, start, (SelectionStep("", name, errors),))
 
 
-def forward(path: Path, pool: Sequence[type[Effect]], progress: Progress) -> Path:
-    """Forward selection: add the best supported effect of `pool`, and try again, until none is supported."""
+def forward(path: Path, pool: Sequence[type[Effect]], progress: Progress, *, likely_only: bool = False) -> Path:
+    """Forward selection: add the best supported effect of `pool`, and try again, until none is supported, or with
+    `likely_only` none of those that explain most to first order."""
     alike: list[str] = []
     while True:
-        is_first = not path.chosen
-        path, supported, look_alikes = _tried(path, pool, _in_round(len(path.missing) + 1, progress))
+        told = _in_round(len(path.missing) + 1, progress)
+        path, supported, look_alikes = _tried(path, pool, told, likely_only=likely_only)
         path = _with_confounded(path, alike, [*supported, *look_alikes])
-        if is_first:
-            alone = (c for c in path.latest.values() if is_masked(c))
-            path = replace(path, passed_over=tuple(look_alikes), first=(*supported, *alone))
         if not supported:
             return path
         chosen, alike = choose(supported, look_alikes, path.dataset)
@@ -167,10 +178,10 @@ def with_masked_first(path: Path, pool: Sequence[type[Effect]], progress: Progre
     least = min(score(residual[:, :3]) for residual in seen)
     masked = [c for c in path.first if is_masked(c) and score(c.residual[:, :3]) < least]
     for candidate in sorted(masked, key=lambda c: score(c.residual))[:MOST_MASKED]:
-        other = taken(replace(begun_at(path.start), latest=path.latest), candidate)
-        other = pruned(forward(other, pool, _prefixed(f"beginning with {candidate.effect.name}", progress)))
+        told = _prefixed(f"beginning with {candidate.effect.name}", progress)
+        other = pruned(forward(taken(path.restarted(), candidate), pool, told, likely_only=True))
         if candidate.family in other.missing and len(other.missing) > 1 and _is_better(other, path):
-            return other
+            return pruned(forward(other, pool, progress))
     return path
 
 
@@ -184,10 +195,10 @@ def with_one_dropped(path: Path, pool: Sequence[type[Effect]], progress: Progres
         if not _has_rival(path, family):
             continue
         others = [effect for effect in pool if effect.family() != family]
-        other = replace(begun_at(path.start), latest=path.latest)
+        other = path.restarted()
         for kind in (type(c.effect) for c in path.chosen if c.family in path.missing and c.family != family):
-            other = taken(other, try_effect(kind, Unmodelled(other.current), len(pool)))
-        other = pruned(forward(other, others, _prefixed(f"without {family}", progress)))
+            other = taken(other, _trial(other, kind, len(pool)))
+        other = pruned(forward(other, others, _prefixed(f"without {family}", progress), likely_only=True))
         if other.missing and _is_better(other, path):
             return pruned(forward(other, pool, progress))
     return path
@@ -217,7 +228,7 @@ def with_pair_replaced(path: Path, pool: Sequence[type[Effect]], progress: Progr
     for candidate in sorted(path.passed_over, key=lambda c: score(c.residual)):
         if not is_replaceable(path.missing) or candidate.family in path.missing:
             continue
-        other = taken(replace(begun_at(path.start), latest=path.latest), candidate)
+        other = taken(path.restarted(), candidate)
         if not is_as_good(other.residual, path.residual, path.dataset):
             continue
         instead = f"with {candidate.effect.name} instead of {' and '.join(path.missing)}"
@@ -241,9 +252,11 @@ def with_one_exchanged(path: Path, pool: Sequence[type[Effect]], progress: Progr
             other = _exchanged(path, family, candidate, pool, progress)
             if other is None or family in other.missing or candidate.family not in other.missing:
                 continue
-            again = [c for c in other.latest.values() if c.family == family]
-            if score(other.residual) < score(path.residual) + EQUAL_SCORE and not any(is_left_out(c) for c in again):
-                return other
+            if score(other.residual) >= score(path.residual) + EQUAL_SCORE:
+                continue
+            again = [_trial(other, effect, len(pool)) for effect in pool if effect.family() == family]
+            if not any(is_left_out(c) for c in again):
+                return pruned(forward(other, pool, progress))
     return path
 
 
@@ -252,14 +265,15 @@ def _exchanged(
 ) -> Path | None:
     """Path with the effects of `path` but `family`, then `candidate`, then what the search finds beside them; None
     where one of them is not supported there."""
-    other = replace(begun_at(path.start), latest=path.latest)
+    other = path.restarted()
     found = [c for c in path.chosen if c.family in path.missing and c.family != family]
     for kind in (type(c.effect) for c in (*found, candidate)):
-        tried = try_effect(kind, Unmodelled(other.current), len(pool))
+        tried = _trial(other, kind, len(pool))
         if not is_supported(tried):
             return None
         other = taken(other, tried)
-    return pruned(forward(other, pool, _prefixed(f"with {candidate.effect.name} instead of {family}", progress)))
+    told = _prefixed(f"with {candidate.effect.name} instead of {family}", progress)
+    return pruned(forward(other, pool, told, likely_only=True))
 
 
 def emptied(path: Path) -> Path:
@@ -267,27 +281,36 @@ def emptied(path: Path) -> Path:
     return replace(path, current=path.start, steps=path.steps[:1], missing=(), confounded=())
 
 
-def _tried(path: Path, pool: Sequence[type[Effect]], progress: Progress) -> _Round:
-    """Try the families of `pool` that are not in the model: the promising ones first, then, if none is supported, the
-    others."""
-    left = Unmodelled(path.current)
+def _tried(path: Path, pool: Sequence[type[Effect]], progress: Progress, *, likely_only: bool) -> _Round:
+    """Try the families of `pool` that are not in the model: all of them on top of the start; later the likely ones
+    first, and the others where none of these is supported and not `likely_only`."""
     open_ = [effect for effect in pool if effect.family() not in path.missing]
-    promising = [effect for effect in open_ if path.failures.get(effect.name, 0) < 2]
-    latest, failures, look_alikes = dict(path.latest), dict(path.failures), []
-    supported: list[Candidate] = []
-    for effects in (promising, [effect for effect in open_ if effect not in promising]):
-        told = progress if effects is promising else _prefixed("the unlikely ones", progress)
-        tried = _trials(effects, left, len(pool) * (len(path.chosen) + 1), told)
-        for c in tried:
-            latest[c.effect.name] = c
-            failures[c.effect.name] = 0 if is_promising(c.p_value) else failures.get(c.effect.name, 0) + 1
-        look_alikes += [c for c in tried if is_look_alike(c)]
-        supported = without_stand_ins([c for c in tried if is_supported(c)], tried)
-        supported = without_needless_differences(supported, tried)
-        supported.sort(key=lambda c: score(c.residual))
-        if supported:
-            break
-    return _Round(replace(path, latest=latest, failures=failures), supported, look_alikes)
+    n_tried = len(pool) * (len(path.chosen) + 1)
+    if path.current is path.start:
+        known = path.at_start or {c.effect.name: c for c in _trials(open_, Unmodelled(path.start), n_tried, progress)}
+        tried = [known[effect.name] for effect in open_]
+        path = replace(path, at_start=known)
+    else:
+        left = Unmodelled(path.current)
+        open_ = sorted(open_, key=lambda effect: promise(effect, left), reverse=True)
+        tried = _trials(open_[:MOST_PROMISING], left, n_tried, progress)
+        if not likely_only and not _supported_of(tried):
+            tried += _trials(open_[MOST_PROMISING:], left, n_tried, _prefixed("the unlikely ones", progress))
+    path = replace(path, latest={**path.latest, **{c.effect.name: c for c in tried}})
+    return _Round(path, _supported_of(tried), [c for c in tried if is_look_alike(c)])
+
+
+def _supported_of(tried: Sequence[Candidate]) -> list[Candidate]:
+    """Supported candidates of a round, the best first."""
+    supported = without_stand_ins([c for c in tried if is_supported(c)], tried)
+    return sorted(without_needless_differences(supported, tried), key=lambda c: score(c.residual))
+
+
+def _trial(path: Path, effect: type[Effect], n_tried: int) -> Candidate:
+    """Trial of one effect on top of the current model of a path."""
+    if path.current is path.start and effect.name in path.at_start:
+        return path.at_start[effect.name]
+    return try_effect(effect, Unmodelled(path.current), n_tried)
 
 
 def _trials(effects: Sequence[type[Effect]], left: Unmodelled, n_tried: int, progress: Progress) -> list[Candidate]:

@@ -14,6 +14,7 @@ from quadctl.lab.selection.rule import (
     is_supported,
     is_there,
     is_trim,
+    is_usual,
     shows_in_moments,
 )
 
@@ -62,7 +63,7 @@ def reason_against(c: Candidate, chosen: Candidate | None) -> str:
         return "it makes a moment worse, as a stand-in for another effect does"
     if not shows_in_moments(c):
         return "not every moment in which its physics shows has a smaller error"
-    if c.effect.negligible():
+    if is_usual(c):
         return "it is no larger than the trim errors of any real vehicle"
     if c.implied:
         return "the other effects of the model imply it"

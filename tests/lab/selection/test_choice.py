@@ -31,10 +31,10 @@ def dataset(rigid: Model, plain_runs: list[FlightLog]) -> Dataset:
 
 @pytest.fixture(scope="module")
 def tried(rigid: Model, dataset: Dataset) -> dict[str, Candidate]:
-    """Candidates by the name of their effect, as if each explained half of the same error."""
+    """Candidates by the name of their effect, as if each took 40 % off the same error."""
     ranking = diagnose(rigid, dataset).ranking
-    half = {axis: 0.5 * error for axis, error in ranking[0].before.items()}
-    same = {"after": half, "residual": ranking[0].residual, "p_value": 1e-6, "believable": True, "distinct": True}
+    after = {axis: 0.6 * error for axis, error in ranking[0].before.items()}
+    same = {"after": after, "residual": ranking[0].residual, "p_value": 1e-6, "believable": True, "distinct": True}
     return {c.effect.name: replace(c, **same, determined=True, at_bound=False, implied=False) for c in ranking}
 
 
@@ -81,6 +81,17 @@ def test_nothing_stands_in_for_a_better_explanation_that_is_too_small_to_be_miss
     assert is_supported(drag)
     assert is_measured(scale) and not is_supported(scale)
     assert without_stand_ins([drag], [drag, scale]) == ([drag] if stays else [])
+
+
+@pytest.mark.parametrize(("left", "missing"), [(0.6, False), (0.4, True)])
+def test_an_effect_as_small_as_on_any_vehicle_is_missing_where_it_is_most_of_the_error(
+    tried: dict[str, Candidate], left: float, missing: bool
+) -> None:
+    """`left` is the share of the error that is left with an exponent that is within the usual."""
+    c = tried["thrust_curve.power"]
+    c = replace(c, effect=type(c.effect)(1.9), after={axis: left * error for axis, error in c.before.items()})
+    assert c.effect.negligible() and is_measured(c)
+    assert is_supported(c) is missing
 
 
 @pytest.mark.parametrize(("worse", "kept"), [(1.005, False), (1.03, True)])
