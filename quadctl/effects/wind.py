@@ -69,10 +69,12 @@ class _Wind(Effect):
         return math.hypot(self.north_m_s, self.east_m_s) < LEAST_M_S
 
     def believable(self, flights: Sequence[Conditions], vehicle: Vehicle) -> bool:
-        """True for a push that is more than that of an uneven floor, and not that of a storm on a vehicle without drag;
-        beside a drag of the model the wind has none of its own."""
+        """True for a push that is more than that of an uneven floor, and not that of a storm on a vehicle without drag,
+        nor of air that hardly moves, which is a drag; beside a drag of the model the wind has none of its own."""
         if self == self.standing_back():
             return True
+        if self.negligible():
+            return False
         strongest = max(flights, key=lambda c: math.hypot(*self.of_flight_m_s(c.flight)))
         speed_m_s = math.hypot(*self.of_flight_m_s(strongest.flight))
         return self.push_m_s2(strongest, vehicle) > max(LEAST_PUSH_M_S2, LEAST_DRAG_PER_S * speed_m_s)

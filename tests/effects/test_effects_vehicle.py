@@ -594,6 +594,7 @@ def test_a_storm_without_drag_is_no_wind(raptor: Vehicle) -> None:
     assert not SteadyWind(1.0, 0.0, drag=0.0, drag_z=0.2).believable(hover, raptor)  # an inflow, and no wind
     assert SteadyWind(1.0, 0.0, drag=0.2, drag_z=0.2).standing_back().believable(hover, raptor)
     assert not SteadyWind(0.1, 0.0, drag=0.2).believable(hover, raptor)
+    assert not SteadyWind(0.2, 0.0, drag=0.4).believable(hover, raptor)  # a drag, in air that hardly moves
 
 
 def array_conditions(height_above_m: np.ndarray) -> Conditions:
