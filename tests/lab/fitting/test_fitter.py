@@ -21,7 +21,7 @@ from quadctl.frames import GRAVITY_M_S2
 from quadctl.lab.fitting.arrowhead import Arrow
 from quadctl.lab.fitting.fitted_model import fit_model
 from quadctl.lab.fitting.fitter import Fitter, Optimum, noise_scale
-from quadctl.lab.fitting.initial_guesses import Unmodelled, best_guesses
+from quadctl.lab.fitting.initial_guesses import Unmodelled, best_guesses, promise
 from quadctl.lab.fitting.linearisation import Tangent
 from quadctl.lab.fitting.normal_equations import axis_weights
 from quadctl.lab.fitting.nuisances import BOUND, KINDS, LEVELLING, disturbed, rotor_moments_n_m
@@ -33,6 +33,7 @@ from quadctl.lab.selection.addition import add
 from quadctl.lab.selection.candidate import Candidate
 from quadctl.lab.selection.diagnosis import diagnose
 from quadctl.lab.selection.rule import is_supported, moment_drops
+from quadctl.lab.selection.search import MOST_PROMISING
 from quadctl.logs.columns import rpm_columns
 from quadctl.logs.flight_log import RATES, FlightLog
 from quadctl.model import Model
@@ -369,6 +370,20 @@ class TestStarts:
         picked_up = left.explained_by(MassStep(0.03, 31.0))
         assert left.explained_by(MassStep(-0.03, 31.0)) == pytest.approx(picked_up, rel=0.05)
         assert picked_up > 10.0
+
+
+class TestPromise:
+    """What an effect explains to first order, by which a search chooses what to try."""
+
+    @pytest.mark.parametrize("truth", [ConstantScale(0.93), Exponential(a=0.3, b=6.0), MassStep(0.2, 31.0)])
+    def test_the_true_effect_is_among_the_first(self, raptor: Vehicle, truth: Effect) -> None:
+        left = Unmodelled(fit_model(Model(raptor), data_of(stacked(raptor, truth))))
+        first = sorted(FOR_RAPTOR, key=lambda effect: promise(effect, left), reverse=True)[: MOST_PROMISING // 2]
+        assert truth.family() in {effect.family() for effect in first}
+
+    def test_what_the_model_holds_promises_nothing(self, raptor: Vehicle, seen: Dataset) -> None:
+        left = Unmodelled(fit_model(stacked(raptor, *SCALE_AND_GROUND), seen))
+        assert promise(ConstantScale, left) == pytest.approx(0.0, abs=2.0)
 
 
 class TestToldApart:
