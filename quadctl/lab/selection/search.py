@@ -85,6 +85,8 @@ class Path:
     """Trial of each effect alone, on top of the start, by its name; empty before the first round."""
     confounded: tuple[tuple[str, str], ...] = ()
     """Pairs of families that these data do not distinguish: the one that was added, and the other."""
+    implied: frozenset[str] = frozenset()
+    """Families that were taken out because the other effects imply them, though their part of a moment is left."""
 
     @property
     def dataset(self) -> Dataset:
@@ -210,10 +212,19 @@ def _is_better(other: Path, path: Path) -> bool:
     found = (c for c in other.chosen if c.family in other.missing)
     if not all(is_significant(judged_beside(c, other).p_value) for c in found):
         return False
+    new, old = _comparable(other, path)
     more = 0 < len(path.missing) < len(other.missing)
-    if more and are_alike(other.residual, path.residual, path.dataset):
+    if more and are_alike(new, old, path.dataset):
         return False
-    return score(other.residual) < score(path.residual) - EQUAL_SCORE
+    return score(new) < score(old) - EQUAL_SCORE
+
+
+def _comparable(one: Path, other: Path) -> tuple[Floats, Floats]:
+    """Residuals of two paths that are compared: of the acceleration alone, where one path holds an effect that the
+    other one only implies."""
+    implied_by_other, implied_by_one = other.implied & set(one.missing), one.implied & set(other.missing)
+    part = slice(0, 3) if implied_by_one or implied_by_other else slice(None)
+    return one.residual[:, part], other.residual[:, part]
 
 
 def _has_rival(path: Path, family: str) -> bool:
@@ -252,7 +263,8 @@ def with_one_exchanged(path: Path, pool: Sequence[type[Effect]], progress: Progr
             other = _exchanged(path, family, candidate, pool, progress)
             if other is None or family in other.missing or candidate.family not in other.missing:
                 continue
-            if score(other.residual) >= score(path.residual) + EQUAL_SCORE:
+            new, old = _comparable(other, path)
+            if score(new) >= score(old) + EQUAL_SCORE:
                 continue
             again = [_trial(other, effect, len(pool)) for effect in pool if effect.family() == family]
             if not any(is_left_out(c) for c in again):
@@ -358,12 +370,15 @@ def _without_superfluous(path: Path, family: str) -> Path:
     doubtful = unbelievable(smaller.model, dataset) | indistinct(smaller.model, dataset)
     doubtful -= unbelievable(model, dataset) | indistinct(model, dataset)
     (effect,) = (effect for effect in model.effects if effect.family() == family)
+    needed = is_needed(effect, without, path.residual, p_value)
     implied = effect.implied_by(smaller.model.effects, [f.conditions for f in dataset.flights], model.vehicle)
-    if (is_needed(effect, without, path.residual, p_value) and not implied) or doubtful:
+    if (needed and not implied) or doubtful:
         return path
     first, last = path.steps[:-1], path.steps[-1]
     steps = (*(step for step in first if step.family != family), replace(last, rmse=rmse(without, dataset.groups)))
-    return replace(path, current=smaller, steps=steps, missing=tuple(name for name in path.missing if name != family))
+    missing = tuple(name for name in path.missing if name != family)
+    taken_out = path.implied | {family} if needed else path.implied
+    return replace(path, current=smaller, steps=steps, missing=missing, implied=taken_out)
 
 
 def _beside(path: Path, family: str) -> tuple[FittedModel, float]:

@@ -23,6 +23,8 @@ from quadctl.model import Model, load_model
 from quadctl.vehicle import Vehicle
 from studies.blind_cases.cases import all_cases
 from studies.blind_cases.fly import fly_case
+from studies.worlds.field.__main__ import write_world
+from studies.worlds.field.draws import draw_world
 from tests.support.places import ROOT
 
 
@@ -36,6 +38,17 @@ def test_a_wind_with_its_drag_gives_way_to_a_drag_and_a_tilted_thrust(tmp_path: 
     assert sorted(found.missing) == ["rotor_drag", "thrust_tilt"]
     (wind,) = (c for c in found.ranking if c.effect.name == "wind.steady")
     assert wind.p_value > 0.01
+
+
+@pytest.mark.long
+def test_what_a_ground_effect_implies_counts_for_no_other_explanation(tmp_path: Path) -> None:
+    """Rotors that each feel their own height give a levelling moment, which a ground effect at one height leaves. A
+    cable in the place of the ground effect, beside a levelling moment of its own, is no better for that."""
+    name = "pair_ground_effect_thrust_scale"
+    write_world(draw_world(1.0, 21, name), tmp_path)
+    model = load_model(tmp_path / name / "vehicle.yaml")
+    found = diagnose(model, load_dataset(read_logs(sorted((tmp_path / name).glob("*.csv"))), model.vehicle))
+    assert sorted(found.missing) == ["ground_effect", "thrust_scale"]
 
 
 def weakened(logs: list[FlightLog], share: Callable[[Floats], Floats], vehicle: Vehicle) -> Dataset:
