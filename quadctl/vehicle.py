@@ -64,6 +64,12 @@ class ThrottleCurve(Settings):
     max_thrust_per_rotor_n: PositiveFloat
 
 
+Assumable = Literal[
+    "rotor.thrust_n_per_rpm2", "rotor.torque_to_thrust_m", "rotor.time_constant_s", "rotor_height_m", "throttle"
+]
+"""Field of a vehicle that can be said to be assumed."""
+
+
 class Vehicle(Settings):
     """A multirotor, as in its YAML file. Immutable."""
 
@@ -78,6 +84,8 @@ class Vehicle(Settings):
     air_density_kg_m3: PositiveFloat = 1.225
     endurance_s: PositiveFloat | None = None
     """Hover time on a full battery, until the voltage at which a flight should end."""
+    assumed: tuple[Assumable, ...] | None = None
+    """Fields whose numbers nobody has measured."""
 
     @model_validator(mode="after")
     def _can_fly(self) -> Self:

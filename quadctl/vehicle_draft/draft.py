@@ -9,7 +9,7 @@ import yaml
 from quadctl.errors import SettingsError
 from quadctl.frames import GRAVITY_M_S2
 from quadctl.settings import validate
-from quadctl.vehicle import Vehicle
+from quadctl.vehicle import Assumable, Vehicle
 from quadctl.vehicle_draft.frames import Place, ardupilot_frame, frame_places, px4_places
 
 AIR_DENSITY_KG_M3 = 1.225
@@ -120,11 +120,27 @@ def draft(answers: Answers, parameters: Mapping[str, float]) -> str:
             *(f"  - {_place(place)}" for place in places),
             "rotor_height_m: 0.0  # assumed; height of the rotor plane above the logged position",
             f"throttle: {line}  # {line_source}",
+            f"assumed: [{', '.join(_assumed(answers, parameters))}]  # take away what you have measured",
             "",
         ]
     )
     validate(yaml.safe_load(text), Vehicle, "the new vehicle")
     return text
+
+
+def _assumed(answers: Answers, parameters: Mapping[str, float]) -> list[Assumable]:
+    """Fields of the draft that rest on no answer and on no parameter."""
+    found: list[Assumable] = ["rotor.torque_to_thrust_m", "rotor.time_constant_s", "rotor_height_m"]
+    if not _is_proportional(parameters):
+        found.insert(0, "throttle")
+    if answers.hover_rpm is None:
+        found.insert(0, "rotor.thrust_n_per_rpm2")
+    return found
+
+
+def _is_proportional(parameters: Mapping[str, float]) -> bool:
+    """Tell whether the autopilot makes thrust proportional to throttle."""
+    return ARDUPILOT_HOVER in parameters or parameters.get("THR_MDL_FAC", 0.0) > 0.0
 
 
 def _positive(value: float | None, field: str) -> float:
@@ -164,10 +180,10 @@ def _throttle(answers: Answers, parameters: Mapping[str, float], weight_n: float
     hover = _positive(hover, "hover_throttle")
     if hover >= 1.0:
         raise SettingsError(f"the vehicle's hover_throttle is {hover:g}, expected less than 1 ({source})")
+    proportional = _is_proportional(parameters)
     if ARDUPILOT_HOVER in parameters:
-        proportional, why = True, "ArduPilot makes thrust proportional to throttle (MOT_THST_EXPO)"
+        why = "ArduPilot makes thrust proportional to throttle (MOT_THST_EXPO)"
     else:
-        proportional = parameters.get("THR_MDL_FAC", 0.0) > 0.0
         why = "PX4 makes thrust proportional to throttle (THR_MDL_FAC)" if proportional else "thrust taken as throttle²"
     per_newton, offset = (hover / weight_n, 0.0) if proportional else (0.5 * hover / weight_n, 0.5 * hover)
     most_n = (1.0 - offset) / per_newton / rotors

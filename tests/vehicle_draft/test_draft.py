@@ -114,3 +114,15 @@ class TestCommand:
         result = CliRunner().invoke(app, ["vehicle", "new", str(path)])
         assert "is there already, expected a new file (or --force)" in str(result.exception)
         assert path.read_text() == "mine\n"
+
+
+class TestAssumed:
+    """The file names the numbers that nobody has said, so that results can say what rests on them."""
+
+    def test_the_thrust_coefficient_and_the_throttle_where_nobody_has_said_them(self) -> None:
+        drafted = vehicle(SMALL, QUAD | {"MPC_THR_HOVER": 0.5})
+        assert {"rotor.thrust_n_per_rpm2", "throttle"} < set(drafted.assumed or ())
+
+    def test_not_what_was_said(self) -> None:
+        drafted = vehicle(SMALL._replace(arm_m=0.15, hover_rpm=7000.0), COPTER)
+        assert {"rotor.thrust_n_per_rpm2", "throttle"}.isdisjoint(drafted.assumed or ())

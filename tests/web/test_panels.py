@@ -181,6 +181,7 @@ def views(raptor: Vehicle) -> dict[str, View]:
         "no flight": {"opened": None},
         "a log that has been read": {"opened": None, "work": Work("Reading flights"), "as_read": (logs[0],)},
         "a vehicle of half the mass": {"opened": replace(opened, seen=_of_half_the_mass(dataset, raptor))},
+        "a vehicle whose thrust was assumed": {"session": _with_assumed_thrust(session)},
         "a fit to one of the flights": {"session": _fitted_to(session, ("0.csv",))},
         "a fit to a flight before it was held out": {
             "session": _fitted_to(session.with_role(Path("1.csv"), True), ("0.csv", "1.csv"))
@@ -229,6 +230,15 @@ def views(raptor: Vehicle) -> dict[str, View]:
 def _of_half_the_mass(dataset: Dataset, vehicle: Vehicle) -> Dataset:
     light = vehicle.model_copy(update={"mass_kg": 0.5 * vehicle.mass_kg})
     return replace(dataset, flights=tuple(replace(flight, vehicle=light) for flight in dataset.flights))
+
+
+def _with_assumed_thrust(session: Session) -> Session:
+    """The same session, if nobody had measured the thrust coefficient, with a thrust scale in the model."""
+    rungs = []
+    for rung in session.rungs:
+        vehicle = rung.model.vehicle.model_copy(update={"assumed": ("rotor.thrust_n_per_rpm2",)})
+        rungs.append(replace(rung, model=replace(rung.model, vehicle=vehicle).plus(ConstantScale(1.1))))
+    return replace(session, rungs=tuple(rungs))
 
 
 def _fitted_to(session: Session, logs: tuple[str, ...]) -> Session:
@@ -392,6 +402,15 @@ class TestOpenTab:
         assert "The model is fitted to 0.csv only, not to 1.csv." in shown
         assert "Refit to all flights" in shown
 
+    @pytest.mark.parametrize("tab", ["missing", "fails", "compensator"])
+    def test_an_assumed_thrust_is_said_beside_what_rests_on_it(
+        self, tab: str, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
+    ) -> None:
+        said = "Thrust coefficient assumed: a wrong mass or thrust cannot be told from it."
+        assert said not in str(tabs(tab, views["at first"]).shown)
+        shown = str(tabs(tab, views["a vehicle whose thrust was assumed"]).shown)
+        assert shown.count(said) == 2  # beside the thrust scale in the model, and in this part of the page
+
     def test_a_flight_that_was_fitted_before_it_was_held_out_gives_no_held_out_error(
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
     ) -> None:
@@ -506,7 +525,7 @@ class TestOpenTab:
         wrong = replace(comparison, fails_where=[FAILURE])
         with Client(ui.page("/")), pytest.MonkeyPatch.context() as patched:
             patched.setattr(ui, "run_javascript", ran := MagicMock())
-            Failures(wrong, None, None, False, LIGHT).draw(do)
+            Failures(wrong, None, None, "", False, LIGHT).draw(do)
             (show,) = [e for e in ui.context.client.elements.values() if isinstance(e, ui.button) and e.text == "Show"]
             for listener in show._event_listeners.values():
                 if listener.type == "click":
@@ -519,7 +538,7 @@ class TestOpenTab:
         assert comparison is not None
         wrong = replace(comparison, fails_where=[replace(FAILURE, low=0.0, high=100.0)])
         with Client(ui.page("/")):
-            Failures(wrong, None, None, False, LIGHT).draw(create_autospec(Controls, instance=True))
+            Failures(wrong, None, None, "", False, LIGHT).draw(create_autospec(Controls, instance=True))
             texts = [e.text for e in ui.context.client.elements.values() if isinstance(e, ui.button)]
         assert "Show" not in texts
 

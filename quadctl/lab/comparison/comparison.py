@@ -13,6 +13,7 @@ from quadctl.lab.arrays import Floats
 from quadctl.lab.comparison.agreement import Agreement, Errors, of_one_model
 from quadctl.lab.comparison.failures import Failure, Profile, failures, profiles, told
 from quadctl.lab.comparison.open_loop import OpenLoop, open_loop, open_loop_in_words, open_loop_table
+from quadctl.lab.comparison.reservations import reservations
 from quadctl.lab.comparison.wording import agreement_in_words
 from quadctl.lab.fitting.flexible_regression import flexible_residual, noise_floor
 from quadctl.lab.flights.dataset import AlignedDataset, Dataset
@@ -61,6 +62,7 @@ class Comparison(Result):
             "notes": [
                 *(f"{flight.name}: {note}" for flight in self.dataset.flights for note in flight.notes),
                 *values_of_other_flights(self.model, self.dataset.names),
+                *(said.removesuffix(".") for said in reservations(self.model.vehicle, self.dataset)),
             ],
         }
 
@@ -89,6 +91,7 @@ class Comparison(Result):
         else:
             lines.append("The model has no significant error in any range of a variable.")
         lines += [f"Note: {note}." for note in values_of_other_flights(self.model, self.dataset.names)]
+        lines += reservations(self.model.vehicle, self.dataset)
         lines += [open_loop_in_words(errors) for errors in self.open_loop if errors.horizon_s == TOLD_HORIZON_S]
         shown = [open_loop_table(self.open_loop)] if self.open_loop else []
         return Group(table, *shown, Text("\n".join(lines)))

@@ -7,6 +7,7 @@ import numpy as np
 from quadctl.effects.ground_effect import NearGround
 from quadctl.lab import plots
 from quadctl.lab.comparison.failures import most_telling
+from quadctl.lab.comparison.reservations import OF_THE_THRUST, thrust_reservation
 from quadctl.lab.comparison.wording import (
     change_in_words,
     count,
@@ -98,7 +99,9 @@ def fitted_effects(r: Results) -> Section | None:
     for index in order:
         item = a.model.stack[index]
         ci95 = item.fitted.ci95 if item.fitted else {}
-        rows.append([Cell(item.effect.name, item.effect.source), Cell(parameters_in_text(item.effect, ci95))])
+        reservation = thrust_reservation(a.model.vehicle, a.dataset) if item.effect.family() in OF_THE_THRUST else ""
+        note = " ".join(said for said in (item.effect.source, reservation) if said)
+        rows.append([Cell(item.effect.name, note), Cell(parameters_in_text(item.effect, ci95))])
         if isinstance(item.effect, NearGround):
             sentences, figure = _ground_effect(a, index)
             text += sentences

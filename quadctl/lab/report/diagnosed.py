@@ -1,6 +1,7 @@
 """Section on missing effects."""
 
 from quadctl.lab import plots
+from quadctl.lab.comparison.reservations import OF_THE_THRUST, thrust_reservation
 from quadctl.lab.comparison.wording import (
     UNIT,
     change_in_words,
@@ -109,7 +110,7 @@ def _ranking_table(d: Diagnosis) -> Table:
     first_of_family = {c.family: c for c in reversed(shown)}
     rows = [
         [
-            Cell(c.effect.name, _candidate_note(c, with_physics=c is first_of_family[c.family])),
+            Cell(c.effect.name, _candidate_note(c, d, with_physics=c is first_of_family[c.family])),
             Cell(parameters_in_text(c.effect, c.ci95)),
             Cell(f"{number(c.before['total'])} → {number(c.after['total'])}"),
             Cell(change_in_words(c.held_out_drop)),
@@ -122,9 +123,10 @@ def _ranking_table(d: Diagnosis) -> Table:
     return Table(head, rows, words=2, marked=marked)
 
 
-def _candidate_note(c: Candidate, with_physics: bool) -> str:
+def _candidate_note(c: Candidate, d: Diagnosis, with_physics: bool) -> str:
     said = [c.effect.physics] if with_physics else []
-    return " ".join([*said, *(f"Note: {remark}." for remark in c.remarks)])
+    reservation = thrust_reservation(d.model.vehicle, d.dataset) if c.family in OF_THE_THRUST else ""
+    return " ".join([*said, *(f"Note: {remark}." for remark in c.remarks), *([reservation] if reservation else [])])
 
 
 def _look_alikes(d: Diagnosis) -> list[str]:

@@ -1,6 +1,7 @@
 """Headline of a report: the main number and the verdict."""
 
 from quadctl.lab.comparison.failures import most_telling
+from quadctl.lab.comparison.reservations import reservations
 from quadctl.lab.comparison.wording import (
     change_in_words,
     failure_in_words,
@@ -26,7 +27,7 @@ def headline(r: Results) -> Headline:
         after="" if after is None else number(after),
         change=change,
         what=what,
-        sentences=[*_verdict(r), *_what_is_left(r)],
+        sentences=[*_verdict(r), *_what_is_left(r), *reservations(r.comparison.model.vehicle, r.comparison.dataset)],
         tiles=_tiles(r),
     )
 

@@ -30,6 +30,7 @@ class Ratio(Panel):
 
     model: Model | None
     seen: Dataset | None
+    thrust_reservation: str
     theme: Theme
 
     def draw(self, do: Controls) -> None:
@@ -39,6 +40,8 @@ class Ratio(Panel):
         with tag("section", "card"):
             heading("Thrust ratio", "The compensator divides the thrust command by it.")
             tag("p", "", far_in_words(self.model))
+            if self.thrust_reservation:
+                tag("p", "note", self.thrust_reservation)
             with tag("div", "panes"):
                 drawn = ratio_over_height(self.model, self.seen, self.theme)
                 plot(drawn, "thrust_ratio_over_height", "Thrust ratio over height")

@@ -40,6 +40,7 @@ class Failures(Panel):
     comparison: Comparison | None
     unseen_comparison: Comparison | None
     agreement: Agreement | None
+    thrust_reservation: str
     comparing: bool
     theme: Theme
 
@@ -58,6 +59,8 @@ class Failures(Panel):
                     "Sigma says how certain a difference is, not how large. The model is taken as it is exported: the "
                     "trim of a flight, which cross-validation leaves out, counts here."
                 )
+            if self.thrust_reservation:
+                tag("p", "note", self.thrust_reservation)
             if self.unseen_comparison is None:
                 _draw_sentences(do, comparison)
             else:

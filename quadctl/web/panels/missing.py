@@ -8,6 +8,7 @@ from nicegui import ui
 
 from quadctl.lab.comparison.agreement import flights_of_the_fit
 from quadctl.lab.comparison.remainder import Remainder
+from quadctl.lab.comparison.reservations import OF_THE_THRUST
 from quadctl.lab.comparison.wording import (
     ERRORS,
     change_in_words,
@@ -125,6 +126,7 @@ class Verdict(Panel):
     weight_doubts: tuple[str, ...]
     model: Model | None
     cautions: tuple[str, ...]
+    reservations: tuple[str, ...]
     rung: Rung | None
 
     def draw(self, do: Controls) -> None:
@@ -139,8 +141,8 @@ class Verdict(Panel):
                 self._draw_invitation(do)
             else:
                 _draw_verdict(do, self.found.diagnosis, self._with_reservation(self._in_words(self.found.diagnosis)))
-                for caution in self.cautions:
-                    tag("p", "note", caution)
+                for said in (*self.reservations, *self.cautions):
+                    tag("p", "note", said)
 
     def _draw_invitation(self, do: Controls) -> None:
         with tag("div", "line"):
@@ -271,6 +273,7 @@ class Candidates(Panel):
     off: frozenset[str]
     found: Diagnosed | None
     before: Diagnosed | None
+    thrust_reservation: str
     theme: Theme
 
     def draw(self, do: Controls) -> None:
@@ -368,6 +371,8 @@ class Candidates(Panel):
                 tag("p", "note", why.replace("m/s^2", "m/s²"))
             for remark in candidate.remarks:
                 tag("p", "note", f"Note: {remark}.")
+            if self.thrust_reservation and candidate.family in OF_THE_THRUST:
+                tag("p", "note", self.thrust_reservation)
             held = candidate.family in {effect.family() for effect in candidate.model.effects[:-1]}
             with tag("div", "line wrap actions"):
                 add = ui.button("Add", icon="add", on_click=lambda: do.act(do.bench.add(name)))

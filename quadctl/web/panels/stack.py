@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from nicegui import ui
 
+from quadctl.lab.comparison.reservations import OF_THE_THRUST
 from quadctl.lab.comparison.wording import interval_in_words, looks_like, number, plain
 from quadctl.lab.fitting.nuisances import KINDS
 from quadctl.lab.flights.dataset import Dataset
@@ -38,6 +39,7 @@ class Stack(Panel):
     look_alikes: dict[str, tuple[str, ...]]
     seen: Dataset | None
     evaluation: Evaluation | None
+    thrust_reservation: str
     can_undo: bool
     can_redo: bool
 
@@ -58,6 +60,8 @@ class Stack(Panel):
             for item in model.stack:
                 alike = self.look_alikes.get(item.effect.family(), ())
                 _draw_effect(do, item, alike, on=item.effect.name not in self.off)
+                if self.thrust_reservation and item.effect.family() in OF_THE_THRUST:
+                    tag("p", "note", self.thrust_reservation)
             if self.evaluation is not None and len(self.evaluation.by_flight) > 1:
                 _draw_errors(self.evaluation)
             if self.evaluation is not None and self.seen is not None:

@@ -143,6 +143,12 @@ def _draw_numbers(do: Controls, vehicle: Vehicle, theme: Theme) -> None:
             "thrust_n_per_rpm2": value["thrust_n_per_rpm2"],
         }
         content["throttle"] = {name: value[name] for name in ("per_newton", "offset", "max_thrust_per_rotor_n")}
+        entered = {
+            "rotor.thrust_n_per_rpm2": value["thrust_n_per_rpm2"] != now["thrust_n_per_rpm2"],
+            "throttle": any(value[name] != now[name] for name in ("per_newton", "offset")),
+        }
+        if "assumed" in content:
+            content["assumed"] = [name for name in content["assumed"] if not entered.get(name, False)]
         await do.use_vehicle(_as_text(content), from_a_form=True)
 
     button = ui.button("Use these numbers", on_click=use)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from quadctl.lab.comparison.agreement import Agreement
 from quadctl.lab.comparison.comparison import Comparison
+from quadctl.lab.comparison.reservations import reservations, thrust_reservation
 from quadctl.lab.flights.dataset import Dataset, HoldOut
 from quadctl.lab.flights.flight import Flight
 from quadctl.lab.planning.suggestion import Suggestion
@@ -150,6 +151,16 @@ class View:
             if log.quality is not None and log.flight is not None and not (log.problem or log.doubt):
                 found += [f"{log.path.name}: {said}" for said in cautions_of(log.quality, log.flight.bandwidth_hz)]
         return tuple(found)
+
+    @property
+    def reservations(self) -> tuple[str, ...]:
+        """Sentences on what the results cannot tell, since numbers of the vehicle were assumed."""
+        return () if self.vehicle is None or self.seen is None else tuple(reservations(self.vehicle, self.seen))
+
+    @property
+    def thrust_reservation(self) -> str:
+        """The one of them on mass and thrust; empty where the thrust does not rest on an assumed number."""
+        return "" if self.vehicle is None or self.seen is None else thrust_reservation(self.vehicle, self.seen)
 
     @property
     def flights(self) -> tuple[Flight, ...]:

@@ -207,6 +207,16 @@ class TestWhatThePageHolds:
             assert words in text
             assert "Missing, in the order of adding" not in text
 
+    def test_an_assumed_thrust_coefficient_is_said_beside_the_verdict(self, flown: Flown, made: Comparison) -> None:
+        said = "Thrust coefficient assumed: a wrong mass or thrust cannot be told from it."
+        assert said not in Page(render_report(Results(made, flown.diagnosis))).text
+        vehicle = made.model.vehicle.model_copy(update={"assumed": ("rotor.thrust_n_per_rpm2",)})
+        model = dataclasses.replace(made.model, vehicle=vehicle)
+        diagnosis = dataclasses.replace(flown.diagnosis, model=model)
+        text = Page(render_report(Results(dataclasses.replace(made, model=model), diagnosis))).text
+        assert said in text[: text.index("The model :")]
+        assert said in text[text.index("What is missing") :]  # beside the thrust scale that was tried
+
     def test_look_alikes_are_named_with_what_tells_them_apart(self, flown: Flown, made: Comparison) -> None:
         confounded = dataclasses.replace(flown.diagnosis, confounded=[["ground_effect", "thrust_scale"]])
         text = Page(render_report(Results(made, confounded))).text
