@@ -492,6 +492,17 @@ class TestAnalysed:
         expect(visitor.page.locator("#evidence")).to_have_count(0)
         visitor.leaves()
 
+    def test_an_effect_in_the_model_leads_to_its_evidence_from_any_part_of_the_page(self, visitor: Visitor) -> None:
+        stand_on(visitor, "+ ground effect")
+        visitor.click("[role=tab]:has-text('Flights')")
+        visitor.click(".stack button[aria-label^='Evidence for ground_effect']")
+        visitor.sees("#evidence .js-plotly-plot[aria-label^='Ground effect over'] .main-svg")
+        assert "why it lost" in visitor.sees("table.reasons")
+        visitor.sees("#evidence p:has-text('With it, the held-out acceleration error changes by')")
+        visitor.waits_until_done()
+        assert visitor.barriers() == []
+        visitor.click("button[aria-label='Close the evidence']")
+
     def test_all_can_be_taken_along(self, visitor: Visitor, tmp_path: Path) -> None:
         stand_on(visitor, "+ ground effect")
         report = visitor.keeps_file("button:has-text('Report')", tmp_path).read_text(encoding="utf-8")

@@ -22,9 +22,11 @@ from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.lab.comparison.failures import Failure, Stretch
 from quadctl.lab.comparison.remainder import Remainder
 from quadctl.lab.comparison.wording import agreement_in_words, number, quantity, share_of_g
+from quadctl.lab.fitting.fitted_model import fit_model
 from quadctl.lab.fitting.nuisances import KINDS
 from quadctl.lab.flights.dataset import Dataset, load_dataset
 from quadctl.lab.selection.diagnosis import Verdict, diagnose
+from quadctl.lab.selection.evidence import evidence_for
 from quadctl.logs.quality import quality
 from quadctl.model import Model, Provenance
 from quadctl.vehicle import Vehicle
@@ -42,7 +44,7 @@ from quadctl.web.session.findings import Diagnosed, Findings
 from quadctl.web.session.session import Rung, Session
 from quadctl.web.work.jobs import Current, Opened, OpenedLog, evaluate
 from quadctl.web.work.simulated import FAR, WITH, WITHOUT
-from quadctl.web.work.state import Message, Results, Work
+from quadctl.web.work.state import Gathered, Message, Results, Work
 from quadctl.web.workbench.intake import Intake
 from quadctl.web.workbench.workbench import Workbench
 from tests.support.flights import obedient
@@ -133,6 +135,8 @@ def views(raptor: Vehicle) -> dict[str, View]:
     opened = Opened([OpenedLog(Path(log.name), log, quality(log)) for log in logs], dataset, None)
     evaluation = evaluate(Current(truth), dataset, None, lambda text: None)
     found = Diagnosed(diagnose(rigid, dataset, [Exponential, Hayden]), {})
+    effect = found.diagnosis.steps[1].effect
+    gathered = Gathered(evidence_for(effect, fit_model(found.diagnosis.best, dataset)), found)
     session = Session().with_logs([Path(log.name) for log in logs]).begun_with(rigid).judged(0.4)
     session = session.climbed(Rung("+ ground_effect.exponential", truth)).judged(0.1, 0.05)
     results = Results(evaluation, found, checked=())
@@ -208,7 +212,20 @@ def views(raptor: Vehicle) -> dict[str, View]:
         "other channels": {"channels": ("roll_deg",)},
         "a step beside the others": {"beside": "0"},
         "the model of a file beside the others": {"beside": "file", "other_model": replace(truth, name="mine.yaml")},
-        "the evidence for an effect": {"evidence": found.diagnosis.steps[1].effect},
+        "the evidence for an effect": {
+            "evidence": gathered.evidence.effect.name,
+            "results": replace(results, evidence={gathered.evidence.effect.name: gathered}),
+        },
+        "evidence that no search gave": {
+            "evidence": gathered.evidence.effect.name,
+            "results": replace(results, evidence={gathered.evidence.effect.name: replace(gathered, search=None)}),
+        },
+        "evidence that is asked for": {"evidence": gathered.evidence.effect.name},
+        "evidence that is gathered": {"evidence": gathered.evidence.effect.name, "work": Work("Gathering")},
+        "evidence that was cancelled": {
+            "evidence": gathered.evidence.effect.name,
+            "results": replace(results, evidence={gathered.evidence.effect.name: None}),
+        },
         "flights over each other": {"over_each_other": True},
         "a selection": {"brush": {"height_over_radius": (1.0, 3.0)}},
         "other colours": {"theme": DARK},
@@ -303,6 +320,10 @@ class OpenTab:
     def buttons(self) -> dict[str, ui.button]:
         """Buttons by their texts."""
         return {e.text: e for e in self._client.elements.values() if isinstance(e, ui.button)}
+
+    @property
+    def every_button(self) -> list[ui.button]:
+        return [e for e in self._client.elements.values() if isinstance(e, ui.button)]
 
     @property
     def part(self) -> str:
@@ -430,6 +451,30 @@ class TestOpenTab:
         assert "Ground effect is told from its look-alikes by hovering at many heights" in str(tab.shown)
         tab.follow(views["at first"])
         assert len(tab.figures) == before
+
+    def test_an_effect_in_the_model_has_evidence_too(
+        self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
+    ) -> None:
+        tab = tabs("time", views["at first"])
+        said = "Evidence for ground_effect.exponential"
+        (button,) = [button for button in tab.every_button if button.props.get("aria-label") == said]
+        assert button.enabled
+        assert views["evidence that is asked for"].gathering == "wanted"
+        assert views["evidence that is gathered"].gathering == "waiting"
+        assert views["evidence that was cancelled"].gathering == "cancelled"
+        assert replace(views["at first"], evidence="wind.constant").gathering == ""
+        shown = str(tabs("missing", views["evidence that no search gave"]).shown)
+        assert "No search of this session has tried it beside others" in shown
+
+    def test_the_evidence_says_which_fit_its_numbers_are_of(
+        self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
+    ) -> None:
+        view = views["the evidence for an effect"]
+        assert view.gathered is not None
+        shown = str(tabs("missing", view).shown)
+        assert "Figures and errors are of one fit of all parameters together" in shown
+        assert f"changes by {view.gathered.evidence.drop_in_words} (95%)" in shown
+        assert "These numbers are of the search" in shown
 
     def test_a_further_model_lies_over_the_others_with_its_name(
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]

@@ -14,10 +14,11 @@ import yaml
 from typer.testing import CliRunner
 
 from quadctl.cli import app
-from quadctl.effects.ground_effect import Exponential
+from quadctl.effects.ground_effect import Exponential, Hayden
 from quadctl.errors import SettingsError
 from quadctl.lab.flights.dataset import Dataset, load_dataset
 from quadctl.lab.flights.preparation import MAX_BANDWIDTH_HZ
+from quadctl.lab.selection.diagnosis import diagnose
 from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.quality import ChannelQuality, QualityReport, quality
 from quadctl.model import Model, load_model
@@ -26,12 +27,13 @@ from quadctl.vehicle_draft.draft import draft
 from quadctl.web.panels.compensator import commands_of_a_model
 from quadctl.web.panels.vehicle import TYPICAL
 from quadctl.web.session.files import sha256_of
+from quadctl.web.session.findings import Findings
 from quadctl.web.session.session import AUTOSAVED, Rung, Session, load_session, session_to_yaml
 from quadctl.web.work import jobs, simulated
 from quadctl.web.work.doubts import cautions_of, doubt_beside
 from quadctl.web.work.jobs import Opened
 from quadctl.web.work.simulated import Simulation
-from quadctl.web.work.state import Message
+from quadctl.web.work.state import Message, Work
 from quadctl.web.work.worker import CancelledError
 from quadctl.web.workbench import workbench
 from quadctl.web.workbench.intake import Intake
@@ -502,6 +504,47 @@ class TestErrorsOfAllSteps:
         asyncio.run(bench._judge(lambda text: None))
         first, last = (rung.error_m_s2 for rung in bench.session.rungs)
         assert first is not None and last is not None and first > 2.0 * last
+
+
+class TestEvidence:
+    """Every effect of the model, and every one that was found missing, has evidence when it is asked for."""
+
+    @pytest.fixture
+    def climbed(self, bench: Workbench, raptor: Vehicle, monkeypatch: pytest.MonkeyPatch) -> Workbench:
+        """On the step after a search, with the effect that it found."""
+        truth, rigid = Model(raptor).plus(Exponential(a=0.3, b=5.0)), bench.session.rungs[0].model
+        seen = load_dataset([obedient(truth, 30.0, noise_m_s=0.01, name="0.csv")], raptor)
+
+        async def run(job: Callable[..., Any], *args: Any, progress: Callable[[str], None]) -> Any:
+            return job(*args, progress=progress)
+
+        monkeypatch.setattr(bench._quick, "run", run)
+        found = Findings.of(diagnose(rigid, seen, [Exponential, Hayden]), {})
+        bench.session, bench.opened = bench.session.searched(rigid, found), Opened([], seen, None)
+        bench.session = bench.session.climbed(Rung("+ ground_effect.exponential", truth))
+        return bench
+
+    def test_of_an_effect_in_the_model_with_the_search_that_found_it(self, climbed: Workbench) -> None:
+        asyncio.run(climbed.gather("ground_effect.exponential"))
+        gathered = climbed.results.evidence["ground_effect.exponential"]
+        assert gathered is not None and gathered.search is not None
+        assert gathered.evidence.after["total"] < 0.5 * gathered.evidence.before["total"]
+        assert {c.effect.name for c in gathered.search.diagnosis.ranking} >= {"ground_effect.hayden"}
+
+    def test_of_an_effect_that_was_found_missing(self, climbed: Workbench) -> None:
+        climbed.session = climbed.session.at(0)
+        climbed._show_found()
+        asyncio.run(climbed.gather("ground_effect.exponential"))
+        assert climbed.results.evidence["ground_effect.exponential"] is not None
+
+    def test_of_no_other_effect(self, climbed: Workbench) -> None:
+        asyncio.run(climbed.gather("wind.constant"))
+        assert climbed.results.evidence == {}
+
+    def test_it_does_not_begin_beside_other_work(self, climbed: Workbench) -> None:
+        climbed.work = Work("Refitting")
+        asyncio.run(climbed.gather("ground_effect.exponential"))
+        assert (climbed.results.evidence, climbed.message) == ({}, None)
 
 
 class TestCautions:

@@ -9,6 +9,7 @@ from quadctl.effects import Conditions, Effect
 from quadctl.effects.ground_effect import LOWEST_HEIGHT_OVER_RADIUS, NearGround
 from quadctl.frames import GRAVITY_M_S2, euler_from_quaternion
 from quadctl.lab.arrays import Floats
+from quadctl.lab.fitting.fitted_model import FittedModel
 from quadctl.lab.fitting.noise import CorrelatedNoise
 from quadctl.lab.fitting.parameters import free_parameters, with_values
 from quadctl.lab.flights.dataset import Dataset
@@ -104,19 +105,28 @@ def effect_curves(addition: Addition, index: int) -> list[EffectCurve]:
     return _curves(addition.model, addition.dataset, index, models)
 
 
-def last_effect_curves(model: Model, dataset: Dataset) -> list[EffectCurve]:
-    """Curves of the last effect of a model as it stands, without a fit: the spread of its contribution is 0."""
-    return _curves(model, dataset, len(model.stack) - 1, [])
+def fitted_effect_curves(fit: FittedModel, index: int) -> list[EffectCurve]:
+    """Curves of one effect of the stack of a fitted model, apart from trim and calibration of each flight; the spread
+    of its contribution is 0."""
+    trim = fit.predicted[:, :3] - fit.fitter.dataset.predicted(fit.model)
+    return _curves(fit.model, fit.dataset, index, [], fit.dataset.measured - trim)
 
 
-def _curves(model: Model, dataset: Dataset, index: int, drawn: Sequence[Model]) -> list[EffectCurve]:
-    """Curves of one effect of the stack; `drawn` are copies of the model whose spread is the error of the effect."""
+def _curves(
+    model: Model, dataset: Dataset, index: int, drawn: Sequence[Model], measured: Floats | None = None
+) -> list[EffectCurve]:
+    """Curves of one effect of the stack; `drawn` are copies of the model whose spread is the error of the effect.
+
+    `measured` is the acceleration, m/s^2, shape (n, 3); by default that of `dataset`.
+    """
+    if measured is None:
+        measured = dataset.measured
     effect = model.effects[index]
     without = _predicted(_without(model, index), dataset)
     full = _predicted(model, dataset)
     heading = _heading(dataset)
-    before = _in_heading(dataset.measured - without, heading)
-    after = _in_heading(dataset.measured - full, heading)
+    before = _in_heading(measured - without, heading)
+    after = _in_heading(measured - full, heading)
     push = _in_heading(full - without, heading)
     draws = [_in_heading(_predicted(each, dataset) - without, heading) for each in drawn]
 

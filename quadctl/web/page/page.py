@@ -290,8 +290,10 @@ class Page:
             self.compare_with(FILE)
 
     def show_evidence(self, effect: str) -> None:
-        """Open the evidence for an effect that was found missing; close it where `effect` is empty."""
+        """Open the evidence for an effect of the model or a missing one; close it where `effect` is empty."""
         self._choose(evidence=effect)
+        if effect:
+            self._tabs.set_value(missing.TAB.name)
 
     def select(self, ranges: Brush, axis: str, flight: str | None = None) -> None:
         """Select the samples in `ranges`, and look at an axis and a flight; None: at the same flight."""

@@ -1,23 +1,24 @@
-"""The evidence for an effect that was found missing: its curve, the error per axis, what lost, and the next flight."""
+"""The evidence for an effect, missing or in the model: its curve, the error per axis, what lost, the next flight."""
 
 from dataclasses import dataclass
+from typing import Literal
 
 from nicegui import ui
 
 from quadctl.lab.comparison.wording import ERRORS, change_in_words, listed, plain, sentence
-from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.flights.flight import VARIABLE_NAMES
 from quadctl.lab.flights.prediction import GROUPS
 from quadctl.lab.planning.suggestion import Suggestion
 from quadctl.lab.selection.candidate import LEAST_ERROR, Candidate
 from quadctl.lab.selection.diagnosis import Diagnosis
-from quadctl.lab.selection.effect_curves import last_effect_curves
+from quadctl.lab.selection.evidence import Evidence as Found
 from quadctl.lab.selection.wording import UNITS, error_in_table, p_in_table, reason_against
-from quadctl.web.elements.html import heading, plot, tag
+from quadctl.web.elements.html import heading, loading, plot, tag
 from quadctl.web.elements.theme import Theme
 from quadctl.web.figures.evidence import evidence_figure
 from quadctl.web.panels.panel import Controls, Panel
 from quadctl.web.session.findings import Diagnosed
+from quadctl.web.work.state import Gathered
 
 LOSERS = 8
 """Most effects whose reason is shown at once; the others are folded."""
@@ -27,20 +28,18 @@ LOSERS = 8
 class Evidence(Panel):
     """The evidence for the effect that was asked for; it is computed when it is opened, not before."""
 
-    seen: Dataset | None
-    found: Diagnosed | None
+    gathered: Gathered | None
+    gathering: Literal["", "wanted", "waiting", "cancelled"]
     suggestion: Suggestion | None
     evidence: str
     theme: Theme
 
     def draw(self, do: Controls) -> None:
-        if self.seen is None or self.found is None:
+        if self.gathered is None:
+            self._draw_gathering(do)
             return
-        diagnosis = self.found.diagnosis
-        shown = next((c for c in chosen_of(diagnosis) if c.effect.name == self.evidence), None)
-        if shown is None:
-            return
-        name = plain(shown.family)
+        shown, search = self.gathered.evidence, self.gathered.search
+        name = plain(shown.effect.family())
         with tag("section", "card evidence").props(f'id="evidence" aria-label="Evidence for {name}"') as card:
             with tag("div", "line top"):
                 with tag("div", "grow"):
@@ -48,21 +47,38 @@ class Evidence(Panel):
                 ui.button(icon="close", on_click=lambda: do.show_evidence("")).props(
                     'flat dense round aria-label="Close the evidence"'
                 )
+            tag("p", "muted", _fit_in_words(shown))
             with tag("div", "panes"):
-                for curve in last_effect_curves(shown.model, self.seen):
+                for curve in shown.curves:
                     label = f"{sentence(name)} over {VARIABLE_NAMES[curve.variable]}, along {curve.component}"
                     file = f"{shown.effect.name}_over_{curve.variable}"
                     plot(evidence_figure(curve, self.theme), file, label)
             tag("h3", "", "Held-out error before and after")
+            tag("p", "", f"With it, the held-out {ERRORS[shown.measure]} changes by {shown.drop_in_words} (95%).")
             _draw_errors(shown)
             tag("h3", "", "What else was tried, and why it lost")
-            _draw_losers(diagnosis, shown)
+            _draw_losers(search, shown.effect.name)
             tag("h3", "", "The flight that shows it best")
             self._draw_next(do, shown)
         card.run_method("scrollIntoView", {"block": "nearest"})
 
-    def _draw_next(self, do: Controls, shown: Candidate) -> None:
-        name = sentence(plain(shown.family))
+    def _draw_gathering(self, do: Controls) -> None:
+        """Draw what is to be seen until the evidence is there; what is wanted is begun."""
+        if not self.gathering:
+            return
+        with tag("section", "card evidence").props('id="evidence" aria-label="Evidence"') as card:
+            heading(f"Evidence for {self.evidence}")
+            if self.gathering == "cancelled":
+                again = ui.button("Gather the evidence", on_click=lambda: do.act(do.bench.gather(self.evidence)))
+                again.props("no-caps outline")
+            else:
+                loading("Fitting the model with it and without it")
+        card.run_method("scrollIntoView", {"block": "nearest"})
+        if self.gathering == "wanted":
+            do.bench.begin_to_gather(self.evidence)
+
+    def _draw_next(self, do: Controls, shown: Found) -> None:
+        name = sentence(plain(shown.effect.family()))
         tag("p", "", f"{name} is told from its look-alikes by {shown.effect.distinguished_by}.")
         tag("code", "command", f"quadctl fly {shown.effect.mission}")
         if self.suggestion is not None:
@@ -73,7 +89,17 @@ class Evidence(Panel):
             do.when_idle(ask.props("no-caps outline"))
 
 
-def _draw_errors(shown: Candidate) -> None:
+def _fit_in_words(shown: Found) -> str:
+    """Sentences on the fit that the figures and the errors of the evidence belong to."""
+    others = [plain(family) for family in shown.beside]
+    beside = f"with {listed(others)} and the trim of each flight" if others else "with the trim of each flight"
+    return (
+        f"Figures and errors are of one fit of all parameters together: the effect {beside}. Without it, all else is "
+        "fitted again for the errors, and stays as it is in the figures."
+    )
+
+
+def _draw_errors(shown: Found) -> None:
     with tag("div", "scroll").props('tabindex="0"'), tag("table", "small"):
         with tag("tr"):
             tag("th", "", "axis")
@@ -92,12 +118,24 @@ def _draw_errors(shown: Candidate) -> None:
                     tag("td", "number", change_in_words(1.0 - after / max(before, LEAST_ERROR)))
 
 
-def _draw_losers(diagnosis: Diagnosis, shown: Candidate) -> None:
-    chosen = {candidate.effect.name for candidate in chosen_of(diagnosis)}
-    losers = [candidate for candidate in diagnosis.ranking if candidate.effect.name not in chosen]
+def _draw_losers(search: Diagnosed | None, name: str) -> None:
+    ranking = [] if search is None else search.diagnosis.ranking
+    shown = next((candidate for candidate in ranking if candidate.effect.name == name), None)
+    if search is None or shown is None:
+        tag("p", "muted", "No search of this session has tried it beside others. Remove it to search without it.")
+        return
+    chosen = {name, *(candidate.effect.name for candidate in chosen_of(search.diagnosis))}
+    losers = [candidate for candidate in ranking if candidate.effect.name not in chosen]
     if not losers:
         tag("p", "muted", "Nothing else was tried.")
         return
+    change = f"{change_in_words(shown.held_out_drop)} {ERRORS[shown.measure]}, p {p_in_table(shown.p_value)}"
+    tag(
+        "p",
+        "muted",
+        f"These numbers are of the search, which tries one effect at a time beside those that it has found until then: "
+        f"{name} gave {change}, beside {_beside(shown)}.",
+    )
     _draw_reasons(losers[:LOSERS], shown)
     if losers[LOSERS:]:
         with ui.expansion(f"{len(losers) - LOSERS} more").classes("more"):
@@ -110,13 +148,18 @@ def _draw_reasons(losers: list[Candidate], shown: Candidate) -> None:
             for head in ("effect", "tried beside", "change", "p", "why it lost"):
                 tag("th", "", head)
         for candidate in losers:
-            beside = [plain(effect.family()) for effect in candidate.model.effects[:-1]]
             with tag("tr"):
                 tag("td", "mono", candidate.effect.name)
-                tag("td", "", listed(beside) if beside else "the rigid body")
+                tag("td", "", _beside(candidate))
                 tag("td", "", f"{change_in_words(candidate.held_out_drop)} {ERRORS[candidate.measure]}")
                 tag("td", "", p_in_table(candidate.p_value))
                 tag("td", "", sentence(reason_against(candidate, shown)).replace("m/s^2", "m/s²"))
+
+
+def _beside(candidate: Candidate) -> str:
+    """The effects beside which a candidate was tried."""
+    others = [plain(effect.family()) for effect in candidate.model.effects[:-1]]
+    return listed(others) if others else "the rigid body"
 
 
 def chosen_of(diagnosis: Diagnosis) -> list[Candidate]:

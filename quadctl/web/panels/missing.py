@@ -293,13 +293,12 @@ class Candidates(Panel):
         near = [c for c in rest if is_supported(c) or c.family in alike]
         others = [c for c in rest if c not in near]
         if chosen:
-            title = "Missing effects, in the order of adding"
-            heading(title, "Each change is against the model with those before it." if len(chosen) > 1 else "")
+            several = "Each change is against the model with those before it; the parameters are of all together."
+            heading("Missing effects, in the order of adding", several if len(chosen) > 1 else "")
             with tag("div", "candidates"):
                 for i, candidate in enumerate(chosen):
                     looks = [other for other, first in alike.items() if first == candidate.family]
                     self._draw_card(do, found, candidate, looks, primary=i == 0)
-            do.nest(Evidence, "evidence-place")
         for title, text, group in (
             ("Also supported", NOT_NEEDED, near),
             ("Not supported by these data", NO_HELP, others),
@@ -412,4 +411,4 @@ class NextFlight(Panel):
                 draw_suggestion(self.suggestion)
 
 
-TAB = Tab("missing", "What is missing", "search", (Overview, Verdict, Candidates, NextFlight))
+TAB = Tab("missing", "What is missing", "search", (Overview, Verdict, Candidates, Evidence, NextFlight))

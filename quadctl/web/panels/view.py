@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 from quadctl.lab.comparison.agreement import Agreement
 from quadctl.lab.comparison.comparison import Comparison
@@ -19,7 +20,7 @@ from quadctl.web.session.findings import Diagnosed
 from quadctl.web.session.session import Rung, Session
 from quadctl.web.work.doubts import cautions_of, names_its_vehicle
 from quadctl.web.work.jobs import Evaluation, Opened
-from quadctl.web.work.state import Message, Results, Work
+from quadctl.web.work.state import Gathered, Message, Results, Work
 
 CURRENT = "with added effects"
 """Name of the current model in a legend, where it is not the first one."""
@@ -277,6 +278,23 @@ class View:
     def before(self) -> Diagnosed | None:
         """Findings for an earlier model of this ladder."""
         return self.results.before
+
+    @property
+    def gathered(self) -> Gathered | None:
+        """The evidence that is open; None where none is, or it is not there yet."""
+        return self.results.evidence.get(self.evidence)
+
+    @property
+    def gathering(self) -> Literal["", "wanted", "waiting", "cancelled"]:
+        """State of the evidence that is open and not there yet; empty where there is none such."""
+        searches = (self.results.found, self.results.before)
+        models = [self.model, *(found.diagnosis.best for found in searches if found is not None)]
+        known = {effect.name for model in models if model is not None for effect in model.effects}
+        if self.evidence not in known or self.gathered is not None or self.seen is None:
+            return ""
+        if not self.idle:
+            return "waiting"
+        return "cancelled" if self.evidence in self.results.evidence else "wanted"
 
     @property
     def suggestion(self) -> Suggestion | None:

@@ -23,6 +23,7 @@ from quadctl.lab.report import Results, render_report
 from quadctl.lab.selection.addition import add, add_to_fit
 from quadctl.lab.selection.diagnosis import Diagnosis, diagnose_fit
 from quadctl.lab.selection.effect_curves import sketch
+from quadctl.lab.selection.evidence import Evidence, evidence_for
 from quadctl.lab.selection.refit import Refit, fit
 from quadctl.lab.selection.removal import held_effect, remove_from_fit
 from quadctl.lab.tracking.step_response import StepResponses
@@ -315,6 +316,11 @@ def look_for(current: Current, dataset: Dataset, progress: Progress) -> Findings
     found = diagnose_fit(current.fit(dataset), progress=progress)
     drawn = {candidate.effect.name: sketch(candidate.model, dataset) for candidate in found.ranking}
     return Findings.of(found, {name: drawing for name, drawing in drawn.items() if drawing is not None})
+
+
+def gather_evidence(name: str, current: Current, dataset: Dataset, progress: Progress) -> Evidence:
+    progress(f"fitting without {name}")
+    return evidence_for(name, current.fit(dataset))
 
 
 def add_effect(name: str, current: Current, seen: Dataset, unseen: Dataset | None, progress: Progress) -> Climbed:

@@ -1,9 +1,11 @@
 """State of the analysis besides the session, as values: work in progress, the last message, results for the model."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Literal
 
 from quadctl.lab.planning.suggestion import Suggestion
+from quadctl.lab.selection.evidence import Evidence
 from quadctl.lab.tracking.step_response import StepResponses
 from quadctl.web.session.findings import Diagnosed
 from quadctl.web.work.jobs import Evaluation
@@ -29,6 +31,15 @@ class Message:
 
 
 @dataclass(frozen=True, eq=False)
+class Gathered:
+    """The evidence for an effect, and the search that tried it beside others; None where no search of the session
+    did."""
+
+    evidence: Evidence
+    search: Diagnosed | None
+
+
+@dataclass(frozen=True, eq=False)
 class Results:
     """Results for the current model; emptied when the model or the flights change."""
 
@@ -36,6 +47,8 @@ class Results:
     found: Diagnosed | None = None
     before: Diagnosed | None = None
     """Findings for an earlier model of this ladder, shown until there are some for this one."""
+    evidence: Mapping[str, Gathered | None] = field(default_factory=dict)
+    """Evidence for the effects that it was asked for, by their names; None where it is not there yet."""
     suggestion: Suggestion | None = None
     steps: StepResponses | None = None
     checked: tuple[str, ...] | None = None

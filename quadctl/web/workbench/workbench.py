@@ -19,12 +19,12 @@ from quadctl.logs.flight_log import FlightLog
 from quadctl.model import Model, load_model, model_to_dict
 from quadctl.vehicle import Vehicle
 from quadctl.web.session.files import changed_logs, keep_expression
-from quadctl.web.session.findings import Findings
+from quadctl.web.session.findings import Diagnosed, Findings
 from quadctl.web.session.session import AUTOSAVED, Rung, Session, session_to_yaml
 from quadctl.web.work import jobs
 from quadctl.web.work.exchange import Exchange
 from quadctl.web.work.simulated import Simulation
-from quadctl.web.work.state import Message, Results, Work
+from quadctl.web.work.state import Gathered, Message, Results, Work
 from quadctl.web.work.worker import CancelledError, Worker
 
 _LOG = logging.getLogger(__name__)
@@ -453,6 +453,46 @@ class Workbench:
             suggestion = await self._quick.run(jobs.next_flight, found.diagnosis, missions, progress=progress)
             self.results = replace(self.results, suggestion=suggestion)
 
+    async def gather(self, effect: str) -> None:
+        """Compute the evidence for an effect of the current model, or for one that was found missing."""
+        seen, current = self.seen, self._with_effect(effect)
+        if seen is None or current is None or self.work is not None:
+            return
+        self._gathered(effect, None)
+        async with self._working("Gathering the evidence") as progress:
+            evidence = await self._quick.run(jobs.gather_evidence, effect, current, seen, progress=progress)
+            self._gathered(effect, Gathered(evidence, self._search_for(effect)))
+
+    def begin_to_gather(self, effect: str) -> None:
+        """Compute the evidence for an effect, whatever becomes of the panel that asks for it."""
+        self._begin(self.gather(effect))
+
+    def _gathered(self, effect: str, gathered: Gathered | None) -> None:
+        self.results = replace(self.results, evidence={**self.results.evidence, effect: gathered})
+
+    def _with_effect(self, effect: str) -> jobs.Current | None:
+        """The current model, or that with all effects that were found missing, whichever holds this effect."""
+        model = self.session.model
+        if model is not None and effect in _names(model):
+            return self._current(model)
+        searches = (self.results.found, self.results.before)
+        best = (found.diagnosis.best for found in searches if found is not None)
+        return next((jobs.Current(model) for model in best if effect in _names(model)), None)
+
+    def _search_for(self, effect: str) -> Diagnosed | None:
+        """The last search that tried an effect; None where no search of this session did."""
+        for found in (self.results.found, self.results.before):
+            if found is not None and _has_tried(found, effect):
+                return found
+        for rung in reversed(self.session.rungs[: self.session.current + 1]):
+            if rung.found is None or self.seen is None:
+                continue
+            with suppress(SettingsError):  # found with another catalogue
+                found = rung.found.diagnosed(rung.model, self.seen)
+                if _has_tried(found, effect):
+                    return found
+        return None
+
     # --- flying and taking away ---------------------------------------------------------------------------------------
 
     async def check(self) -> None:
@@ -559,6 +599,14 @@ class Workbench:
             part.replace(self.folder / AUTOSAVED)  # whole or not at all, also in a power failure
         except OSError as error:
             self.message = Message("error", f"{self.folder / AUTOSAVED}: cannot be written ({error.strerror})")
+
+
+def _names(model: Model) -> list[str]:
+    return [effect.name for effect in model.effects]
+
+
+def _has_tried(found: Diagnosed, effect: str) -> bool:
+    return any(candidate.effect.name == effect for candidate in found.diagnosis.ranking)
 
 
 def _vehicle_of(session: Session) -> Vehicle | None:

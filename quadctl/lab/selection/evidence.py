@@ -1,0 +1,66 @@
+"""Evidence for one effect of a model: the model fitted with it, and fitted again without it."""
+
+from dataclasses import dataclass
+
+from quadctl.effects import Effect
+from quadctl.lab.comparison.wording import change_in_words
+from quadctl.lab.fitting.bootstrap import drop_interval
+from quadctl.lab.fitting.fitted_model import FittedModel, fit_model
+from quadctl.lab.selection.candidate import LEAST_ERROR, measure_of
+from quadctl.lab.selection.effect_curves import EffectCurve, fitted_effect_curves
+from quadctl.lab.selection.removal import held_effect, without
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """Evidence for an effect of a fitted model."""
+
+    effect: Effect
+    """The effect with the parameters of the fit."""
+    beside: tuple[str, ...]
+    """Families of the other effects of the model, which are fitted together with it."""
+    curves: list[EffectCurve]
+    """Curves of the fit with all effects, apart from trim and calibration of each flight."""
+    before: dict[str, float]
+    """Held-out RMSE per axis and group without the effect, all else fitted again."""
+    after: dict[str, float]
+    """Held-out RMSE per axis and group with it."""
+    drop_ci95: tuple[float, float]
+    """95 % interval of the relative drop of the held-out error `measure`."""
+
+    @property
+    def measure(self) -> str:
+        """Name of the error by which the effect is judged (see `Candidate.measure`)."""
+        return measure_of([self.effect], self.before, self.after)
+
+    @property
+    def drop_in_words(self) -> str:
+        """Change of the held-out error `measure` with its interval: `-75% [-80%, -71%]`."""
+        drop = 1.0 - self.after[self.measure] / max(self.before[self.measure], LEAST_ERROR)
+        low, high = self.drop_ci95
+        return f"{change_in_words(drop)} [{change_in_words(high)}, {change_in_words(low)}]"
+
+
+def evidence_for(name: str, fit: FittedModel) -> Evidence:
+    """Compare the fit of a model with that of the same model without the effect called `name`.
+
+    Raises
+    ------
+    SettingsError
+        The model holds no such effect.
+    """
+    effect = held_effect(name, fit.model)
+    rest = fit_model(without(effect, fit.model), fit.dataset)
+    found = rest.held_out_rmse, fit.held_out_rmse
+    first = 3 * fit.dataset.groups.index(measure_of([effect], *found))
+    columns = slice(first, first + 3)
+    return Evidence(
+        effect=effect,
+        beside=tuple(other.family() for other in rest.model.effects),
+        curves=fitted_effect_curves(fit, fit.model.effects.index(effect)),
+        before=found[0],
+        after=found[1],
+        drop_ci95=drop_interval(
+            rest.held_out_residual[:, columns], fit.held_out_residual[:, columns], fit.dataset.block
+        ),
+    )
