@@ -25,7 +25,8 @@ from quadctl.lab.comparison.wording import agreement_in_words, number, quantity,
 from quadctl.lab.fitting.fitted_model import fit_model
 from quadctl.lab.fitting.nuisances import KINDS
 from quadctl.lab.flights.dataset import Dataset, load_dataset
-from quadctl.lab.selection.diagnosis import Verdict, diagnose
+from quadctl.lab.selection import diagnosis as lab_diagnosis
+from quadctl.lab.selection.diagnosis import diagnose
 from quadctl.lab.selection.evidence import evidence_for
 from quadctl.logs.quality import quality
 from quadctl.model import Model, Provenance
@@ -38,6 +39,7 @@ from quadctl.web.panels.compensator import answer_in_words, far_in_words
 from quadctl.web.panels.fails import Failures
 from quadctl.web.panels.glossary import GLOSSARY
 from quadctl.web.panels.help import KEYS
+from quadctl.web.panels.missing import Verdict
 from quadctl.web.panels.panel import Bench, Controls, Panel
 from quadctl.web.panels.view import View
 from quadctl.web.session.findings import Diagnosed, Findings
@@ -265,7 +267,7 @@ def _fitted_to(session: Session, logs: tuple[str, ...]) -> Session:
     return replace(session, rungs=(session.rungs[0], replace(rung, model=replace(rung.model, stack=stack))))
 
 
-def _nothing_found(view: View, error_m_s2: float, floor_m_s2: float, verdict: Verdict = "none") -> View:
+def _nothing_found(view: View, error_m_s2: float, floor_m_s2: float, verdict: lab_diagnosis.Verdict = "none") -> View:
     """The same view, if the search had found no effect, and this error remained."""
     assert view.found is not None and view.evaluation is not None
     diagnosis = replace(view.found.diagnosis, verdict=verdict, missing=[], ranking=[], steps=[])
@@ -422,6 +424,17 @@ class TestOpenTab:
         shown = str(tabs("missing", views["a fit to one of the flights"]).shown)
         assert "The model is fitted to 0.csv only, not to 1.csv." in shown
         assert "Refit to all flights" in shown
+
+    def test_the_report_is_given_the_words_of_the_page(
+        self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
+    ) -> None:
+        view = views["a vehicle that nobody has named"]
+        verdict = Verdict.of(view)
+        said, *more = verdict.sentences
+        assert said.endswith(", if the vehicle is raptor (1.5 kg).")
+        assert set(tabs("missing", view).texts) >= {said}
+        assert more and verdict.condition == view.vehicle
+        assert Verdict.of(views["a search"]).sentences == ()
 
     @pytest.mark.parametrize("tab", ["missing", "fails", "compensator"])
     def test_an_assumed_thrust_is_said_beside_what_rests_on_it(

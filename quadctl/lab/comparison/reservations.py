@@ -16,6 +16,16 @@ _NAMES: dict[Assumable, str] = {
 }
 
 
+def vehicle_in_words(vehicle: Vehicle) -> str:
+    """Name and mass of a vehicle: `raptor (1.5 kg)`."""
+    return f"{vehicle.name} ({vehicle.mass_kg:g} kg)"
+
+
+def on_condition(said: str, vehicle: Vehicle | None) -> str:
+    """The sentence on the condition that `vehicle` flew; as it is where None."""
+    return said if vehicle is None else f"{said[:-1]}, if the vehicle is {vehicle_in_words(vehicle)}."
+
+
 def thrust_reservation(vehicle: Vehicle, dataset: Dataset) -> str:
     """Sentence on the thrust of these flights, where it comes from an assumed number; empty where it does not."""
     of_speed = {flight.thrust_source == ROTOR_SPEED for flight in dataset.flights}

@@ -12,6 +12,8 @@ from quadctl.lab.flights.flight import VARIABLE_NAMES, VARIABLE_UNITS
 from quadctl.lab.flights.preparation import BLOCK_S
 
 UNIT = "m/s²"
+FLOOR = "held-out error of a regression on all logged variables, the lowest over all steps"
+"""Meaning of the noise floor; the steps are the models that were compared on these flights."""
 ERRORS = {"total": "acceleration error", "turning": "moment error", "sensing": "accelerometer error"}
 """Name of the error of each measured group."""
 
@@ -100,6 +102,13 @@ def held_out(dataset: Dataset) -> str:
     if dataset.hold_out == "flights" and len(dataset.flights) > 1:
         return "held-out flights (cross-validation)"
     return f"held-out blocks of {BLOCK_S:.0f} s ({FOLDS}-fold cross-validation)"
+
+
+def where_in_words(seen: Dataset, held_out_flights: Sequence[str]) -> str:
+    """Data that an error is computed on: the flights held out of all fits, or else held-out parts of `seen`."""
+    if held_out_flights:
+        return f"trim included, on the held-out {listed(held_out_flights)}"
+    return f"apart from the trim of each flight, on {held_out(seen)}"
 
 
 def flights_in_words(names: Sequence[str]) -> str:

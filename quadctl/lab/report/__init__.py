@@ -5,6 +5,6 @@ template, and the figures contain their text as escaped SVG.
 """
 
 from quadctl.lab.report.page import render_report, write_report
-from quadctl.lab.report.parts import Results
+from quadctl.lab.report.parts import Results, Shown
 
-__all__ = ["Results", "render_report", "write_report"]
+__all__ = ["Results", "Shown", "render_report", "write_report"]

@@ -37,7 +37,7 @@ def before_and_after(r: Results) -> Section | None:
             f"On {held_out(dataset)}, the acceleration error goes from {quantity(before['total'])} to "
             f"{quantity(after['total'])} ({change}) with {what} added."
         )
-        floor = r.comparison.noise_floor if dataset.names == r.comparison.dataset.names else None
+        floor = r.floors if dataset.names == r.comparison.dataset.names else None
         caption = f"Held-out parts of the flights of the fit, without and with {what}."
         figures.append(figure(plots.before_after(before, after, floor), name, caption))
     if r.after is not None:

@@ -10,6 +10,7 @@ from quadctl.lab.comparison.comparison import Comparison
 from quadctl.lab.comparison.failures import is_telling, told
 from quadctl.lab.comparison.open_loop import OpenLoop, open_loop, open_loop_in_words
 from quadctl.lab.comparison.wording import (
+    FLOOR,
     UNIT,
     count,
     failure_in_words,
@@ -25,7 +26,7 @@ from quadctl.lab.comparison.wording import (
 )
 from quadctl.lab.flights.flight import VARIABLE_NAMES, Flight
 from quadctl.lab.flights.prediction import AXES, predict
-from quadctl.lab.report.numbers import rmse_interval, total
+from quadctl.lab.report.numbers import floor_total, rmse_interval, total
 from quadctl.lab.report.parts import Cell, Figure, Results, Section, Table, both_widths, figure
 
 SHOWN_FLIGHTS, SHOWN_PANELS, SHOWN_FAILURES = 2, 6, 12
@@ -77,8 +78,7 @@ def over_time(r: Results) -> Section:
         f"The difference between the coloured and the black line is the acceleration error of {c.model.name}: "
         f"{quantity(c.rmse['total'])} (RMSE over all axes, 95% interval {low:.3g} to {high:.3g}), largest on the "
         f"{worst} axis ({quantity(c.rmse[worst])}).",
-        f"{variance_in_words(c.explained)} The noise floor is {quantity(c.noise_floor['total'])}: "
-        "the held-out error of a flexible regression on all logged variables.",
+        f"{variance_in_words(c.explained)} The noise floor is {quantity(floor_total(r))}: {FLOOR}.",
     ]
     return Section("over-time", "Measured against predicted", text, time_figures(c, {c.model.name: c}, "seen"))
 

@@ -15,6 +15,7 @@ from quadctl.lab.comparison.wording import (
     plain,
     quantity,
 )
+from quadctl.lab.report.numbers import floor_total
 from quadctl.lab.report.parts import Cell, Results, Section, Table, figure
 from quadctl.lab.selection.candidate import Candidate
 from quadctl.lab.selection.diagnosis import Diagnosis
@@ -28,7 +29,7 @@ def missing(r: Results) -> Section | None:
     d = r.diagnosis
     if d is None:
         return None
-    floor = r.comparison.noise_floor["total"]
+    floor = floor_total(r)
     figures = []
     if d.ranking:
         figures.append(

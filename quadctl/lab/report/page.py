@@ -14,6 +14,7 @@ from quadctl.lab.report.added import before_and_after, fitted_effects
 from quadctl.lab.report.compared import flights, open_loop_section, over_time, over_variables, where_it_fails
 from quadctl.lab.report.diagnosed import missing
 from quadctl.lab.report.flown import step_section
+from quadctl.lab.report.numbers import lowest_floors
 from quadctl.lab.report.origin import origin
 from quadctl.lab.report.parts import Results
 from quadctl.lab.report.top import headline
@@ -67,6 +68,7 @@ def _remove(temporary: Path) -> None:
 
 def render_report(results: Results) -> str:
     """Render the page as HTML."""
+    results = results._replace(floors=lowest_floors(results))
     sections = [section for make in _SECTIONS if (section := make(results)) is not None]
     template = files("quadctl.lab.report").joinpath("report.html.j2").read_text(encoding="utf-8")
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)

@@ -1,8 +1,9 @@
 """Headline of a report: the main number and the verdict."""
 
 from quadctl.lab.comparison.failures import most_telling
-from quadctl.lab.comparison.reservations import reservations
+from quadctl.lab.comparison.reservations import on_condition, reservations
 from quadctl.lab.comparison.wording import (
+    FLOOR,
     change_in_words,
     failure_in_words,
     flights_in_words,
@@ -14,26 +15,43 @@ from quadctl.lab.comparison.wording import (
     quantity,
 )
 from quadctl.lab.fitting.bootstrap import drop_interval
-from quadctl.lab.report.numbers import rmse_interval, total, unseen_before, unseen_residuals
+from quadctl.lab.report.numbers import (
+    floor_total,
+    rmse_interval,
+    total,
+    unseen_before,
+    unseen_floor,
+    unseen_residuals,
+)
 from quadctl.lab.report.parts import Headline, Results, Tile
 from quadctl.lab.tracking.step_response import first_and_last
 
 
 def headline(r: Results) -> Headline:
     before, after, what = _main_number(r)
+    vehicle, dataset = r.comparison.model.vehicle, r.comparison.dataset
+    said = r.shown.said or (*_verdict(r), *_what_is_left(r))
+    condition = r.shown.condition
+    if condition is None and any(flight.weight_doubt for flight in dataset.flights):
+        condition = vehicle
+    if not r.shown.said:  # the page has said it already
+        said = (on_condition(said[0], condition), *said[1:])
     change = "" if after is None else change_in_words(1.0 - after / before)
     return Headline(
         before=number(before),
         after="" if after is None else number(after),
         change=change,
         what=what,
-        sentences=[*_verdict(r), *_what_is_left(r), *reservations(r.comparison.model.vehicle, r.comparison.dataset)],
+        sentences=[*said, *reservations(vehicle, dataset)],
         tiles=_tiles(r),
     )
 
 
 def _main_number(r: Results) -> tuple[float, float | None, str]:
-    """Error before and after, and the data that it refers to; unseen flights come first, then held-out data."""
+    """Error before and after, and the data that it refers to: as on the page; else unseen flights come first, then
+    held-out data."""
+    if r.shown.errors_m_s2 is not None:
+        return *r.shown.errors_m_s2, r.shown.where
     if r.after is not None:
         flights = flights_in_words(r.after.dataset.names)
         return unseen_before(r)["total"], r.after.rmse["total"], f"on {flights}, which no fit has seen"
@@ -68,13 +86,13 @@ def _what_is_left(r: Results) -> list[str]:
     if r.after is not None:
         old, new = unseen_residuals(r)
         low, high = drop_interval(old, new, r.after.dataset.block)
-        floor = r.after.noise_floor["total"]
+        floor = unseen_floor(r)
         return [
             f"The error on the unseen data falls by {percent(1.0 - total(new) / total(old))} "
             f"(95% interval {percent(low)} to {percent(high)}).",
             f"The remaining error is {r.after.rmse['total'] / floor:.2f} times the noise floor of {quantity(floor)}.",
         ]
-    floor = r.comparison.noise_floor["total"]
+    floor = floor_total(r)
     if r.diagnosis is not None and r.diagnosis.verdict == "missing":
         left = r.diagnosis.steps[-1].rmse["total"]
         if left < floor:
@@ -95,7 +113,10 @@ def _what_is_left(r: Results) -> list[str]:
 def _tiles(r: Results) -> list[Tile]:
     c = r.comparison
     tiles = [
-        Tile(quantity(c.noise_floor["total"]), "noise floor of the same flights"),
+        Tile(
+            quantity(unseen_floor(r) if r.shown.on_unseen or r.after is not None else floor_total(r)),
+            f"noise floor: {FLOOR}",
+        ),
     ]
     if c.explained > 0.0:
         tiles.append(Tile(percent(c.explained), f"of the acceleration's variance is predicted by {c.model.name}"))

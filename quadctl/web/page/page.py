@@ -351,6 +351,7 @@ class Page:
 
     async def save_report(self) -> None:
         with suppress(CancelledError):
-            html = await self.bench.report()
+            verdict = missing.Verdict.of(self.view())
+            html = await self.bench.report(verdict.sentences, verdict.condition)
             if html is not None:
                 ui.download.content(html, "report.html", "text/html")

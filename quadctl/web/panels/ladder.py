@@ -7,6 +7,7 @@ from nicegui import ui
 
 from quadctl.lab.comparison.agreement import flights_of_the_fit
 from quadctl.lab.comparison.wording import (
+    FLOOR,
     agreement_in_words,
     change_in_words,
     held_out,
@@ -73,9 +74,8 @@ class Ladder(Panel):
             if least is not None:
                 with tag("p", "floor-key"):
                     tag("span", "floor-mark")
-                    words = "held-out error of a regression on all logged variables, the lowest over all steps"
                     with tag("span"):
-                        explained(f"noise floor {number(least)} m/s²: {words}")
+                        explained(f"noise floor {number(least)} m/s²: {FLOOR}")
 
     def _error_now(self) -> float | None:
         """Error of the current model, m/s²; the saved one while the evaluation runs, None where there is none."""

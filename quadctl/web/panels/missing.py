@@ -8,7 +8,7 @@ from nicegui import ui
 
 from quadctl.lab.comparison.agreement import flights_of_the_fit
 from quadctl.lab.comparison.remainder import Remainder
-from quadctl.lab.comparison.reservations import OF_THE_THRUST
+from quadctl.lab.comparison.reservations import OF_THE_THRUST, on_condition
 from quadctl.lab.comparison.wording import (
     ERRORS,
     change_in_words,
@@ -42,7 +42,6 @@ from quadctl.web.figures.timeline import short_timeline
 from quadctl.web.panels.evidence import Evidence, chosen_of, draw_suggestion
 from quadctl.web.panels.glossary import explained
 from quadctl.web.panels.panel import Controls, Panel, Tab
-from quadctl.web.panels.vehicle import vehicle_in_words
 from quadctl.web.panels.zoomed import zoomed_plot
 from quadctl.web.session.findings import Diagnosed
 from quadctl.web.session.session import Rung
@@ -144,6 +143,19 @@ class Verdict(Panel):
                 for said in (*self.reservations, *self.cautions):
                     tag("p", "note", said)
 
+    @property
+    def condition(self) -> Vehicle | None:
+        """The vehicle, where the verdict holds only if it is the one that flew."""
+        return self.model.vehicle if self.weight_doubts and self.model is not None else self.unconfirmed
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """The verdict in words, the main sentence first; empty before the end of the search."""
+        if self.found is None or self.search_title is not None:
+            return ()
+        said = self._with_reservation(self._in_words(self.found.diagnosis))
+        return said.verdict, *said.more
+
     def _draw_invitation(self, do: Controls) -> None:
         with tag("div", "line"):
             why = "An effect is switched off: switch it on again to search." if self.off else "Not searched yet."
@@ -188,10 +200,7 @@ class Verdict(Panel):
     def _with_reservation(self, said: "_Said") -> "_Said":
         """The verdict on the condition that the vehicle is the one that flew, where nobody has said so, or where its
         thrust would carry another weight."""
-        doubted = self.model.vehicle if self.weight_doubts and self.model is not None else self.unconfirmed
-        if doubted is None:
-            return said
-        return said._replace(verdict=f"{said.verdict[:-1]}, if the vehicle is {vehicle_in_words(doubted)}.")
+        return said._replace(verdict=on_condition(said.verdict, self.condition))
 
     def _missing(self, diagnosis: Diagnosis) -> tuple[str, list[str]]:
         first, last = diagnosis.steps[0].rmse["total"], diagnosis.steps[-1].rmse["total"]

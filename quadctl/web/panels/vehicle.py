@@ -9,6 +9,7 @@ from typing import Any
 import yaml
 from nicegui import ui
 
+from quadctl.lab.comparison.reservations import vehicle_in_words
 from quadctl.lab.comparison.wording import listed
 from quadctl.vehicle import Vehicle
 from quadctl.vehicle_draft.draft import THRUST_COEFFICIENT, Answers, told
@@ -110,11 +111,6 @@ def _draw_choice(do: Controls, path: Path, icon: str, used: Vehicle | None) -> N
     button = ui.button(label, icon="check" if here else icon, on_click=lambda: do.act(do.bench.begin_with(path)))
     button.props(f'no-caps aria-pressed="{"true" if here else "false"}"').props("unelevated" if here else "outline")
     do.when_idle(button)
-
-
-def vehicle_in_words(vehicle: Vehicle) -> str:
-    """Name and mass of a vehicle: `raptor (1.5 kg)`."""
-    return f"{vehicle.name} ({vehicle.mass_kg:g} kg)"
 
 
 def _draw_numbers(do: Controls, vehicle: Vehicle, theme: Theme) -> None:

@@ -13,13 +13,14 @@ from quadctl.lab.arrays import Floats
 from quadctl.lab.comparison.agreement import Agreement, Errors, agreement, flights_of_the_fit, least_alike
 from quadctl.lab.comparison.comparison import Comparison, compare, floor_on
 from quadctl.lab.comparison.remainder import Remainder, remainder
+from quadctl.lab.comparison.wording import where_in_words
 from quadctl.lab.fitting.fitted_model import FittedModel, Solution, fit_model
 from quadctl.lab.flights.dataset import Dataset, HoldOut, joined
 from quadctl.lab.flights.flight import Flight
 from quadctl.lab.flights.prediction import AXES, rmse
 from quadctl.lab.flights.preparation import prepare
 from quadctl.lab.planning.suggestion import Suggestion, suggest
-from quadctl.lab.report import Results, render_report
+from quadctl.lab.report import Results, Shown, render_report
 from quadctl.lab.selection.addition import add, add_to_fit
 from quadctl.lab.selection.diagnosis import Diagnosis, diagnose_fit
 from quadctl.lab.selection.effect_curves import sketch
@@ -364,8 +365,11 @@ def fly_sample(simulation: Simulation, vehicle: Vehicle, progress: Progress) -> 
     return simulation.fly_sample(vehicle, progress)
 
 
-def report(rungs: Sequence[Rung], opened: Opened, steps: StepResponses | None, progress: Progress) -> bytes:
-    """The report of the ladder `rungs`, from its first step to its last: one file of HTML."""
+def report(
+    rungs: Sequence[Rung], opened: Opened, steps: StepResponses | None, shown: Shown, progress: Progress
+) -> bytes:
+    """The report of the ladder `rungs`, from its first step to its last: one file of HTML, with the numbers and the
+    words that the page has `shown`; its errors are those of the first and of the last step."""
     first, last = rungs[0], rungs[-1]
     seen, unseen = opened.seen, opened.unseen
     if seen is None:
@@ -379,5 +383,9 @@ def report(rungs: Sequence[Rung], opened: Opened, steps: StepResponses | None, p
         addition = add(type(last.model.effects[-1]), replace(last.model, stack=last.model.stack[:-1]), seen)
         after = None if unseen is None else compare(last.model, unseen)
     progress("drawing")
-    results = Results(comparison, diagnosis=diagnosis, addition=addition, after=after, steps=steps)
+    if first.error_m_s2 is not None and last.error_m_s2 is not None:
+        where = where_in_words(seen, () if unseen is None else unseen.names)
+        errors = first.error_m_s2, last.error_m_s2 if len(rungs) > 1 else None
+        shown = shown._replace(errors_m_s2=errors, where=where, on_unseen=unseen is not None)
+    results = Results(comparison, diagnosis=diagnosis, addition=addition, after=after, steps=steps, shown=shown)
     return render_report(results).encode()

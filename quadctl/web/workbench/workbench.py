@@ -545,14 +545,20 @@ class Workbench:
         session = replace(self.session, hashes={**self.session.hashes, **hashes}, view=view or self.session.view)
         return session_to_yaml(session)
 
-    async def report(self) -> bytes | None:
-        """The report as one file of HTML; None where it could not be made."""
+    async def report(self, said: Sequence[str] = (), condition: Vehicle | None = None) -> bytes | None:
+        """The report as one file of HTML; None where it could not be made.
+
+        `said` is the verdict in the words of the page; without it the report words that of the first model. It holds
+        on the `condition` that this vehicle flew, where that is not known.
+        """
         html: bytes | None = None
         if self.opened is None:
             return None
         ladder = self.session.rungs[: self.session.current + 1]
         async with self._working("Writing the report") as progress:
-            html = await self._quick.run(jobs.report, ladder, self.opened, self.results.steps, progress=progress)
+            floor = self.session.floor_m_s2
+            shown = jobs.Shown(tuple(said), condition, floor)
+            html = await self._quick.run(jobs.report, ladder, self.opened, self.results.steps, shown, progress=progress)
         return html
 
     # --- how work is done ---------------------------------------------------------------------------------------------

@@ -16,10 +16,10 @@ from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.errors import LogError, SettingsError
 from quadctl.lab import plots
 from quadctl.lab.comparison.comparison import Comparison, compare
-from quadctl.lab.comparison.wording import number, p_in_words, quantity
+from quadctl.lab.comparison.wording import FLOOR, number, p_in_words, quantity
 from quadctl.lab.flights.dataset import load_dataset
-from quadctl.lab.report import Results, render_report, write_report
-from quadctl.lab.report.numbers import rmse_interval
+from quadctl.lab.report import Results, Shown, render_report, write_report
+from quadctl.lab.report.numbers import lowest_floors, rmse_interval
 from quadctl.lab.selection.addition import Addition, add
 from quadctl.lab.selection.diagnosis import Diagnosis, Verdict, diagnose
 from quadctl.lab.selection.effect_curves import effect_curves, ratio_curve
@@ -158,7 +158,32 @@ class TestWhatThePageHolds:
         assert f"{number(before)} → {number(after)} m/s² \u2212{round(100 * (1 - after / before))}%" in headline
         assert flown.after.dataset.names[0] in headline
         assert "Missing from rigid body: ground effect." in headline
-        assert f"{after / flown.after.noise_floor['total']:.2f} times the noise floor" in headline
+        floor = min(flown.before_unseen.noise_floor["total"], flown.after.noise_floor["total"])
+        assert f"{after / floor:.2f} times the noise floor" in headline
+
+    def test_the_noise_floor_is_the_lowest_over_all_steps_as_on_the_page(self, flown: Flown) -> None:
+        shown = Results(flown.before, flown.diagnosis, flown.addition)
+        lowest = lowest_floors(shown)["total"]
+        assert lowest < flown.before.noise_floor["total"]
+        text = Page(render_report(shown)).text
+        assert f"noise floor: {FLOOR} {quantity(lowest)}" in text
+        assert f"The noise floor is {quantity(lowest)}: {FLOOR}." in text
+        assert quantity(flown.before.noise_floor["total"]) not in text
+
+    def test_a_report_of_the_page_repeats_its_numbers_and_its_words(self, flown: Flown) -> None:
+        said = ("Nothing significant is missing, if the vehicle is raptor (1.5 kg).", "An error remains.")
+        shown = Shown(said, flown.before.model.vehicle, 0.0321, (0.321, 0.123), "on blocks")
+        text = Page(render_report(flown.results._replace(shown=shown, after=None))).text
+        top = text[: text.index("The model :")]
+        assert "0.321 → 0.123 m/s²" in top
+        assert "Acceleration error (RMSE over all axes), on blocks" in top
+        assert " ".join(said) in top
+        assert f"noise floor: {FLOOR} {quantity(0.0321)}" in top
+
+    def test_the_verdict_is_on_the_condition_that_the_vehicle_flew_where_nobody_has_said_so(self, flown: Flown) -> None:
+        shown = Shown(condition=flown.before.model.vehicle)
+        text = Page(render_report(flown.results._replace(shown=shown))).text
+        assert "Missing from rigid body: ground effect, if the vehicle is raptor (1.5 kg)." in text
 
     def test_before_on_unseen_flights_is_worked_out_where_it_is_not_given(self, flown: Flown) -> None:
         text = Page(render_report(Results(flown.before, after=flown.after))).text
