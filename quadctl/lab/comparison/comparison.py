@@ -123,7 +123,9 @@ def values_of_other_flights(model: Model, flights: Sequence[str]) -> list[str]:
     the flights that they were fitted to, or stand in another order."""
     found = []
     for item in model.stack:
-        if not isinstance(item.effect, PerFlight) or not item.effect.numbers or item.fitted is None:
+        if not isinstance(item.effect, PerFlight) or item.fitted is None:
+            continue
+        if not item.effect.numbers and item.effect.values().get("flight", 0.0) < 1.0:
             continue
         logs = list(item.fitted.logs)
         if list(flights) != logs[: len(flights)]:

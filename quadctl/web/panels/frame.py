@@ -112,10 +112,15 @@ class FittedTo(Panel):
     seen: Dataset | None
     off: frozenset[str]
     unseen: frozenset[Path]
+    of_other_flights: tuple[str, ...]
 
     def draw(self, do: Controls) -> None:
         if self.rung is None or self.seen is None:
             return
+        for said in self.of_other_flights:
+            with tag("div", "banner").props('role="status" id="of-other-flights"'):
+                ui.icon("rule")
+                tag("span", "grow", f"{said} The error counts that.")
         used, new = flights_of_the_fit(self.rung.model, self.seen.names)
         known = sorted({log.name for log in self.unseen} & set(used))
         if not (new or known):

@@ -6,8 +6,9 @@ from pathlib import Path
 from typing import Literal
 
 from quadctl.lab.comparison.agreement import Agreement
-from quadctl.lab.comparison.comparison import Comparison
+from quadctl.lab.comparison.comparison import Comparison, values_of_other_flights
 from quadctl.lab.comparison.reservations import reservations, thrust_reservation
+from quadctl.lab.comparison.wording import sentence
 from quadctl.lab.flights.dataset import Dataset, HoldOut
 from quadctl.lab.flights.flight import Flight
 from quadctl.lab.planning.suggestion import Suggestion
@@ -157,6 +158,15 @@ class View:
     def reservations(self) -> tuple[str, ...]:
         """Sentences on what the results cannot tell, since numbers of the vehicle were assumed."""
         return () if self.vehicle is None or self.seen is None else tuple(reservations(self.vehicle, self.seen))
+
+    @property
+    def of_other_flights(self) -> tuple[str, ...]:
+        """Sentences on values of single flights that the model uses for others, or in another order."""
+        if self.model is None or self.opened is None:
+            return ()
+        datasets = [dataset for dataset in (self.opened.seen, self.opened.unseen) if dataset is not None]
+        found = (note for dataset in datasets for note in values_of_other_flights(self.model, dataset.names))
+        return tuple(f"{sentence(note)}." for note in found)
 
     @property
     def thrust_reservation(self) -> str:

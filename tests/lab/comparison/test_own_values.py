@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import pytest
 
+from quadctl.effects.payload import MassStep
 from quadctl.effects.wind import SteadyWind, WindOfEachFlight
 from quadctl.lab.comparison.comparison import values_of_other_flights
 from quadctl.model import Model, Provenance, StackedEffect
@@ -21,5 +22,9 @@ def test_their_values_are_told_to_be_of_others(raptor: Vehicle, flights: list[st
     said = values_of_other_flights(replace(Model(raptor), stack=(item,)), flights)
     assert len(said) == told
     assert all("wind.each_flight holds values of a.csv, b.csv" in note for note in said)
+    drop = StackedEffect(MassStep(0.2, 9.0, flight=2.0), fitted)
+    assert len(values_of_other_flights(replace(Model(raptor), stack=(drop,)), flights)) == told
+    every = StackedEffect(MassStep(0.2, 9.0), fitted)
+    assert values_of_other_flights(replace(Model(raptor), stack=(every,)), flights) == []
     common = StackedEffect(SteadyWind(-4.0, 0.0), fitted)
     assert values_of_other_flights(replace(Model(raptor), stack=(common,)), flights) == []
