@@ -18,6 +18,7 @@ from nicegui.element import Element
 
 from quadctl.effects.ground_effect import Exponential, Hayden
 from quadctl.effects.inflow import AxialInflow
+from quadctl.effects.payload import MassStep
 from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.lab.comparison.failures import Failure, Stretch
 from quadctl.lab.comparison.remainder import Remainder
@@ -29,7 +30,7 @@ from quadctl.lab.selection import diagnosis as lab_diagnosis
 from quadctl.lab.selection.diagnosis import diagnose
 from quadctl.lab.selection.evidence import evidence_for
 from quadctl.logs.quality import quality
-from quadctl.model import Model, Provenance
+from quadctl.model import Model, Provenance, StackedEffect
 from quadctl.vehicle import Vehicle
 from quadctl.web.elements.theme import DARK, LIGHT
 from quadctl.web.figures.ratio import ratio_over_height
@@ -188,6 +189,7 @@ def views(raptor: Vehicle) -> dict[str, View]:
         "a log that has been read": {"opened": None, "work": Work("Reading flights"), "as_read": (logs[0],)},
         "a vehicle of half the mass": {"opened": replace(opened, seen=_of_half_the_mass(dataset, raptor))},
         "a vehicle whose thrust was assumed": {"session": _with_assumed_thrust(session)},
+        "values of other flights": {"session": _with_a_drop(session)},
         "a fit to one of the flights": {"session": _fitted_to(session, ("0.csv",))},
         "a fit to a flight before it was held out": {
             "session": _fitted_to(session.with_role(Path("1.csv"), True), ("0.csv", "1.csv"))
@@ -258,6 +260,14 @@ def _with_assumed_thrust(session: Session) -> Session:
         vehicle = rung.model.vehicle.model_copy(update={"assumed": ("rotor.thrust_n_per_rpm2",)})
         rungs.append(replace(rung, model=replace(rung.model, vehicle=vehicle).plus(ConstantScale(1.1))))
     return replace(session, rungs=tuple(rungs))
+
+
+def _with_a_drop(session: Session) -> Session:
+    """The same session, if the model held a drop in the second of two flights that stood in another order."""
+    rung = session.rungs[1]
+    drop = StackedEffect(MassStep(-0.1, 9.0, flight=2.0), Provenance(logs=("1.csv", "0.csv")))
+    model = replace(rung.model, stack=(*rung.model.stack, drop))
+    return replace(session, rungs=(session.rungs[0], replace(rung, model=model)))
 
 
 def _fitted_to(session: Session, logs: tuple[str, ...]) -> Session:
@@ -424,6 +434,13 @@ class TestOpenTab:
         shown = str(tabs("missing", views["a fit to one of the flights"]).shown)
         assert "The model is fitted to 0.csv only, not to 1.csv." in shown
         assert "Refit to all flights" in shown
+
+    def test_values_of_single_flights_that_are_used_for_others_are_told(
+        self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
+    ) -> None:
+        said = "Payload.step holds values of 1.csv, 0.csv, which are used in this order for 0.csv, 1.csv."
+        assert said in str(tabs("time", views["values of other flights"]).shown)
+        assert views["at first"].of_other_flights == ()
 
     def test_the_report_is_given_the_words_of_the_page(
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
@@ -717,6 +734,23 @@ class TestOpenTab:
         )
         assert own == pytest.approx(without)
         assert own[-1] == pytest.approx(1.0, abs=0.01)
+
+    def test_the_curve_reaches_as_high_as_was_flown(self, views: dict[str, View]) -> None:
+        model, seen = views["at first"].model, views["at first"].seen
+        assert model is not None and seen is not None
+        small = model.vehicle.rotor.model_copy(update={"radius_m": 0.05})
+        fine = replace(model, vehicle=model.vehicle.model_copy(update={"rotor": small}))
+        highest = seen.heights_m[1] / small.radius_m
+        assert highest > 14.0
+        (own,) = (c for c in ratio_over_height(fine, seen, LIGHT)["data"] if c["name"] == "this model")
+        assert own["x"][-1] > highest
+
+    def test_what_far_from_the_ground_means_is_explained_where_it_stands(
+        self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
+    ) -> None:
+        shown = str(tabs("compensator", views["at first"]).shown)
+        assert "Far from the ground: what does it mean?" in shown
+        assert shown.count(GLOSSARY["far from the ground"]) == 2  # under the mouse, and in the help
 
     def test_one_sentence_says_whether_the_compensator_helps(self) -> None:
         without = SimpleNamespace(m_b_absolute=0.249, rmse_m=0.148)

@@ -19,8 +19,6 @@ from quadctl.model import Model
 RATIO_DRAWS, CURVE_DRAWS = 400, 60
 """Number of bootstrap draws for a band: of a formula over height, and of a whole prediction."""
 RATIO_BINS = 14
-HIGHEST_HEIGHT_OVER_RADIUS = 10.0
-"""Largest rotor height over radius in a plot of the ground effect, which is negligible above."""
 FAR_OVER_RADIUS = 30.0
 """Rotor height over radius at which no ground effect is left: less than 0.01 % by any formula of the catalogue."""
 BODY_AXES = ("forward", "right", "up")
@@ -54,12 +52,12 @@ class RatioCurve:
 
 
 def ratio_curve(addition: Addition, index: int) -> RatioCurve:
-    """Thrust ratio of the ground effect with index `index` of the stack over the heights that a plot shows."""
+    """Thrust ratio of the ground effect with index `index` of the stack over the heights flown, and a little more."""
     vehicle, dataset = addition.model.vehicle, addition.dataset
     radius = vehicle.rotor.radius_m
     low, high = (h / radius for h in dataset.heights_m)
-    end = min(1.15 * high, max(HIGHEST_HEIGHT_OVER_RADIUS, 1.15 * low))
-    x = np.linspace(max(LOWEST_HEIGHT_OVER_RADIUS, min(0.75 * low, 1.0)), end, 160)
+    begin = max(LOWEST_HEIGHT_OVER_RADIUS, min(0.75 * low, 1.0))
+    x = np.geomspace(begin, max(1.15 * high, 2.0 * begin), 160)  # dense where the curve bends
     models = _drawn_models(addition, index, RATIO_DRAWS)
     draws = [ratio_at(model.effects[index], x * radius, addition.model) for model in models]
     band = np.percentile(draws, [2.5, 97.5], axis=0)
@@ -68,13 +66,12 @@ def ratio_curve(addition: Addition, index: int) -> RatioCurve:
     ratio = (dataset.measured[:, 2] + GRAVITY_M_S2) / expected
     noise = (dataset.measured - _predicted(addition.model, dataset))[:, 2] / expected
     heights = _variable(dataset, "height_over_radius")
-    shown = heights <= end
     return RatioCurve(
         x,
         ratio_at(addition.model.effects[index], x * radius, addition.model),
         band[0],
         band[1],
-        binned(heights, ratio, noise, dataset, shown),
+        binned(heights, ratio, noise, dataset),
         (low, high),
     )
 

@@ -16,8 +16,8 @@ from quadctl.web.elements.figure import Figure, axis, figure
 from quadctl.web.elements.theme import Theme
 
 TEXTBOOK = ("cheeseman", "hayden", "sanchez")
-LOWEST, HIGHEST = 0.6, 10.0
-"""Range of heights that is drawn, in rotor radii."""
+LOWEST = 0.6
+"""Lowest height that is drawn, in rotor radii."""
 EDGE = 0.02
 """Room for the half of a dot at the highest height, as a share of the axis."""
 MARGIN = 0.15
@@ -29,7 +29,8 @@ def ratio_over_height(model: Model, dataset: Dataset, theme: Theme, height_px: i
     effects, and as measured."""
     radius = model.vehicle.rotor.radius_m
     flown = [h / radius for h in dataset.heights_m]
-    x = np.linspace(max(LOWEST, min(0.75 * flown[0], 1.0)), min(HIGHEST, (1.0 + MARGIN) * flown[1]), 200)
+    lowest = max(LOWEST, min(0.75 * flown[0], 1.0))
+    x = np.geomspace(lowest, max((1.0 + MARGIN) * flown[1], 2.0 * lowest), 200)  # dense where the curve bends
     still = np.zeros_like(x)
     curves = [
         _curve(x, _ratio(Model(model.vehicle).plus(CATALOG[f"ground_effect.{name}"]()), x * radius, still),

@@ -39,7 +39,8 @@ class Ratio(Panel):
             return
         with tag("section", "card"):
             heading("Thrust ratio", "The compensator divides the thrust command by it.")
-            tag("p", "", far_in_words(self.model))
+            with tag("p"):
+                explained(far_in_words(self.model))
             if self.thrust_reservation:
                 tag("p", "note", self.thrust_reservation)
             with tag("div", "panes"):

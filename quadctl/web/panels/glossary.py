@@ -34,12 +34,17 @@ GLOSSARY = {
         "was, the level of the autopilot is off by a fraction of a degree. It is fitted for each flight by itself, "
         "within 1.5% of the thrust and 0.8°: what is more is no trim, but an effect."
     ),
+    "far from the ground": (
+        "So high, 30 rotor radii, that the ground changes the thrust by less than 0.01%. A factor other than 1 there "
+        "is one of the whole thrust, at every height: thrust coefficient, mass or battery are not as the vehicle file "
+        "says. Curve and measured dots over height are divided by it, so that they show the ground alone."
+    ),
     "lean taken for level": (
         "An attitude estimator that levels itself by its accelerometer takes a part of the lean that accelerates the "
         "vehicle for level: the true lean is larger by this share. At its limit, the attitude in the log is doubtful."
     ),
 }
-_FORMS = {"folds": "fold", "Trim": "trim", "Sigma": "sigma"}
+_FORMS = {"folds": "fold", "Trim": "trim", "Sigma": "sigma", "Far from the ground": "far from the ground"}
 _WORD = re.compile(rf"\b({'|'.join(map(re.escape, sorted([*GLOSSARY, *_FORMS], key=len, reverse=True)))})\b")
 
 

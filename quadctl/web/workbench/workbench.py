@@ -15,6 +15,7 @@ from typing import Any, Literal
 from quadctl.errors import QuadctlError, SettingsError
 from quadctl.lab.comparison.wording import listed, plain, quantity
 from quadctl.lab.flights.dataset import Dataset, HoldOut
+from quadctl.lab.report import Shown
 from quadctl.logs.flight_log import FlightLog
 from quadctl.model import Model, load_model, model_to_dict
 from quadctl.vehicle import Vehicle
@@ -557,7 +558,7 @@ class Workbench:
         ladder = self.session.rungs[: self.session.current + 1]
         async with self._working("Writing the report") as progress:
             floor = self.session.floor_m_s2
-            shown = jobs.Shown(tuple(said), condition, floor)
+            shown = Shown(tuple(said), condition, floor)
             html = await self._quick.run(jobs.report, ladder, self.opened, self.results.steps, shown, progress=progress)
         return html
 

@@ -376,6 +376,11 @@ class TestFigures:
         assert np.abs(curve.measured.mean - fitted).max() < 0.01
         assert curve.measured.mean[0] > 1.1
         assert (np.diff(curve.measured.x) > 0.0).all()
+        small = flown.addition.model.vehicle.rotor.model_copy(update={"radius_m": 0.05})
+        vehicle = flown.addition.model.vehicle.model_copy(update={"rotor": small})
+        model = dataclasses.replace(flown.addition.model, vehicle=vehicle)
+        high = ratio_curve(dataclasses.replace(flown.addition, model=model), 0)
+        assert high.height_over_radius[-1] > high.data_range[1] > 14.0  # drawn as high as was flown
 
     def test_a_form_that_knows_of_forward_speed_has_its_curve_too(self, made: Comparison) -> None:
         html = render_report(Results(made, None, add(CheesemanForward, made.model, made.dataset), None, None, None))
