@@ -2,7 +2,8 @@
 
 The mean squared errors of the two sets are compared like two independent samples of unequal variance (Welch 1947,
 Biometrika 34). Their units are blocks of time; where the reference has several flights that differ by more than their
-blocks do, the units are flights, and a further flight is expected to differ as much.
+blocks do, the units are flights, and a further flight is expected to differ as much. The signed residuals are compared,
+too (see `shifts`): errors of one size can have opposite signs.
 """
 
 import math
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from quadctl.lab.arrays import Floats
+from quadctl.lab.comparison.shifts import Shift, Signed, shifts
 from quadctl.lab.fitting.bootstrap import FEWEST_BLOCKS
 from quadctl.lab.fitting.significance import LEAST_FLIGHTS
 from quadctl.lab.flights.dataset import Dataset
@@ -42,17 +44,21 @@ class Errors:
     """Number of the block of time of each sample, shape (n,)."""
     flight: NDArray[np.int64]
     """Number of the flight of each sample, shape (n,)."""
+    signed: Signed | None = None
+    """The residual itself; None where only its size is known."""
 
     @classmethod
     def of(cls, residual: Floats, dataset: Dataset) -> "Errors":
         """Errors of a residual acceleration, m/s^2, shape (n, 3), on all flights of `dataset`."""
-        return cls(tuple(dataset.names), np.sum(residual**2, axis=1), dataset.block, dataset.flight_index)
+        signed = Signed.of(residual, dataset)
+        return cls(tuple(dataset.names), np.sum(residual**2, axis=1), dataset.block, dataset.flight_index, signed)
 
     def some(self, numbers: Sequence[int]) -> "Errors":
         """Errors on the flights with these numbers."""
         inside = np.isin(self.flight, numbers)
         names = tuple(self.flights[number] for number in numbers)
-        return Errors(names, self.squares[inside], self.block[inside], self.flight[inside])
+        signed = None if self.signed is None else self.signed.some(sorted(numbers))
+        return Errors(names, self.squares[inside], self.block[inside], self.flight[inside], signed)
 
     @property
     def rmse(self) -> float:
@@ -74,6 +80,8 @@ class Agreement:
     fitted: Fitted = ""
     differs_most: bool = False
     """True where the judged flight was chosen because it differs most; the interval allows for the choice."""
+    shifts: tuple[Shift, ...] = ()
+    """Differences of the mean residual, over all samples and in ranges of the variables; empty where not known."""
 
     @property
     def difference_m_s2(self) -> float:
@@ -85,15 +93,28 @@ class Agreement:
         return CLOSE * self.reference_m_s2
 
     @property
-    def verdict(self) -> Literal["as well", "worse", "better", "not known"]:
+    def shift(self) -> Shift | None:
+        """The clear difference of a mean residual that counts, the largest over all samples; where there is none, the
+        largest in a range of a variable."""
+        clear = [each for each in self.shifts if each.is_clear and abs(each.difference_m_s2) > self.limit_m_s2]
+        return max(clear, key=lambda each: (not each.variable, abs(each.difference_m_s2)), default=None)
+
+    @property
+    def widest(self) -> Shift | None:
+        """The difference of the mean residual over all samples, along the axis whose interval allows the largest."""
+        over_all = [each for each in self.shifts if not each.variable]
+        return max(over_all, key=lambda each: each.reach_m_s2, default=None)
+
+    @property
+    def verdict(self) -> Literal["as well", "worse", "better", "otherwise", "not known"]:
+        """`otherwise`: with errors of another sign, though of the same size as far as is known."""
+        if self.ci95 is not None and (self.ci95[0] > 0.0 or self.ci95[1] < 0.0):
+            return "worse" if self.ci95[0] > 0.0 else "better"
+        if self.shift is not None:
+            return "otherwise"
         if self.ci95 is None:
             return "not known"
-        low, high = self.ci95
-        if low > 0.0:
-            return "worse"
-        if high < 0.0:
-            return "better"
-        return "as well" if max(-low, high) <= self.limit_m_s2 else "not known"
+        return "as well" if max(-self.ci95[0], self.ci95[1]) <= self.limit_m_s2 else "not known"
 
     def to_dict(self) -> dict[str, Any]:
         return {
@@ -102,6 +123,7 @@ class Agreement:
             "reference_m_s2": self.reference_m_s2,
             "judged_m_s2": self.judged_m_s2,
             "difference_ci95": None if self.ci95 is None else list(self.ci95),
+            "shift": None if self.shift is None else self.shift._asdict(),
             "verdict": self.verdict,
         }
 
@@ -116,7 +138,10 @@ def agreement(reference: Errors, judged: Errors, fitted: Fitted = "", chosen_of:
         return found
     error, degrees = _standard_error(reference, judged)
     reach = float(stats.t.ppf(1.0 - 0.025 / chosen_of, degrees)) * error
-    return replace(found, ci95=(found.difference_m_s2 - reach, found.difference_m_s2 + reach))
+    signed = (
+        () if reference.signed is None or judged.signed is None else shifts(reference.signed, judged.signed, chosen_of)
+    )
+    return replace(found, ci95=(found.difference_m_s2 - reach, found.difference_m_s2 + reach), shifts=tuple(signed))
 
 
 def least_alike(errors: Errors, fitted: Fitted = "") -> Agreement | None:
@@ -132,7 +157,7 @@ def least_alike(errors: Errors, fitted: Fitted = "") -> Agreement | None:
         agreement(errors.some([n for n in numbers if n != number]), errors.some([number]), fitted, tried)
         for number in numbers
     ]
-    return max(found, key=lambda a: (_clarity(a), a.difference_m_s2))
+    return max(found, key=lambda a: (a.shift is not None, _clarity(a), a.difference_m_s2))
 
 
 def flights_of_the_fit(model: Model, flights: Sequence[str]) -> tuple[list[str], list[str]]:

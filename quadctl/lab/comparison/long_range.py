@@ -1,6 +1,7 @@
 """Noise that stays correlated for long: standard errors of the means of groups of samples."""
 
 import math
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +10,14 @@ from scipy.fft import rfft
 from quadctl.lab.arrays import Floats
 from quadctl.lab.fitting.noise import LEAST_VARIANCE
 from quadctl.lab.fitting.significance import spectrum
-from quadctl.lab.flights.dataset import Dataset
+
+
+class Parted(Protocol):
+    """Samples of several flights, one after the other."""
+
+    @property
+    def parts(self) -> list[slice]:
+        """Slice of the samples of each flight."""
 
 
 class LongRangeNoise:
@@ -20,13 +28,13 @@ class LongRangeNoise:
     independent either.
     """
 
-    def __init__(self, values: Floats, dataset: Dataset) -> None:
-        self._parts = dataset.parts
+    def __init__(self, values: Floats, flights: "Parted") -> None:
+        self._parts = flights.parts
         self._spectra: list[Floats] = []
         """Share of each frequency in a variance, shape (frequencies, axes), of each flight."""
         self.degrees = 0
         """Degrees of freedom of the spectra at the lowest frequencies."""
-        for part in dataset.parts:
+        for part in self._parts:
             n = int(part.stop - part.start)
             low = max(2, round(math.sqrt(n)))
             self.degrees += low

@@ -154,6 +154,9 @@ def agreement_in_words(found: Agreement) -> str:
     }[found.fitted]
     them = f"{judged}, which differs most," if found.differs_most else judged
     errors = f"{quantity(found.judged_m_s2)} on {judged} and {quantity(found.reference_m_s2)} on {reference}"
+    if found.verdict == "otherwise" and found.shift is not None:
+        how = _shift_in_words(found)
+        return f"{sentence(model)} predicts {them} otherwise than {reference}: {how}; its error is {errors}."
     limit = f"{number(found.limit_m_s2)}, {percent(CLOSE)} of the error on {reference}, that count as none"
     if found.verdict == "not known" or found.ci95 is None:
         why = "one of them is too short for an interval"
@@ -164,10 +167,41 @@ def agreement_in_words(found: Agreement) -> str:
     if found.verdict == "as well":
         range_ = _range_of(found.ci95)
         agreed = f"{sentence(model)} predicts {them} as well as {reference}"
-        return f"{agreed}: its error is {errors}; the difference is {range_}, less than the {limit}."
+        less = f"the difference is {range_}, less than the {limit}"
+        return f"{agreed}: its error is {errors}; {less}{_widest_in_words(found)}."
     low, high = sorted(abs(end) for end in found.ci95)
     by = f"by {quantity(abs(found.difference_m_s2))} [{number(low)}, {number(high)}]"
-    return f"{sentence(model)} predicts {them} {found.verdict} than {reference}, {by}: its error is {errors}."
+    shift = "" if found.shift is None else f"; {_shift_in_words(found)}"
+    return f"{sentence(model)} predicts {them} {found.verdict} than {reference}, {by}: its error is {errors}{shift}."
+
+
+def _shift_in_words(found: Agreement) -> str:
+    """`the mean residual up is +0.300 m/s² on B and +0.100 m/s² on A, a difference of +0.200 m/s² [+0.1, +0.3]`"""
+    shift = found.shift
+    assert shift is not None
+    judged, reference = flights_in_words(found.judged), flights_in_words(found.reference)
+    where = ""
+    if shift.variable:
+        unit = VARIABLE_UNITS[shift.variable]
+        where = f" at a {VARIABLE_NAMES[shift.variable]} from {shift.low:.3g} to {shift.high:.3g} {unit}"
+    low, high = (f"{end:+.2g}".replace("-", "\u2212") for end in shift.ci95)
+    return (
+        f"the mean residual {shift.axis}{where} is {plus(shift.judged_m_s2)} {UNIT} on {judged} and "
+        f"{plus(shift.reference_m_s2)} {UNIT} on {reference}, a difference of {plus(shift.difference_m_s2)} {UNIT} "
+        f"[{low}, {high}]"
+    )
+
+
+def _widest_in_words(found: Agreement) -> str:
+    """What is known of the mean residuals where none differs clearly."""
+    widest = found.widest
+    if widest is None:
+        return ""
+    reach = f"{number(widest.reach_m_s2)} {UNIT} along any axis"
+    if widest.reach_m_s2 <= found.limit_m_s2:
+        return f"; nor do the mean residuals differ by more than {reach}"
+    most = f"{quantity(widest.reach_m_s2)} {widest.axis}"
+    return f"; whether the mean residuals agree cannot be told: they may differ by up to {most}"
 
 
 def _range_of(ci95: tuple[float, float]) -> str:
