@@ -503,6 +503,26 @@ class TestAnalysed:
         assert visitor.barriers() == []
         visitor.click("button[aria-label='Close the evidence']")
 
+    def test_a_telephone_shows_first_the_verdict_then_what_to_do_then_figures(
+        self, browser: Browser, analysed: str
+    ) -> None:
+        tops = []
+        for size in (PHONE, DESK):
+            visitor = Visitor(browser, analysed, size)
+            stand_on(visitor, "rigid body")
+            places = ("#verdict", ".candidate.primary", ".part-overview .js-plotly-plot .main-svg")
+            for place in places:
+                visitor.sees(place)
+            boxes = [visitor.page.locator(place).first.bounding_box() for place in places]
+            tops.append([box["y"] for box in boxes if box is not None])
+            visitor.click("[role=tab]:has-text('Where it fails')")
+            visitor.sees(".figure figcaption:has-text('of the square on this axis')")
+            assert visitor.page.locator("figcaption:visible").evaluate_all(_CUT) == []
+            visitor.leaves()
+        on_phone, on_desk = tops
+        assert on_phone == sorted(on_phone)
+        assert on_desk[2] == min(on_desk)
+
     def test_all_can_be_taken_along(self, visitor: Visitor, tmp_path: Path) -> None:
         stand_on(visitor, "+ ground effect")
         report = visitor.keeps_file("button:has-text('Report')", tmp_path).read_text(encoding="utf-8")

@@ -26,6 +26,7 @@ from quadctl.lab.comparison.wording import agreement_in_words, number, quantity,
 from quadctl.lab.fitting.fitted_model import fit_model
 from quadctl.lab.fitting.nuisances import KINDS
 from quadctl.lab.flights.dataset import Dataset, load_dataset
+from quadctl.lab.flights.prediction import GROUPS
 from quadctl.lab.selection import diagnosis as lab_diagnosis
 from quadctl.lab.selection.diagnosis import diagnose
 from quadctl.lab.selection.evidence import evidence_for
@@ -496,6 +497,19 @@ class TestOpenTab:
         shown = str(tabs("missing", views["evidence that no search gave"]).shown)
         assert "No search of this session has tried it beside others" in shown
 
+    def test_axes_have_names_that_a_reader_understands(
+        self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
+    ) -> None:
+        view = views["the evidence for an effect"]
+        assert view.gathered is not None
+        errors = dict.fromkeys(axis for group, axes in GROUPS.items() for axis in (*axes, group))
+        known = replace(view.gathered.evidence, before=dict.fromkeys(errors, 0.2), after=dict.fromkeys(errors, 0.1))
+        gathered = {view.evidence: replace(view.gathered, evidence=known)}
+        shown = str(tabs("missing", replace(view, results=replace(view.results, evidence=gathered))).shown)
+        assert "imu north" not in shown
+        for name in ("accelerometer error north / m/s²", "roll moment / N m", "north / m/s²"):
+            assert f"'{name}'" in shown
+
     def test_the_evidence_says_which_fit_its_numbers_are_of(
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
     ) -> None:
@@ -666,8 +680,12 @@ class TestOpenTab:
         tab.follow(alone)  # one of the flights is still open
         assert tab.choices == chosen
         tab.follow(replace(view, opened=None))
-        tab.follow(other)
+        told: list[str] = []
+        with pytest.MonkeyPatch.context() as patched:
+            patched.setattr(ui.navigate.history, "replace", told.append)
+            tab.follow(other)
         assert (tab.choices.brush, tab.choices.axis, tab.choices.show) == ({}, "", chosen.show)
+        assert told == [f"/?{tab.choices.query()}"]  # the address is a link to what is shown now
 
     def test_no_tick_for_a_model_that_knows_what_is_held_out(
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]

@@ -30,9 +30,9 @@ from quadctl.vehicle import Vehicle
 from quadctl.web.elements.figure import Figure, figure, to_csv
 from quadctl.web.elements.theme import DARK, LIGHT
 from quadctl.web.figures.downsample import POINTS, downsampled
-from quadctl.web.figures.error_map import error_map
+from quadctl.web.figures.error_map import CLOUD, error_map
 from quadctl.web.figures.path import path_figure
-from quadctl.web.figures.profile import profile_figure
+from quadctl.web.figures.profile import profile_figure, share_in_words
 from quadctl.web.figures.ratio import ratio_over_height
 from quadctl.web.figures.timeline import full_timeline
 from quadctl.web.session.files import keep_expression, own_effects, places_of, require_inside, upload_path
@@ -435,6 +435,22 @@ class TestFigures:
         heights = compared.dataset.variable("height_over_radius")
         assert heights is not None
         assert len(selected["x"]) == np.count_nonzero(heights < 3.0) > 0
+
+    def test_the_share_of_a_profile_is_a_caption_that_breaks_into_lines(
+        self, figures: list[Figure], compared: Comparison
+    ) -> None:
+        assert "title" not in figures[1]["layout"]
+        assert "% of the square on this axis" in share_in_words(compared, compared.profiles[0])
+
+    def test_the_name_of_the_band_stands_on_a_ground_of_its_own(self, figures: list[Figure]) -> None:
+        (note,) = figures[4]["layout"]["annotations"]
+        assert (note["text"], note["bgcolor"]) == ("heights flown", LIGHT.surface)
+
+    def test_a_map_of_a_long_flight_has_few_points(self, compared: Comparison) -> None:
+        (samples,) = [
+            t for t in error_map(compared, "up", ("thrust", "climb_rate"), LIGHT)["data"] if t["name"] == "samples"
+        ]
+        assert len(samples["x"]) <= 2 * CLOUD
 
 
 class TestPredictions:

@@ -163,7 +163,8 @@ class Sketch:
 
 
 def sketch(model: Model, dataset: Dataset) -> Sketch | None:
-    """Sketch the last effect of `model` over its first variable, along its largest axis; None where it has no force.
+    """Sketch the last effect of `model` along its largest axis, over the variable that it follows most closely; None
+    where it has no force.
 
     The effect was fitted together with the trim of each flight, which is a constant: so the residual is drawn with the
     mean of the effect in each flight.
@@ -176,13 +177,20 @@ def sketch(model: Model, dataset: Dataset) -> Sketch | None:
         return None
     residual = _in_heading(dataset.measured - without, heading)
     names = [name for name in model.effects[index].depends_on if dataset.variable(name) is not None]
-    variable = names[0] if names else "time"
     a = int(np.argmax(np.mean(push**2, axis=0)))
+    # Over another variable, as forward speed for a drag to the side, the means of a smooth effect are a zigzag.
+    variable = max(names or ["time"], key=lambda name: _followed(push[:, a], _variable(dataset, name), dataset))
     x = _variable(dataset, variable)
     for part in dataset.parts:
         residual[part] += (push[part] - residual[part]).mean(axis=0)
     before, effect = (binned(x, values[:, a], None, dataset) for values in (residual, push))
     return Sketch(variable, BODY_AXES[a], before, effect)
+
+
+def _followed(push: Floats, x: Floats, dataset: Dataset) -> float:
+    """Share of the variance of an effect, shape (n,), that its means over bins of a variable have."""
+    means = binned(x, push, None, dataset)
+    return float(np.var(np.interp(x, means.x, means.mean))) if len(means.x) > 1 else 0.0
 
 
 def hover_ratio(model: Model, height_m: Floats, forward_m_s: Floats) -> Floats:

@@ -52,10 +52,15 @@ def loading(text: str) -> None:
         tag("p", "muted", text)
 
 
-def plot(drawn: Figure, name: str, label: str) -> ui.plotly:
-    """Draw a figure and its buttons for files called `name`; screen readers read `label` and the ranges of curves."""
+def plot(drawn: Figure, name: str, label: str, caption: str = "") -> ui.plotly:
+    """Draw a figure and its buttons for files called `name`; screen readers read `label` and the ranges of curves.
+
+    The `caption` stands above it as text of the page: it breaks into lines where a title in the figure would be cut.
+    """
     with tag("figure", "figure") as whole:
         whole.props["aria-label"] = f"{label}. {in_a_sentence(drawn)}"
+        if caption:
+            tag("figcaption", "muted", caption)
         # A group, not an image: its buttons can have the focus.
         shown = ui.plotly(drawn).props(f'role="group" aria-label="{label}"')
         with tag("div", "take"):

@@ -12,6 +12,8 @@ from quadctl.web.elements.figure import Figure, axis, faded, figure
 from quadctl.web.elements.theme import Theme
 
 CELLS = 12
+CLOUD = 3000
+"""Most samples that are drawn."""
 LEAST_SAMPLES = 2
 """Fewest samples of a cell that is drawn."""
 
@@ -29,6 +31,7 @@ def error_map(comparison: Comparison, axis_name: str, over: tuple[str, str], the
         mean = np.where(count >= LEAST_SAMPLES, total / count, np.nan)
     reach = float(np.nanmax(np.abs(mean))) if np.isfinite(mean).any() else 1.0
     centres = [0.5 * (e[1:] + e[:-1]) for e in edges]
+    some = slice(None, None, max(1, len(x) // CLOUD))
     data: list[dict[str, Any]] = [
         {
             "type": "heatmap", "x": centres[0], "y": centres[1], "z": mean.T, "zmin": -reach, "zmax": reach,
@@ -37,7 +40,7 @@ def error_map(comparison: Comparison, axis_name: str, over: tuple[str, str], the
             "hovertemplate": "%{x:.3g}, %{y:.3g}: %{z:.3f} m/s²<extra></extra>",
         },
         {
-            "type": "scatter", "mode": "markers", "x": x, "y": y, "hoverinfo": "skip",
+            "type": "scatter", "mode": "markers", "x": x[some], "y": y[some], "hoverinfo": "skip",
             "marker": {"color": faded(theme.muted, 0.35), "size": 2}, "name": "samples",
         },
     ]  # fmt: skip

@@ -13,6 +13,14 @@ CLOUD = 1500
 """Most samples that are drawn."""
 
 
+def share_in_words(comparison: Comparison, profile: Profile) -> str:
+    """Share of the squared residual in the means of a profile, with its p-value: a caption."""
+    values = comparison.residual[:, AXES.index(profile.axis)]
+    of_all = profile.share * float(np.sum(values**2)) / max(float(np.sum(comparison.residual**2)), 1e-12)
+    shares = f"{percent(profile.share)} of the square on this axis, {percent(of_all)} of all axes"
+    return f"{shares}, p {p_in_words(profile.p_value)}"
+
+
 def profile_figure(comparison: Comparison, profile: Profile, theme: Theme, height: int = 260) -> Figure:
     """Residual of one axis over one variable, m/s²; of a complete model, all means are on the zero line."""
     x = comparison.dataset.variable(profile.variable)
@@ -40,16 +48,12 @@ def profile_figure(comparison: Comparison, profile: Profile, theme: Theme, heigh
         },
     ]  # fmt: skip
     reach = 1.15 * max(float(np.quantile(np.abs(values), 0.98)), float(np.max(np.abs([low, high]))))
-    of_all = profile.share * float(np.sum(values**2)) / max(float(np.sum(comparison.residual**2)), 1e-12)
-    shares = f"{percent(profile.share)} of the square on this axis, {percent(of_all)} of all axes"
-    share = f"{shares}, p {p_in_words(profile.p_value)}"
     return figure(
         data,
         theme,
         height,
         xaxis=axis(label_of(profile.variable), theme),
         yaxis=axis(f"residual {profile.axis} / m/s²", theme, range=[-reach, reach]),
-        title={"text": share, "font": {"size": 12, "color": theme.muted}, "x": 0.02, "y": 0.97},
         showlegend=False,
         dragmode="select",
         selectdirection="h",

@@ -177,9 +177,13 @@ class Page:
     def _choose(self, **changes: Any) -> None:
         """Change choices of this tab; its address follows, so that it is a link to what is shown."""
         self._choices = replace(self._choices, **changes)
+        self._tell_address()
+        self.refresh()
+
+    def _tell_address(self) -> None:
+        """Make the address of this tab a link to what it shows."""
         with self._client:  # the element that was clicked may have been drawn again, and be gone
             ui.navigate.history.replace(f"/?{self._choices.query()}")
-        self.refresh()
 
     # --- drawing ------------------------------------------------------------------------------------------------------
 
@@ -230,6 +234,7 @@ class Page:
         """Draw the panels again whose fields have changed."""
         view = self.view()
         if self._forget_other_flights(frozenset(view.flight_names)):
+            self._tell_address()
             view = self.view()
         self._idle = view.idle
         with self._client:
@@ -238,7 +243,10 @@ class Page:
             if not self._tab_parts:
                 self._body.clear()
                 with self._body:
-                    self._tab_parts = [Part(tag("div", "part"), panel) for panel in TABS[self._choices.show].panels]
+                    panels = TABS[self._choices.show].panels
+                    self._tab_parts = [
+                        Part(tag("div", f"part part-{panel.__name__.lower()}"), panel) for panel in panels
+                    ]
             for part in [*self._frame_parts, *([] if view.starting else self._tab_parts)]:
                 self._refresh(part, view)
 
@@ -327,6 +335,7 @@ class Page:
         view = self.bench.session.view
         if view and view != before:  # a session was opened, and this tab shows it as it was saved
             self._show_choices(choices_of(view))
+            self._tell_address()
 
     def refuse_file(self, name: str, size: float, too_large: bool) -> None:
         self._intake.refuse(name, size, too_large)

@@ -7,7 +7,7 @@ from nicegui import ui
 
 from quadctl.lab.comparison.wording import ERRORS, change_in_words, listed, plain, sentence
 from quadctl.lab.flights.flight import VARIABLE_NAMES
-from quadctl.lab.flights.prediction import GROUPS
+from quadctl.lab.flights.prediction import GROUPS, MOMENTS, SENSED
 from quadctl.lab.planning.suggestion import Suggestion
 from quadctl.lab.selection.candidate import LEAST_ERROR, Candidate
 from quadctl.lab.selection.diagnosis import Diagnosis
@@ -20,6 +20,10 @@ from quadctl.web.panels.panel import Controls, Panel
 from quadctl.web.session.findings import Diagnosed
 from quadctl.web.work.state import Gathered
 
+_OF_GROUP = {"total": "all axes", "turning": "moments of all axes", "sensing": "accelerometer error of all axes"}
+_AXES = {axis: f"{axis} moment" for axis in MOMENTS}
+_AXES |= {axis: f"accelerometer error {axis.removeprefix('imu_')}" for axis in SENSED}
+"""Names of axes in words, where the name of the axis does not say it."""
 LOSERS = 8
 """Most effects whose reason is shown at once; the others are folded."""
 
@@ -111,8 +115,8 @@ def _draw_errors(shown: Found) -> None:
                     continue
                 before, after = shown.before[axis], shown.after[axis]
                 with tag("tr"):
-                    title = f"all axes / {UNITS[group]}" if axis == group else f"{plain(axis)} / {UNITS[group]}"
-                    tag("td", "", title.replace("m/s^2", "m/s²"))
+                    named = _OF_GROUP[group] if axis == group else _AXES.get(axis, axis)
+                    tag("td", "", f"{named} / {UNITS[group]}".replace("m/s^2", "m/s²"))
                     tag("td", "number", error_in_table(before))
                     tag("td", "number", error_in_table(after))
                     tag("td", "number", change_in_words(1.0 - after / max(before, LEAST_ERROR)))

@@ -15,7 +15,7 @@ from quadctl.lab.flights.flight import Flight
 from quadctl.web.elements.html import empty, heading, loading, plot, tag
 from quadctl.web.elements.theme import Theme
 from quadctl.web.figures.error_map import error_map
-from quadctl.web.figures.profile import profile_figure
+from quadctl.web.figures.profile import profile_figure, share_in_words
 from quadctl.web.panels.chosen_flight import ChosenFlightPanel, selected
 from quadctl.web.panels.glossary import explained
 from quadctl.web.panels.panel import Controls, Panel, Tab
@@ -83,7 +83,11 @@ class Failures(Panel):
             with tag("div", "panes"):
                 for profile in (telling or comparison.profiles[:2])[:SHOWN_PROFILES]:
                     name = f"residual_{profile.axis}_over_{profile.variable}"
-                    shown = plot(profile_figure(comparison, profile, self.theme), name, name.replace("_", " "))
+                    drawn, caption = (
+                        profile_figure(comparison, profile, self.theme),
+                        share_in_words(comparison, profile),
+                    )
+                    shown = plot(drawn, name, name.replace("_", " "), caption)
                     _let_select(do, shown, profile.axis, (profile.variable,))
 
 

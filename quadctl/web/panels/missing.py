@@ -420,4 +420,4 @@ class NextFlight(Panel):
                 draw_suggestion(self.suggestion)
 
 
-TAB = Tab("missing", "What is missing", "search", (Overview, Verdict, Candidates, Evidence, NextFlight))
+TAB = Tab("missing", "What is missing", "search", (Verdict, Candidates, Evidence, NextFlight, Overview))

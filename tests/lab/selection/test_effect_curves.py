@@ -1,14 +1,17 @@
 """Specification of the small curves of candidates: the residual as the effect was fitted to it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from quadctl.effects.ground_effect import Exponential
+from quadctl.effects.rotor_drag import LinearDrag
 from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.lab.flights.dataset import load_dataset
 from quadctl.lab.selection.effect_curves import sketch
 from quadctl.model import Model
-from tests.support.flights import obedient
+from tests.support.flights import obedient, to_and_fro
 
 
 def test_a_trim_does_not_move_the_residual_off_the_curve(rigid: Model) -> None:
@@ -18,3 +21,14 @@ def test_a_trim_does_not_move_the_residual_off_the_curve(rigid: Model) -> None:
     assert drawn is not None
     assert np.ptp(drawn.effect.mean) > 0.5
     assert drawn.residual.mean == pytest.approx(drawn.effect.mean, abs=0.03)
+
+
+def test_a_drag_is_sketched_over_the_speed_that_it_follows(rigid: Model) -> None:
+    drag = rigid.plus(LinearDrag(d_x=0.02, d_y=0.6, d_z=0.0))
+    log = to_and_fro(obedient(rigid), 2.0)
+    w = 2.0 * np.pi * 0.083  # to the side at another pace than forward
+    side = {"y_m": -2.0 / w * np.cos(w * log.time_s), "vy_m_s": 2.0 * np.sin(w * log.time_s)}
+    drawn = sketch(drag, load_dataset([replace(log, columns=log.columns | side)], rigid.vehicle))
+    assert drawn is not None
+    assert (drawn.variable, drawn.component) == ("speed_right", "right")
+    assert (np.diff(drawn.effect.mean) < 0.0).all()  # a line, no zigzag
