@@ -46,7 +46,8 @@ from quadctl.web.panels.panel import Bench, Controls, Panel
 from quadctl.web.panels.view import View
 from quadctl.web.session.findings import Diagnosed, Findings
 from quadctl.web.session.session import Rung, Session
-from quadctl.web.work.jobs import Current, Opened, OpenedLog, evaluate
+from quadctl.web.work.jobs import Current, Opened, evaluate
+from quadctl.web.work.reading import OpenedLog
 from quadctl.web.work.simulated import FAR, WITH, WITHOUT
 from quadctl.web.work.state import Gathered, Message, Results, Work
 from quadctl.web.workbench.intake import Intake

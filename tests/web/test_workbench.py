@@ -2,6 +2,8 @@
 
 import asyncio
 import re
+import subprocess
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -29,7 +31,7 @@ from quadctl.web.panels.vehicle import TYPICAL
 from quadctl.web.session.files import sha256_of
 from quadctl.web.session.findings import Findings
 from quadctl.web.session.session import AUTOSAVED, Rung, Session, load_session, session_to_yaml
-from quadctl.web.work import jobs, simulated
+from quadctl.web.work import jobs, reading, simulated
 from quadctl.web.work.doubts import cautions_of, doubt_beside
 from quadctl.web.work.jobs import Opened
 from quadctl.web.work.simulated import Simulation
@@ -60,12 +62,12 @@ class Here:
 
     async def run(self, job: Callable[..., Any], *args: Any, progress: Callable[[str], None]) -> Any:
         await self.go_on.wait()
-        if job is jobs.read_logs:
+        if job is reading.read_logs:
             return []
         if job is not jobs.open_logs:
             raise CancelledError
         self.opened.append(tuple(path.name for path in args[0]))
-        return Opened([jobs.OpenedLog(path, problem=_problem(path)) for path in args[0]], None, None)
+        return Opened([reading.OpenedLog(path, problem=_problem(path)) for path in args[0]], None, None)
 
     def cancel(self) -> None:
         """Nothing: it is never cancelled."""
@@ -454,7 +456,7 @@ class TestOpening:
         a.write_text("1")
         b.write_text("2")
 
-        def open_both(vehicle: Vehicle, known: list[jobs.OpenedLog]) -> list[jobs.OpenedLog]:
+        def open_both(vehicle: Vehicle, known: list[reading.OpenedLog]) -> list[reading.OpenedLog]:
             return jobs.open_logs([a, b], frozenset(), vehicle, "blocks", known, frozenset(), lambda text: None).logs
 
         one = jobs.open_logs([a], frozenset(), raptor, "blocks", [], frozenset(), lambda text: None).logs
@@ -611,3 +613,10 @@ class TestDoubts:
             "The thrust of this flight is from throttle command, that of a.csv from rotor speed"
         )
         assert doubt_beside(other, "rotor speed", one, "rotor speed") == ""
+
+
+def test_logs_are_read_before_the_libraries_of_the_lab_are_loaded() -> None:
+    """The first figure waits for nothing but the log."""
+    code = "import sys, quadctl.web.work.reading; print(*[name for name in sys.modules if name.startswith('scipy')])"
+    loaded = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stdout
+    assert loaded.strip() == ""

@@ -27,6 +27,10 @@ FROZEN_S, FROZEN_HOLDS, FROZEN_CHANGES = 5.0, 20.0, 20
 """A rotor speed is frozen where it stays the same for longer than this time, and for that many times as long as it
 usually holds a value, while each of the others changes at least so many times."""
 LEAST_FOR_SPLINE = 5
+PIECE = 1 << 16
+"""Values of a channel that are computed at once: the intermediate ones of a whole long log need much memory."""
+AROUND = 4
+"""Updates before and after some that the spline between these depends on."""
 WIDE_GAP = 3.0
 """Gap between updates, over their median, across which a signal is taken to be straight."""
 
@@ -46,15 +50,23 @@ class Channel:
         """
         if len(self.time_s) < LEAST_FOR_SPLINE:
             return np.interp(grid_s, self.time_s, self.value)
-        curve = self._spline()(np.clip(grid_s, self.time_s[0], self.time_s[-1]))
         steps = np.diff(self.time_s)
         wide = steps > WIDE_GAP * np.median(steps)
-        place = np.clip(np.searchsorted(self.time_s, grid_s, "right") - 1, 0, len(steps) - 1)
-        return np.where(wide[place], np.interp(grid_s, self.time_s, self.value), curve)
+        values = np.empty(len(grid_s))
+        for begin in range(0, len(grid_s), PIECE):
+            t = grid_s[begin : begin + PIECE]
+            place = np.clip(np.searchsorted(self.time_s, t, "right") - 1, 0, len(steps) - 1)
+            first, last = max(int(place.min()) - AROUND, 0), int(place.max()) + 2 + AROUND
+            curve = self._spline(slice(first, last))(np.clip(t, self.time_s[0], self.time_s[-1]))
+            straight = wide[place]
+            values[begin : begin + PIECE] = curve
+            if straight.any():
+                values[begin : begin + PIECE][straight] = np.interp(t[straight], self.time_s, self.value)
+        return values
 
-    def _spline(self) -> Akima1DInterpolator:
-        # Not kept: its coefficients need four times the memory of the channel.
-        return Akima1DInterpolator(self.time_s, self.value, method="makima")
+    def _spline(self, updates: slice) -> Akima1DInterpolator:
+        # Not kept, and only of some updates: its coefficients need four times the memory of the channel.
+        return Akima1DInterpolator(self.time_s[updates], self.value[updates], method="makima")
 
     def rate_hz(self, segments: Sequence[tuple[float, float]]) -> float:
         """Mean update rate in these segments of time."""

@@ -1,6 +1,7 @@
 """Prepared flight, on which every analysis works."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -140,22 +141,11 @@ class Flight:
         np.add.at(needed, inside, 1)
         np.add.at(needed, inside + 2 * margin + 1, -1)
         columns = np.flatnonzero(np.cumsum(needed)[margin : margin + len(self.grid_s)])
-        c = self.conditions
-        speed_x, speed_y, speed_z = c.velocity_body_m_s
         north, east, up = self.velocity_neu
         return replace(
             self,
             grid_s=self.grid_s[columns],
-            conditions=replace(
-                c,
-                height_m=_at(c.height_m, columns),
-                velocity_body_m_s=(_at(speed_x, columns), _at(speed_y, columns), _at(speed_z, columns)),
-                attitude=tuple(_at(part, columns) for part in c.attitude),
-                time_s=_at(c.time_s, columns),
-                battery_v=_at(c.battery_v, columns),
-                position_ne_m=(_at(c.position_ne_m[0], columns), _at(c.position_ne_m[1], columns)),
-                surfaces=tuple((name, _at(share, columns)) for name, share in c.surfaces),
-            ),
+            conditions=_conditions_at(self.conditions, columns),
             nominal_n=[thrust[columns] for thrust in self.nominal_n],
             logged_n=[thrust[columns] for thrust in self.logged_n],
             velocity_neu=(north[columns], east[columns], up[columns]),
@@ -229,6 +219,13 @@ class Flight:
             return np.concatenate([np.full(min(-whole, n), signal[0]), between[: max(n + whole, 0)]])
         return np.concatenate([between[whole:], np.full(min(whole + 1, n), signal[-1])])
 
+    def pieces(self, most: int) -> Iterator[tuple[slice, list[Floats], Conditions]]:
+        """Nominal thrusts and conditions of pieces of the grid of at most so many places, without copies."""
+        c = self.conditions
+        for begin in range(0, len(self.grid_s), most):
+            piece = slice(begin, begin + most)
+            yield piece, [thrust[piece] for thrust in self.nominal_n], _conditions_at(c, piece)
+
     def filtered(self, signal: Any) -> Floats:
         """Filter a signal on the grid; values at the samples."""
         return np.asarray(self.smooth @ np.broadcast_to(np.asarray(signal, dtype=float), self.grid_s.shape))
@@ -255,8 +252,8 @@ class Flight:
     @cached_property
     def nominal_torque(self) -> Floats:
         """Slowly filtered torque of the nominal rotor thrusts, FRD, N m, shape (n, 3)."""
-        torque = self.smooth @ (np.column_stack(self.nominal_n) @ np.array(self.vehicle.moment_arms_m))
-        return self.slowly(np.asarray(torque))
+        nominal = np.column_stack([self.filtered(thrust) for thrust in self.nominal_n])
+        return self.slowly(np.asarray(nominal @ np.array(self.vehicle.moment_arms_m)))
 
     @cached_property
     def load(self) -> Floats:
@@ -319,7 +316,23 @@ class Flight:
         return float(low), float(high)
 
 
-def _at(signal: Number, columns: NDArray[np.int64]) -> Number:
+def _conditions_at(c: Conditions, columns: NDArray[np.int64] | slice) -> Conditions:
+    """Conditions at some places of the grid."""
+    speed_x, speed_y, speed_z = c.velocity_body_m_s
+    w, x, y, z = c.attitude
+    return replace(
+        c,
+        height_m=_at(c.height_m, columns),
+        velocity_body_m_s=(_at(speed_x, columns), _at(speed_y, columns), _at(speed_z, columns)),
+        attitude=(_at(w, columns), _at(x, columns), _at(y, columns), _at(z, columns)),
+        time_s=_at(c.time_s, columns),
+        battery_v=_at(c.battery_v, columns),
+        position_ne_m=(_at(c.position_ne_m[0], columns), _at(c.position_ne_m[1], columns)),
+        surfaces=tuple((name, _at(share, columns)) for name, share in c.surfaces),
+    )
+
+
+def _at(signal: Number, columns: NDArray[np.int64] | slice) -> Number:
     """Signal at some places of the grid; a constant stays what it is."""
     return signal[columns] if isinstance(signal, np.ndarray) else signal
 

@@ -4,19 +4,22 @@ A flight measures up to three groups of three axes: the acceleration; the torque
 rotors are logged; and the error of the accelerometer, where there is one. One function predicts each group.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from quadctl.effects import Effect
+from quadctl.effects import Conditions, Effect
 from quadctl.frames import ned_from_neu
 from quadctl.lab.arrays import Floats
 from quadctl.lab.flights.flight import Flight
 from quadctl.model import Model
+from quadctl.numeric import Number, Vector
 
 AXES = ("north", "east", "up")
 MOMENTS = ("roll", "pitch", "yaw")
 SENSED = ("imu_north", "imu_east", "imu_up")
+PIECE = 1 << 15
+"""Places of the grid that a model is evaluated for at once."""
 GROUPS = {"total": AXES, "turning": MOMENTS, "sensing": SENSED}
 """Axes of each measured group: kinematic acceleration (m/s^2), torque (N m), and accelerometer minus acceleration
 (m/s^2). The key of a group also names the root of the sum of the squares of its axes."""
@@ -24,8 +27,22 @@ GROUPS = {"total": AXES, "turning": MOMENTS, "sensing": SENSED}
 
 def predict(model: Model, flight: Flight) -> Floats:
     """Predict the filtered kinematic acceleration of one flight, north, east, up, m/s^2, shape (n, 3)."""
-    acceleration = ned_from_neu(model.acceleration_ned(flight.nominal_n, flight.conditions))
-    return flight.filtered_vector(acceleration)
+    return _filtered(model, flight, lambda nominal, c: ned_from_neu(model.acceleration_ned(nominal, c)))
+
+
+def _filtered(model: Model, flight: Flight, at: Callable[[Sequence[Number], Conditions], Vector]) -> Floats:
+    """Filter what `model` says `at` nominal thrusts and conditions, three components, shape (n, 3).
+
+    It is computed for pieces of the grid, whose intermediate values stay in the cache and need little memory; only an
+    effect that delays the thrust has to see all of it at once.
+    """
+    if any(effect.adds_lag for effect in model.effects):
+        return flight.filtered_vector(at(flight.nominal_n, flight.conditions))
+    columns = np.empty((len(flight.grid_s), 3))
+    for piece, nominal, c in flight.pieces(PIECE):
+        for i, component in enumerate(at(nominal, c)):
+            columns[piece, i] = component
+    return np.asarray(flight.smooth @ columns)
 
 
 def predict_torque(model: Model, flight: Flight) -> Floats:
@@ -37,8 +54,7 @@ def predict_torque(model: Model, flight: Flight) -> Floats:
     turning = model.turning()
     if not turning.stack:
         return flight.nominal_torque
-    torque = turning.body_torque(flight.nominal_n, flight.conditions)
-    return flight.slowly(flight.filtered_vector(torque))
+    return flight.slowly(_filtered(turning, flight, turning.body_torque))
 
 
 def predict_imu_error(model: Model, flight: Flight) -> Floats:

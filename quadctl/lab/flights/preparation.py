@@ -95,6 +95,7 @@ def prepare(log: FlightLog, vehicle: Vehicle) -> Flight:
     flight = _over_surfaces(
         _assemble(log.name, vehicle, signals, grid, smooth, derivative, time, bandwidth, notes), log
     )
+    del signals, grid, smooth, derivative  # of a long log they need as much memory as the flight
     (flight,) = timed([replace(flight, sha256=_sha256(log))], Model(vehicle))
     thrust = np.column_stack([flight.filtered(nominal) for nominal in flight.nominal_n])
     lean = np.column_stack([flight.variables[name] for name in ("roll", "pitch")])

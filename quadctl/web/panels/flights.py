@@ -13,7 +13,8 @@ from quadctl.web.panels.glossary import explained
 from quadctl.web.panels.panel import Controls, Panel, Tab
 from quadctl.web.panels.vehicle import VehicleChoice, WhichVehicle
 from quadctl.web.session.files import LOG_SUFFIXES, MAX_UPLOAD_BYTES, SETTINGS_SUFFIXES
-from quadctl.web.work.jobs import Opened, OpenedLog
+from quadctl.web.work.jobs import Opened
+from quadctl.web.work.reading import OpenedLog
 
 _NAMES_AND_SIZES = "(entries) => emit(entries.map(e => [e.file.name, e.file.size, e.failedPropValidation]))"
 

@@ -16,7 +16,8 @@ from quadctl.web.panels.flights import drop_zone
 from quadctl.web.panels.panel import Controls, Panel
 from quadctl.web.panels.vehicle import VehicleChoice
 from quadctl.web.session.session import Rung
-from quadctl.web.work.jobs import Opened, OpenedLog
+from quadctl.web.work.jobs import Opened
+from quadctl.web.work.reading import OpenedLog
 from quadctl.web.work.state import Message
 
 

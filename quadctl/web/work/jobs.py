@@ -3,7 +3,6 @@ sent from process to process."""
 
 from collections import Counter
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -29,7 +28,7 @@ from quadctl.lab.selection.refit import Refit, fit
 from quadctl.lab.selection.removal import held_effect, remove_from_fit
 from quadctl.lab.tracking.step_response import StepResponses
 from quadctl.logs.flight_log import FlightLog
-from quadctl.logs.quality import QualityReport, quality
+from quadctl.logs.quality import quality
 from quadctl.logs.read import read_log
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
@@ -37,25 +36,8 @@ from quadctl.web.session.findings import Findings
 from quadctl.web.session.session import Rung
 from quadctl.web.work.doubts import doubt_beside, doubt_of
 from quadctl.web.work.progress import Progress
+from quadctl.web.work.reading import OpenedLog, stamp_of
 from quadctl.web.work.simulated import Simulation
-
-
-@dataclass(frozen=True, eq=False)
-class OpenedLog:
-    """One file that was opened, with what is in it; `problem` says why it cannot be analysed."""
-
-    path: Path
-    log: FlightLog | None = None
-    quality: QualityReport | None = None
-    problem: str = ""
-    flight: Flight | None = None
-    """The flight in it, prepared by itself; None where it cannot be analysed."""
-    vehicle: Vehicle | None = None
-    """Vehicle that it was prepared for."""
-    stamp: tuple[int, int] | None = None
-    """Time of its last change, ns, and size, bytes, as it was read."""
-    doubt: str = ""
-    """Reason to ask a person before it is used; empty where there is none, or it was answered."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,20 +127,6 @@ class Climbed:
     evaluation: Evaluation
 
 
-def read_logs(paths: Sequence[Path], known: Sequence[OpenedLog], progress: Progress) -> list[OpenedLog]:
-    """The `known` logs, and those of `paths` that are not among them, as they are logged; what cannot be read is left
-    out."""
-    read = list(known)
-    for path in paths:
-        stamp = _stamp(path)
-        if any((log.path, log.stamp) == (path, stamp) for log in known if stamp is not None):
-            continue
-        progress(f"reading {path.name}")
-        with suppress(QuadctlError):  # `open_logs` says why
-            read.append(OpenedLog(path, read_log(path), stamp=stamp))
-    return read
-
-
 def open_logs(
     paths: Sequence[Path],
     unseen: frozenset[Path],
@@ -176,7 +144,7 @@ def open_logs(
     before = {log.path: log for log in known}
     opened = []
     for path, name in zip(paths, log_names(paths), strict=True):
-        known_log, stamp = before.get(path), _stamp(path)
+        known_log, stamp = before.get(path), stamp_of(path)
         if known_log is not None and known_log.log is not None and known_log.stamp == stamp is not None:
             if known_log.vehicle is None:
                 progress(f"preparing {name}")
@@ -231,15 +199,6 @@ def _prepared(opened: OpenedLog, log: FlightLog, vehicle: Vehicle) -> OpenedLog:
         return replace(opened, flight=prepare(log, vehicle), problem="", vehicle=vehicle)
     except QuadctlError as error:
         return replace(opened, flight=None, problem=str(error), vehicle=vehicle)
-
-
-def _stamp(path: Path) -> tuple[int, int] | None:
-    """Time of the last change and size of a file; None where it cannot be asked for them."""
-    try:
-        status = path.stat()
-    except OSError:
-        return None
-    return status.st_mtime_ns, status.st_size
 
 
 def log_names(paths: Sequence[Path]) -> list[str]:

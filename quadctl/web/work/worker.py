@@ -7,6 +7,7 @@ import gc
 import importlib
 import multiprocessing
 import os
+import threading
 import traceback
 from collections.abc import Callable
 from multiprocessing.connection import Connection
@@ -17,6 +18,11 @@ from quadctl.errors import QuadctlError
 from quadctl.web.work.exchange import Exchange
 from quadctl.web.work.progress import Progress
 
+M_MMAP_THRESHOLD = -3
+"""Parameter of glibc's `mallopt`."""
+LARGE_BYTES = 4 << 20
+"""Size of an array whose memory is returned when it is freed. It costs time to get it anew: smaller ones, of flights of
+less than half a million rows, stay in the heap."""
 _CONTEXT = multiprocessing.get_context("spawn")
 """A server with threads cannot be forked."""
 
@@ -31,7 +37,7 @@ class Worker:
     Parameters
     ----------
     jobs: name of the module that holds the jobs. Its libraries take seconds to load: the process imports it as soon as
-        it starts, not within the first job.
+        it starts, not within the first job. A job of another module, which needs less, does not wait for it.
     exchange: the exchange through which values go; workers that get the same one share their large arrays.
     patient: run at low priority, for work that nobody waits for.
     """
@@ -95,12 +101,23 @@ def _serve(pipe: Connection, jobs: str | None, folder: Path, patient: bool) -> N
     """Run job after job in the worker's process, until the other end of `pipe` is closed."""
     if patient:
         os.nice(5)
+    _return_freed_memory()
     if jobs is not None:
-        importlib.import_module(jobs)
-
+        threading.Thread(target=importlib.import_module, args=(jobs,), daemon=True).start()
     exchange = Exchange(folder)
     while _one_job(pipe, exchange):
         _give_memory_back()
+
+
+def _return_freed_memory() -> None:
+    """Have the memory of large arrays returned as soon as they are freed.
+
+    Otherwise glibc takes ever larger arrays from its heap, which keeps what lies between those that are still in use,
+    and the allocator of polars keeps what it has freed for seconds.
+    """
+    os.environ.setdefault("_RJEM_MALLOC_CONF", "dirty_decay_ms:0,muzzy_decay_ms:0")  # read when polars is loaded
+    with contextlib.suppress(OSError, AttributeError):  # another C library
+        ctypes.CDLL(None).mallopt(M_MMAP_THRESHOLD, LARGE_BYTES)
 
 
 def _give_memory_back() -> None:

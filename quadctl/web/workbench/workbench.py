@@ -22,7 +22,7 @@ from quadctl.vehicle import Vehicle
 from quadctl.web.session.files import changed_logs, keep_expression
 from quadctl.web.session.findings import Diagnosed, Findings
 from quadctl.web.session.session import AUTOSAVED, Rung, Session, session_to_yaml
-from quadctl.web.work import jobs
+from quadctl.web.work import jobs, reading
 from quadctl.web.work.exchange import Exchange
 from quadctl.web.work.simulated import Simulation
 from quadctl.web.work.state import Gathered, Message, Results, Work
@@ -208,7 +208,7 @@ class Workbench:
             opened = None
             if session.rung is not None and session.logs:
                 before = [] if self.opened is None else self.opened.logs
-                read = await self._quick.run(jobs.read_logs, session.logs, before, progress=progress)
+                read = await self._quick.run(reading.read_logs, session.logs, before, progress=progress)
                 self.as_read = tuple(log.log for log in read if log.log is not None)
                 self._changed()
                 opened = await self._quick.run(
