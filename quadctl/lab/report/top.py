@@ -30,7 +30,7 @@ from quadctl.lab.tracking.step_response import first_and_last
 def headline(r: Results) -> Headline:
     before, after, what = _main_number(r)
     vehicle, dataset = r.comparison.model.vehicle, r.comparison.dataset
-    said = r.shown.said or (*_verdict(r), *_what_is_left(r))
+    said = (*r.shown.said, *_added(r)) if r.shown.said else (*_verdict(r), *_what_is_left(r))
     condition = r.shown.condition
     if condition is None and any(flight.weight_doubt for flight in dataset.flights):
         condition = vehicle
@@ -62,6 +62,15 @@ def _main_number(r: Results) -> tuple[float, float | None, str]:
         a = r.addition
         return a.before["total"], a.after["total"], f"on {held_out(a.dataset)}"
     return r.comparison.rmse["total"], None, f"on {flights_in_words(r.comparison.dataset.names)}"
+
+
+def _added(r: Results) -> list[str]:
+    """Sentence on the effects by which the last model differs from the first."""
+    if r.addition is None:
+        return []
+    first = {effect.name for effect in r.comparison.model.effects}
+    new = [plain(effect.family()) for effect in r.addition.model.effects if effect.name not in first]
+    return [f"Added to {r.comparison.model.name}: {listed(new)}."] if new else []
 
 
 def _verdict(r: Results) -> list[str]:

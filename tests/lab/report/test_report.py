@@ -178,6 +178,7 @@ class TestWhatThePageHolds:
         assert "0.321 → 0.123 m/s²" in top
         assert "Acceleration error (RMSE over all axes), on blocks" in top
         assert " ".join(said) in top
+        assert "Added to rigid body: ground effect." in top
         assert f"noise floor: {FLOOR} {quantity(0.0321)}" in top
 
     def test_the_verdict_is_on_the_condition_that_the_vehicle_flew_where_nobody_has_said_so(self, flown: Flown) -> None:
