@@ -7,7 +7,6 @@ import gc
 import importlib
 import multiprocessing
 import os
-import threading
 import traceback
 from collections.abc import Callable
 from multiprocessing.connection import Connection
@@ -23,6 +22,8 @@ M_MMAP_THRESHOLD = -3
 LARGE_BYTES = 4 << 20
 """Size of an array whose memory is returned when it is freed. It costs time to get it anew: smaller ones, of flights of
 less than half a million rows, stay in the heap."""
+AT_ONCE_S = 0.2
+"""Time that a new process waits for a job before it imports the module of the jobs."""
 _CONTEXT = multiprocessing.get_context("spawn")
 """A server with threads cannot be forked."""
 
@@ -37,7 +38,7 @@ class Worker:
     Parameters
     ----------
     jobs: name of the module that holds the jobs. Its libraries take seconds to load: the process imports it as soon as
-        it starts, not within the first job. A job of another module, which needs less, does not wait for it.
+        it starts, not within the first job, unless that waits already: it may be of another module, which needs less.
     exchange: the exchange through which values go; workers that get the same one share their large arrays.
     patient: run at low priority, for work that nobody waits for.
     """
@@ -102,8 +103,8 @@ def _serve(pipe: Connection, jobs: str | None, folder: Path, patient: bool) -> N
     if patient:
         os.nice(5)
     _return_freed_memory()
-    if jobs is not None:
-        threading.Thread(target=importlib.import_module, args=(jobs,), daemon=True).start()
+    if jobs is not None and not pipe.poll(AT_ONCE_S):  # a job that waits already brings what it needs
+        importlib.import_module(jobs)
     exchange = Exchange(folder)
     while _one_job(pipe, exchange):
         _give_memory_back()
