@@ -103,6 +103,11 @@ class Path:
         tried = list(self.at_start.values())
         return [*_supported_of(tried), *(c for c in tried if is_masked(c))]
 
+    @property
+    def n_seen(self) -> int:
+        """Number of parameters, of all effects found, that these data show."""
+        return sum(c.n_seen for c in self.chosen if c.family in self.missing)
+
     def restarted(self) -> "Path":
         """Path back at its start, with its trials."""
         return replace(begun_at(self.start), latest=self.latest, at_start=self.at_start)
@@ -208,15 +213,16 @@ def with_one_dropped(path: Path, pool: Sequence[type[Effect]], progress: Progres
 
 def _is_better(other: Path, path: Path) -> bool:
     """Tell whether one path explains more than another by effects that are all significant beside each other, corrected
-    for the number tried; with more effects, where the data tell the two apart."""
+    for the number tried; with more effects, where the data tell the two apart. One that explains as much by fewer
+    parameters is better, too."""
     found = (c for c in other.chosen if c.family in other.missing)
     if not all(is_significant(judged_beside(c, other).p_value) for c in found):
         return False
     new, old = _comparable(other, path)
-    more = 0 < len(path.missing) < len(other.missing)
-    if more and are_alike(new, old, path.dataset):
+    if 0 < len(path.missing) < len(other.missing) and are_alike(new, old, path.dataset):
         return False
-    return score(new) < score(old) - EQUAL_SCORE
+    simpler = len(other.missing) == len(path.missing) and other.n_seen < path.n_seen
+    return score(new) < score(old) + (EQUAL_SCORE if simpler else -EQUAL_SCORE)
 
 
 def _comparable(one: Path, other: Path) -> tuple[Floats, Floats]:
