@@ -11,7 +11,7 @@ from quadctl.effects.ground_effect import Exponential
 from quadctl.lab.arrays import Floats
 from quadctl.lab.comparison.agreement import Errors, agreement, least_alike
 from quadctl.lab.comparison.comparison import compare
-from quadctl.lab.comparison.shifts import Signed, shifts
+from quadctl.lab.comparison.shifts import LEVEL, Signed, shifts
 from quadctl.lab.comparison.wording import agreement_in_words
 from quadctl.lab.flights.dataset import load_dataset
 from quadctl.model import Model
@@ -44,9 +44,10 @@ class TestShifts:
     @pytest.mark.parametrize("turns", [0.5, 6.0])
     @pytest.mark.parametrize("memory", [0.0, 0.8, 0.98])
     def test_noise_that_drifts_is_no_shift(self, memory: float, turns: float) -> None:
-        pairs = [[signed(0.0, 2 * seed + i, memory=memory, turns=turns) for i in (0, 1)] for seed in range(100)]
+        """The level is 5 %, which 400 pairs show to 1.1 %; three times that is allowed."""
+        pairs = [[signed(0.0, 2 * seed + i, memory=memory, turns=turns) for i in (0, 1)] for seed in range(400)]
         clear = [any(each.is_clear for each in shifts(*pair)) for pair in pairs]
-        assert np.mean(clear) <= 0.06
+        assert np.mean(clear) <= LEVEL + 3.0 * math.sqrt(LEVEL * (1.0 - LEVEL) / len(pairs))
 
     def test_opposite_signs_of_one_size_do_not_agree(self) -> None:
         found = agreement(errors("a.csv", signed(0.3, 0)), errors("b.csv", signed(-0.3, 1)))
