@@ -102,6 +102,11 @@ class Diagnosis(Result):
         }
 
     @property
+    def searched_part(self) -> Dataset:
+        """Part of the dataset that the search has seen, on which candidates have their residuals."""
+        return self.dataset.spread_out(MOST_SEARCHED) if self.dataset.flights else self.dataset
+
+    @property
     def measured(self) -> list[Candidate]:
         """Candidates that the data show, but that are too small to be called missing; the best of each family.
 
@@ -169,7 +174,7 @@ class Diagnosis(Result):
                 f"The search has seen {self.searched} of {len(self.dataset.targets)} samples, in stretches spread over "
                 "the flights, and so have its errors; the parameters of what is missing are fitted to all samples."
             )
-        lines += [_small_in_words(*one_of) for one_of in alternatives(self.measured, self.dataset)]
+        lines += [_small_in_words(*one_of) for one_of in alternatives(self.measured, self.searched_part)]
         lines += [
             f"There (p {p_in_table(c.p_value)}), but no larger than the trim errors of any real vehicle: "
             f"{c.effect.name}, {parameters_in_words(c.effect, c.ci95)}."

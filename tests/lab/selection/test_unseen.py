@@ -11,6 +11,7 @@ import pytest
 from quadctl.effects.ground_effect import Exponential
 from quadctl.effects.inflow import AxialInflow
 from quadctl.effects.motor_lag import FirstOrderLag
+from quadctl.effects.rotor_drag import LinearDrag
 from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.lab.fitting.fitted_model import fit_model
 from quadctl.lab.flights.dataset import Dataset, load_dataset
@@ -184,3 +185,12 @@ class TestLongLogs:
         assert found.fit is not None and len(found.fit.held_out_residual) == len(long.targets)
         assert found.ranking[0].effect.values()["a"] == pytest.approx(whole.model.effects[0].values()["a"], rel=1e-2)
         assert found.ranking[0].ci95 == found.fit.ci95(0)
+
+    def test_small_effects_are_compared_on_what_the_search_has_seen(
+        self, raptor: Vehicle, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr(diagnosis, "MOST_SEARCHED", 2000)
+        climbs = obedient(Model(raptor).plus(AxialInflow(0.03)), 900.0, noise_m_s=0.002)
+        found = diagnose(Model(raptor), load_dataset([climbs], raptor), (AxialInflow, LinearDrag))
+        assert [c.effect.name for c in found.measured] == ["inflow.axial", "rotor_drag.linear"]
+        assert sum(line.startswith("Measured, but small") for line in found.lines()) == 2  # the data tell the two apart
