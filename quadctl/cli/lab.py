@@ -465,10 +465,13 @@ def _print_notes(dataset: Any) -> None:
 
 def _model_and_data(model: Path, logs: list[Path], hold_out: Any) -> tuple[Any, Any]:
     from quadctl.lab.interface import HoldOutError, prepare_flights
+    from quadctl.logs.memory import give_memory_back
     from quadctl.model import load_model
 
     loaded = load_model(model)
     try:
-        return loaded, prepare_flights(logs, loaded.vehicle, hold_out)
+        data = prepare_flights(logs, loaded.vehicle, hold_out)
     except HoldOutError as error:  # wrong usage
         raise typer.BadParameter(str(error).replace("hold_out", "--hold-out", 1)) from None
+    give_memory_back()  # the logs are as large as what is analysed
+    return loaded, data

@@ -32,9 +32,15 @@ UP = AXES.index("up")
 
 def consider_jacobian(model: Model, flight: Flight, groups: Sequence[str], predicted: Floats) -> Floats:
     """Change of the prediction by one standard deviation of each considered error, shape (n, axes, errors)."""
-    found = [predict_targets(model, disturbed, groups) - predicted for disturbed in _disturbed_flights(flight)]
-    found += [*_form_errors(model, flight, predicted), *_airspeed_errors(model, flight, predicted)]
-    return np.stack(found, axis=-1)
+    return np.stack(list(considered_changes(model, flight, groups, predicted)), axis=-1)
+
+
+def considered_changes(model: Model, flight: Flight, groups: Sequence[str], predicted: Floats) -> Iterator[Floats]:
+    """Change of the prediction by one standard deviation of each considered error, one by one, shape (n, axes)."""
+    for disturbed in _disturbed_flights(flight):
+        yield predict_targets(model, disturbed, groups) - predicted
+    yield from _form_errors(model, flight, predicted)
+    yield from _airspeed_errors(model, flight, predicted)
 
 
 def _disturbed_flights(flight: Flight) -> list[Flight]:

@@ -13,7 +13,7 @@ from scipy import stats
 
 from quadctl.lab.arrays import Floats, Mask
 from quadctl.lab.fitting.arrowhead import Arrow
-from quadctl.lab.fitting.consider_parameters import consider_jacobian
+from quadctl.lab.fitting.consider_parameters import considered_changes
 from quadctl.lab.fitting.constrained_draws import constrained_draws
 from quadctl.lab.fitting.normal_equations import (
     axis_weights,
@@ -21,7 +21,6 @@ from quadctl.lab.fitting.normal_equations import (
     jacobian_and_residual,
     resampled_gram_matrices,
     robust_weights,
-    slices,
     soft_l1_loss,
 )
 from quadctl.lab.fitting.nuisances import AGE, BOUND, KINDS, PRIOR_STD, acceleration_jacobian, predicted_with
@@ -414,16 +413,11 @@ class Fitter:
             within = starts[(starts >= part.start) & (starts < part.stop)] - part.start
             for begin, end in zip(within, [*within[1:], len(columns)], strict=True):
                 gram.append(gram_matrix(columns[begin:end], weights[begin:end]))
-            jacobian = columns[..., :-1]
-            errors = consider_jacobian(model, flight, groups, predict_targets(model, flight, groups))
-            errors /= scale[:, None]
-            consider_gradients.append(
-                sum(
-                    np.tensordot(errors[here], jacobian[here] * weights[here][..., None], axes=((0, 1), (0, 1)))
-                    for here in slices(len(jacobian))
-                )
-            )
-            power += np.einsum("nap,nap->p", jacobian[..., :p], jacobian[..., :p])
+            flat, predicted = columns.reshape(-1, columns.shape[-1]), predict_targets(model, flight, groups)
+            changes = considered_changes(model, flight, groups, predicted)
+            gradients = np.array([(change / scale * weights).ravel() @ flat for change in changes])
+            consider_gradients.append(gradients[:, :-1])
+            power += np.einsum("nap,nap->p", columns[..., :p], columns[..., :p])
         return _Linearisation(residual, scale, np.array(gram), starts, power, np.stack(consider_gradients, axis=1))
 
     def _power(self, model: Model, scale: Floats) -> Floats:

@@ -12,7 +12,7 @@ from quadctl.lab.flights.flight import Flight
 from quadctl.lab.flights.prediction import predict_targets
 from quadctl.model import Model
 
-SAMPLES_AT_ONCE = 20_000
+SAMPLES_AT_ONCE = 4_000
 HUBER_SIGMAS = 3.0
 """Residuals beyond this many (robust) standard deviations count linearly, not squared."""
 
@@ -34,7 +34,7 @@ def jacobian_and_residual(
     predicted = predict_targets(model, flight, groups)
     columns = np.empty((*predicted.shape, p + len(KINDS) + 1))
     columns[..., :p] = parameter_jacobian(model, flight, groups, predicted)
-    columns[..., p:-1] = nuisance_jacobian(model, flight, groups, predicted, nearby_jacobian)
+    nuisance_jacobian(model, flight, groups, predicted, nearby_jacobian, out=columns[..., p:-1])
     columns[..., -1] = residual
     columns /= scale[:, None]
     return columns

@@ -71,15 +71,22 @@ def disturbed(flight: Flight, nuisance: Floats) -> Flight:
 
 
 def nuisance_jacobian(
-    model: Model, flight: Flight, groups: Sequence[str], predicted: Floats, nearby_jacobian: Floats | None = None
+    model: Model,
+    flight: Flight,
+    groups: Sequence[str],
+    predicted: Floats,
+    nearby_jacobian: Floats | None = None,
+    out: Floats | None = None,
 ) -> Floats:
     """Jacobian of the prediction with respect to the nuisances at 0, shape (n, 3 * groups, kinds); they act linearly.
 
-    `predicted` is the prediction of the flight's targets without a nuisance, shape (n, 3 * groups). `nearby_jacobian`
-    is the `acceleration_jacobian` at other parameters. It is used where it is given, except for the column of the
-    height, which depends strongly on the effects and is computed anew.
+    It is written to `out` where that is given: of a long flight it takes hundreds of megabytes. `predicted` is the
+    prediction of the flight's targets without a nuisance, shape (n, 3 * groups). `nearby_jacobian` is the
+    `acceleration_jacobian` at other parameters. It is used where it is given, except for the column of the height,
+    which depends strongly on the effects and is computed anew.
     """
-    found = np.zeros((*predicted.shape, len(KINDS)))
+    found = np.empty((*predicted.shape, len(KINDS))) if out is None else out
+    found[:] = 0.0
     if nearby_jacobian is None:
         found[:, :3, :FORCES] = acceleration_jacobian(model, flight, predicted)
     else:

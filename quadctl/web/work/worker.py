@@ -1,9 +1,6 @@
 """A process for long work: the page keeps responding, progress comes back, and cancelling ends the process."""
 
 import asyncio
-import contextlib
-import ctypes
-import gc
 import importlib
 import multiprocessing
 import os
@@ -14,14 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from quadctl.errors import QuadctlError
+from quadctl.logs.memory import give_memory_back, return_freed_memory
 from quadctl.web.work.exchange import Exchange
 from quadctl.web.work.progress import Progress
 
-M_MMAP_THRESHOLD = -3
-"""Parameter of glibc's `mallopt`."""
-LARGE_BYTES = 4 << 20
-"""Size of an array whose memory is returned when it is freed. It costs time to get it anew: smaller ones, of flights of
-less than half a million rows, stay in the heap."""
 AT_ONCE_S = 0.2
 """Time that a new process waits for a job before it imports the module of the jobs."""
 _CONTEXT = multiprocessing.get_context("spawn")
@@ -102,30 +95,12 @@ def _serve(pipe: Connection, jobs: str | None, folder: Path, patient: bool) -> N
     """Run job after job in the worker's process, until the other end of `pipe` is closed."""
     if patient:
         os.nice(5)
-    _return_freed_memory()
+    return_freed_memory()
     if jobs is not None and not pipe.poll(AT_ONCE_S):  # a job that waits already brings what it needs
         importlib.import_module(jobs)
     exchange = Exchange(folder)
     while _one_job(pipe, exchange):
-        _give_memory_back()
-
-
-def _return_freed_memory() -> None:
-    """Have the memory of large arrays returned as soon as they are freed.
-
-    Otherwise glibc takes ever larger arrays from its heap, which keeps what lies between those that are still in use,
-    and the allocator of polars keeps what it has freed for seconds.
-    """
-    os.environ.setdefault("_RJEM_MALLOC_CONF", "dirty_decay_ms:0,muzzy_decay_ms:0")  # read when polars is loaded
-    with contextlib.suppress(OSError, AttributeError):  # another C library
-        ctypes.CDLL(None).mallopt(M_MMAP_THRESHOLD, LARGE_BYTES)
-
-
-def _give_memory_back() -> None:
-    """Free what the last job needed: datasets hold each other in circles, and glibc keeps freed arrays of its heap."""
-    gc.collect()
-    with contextlib.suppress(OSError, AttributeError):  # another C library
-        ctypes.CDLL(None).malloc_trim(0)
+        give_memory_back()
 
 
 def _one_job(pipe: Connection, exchange: Exchange) -> bool:

@@ -1,0 +1,31 @@
+"""Memory of a process that works on long logs: what is freed goes back to the system."""
+
+import contextlib
+import ctypes
+import gc
+import os
+
+M_MMAP_THRESHOLD = -3
+"""Parameter of glibc's `mallopt`."""
+LARGE_BYTES = 4 << 20
+"""Size of an array whose memory is returned when it is freed. It costs time to get it anew: smaller ones, of flights of
+less than half a million rows, stay in the heap."""
+
+
+def return_freed_memory() -> None:
+    """Have the memory of large arrays returned as soon as they are freed, in the whole process.
+
+    Otherwise glibc takes ever larger arrays from its heap, which keeps what lies between those that are still in use,
+    and the allocator of polars keeps what it has freed for seconds.
+    """
+    os.environ.setdefault("_RJEM_MALLOC_CONF", "dirty_decay_ms:0,muzzy_decay_ms:0")  # read when polars is loaded
+    with contextlib.suppress(OSError, AttributeError):  # another C library
+        ctypes.CDLL(None).mallopt(M_MMAP_THRESHOLD, LARGE_BYTES)
+
+
+def give_memory_back() -> None:
+    """Free what nothing needs any more: datasets hold each other in circles, and glibc keeps freed arrays of its
+    heap."""
+    gc.collect()
+    with contextlib.suppress(OSError, AttributeError):  # another C library
+        ctypes.CDLL(None).malloc_trim(0)
