@@ -115,8 +115,10 @@ def remembered() -> Iterator[None]:
     with ExitStack() as stack:
         for module, name, key in (
             (search, "try_effect", lambda effect, left, n: (effect, left.model.effects, n)),
+            (search, "promise", lambda effect, left: (effect, left.model.effects)),
             (search, "fit_model", by_model),
             (fitted_model, "fit_model", by_model),
+            (diagnosis, "held_out_errors", lambda before, after: (before.model.effects, after.model.effects)),
             (choice, "flexible_residual", by_residual),
             (choice, "explain", by_residual),
         ):
