@@ -6,6 +6,7 @@
 import argparse
 import multiprocessing
 import os
+import random
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
@@ -49,6 +50,8 @@ MOVED: dict[str, tuple[float, ...]] = {
 """Thresholds of `quadctl.lab.selection.rule`, and the values that are tried instead of theirs."""
 KINDS = {"single": "one effect", "pair": "two effects", "unexplained": "unexplained", "none": "nothing hidden"}
 STRENGTHS = (1.0, 0.3)
+SEED = 1
+"""Seed of the draw of `--cases`."""
 Setting = tuple[str, float]
 Cell = tuple[str, float]
 """Kind of case, and strength."""
@@ -57,7 +60,7 @@ HEAD = """# The decision rule, and what its thresholds do
 
 Written by `make decision-rule`. The rule by which an effect is called missing is one file,
 `quadctl/lab/selection/rule.py`, which says for each threshold what it is and why. Here each threshold is changed
-alone, to about half and about twice its value, on the {count} hidden-effect cases of the set `tuning` at strengths 1
+alone, to about half and about twice its value, on {count} hidden-effect cases of the set `tuning` at strengths 1
 and 0.3 ([hidden effects](hidden-effects.md)). The columns count the right verdicts for each kind of case, one number
 for each strength; numbers in bold differ from those of the unchanged rule. The lab was tuned on these seeds, so the
 first row says nothing about other data; the other rows show how much the verdicts depend on each threshold.
@@ -135,7 +138,9 @@ def page(right: Mapping[Setting, Counter[Cell]], totals: Mapping[Cell, int]) -> 
         for kind in KINDS:
             now, standing = ([right[setting][kind, s] for s in STRENGTHS] for setting in ((name, value), ("", 0.0)))
             counts = [str(n) if n == before else f"**{n}**" for n, before in zip(now, standing, strict=True)]
-            cells.append(f"{', '.join(counts[: 1 if kind == 'none' else None])} of {totals[kind, 1.0]}")
+            strengths = STRENGTHS[:1] if kind == "none" else STRENGTHS
+            of_all = dict.fromkeys(str(totals[kind, s]) for s in strengths)
+            cells.append(f"{', '.join(counts[: len(strengths)])} of {', '.join(of_all)}")
         words = f"`{name}`" if name else "unchanged"
         moved = f"{getattr(rule, name):g} -> {value:g}" if name else ""
         rows.append(f"| {words} | {moved} | {' | '.join(cells)} |")
@@ -145,9 +150,12 @@ def page(right: Mapping[Setting, Counter[Cell]], totals: Mapping[Cell, int]) -> 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--cases", type=int, help="so many of them, drawn at random: each takes half a minute")
     options = parser.parse_args()
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # for the processes: two of them have two cores
     cases = [case for case in all_cases("tuning") if case.strength in STRENGTHS]
+    if options.cases:
+        cases = random.Random(SEED).sample(cases, options.cases)
     folder = ROOT / "build" / "hidden" / generator_digest()
     right: dict[Setting, Counter[Cell]] = {setting: Counter() for setting in settings()}
     with ProcessPoolExecutor(options.jobs, mp_context=multiprocessing.get_context("spawn")) as pool:

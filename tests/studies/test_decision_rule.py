@@ -1,5 +1,7 @@
 """The study of the decision rule moves every threshold, and remembers what another setting has computed."""
 
+import pytest
+
 from quadctl.effects.ground_effect import Exponential
 from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.lab.fitting.fitted_model import fit_model
@@ -20,6 +22,13 @@ def test_every_threshold_of_the_rule_is_moved_to_both_sides() -> None:
     assert thresholds.keys() == MOVED.keys()
     for name, value in thresholds.items():
         assert min(MOVED[name]) < value < max(MOVED[name]), name
+
+
+def test_a_look_alike_takes_the_place_of_nothing_where_no_effect_may_be_replaced(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(rule, "REPLACED", 0)
+    assert not rule.is_replaceable([])
 
 
 def test_what_is_remembered_leads_to_the_same_verdict(raptor: Vehicle) -> None:

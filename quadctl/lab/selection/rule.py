@@ -222,7 +222,7 @@ def is_left_out(c: Candidate) -> bool:
 
 def is_replaceable(missing: Sequence[str]) -> bool:
     """Tell whether one look-alike may replace all the families that were found."""
-    return len(missing) == REPLACED
+    return 0 < REPLACED == len(missing)
 
 
 def is_needed(effect: Effect, without: Floats, residual: Floats, p_value: float) -> bool:
