@@ -24,7 +24,7 @@ def test_every_threshold_of_the_rule_is_moved_to_both_sides() -> None:
         assert min(MOVED[name]) < value < max(MOVED[name]), name
 
 
-def test_a_look_alike_takes_the_place_of_nothing_where_no_effect_may_be_replaced(
+def test_where_no_effect_may_be_replaced_a_look_alike_replaces_nothing(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(rule, "REPLACED", 0)
