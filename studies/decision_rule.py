@@ -61,8 +61,8 @@ HEAD = """# The decision rule, and what its thresholds do
 Written by `make decision-rule`. The rule by which an effect is called missing is one file,
 `quadctl/lab/selection/rule.py`, which says for each threshold what it is and why. Here each threshold is changed
 alone, to about half and about twice its value, on {count} hidden-effect cases of the set `tuning` at strengths 1
-and 0.3 ([hidden effects](hidden-effects.md)). The columns count the right verdicts for each kind of case, one number
-for each strength; numbers in bold differ from those of the unchanged rule. The lab was tuned on these seeds, so the
+and 0.3 ([hidden effects](hidden-effects.md)). The columns count the right verdicts for each kind of case at each
+strength; numbers in bold differ from those of the unchanged rule. The lab was tuned on these seeds, so the
 first row says nothing about other data; the other rows show how much the verdicts depend on each threshold.
 
 Not moved is what stands elsewhere: the share of the vertical error that a motor lag may leave (`LEFT_BY_A_LAG` in
@@ -139,8 +139,7 @@ def page(right: Mapping[Setting, Counter[Cell]], totals: Mapping[Cell, int]) -> 
             now, standing = ([right[setting][kind, s] for s in STRENGTHS] for setting in ((name, value), ("", 0.0)))
             counts = [str(n) if n == before else f"**{n}**" for n, before in zip(now, standing, strict=True)]
             strengths = STRENGTHS[:1] if kind == "none" else STRENGTHS
-            of_all = dict.fromkeys(str(totals[kind, s]) for s in strengths)
-            cells.append(f"{', '.join(counts[: len(strengths)])} of {', '.join(of_all)}")
+            cells.append(", ".join(f"{n} of {totals[kind, s]}" for n, s in zip(counts, strengths, strict=False)))
         words = f"`{name}`" if name else "unchanged"
         moved = f"{getattr(rule, name):g} -> {value:g}" if name else ""
         rows.append(f"| {words} | {moved} | {' | '.join(cells)} |")
