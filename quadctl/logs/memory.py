@@ -7,9 +7,9 @@ import os
 
 M_MMAP_THRESHOLD = -3
 """Parameter of glibc's `mallopt`."""
-LARGE_BYTES = 4 << 20
-"""Size of an array whose memory is returned when it is freed. It costs time to get it anew: smaller ones, of flights of
-less than half a million rows, stay in the heap."""
+LARGE_BYTES = 32 << 20
+"""Size of an array whose memory is returned when it is freed. It costs time to get it anew: what a fit makes for every
+prediction, even of a million rows, is smaller, and stays in the heap."""
 
 
 def return_freed_memory() -> None:
