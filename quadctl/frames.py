@@ -41,6 +41,9 @@ def rotate(q: Quaternion, v: Vector) -> Vector:
     """Body vector `v` in world axes."""
     w, x, y, z = q
     vx, vy, vz = v
+    if isinstance(vx, float) and vx == 0.0 and isinstance(vy, float) and vy == 0.0:  # along body z: half the work
+        twice = 2.0 * vz
+        return twice * (x * z + w * y), twice * (y * z - w * x), vz - twice * (x * x + y * y)
     # v + 2 w (r x v) + 2 r x (r x v), with r the vector part
     tx = 2.0 * (y * vz - z * vy)
     ty = 2.0 * (z * vx - x * vz)

@@ -111,6 +111,14 @@ def test_product_rotates_by_the_right_factor_first(
     assert rotate(multiply(p, q), v) == pytest.approx(rotate(p, rotate(q, v)), abs=1e-9)
 
 
+@given(angles, angles, angles, components)
+def test_a_force_along_body_z_is_rotated_as_any_other(roll: float, pitch: float, yaw: float, fz: float) -> None:
+    """It has a shorter way of its own, which arrays of zeros do not take."""
+    q = quaternion_from_euler(roll, pitch, yaw)
+    none = np.zeros(1)
+    assert rotate(q, (0.0, 0.0, fz)) == pytest.approx([float(c[0]) for c in rotate(q, (none, none, fz))], abs=1e-10)
+
+
 @given(angles, angles, angles, vectors)
 def test_arrays_and_numbers_agree(roll: float, pitch: float, yaw: float, v: tuple[float, float, float]) -> None:
     q = quaternion_from_euler(roll, pitch, yaw)

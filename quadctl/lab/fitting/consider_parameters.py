@@ -39,8 +39,8 @@ def considered_changes(model: Model, flight: Flight, groups: Sequence[str], pred
     """Change of the prediction by one standard deviation of each considered error, one by one, shape (n, axes)."""
     for disturbed in _disturbed_flights(flight):
         yield predict_targets(model, disturbed, groups) - predicted
-    yield from _form_errors(model, flight, predicted)
-    yield from _airspeed_errors(model, flight, predicted)
+    yield from _form_errors(model, flight, groups, predicted)
+    yield from _airspeed_errors(model, flight, groups, predicted)
 
 
 def _disturbed_flights(flight: Flight) -> list[Flight]:
@@ -63,23 +63,30 @@ def _disturbed_flights(flight: Flight) -> list[Flight]:
     return [*stronger, *sloped]
 
 
-def _form_errors(model: Model, flight: Flight, predicted: Floats) -> Iterator[Floats]:
-    """Change of the prediction where the form of each effect on the thrust is off by a constant."""
+def _form_errors(model: Model, flight: Flight, groups: Sequence[str], predicted: Floats) -> Iterator[Floats]:
+    """Change of the prediction where the form of each effect on the thrust is off by a constant; of the acceleration
+    alone, which is the first of the groups where it is among them."""
     for i, effect in enumerate(model.effects):
         if not effect.depends_on or effect.adds_lag or effect not in model.effects_on_thrust:
             continue
-        without = replace(model, stack=(*model.stack[:i], *model.stack[i + 1 :]))
-        does = predicted[:, UP] - predict(without, flight)[:, UP]
         found = np.zeros_like(predicted)
-        found[:, UP] = FORM * np.sqrt(np.mean(does**2))
+        if "total" in groups:
+            does = predicted[:, UP] - predict(_without(model, i), flight)[:, UP]
+            found[:, UP] = FORM * np.sqrt(np.mean(does**2))
         yield found
 
 
-def _airspeed_errors(model: Model, flight: Flight, predicted: Floats) -> Iterator[Floats]:
-    """Change of the prediction where the airspeed, on which the forces on the body depend, is off by a factor."""
+def _airspeed_errors(model: Model, flight: Flight, groups: Sequence[str], predicted: Floats) -> Iterator[Floats]:
+    """Change of the prediction where the airspeed, on which the forces on the body depend, is off by a factor; of the
+    acceleration alone, as above."""
     for i, effect in enumerate(model.effects):
         if effect in model.effects_on_body and {"speed_forward", "speed_right"} & set(effect.depends_on):
-            without = replace(model, stack=(*model.stack[:i], *model.stack[i + 1 :]))
             found = np.zeros_like(predicted)
-            found[:, : len(AXES)] = AIRSPEED * (predicted[:, : len(AXES)] - predict(without, flight))
+            if "total" in groups:
+                acceleration = predicted[:, : len(AXES)]
+                found[:, : len(AXES)] = AIRSPEED * (acceleration - predict(_without(model, i), flight))
             yield found
+
+
+def _without(model: Model, effect: int) -> Model:
+    return replace(model, stack=(*model.stack[:effect], *model.stack[effect + 1 :]))

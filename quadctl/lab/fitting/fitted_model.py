@@ -1,11 +1,21 @@
 """The value that a fit returns: a model fitted to flights, with its intervals and its held-out error."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+from quadctl.effects import Effect
 from quadctl.lab.arrays import Floats
 from quadctl.lab.fitting.fitter import Fitter, Optimum
-from quadctl.lab.fitting.parameters import Free, intervals, is_at_bound, remarks, undetermined, values_of
+from quadctl.lab.fitting.parameters import (
+    Free,
+    free_parameters,
+    intervals,
+    is_at_bound,
+    remarks,
+    undetermined,
+    values_of,
+)
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.flights.flight import Flight
 from quadctl.lab.flights.prediction import rmse
@@ -121,3 +131,22 @@ def fit_model(model: Model, dataset: Dataset) -> FittedModel:
     fitter = Fitter(model, dataset)
     optimum = fitter.fit()
     return FittedModel(fitter, optimum, dataset.targets - fitter.held_out(optimum))
+
+
+def fit_as_it_stands(model: Model, dataset: Dataset) -> FittedModel:
+    """Fit the nuisances of the flights of `dataset` alone: the parameters of `model` stay."""
+    return fit_model(model.with_effects([_standing(effect) for effect in model.effects]), dataset)
+
+
+def is_fitted_to(model: Model, flights: Sequence[str]) -> bool:
+    """Tell whether all parameters of `model` that can be fitted were fitted to the flights of these names, and maybe
+    others."""
+    items = (model.stack[effect] for effect in {free.effect for free in free_parameters(model)})
+    return all(item.fitted is not None and set(flights) <= set(item.fitted.logs) for item in items)
+
+
+def _standing(effect: Effect) -> Effect:
+    """Copy of an effect without free parameters."""
+    kind = type(effect)
+    fixed: type[Effect] = type(kind.__name__, (kind,), {"parameters": classmethod(lambda cls: ())})
+    return fixed(**effect.values())

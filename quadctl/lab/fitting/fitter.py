@@ -5,18 +5,21 @@ samples and of flights.
 """
 
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import special
 
 from quadctl.lab.arrays import Floats, Mask
 from quadctl.lab.fitting.arrowhead import Arrow
 from quadctl.lab.fitting.consider_parameters import considered_changes
 from quadctl.lab.fitting.constrained_draws import constrained_draws
+from quadctl.lab.fitting.noise import LEAST_VARIANCE
 from quadctl.lab.fitting.normal_equations import (
     axis_weights,
+    gradient_covariance,
     gram_matrix,
     jacobian_and_residual,
     resampled_gram_matrices,
@@ -32,6 +35,7 @@ from quadctl.lab.fitting.parameters import (
     values_of,
     with_values,
 )
+from quadctl.lab.fitting.velocity_error import weakening
 from quadctl.lab.flights.dataset import AlignedDataset, Dataset
 from quadctl.lab.flights.prediction import predict, predict_targets
 from quadctl.lab.threads import one_blas_thread
@@ -85,6 +89,10 @@ class _Linearisation:
     """Unweighted sums of squares of the columns of the parameter Jacobian, shape (p,)."""
     consider_gradients: Floats
     """Weighted products of the Jacobian and the change by each considered error, shape (errors, flights, m - 1)."""
+    weakening_gradient: Floats
+    """The same for the errors of the velocity, which act in one direction only, shape (1, flights, m - 1)."""
+    gradient_covariance: Floats
+    """Covariance of the gradient by the noise, as its spectrum tells, shape (flights, m - 1, m - 1)."""
 
 
 class Fitter:
@@ -175,7 +183,9 @@ class Fitter:
         Each draw is one Gauss-Newton step from the optimum with new weights of the blocks, i.e. the refit to first
         order with the robust weights of the fit. Each draw also has its own prior means of the nuisances, since what
         the data do not tell about a nuisance is as uncertain as its prior says, and its own considered errors
-        (`consider_parameters`). Parameters that a bound holds are drawn last, and the others follow them.
+        (`consider_parameters`). Where the noise is slower than the runs of blocks tell, by its spectrum, the draws
+        spread as far as that says. Errors of the velocity may have weakened a drag, never strengthened it
+        (`velocity_error`). Parameters that a bound holds are drawn last, and the others follow them.
         """
         p = len(self.free)
         if not p:
@@ -193,7 +203,7 @@ class Fitter:
             times[now] = random.multinomial(runs, alike, now.stop - now.start)[:, run]
         centres = PRIOR_STD * random.standard_normal((BOOTSTRAPS, *fitted.nuisances.shape))
         # The spread is estimated from few runs: Student's t instead of the normal distribution, n - 1 instead of n.
-        wider = float(stats.t.ppf(0.975, runs - 1)) / 1.96 * math.sqrt(runs / (runs - 1)) if runs > 1 else 1.0
+        wider = float(special.stdtrit(runs - 1, 0.975)) / 1.96 * math.sqrt(runs / (runs - 1)) if runs > 1 else 1.0
         first = np.flatnonzero(np.diff(self.dataset.flight_index[tangent.starts], prepend=-1))
         free_mask = self._free_mask(fitted)
         released = np.where(np.arange(len(free_mask)) < p, True, free_mask)
@@ -210,10 +220,16 @@ class Fitter:
             for steps, mask in zip(drawn_steps, masks, strict=True):
                 steps[now] += equations.solve(mask)[:, :p]
         values, low, high = values_of(fitted.model, self.free), self._low[:p], self._high[:p]
+        more = self._variance_beyond_runs(fitted, whole, tangent, run, masks[-1])
+        drawn_steps = [
+            steps * np.sqrt(1.0 + more / np.maximum(steps.var(axis=0), LEAST_VARIANCE)) for steps in drawn_steps
+        ]
         moves = wider * drawn_steps[0]
         if len(held):
             equations = self._equations(whole, -fitted.nuisances)
             moves += self._moves_of_held(equations, free_mask, held, values, wider, drawn_steps[-1], random)
+        weaker = np.maximum(random.standard_normal((BOOTSTRAPS, 1)), 0.0)
+        moves += weaker @ self._steps_by_errors(fitted, whole, tangent.weakening_gradient, free_mask)
         draws = np.clip(values + self._unit[:p] * moves, low, high)
         ends = np.array(intervals(self.free, values, draws))
         # A fitted value outside the draws: the fit stopped in a flat valley before the minimum.
@@ -289,6 +305,27 @@ class Fitter:
         rhs_of_errors[..., :-1, -1] = consider_gradients
         equations = self._equations(rhs_of_errors, np.zeros_like(fitted.nuisances))
         return np.asarray(equations.solve(free_mask)[:, : len(self.free)])
+
+    def _variance_beyond_runs(
+        self, fitted: Optimum, gram: Floats, tangent: _Linearisation, run: NDArray[np.intp], free_mask: Mask
+    ) -> Floats:
+        """Variance of the steps of the parameters, in units of their ranges, by which the spectrum of the noise says
+        more than runs of blocks that are taken for independent, shape (p,); 0 where it says less."""
+        p, k, count = len(self.free), len(KINDS), len(gram)
+        equations = self._equations(gram, -fitted.nuisances)
+        unit = self._unit[: p + k]
+        flight = self.dataset.flight_index[tangent.starts]
+        more = np.zeros(p)
+        for i in range(p):
+            one = np.zeros(p + count * k)
+            one[i] = 1.0
+            solved = equations.with_rhs(one).solve(free_mask)
+            by_gradient = unit * np.column_stack([np.tile(solved[:p], (count, 1)), solved[p:].reshape(count, k)])
+            by_block = np.einsum("bm,bm->b", by_gradient[flight], tangent.gram[:, :-1, -1])
+            by_run = np.bincount(run, by_block)
+            of_spectrum = np.einsum("fm,fmn,fn->", by_gradient, tangent.gradient_covariance, by_gradient)
+            more[i] = max(of_spectrum - float(by_run @ by_run), 0.0)
+        return more
 
     def _free_mask(self, fitted: Optimum) -> Mask:
         """Mask of the unknowns that are not at a bound; those at a bound stay there, as they would in a refit."""
@@ -388,11 +425,15 @@ class Fitter:
         robust, plain = np.zeros((2, len(self.dataset.flights), m, m))
         for i, (flight, part) in enumerate(zip(self.dataset.flights, self.dataset.parts, strict=True)):
             used = rows[part]
-            if used.any():
-                columns = jacobian_and_residual(model, flight, groups, residual[part], scale, nearby_jacobian[i])
+            if not used.any():
+                continue
+            for group, axes in _one_by_one(groups):
+                columns = jacobian_and_residual(
+                    model, flight, group, residual[part, axes], scale[axes], nearby_jacobian[i]
+                )
                 columns = columns if used.all() else columns[used]
-                robust[i] = gram_matrix(columns, robust_weights(columns, axis_weights(flight, groups)))
-                plain[i] = gram_matrix(columns)
+                robust[i] += gram_matrix(columns, robust_weights(columns, axis_weights(flight, group)))
+                plain[i] += gram_matrix(columns)
         return robust, plain
 
     def _linearisation_at(self, fitted: Optimum) -> _Linearisation:
@@ -406,19 +447,30 @@ class Fitter:
         residual = self._residual(fitted, self._all())
         scale = noise_scale(residual)
         starts = np.flatnonzero(np.diff(self.dataset.block, prepend=-1))
-        gram, consider_gradients, power = [], [], np.zeros(p)
-        for flight, part in zip(self.dataset.flights, self.dataset.parts, strict=True):
-            columns = jacobian_and_residual(model, flight, groups, residual[part], scale)
-            weights = robust_weights(columns, axis_weights(flight, groups))
-            within = starts[(starts >= part.start) & (starts < part.stop)] - part.start
-            for begin, end in zip(within, [*within[1:], len(columns)], strict=True):
-                gram.append(gram_matrix(columns[begin:end], weights[begin:end]))
-            flat, predicted = columns.reshape(-1, columns.shape[-1]), predict_targets(model, flight, groups)
-            changes = considered_changes(model, flight, groups, predicted)
-            gradients = np.array([(change / scale * weights).ravel() @ flat for change in changes])
-            consider_gradients.append(gradients[:, :-1])
-            power += np.einsum("nap,nap->p", columns[..., :p], columns[..., :p])
-        return _Linearisation(residual, scale, np.array(gram), starts, power, np.stack(consider_gradients, axis=1))
+        unknowns, flights = p + len(KINDS), len(self.dataset.flights)
+        gram, power = np.zeros((len(starts), unknowns + 1, unknowns + 1)), np.zeros(p)
+        weaker, covariance = np.zeros((1, flights, unknowns)), np.zeros((flights, unknowns, unknowns))
+        consider: list[Floats] = []
+        for i, (flight, part) in enumerate(zip(self.dataset.flights, self.dataset.parts, strict=True)):
+            (blocks,) = np.nonzero((starts >= part.start) & (starts < part.stop))
+            ends = [*(starts[blocks[1:]] - part.start), part.stop - part.start]
+            of_errors: list[Floats] = []
+            for group, axes in _one_by_one(groups):
+                columns = jacobian_and_residual(model, flight, group, residual[part, axes], scale[axes])
+                weights = robust_weights(columns, axis_weights(flight, group))
+                for block, end in zip(blocks, ends, strict=True):
+                    here = slice(starts[block] - part.start, end)
+                    gram[block] += gram_matrix(columns[here], weights[here])
+                flat, predicted = columns.reshape(-1, unknowns + 1)[:, :-1], predict_targets(model, flight, group)
+                changes = considered_changes(model, flight, group, predicted)
+                of_errors.append(np.array([(change / scale[axes] * weights).ravel() @ flat for change in changes]))
+                if group == ("total",):
+                    change = weakening(model, flight, predicted, residual[part, axes])
+                    weaker[0, i] = (change / scale[axes] * weights).ravel() @ flat
+                power += np.einsum("nap,nap->p", columns[..., :p], columns[..., :p])
+                covariance[i] += gradient_covariance(columns, weights)
+            consider.append(np.sum(of_errors, axis=0))
+        return _Linearisation(residual, scale, gram, starts, power, np.stack(consider, axis=1), weaker, covariance)
 
     def _power(self, model: Model, scale: Floats) -> Floats:
         """Sum of squares of each column of the parameter Jacobian of `model`, in units of the noise, shape (p,)."""
@@ -427,6 +479,12 @@ class Fitter:
             j = parameter_jacobian(model, flight, groups, predict_targets(model, flight, groups)) / scale[:, None]
             power += np.einsum("nap,nap->p", j, j)
         return power
+
+
+def _one_by_one(groups: Sequence[str]) -> Iterator[tuple[tuple[str], slice]]:
+    """Each group by itself, with its axes: a Jacobian of all of a long flight takes hundreds of megabytes."""
+    for number, group in enumerate(groups):
+        yield (group,), slice(3 * number, 3 * number + 3)
 
 
 def noise_scale(residual: Floats) -> Floats:

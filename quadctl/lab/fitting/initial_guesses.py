@@ -27,12 +27,18 @@ class Unmodelled:
         self.residual = fit.held_out_residual
         self.scale = _trusted(noise_scale(self.residual), fit.dataset)
         self.forms = FormErrors.of(fit)
+        self._explained: dict[Effect, float] = {}
 
     def explained_by(self, effect: Effect) -> float:
         """Squared error, in units of the noise, that `effect` times a fitted factor explains.
 
-        Negative where the factor is negative and the effect is not reversible.
+        Negative where the factor is negative and the effect is not reversible. It is computed once for each effect.
         """
+        if effect not in self._explained:
+            self._explained[effect] = self._explained_by(effect)
+        return self._explained[effect]
+
+    def _explained_by(self, effect: Effect) -> float:
         change = self._tangent.rest(self._change(effect))
         along = float(np.vdot(change, self._left))
         squared = along * (along if effect.reversible else abs(along))
@@ -42,13 +48,13 @@ class Unmodelled:
         """Squared error, in units of the noise, that an effect explains to first order about `start`: by a factor on it
         and a change of each of its parameters, beside trims as they usually are."""
         model, dataset = self.model.plus(start), self._aligned
-        own = slice(len(free_parameters(self.model)), None)
+        own = free_parameters(model)[len(free_parameters(self.model)) :]
         jacobian = np.concatenate(
             [
-                parameter_jacobian(model, flight, dataset.groups, predict_targets(model, flight, dataset.groups))
+                parameter_jacobian(model, flight, dataset.groups, predict_targets(model, flight, dataset.groups), own)
                 for flight in dataset.flights
             ]
-        )[..., own]
+        )
         changes = [self._change(start), *np.moveaxis(jacobian / self.scale[:, None], -1, 0)]
         columns = np.stack([self._usual_trims.rest(change).ravel() for change in changes], axis=-1)
         basis = orthonormal(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-12))

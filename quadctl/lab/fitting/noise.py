@@ -1,7 +1,10 @@
-"""Autocorrelated noise: uncertainty of weighted sums and means."""
+"""Autocorrelated noise: its spectrum, and the uncertainty of weighted sums and means."""
+
+import math
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import rfft
 
 from quadctl.lab.arrays import Floats
 from quadctl.lab.flights.dataset import Dataset
@@ -9,6 +12,11 @@ from quadctl.lab.flights.dataset import Dataset
 MAX_LAG_S = 3.0
 """Time lag beyond which residuals of a flight are taken as uncorrelated, s."""
 LEAST_VARIANCE = 1e-30
+SLOPES = np.linspace(0.0, 2.0, 21)
+"""Exponents of the power law of the noise: from white noise to a random walk."""
+CORNERS = np.array([0.0, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0])
+"""Frequencies below which that noise is white, in units of the lowest one: a disturbance that a controller or an
+estimator answers within seconds does not grow over a minute."""
 
 
 def autocovariance(values: Floats, dataset: Dataset) -> list[Floats]:
@@ -51,3 +59,42 @@ class CorrelatedNoise:
                 total += k * np.bincount(first[first == later], minlength=count)
         size = np.maximum(np.bincount(group, minlength=count), 1)
         return np.asarray(np.sqrt(np.maximum(total / size**2, LEAST_VARIANCE)))
+
+
+def lowest(n: int) -> int:
+    """Number of the lowest frequencies, of `n` samples, at which the noise is taken for a power law."""
+    return max(2, round(math.sqrt(n)))
+
+
+def twice(n: int) -> Floats:
+    """Number of times that each frequency of `rfft` counts in a sum over all of `n` samples: once or twice."""
+    at = np.arange(n // 2 + 1)
+    return np.where((at == 0) | (2 * at == n), 1.0, 2.0)
+
+
+def spectrum(noise: Floats, taken: Floats, low: int) -> Floats:
+    """Variance of the noise of one flight, shape (n,), at each frequency of `rfft`; white noise has its variance at
+    all.
+
+    The periodogram, but at the `low` lowest frequencies the mean of power laws that level off below a corner, (f^2 +
+    c^2)^(-slope / 2), each by its likelihood (Whittle's, with the best scale). A fit takes the noise out at the
+    frequencies at which its model varies, so a frequency counts the less the more of the power `taken` of the model is
+    there. The mean counts as half the lowest frequency.
+    """
+    found = np.abs(rfft(noise)) ** 2 / len(noise)
+    at = np.arange(1.0, min(low, len(found) - 1) + 1.0)
+    power = found[1 : len(at) + 1]
+    share = 1.0 / (1.0 + taken[1 : len(at) + 1] / max(float(taken[1 : len(at) + 1].mean()), LEAST_VARIANCE))
+    share /= share.sum()
+    shapes = _shapes(np.concatenate([[0.5], at]))
+    scales = np.maximum(shapes[:, 1:] ** -1.0 @ (share * power), LEAST_VARIANCE)
+    likelihoods = -(np.log(shapes[:, 1:]) @ share + np.log(scales)) / float(share @ share)
+    weights = np.exp(likelihoods - likelihoods.max())
+    found[: len(at) + 1] = (weights / weights.sum() * scales) @ shapes
+    return np.asarray(found)
+
+
+def _shapes(at: Floats) -> Floats:
+    """Every shape of the spectrum at the frequencies `at`, in units of the lowest one; shape (shapes, frequencies)."""
+    corners = CORNERS[at[-1] > CORNERS]
+    return np.concatenate([(at**2 + corner**2) ** (-0.5 * SLOPES[:, None]) for corner in corners])

@@ -4,8 +4,10 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import rfft
 
 from quadctl.lab.arrays import Floats
+from quadctl.lab.fitting.noise import LEAST_VARIANCE, lowest, spectrum, twice
 from quadctl.lab.fitting.nuisances import KINDS, nuisance_jacobian
 from quadctl.lab.fitting.parameters import free_parameters, parameter_jacobian
 from quadctl.lab.flights.flight import Flight
@@ -66,6 +68,23 @@ def gram_matrix(columns: Floats, weights: Floats | None = None) -> Floats:
         flat = columns[here].reshape(-1, columns.shape[-1])
         weighted = flat if weights is None else flat * weights[here].reshape(-1, 1)
         total += weighted.T @ flat
+    return total
+
+
+def gradient_covariance(columns: Floats, weights: Floats) -> Floats:
+    """Covariance of the gradient, the sum of Jacobian times weighted residual, by the spectrum of that residual.
+
+    `columns` has the shape (n, axes, m); shape (m - 1, m - 1). Columns count alike as to the power that a fit has taken
+    from the noise (see `spectrum`).
+    """
+    n, axes, m = columns.shape
+    total = np.zeros((m - 1, m - 1))
+    for axis in range(axes):
+        waves = rfft(columns[:, axis, :-1], axis=0)
+        power = np.abs(waves) ** 2 / n
+        taken = np.sum(power / np.maximum(power.sum(axis=0), LEAST_VARIANCE), axis=1)
+        size = twice(n) / n * spectrum(weights[:, axis] * columns[:, axis, -1], taken, lowest(n))
+        total += ((np.conj(waves) * size[:, None]).T @ waves).real
     return total
 
 

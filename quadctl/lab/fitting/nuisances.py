@@ -87,11 +87,14 @@ def nuisance_jacobian(
     """
     found = np.empty((*predicted.shape, len(KINDS))) if out is None else out
     found[:] = 0.0
-    if nearby_jacobian is None:
-        found[:, :3, :FORCES] = acceleration_jacobian(model, flight, predicted)
-    else:
-        found[:, :3, :FORCES] = nearby_jacobian
-        found[:, :3, HEIGHT] = _acceleration_derivative(model, flight, predicted, HEIGHT)
+    if "total" in groups:
+        first = 3 * groups.index("total")
+        total, acceleration = found[:, first : first + 3], predicted[:, first : first + 3]
+        if nearby_jacobian is None:
+            acceleration_jacobian(model, flight, acceleration, out=total[..., :FORCES])
+        else:
+            total[..., :FORCES] = nearby_jacobian
+            total[..., HEIGHT] = _acceleration_derivative(model, flight, acceleration, HEIGHT)
     if "turning" in groups:
         first = 3 * groups.index("turning")
         for i, moment in enumerate(rotor_moments_n_m(flight).T):
@@ -99,9 +102,13 @@ def nuisance_jacobian(
     return found
 
 
-def acceleration_jacobian(model: Model, flight: Flight, predicted: Floats) -> Floats:
-    """Jacobian of the acceleration with respect to the nuisances of the forces at 0, shape (n, 3, FORCES)."""
-    return np.stack([_acceleration_derivative(model, flight, predicted, i) for i in range(FORCES)], axis=-1)
+def acceleration_jacobian(model: Model, flight: Flight, predicted: Floats, out: Floats | None = None) -> Floats:
+    """Jacobian of the acceleration with respect to the nuisances of the forces at 0, shape (n, 3, FORCES), written to
+    `out` where that is given."""
+    found = np.empty((*predicted.shape, FORCES)) if out is None else out
+    for i in range(FORCES):
+        found[..., i] = _acceleration_derivative(model, flight, predicted, i)
+    return found
 
 
 def _acceleration_derivative(model: Model, flight: Flight, predicted: Floats, i: int) -> Floats:

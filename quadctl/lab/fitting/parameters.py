@@ -44,13 +44,15 @@ def with_values(model: Model, free: Sequence[Free], values: Floats) -> Model:
     return model.with_effects(effects)
 
 
-def parameter_jacobian(model: Model, flight: Flight, groups: Sequence[str], predicted: Floats) -> Floats:
-    """Jacobian of the prediction with respect to the free parameters, shape (n, axes, p), by finite differences within
-    the bounds.
+def parameter_jacobian(
+    model: Model, flight: Flight, groups: Sequence[str], predicted: Floats, free: Sequence[Free] | None = None
+) -> Floats:
+    """Jacobian of the prediction with respect to the parameters `free`, by default all that are, shape (n, axes, p), by
+    finite differences within the bounds.
 
     `predicted` is the prediction of the flight's targets at the present parameters, shape (n, axes).
     """
-    free = free_parameters(model)
+    free = free_parameters(model) if free is None else free
     values = values_of(model, free)
     found = np.zeros((*predicted.shape, len(free)))
     for i, f in enumerate(free):

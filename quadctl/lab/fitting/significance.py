@@ -4,22 +4,17 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import special
 from scipy.fft import rfft
 
 from quadctl.lab.arrays import Floats
 from quadctl.lab.fitting.form_errors import FormErrors
-from quadctl.lab.fitting.noise import LEAST_VARIANCE
+from quadctl.lab.fitting.noise import LEAST_VARIANCE, lowest, spectrum, twice
 from quadctl.lab.flights.dataset import Dataset
 
 NO_CHANGE = 1e-3
 """Least change of the prediction relative to the residual that is tested; a smaller change comes from the convergence
 of the fit."""
-SLOPES = np.linspace(0.0, 2.0, 21)
-"""Exponents of the power law of the noise: from white noise to a random walk."""
-CORNERS = np.array([0.0, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0])
-"""Frequencies below which that noise is white, in units of the lowest one: a disturbance that a controller or an
-estimator answers within seconds does not grow over a minute."""
 FEW_BLOCKS = 3.0
 """Number of blocks of time, by their shares of the evidence, below which it may be a burst of noise."""
 LEAST_FLIGHTS = 4
@@ -57,7 +52,7 @@ def improvement_p_value(
         of_noise, variance = variance, variance + forms.variance_of_sum(every)
         # Welch & Satterthwaite: the size of a form's error is not estimated from these data.
         degrees *= (variance / of_noise) ** 2
-    return float(stats.t.sf((score - by_errors) / math.sqrt(variance), degrees))
+    return float(special.stdtr(degrees, (by_errors - score) / math.sqrt(variance)))
 
 
 def _attenuation(weights: Floats, predicted: Floats, noise: Floats) -> float:
@@ -92,47 +87,18 @@ def _variance_of_sum(weights: Floats, noise: Floats, dataset: Dataset) -> tuple[
     variance, degrees = LEAST_VARIANCE, 0.0
     for part in dataset.parts:
         n = int(part.stop - part.start)
-        low = max(2, round(math.sqrt(n)))
+        low = lowest(n)
         degrees += low
         for w, e in zip(weights[part].T, noise[part].T, strict=True):
             power = np.abs(rfft(w)) ** 2 / n
-            twice = np.where((np.arange(len(power)) == 0) | (2 * np.arange(len(power)) == n), 1.0, 2.0)
-            variance += float(np.sum(twice * power * spectrum(e, power, low)))
+            variance += float(np.sum(twice(n) * power * spectrum(e, power, low)))
     by_block, by_flight = (_batch_variance(weights, noise, unit) for unit in (dataset.block, dataset.flight_index))
     units = [by_block] if by_block[1] < FEW_BLOCKS - 1.0 else []
     units += [by_flight] if len(dataset.flights) >= LEAST_FLIGHTS else []
     for between, seen in units:
-        if between > variance * float(stats.f.ppf(0.95, seen, degrees)):
+        if between > variance * float(special.fdtri(seen, degrees, 0.95)):
             variance, degrees = between, seen
     return variance, degrees
-
-
-def spectrum(noise: Floats, taken: Floats, low: int) -> Floats:
-    """Variance of the noise of one flight, shape (n,), at each frequency of `rfft`; white noise has its variance at
-    all.
-
-    The periodogram, but at the `low` lowest frequencies the mean of power laws that level off below a corner, (f^2 +
-    c^2)^(-slope / 2), each by its likelihood (Whittle's, with the best scale). A fit takes the noise out at the
-    frequencies at which its model varies, so a frequency counts the less the more of the power `taken` of the model is
-    there. The mean counts as half the lowest frequency.
-    """
-    found = np.abs(rfft(noise)) ** 2 / len(noise)
-    at = np.arange(1.0, min(low, len(found) - 1) + 1.0)
-    power = found[1 : len(at) + 1]
-    share = 1.0 / (1.0 + taken[1 : len(at) + 1] / max(float(taken[1 : len(at) + 1].mean()), LEAST_VARIANCE))
-    share /= share.sum()
-    shapes = _shapes(np.concatenate([[0.5], at]))
-    scales = np.maximum(shapes[:, 1:] ** -1.0 @ (share * power), LEAST_VARIANCE)
-    likelihoods = -(np.log(shapes[:, 1:]) @ share + np.log(scales)) / float(share @ share)
-    weights = np.exp(likelihoods - likelihoods.max())
-    found[: len(at) + 1] = (weights / weights.sum() * scales) @ shapes
-    return np.asarray(found)
-
-
-def _shapes(at: Floats) -> Floats:
-    """Every shape of the spectrum at the frequencies `at`, in units of the lowest one; shape (shapes, frequencies)."""
-    corners = CORNERS[at[-1] > CORNERS]
-    return np.concatenate([(at**2 + corner**2) ** (-0.5 * SLOPES[:, None]) for corner in corners])
 
 
 def _batch_variance(weights: Floats, noise: Floats, batch: NDArray[np.int64]) -> tuple[float, float]:
@@ -160,7 +126,9 @@ def difference_p_value(better: Floats, other: Floats, dataset: Dataset) -> float
     per_block = np.bincount(blocks, gain)
     if len(per_block) < 3 or np.ptp(per_block) < 1e-12:
         return 1.0
-    return float(stats.ttest_1samp(per_block, 0.0).pvalue)
+    count = len(per_block)
+    t = per_block.mean() / (per_block.std(ddof=1) / math.sqrt(count))
+    return float(2.0 * special.stdtr(count - 1, -abs(t)))
 
 
 def _power(values: Floats) -> float:

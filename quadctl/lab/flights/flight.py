@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import correlate1d
 from scipy.sparse import csr_matrix
 
 from quadctl.effects import Conditions
@@ -20,32 +21,59 @@ from quadctl.vehicle import Vehicle
 MOMENTS_S = 0.5
 """Standard deviation of the Gaussian filter of the moments, s. Moments are compared over seconds only: faster ones
 depend on the inertia, which vehicle files often guess, and on delays of the rotor speeds."""
+SAME_STEP = 1e-6
+"""Largest relative difference of time steps that count as the same."""
 
 
 class SlowFilter:
-    """Gaussian filter of the moments over the samples at `time_s`. Its matrix is built at the first use and shared by
-    all copies of a flight."""
+    """Gaussian filter of the moments over the samples at `time_s`. Its weights are computed at the first use and shared
+    by all copies of a flight.
+
+    Where samples are evenly spaced, all have the same weights; only those near a gap or an end need their own.
+    """
 
     def __init__(self, time_s: Floats) -> None:
         self._time_s = time_s
 
     def __call__(self, values: Floats) -> Floats:
         """Filter values at the samples, shape (n,) or (n, k)."""
-        return np.asarray(self._matrix @ values)
+        filtered = np.asarray(correlate1d(values, self._even_weights, axis=0, mode="nearest"))
+        uneven, own = self._own_weights
+        filtered[uneven] = own @ values
+        return filtered
 
     @cached_property
-    def _matrix(self) -> csr_matrix:
-        n = len(self._time_s)
-        reach = math.ceil(3.0 * MOMENTS_S / float(np.median(np.diff(self._time_s))))
-        there = np.arange(n, dtype=np.int32)[:, None] + np.arange(-reach, reach + 1, dtype=np.int32)
-        np.clip(there, 0, n - 1, out=there)
-        weights = self._time_s[there]
-        weights -= self._time_s[:, None]
-        np.square(weights, out=weights)
-        weights *= -0.5 / MOMENTS_S**2
-        np.exp(weights, out=weights)
-        weights /= weights.sum(axis=1, keepdims=True)
-        return csr_matrix((weights.ravel(), there.ravel(), np.arange(0, there.size + 1, there.shape[1])), shape=(n, n))
+    def _step_s(self) -> float:
+        return float(np.median(np.diff(self._time_s)))
+
+    @property
+    def _reach(self) -> int:
+        """Number of samples on each side that count."""
+        return math.ceil(3.0 * MOMENTS_S / self._step_s)
+
+    @cached_property
+    def _even_weights(self) -> Floats:
+        return self._weights(self._step_s * np.arange(-self._reach, self._reach + 1))
+
+    @cached_property
+    def _own_weights(self) -> tuple[NDArray[np.intp], csr_matrix]:
+        """Samples that have not the same neighbours as most, and their weights, shape (samples, n)."""
+        n, reach = len(self._time_s), self._reach
+        odd = np.abs(np.diff(self._time_s) / self._step_s - 1.0) > SAME_STEP
+        before = np.concatenate([[0], np.cumsum(odd)])  # number of odd steps before each sample
+        uneven = np.ones(n, dtype=bool)
+        inside = max(n - 2 * reach, 0)
+        uneven[reach : reach + inside] = before[2 * reach :] > before[:inside]
+        places = np.flatnonzero(uneven)
+        there = np.clip(places[:, None] + np.arange(-reach, reach + 1), 0, n - 1)
+        weights = self._weights(self._time_s[there] - self._time_s[places, None])
+        ends = np.arange(0, there.size + 1, there.shape[1])
+        return places, csr_matrix((weights.ravel(), there.ravel(), ends), shape=(len(places), n))
+
+    @staticmethod
+    def _weights(offset_s: NDArray[np.floating]) -> Floats:
+        weights = np.exp(-0.5 * (offset_s / MOMENTS_S) ** 2)
+        return np.asarray(weights / weights.sum(axis=-1, keepdims=True))
 
 
 LARGEST_DELAY_S = 0.5
@@ -222,6 +250,9 @@ class Flight:
     def pieces(self, most: int) -> Iterator[tuple[slice, list[Floats], Conditions]]:
         """Nominal thrusts and conditions of pieces of the grid of at most so many places, without copies."""
         c = self.conditions
+        if len(self.grid_s) <= most:
+            yield slice(0, len(self.grid_s)), self.nominal_n, c
+            return
         for begin in range(0, len(self.grid_s), most):
             piece = slice(begin, begin + most)
             yield piece, [thrust[piece] for thrust in self.nominal_n], _conditions_at(c, piece)

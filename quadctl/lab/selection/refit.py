@@ -15,7 +15,7 @@ from quadctl.errors import SettingsError
 from quadctl.lab.arrays import Floats
 from quadctl.lab.comparison.wording import ERRORS, parameters_in_words
 from quadctl.lab.fitting.bootstrap import drop_interval
-from quadctl.lab.fitting.fitted_model import FittedModel, fit_model
+from quadctl.lab.fitting.fitted_model import FittedModel, fit_as_it_stands, fit_model
 from quadctl.lab.fitting.fitter import Fitter, Optimum
 from quadctl.lab.fitting.parameters import free_parameters, intervals, undetermined, values_of
 from quadctl.lab.fitting.significance import improvement_p_value
@@ -157,8 +157,7 @@ def fit(model: Model, dataset: Dataset) -> Refit:
     if not free_parameters(model):
         held = ", ".join(effect.name for effect in model.effects) or "no effect"
         raise SettingsError(f"{model.name}: holds {held}, expected an effect with a parameter to fit")
-    standing = model.with_effects([_standing(effect) for effect in model.effects])
-    return refitted(Refit, model, fit_model(standing, dataset), fit_model(model, dataset))
+    return refitted(Refit, model, fit_as_it_stands(model, dataset), fit_model(model, dataset))
 
 
 def refitted(
@@ -222,10 +221,3 @@ def _blind_folds(fit: FittedModel) -> list[str]:
                 f"{flights} is no test of {'it' if len(missed) == 1 else 'them'}"
             )
     return found
-
-
-def _standing(effect: Effect) -> Effect:
-    """Copy of an effect without free parameters."""
-    kind = type(effect)
-    fixed: type[Effect] = type(kind.__name__, (kind,), {"parameters": classmethod(lambda cls: ())})
-    return fixed(**effect.values())

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
-from scipy.stats import norm
+from scipy import special
 
 from quadctl.errors import SettingsError
 from quadctl.lab.fitting.fitted_model import FittedModel, fit_model
@@ -148,7 +148,7 @@ def verify(
     known = [name for item in model.stack if item.fitted is not None for name in item.fitted.ci95]
     if not known:
         raise SettingsError(f"{model.name}: holds no parameter with an interval, expected a model that was fitted")
-    limit = float(norm.isf(0.5 * FALSE_ALARMS / (len(known) * len(flights))))
+    limit = -float(special.ndtri(0.5 * FALSE_ALARMS / (len(known) * len(flights))))
     checks = []
     for dataset in flights:
         progress(f"verified on {dataset.names[0]}")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from quadctl.lab.arrays import Floats
-from quadctl.lab.fitting.significance import spectrum
+from quadctl.lab.fitting.noise import spectrum
 
 SAMPLES = 900
 LOW = round(math.sqrt(SAMPLES))
