@@ -58,7 +58,7 @@ def compare(
 ) -> None:
     """Compare a model with flights: its acceleration error, where it fails, and the noise floor."""
     from quadctl.lab.comparison.comparison import compare as run
-    from quadctl.lab.report import write_report
+    from quadctl.lab.report.page import write_report
 
     check_outputs([model, *logs], json_out, html)
     loaded, data = _model_and_data(model, logs, "blocks")
@@ -93,7 +93,7 @@ def diagnose(
     from joblib import parallel_config
 
     from quadctl.lab.comparison.comparison import compare as run_compare
-    from quadctl.lab.report import write_report
+    from quadctl.lab.report.page import write_report
     from quadctl.lab.selection.diagnosis import diagnose as run
     from quadctl.lab.symbolic.effect_file import as_effect_file
 
@@ -163,7 +163,7 @@ def add(
     """Add an effect to a model, fit it, and see how the held-out error changes."""
     from quadctl.effects import choose_effect
     from quadctl.lab.comparison.comparison import compare as run_compare
-    from quadctl.lab.report import write_report
+    from quadctl.lab.report.page import write_report
     from quadctl.lab.selection.addition import add as run
     from quadctl.model import load_model, save_model
 
@@ -298,7 +298,7 @@ def discover(
     """Compare, diagnose and add in one go, until nothing significant is missing."""
     from joblib import parallel_config
 
-    from quadctl.lab.report import write_report
+    from quadctl.lab.report.page import write_report
     from quadctl.lab.selection.discovery import discover as run
     from quadctl.model import save_model
 

@@ -36,6 +36,9 @@ def lab_page(
     Without logs, or with those of the session in DIR, this session is continued.
     """
     from quadctl.demo import HIDDEN
+    from quadctl.web.work.worker import prepare_workers
+
+    prepare_workers()  # while the libraries of the page are loaded here
     from quadctl.web.page.server import serve
     from quadctl.web.session.start import check_folders, first_session, kept_session, vehicle_files
     from quadctl.web.work.simulated import Simulation

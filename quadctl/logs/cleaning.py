@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from quadctl.errors import LogError
 from quadctl.logs.columns import PHASE_COLUMN, STATE_COLUMNS, is_column, known_columns, rpm_columns
-from quadctl.logs.flight_log import POSITION, FlightLog, Floats, did_you_mean
+from quadctl.logs.flight_log import POSITION, FlightLog, Floats, did_you_mean, is_it
 from quadctl.logs.sidecar import read_meta
 
 MAX_STANDSTILL_ROWS = 50
@@ -94,7 +94,7 @@ def check_columns(names: Iterable[str], holder: str) -> list[str]:
     unknown = [name for name in names if not is_column(name)]
     missing = [name for name in STATE_COLUMNS if name not in names]
     if missing:
-        listed = ", ".join(name + did_you_mean(name, unknown) for name in missing)
+        listed = ", ".join(name + is_it(name, unknown) for name in missing)
         raise LogError(f"{holder} lacks {listed}, expected a flight log's columns")
     rpm = [name for name in names if name.endswith("_rpm") and is_column(name)]
     absent = next((name for name in rpm_columns(len(rpm)) if name not in rpm), None)

@@ -21,8 +21,6 @@ from quadctl.logs.csv_lines import Lines, read_text, reason_of, split_line
 from quadctl.logs.flight_log import FlightLog, Floats
 from quadctl.logs.sidecar import meta_path
 
-_UNUSUAL = (b'"', b"\r", b" \n")
-"""Bytes that are read the slow way: quotes, and what is stripped from the ends of lines."""
 _Rows: TypeAlias = tuple[dict[str, NDArray[Any]], NDArray[np.int64]]
 """Columns, and the number in the file of the line that each row comes from."""
 
@@ -125,7 +123,7 @@ class _Part:
 
 def _plain_part(lines: Lines, layout: Layout) -> _Part | None:
     """Values of some lines, by the fast reader of the library; None where any of them may be blank or damaged."""
-    if not lines.count or any(unusual in lines.data for unusual in _UNUSUAL):
+    if not lines.count or _is_unusual(lines.data):
         return None
     kinds = [pl.String if name in (None, PHASE_COLUMN) else pl.Float64 for name in layout.names]
     schema = {f"field_{i}": kind for i, kind in enumerate(kinds)}
@@ -141,11 +139,16 @@ def _plain_part(lines: Lines, layout: Layout) -> _Part | None:
         if name == PHASE_COLUMN:
             columns[name] = field.fill_null("").to_numpy()
         elif name is not None:
-            columns[name] = field.fill_null(float("nan")).to_numpy()
+            columns[name] = field.to_numpy()  # nan where a value is missing
     nothing_wrong = {name: np.empty(0, dtype=np.intp) for name in columns if name != PHASE_COLUMN}
     number = np.arange(lines.before + 1, lines.before + 1 + lines.count)
     last = [str(value) for value in table[:, -1].tail(2)]
     return _Part(lines.count, columns, number, nothing_wrong, {}, last)
+
+
+def _is_unusual(data: bytes) -> bool:
+    """Tell whether lines hold quotes, or blanks that are stripped from their ends: these are read the slow way."""
+    return b'"' in data or b"\r" in data or (b" " in data and b" \n" in data)
 
 
 def _part(lines: pl.Series, number: NDArray[np.int64], layout: Layout, damage: dict[int, str]) -> _Part:

@@ -103,7 +103,16 @@ class FlightLog:
         return replace(self, columns=columns, phase=None if self.phase is None else self.phase[selection])
 
 
+def is_it(word: str, found: list[str]) -> str:
+    """ " (is it 'times'?)" of a name that is missing, or nothing where none of those `found` is near."""
+    return _asked("is it", word, found)
+
+
 def did_you_mean(word: str, known: list[str]) -> str:
     """ " (did you mean 'x_m'?)", or nothing when no known name is near."""
-    matches = difflib.get_close_matches(word, known, n=1, cutoff=0.5)
-    return f" (did you mean '{matches[0]}'?)" if matches else ""
+    return _asked("did you mean", word, known)
+
+
+def _asked(question: str, word: str, names: list[str]) -> str:
+    matches = difflib.get_close_matches(word, names, n=1, cutoff=0.5)
+    return f" ({question} '{matches[0]}'?)" if matches else ""

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from rich.console import Console
+from scipy import stats
 
 from quadctl.effects import find_effect
 from quadctl.effects.ground_effect import Exponential, Sanchez
@@ -118,6 +119,15 @@ class TestStatistics:
         noise = np.random.default_rng(4).standard_normal((len(data.measured), 3))
         assert difference_p_value(noise, noise[:, [1, 0, 2]], data) > 0.05
         assert difference_p_value(noise, 1.5 * noise, data) < 1e-6
+
+    def test_the_difference_is_judged_by_the_t_test_of_blocks(self, rigid: Model) -> None:
+        data = load_dataset([obedient(rigid, 60.0)], rigid.vehicle)
+        random = np.random.default_rng(5)
+        one, other = (random.standard_normal((len(data.measured), 3)) for _ in range(2))
+        gain = ((other**2 - one**2) / np.mean(one**2, axis=0)).sum(axis=1)
+        per_block = [gain[data.block == block].sum() for block in np.unique(data.block)]
+        expected = stats.ttest_1samp(per_block, 0.0).pvalue
+        assert difference_p_value(one, other, data) == pytest.approx(expected, rel=1e-9)
 
     def test_blocks_of_time_are_the_folds_and_flights_when_asked(self, rigid: Model) -> None:
         logs = [obedient(rigid, name=f"{i}.csv") for i in range(2)]

@@ -118,7 +118,7 @@ class TestOurs:
     def test_missing_columns_are_named_with_the_nearest_there(self, write: Write) -> None:
         header = HEADER.replace("time_s", "times").replace("z_m,", "height,", 1)
         message = sentence_of(write(text(header, *rows(3))))
-        assert "line 1: the header lacks time_s (did you mean 'times'?), z_m" in message
+        assert "line 1: the header lacks time_s (is it 'times'?), z_m" in message
 
     def test_column_given_twice_is_refused(self, write: Write) -> None:
         assert "'z_m' is there twice" in sentence_of(write(text(HEADER + ",z_m", *rows(3, 14))))

@@ -244,9 +244,12 @@ def _rotorsignals_of(log: FlightLog, vehicle: Vehicle) -> tuple[list[Channel], s
         return [Channel(time_s, k * log[name][rows] ** 2) for name in names], ROTOR_SPEED
     curve, n = vehicle.throttle, vehicle.n_rotors
     outputs = motor_columns(n, "output")
+    last = max((motor_of(name) or 0 for name in log.columns if name.endswith("_output") and log.has(name)), default=0)
+    if last not in (0, n):
+        raise LogError(
+            f"{log.name}: has the outputs of {last} motors, expected {n} as the vehicle '{vehicle.name}' has"
+        )
     if all(log.has(name) for name in outputs):
-        if log.has(motor_columns(n + 1, "output")[-1]):
-            raise LogError(f"{log.name}: has the outputs of more than {n} motors, the vehicle '{vehicle.name}' has {n}")
         rows = updates_of(log, outputs)
         found = [np.maximum(log[name][rows] - curve.offset, 0.0) / (curve.per_newton * n) for name in outputs]
         time_s = log.time_s[rows]

@@ -145,6 +145,16 @@ class TestPrepare:
         assert any("motor5_rpm, motor6_rpm, motor5_output" in note for note in flight.notes)
         assert not any("motor5" in note for note in plain.notes)
 
+    @pytest.mark.parametrize("motors", [3, 6])
+    def test_outputs_of_another_number_of_motors_are_of_another_vehicle(self, raptor: Vehicle, motors: int) -> None:
+        log = obedient(Model(raptor))
+        columns = {name: values for name, values in log.columns.items() if not name.endswith("_rpm")}
+        columns |= {f"motor{i}_output": 0.4 + 0.01 * np.sin(log.time_s) for i in range(1, motors + 1)}
+        columns["throttle_cmd"] = 0.4 + 0.01 * np.sin(log.time_s)
+        expected = f"has the outputs of {motors} motors, expected 4 as the vehicle 'raptor' has"
+        with pytest.raises(LogError, match=expected):
+            prepare(dataclasses.replace(log, columns=columns), raptor)
+
     def test_the_torque_is_what_the_body_rates_tell(self, raptor: Vehicle) -> None:
         """Torque I dw/dt + w x I w, filtered as the acceleration: turning about two axes takes a torque about the
         third."""
