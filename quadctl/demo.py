@@ -20,7 +20,7 @@ from quadctl.flight.preflight.preparation import prepare_flight
 from quadctl.installed import describe, locate
 from quadctl.lab.comparison.comparison import compare
 from quadctl.lab.flights.dataset import load_dataset
-from quadctl.lab.report import write_report
+from quadctl.lab.report.page import write_report
 from quadctl.lab.selection.discovery import discover
 from quadctl.lab.tracking.metrics import MetricsTable, Window, metrics
 from quadctl.lab.tracking.rendering import render

@@ -150,7 +150,9 @@ class Vehicle(Settings):
         fz: Number = 0.0
         for (ax, ay, az), rotors in self.rotors_by_axis:
             t = sum(thrust_n[i] for i in rotors)
-            fx, fy, fz = fx + ax * t, fy + ay * t, fz + az * t
+            fz = fz + az * t
+            if ax or ay:  # only of tilted rotors: where all are upright, the force along x and y is no array
+                fx, fy = fx + ax * t, fy + ay * t
         return fx, fy, fz
 
     def rotor_torque(self, thrust_n: Sequence[Number]) -> Vector:

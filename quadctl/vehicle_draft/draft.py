@@ -10,7 +10,7 @@ from quadctl.errors import SettingsError
 from quadctl.frames import GRAVITY_M_S2
 from quadctl.settings import validate
 from quadctl.vehicle import Assumable, Vehicle
-from quadctl.vehicle_draft.frames import Place, ardupilot_frame, frame_places, px4_places
+from quadctl.vehicle_draft.frames import Place, ardupilot_frame, are_relative, frame_places, px4_places, scaled_to
 
 AIR_DENSITY_KG_M3 = 1.225
 THRUST_COEFFICIENT = 0.011
@@ -28,7 +28,7 @@ class Answers(NamedTuple):
     """Diameter."""
     frame: str | None = None
     arm_m: float | None = None
-    """From the centre to a rotor's axis."""
+    """From the centre to a rotor's axis; to the farthest one where the parameters place the rotors."""
     hover_throttle: float | None = None
     hover_rpm: float | None = None
 
@@ -45,7 +45,7 @@ class Told(NamedTuple):
     """Facts about a vehicle that an autopilot's parameters hold; None where they do not."""
 
     places: tuple[Place, ...] | None
-    """Places of the rotors, which make frame and arm needless."""
+    """Places of the rotors, which make frame and arm needless; an arm that is given scales them."""
     frame: str | None
     hover_throttle: float | None
 
@@ -75,9 +75,9 @@ def missing(answers: Answers, parameters: Mapping[str, float]) -> list[Missing]:
         Missing("propeller_m", "diameter of a propeller, m (10 inches are 0.254)"),
     ]
     known = told(parameters)
-    if known.places is None:
-        if known.frame is None:
-            questions.append(Missing("frame", "frame: quad-x, quad-plus, hexa-x or hexa-plus"))
+    if known.places is None and known.frame is None:
+        questions.append(Missing("frame", "frame: quad-x, quad-plus, hexa-x or hexa-plus"))
+    if known.places is None or are_relative(known.places):
         questions.append(Missing("arm_m", "distance from the centre to a rotor's axis, m"))
     if known.hover_throttle is None:
         questions.append(Missing("hover_throttle", "throttle in hover, 0 to 1"))
@@ -150,8 +150,10 @@ def _positive(value: float | None, field: str) -> float:
 
 
 def _places(answers: Answers, parameters: Mapping[str, float]) -> tuple[tuple[Place, ...], str]:
-    if answers.frame is None and answers.arm_m is None and (places := px4_places(parameters)) is not None:
-        return places, "from CA_ROTOR*, where PX4 needs no true distances: measure them"
+    if answers.frame is None and (places := px4_places(parameters)) is not None:
+        if answers.arm_m is None:
+            return places, "from CA_ROTOR*, where PX4 needs no true distances: measure them"
+        return scaled_to(places, _positive(answers.arm_m, "arm_m")), "as CA_ROTOR*, the arm as given"
     frame = answers.frame or ardupilot_frame(parameters)
     if frame is None:
         raise SettingsError("the vehicle's frame is not known: say it where the arm is given")

@@ -1,7 +1,7 @@
 """Places of the rotors: of the frames that both autopilots number alike, and as an autopilot's parameters say."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Literal, NamedTuple
 
 from quadctl.errors import SettingsError
@@ -37,6 +37,8 @@ _HEXA_PLUS: tuple[tuple[float, Spin], ...] = (
     (-60, "ccw"),
     (120, "cw"),
 )
+ROUNDED = 1e-3
+"""Largest rounding of a rotor's place in parameters, m."""
 FRAMES = {"quad-x": _QUAD_X, "quad-plus": _QUAD_PLUS, "hexa-x": _HEXA_X, "hexa-plus": _HEXA_PLUS}
 """Direction of each rotor from the centre, degrees clockwise from the nose seen from above, and its sense of rotation,
 in the order of motor 1, 2, ... of ArduPilot (AP_MotorsMatrix) and PX4 (airframe reference)."""
@@ -95,6 +97,29 @@ def _tilt(x: float, y: float, ax: float, ay: float, az: float) -> tuple[float, f
     outward = ax * math.cos(azimuth) + ay * math.sin(azimuth)
     sideways = -ax * math.sin(azimuth) + ay * math.cos(azimuth)
     return math.degrees(math.asin(sideways)), math.degrees(math.atan2(-outward, -az))
+
+
+def arm_m_of(places: Sequence[Place]) -> float:
+    """Largest distance of a rotor's axis from the centre, m."""
+    return max(math.hypot(*place.position_m[:2]) for place in places)
+
+
+def are_relative(places: Sequence[Place]) -> bool:
+    """Tell whether the places are directions rather than distances: the farthest rotor, or its farthest coordinate, is
+    at 1, as in airframes of PX4 that state no size, which its control allocation does not need."""
+    coordinate = max(abs(value) for place in places for value in place.position_m[:2])
+    return any(math.isclose(size, 1.0, abs_tol=ROUNDED) for size in (coordinate, arm_m_of(places)))
+
+
+def scaled_to(places: Sequence[Place], arm_m: float) -> tuple[Place, ...]:
+    """The same layout with its farthest rotor `arm_m` from the centre; one whose rotors are all there stays."""
+    size_m = arm_m_of(places)
+    scale = arm_m / size_m if size_m > 0.0 else 1.0
+    x_y_z = [place.position_m for place in places]
+    return tuple(
+        place._replace(position_m=(scale * x, scale * y, scale * z))
+        for place, (x, y, z) in zip(places, x_y_z, strict=True)
+    )
 
 
 def ardupilot_frame(parameters: Parameters) -> str | None:

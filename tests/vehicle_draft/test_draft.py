@@ -1,5 +1,6 @@
 """A drafted vehicle file: numbers by hand, and the one question that is left."""
 
+import math
 from pathlib import Path
 
 import pytest
@@ -56,7 +57,23 @@ def test_only_what_nobody_has_said_is_asked() -> None:
         "hover_throttle",
     ]
     assert [fact.field for fact in missing(SMALL, COPTER)] == ["arm_m"]
+    hovers = {"MPC_THR_HOVER": 0.5}
+    assert missing(SMALL, QUAD | hovers) == []
+    for at in (1.0, 0.707):  # the corners of a square, and of the unit circle
+        directions = {name: math.copysign(at, value) for name, value in QUAD.items() if name[-2:] in ("PX", "PY")}
+        assert [fact.field for fact in missing(SMALL, QUAD | directions | hovers)] == ["arm_m"]
     assert missing(SMALL, QUAD | {"MPC_THR_HOVER": 0.5}) == []
+
+
+def test_an_arm_that_is_given_scales_the_layout_of_the_parameters() -> None:
+    drafted = vehicle(SMALL._replace(arm_m=0.115), QUAD | {"MPC_THR_HOVER": 0.5, "CA_ROTOR0_PZ": 0.02})
+    as_told = vehicle(SMALL, QUAD | {"MPC_THR_HOVER": 0.5, "CA_ROTOR0_PZ": 0.02})
+    arms_m = [math.hypot(*rotor.position_m[:2]) for rotor in drafted.rotors]
+    assert max(arms_m) == pytest.approx(0.115, abs=1e-4)
+    scale = 0.115 / max(math.hypot(*rotor.position_m[:2]) for rotor in as_told.rotors)
+    for rotor, told in zip(drafted.rotors, as_told.rotors, strict=True):
+        assert rotor.position_m == pytest.approx([scale * value for value in told.position_m], abs=1e-4)
+        assert rotor.spin == told.spin
 
 
 def test_a_tilted_rotor_stays_tilted() -> None:
@@ -88,15 +105,16 @@ class TestCommand:
         assert "4 rotors, 1 kg, thrust up to 4.0 times the weight, throttle in hover 0.25" in result.output
         assert load_vehicle(path).name == "mine"
 
-    @pytest.mark.parametrize(
-        ("log", "arm"), [("px4/excitation.ulg", []), ("ardupilot/excitation.bin", ["--arm", "0.2"])]
-    )
-    def test_a_log_holds_the_parameters_that_it_was_flown_with(self, log: str, arm: list[str], tmp_path: Path) -> None:
+    @pytest.mark.parametrize("log", ["px4/excitation.ulg", "ardupilot/excitation.bin"])
+    def test_a_log_holds_the_parameters_that_it_was_flown_with(self, log: str, tmp_path: Path) -> None:
         if not (DATA / "real" / log).exists():
             pytest.skip("the real logs are not here")
         path = tmp_path / "mine.yaml"
-        words = ["--parameters", str(DATA / "real" / log), "--mass", "1.0", "--propeller", "0.24", *arm]
+        words = ["--parameters", str(DATA / "real" / log), "--mass", "1.0", "--propeller", "0.24"]
         result = CliRunner().invoke(app, ["vehicle", "new", str(path), *words, "--hover-throttle", "0.49"])
+        assert "expected --arm" in str(result.exception)  # neither of these says it
+        words += ["--arm", "0.2", "--hover-throttle", "0.49"]
+        result = CliRunner().invoke(app, ["vehicle", "new", str(path), *words])
         assert result.exit_code == 0, result.output
         assert load_vehicle(path).n_rotors == 4
 
