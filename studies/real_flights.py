@@ -84,14 +84,15 @@ SETS = (
         DATA / "px4/sih_quadx.yaml",
         ("px4/A_staircase.ulg",),
         "No rotor speeds, thrust from motor outputs. In hover the estimator's velocity error is as large as the "
-        "speed itself, so a drag found here is biased, and an attitude error looks like a tilted thrust and a "
-        "biased accelerometer at once. The simulator's own truth is not used.",
+        "speed itself, so the drag is weakened, which its interval allows for, and an attitude error looks like a "
+        "tilted thrust and a biased accelerometer at once. The simulator's own truth is not used.",
     ),
     Flights(
         "PX4 in its own simulator, forward runs",
         DATA / "px4/sih_quadx.yaml",
         ("px4/B_forward.ulg",),
-        "The simulator's drag is linear with 1 1/s in all directions: the vertical part is found as inflow.",
+        "The simulator's drag is linear with 1 1/s in all directions. Sideward the vehicle hardly moves, so that "
+        "errors of the estimated velocity weaken d_y: its interval is drawn towards what they may have taken.",
     ),
     Flights(
         "ArduPilot in its own simulator, hover staircase",

@@ -8,7 +8,6 @@ import pytest
 from typer.testing import CliRunner
 
 from quadctl.cli import app
-from quadctl.effects.ground_effect import Exponential
 from quadctl.effects.rotor_drag import LinearDrag
 from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.errors import LogError, SettingsError
@@ -19,8 +18,9 @@ from quadctl.fleet.measurement import FlightRecord, measure
 from quadctl.fleet.summary import summarise
 from quadctl.fleet.work import measure_fleet
 from quadctl.logs.csv_log import write_csv
+from quadctl.logs.read import read_log
 from quadctl.model import Model, save_model
-from tests.support.flights import obedient
+from tests.support.flights import obedient, to_and_fro
 from tests.support.links import RAPTOR
 
 NOISE_M_S = 0.005
@@ -98,12 +98,14 @@ class TestMeasurement:
         assert rotors == pytest.approx([0.97, 0.97 * 0.98, 0.97, 0.97], abs=0.002)
 
     def test_an_effect_that_the_flight_does_not_show_keeps_its_parameters(self, rigid: Model, tmp_path: Path) -> None:
-        model = rigid.plus(Exponential(0.3, 5.0)).plus(LinearDrag(0.3, 0.3, 0.2))
-        path = logged(model, tmp_path / "1.csv", 1)
-        high = model.plus(ConstantScale(1.0))
-        found = measure("a", "a/1.csv", "key", path, high)
-        assert "rotor_drag d_x" in found.values
+        """Straight up and down shows no sideward drag, so its value is none of this flight's; to and fro shows it."""
+        model, moved = rigid.plus(LinearDrag(0.3, 0.3, 0.2)), tmp_path / "2.csv"
+        upward = logged(model, tmp_path / "1.csv", 1)
+        write_csv(to_and_fro(read_log(upward), 3.0), moved)
+        found = measure("a", "a/1.csv", "key", upward, model)
+        assert not any(name.startswith("rotor_drag") for name in found.values)
         assert found.values["thrust_scale factor"] == pytest.approx(1.0, abs=0.01)
+        assert "rotor_drag d_x" in measure("a", "a/2.csv", "key", moved, model).values
 
     def test_a_damaged_log_says_why(self, rigid: Model, tmp_path: Path) -> None:
         path = tmp_path / "1.csv"

@@ -13,7 +13,7 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import special
 
 from quadctl.lab.arrays import Floats
 from quadctl.lab.comparison.shifts import Shift, Signed, shifts
@@ -137,7 +137,7 @@ def agreement(reference: Errors, judged: Errors, fitted: Fitted = "", chosen_of:
     if min(len(np.unique(errors.block)) for errors in (reference, judged)) < FEWEST_BLOCKS:
         return found
     error, degrees = _standard_error(reference, judged)
-    reach = float(stats.t.ppf(1.0 - 0.025 / chosen_of, degrees)) * error
+    reach = float(special.stdtrit(degrees, 1.0 - 0.025 / chosen_of)) * error
     signed = (
         () if reference.signed is None or judged.signed is None else shifts(reference.signed, judged.signed, chosen_of)
     )

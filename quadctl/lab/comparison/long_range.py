@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 from scipy.fft import rfft
 
 from quadctl.lab.arrays import Floats
-from quadctl.lab.fitting.noise import LEAST_VARIANCE
-from quadctl.lab.fitting.significance import spectrum
+from quadctl.lab.fitting.noise import LEAST_VARIANCE, spectrum
 
 
 class Parted(Protocol):

@@ -13,7 +13,7 @@ from itertools import pairwise
 from typing import Literal, NamedTuple
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from quadctl.frames import euler_from_quaternion
 from quadctl.lab.arrays import Floats, Mask
@@ -125,7 +125,7 @@ def shifts(reference: Signed, judged: Signed, chosen_of: int = 1) -> list[Shift]
         for a, axis in enumerate(ALONG):
             error, degrees = _standard_error(first, second, a)
             level = 0.5 * LEVEL / (len(ALONG) * chosen_of * (in_ranges if name else 1))
-            reach = float(stats.t.ppf(1.0 - 0.5 * level, degrees)) * error
+            reach = float(special.stdtrit(degrees, 1.0 - 0.5 * level)) * error
             one, other = float(first.mean[a]), float(second.mean[a])
             found.append(Shift(axis, name, low, high, one, other, (other - one - reach, other - one + reach)))
     return found

@@ -49,15 +49,17 @@ def change_in_words(drop: float) -> str:
     return f"{percent:+d}%".replace("-", "\u2212") if percent else "0%"
 
 
-def plus(value: float) -> str:
-    return f"{value:+.3f}".replace("-", "\u2212")
+def plus(value: float, decimals: int = 3) -> str:
+    """Format with sign and so many decimals; what rounds to zero has no sign."""
+    rounded = round(value, decimals)
+    return (f"{rounded:+.{decimals}f}" if rounded else f"{0.0:.{decimals}f}").replace("-", "\u2212")
 
 
 def parameters_in_text(effect: Effect, ci95: Mapping[str, tuple[float, float]]) -> str:
     """Fitted parameters with units and 95 % intervals: `a = 0.114 [0.1, 0.12], b = 5.4 1/m [5, 5.8]`."""
     values, units = effect.values(), {p.name: f" {p.unit}" if p.unit else "" for p in effect.parameters()}
     parts = [
-        f"{name} = {_parameter(values[name])}{units[name]} {_interval(values[name], ci, _parameter)}"
+        f"{name} = {value_in_text(values[name])}{units[name]} {interval_in_text(values[name], ci)}"
         for name, ci in ci95.items()
     ]
     return ", ".join(parts) or "no free parameters"
@@ -84,6 +86,11 @@ def interval_in_words(value: float, ci95: tuple[float, float]) -> str:
     return _interval(value, ci95, lambda end: f"{end:.4g}")
 
 
+def interval_in_text(value: float, ci95: tuple[float, float]) -> str:
+    """The same for text with typographic signs: see `value_in_text`."""
+    return _interval(value, ci95, value_in_text)
+
+
 def _interval(value: float, ci95: tuple[float, float], shown: Callable[[float], str]) -> str:
     low, high = ci95
     if low < high and value == low:
@@ -93,8 +100,8 @@ def _interval(value: float, ci95: tuple[float, float], shown: Callable[[float], 
     return f"[{shown(low)}, {shown(high)}]"
 
 
-def _parameter(value: float) -> str:
-    """Format a value; less than a millionth is shown as 0, which the solver has not quite reached."""
+def value_in_text(value: float) -> str:
+    """Format the value of a parameter; less than a millionth is shown as 0, which the solver has not quite reached."""
     return f"{value if abs(value) > 1e-6 else 0.0:.4g}".replace("-", "\u2212")
 
 
@@ -104,10 +111,13 @@ def held_out(dataset: Dataset) -> str:
     return f"held-out blocks of {BLOCK_S:.0f} s ({FOLDS}-fold cross-validation)"
 
 
-def where_in_words(seen: Dataset, held_out_flights: Sequence[str]) -> str:
-    """Data that an error is computed on: the flights held out of all fits, or else held-out parts of `seen`."""
+def where_in_words(seen: Dataset, held_out_flights: Sequence[str], as_it_stands: bool = False) -> str:
+    """Data that an error is computed on: the flights held out of all fits, or else held-out parts of `seen`, or all
+    of `seen` for a model `as_it_stands`."""
     if held_out_flights:
         return f"trim included, on the held-out {listed(held_out_flights)}"
+    if as_it_stands:
+        return f"as it stands, apart from the trim of each flight, on {flights_in_words(seen.names)}"
     return f"apart from the trim of each flight, on {held_out(seen)}"
 
 
@@ -141,6 +151,22 @@ def plain(family: str) -> str:
 
 def sentence(text: str) -> str:
     return text[:1].upper() + text[1:]
+
+
+def ended(text: str) -> str:
+    """Sentence with a full stop at its end, unless it is a question."""
+    return text if text.endswith(("?", ".")) else f"{text}."
+
+
+def agreement_in_short(found: Agreement) -> str:
+    """The answer of `agreement_in_words` in a few words: `Under this model the flights differ.`"""
+    if found.verdict in ("otherwise", "worse", "better"):
+        return "Under this model the flights differ."
+    if found.verdict == "not known":
+        return "Whether the flights agree under this model cannot be told."
+    if found.widest is not None and found.widest.reach_m_s2 > found.limit_m_s2:
+        return "Under this model the flights agree in the size of their error."
+    return "Under this model the flights agree."
 
 
 def agreement_in_words(found: Agreement) -> str:
@@ -193,7 +219,7 @@ def _shift_in_words(found: Agreement) -> str:
 
 
 def _widest_in_words(found: Agreement) -> str:
-    """What is known of the mean residuals where none differs clearly."""
+    """Limits of the mean residuals where none differs clearly."""
     widest = found.widest
     if widest is None:
         return ""

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from quadctl import __version__
 from quadctl.lab.arrays import Floats
@@ -147,7 +147,7 @@ def ljung_box(series: Sequence[Floats]) -> Whiteness | None:
         r = np.array([centred[lag:] @ centred[:-lag] / power for lag in range(1, lags + 1)])
         total += float(n * (n + 2) * np.sum(r**2 / (n - np.arange(1, lags + 1))))
         degrees += lags
-    return Whiteness(total, degrees, float(stats.chi2.sf(total, degrees))) if degrees else None
+    return Whiteness(total, degrees, float(special.chdtrc(degrees, total))) if degrees else None
 
 
 def _parameters(fit: FittedModel) -> list[ParameterRow]:

@@ -3,8 +3,3 @@
 Each section is a function from the results to a `Section`; the template only lays them out. All text is escaped by the
 template, and the figures contain their text as escaped SVG.
 """
-
-from quadctl.lab.report.page import render_report, write_report
-from quadctl.lab.report.parts import Results, Shown
-
-__all__ = ["Results", "Shown", "render_report", "write_report"]

@@ -24,7 +24,8 @@ from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.flights.flight import VARIABLE_NAMES, VARIABLE_UNITS
 from quadctl.lab.report.compared import time_figures
 from quadctl.lab.report.numbers import unseen_before, unseen_residuals
-from quadctl.lab.report.parts import Cell, Figure, Results, Section, Table, both_widths, figure
+from quadctl.lab.report.parts import Cell, Figure, Section, Table, both_widths, figure
+from quadctl.lab.report.results import Results
 from quadctl.lab.selection.addition import Addition
 from quadctl.lab.selection.effect_curves import effect_curves, ratio_curve
 

@@ -27,7 +27,8 @@ from quadctl.lab.comparison.wording import (
 from quadctl.lab.flights.flight import VARIABLE_NAMES, Flight
 from quadctl.lab.flights.prediction import AXES, predict
 from quadctl.lab.report.numbers import floor_total, rmse_interval, total
-from quadctl.lab.report.parts import Cell, Figure, Results, Section, Table, both_widths, figure
+from quadctl.lab.report.parts import Cell, Figure, Section, Table, both_widths, figure
+from quadctl.lab.report.results import Results
 
 SHOWN_FLIGHTS, SHOWN_PANELS, SHOWN_FAILURES = 2, 6, 12
 

@@ -16,7 +16,8 @@ from quadctl.lab.comparison.wording import (
     quantity,
 )
 from quadctl.lab.report.numbers import floor_total
-from quadctl.lab.report.parts import Cell, Results, Section, Table, figure
+from quadctl.lab.report.parts import Cell, Section, Table, figure
+from quadctl.lab.report.results import Results
 from quadctl.lab.selection.candidate import Candidate
 from quadctl.lab.selection.diagnosis import Diagnosis
 from quadctl.lab.selection.rule import MATERIAL, MATERIAL_M_S2, SIGNIFICANT, is_supported

@@ -2,7 +2,8 @@
 
 from quadctl.lab import plots
 from quadctl.lab.comparison.wording import plus, sentence
-from quadctl.lab.report.parts import Cell, Results, Section, Table, figure
+from quadctl.lab.report.parts import Cell, Section, Table, figure
+from quadctl.lab.report.results import Results
 from quadctl.lab.tracking.step_response import StepResponses, steps_in_words
 
 

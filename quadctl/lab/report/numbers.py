@@ -8,7 +8,7 @@ from quadctl.lab.comparison.comparison import floor_on
 from quadctl.lab.fitting.bootstrap import resampled_means
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.flights.prediction import rmse
-from quadctl.lab.report.parts import Results
+from quadctl.lab.report.results import Results
 
 
 def rmse_interval(residual: Floats, dataset: Dataset) -> tuple[float, float]:

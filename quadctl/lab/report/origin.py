@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 from quadctl.effects.base import Effect
-from quadctl.lab.report.parts import Results
+from quadctl.lab.report.results import Results
 from quadctl.model import Model
 
 HASH_CHARACTERS = 12

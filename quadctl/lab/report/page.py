@@ -16,7 +16,7 @@ from quadctl.lab.report.diagnosed import missing
 from quadctl.lab.report.flown import step_section
 from quadctl.lab.report.numbers import lowest_floors
 from quadctl.lab.report.origin import origin
-from quadctl.lab.report.parts import Results
+from quadctl.lab.report.results import Results
 from quadctl.lab.report.top import headline
 from quadctl.lab.selection.addition import Addition
 from quadctl.lab.selection.diagnosis import Diagnosis

@@ -23,7 +23,8 @@ from quadctl.lab.report.numbers import (
     unseen_floor,
     unseen_residuals,
 )
-from quadctl.lab.report.parts import Headline, Results, Tile
+from quadctl.lab.report.parts import Headline, Tile
+from quadctl.lab.report.results import Results
 from quadctl.lab.tracking.step_response import first_and_last
 
 

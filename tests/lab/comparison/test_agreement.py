@@ -6,7 +6,7 @@ import pytest
 from quadctl.effects.ground_effect import Exponential
 from quadctl.lab.comparison.agreement import Agreement, Errors, Fitted, agreement, least_alike, of_one_model
 from quadctl.lab.comparison.comparison import compare
-from quadctl.lab.comparison.wording import agreement_in_words
+from quadctl.lab.comparison.wording import agreement_in_short, agreement_in_words
 from quadctl.lab.flights.dataset import load_dataset
 from quadctl.model import Model, Provenance
 from quadctl.vehicle import Vehicle
@@ -66,6 +66,21 @@ class TestSentence:
     def test_the_model_is_called_what_it_is(self) -> None:
         assert said(0.41, (-0.03, 0.05), "").startswith("The model predicts b.csv")
         assert said(0.41, (-0.03, 0.05), "others").startswith("The model fitted to the other flights each time")
+
+
+class TestAnswer:
+    @pytest.mark.parametrize(
+        ("judged_m_s2", "ci95", "answer"),
+        [
+            (0.41, (-0.03, 0.05), "Under this model the flights agree."),
+            (0.52, (0.05, 0.19), "Under this model the flights differ."),
+            (0.30, (-0.15, -0.05), "Under this model the flights differ."),
+            (0.41, (-0.3, 0.32), "Whether the flights agree under this model cannot be told."),
+            (0.41, None, "Whether the flights agree under this model cannot be told."),
+        ],
+    )
+    def test_is_a_few_words(self, judged_m_s2: float, ci95: tuple[float, float] | None, answer: str) -> None:
+        assert agreement_in_short(Agreement(("a.csv",), ("b.csv",), 0.4, judged_m_s2, ci95, "these")) == answer
 
 
 class TestAgreement:

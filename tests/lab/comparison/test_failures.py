@@ -4,11 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import stats
 from scipy.signal import lfilter
 
 from quadctl.effects.ground_effect import Exponential
 from quadctl.lab.comparison.comparison import compare
-from quadctl.lab.comparison.failures import Failure, failures, profiles, stretches, told
+from quadctl.lab.comparison.failures import Failure, _adjusted, failures, profiles, stretches, told
 from quadctl.lab.comparison.long_range import LongRangeNoise
 from quadctl.lab.fitting.flexible_regression import flexible_residual
 from quadctl.lab.flights.dataset import Dataset, load_dataset
@@ -126,3 +129,9 @@ def test_ranges_of_a_dependence_are_parts_of_it_but_an_offset_is_not() -> None:
     assert told([offset, late], 4) == [late, offset]
     proxy = replace(late, variable="battery", text="as late", square_m2_s4=30.0)
     assert told([offset, whole, late, proxy], 4) == [whole, offset, proxy]
+
+
+@given(st.lists(st.floats(0.0, 1.0), max_size=30))
+def test_the_false_discovery_rate_is_that_of_the_library(p_values: list[float]) -> None:
+    expected = stats.false_discovery_control(p_values) if p_values else []
+    assert _adjusted(np.array(p_values)) == pytest.approx(np.array(expected))

@@ -12,7 +12,7 @@ from quadctl.lab.arrays import Floats
 from quadctl.lab.comparison.agreement import Errors, agreement, least_alike
 from quadctl.lab.comparison.comparison import compare
 from quadctl.lab.comparison.shifts import LEVEL, Signed, shifts
-from quadctl.lab.comparison.wording import agreement_in_words
+from quadctl.lab.comparison.wording import agreement_in_short, agreement_in_words
 from quadctl.lab.flights.dataset import load_dataset
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
@@ -52,6 +52,7 @@ class TestShifts:
     def test_opposite_signs_of_one_size_do_not_agree(self) -> None:
         found = agreement(errors("a.csv", signed(0.3, 0)), errors("b.csv", signed(-0.3, 1)))
         assert found.verdict == "otherwise"
+        assert agreement_in_short(found) == "Under this model the flights differ."
         said = agreement_in_words(found)
         assert "The model predicts b.csv otherwise than a.csv: the mean residual up is \u22120." in said
         assert "m/s² on b.csv and +0." in said and "a difference of \u22120." in said
@@ -66,6 +67,7 @@ class TestShifts:
     def test_the_same_residual_agrees_within_a_bound_that_is_said(self) -> None:
         found = agreement(errors("a.csv", signed(0.3, 0)), errors("b.csv", signed(0.3, 1)))
         assert found.verdict == "as well"
+        assert agreement_in_short(found) == "Under this model the flights agree."
         assert "; nor do the mean residuals differ by more than 0.0" in agreement_in_words(found)
 
     def test_where_the_means_are_uncertain_agreement_is_not_said_of_them(self) -> None:
@@ -73,6 +75,7 @@ class TestShifts:
         assert found.widest is not None and found.widest.reach_m_s2 > found.limit_m_s2
         assert "otherwise" not in found.verdict
         as_well = replace(found, ci95=(-0.001, 0.001))
+        assert agreement_in_short(as_well) == "Under this model the flights agree in the size of their error."
         assert "whether the mean residuals agree cannot be told: they may differ by up to" in agreement_in_words(
             as_well
         )

@@ -1,0 +1,40 @@
+"""Results that a report is made from."""
+
+from typing import NamedTuple
+
+from quadctl.lab.comparison.comparison import Comparison
+from quadctl.lab.selection.addition import Addition
+from quadctl.lab.selection.diagnosis import Diagnosis
+from quadctl.lab.tracking.step_response import StepResponses
+from quadctl.vehicle import Vehicle
+
+
+class Shown(NamedTuple):
+    """Numbers and words of the page that a report is saved from, and that it repeats."""
+
+    said: tuple[str, ...] = ()
+    """Verdict in words, the main sentence first; empty where there is none yet."""
+    condition: Vehicle | None = None
+    """Vehicle of which nobody has said that it flew, or that the flights contradict."""
+    floor_m_s2: float | None = None
+    """Lowest noise floor of all steps of the error ladder."""
+    errors_m_s2: tuple[float, float | None] | None = None
+    """Errors of the first and of the current step; None for the second where there is only one step."""
+    where: str = ""
+    """Data that these errors are computed on."""
+    on_unseen: bool = False
+    """True where these are flights held out of all fits."""
+
+
+class Results(NamedTuple):
+    """Results that a page is made from."""
+
+    comparison: Comparison
+    diagnosis: Diagnosis | None = None
+    addition: Addition | None = None
+    before_unseen: Comparison | None = None
+    after: Comparison | None = None
+    steps: StepResponses | None = None
+    shown: Shown = Shown()
+    floors: dict[str, float] | None = None
+    """Noise floor of the flights of the fit per axis and total, m/s^2; see `lowest_floors`."""
