@@ -49,6 +49,9 @@ _POINTS = "(figure, curve) => figure.data.find(trace => trace.name === curve)?.x
 _RESIZE_ONE_THAT_HAS_LEFT = """async () => {
   const { Plotly } = await import("nicegui-plotly");
   Plotly.Plots.resize(document.createElement("div"));
+  const hidden = document.body.appendChild(document.createElement("div"));
+  hidden.style.display = "none";
+  Plotly.Plots.resize(hidden);
 }"""
 _IS_LESS = "than => parseFloat(document.querySelector('#error-now')?.innerText) < than"
 

@@ -553,6 +553,7 @@ class TestAnalysed:
         for path, said in wrong_files(tmp_path):
             visitor.drops(path)
             expect(visitor.page.locator("[role=alert]")).to_contain_text(said, timeout=PATIENCE_MS)
+            expect(visitor.page.locator(".q-uploader__file")).to_have_count(0, timeout=PATIENCE_MS)  # nor a tick
         visitor.keeps("error")
         visitor.click("[role=tab]:has-text('What is missing')")
         visitor.sees("#verdict")  # what was found still holds: no flight was added

@@ -134,11 +134,13 @@ def path_of(module: str) -> str:
 def views(raptor: Vehicle) -> dict[str, View]:
     """A page on which everything is shown; and the same after one change each, by its name."""
     rigid = Model(raptor)
-    truth = rigid.plus(Exponential(a=0.3, b=5.0))
+    fitted = StackedEffect(Exponential(a=0.3, b=5.0), Provenance(logs=("0.csv", "1.csv")))
+    truth = replace(rigid, stack=(fitted,))
     logs = [obedient(truth, 30.0, noise_m_s=0.01, seed=seed, name=f"{seed}.csv") for seed in (0, 1)]
     dataset = load_dataset(logs, raptor)
     opened = Opened([OpenedLog(Path(log.name), log, quality(log)) for log in logs], dataset, None)
     evaluation = evaluate(Current(truth), dataset, None, lambda text: None)
+    elsewhere = replace(truth, stack=(replace(fitted, fitted=Provenance(logs=("0.csv",))),))
     found = Diagnosed(diagnose(rigid, dataset, [Exponential, Hayden]), {})
     effect = found.diagnosis.steps[1].effect
     gathered = Gathered(evidence_for(effect, fit_model(found.diagnosis.best, dataset)), found)
@@ -193,6 +195,10 @@ def views(raptor: Vehicle) -> dict[str, View]:
         "a vehicle whose thrust was assumed": {"session": _with_assumed_thrust(session)},
         "values of other flights": {"session": _with_a_drop(session)},
         "a fit to one of the flights": {"session": _fitted_to(session, ("0.csv",))},
+        "an error as the model stands": {
+            "session": _fitted_to(session, ("0.csv",)),
+            "results": replace(results, evaluation=evaluate(Current(elsewhere), dataset, None, lambda text: None)),
+        },
         "a fit to a flight before it was held out": {
             "session": _fitted_to(session.with_role(Path("1.csv"), True), ("0.csv", "1.csv"))
         },
@@ -363,6 +369,11 @@ class OpenTab:
         self._client.delete()
 
 
+def click(button: ui.button) -> None:
+    (listener,) = (each for each in button._event_listeners.values() if each.type == "click")
+    button._handle_event({"listener_id": listener.id, "args": []})
+
+
 def _shown(element: Element) -> Any:
     """All that a person sees of an element: its kind, its properties, and what it holds."""
     if not element.visible or element.tag == "nicegui-dark_mode":  # a button sets the colours, not the view
@@ -396,27 +407,50 @@ def tabs(views: dict[str, View], monkeypatch: pytest.MonkeyPatch) -> Iterator[Ca
         tab.close()
 
 
+@pytest.fixture(scope="module")
+def known() -> dict[tuple[str, str], Any]:
+    """What new tabs have shown: drawing every part of the page for every change takes a minute."""
+    return {}
+
+
+@pytest.fixture
+def shown_anew(
+    views: dict[str, View], tabs: Callable[[str, View], OpenTab], known: dict[tuple[str, str], Any]
+) -> Callable[[str, str], Any]:
+    """Tells what a new tab shows: (part of the page, name of the view)."""
+
+    def shown(tab: str, name: str) -> Any:
+        if (tab, name) not in known:
+            known[tab, name] = tabs(tab, views[name]).shown
+        return known[tab, name]
+
+    return shown
+
+
 class TestOpenTab:
     @pytest.mark.parametrize(
         "tab", [pytest.param(tab, marks=pytest.mark.long) if i else tab for i, tab in enumerate(TABS)]
     )
     def test_it_shows_after_every_change_what_a_new_tab_shows(
-        self, tab: str, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
+        self,
+        tab: str,
+        views: dict[str, View],
+        tabs: Callable[[str, View], OpenTab],
+        shown_anew: Callable[[str, str], Any],
     ) -> None:
-        following, at_first = tabs(tab, views["at first"]), tabs(tab, views["at first"]).shown
+        following, at_first = tabs(tab, views["at first"]), shown_anew(tab, "at first")
         for name, view in views.items():
             following.follow(view)
-            assert following.shown == tabs(tab, view).shown, f"after {name}"
+            assert following.shown == shown_anew(tab, name), f"after {name}"
             following.follow(views["at first"])
             assert following.shown == at_first, f"back from {name}"
 
     @pytest.mark.long
     def test_every_change_is_seen_in_some_part_of_the_page(
-        self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
+        self, views: dict[str, View], shown_anew: Callable[[str, str], Any]
     ) -> None:
-        at_first = {tab: tabs(tab, views["at first"]).shown for tab in TABS}
         for name in views.keys() - {"at first"}:
-            assert any(tabs(tab, views[name]).shown != at_first[tab] for tab in TABS), name
+            assert any(shown_anew(tab, name) != shown_anew(tab, "at first") for tab in TABS), name
 
     def test_a_figure_stays_as_it_is_while_work_goes_on(
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
@@ -436,6 +470,15 @@ class TestOpenTab:
         shown = str(tabs("missing", views["a fit to one of the flights"]).shown)
         assert "The model is fitted to 0.csv only, not to 1.csv." in shown
         assert "Refit to all flights" in shown
+
+    def test_the_error_of_a_model_that_was_not_fitted_to_the_flights_says_so(
+        self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
+    ) -> None:
+        shown = str(tabs("missing", views["an error as the model stands"]).shown)
+        assert "of g (RMSE), as it stands, apart from the " in shown
+        assert "; it is fitted to 0.csv." in shown
+        assert "Errors of the model as it stands, apart from the " in shown
+        assert "as it stands" not in str(tabs("missing", views["at first"]).shown)
 
     def test_values_of_single_flights_that_are_used_for_others_are_told(
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
@@ -496,7 +539,7 @@ class TestOpenTab:
         assert views["evidence that was cancelled"].gathering == "cancelled"
         assert replace(views["at first"], evidence="wind.constant").gathering == ""
         shown = str(tabs("missing", views["evidence that no search gave"]).shown)
-        assert "No search of this session has tried it beside others" in shown
+        assert "No search on these flights has tried it beside others" in shown
 
     def test_axes_have_names_that_a_reader_understands(
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
@@ -665,6 +708,17 @@ class TestOpenTab:
         kept = tabs("missing", replace(empty, session=session)).buttons
         assert "Export model" in kept and "Report" not in kept
 
+    def test_the_vehicle_in_use_is_confirmed_and_not_begun_with_again(
+        self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
+    ) -> None:
+        tab = tabs("flights", replace(views["at first"], vehicles=(VEHICLES / "raptor.yaml", VEHICLES / "x500.yaml")))
+        bench = cast(Any, tab._page.bench)
+        bench.begin_with = MagicMock()
+        in_use, _ = (b for b in tab.every_button if "aria-pressed" in b.props)
+        assert in_use.props["aria-pressed"] == "true"
+        click(in_use)
+        assert bench.confirm_vehicle.called and not bench.begin_with.called
+
     def test_a_selection_goes_with_its_flights(
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
     ) -> None:
@@ -688,6 +742,23 @@ class TestOpenTab:
         assert (tab.choices.brush, tab.choices.axis, tab.choices.show) == ({}, "", chosen.show)
         assert told == [f"/?{tab.choices.query()}"]  # the address is a link to what is shown now
 
+    def test_a_selection_goes_with_the_flight_that_it_was_made_in(
+        self, views: dict[str, View], tabs: Callable[[str, View], OpenTab], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        view = views["at first"]
+        assert view.opened is not None and view.seen is not None
+        first, second = (
+            replace(view, opened=replace(view.opened, seen=replace(view.seen, flights=(flight,))))
+            for flight in view.seen.flights
+        )
+        monkeypatch.setattr(ui.navigate.history, "replace", lambda *_: None)
+        for left, kept in ((first, True), (second, False)):
+            tab = tabs("time", view)
+            tab.choose(brush={"time": (1.0, 2.0)}, axis="east", flight=view.seen.names[0])
+            tab.follow(left)
+            assert (tab.choices.axis == "east") == kept
+            assert bool(tab.choices.brush) == kept
+
     def test_no_tick_for_a_model_that_knows_what_is_held_out(
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
     ) -> None:
@@ -703,6 +774,7 @@ class TestOpenTab:
         view = views["at first"]
         limit = "* At the limit of what is an offset of one flight"
         assert limit not in str(tabs("missing", view).shown)
+        assert "some at the limit" not in str(tabs("missing", view).shown)
         evaluation = view.results.evaluation
         assert evaluation is not None
         optimum = evaluation.solution.optimum
@@ -711,7 +783,8 @@ class TestOpenTab:
         solution = replace(evaluation.solution, optimum=replace(optimum, nuisances=fitted))
         results = replace(view.results, evaluation=replace(evaluation, solution=solution))
         shown = str(tabs("missing", replace(view, results=results)).shown)
-        assert limit in shown and "'+1.50 *'" in shown
+        assert limit in shown and "'+1.50 *'" in shown and "'0.00'" in shown
+        assert "Trim and calibration, some at the limit" in shown  # it is folded
 
     def test_a_look_alike_says_of_what(self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]) -> None:
         view = views["at first"]
@@ -771,15 +844,32 @@ class TestOpenTab:
         assert "Far from the ground: what does it mean?" in shown
         assert shown.count(GLOSSARY["far from the ground"]) == 2  # under the mouse, and in the help
 
-    def test_one_sentence_says_whether_the_compensator_helps(self) -> None:
+    def test_one_sentence_says_whether_the_compensator_helps(self, views: dict[str, View]) -> None:
+        model = views["at first"].model
+        assert model is not None
         without = SimpleNamespace(m_b_absolute=0.249, rmse_m=0.148)
         compensated = SimpleNamespace(m_b_absolute=0.078, rmse_m=0.144)
         steps = cast(Any, SimpleNamespace(flown={WITHOUT: without, WITH: compensated}))
-        said = answer_in_words(steps)
+        said = answer_in_words(model, steps)
         assert said.startswith("Better with the compensator: what the ground does to the flight (M_B, absolute)")
         assert "changes by \u221269%, from 0.249 to 0.078 m s." in said and "(RMSE) changes by \u22123%" in said
         worse = cast(Any, SimpleNamespace(flown={WITHOUT: compensated, WITH: without}))
-        assert answer_in_words(worse).startswith("Not better with the compensator")
+        assert answer_in_words(model, worse).startswith("Not better with the compensator")
+        flat = replace(model, stack=()).plus(ConstantScale(1.2))
+        assert answer_in_words(flat, worse).startswith("This model has no effect of the ground")
+
+    def test_a_measure_that_changes_its_sign_has_no_change_in_percent(
+        self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
+    ) -> None:
+        def changes(signed: float) -> int:
+            """Number of measures whose change is shown, where all but the signed one are halved."""
+            steps = _steps()
+            steps.flown[WITH] = SimpleNamespace(m_a_absolute=0.5, m_b_absolute=0.5, m_b_signed=signed, rmse_m=0.5)
+            view = replace(views["at first"], results=replace(views["at first"].results, steps=steps))
+            return str(tabs("compensator", view).shown).count("'\u221250%'")
+
+        assert changes(signed=0.5) == 4
+        assert changes(signed=-0.5) == 3
 
     def test_what_the_data_lack_stands_beside_the_verdict(
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
@@ -806,6 +896,22 @@ class TestOpenTab:
             with tab._client:
                 tab._page._show("fails" if dismissed else "time")
             assert bench.dismiss.called == dismissed
+            bench.dismiss.reset_mock()
+
+    def test_a_message_goes_by_itself_unless_it_is_an_error(
+        self, views: dict[str, View], tabs: Callable[[str, View], OpenTab], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        later: list[Callable[[], None]] = []
+        monkeypatch.setattr(ui, "timer", lambda _, act, once: later.append(act))
+        tab = tabs("missing", views["at first"])
+        bench = cast(Any, tab._page.bench)
+        for kind, goes in (("done", True), ("found", True), ("error", False)):
+            message = Message(cast(Any, kind), "it is so")
+            tab.follow(replace(views["at first"], message=message))
+            for act in later:
+                act()
+            assert bench.dismiss.call_args_list == ([((message,),)] if goes else [])
+            later.clear()
             bench.dismiss.reset_mock()
 
     def test_what_is_there_but_small_is_no_contradiction(

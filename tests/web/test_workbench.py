@@ -1,6 +1,7 @@
 """The workbench and its intake without a browser and without other processes."""
 
 import asyncio
+import os
 import re
 import subprocess
 import sys
@@ -17,13 +18,14 @@ from typer.testing import CliRunner
 
 from quadctl.cli import app
 from quadctl.effects.ground_effect import Exponential, Hayden
+from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.errors import SettingsError
 from quadctl.lab.flights.dataset import Dataset, load_dataset
 from quadctl.lab.flights.preparation import MAX_BANDWIDTH_HZ
 from quadctl.lab.selection.diagnosis import diagnose
 from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.quality import ChannelQuality, QualityReport, quality
-from quadctl.model import Model, load_model
+from quadctl.model import Model, Provenance, StackedEffect, load_model
 from quadctl.vehicle import Vehicle
 from quadctl.vehicle_draft.draft import draft
 from quadctl.web.panels.compensator import commands_of_a_model
@@ -36,10 +38,10 @@ from quadctl.web.work.doubts import cautions_of, doubt_beside
 from quadctl.web.work.jobs import Opened
 from quadctl.web.work.simulated import Simulation
 from quadctl.web.work.state import Message, Work
-from quadctl.web.work.worker import CancelledError
+from quadctl.web.work.worker import LIBRARIES, CancelledError
 from quadctl.web.workbench import workbench
 from quadctl.web.workbench.intake import Intake
-from quadctl.web.workbench.workbench import Workbench
+from quadctl.web.workbench.workbench import PREVIOUS, Workbench
 from tests.support.flights import obedient
 from tests.support.log_files import ulog_bytes
 from tests.support.places import RAPTOR, ROOT, VEHICLES
@@ -149,6 +151,13 @@ class TestDrops:
         for said in ("notes.md: is no flight log", "wrong.yaml", "bad.csv: is empty"):
             assert said in bench.message.text
 
+    def test_a_file_is_named_as_it_was_dropped(self, bench: Workbench) -> None:
+        async def drop() -> None:
+            await take(bench, "mine.yaml")
+
+        asyncio.run(drop())
+        assert bench.message is not None and bench.message.text.startswith("mine.yaml: ")
+
     def test_its_name_in_a_task_computes_nothing(self, bench: Workbench) -> None:
         """Timers and tasks are named by the methods that they call: the repr of results would run their analysis."""
         bench.results = cast(Any, _Untouchable())
@@ -162,6 +171,16 @@ class TestDrops:
 
         asyncio.run(drop_twice())
         assert bench.message is None
+
+
+def test_only_the_message_that_was_read_goes(bench: Workbench) -> None:
+    bench.say("done", "first")
+    first = bench.message
+    bench.say("done", "first")  # the same words, another message
+    bench.dismiss(first)
+    assert bench.message is not None
+    bench.dismiss(bench.message)
+    assert bench.message is None
 
 
 class TestUndo:
@@ -193,6 +212,14 @@ class TestUndo:
         asyncio.run(climbed.redo())
         assert climbed.session == after
 
+    def test_the_page_is_told_that_what_was_undone_can_be_redone(self, climbed: Workbench) -> None:
+        shown: list[tuple[bool, bool]] = []
+        climbed.subscribe(lambda: shown.append((climbed.can_undo, climbed.can_redo)))
+        asyncio.run(climbed.undo())
+        assert shown[-1] == (False, True)
+        asyncio.run(climbed.redo())
+        assert shown[-1] == (True, False)
+
     def test_another_step_is_said_and_can_be_left_by_undo(self, climbed: Workbench) -> None:
         before = climbed.session
         asyncio.run(climbed.go(0))
@@ -200,7 +227,8 @@ class TestUndo:
         expected = "The model is now that of step 1, rigid body. Later steps stay until something else is added."
         assert climbed.message.text == expected
         asyncio.run(climbed.undo())
-        assert climbed.session == before and climbed.message is None
+        assert climbed.session == before
+        assert climbed.message.text == "The model is now that of step 2, + one."
 
     def test_an_effect_that_was_switched_off_is_on_again(self, climbed: Workbench) -> None:
         before = climbed.session
@@ -229,11 +257,86 @@ class TestUndo:
         asyncio.run(climbed.redo())
         assert climbed.session.model is not None and climbed.session.model.vehicle.mass_kg == 2.0
 
-    def test_other_flights_end_the_undo(self, climbed: Workbench) -> None:
+    def test_a_change_is_undone_after_other_flights_were_opened_and_they_stay(self, climbed: Workbench) -> None:
         asyncio.run(climbed.open_logs([Path("a.csv")]))
+        asyncio.run(climbed.undo())
+        assert [rung.name for rung in climbed.session.rungs] == ["rigid body"]
+        assert climbed.session.logs == (Path("a.csv"),)
+        asyncio.run(climbed.redo())
+        assert climbed.session.logs == (Path("a.csv"),) and len(climbed.session.rungs) == 2
+
+    def test_errors_on_other_flights_do_not_come_back(self, climbed: Workbench) -> None:
+        climbed.session = climbed.session.judged(0.2)
+        asyncio.run(climbed.switch("ground_effect.exponential"))
+        asyncio.run(climbed.hold_out_by("flights"))
+        asyncio.run(climbed.undo())
+        assert [rung.error_m_s2 for rung in climbed.session.rungs] == [None, None]
+
+    def test_another_session_has_nothing_to_undo(self, climbed: Workbench) -> None:
+        asyncio.run(climbed.resume(replace(climbed.session, view="tab=flights")))
         assert not climbed.can_undo
         asyncio.run(climbed.undo())
         assert climbed.message is not None and "no change of the model to undo" in climbed.message.text
+
+
+class TestNewSession:
+    @pytest.fixture
+    def used(self, bench: Workbench) -> Workbench:
+        """A bench with a flight, and an effect in its model."""
+        asyncio.run(bench.open_logs([Path("a.csv")]))
+        rung = bench.session.rung
+        assert rung is not None
+        bench.session = bench.session.climbed(Rung("+ one", rung.model.plus(Exponential(a=0.3, b=5.0))))
+        return bench
+
+    def test_it_has_the_vehicle_alone_and_the_one_before_is_kept(self, used: Workbench) -> None:
+        before = used.session
+        asyncio.run(used.start_anew())
+        assert used.session.logs == () and [rung.name for rung in used.session.rungs] == ["rigid body"]
+        assert used.session.model == before.rungs[0].model and used.session.vehicle_assumed
+        assert not used.can_undo
+        path = used.folder / f"{PREVIOUS}.lab.yaml"
+        assert used.message is not None and f"{path}: open that file" in used.message.text
+        kept = load_session(path)
+        assert [path.name for path in kept.logs] == ["a.csv"]
+        assert [rung.model.effects for rung in kept.rungs] == [rung.model.effects for rung in before.rungs]
+        assert load_session(used.folder / AUTOSAVED).logs == ()  # nor is the old one resumed at the next start
+
+    def test_those_before_that_one_stay(self, used: Workbench) -> None:
+        asyncio.run(used.start_anew())
+        asyncio.run(used.open_logs([Path("b.csv")]))
+        asyncio.run(used.start_anew())
+        kept = [load_session(used.folder / f"{PREVIOUS}{n}.lab.yaml").logs for n in ("", "-2")]
+        assert [[path.name for path in logs] for logs in kept] == [["a.csv"], ["b.csv"]]
+
+    def test_it_does_not_begin_where_the_one_before_cannot_be_kept(self, used: Workbench) -> None:
+        before = used.session
+        used.folder = used.folder / "file"
+        used.folder.write_text("a file where the folder should be")
+        asyncio.run(used.start_anew())
+        assert used.session == before
+        assert used.message is not None and f"{PREVIOUS}.lab.yaml: cannot be written" in used.message.text
+
+    def test_without_flights_there_are_no_errors(self, used: Workbench) -> None:
+        used.session = used.session.judged(0.2, 0.1)
+        asyncio.run(used.forget_log(Path("a.csv")))
+        assert [(rung.error_m_s2, rung.floor_m_s2) for rung in used.session.rungs] == [(None, None), (None, None)]
+
+    def test_the_last_effect_goes_without_a_flight_too(self, used: Workbench) -> None:
+        asyncio.run(used.forget_log(Path("a.csv")))
+        asyncio.run(used.remove("ground_effect.exponential"))
+        assert used.session.model is not None and used.session.model.effects == ()
+        asyncio.run(used.undo())
+        assert used.session.model.effects
+
+    def test_effects_that_would_have_to_be_refitted_stay(self, used: Workbench) -> None:
+        asyncio.run(used.forget_log(Path("a.csv")))
+        rung = used.session.rung
+        assert rung is not None
+        used.session = used.session.climbed(Rung("+ two", rung.model.plus(ConstantScale(1.1))))
+        asyncio.run(used.remove("ground_effect.exponential"))
+        assert used.message is not None
+        assert used.message.text == "there is no flight to fit the model to: open one, or go back to a step before"
 
 
 class TestSampleFlight:
@@ -488,6 +591,26 @@ class TestErrorsOfAllSteps:
             evaluated = [jobs.evaluate(jobs.Current(model), seen, held_out, lambda text: None) for model in models]
             assert found == [pytest.approx((each.error_m_s2, each.floor_m_s2)) for each in evaluated]
 
+    def test_a_model_fitted_to_other_flights_is_judged_as_it_stands_not_by_refits(
+        self, flown: tuple[Model, Dataset, Dataset]
+    ) -> None:
+        """What is drawn is the model as it stands: the error beside it must be of the same."""
+        truth, seen, _ = flown
+        wrong = Exponential(a=1.2, b=5.0)
+
+        def judged(logs: tuple[str, ...] | None) -> jobs.Evaluation:
+            item = StackedEffect(wrong, None if logs is None else Provenance(logs=logs))
+            model = replace(truth, stack=(item,))
+            evaluation = jobs.evaluate(jobs.Current(model), seen, None, lambda text: None)
+            assert evaluation.by_flight["0.csv"]["total"] == pytest.approx(evaluation.error_m_s2)
+            assert evaluation.remainder.error_m_s2 == pytest.approx(evaluation.error_m_s2)
+            return evaluation
+
+        refitted = judged(("0.csv",))
+        assert refitted.kind == "cross-validated" and refitted.error_m_s2 < 0.2
+        for elsewhere in (judged(("1.csv",)), judged(None)):
+            assert elsewhere.kind == "as it stands" and elsewhere.error_m_s2 > 4.0 * refitted.error_m_s2
+
     def test_a_step_that_is_not_known_is_computed_with_the_current_one(
         self, bench: Workbench, flown: tuple[Model, Dataset, Dataset], monkeypatch: pytest.MonkeyPatch
     ) -> None:
@@ -532,6 +655,12 @@ class TestEvidence:
         assert gathered is not None and gathered.search is not None
         assert gathered.evidence.after["total"] < 0.5 * gathered.evidence.before["total"]
         assert {c.effect.name for c in gathered.search.diagnosis.ranking} >= {"ground_effect.hayden"}
+
+    def test_what_was_said_stays_while_it_is_gathered_again(self, climbed: Workbench) -> None:
+        climbed.say("error", "garbage.csv: is no flight log.")
+        said = climbed.message
+        asyncio.run(climbed.gather("ground_effect.exponential"))
+        assert climbed.message is said
 
     def test_of_an_effect_that_was_found_missing(self, climbed: Workbench) -> None:
         climbed.session = climbed.session.at(0)
@@ -613,6 +742,17 @@ class TestDoubts:
             "The thrust of this flight is from throttle command, that of a.csv from rotor speed"
         )
         assert doubt_beside(other, "rotor speed", one, "rotor speed") == ""
+
+
+def test_the_process_that_workers_are_forked_from_has_no_thread() -> None:
+    """A thread would not be there after the fork, and whoever waits for it would wait for ever."""
+    code = (
+        f"import os, sys, {LIBRARIES}; "
+        "print(len(os.listdir('/proc/self/task')), [name for name in ('polars', 'scipy.stats') if name in sys.modules])"
+    )
+    environment = os.environ | {"OPENBLAS_NUM_THREADS": "1"}
+    run = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True, env=environment)
+    assert run.stdout.strip() == "1 []"
 
 
 def test_logs_are_read_before_the_libraries_of_the_lab_are_loaded() -> None:

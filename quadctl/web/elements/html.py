@@ -12,10 +12,10 @@ PICTURE_PX = 1200
 LOAD_PLOTLY = """<script type="module">
 const { Plotly } = await import("nicegui-plotly");
 const resize = Plotly.Plots.resize;
-Plotly.Plots.resize = (figure) => (figure.isConnected ? resize(figure) : Promise.resolve(figure));
+Plotly.Plots.resize = (figure) => resize(figure).catch(() => figure);
 </script>"""
 """Plotly is large: it is loaded while the page is still being connected, not when the first figure comes.
-A figure that has just left the page may still be told of its new size, which is none: Plotly would raise an error."""
+A figure that has just left the page, or is hidden, may still be told of its new size, which is none: Plotly refuses."""
 
 
 def tag(name: str, classes: str = "", text: str = "") -> Element:

@@ -96,8 +96,9 @@ def _points(measured: Binned | None, theme: Theme) -> list[dict[str, Any]]:
 
 
 def _top(shown: Sequence[dict[str, Any]]) -> list[float]:
-    """Range of the vertical axis, for the model and the data; textbook curves may leave it."""
-    values = np.concatenate([trace["y"] for trace in shown])
+    """Range of the vertical axis, for the model and the data with their intervals; textbook curves may leave it."""
+    ends = [trace["y"] + sign * trace.get("error_y", {"array": 0.0})["array"] for trace in shown for sign in (-1, 1)]
+    values = np.concatenate(ends)
     values = values[np.isfinite(values)]
     low, high = min(float(values.min()), 1.0), max(float(values.max()), 1.0)
     room = 0.25 * max(high - low, 0.04)

@@ -223,8 +223,10 @@ class Page:
         return message is not None and message.kind == "found" and self._choices.show == missing.TAB.name
 
     def _forget_other_flights(self, open_: frozenset[str]) -> bool:
-        """Drop the choices that belong to flights of which none is open any more: flight, axis, selection, ..."""
-        others = bool(open_ and self._of_flights and not open_ & self._of_flights)
+        """Drop the choices that belong to flights that are open no more, flight, axis, selection and others: where the
+        chosen one is gone, or all of them are."""
+        gone = self._of_flights - open_
+        others = bool(open_ and self._of_flights and (self._choices.flight in gone or gone == self._of_flights))
         if others:
             self._choices = Choices(self._choices.show, channels=self._choices.channels)
         self._of_flights = open_ or self._of_flights

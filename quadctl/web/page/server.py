@@ -10,6 +10,7 @@ from starlette.middleware.trustedhost import TrustedHostMiddleware
 from starlette.requests import Request
 from starlette.responses import PlainTextResponse, Response
 
+from quadctl.logs.memory import return_freed_memory
 from quadctl.web.elements.html import LOAD_PLOTLY
 from quadctl.web.page.page import TELL_OF_BACK, Page
 from quadctl.web.port import require_free, run_pages
@@ -41,6 +42,7 @@ def serve(
         The port is taken.
     """
     require_free(HOST, port, "--port")
+    return_freed_memory()
     bench = make_bench()
     taking = intake(bench)
     css = files("quadctl.web").joinpath("static/page.css").read_text(encoding="utf-8")

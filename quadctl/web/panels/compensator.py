@@ -3,11 +3,12 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 from nicegui import ui
 
 from quadctl.lab.comparison.wording import change_in_words
 from quadctl.lab.flights.dataset import Dataset
-from quadctl.lab.selection.effect_curves import far_ratio
+from quadctl.lab.selection.effect_curves import far_ratio, hover_ratio
 from quadctl.lab.tracking.step_response import StepResponses
 from quadctl.model import Model
 from quadctl.web.elements.html import empty, heading, plot, tag
@@ -145,15 +146,27 @@ class SimulatedFlight(Panel):
                 plot(step_figure(self.steps, self.theme, close_up=False), "step_response", "Step response")
                 close_up = step_figure(self.steps, self.theme, close_up=True)
                 plot(close_up, "step_response_error", "Step response, close up")
-            answer = answer_in_words(self.steps)
+            answer = answer_in_words(self.model, self.steps)
             if answer:
                 with tag("p", "verdict"):
                     explained(answer)
-            _draw_metrics(self.steps)
+            _draw_metrics(self.steps, corrects_near_the_ground(self.model))
 
 
-def answer_in_words(steps: StepResponses) -> str:
+def corrects_near_the_ground(model: Model) -> bool:
+    """Tell whether the thrust of the model's rotors near the ground differs from that far from it."""
+    height_m = model.vehicle.rotor.radius_m * np.array([1.0, 2.0])
+    change = hover_ratio(model, height_m, np.zeros(2)) / far_ratio(model) - 1.0
+    return bool(np.abs(change).max() > UNITY)
+
+
+def answer_in_words(model: Model, steps: StepResponses) -> str:
     """Sentence that says whether the compensator helps, by how much, and by which measure."""
+    if not corrects_near_the_ground(model):
+        return (
+            "This model has no effect of the ground: the compensator corrects nothing that this flight shows. What "
+            "differs between the flights is chance, or what the rest of the model does to them."
+        )
     without, compensated = (steps.flown[name] for name in (WITHOUT, WITH))
     if not without.m_b_absolute or compensated.m_b_absolute is None:
         return ""
@@ -167,7 +180,8 @@ def answer_in_words(steps: StepResponses) -> str:
     )
 
 
-def _draw_metrics(steps: StepResponses) -> None:
+def _draw_metrics(steps: StepResponses, comparable: bool) -> None:
+    """Draw the measures of both flights, and how they change where the flights are `comparable`."""
     flown = steps.flown
     rows = (
         ("M_A, absolute", "m s", "m_a_absolute"),
@@ -186,7 +200,8 @@ def _draw_metrics(steps: StepResponses) -> None:
                 without, compensated = (getattr(flown[name], field) or 0.0 for name in (WITHOUT, WITH))
                 for value in (without, compensated):
                     tag("td", "number", f"{value:.4f}".replace("-", "\u2212"))
-                tag("td", "number", change_in_words(1.0 - abs(compensated) / abs(without)) if without else "\u2013")
+                changes = comparable and without * compensated > 0.0  # a share of a number across zero says nothing
+                tag("td", "number", change_in_words(1.0 - compensated / without) if changes else "\u2013")
 
 
 def commands_of_a_model(name: str) -> tuple[tuple[str, str], ...]:

@@ -126,7 +126,7 @@ def _draw_losers(search: Diagnosed | None, name: str) -> None:
     ranking = [] if search is None else search.diagnosis.ranking
     shown = next((candidate for candidate in ranking if candidate.effect.name == name), None)
     if search is None or shown is None:
-        tag("p", "muted", "No search of this session has tried it beside others. Remove it to search without it.")
+        tag("p", "muted", "No search on these flights has tried it beside others. Remove it to search without it.")
         return
     chosen = {name, *(candidate.effect.name for candidate in chosen_of(search.diagnosis))}
     losers = [candidate for candidate in ranking if candidate.effect.name not in chosen]

@@ -10,7 +10,7 @@ from quadctl.lab.arrays import Mask
 from quadctl.lab.comparison.agreement import Agreement
 from quadctl.lab.comparison.comparison import Comparison
 from quadctl.lab.comparison.failures import MOST, Failure, Profile, is_telling, told
-from quadctl.lab.comparison.wording import agreement_in_words, failure_in_words, listed
+from quadctl.lab.comparison.wording import agreement_in_short, agreement_in_words, failure_in_words, listed
 from quadctl.lab.flights.flight import Flight
 from quadctl.web.elements.html import empty, heading, loading, plot, tag
 from quadctl.web.elements.theme import Theme
@@ -69,7 +69,7 @@ class Failures(Panel):
                     _draw_sentences(do, each)
         if self.agreement is not None:
             with tag("section", "card"):
-                heading("Do the flights agree?")
+                heading(agreement_in_short(self.agreement))
                 tag("p", "verdict-of-flights", agreement_in_words(self.agreement))
         telling = [p for p in comparison.profiles if is_telling(p)]
         with tag("section", "card"):

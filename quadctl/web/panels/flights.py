@@ -4,8 +4,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from nicegui import ui
-from nicegui.events import GenericEventArguments, MultiUploadEventArguments
+from nicegui.events import GenericEventArguments
 
+from quadctl.lab.comparison.wording import ended
 from quadctl.lab.flights.dataset import HoldOut
 from quadctl.logs.formats import labels
 from quadctl.web.elements.html import heading, tag
@@ -79,13 +80,13 @@ def _draw_log(do: Controls, log: OpenedLog, held_out: bool | None) -> None:
         if log.doubt:
             tag("p", "", f"Not used yet. {log.doubt}.")
         if log.problem:
-            tag("p", "problem", f"{log.problem}.")
+            tag("p", "problem", ended(log.problem))
         if log.quality is None:
             return
         report = log.quality
         source = f"thrust from {report.thrust_source}" if report.thrust_source else "thrust unknown"
-        used = "none is flight" if log.flight is None else f"{log.flight.duration_s:.0f} s of flight are used"
-        tag("p", "muted", f"{report.duration_s:.0f} s, of which {used}; {source}.")
+        used = "" if log.flight is None else f", of which {log.flight.duration_s:.0f} s of flight are used"
+        tag("p", "muted", f"{report.duration_s:.0f} s{used}; {source}.")
         with ui.expansion("Quality report").props("dense"), tag("div", "scroll"), tag("table", "small"):
             with tag("tr"):
                 for head in ("channel", "updates", "rate / Hz", "longest gap / s", "missing / %"):
@@ -122,19 +123,16 @@ def drop_zone(do: Controls) -> None:
             label="Drop flight logs here",
         )
         upload.props(f'accept="{",".join((*LOG_SUFFIXES, *SETTINGS_SUFFIXES))}" flat bordered color="transparent"')
-        upload.on_multi_upload(lambda event: _take(do, upload, event))
+        upload.on_multi_upload(lambda event: do.take_files(event.files))
+        # The list of flights says what becomes of them: a tick here would say that a file is used before it was read.
+        # In the browser itself: only when it has its answer is a file one that was sent.
+        upload.on("uploaded", js_handler=f"() => runMethod({upload.id}, 'removeUploadedFiles', [])")
         upload.on("rejected", lambda event: _refuse(do, event), js_handler=_NAMES_AND_SIZES)
         with tag("div", "line wrap"):
             choose = ui.button("Choose files", icon="folder_open").props("no-caps unelevated")
             # In the browser itself: only there does a click open the window in which files are chosen.
             choose.on("click", js_handler=f"() => runMethod({upload.id}, 'pickFiles', [])")
             tag("span", "muted grow", f"{labels()}; or a vehicle, a model or a session (.yaml).")
-
-
-async def _take(do: Controls, upload: ui.upload, event: MultiUploadEventArguments) -> None:
-    # The list of flights says what becomes of them. Files of another drop, which still arrive, stay in the list.
-    upload.run_method("removeUploadedFiles")
-    await do.take_files(event.files)
 
 
 def _refuse(do: Controls, event: GenericEventArguments) -> None:

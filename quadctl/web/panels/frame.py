@@ -6,7 +6,7 @@ from pathlib import Path
 from nicegui import ui
 
 from quadctl.lab.comparison.agreement import flights_of_the_fit
-from quadctl.lab.comparison.wording import listed
+from quadctl.lab.comparison.wording import ended, listed
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.model import Model
 from quadctl.web.elements.browser_theme import theme_button
@@ -19,6 +19,9 @@ from quadctl.web.session.session import Rung
 from quadctl.web.work.jobs import Opened
 from quadctl.web.work.reading import OpenedLog
 from quadctl.web.work.state import Message
+
+READ_S = 15.0
+"""Time after which a message that is no error goes by itself: it lies over a part of the page."""
 
 
 @dataclass(frozen=True)
@@ -34,6 +37,7 @@ class Header(Panel):
         tag("span", "grow")
         holds_effects = self.model is not None and bool(self.model.stack)
         for label, icon, act, there in (
+            ("New session", "note_add", lambda: do.act(do.bench.start_anew()), not self.starting or holds_effects),
             ("Save session", "save", do.save_session, not self.starting),
             ("Report", "description", do.save_report, not self.starting),
             ("Export model", "download", do.export_model, not self.starting or holds_effects),  # outlives its flights
@@ -76,11 +80,15 @@ class Status(Panel):
             with tag("div", f"banner {message.kind}").props(role):
                 ui.icon("error" if message.kind == "error" else "info")
                 with tag("div", "grow"):
-                    tag("span", "", message.text if message.text.endswith((".", "?")) else f"{message.text}.")
+                    tag("span", "", ended(message.text))
                 if message.undo:
                     undo = ui.button("Undo", icon="undo", on_click=lambda: do.act(do.bench.undo()))
                     do.when_idle(undo.props("flat dense no-caps"))
-                ui.button(icon="close", on_click=do.bench.dismiss).props('flat dense round aria-label="Dismiss"')
+                if message.kind != "error":  # an error stays until it is read
+                    ui.timer(READ_S, lambda: do.bench.dismiss(message), once=True)
+                ui.button(icon="close", on_click=lambda: do.bench.dismiss(message)).props(
+                    'flat dense round aria-label="Dismiss"'
+                )
 
 
 @dataclass(frozen=True)

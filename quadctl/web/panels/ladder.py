@@ -8,6 +8,7 @@ from nicegui import ui
 from quadctl.lab.comparison.agreement import flights_of_the_fit
 from quadctl.lab.comparison.wording import (
     FLOOR,
+    agreement_in_short,
     agreement_in_words,
     change_in_words,
     held_out,
@@ -16,6 +17,7 @@ from quadctl.lab.comparison.wording import (
     plain,
     quantity,
     share_of_g,
+    where_in_words,
 )
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.web.elements.html import tag
@@ -60,7 +62,9 @@ class Ladder(Panel):
                 with tag("p", "muted what"):
                     explained(self._kind_of_error())
                 if evaluation.agreement is not None:
-                    tag("p", "what", agreement_in_words(evaluation.agreement)).props('id="agreement"')
+                    with tag("p", "what").props('id="agreement"'):
+                        tag("b", "", agreement_in_short(evaluation.agreement))
+                        tag("span", "", f" {agreement_in_words(evaluation.agreement)}")
             do.nest(WhichVehicle)
             largest = max([*errors, now or 0.0, 1e-9])
             least = self.floor_m_s2
@@ -96,6 +100,10 @@ class Ladder(Panel):
             if known:
                 return f"{said}, on {listed(names)}; the model was fitted to {listed(known)} before it was held out."
             return f"{said}, trim included, on the held-out {listed(names)}."
+        if self.evaluation.kind == "as it stands":
+            used = flights_of_the_fit(self.evaluation.comparison.model, self.seen.names)[0]
+            fitted = f"it is fitted to {listed(used)}" if used else "it has the parameters of its file"
+            return f"{said}, {where_in_words(self.seen, (), as_it_stands=True)}; {fitted}."
         refitted = ", the other effects refitted" if self.session.off else ""
         return f"{said}, apart from the trim of each flight{refitted}: on {held_out(self.seen)}."
 

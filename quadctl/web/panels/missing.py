@@ -168,7 +168,10 @@ class Verdict(Panel):
         if diagnosis.verdict == "missing":
             return _Said("lightbulb", *self._missing(diagnosis))
         left = self._remainder()
+        stands = self.evaluation is not None and self.evaluation.kind == "as it stands"
         more = [] if left is None else [remainder_in_words(left, self._on_held_out())]
+        if stands:
+            more = ["The search refits the model to these flights; the error at the top is of the model as it stands."]
         small = left is not None and left.is_near_the_floor
         if diagnosis.verdict == "unexplained":
             more.append("The residual depends on the logged variables, but no effect of the catalogue describes how.")
@@ -184,11 +187,8 @@ class Verdict(Panel):
         if known:
             than = f"the model is fitted to {listed(known)}, which is held out"
             return _Said(OPEN, f"No further effect is missing, but {than}.", more)
-        if used and new:
-            than = f"the model is fitted to {listed(used)} only"
-            more.append(
-                f"These are errors of refits to these flights; {than}, and its own error may be larger: refit it."
-            )
+        if stands or (used and new):
+            than = f"the model is fitted to {listed(used)} only" if used else "the model is not fitted to these flights"
             return _Said(OPEN, f"No further effect is missing, but {than}.", more)
         if small:
             return _Said("check_circle", "Nothing significant is missing.", more)
@@ -247,7 +247,7 @@ def _draw_verdict(do: Controls, diagnosis: Diagnosis, said: "_Said") -> None:
         if names:
             label = f"Add {plain(diagnosis.missing[0])}" if len(names) == 1 else f"Add all {len(names)}"
             add = ui.button(label, on_click=lambda: do.act(do.bench.add(*names)))
-            do.when_idle(add.props(f'no-caps unelevated aria-label="Add {listed(names)}"'))
+            do.when_idle(add.props(f'no-caps unelevated aria-label="{label}: {listed(names)}"'))
     if diagnosis.verdict == "unexplained":
         _draw_expression(do, diagnosis)
 

@@ -7,8 +7,8 @@ import numpy as np
 from nicegui import ui
 
 from quadctl.lab.comparison.reservations import OF_THE_THRUST
-from quadctl.lab.comparison.wording import interval_in_words, looks_like, number, plain
-from quadctl.lab.fitting.nuisances import KINDS
+from quadctl.lab.comparison.wording import interval_in_text, looks_like, number, plain, plus, value_in_text
+from quadctl.lab.fitting.nuisances import KINDS, Kind
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.model import StackedEffect
 from quadctl.web.elements.html import tag
@@ -100,9 +100,9 @@ def _draw_effect(do: Controls, item: StackedEffect, alike: Sequence[str], on: bo
             for name, value in effect.values().items():
                 tag("dt", "", name)
                 with tag("dd"):
-                    tag("span", "", f"{value:.4g} {units[name]}".strip())
+                    tag("span", "", f"{value_in_text(value)} {units[name]}".strip())
                     if name in ci95:
-                        words = f" {interval_in_words(value, ci95[name])}"
+                        words = f" {interval_in_text(value, ci95[name])}"
                         tag("span", "muted", words).props('title="95% confidence interval"')
 
 
@@ -119,31 +119,34 @@ def _draw_errors(evaluation: Evaluation) -> None:
                 tag("td", "number", number(errors["total"]))
 
 
+def _is_limited(value: float, kind: Kind) -> bool:
+    return abs(value) > AT_LIMIT * kind.bound
+
+
 def _draw_nuisances(evaluation: Evaluation, seen: Dataset) -> None:
-    with ui.expansion("Trim and calibration").classes("nuisances").props("dense"):
+    fitted = evaluation.solution.optimum.nuisances
+    shown = [(place, kind) for place, kind in enumerate(KINDS) if kind.name in NUISANCES]
+    at_limit = any(_is_limited(value, kind) for place, kind in shown for value in fitted[:, place])
+    title = "Trim and calibration, some at the limit" if at_limit else "Trim and calibration"
+    with ui.expansion(title).classes("nuisances").props("dense"):
         with tag("p", "muted"):
             explained(
                 "Trim and calibration are small offsets that differ between flights. They are fitted together with the "
                 "effects, and are not saved with the model."
             )
-        fitted = evaluation.solution.optimum.nuisances
-        at_limit = False
         with tag("div", "scroll").props('tabindex="0"'), tag("table", "small"):
             with tag("tr"):
                 tag("th")
                 for flight in seen.names:
                     tag("th", "number", flight)
-            for place, kind in enumerate(KINDS):
-                if kind.name not in NUISANCES:
-                    continue
+            for place, kind in shown:
                 name, factor, unit = NUISANCES[kind.name]
                 with tag("tr"):
                     with tag("td"):
                         explained(f"{name} / {unit}")
                     for value in fitted[:, place]:
-                        limited = abs(value) > AT_LIMIT * kind.bound
-                        at_limit = at_limit or limited
-                        text = f"{factor * value:+.2f}".replace("-", "\u2212")
+                        limited = _is_limited(value, kind)
+                        text = plus(factor * value, decimals=2)
                         tag("td", "number limited" if limited else "number", f"{text} *" if limited else text)
         if at_limit:
             tag(

@@ -13,7 +13,7 @@ from quadctl.lab.comparison.reservations import vehicle_in_words
 from quadctl.lab.comparison.wording import listed
 from quadctl.vehicle import Vehicle
 from quadctl.vehicle_draft.draft import THRUST_COEFFICIENT, Answers, told
-from quadctl.vehicle_draft.frames import FRAMES, frame_places
+from quadctl.vehicle_draft.frames import FRAMES, are_relative, arm_m_of, frame_places, scaled_to
 from quadctl.vehicle_draft.questions import ITS_NUMBERS, NEW_VEHICLE, Question, wrong
 from quadctl.web.elements.html import heading, tag
 from quadctl.web.elements.theme import Theme
@@ -88,8 +88,10 @@ class VehicleChoice(Panel):
             if vehicle is not None:
                 with ui.expansion("Its numbers").props("dense"):
                     _draw_numbers(do, vehicle, self.theme)
-            with ui.expansion("A new vehicle").props("dense"):
+            with ui.expansion("A new vehicle").props("dense") as form:
                 _NewVehicle(do, [log for log in self.logs if log.suffix.lower() in WITH_PARAMETERS], self.theme)
+            # A form that opens below the end of the window would seem to do nothing.
+            form.on("after-show", js_handler=f"() => getHtmlElement({form.id}).scrollIntoView()")
             with ui.expansion("As a file (YAML)").props("dense"):
                 upload = ui.upload(auto_upload=True, on_upload=lambda e: do.take_files([e.file]))
                 upload.props('accept=".yaml,.yml"').classes("hidden")
@@ -104,11 +106,12 @@ class VehicleChoice(Panel):
 
 
 def _draw_choice(do: Controls, path: Path, icon: str, used: Vehicle | None) -> None:
-    """Draw a button that begins with the vehicle of a file; that in use is marked."""
+    """Draw a button that begins with the vehicle of a file; that in use is marked, and can be confirmed."""
     vehicle = vehicle_in(path)
     here = vehicle is not None and vehicle == used
     label = path.stem if vehicle is None else f"{path.stem}, {vehicle.mass_kg:g} kg"
-    button = ui.button(label, icon="check" if here else icon, on_click=lambda: do.act(do.bench.begin_with(path)))
+    choose = do.bench.confirm_vehicle if here else lambda: do.act(do.bench.begin_with(path))
+    button = ui.button(label, icon="check" if here else icon, on_click=choose)
     button.props(f'no-caps aria-pressed="{"true" if here else "false"}"').props("unelevated" if here else "outline")
     do.when_idle(button)
 
@@ -198,17 +201,18 @@ class _NewVehicle:
         return bool(self._frame.value == AS_LOGGED)
 
     def _draw_rotors(self) -> None:
-        self._diagonal.set_enabled(not self._as_logged)
-        places: Sequence[Place] = told(self._parameters).places or () if self._as_logged else ()
-        if not places and self._diagonal.value:
-            places = frame_places(self._frame.value, 0.5 * self._diagonal.value)
-        if places and self._propeller.value:
-            self._drawing.set_content(rotors_svg(places, 0.5 * self._propeller.value, self._theme))
+        if not (self._diagonal.value and self._propeller.value):
+            return
+        arm_m, logged = 0.5 * self._diagonal.value, told(self._parameters).places if self._as_logged else None
+        places: Sequence[Place] = scaled_to(logged, arm_m) if logged else frame_places(self._frame.value, arm_m)
+        self._drawing.set_content(rotors_svg(places, 0.5 * self._propeller.value, self._theme))
 
     def _fill(self, log_name: str, parameters: Mapping[str, float]) -> None:
         self._parameters, known = parameters, told(parameters)
         if known.places is not None:
             self._frame.set_options([AS_LOGGED, *FRAMES], value=AS_LOGGED)
+            relative = are_relative(known.places)
+            self._diagonal.set_value(None if relative else round(2.0 * arm_m_of(known.places), 4))
         elif known.frame is not None:
             self._frame.set_value(known.frame)
         if known.hover_throttle is not None:
@@ -221,18 +225,18 @@ class _NewVehicle:
         names = listed([name for name, there in found.items() if there])
         self._filled.clear()
         with self._filled:
-            check = " PX4 needs no true distances of the rotors: check them in the file." if known.places else ""
+            check = " PX4 needs no true distances of the rotors: check the diagonal." if known.places else ""
             ui.label(f"{log_name} says {names}; all else is for you to enter.{check}").style("display:contents")
 
     async def _use(self) -> None:
-        of_the_log = {"diagonal_m"} if self._as_logged else set()
-        asked = {name: number for name, number in self._numbers.items() if name not in of_the_log}
         self._name.error = None if (self._name.value or "").strip() else "expected a name"
-        if _say_what_is_wrong(NEW_VEHICLE, asked) or self._name.error:
+        if _say_what_is_wrong(NEW_VEHICLE, self._numbers):
             return
-        value = {name: number.value for name, number in asked.items()}
-        if "diagonal_m" in value:
-            value["arm_m"] = 0.5 * value.pop("diagonal_m")
+        if self._name.error:
+            self._name.run_method("focus")
+            return
+        value = {name: number.value for name, number in self._numbers.items()}
+        value["arm_m"] = 0.5 * value.pop("diagonal_m")
         answers = Answers(self._name.value.strip(), frame=None if self._as_logged else self._frame.value)
         await self._do.use_new_vehicle(answers._replace(**value), self._parameters)
 
@@ -243,10 +247,13 @@ def _number(question: Question, value: float | None) -> ui.number:
 
 
 def _say_what_is_wrong(questions: Mapping[str, Question], numbers: Mapping[str, ui.number]) -> bool:
-    """Mark every field whose number is not possible, with what is expected; tell whether there is one."""
+    """Mark every field whose number is not possible, with what is expected, and show the first of them; tell whether
+    there is one."""
     expected = wrong(questions, {name: number.value for name, number in numbers.items()})
     for name, number in numbers.items():
         number.error = expected.get(name)
+    if expected:
+        numbers[next(name for name in numbers if name in expected)].run_method("focus")
     return bool(expected)
 
 

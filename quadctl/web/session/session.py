@@ -153,6 +153,10 @@ class Session:
         hold_out = self.hold_out if len(logs) > 1 else "blocks"
         return replace(self, logs=logs, unseen=self.unseen - {log}, hashes=hashes, hold_out=hold_out)
 
+    def with_flights_of(self, other: "Session") -> "Session":
+        """Session with the flights of another one. Results stay valid if the flights that can be used are the same."""
+        return replace(self, logs=other.logs, unseen=other.unseen, hold_out=other.hold_out, hashes=other.hashes)
+
     def moved(self, places: Mapping[Path, Path]) -> "Session":
         """Session whose logs lie in other places: `places` are the new paths by the old ones."""
         return replace(

@@ -5,21 +5,30 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Literal
 
 from quadctl.effects import catalog_with, choose_effect, find_effect
 from quadctl.errors import QuadctlError
 from quadctl.lab.arrays import Floats
-from quadctl.lab.comparison.agreement import Agreement, Errors, agreement, flights_of_the_fit, least_alike
+from quadctl.lab.comparison.agreement import (
+    Agreement,
+    Errors,
+    Fitted,
+    agreement,
+    flights_of_the_fit,
+    least_alike,
+    of_one_model,
+)
 from quadctl.lab.comparison.comparison import Comparison, compare, floor_on
 from quadctl.lab.comparison.remainder import Remainder, remainder
 from quadctl.lab.comparison.wording import where_in_words
-from quadctl.lab.fitting.fitted_model import FittedModel, Solution, fit_model
+from quadctl.lab.fitting.fitted_model import FittedModel, Solution, fit_as_it_stands, fit_model, is_fitted_to
 from quadctl.lab.flights.dataset import Dataset, HoldOut, joined
 from quadctl.lab.flights.flight import Flight
 from quadctl.lab.flights.prediction import AXES, rmse
 from quadctl.lab.flights.preparation import prepare
 from quadctl.lab.planning.suggestion import Suggestion, suggest
-from quadctl.lab.report import Results, Shown, render_report
+from quadctl.lab.report.results import Results, Shown
 from quadctl.lab.selection.addition import add, add_to_fit
 from quadctl.lab.selection.diagnosis import Diagnosis, diagnose_fit
 from quadctl.lab.selection.effect_curves import sketch
@@ -32,6 +41,7 @@ from quadctl.logs.quality import quality
 from quadctl.logs.read import read_log
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
+from quadctl.web.session.files import without_folder
 from quadctl.web.session.findings import Findings
 from quadctl.web.session.session import Rung
 from quadctl.web.work.doubts import doubt_beside, doubt_of
@@ -58,6 +68,13 @@ class Opened:
         return next((opened.log for opened in self.logs if opened.log is not None and opened.log.name == name), None)
 
 
+_KINDS_BY_FLIGHT = {
+    "cross-validated": "cross-validated, apart from the trim of the flight",
+    "as it stands": "of the model as it stands, apart from the trim of the flight",
+    "held out": "of the model as it is exported, the trim of the flight included",
+}
+
+
 @dataclass(frozen=True, eq=False)
 class Evaluation:
     """Errors of a model on the flights of a session."""
@@ -66,12 +83,15 @@ class Evaluation:
     """Comparison on the flights that fits may use, without a fit."""
     unseen: Comparison | None
     """Comparison on the flights held out of all fits."""
-    held_out: dict[str, float]
-    """Cross-validated RMSE on the flights that fits may use."""
+    kind: Literal["cross-validated", "as it stands", "held out"]
+    """Kind of the error: cross-validated; of a model that was not fitted to all of the flights, as it stands; or on the
+    flights held out of all fits."""
+    errors_m_s2: dict[str, float]
+    """Error by axis, and in total, m/s^2."""
     solution: Solution
     """Fit to the flights that fits may use."""
     by_flight: dict[str, dict[str, float]]
-    """Error of each flight by its name, per axis and in total, m/s^2: cross-validated; where flights are held out of
+    """Error of each flight by its name, per axis and in total, m/s^2: of the same kind; where flights are held out of
     all fits, that of the model as it stands, on all flights alike."""
     agreement: Agreement | None
     """Agreement of the flights in these errors: of those held out of all fits with the others, else of the flight that
@@ -81,20 +101,13 @@ class Evaluation:
 
     @property
     def error_m_s2(self) -> float:
-        """Total error on the held-out flights; where there are none, the cross-validated one."""
+        """Total error."""
         return self.errors_m_s2["total"]
-
-    @property
-    def errors_m_s2(self) -> dict[str, float]:
-        """The same error by axis, and in total."""
-        return self.held_out if self.unseen is None else self.unseen.rmse
 
     @property
     def kind_by_flight(self) -> str:
         """Kind of the errors in `by_flight`."""
-        if self.unseen is None:
-            return "cross-validated, apart from the trim of the flight"
-        return "of the model as it is exported, the trim of the flight included"
+        return _KINDS_BY_FLIGHT[self.kind]
 
     @property
     def worst_axis(self) -> str:
@@ -154,7 +167,7 @@ def open_logs(
         try:
             log = replace(read_log(path), name=name)
         except QuadctlError as error:
-            opened.append(OpenedLog(path, problem=_without_folder(str(error), path), stamp=stamp))
+            opened.append(OpenedLog(path, problem=without_folder(str(error), path), stamp=stamp))
             continue
         opened.append(_prepared(OpenedLog(path, log, quality(log), stamp=stamp), log, vehicle))
     opened = _doubted(opened, vehicle, accepted)
@@ -212,10 +225,6 @@ def log_names(paths: Sequence[Path]) -> list[str]:
     return [path.name if same[path.name] == 1 else f"{path.name} ({folder(path)})" for path in paths]
 
 
-def _without_folder(sentence: str, path: Path) -> str:
-    return sentence.replace(str(path), path.name)
-
-
 def _dataset(flights: Sequence[Flight], hold_out: HoldOut = "blocks") -> Dataset | None:
     if not flights:
         return None
@@ -232,16 +241,26 @@ def _evaluated(model: Model, fit: FittedModel, unseen: Dataset | None) -> Evalua
     """Errors of `model`, whose fit is given."""
     seen = compare(model, fit.dataset)
     on_unseen = None if unseen is None else compare(model, unseen)
-    if on_unseen is None:
-        by_flight = _by_flight(fit.held_out_residual, fit.dataset)
-        errors = Errors.of(fit.held_out_residual[:, :3], fit.dataset)
-        found = least_alike(errors, "others" if model.stack and fit.dataset.whole_flights else "")
-        left = remainder(fit.held_out_residual[:, :3], fit.dataset, seen.noise_floor)
-    else:
+    if on_unseen is not None:
         by_flight = _by_flight(seen.residual, seen.dataset) | _by_flight(on_unseen.residual, on_unseen.dataset)
         found = _held_out_agreement(model, seen, on_unseen)
         left = remainder(on_unseen.residual, on_unseen.dataset, on_unseen.noise_floor)
-    return Evaluation(seen, on_unseen, fit.held_out_rmse, fit.solution, by_flight, found, left)
+        return Evaluation(seen, on_unseen, "held out", on_unseen.rmse, fit.solution, by_flight, found, left)
+    fitted = is_fitted_to(model, fit.dataset.names)
+    judged = fit if fitted else fit_as_it_stands(model, fit.dataset)
+    residual = judged.held_out_residual[:, :3]
+    errors = Errors.of(residual, fit.dataset)
+    predicts: Fitted = "others" if model.stack and fit.dataset.whole_flights else ""
+    return Evaluation(
+        seen,
+        None,
+        "cross-validated" if fitted else "as it stands",
+        judged.held_out_rmse,
+        fit.solution,
+        _by_flight(residual, fit.dataset),
+        least_alike(errors, predicts) if fitted else of_one_model(model, errors),
+        remainder(residual, fit.dataset, seen.noise_floor),
+    )
 
 
 def errors_of(
@@ -253,9 +272,15 @@ def errors_of(
         progress(f"step {number} of {len(models)} on these flights")
         judged = (seen if unseen is None else unseen).aligned_for(model)
         residual = judged.residual(model)
-        error = fit_model(model, seen).held_out_rmse if unseen is None else rmse(residual)
+        error = rmse(residual) if unseen is not None else _judging_fit(model, seen).held_out_rmse
         found.append((error["total"], floor_on(judged, residual)["total"]))
     return found
+
+
+def _judging_fit(model: Model, seen: Dataset) -> FittedModel:
+    """The fit whose held-out error is that of `model`: of all parameters, or of the trims alone where `model` was not
+    fitted to these flights."""
+    return fit_model(model, seen) if is_fitted_to(model, seen.names) else fit_as_it_stands(model, seen)
 
 
 def _held_out_agreement(model: Model, seen: Comparison, unseen: Comparison) -> Agreement:
@@ -272,9 +297,10 @@ def _by_flight(residual: Floats, dataset: Dataset) -> dict[str, dict[str, float]
 
 
 def look_for(current: Current, dataset: Dataset, progress: Progress) -> Findings:
-    """Search for what a model is missing, and sketch each candidate."""
+    """Search for what a model is missing, and sketch each candidate on the samples that the search has seen."""
     found = diagnose_fit(current.fit(dataset), progress=progress)
-    drawn = {candidate.effect.name: sketch(candidate.model, dataset) for candidate in found.ranking}
+    searched = found.searched_part
+    drawn = {candidate.effect.name: sketch(candidate.model, searched) for candidate in found.ranking}
     return Findings.of(found, {name: drawing for name, drawing in drawn.items() if drawing is not None})
 
 
@@ -329,6 +355,8 @@ def report(
 ) -> bytes:
     """The report of the ladder `rungs`, from its first step to its last: one file of HTML, with the numbers and the
     words that the page has `shown`; its errors are those of the first and of the last step."""
+    from quadctl.lab.report.page import render_report  # its figures need a library that nothing else here does
+
     first, last = rungs[0], rungs[-1]
     seen, unseen = opened.seen, opened.unseen
     if seen is None:
@@ -343,7 +371,8 @@ def report(
         after = None if unseen is None else compare(last.model, unseen)
     progress("drawing")
     if first.error_m_s2 is not None and last.error_m_s2 is not None:
-        where = where_in_words(seen, () if unseen is None else unseen.names)
+        stands = not is_fitted_to(last.model, seen.names)
+        where = where_in_words(seen, () if unseen is None else unseen.names, stands)
         errors = first.error_m_s2, last.error_m_s2 if len(rungs) > 1 else None
         shown = shown._replace(errors_m_s2=errors, where=where, on_unseen=unseen is not None)
     results = Results(comparison, diagnosis=diagnosis, addition=addition, after=after, steps=steps, shown=shown)

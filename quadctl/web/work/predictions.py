@@ -6,9 +6,12 @@ from collections.abc import Mapping
 from quadctl.lab.arrays import Floats
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.flights.flight import Flight
+from quadctl.logs.memory import give_memory_back
 from quadctl.model import Model
 
 KEPT = 9
+LONG = 200_000
+"""Places on the grid of a flight whose prediction takes a hundred megabytes on the way."""
 _kept: deque[tuple[Model, Flight, Floats]] = deque(maxlen=KEPT)
 
 
@@ -23,4 +26,6 @@ def _prediction(model: Model, flight: Flight) -> Floats:
             return values
     values = Dataset((flight,)).aligned_for(model).predicted(model)
     _kept.append((model, flight, values))
+    if len(flight.grid_s) > LONG:
+        give_memory_back()
     return values

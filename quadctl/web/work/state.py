@@ -32,8 +32,8 @@ class Message:
 
 @dataclass(frozen=True, eq=False)
 class Gathered:
-    """The evidence for an effect, and the search that tried it beside others; None where no search of the session
-    did."""
+    """The evidence for an effect, and the search that tried it beside others; None where none on these
+    flights did."""
 
     evidence: Evidence
     search: Diagnosed | None

@@ -17,8 +17,20 @@ from quadctl.web.work.progress import Progress
 
 AT_ONCE_S = 0.2
 """Time that a new process waits for a job before it imports the module of the jobs."""
-_CONTEXT = multiprocessing.get_context("spawn")
-"""A server with threads cannot be forked."""
+LIBRARIES = "quadctl.web.work.libraries"
+_FORKS = "forkserver" in multiprocessing.get_all_start_methods()
+_CONTEXT = multiprocessing.get_context("forkserver") if _FORKS else multiprocessing.get_context("spawn")
+"""A server with threads cannot be forked, but a process can that has only loaded the libraries."""
+
+
+def prepare_workers() -> None:
+    """Begin to load the libraries of the jobs in the process that workers are forked from, and return at once."""
+    if _FORKS:
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # its threads would not be there after a fork
+        from multiprocessing import forkserver
+
+        forkserver.set_forkserver_preload([LIBRARIES])
+        forkserver.ensure_running()
 
 
 class CancelledError(Exception):
@@ -30,8 +42,8 @@ class Worker:
 
     Parameters
     ----------
-    jobs: name of the module that holds the jobs. Its libraries take seconds to load: the process imports it as soon as
-        it starts, not within the first job, unless that waits already: it may be of another module, which needs less.
+    jobs: name of the module that holds the jobs. The process imports it as soon as it starts, not within the first job,
+        unless that waits already: it may be of another module, which needs less.
     exchange: the exchange through which values go; workers that get the same one share their large arrays.
     patient: run at low priority, for work that nobody waits for.
     """
@@ -40,6 +52,7 @@ class Worker:
         self._jobs, self._exchange, self._patient = jobs, exchange or Exchange(), patient
         self._one_at_a_time = asyncio.Lock()
         self._working = False
+        prepare_workers()
         self._start()
 
     async def run(self, job: Callable[..., Any], *args: Any, progress: Progress = lambda text: None) -> Any:

@@ -10,6 +10,7 @@ from pathlib import Path
 from nicegui.elements.upload_files import FileUpload
 
 from quadctl.errors import QuadctlError, SettingsError
+from quadctl.lab.comparison.wording import ended
 from quadctl.logs.parameters import read_present_parameters
 from quadctl.model import load_model, model_from_dict
 from quadctl.settings import parse_yaml, read_yaml
@@ -26,6 +27,7 @@ from quadctl.web.session.files import (
     upload_path,
     vehicle_in,
     vehicle_path,
+    without_folder,
 )
 from quadctl.web.session.session import load_session
 from quadctl.web.workbench.workbench import Workbench
@@ -63,14 +65,14 @@ class Intake:
             try:
                 kept.append(await self._keep(file))
             except QuadctlError as error:
-                problems.append(f"{error}.")
+                problems.append(ended(str(error)))
         async with self.bench.in_turn([path.name for path in kept]):
             settings = [path for path in kept if path.suffix.lower() in SETTINGS_SUFFIXES]
             for path in settings:
                 try:
                     await self._begin_with(path)
                 except QuadctlError as error:
-                    problems.append(f"{error}.")
+                    problems.append(ended(without_folder(str(error), path)))
             logs = [path for path in kept if path not in settings]
             if logs:
                 await self.bench.open_logs(logs)
@@ -102,6 +104,7 @@ class Intake:
 
     async def take_model(self, file: FileUpload) -> bool:
         """Show the model in a file beside those of the session; False, with a sentence, where it is none."""
+        path = Path(file.name)
         try:
             path = await self._keep(file)
             if path.suffix.lower() not in SETTINGS_SUFFIXES:
@@ -112,7 +115,7 @@ class Intake:
                 raise SettingsError(f"{path.name}: is a session, expected a model: drop it on Flights to open it")
             self.bench.show_beside(replace(load_model(path), name=path.name))
         except QuadctlError as error:
-            self.bench.say("error", f"{error}.")
+            self.bench.say("error", f"{without_folder(str(error), path)}.")
             return False
         return True
 
@@ -156,9 +159,9 @@ class Intake:
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(text, encoding="utf-8")
         except QuadctlError as error:
-            said = str(error)
+            said = without_folder(str(error), path)
             if from_a_form:
-                said = f"This vehicle cannot fly: {in_words_of_the_form(said.removeprefix(f'{path}: '))}"
+                said = f"This vehicle cannot fly: {in_words_of_the_form(said.removeprefix(f'{path.name}: '))}"
             self.bench.say("error", f"{said}.")
             return
         except OSError as error:

@@ -13,15 +13,15 @@ from pathlib import Path
 from typing import Any, Literal
 
 from quadctl.errors import QuadctlError, SettingsError
-from quadctl.lab.comparison.wording import listed, plain, quantity
+from quadctl.lab.comparison.wording import ended, listed, plain, quantity
 from quadctl.lab.flights.dataset import Dataset, HoldOut
-from quadctl.lab.report import Shown
+from quadctl.lab.report.results import Shown
 from quadctl.logs.flight_log import FlightLog
 from quadctl.model import Model, load_model, model_to_dict
 from quadctl.vehicle import Vehicle
-from quadctl.web.session.files import changed_logs, keep_expression
+from quadctl.web.session.files import changed_logs, keep_expression, without_folder
 from quadctl.web.session.findings import Diagnosed, Findings
-from quadctl.web.session.session import AUTOSAVED, Rung, Session, session_to_yaml
+from quadctl.web.session.session import AUTOSAVED, SUFFIX, Rung, Session, session_to_yaml
 from quadctl.web.work import jobs, reading
 from quadctl.web.work.exchange import Exchange
 from quadctl.web.work.simulated import Simulation
@@ -29,6 +29,8 @@ from quadctl.web.work.state import Gathered, Message, Results, Work
 from quadctl.web.work.worker import CancelledError, Worker
 
 _LOG = logging.getLogger(__name__)
+PREVIOUS = "previous"
+"""Beginning of the names of the files that hold sessions before the present one, in the folder of the page."""
 SAME_ERROR = 0.01
 """Largest relative difference of the same fit on two computers."""
 
@@ -85,9 +87,11 @@ class Workbench:
         self.message = Message(kind, text, undo)
         self._changed()
 
-    def dismiss(self) -> None:
-        self.message = None
-        self._changed()
+    def dismiss(self, message: Message | None = None) -> None:
+        """Take away the message that stands; where `message` is given, only if it is that one."""
+        if message is None or message is self.message:
+            self.message = None
+            self._changed()
 
     @asynccontextmanager
     async def in_turn(self, names: Sequence[str]) -> AsyncIterator[None]:
@@ -152,12 +156,16 @@ class Workbench:
         try:
             model = load_model(path)
         except QuadctlError as error:
-            self.say("error", str(error))
+            self.say("error", without_folder(str(error), path))
             return
-        before = self.session
+        before, past = self.session, list(self._past)
         await self._with_flights(before.unjudged().begun_with(model))
-        if before.model is not None and before.model.effects and self.message is None:
-            self._past.append(before)
+        if self.session is before or before.model is None:
+            return
+        self._past[:] = [*past, before]  # of the same flights
+        self._future.clear()
+        self._changed()
+        if before.model.effects and self.message is None:
             gone = listed([effect.name for effect in before.model.effects])
             self.say("done", f"The model is now {model.name}; {gone} went with the one before.", undo=True)
 
@@ -189,13 +197,33 @@ class Workbench:
         self.accepted |= {path}
         await self._with_flights(self.session, known=True)
 
+    async def start_anew(self) -> None:
+        """Begin a new session with the vehicle of this one, which is kept in a file."""
+        model = self.session.rungs[0].model if self.session.rungs else None
+        kept, number = f"{PREVIOUS}{SUFFIX}", 1
+        while (self.folder / kept).exists():
+            number += 1
+            kept = f"{PREVIOUS}-{number}{SUFFIX}"
+        if not self._save(kept):
+            return
+        begun = Session() if model is None else Session().begun_with(Model(model.vehicle, name=model.vehicle.name))
+        await self._with_flights(replace(begun, vehicle_assumed=True))
+        if self.message is not None:
+            return
+        self._past, self._future, self.other_model = [], [], None
+        self._autosave()
+        self.say("done", f"The session before is kept as {self.folder / kept}: open that file to go on with it.")
+
     async def resume(self, session: Session) -> None:
         if any(rung.error_m_s2 is not None for rung in session.rungs):  # its logs were in use when it was saved
             self.accepted |= set(session.logs)
         changed = await asyncio.to_thread(changed_logs, session.hashes)
         for log in changed:
             session = session.without_log(log).unjudged()
+        before = self.session
         await self._with_flights(session)
+        if self.session is not before:  # what was changed in another session cannot be taken back in this one
+            self._past, self._future = [], []
         if changed:
             self.say("error", " ".join(f"{sentence}." for sentence in changed.values()))
 
@@ -221,15 +249,18 @@ class Workbench:
                     self.accepted,
                     progress=progress,
                 )
-            if known and opened and (self.opened is None or opened.usable != self.opened.usable):
+            same = known and opened and self.opened is not None and opened.usable == self.opened.usable
+            if known and not same:
                 session = session.unjudged()
             told = [] if self.opened is None else [(log.path, log.problem) for log in self.opened.logs]
             self.session, self.opened, self.results, self.as_read = session, opened, Results(), ()
-            self._past, self._future = [], []  # their errors are those of other flights
+            for changes in (self._past, self._future):
+                moved = [change.with_flights_of(session) for change in changes]
+                changes[:] = moved if same else [change.unjudged() for change in moved]
             logs = [] if opened is None else opened.logs
             problems = [log.problem for log in logs if log.problem and (log.path, log.problem) not in told]
             if problems:
-                self.message = Message("error", " ".join(f"{problem}." for problem in problems))
+                self.message = Message("error", " ".join(ended(problem) for problem in problems))
             await self._judge(progress)
 
     # --- the ladder ---------------------------------------------------------------------------------------------------
@@ -275,6 +306,10 @@ class Workbench:
         async with self._changing_model(f"Removing {effect}") as progress:
             if effect in self.session.off:
                 self.session = self.session.switched(effect)
+            model = self.session.model
+            if self.seen is None and model is not None and _names(model) == [effect]:  # nothing is left to be refitted
+                self.session = self.session.climbed(Rung(f"\N{MINUS SIGN} {effect}", replace(model, stack=())))
+                return
             await self._climb(f"\N{MINUS SIGN} {effect}", progress, jobs.remove_effect, effect)
 
     @property
@@ -303,10 +338,15 @@ class Workbench:
                 self.session = session
                 await self._judge(progress)
         else:  # its flights must be prepared again
-            past, future = self._past, self._future
+            past, future = list(self._past), list(self._future)
             await self._with_flights(session)
-            self._past, self._future = past, future
+            self._past[:], self._future[:] = past, future  # the flights are the same, and so are the errors
         back.append(before)
+        self._changed()
+        rung = self.session.rung
+        if self.message is None and rung is not None:
+            off = f" without {listed(sorted(self.session.off))}" if self.session.off else ""
+            self.say("done", f"The model is now that of step {self.session.current + 1}, {rung.name}{off}.")
 
     @asynccontextmanager
     async def _changing_model(self, title: str) -> AsyncIterator[Callable[[str], None]]:
@@ -322,7 +362,7 @@ class Workbench:
     async def _climb(self, name: str, progress: Callable[[str], None], job: Callable[..., Any], *args: Any) -> None:
         model, seen = self.session.model, self.seen
         if model is None or seen is None:
-            raise QuadctlError("there is no flight to fit to, expected at least one log")
+            raise QuadctlError("there is no flight to fit the model to: open one, or go back to a step before")
         current = self._current(model)
         climbed: jobs.Climbed = await self._quick.run(job, *args, current, seen, self.unseen, progress=progress)
         self.session = self.session.climbed(Rung(name, climbed.model))
@@ -460,7 +500,9 @@ class Workbench:
         if seen is None or current is None or self.work is not None:
             return
         self._gathered(effect, None)
+        message = self.message  # the evidence that is open is gathered again when the flights change: nobody asked
         async with self._working("Gathering the evidence") as progress:
+            self.message = message
             evidence = await self._quick.run(jobs.gather_evidence, effect, current, seen, progress=progress)
             self._gathered(effect, Gathered(evidence, self._search_for(effect)))
 
@@ -481,7 +523,7 @@ class Workbench:
         return next((jobs.Current(model) for model in best if effect in _names(model)), None)
 
     def _search_for(self, effect: str) -> Diagnosed | None:
-        """The last search that tried an effect; None where no search of this session did."""
+        """The last search that tried an effect; None where none on these flights did."""
         for found in (self.results.found, self.results.before):
             if found is not None and _has_tried(found, effect):
                 return found
@@ -599,13 +641,19 @@ class Workbench:
         task.add_done_callback(self._tasks.discard)
 
     def _autosave(self) -> None:
+        self._save(AUTOSAVED)
+
+    def _save(self, name: str) -> bool:
+        """Write the session to the file `name` of the folder; False, with a sentence, where that fails."""
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
-            part = self.folder / f".{AUTOSAVED}.part"
+            part = self.folder / f".{name}.part"
             part.write_text(self.session_file(), encoding="utf-8")
-            part.replace(self.folder / AUTOSAVED)  # whole or not at all, also in a power failure
+            part.replace(self.folder / name)  # whole or not at all, also in a power failure
         except OSError as error:
-            self.message = Message("error", f"{self.folder / AUTOSAVED}: cannot be written ({error.strerror})")
+            self.message = Message("error", f"{self.folder / name}: cannot be written ({error.strerror})")
+            return False
+        return True
 
 
 def _names(model: Model) -> list[str]:
