@@ -127,7 +127,7 @@ class Visitor:
         self.elsewhere: list[str] = []
         self.mistakes: list[str] = []
         self.page.on("request", lambda request: self._note(request.url, url))
-        self.page.on("pageerror", lambda error: self.mistakes.append(str(error)))
+        self.page.on("pageerror", lambda error: self.mistakes.append(error.stack or str(error)))
         self.page.goto(url)
 
     def _note(self, asked: str, url: str) -> None:

@@ -9,13 +9,15 @@ from nicegui.element import Element
 from quadctl.web.elements.figure import Figure, in_a_sentence, to_csv
 
 PICTURE_PX = 1200
-LOAD_PLOTLY = """<script type="module">
-const { Plotly } = await import("nicegui-plotly");
-const resize = Plotly.Plots.resize;
-Plotly.Plots.resize = (figure) => resize(figure).catch(() => figure);
-</script>"""
+LOAD_PLOTLY = """<script>
+addEventListener("unhandledrejection", (event) => {
+  if (event.reason?.message === "Resize must be passed a displayed plot div element.") event.preventDefault();
+});
+</script>
+<script type="module">import("nicegui-plotly");</script>"""
 """Plotly is large: it is loaded while the page is still being connected, not when the first figure comes.
-A figure that has just left the page, or is hidden, may still be told of its new size, which is none: Plotly refuses."""
+A figure that has just left the page, or is hidden, may still be told of its new size, which is none: what Plotly says
+to that is no error. Its functions are left alone: which script gets hold of them first is not certain."""
 
 
 def tag(name: str, classes: str = "", text: str = "") -> Element:
