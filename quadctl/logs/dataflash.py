@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from quadctl.errors import LogError
 from quadctl.logs.ardupilot import PARAMETERS, motor_of_servo, motor_outputs, output_note
 from quadctl.logs.events import Event, mode_changes, parameter_changes, said
-from quadctl.logs.flight_log import FlightLog, Floats
+from quadctl.logs.flight_log import CUT_SHORT, FlightLog, Floats
 from quadctl.logs.merge import Channel, Origin, finite, intervals, merge
 from quadctl.thrust_chain.ardupilot import air_density_ratio
 from quadctl.thrust_chain.chain import Ambient
@@ -79,7 +79,7 @@ def read_dataflash(path: Path) -> FlightLog:
         The file cannot be read, is no DataFlash log, or holds no position, velocity or attitude.
     """
     data, index = _indexed(path)
-    notes = ["the last message is cut short and was left out"] if index.is_cut_short else []
+    notes = [CUT_SHORT] if index.is_cut_short else []
     if index.n_damaged_bytes:
         notes.append(f"{index.n_damaged_bytes} damaged bytes left out, the first at byte {index.first_damage}")
     messages = {name: _decoded(data, form) for name, form in index.formats.items() if form.offsets}

@@ -1,6 +1,7 @@
 """A flight log in memory: one table with the columns of docs/log-format.md, whatever file it came from."""
 
 import difflib
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -18,6 +19,8 @@ VELOCITY = ("vx_m_s", "vy_m_s", "vz_m_s")
 ATTITUDE = ("roll_deg", "pitch_deg", "yaw_deg")
 RATES = ("roll_rate_rad_s", "pitch_rate_rad_s", "yaw_rate_rad_s")
 IMU = ("imu_x_m_s2", "imu_y_m_s2", "imu_z_m_s2")
+CUT_SHORT = "the last message is cut short and was left out"
+"""Note on a log that ends within a message: it was copied in part, or the power failed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,6 +109,11 @@ class FlightLog:
 def is_it(word: str, found: list[str]) -> str:
     """ " (is it 'times'?)" of a name that is missing, or nothing where none of those `found` is near."""
     return _asked("is it", word, found)
+
+
+def doubt_of_copy(notes: Sequence[str]) -> str:
+    """The question to add to what a log lacks, where these notes on it say that its end is missing; else empty."""
+    return " (its last message is cut short: was the whole log copied?)" if CUT_SHORT in notes else ""
 
 
 def did_you_mean(word: str, known: list[str]) -> str:

@@ -19,7 +19,7 @@ from quadctl.errors import LogError
 from quadctl.logs.cleaning import increasing
 from quadctl.logs.columns import STATE_COLUMNS
 from quadctl.logs.events import Event, events_in_meta, reset_notes
-from quadctl.logs.flight_log import ATTITUDE, POSITION, VELOCITY, FlightLog, Floats
+from quadctl.logs.flight_log import ATTITUDE, POSITION, VELOCITY, FlightLog, Floats, doubt_of_copy
 
 ROW_TOLERANCE_S = 0.002
 """Two updates closer than this are one row: at most 500 rows a second, and no value is off by more than this."""
@@ -74,7 +74,7 @@ def merge(channels: Iterable[Channel], origin: Origin) -> FlightLog:
     found = {name for channel in kept for name, values in channel.columns.items() if np.isfinite(values).any()}
     missing = [name for name in (*POSITION, *VELOCITY, *ATTITUDE) if name not in found]
     if missing:
-        raise LogError(f"{origin.path}: holds no values of {_reasoned(missing, origin)}")
+        raise LogError(f"{origin.path}: holds no values of {_reasoned(missing, origin)}{doubt_of_copy(notes)}")
     clock = row_times(np.concatenate([channel.time_s for channel in kept if channel.makes_rows]))
     columns = {"time_s": np.round(clock - clock[0], 6)}
     for channel in kept:

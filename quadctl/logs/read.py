@@ -32,7 +32,7 @@ def read_log(path: Path | str) -> FlightLog:
         One sentence that says which file, where in it, what is wrong and what was expected.
     """
     path = Path(path)
-    _require_file(path)
+    require_file(path)
     if (folder := format_of_folder(path)) is not None:
         return folder.read(path)
     head = _head(path)
@@ -58,7 +58,7 @@ def read_logs(paths: Iterable[Path | str]) -> list[FlightLog]:
     return logs
 
 
-def _require_file(path: Path) -> None:
+def require_file(path: Path) -> None:
     """Refuse what may never end, or can be read only once; the readers say what else is wrong with a path."""
     try:
         mode = path.stat().st_mode

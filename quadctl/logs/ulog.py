@@ -7,6 +7,7 @@ time of the sensor sample it stands for; commands and motor outputs at the time 
 
 import contextlib
 import io
+import mmap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -17,7 +18,7 @@ from quadctl.errors import LogError
 from quadctl.frames import euler_from_quaternion
 from quadctl.logs.columns import LATERAL_THROTTLE, motor_columns
 from quadctl.logs.events import PX4_MODES, Event, estimator_resets, mode_changes, parameter_changes, said
-from quadctl.logs.flight_log import ATTITUDE, RATES, FlightLog, Floats
+from quadctl.logs.flight_log import ATTITUDE, CUT_SHORT, RATES, FlightLog, Floats
 from quadctl.logs.merge import Channel, Origin, finite, intervals, merge
 from quadctl.thrust_chain.chain import Ambient, bent
 from quadctl.thrust_chain.px4 import battery_scale, bend_of
@@ -54,6 +55,8 @@ INFO = ord("6")
 """Level of messages above which they are for debugging, as the logger writes it."""
 MAGIC = b"ULog\x01\x12\x35"
 """The first bytes of every ULog."""
+_HEADER_BYTES = 16
+"""Length of the header, before the first message."""
 NEEDED = "vehicle_local_position and vehicle_attitude"
 
 FIRST_MOTOR_FUNCTION = 101
@@ -101,6 +104,8 @@ def read_ulog(path: Path) -> FlightLog:
     notes: list[str] = []
     if log.file_corruption:
         notes.append("the file is damaged: what could not be read was left out")
+    elif _is_cut_short(path):
+        notes.append(CUT_SHORT)
     if log.dropouts:
         lost = sum(dropout.duration for dropout in log.dropouts) / 1000.0
         notes.append(f"PX4's logger lost data {len(log.dropouts)} times, {lost:.2f} s together")
@@ -210,6 +215,15 @@ def _parsed(path: Path) -> Any:
     if log is None:
         raise LogError(f"{path}: does not begin as a PX4 ULog does, expected a {path.suffix} file of PX4")
     return log
+
+
+def _is_cut_short(path: Path) -> bool:
+    """Tell whether a ULog that is not damaged ends within a message; each begins with its length and its type."""
+    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as raw:
+        place, end = _HEADER_BYTES, len(raw)
+        while place + 3 <= end:
+            place += 3 + raw[place] + 256 * raw[place + 1]
+    return place != end
 
 
 def _version(release: object) -> str:

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from pyulog import ULog
 
+from quadctl.errors import LogError
 from quadctl.logs import ulog
-from quadctl.logs.flight_log import ATTITUDE, RATES, FlightLog
+from quadctl.logs.flight_log import ATTITUDE, CUT_SHORT, RATES, FlightLog
 from quadctl.logs.quality import quality
 from quadctl.logs.read import read_log
 from tests.support.log_files import (
@@ -35,6 +36,18 @@ class TestULog:
         assert [last[name] for name in RATES] == pytest.approx([0.1, 0.2, 0.3], rel=1e-6)
         assert last["imu_z_m_s2"] == pytest.approx(-G)
         assert last["battery_v"] == 16.0
+
+    def test_a_log_that_ends_within_a_message_says_so_and_so_does_what_it_lacks(self, tmp_path: Path) -> None:
+        path = tmp_path / "a.ulg"
+        whole = small_ulog()
+        path.write_bytes(whole)
+        assert CUT_SHORT not in read_log(path).notes
+        for missing in (1, 2, 30):
+            path.write_bytes(whole[:-missing])
+            assert CUT_SHORT in read_log(path).notes
+        path.write_bytes(small_ulog(without="vehicle_attitude")[:-1])
+        with pytest.raises(LogError, match=r"holds no values of roll_deg.*was the whole log copied\?"):
+            read_log(path)
 
     def test_resets_of_the_estimator_are_events_and_one_note(self, tmp_path: Path) -> None:
         path = tmp_path / "a.ulg"

@@ -95,9 +95,17 @@ class Agreement:
     @property
     def shift(self) -> Shift | None:
         """The clear difference of a mean residual that counts, the largest over all samples; where there is none, the
-        largest in a range of a variable."""
+        largest in a range of the variable that the differences go with the most."""
         clear = [each for each in self.shifts if each.is_clear and abs(each.difference_m_s2) > self.limit_m_s2]
-        return max(clear, key=lambda each: (not each.variable, abs(each.difference_m_s2)), default=None)
+        return max(
+            clear, key=lambda each: (not each.variable, self._explained(each), abs(each.difference_m_s2)), default=None
+        )
+
+    def _explained(self, shift: Shift) -> float:
+        """Mean square of the differences along the axis of `shift` in the ranges of its variable, which hold about
+        equally many samples each: the larger, the closer the variable is to the cause."""
+        of_variable = [s for s in self.shifts if (s.axis, s.variable) == (shift.axis, shift.variable)]
+        return float(np.mean([s.difference_m_s2**2 for s in of_variable]))
 
     @property
     def widest(self) -> Shift | None:

@@ -29,7 +29,7 @@ from quadctl.lab.flights.timing import timed
 from quadctl.lab.flights.vehicle_match import motion_problem, sidecar_problem, thrust_problem
 from quadctl.lab.flights.velocity_scale import scale_note
 from quadctl.logs.contradictions import contradictions
-from quadctl.logs.flight_log import ATTITUDE, POSITION, VELOCITY, FlightLog
+from quadctl.logs.flight_log import ATTITUDE, POSITION, VELOCITY, FlightLog, doubt_of_copy
 from quadctl.model import Model
 from quadctl.surfaces import read_place
 from quadctl.vehicle import Vehicle
@@ -176,7 +176,7 @@ def _flight_segments(log: FlightLog, signals: Signals, vehicle: Vehicle, notes: 
         raise LogError(
             f"{log.name}: never leaves the ground for more than {shortest_s:g} s: z ranges over {rise:.2f} m (is it "
             f"up?) and the rotors give at most {float(np.nanmax(total)):.1f} N of the vehicle's "
-            f"{vehicle.weight_n:.1f} N"
+            f"{vehicle.weight_n:.1f} N{doubt_of_copy(log.notes)}"
         )
     kept = sum(b - a for a, b in found)
     notes.append(

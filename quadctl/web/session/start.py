@@ -9,7 +9,7 @@ from quadctl.errors import LogError, SettingsError
 from quadctl.flight.pilot.settings import DEFAULT_CONFIG, load_flight_settings
 from quadctl.installed import locate
 from quadctl.logs.formats import format_of_folder
-from quadctl.logs.read import read_log
+from quadctl.logs.read import read_log, require_file
 from quadctl.model import load_model, model_to_dict
 from quadctl.web.session.files import LOG_SUFFIXES, SETTINGS_SUFFIXES, UPLOADS, changed_logs, places_of
 from quadctl.web.session.session import AUTOSAVED, Session, load_session
@@ -63,8 +63,9 @@ def first_session(logs: Sequence[Path], model: Path | None, session: Path | None
             if format_of_folder(log) is None:
                 raise LogError(f"{log}: is a directory, expected the flight logs in it, {log}/*.csv for example")
             continue
-        if not log.is_file():
+        if not log.exists():
             raise LogError(f"{log}: there is no such file, expected a flight log")
+        require_file(log)
         if log.suffix.lower() in SETTINGS_SUFFIXES:
             raise LogError(f"{log}: is settings by its name, expected a flight log, or --model {log.name} or --session")
         if log.suffix.lower() not in LOG_SUFFIXES:

@@ -9,9 +9,9 @@ from scipy.signal import lfilter
 
 from quadctl.effects.ground_effect import Exponential
 from quadctl.lab.arrays import Floats
-from quadctl.lab.comparison.agreement import Errors, agreement, least_alike
+from quadctl.lab.comparison.agreement import Agreement, Errors, agreement, least_alike
 from quadctl.lab.comparison.comparison import compare
-from quadctl.lab.comparison.shifts import LEVEL, Signed, shifts
+from quadctl.lab.comparison.shifts import LEVEL, Shift, Signed, shifts
 from quadctl.lab.comparison.wording import agreement_in_short, agreement_in_words
 from quadctl.lab.flights.dataset import load_dataset
 from quadctl.model import Model
@@ -63,6 +63,17 @@ class TestShifts:
         assert found.verdict == "otherwise"
         assert found.shift is not None and found.shift.variable == "height_over_radius"
         assert "the mean residual up at a rotor height from" in agreement_in_words(found)
+
+    def test_the_variable_that_explains_the_most_is_named_not_that_with_the_highest_peak(self) -> None:
+        differences = {"height_over_radius": (0.0, 0.0, 0.0, 0.0, 0.6), "speed_forward": (-0.5, -0.3, 0.0, 0.3, 0.5)}
+        ranges = tuple(
+            Shift("up", name, i, i + 1.0, 0.0, size, (size - 0.1, size + 0.1))
+            for name, sizes in differences.items()
+            for i, size in enumerate(sizes)
+        )
+        found = Agreement(("a.csv",), ("b.csv",), 0.3, 0.3, (-0.1, 0.1), shifts=ranges)
+        assert found.shift is not None
+        assert (found.shift.variable, abs(found.shift.difference_m_s2)) == ("speed_forward", 0.5)
 
     def test_the_same_residual_agrees_within_a_bound_that_is_said(self) -> None:
         found = agreement(errors("a.csv", signed(0.3, 0)), errors("b.csv", signed(0.3, 1)))
