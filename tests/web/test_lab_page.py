@@ -203,8 +203,8 @@ def test_a_newcomer_finds_the_missing_effect_and_flies_it_in_at_most_ten_clicks(
         exported = visitor.keeps_file(".main button:has-text('Export model')", tmp_path)
         (effect,) = load_model(exported).effects
         assert effect.family() == "ground_effect"
-        assert "saved as model.yaml in the downloads folder" in visitor.sees(".banner.done")
-        visitor.sees("code:has-text('quadctl compare model.yaml LOG')")
+        assert "saved as raptor_ground_effect.yaml in the downloads folder" in visitor.sees(".banner.done")
+        visitor.sees("code:has-text('quadctl compare raptor_ground_effect.yaml LOG')")
         visitor.keeps("exported")
         visitor.page.locator("button[aria-label='Dismiss']").click()
         visitor.keeps("4-compensator")

@@ -30,6 +30,7 @@ from quadctl.lab.flights.prediction import GROUPS
 from quadctl.lab.selection import diagnosis as lab_diagnosis
 from quadctl.lab.selection.diagnosis import diagnose
 from quadctl.lab.selection.evidence import evidence_for
+from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.quality import quality
 from quadctl.model import Model, Provenance, StackedEffect
 from quadctl.vehicle import Vehicle
@@ -188,6 +189,7 @@ def views(raptor: Vehicle) -> dict[str, View]:
         "a log of another vehicle": {
             "opened": replace(opened, logs=[replace(opened.logs[0], doubt="This flight says 1.9 kg"), opened.logs[1]])
         },
+        "a log with a gap": {"opened": replace(opened, seen=load_dataset([_with_a_gap(logs[0])], raptor))},
         "no flight that can be used": {"opened": replace(opened, seen=None)},
         "no flight": {"opened": None},
         "a log that has been read": {"opened": None, "work": Work("Reading flights"), "as_read": (logs[0],)},
@@ -254,6 +256,13 @@ def views(raptor: Vehicle) -> dict[str, View]:
         "another template": replace(empty, template="name: other"),
         "a log without a vehicle": replace(empty, session=Session().with_logs([Path("a.csv")])),
     }
+
+
+def _with_a_gap(log: FlightLog) -> FlightLog:
+    """The same without what was logged between 12 and 15 s."""
+    kept = (log.time_s < 12.0) | (log.time_s > 15.0)
+    phase = None if log.phase is None else log.phase[kept]
+    return replace(log, columns={name: values[kept] for name, values in log.columns.items()}, phase=phase)
 
 
 def _of_half_the_mass(dataset: Dataset, vehicle: Vehicle) -> Dataset:
@@ -498,6 +507,11 @@ class TestOpenTab:
         assert more and verdict.condition == view.vehicle
         assert Verdict.of(views["a search"]).sentences == ()
 
+    def test_a_broken_line_is_explained(self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]) -> None:
+        said = "Lines are broken where the analysis leaves samples out"
+        assert said not in str(tabs("time", views["at first"]).shown)
+        assert said in str(tabs("time", views["a log with a gap"]).shown)
+
     @pytest.mark.parametrize("tab", ["missing", "fails", "compensator"])
     def test_an_assumed_thrust_is_said_beside_what_rests_on_it(
         self, tab: str, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
@@ -526,6 +540,17 @@ class TestOpenTab:
         assert "Ground effect is told from its look-alikes by hovering at many heights" in str(tab.shown)
         tab.follow(views["at first"])
         assert len(tab.figures) == before
+
+    def test_one_flight_is_recommended_that_which_adds_the_most_where_it_is_known(
+        self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
+    ) -> None:
+        view = views["the evidence for an effect"]
+        command = "quadctl fly missions/hover_staircase.yaml"
+        assert command in str(tabs("missing", view).shown)
+        suggestion = views["a suggestion"].results.suggestion
+        known = str(tabs("missing", replace(view, results=replace(view.results, suggestion=suggestion))).shown)
+        assert "this mission tells most" in known
+        assert command not in known
 
     def test_an_effect_in_the_model_has_evidence_too(
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
@@ -672,8 +697,9 @@ class TestOpenTab:
         wrong = replace(comparison, fails_where=[replace(FAILURE, low=0.0, high=100.0)])
         with Client(ui.page("/")):
             Failures(wrong, None, None, "", False, LIGHT).draw(create_autospec(Controls, instance=True))
-            texts = [e.text for e in ui.context.client.elements.values() if isinstance(e, ui.button)]
-        assert "Show" not in texts
+            elements = list(ui.context.client.elements.values())
+        assert "Show" not in [e.text for e in elements if isinstance(e, ui.button)]
+        assert "most of 1.csv" in [getattr(e, "text", "") for e in elements]
 
     def test_the_figure_says_the_errors_of_the_flight_that_it_shows(
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]

@@ -28,7 +28,7 @@ from quadctl.logs.quality import ChannelQuality, QualityReport, quality
 from quadctl.model import Model, Provenance, StackedEffect, load_model
 from quadctl.vehicle import Vehicle
 from quadctl.vehicle_draft.draft import draft
-from quadctl.web.panels.compensator import commands_of_a_model
+from quadctl.web.panels.compensator import commands_of_a_model, name_of_file
 from quadctl.web.panels.vehicle import TYPICAL
 from quadctl.web.session.files import sha256_of
 from quadctl.web.session.findings import Findings
@@ -465,6 +465,13 @@ class TestExport:
             "quadctl export model.yaml --to px4",
             "quadctl compare model.yaml LOG",
         ]
+
+    def test_its_name_is_that_of_the_vehicle_and_what_was_added(self, raptor: Vehicle) -> None:
+        own = raptor.model_copy(update={"name": "my 7 inch/v2"})
+        effects = tuple(StackedEffect(effect.from_values({}, "")) for effect in (Exponential, Hayden, ConstantScale))
+        assert name_of_file(Model(own)) == "my_7_inch_v2.yaml"
+        assert name_of_file(Model(raptor, effects[:1])) == "raptor_ground_effect.yaml"
+        assert name_of_file(Model(raptor, (*effects, *effects[:1]))) == "raptor_4_effects.yaml"
 
     def test_the_commands_are_those_that_there_are(self, bench: Workbench, capsys: pytest.CaptureFixture[str]) -> None:
         for _, command in commands_of_a_model("model.yaml"):

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from quadctl.lab.arrays import Floats, Mask
 from quadctl.lab.flights.flight import Flight
@@ -159,10 +160,15 @@ def full_timeline(
     return Timeline(panes, series, phases_of(log))
 
 
+def gaps_in(time_s: Floats) -> NDArray[np.int64]:
+    """Numbers of the samples before which there is a gap."""
+    steps = np.diff(time_s)
+    return np.flatnonzero(steps > GAP_FACTOR * np.median(steps)) + 1
+
+
 def line(pane: str, name: str, colour: str, time_s: Floats, values: Floats, width: float = 1.3) -> Series:
     """A line that is broken where the log has a gap."""
-    steps = np.diff(time_s)
-    gaps = np.flatnonzero(steps > GAP_FACTOR * np.median(steps)) + 1
+    gaps = gaps_in(time_s)
     return Series(pane, name, colour, np.insert(time_s, gaps, time_s[gaps]), np.insert(values, gaps, np.nan), width)
 
 

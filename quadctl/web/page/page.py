@@ -354,8 +354,11 @@ class Page:
             take(parameters)
 
     def export_model(self) -> None:
-        ui.download.content(self.bench.model_file(), compensator.MODEL_FILE, "application/yaml")
-        self.bench.say_exported(compensator.MODEL_FILE)
+        text, model = self.bench.model_file(), self.bench.session.model
+        assert model is not None  # else there is no text
+        name = compensator.name_of_file(model)
+        ui.download.content(text, name, "application/yaml")
+        self.bench.say_exported(name)
 
     def save_session(self) -> None:
         ui.download.content(self.bench.session_file(self._choices.query()), "session.lab.yaml", "application/yaml")

@@ -12,7 +12,7 @@ from quadctl.model import Model
 from quadctl.web.elements.html import plot, tag
 from quadctl.web.elements.theme import Theme
 from quadctl.web.figures.path import path_figure
-from quadctl.web.figures.timeline import full_timeline
+from quadctl.web.figures.timeline import full_timeline, gaps_in
 from quadctl.web.panels.panel import Controls, Panel
 from quadctl.web.panels.view import Brush
 from quadctl.web.panels.zoomed import zoomed_plot
@@ -51,7 +51,15 @@ class ChosenFlightPanel(Panel):
         """Draw all channels over time, with the prediction of each model; files of the figure are called `name`."""
         predicted = predictions(self.models, flight)
         timeline = full_timeline(flight, self.log, predicted, self.axis, self.theme, brushed)
-        return zoomed_plot(timeline, self.theme, name, label)
+        shown = zoomed_plot(timeline, self.theme, name, label)
+        if len(gaps_in(flight.time_s)):
+            tag(
+                "p",
+                "muted",
+                "Lines are broken where the analysis leaves samples out: on the ground, at take-off and "
+                "landing, and where the log has gaps.",
+            )
+        return shown
 
     def draw_path(self, flight: Flight, brushed: Mask | None) -> None:
         plot(path_figure(flight, brushed, self.theme), f"{flight.name}_path", "Flight path")

@@ -1,5 +1,6 @@
 """The model as a compensator: its thrust ratio, its check before a flight, its file, and a flight in simulation."""
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,8 +20,8 @@ from quadctl.web.panels.glossary import explained
 from quadctl.web.panels.panel import Controls, Panel, Tab
 from quadctl.web.work.simulated import FAR, WITH, WITHOUT
 
-MODEL_FILE = "model.yaml"
-"""Name of the file that an export gives to the browser."""
+NAMED_EFFECTS = 3
+"""Most effects that the name of a file with a model says."""
 UNITY = 5e-4
 """Largest difference of a factor from 1 that three decimals hide."""
 
@@ -110,7 +111,7 @@ class Export(Panel):
             with tag("div", "line wrap"):
                 ui.button("Export model", icon="download", on_click=do.export_model).props("no-caps unelevated")
                 tag("span", "muted grow", "Commands that use the file, in its folder:")
-            for purpose, command in commands_of_a_model(MODEL_FILE):
+            for purpose, command in commands_of_a_model(name_of_file(self.model)):
                 with tag("div", "next-command"):
                     tag("span", "muted", purpose)
                     tag("code", "", command)
@@ -202,6 +203,14 @@ def _draw_metrics(steps: StepResponses, comparable: bool) -> None:
                     tag("td", "number", f"{value:.4f}".replace("-", "\u2212"))
                 changes = comparable and without * compensated > 0.0  # a share of a number across zero says nothing
                 tag("td", "number", change_in_words(1.0 - compensated / without) if changes else "\u2013")
+
+
+def name_of_file(model: Model) -> str:
+    """Name of the file that an export gives to the browser: `raptor_ground_effect.yaml`, without blanks."""
+    families = [effect.family() for effect in model.effects]
+    if len(families) > NAMED_EFFECTS:
+        families = [f"{len(families)}_effects"]
+    return "_".join(re.sub(r"[^\w.-]+", "_", word) for word in (model.vehicle.name, *families)) + ".yaml"
 
 
 def commands_of_a_model(name: str) -> tuple[tuple[str, str], ...]:

@@ -62,7 +62,7 @@ class Evidence(Panel):
             _draw_errors(shown)
             tag("h3", "", "What else was tried, and why it lost")
             _draw_losers(search, shown.effect.name)
-            tag("h3", "", "The flight that shows it best")
+            tag("h3", "", "The next flight")
             self._draw_next(do, shown)
         card.run_method("scrollIntoView", {"block": "nearest"})
 
@@ -82,13 +82,14 @@ class Evidence(Panel):
             do.bench.begin_to_gather(self.evidence)
 
     def _draw_next(self, do: Controls, shown: Found) -> None:
+        """Draw one command: that of the mission that would add the most to these flights, as soon as it is known."""
         name = sentence(plain(shown.effect.family()))
         tag("p", "", f"{name} is told from its look-alikes by {shown.effect.distinguished_by}.")
-        tag("code", "command", f"quadctl fly {shown.effect.mission}")
         if self.suggestion is not None:
-            tag("p", "muted", "Compared with all missions, by what their data would add to these flights:")
             draw_suggestion(self.suggestion)
         else:
+            tag("p", "muted", "A mission that does so, whatever these flights have shown already:")
+            tag("code", "command", f"quadctl fly {shown.effect.mission}")
             ask = ui.button("Compare all missions", on_click=lambda: do.act(do.bench.suggest()))
             do.when_idle(ask.props("no-caps outline"))
 

@@ -111,7 +111,8 @@ def _draw_sentence(do: Controls, failure: Failure, comparison: Comparison) -> No
     with tag("div", "line top said"):
         tag("p", "grow", f"{failure_in_words(failure)} ({abs(failure.sigma):.0f} sigma).")
         if any(_is_most(other, ranges) for other in comparison.dataset.flights if other.name == flight):
-            return  # a selection of the whole flight shows nothing
+            tag("span", "muted", f"most of {flight}")  # a selection of the whole flight shows nothing
+            return
 
         def select() -> None:
             do.select(ranges, failure.axis, flight)
