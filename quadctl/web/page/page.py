@@ -10,7 +10,6 @@ from nicegui import ui
 from nicegui.client import Client
 from nicegui.element import Element
 from nicegui.elements.mixins.disableable_element import DisableableElement
-from nicegui.elements.upload_files import FileUpload
 from nicegui.events import KeyEventArguments
 
 from quadctl.lab.flights.prediction import AXES
@@ -18,6 +17,7 @@ from quadctl.vehicle_draft.draft import Answers
 from quadctl.web.elements.browser_theme import keep_theme, wanted_theme
 from quadctl.web.elements.html import tag
 from quadctl.web.elements.theme import DARK, LIGHT, Theme
+from quadctl.web.elements.upload import SentFile, StreamedUpload
 from quadctl.web.page.choices import Choices, choices_of
 from quadctl.web.panels import compensator, fails, flights, missing, over_time
 from quadctl.web.panels.frame import Doubts, FittedTo, Header, Start, Status
@@ -284,6 +284,9 @@ class Page:
         assert self._drawing is not None, "only a panel that is being drawn has room for another"
         self._drawing.nested.append(Part(tag("div", classes), panel))
 
+    def receive(self, upload: StreamedUpload, take: Callable[[Sequence[SentFile]], Awaitable[None]]) -> None:
+        self._intake.receive(upload, take)
+
     def look_at(self, flight: str | None = None, axis: str | None = None) -> None:
         self._choose(flight=flight or self._choices.flight, axis=axis or self._choices.axis)
 
@@ -294,7 +297,7 @@ class Page:
         """Draw another model beside those that are drawn: a step of the ladder, a file, or none (see `View`)."""
         self._choose(beside=beside)
 
-    async def take_model(self, file: FileUpload) -> None:
+    async def take_model(self, file: SentFile) -> None:
         """Draw the model of a file beside the others."""
         if await self._intake.take_model(file):
             self.compare_with(FILE)
@@ -331,7 +334,7 @@ class Page:
         self._theme = theme
         self._dark.set_value(theme is DARK)
 
-    async def take_files(self, files: Sequence[FileUpload]) -> None:
+    async def take_files(self, files: Sequence[SentFile]) -> None:
         before = self.bench.session.view
         await self.act(self._intake.take(files))
         view = self.bench.session.view

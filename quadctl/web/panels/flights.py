@@ -10,6 +10,7 @@ from quadctl.lab.comparison.wording import ended
 from quadctl.lab.flights.dataset import HoldOut
 from quadctl.logs.formats import labels
 from quadctl.web.elements.html import heading, tag
+from quadctl.web.elements.upload import StreamedUpload
 from quadctl.web.panels.glossary import explained
 from quadctl.web.panels.panel import Controls, Panel, Tab
 from quadctl.web.panels.vehicle import VehicleChoice, WhichVehicle
@@ -116,14 +117,9 @@ class DropZone(Panel):
 def drop_zone(do: Controls) -> None:
     """Draw a box in which files are dropped, or chosen with a click."""
     with tag("div", "drop"):
-        upload = ui.upload(
-            multiple=True,
-            auto_upload=True,
-            max_file_size=MAX_UPLOAD_BYTES,
-            label="Drop flight logs here",
-        )
+        upload = StreamedUpload(multiple=True, max_file_size=MAX_UPLOAD_BYTES, label="Drop flight logs here")
+        do.receive(upload, do.take_files)
         upload.props(f'accept="{",".join((*LOG_SUFFIXES, *SETTINGS_SUFFIXES))}" flat bordered color="transparent"')
-        upload.on_multi_upload(lambda event: do.take_files(event.files))
         # The list of flights says what becomes of them: a tick here would say that a file is used before it was read.
         # In the browser itself: only when it has its answer is a file one that was sent.
         upload.on("uploaded", js_handler=f"() => runMethod({upload.id}, 'removeUploadedFiles', [])")

@@ -15,6 +15,7 @@ from quadctl.logs.events import events_of
 from quadctl.logs.flight_log import FlightLog
 from quadctl.web.elements.html import empty, heading, plot, tag
 from quadctl.web.elements.theme import Theme
+from quadctl.web.elements.upload import StreamedUpload
 from quadctl.web.figures.channels import (
     Statistics,
     channel_timeline,
@@ -83,7 +84,8 @@ class OverTime(ChosenFlightPanel):
             ui.select(
                 options, value=chosen, label="A further model", on_change=lambda e: do.compare_with(e.value)
             ).props("dense outlined options-dense")
-            upload = ui.upload(auto_upload=True, on_upload=lambda e: do.act(do.take_model(e.file)))
+            upload = StreamedUpload()
+            do.receive(upload, lambda files: do.act(do.take_model(files[0])))
             upload.props('accept=".yaml,.yml"').classes("hidden")
             choose = ui.button("From a file", icon="file_open").props("flat dense no-caps")
             # In the browser itself: only there does a click open the window in which files are chosen.

@@ -17,6 +17,7 @@ from quadctl.vehicle_draft.frames import FRAMES, are_relative, arm_m_of, frame_p
 from quadctl.vehicle_draft.questions import ITS_NUMBERS, NEW_VEHICLE, Question, wrong
 from quadctl.web.elements.html import heading, tag
 from quadctl.web.elements.theme import Theme
+from quadctl.web.elements.upload import StreamedUpload
 from quadctl.web.figures.rotors import Place, rotors_svg
 from quadctl.web.panels.panel import Controls, Panel
 from quadctl.web.session.files import vehicle_in
@@ -93,7 +94,8 @@ class VehicleChoice(Panel):
             # A form that opens below the end of the window would seem to do nothing.
             form.on("after-show", js_handler=f"() => getHtmlElement({form.id}).scrollIntoView()")
             with ui.expansion("As a file (YAML)").props("dense"):
-                upload = ui.upload(auto_upload=True, on_upload=lambda e: do.take_files([e.file]))
+                upload = StreamedUpload()
+                do.receive(upload, do.take_files)
                 upload.props('accept=".yaml,.yml"').classes("hidden")
                 choose = ui.button("Choose a file", icon="file_open").props("no-caps outline")
                 # In the browser itself: only there does a click open the window in which files are chosen.

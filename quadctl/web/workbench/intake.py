@@ -3,11 +3,9 @@
 import asyncio
 import filecmp
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-
-from nicegui.elements.upload_files import FileUpload
 
 from quadctl.errors import QuadctlError, SettingsError
 from quadctl.lab.comparison.wording import ended
@@ -16,6 +14,7 @@ from quadctl.model import load_model, model_from_dict
 from quadctl.settings import parse_yaml, read_yaml
 from quadctl.vehicle_draft.draft import Answers, draft, told
 from quadctl.vehicle_draft.questions import in_words_of_the_form
+from quadctl.web.elements.upload import SentFile, StreamedUpload
 from quadctl.web.session.files import (
     OWN_VEHICLES,
     SETTINGS_SUFFIXES,
@@ -55,7 +54,11 @@ class Intake:
     vehicles: list[Path]
     """Vehicle files to choose from."""
 
-    async def take(self, files: Sequence[FileUpload]) -> None:
+    def receive(self, upload: StreamedUpload, take: Callable[[Sequence[SentFile]], Awaitable[None]]) -> None:
+        """Keep the files of an upload in the folder of the session, and give them to `take`."""
+        upload.stream_to(self.bench.folder / UPLOADS, take)
+
+    async def take(self, files: Sequence[SentFile]) -> None:
         """Keep files that were dropped: logs are opened; a model, vehicle or session is begun with.
 
         While other work is in progress, they wait. A file that cannot be used does not spoil the others.
@@ -102,7 +105,7 @@ class Intake:
         require_inside(self.bench.folder, tuple(log for log in session.logs if log not in self._known))
         await self.bench.resume(session)
 
-    async def take_model(self, file: FileUpload) -> bool:
+    async def take_model(self, file: SentFile) -> bool:
         """Show the model in a file beside those of the session; False, with a sentence, where it is none."""
         path = Path(file.name)
         try:
@@ -123,7 +126,7 @@ class Intake:
     def _known(self) -> tuple[Path, ...]:
         return self.bench.session.logs
 
-    async def _keep(self, file: FileUpload) -> Path:
+    async def _keep(self, file: SentFile) -> Path:
         wanted = upload_path(self.bench.folder / UPLOADS, file.name)
         incoming = wanted.with_name(f".{wanted.name}.{os.getpid()}.tmp")
         try:
