@@ -2,7 +2,8 @@
 
 Each flight has its own nuisances: the scale of its thrust (rotors, battery), the trim of its attitude estimate, the
 datum of its height, the delay of its rotor signal, the share of a lean that accelerates the vehicle which the attitude
-estimate takes for level, and a moment from rotors that are not all alike and a centre of mass that is off. They are
+estimate takes for level, now and over some seconds, and a moment from rotors that are not all alike and a centre of
+mass that is off. They are
 fitted together with the effects, so that an effect does not explain them, and held by priors and bounds, so that they
 do not explain an effect. An effect of the same kind, such as a thrust scale or a tilt, is the mean of the vehicle,
 about which its flights scatter by the priors; so its interval knows how flights differ.
@@ -37,6 +38,7 @@ KINDS = (
     Kind("height_m", 0.01, 0.02),
     Kind("delay_s", 0.008, 0.03),
     Kind("levelling", 0.02, 0.1),
+    Kind("slow_levelling", 0.05, 0.25),
     Kind("roll_moment", 0.01, 0.025),
     Kind("pitch_moment", 0.01, 0.025),
     Kind("yaw_moment", 0.01, 0.025),
@@ -50,9 +52,11 @@ LEAN = np.radians(0.3)
 off."""
 PRIOR_STD = np.array([kind.prior_std for kind in KINDS])
 BOUND = np.array([kind.bound for kind in KINDS])
-FORCES = 6
+FORCES = 7
 """Number of the kinds that act on the acceleration; the others act on the moments."""
-HEIGHT, AGE, LEVELLING = ([kind.name for kind in KINDS].index(name) for name in ("height_m", "delay_s", "levelling"))
+HEIGHT, AGE, LEVELLING, SLOW_LEVELLING = (
+    [kind.name for kind in KINDS].index(name) for name in ("height_m", "delay_s", "levelling", "slow_levelling")
+)
 
 
 def disturbed(flight: Flight, nuisance: Floats) -> Flight:
@@ -114,6 +118,8 @@ def acceleration_jacobian(model: Model, flight: Flight, predicted: Floats, out: 
 def _acceleration_derivative(model: Model, flight: Flight, predicted: Floats, i: int) -> Floats:
     if i == LEVELLING:
         return _leant(predicted[:, :3], 1.0) - predicted[:, :3]
+    if i == SLOW_LEVELLING:
+        return np.column_stack([flight.lasting_acceleration, np.zeros(len(predicted))])
     return np.asarray((predict(model, disturbed(flight, np.diag(PRIOR_STD)[i])) - predicted[:, :3]) / PRIOR_STD[i])
 
 
@@ -135,7 +141,10 @@ def predicted_with(model: Model, flight: Flight, nuisance: Floats, groups: Seque
     if "turning" in predicted:
         predicted["turning"] = predicted["turning"] + nuisance[FORCES:] * rotor_moments_n_m(flight)
     total = predict(model, disturbed(flight, nuisance))
-    return np.column_stack([_leant(total, float(nuisance[LEVELLING])), *predicted.values()])
+    total = _leant(total, float(nuisance[LEVELLING]))
+    # An estimator that averages its accelerometer over seconds is wrong by what lasts so long, whatever the model says.
+    total[:, :2] += nuisance[SLOW_LEVELLING] * flight.lasting_acceleration
+    return np.column_stack([total, *predicted.values()])
 
 
 def rotor_moments_n_m(flight: Flight) -> Floats:

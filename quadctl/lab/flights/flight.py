@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_banded
 from scipy.ndimage import correlate1d
 from scipy.sparse import csr_matrix
 
@@ -21,6 +22,8 @@ from quadctl.vehicle import Vehicle
 MOMENTS_S = 0.5
 """Standard deviation of the Gaussian filter of the moments, s. Moments are compared over seconds only: faster ones
 depend on the inertia, which vehicle files often guess, and on delays of the rotor speeds."""
+LASTING_S = 3.0
+"""Time over which `lasting_acceleration` averages, s: complementary filters of the attitude have 1 to 10 s."""
 SAME_STEP = 1e-6
 """Largest relative difference of time steps that count as the same."""
 
@@ -290,6 +293,16 @@ class Flight:
     def load(self) -> Floats:
         """Slowly filtered nominal thrust of all rotors over the weight, shape (n,)."""
         return self.slowly(self.filtered(sum(self.nominal_n))) / self.vehicle.weight_n
+
+    @cached_property
+    def lasting_acceleration(self) -> Floats:
+        """Measured acceleration averaged over the last seconds with exponential weights, north, east, m/s^2, shape
+        (n, 2); from 0 at the begin, and after long gaps."""
+        steps = np.diff(self.time_s)
+        banded = np.ones((2, len(self.time_s)))
+        banded[1, :-1] = -np.exp(-steps / LASTING_S)
+        new = -math.expm1(-float(np.median(steps)) / LASTING_S)
+        return np.asarray(solve_banded((1, 0), banded, new * self.measured[:, :2]))
 
     @cached_property
     def heading_rad(self) -> Floats:

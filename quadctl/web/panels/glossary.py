@@ -43,6 +43,10 @@ GLOSSARY = {
         "An attitude estimator that levels itself by its accelerometer takes a part of the lean that accelerates the "
         "vehicle for level: the true lean is larger by this share. At its limit, the attitude in the log is doubtful."
     ),
+    "over seconds": (
+        "Many estimators average their accelerometer over seconds: they are wrong by an acceleration that lasts, and "
+        "are so still when it has ended. Without this, the error of such an estimator would look like a drag."
+    ),
 }
 _FORMS = {"folds": "fold", "Trim": "trim", "Sigma": "sigma", "Far from the ground": "far from the ground"}
 _WORD = re.compile(rf"\b({'|'.join(map(re.escape, sorted([*GLOSSARY, *_FORMS], key=len, reverse=True)))})\b")

@@ -26,6 +26,7 @@ NUISANCES = {
     "height_m": ("height", 1000.0, "mm"),
     "delay_s": ("rotor signal delay", 1000.0, "ms"),
     "levelling": ("lean taken for level", 100.0, "%"),
+    "slow_levelling": ("lean taken for level over seconds", 100.0, "%"),
 }
 """Name, factor and unit of each nuisance parameter that acts on the acceleration, for a table."""
 

@@ -2,11 +2,13 @@
 it."""
 
 import dataclasses
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
+from scipy.signal import lfilter
 
 from quadctl.effects import CATALOG, Effect
 from quadctl.effects.ground_effect import Exponential
@@ -18,16 +20,17 @@ from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.effects.thrust_tilt import FixedTilt
 from quadctl.effects.wind import SteadyWind, WindOfEachFlight
 from quadctl.frames import GRAVITY_M_S2
+from quadctl.lab.arrays import Floats
 from quadctl.lab.fitting.arrowhead import Arrow
 from quadctl.lab.fitting.fitted_model import fit_model
 from quadctl.lab.fitting.fitter import Fitter, Optimum, noise_scale
 from quadctl.lab.fitting.initial_guesses import Unmodelled, best_guesses, promise
 from quadctl.lab.fitting.linearisation import Tangent
 from quadctl.lab.fitting.normal_equations import axis_weights
-from quadctl.lab.fitting.nuisances import BOUND, KINDS, LEVELLING, disturbed, rotor_moments_n_m
+from quadctl.lab.fitting.nuisances import BOUND, KINDS, LEVELLING, SLOW_LEVELLING, disturbed, rotor_moments_n_m
 from quadctl.lab.fitting.parameters import free_parameters, intervals, values_of
 from quadctl.lab.flights.dataset import Dataset, HoldOut, load_dataset
-from quadctl.lab.flights.flight import Flight
+from quadctl.lab.flights.flight import LASTING_S, Flight
 from quadctl.lab.flights.prediction import rmse
 from quadctl.lab.selection.addition import add
 from quadctl.lab.selection.candidate import Candidate
@@ -590,21 +593,37 @@ class TestOtherAxes:
         assert not is_supported(self.candidate(raptor, ConstantScale(0.9), roll=0.05, turning=0.15))
 
 
-def test_a_part_of_an_accelerating_lean_that_is_taken_for_level_is_a_nuisance(raptor: Vehicle) -> None:
-    """Runs to and fro whose logged pitch is 4 % smaller than the one that accelerates."""
-    rigid, taken = Model(raptor), 0.04
-    log = obedient(rigid, 60.0)
+def running(vehicle: Vehicle, lean_taken: Callable[[Floats, Floats], Floats]) -> Dataset:
+    """Runs to and fro whose logged pitch is less than the one that accelerates, by `lean_taken` of pitch and push."""
+    log = obedient(Model(vehicle), 60.0)
     w, speed = 2.0 * np.pi * 0.25, 1.5
     ahead, push = speed * np.sin(w * log.time_s), speed * w * np.cos(w * log.time_s)
     columns = dict(log.columns)
     columns["x_m"] = columns["x_m"] - speed / w * np.cos(w * log.time_s)
     columns["vx_m_s"] = columns["vx_m_s"] + ahead
     pitch = -np.arctan(push / (GRAVITY_M_S2 + np.gradient(log["vz_m_s"], log.time_s)))
-    columns["pitch_deg"] = np.degrees((1.0 - taken) * pitch)
-    for rpm in rpm_columns(raptor.n_rotors):
+    columns["pitch_deg"] = np.degrees(pitch - lean_taken(pitch, push))
+    for rpm in rpm_columns(vehicle.n_rotors):
         columns[rpm] = columns[rpm] / np.sqrt(np.cos(pitch))
-    data = load_dataset([dataclasses.replace(log, columns=columns)], raptor)
+    return load_dataset([dataclasses.replace(log, columns=columns)], vehicle)
+
+
+def test_a_part_of_an_accelerating_lean_that_is_taken_for_level_is_a_nuisance(raptor: Vehicle) -> None:
+    rigid, taken = Model(raptor), 0.04
+    data = running(raptor, lambda pitch, push: taken * pitch)
     found = fit_model(rigid, data)
     assert found.optimum.nuisances[0, LEVELLING] == pytest.approx(taken, abs=0.008)
     before = rmse(data.aligned_for(rigid).residual(rigid))
     assert found.held_out_rmse["north"] < 0.5 * before["north"]
+
+
+def test_an_estimator_that_averages_its_accelerometer_is_wrong_for_seconds_and_that_is_no_drag(raptor: Vehicle) -> None:
+    """A complementary filter of 3 s, at 50 Hz, that takes the accelerations for more lean than there is."""
+    share, keep = -0.1, np.exp(-0.02 / LASTING_S)
+    data = running(raptor, lambda _, push: -share * lfilter([1.0 - keep], [1.0, -keep], push) / GRAVITY_M_S2)
+    rigid = Model(raptor)
+    found = fit_model(rigid, data)
+    assert found.optimum.nuisances[0, SLOW_LEVELLING] == pytest.approx(share, abs=0.02)
+    before = rmse(data.aligned_for(rigid).residual(rigid))
+    assert found.held_out_rmse["north"] < 0.5 * before["north"]
+    assert "rotor_drag" not in diagnose(rigid, data, [LinearDrag]).missing
