@@ -535,6 +535,7 @@ class TestAnalysed:
             path = visitor.keeps_file(f"figure button:has-text('{form.upper()}')", tmp_path)
             assert path.suffix == f".{form}" and path.read_bytes().startswith(begin)
         saved = visitor.keeps_file("button:has-text('Save session')", tmp_path)
+        visitor.sees(".banner.done:has-text('The session is saved as session.lab.yaml')")
         again = load_session(saved)
         assert [rung.name for rung in again.rungs][:2] == ["rigid body", f"+ {ADDED}"]
         assert again.hashes == {log: sha256_of(log) for log in again.logs}

@@ -36,6 +36,8 @@ TELL_OF_BACK = f"""<script>
 window.addEventListener("popstate", () => emitEvent("{WENT_BACK}", location.search));
 </script>"""
 """Tells the server of the browser's Back and Forward."""
+SESSION_FILE = "session.lab.yaml"
+"""Name of the file that a saved session gives to the browser."""
 SCROLL_TO_VEHICLE = """
 const scroll = (trials) => {
   const card = document.querySelector('.card.vehicle');
@@ -364,7 +366,8 @@ class Page:
         self.bench.say_exported(name)
 
     def save_session(self) -> None:
-        ui.download.content(self.bench.session_file(self._choices.query()), "session.lab.yaml", "application/yaml")
+        ui.download.content(self.bench.session_file(self._choices.query()), SESSION_FILE, "application/yaml")
+        self.bench.say("done", f"The session is saved as {SESSION_FILE} in the downloads folder of your browser.")
 
     async def save_report(self) -> None:
         with suppress(CancelledError):

@@ -58,7 +58,9 @@ class Evidence(Panel):
                     file = f"{shown.effect.name}_over_{curve.variable}"
                     plot(evidence_figure(curve, self.theme), file, label)
             tag("h3", "", "Held-out error before and after")
-            tag("p", "", f"With it, the held-out {ERRORS[shown.measure]} changes by {shown.drop_in_words} (95%).")
+            beside = f", beside {listed([plain(family) for family in shown.beside])}," if shown.beside else ""
+            change = f"the held-out {ERRORS[shown.measure]} changes by {shown.drop_in_words} (95%)"
+            tag("p", "", f"With it{beside} instead of without it, {change}.")
             _draw_errors(shown)
             tag("h3", "", "What else was tried, and why it lost")
             _draw_losers(search, shown.effect.name)
@@ -83,11 +85,12 @@ class Evidence(Panel):
 
     def _draw_next(self, do: Controls, shown: Found) -> None:
         """Draw one command: that of the mission that would add the most to these flights, as soon as it is known."""
-        name = sentence(plain(shown.effect.family()))
-        tag("p", "", f"{name} is told from its look-alikes by {shown.effect.distinguished_by}.")
         if self.suggestion is not None:
+            tag("p", "", "Of all missions, by what their data would add to these flights about the whole model:")
             draw_suggestion(self.suggestion)
         else:
+            name = sentence(plain(shown.effect.family()))
+            tag("p", "", f"{name} is told from its look-alikes by {shown.effect.distinguished_by}.")
             tag("p", "muted", "A mission that does so, whatever these flights have shown already:")
             tag("code", "command", f"quadctl fly {shown.effect.mission}")
             ask = ui.button("Compare all missions", on_click=lambda: do.act(do.bench.suggest()))

@@ -39,6 +39,11 @@ GLOSSARY = {
         "is one of the whole thrust, at every height: thrust coefficient, mass or battery are not as the vehicle file "
         "says. Curve and measured dots over height are divided by it, so that they show the ground alone."
     ),
+    "enough to matter": (
+        "An effect is called missing where chance does not give its gain (p below 0.01, for all that were tried "
+        "together) and it lowers the held-out error of one axis by more than 5% and 0.03 m/s², or by more than "
+        "0.1 m/s² (1% of g). What is as small as the trim of any flight is listed as there, but too small to matter."
+    ),
     "lean taken for level": (
         "An attitude estimator that levels itself by its accelerometer takes a part of the lean that accelerates the "
         "vehicle for level: the true lean is larger by this share. At its limit, the attitude in the log is doubtful."

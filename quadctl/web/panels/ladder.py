@@ -19,12 +19,13 @@ from quadctl.lab.comparison.wording import (
     share_of_g,
     where_in_words,
 )
+from quadctl.lab.fitting.fitted_model import is_fitted_to
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.web.elements.html import tag
 from quadctl.web.panels.glossary import explained
 from quadctl.web.panels.panel import Controls, Panel
 from quadctl.web.panels.vehicle import WhichVehicle
-from quadctl.web.session.session import Session
+from quadctl.web.session.session import Rung, Session
 from quadctl.web.work.jobs import Evaluation
 
 
@@ -72,7 +73,7 @@ class Ladder(Panel):
             with tag("ol", "steps"):
                 for step, rung in enumerate(session.rungs):
                     here = step == session.current and not session.off
-                    bars.draw(do, step, rung.name, rung.error_m_s2, here)
+                    bars.draw(do, step, rung.name, rung.error_m_s2, here, self._stands(rung))
                 if session.off:
                     bars.draw(do, session.current, f"without {listed(sorted(session.off))}", now, True)
             if least is not None:
@@ -80,6 +81,10 @@ class Ladder(Panel):
                     tag("span", "floor-mark")
                     with tag("span"):
                         explained(f"noise floor {number(least)} m/s²: {FLOOR}")
+
+    def _stands(self, rung: Rung) -> bool:
+        """Tell whether the error of a step is that of a model that was not fitted to these flights."""
+        return self.seen is not None and not is_fitted_to(rung.model, self.seen.names)
 
     def _error_now(self) -> float | None:
         """Error of the current model, m/s²; the saved one while the evaluation runs, None where there is none."""
@@ -118,7 +123,9 @@ class _Bars:
     """Noise floor, as a share of the full length."""
     idle: bool
 
-    def draw(self, do: Controls, step: int, name: str, error: float | None, here: bool) -> None:
+    def draw(
+        self, do: Controls, step: int, name: str, error: float | None, here: bool, as_it_stands: bool = False
+    ) -> None:
         """Draw one step as a button that goes back to it; `here`: it is the current one."""
         with tag("li", "step here" if here else "step"):
             button = ui.element("button").classes("step-button").props('type="button"')
@@ -137,6 +144,8 @@ class _Bars:
                         tag("span", "bar first" if step == 0 else "bar").style(f"width:{length:.1f}%")
                     if self.floor is not None:
                         tag("span", "floor").style(f"left:{100.0 * self.floor:.1f}%")
+                if as_it_stands and error is not None:
+                    tag("span", "step-kind", "as it stands, not fitted to all of these flights")
 
 
 def _plain(name: str) -> str:
