@@ -498,7 +498,9 @@ class TestAnalysed:
         visitor.click(".stack button[aria-label^='Evidence for ground_effect']")
         visitor.sees("#evidence .js-plotly-plot[aria-label^='Ground effect over'] .main-svg")
         assert "why it lost" in visitor.sees("table.reasons")
-        visitor.sees("#evidence p:has-text('With it, the held-out acceleration error changes by')")
+        visitor.sees(
+            "#evidence p:has-text('With it instead of without it, the held-out acceleration error changes by')"
+        )
         visitor.waits_until_done()
         assert visitor.barriers() == []
         visitor.click("button[aria-label='Close the evidence']")

@@ -81,7 +81,9 @@ def over_time(r: Results) -> Section:
         f"{worst} axis ({quantity(c.rmse[worst])}).",
         f"{variance_in_words(c.explained)} The noise floor is {quantity(floor_total(r))}: {FLOOR}.",
     ]
-    return Section("over-time", "Measured against predicted", text, time_figures(c, {c.model.name: c}, "seen"))
+    return Section(
+        "over-time", r.titled("Measured against predicted"), text, time_figures(c, {c.model.name: c}, "seen")
+    )
 
 
 def time_figures(c: Comparison, models: Mapping[str, Comparison], name: str) -> list[Figure]:
@@ -128,9 +130,14 @@ def open_loop_section(r: Results) -> Section | None:
         figures.append(figure(plots.open_loop_errors(models), "open-loop-unseen", f"Unseen data: {names}."))
         for name, errors in models.items():
             rows += _open_loop_rows(f"{name}, unseen data", errors)
+    title = "Open-loop prediction over several seconds"
     head = ["model", "after", "horizontal / m", "up / m", "position / m", "velocity / m/s", "velocity held / m"]
     return Section(
-        "open-loop", "Open-loop prediction over several seconds", text, figures, tables=[Table(head, rows, words=2)]
+        "open-loop",
+        title if r.after else r.titled(title),
+        text,
+        figures,
+        tables=[Table(head, rows, words=2)],
     )
 
 
@@ -170,12 +177,12 @@ def over_variables(r: Results) -> Section:
         )
         for i, profile in enumerate(shown)
     ]
-    return Section("variables", "The residual over the variables that explain most of it", text, figures)
+    return Section("variables", r.titled("The residual over the variables that explain most of it"), text, figures)
 
 
 def where_it_fails(r: Results) -> Section:
     c = r.comparison
-    title = "Where the model fails"
+    title = r.titled("Where the model fails")
     if not c.fails_where:
         return Section("fails", title, [f"{c.model.name} has no significant error in any range of a variable."])
     shown = told(c.fails_where, SHOWN_FAILURES)
@@ -199,5 +206,5 @@ def where_it_fails(r: Results) -> Section:
         title,
         text,
         tables=[Table(["where and how", f"mean residual / {UNIT}", "sigma", "samples"], rows)],
-        after_text=[f"{count(more, 'range')} more, with smaller errors, are in the JSON output."] if more else [],
+        after_text=[f"{count(more, 'range')} more, with smaller errors, are not listed."] if more else [],
     )

@@ -38,3 +38,8 @@ class Results(NamedTuple):
     shown: Shown = Shown()
     floors: dict[str, float] | None = None
     """Noise floor of the flights of the fit per axis and total, m/s^2; see `lowest_floors`."""
+
+    def titled(self, title: str) -> str:
+        """`title` of a section on the model given, which says so where the page also has the model with what was
+        added."""
+        return title if self.addition is None else f"{title}: {self.comparison.model.name}, before anything was added"

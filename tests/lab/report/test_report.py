@@ -162,6 +162,12 @@ class TestWhatThePageHolds:
         floor = min(flown.before_unseen.noise_floor["total"], flown.after.noise_floor["total"])
         assert f"{after / floor:.2f} times the noise floor" in headline
 
+    def test_what_is_of_the_model_before_anything_was_added_says_so(self, flown: Flown) -> None:
+        said = ": rigid body, before anything was added"
+        whole = render_report(Results(flown.before, flown.diagnosis, flown.addition))
+        assert whole.count(f"{said}</h2>") == 4
+        assert said not in render_report(Results(flown.before, flown.diagnosis))
+
     def test_the_noise_floor_is_the_lowest_over_all_steps_as_on_the_page(self, flown: Flown) -> None:
         shown = Results(flown.before, flown.diagnosis, flown.addition)
         lowest = lowest_floors(shown)["total"]
