@@ -762,6 +762,11 @@ def test_the_process_that_workers_are_forked_from_has_no_thread() -> None:
     assert run.stdout.strip() == "1 []"
 
 
+def test_the_page_starts_without_what_only_a_spectrum_needs() -> None:
+    code = "import sys, quadctl.web.page.server; print('scipy.stats' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stdout == "False\n"
+
+
 def test_logs_are_read_before_the_libraries_of_the_lab_are_loaded() -> None:
     """The first figure waits for nothing but the log."""
     code = "import sys, quadctl.web.work.reading; print(*[name for name in sys.modules if name.startswith('scipy')])"
