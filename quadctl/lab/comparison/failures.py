@@ -364,12 +364,12 @@ def _offset(values: Floats, error: float, axis: str, dataset: Dataset) -> Failur
 
 def _range_in_words(variable: str, limits: tuple[float, float], at_edge: tuple[bool, bool]) -> str:
     name, unit = VARIABLE_NAMES[variable], VARIABLE_UNITS[variable]
-    low, high = limits
+    low, high = (f"{limit:.4g}".replace("-", "\u2212") for limit in limits)
     if at_edge[0] and not at_edge[1]:
-        return f"at a {name} below {high:.4g} {unit}"
+        return f"at a {name} below {high} {unit}"
     if at_edge[1] and not at_edge[0]:
-        return f"at a {name} above {low:.4g} {unit}"
-    return f"at a {name} from {low:.4g} to {high:.4g} {unit}"
+        return f"at a {name} above {low} {unit}"
+    return f"at a {name} from {low} to {high} {unit}"
 
 
 def _push(axis: str, mean: float) -> str:
