@@ -418,7 +418,7 @@ def tabs(views: dict[str, View], monkeypatch: pytest.MonkeyPatch) -> Iterator[Ca
 
 @pytest.fixture(scope="module")
 def known() -> dict[tuple[str, str], Any]:
-    """What new tabs have shown: drawing every part of the page for every change takes a minute."""
+    """The content of new tabs: drawing every part of the page for every change takes a minute."""
     return {}
 
 

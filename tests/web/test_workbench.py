@@ -601,7 +601,7 @@ class TestErrorsOfAllSteps:
     def test_a_model_fitted_to_other_flights_is_judged_as_it_stands_not_by_refits(
         self, flown: tuple[Model, Dataset, Dataset]
     ) -> None:
-        """What is drawn is the model as it stands: the error beside it must be of the same."""
+        """The model that is drawn is the one as it stands: the error beside it must be of the same."""
         truth, seen, _ = flown
         wrong = Exponential(a=1.2, b=5.0)
 

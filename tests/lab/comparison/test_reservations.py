@@ -1,4 +1,4 @@
-"""What the results cannot tell where numbers of the vehicle were assumed."""
+"""Reservations: the results cannot tell some things where numbers of the vehicle were assumed."""
 
 from quadctl.lab.comparison.comparison import compare
 from quadctl.lab.comparison.reservations import reservations, thrust_reservation

@@ -46,7 +46,7 @@ def test_noise_that_is_forgotten_does_not_grow_over_the_flight(memory: float, mo
 
 
 def test_noise_that_drifts_all_flight_long_is_not_taken_for_less() -> None:
-    """Of a random walk, here a memory of 2000 samples, the lowest frequencies have the most power."""
+    """The lowest frequencies of a random walk, here a memory of 2000 samples, have the most power."""
     ratios = found_over_true(0.9995, frequency=1)
     assert np.mean(ratios < 1.0 / 3.0) < 0.15
     noise, _ = autoregressive(0.9995, 0)

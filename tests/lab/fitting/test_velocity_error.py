@@ -74,9 +74,9 @@ class TestWeakening:
 def test_a_drag_that_wrong_velocities_weaken_is_within_its_interval(
     raptor: Vehicle, figure8: FlightLog, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Slow errors, nearly as large as the velocity, take a third of the drag; without them the interval says less."""
+    """Slow errors, larger than the velocity, take nearly half of the drag; an interval without them leaves it out."""
     random = np.random.default_rng(1)
-    sizes = {name: 0.9 * float(figure8[name].std()) for name in VELOCITY[:2]}
+    sizes = {name: 1.5 * float(figure8[name].std()) for name in VELOCITY[:2]}
     wrong = {name: figure8[name] + slow(random, figure8.time_s, size) for name, size in sizes.items()}
     start, data = Model(raptor).plus(LinearDrag(0.3, 0.3, 0.0)), load_dataset([changed(figure8, wrong)], raptor)
     found = fit_model(start, data)
@@ -85,9 +85,9 @@ def test_a_drag_that_wrong_velocities_weaken_is_within_its_interval(
     values = list(found.model.effects[0].values().values())
     for axis in (0, 1):
         low, high = found.intervals[axis]
-        assert values[axis] < 0.36
+        assert values[axis] < 0.35
         assert low < 0.5 < high
-        assert unaware[axis][1] < high - 0.05
+        assert unaware[axis][1] < 0.5
 
 
 def changed(log: FlightLog, columns: dict[str, np.ndarray]) -> FlightLog:
