@@ -10,7 +10,17 @@ from quadctl.errors import SettingsError
 from quadctl.frames import GRAVITY_M_S2
 from quadctl.settings import validate
 from quadctl.vehicle import Assumable, Vehicle
-from quadctl.vehicle_draft.frames import Place, ardupilot_frame, are_relative, frame_places, px4_places, scaled_to
+from quadctl.vehicle_draft.frames import (
+    FRAMES,
+    Place,
+    ardupilot_frame,
+    are_alike,
+    are_relative,
+    arm_m_of,
+    frame_places,
+    px4_places,
+    scaled_to,
+)
 
 AIR_DENSITY_KG_M3 = 1.225
 THRUST_COEFFICIENT = 0.011
@@ -60,6 +70,26 @@ def told(parameters: Mapping[str, float]) -> Told:
     """
     hover = next((parameters[name] for name in (PX4_HOVER, ARDUPILOT_HOVER) if name in parameters), None)
     return Told(px4_places(parameters), ardupilot_frame(parameters), hover)
+
+
+def answers_of(vehicle: Vehicle) -> Answers:
+    """Answers from which `draft` would make the numbers of `vehicle` again.
+
+    The frame is None where its rotors are on no regular frame; the rotor speed in hover where that was not said.
+    """
+    places = [Place(rotor.position_m, rotor.spin, rotor.cant_deg, rotor.dihedral_deg) for rotor in vehicle.rotors]
+    arm_m = arm_m_of(places)
+    each_n = vehicle.weight_n / vehicle.n_rotors
+    known = "rotor.thrust_n_per_rpm2" not in (vehicle.assumed or ())
+    return Answers(
+        vehicle.name,
+        mass_kg=vehicle.mass_kg,
+        propeller_m=2.0 * vehicle.rotor.radius_m,
+        frame=next((frame for frame in FRAMES if are_alike(places, frame_places(frame, arm_m))), None),
+        arm_m=arm_m,
+        hover_throttle=vehicle.throttle.offset + vehicle.throttle.per_newton * vehicle.weight_n,
+        hover_rpm=math.sqrt(each_n / vehicle.rotor.thrust_n_per_rpm2) if known else None,
+    )
 
 
 def missing(answers: Answers, parameters: Mapping[str, float]) -> list[Missing]:

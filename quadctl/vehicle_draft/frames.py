@@ -111,6 +111,15 @@ def are_relative(places: Sequence[Place]) -> bool:
     return any(math.isclose(size, 1.0, abs_tol=ROUNDED) for size in (coordinate, arm_m_of(places)))
 
 
+def are_alike(some: Sequence[Place], others: Sequence[Place]) -> bool:
+    """Tell whether the rotors are in the same order at the same places, to `ROUNDED`, turn and lean alike."""
+    return len(some) == len(others) and all(
+        math.dist(a.position_m, b.position_m) < ROUNDED
+        and (a.spin, a.cant_deg, a.dihedral_deg) == (b.spin, b.cant_deg, b.dihedral_deg)
+        for a, b in zip(some, others, strict=True)
+    )
+
+
 def scaled_to(places: Sequence[Place], arm_m: float) -> tuple[Place, ...]:
     """The same layout with its farthest rotor `arm_m` from the centre; one whose rotors are all there stays."""
     size_m = arm_m_of(places)

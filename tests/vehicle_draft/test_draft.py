@@ -12,7 +12,8 @@ from quadctl.errors import SettingsError
 from quadctl.frames import GRAVITY_M_S2
 from quadctl.settings import validate
 from quadctl.vehicle import Vehicle, load_vehicle
-from quadctl.vehicle_draft.draft import Answers, draft, missing
+from quadctl.vehicle_draft.draft import Answers, answers_of, draft, missing
+from quadctl.vehicle_draft.frames import FRAMES
 from tests.support.places import DATA
 from tests.vehicle_draft.test_frames import QUAD
 
@@ -63,6 +64,22 @@ def test_only_what_nobody_has_said_is_asked() -> None:
         directions = {name: math.copysign(at, value) for name, value in QUAD.items() if name[-2:] in ("PX", "PY")}
         assert [fact.field for fact in missing(SMALL, QUAD | directions | hovers)] == ["arm_m"]
     assert missing(SMALL, QUAD | {"MPC_THR_HOVER": 0.5}) == []
+
+
+@pytest.mark.parametrize("frame", FRAMES)
+@pytest.mark.parametrize("hover_rpm", [None, 5400.0])
+def test_the_answers_come_back(frame: str, hover_rpm: float | None) -> None:
+    said = Answers("mine", 2.5, 0.3, frame, 0.31, 0.42, hover_rpm)
+    back = answers_of(vehicle(said, {}))
+    assert (back.name, back.frame) == ("mine", frame)
+    assert (back.hover_rpm is None) is (hover_rpm is None)
+    assert [x for x in back[1:] if isinstance(x, float)] == pytest.approx(
+        [x for x in said[1:] if isinstance(x, float)], rel=1e-3
+    )
+
+
+def test_rotors_on_no_regular_frame_come_back_as_none() -> None:
+    assert answers_of(vehicle(SMALL, QUAD | {"MPC_THR_HOVER": 0.5, "CA_ROTOR0_AX": 0.2})).frame is None
 
 
 def test_an_arm_that_is_given_scales_the_layout_of_the_parameters() -> None:

@@ -111,6 +111,10 @@ def test_a_new_vehicle_is_entered_as_a_few_numbers(browser: Browser, tmp_path: P
         visitor.sees(f"p:has-text('{tmp_path / 'lab' / 'vehicles'}')")
         visitor.sees("#own-vehicles button:has-text('mine')")
         visitor.keeps("own-vehicle")
+        visitor.click("text=A new vehicle")
+        for label, typed in (("Mass with battery / kg", "2.5"), ("Throttle in hover, 0 to 1", "0.3")):
+            expect(visitor.page.get_by_label(label).last).to_have_value(typed)
+        visitor.click("text=A new vehicle")
         visitor.click("text=As a file (YAML)")
         visitor.sees("textarea:visible")
         box = visitor.page.locator("textarea").bounding_box()

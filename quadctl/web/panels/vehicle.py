@@ -12,7 +12,7 @@ from nicegui import ui
 from quadctl.lab.comparison.reservations import vehicle_in_words
 from quadctl.lab.comparison.wording import listed
 from quadctl.vehicle import Vehicle
-from quadctl.vehicle_draft.draft import THRUST_COEFFICIENT, Answers, told
+from quadctl.vehicle_draft.draft import THRUST_COEFFICIENT, Answers, answers_of, told
 from quadctl.vehicle_draft.frames import FRAMES, are_relative, arm_m_of, frame_places, scaled_to
 from quadctl.vehicle_draft.questions import ITS_NUMBERS, NEW_VEHICLE, Question, wrong
 from quadctl.web.elements.html import heading, tag
@@ -90,7 +90,8 @@ class VehicleChoice(Panel):
                 with ui.expansion("Its numbers").props("dense"):
                     _draw_numbers(do, vehicle, self.theme)
             with ui.expansion("A new vehicle").props("dense") as form:
-                _NewVehicle(do, [log for log in self.logs if log.suffix.lower() in WITH_PARAMETERS], self.theme)
+                logs = [log for log in self.logs if log.suffix.lower() in WITH_PARAMETERS]
+                _NewVehicle(do, logs, self._first_answers(), self.theme)
             # A form that opens below the end of the window would seem to do nothing.
             form.on("after-show", js_handler=f"() => getHtmlElement({form.id}).scrollIntoView()")
             with ui.expansion("As a file (YAML)").props("dense"):
@@ -105,6 +106,14 @@ class VehicleChoice(Panel):
                 box = ui.textarea("Vehicle file", value=text).props("outlined").classes("yaml")
                 use = ui.button("Use this file", on_click=lambda: do.use_vehicle(box.value))
                 do.when_idle(use.props("no-caps outline"))
+
+    def _first_answers(self) -> Answers:
+        """Answers that the form of a new vehicle begins with: those of the user's own one in use, if it is on a regular
+        frame; else typical ones."""
+        if self.vehicle is None or all(vehicle_in(path) != self.vehicle for path in self.own_vehicles):
+            return TYPICAL
+        own = answers_of(self.vehicle)
+        return TYPICAL if own.frame is None else own
 
 
 def _draw_choice(do: Controls, path: Path, icon: str, used: Vehicle | None) -> None:
@@ -160,9 +169,8 @@ class _NewVehicle:
     """Form of a vehicle on a regular frame, or on that of a log's parameters; what is not asked is assumed, and its
     file says so."""
 
-    def __init__(self, do: Controls, logs: Sequence[Path], theme: Theme) -> None:
-        """Draw the form; it can be filled in from the parameters of one of `logs`."""
-        assert TYPICAL.arm_m is not None and TYPICAL.propeller_m is not None and TYPICAL.frame is not None
+    def __init__(self, do: Controls, logs: Sequence[Path], first: Answers, theme: Theme) -> None:
+        """Draw the form with the answers `first`; it can be filled in from the parameters of one of `logs`."""
         self._do, self._theme = do, theme
         self._parameters: Mapping[str, float] = {}
         for log in logs:
@@ -175,16 +183,16 @@ class _NewVehicle:
         self._filled = tag("p", "muted").props('role="status"')
         with tag("div", "form"):
             with tag("div", "form-fields"):
-                self._name = ui.input("Name", value=TYPICAL.name).props("outlined dense stack-label")
+                self._name = ui.input("Name", value=first.name).props("outlined dense stack-label")
                 self._numbers: dict[str, ui.number] = {}
-                self._ask("mass_kg", TYPICAL.mass_kg)
-                self._propeller = self._ask("propeller_m", TYPICAL.propeller_m)
-                self._frame = ui.select(list(FRAMES), label="Frame", value=TYPICAL.frame).props(
+                self._ask("mass_kg", first.mass_kg)
+                self._propeller = self._ask("propeller_m", first.propeller_m)
+                self._frame = ui.select(list(FRAMES), label="Frame", value=first.frame).props(
                     "outlined dense stack-label"
                 )
-                self._diagonal = self._ask("diagonal_m", 2.0 * TYPICAL.arm_m)
-                self._hover = self._ask("hover_throttle", TYPICAL.hover_throttle)
-                self._ask("hover_rpm", None)
+                self._diagonal = self._ask("diagonal_m", None if first.arm_m is None else 2.0 * first.arm_m)
+                self._hover = self._ask("hover_throttle", first.hover_throttle)
+                self._ask("hover_rpm", first.hover_rpm)
             self._drawing = ui.html("", sanitize=False).classes("rotors")
         for field in (self._propeller, self._frame, self._diagonal):
             field.on_value_change(self._draw_rotors)
@@ -244,7 +252,9 @@ class _NewVehicle:
 
 
 def _number(question: Question, value: float | None) -> ui.number:
-    number = ui.number(question.label, value=value).props("outlined dense stack-label step=any")
+    number = ui.number(question.label, value=None if value is None else float(f"{value:.4g}")).props(
+        "outlined dense stack-label step=any"
+    )
     return number.props(f'hint="{question.hint}"') if question.hint else number
 
 
