@@ -14,7 +14,7 @@ from quadctl.lab.comparison.agreement import Agreement, Errors, of_one_model
 from quadctl.lab.comparison.failures import Failure, Profile, failures, profiles, told
 from quadctl.lab.comparison.open_loop import OpenLoop, open_loop, open_loop_in_words, open_loop_table
 from quadctl.lab.comparison.reservations import reservations
-from quadctl.lab.comparison.wording import agreement_in_words
+from quadctl.lab.comparison.wording import agreement_in_words, followed_in_words
 from quadctl.lab.fitting.flexible_regression import flexible_residual, noise_floor
 from quadctl.lab.flights.dataset import AlignedDataset, Dataset
 from quadctl.lab.flights.prediction import rmse
@@ -81,20 +81,20 @@ class Comparison(Result):
         if self.agreement is not None:
             lines.append(agreement_in_words(self.agreement))
         if self.fails_where:
+            shown = told(self.fails_where, SHOWN_FAILURES)
             lines.append("The model fails here, what explains the most of the error first:")
-            lines += [
-                f"  - {failure.text} ({abs(failure.sigma):.0f} sigma)"
-                for failure in told(self.fails_where, SHOWN_FAILURES)
-            ]
+            lines += [f"  - {failure.text} ({abs(failure.sigma):.0f} sigma)" for failure in shown]
             if len(self.fails_where) > SHOWN_FAILURES:
                 lines.append(f"  - and {len(self.fails_where) - SHOWN_FAILURES} more ranges (see --json or --html)")
+            followed = followed_in_words(shown, self.dataset)
+            lines += [followed] if followed else []
         else:
             lines.append("The model has no significant error in any range of a variable.")
         lines += [f"Note: {note}." for note in values_of_other_flights(self.model, self.dataset.names)]
         lines += reservations(self.model.vehicle, self.dataset)
         lines += [open_loop_in_words(errors) for errors in self.open_loop if errors.horizon_s == TOLD_HORIZON_S]
-        shown = [open_loop_table(self.open_loop)] if self.open_loop else []
-        return Group(table, *shown, Text("\n".join(lines)))
+        tables = [table, open_loop_table(self.open_loop)] if self.open_loop else [table]
+        return Group(*tables, Text("\n".join(lines)))
 
 
 def compare(model: Model, dataset: Dataset) -> Comparison:

@@ -263,6 +263,19 @@ def failure_in_words(failure: Failure) -> str:
     return sentence(failure.text).replace("m/s^2", UNIT)
 
 
+def followed_in_words(found: Sequence[Failure], dataset: Dataset) -> str:
+    """Sentence on the failures whose variable follows disturbances, so that it need not be a cause (see
+    `Dataset.is_flown`); empty where there is none."""
+    names = dict.fromkeys(VARIABLE_NAMES[f.variable] for f in found if not dataset.is_flown(f.variable))
+    if not names:
+        return ""
+    which = listed(list(names))
+    return (
+        f"In these flights the {which} follow{'s' if len(names) == 1 else ''} disturbances, which the controller "
+        f"counters, more than the motion: what goes with {'it' if len(names) == 1 else 'them'} need be no missing effect."
+    )
+
+
 def label_of(variable: str) -> str:
     """Axis label of a variable with its unit, such as `climb rate / m/s`."""
     return f"{VARIABLE_NAMES[variable]} / {VARIABLE_UNITS[variable]}"

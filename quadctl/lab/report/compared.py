@@ -15,6 +15,7 @@ from quadctl.lab.comparison.wording import (
     count,
     failure_in_words,
     flights_in_words,
+    followed_in_words,
     held_out,
     listed,
     p_in_words,
@@ -201,10 +202,14 @@ def where_it_fails(r: Results) -> Section:
         "Ranges of different variables may have the same cause. Those with the largest squared error come first."
     ]
     more = len(c.fails_where) - len(shown)
+    followed = followed_in_words(shown, c.dataset)
     return Section(
         "fails",
         title,
         text,
         tables=[Table(["where and how", f"mean residual / {UNIT}", "sigma", "samples"], rows)],
-        after_text=[f"{count(more, 'range')} more, with smaller errors, are not listed."] if more else [],
+        after_text=[
+            *([f"{count(more, 'range')} more, with smaller errors, are not listed."] if more else []),
+            *([followed] if followed else []),
+        ],
     )

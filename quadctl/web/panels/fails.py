@@ -10,7 +10,13 @@ from quadctl.lab.arrays import Mask
 from quadctl.lab.comparison.agreement import Agreement
 from quadctl.lab.comparison.comparison import Comparison
 from quadctl.lab.comparison.failures import MOST, Failure, Profile, is_telling, told
-from quadctl.lab.comparison.wording import agreement_in_short, agreement_in_words, failure_in_words, listed
+from quadctl.lab.comparison.wording import (
+    agreement_in_short,
+    agreement_in_words,
+    failure_in_words,
+    followed_in_words,
+    listed,
+)
 from quadctl.lab.flights.flight import Flight
 from quadctl.web.elements.html import empty, heading, loading, plot, tag
 from quadctl.web.elements.theme import Theme
@@ -94,8 +100,12 @@ class Failures(Panel):
 def _draw_sentences(do: Controls, comparison: Comparison) -> None:
     if not comparison.fails_where:
         tag("p", "verdict", "In no range does the mean of the residual differ significantly from zero.")
-    for failure in told(comparison.fails_where, SHOWN_SENTENCES):
+    shown = told(comparison.fails_where, SHOWN_SENTENCES)
+    for failure in shown:
         _draw_sentence(do, failure, comparison)
+    followed = followed_in_words(shown, comparison.dataset)
+    if followed:
+        tag("p", "muted", followed)
 
 
 def _is_most(flight: Flight, ranges: Brush) -> bool:

@@ -13,6 +13,7 @@ from quadctl.effects.ground_effect import Exponential
 from quadctl.lab.comparison.comparison import compare
 from quadctl.lab.comparison.failures import Failure, _adjusted, failures, profiles, stretches, told
 from quadctl.lab.comparison.long_range import LongRangeNoise
+from quadctl.lab.comparison.wording import followed_in_words
 from quadctl.lab.fitting.flexible_regression import flexible_residual
 from quadctl.lab.flights.dataset import Dataset, load_dataset
 from quadctl.model import Model
@@ -49,6 +50,23 @@ def test_noise_that_drifts_goes_with_no_variable(raptor: Vehicle) -> None:
         found = failures(noise, noise, data, profiles(noise, noise, data))
         told_of += any(failure.of_profile for failure in found)
     assert told_of <= 3
+
+
+def test_what_follows_disturbances_is_said_to_be_no_sure_cause(raptor: Vehicle, two: Dataset) -> None:
+    """In waves the thrust makes the motion; in a hover it answers whatever disturbs."""
+    up = Failure("up", "thrust", 10.0, 12.0, 0.3, 9.0, 100, "the up residual goes with the thrust")
+    height = replace(up, variable="height_over_radius")
+    assert followed_in_words([up, height], two) == ""
+    t = np.arange(0.0, 60.0, 0.02)
+    hover = obedient(Model(raptor), 60.0, noise_m_s=0.01)
+    still = {"z_m": 1.0 + 0.01 * np.sin(0.3 * t), "vz_m_s": 0.003 * np.cos(0.3 * t)}
+    answer = 1.0 + 0.02 * np.sin(2.0 * t) * np.sin(0.3 * t)
+    still |= {name: np.mean(hover[name]) * answer for name in hover.columns if name.endswith("_rpm")}
+    data = load_dataset([replace(hover, columns={**hover.columns, **still})], raptor)
+    said = followed_in_words([up, height], data)
+    assert said.startswith("In these flights the thrust follows disturbances")
+    assert "rotor height" not in said
+    assert said in " ".join(str(compare(Model(raptor), data)).split())
 
 
 class TestStretches:
