@@ -269,10 +269,10 @@ def followed_in_words(found: Sequence[Failure], dataset: Dataset) -> str:
     names = dict.fromkeys(VARIABLE_NAMES[f.variable] for f in found if not dataset.is_flown(f.variable))
     if not names:
         return ""
-    which = listed(list(names))
+    verb, them = ("follows", "it") if len(names) == 1 else ("follow", "them")
     return (
-        f"In these flights the {which} follow{'s' if len(names) == 1 else ''} disturbances, which the controller "
-        f"counters, more than the motion: what goes with {'it' if len(names) == 1 else 'them'} need be no missing effect."
+        f"In these flights the {listed(list(names))} {verb} disturbances, which the controller counters, more than the "
+        f"motion: what goes with {them} need be no missing effect."
     )
 
 
