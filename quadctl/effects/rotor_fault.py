@@ -31,7 +31,7 @@ class WeakRotor(Effect):
         return [cls(rotor=float(number)) for number in range(1, vehicle.n_rotors + 1)]
 
     def negligible(self) -> bool:
-        """True for a loss that coefficients 1.5 % off each and a centre of mass 0.6 % of the arms off make together."""
+        """True for a loss that turns the vehicle by no more than a centre of mass 1.75 % of the arms off."""
         return self.loss < 0.07
 
     def mismatch(self, vehicle: Vehicle) -> str:

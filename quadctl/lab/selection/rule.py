@@ -227,9 +227,13 @@ def is_replaceable(missing: Sequence[str]) -> bool:
 
 def is_needed(effect: Effect, without: Floats, residual: Floats, p_value: float) -> bool:
     """Tell whether an effect is still needed beside the others, from the held-out residuals without and with it, shape
-    (n, axes)."""
+    (n, axes).
+
+    It is not where, beside the others, it is as small as on any vehicle (see `is_usual`).
+    """
     explained = explained_m_s2(without, residual)
-    return is_significant(p_value) and is_material(effect, largest_gain(without, residual), explained)
+    usual = effect.negligible() and largest_gain(without[:, :3], residual[:, :3]) < MOST_OF_ERROR
+    return is_significant(p_value) and is_material(effect, largest_gain(without, residual), explained) and not usual
 
 
 def are_alike(one: Floats, other: Floats, dataset: Dataset) -> bool:
