@@ -132,7 +132,8 @@ def search(start: FittedModel, pool: Sequence[type[Effect]], progress: Progress)
     """Search `pool` for the effects that the fitted model `start` is missing."""
     path = pruned(forward(begun_at(start), pool, progress))
     path = with_one_dropped(with_masked_first(path, pool, progress), pool, progress)
-    return with_one_exchanged(with_pair_replaced(path, pool, progress), pool, progress)
+    path = with_pair_replaced(path, pool, progress)
+    return with_one_exchanged(with_other_variant(path, pool), pool, progress)
 
 
 def begun_at(start: FittedModel) -> Path:
@@ -276,6 +277,37 @@ def with_one_exchanged(path: Path, pool: Sequence[type[Effect]], progress: Progr
             if not any(is_left_out(c) for c in again):
                 return pruned(forward(other, pool, progress))
     return path
+
+
+def with_other_variant(path: Path, pool: Sequence[type[Effect]]) -> Path:
+    """Path, or a path in which another variant of one effect makes one that was added later needless.
+
+    The variant that explains most alone may be chosen by what else is missing: of a wind, the form of its drag. What it
+    lacks then looks like an effect of its own.
+    """
+    for place, found in enumerate(path.chosen):
+        others = [e for e in pool if e.family() == found.family and e is not type(found.effect)]
+        if found.family not in path.missing or not others:
+            continue
+        for needless in [c.family for c in path.chosen[place + 1 :] if c.family in path.missing]:
+            kept = [c for c in path.chosen if c.family in path.missing and c.family != needless]
+            for variant in others:
+                other = path.restarted()
+                for kind in (variant if c is found else type(c.effect) for c in kept):
+                    other = taken(other, _trial(other, kind, len(pool)))
+                if score(other.residual) < score(path.residual) + EQUAL_SCORE and _holds(other):
+                    return other
+    return path
+
+
+def _holds(path: Path) -> bool:
+    """Tell whether all effects of a path are plausible and needed beside each other, be each supported alone or not."""
+    fit, dataset = path.current, path.dataset
+    if unbelievable(fit.model, dataset) | indistinct(fit.model, dataset):
+        return False
+    added = [i for i, effect in enumerate(fit.model.effects) if effect.family() in path.missing]
+    fits = all(fit.determined(i) and not fit.at_bound(i) for i in added)
+    return fits and all(_without_superfluous(path, family) is path for family in path.missing)
 
 
 def _exchanged(

@@ -25,6 +25,7 @@ from quadctl.lab.selection.search import (
     with_masked_first,
     with_one_dropped,
     with_one_exchanged,
+    with_other_variant,
 )
 from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.read import read_logs
@@ -63,6 +64,22 @@ def test_what_a_ground_effect_implies_counts_for_no_other_explanation(tmp_path: 
     flown = load_dataset(read_logs(sorted((tmp_path / name).glob("*.csv"))), model.vehicle)
     found = diagnose(model, flown, of_families("ground_effect", "thrust_scale", "tether", "ground_torque"))
     assert sorted(found.missing) == ["ground_effect", "thrust_scale"]
+
+
+@pytest.mark.long
+def test_a_drag_that_stands_for_the_form_of_the_wind_gives_way_to_the_other_form(tmp_path: Path) -> None:
+    """With a wrong mass, a wind on a drag linear in the airspeed explains most; the mass, and a quadratic drag for what
+    the linear one lacks, come on top."""
+    name = "pair_wind_thrust_scale"
+    write_world(draw_world(1.0, 24, name), tmp_path)
+    vehicle = load_model(tmp_path / name / "vehicle.yaml").vehicle
+    flown = load_dataset(read_logs(sorted((tmp_path / name).glob("*.csv"))), vehicle)
+    pool = of_families("wind", "thrust_scale", "body_drag")
+    first = greedy(flown, *pool)
+    assert sorted(first.missing) == ["body_drag", "thrust_scale", "wind"]
+    found = with_other_variant(first, pool)
+    assert [c.effect.name for c in found.chosen] == ["wind.quadratic_drag", "thrust_scale.constant"]
+    assert with_other_variant(found, pool) is found
 
 
 def of_families(*families: str) -> list[type[Effect]]:
