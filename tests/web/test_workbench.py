@@ -302,6 +302,16 @@ class TestNewSession:
         assert [rung.model.effects for rung in kept.rungs] == [rung.model.effects for rung in before.rungs]
         assert load_session(used.folder / AUTOSAVED).logs == ()  # nor is the old one resumed at the next start
 
+    def test_there_is_a_way_back(self, used: Workbench) -> None:
+        before = used.session
+        asyncio.run(used.start_anew())
+        assert used.message is not None and used.message.go_back
+        asyncio.run(used.go_back())
+        assert used.session.logs == before.logs
+        assert [rung.model for rung in used.session.rungs] == [rung.model for rung in before.rungs]
+        kept = load_session(used.folder / AUTOSAVED)  # nor is the new one resumed at the next start
+        assert [path.name for path in kept.logs] == ["a.csv"]
+
     def test_those_before_that_one_stay(self, used: Workbench) -> None:
         asyncio.run(used.start_anew())
         asyncio.run(used.open_logs([Path("b.csv")]))

@@ -84,7 +84,10 @@ class Status(Panel):
                 if message.undo:
                     undo = ui.button("Undo", icon="undo", on_click=lambda: do.act(do.bench.undo()))
                     do.when_idle(undo.props("flat dense no-caps"))
-                if message.kind != "error":  # an error stays until it is read
+                if message.go_back:
+                    back = ui.button("Go back to it", icon="undo", on_click=lambda: do.act(do.bench.go_back()))
+                    do.when_idle(back.props("flat dense no-caps"))
+                elif message.kind != "error":  # an error stays until it is read
                     ui.timer(READ_S, lambda: do.bench.dismiss(message), once=True)
                 ui.button(icon="close", on_click=lambda: do.bench.dismiss(message)).props(
                     'flat dense round aria-label="Dismiss"'

@@ -28,6 +28,8 @@ class Message:
     text: str
     undo: bool = False
     """True of a change of the model that can be taken back."""
+    go_back: bool = False
+    """True of a new session, from which there is a way back to the one before."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -67,6 +67,7 @@ class Workbench:
         self._searches = 0
         self._past: list[Session] = []
         self._future: list[Session] = []
+        self._before: Session | None = None  # the session that the present one took the place of
         self._turn, self._free = asyncio.Lock(), asyncio.Event()
 
     # --- who looks at it ----------------------------------------------------------------------------------------------
@@ -83,8 +84,10 @@ class Workbench:
             except Exception:  # a page that cannot draw itself must not stop the work, nor the other pages
                 _LOG.exception("a page could not be drawn")
 
-    def say(self, kind: Literal["error", "done", "found"], text: str, undo: bool = False) -> None:
-        self.message = Message(kind, text, undo)
+    def say(
+        self, kind: Literal["error", "done", "found"], text: str, undo: bool = False, go_back: bool = False
+    ) -> None:
+        self.message = Message(kind, text, undo, go_back)
         self._changed()
 
     def dismiss(self, message: Message | None = None) -> None:
@@ -206,13 +209,21 @@ class Workbench:
             kept = f"{PREVIOUS}-{number}{SUFFIX}"
         if not self._save(kept):
             return
+        before = self.session
         begun = Session() if model is None else Session().begun_with(Model(model.vehicle, name=model.vehicle.name))
         await self._with_flights(replace(begun, vehicle_assumed=True))
         if self.message is not None:
             return
         self._past, self._future, self.other_model = [], [], None
+        self._before = before
         self._autosave()
-        self.say("done", f"The session before is kept as {self.folder / kept}: open that file to go on with it.")
+        kept_as = f"The session before is kept as {self.folder / kept}: open that file to go on with it."
+        self.say("done", kept_as, go_back=True)
+
+    async def go_back(self) -> None:
+        """Go on with the session before the present one."""
+        if self._before is not None:
+            await self.resume(self._before)
 
     async def resume(self, session: Session) -> None:
         if any(rung.error_m_s2 is not None for rung in session.rungs):  # its logs were in use when it was saved
@@ -224,6 +235,7 @@ class Workbench:
         await self._with_flights(session)
         if self.session is not before:  # what was changed in another session cannot be taken back in this one
             self._past, self._future = [], []
+            self._autosave()
         if changed:
             self.say("error", " ".join(f"{sentence}." for sentence in changed.values()))
 
