@@ -22,7 +22,7 @@ from quadctl.effects.payload import MassStep
 from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.lab.comparison.failures import Failure, Stretch
 from quadctl.lab.comparison.remainder import Remainder
-from quadctl.lab.comparison.wording import agreement_in_words, number, quantity, share_of_g
+from quadctl.lab.comparison.wording import agreement_in_short, agreement_in_words, number, quantity, share_of_g
 from quadctl.lab.fitting.fitted_model import fit_model
 from quadctl.lab.fitting.nuisances import KINDS
 from quadctl.lab.flights.dataset import Dataset, load_dataset
@@ -44,6 +44,7 @@ from quadctl.web.panels.glossary import GLOSSARY
 from quadctl.web.panels.help import KEYS
 from quadctl.web.panels.missing import Verdict
 from quadctl.web.panels.panel import Bench, Controls, Panel
+from quadctl.web.panels.stack import BEYOND, NUISANCES, SAME_CAUSE
 from quadctl.web.panels.view import View
 from quadctl.web.session.findings import Diagnosed, Findings
 from quadctl.web.session.session import Rung, Session
@@ -663,9 +664,10 @@ class TestOpenTab:
     ) -> None:
         evaluation = views["at first"].evaluation
         assert evaluation is not None and evaluation.agreement is not None
-        sentence = agreement_in_words(evaluation.agreement)
-        assert sentence in str(tabs("missing", views["at first"]).shown)
-        assert str(tabs("fails", views["at first"]).shown).count(sentence) == 2
+        assert agreement_in_short(evaluation.agreement) in str(tabs("missing", views["at first"]).shown)
+        first, *more = agreement_in_words(evaluation.agreement).split("; ")
+        shown = str(tabs("fails", views["at first"]).shown)
+        assert all(part.rstrip(".")[1:] in shown for part in (first, *more))
 
     def test_a_flight_held_out_is_compared_with_those_that_the_model_was_fitted_to(
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
@@ -819,6 +821,10 @@ class TestOpenTab:
         shown = str(tabs("missing", replace(view, results=results)).shown)
         assert limit in shown and "'+1.50 *'" in shown and "'0.00'" in shown
         assert "Trim and calibration, some at the limit" in shown  # it is folded
+        assert "more thrust is a thrust scale" in shown and "more height" not in shown
+
+    def test_of_every_offset_in_the_table_it_is_said_what_more_would_be(self) -> None:
+        assert {SAME_CAUSE.get(name, name) for name in NUISANCES} == set(BEYOND)
 
     def test_a_look_alike_says_of_what(self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]) -> None:
         view = views["at first"]
@@ -885,8 +891,8 @@ class TestOpenTab:
         compensated = SimpleNamespace(m_b_absolute=0.078, rmse_m=0.144)
         steps = cast(Any, SimpleNamespace(flown={WITHOUT: without, WITH: compensated}))
         said = answer_in_words(model, steps)
-        assert said.startswith("Better with the compensator: what the ground does to the flight (M_B, absolute)")
-        assert "changes by \u221269%, from 0.249 to 0.078 m s." in said and "(RMSE) changes by \u22123%" in said
+        assert said.startswith("Better with the compensator: what the ground does to the flight, which is")
+        assert "changes by \u221269% (M_B from 0.249 to 0.078 m s)." in said and "changes by \u22123% (RMSE)." in said
         worse = cast(Any, SimpleNamespace(flown={WITHOUT: compensated, WITH: without}))
         assert answer_in_words(model, worse).startswith("Not better with the compensator")
         flat = replace(model, stack=()).plus(ConstantScale(1.2))
@@ -971,7 +977,7 @@ class TestOpenTab:
         shown = str(tabs("missing", view).shown)
         assert "No known effect is missing, but not all of the error is noise." in shown
         assert "An error of 0.323 m/s² remains." in shown
-        assert "explains 67% of its square" in shown and "leaves 0.186 m/s²" in shown
+        assert "explains 67% of its square" in shown and "leaves 0.19 m/s²" in shown
         assert "without thrust it explains 1%" in shown
         assert "check_circle" not in shown
         near = str(tabs("missing", _nothing_found(view, error_m_s2=0.2, floor_m_s2=0.186)).shown)

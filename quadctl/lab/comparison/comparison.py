@@ -11,13 +11,13 @@ from rich.text import Text
 from quadctl.effects.per_flight import PerFlight
 from quadctl.lab.arrays import Floats
 from quadctl.lab.comparison.agreement import Agreement, Errors, of_one_model
-from quadctl.lab.comparison.failures import Failure, Profile, failures, profiles, told
+from quadctl.lab.comparison.failures import LEAST_PART, Failure, Profile, failures, is_telling, profiles, told
 from quadctl.lab.comparison.open_loop import OpenLoop, open_loop, open_loop_in_words, open_loop_table
 from quadctl.lab.comparison.reservations import reservations
 from quadctl.lab.comparison.wording import agreement_in_words, followed_in_words
 from quadctl.lab.fitting.flexible_regression import flexible_residual, noise_floor
 from quadctl.lab.flights.dataset import AlignedDataset, Dataset
-from quadctl.lab.flights.prediction import rmse
+from quadctl.lab.flights.prediction import AXES, rmse
 from quadctl.lab.results import Result, errors_table
 from quadctl.model import Model
 
@@ -46,6 +46,16 @@ class Comparison(Result):
     """Open-loop errors, one entry per horizon; empty where no flight is long enough."""
     agreement: Agreement | None
     """Agreement of the flights in the error of the model; None of a single flight."""
+
+    @property
+    def telling(self) -> list[Profile]:
+        """Profiles that are worth a look, what explains most of the error of all axes first."""
+        return [p for p in self.profiles if is_telling(p) and self.share_of_all(p) >= LEAST_PART]
+
+    def share_of_all(self, profile: Profile) -> float:
+        """Share of the squared error of all axes in the means of a profile."""
+        square = np.sum(self.residual**2, axis=0)
+        return profile.share * float(square[AXES.index(profile.axis)]) / max(float(square.sum()), 1e-12)
 
     def to_dict(self) -> dict[str, Any]:
         return {

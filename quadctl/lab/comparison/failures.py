@@ -35,6 +35,9 @@ MIN_RESIDUAL_M_S2 = 0.02
 """Least mean residual that is reported, m/s^2."""
 TELLING_SHARE, TELLING_P_VALUE = 0.05, 0.01
 """Least share of the squared residual in the bins' means, and largest p-value, of a profile that is shown."""
+LEAST_PART = 0.01
+"""Least squared error that a failure or a profile explains to be told, as a share of that of the largest one, or of the
+error of all axes."""
 FALSE_SHARE = 0.05
 """Largest share of the dependences that are told which may be there by chance (Benjamini & Hochberg 1995, J. R. Stat.
 Soc. B 57)."""
@@ -206,13 +209,14 @@ def most_telling(found: list[Failure]) -> list[Failure]:
 def told(found: Sequence[Failure], count: int) -> list[Failure]:
     """The `count` failures with the largest squared errors; that with the largest mean error is always among them.
 
-    Ranges of a dependence that is told are parts of it.
+    Ranges of a dependence that is told are parts of it. What explains next to nothing beside the others is left out.
     """
     whole = {(failure.axis, failure.variable) for failure in found if failure.of_profile}
     found = [failure for failure in found if (failure.axis, failure.variable) not in whole or not _is_range(failure)]
-    first = most_telling(found)[:count]
-    if not first:
+    if not found:
         return []
+    most = max(failure.size_m2_s4 for failure in found)
+    first = most_telling([failure for failure in found if failure.size_m2_s4 >= LEAST_PART * most])[:count]
     largest = max(found, key=lambda failure: abs(failure.mean_residual))
     return first if largest in first else most_telling([*first[: count - 1], largest])
 

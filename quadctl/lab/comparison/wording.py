@@ -14,6 +14,8 @@ from quadctl.lab.flights.preparation import BLOCK_S
 UNIT = "m/s²"
 FLOOR = "held-out error of a regression on all logged variables, the lowest over all steps"
 """Meaning of the noise floor; the steps are the models that were compared on these flights."""
+TWO_DECIMALS_M_S2 = 0.05
+"""Difference of two mean residuals from which on they are told with two decimals instead of three."""
 ERRORS = {"total": "acceleration error", "turning": "moment error", "sensing": "accelerometer error"}
 """Name of the error of each measured group."""
 
@@ -26,6 +28,11 @@ def number(value: float) -> str:
 def quantity(value: float) -> str:
     """Format an acceleration with its unit."""
     return f"{number(value)} {UNIT}"
+
+
+def roughly(value: float) -> str:
+    """Format an acceleration that is known roughly, as a noise floor is, with two digits and its unit."""
+    return f"{float(f'{value:.2g}'):g} {UNIT}"
 
 
 def percent(share: float) -> str:
@@ -211,9 +218,11 @@ def _shift_in_words(found: Agreement) -> str:
         unit = VARIABLE_UNITS[shift.variable]
         where = f" at a {VARIABLE_NAMES[shift.variable]} from {shift.low:.3g} to {shift.high:.3g} {unit}"
     low, high = (f"{end:+.2g}".replace("-", "\u2212") for end in shift.ci95)
+    decimals = 2 if abs(shift.difference_m_s2) > TWO_DECIMALS_M_S2 else 3
+    there, here = (round(value, decimals) for value in (shift.judged_m_s2, shift.reference_m_s2))
     return (
-        f"the mean residual {shift.axis}{where} is {plus(shift.judged_m_s2)} {UNIT} on {judged} and "
-        f"{plus(shift.reference_m_s2)} {UNIT} on {reference}, a difference of {plus(shift.difference_m_s2)} {UNIT} "
+        f"the mean residual {shift.axis}{where} is {plus(there, decimals)} {UNIT} on {judged} and "
+        f"{plus(here, decimals)} {UNIT} on {reference}, a difference of {plus(there - here, decimals)} {UNIT} "
         f"[{low}, {high}]"
     )
 
@@ -241,7 +250,7 @@ def remainder_in_words(found: Remainder, where: str = "") -> str:
 
     `where` names the flights, as in ` on the held-out A.csv`.
     """
-    error, floor = quantity(found.error_m_s2), quantity(found.floor_m_s2)
+    error, floor = quantity(found.error_m_s2), roughly(found.floor_m_s2)
     if found.above_the_floor <= 0.0:
         return f"An error of {error} remains{where}, no more than the noise floor of {floor}."
     if found.is_near_the_floor:
@@ -269,9 +278,10 @@ def followed_in_words(found: Sequence[Failure], dataset: Dataset) -> str:
     names = dict.fromkeys(VARIABLE_NAMES[f.variable] for f in found if not dataset.is_flown(f.variable))
     if not names:
         return ""
+    flights = "In this flight" if len(dataset.flights) == 1 else "In these flights"
     verb, them = ("follows", "it") if len(names) == 1 else ("follow", "them")
     return (
-        f"In these flights the {listed(list(names))} {verb} disturbances, which the controller counters, more than the "
+        f"{flights} the {listed(list(names))} {verb} disturbances, which the controller counters, more than the "
         f"motion: what goes with {them} need be no missing effect."
     )
 

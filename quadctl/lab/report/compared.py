@@ -7,7 +7,7 @@ import numpy as np
 from quadctl.frames import GRAVITY_M_S2
 from quadctl.lab import plots
 from quadctl.lab.comparison.comparison import Comparison
-from quadctl.lab.comparison.failures import is_telling, told
+from quadctl.lab.comparison.failures import told
 from quadctl.lab.comparison.open_loop import OpenLoop, open_loop, open_loop_in_words
 from quadctl.lab.comparison.wording import (
     FLOOR,
@@ -22,6 +22,7 @@ from quadctl.lab.comparison.wording import (
     percent,
     plus,
     quantity,
+    roughly,
     sentence,
     variance_in_words,
 )
@@ -80,7 +81,7 @@ def over_time(r: Results) -> Section:
         f"The difference between the coloured and the black line is the acceleration error of {c.model.name}: "
         f"{quantity(c.rmse['total'])} (RMSE over all axes, 95% interval {low:.3g} to {high:.3g}), largest on the "
         f"{worst} axis ({quantity(c.rmse[worst])}).",
-        f"{variance_in_words(c.explained)} The noise floor is {quantity(floor_total(r))}: {FLOOR}.",
+        f"{variance_in_words(c.explained)} The noise floor is {roughly(floor_total(r))}: {FLOOR}.",
     ]
     return Section(
         "over-time", r.titled("Measured against predicted"), text, time_figures(c, {c.model.name: c}, "seen")
@@ -157,7 +158,7 @@ def _open_loop_rows(name: str, by_horizon: Sequence[OpenLoop]) -> list[list[Cell
 
 def over_variables(r: Results) -> Section:
     c = r.comparison
-    telling = [p for p in c.profiles if is_telling(p)]
+    telling = c.telling
     shown = (telling or c.profiles[:2])[:SHOWN_PANELS]
     text = [
         "Dots are means over equal numbers of samples with 95% error bars (autocorrelation included); grey points are "

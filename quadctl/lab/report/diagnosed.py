@@ -14,6 +14,7 @@ from quadctl.lab.comparison.wording import (
     percent,
     plain,
     quantity,
+    roughly,
 )
 from quadctl.lab.report.numbers import floor_total
 from quadctl.lab.report.parts import Cell, Section, Table, figure
@@ -66,7 +67,7 @@ def _diagnosis_text(d: Diagnosis, floor: float) -> list[str]:
         text.append(
             f"Missing, in the order of adding: {families}. With {them} added, the held-out error goes "
             f"from {quantity(first)} to {quantity(last)}, {percent(1.0 - last / first)} less; the noise floor is "
-            f"{quantity(floor)}."
+            f"{roughly(floor)}."
         )
         if d.unexplained:
             text.append(

@@ -13,6 +13,7 @@ from quadctl.lab.comparison.wording import (
     percent,
     plain,
     quantity,
+    roughly,
 )
 from quadctl.lab.fitting.bootstrap import drop_interval
 from quadctl.lab.report.numbers import (
@@ -100,7 +101,7 @@ def _what_is_left(r: Results) -> list[str]:
         return [
             f"The error on the unseen data falls by {percent(1.0 - total(new) / total(old))} "
             f"(95% interval {percent(low)} to {percent(high)}).",
-            f"The remaining error is {r.after.rmse['total'] / floor:.2f} times the noise floor of {quantity(floor)}.",
+            f"The remaining error is {r.after.rmse['total'] / floor:.2f} times the noise floor of {roughly(floor)}.",
         ]
     floor = floor_total(r)
     if r.diagnosis is not None and r.diagnosis.verdict == "missing":
@@ -108,15 +109,15 @@ def _what_is_left(r: Results) -> list[str]:
         if left < floor:
             return [
                 f"With these effects, the remaining error is {quantity(left)}, below the noise floor of "
-                f"{quantity(floor)}."
+                f"{roughly(floor)}."
             ]
         return [
-            f"With these effects, the remaining error is {left / floor:.2f} times the noise floor of {quantity(floor)}."
+            f"With these effects, the remaining error is {left / floor:.2f} times the noise floor of {roughly(floor)}."
         ]
     low, high = rmse_interval(r.comparison.residual, r.comparison.dataset)
     return [
         f"The acceleration error of the model is {quantity(r.comparison.rmse['total'])} (95% interval {low:.3g} to "
-        f"{high:.3g}); a flexible regression on all logged variables leaves {quantity(floor)}."
+        f"{high:.3g}); a flexible regression on all logged variables leaves {roughly(floor)}."
     ]
 
 
@@ -124,7 +125,7 @@ def _tiles(r: Results) -> list[Tile]:
     c = r.comparison
     tiles = [
         Tile(
-            quantity(unseen_floor(r) if r.shown.on_unseen or r.after is not None else floor_total(r)),
+            roughly(unseen_floor(r) if r.shown.on_unseen or r.after is not None else floor_total(r)),
             f"noise floor: {FLOOR}",
         ),
     ]

@@ -15,9 +15,8 @@ CLOUD = 1500
 
 def share_in_words(comparison: Comparison, profile: Profile) -> str:
     """Share of the squared residual in the means of a profile, with its p-value: a caption."""
-    values = comparison.residual[:, AXES.index(profile.axis)]
-    of_all = profile.share * float(np.sum(values**2)) / max(float(np.sum(comparison.residual**2)), 1e-12)
-    shares = f"{percent(profile.share)} of the square on this axis, {percent(of_all)} of all axes"
+    of_all = percent(comparison.share_of_all(profile))
+    shares = f"{percent(profile.share)} of the square on this axis, {of_all} of all axes"
     return f"{shares}, p {p_in_words(profile.p_value)}"
 
 

@@ -175,9 +175,9 @@ def answer_in_words(model: Model, steps: StepResponses) -> str:
     change = change_in_words(1.0 - compensated.m_b_absolute / without.m_b_absolute)
     rmse = change_in_words(1.0 - compensated.rmse_m / without.rmse_m) if without.rmse_m else "0%"
     return (
-        f"{better} with the compensator: what the ground does to the flight (M_B, absolute) changes by {change}, from "
-        f"{without.m_b_absolute:.3f} to {compensated.m_b_absolute:.3f} m s. The whole tracking error (RMSE) changes by "
-        f"{rmse}."
+        f"{better} with the compensator: what the ground does to the flight, which is the difference to the same step "
+        f"flown high up, changes by {change} (M_B from {without.m_b_absolute:.3f} to "
+        f"{compensated.m_b_absolute:.3f} m s). The whole tracking error changes by {rmse} (RMSE)."
     )
 
 

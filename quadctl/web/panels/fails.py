@@ -9,13 +9,15 @@ from nicegui.events import GenericEventArguments
 from quadctl.lab.arrays import Mask
 from quadctl.lab.comparison.agreement import Agreement
 from quadctl.lab.comparison.comparison import Comparison
-from quadctl.lab.comparison.failures import MOST, Failure, Profile, is_telling, told
+from quadctl.lab.comparison.failures import MOST, Failure, Profile, told
 from quadctl.lab.comparison.wording import (
     agreement_in_short,
     agreement_in_words,
+    ended,
     failure_in_words,
     followed_in_words,
     listed,
+    sentence,
 )
 from quadctl.lab.flights.flight import Flight
 from quadctl.web.elements.html import empty, heading, loading, plot, tag
@@ -76,8 +78,9 @@ class Failures(Panel):
         if self.agreement is not None:
             with tag("section", "card"):
                 heading(agreement_in_short(self.agreement))
-                tag("p", "verdict-of-flights", agreement_in_words(self.agreement))
-        telling = [p for p in comparison.profiles if is_telling(p)]
+                for i, part in enumerate(agreement_in_words(self.agreement).split("; ")):
+                    tag("p", "verdict-of-flights" if i == 0 else "muted", ended(sentence(part)))
+        telling = comparison.telling
         with tag("section", "card"):
             heading(
                 "Residual over each variable; the variable that explains most of the error of all axes comes first"

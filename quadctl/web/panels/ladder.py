@@ -9,13 +9,13 @@ from quadctl.lab.comparison.agreement import flights_of_the_fit
 from quadctl.lab.comparison.wording import (
     FLOOR,
     agreement_in_short,
-    agreement_in_words,
     change_in_words,
     held_out,
     listed,
     number,
     plain,
     quantity,
+    roughly,
     share_of_g,
     where_in_words,
 )
@@ -65,7 +65,7 @@ class Ladder(Panel):
                 if evaluation.agreement is not None:
                     with tag("p", "what").props('id="agreement"'):
                         tag("b", "", agreement_in_short(evaluation.agreement))
-                        tag("span", "", f" {agreement_in_words(evaluation.agreement)}")
+                        tag("span", "", " Where it fails says by how much.")
             do.nest(WhichVehicle)
             largest = max([*errors, now or 0.0, 1e-9])
             least = self.floor_m_s2
@@ -80,7 +80,7 @@ class Ladder(Panel):
                 with tag("p", "floor-key"):
                     tag("span", "floor-mark")
                     with tag("span"):
-                        explained(f"noise floor {number(least)} m/s²: {FLOOR}")
+                        explained(f"noise floor {roughly(least)}: {FLOOR}")
 
     def _stands(self, rung: Rung) -> bool:
         """Tell whether the error of a step is that of a model that was not fitted to these flights."""

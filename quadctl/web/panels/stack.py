@@ -29,6 +29,15 @@ NUISANCES = {
     "slow_levelling": ("lean taken for level over seconds", 100.0, "%"),
 }
 """Name, factor and unit of each nuisance parameter that acts on the acceleration, for a table."""
+BEYOND = {
+    "thrust_scale": "more thrust is a thrust scale, or a mass that is not that of the vehicle file: weigh the vehicle",
+    "roll_rad": "more roll or pitch is a thrust tilt, a wind, or an autopilot that was not levelled",
+    "height_m": "more height is a ground that is not at 0 in the log, or rotors at another height in the vehicle file",
+    "delay_s": "more delay is a motor lag, or clocks of the log that differ",
+    "levelling": "a larger share is an attitude estimate that cannot be relied on in manoeuvres",
+}
+"""Cause of what is more than a nuisance can be, for the first of those that have the same one."""
+SAME_CAUSE = {"pitch_rad": "roll_rad", "slow_levelling": "levelling"}
 
 
 @dataclass(frozen=True)
@@ -127,7 +136,7 @@ def _is_limited(value: float, kind: Kind) -> bool:
 def _draw_nuisances(evaluation: Evaluation, seen: Dataset) -> None:
     fitted = evaluation.solution.optimum.nuisances
     shown = [(place, kind) for place, kind in enumerate(KINDS) if kind.name in NUISANCES]
-    at_limit = any(_is_limited(value, kind) for place, kind in shown for value in fitted[:, place])
+    at_limit = [kind.name for place, kind in shown if any(_is_limited(value, kind) for value in fitted[:, place])]
     title = "Trim and calibration, some at the limit" if at_limit else "Trim and calibration"
     with ui.expansion(title).classes("nuisances").props("dense"):
         with tag("p", "muted"):
@@ -150,8 +159,5 @@ def _draw_nuisances(evaluation: Evaluation, seen: Dataset) -> None:
                         text = plus(factor * value, decimals=2)
                         tag("td", "number limited" if limited else "number", f"{text} *" if limited else text)
         if at_limit:
-            tag(
-                "p",
-                "note",
-                "* At the limit of what is an offset of one flight; more would be an effect, or another vehicle.",
-            )
+            beyond = dict.fromkeys(BEYOND[SAME_CAUSE.get(name, name)] for name in at_limit)
+            tag("p", "note", f"* At the limit of what is an offset of one flight: {'; '.join(beyond)}.")

@@ -64,7 +64,7 @@ def test_what_follows_disturbances_is_said_to_be_no_sure_cause(raptor: Vehicle, 
     still |= {name: np.mean(hover[name]) * answer for name in hover.columns if name.endswith("_rpm")}
     data = load_dataset([replace(hover, columns={**hover.columns, **still})], raptor)
     said = followed_in_words([up, height], data)
-    assert said.startswith("In these flights the thrust follows disturbances")
+    assert said.startswith("In this flight the thrust follows disturbances")
     assert "rotor height" not in said
     assert said in " ".join(str(compare(Model(raptor), data)).split())
 

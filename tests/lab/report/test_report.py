@@ -16,7 +16,7 @@ from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.errors import LogError, SettingsError
 from quadctl.lab import plots
 from quadctl.lab.comparison.comparison import Comparison, compare
-from quadctl.lab.comparison.wording import FLOOR, number, p_in_words, quantity
+from quadctl.lab.comparison.wording import FLOOR, number, p_in_words, quantity, roughly
 from quadctl.lab.flights.dataset import load_dataset
 from quadctl.lab.report.numbers import lowest_floors, rmse_interval
 from quadctl.lab.report.page import render_report, write_report
@@ -173,9 +173,9 @@ class TestWhatThePageHolds:
         lowest = lowest_floors(shown)["total"]
         assert lowest < flown.before.noise_floor["total"]
         text = Page(render_report(shown)).text
-        assert f"noise floor: {FLOOR} {quantity(lowest)}" in text
-        assert f"The noise floor is {quantity(lowest)}: {FLOOR}." in text
-        assert quantity(flown.before.noise_floor["total"]) not in text
+        assert f"noise floor: {FLOOR} {roughly(lowest)}" in text
+        assert f"The noise floor is {roughly(lowest)}: {FLOOR}." in text
+        assert f"noise floor is {roughly(flown.before.noise_floor['total'])}" not in text
 
     def test_a_report_of_the_page_repeats_its_numbers_and_its_words(self, flown: Flown) -> None:
         said = ("Nothing significant is missing, if the vehicle is raptor (1.5 kg).", "An error remains.")
@@ -186,7 +186,7 @@ class TestWhatThePageHolds:
         assert "Acceleration error (RMSE over all axes), on blocks" in top
         assert " ".join(said) in top
         assert "Added to rigid body: ground effect." in top
-        assert f"noise floor: {FLOOR} {quantity(0.0321)}" in top
+        assert f"noise floor: {FLOOR} {roughly(0.0321)}" in top
 
     def test_the_verdict_is_on_the_condition_that_the_vehicle_flew_where_nobody_has_said_so(self, flown: Flown) -> None:
         shown = Shown(condition=flown.before.model.vehicle)
