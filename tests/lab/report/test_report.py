@@ -176,7 +176,7 @@ class TestWhatThePageHolds:
         text = Page(render_report(shown)).text
         assert f"noise floor: {FLOOR} {roughly(lowest)}" in text
         assert f"The noise floor is {roughly(lowest)}: {FLOOR}." in text
-        assert f"noise floor is {roughly(flown.before.noise_floor['total'])}" not in text
+        assert f"noise floor is {roughly(first['total'])}" not in text
 
     def test_a_report_of_the_page_repeats_its_numbers_and_its_words(self, flown: Flown) -> None:
         said = ("Nothing significant is missing, if the vehicle is raptor (1.5 kg).", "An error remains.")
