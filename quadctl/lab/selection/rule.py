@@ -127,15 +127,18 @@ def shows_in_moments(c: Candidate) -> bool:
     """Tell whether a candidate lowers the error of every moment that its physics must show in, and worsens neither roll
     nor pitch; and that of the thrust, where it must show there too.
 
-    Yaw may get a little worse (see `is_harmful`): a damaged propeller loses another share of its drag than of its
-    thrust."""
-    axes = c.effect.shows_in(c.model.vehicle)
+    Of several moments a centre of mass that is off may hide all but one, where the thrust shows the effect as well. Yaw
+    may get a little worse (see `is_harmful`): a damaged propeller loses another share of its drag than of its thrust.
+    """
+    axes, up = c.effect.shows_in(c.model.vehicle), c.drops.get("up", 0.0)
     shown = [c.drops.get(axis, 0.0) for axis in axes if axis in MOMENTS]
-    enough = max(SHOWN if len(shown) > 1 else SHOWN_ALONE, SHOWN_BESIDE * c.largest_drop)
-    leaning = _moment_drops(c)[:2]
-    if "up" in axes and c.drops.get("up", 0.0) < SHOWN:
+    if "up" in axes and up < SHOWN:
         return False
-    return not shown or (min(shown) > enough and min(leaning) > -HARMLESS)
+    if not shown:
+        return True
+    enough = max(SHOWN if len(shown) > 1 else SHOWN_ALONE, SHOWN_BESIDE * c.largest_drop)
+    one_is_hidden = len(shown) > 1 and max(shown) > SHOWN_ALONE and up > MATERIAL
+    return (min(shown) > enough or one_is_hidden) and min(_moment_drops(c)[:2]) > -HARMLESS
 
 
 def is_there(c: Candidate) -> bool:

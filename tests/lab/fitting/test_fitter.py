@@ -576,6 +576,13 @@ class TestOtherAxes:
         leaning = self.candidate(raptor, WeakRotor(0.1), roll=0.098, pitch=0.098, yaw=0.05, turning=0.148)
         assert not is_supported(leaning)
 
+    @pytest.mark.parametrize(("roll", "up", "supported"), [(0.07, 0.9, True), (0.09, 0.9, False), (0.07, 0.99, False)])
+    def test_a_centre_of_mass_may_hide_one_moment_where_the_thrust_is_missing_too(
+        self, raptor: Vehicle, roll: float, up: float, supported: bool
+    ) -> None:
+        weak = self.candidate(raptor, WeakRotor(0.1), roll=roll, up=up, total=1.68, turning=0.158)
+        assert is_supported(weak) is supported
+
     def test_what_lowers_the_error_of_the_thrust_is_no_weak_rotor_for_a_trace_of_moments(self, raptor: Vehicle) -> None:
         scaled = self.candidate(raptor, WeakRotor(0.1), up=0.6, total=1.54, roll=0.095, pitch=0.095, turning=0.167)
         assert not is_supported(scaled)
