@@ -21,6 +21,8 @@ RATES = ("roll_rate_rad_s", "pitch_rate_rad_s", "yaw_rate_rad_s")
 IMU = ("imu_x_m_s2", "imu_y_m_s2", "imu_z_m_s2")
 CUT_SHORT = "the last message is cut short and was left out"
 """Note on a log that ends within a message: it was copied in part, or the power failed."""
+DAMAGED = "the file is damaged: what could not be read was left out"
+"""Note on a log whose reader stumbled over its content, as it also does where the header itself is cut short."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,8 +114,10 @@ def is_it(word: str, found: list[str]) -> str:
 
 
 def doubt_of_copy(notes: Sequence[str]) -> str:
-    """The question to add to what a log lacks, where these notes on it say that its end is missing; else empty."""
-    return " (its last message is cut short: was the whole log copied?)" if CUT_SHORT in notes else ""
+    """The question to add to what a log lacks, where these notes on it say that a part is missing; else empty."""
+    reasons = {CUT_SHORT: "its last message is cut short", DAMAGED: "the file is damaged"}
+    found = next((reason for note, reason in reasons.items() if note in notes), "")
+    return f" ({found}: was the whole log copied?)" if found else ""
 
 
 def did_you_mean(word: str, known: list[str]) -> str:

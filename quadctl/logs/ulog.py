@@ -18,7 +18,7 @@ from quadctl.errors import LogError
 from quadctl.frames import euler_from_quaternion
 from quadctl.logs.columns import LATERAL_THROTTLE, motor_columns
 from quadctl.logs.events import PX4_MODES, Event, estimator_resets, mode_changes, parameter_changes, said
-from quadctl.logs.flight_log import ATTITUDE, CUT_SHORT, RATES, FlightLog, Floats
+from quadctl.logs.flight_log import ATTITUDE, CUT_SHORT, DAMAGED, RATES, FlightLog, Floats
 from quadctl.logs.merge import Channel, Origin, finite, intervals, merge
 from quadctl.thrust_chain.chain import Ambient, bent
 from quadctl.thrust_chain.px4 import battery_scale, bend_of
@@ -103,7 +103,7 @@ def read_ulog(path: Path) -> FlightLog:
     log = _parsed(path)
     notes: list[str] = []
     if log.file_corruption:
-        notes.append("the file is damaged: what could not be read was left out")
+        notes.append(DAMAGED)
     elif _is_cut_short(path):
         notes.append(CUT_SHORT)
     if log.dropouts:

@@ -45,6 +45,9 @@ class TestULog:
         for missing in (1, 2, 30):
             path.write_bytes(whole[:-missing])
             assert CUT_SHORT in read_log(path).notes
+        path.write_bytes(whole[:20])
+        with pytest.raises(LogError, match=r"holds no values of x_m.*the file is damaged: was the whole log copied\?"):
+            read_log(path)
         path.write_bytes(small_ulog(without="vehicle_attitude")[:-1])
         with pytest.raises(LogError, match=r"holds no values of roll_deg.*was the whole log copied\?"):
             read_log(path)

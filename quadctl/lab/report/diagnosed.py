@@ -73,7 +73,7 @@ def _diagnosis_text(d: Diagnosis, floor: float) -> list[str]:
             text.append(
                 "Part of the remaining error depends on the logged variables, but these effects do not explain it."
             )
-        text += unseen_in_words(d.unseen, any_missing=True)
+        text += unseen_in_words(d.unseen, any_missing=True, option="quadctl diagnose --nested")
     elif d.verdict == "none":
         text.append("No effect lowers the held-out error enough to matter.")
     else:

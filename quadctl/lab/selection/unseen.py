@@ -79,8 +79,11 @@ def nested_errors(
     return [_nested(model, replace(dataset, hold_out=h), kinds, progress) for h in _hold_outs(dataset)]
 
 
-def unseen_in_words(errors: Sequence[UnseenError], any_missing: bool) -> list[str]:
-    """Sentences on the errors; about a choice that has seen all data only where it found something."""
+def unseen_in_words(errors: Sequence[UnseenError], any_missing: bool, option: str = "--nested") -> list[str]:
+    """Sentences on the errors; about a choice that has seen all data only where it found something.
+
+    `option` is the one of `quadctl diagnose` that repeats the choice, as the reader has to write it.
+    """
     repeated = [error for error in errors if error.searches]
     lines = [
         f"On data that neither the fit nor the choice of effects has seen: {_change(error)} "
@@ -90,7 +93,7 @@ def unseen_in_words(errors: Sequence[UnseenError], any_missing: bool) -> list[st
     if any_missing and not repeated:
         if len(errors) > 1:
             lines.append(f"With all of them: {', '.join(_change(error) for error in errors)}.")
-        lines.append("No fit has seen the data of these errors, but the choice of effects has: --nested repeats it.")
+        lines.append(f"No fit has seen the data of these errors, but the choice of effects has: {option} repeats it.")
     return lines
 
 
