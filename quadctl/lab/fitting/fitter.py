@@ -26,7 +26,7 @@ from quadctl.lab.fitting.normal_equations import (
     robust_weights,
     soft_l1_loss,
 )
-from quadctl.lab.fitting.nuisances import AGE, BOUND, KINDS, PRIOR_STD, acceleration_jacobian, predicted_with
+from quadctl.lab.fitting.nuisances import AGE, BOUND, KINDS, LOWEST, PRIOR_STD, acceleration_jacobian, predicted_with
 from quadctl.lab.fitting.parameters import (
     HELD,
     free_parameters,
@@ -108,7 +108,7 @@ class Fitter:
         self.model = model
         self.free = free_parameters(model)
         count = len(dataset.flights)
-        lowest = np.tile(-BOUND, (count, 1))
+        lowest = np.tile(LOWEST, (count, 1))
         # A rotor signal that comes earlier than positions are late has rotors that follow it late, and no delay.
         lowest[:, AGE] = [np.clip(f.timing.earliest_s - f.delay_s, -BOUND[AGE], 0.0) for f in self.dataset.flights]
         self._low = np.concatenate([[f.parameter.low for f in self.free], lowest.ravel()])

@@ -29,6 +29,8 @@ class Kind:
     name: str
     prior_std: float
     bound: float
+    positive: bool = False
+    """True where it is positive by its nature: then it is bounded below by minus its standard deviation."""
 
 
 KINDS = (
@@ -38,21 +40,25 @@ KINDS = (
     Kind("height_m", 0.01, 0.02),
     Kind("delay_s", 0.008, 0.03),
     Kind("levelling", 0.02, 0.1),
-    Kind("slow_levelling", 0.05, 0.25),
+    Kind("slow_levelling", 0.05, 0.25, positive=True),
     Kind("roll_moment", 0.02, 0.04),
     Kind("pitch_moment", 0.02, 0.04),
     Kind("yaw_moment", 0.02, 0.04),
 )
 """Kinds of nuisances. Trims of real vehicles are 0.4 to 3.5 degrees; those beyond the bound are an effect
-(`thrust_tilt`). Moments are in units of the root of the summed squares of the rotors' moments: 0.01 is the standard
-deviation of the moment of rotors whose coefficients are independently 1 % off each, and whose motors lean by `LEAN`.
-Like these errors, they grow with the thrust. A centre of mass that is 1 % of the arms off gives 0.02; three flights of
-RAPTOR have roll and pitch moments of 0.002 to 0.051, 0.03 in the root mean square."""
+(`thrust_tilt`). An accelerometer in a vehicle that accelerates by leaning shows no lean, so an estimator that averages
+it takes a part of the lean for level: the share is positive. Where other lags of the estimator make it negative, it is
+small; a large negative one would stand for a drag, as it did in RAPTOR's forward flight. Moments are in units of the
+root of the summed squares of the rotors' moments: 0.01 is the standard deviation of the moment of rotors whose
+coefficients are independently 1 % off each, and whose motors lean by `LEAN`. Like these errors, they grow with the
+thrust. A centre of mass that is 1 % of the arms off gives 0.02; three flights of RAPTOR have roll and pitch moments of
+0.002 to 0.051, 0.03 in the root mean square."""
 LEAN = np.radians(0.3)
 """Lean of each motor on its arm, standard deviation, rad; about yaw it matters much more than coefficients that are 1 %
 off."""
 PRIOR_STD = np.array([kind.prior_std for kind in KINDS])
 BOUND = np.array([kind.bound for kind in KINDS])
+LOWEST = np.array([-kind.prior_std if kind.positive else -kind.bound for kind in KINDS])
 FORCES = 7
 """Number of the kinds that act on the acceleration; the others act on the moments."""
 HEIGHT, AGE, LEVELLING, SLOW_LEVELLING = (

@@ -27,7 +27,7 @@ from quadctl.lab.fitting.fitter import Fitter, Optimum, noise_scale
 from quadctl.lab.fitting.initial_guesses import Unmodelled, best_guesses, promise
 from quadctl.lab.fitting.linearisation import Tangent
 from quadctl.lab.fitting.normal_equations import axis_weights
-from quadctl.lab.fitting.nuisances import BOUND, KINDS, LEVELLING, SLOW_LEVELLING, disturbed, rotor_moments_n_m
+from quadctl.lab.fitting.nuisances import BOUND, KINDS, LEVELLING, LOWEST, SLOW_LEVELLING, disturbed, rotor_moments_n_m
 from quadctl.lab.fitting.parameters import free_parameters, intervals, values_of
 from quadctl.lab.flights.dataset import Dataset, HoldOut, load_dataset
 from quadctl.lab.flights.flight import LASTING_S, Flight
@@ -643,13 +643,26 @@ def test_a_part_of_an_accelerating_lean_that_is_taken_for_level_is_a_nuisance(ra
     assert found.held_out_rmse["north"] < 0.5 * before["north"]
 
 
-def test_an_estimator_that_averages_its_accelerometer_is_wrong_for_seconds_and_that_is_no_drag(raptor: Vehicle) -> None:
-    """A complementary filter of 3 s, at 50 Hz, that takes the accelerations for more lean than there is."""
-    share, keep = -0.1, np.exp(-0.02 / LASTING_S)
-    data = running(raptor, lambda _, push: -share * lfilter([1.0 - keep], [1.0, -keep], push) / GRAVITY_M_S2)
-    rigid = Model(raptor)
+def averaging(vehicle: Vehicle, share: float) -> Dataset:
+    """Runs whose attitude lacks this share of the lean by the acceleration averaged over 3 s, at 50 Hz."""
+    keep = np.exp(-0.02 / LASTING_S)
+    return running(vehicle, lambda _, push: -share * lfilter([1.0 - keep], [1.0, -keep], push) / GRAVITY_M_S2)
+
+
+@pytest.mark.parametrize("share", [0.1, -0.03])
+def test_an_estimator_that_averages_its_accelerometer_is_wrong_for_seconds_and_that_is_no_drag(
+    raptor: Vehicle, share: float
+) -> None:
+    data, rigid = averaging(raptor, share), Model(raptor)
     found = fit_model(rigid, data)
     assert found.optimum.nuisances[0, SLOW_LEVELLING] == pytest.approx(share, abs=0.02)
     before = rmse(data.aligned_for(rigid).residual(rigid))
     assert found.held_out_rmse["north"] < 0.5 * before["north"]
     assert "rotor_drag" not in diagnose(rigid, data, [LinearDrag]).missing
+
+
+def test_what_no_averaging_estimator_does_is_left_to_explain(raptor: Vehicle) -> None:
+    """With the wrong sign it is a drag rather than an error of the attitude."""
+    data, rigid = averaging(raptor, -0.2), Model(raptor)
+    assert fit_model(rigid, data).optimum.nuisances[0, SLOW_LEVELLING] == pytest.approx(LOWEST[SLOW_LEVELLING])
+    assert diagnose(rigid, data, [LinearDrag]).missing == ["rotor_drag"]
