@@ -111,10 +111,10 @@ def test_a_new_vehicle_is_entered_as_a_few_numbers(browser: Browser, tmp_path: P
         visitor.sees(f"p:has-text('{tmp_path / 'lab' / 'vehicles'}')")
         visitor.sees("#own-vehicles button:has-text('mine')")
         visitor.keeps("own-vehicle")
-        visitor.click("text=A new vehicle")
-        for label, typed in (("Mass with battery / kg", "2.5"), ("Throttle in hover, 0 to 1", "0.3")):
-            expect(visitor.page.get_by_label(label).last).to_have_value(typed)
-        visitor.click("text=A new vehicle")
+        visitor.click("text=What was entered for mine")
+        for label, typed in (("Name", "mine"), ("Throttle in hover, 0 to 1", "0.3")):
+            expect(visitor.page.get_by_label(label, exact=True).first).to_have_value(typed)
+        visitor.click("text=What was entered for mine")
         visitor.click("text=As a file (YAML)")
         visitor.sees("textarea:visible")
         box = visitor.page.locator("textarea").bounding_box()
@@ -256,6 +256,22 @@ def test_two_tabs_show_the_same_and_neither_a_lost_connection_nor_a_new_start_lo
         assert one.error_now() == after
         expect(one.page.locator("text=Looking for what is missing")).to_have_count(0)
         one.leaves()
+
+
+@pytest.mark.long
+def test_a_new_session_begins_as_a_new_tab_does_and_a_click_leads_back(
+    browser: Browser, flown: Path, tmp_path: Path
+) -> None:
+    with served(tmp_path / "lab", str(flown)) as (url, _):
+        visitor = Visitor(browser, url)
+        error = visitor.error_now()
+        visitor.click("[role=tab]:has-text('Flights')")
+        visitor.click("button:has-text('New session')")
+        visitor.sees("text=Find what your flight model is missing")
+        visitor.click("button:has-text('Go back to it')")
+        expect(visitor.page.locator("#error-now")).to_have_text(f"{error:#.3g}", timeout=PATIENCE_MS)
+        visitor.sees("[role=tab][aria-selected=true]:has-text('What is missing')")
+        visitor.leaves()
 
 
 @pytest.mark.long

@@ -39,12 +39,13 @@ from quadctl.web.figures.ratio import ratio_over_height
 from quadctl.web.page.choices import Choices
 from quadctl.web.page.page import TABS, Page
 from quadctl.web.panels.compensator import answer_in_words, far_in_words
+from quadctl.web.panels.evidence import chosen_of, rival_of
 from quadctl.web.panels.fails import Failures
 from quadctl.web.panels.glossary import GLOSSARY
 from quadctl.web.panels.help import KEYS
-from quadctl.web.panels.missing import Verdict
+from quadctl.web.panels.missing import OF_BLOCKS, Verdict
 from quadctl.web.panels.panel import Bench, Controls, Panel
-from quadctl.web.panels.stack import BEYOND, NUISANCES, SAME_CAUSE
+from quadctl.web.panels.stack import BEYOND, NUISANCES, SAME_CAUSE, apart_in_words
 from quadctl.web.panels.view import View
 from quadctl.web.session.findings import Diagnosed, Findings
 from quadctl.web.session.session import Rung, Session
@@ -693,7 +694,7 @@ class TestOpenTab:
         wrong = replace(comparison, fails_where=[FAILURE])
         with Client(ui.page("/")), pytest.MonkeyPatch.context() as patched:
             patched.setattr(ui, "run_javascript", ran := MagicMock())
-            Failures(wrong, None, None, "", False, LIGHT).draw(do)
+            Failures(wrong, None, None, None, "", False, LIGHT).draw(do)
             (show,) = [e for e in ui.context.client.elements.values() if isinstance(e, ui.button) and e.text == "Show"]
             for listener in show._event_listeners.values():
                 if listener.type == "click":
@@ -706,7 +707,7 @@ class TestOpenTab:
         assert comparison is not None
         wrong = replace(comparison, fails_where=[replace(FAILURE, low=0.0, high=100.0)])
         with Client(ui.page("/")):
-            Failures(wrong, None, None, "", False, LIGHT).draw(create_autospec(Controls, instance=True))
+            Failures(wrong, None, None, None, "", False, LIGHT).draw(create_autospec(Controls, instance=True))
             elements = list(ui.context.client.elements.values())
         assert "Show" not in [e.text for e in elements if isinstance(e, ui.button)]
         assert "most of 1.csv" in [getattr(e, "text", "") for e in elements]
@@ -822,6 +823,39 @@ class TestOpenTab:
         assert limit in shown and "'+1.50 *'" in shown and "'0.00'" in shown
         assert "Trim and calibration, some at the limit" in shown  # it is folded
         assert "more thrust is a thrust scale" in shown and "more height" not in shown
+
+    def test_offsets_that_differ_from_flight_to_flight_are_said_beside_the_agreement(
+        self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
+    ) -> None:
+        view = views["at first"]
+        evaluation = view.results.evaluation
+        assert evaluation is not None
+        assert apart_in_words(evaluation) == ""
+        optimum = evaluation.solution.optimum
+        fitted = np.zeros_like(optimum.nuisances)
+        fitted[0, 0], fitted[1, 0] = 0.015, -0.015
+        solution = replace(evaluation.solution, optimum=replace(optimum, nuisances=fitted))
+        results = replace(view.results, evaluation=replace(evaluation, solution=solution))
+        said = "What is fitted to each flight by itself differs beside that: thrust by 3%."
+        assert said in str(tabs("fails", replace(view, results=results)).shown)
+
+    def test_that_blocks_of_time_were_held_out_of_several_flights_is_said(
+        self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
+    ) -> None:
+        view = views["at first"]
+        assert OF_BLOCKS in str(tabs("missing", view).shown)
+        whole = replace(view, session=replace(view.session, hold_out="flights"))
+        assert OF_BLOCKS not in str(tabs("missing", whole).shown)
+
+    def test_another_form_of_an_effect_lost_against_that_effect(self, views: dict[str, View]) -> None:
+        found = views["at first"].results.found
+        assert found is not None
+        (chosen,) = chosen_of(found.diagnosis)
+        other = next(c for c in found.diagnosis.ranking if c.family == chosen.family and c is not chosen)
+        first = replace(other, effect=AxialInflow())
+        assert rival_of(other, [first, chosen]) is chosen
+        assert rival_of(first, [chosen]) is chosen
+        assert rival_of(first, []) is None
 
     def test_of_every_offset_in_the_table_it_is_said_what_more_would_be(self) -> None:
         assert {SAME_CAUSE.get(name, name) for name in NUISANCES} == set(BEYOND)

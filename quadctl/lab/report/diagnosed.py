@@ -25,6 +25,8 @@ from quadctl.lab.selection.rule import MATERIAL, MATERIAL_M_S2, SIGNIFICANT, is_
 from quadctl.lab.selection.unseen import unseen_in_words
 
 SHOWN_CANDIDATES = 8
+_OTHER_UNITS = {"turning": " N m"}
+"""Unit of an error that is none of an acceleration."""
 
 
 def missing(r: Results) -> Section | None:
@@ -115,7 +117,7 @@ def _ranking_table(d: Diagnosis) -> Table:
         [
             Cell(c.effect.name, _candidate_note(c, d, with_physics=c is first_of_family[c.family])),
             Cell(parameters_in_text(c.effect, c.ci95)),
-            Cell(f"{number(c.before['total'])} → {number(c.after['total'])}"),
+            Cell(f"{number(c.before[c.measure])} → {number(c.after[c.measure])}{_OTHER_UNITS.get(c.measure, '')}"),
             Cell(change_in_words(c.held_out_drop)),
             Cell(p_in_words(c.p_value)),
         ]

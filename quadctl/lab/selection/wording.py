@@ -73,7 +73,7 @@ def reason_against(c: Candidate, chosen: Candidate | None) -> str:
             f"expected more than {MATERIAL:.0%} and {LEAST_M_S2:g} m/s^2, or {MATERIAL_M_S2:g} m/s^2"
         )
     if not c.distinct:
-        return f"these data do not distinguish it from its look-alikes, {c.effect.distinguished_by} would"
+        return f"these data do not distinguish it from its look-alikes; what would: {c.effect.distinguished_by}"
     if chosen is None:
         return "what explains more is too small to be called missing"
     if c.family == chosen.family:

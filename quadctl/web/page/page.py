@@ -336,6 +336,14 @@ class Page:
         self._theme = theme
         self._dark.set_value(theme is DARK)
 
+    async def start_anew(self) -> None:
+        """Begin a new session, and show it as a new tab would."""
+        before = self.bench.session
+        await self.act(self.bench.start_anew())
+        if self.bench.session is not before:
+            self._show_choices(Choices())
+            self._tell_address()
+
     async def take_files(self, files: Sequence[SentFile]) -> None:
         before = self.bench.session.view
         await self.act(self._intake.take(files))

@@ -1,5 +1,6 @@
 """The evidence for an effect, missing or in the model: its curve, the error per axis, what lost, the next flight."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -132,7 +133,8 @@ def _draw_losers(search: Diagnosed | None, name: str) -> None:
     if search is None or shown is None:
         tag("p", "muted", "No search on these flights has tried it beside others. Remove it to search without it.")
         return
-    chosen = {name, *(candidate.effect.name for candidate in chosen_of(search.diagnosis))}
+    winners = chosen_of(search.diagnosis)
+    chosen = {name, *(candidate.effect.name for candidate in winners)}
     losers = [candidate for candidate in ranking if candidate.effect.name not in chosen]
     if not losers:
         tag("p", "muted", "Nothing else was tried.")
@@ -144,13 +146,13 @@ def _draw_losers(search: Diagnosed | None, name: str) -> None:
         f"These numbers are of the search, which tries one effect at a time beside those that it has found until then: "
         f"{name} gave {change}, beside {_beside(shown)}.",
     )
-    _draw_reasons(losers[:LOSERS], shown)
+    _draw_reasons(losers[:LOSERS], [shown, *winners])
     if losers[LOSERS:]:
         with ui.expansion(f"{len(losers) - LOSERS} more").classes("more"):
-            _draw_reasons(losers[LOSERS:], shown)
+            _draw_reasons(losers[LOSERS:], [shown, *winners])
 
 
-def _draw_reasons(losers: list[Candidate], shown: Candidate) -> None:
+def _draw_reasons(losers: list[Candidate], winners: list[Candidate]) -> None:
     with tag("div", "scroll").props('tabindex="0"'), tag("table", "small reasons"):
         with tag("tr"):
             for head in ("effect", "tried beside", "change", "p", "why it lost"):
@@ -161,13 +163,20 @@ def _draw_reasons(losers: list[Candidate], shown: Candidate) -> None:
                 tag("td", "", _beside(candidate))
                 tag("td", "", f"{change_in_words(candidate.held_out_drop)} {ERRORS[candidate.measure]}")
                 tag("td", "", p_in_table(candidate.p_value))
-                tag("td", "", sentence(reason_against(candidate, shown)).replace("m/s^2", "m/s²"))
+                tag(
+                    "td", "", sentence(reason_against(candidate, rival_of(candidate, winners))).replace("m/s^2", "m/s²")
+                )
 
 
 def _beside(candidate: Candidate) -> str:
     """The effects beside which a candidate was tried."""
     others = [plain(effect.family()) for effect in candidate.model.effects[:-1]]
     return listed(others) if others else "the rigid body"
+
+
+def rival_of(candidate: Candidate, winners: Sequence[Candidate]) -> Candidate | None:
+    """The winner that a candidate lost against: another form of its own effect, else the first; None without any."""
+    return next((c for c in winners if c.family == candidate.family), winners[0] if winners else None)
 
 
 def chosen_of(diagnosis: Diagnosis) -> list[Candidate]:

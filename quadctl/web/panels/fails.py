@@ -27,7 +27,9 @@ from quadctl.web.figures.profile import profile_figure, share_in_words
 from quadctl.web.panels.chosen_flight import ChosenFlightPanel, selected
 from quadctl.web.panels.glossary import explained
 from quadctl.web.panels.panel import Controls, Panel, Tab
+from quadctl.web.panels.stack import apart_in_words
 from quadctl.web.panels.view import Brush
+from quadctl.web.work.jobs import Evaluation
 
 _SCROLL = "document.querySelector('#selected').scrollIntoView()"
 _SCROLL_WHEN_DRAWN = """
@@ -48,6 +50,7 @@ class Failures(Panel):
     comparison: Comparison | None
     unseen_comparison: Comparison | None
     agreement: Agreement | None
+    evaluation: Evaluation | None
     thrust_reservation: str
     comparing: bool
     theme: Theme
@@ -80,6 +83,9 @@ class Failures(Panel):
                 heading(agreement_in_short(self.agreement))
                 for i, part in enumerate(agreement_in_words(self.agreement).split("; ")):
                     tag("p", "verdict-of-flights" if i == 0 else "muted", ended(sentence(part)))
+                apart = "" if self.evaluation is None else apart_in_words(self.evaluation)
+                if apart:
+                    tag("p", "muted", apart)
         telling = comparison.telling
         with tag("section", "card"):
             heading(

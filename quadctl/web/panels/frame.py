@@ -37,7 +37,7 @@ class Header(Panel):
         tag("span", "grow")
         holds_effects = self.model is not None and bool(self.model.stack)
         for label, icon, act, there in (
-            ("New session", "note_add", lambda: do.act(do.bench.start_anew()), not self.starting or holds_effects),
+            ("New session", "note_add", do.start_anew, not self.starting or holds_effects),
             ("Save session", "save", do.save_session, not self.starting),
             ("Report", "description", do.save_report, not self.starting),
             ("Export model", "download", do.export_model, not self.starting or holds_effects),  # outlives its flights

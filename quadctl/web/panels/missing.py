@@ -23,7 +23,7 @@ from quadctl.lab.comparison.wording import (
     remainder_in_words,
     sentence,
 )
-from quadctl.lab.flights.dataset import Dataset
+from quadctl.lab.flights.dataset import Dataset, HoldOut
 from quadctl.lab.flights.flight import VARIABLE_NAMES, Flight
 from quadctl.lab.flights.prediction import AXES
 from quadctl.lab.planning.suggestion import Suggestion
@@ -39,7 +39,7 @@ from quadctl.web.elements.theme import Theme
 from quadctl.web.figures.channels import channel_timeline
 from quadctl.web.figures.sketch import sketch_svg
 from quadctl.web.figures.timeline import short_timeline
-from quadctl.web.panels.evidence import Evidence, chosen_of, draw_suggestion
+from quadctl.web.panels.evidence import Evidence, chosen_of, draw_suggestion, rival_of
 from quadctl.web.panels.glossary import explained
 from quadctl.web.panels.panel import Controls, Panel, Tab
 from quadctl.web.panels.zoomed import zoomed_plot
@@ -51,6 +51,10 @@ from quadctl.web.work.predictions import predictions
 OPEN = "info"
 """Icon of a verdict that names nothing, and has no tick either."""
 AS_LOGGED = ("z_m", "z_ref_m", "vx_m_s", "vy_m_s", "vz_m_s")
+OF_BLOCKS = (
+    "Judged on blocks of time of these flights. Whether it holds for a further flight, the other choice tells: whole "
+    "flights, on Flights."
+)
 NOT_NEEDED = "Other forms of these effects, or look-alikes: not needed together with those above."
 NO_HELP = "These effects do not reduce the held-out error by more than chance might, or not as they physically can."
 
@@ -121,6 +125,7 @@ class Verdict(Panel):
     unseen: frozenset[Path]
     evaluation: Evaluation | None
     floor_m_s2: float | None
+    hold_out: HoldOut
     unconfirmed: Vehicle | None
     weight_doubts: tuple[str, ...]
     model: Model | None
@@ -140,6 +145,8 @@ class Verdict(Panel):
                 self._draw_invitation(do)
             else:
                 _draw_verdict(do, self.found.diagnosis, self._with_reservation(self._in_words(self.found.diagnosis)))
+                if self.hold_out == "blocks" and not self.unseen and len(self.seen.flights) > 1:
+                    tag("p", "muted", OF_BLOCKS)
                 for said in (*self.reservations, *self.cautions):
                     tag("p", "note", said)
 
@@ -150,11 +157,12 @@ class Verdict(Panel):
 
     @property
     def sentences(self) -> tuple[str, ...]:
-        """The verdict in words, the main sentence first; empty before the end of the search."""
+        """The verdict in words with what is to be said of the data, the main sentence first; empty before the end of
+        the search."""
         if self.found is None or self.search_title is not None:
             return ()
         said = self._with_reservation(self._in_words(self.found.diagnosis))
-        return said.verdict, *said.more
+        return said.verdict, *said.more, *self.reservations, *self.cautions
 
     def _draw_invitation(self, do: Controls) -> None:
         with tag("div", "line"):
@@ -318,7 +326,7 @@ class Candidates(Panel):
                     for candidate in group:
                         why = _instead_of(alike[candidate.family]) if candidate.family in alike else ""
                         if group is others:
-                            why = f"Why not: {reason_against(candidate, chosen[0] if chosen else None)}."
+                            why = f"Why not: {reason_against(candidate, rival_of(candidate, chosen))}."
                         self._draw_card(do, found, candidate, [], primary=False, why=why)
         if diagnosis.untried:
             text = "The flights do not vary enough to identify these effects."

@@ -7,7 +7,7 @@ import numpy as np
 from nicegui import ui
 
 from quadctl.lab.comparison.reservations import OF_THE_THRUST
-from quadctl.lab.comparison.wording import interval_in_text, looks_like, number, plain, plus, value_in_text
+from quadctl.lab.comparison.wording import interval_in_text, listed, looks_like, number, plain, plus, value_in_text
 from quadctl.lab.fitting.nuisances import KINDS, Kind
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.model import StackedEffect
@@ -19,6 +19,8 @@ from quadctl.web.work.jobs import Evaluation
 
 AT_LIMIT = 0.98
 """Share of its bound at which an offset is said to be at its limit."""
+APART = 3.0
+"""Difference of an offset between two flights that is told, in standard deviations of what is usual."""
 NUISANCES = {
     "thrust_scale": ("thrust", 100.0, "%"),
     "roll_rad": ("roll", np.degrees(1.0), "°"),
@@ -127,6 +129,19 @@ def _draw_errors(evaluation: Evaluation) -> None:
             with tag("tr"):
                 tag("td", "", flight)
                 tag("td", "number", number(errors["total"]))
+
+
+def apart_in_words(evaluation: Evaluation) -> str:
+    """Sentence on what was fitted to each flight by itself and differs much from flight to flight; empty where nothing
+    does."""
+    fitted = evaluation.solution.optimum.nuisances
+    found = []
+    for place, kind in enumerate(KINDS):
+        apart = float(np.ptp(fitted[:, place]))
+        if kind.name in NUISANCES and apart > APART * kind.prior_std:
+            name, factor, unit = NUISANCES[kind.name]
+            found.append(f"{name} by {factor * apart:.2g} {unit}".replace(" %", "%").replace(" °", "°"))
+    return f"What is fitted to each flight by itself differs beside that: {listed(found)}." if found else ""
 
 
 def _is_limited(value: float, kind: Kind) -> bool:

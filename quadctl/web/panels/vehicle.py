@@ -89,11 +89,13 @@ class VehicleChoice(Panel):
             if vehicle is not None:
                 with ui.expansion("Its numbers").props("dense"):
                     _draw_numbers(do, vehicle, self.theme)
-            with ui.expansion("A new vehicle").props("dense") as form:
+            entered = self._entered()
+            if entered is not None:
+                with _form(f"What was entered for {entered.name}"):
+                    _NewVehicle(do, [], entered, self.theme)
+            with _form("A new vehicle"):
                 logs = [log for log in self.logs if log.suffix.lower() in WITH_PARAMETERS]
-                _NewVehicle(do, logs, self._first_answers(), self.theme)
-            # A form that opens below the end of the window would seem to do nothing.
-            form.on("after-show", js_handler=f"() => getHtmlElement({form.id}).scrollIntoView()")
+                _NewVehicle(do, logs, TYPICAL, self.theme)
             with ui.expansion("As a file (YAML)").props("dense"):
                 upload = StreamedUpload()
                 do.receive(upload, do.take_files)
@@ -107,13 +109,21 @@ class VehicleChoice(Panel):
                 use = ui.button("Use this file", on_click=lambda: do.use_vehicle(box.value))
                 do.when_idle(use.props("no-caps outline"))
 
-    def _first_answers(self) -> Answers:
-        """Answers that the form of a new vehicle begins with: those of the user's own one in use, if it is on a regular
-        frame; else typical ones."""
-        if self.vehicle is None or all(vehicle_in(path) != self.vehicle for path in self.own_vehicles):
-            return TYPICAL
-        own = answers_of(self.vehicle)
-        return TYPICAL if own.frame is None else own
+    def _entered(self) -> Answers | None:
+        """Answers of the form from which the vehicle in use was made; None of one from a file, which assumes nothing,
+        and of one whose rotors are on no regular frame."""
+        vehicle = self.vehicle
+        if vehicle is None or not vehicle.assumed or all(vehicle_in(path) != vehicle for path in self.own_vehicles):
+            return None
+        answers = answers_of(vehicle)
+        return None if answers.frame is None else answers
+
+
+def _form(title: str) -> ui.expansion:
+    """A form that is folded; one that opens below the end of the window would seem to do nothing."""
+    form = ui.expansion(title).props("dense")
+    form.on("after-show", js_handler=f"() => getHtmlElement({form.id}).scrollIntoView()")
+    return form
 
 
 def _draw_choice(do: Controls, path: Path, icon: str, used: Vehicle | None) -> None:
