@@ -65,7 +65,7 @@ class Ladder(Panel):
                 if evaluation.agreement is not None:
                     with tag("p", "what").props('id="agreement"'):
                         tag("b", "", agreement_in_short(evaluation.agreement))
-                        tag("span", "", " Where it fails says by how much.")
+                        tag("span", "", " The numbers are in Where it fails.")
             do.nest(WhichVehicle)
             largest = max([*errors, now or 0.0, 1e-9])
             least = self.floor_m_s2
