@@ -115,8 +115,10 @@ def best_guesses(effect: type[Effect], left: Unmodelled) -> tuple[list[Effect], 
     dataset = left.dataset
     flights = [flight.conditions for flight in dataset.flights]
     starts = effect.starts(flights, left.model.vehicle)
-    if len(starts) == 1:
-        return list(starts), 1
+    # Of a few rotors each is fitted: beside moments at the bounds of a trim, what explains most to first order may be
+    # one that keeps these trims, rather than the one that needs none.
+    if len(starts) == 1 or (effect.affects_moment and len(starts) <= MAX_GUESSES):
+        return list(starts), len(starts)
     explained = {start: left.explained_by(start) for start in starts}
     joined = effect.joined(explained)
     explained |= {start: left.explained_by(start) for start in joined}
