@@ -489,7 +489,7 @@ class TestToldApart:
     def test_drag_and_tilt_are_named_on_one_heading_too_and_mostly_a_wind_is_said_to_do_as_well(
         self, raptor: Vehicle, tmp_path: Path
     ) -> None:
-        """Of these four flights, one tells the wind from the two by its noise."""
+        """One of these four flights tells the wind from the two by its noise."""
         as_well = []
         for seed in (2, 3, 4, 5):
             data = load_dataset([simulated("figure8", DRAG_AND_TILT, seed, tmp_path)], raptor)
