@@ -43,7 +43,7 @@ def considered_changes(model: Model, flight: Flight, groups: Sequence[str], pred
     yield from _airspeed_errors(model, flight, groups, predicted)
 
 
-def _disturbed_flights(flight: Flight) -> list[Flight]:
+def _disturbed_flights(flight: Flight) -> Iterator[Flight]:
     """Copies of the flight: each with one rotor a little stronger, then over ground that rises to the north, and to the
     east.
 
@@ -52,15 +52,12 @@ def _disturbed_flights(flight: Flight) -> list[Flight]:
     """
     thrusts = flight.nominal_n
     mean = sum(thrusts) / len(thrusts)
-    stronger = [
-        replace(flight, nominal_n=[*thrusts[:i], thrust + ROTOR_COEFFICIENT * (thrust - mean), *thrusts[i + 1 :]])
-        for i, thrust in enumerate(thrusts)
-    ]
+    for i, thrust in enumerate(thrusts):
+        stronger = thrust + ROTOR_COEFFICIENT * (thrust - mean)
+        yield replace(flight, nominal_n=[*thrusts[:i], stronger, *thrusts[i + 1 :]])
     c = flight.conditions
-    sloped = [
-        replace(flight, conditions=replace(c, height_m=c.height_m - GROUND_SLOPE * along)) for along in c.position_ne_m
-    ]
-    return [*stronger, *sloped]
+    for along in c.position_ne_m:
+        yield replace(flight, conditions=replace(c, height_m=c.height_m - GROUND_SLOPE * along))
 
 
 def _form_errors(model: Model, flight: Flight, groups: Sequence[str], predicted: Floats) -> Iterator[Floats]:

@@ -434,6 +434,7 @@ class Fitter:
                 columns = columns if used.all() else columns[used]
                 robust[i] += gram_matrix(columns, robust_weights(columns, axis_weights(flight, group)))
                 plain[i] += gram_matrix(columns)
+                del columns  # before the next, which is as large
         return robust, plain
 
     def _linearisation_at(self, fitted: Optimum) -> _Linearisation:
@@ -469,6 +470,7 @@ class Fitter:
                     weaker[0, i] = (change / scale[axes] * weights).ravel() @ flat
                 power += np.einsum("nap,nap->p", columns[..., :p], columns[..., :p])
                 covariance[i] += gradient_covariance(columns, weights)
+                del columns, flat  # before the next, which are as large
             consider.append(np.sum(of_errors, axis=0))
         return _Linearisation(residual, scale, gram, starts, power, np.stack(consider, axis=1), weaker, covariance)
 

@@ -13,9 +13,8 @@ from scipy.ndimage import correlate1d
 from scipy.sparse import csr_matrix
 
 from quadctl.effects import Conditions
-from quadctl.frames import GRAVITY_M_S2, euler_from_quaternion, rotate, rotate_inverse
+from quadctl.frames import GRAVITY_M_S2, euler_from_quaternion, rotate_inverse
 from quadctl.lab.arrays import Floats, Mask
-from quadctl.lab.flights.vehicle_match import weight_doubt
 from quadctl.numeric import Number, Vector
 from quadctl.vehicle import Vehicle
 
@@ -161,6 +160,8 @@ class Flight:
     """Hash of the log file; empty for a log without a file."""
     timing: Timing = UNKNOWN_TIMING
     """Timing of the vehicle's channels, from all flights that were prepared together."""
+    weight_doubt: str | None = None
+    """Doubt whether the vehicle is the one that flew, as its thrust would carry another weight; None without."""
     notes: list[str] = field(default_factory=list)
 
     def some(self, kept: Mask) -> "Flight":
@@ -220,13 +221,6 @@ class Flight:
     def duration_s(self) -> float:
         """Time in the air without gaps, s; each sample counts as one sampling step."""
         return float(len(self.time_s) * np.median(np.diff(self.time_s)))
-
-    @property
-    def weight_doubt(self) -> str | None:
-        """Doubt whether the vehicle is the one that flew, as its thrust would carry another weight; None without."""
-        *_, upright = rotate(self.conditions.attitude, (0.0, 0.0, 1.0))
-        carried = float(np.median(np.sum(self.logged_n, axis=0) * upright)) / self.vehicle.weight_n
-        return weight_doubt(carried, self.vehicle, self.thrust_source)
 
     @property
     def imu_error(self) -> Floats | None:

@@ -26,7 +26,7 @@ from quadctl.lab.arrays import Floats
 from quadctl.lab.flights.channels import THROTTLE, THRUST_COMMAND, Signals, signals_of, without_absent_motors
 from quadctl.lab.flights.flight import Flight, SlowFilter
 from quadctl.lab.flights.timing import timed
-from quadctl.lab.flights.vehicle_match import motion_problem, sidecar_problem, thrust_problem
+from quadctl.lab.flights.vehicle_match import motion_problem, sidecar_problem, thrust_problem, weight_doubt
 from quadctl.lab.flights.velocity_scale import scale_note
 from quadctl.logs.contradictions import contradictions
 from quadctl.logs.flight_log import ATTITUDE, POSITION, VELOCITY, FlightLog, doubt_of_copy
@@ -100,8 +100,11 @@ def prepare(log: FlightLog, vehicle: Vehicle) -> Flight:
     thrust = np.column_stack([flight.filtered(nominal) for nominal in flight.nominal_n])
     lean = np.column_stack([flight.variables[name] for name in ("roll", "pitch")])
     _refuse(log.name, motion_problem(flight.measured, thrust, flight.torque, lean, vehicle))
-    doubts = [doubt for doubt in (flight.weight_doubt, scale_note(flight)) if doubt]
-    return replace(flight, notes=[*notes, *doubts])
+    *_, upright = rotate(flight.conditions.attitude, (0.0, 0.0, 1.0))
+    carried = float(np.median(np.sum(flight.logged_n, axis=0) * upright)) / vehicle.weight_n
+    doubt = weight_doubt(carried, vehicle, flight.thrust_source)
+    doubts = [note for note in (doubt, scale_note(flight)) if note]
+    return replace(flight, weight_doubt=doubt, notes=[*notes, *doubts])
 
 
 def _over_surfaces(flight: Flight, log: FlightLog) -> Flight:
