@@ -83,6 +83,11 @@ def over_time(r: Results) -> Section:
         f"{worst} axis ({quantity(c.rmse[worst])}).",
         f"{variance_in_words(c.explained)} The noise floor is {roughly(floor_total(r))}: {FLOOR}.",
     ]
+    if r.shown.errors_m_s2 is not None:
+        text.append(
+            "This is the error of the model as it stands, with the trim of each flight; the number at the top is "
+            "apart from the trims."
+        )
     return Section(
         "over-time", r.titled("Measured against predicted"), text, time_figures(c, {c.model.name: c}, "seen")
     )
@@ -183,10 +188,20 @@ def over_variables(r: Results) -> Section:
 
 
 def where_it_fails(r: Results) -> Section:
-    c = r.comparison
-    title = r.titled("Where the model fails")
+    return _failures(r.comparison, "fails", r.titled("Where the model fails"), r.comparison.model.name)
+
+
+def where_it_still_fails(r: Results) -> Section | None:
+    """Section on the model with what was added; where flights are held out, another section says it of those."""
+    if r.improved is None or r.after is not None:
+        return None
+    name = f"{r.comparison.model.name} with what was added"
+    return _failures(r.improved, "still-fails", f"Where the model still fails: {name}", name)
+
+
+def _failures(c: Comparison, anchor: str, title: str, name: str) -> Section:
     if not c.fails_where:
-        return Section("fails", title, [f"{c.model.name} has no significant error in any range of a variable."])
+        return Section(anchor, title, [f"{name} has no significant error in any range of a variable."])
     shown = told(c.fails_where, SHOWN_FAILURES)
     rows = [
         [
@@ -205,7 +220,7 @@ def where_it_fails(r: Results) -> Section:
     more = len(c.fails_where) - len(shown)
     followed = followed_in_words(shown, c.dataset)
     return Section(
-        "fails",
+        anchor,
         title,
         text,
         tables=[Table(["where and how", f"mean residual / {UNIT}", "sigma", "samples"], rows)],

@@ -52,7 +52,12 @@ def missing(r: Results) -> Section | None:
     if d.ranking:
         tables.append(_ranking_table(d))
     return Section(
-        "missing", "What is missing", _diagnosis_text(d, floor), figures, tables=tables, after_text=_look_alikes(d)
+        "missing",
+        r.titled("What is missing"),
+        _diagnosis_text(d, floor),
+        figures,
+        tables=tables,
+        after_text=_look_alikes(d),
     )
 
 

@@ -9,9 +9,9 @@ from jinja2 import Environment, StrictUndefined
 
 from quadctl import __version__
 from quadctl.errors import SettingsError
-from quadctl.lab.comparison.comparison import Comparison
+from quadctl.lab.comparison.comparison import Comparison, compare
 from quadctl.lab.report.added import before_and_after, fitted_effects
-from quadctl.lab.report.compared import flights, open_loop_section, over_time, over_variables, where_it_fails
+from quadctl.lab.report.compared import flights, open_loop_section, over_time, over_variables, where_it_fails, where_it_still_fails
 from quadctl.lab.report.diagnosed import missing
 from quadctl.lab.report.flown import step_section
 from quadctl.lab.report.numbers import lowest_floors
@@ -68,6 +68,8 @@ def _remove(temporary: Path) -> None:
 
 def render_report(results: Results) -> str:
     """Render the page as HTML."""
+    if results.addition is not None:
+        results = results._replace(improved=compare(results.addition.model, results.comparison.dataset))
     results = results._replace(floors=lowest_floors(results))
     sections = [section for make in _SECTIONS if (section := make(results)) is not None]
     template = files("quadctl.lab.report").joinpath("report.html.j2").read_text(encoding="utf-8")
@@ -92,5 +94,6 @@ _SECTIONS = (
     missing,
     before_and_after,
     fitted_effects,
+    where_it_still_fails,
     step_section,
 )

@@ -36,6 +36,8 @@ class Results(NamedTuple):
     after: Comparison | None = None
     steps: StepResponses | None = None
     shown: Shown = Shown()
+    improved: Comparison | None = None
+    """Model with what was added, on the flights of `comparison`; None without an addition."""
     floors: dict[str, float] | None = None
     """Noise floor of the flights of the fit per axis and total, m/s^2; see `lowest_floors`."""
 

@@ -165,8 +165,17 @@ class TestWhatThePageHolds:
     def test_what_is_of_the_model_before_anything_was_added_says_so(self, flown: Flown) -> None:
         said = ": rigid body, before anything was added"
         whole = render_report(Results(flown.before, flown.diagnosis, flown.addition))
-        assert whole.count(f"{said}</h2>") == 4
+        assert whole.count(f"{said}</h2>") == 5
         assert said not in render_report(Results(flown.before, flown.diagnosis))
+
+    def test_what_was_added_is_judged_too_where_no_flight_is_held_out(self, flown: Flown) -> None:
+        seen = Page(render_report(Results(flown.before, flown.diagnosis, flown.addition)))
+        assert seen.sections[-1] == "still-fails"
+        assert "Where the model still fails: rigid body with what was added" in seen.text
+        improved = compare(flown.addition.model, flown.before.dataset)
+        assert len(improved.fails_where) < len(flown.before.fails_where)
+        told = f"{len(improved.fails_where)} range" if improved.fails_where else "no significant error"
+        assert told in seen.text[seen.text.index("Where the model still fails: ") :]
 
     def test_the_noise_floor_is_the_lowest_over_all_steps_as_on_the_page(self, flown: Flown) -> None:
         first = {axis: 2.0 * floor for axis, floor in flown.before.noise_floor.items()}
@@ -187,6 +196,7 @@ class TestWhatThePageHolds:
         assert "Acceleration error (RMSE over all axes), on blocks" in top
         assert " ".join(said) in top
         assert "Added to rigid body: ground effect." in top
+        assert "the model as it stands, with the trim of each flight; the number at the top is apart from" in text
         assert f"noise floor: {FLOOR} {roughly(0.0321)}" in top
 
     def test_the_verdict_is_on_the_condition_that_the_vehicle_flew_where_nobody_has_said_so(self, flown: Flown) -> None:
