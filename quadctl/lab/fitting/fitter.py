@@ -184,7 +184,8 @@ class Fitter:
         order with the robust weights of the fit. Each draw also has its own prior means of the nuisances, since what
         the data do not tell about a nuisance is as uncertain as its prior says, and its own considered errors
         (`consider_parameters`). Where the noise is slower than the runs of blocks tell, by its spectrum, the draws
-        spread as far as that says. Errors of the velocity may have weakened a drag, never strengthened it
+        spread as far as that says. A nuisance that a bound holds may be beyond it
+        (`_step_beyond_bounds`). Errors of the velocity may have weakened a drag, never strengthened it
         (`velocity_error`). Parameters that a bound holds are drawn last, and the others follow them.
         """
         p = len(self.free)
@@ -228,6 +229,7 @@ class Fitter:
         if len(held):
             equations = self._equations(whole, -fitted.nuisances)
             moves += self._moves_of_held(equations, free_mask, held, values, wider, drawn_steps[-1], random)
+        moves += random.uniform(size=(BOOTSTRAPS, 1)) * self._step_beyond_bounds(fitted, whole, free_mask)
         weaker = np.maximum(random.standard_normal((BOOTSTRAPS, 1)), 0.0)
         moves += weaker @ self._steps_by_errors(fitted, whole, tangent.weakening_gradient, free_mask)
         draws = np.clip(values + self._unit[:p] * moves, low, high)
@@ -249,18 +251,19 @@ class Fitter:
 
     # --- steps: vectors of the parameters and the nuisances of all flights --------------------------------------------
 
-    def _equations(self, gram: Floats, prior_offset: Floats) -> Arrow:
+    def _equations(self, gram: Floats, prior_offset: Floats, prior_std: Floats = PRIOR_STD) -> Arrow:
         """Normal equations, in units of the range of each parameter and nuisance.
 
         `gram` holds the Gram matrix of each flight (see `gram_matrix`), `prior_offset` the prior mean minus the present
-        value of the nuisances, shape (flights, kinds); both may have a leading axis of draws.
+        value of the nuisances, shape (flights, kinds), and `prior_std` their standard deviation; the first two may have
+        a leading axis of draws.
         """
         p, kinds = len(self.free), np.arange(len(KINDS))
         unit = np.concatenate([self._unit[: p + len(KINDS)], [1.0]])
         scaled = gram * np.outer(unit, unit)
         own = unit[p:-1]
-        scaled[..., p + kinds, p + kinds] += (own / PRIOR_STD) ** 2
-        scaled[..., p:-1, -1] += own / PRIOR_STD**2 * prior_offset
+        scaled[..., p + kinds, p + kinds] += (own / prior_std) ** 2
+        scaled[..., p:-1, -1] += own / prior_std**2 * prior_offset
         return Arrow.of_gram_matrices(scaled, p).ridged()
 
     def _moves_of_held(
@@ -305,6 +308,21 @@ class Fitter:
         rhs_of_errors[..., :-1, -1] = consider_gradients
         equations = self._equations(rhs_of_errors, np.zeros_like(fitted.nuisances))
         return np.asarray(equations.solve(free_mask)[:, : len(self.free)])
+
+    def _step_beyond_bounds(self, fitted: Optimum, gram: Floats, free_mask: Mask) -> Floats:
+        """Step of the parameters, in units of their ranges, where the nuisances that `BOUND` holds go beyond it, shape
+        (p,); 0 where it holds none.
+
+        It is what usual vehicles and estimators have, and no law of physics. A nuisance that it holds belongs to an
+        unusual one, of which nobody knows how far it goes: its prior is then as wide as the bound.
+        """
+        p = len(self.free)
+        unusual = np.abs(fitted.nuisances) > (1.0 - HELD) * BOUND
+        released = free_mask | np.concatenate([np.zeros(p, dtype=bool), unusual.ravel()])
+        if np.array_equal(released, free_mask):
+            return np.zeros(p)
+        prior_std = np.where(unusual, BOUND, PRIOR_STD)
+        return np.asarray(self._equations(gram, -fitted.nuisances, prior_std).solve(released)[:p])
 
     def _variance_beyond_runs(
         self, fitted: Optimum, gram: Floats, tangent: _Linearisation, run: NDArray[np.intp], free_mask: Mask
