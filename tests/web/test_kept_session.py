@@ -1,5 +1,6 @@
 """A new start of the page in the same folder goes on with the session that is kept there, if it is the same one."""
 
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,6 +11,7 @@ from quadctl.effects.ground_effect import Exponential
 from quadctl.logs.flight_log import FlightLog
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
+from quadctl.web.session.earlier import MOST, earlier_sessions
 from quadctl.web.session.files import sha256_of
 from quadctl.web.session.session import AUTOSAVED, Session, session_to_yaml
 from quadctl.web.session.start import first_session, kept_session
@@ -95,3 +97,37 @@ def test_a_folder_without_a_session_that_can_be_read_is_an_empty_one(
     if text is not None:
         (tmp_path / AUTOSAVED).write_text(text)
     assert kept_session(tmp_path, begun(raptor), model_given=False) is None
+
+
+class TestEarlierSessions:
+    """Those that are kept beside the present one, by what a person knows them by."""
+
+    def test_each_is_known_by_its_flights_its_model_and_its_error(self, kept: Session, log: Path) -> None:
+        model = kept.rungs[0].model.plus(Exponential(a=0.3, b=5.0))
+        session = kept.climbed(replace(kept.rungs[0], model=model)).judged(0.0312)
+        (log.parent / "previous.lab.yaml").write_text(session_to_yaml(session))
+        (one,) = earlier_sessions(log.parent)  # the present one is none of them
+        assert (one.path.name, one.title) == ("previous.lab.yaml", "flight.csv")
+        assert one.details.endswith(": raptor, ground effect, error 0.0312 m/s²")
+        assert f"{one.saved:%Y}" in one.details
+
+    def test_the_latest_comes_first_and_what_is_no_session_is_left_out(self, kept: Session, log: Path) -> None:
+        for number in range(MOST + 3):
+            path = log.parent / f"previous-{number}.lab.yaml"
+            path.write_text(session_to_yaml(kept))
+            os.utime(path, (1000.0 + number, 1000.0 + number))
+        for name, text in {"bad.lab.yaml": "rungs: [", "other.lab.yaml": "rungs: 3", "empty.lab.yaml": ""}.items():
+            (log.parent / name).write_text(text)
+            os.utime(log.parent / name, (500.0, 500.0))
+        assert [one.path.name for one in earlier_sessions(log.parent)] == [
+            f"previous-{number}.lab.yaml" for number in range(MOST + 2, 2, -1)
+        ]
+
+    def test_none_of_their_own_effects_is_run_before_one_is_opened(self, kept: Session, log: Path) -> None:
+        ran = log.parent / "ran"
+        (log.parent / "own.py").write_text(f"open({str(ran)!r}, 'w')")
+        text = session_to_yaml(kept).replace("    effects: []", "    effects: []\n    effect_files: [own.py]")
+        assert "own.py" in text
+        (log.parent / "previous.lab.yaml").write_text(text)
+        assert len(earlier_sessions(log.parent)) == 1
+        assert not ran.exists()

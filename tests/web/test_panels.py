@@ -27,6 +27,7 @@ from quadctl.lab.fitting.fitted_model import fit_model
 from quadctl.lab.fitting.nuisances import KINDS
 from quadctl.lab.flights.dataset import Dataset, load_dataset
 from quadctl.lab.flights.prediction import GROUPS
+from quadctl.lab.flights.vehicle_match import weight_doubt
 from quadctl.lab.selection import diagnosis as lab_diagnosis
 from quadctl.lab.selection.diagnosis import diagnose
 from quadctl.lab.selection.evidence import evidence_for
@@ -164,6 +165,7 @@ def views(raptor: Vehicle) -> dict[str, View]:
         hidden=None,
         vehicles=(Path("raptor.yaml"),),
         own_vehicles=(),
+        folder=Path("lab"),
         template="",
         theme=LIGHT,
         axis="up",
@@ -269,7 +271,8 @@ def _with_a_gap(log: FlightLog) -> FlightLog:
 
 def _of_half_the_mass(dataset: Dataset, vehicle: Vehicle) -> Dataset:
     light = vehicle.model_copy(update={"mass_kg": 0.5 * vehicle.mass_kg})
-    return replace(dataset, flights=tuple(replace(flight, vehicle=light) for flight in dataset.flights))
+    doubt = weight_doubt(2.0, light, dataset.flights[0].thrust_source)
+    return replace(dataset, flights=tuple(replace(f, vehicle=light, weight_doubt=doubt) for f in dataset.flights))
 
 
 def _with_assumed_thrust(session: Session) -> Session:

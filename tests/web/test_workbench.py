@@ -312,6 +312,16 @@ class TestNewSession:
         kept = load_session(used.folder / AUTOSAVED)  # nor is the new one resumed at the next start
         assert [path.name for path in kept.logs] == ["a.csv"]
 
+    def test_each_that_was_kept_can_be_opened_later(self, used: Workbench) -> None:
+        before = used.session
+        asyncio.run(used.start_anew())
+        asyncio.run(used.open_earlier(used.folder / f"{PREVIOUS}.lab.yaml"))
+        assert [path.name for path in used.session.logs] == ["a.csv"]
+        assert [rung.model.effects for rung in used.session.rungs] == [rung.model.effects for rung in before.rungs]
+        asyncio.run(used.open_earlier(used.folder / "gone.lab.yaml"))
+        assert used.message is not None and used.message.kind == "error"
+        assert [path.name for path in used.session.logs] == ["a.csv"]
+
     def test_those_before_that_one_stay(self, used: Workbench) -> None:
         asyncio.run(used.start_anew())
         asyncio.run(used.open_logs([Path("b.csv")]))

@@ -11,7 +11,14 @@ from quadctl import __version__
 from quadctl.errors import SettingsError
 from quadctl.lab.comparison.comparison import Comparison, compare
 from quadctl.lab.report.added import before_and_after, fitted_effects
-from quadctl.lab.report.compared import flights, open_loop_section, over_time, over_variables, where_it_fails, where_it_still_fails
+from quadctl.lab.report.compared import (
+    flights,
+    open_loop_section,
+    over_time,
+    over_variables,
+    where_it_fails,
+    where_it_still_fails,
+)
 from quadctl.lab.report.diagnosed import missing
 from quadctl.lab.report.flown import step_section
 from quadctl.lab.report.numbers import lowest_floors

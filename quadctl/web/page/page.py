@@ -208,6 +208,7 @@ class Page:
             hidden=bench.simulation.hidden,
             vehicles=tuple(self._intake.vehicles),
             own_vehicles=tuple(self._intake.own_vehicles),
+            folder=bench.folder,
             template=TEMPLATE,
             theme=self._theme,
             axis=chosen.axis or self._worst_axis,

@@ -15,6 +15,7 @@ from quadctl.web.elements.theme import Theme
 from quadctl.web.panels.flights import drop_zone
 from quadctl.web.panels.panel import Controls, Panel
 from quadctl.web.panels.vehicle import VehicleChoice
+from quadctl.web.session.earlier import Earlier
 from quadctl.web.session.session import Rung
 from quadctl.web.work.jobs import Opened
 from quadctl.web.work.reading import OpenedLog
@@ -181,6 +182,7 @@ class Start(Panel):
 
     starting: bool
     logs: tuple[Path, ...]
+    earlier: tuple[Earlier, ...]
 
     def draw(self, do: Controls) -> None:
         if not self.starting:
@@ -204,4 +206,16 @@ class Start(Panel):
                 sample.props("no-caps outline")
                 text = "No log at hand? The vehicle below is flown in simulation, with an effect that its model lacks."
                 tag("span", "muted grow", text)
+        if self.earlier:
+            with tag("section", "card").props('id="earlier"'):
+                heading("Earlier sessions")
+                for one in self.earlier:
+                    _draw_earlier(do, one)
         do.nest(VehicleChoice)
+
+
+def _draw_earlier(do: Controls, one: Earlier) -> None:
+    with tag("div", "line wrap"):
+        go_on = ui.button(one.title, icon="history", on_click=lambda: do.act(do.bench.open_earlier(one.path)))
+        do.when_idle(go_on.props("no-caps outline dense"))
+        tag("span", "muted grow", f"{one.details} ({one.path.name})")

@@ -17,6 +17,7 @@ from quadctl.logs.flight_log import FlightLog
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
 from quadctl.web.elements.theme import Theme
+from quadctl.web.session.earlier import Earlier, earlier_sessions
 from quadctl.web.session.findings import Diagnosed
 from quadctl.web.session.session import Rung, Session
 from quadctl.web.work.doubts import cautions_of, names_its_vehicle
@@ -57,6 +58,8 @@ class View:
     """Vehicle files to choose from."""
     own_vehicles: tuple[Path, ...]
     """Vehicle files that were made on this page."""
+    folder: Path
+    """Folder that the page saves in."""
     template: str
     """Text of a vehicle file to begin with."""
     theme: Theme
@@ -85,6 +88,11 @@ class View:
     def starting(self) -> bool:
         """No flight is open, and none is being opened."""
         return self.opened is None and self.work is None
+
+    @property
+    def earlier(self) -> tuple[Earlier, ...]:
+        """Earlier sessions to go on with; none where one is open."""
+        return earlier_sessions(self.folder) if self.starting else ()
 
     @property
     def reading(self) -> bool:

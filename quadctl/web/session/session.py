@@ -180,7 +180,9 @@ class Session:
         return replace(self, unseen=frozenset(chosen)).unjudged()
 
 
-class _RungEntry(Settings):
+class RungEntry(Settings):
+    """One step of the ladder in a session file."""
+
     name: str
     error_m_s2: float | None = None
     floor_m_s2: float | None = None
@@ -189,7 +191,9 @@ class _RungEntry(Settings):
     """JSON text: so many numbers would take seconds to read as YAML."""
 
 
-class _SessionFile(Settings):
+class SessionFile(Settings):
+    """Content of a session file, before the models in it are loaded."""
+
     logs: list[str] = Field(default_factory=list)
     sha256: dict[str, str] = Field(default_factory=dict)
     """By the paths of the logs."""
@@ -199,7 +203,7 @@ class _SessionFile(Settings):
     hold_out: HoldOut = "blocks"
     current: int = Field(default=0, ge=0)
     switched_off: list[str] = Field(default_factory=list)
-    rungs: list[_RungEntry] = Field(default_factory=list)
+    rungs: list[RungEntry] = Field(default_factory=list)
 
 
 def session_to_yaml(session: Session) -> str:
@@ -246,7 +250,7 @@ def load_session(path: Path) -> Session:
     SettingsError
         It cannot be read, or is no session; the sentence names what was expected.
     """
-    entry = validate(read_yaml(path), _SessionFile, str(path))
+    entry = validate(read_yaml(path), SessionFile, str(path))
     logs = tuple(path.parent / log for log in entry.logs)
     unseen = frozenset(path.parent / log for log in entry.unseen)
     if not unseen <= set(logs):
@@ -263,7 +267,7 @@ def load_session(path: Path) -> Session:
     return replace(session, off=frozenset(entry.switched_off), vehicle_assumed=entry.vehicle_assumed)
 
 
-def _rung(entry: _RungEntry, path: Path) -> Rung:
+def _rung(entry: RungEntry, path: Path) -> Rung:
     model = _model(entry.model, path)
     try:
         found = None if entry.found is None else Findings.from_json(entry.found, model)

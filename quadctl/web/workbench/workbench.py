@@ -21,7 +21,7 @@ from quadctl.model import Model, load_model, model_to_dict
 from quadctl.vehicle import Vehicle
 from quadctl.web.session.files import changed_logs, keep_expression, without_folder
 from quadctl.web.session.findings import Diagnosed, Findings
-from quadctl.web.session.session import AUTOSAVED, SUFFIX, Rung, Session, session_to_yaml
+from quadctl.web.session.session import AUTOSAVED, SUFFIX, Rung, Session, load_session, session_to_yaml
 from quadctl.web.work import jobs, reading
 from quadctl.web.work.exchange import Exchange
 from quadctl.web.work.simulated import Simulation
@@ -224,6 +224,15 @@ class Workbench:
         """Go on with the session before the present one."""
         if self._before is not None:
             await self.resume(self._before)
+
+    async def open_earlier(self, path: Path) -> None:
+        """Go on with a session that is kept in the folder of the page."""
+        try:
+            session = await asyncio.to_thread(load_session, path)
+        except QuadctlError as error:
+            self.say("error", f"{error}.")
+            return
+        await self.resume(session)
 
     async def resume(self, session: Session) -> None:
         if any(rung.error_m_s2 is not None for rung in session.rungs):  # its logs were in use when it was saved

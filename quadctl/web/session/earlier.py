@@ -1,0 +1,73 @@
+"""Earlier sessions: those that are kept in the folder of the page beside the present one."""
+
+from dataclasses import dataclass
+from datetime import datetime
+from functools import lru_cache
+from pathlib import Path
+
+from quadctl.errors import QuadctlError
+from quadctl.lab.comparison.wording import listed, plain, quantity
+from quadctl.settings import read_yaml, validate
+from quadctl.web.session.session import AUTOSAVED, SUFFIX, SessionFile
+
+MOST = 8
+"""Number of sessions that are listed, the latest first."""
+
+
+@dataclass(frozen=True)
+class Earlier:
+    """One earlier session, with what a person knows it by."""
+
+    path: Path
+    saved: datetime
+    flights: tuple[str, ...]
+    """Names of its logs."""
+    vehicle: str
+    effects: tuple[str, ...]
+    """Families of the effects in its model."""
+    error_m_s2: float | None
+
+    @property
+    def title(self) -> str:
+        """Its flights, or its vehicle where it has none."""
+        return listed(self.flights) if self.flights else f"{self.vehicle}, without a flight"
+
+    @property
+    def details(self) -> str:
+        """When it was saved, its vehicle, the effects in the model and the error."""
+        model = listed([plain(family) for family in self.effects]) if self.effects else "no effect added"
+        error = "" if self.error_m_s2 is None else f", error {quantity(self.error_m_s2)}"
+        return f"{self.saved:%d %B %Y, %H:%M}: {self.vehicle}, {model}{error}"
+
+
+def earlier_sessions(folder: Path) -> tuple[Earlier, ...]:
+    """The sessions that `folder` holds, apart from the present one; what cannot be read as one is left out."""
+    found = []
+    for path in folder.glob(f"*{SUFFIX}"):
+        try:
+            changed_ns = path.stat().st_mtime_ns
+        except OSError:
+            continue
+        if path.name != AUTOSAVED:
+            found.append((changed_ns, path))
+    latest = sorted(found, reverse=True)[:MOST]
+    return tuple(one for changed_ns, path in latest if (one := _earlier(path, changed_ns)) is not None)
+
+
+@lru_cache(maxsize=100)
+def _earlier(path: Path, changed_ns: int) -> Earlier | None:
+    """What the file says; no model of it is loaded, which would run the effects of one's own that it names."""
+    try:
+        session = validate(read_yaml(path), SessionFile, str(path))
+        model = session.rungs[session.current].model
+        vehicle, effects = model["vehicle"]["name"], [entry["effect"] for entry in model["effects"]]
+    except (QuadctlError, IndexError, KeyError, TypeError):
+        return None
+    return Earlier(
+        path=path,
+        saved=datetime.fromtimestamp(changed_ns / 1e9).astimezone(),
+        flights=tuple(Path(log).name for log in session.logs),
+        vehicle=str(vehicle),
+        effects=tuple(str(effect).split(".")[0] for effect in effects),
+        error_m_s2=session.rungs[session.current].error_m_s2,
+    )
