@@ -14,7 +14,7 @@ from quadctl.lab.comparison.agreement import Agreement, Errors, of_one_model
 from quadctl.lab.comparison.failures import LEAST_PART, Failure, Profile, failures, is_telling, profiles, told
 from quadctl.lab.comparison.open_loop import OpenLoop, open_loop, open_loop_in_words, open_loop_table
 from quadctl.lab.comparison.reservations import reservations
-from quadctl.lab.comparison.wording import agreement_in_words, followed_in_words
+from quadctl.lab.comparison.wording import agreement_in_words, followed_in_words, untold_in_words
 from quadctl.lab.fitting.flexible_regression import flexible_residual, noise_floor
 from quadctl.lab.flights.dataset import AlignedDataset, Dataset
 from quadctl.lab.flights.prediction import AXES, rmse
@@ -96,8 +96,8 @@ class Comparison(Result):
             lines += [f"  - {failure.text} ({abs(failure.sigma):.0f} sigma)" for failure in shown]
             if len(self.fails_where) > SHOWN_FAILURES:
                 lines.append(f"  - and {len(self.fails_where) - SHOWN_FAILURES} more ranges (see --json or --html)")
-            followed = followed_in_words(shown, self.dataset)
-            lines += [followed] if followed else []
+            more = (followed_in_words(shown, self.dataset), untold_in_words(shown, self.rmse))
+            lines += [said for said in more if said]
         else:
             lines.append("The model has no significant error in any range of a variable.")
         lines += [f"Note: {note}." for note in values_of_other_flights(self.model, self.dataset.names)]

@@ -9,6 +9,7 @@ from quadctl.lab.comparison.failures import Failure
 from quadctl.lab.comparison.remainder import Remainder
 from quadctl.lab.flights.dataset import FOLDS, Dataset
 from quadctl.lab.flights.flight import VARIABLE_NAMES, VARIABLE_UNITS
+from quadctl.lab.flights.prediction import AXES
 from quadctl.lab.flights.preparation import BLOCK_S
 
 UNIT = "m/s²"
@@ -16,6 +17,8 @@ FLOOR = "held-out error of a regression on all logged variables, the lowest over
 """Meaning of the noise floor; the steps are the models that were compared on these flights."""
 TWO_DECIMALS_M_S2 = 0.05
 """Difference of two mean residuals from which on they are told with two decimals instead of three."""
+MUCH = 0.2
+"""Share of the squared error from which on an axis is told of, whatever its error goes with."""
 ERRORS = {"total": "acceleration error", "turning": "moment error", "sensing": "accelerometer error"}
 """Name of the error of each measured group."""
 
@@ -284,6 +287,20 @@ def followed_in_words(found: Sequence[Failure], dataset: Dataset) -> str:
         f"{flights} the {listed(list(names))} {verb} disturbances, which the controller counters, more than the "
         f"motion: what goes with {them} need be no missing effect."
     )
+
+
+def untold_in_words(shown: Sequence[Failure], errors: Mapping[str, float]) -> str:
+    """Sentence on the axes that hold much of the squared error and that none of the `shown` failures is about; empty
+    where there is none. `errors` are the RMSE per axis, m/s^2."""
+    whole, told = sum(errors[axis] ** 2 for axis in AXES), {failure.axis for failure in shown}
+    share = {axis: errors[axis] ** 2 / whole for axis in AXES if axis not in told} if whole > 0.0 else {}
+    untold = [axis for axis in share if share[axis] >= MUCH]
+    if not untold:
+        return ""
+    errors_in_words = [
+        f"{axis} ({quantity(errors[axis])}, {percent(share[axis])} of the squared error)" for axis in untold
+    ]
+    return f"Along {listed(errors_in_words)} no logged variable explains much of the error."
 
 
 def label_of(variable: str) -> str:

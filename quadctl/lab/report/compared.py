@@ -24,6 +24,7 @@ from quadctl.lab.comparison.wording import (
     quantity,
     roughly,
     sentence,
+    untold_in_words,
     variance_in_words,
 )
 from quadctl.lab.flights.flight import VARIABLE_NAMES, Flight
@@ -218,7 +219,7 @@ def _failures(c: Comparison, anchor: str, title: str, name: str) -> Section:
         "Ranges of different variables may have the same cause. Those with the largest squared error come first."
     ]
     more = len(c.fails_where) - len(shown)
-    followed = followed_in_words(shown, c.dataset)
+    said = (followed_in_words(shown, c.dataset), untold_in_words(shown, c.rmse))
     return Section(
         anchor,
         title,
@@ -226,6 +227,6 @@ def _failures(c: Comparison, anchor: str, title: str, name: str) -> Section:
         tables=[Table(["where and how", f"mean residual / {UNIT}", "sigma", "samples"], rows)],
         after_text=[
             *([f"{count(more, 'range')} more, with smaller errors, are not listed."] if more else []),
-            *([followed] if followed else []),
+            *(part for part in said if part),
         ],
     )

@@ -18,6 +18,7 @@ from quadctl.lab.comparison.wording import (
     followed_in_words,
     listed,
     sentence,
+    untold_in_words,
 )
 from quadctl.lab.flights.flight import Flight
 from quadctl.web.elements.html import empty, heading, loading, plot, tag
@@ -112,9 +113,9 @@ def _draw_sentences(do: Controls, comparison: Comparison) -> None:
     shown = told(comparison.fails_where, SHOWN_SENTENCES)
     for failure in shown:
         _draw_sentence(do, failure, comparison)
-    followed = followed_in_words(shown, comparison.dataset)
-    if followed:
-        tag("p", "muted", followed)
+    for said in (followed_in_words(shown, comparison.dataset), untold_in_words(shown, comparison.rmse)):
+        if said:
+            tag("p", "muted", said)
 
 
 def _is_most(flight: Flight, ranges: Brush) -> bool:

@@ -13,7 +13,7 @@ from quadctl.effects.ground_effect import Exponential
 from quadctl.lab.comparison.comparison import compare
 from quadctl.lab.comparison.failures import Failure, _adjusted, failures, profiles, stretches, told
 from quadctl.lab.comparison.long_range import LongRangeNoise
-from quadctl.lab.comparison.wording import followed_in_words
+from quadctl.lab.comparison.wording import followed_in_words, untold_in_words
 from quadctl.lab.fitting.flexible_regression import flexible_residual
 from quadctl.lab.flights.dataset import Dataset, load_dataset
 from quadctl.model import Model
@@ -67,6 +67,16 @@ def test_what_follows_disturbances_is_said_to_be_no_sure_cause(raptor: Vehicle, 
     assert said.startswith("In this flight the thrust follows disturbances")
     assert "rotor height" not in said
     assert said in " ".join(str(compare(Model(raptor), data)).split())
+
+
+def test_an_axis_with_much_of_the_error_is_told_of_even_where_nothing_goes_with_it() -> None:
+    up = Failure("up", "thrust", 10.0, 12.0, 0.3, 9.0, 100, "the up residual goes with the thrust")
+    errors = {"north": 0.03, "east": 0.3, "up": 0.4, "total": 0.5}
+    said = "Along east (0.300 m/s², 36% of the squared error) no logged variable explains much of the error."
+    assert untold_in_words([up], errors) == said
+    assert untold_in_words([up, replace(up, axis="east")], errors) == ""
+    assert "north" not in untold_in_words([], errors)
+    assert untold_in_words([], dict.fromkeys(errors, 0.0)) == ""
 
 
 class TestStretches:
