@@ -115,6 +115,11 @@ def test_a_new_vehicle_is_entered_as_a_few_numbers(browser: Browser, tmp_path: P
         for label, typed in (("Name", "mine"), ("Throttle in hover, 0 to 1", "0.3")):
             expect(visitor.page.get_by_label(label, exact=True).first).to_have_value(typed)
         visitor.click("text=What was entered for mine")
+        visitor.click("text=Its numbers")
+        visitor.sees("text=It then hovers at a throttle of 0.3.")
+        visitor.page.get_by_label("Mass with battery / kg").first.fill("5")
+        visitor.sees("text=/It then hovers at a throttle of 0.[456]/")  # the line from throttle to thrust stays
+        visitor.click("text=Its numbers")
         visitor.click("text=As a file (YAML)")
         visitor.sees("textarea:visible")
         box = visitor.page.locator("textarea").bounding_box()

@@ -9,6 +9,7 @@ from typing import Any
 import yaml
 from nicegui import ui
 
+from quadctl.frames import GRAVITY_M_S2
 from quadctl.lab.comparison.reservations import vehicle_in_words
 from quadctl.lab.comparison.wording import listed
 from quadctl.vehicle import Vehicle
@@ -152,6 +153,19 @@ def _draw_numbers(do: Controls, vehicle: Vehicle, theme: Theme) -> None:
             }
             numbers = {name: _number(question, now[name]) for name, question in ITS_NUMBERS.items()}
         ui.html(rotors_svg(vehicle.rotors, vehicle.rotor.radius_m, theme), sanitize=False).classes("rotors")
+    hover = tag("p", "muted").props('role="status"')
+
+    def say_hover() -> None:
+        mass, slope, offset = (numbers[name].value for name in ("mass_kg", "per_newton", "offset"))
+        known = None not in (mass, slope, offset)
+        hover.clear()
+        with hover:
+            said = f"It then hovers at a throttle of {offset + slope * mass * GRAVITY_M_S2:.3g}." if known else ""
+            ui.label(said).style("display:contents")
+
+    for name in ("mass_kg", "per_newton", "offset"):
+        numbers[name].on_value_change(say_hover)
+    say_hover()
 
     async def use() -> None:
         if _say_what_is_wrong(ITS_NUMBERS, numbers):
