@@ -24,7 +24,7 @@ from quadctl.lab.comparison.failures import Failure, Stretch
 from quadctl.lab.comparison.remainder import Remainder
 from quadctl.lab.comparison.wording import agreement_in_short, agreement_in_words, number, quantity, share_of_g
 from quadctl.lab.fitting.fitted_model import fit_model
-from quadctl.lab.fitting.nuisances import KINDS
+from quadctl.lab.fitting.nuisances import BOUND, KINDS
 from quadctl.lab.flights.dataset import Dataset, load_dataset
 from quadctl.lab.flights.prediction import GROUPS
 from quadctl.lab.flights.vehicle_match import weight_doubt
@@ -46,7 +46,7 @@ from quadctl.web.panels.glossary import GLOSSARY
 from quadctl.web.panels.help import KEYS
 from quadctl.web.panels.missing import OF_BLOCKS, Verdict
 from quadctl.web.panels.panel import Bench, Controls, Panel
-from quadctl.web.panels.stack import BEYOND, NUISANCES, SAME_CAUSE, apart_in_words
+from quadctl.web.panels.stack import BEYOND, NUISANCES, SAME_CAUSE, apart_in_words, limited_in_words
 from quadctl.web.panels.view import View
 from quadctl.web.session.findings import Diagnosed, Findings
 from quadctl.web.session.session import Rung, Session
@@ -663,6 +663,29 @@ class TestOpenTab:
         for guess in ("motor lag of 0.04 s", "thrust coefficient 0.011", "square of the throttle"):
             assert guess in shown
 
+    def test_the_trim_of_a_flight_that_no_fit_has_seen_is_in_its_error_and_the_words_say_so(
+        self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
+    ) -> None:
+        view = views["at first"]
+        assert view.opened is not None and view.seen is not None and view.session.model is not None
+        whole = replace(view.seen, hold_out="flights")
+        found = evaluate(Current(view.session.model), whole, None, lambda text: None)
+        there = replace(view, opened=replace(view.opened, seen=whole), results=Results(found))
+        assert found.kind_by_flight.endswith("trim included")
+        blocks, flights = (str(tabs("missing", each).shown) for each in (view, there))
+        assert "trim included" in flights and "apart from the trim" not in flights
+        assert "apart from the trim of each flight" in blocks and "trim included" not in blocks
+
+    def test_trims_at_their_limit_are_named_with_their_flights(self, views: dict[str, View]) -> None:
+        evaluation = views["at first"].evaluation
+        assert evaluation is not None
+        assert limited_in_words(evaluation) == ""
+        nuisances = evaluation.solution.optimum.nuisances.copy()
+        nuisances[1, 0] = BOUND[0]
+        optimum = replace(evaluation.solution.optimum, nuisances=nuisances)
+        limited = replace(evaluation, solution=replace(evaluation.solution, optimum=optimum))
+        assert limited_in_words(limited) == "At the limit of what is usual for a flight: thrust (1.csv)."
+
     def test_whether_the_flights_agree_is_said_beside_the_error_and_where_the_model_fails(
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
     ) -> None:
@@ -798,6 +821,20 @@ class TestOpenTab:
             tab.follow(left)
             assert (tab.choices.axis == "east") == kept
             assert bool(tab.choices.brush) == kept
+
+    def test_the_axis_that_was_chosen_goes_with_its_vehicle(
+        self, views: dict[str, View], tabs: Callable[[str, View], OpenTab], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr(ui.navigate.history, "replace", lambda *_: None)
+        view = views["at first"]
+        tab = tabs("time", view)
+        tab.choose(axis="east")
+        tab.follow(replace(view, axis="east"))
+        assert tab.choices.axis == "east"
+        rung = view.session.rungs[0]
+        named = replace(rung.model, vehicle=rung.model.vehicle.model_copy(update={"name": "another"}))
+        tab.follow(replace(view, session=replace(view.session, rungs=(replace(rung, model=named),), current=0)))
+        assert tab.choices.axis == ""
 
     def test_no_tick_for_a_model_that_knows_what_is_held_out(
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]

@@ -107,6 +107,8 @@ class Profile:
     variable: str
     edges: Floats
     """Bin edges in the unit of the variable, shape (b + 1,)."""
+    centre: Floats
+    """Mean of the variable in each bin, shape (b,)."""
     mean: Floats
     """Mean residual of each bin, m/s^2, shape (b,)."""
     error: Floats
@@ -130,8 +132,9 @@ def profiles(residual: Floats, noise: Floats, dataset: Dataset) -> list[Profile]
         edges = np.unique(np.quantile(x, np.linspace(0.0, 1.0, BINS + 1)))
         index = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, len(edges) - 2)
         error = np.maximum(correlated.errors_of_means(index, len(edges) - 1), LEAST_ERROR_M_S2)
+        centre = np.bincount(index, x) / np.maximum(np.bincount(index), 1)
         found += [
-            _profile(residual[:, a], error[:, a], (axis, name), edges, index, correlated.degrees)
+            _profile(residual[:, a], error[:, a], (axis, name), edges, centre, index, correlated.degrees)
             for a, axis in enumerate(AXES)
         ]
     total = float(np.mean(residual**2))
@@ -275,20 +278,26 @@ def _most_in_words(found: Sequence[Stretch]) -> str:
 
 
 def _profile(
-    values: Floats, error: Floats, of: tuple[str, str], edges: Floats, index: NDArray[np.intp], degrees: int
+    values: Floats,
+    error: Floats,
+    of: tuple[str, str],
+    edges: Floats,
+    centre: Floats,
+    index: NDArray[np.intp],
+    degrees: int,
 ) -> Profile:
     """Profile of an axis over a variable; `index` is the number of the bin of each sample, and `error` the standard
     error of each bin's mean with its degrees of freedom."""
     count = np.bincount(index, minlength=len(edges) - 1).astype(float)
     mean = np.bincount(index, values, minlength=len(count)) / np.maximum(count, 1.0)
     weight = 1.0 / error**2
-    centre = float((weight * mean).sum() / weight.sum())
-    chi2 = float((weight * (mean - centre) ** 2).sum())
+    about = float((weight * mean).sum() / weight.sum())
+    chi2 = float((weight * (mean - about) ** 2).sum())
     # The standard errors are estimated, from a limited number of frequencies: an F distribution, not chi squared.
     bins = max(len(count) - 1, 1)
     p = float(special.fdtrc(bins, degrees, chi2 / bins))
     spread = float(count @ (mean - values.mean()) ** 2) / max(float(values @ values), 1e-12)
-    return Profile(*of, edges, mean, error, count, p, spread)
+    return Profile(*of, edges, centre, mean, error, count, p, spread)
 
 
 def _standard_errors(inside: Mask, noise: LongRangeNoise) -> Floats:
@@ -331,10 +340,9 @@ def _runs(profile: Profile, values: Floats, noise: LongRangeNoise, dataset: Data
 def _dependence(profile: Profile, run: Failure, values: Floats, about: float) -> Failure:
     """Dependence of a residual, shape (n,), on the variable of its profile, beside an offset `about`, m/s^2; its range
     is that of its largest run."""
-    centre = 0.5 * (profile.edges[1:] + profile.edges[:-1])
     unit = VARIABLE_UNITS[profile.variable]
     ends = sorted({int(np.argmin(profile.mean)), int(np.argmax(profile.mean))})
-    reach = " and ".join(f"{profile.mean[b]:+.2f} m/s^2 at {centre[b]:.3g} {unit}" for b in ends)
+    reach = " and ".join(f"{profile.mean[b]:+.2f} m/s^2 at {profile.centre[b]:.3g} {unit}" for b in ends)
     text = (
         f"the {profile.axis} residual goes with the {VARIABLE_NAMES[profile.variable]}: {reach} on average, "
         f"{profile.share:.0%} of the squared error on this axis"
@@ -389,6 +397,5 @@ def _against_average(axis: str, mean: float, level: float) -> str:
     if level == 0.0:
         return ""
     if axis == "up":
-        difference = (mean - level) / GRAVITY_M_S2
-        return f", {abs(difference):.1%} {'more' if difference > 0.0 else 'less'} than on average"
+        return f", on average by {abs(level) / GRAVITY_M_S2:.1%}"
     return f", on average by {abs(level):.2f} m/s^2"

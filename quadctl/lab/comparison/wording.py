@@ -127,8 +127,13 @@ def where_in_words(seen: Dataset, held_out_flights: Sequence[str], as_it_stands:
     if held_out_flights:
         return f"trim included, on the held-out {listed(held_out_flights)}"
     if as_it_stands:
-        return f"as it stands, apart from the trim of each flight, on {flights_in_words(seen.names)}"
-    return f"apart from the trim of each flight, on {held_out(seen)}"
+        return f"as it stands, {trim_in_words(seen)}, on {flights_in_words(seen.names)}"
+    return f"{trim_in_words(seen)}, on {held_out(seen)}"
+
+
+def trim_in_words(seen: Dataset) -> str:
+    """Trims in an error on held-out parts of `seen`: that of a flight which no fit has seen is not known."""
+    return "trim included" if seen.whole_flights else "apart from the trim of each flight"
 
 
 def flights_in_words(names: Sequence[str]) -> str:

@@ -1,11 +1,7 @@
 """Residual over one variable."""
 
-from itertools import pairwise
-
-import numpy as np
 from matplotlib.figure import Figure
 
-from quadctl.lab.arrays import Floats
 from quadctl.lab.comparison.comparison import Comparison
 from quadctl.lab.comparison.failures import Profile
 from quadctl.lab.comparison.wording import label_of
@@ -23,13 +19,8 @@ def residual_over_variable(comparison: Comparison, profile: Profile) -> Figure:
         cloud(ax, x, values, GREY)
         limits(ax, values)
         ax.set_xlim(*inner_range(x))
-        centre = np.array([np.mean(x[(x >= a) & (x <= b)]) for a, b in _pairs(profile.edges)])
-        points(ax, centre, profile.mean, profile.error, BEFORE)
+        points(ax, profile.centre, profile.mean, profile.error, BEFORE)
     ax.axhline(0.0, color=BLACK, linewidth=0.8)
     ax.set_xlabel(label_of(profile.variable))
     ax.set_ylabel(f"residual {profile.axis} / m/s²")
     return figure
-
-
-def _pairs(edges: Floats) -> list[tuple[float, float]]:
-    return [(float(a), float(b)) for a, b in pairwise(edges)]

@@ -32,11 +32,11 @@ from quadctl.lab.selection.effect_curves import effect_curves, ratio_curve
 
 def before_and_after(r: Results) -> Section | None:
     figures, text = [], []
-    for name, (what, dataset, before, after) in _held_out_results(r).items():
+    for name, (what, beside, dataset, before, after) in _held_out_results(r).items():
         change = change_in_words(1.0 - after["total"] / before["total"])
         text.append(
-            f"On {held_out(dataset)}, the acceleration error goes from {quantity(before['total'])} to "
-            f"{quantity(after['total'])} ({change}) with {what} added."
+            f"On {held_out(dataset)}, {what} takes the acceleration error from {quantity(before['total'])} to "
+            f"{quantity(after['total'])} ({change}){beside}."
         )
         floor = r.floors if dataset.names == r.comparison.dataset.names else None
         caption = f"Held-out parts of the flights of the fit, without and with {what}."
@@ -74,6 +74,8 @@ def before_and_after(r: Results) -> Section | None:
 
 class _HeldOut(NamedTuple):
     what: str
+    beside: str
+    """What the model holds without it, in words."""
     dataset: Dataset
     before: dict[str, float]
     after: dict[str, float]
@@ -85,9 +87,11 @@ def _held_out_results(r: Results) -> dict[str, _HeldOut]:
     d, a = r.diagnosis, r.addition
     if d is not None and len(d.steps) > 1:
         what = listed([step.effect for step in d.steps[1:]])
-        found["found"] = _HeldOut(what, d.dataset, d.steps[0].rmse, d.steps[-1].rmse)
+        found["found"] = _HeldOut(what, f", beside {d.model.name}", d.dataset, d.steps[0].rmse, d.steps[-1].rmse)
     if a is not None and (not found or a.model.effects[-1].name != found["found"].what):
-        found["added"] = _HeldOut(a.model.effects[-1].name, a.dataset, a.before, a.after)
+        others = [effect.name for effect in a.model.effects[:-1]]
+        beside = f", the last step, beside {listed(others)}" if others else ""
+        found["added"] = _HeldOut(a.model.effects[-1].name, beside, a.dataset, a.before, a.after)
     return found
 
 
@@ -112,12 +116,13 @@ def fitted_effects(r: Results) -> Section | None:
     figures.sort(key=lambda figure: not figure.whole_width)
     if any(not isinstance(effect, NearGround) for effect in a.model.effects):
         text.append(
-            "For effects that are not a ratio over height: residual without and with the effect, and its contribution "
-            "(band: 95% of its parameters' bootstrap draws); forward and right are those of the vehicle's heading."
+            "For effects that are not a ratio over height: residual without and with the effect, apart from the trim "
+            "of each flight, and its contribution (band: 95% of its parameters' bootstrap draws); forward and right "
+            "are those of the vehicle's heading."
         )
     return Section(
         "effects",
-        "The fitted effect" if len(order) == 1 else "The fitted effects",
+        r.titled_last("The fitted effect" if len(order) == 1 else "The fitted effects"),
         text,
         figures,
         points=[f"Note: {remark}." for remark in a.remarks],

@@ -31,7 +31,7 @@ from quadctl.lab.flights.flight import VARIABLE_NAMES, Flight
 from quadctl.lab.flights.prediction import AXES, predict
 from quadctl.lab.report.numbers import floor_total, rmse_interval, total
 from quadctl.lab.report.parts import Cell, Figure, Section, Table, both_widths, figure
-from quadctl.lab.report.results import Results
+from quadctl.lab.report.results import ADDED, Results
 
 SHOWN_FLIGHTS, SHOWN_PANELS, SHOWN_FAILURES = 2, 6, 12
 
@@ -87,11 +87,13 @@ def over_time(r: Results) -> Section:
     if r.shown.errors_m_s2 is not None:
         text.append(
             "This is the error of the model as it stands, with the trim of each flight; the number at the top is "
-            "apart from the trims."
+            f"{r.shown.where}."
         )
-    return Section(
-        "over-time", r.titled("Measured against predicted"), text, time_figures(c, {c.model.name: c}, "seen")
-    )
+    models = {c.model.name: c}
+    if r.improved is not None:
+        models |= {ADDED: r.improved}
+        text.append(f"{sentence(ADDED)}, as it stands, it is {quantity(r.improved.rmse['total'])}.")
+    return Section("over-time", "Measured against predicted", text, time_figures(c, models, "seen"))
 
 
 def time_figures(c: Comparison, models: Mapping[str, Comparison], name: str) -> list[Figure]:
@@ -121,16 +123,19 @@ def open_loop_section(r: Results) -> Section | None:
     c = r.comparison
     if not c.open_loop:
         return None
-    told = c.open_loop[min(1, len(c.open_loop) - 1)]
     text = [
-        open_loop_in_words(told),
+        open_loop_in_words(_told(c.open_loop)),
         "Simulations with the model start at many instants of the flights. Their inputs are the logged attitude and "
         "rotor speeds; height and velocity are simulated. Brackets and error bars are 95% intervals. The grey line "
         "(velocity held) is the baseline without a model: the velocity stays as it was at the start.",
     ]
     names = flights_in_words(c.dataset.names)
-    figures = [figure(plots.open_loop_errors({c.model.name: c.open_loop}), "open-loop", f"Flights analysed: {names}.")]
-    rows = _open_loop_rows(c.model.name, c.open_loop)
+    seen = {c.model.name: c.open_loop}
+    if r.improved is not None and r.improved.open_loop:
+        seen |= {ADDED: r.improved.open_loop}
+        text.insert(1, f"{sentence(ADDED)}: {open_loop_in_words(_told(r.improved.open_loop))}")
+    figures = [figure(plots.open_loop_errors(seen), "open-loop", f"Flights analysed: {names}.")]
+    rows = [row for name, errors in seen.items() for row in _open_loop_rows(name, errors)]
     if r.after is not None and r.after.open_loop:
         unseen = r.before_unseen.open_loop if r.before_unseen is not None else open_loop(c.model, r.after.dataset)
         models = {"before": unseen, "after": r.after.open_loop}
@@ -142,11 +147,16 @@ def open_loop_section(r: Results) -> Section | None:
     head = ["model", "after", "horizontal / m", "up / m", "position / m", "velocity / m/s", "velocity held / m"]
     return Section(
         "open-loop",
-        title if r.after else r.titled(title),
+        title,
         text,
         figures,
         tables=[Table(head, rows, words=2)],
     )
+
+
+def _told(by_horizon: Sequence[OpenLoop]) -> OpenLoop:
+    """The horizon that is told in words: the second, or the only one."""
+    return by_horizon[min(1, len(by_horizon) - 1)]
 
 
 def _open_loop_rows(name: str, by_horizon: Sequence[OpenLoop]) -> list[list[Cell]]:
@@ -196,7 +206,7 @@ def where_it_still_fails(r: Results) -> Section | None:
     """Section on the model with what was added; where flights are held out, another section says it of those."""
     if r.improved is None or r.after is not None:
         return None
-    name = f"{r.comparison.model.name} with what was added"
+    name = f"{r.comparison.model.name} {ADDED}"
     return _failures(r.improved, "still-fails", f"Where the model still fails: {name}", name)
 
 

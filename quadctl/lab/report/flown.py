@@ -28,7 +28,7 @@ def step_section(r: Results) -> Section | None:
     )
     return Section(
         "steps",
-        "Step responses",
+        r.titled_last("Step responses"),
         [*steps_in_words(steps), explained],
         figures,
         tables=[_metrics_table(steps)],

@@ -8,6 +8,9 @@ from quadctl.lab.selection.diagnosis import Diagnosis
 from quadctl.lab.tracking.step_response import StepResponses
 from quadctl.vehicle import Vehicle
 
+ADDED = "with what was added"
+"""Name of the last model beside the first."""
+
 
 class Shown(NamedTuple):
     """Numbers and words of the page that a report is saved from, and that it repeats."""
@@ -40,6 +43,10 @@ class Results(NamedTuple):
     """Model with what was added, on the flights of `comparison`; None without an addition."""
     floors: dict[str, float] | None = None
     """Noise floor of the flights of the fit per axis and total, m/s^2; see `lowest_floors`."""
+
+    def titled_last(self, title: str) -> str:
+        """`title` of a section on the last model, which says so where the page also has the model given."""
+        return title if self.addition is None else f"{title}: {self.comparison.model.name} {ADDED}"
 
     def titled(self, title: str) -> str:
         """`title` of a section on the model given, which says so where the page also has the model with what was

@@ -63,8 +63,9 @@ def ratio_curve(addition: Addition, index: int) -> RatioCurve:
     band = np.percentile(draws, [2.5, 97.5], axis=0)
 
     expected = _predicted(_without(addition.model, index), dataset)[:, 2] + GRAVITY_M_S2
-    ratio = (dataset.measured[:, 2] + GRAVITY_M_S2) / expected
-    noise = (dataset.measured - _predicted(addition.model, dataset))[:, 2] / expected
+    measured = _without_trims(addition.fit_after)
+    ratio = (measured[:, 2] + GRAVITY_M_S2) / expected
+    noise = (measured - _predicted(addition.model, dataset))[:, 2] / expected
     heights = _variable(dataset, "height_over_radius")
     return RatioCurve(
         x,
@@ -94,30 +95,29 @@ class EffectCurve:
 
 
 def effect_curves(addition: Addition, index: int) -> list[EffectCurve]:
-    """Curves of the effect with index `index` of the stack over each variable that it depends on.
+    """Curves of the effect with index `index` of the stack over each variable that it depends on, apart from trim and
+    calibration of each flight.
 
     An effect that depends on no variable is shown over time, along the axes on which it is largest.
     """
     models = _drawn_models(addition, index, CURVE_DRAWS)
-    return _curves(addition.model, addition.dataset, index, models)
+    return _curves(addition.model, addition.dataset, index, models, _without_trims(addition.fit_after))
 
 
 def fitted_effect_curves(fit: FittedModel, index: int) -> list[EffectCurve]:
     """Curves of one effect of the stack of a fitted model, apart from trim and calibration of each flight; the spread
     of its contribution is 0."""
-    trim = fit.predicted[:, :3] - fit.fitter.dataset.predicted(fit.model)
-    return _curves(fit.model, fit.dataset, index, [], fit.dataset.measured - trim)
+    return _curves(fit.model, fit.dataset, index, [], _without_trims(fit))
 
 
-def _curves(
-    model: Model, dataset: Dataset, index: int, drawn: Sequence[Model], measured: Floats | None = None
-) -> list[EffectCurve]:
-    """Curves of one effect of the stack; `drawn` are copies of the model whose spread is the error of the effect.
+def _without_trims(fit: FittedModel) -> Floats:
+    """Measured acceleration without what trim and calibration of each flight add, m/s^2, shape (n, 3)."""
+    return fit.dataset.measured - (fit.predicted[:, :3] - fit.fitter.dataset.predicted(fit.model))
 
-    `measured` is the acceleration, m/s^2, shape (n, 3); by default that of `dataset`.
-    """
-    if measured is None:
-        measured = dataset.measured
+
+def _curves(model: Model, dataset: Dataset, index: int, drawn: Sequence[Model], measured: Floats) -> list[EffectCurve]:
+    """Curves of one effect of the stack; `drawn` are copies of the model whose spread is the error of the effect, and
+    `measured` is the acceleration, m/s^2, shape (n, 3)."""
     effect = model.effects[index]
     without = _predicted(_without(model, index), dataset)
     full = _predicted(model, dataset)

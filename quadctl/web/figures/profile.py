@@ -27,7 +27,6 @@ def profile_figure(comparison: Comparison, profile: Profile, theme: Theme, heigh
     if x is None:
         raise ValueError(f"{profile.variable} has a profile, but no flight has it")
     some = slice(None, None, max(1, len(x) // CLOUD))
-    centre = 0.5 * (profile.edges[1:] + profile.edges[:-1])
     low, high = profile.mean - 1.96 * profile.error, profile.mean + 1.96 * profile.error
     band = faded(theme.before, 0.22)
     data = [
@@ -36,12 +35,12 @@ def profile_figure(comparison: Comparison, profile: Profile, theme: Theme, heigh
             "marker": {"color": faded(theme.muted, 0.35), "size": 3}, "hoverinfo": "skip",
         },
         {
-            "type": "scatter", "mode": "lines", "x": np.concatenate([centre, centre[::-1]]),
+            "type": "scatter", "mode": "lines", "x": np.concatenate([profile.centre, profile.centre[::-1]]),
             "y": np.concatenate([high, low[::-1]]), "fill": "toself", "fillcolor": band, "line": {"width": 0},
             "hoverinfo": "skip", "name": "95% band of the mean",
         },
         {
-            "type": "scatter", "mode": "lines+markers", "name": "mean", "x": centre, "y": profile.mean,
+            "type": "scatter", "mode": "lines+markers", "name": "mean", "x": profile.centre, "y": profile.mean,
             "line": {"color": theme.before, "width": 2}, "marker": {"color": theme.before, "size": 6},
             "hovertemplate": "%{x:.3g}: %{y:.3f} m/s²<extra></extra>",
         },

@@ -12,6 +12,7 @@ from nicegui.element import Element
 from nicegui.elements.mixins.disableable_element import DisableableElement
 from nicegui.events import KeyEventArguments
 
+from quadctl.lab.comparison.wording import agreement_in_short, ended
 from quadctl.lab.flights.prediction import AXES
 from quadctl.vehicle_draft.draft import Answers
 from quadctl.web.elements.browser_theme import keep_theme, wanted_theme
@@ -24,7 +25,7 @@ from quadctl.web.panels.frame import Doubts, FittedTo, Header, Start, Status
 from quadctl.web.panels.help import help_dialog
 from quadctl.web.panels.ladder import Ladder
 from quadctl.web.panels.panel import Panel, Tab
-from quadctl.web.panels.stack import Stack
+from quadctl.web.panels.stack import Stack, limited_in_words
 from quadctl.web.panels.view import FILE, Brush, View
 from quadctl.web.work.state import Message
 from quadctl.web.work.worker import CancelledError
@@ -83,6 +84,7 @@ class Page:
         self._drawing: Part | None = None
         self._idle = True
         self._worst_axis = "up"
+        self._vehicle = ""
         self._of_flights: frozenset[str] = frozenset()
 
     # --- building -----------------------------------------------------------------------------------------------------
@@ -235,10 +237,19 @@ class Page:
         self._of_flights = open_ or self._of_flights
         return others
 
+    def _forget_axis_of(self, vehicle: str) -> bool:
+        """Drop the chosen axis where another vehicle is in use now: its error may be along another one."""
+        other = self._vehicle not in ("", vehicle) and bool(self._choices.axis)
+        if other:
+            self._choices = replace(self._choices, axis="")
+        self._vehicle = vehicle
+        return other
+
     def refresh(self) -> None:
         """Draw the panels again whose fields have changed."""
         view = self.view()
-        if self._forget_other_flights(frozenset(view.flight_names)):
+        others = self._forget_other_flights(frozenset(view.flight_names))
+        if self._forget_axis_of("" if view.vehicle is None else view.vehicle.name) or others:
             self._tell_address()
             view = self.view()
         self._idle = view.idle
@@ -380,7 +391,12 @@ class Page:
 
     async def save_report(self) -> None:
         with suppress(CancelledError):
-            verdict = missing.Verdict.of(self.view())
-            html = await self.bench.report(verdict.sentences, verdict.condition)
+            view = self.view()
+            verdict = missing.Verdict.of(view)
+            about_flights = [] if view.agreement is None else [agreement_in_short(view.agreement)]
+            if view.evaluation is not None:
+                about_flights.append(limited_in_words(view.evaluation))
+            said = [*verdict.sentences, *(ended(sentence) for sentence in about_flights if sentence)]
+            html = await self.bench.report(said, verdict.condition)
             if html is not None:
                 ui.download.content(html, "report.html", "text/html")

@@ -131,7 +131,8 @@ def _draw_sentence(do: Controls, failure: Failure, comparison: Comparison) -> No
     with tag("div", "line top said"):
         tag("p", "grow", f"{failure_in_words(failure)} ({abs(failure.sigma):.0f} sigma).")
         if any(_is_most(other, ranges) for other in comparison.dataset.flights if other.name == flight):
-            tag("span", "muted", f"most of {flight}")  # a selection of the whole flight shows nothing
+            if len(comparison.dataset.flights) > 1:  # a selection of the whole flight shows nothing
+                tag("span", "muted", f"most of {flight}")
             return
 
         def select() -> None:

@@ -17,6 +17,7 @@ from quadctl.lab.comparison.wording import (
     quantity,
     roughly,
     share_of_g,
+    trim_in_words,
     where_in_words,
 )
 from quadctl.lab.fitting.fitted_model import is_fitted_to
@@ -110,7 +111,7 @@ class Ladder(Panel):
             fitted = f"it is fitted to {listed(used)}" if used else "it has the parameters of its file"
             return f"{said}, {where_in_words(self.seen, (), as_it_stands=True)}; {fitted}."
         refitted = ", the other effects refitted" if self.session.off else ""
-        return f"{said}, apart from the trim of each flight{refitted}: on {held_out(self.seen)}."
+        return f"{said}, {trim_in_words(self.seen)}{refitted}: on {held_out(self.seen)}."
 
 
 @dataclass(frozen=True)

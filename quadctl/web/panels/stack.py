@@ -144,6 +144,23 @@ def apart_in_words(evaluation: Evaluation) -> str:
     return f"What is fitted to each flight by itself differs beside that: {listed(found)}." if found else ""
 
 
+def limited_in_words(evaluation: Evaluation) -> str:
+    """Sentence on the trims and calibrations that are at the limit of what is usual; empty where none is."""
+    found = [f"{NUISANCES[name][0]} ({listed(flights)})" for name, flights in _at_limit(evaluation).items()]
+    return f"At the limit of what is usual for a flight: {listed(found)}." if found else ""
+
+
+def _at_limit(evaluation: Evaluation) -> dict[str, list[str]]:
+    """Names of the flights with a trim or calibration at its limit, by the name of its kind."""
+    fitted, names = evaluation.solution.optimum.nuisances, evaluation.comparison.dataset.names
+    found = {
+        kind.name: [name for name, value in zip(names, fitted[:, place], strict=True) if _is_limited(value, kind)]
+        for place, kind in enumerate(KINDS)
+        if kind.name in NUISANCES
+    }
+    return {kind: flights for kind, flights in found.items() if flights}
+
+
 def _is_limited(value: float, kind: Kind) -> bool:
     return abs(value) > AT_LIMIT * kind.bound
 
@@ -151,7 +168,7 @@ def _is_limited(value: float, kind: Kind) -> bool:
 def _draw_nuisances(evaluation: Evaluation, seen: Dataset) -> None:
     fitted = evaluation.solution.optimum.nuisances
     shown = [(place, kind) for place, kind in enumerate(KINDS) if kind.name in NUISANCES]
-    at_limit = [kind.name for place, kind in shown if any(_is_limited(value, kind) for value in fitted[:, place])]
+    at_limit = _at_limit(evaluation)
     title = "Trim and calibration, some at the limit" if at_limit else "Trim and calibration"
     with ui.expansion(title).classes("nuisances").props("dense"):
         with tag("p", "muted"):

@@ -28,10 +28,11 @@ WITH_PARAMETERS = (".ulg", ".bin")
 AS_LOGGED = "as in the log"
 """Choice of the frame whose rotors are those of a log's parameters."""
 ASSUMED = (
-    "Assumed, since it is not asked: a motor lag of 0.04 s; the inertia, from mass and arm; thrust that grows with the "
-    "square of the throttle, unless the parameters of a log say otherwise. Without a rotor speed in hover, thrust per "
+    "Assumed, since it is not asked: a motor lag of 0.04 s; the inertia, worked out from mass and arm; a straight line "
+    "from throttle to thrust, as steep in hover as a thrust that grows with the square of the throttle, unless the "
+    "parameters of a log say otherwise. Without a rotor speed in hover, thrust per "
     f"rpm² is assumed, too (thrust coefficient {THRUST_COEFFICIENT:g}; most propellers have 0.007 to 0.015): a thrust "
-    "scale that is found in a flight then corrects this guess. The file says so at each of these numbers."
+    "scale that is found in a flight then corrects this guess. The file lists under `assumed` what nobody has measured."
 )
 """Numbers of a new vehicle that nobody was asked for."""
 TYPICAL = Answers("my_vehicle", 1.5, 0.254, "quad-x", 0.225, 0.5)
@@ -87,13 +88,16 @@ class VehicleChoice(Panel):
                 with tag("div", "line wrap").props('id="own-vehicles"'):
                     for path in self.own_vehicles:
                         _draw_choice(do, path, "person", vehicle)
-            if vehicle is not None:
-                with ui.expansion("Its numbers").props("dense"):
-                    _draw_numbers(do, vehicle, self.theme)
             entered = self._entered()
             if entered is not None:
                 with _form(f"What was entered for {entered.name}"):
+                    tag("p", "muted", "Correct an answer here: all that was worked out from the answers follows it.")
                     _NewVehicle(do, [], entered, self.theme)
+            if vehicle is not None:
+                with ui.expansion("Its numbers").props("dense"):
+                    if entered is not None:
+                        tag("p", "muted", "Each number by itself: the others stay, also those worked out from it.")
+                    _draw_numbers(do, vehicle, self.theme)
             with _form("A new vehicle"):
                 logs = [log for log in self.logs if log.suffix.lower() in WITH_PARAMETERS]
                 _NewVehicle(do, logs, TYPICAL, self.theme)

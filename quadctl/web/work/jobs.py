@@ -21,7 +21,7 @@ from quadctl.lab.comparison.agreement import (
 )
 from quadctl.lab.comparison.comparison import Comparison, compare, floor_on
 from quadctl.lab.comparison.remainder import Remainder, remainder
-from quadctl.lab.comparison.wording import where_in_words
+from quadctl.lab.comparison.wording import trim_in_words, where_in_words
 from quadctl.lab.fitting.fitted_model import FittedModel, Solution, fit_as_it_stands, fit_model, is_fitted_to
 from quadctl.lab.flights.dataset import Dataset, HoldOut, joined
 from quadctl.lab.flights.flight import Flight
@@ -69,9 +69,9 @@ class Opened:
 
 
 _KINDS_BY_FLIGHT = {
-    "cross-validated": "cross-validated, apart from the trim of the flight",
-    "as it stands": "of the model as it stands, apart from the trim of the flight",
-    "held out": "of the model as it is exported, the trim of the flight included",
+    "cross-validated": "cross-validated",
+    "as it stands": "of the model as it stands",
+    "held out": "of the model as it is exported, trim included",
 }
 
 
@@ -107,7 +107,8 @@ class Evaluation:
     @property
     def kind_by_flight(self) -> str:
         """Kind of the errors in `by_flight`."""
-        return _KINDS_BY_FLIGHT[self.kind]
+        said = _KINDS_BY_FLIGHT[self.kind]
+        return said if self.kind == "held out" else f"{said}, {trim_in_words(self.comparison.dataset)}"
 
     @property
     def worst_axis(self) -> str:

@@ -165,7 +165,8 @@ class TestWhatThePageHolds:
     def test_what_is_of_the_model_before_anything_was_added_says_so(self, flown: Flown) -> None:
         said = ": rigid body, before anything was added"
         whole = render_report(Results(flown.before, flown.diagnosis, flown.addition))
-        assert whole.count(f"{said}</h2>") == 5
+        assert whole.count(f"{said}</h2>") == 3
+        assert whole.count(": rigid body with what was added</h2>") == 2
         assert said not in render_report(Results(flown.before, flown.diagnosis))
 
     def test_what_was_added_is_judged_too_where_no_flight_is_held_out(self, flown: Flown) -> None:
@@ -196,7 +197,7 @@ class TestWhatThePageHolds:
         assert "Acceleration error (RMSE over all axes), on blocks" in top
         assert " ".join(said) in top
         assert "Added to rigid body: ground effect." in top
-        assert "the model as it stands, with the trim of each flight; the number at the top is apart from" in text
+        assert "the model as it stands, with the trim of each flight; the number at the top is on blocks." in text
         assert f"noise floor: {FLOOR} {roughly(0.0321)}" in top
 
     def test_the_verdict_is_on_the_condition_that_the_vehicle_flew_where_nobody_has_said_so(self, flown: Flown) -> None:
