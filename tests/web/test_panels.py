@@ -673,8 +673,8 @@ class TestOpenTab:
         there = replace(view, opened=replace(view.opened, seen=whole), results=Results(found))
         assert found.kind_by_flight.endswith("trim included")
         blocks, flights = (str(tabs("missing", each).shown) for each in (view, there))
-        assert "trim included" in flights and "apart from the trim" not in flights
-        assert "apart from the trim of each flight" in blocks and "trim included" not in blocks
+        assert " included: on held-out flights" in flights and "apart from the" not in flights
+        assert ", apart from the " in blocks and " included" not in blocks
 
     def test_trims_at_their_limit_are_named_with_their_flights(self, views: dict[str, View]) -> None:
         evaluation = views["at first"].evaluation
