@@ -35,7 +35,7 @@ def before_and_after(r: Results) -> Section | None:
     for name, (what, beside, dataset, before, after) in _held_out_results(r).items():
         change = change_in_words(1.0 - after["total"] / before["total"])
         text.append(
-            f"On {held_out(dataset)}, {what} takes the acceleration error from {quantity(before['total'])} to "
+            f"On {held_out(dataset)}, adding {what} takes the acceleration error from {quantity(before['total'])} to "
             f"{quantity(after['total'])} ({change}){beside}."
         )
         floor = r.floors if dataset.names == r.comparison.dataset.names else None
@@ -87,7 +87,7 @@ def _held_out_results(r: Results) -> dict[str, _HeldOut]:
     d, a = r.diagnosis, r.addition
     if d is not None and len(d.steps) > 1:
         what = listed([step.effect for step in d.steps[1:]])
-        found["found"] = _HeldOut(what, f", beside {d.model.name}", d.dataset, d.steps[0].rmse, d.steps[-1].rmse)
+        found["found"] = _HeldOut(what, "", d.dataset, d.steps[0].rmse, d.steps[-1].rmse)
     if a is not None and (not found or a.model.effects[-1].name != found["found"].what):
         others = [effect.name for effect in a.model.effects[:-1]]
         beside = f", the last step, beside {listed(others)}" if others else ""

@@ -140,7 +140,8 @@ def apart_in_words(evaluation: Evaluation) -> str:
         apart = float(np.ptp(fitted[:, place]))
         if kind.name in NUISANCES and apart > APART * kind.prior_std:
             name, factor, unit = NUISANCES[kind.name]
-            found.append(f"{name} by {factor * apart:.2g} {unit}".replace(" %", "%").replace(" °", "°"))
+            least = "at least " if any(_is_limited(value, kind) for value in fitted[:, place]) else ""
+            found.append(f"{name} by {least}{factor * apart:.2g} {unit}".replace(" %", "%").replace(" °", "°"))
     return f"What is fitted to each flight by itself differs beside that: {listed(found)}." if found else ""
 
 

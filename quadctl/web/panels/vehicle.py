@@ -45,6 +45,7 @@ class WhichVehicle(Panel):
     thrust would carry another weight."""
 
     unconfirmed: Vehicle | None
+    silent: str
     weight_doubts: tuple[str, ...]
 
     def draw(self, do: Controls) -> None:
@@ -55,7 +56,7 @@ class WhichVehicle(Panel):
             for doubt in self.weight_doubts:
                 tag("p", "", doubt)
             if vehicle is not None:
-                tag("p", "", f"Evaluated as {vehicle_in_words(vehicle)}: is that the vehicle that flew?")
+                tag("p", "", f"Evaluated as {vehicle_in_words(vehicle)}: is that the vehicle that flew? {self.silent}")
             with tag("div", "line wrap"):
                 if vehicle is not None:
                     ui.button("Yes", on_click=do.bench.confirm_vehicle).props("no-caps outline dense")

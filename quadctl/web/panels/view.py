@@ -8,7 +8,7 @@ from typing import Literal
 from quadctl.lab.comparison.agreement import Agreement
 from quadctl.lab.comparison.comparison import Comparison, values_of_other_flights
 from quadctl.lab.comparison.reservations import reservations, thrust_reservation
-from quadctl.lab.comparison.wording import sentence
+from quadctl.lab.comparison.wording import listed, sentence
 from quadctl.lab.flights.dataset import Dataset, HoldOut
 from quadctl.lab.flights.flight import Flight
 from quadctl.lab.planning.suggestion import Suggestion
@@ -20,7 +20,7 @@ from quadctl.web.elements.theme import Theme
 from quadctl.web.session.earlier import Earlier, earlier_sessions
 from quadctl.web.session.findings import Diagnosed
 from quadctl.web.session.session import Rung, Session
-from quadctl.web.work.doubts import cautions_of, names_its_vehicle
+from quadctl.web.work.doubts import cautions_of, firmware, names_its_vehicle
 from quadctl.web.work.jobs import Evaluation, Opened
 from quadctl.web.work.state import Gathered, Message, Results, Work
 
@@ -144,9 +144,21 @@ class View:
     @property
     def unconfirmed(self) -> Vehicle | None:
         """The vehicle, where nobody has said that it flew: neither a person nor one of the logs that are used."""
+        return self.vehicle if self.session.vehicle_assumed and self._silent_logs else None
+
+    @property
+    def _silent_logs(self) -> list[FlightLog]:
+        """Logs that are used and do not say which vehicle flew."""
         logs = [] if self.opened is None else self.opened.logs
-        silent = any(log.log is not None and not names_its_vehicle(log.log) for log in logs if not log.problem)
-        return self.vehicle if self.session.vehicle_assumed and silent else None
+        return [log.log for log in logs if log.log is not None and not (log.problem or names_its_vehicle(log.log))]
+
+    @property
+    def silent(self) -> str:
+        """Sentence on the logs that do not say which vehicle flew, with the autopilot that they name; empty where all
+        do."""
+        logs = self._silent_logs
+        names = [f"{log.name} ({software})" if (software := firmware(log)) else log.name for log in logs]
+        return f"{listed(names)} {'does' if len(names) == 1 else 'do'} not say." if names else ""
 
     @property
     def weight_doubts(self) -> tuple[str, ...]:
