@@ -717,7 +717,7 @@ class TestCautions:
         report = _report(rates_hz={"rpm": 2.86, "position": 9.24})
         (said,) = cautions_of(report, 1.01)
         assert said.startswith("The slowest channel, rpm, comes 2.86 times a second, once not for 2.2 s, at 0 s: only")
-        assert "only changes slower than 1 Hz are compared" in said
+        assert "only changes slower than 1 Hz are compared" in said and said.endswith("log it at 9 Hz or more.")
         assert cautions_of(report, MAX_BANDWIDTH_HZ) == []
 
 

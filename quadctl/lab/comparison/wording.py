@@ -290,7 +290,7 @@ def followed_in_words(found: Sequence[Failure], dataset: Dataset) -> str:
     verb, them = ("follows", "it") if len(names) == 1 else ("follow", "them")
     return (
         f"{flights} the {listed(list(names))} {verb} disturbances, which the controller counters, more than the "
-        f"motion: what goes with {them} need be no missing effect."
+        f"motion: what goes with {them} may be that answer, and no missing effect."
     )
 
 

@@ -87,7 +87,7 @@ def weight_doubt(factor: float, vehicle: Vehicle, source: str) -> str | None:
     """
     if 1.0 / DOUBTFUL_THRUST_FACTOR < factor < DOUBTFUL_THRUST_FACTOR:
         return None
-    line = "" if source == "rotor speed" else ", or is the line from command to thrust in its file another (thrust_map)"
+    line = "" if source == "rotor speed" else ", and the line from command to thrust in its file (see thrust_map)"
     return (
         f"by the {source} the rotors of '{vehicle.name}' give {factor:.2g} times the thrust that carries its "
         f"{vehicle.mass_kg:g} kg: is it the vehicle that flew, with this mass and these propellers{line}?"

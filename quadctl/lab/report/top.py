@@ -135,5 +135,10 @@ def _tiles(r: Results) -> list[Tile]:
         (_, first), (_, last) = pair
         if first.m_b_absolute and last.m_b_absolute is not None:
             change = change_in_words(1.0 - last.m_b_absolute / first.m_b_absolute)
-            tiles.append(Tile(change, "M_B (absolute) of the simulated step response, compensated"))
+            tiles.append(
+                Tile(
+                    change,
+                    "M_B (absolute) of the simulated step with the compensator: its difference to one far from the ground",
+                )
+            )
     return tiles

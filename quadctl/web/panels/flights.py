@@ -46,7 +46,7 @@ class Flights(Panel):
     def _draw_hold_out(self, do: Controls) -> None:
         with tag("div", "line wrap"):
             with tag("span", "muted grow"):
-                explained("Cross-validation on the other flights leaves out, one fold at a time:")
+                explained("Cross-validation leaves out of the flights that fits may use, one fold at a time:")
             choice = ui.toggle(
                 {"blocks": "blocks of time", "flights": "whole flights"},
                 value=self.hold_out,

@@ -1,13 +1,17 @@
 """Doubts whether a log belongs to the vehicle and to the flights that are open: sentences to ask a person."""
 
+import math
+
 from quadctl.lab.comparison.wording import sentence
-from quadctl.lab.flights.preparation import MAX_BANDWIDTH_HZ
+from quadctl.lab.flights.preparation import BANDWIDTH_PER_UPDATE_RATE, MAX_BANDWIDTH_HZ
 from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.quality import QualityReport
 from quadctl.vehicle import Vehicle
 
 MASS_TOLERANCE = 0.02
 """Largest relative difference of two statements of the mass of one vehicle."""
+ENOUGH_HZ = math.ceil(MAX_BANDWIDTH_HZ / BANDWIDTH_PER_UPDATE_RATE)
+"""Rate of the slowest channel from which on the filter has its full bandwidth."""
 FIRMWARES = ("PX4", "ArduPilot")
 
 
@@ -47,7 +51,8 @@ def cautions_of(report: QualityReport, bandwidth_hz: float) -> list[str]:
         gap = longest if slowest.n_gaps else ""
         found.append(
             f"The slowest channel, {slowest.name}, comes {slowest.rate_hz:.3g} times a second{gap}: only changes "
-            f"slower than {bandwidth_hz:.2g} Hz are compared, and what lies between its values is an error of the data."
+            f"slower than {bandwidth_hz:.2g} Hz are compared, and what happens between its values counts as error. To "
+            f"see quicker changes, log it at {ENOUGH_HZ:.0f} Hz or more."
         )
     return found
 
