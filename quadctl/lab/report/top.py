@@ -138,7 +138,7 @@ def _tiles(r: Results) -> list[Tile]:
             tiles.append(
                 Tile(
                     change,
-                    "M_B (absolute) of the simulated step with the compensator: its difference to one far from the ground",
+                    "M_B (absolute) of the simulated step with the compensator: the difference to one far from ground",
                 )
             )
     return tiles
