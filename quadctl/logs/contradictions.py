@@ -246,14 +246,24 @@ def _velocity_against_tilt(log: FlightLog) -> Iterator[str]:
     if len(ends) < 2 * MIN_STRETCHES or np.any(np.abs(np.cos(roll) * np.cos(pitch)) < 0.1):
         return
     heading = np.unwrap(yaw)[ends[:-1]]
-    d_north, d_east = np.diff(north[ends]), np.diff(east[ends])
-    forward = d_north * np.cos(heading) + d_east * np.sin(heading)
-    right = d_east * np.cos(heading) - d_north * np.sin(heading)
-    by_pitch = np.diff(_integral(time_s, -GRAVITY_M_S2 * np.tan(pitch) / np.cos(roll))[ends])
-    by_roll = np.diff(_integral(time_s, GRAVITY_M_S2 * np.tan(roll))[ends])
+
+    def ahead_and_right(of_north: Floats, of_east: Floats) -> tuple[Floats, Floats]:
+        d_north, d_east = np.diff(of_north[ends]), np.diff(of_east[ends])
+        return d_north * np.cos(heading) + d_east * np.sin(heading), d_east * np.cos(heading) - d_north * np.sin(
+            heading
+        )
+
+    ahead, aside = -GRAVITY_M_S2 * np.tan(pitch) / np.cos(roll), GRAVITY_M_S2 * np.tan(roll)
+    by_pitch, by_roll = (np.diff(_integral(time_s, push)[ends]) for push in (ahead, aside))
+    forward, right = ahead_and_right(north, east)
+    # A vehicle that turns within a stretch is pushed to the side of its first heading by its pitch, too.
+    pushed_forward, pushed_right = ahead_and_right(
+        _integral(time_s, ahead * np.cos(yaw) - aside * np.sin(yaw)),
+        _integral(time_s, ahead * np.sin(yaw) + aside * np.cos(yaw)),
+    )
     for name, change, expected, where in (
-        ("pitch_deg", forward, by_pitch, "forward"),
-        ("roll_deg", right, by_roll, "to the right"),
+        ("pitch_deg", forward, pushed_forward, "forward"),
+        ("roll_deg", right, pushed_right, "to the right"),
     ):
         agreement = _agreement(change, expected)
         if agreement.is_wrong(MIN_SPEED_UP_M_S) and not 0.0 < agreement.factor < 1.0:

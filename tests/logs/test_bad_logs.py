@@ -144,6 +144,27 @@ def test_feet_in_a_flight_that_only_climbs_are_named(climbs: FlightLog, raptor: 
     assert "vz_m_s speeds up 3.29 times as much as the rotors' thrust over mass_kg says" in said
 
 
+@pytest.mark.parametrize("turn_rad_s", [-0.8, 0.8])
+def test_a_vehicle_that_turns_as_it_speeds_up_is_pushed_to_the_side_of_its_first_heading(turn_rad_s: float) -> None:
+    t = np.arange(0.0, 80.0, 0.02)
+    yaw, ahead = turn_rad_s * t, 3.0 * np.sin(0.5 * t) + 0.3 * np.sin(1.3 * t)
+    aside = math.copysign(0.25, turn_rad_s) * ahead + 0.02 * np.sin(3.1 * t)
+    pushes = {
+        "x": ahead * np.cos(yaw) - aside * np.sin(yaw),
+        "y": ahead * np.sin(yaw) + aside * np.cos(yaw),
+        "z": 0.0 * t,
+    }
+    columns = {"roll_deg": np.degrees(np.arctan(aside / 9.80665)), "yaw_deg": np.degrees(yaw)}
+    columns["pitch_deg"] = np.degrees(np.arctan(-ahead * np.cos(np.radians(columns["roll_deg"])) / 9.80665))
+    for axis, push in {"x": north, "y": east, "z": 0.0 * t}.items():
+        columns[f"v{axis}_m_s"] = 0.02 * np.cumsum(push) + 0.001 * np.sin(t)
+        columns[f"{axis}_m"] = 0.02 * np.cumsum(columns[f"v{axis}_m_s"])
+    log = FlightLog("turning.csv", None, {"time_s": t, **columns})
+    assert contradictions(log) == []
+    (said,) = contradictions(scaled(-1.0, "pitch_deg")(log))
+    assert "the vehicle speeds up forward -" in said
+
+
 def test_acceleration_in_g_is_named(runs: FlightLog, raptor: Vehicle) -> None:
     t = runs.time_s
     in_g = {f"a{axis}_m_s2": np.gradient(runs[f"v{axis}_m_s"], t) / 9.80665 for axis in "xyz"}
