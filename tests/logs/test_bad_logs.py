@@ -149,11 +149,7 @@ def test_a_vehicle_that_turns_as_it_speeds_up_is_pushed_to_the_side_of_its_first
     t = np.arange(0.0, 80.0, 0.02)
     yaw, ahead = turn_rad_s * t, 3.0 * np.sin(0.5 * t) + 0.3 * np.sin(1.3 * t)
     aside = math.copysign(0.25, turn_rad_s) * ahead + 0.02 * np.sin(3.1 * t)
-    pushes = {
-        "x": ahead * np.cos(yaw) - aside * np.sin(yaw),
-        "y": ahead * np.sin(yaw) + aside * np.cos(yaw),
-        "z": 0.0 * t,
-    }
+    north, east = ahead * np.cos(yaw) - aside * np.sin(yaw), ahead * np.sin(yaw) + aside * np.cos(yaw)
     columns = {"roll_deg": np.degrees(np.arctan(aside / 9.80665)), "yaw_deg": np.degrees(yaw)}
     columns["pitch_deg"] = np.degrees(np.arctan(-ahead * np.cos(np.radians(columns["roll_deg"])) / 9.80665))
     for axis, push in {"x": north, "y": east, "z": 0.0 * t}.items():
