@@ -52,8 +52,9 @@ OPEN = "info"
 """Icon of a verdict that names nothing, and has no tick either."""
 AS_LOGGED = ("z_m", "z_ref_m", "vx_m_s", "vy_m_s", "vz_m_s")
 OF_BLOCKS = (
-    "Judged on blocks of time of these flights. Whether it holds for a further flight, the other choice tells: whole "
-    "flights, on Flights."
+    "Judged on blocks of time of these flights: this is what all of them tell of the vehicle. The other choice, whole "
+    "flights (on Flights), also counts what differs from flight to flight, and so tells what to expect of a further "
+    "one; of two or three flights it tells little."
 )
 NOT_NEEDED = "Other forms of these effects, or look-alikes: not needed together with those above."
 NO_HELP = "These effects do not reduce the held-out error by more than chance might, or not as they physically can."
