@@ -96,7 +96,7 @@ class Comparison(Result):
             lines += [f"  - {failure.text} ({abs(failure.sigma):.0f} sigma)" for failure in shown]
             if len(self.fails_where) > SHOWN_FAILURES:
                 lines.append(f"  - and {len(self.fails_where) - SHOWN_FAILURES} more ranges (see --json or --html)")
-            more = (followed_in_words(shown, self.dataset), untold_in_words(shown, self.rmse))
+            more = (followed_in_words(shown, self.dataset), untold_in_words(self.fails_where, self.rmse))
             lines += [said for said in more if said]
         else:
             lines.append("The model has no significant error in any range of a variable.")

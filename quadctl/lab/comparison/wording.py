@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from quadctl.effects import Effect
 from quadctl.frames import GRAVITY_M_S2
 from quadctl.lab.comparison.agreement import CLOSE, Agreement
-from quadctl.lab.comparison.failures import Failure
+from quadctl.lab.comparison.failures import Failure, told
 from quadctl.lab.comparison.remainder import Remainder
 from quadctl.lab.flights.dataset import FOLDS, Dataset
 from quadctl.lab.flights.flight import VARIABLE_NAMES, VARIABLE_UNITS
@@ -294,11 +294,12 @@ def followed_in_words(found: Sequence[Failure], dataset: Dataset) -> str:
     )
 
 
-def untold_in_words(shown: Sequence[Failure], errors: Mapping[str, float]) -> str:
-    """Sentence on the axes that hold much of the squared error and that none of the `shown` failures is about; empty
-    where there is none. `errors` are the RMSE per axis, m/s^2."""
-    whole, told = sum(errors[axis] ** 2 for axis in AXES), {failure.axis for failure in shown}
-    share = {axis: errors[axis] ** 2 / whole for axis in AXES if axis not in told} if whole > 0.0 else {}
+def untold_in_words(found: Sequence[Failure], errors: Mapping[str, float]) -> str:
+    """Sentence on the axes that hold much of the squared error, of which none of all failures `found` explains more
+    than next to nothing; empty where there is none. `errors` are the RMSE per axis, m/s^2."""
+    whole = sum(errors[axis] ** 2 for axis in AXES)
+    explained = {failure.axis for failure in told(found, len(found))}
+    share = {axis: errors[axis] ** 2 / whole for axis in AXES if axis not in explained} if whole > 0.0 else {}
     untold = [axis for axis in share if share[axis] >= MUCH]
     if not untold:
         return ""

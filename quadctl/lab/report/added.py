@@ -75,7 +75,7 @@ def before_and_after(r: Results) -> Section | None:
 class _HeldOut(NamedTuple):
     what: str
     beside: str
-    """What the model holds without it, in words."""
+    """Effects that the model holds without it, in words."""
     dataset: Dataset
     before: dict[str, float]
     after: dict[str, float]

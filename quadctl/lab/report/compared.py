@@ -229,7 +229,7 @@ def _failures(c: Comparison, anchor: str, title: str, name: str) -> Section:
         "Ranges of different variables may have the same cause. Those with the largest squared error come first."
     ]
     more = len(c.fails_where) - len(shown)
-    said = (followed_in_words(shown, c.dataset), untold_in_words(shown, c.rmse))
+    said = (followed_in_words(shown, c.dataset), untold_in_words(c.fails_where, c.rmse))
     return Section(
         anchor,
         title,

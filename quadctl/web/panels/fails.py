@@ -113,7 +113,8 @@ def _draw_sentences(do: Controls, comparison: Comparison) -> None:
     shown = told(comparison.fails_where, SHOWN_SENTENCES)
     for failure in shown:
         _draw_sentence(do, failure, comparison)
-    for said in (followed_in_words(shown, comparison.dataset), untold_in_words(shown, comparison.rmse)):
+    untold = untold_in_words(comparison.fails_where, comparison.rmse)
+    for said in (followed_in_words(shown, comparison.dataset), untold):
         if said:
             tag("p", "muted", said)
 

@@ -56,7 +56,7 @@ def earlier_sessions(folder: Path) -> tuple[Earlier, ...]:
 
 @lru_cache(maxsize=100)
 def _earlier(path: Path, changed_ns: int) -> Earlier | None:
-    """What the file says; no model of it is loaded, which would run the effects of one's own that it names."""
+    """Content of the file as it is written: to load a model of it would run the effects of one's own that it names."""
     try:
         session = validate(read_yaml(path), SessionFile, str(path))
         model = session.rungs[session.current].model

@@ -75,6 +75,9 @@ def test_an_axis_with_much_of_the_error_is_told_of_even_where_nothing_goes_with_
     said = "Along east (0.300 m/s², 36% of the squared error) no logged variable explains much of the error."
     assert untold_in_words([up], errors) == said
     assert untold_in_words([up, replace(up, axis="east")], errors) == ""
+    many = [replace(up, axis="up", n=100 + i) for i in range(6)]  # more than are shown come before it
+    assert untold_in_words([*many, replace(up, axis="east", n=50)], errors) == ""
+    assert untold_in_words([up, replace(up, axis="east", mean_residual=0.001)], errors) == said  # next to nothing
     assert "north" not in untold_in_words([], errors)
     assert untold_in_words([], dict.fromkeys(errors, 0.0)) == ""
 

@@ -691,7 +691,7 @@ def test_what_no_averaging_estimator_does_is_left_to_explain(raptor: Vehicle) ->
 def test_with_an_estimator_beyond_the_usual_the_interval_of_a_drag_reaches_towards_the_truth(
     raptor: Vehicle, drag: float
 ) -> None:
-    """How far beyond the bound its error goes is not known, but the side is: more of the drag was taken for it."""
+    """The side is known, though not how far beyond the bound its error goes: more of the drag was taken for it."""
     keep, share = np.exp(-0.02 / LASTING_S), 0.7
 
     def lean_taken(_: Floats, push: Floats) -> Floats:
