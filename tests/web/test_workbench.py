@@ -658,6 +658,50 @@ class TestErrorsOfAllSteps:
         assert first is not None and last is not None and first > 2.0 * last
 
 
+class TestRefit:
+    """A refit is a step of the ladder where it changes the model."""
+
+    @pytest.fixture
+    def fitted(self, bench: Workbench, raptor: Vehicle, monkeypatch: pytest.MonkeyPatch) -> Workbench:
+        """On a step whose effect was never fitted to the flight that is open."""
+        given = Model(raptor).plus(Exponential(a=0.5, b=5.0))
+        flown = obedient(Model(raptor).plus(Exponential(a=0.3, b=5.0)), 30.0, noise_m_s=0.01, name="0.csv")
+        bench.opened = Opened([], load_dataset([flown], raptor), None)
+        bench.session = bench.session.climbed(Rung("+ ground_effect.exponential", given))
+
+        async def run(job: Callable[..., Any], *args: Any, progress: Callable[[str], None]) -> Any:
+            return job(*args, progress=progress)
+
+        async def judge(*_: Any) -> None:
+            """Nothing is evaluated here."""
+
+        monkeypatch.setattr(bench._quick, "run", run)
+        monkeypatch.setattr(bench, "_judge", judge)
+        asyncio.run(bench.refit())
+        return bench
+
+    def test_other_parameters_are_a_step(self, fitted: Workbench) -> None:
+        assert fitted.session.rungs[-1].name == "refitted" and fitted.can_undo
+        (effect,) = fitted.session.rungs[-1].model.effects
+        assert effect.values()["a"] == pytest.approx(0.3, abs=0.05)
+
+    def test_the_same_parameters_again_are_none_and_it_is_said(self, fitted: Workbench) -> None:
+        before = fitted.session
+        asyncio.run(fitted.refit())
+        assert fitted.session is before
+        assert fitted.message is not None and "the parameters that the model has already" in fitted.message.text
+
+    def test_the_same_parameters_on_another_flight_are_a_step(self, fitted: Workbench) -> None:
+        """They were not known to hold there."""
+        assert fitted.seen is not None and fitted.session.model is not None
+        (item,) = fitted.session.model.stack
+        elsewhere = replace(item, fitted=Provenance(logs=("1.csv",)))
+        fitted.session = fitted.session.climbed(Rung("as it was", replace(fitted.session.model, stack=(elsewhere,))))
+        before = len(fitted.session.rungs)
+        asyncio.run(fitted.refit())
+        assert len(fitted.session.rungs) == before + 1
+
+
 class TestEvidence:
     """Every effect of the model, and every one that was found missing, has evidence when it is asked for."""
 

@@ -15,7 +15,7 @@ from quadctl.errors import SettingsError
 from quadctl.lab.arrays import Floats
 from quadctl.lab.comparison.wording import ERRORS, parameters_in_words
 from quadctl.lab.fitting.bootstrap import drop_interval
-from quadctl.lab.fitting.fitted_model import FittedModel, fit_as_it_stands, fit_model
+from quadctl.lab.fitting.fitted_model import FittedModel, fit_as_it_stands, fit_model, is_fitted_to
 from quadctl.lab.fitting.fitter import Fitter, Optimum
 from quadctl.lab.fitting.parameters import free_parameters, intervals, undetermined, values_of
 from quadctl.lab.fitting.significance import improvement_p_value
@@ -105,6 +105,16 @@ class Refit(Result):
             return ""
         return "The refit does not lower the held-out error: keep the previous parameters."
 
+    @property
+    def is_repetition(self) -> bool:
+        """True where the model was fitted to these flights before, and no parameter has moved by more than a small part
+        of its interval."""
+        if not is_fitted_to(self.before_model, self.dataset.names):
+            return False
+        before, after = (values_of(model, self.fit_after.free) for model in (self.before_model, self.model))
+        widths = np.array([high - low for low, high in self.fit_after.intervals])
+        return bool(np.all(np.abs(after - before) <= SAME_FIT * widths))
+
     def to_dict(self) -> dict[str, Any]:
         return {
             "effects": [
@@ -142,6 +152,9 @@ class Refit(Result):
             lines.append(self.conclusion)
         return Group(table, Text("\n".join(lines)))
 
+
+SAME_FIT = 0.05
+"""Largest move of a parameter, as a share of the width of its interval, where a fit is repeated on the same flights."""
 
 _Refit = TypeVar("_Refit", bound=Refit)
 

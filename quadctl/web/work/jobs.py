@@ -139,6 +139,8 @@ class Climbed:
 
     model: Model
     evaluation: Evaluation
+    is_repetition: bool = False
+    """True where a refit has found what the model held already."""
 
 
 def open_logs(
@@ -325,7 +327,8 @@ def add_expression(path: Path, current: Current, seen: Dataset, unseen: Dataset 
 
 def refit_model(current: Current, seen: Dataset, unseen: Dataset | None, progress: Progress) -> Climbed:
     progress("fitting all parameters together")
-    return _climbed(fit(current.model, seen), unseen)
+    refit = fit(current.model, seen)
+    return replace(_climbed(refit, unseen), is_repetition=refit.is_repetition)
 
 
 def remove_effect(name: str, current: Current, seen: Dataset, unseen: Dataset | None, progress: Progress) -> Climbed:

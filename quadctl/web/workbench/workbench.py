@@ -386,6 +386,10 @@ class Workbench:
             raise QuadctlError("there is no flight to fit the model to: open one, or go back to a step before")
         current = self._current(model)
         climbed: jobs.Climbed = await self._quick.run(job, *args, current, seen, self.unseen, progress=progress)
+        if climbed.is_repetition:
+            same = "The refit gives the parameters that the model has already: they are those of the best fit to "
+            self.message = Message("done", f"{same}{'this flight' if len(seen.flights) == 1 else 'these flights'}.")
+            return
         self.session = self.session.climbed(Rung(name, climbed.model))
         await self._judge(progress, climbed.evaluation)
 
