@@ -412,6 +412,8 @@ class TestAnalysed:
         visitor = Visitor(browser, analysed, size, theme)
         visitor.sees("#error-now")
         visitor.waits_until_done()
+        for tab in visitor.page.locator("[role=tab]").all():
+            expect(tab).to_be_in_viewport(ratio=1.0)
         for part, shown in PARTS:
             visitor.click(f"[role=tab]:has-text('{part}')")
             visitor.sees(shown)
