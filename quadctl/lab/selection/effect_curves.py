@@ -223,6 +223,17 @@ def measured_ratio(dataset: Dataset, variable: str) -> Binned | None:
     return binned(x, ratio, ratio - level, dataset)
 
 
+def ratio_as_flown(model: Model, dataset: Dataset, variable: str) -> Binned | None:
+    """`hover_ratio` of a model at the height and the forward speed of each sample, in the bins of `measured_ratio`;
+    None where the speed or `variable` is not logged."""
+    x, speed = dataset.variable(variable), dataset.variable("speed_forward")
+    if x is None or speed is None:
+        return None
+    height_m = np.concatenate([flight.filtered(flight.conditions.height_m) for flight in dataset.flights])
+    with np.errstate(all="ignore"):  # a formula may have a pole beyond its range
+        return binned(x, hover_ratio(model, height_m, speed), None, dataset)
+
+
 def _means(x: Floats, values: Floats, edges: Floats) -> tuple[Floats, Floats]:
     """Means of `x` and of `values` between neighbouring edges, without empty bins."""
     index = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, len(edges) - 2)

@@ -10,7 +10,7 @@ from quadctl.effects import CATALOG
 from quadctl.lab.arrays import Floats
 from quadctl.lab.comparison.wording import label_of
 from quadctl.lab.flights.dataset import Dataset
-from quadctl.lab.selection.effect_curves import Binned, far_ratio, hover_ratio, measured_ratio
+from quadctl.lab.selection.effect_curves import Binned, far_ratio, hover_ratio, measured_ratio, ratio_as_flown
 from quadctl.model import Model
 from quadctl.web.elements.figure import Figure, axis, figure
 from quadctl.web.elements.theme import Theme
@@ -55,13 +55,12 @@ def ratio_over_height(model: Model, dataset: Dataset, theme: Theme, height_px: i
 
 
 def ratio_over_speed(model: Model, dataset: Dataset, theme: Theme, height_px: int = 380) -> Figure | None:
-    """Thrust ratio over forward speed, at the mean height flown; None where the flights have hardly moved."""
-    measured = measured_ratio(dataset, "speed_forward")
-    if measured is None or dataset.span("speed_forward") < 1.0:
+    """Thrust ratio over forward speed, of the model and as measured, each at the heights flown at that speed; None
+    where the flights have hardly moved."""
+    measured, modelled = measured_ratio(dataset, "speed_forward"), ratio_as_flown(model, dataset, "speed_forward")
+    if measured is None or modelled is None or dataset.span("speed_forward") < 1.0:
         return None
-    x = np.linspace(float(measured.x.min()), float(measured.x.max()), 160)
-    mean_m = np.full_like(x, float(np.mean(dataset.heights_m)))
-    own = _curve(x, _ratio(model, mean_m, x), "this model, at the mean height", theme.after, "solid", 3.0)
+    own = _curve(modelled.x, modelled.mean, "this model, at the heights flown", theme.after, "solid", 3.0)
     points = _points(measured, theme)
     y = axis("thrust ratio", theme, range=_top([own, *points]))
     data = [own, *points]

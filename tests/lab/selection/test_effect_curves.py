@@ -9,7 +9,7 @@ from quadctl.effects.ground_effect import Exponential
 from quadctl.effects.rotor_drag import LinearDrag
 from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.lab.flights.dataset import load_dataset
-from quadctl.lab.selection.effect_curves import sketch
+from quadctl.lab.selection.effect_curves import measured_ratio, ratio_as_flown, sketch
 from quadctl.model import Model
 from tests.support.flights import obedient, to_and_fro
 
@@ -32,3 +32,17 @@ def test_a_drag_is_sketched_over_the_speed_that_it_follows(rigid: Model) -> None
     assert drawn is not None
     assert (drawn.variable, drawn.component) == ("speed_right", "right")
     assert (np.diff(drawn.effect.mean) < 0.0).all()  # a line, no zigzag
+
+
+def test_the_ratio_over_speed_is_that_at_the_heights_flown_at_that_speed(rigid: Model) -> None:
+    """A vehicle that is fast only high up has a ground effect at low speeds, and none at high ones."""
+    truth = rigid.plus(Exponential(a=0.3, b=5.0))
+    log = obedient(truth, 120.0, noise_m_s=0.01)
+    columns = {**log.columns, "vx_m_s": log.columns["vx_m_s"] + 3.0 * log.columns["z_m"]}
+    dataset = load_dataset([replace(log, columns=columns)], rigid.vehicle)
+    measured = measured_ratio(dataset, "speed_forward")
+    modelled = ratio_as_flown(truth, dataset, "speed_forward")
+    assert measured is not None and modelled is not None
+    assert modelled.x == pytest.approx(measured.x)
+    assert modelled.mean == pytest.approx(measured.mean, abs=0.01)
+    assert modelled.mean[0] - modelled.mean[-1] > 0.05
