@@ -177,7 +177,8 @@ def answer_in_words(model: Model, steps: StepResponses) -> str:
     return (
         f"{better} with the compensator: what the ground does to the flight, which is the difference to the same step "
         f"flown high up, changes by {change} (M_B from {without.m_b_absolute:.3f} to "
-        f"{compensated.m_b_absolute:.3f} m s). The whole tracking error changes by {rmse} (RMSE)."
+        f"{compensated.m_b_absolute:.3f} m s). The whole tracking error, with the way that any step takes, "
+        f"changes by {rmse} (RMSE)."
     )
 
 
