@@ -26,6 +26,7 @@ class FrontWake(Effect):
     distinguished_by: ClassVar[str] = "the pitching moment in runs at several speeds; drag has none"
     mission: ClassVar[str] = "missions/forward_runs.yaml"
     affects_moment: ClassVar[bool] = True
+    essential: ClassVar[tuple[str, ...]] = ("loss",)
     needs: ClassVar[dict[str, float]] = {"speed": 0.7}
 
     loss: float = parameter(0.1, 0.0, 3.0, "", "share of thrust that the rearmost rotors lose at an airspeed of v_h")

@@ -120,9 +120,12 @@ class FittedModel:
         return any(is_at_bound(f, value) for f, value in zip(free, values_of(self.model, free), strict=True))
 
     def determined(self, effect: int) -> bool:
-        """Tell whether the data determine at least one parameter of one effect of the stack, or it has none."""
+        """Tell whether the data determine at least one parameter of one effect of the stack, or it has none; and show
+        that one of its essential parameters is not 0, if it has such."""
         own = [(f, ci) for f, ci in zip(self.free, self.intervals, strict=True) if f.effect == effect]
-        return not own or len(undetermined([f for f, _ in own], [ci for _, ci in own])) < len(own)
+        essential = [ci for f, ci in own if f.parameter.name in self.model.effects[effect].essential]
+        shown = not essential or any(not low <= 0.0 <= high for low, high in essential)
+        return shown and (not own or len(undetermined([f for f, _ in own], [ci for _, ci in own])) < len(own))
 
 
 def fit_model(model: Model, dataset: Dataset) -> FittedModel:

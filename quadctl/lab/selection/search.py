@@ -133,7 +133,7 @@ def search(start: FittedModel, pool: Sequence[type[Effect]], progress: Progress)
     path = pruned(forward(begun_at(start), pool, progress))
     path = with_one_dropped(with_masked_first(path, pool, progress), pool, progress)
     path = with_pair_replaced(path, pool, progress)
-    return with_one_exchanged(with_other_variant(path, pool), pool, progress)
+    return largest_first(with_one_exchanged(with_other_variant(path, pool), pool, progress), len(pool))
 
 
 def begun_at(start: FittedModel) -> Path:
@@ -213,11 +213,11 @@ def with_one_dropped(path: Path, pool: Sequence[type[Effect]], progress: Progres
 
 
 def _is_better(other: Path, path: Path) -> bool:
-    """Tell whether one path explains more than another by effects that are all significant beside each other, corrected
-    for the number tried; with more effects, where the data tell the two apart. One that explains as much by fewer
-    parameters is better, too."""
+    """Tell whether one path explains more than another by effects that are all plausible, and significant beside each
+    other, corrected for the number tried; with more effects, where the data tell the two apart. One that explains as
+    much by fewer parameters is better, too."""
     found = (c for c in other.chosen if c.family in other.missing)
-    if not all(is_significant(judged_beside(c, other).p_value) for c in found):
+    if not _is_plausible(other) or not all(is_significant(judged_beside(c, other).p_value) for c in found):
         return False
     new, old = _comparable(other, path)
     if 0 < len(path.missing) < len(other.missing) and are_alike(new, old, path.dataset):
@@ -300,14 +300,38 @@ def with_other_variant(path: Path, pool: Sequence[type[Effect]]) -> Path:
     return path
 
 
+def largest_first(path: Path, n_tried: int) -> Path:
+    """Path with the same effects, those that explain most of the acceleration alone first, where the first explains
+    less than half of what another one does.
+
+    The search may come by a detour. An effect that is found beside the error of a thrust that is off would seem to
+    explain a part of that error, or raise it.
+    """
+    found = [c for c in path.chosen if c.family in path.missing]
+    alone = {c.family: path.at_start[c.effect.name].explained_m_s2 ** 2 for c in found}
+    ordered = sorted(found, key=lambda c: alone[c.family], reverse=True)
+    if not found or alone[found[0].family] >= RIVAL * alone[ordered[0].family]:
+        return path
+    other = path.restarted()
+    for kind in (type(c.effect) for c in ordered):
+        other = taken(other, _trial(other, kind, n_tried))
+    if score(other.residual) > score(path.residual) + EQUAL_SCORE:  # that way leads to another minimum
+        return path
+    return replace(other, confounded=path.confounded, implied=path.implied)
+
+
 def _holds(path: Path) -> bool:
     """Tell whether all effects of a path are plausible and needed beside each other, be each supported alone or not."""
+    return _is_plausible(path) and all(_without_superfluous(path, family) is path for family in path.missing)
+
+
+def _is_plausible(path: Path) -> bool:
+    """Tell whether all effects of a path, beside each other, have parameters that are possible and determined."""
     fit, dataset = path.current, path.dataset
     if unbelievable(fit.model, dataset) | indistinct(fit.model, dataset):
         return False
     added = [i for i, effect in enumerate(fit.model.effects) if effect.family() in path.missing]
-    fits = all(fit.determined(i) and not fit.at_bound(i) for i in added)
-    return fits and all(_without_superfluous(path, family) is path for family in path.missing)
+    return all(fit.determined(i) and not fit.at_bound(i) for i in added)
 
 
 def _exchanged(

@@ -1,7 +1,5 @@
 """Trial of one effect: fit on top of a fitted model, and its held-out error."""
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from quadctl.effects import Effect
@@ -30,13 +28,12 @@ def try_effect(effect: type[Effect], left: Unmodelled, n_tried: int) -> Candidat
     dataset, residual = left.dataset, left.residual
     fit, independent = fit_on_top(effect, left)
     last = len(fit.model.effects) - 1
-    ci95 = fit.ci95(last)
     after = fit.held_out_residual
     p_value = improvement_p_value(residual, residual - after, dataset, left.forms)
     return Candidate(
         effect=fit.model.effects[last],
         model=fit.model,
-        ci95=ci95,
+        ci95=fit.ci95(last),
         before=rmse(residual, dataset.groups),
         after=rmse(after, dataset.groups),
         p_value=min(1.0, p_value * n_tried * independent),
@@ -50,7 +47,7 @@ def try_effect(effect: type[Effect], left: Unmodelled, n_tried: int) -> Candidat
             fit.model.effects[:last], [flight.conditions for flight in dataset.flights], fit.model.vehicle
         ),
         at_bound=fit.at_bound(last),
-        determined=fit.determined(last) and _shows_essence(effect, ci95),
+        determined=fit.determined(last),
         solution=fit.solution,
     )
 
@@ -74,11 +71,6 @@ def fit_on_top(effect: type[Effect], left: Unmodelled) -> tuple[FittedModel, int
         fitter = Fitter(fitted.model, left.dataset)
         fitted = fitter.fit()
     return FittedModel(fitter, fitted, left.dataset.targets - fitter.held_out(fitted)), independent
-
-
-def _shows_essence(effect: type[Effect], ci95: Mapping[str, tuple[float, float]]) -> bool:
-    """Tell whether the interval of one of the effect's essential parameters leaves 0 out, if it has such parameters."""
-    return not effect.essential or any(not low <= 0.0 <= high for low, high in (ci95[n] for n in effect.essential))
 
 
 def _is_no_delay(before: Floats, after: Floats, dataset: Dataset) -> bool:
