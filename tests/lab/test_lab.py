@@ -13,9 +13,11 @@ from scipy import stats
 from quadctl.effects import find_effect
 from quadctl.effects.ground_effect import Exponential, Sanchez
 from quadctl.effects.rotor_drag import LinearDrag
+from quadctl.effects.rotor_interaction import FrontWake
 from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.errors import SettingsError
 from quadctl.lab.comparison.comparison import compare
+from quadctl.lab.fitting.fitted_model import fit_model
 from quadctl.lab.fitting.fitter import Fitter
 from quadctl.lab.fitting.noise import CorrelatedNoise, autocovariance
 from quadctl.lab.fitting.nuisances import BOUND
@@ -193,6 +195,17 @@ class TestFit:
         low, high = b.ci95["b"]
         assert high - low > 40.0
         assert any("b is not determined" in remark for remark in result.remarks)
+
+    @pytest.mark.parametrize(("noise_m_s", "seed"), [(0.01, 0), (0.03, 1)])
+    def test_a_wake_in_which_nothing_is_lost_is_not_determined(
+        self, raptor: Vehicle, noise_m_s: float, seed: int
+    ) -> None:
+        """Its narrow interval holds 0, which is no wake at all."""
+        runs = to_and_fro(obedient(Model(raptor), 60.0, noise_m_s=noise_m_s, seed=seed), 2.0)
+        fit = fit_model(Model(raptor).plus(FrontWake()), load_dataset([runs], raptor))
+        (low, high) = fit.ci95(0)["loss"]
+        assert low <= 1e-6 and high < 0.01
+        assert not fit.determined(0)
 
 
 class TestCompare:

@@ -157,6 +157,11 @@ class TestRepeatedFlights:
         assert sorted(one) == sorted(other)
         assert set(one) <= flights.possible
 
+    def test_runs_with_rotor_speeds_are_slowed_by_a_drag_and_their_rotors_give_less(self) -> None:
+        """Three missions at 0.5 and 1.25 m/s, flown with and without a compensator."""
+        for log in ("APPIUS_FWD_V_050", "NO_COMPENSATION_V_050", "NO_COMPENSATION_V_125"):
+            assert sorted(found_in(f"raptor/{log}.csv").missing) == ["rotor_drag", "thrust_scale", "thrust_tilt"], log
+
     @pytest.mark.parametrize("log", ["raptor/HIGH_ALTITUDE_01.csv", "raptor/HIGH_ALTITUDE_02.csv"])
     def test_high_above_the_ground_there_is_no_ground_effect(self, log: str) -> None:
         assert "ground_effect" not in found_in(log).missing

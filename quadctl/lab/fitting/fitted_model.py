@@ -12,6 +12,7 @@ from quadctl.lab.fitting.parameters import (
     free_parameters,
     intervals,
     is_at_bound,
+    leaves_out_zero,
     remarks,
     undetermined,
     values_of,
@@ -123,8 +124,8 @@ class FittedModel:
         """Tell whether the data determine at least one parameter of one effect of the stack, or it has none; and show
         that one of its essential parameters is not 0, if it has such."""
         own = [(f, ci) for f, ci in zip(self.free, self.intervals, strict=True) if f.effect == effect]
-        essential = [ci for f, ci in own if f.parameter.name in self.model.effects[effect].essential]
-        shown = not essential or any(not low <= 0.0 <= high for low, high in essential)
+        essential = [(f, ci) for f, ci in own if f.parameter.name in self.model.effects[effect].essential]
+        shown = not essential or any(leaves_out_zero(f, ci) for f, ci in essential)
         return shown and (not own or len(undetermined([f for f, _ in own], [ci for _, ci in own])) < len(own))
 
 

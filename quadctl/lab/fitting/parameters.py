@@ -110,6 +110,12 @@ def is_at_bound(free: Free, value: float) -> bool:
     return p.high - value < near or (value - p.low < near and p.low != 0.0)
 
 
+def leaves_out_zero(free: Free, ci: tuple[float, float]) -> bool:
+    """Tell whether a 95 % interval leaves 0 out."""
+    near = HELD * (free.parameter.high - free.parameter.low)
+    return ci[0] > near or ci[1] < -near
+
+
 def remarks(free: Sequence[Free], values: Floats, ci: Sequence[tuple[float, float]]) -> list[str]:
     """Remarks for the user on the fitted parameters: at a bound, or not determined by these data."""
     found = []

@@ -188,7 +188,7 @@ def with_masked_first(path: Path, pool: Sequence[type[Effect]], progress: Progre
     for candidate in sorted(masked, key=lambda c: score(c.residual))[:MOST_MASKED]:
         told = _prefixed(f"beginning with {candidate.effect.name}", progress)
         other = pruned(forward(taken(path.restarted(), candidate), pool, told, likely_only=True))
-        if candidate.family in other.missing and len(other.missing) > 1 and _is_better(other, path):
+        if candidate.family in other.missing and len(other.missing) > 1 and is_better(other, path):
             return pruned(forward(other, pool, progress))
     return path
 
@@ -207,12 +207,12 @@ def with_one_dropped(path: Path, pool: Sequence[type[Effect]], progress: Progres
         for kind in (type(c.effect) for c in path.chosen if c.family in path.missing and c.family != family):
             other = taken(other, _trial(other, kind, len(pool)))
         other = pruned(forward(other, others, _prefixed(f"without {family}", progress), likely_only=True))
-        if other.missing and _is_better(other, path):
+        if other.missing and is_better(other, path):
             return pruned(forward(other, pool, progress))
     return path
 
 
-def _is_better(other: Path, path: Path) -> bool:
+def is_better(other: Path, path: Path) -> bool:
     """Tell whether one path explains more than another by effects that are all plausible, and significant beside each
     other, corrected for the number tried; with more effects, where the data tell the two apart. One that explains as
     much by fewer parameters is better, too."""

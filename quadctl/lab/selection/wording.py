@@ -54,6 +54,8 @@ def reason_against(c: Candidate, chosen: Candidate | None) -> str:
     if not is_significant(c.p_value):
         return f"its gain is not significant: p {p_in_table(c.p_value)}, expected below {SIGNIFICANT:g}"
     if not c.determined:
+        if c.effect.essential:
+            return f"these data do not show that {' or '.join(c.effect.essential)} differs from 0"
         return "these data determine none of its parameters"
     if c.at_bound:
         return "a parameter ran into a bound of what is physically possible"

@@ -10,23 +10,31 @@ import pytest
 from quadctl.effects import CATALOG, Effect
 from quadctl.effects.battery_sag import LinearSag
 from quadctl.effects.ground_effect import Exponential
+from quadctl.effects.inflow import AxialInflow
+from quadctl.effects.rotor_drag import LinearDrag
 from quadctl.effects.tether import HangingTether
 from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.lab.arrays import Floats
 from quadctl.lab.fitting.fitted_model import fit_model
+from quadctl.lab.fitting.initial_guesses import Unmodelled
 from quadctl.lab.flights.dataset import Dataset, load_dataset
 from quadctl.lab.selection.diagnosis import diagnose
+from quadctl.lab.selection.rule import score
 from quadctl.lab.selection.search import Path as Found
 from quadctl.lab.selection.search import (
     begun_at,
     forward,
+    is_better,
     judged_beside,
+    largest_first,
     pruned,
+    taken,
     with_masked_first,
     with_one_dropped,
     with_one_exchanged,
     with_other_variant,
 )
+from quadctl.lab.selection.trial import try_effect
 from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.read import read_logs
 from quadctl.model import Model, load_model
@@ -35,6 +43,7 @@ from studies.blind_cases.cases import all_cases
 from studies.blind_cases.fly import fly_case
 from studies.worlds.field.__main__ import write_world
 from studies.worlds.field.draws import draw_world
+from tests.support.flights import obedient, to_and_fro
 from tests.support.places import ROOT
 
 
@@ -135,3 +144,43 @@ def test_a_battery_and_a_ground_effect_that_hide_each_other_are_found(
     assert said.p_value < 1e-4
     assert said.remarks[-1].startswith("alone it would not be significant (p 0.")
     assert judged_beside(other, found) is other
+
+
+class TestOrder:
+    """A path that came by a detour."""
+
+    @pytest.fixture
+    def flown(self, rigid: Model) -> Dataset:
+        """A vehicle that is dragged, and whose rotors give 85 % of their thrust."""
+        truth = rigid.plus(ConstantScale(0.85))
+        log = to_and_fro(obedient(truth, 90.0, noise_m_s=0.01), 2.0)
+        slowed = {name: log[name] for name in log.columns}
+        lean = np.degrees(np.arctan(0.3 * log["vx_m_s"] / 9.81 + np.gradient(log["vx_m_s"], log.time_s) / 9.81))
+        slowed["pitch_deg"] = slowed["pitch_deg"] - lean
+        return load_dataset([replace(log, columns=slowed)], rigid.vehicle)
+
+    def test_what_explains_most_alone_comes_first(self, flown: Dataset) -> None:
+        path = begun_at(fit_model(Model(flown.flights[0].vehicle), flown))
+        pool = [LinearDrag, ConstantScale]
+        path = forward(path, pool, quiet)
+        assert path.missing == ("thrust_scale", "rotor_drag")
+        assert largest_first(path, len(pool)) is path
+        detour = path.restarted()
+        for kind in pool:
+            detour = taken(detour, try_effect(kind, Unmodelled(detour.current), len(pool)))
+        assert detour.missing == ("rotor_drag", "thrust_scale")
+        mended = largest_first(detour, len(pool))
+        assert mended.missing == ("thrust_scale", "rotor_drag")
+        assert score(mended.residual) == pytest.approx(score(detour.residual), abs=0.005)
+        first, second, last = (step.rmse["total"] for step in mended.steps)
+        assert first > 2.0 * second > 2.0 * last
+
+    def test_another_path_is_no_better_with_an_effect_at_its_bound(self, rigid: Model) -> None:
+        """No inflow takes three times the thrust away at a climb rate of v_h; twice, the bound, explains most of it."""
+        flown = load_dataset([obedient(rigid.plus(AxialInflow(k=3.0)), 60.0, noise_m_s=0.01)], rigid.vehicle)
+        path = begun_at(fit_model(rigid, flown))
+        left = Unmodelled(path.current)
+        bounded = taken(path, try_effect(AxialInflow, left, 1))
+        assert bounded.current.at_bound(0)
+        assert score(bounded.residual) < score(path.residual) - 0.1
+        assert not is_better(bounded, path)

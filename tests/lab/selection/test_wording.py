@@ -7,6 +7,7 @@ import pytest
 
 from quadctl.effects.payload import MassStep
 from quadctl.effects.rotor_fault import WeakRotor
+from quadctl.effects.rotor_interaction import FrontWake
 from quadctl.lab.comparison.wording import parameters_in_words, share_of_g
 from quadctl.lab.flights.dataset import load_dataset
 from quadctl.lab.selection.candidate import Candidate
@@ -88,6 +89,10 @@ class TestReasonAgainst:
     )
     def test_each_predicate_has_its_words(self, supported: Candidate, change: dict[str, Any], words: str) -> None:
         assert reason_against(replace(supported, **change), supported).startswith(words)
+
+    def test_an_effect_that_may_be_none_is_told_by_the_parameter(self, supported: Candidate) -> None:
+        wake = replace(supported, effect=FrontWake(), determined=False)
+        assert reason_against(wake, supported) == "these data do not show that loss differs from 0"
 
     def test_an_effect_that_does_not_help_needs_no_other_reason(self, supported: Candidate) -> None:
         useless = replace(supported, after=supported.before, p_value=0.9)
