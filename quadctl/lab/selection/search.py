@@ -208,8 +208,18 @@ def with_one_dropped(path: Path, pool: Sequence[type[Effect]], progress: Progres
             other = taken(other, _trial(other, kind, len(pool)))
         other = pruned(forward(other, others, _prefixed(f"without {family}", progress), likely_only=True))
         if other.missing and is_better(other, path):
-            return pruned(forward(other, pool, progress))
+            return _with_exchange_in_doubt(pruned(forward(other, pool, progress)), path)
     return path
+
+
+def _with_exchange_in_doubt(other: Path, path: Path) -> Path:
+    """Path `other`, which took the place of `path`, with the one effect in which they differ, where the data do not
+    tell the two apart."""
+    new, old = set(other.missing) - set(path.missing), set(path.missing) - set(other.missing)
+    if len(new) != 1 or len(old) != 1 or new | old in NESTED or not are_alike(*_comparable(other, path), path.dataset):
+        return other
+    pair = new.pop(), old.pop()
+    return other if pair in other.confounded else replace(other, confounded=(*other.confounded, pair))
 
 
 def is_better(other: Path, path: Path) -> bool:
