@@ -40,6 +40,8 @@ def lab_page(
 
     prepare_workers()  # while the libraries of the page are loaded here
     from quadctl.web.page.server import serve
+    from quadctl.web.session.earlier import set_aside
+    from quadctl.web.session.session import AUTOSAVED
     from quadctl.web.session.start import check_folders, first_session, kept_session, vehicle_files
     from quadctl.web.work.simulated import Simulation
     from quadctl.web.workbench.intake import Intake
@@ -52,6 +54,10 @@ def lab_page(
     kept = None if session is not None or anew else kept_session(out, begun, model_given=model is not None)
     if kept is not None:
         console.print(f"The session in {out} is continued; --new begins another.", soft_wrap=True, highlight=False)
+    elif session is None or session.resolve() != (out / AUTOSAVED).resolve():
+        before = set_aside(out)
+        if before is not None:
+            console.print(f"The session before is kept as {before}.", soft_wrap=True, highlight=False)
     simulation = Simulation(simulator().simulate, missions, out, hidden, HIDDEN)
     serve(
         lambda: Workbench(out, simulation),

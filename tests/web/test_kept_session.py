@@ -11,7 +11,7 @@ from quadctl.effects.ground_effect import Exponential
 from quadctl.logs.flight_log import FlightLog
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
-from quadctl.web.session.earlier import MOST, earlier_sessions
+from quadctl.web.session.earlier import MOST, earlier_sessions, set_aside
 from quadctl.web.session.files import sha256_of
 from quadctl.web.session.session import AUTOSAVED, Session, session_to_yaml
 from quadctl.web.session.start import first_session, kept_session
@@ -60,6 +60,24 @@ def test_a_model_that_is_given_is_the_one_it_must_have_begun_with(kept: Session,
     assert kept_session(log.parent, begun(raptor, log), model_given=True) is not None
     other = Session().with_logs([log]).begun_with(Model(raptor).plus(Exponential(a=0.3, b=5.0)))
     assert kept_session(log.parent, other, model_given=True) is None
+
+
+class TestAnotherBegins:
+    """What was recorded before is not lost."""
+
+    def test_the_one_of_the_folder_is_kept_in_a_file_of_its_own(self, kept: Session, log: Path) -> None:
+        text = (log.parent / AUTOSAVED).read_text()
+        (log.parent / "previous.lab.yaml").write_text("the one before that")
+        path = set_aside(log.parent)
+        assert path == log.parent / "previous-2.lab.yaml" and path.read_text() == text
+        assert not (log.parent / AUTOSAVED).exists()
+
+    @pytest.mark.parametrize("text", [None, "rungs: nonsense", "logs: []\nrungs: []\n"])
+    def test_one_without_a_flight_is_not(self, text: str | None, tmp_path: Path) -> None:
+        if text is not None:
+            (tmp_path / AUTOSAVED).write_text(text)
+        assert set_aside(tmp_path) is None
+        assert [path.name for path in tmp_path.iterdir()] == ([AUTOSAVED] if text is not None else [])
 
 
 class TestVehicleThatNobodyHasNamed:

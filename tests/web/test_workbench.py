@@ -30,6 +30,7 @@ from quadctl.vehicle import Vehicle
 from quadctl.vehicle_draft.draft import draft
 from quadctl.web.panels.compensator import commands_of_a_model, name_of_file
 from quadctl.web.panels.vehicle import TYPICAL
+from quadctl.web.session.earlier import PREVIOUS
 from quadctl.web.session.files import sha256_of
 from quadctl.web.session.findings import Findings
 from quadctl.web.session.session import AUTOSAVED, Rung, Session, load_session, session_to_yaml
@@ -41,7 +42,7 @@ from quadctl.web.work.state import Message, Work
 from quadctl.web.work.worker import LIBRARIES, CancelledError
 from quadctl.web.workbench import workbench
 from quadctl.web.workbench.intake import Intake
-from quadctl.web.workbench.workbench import PREVIOUS, Workbench
+from quadctl.web.workbench.workbench import Workbench
 from tests.support.flights import obedient
 from tests.support.log_files import ulog_bytes
 from tests.support.places import RAPTOR, ROOT, VEHICLES
@@ -320,6 +321,15 @@ class TestNewSession:
         assert [rung.model.effects for rung in used.session.rungs] == [rung.model.effects for rung in before.rungs]
         asyncio.run(used.open_earlier(used.folder / "gone.lab.yaml"))
         assert used.message is not None and used.message.kind == "error"
+        assert [path.name for path in used.session.logs] == ["a.csv"]
+
+    def test_the_present_one_is_kept_where_another_is_opened_over_it(self, used: Workbench) -> None:
+        before = used.session
+        asyncio.run(used.resume(Session().with_logs([Path("b.csv")]).begun_with(before.rungs[0].model)))
+        assert [path.name for path in used.session.logs] == ["b.csv"]
+        assert [path.name for path in load_session(used.folder / f"{PREVIOUS}.lab.yaml").logs] == ["a.csv"]
+        assert used.message is not None and used.message.go_back
+        asyncio.run(used.go_back())
         assert [path.name for path in used.session.logs] == ["a.csv"]
 
     def test_those_before_that_one_stay(self, used: Workbench) -> None:

@@ -5,11 +5,13 @@ from datetime import datetime
 from functools import lru_cache
 from pathlib import Path
 
-from quadctl.errors import QuadctlError
+from quadctl.errors import QuadctlError, SettingsError
 from quadctl.lab.comparison.wording import listed, plain, quantity
 from quadctl.settings import read_yaml, validate
 from quadctl.web.session.session import AUTOSAVED, SUFFIX, SessionFile
 
+PREVIOUS = "previous"
+"""Beginning of the names of the files that hold sessions before the present one, in the folder of the page."""
 MOST = 8
 """Number of sessions that are listed, the latest first."""
 
@@ -38,6 +40,38 @@ class Earlier:
         model = listed([plain(family) for family in self.effects]) if self.effects else "no effect added"
         error = "" if self.error_m_s2 is None else f", error {quantity(self.error_m_s2)}"
         return f"{self.saved:%d %B %Y, %H:%M}: {self.vehicle}, {model}{error}"
+
+
+def free_name(folder: Path) -> str:
+    """Name of a file in `folder` that does not exist yet, for the session before the present one: `previous.lab.yaml`,
+    or with the next number."""
+    name, number = f"{PREVIOUS}{SUFFIX}", 1
+    while (folder / name).exists():
+        number += 1
+        name = f"{PREVIOUS}-{number}{SUFFIX}"
+    return name
+
+
+def set_aside(folder: Path) -> Path | None:
+    """Keep the session of `folder` in a file of its own, as another begins; None where it holds no flight.
+
+    Raises
+    ------
+    SettingsError
+        The file cannot be moved.
+    """
+    present = folder / AUTOSAVED
+    try:
+        begun = bool(validate(read_yaml(present), SessionFile, str(present)).logs)
+    except SettingsError:  # there is none, or nothing in it can be gone on with
+        return None
+    if not begun:
+        return None
+    kept = folder / free_name(folder)
+    try:
+        return present.replace(kept)
+    except OSError as error:
+        raise SettingsError(f"{present}: cannot be moved to {kept.name} ({error.strerror})") from None
 
 
 def earlier_sessions(folder: Path) -> tuple[Earlier, ...]:

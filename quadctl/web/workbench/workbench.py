@@ -19,9 +19,10 @@ from quadctl.lab.report.results import Shown
 from quadctl.logs.flight_log import FlightLog
 from quadctl.model import Model, load_model, model_to_dict
 from quadctl.vehicle import Vehicle
+from quadctl.web.session.earlier import free_name
 from quadctl.web.session.files import changed_logs, keep_expression, without_folder
 from quadctl.web.session.findings import Diagnosed, Findings
-from quadctl.web.session.session import AUTOSAVED, SUFFIX, Rung, Session, load_session, session_to_yaml
+from quadctl.web.session.session import AUTOSAVED, Rung, Session, load_session, session_to_yaml
 from quadctl.web.work import jobs, reading
 from quadctl.web.work.exchange import Exchange
 from quadctl.web.work.simulated import Simulation
@@ -29,8 +30,6 @@ from quadctl.web.work.state import Gathered, Message, Results, Work
 from quadctl.web.work.worker import CancelledError, Worker
 
 _LOG = logging.getLogger(__name__)
-PREVIOUS = "previous"
-"""Beginning of the names of the files that hold sessions before the present one, in the folder of the page."""
 SAME_ERROR = 0.01
 """Largest relative difference of the same fit on two computers."""
 
@@ -203,10 +202,7 @@ class Workbench:
     async def start_anew(self) -> None:
         """Begin a new session with the vehicle of this one, which is kept in a file."""
         model = self.session.rungs[0].model if self.session.rungs else None
-        kept, number = f"{PREVIOUS}{SUFFIX}", 1
-        while (self.folder / kept).exists():
-            number += 1
-            kept = f"{PREVIOUS}-{number}{SUFFIX}"
+        kept = free_name(self.folder)
         if not self._save(kept):
             return
         before = self.session
@@ -240,13 +236,20 @@ class Workbench:
         changed = await asyncio.to_thread(changed_logs, session.hashes)
         for log in changed:
             session = session.without_log(log).unjudged()
-        before = self.session
+        before, kept = self.session, free_name(self.folder)
+        if before.logs and not self._save(kept):
+            return
         await self._with_flights(session)
         if self.session is not before:  # what was changed in another session cannot be taken back in this one
             self._past, self._future = [], []
             self._autosave()
+        elif before.logs:
+            (self.folder / kept).unlink()
         if changed:
             self.say("error", " ".join(f"{sentence}." for sentence in changed.values()))
+        elif before.logs and self.message is None:
+            self._before = before
+            self.say("done", f"The session before is kept as {self.folder / kept}.", go_back=True)
 
     async def _with_flights(self, session: Session, known: bool = False) -> None:
         """Read the flights of `session` and evaluate its model; where that fails, nothing changes.
