@@ -101,7 +101,7 @@ sitl-check: $(INSTALLED)
 	@PX4="$(PX4)" ARDUPILOT="$(ARDUPILOT)" LINK="$(LINK)" CONFIG="$(CONFIG)" FRAME="$(or $(FRAME),quad)" sitl/check.sh
 
 clean:
-	rm -rf $(VENV) build demo logs *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache
+	rm -rf $(VENV) build demo *.egg-info .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache
 
 $(INSTALLED): pyproject.toml constraints.txt
 	$(PYTHON) -c "import sys; sys.exit(sys.version_info < (3, 11) and 'quadctl needs Python 3.11 or newer')"
