@@ -72,7 +72,12 @@ class TestAnotherBegins:
         assert path == log.parent / "previous-2.lab.yaml" and path.read_text() == text
         assert not (log.parent / AUTOSAVED).exists()
 
-    @pytest.mark.parametrize("text", [None, "rungs: nonsense", "logs: []\nrungs: []\n"])
+    def test_one_that_cannot_be_read_is_kept_too(self, tmp_path: Path) -> None:
+        """It may be of another version of quadctl."""
+        (tmp_path / AUTOSAVED).write_text("rungs: nonsense")
+        assert set_aside(tmp_path) == tmp_path / "previous.lab.yaml"
+
+    @pytest.mark.parametrize("text", [None, "logs: []\nrungs: []\n"])
     def test_one_without_a_flight_is_not(self, text: str | None, tmp_path: Path) -> None:
         if text is not None:
             (tmp_path / AUTOSAVED).write_text(text)

@@ -1,5 +1,6 @@
 """Earlier sessions: those that are kept in the folder of the page beside the present one."""
 
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime
 from functools import lru_cache
@@ -53,7 +54,8 @@ def free_name(folder: Path) -> str:
 
 
 def set_aside(folder: Path) -> Path | None:
-    """Keep the session of `folder` in a file of its own, as another begins; None where it holds no flight.
+    """Keep the session of `folder` in a file of its own, as another begins; None where there is none, or none with a
+    flight. One that cannot be read may be of another version of quadctl, and is kept.
 
     Raises
     ------
@@ -61,12 +63,11 @@ def set_aside(folder: Path) -> Path | None:
         The file cannot be moved.
     """
     present = folder / AUTOSAVED
-    try:
-        begun = bool(validate(read_yaml(present), SessionFile, str(present)).logs)
-    except SettingsError:  # there is none, or nothing in it can be gone on with
+    if not present.is_file():
         return None
-    if not begun:
-        return None
+    with suppress(SettingsError):
+        if not validate(read_yaml(present), SessionFile, str(present)).logs:
+            return None
     kept = folder / free_name(folder)
     try:
         return present.replace(kept)
