@@ -559,6 +559,7 @@ class TestAnalysed:
     def test_all_can_be_taken_along(self, visitor: Visitor, tmp_path: Path) -> None:
         stand_on(visitor, "+ ground effect")
         report = visitor.keeps_file("button:has-text('Report')", tmp_path).read_text(encoding="utf-8")
+        assert "saved as report.html in the downloads folder" in visitor.sees(".banner.done")
         assert "Missing, in the order of adding: ground effect" in report
         assert "The fitted effect" in report
         visitor.reads(report, DESK, "report-desk")

@@ -48,7 +48,7 @@ def ratio_over_height(model: Model, dataset: Dataset, theme: Theme, height_px: i
         xaxis=axis(
             label_of("height_over_radius"), theme, range=[float(x[0]), float(x[-1] + EDGE * np.ptp(x))], zeroline=False
         ),
-        yaxis=axis("thrust ratio (1 = far from the ground)", theme, range=top),
+        yaxis=axis("thrust ratio (1 = this model far from the ground)", theme, range=top),
         shapes=[_trusted(flown, x, theme), _one(theme)],
         annotations=[_trusted_in_words(flown, x, theme)],
     )

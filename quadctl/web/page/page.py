@@ -38,6 +38,7 @@ window.addEventListener("popstate", () => emitEvent("{WENT_BACK}", location.sear
 </script>"""
 """Tells the server of the browser's Back and Forward."""
 SESSION_FILE = "session.lab.yaml"
+REPORT_FILE = "report.html"
 """Name of the file that a saved session gives to the browser."""
 SCROLL_TO_VEHICLE = """
 const scroll = (trials) => {
@@ -399,4 +400,5 @@ class Page:
             said = [*verdict.sentences, *(ended(sentence) for sentence in about_flights if sentence)]
             html = await self.bench.report(said, verdict.condition)
             if html is not None:
-                ui.download.content(html, "report.html", "text/html")
+                ui.download.content(html, REPORT_FILE, "text/html")
+                self.bench.say("done", f"The report is saved as {REPORT_FILE} in the downloads folder of your browser.")

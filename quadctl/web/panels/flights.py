@@ -34,7 +34,7 @@ class Flights(Panel):
             return
         several = len(self.opened.usable) > 1
         with tag("section", "card"):
-            held = "Held out: no fit uses the flight, and the error at the top of the page is computed on it."
+            held = "A flight that is held out is in no fit, and the error at the top of the page is computed on it."
             heading("Flights", held if several else "")
             do.nest(WhichVehicle)
             for log in self.opened.logs:

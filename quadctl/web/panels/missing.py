@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
 from nicegui import ui
 
 from quadctl.lab.comparison.agreement import flights_of_the_fit
@@ -56,7 +57,7 @@ OF_BLOCKS = (
     "flights (on Flights), also counts what differs from flight to flight, and so tells what to expect of a further "
     "one; of two or three flights it tells little."
 )
-NOT_NEEDED = "Other forms of these effects, or look-alikes: not needed together with those above."
+NOT_NEEDED = "They explain what those above explain, and are not needed together with them."
 NO_HELP = "These effects do not reduce the held-out error by more than chance might, or not as they physically can."
 
 
@@ -112,7 +113,16 @@ class ErrorsByAxis(Panel):
         kind = sentence(self.evaluation.kind_by_flight)
         with tag("p", "muted"):
             at_worst = ", the axis with the largest error"
-            explained(f"{shown}{at_worst if self.axis == worst else largest}. {kind}.")
+            explained(f"{shown}{at_worst if self.axis == worst else largest}. {kind}.{self._beside_the_motion(errors)}")
+
+    def _beside_the_motion(self, errors: dict[str, float]) -> str:
+        """Sentence on a flight that moves less than the model is wrong by; empty where it moves more."""
+        assert self.flight is not None
+        moves = float(np.sqrt(np.mean(self.flight.measured[:, AXES.index(self.axis)] ** 2)))
+        if errors[self.axis] <= moves:
+            return ""
+        said = f"The vehicle itself accelerates by no more than {quantity(moves)} {self.axis} (RMS)"
+        return f" {said}: what the model is wrong by is the force that holds it there, not the motion."
 
 
 @dataclass(frozen=True)
@@ -318,7 +328,7 @@ class Candidates(Panel):
                     looks = [other for other, first in alike.items() if first == candidate.family]
                     self._draw_card(do, found, candidate, looks, primary=i == 0)
         for title, text, group in (
-            ("Also supported", NOT_NEEDED, near),
+            ("Other forms and look-alikes", NOT_NEEDED, near),
             ("Not supported by these data", NO_HELP, others),
         ):
             if group:
