@@ -63,7 +63,7 @@ def test_a_model_that_is_given_is_the_one_it_must_have_begun_with(kept: Session,
 
 
 class TestAnotherBegins:
-    """What was recorded before is not lost."""
+    """The session before is not lost."""
 
     def test_the_one_of_the_folder_is_kept_in_a_file_of_its_own(self, kept: Session, log: Path) -> None:
         text = (log.parent / AUTOSAVED).read_text()

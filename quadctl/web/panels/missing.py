@@ -113,16 +113,18 @@ class ErrorsByAxis(Panel):
         kind = sentence(self.evaluation.kind_by_flight)
         with tag("p", "muted"):
             at_worst = ", the axis with the largest error"
-            explained(f"{shown}{at_worst if self.axis == worst else largest}. {kind}.{self._beside_the_motion(errors)}")
+            explained(
+                f"{shown}{at_worst if self.axis == worst else largest}. {kind}.{beside_the_motion(errors[self.axis], self.flight, self.axis)}"
+            )
 
-    def _beside_the_motion(self, errors: dict[str, float]) -> str:
-        """Sentence on a flight that moves less than the model is wrong by; empty where it moves more."""
-        assert self.flight is not None
-        moves = float(np.sqrt(np.mean(self.flight.measured[:, AXES.index(self.axis)] ** 2)))
-        if errors[self.axis] <= moves:
-            return ""
-        said = f"The vehicle itself accelerates by no more than {quantity(moves)} {self.axis} (RMS)"
-        return f" {said}: what the model is wrong by is the force that holds it there, not the motion."
+
+def beside_the_motion(error_m_s2: float, flight: Flight, axis: str) -> str:
+    """Sentence on a flight that accelerates less along an axis than the model is wrong by; empty where it does not."""
+    moves = float(np.sqrt(np.mean(flight.measured[:, AXES.index(axis)] ** 2)))
+    if error_m_s2 <= moves:
+        return ""
+    closer = " In so quiet a flight no acceleration at all would be a closer prediction"
+    return f"{closer}: it is {quantity(moves)} {axis} (RMS)."
 
 
 @dataclass(frozen=True)

@@ -243,13 +243,14 @@ class Workbench:
         if self.session is not before:  # what was changed in another session cannot be taken back in this one
             self._past, self._future = [], []
             self._autosave()
+            if before.logs:
+                self._before = before
+                if self.message is None and not changed:
+                    self.say("done", f"The session before is kept as {self.folder / kept}.", go_back=True)
         elif before.logs:
             (self.folder / kept).unlink()
         if changed:
             self.say("error", " ".join(f"{sentence}." for sentence in changed.values()))
-        elif before.logs and self.message is None:
-            self._before = before
-            self.say("done", f"The session before is kept as {self.folder / kept}.", go_back=True)
 
     async def _with_flights(self, session: Session, known: bool = False) -> None:
         """Read the flights of `session` and evaluate its model; where that fails, nothing changes.
