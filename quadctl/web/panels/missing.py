@@ -113,9 +113,8 @@ class ErrorsByAxis(Panel):
         kind = sentence(self.evaluation.kind_by_flight)
         with tag("p", "muted"):
             at_worst = ", the axis with the largest error"
-            explained(
-                f"{shown}{at_worst if self.axis == worst else largest}. {kind}.{beside_the_motion(errors[self.axis], self.flight, self.axis)}"
-            )
+            quiet = beside_the_motion(errors[self.axis], self.flight, self.axis)
+            explained(f"{shown}{at_worst if self.axis == worst else largest}. {kind}.{quiet}")
 
 
 def beside_the_motion(error_m_s2: float, flight: Flight, axis: str) -> str:
