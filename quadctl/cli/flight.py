@@ -10,7 +10,7 @@ import typer
 
 from quadctl.cli.app import app, console
 from quadctl.cli.inputs import find, find_configuration, find_mission
-from quadctl.cli.output import JsonOption, check_outputs, write_json
+from quadctl.cli.output import JsonOption, check_outputs, print_warning, write_json
 from quadctl.errors import FlightError
 from quadctl.installed import is_installed
 from quadctl.sitl.autopilots import Simulated
@@ -205,7 +205,7 @@ def _finish(outcome: Any, json_out: Path | None) -> None:
 def _print_warnings(plan: Any, simulated: bool) -> None:
     for warning in plan.warnings:
         if not (simulated and warning.topic == "battery"):  # nobody's is at stake
-            console.print(f"warning: {warning}", style="yellow", soft_wrap=True, markup=False, highlight=False)
+            print_warning(str(warning))
 
 
 def simulator() -> Any:

@@ -22,6 +22,10 @@ def print_saved(path: Path) -> None:
     console.print(f"Saved: {path}", soft_wrap=True, markup=False, highlight=False)
 
 
+def print_warning(sentence: str) -> None:
+    console.print(f"warning: {sentence}", style="yellow", soft_wrap=True, markup=False, highlight=False)
+
+
 def check_outputs(inputs: Sequence[Path | None], *outputs: Path | None) -> None:
     """Refuse an output file that would destroy something, or that cannot be one, before any work is done.
 

@@ -8,7 +8,7 @@ import typer
 
 from quadctl.cli.app import app, console
 from quadctl.cli.inputs import find
-from quadctl.cli.output import check_outputs, print_saved, write_text
+from quadctl.cli.output import check_outputs, print_saved, print_warning, write_text
 from quadctl.errors import QuadctlError, SettingsError
 from quadctl.vehicle import load_vehicle
 
@@ -46,6 +46,7 @@ def new(
     """Write a vehicle file; what neither the parameters nor the options say is asked."""
     from quadctl.logs.parameters import read_present_parameters
     from quadctl.vehicle_draft.draft import Answers, draft, missing
+    from quadctl.vehicle_draft.frames import overlap
 
     check_outputs([parameters], output)
     if output.exists() and not force:
@@ -74,6 +75,8 @@ def new(
         markup=False,
         highlight=False,
     )
+    if touching := overlap([rotor.position_m for rotor in vehicle.rotors], 2.0 * vehicle.rotor.radius_m):
+        print_warning(touching)
 
 
 OPTIONS = {

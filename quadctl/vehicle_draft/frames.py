@@ -1,5 +1,6 @@
 """Places of the rotors: of the frames that both autopilots number alike, and as an autopilot's parameters say."""
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from typing import Literal, NamedTuple
@@ -102,6 +103,24 @@ def _tilt(x: float, y: float, ax: float, ay: float, az: float) -> tuple[float, f
 def arm_m_of(places: Sequence[Place]) -> float:
     """Largest distance of a rotor's axis from the centre, m."""
     return max(math.hypot(*place.position_m[:2]) for place in places)
+
+
+def overlap(positions_m: Sequence[tuple[float, float, float]], propeller_m: float) -> str | None:
+    """A sentence on propellers of this diameter, at these positions, FRD, that reach into each other; None where each
+    turns free.
+
+    Rotors at different heights may overlap, as coaxial ones do: only those at one height are looked at.
+    """
+    at_one_height = [math.dist(a, b) for a, b in itertools.combinations(positions_m, 2) if abs(a[2] - b[2]) < ROUNDED]
+    nearest_m = min(at_one_height, default=math.inf)
+    if nearest_m >= propeller_m:
+        return None
+    diagonal_m = 2.0 * max(math.hypot(x, y) for x, y, _ in positions_m)
+    free_mm = math.ceil(1e3 * diagonal_m * propeller_m / max(nearest_m, ROUNDED) - 1e-6)
+    return (
+        f"The propellers would touch: their axes are {nearest_m:.3g} m apart, less than the diameter of "
+        f"{propeller_m:.3g} m. On this frame they turn free from a diagonal of {1e-3 * free_mm:.4g} m on."
+    )
 
 
 def are_relative(places: Sequence[Place]) -> bool:

@@ -143,6 +143,12 @@ class TestCommand:
             "rotor's axis, m; --hover-throttle, the throttle in hover, 0 to 1"
         )
 
+    def test_propellers_that_would_touch_are_told(self, tmp_path: Path) -> None:
+        words = ["--mass", "2", "--propeller", "0.254", "--frame", "hexa-x", "--arm", "0.2", "--hover-throttle", "0.5"]
+        result = CliRunner().invoke(app, ["vehicle", "new", str(tmp_path / "mine.yaml"), *words])
+        assert result.exit_code == 0
+        assert "warning: The propellers would touch: their axes are 0.2 m apart" in result.output
+
     def test_no_file_is_overwritten(self, tmp_path: Path) -> None:
         path = tmp_path / "mine.yaml"
         path.write_text("mine\n")

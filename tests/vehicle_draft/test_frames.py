@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from quadctl.errors import SettingsError
 from quadctl.vehicle import RotorPlace
-from quadctl.vehicle_draft.frames import FRAMES, ardupilot_frame, frame_places, px4_places
+from quadctl.vehicle_draft.frames import FRAMES, ardupilot_frame, frame_places, overlap, px4_places
 
 H = 0.1 / math.sqrt(2.0)
 QUAD = {
@@ -88,3 +88,25 @@ def test_ardupilot_names_its_frame() -> None:
 def test_a_frame_without_a_table_is_refused() -> None:
     with pytest.raises(SettingsError, match=r"FRAME_CLASS is 7 with FRAME_TYPE 1, expected 1 with 0 .quad-plus"):
         ardupilot_frame({"FRAME_CLASS": 7.0, "FRAME_TYPE": 1.0})
+
+
+def positions_m(frame: str, arm_m: float) -> list[tuple[float, float, float]]:
+    return [place.position_m for place in frame_places(frame, arm_m)]
+
+
+class TestOverlap:
+    def test_propellers_that_reach_into_each_other_are_told_with_the_diagonal_that_frees_them(self) -> None:
+        """On a hexarotor neighbours are as far apart as the arm is long."""
+        assert overlap(positions_m("hexa-x", 0.2), 0.254) == (
+            "The propellers would touch: their axes are 0.2 m apart, less than the diameter of 0.254 m. "
+            "On this frame they turn free from a diagonal of 0.508 m on."
+        )
+
+    @pytest.mark.parametrize("frame", FRAMES)
+    def test_the_diagonal_that_is_named_is_the_least_one(self, frame: str) -> None:
+        free_m = float((overlap(positions_m(frame, 0.1), 0.254) or "").rpartition("diagonal of ")[2].split()[0])
+        assert overlap(positions_m(frame, 0.5 * free_m + 1e-6), 0.254) is None
+        assert overlap(positions_m(frame, 0.5 * free_m - 0.001), 0.254)
+
+    def test_coaxial_rotors_at_two_heights_may_overlap(self) -> None:
+        assert overlap([(0.2, 0.0, 0.0), (0.2, 0.0, 0.06)], 0.254) is None

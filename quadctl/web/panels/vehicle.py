@@ -14,7 +14,7 @@ from quadctl.lab.comparison.reservations import vehicle_in_words
 from quadctl.lab.comparison.wording import listed
 from quadctl.vehicle import Vehicle
 from quadctl.vehicle_draft.draft import THRUST_COEFFICIENT, Answers, answers_of, told
-from quadctl.vehicle_draft.frames import FRAMES, are_relative, arm_m_of, frame_places, scaled_to
+from quadctl.vehicle_draft.frames import FRAMES, are_relative, arm_m_of, frame_places, overlap, scaled_to
 from quadctl.vehicle_draft.questions import ITS_NUMBERS, NEW_VEHICLE, Question, wrong
 from quadctl.web.elements.html import heading, tag
 from quadctl.web.elements.theme import Theme
@@ -222,7 +222,9 @@ class _NewVehicle:
                 self._diagonal = self._ask("diagonal_m", None if first.arm_m is None else 2.0 * first.arm_m)
                 self._hover = self._ask("hover_throttle", first.hover_throttle)
                 self._ask("hover_rpm", first.hover_rpm)
-            self._drawing = ui.html("", sanitize=False).classes("rotors")
+            with tag("div", "drawn"):
+                self._drawing = ui.html("", sanitize=False).classes("rotors")
+                self._overlap = tag("p", "").props('role="status"')
         for field in (self._propeller, self._frame, self._diagonal):
             field.on_value_change(self._draw_rotors)
         self._draw_rotors()
@@ -245,6 +247,11 @@ class _NewVehicle:
         arm_m, logged = 0.5 * self._diagonal.value, told(self._parameters).places if self._as_logged else None
         places: Sequence[Place] = scaled_to(logged, arm_m) if logged else frame_places(self._frame.value, arm_m)
         self._drawing.set_content(rotors_svg(places, 0.5 * self._propeller.value, self._theme))
+        self._overlap.clear()
+        with self._overlap:
+            ui.label(overlap([place.position_m for place in places], self._propeller.value) or "").style(
+                "display:contents"
+            )
 
     def _fill(self, log_name: str, parameters: Mapping[str, float]) -> None:
         self._parameters, known = parameters, told(parameters)
