@@ -237,6 +237,7 @@ def test_two_tabs_show_the_same_and_neither_a_lost_connection_nor_a_new_start_lo
     port = free_tcp_port()
     with served(tmp_path / "lab", "--session", str(session), port=port) as (url, process):
         one, other = Visitor(browser, url), Visitor(browser, url, PHONE, "dark")
+        one.sees("header >> text=2 windows")
         before = other.error_now()
         one.click("button[aria-label^='Add ground_effect']")
         after = other.waits_for_less_than(0.5 * before)
@@ -247,6 +248,7 @@ def test_two_tabs_show_the_same_and_neither_a_lost_connection_nor_a_new_start_lo
         one.waits_for_less_than(before)
         one.page.reload()
         assert one.error_now() == after
+        one.sees("header >> text=2 windows")
         one.sees("#verdict[data-verdict=none]")
         process.send_signal(signal.SIGINT)
         process.wait(30.0)
@@ -260,6 +262,7 @@ def test_two_tabs_show_the_same_and_neither_a_lost_connection_nor_a_new_start_lo
         one.sees("#verdict[data-verdict=none]")  # the same tab, without a hand
         assert one.error_now() == after
         expect(one.page.locator("text=Looking for what is missing")).to_have_count(0)
+        expect(one.page.locator("header >> text=windows")).to_have_count(0)
         one.leaves()
 
 

@@ -99,6 +99,9 @@ class Page:
         self.build(theme)
         unsubscribe = self.bench.subscribe(self.refresh)
         self._client.on_delete(unsubscribe)
+        self._client.on_disconnect(lambda: self.bench.count_window(-1))
+        self._client.on_connect(lambda: self.bench.count_window(1))  # again, after a lost connection
+        self.bench.count_window(1)
 
     def build(self, theme: Theme) -> None:
         """Draw all of it."""
@@ -206,6 +209,7 @@ class Page:
             message=None if self._is_in_sight(bench.message) else bench.message,
             as_read=bench.as_read,
             waiting=bench.waiting,
+            windows=bench.windows,
             can_undo=bench.can_undo,
             can_redo=bench.can_redo,
             hidden=bench.simulation.hidden,

@@ -13,6 +13,7 @@ from quadctl.web.elements.browser_theme import theme_button
 from quadctl.web.elements.html import busy, heading, tag
 from quadctl.web.elements.theme import Theme
 from quadctl.web.panels.flights import drop_zone
+from quadctl.web.panels.glossary import explained
 from quadctl.web.panels.panel import Controls, Panel
 from quadctl.web.panels.vehicle import VehicleChoice
 from quadctl.web.session.earlier import Earlier
@@ -32,10 +33,14 @@ class Header(Panel):
     theme: Theme
     starting: bool
     model: Model | None
+    windows: int
 
     def draw(self, do: Controls) -> None:
         tag("h1", "brand", "quadctl lab")
         tag("span", "grow")
+        if self.windows > 1:
+            with tag("span", "windows").props('role="status"'):
+                explained(f"{self.windows} windows")
         holds_effects = self.model is not None and bool(self.model.stack)
         for label, icon, act, there in (
             ("New session", "note_add", do.start_anew, not self.starting or holds_effects),

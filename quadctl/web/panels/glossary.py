@@ -52,6 +52,11 @@ GLOSSARY = {
         "Many estimators average their accelerometer over seconds: they are wrong by an acceleration that lasts, and "
         "are so still when it has ended. Without this, the error of such an estimator would look like a drag."
     ),
+    "windows": (
+        "Every window and tab of a browser at this address shows the same session, so that what is changed in one "
+        "changes in all. Only what is looked at (part, flight, axis, selection) belongs to each. For another session "
+        "beside it, run quadctl lab with another --out folder and --port."
+    ),
 }
 _FORMS = {"folds": "fold", "Trim": "trim", "Sigma": "sigma", "Far from the ground": "far from the ground"}
 _WORD = re.compile(rf"\b({'|'.join(map(re.escape, sorted([*GLOSSARY, *_FORMS], key=len, reverse=True)))})\b")

@@ -50,6 +50,8 @@ class View:
     """Logs that have been read and are being prepared."""
     waiting: tuple[str, ...]
     """Names of files that were dropped, and that wait for the work in progress."""
+    windows: int
+    """Number of windows and tabs of browsers that show the session."""
     can_undo: bool
     can_redo: bool
     hidden: Path | None

@@ -56,6 +56,8 @@ class Workbench:
     """Model of a file, to be drawn beside those of the session; nothing is fitted to it, nor judged by it."""
     accepted: frozenset[Path] = frozenset()
     """Logs that a person has said to use in spite of a doubt."""
+    windows: int = 0
+    """Number of windows and tabs of browsers that show it now."""
 
     def __post_init__(self) -> None:
         self._listeners: list[Callable[[], None]] = []
@@ -75,6 +77,11 @@ class Workbench:
         """Tell `listener` of every change; calling what is given back ends that."""
         self._listeners.append(listener)
         return lambda: self._listeners.remove(listener)
+
+    def count_window(self, more: int) -> None:
+        """Count windows that show it from now on; those that do no more, with a minus sign."""
+        self.windows += more
+        self._changed()
 
     def _changed(self) -> None:
         for listener in list(self._listeners):
