@@ -39,7 +39,7 @@ from quadctl.web.elements.theme import DARK, LIGHT
 from quadctl.web.figures.ratio import ratio_over_height
 from quadctl.web.page.choices import Choices
 from quadctl.web.page.page import TABS, Page
-from quadctl.web.panels.compensator import answer_in_words, far_in_words
+from quadctl.web.panels.compensator import answer_in_words, doubts_in_words, far_in_words
 from quadctl.web.panels.evidence import chosen_of, rival_of
 from quadctl.web.panels.fails import Failures
 from quadctl.web.panels.glossary import GLOSSARY
@@ -160,6 +160,7 @@ def views(raptor: Vehicle) -> dict[str, View]:
         message=None,
         as_read=(),
         waiting=(),
+        windows=1,
         can_undo=True,
         can_redo=False,
         hidden=None,
@@ -220,6 +221,7 @@ def views(raptor: Vehicle) -> dict[str, View]:
         "a refusal of the check": {"results": replace(results, checked=None, refused="it has a pole")},
         "a file that waits": {"waiting": ("a.csv",)},
         "a change taken back": {"can_undo": False, "can_redo": True},
+        "a second window": {"windows": 2},
         "a message": {"message": Message("error", "no")},
         "another world": {"hidden": Path("hidden.yaml")},
         "other vehicles": {"vehicles": ()},
@@ -862,7 +864,7 @@ class TestOpenTab:
         view = views["at first"]
         limit = "* At the limit of what is an offset of one flight"
         assert limit not in str(tabs("missing", view).shown)
-        assert "some at the limit" not in str(tabs("missing", view).shown)
+        assert "At the limit" not in str(tabs("missing", view).shown)
         evaluation = view.results.evaluation
         assert evaluation is not None
         optimum = evaluation.solution.optimum
@@ -872,7 +874,7 @@ class TestOpenTab:
         results = replace(view.results, evaluation=replace(evaluation, solution=solution))
         shown = str(tabs("missing", replace(view, results=results)).shown)
         assert limit in shown and "'+1.50 *'" in shown and "'0.00'" in shown
-        assert "Trim and calibration, some at the limit" in shown  # it is folded
+        assert "At the limit of what is usual for a flight: thrust (" in shown  # outside of what is folded
         assert "more thrust is a thrust scale" in shown and "more height" not in shown
 
     def test_offsets_that_differ_from_flight_to_flight_are_said_beside_the_agreement(
@@ -982,6 +984,16 @@ class TestOpenTab:
         assert answer_in_words(model, worse).startswith("Not better with the compensator")
         flat = replace(model, stack=()).plus(ConstantScale(1.2))
         assert answer_in_words(flat, worse).startswith("This model has no effect of the ground")
+
+    def test_a_compensator_for_what_may_be_another_effect_is_not_just_accepted(self, views: dict[str, View]) -> None:
+        model = views["at first"].model
+        assert model is not None
+        scaled = replace(model, stack=()).plus(ConstantScale(1.2))
+        (doubt,) = doubts_in_words(scaled, {"thrust_scale": ("battery_sag",)})
+        assert doubt.startswith("The flights do not tell whether it is thrust scale or battery sag.")
+        assert doubts_in_words(scaled, {}) == []
+        both = scaled.plus(Exponential(0.1, 2.0))
+        assert doubts_in_words(both, {"thrust_scale": ("ground_effect",)}) == []  # it corrects for both
 
     def test_a_measure_that_changes_its_sign_has_no_change_in_percent(
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]

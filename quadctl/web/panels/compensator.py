@@ -1,13 +1,14 @@
 """The model as a compensator: its thrust ratio, its check before a flight, its file, and a flight in simulation."""
 
 import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from nicegui import ui
 
-from quadctl.lab.comparison.wording import change_in_words
+from quadctl.lab.comparison.wording import change_in_words, plain
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.selection.effect_curves import far_ratio, hover_ratio
 from quadctl.lab.tracking.step_response import StepResponses
@@ -66,10 +67,11 @@ def far_in_words(model: Model) -> str:
 
 @dataclass(frozen=True)
 class Check(Panel):
-    """The result of the check before a flight; the check begins when this is drawn."""
+    """The result of the check before a flight, which begins when this is drawn, and what may be another effect."""
 
     model: Model | None
     seen: Dataset | None
+    look_alikes: dict[str, tuple[str, ...]]
     checked: tuple[str, ...] | None
     refused: str
 
@@ -94,6 +96,25 @@ class Check(Panel):
                 ui.icon("check_circle").classes("good")
                 text = "The check accepts it: the ratio is finite, positive, and nowhere rises with height."
                 tag("p", "grow", text)
+        if self.refused or self.checked is None:
+            return
+        for doubt in doubts_in_words(self.model, self.look_alikes):
+            with tag("div", "line check"):
+                ui.icon("help").classes("warn")
+                tag("p", "grow", doubt)
+
+
+def doubts_in_words(model: Model, look_alikes: Mapping[str, Sequence[str]]) -> list[str]:
+    """Sentences on the effects of a model that the flights do not tell from those of other families: what corrects for
+    the wrong one fits only flights like these."""
+    families = dict.fromkeys(effect.family() for effect in model.effects)
+    return [
+        f"The flights do not tell whether it is {' or '.join(map(plain, (family, *others)))}. "
+        f"The compensator corrects for {plain(family)}: if it is not that, the correction is wrong in other flights. "
+        "Which flight next? (What is missing) looks for one that tells them apart."
+        for family in families
+        if (others := [other for other in look_alikes.get(family, ()) if other not in families])
+    ]
 
 
 @dataclass(frozen=True)

@@ -170,8 +170,9 @@ def _draw_nuisances(evaluation: Evaluation, seen: Dataset) -> None:
     fitted = evaluation.solution.optimum.nuisances
     shown = [(place, kind) for place, kind in enumerate(KINDS) if kind.name in NUISANCES]
     at_limit = _at_limit(evaluation)
-    title = "Trim and calibration, some at the limit" if at_limit else "Trim and calibration"
-    with ui.expansion(title).classes("nuisances").props("dense"):
+    if at_limit:
+        tag("p", "note", limited_in_words(evaluation))
+    with ui.expansion("Trim and calibration").classes("nuisances").props("dense"):
         with tag("p", "muted"):
             explained(
                 "Trim and calibration are small offsets that differ between flights. They are fitted together with the "
