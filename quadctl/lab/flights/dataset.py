@@ -14,7 +14,7 @@ from quadctl.effects import Effect
 from quadctl.errors import LogError
 from quadctl.lab.arrays import Floats, Mask
 from quadctl.lab.flights.flight import Flight
-from quadctl.lab.flights.prediction import measured_targets, predict, predict_targets
+from quadctl.lab.flights.prediction import PREDICT, measured_targets, predict_targets
 from quadctl.lab.flights.preparation import prepare
 from quadctl.lab.flights.timing import timed
 from quadctl.logs.flight_log import FlightLog
@@ -216,7 +216,11 @@ class AlignedDataset(Dataset):
 
     def predicted(self, model: Model) -> Floats:
         """Predicted filtered acceleration by `model`, north, east, up, m/s^2, shape (n, 3)."""
-        return np.concatenate([predict(model, flight) for flight in self.flights])
+        return self.predicted_group(model, "total")
+
+    def predicted_group(self, model: Model, group: str) -> Floats:
+        """Prediction of one measured group by `model`, in its unit, shape (n, 3)."""
+        return np.concatenate([PREDICT[group](model, flight) for flight in self.flights])
 
     def residual(self, model: Model) -> Floats:
         """Measured minus predicted acceleration, m/s^2, shape (n, 3)."""

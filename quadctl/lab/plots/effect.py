@@ -18,6 +18,7 @@ from quadctl.lab.plots.style import (
     styled,
 )
 from quadctl.lab.selection.effect_curves import EffectCurve
+from quadctl.lab.selection.wording import residual_label
 
 
 @styled
@@ -34,6 +35,6 @@ def effect_over_variable(curve: EffectCurve) -> Figure:
     points(ax, curve.binned_before.x, curve.binned_before.mean, curve.binned_before.error, BEFORE, "without it")
     points(ax, curve.binned_after.x, curve.binned_after.mean, curve.binned_after.error, AFTER, "with it", "s")
     ax.set_xlabel(label_of(curve.variable))
-    ax.set_ylabel(f"residual {curve.component} / m/s²")
+    ax.set_ylabel(residual_label(curve))
     legend_above(ax, columns=3)
     return figure

@@ -13,6 +13,8 @@ from quadctl.lab.fitting.fitted_model import FittedModel
 from quadctl.lab.fitting.noise import CorrelatedNoise
 from quadctl.lab.fitting.parameters import free_parameters, with_values
 from quadctl.lab.flights.dataset import Dataset
+from quadctl.lab.flights.flight import VARIABLE_NAMES
+from quadctl.lab.flights.prediction import MOMENTS, concerns
 from quadctl.lab.selection.addition import Addition
 from quadctl.model import Model
 
@@ -22,6 +24,12 @@ RATIO_BINS = 14
 FAR_OVER_RADIUS = 30.0
 """Rotor height over radius at which no ground effect is left: less than 0.01 % by any formula of the catalogue."""
 BODY_AXES = ("forward", "right", "up")
+COMPONENTS = {
+    "total": BODY_AXES,
+    "turning": tuple(f"{axis} moment" for axis in MOMENTS),
+    "sensing": tuple(f"accelerometer {axis}" for axis in BODY_AXES),
+}
+"""Axes along which an effect is plotted, of each measured group: of the vehicle's heading, and FRD for moments."""
 _ACROSS = {"speed_forward": "forward", "speed_right": "right"}
 """Component of the effects that depend on these variables; all other effects are plotted along up."""
 
@@ -79,15 +87,17 @@ def ratio_curve(addition: Addition, index: int) -> RatioCurve:
 
 @dataclass(frozen=True, eq=False)
 class EffectCurve:
-    """Residuals and contribution of an effect over one of its variables, along one axis of the vehicle's heading."""
+    """Residuals and contribution of an effect over one of its variables, of one axis of a measured group (see
+    `COMPONENTS`)."""
 
     variable: str
+    group: str
     component: str
     x: Floats
     before: Floats
-    """Residual without the effect, m/s^2, shape (n,)."""
+    """Residual without the effect, in the unit of the group, shape (n,)."""
     after: Floats
-    """Residual with the effect, m/s^2, shape (n,)."""
+    """Residual with the effect, in the unit of the group, shape (n,)."""
     binned_before: Binned
     binned_after: Binned
     fitted: Binned
@@ -98,40 +108,59 @@ def effect_curves(addition: Addition, index: int) -> list[EffectCurve]:
     """Curves of the effect with index `index` of the stack over each variable that it depends on, apart from trim and
     calibration of each flight.
 
-    An effect that depends on no variable is shown over time, along the axes on which it is largest.
+    An effect that depends on no variable is shown over time, along the axes on which it is largest. One that acts on
+    moments, or on the accelerometer, is shown there, too, where these are measured.
     """
-    models = _drawn_models(addition, index, CURVE_DRAWS)
-    return _curves(addition.model, addition.dataset, index, models, _without_trims(addition.fit_after))
+    return _curves(addition.fit_after, index, _drawn_models(addition, index, CURVE_DRAWS))
 
 
 def fitted_effect_curves(fit: FittedModel, index: int) -> list[EffectCurve]:
     """Curves of one effect of the stack of a fitted model, apart from trim and calibration of each flight; the spread
     of its contribution is 0."""
-    return _curves(fit.model, fit.dataset, index, [], _without_trims(fit))
+    return _curves(fit, index, [])
 
 
-def _without_trims(fit: FittedModel) -> Floats:
-    """Measured acceleration without what trim and calibration of each flight add, m/s^2, shape (n, 3)."""
-    return fit.dataset.measured - (fit.predicted[:, :3] - fit.fitter.dataset.predicted(fit.model))
+def _without_trims(fit: FittedModel, group: str = "total") -> Floats:
+    """Measured values of a group without what trim and calibration of each flight add, shape (n, 3)."""
+    first = 3 * fit.dataset.groups.index(group)
+    columns = slice(first, first + 3)
+    by_trims = fit.predicted[:, columns] - fit.fitter.dataset.predicted_group(fit.model, group)
+    return fit.dataset.targets[:, columns] - by_trims
 
 
-def _curves(model: Model, dataset: Dataset, index: int, drawn: Sequence[Model], measured: Floats) -> list[EffectCurve]:
-    """Curves of one effect of the stack; `drawn` are copies of the model whose spread is the error of the effect, and
-    `measured` is the acceleration, m/s^2, shape (n, 3)."""
-    effect = model.effects[index]
-    without = _predicted(_without(model, index), dataset)
-    full = _predicted(model, dataset)
-    heading = _heading(dataset)
-    before = _in_heading(measured - without, heading)
-    after = _in_heading(measured - full, heading)
-    push = _in_heading(full - without, heading)
-    draws = [_in_heading(_predicted(each, dataset) - without, heading) for each in drawn]
+def _curves(fit: FittedModel, index: int, drawn: Sequence[Model]) -> list[EffectCurve]:
+    """Curves of one effect of the stack; `drawn` are copies of the model whose spread is the error of the effect."""
+    effect, found = fit.model.effects[index], []
+    for group in fit.dataset.groups:
+        if concerns(effect, group):
+            found += _curves_of_group(fit, index, drawn, group)
+    return found
 
-    variables = [name for name in effect.depends_on if dataset.variable(name) is not None]
-    pairs = [(name, _ACROSS.get(name, "up")) for name in variables] or [("time", c) for c in _pushed(push)]
+
+def _curves_of_group(fit: FittedModel, index: int, drawn: Sequence[Model], group: str) -> list[EffectCurve]:
+    """Curves of one effect in a measured group; none where it does nothing there."""
+    model, dataset = fit.model, fit.dataset
+    without = _predicted(_without(model, index), dataset, group)
+    full = _predicted(model, dataset, group)
+    measured = _without_trims(fit, group)
+    changes = [measured - without, measured - full, full - without]
+    changes += [_predicted(each, dataset, group) - without for each in drawn]
+    if group != "turning":
+        heading = _heading(dataset)
+        changes = [_in_heading(change, heading) for change in changes]
+    before, after, push, *draws = changes
+    if not push.any():
+        return []
+
+    variables = [name for name in model.effects[index].depends_on if dataset.variable(name) is not None]
+    pairs = [(name, BODY_AXES.index(_ACROSS.get(name, "up"))) for name in variables]
+    if pairs and group != "total":
+        # A moment near the ground goes with the lean as well: over height alone, its means would be a zigzag.
+        a = int(np.argmax(np.mean(push**2, axis=0)))
+        known = [name for name in VARIABLE_NAMES if dataset.variable(name) is not None]
+        pairs = [(max(known, key=lambda name: _followed(push[:, a], _variable(dataset, name), dataset)), a)]
     found = []
-    for variable, component in pairs:
-        a = BODY_AXES.index(component)
+    for variable, a in pairs or [("time", a) for a in _pushed(push)]:
         x = _variable(dataset, variable)
         fitted = binned(x, push[:, a], after[:, a], dataset)
         means = [binned(x, d[:, a], None, dataset).mean for d in draws] or [fitted.mean]
@@ -139,7 +168,8 @@ def _curves(model: Model, dataset: Dataset, index: int, drawn: Sequence[Model], 
         found.append(
             EffectCurve(
                 variable,
-                component,
+                group,
+                COMPONENTS[group][a],
                 x,
                 before[:, a],
                 after[:, a],
@@ -269,9 +299,9 @@ def _drawn_models(addition: Addition, index: int, number: int) -> list[Model]:
     return [with_values(addition.model, [free[i] for i in own], draw[own]) for draw in draws]
 
 
-def _predicted(model: Model, dataset: Dataset) -> Floats:
-    """Predicted acceleration, m/s^2, shape (n, 3); the flights are aligned for the model."""
-    return dataset.aligned_for(model).predicted(model)
+def _predicted(model: Model, dataset: Dataset, group: str = "total") -> Floats:
+    """Prediction of a measured group, shape (n, 3); the flights are aligned for the model."""
+    return dataset.aligned_for(model).predicted_group(model, group)
 
 
 def _without(model: Model, index: int) -> Model:
@@ -305,7 +335,7 @@ def _in_heading(values: Floats, yaw: Floats) -> Floats:
     return np.column_stack([np.cos(yaw) * north + np.sin(yaw) * east, np.cos(yaw) * east - np.sin(yaw) * north, up])
 
 
-def _pushed(push: Floats) -> list[str]:
-    """Axes along which an effect is at least 0.3 of its largest."""
+def _pushed(push: Floats) -> list[int]:
+    """Numbers of the axes along which an effect is at least 0.3 of its largest."""
     size = np.sqrt(np.mean(push**2, axis=0))
-    return [axis for axis, value in zip(BODY_AXES, size, strict=True) if value >= 0.3 * size.max()]
+    return [a for a in range(3) if size[a] >= 0.3 * size.max()]

@@ -20,7 +20,8 @@ class Evidence:
     beside: tuple[str, ...]
     """Families of the other effects of the model, which are fitted together with it."""
     curves: list[EffectCurve]
-    """Curves of the fit with all effects, apart from trim and calibration of each flight."""
+    """Curves of the fit with all effects, apart from trim and calibration of each flight; those of the `measure` come
+    first."""
     before: dict[str, float]
     """Held-out RMSE per axis and group without the effect, all else fitted again."""
     after: dict[str, float]
@@ -52,12 +53,14 @@ def evidence_for(name: str, fit: FittedModel) -> Evidence:
     effect = held_effect(name, fit.model)
     rest = fit_model(without(effect, fit.model), fit.dataset)
     found = rest.held_out_rmse, fit.held_out_rmse
-    first = 3 * fit.dataset.groups.index(measure_of([effect], *found))
+    measure = measure_of([effect], *found)
+    first = 3 * fit.dataset.groups.index(measure)
     columns = slice(first, first + 3)
+    curves = fitted_effect_curves(fit, fit.model.effects.index(effect))
     return Evidence(
         effect=effect,
         beside=tuple(other.family() for other in rest.model.effects),
-        curves=fitted_effect_curves(fit, fit.model.effects.index(effect)),
+        curves=sorted(curves, key=lambda curve: curve.group != measure),
         before=found[0],
         after=found[1],
         drop_ci95=drop_interval(

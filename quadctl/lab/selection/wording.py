@@ -3,6 +3,7 @@
 from typing import Any
 
 from quadctl.lab.selection.candidate import Candidate
+from quadctl.lab.selection.effect_curves import EffectCurve
 from quadctl.lab.selection.rule import (
     LEAST_M_S2,
     MATERIAL,
@@ -24,6 +25,16 @@ NO_GAIN = 0.005
 """Relative drop of the error that rounds to 0 %."""
 SMALL_ERROR = 0.0095
 """Error below which three decimals hide a change."""
+
+
+def unit_of(group: str) -> str:
+    """Unit of a measured group, as it is printed: `m/s²`."""
+    return UNITS[group].replace("^2", "²")
+
+
+def residual_label(curve: EffectCurve) -> str:
+    """Axis label of a residual: `residual forward / m/s²`."""
+    return f"residual {curve.component} / {unit_of(curve.group)}"
 
 
 def candidate_in_words(c: Candidate) -> str:

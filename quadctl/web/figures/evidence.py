@@ -4,6 +4,7 @@ import numpy as np
 
 from quadctl.lab.comparison.wording import label_of
 from quadctl.lab.selection.effect_curves import Binned, EffectCurve
+from quadctl.lab.selection.wording import residual_label, unit_of
 from quadctl.web.elements.figure import Figure, axis, faded, figure
 from quadctl.web.elements.theme import Theme
 
@@ -12,7 +13,8 @@ CLOUD = 1500
 
 
 def evidence_figure(curve: EffectCurve, theme: Theme, height_px: int = 340) -> Figure:
-    """Draw one curve of an effect, m/s^2: samples and binned means of the residual, and the effect as a line."""
+    """Draw one curve of an effect: samples and binned means of the residual, and the effect as a line."""
+    unit = unit_of(curve.group)
     some = slice(None, None, max(1, len(curve.x) // CLOUD))
     cloud = {
         "type": "scatter", "mode": "markers", "name": "samples without it", "x": curve.x[some],
@@ -20,7 +22,7 @@ def evidence_figure(curve: EffectCurve, theme: Theme, height_px: int = 340) -> F
     }  # fmt: skip
     line = {
         "type": "scatter", "mode": "lines", "name": "the effect", "x": curve.fitted.x, "y": curve.fitted.mean,
-        "line": {"color": theme.after, "width": 2.5}, "hovertemplate": "%{x:.3g}: %{y:.3f} m/s²",
+        "line": {"color": theme.after, "width": 2.5}, "hovertemplate": f"%{{x:.3g}}: %{{y:.3g}} {unit}",
     }  # fmt: skip
     low, high = np.quantile(curve.x, [0.002, 0.998])
     reach = 1.15 * max(float(np.quantile(np.abs(curve.before), 0.98)), float(np.max(np.abs(curve.binned_before.mean))))
@@ -28,19 +30,19 @@ def evidence_figure(curve: EffectCurve, theme: Theme, height_px: int = 340) -> F
         [
             cloud,
             line,
-            _means(curve.binned_before, "residual without it, mean ± 95%", theme.before, "circle"),
-            _means(curve.binned_after, "residual with it, mean ± 95%", theme.after, "square"),
+            _means(curve.binned_before, "residual without it, mean ± 95%", theme.before, "circle", unit),
+            _means(curve.binned_after, "residual with it, mean ± 95%", theme.after, "square", unit),
         ],
         theme,
         height_px,
         xaxis=axis(label_of(curve.variable), theme, range=[float(low), float(high)]),
-        yaxis=axis(f"residual {curve.component} / m/s²", theme, range=[-reach, reach]),
+        yaxis=axis(residual_label(curve), theme, range=[-reach, reach]),
     )
 
 
-def _means(means: Binned, name: str, colour: str, symbol: str) -> dict[str, object]:
+def _means(means: Binned, name: str, colour: str, symbol: str, unit: str) -> dict[str, object]:
     bars = {"type": "data", "array": 1.96 * means.error, "color": colour, "thickness": 1.2}
     return {
         "type": "scatter", "mode": "markers", "name": name, "x": means.x, "y": means.mean, "error_y": bars,
-        "marker": {"color": colour, "size": 7, "symbol": symbol}, "hovertemplate": "%{x:.3g}: %{y:.3f} m/s²",
+        "marker": {"color": colour, "size": 7, "symbol": symbol}, "hovertemplate": f"%{{x:.3g}}: %{{y:.3g}} {unit}",
     }  # fmt: skip

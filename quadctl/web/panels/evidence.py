@@ -13,7 +13,7 @@ from quadctl.lab.planning.suggestion import Suggestion
 from quadctl.lab.selection.candidate import LEAST_ERROR, Candidate
 from quadctl.lab.selection.diagnosis import Diagnosis
 from quadctl.lab.selection.evidence import Evidence as Found
-from quadctl.lab.selection.wording import UNITS, error_in_table, p_in_table, reason_against
+from quadctl.lab.selection.wording import error_in_table, p_in_table, reason_against, unit_of
 from quadctl.web.elements.html import heading, loading, plot, tag
 from quadctl.web.elements.theme import Theme
 from quadctl.web.figures.evidence import evidence_figure
@@ -55,8 +55,8 @@ class Evidence(Panel):
             tag("p", "muted", _fit_in_words(shown))
             with tag("div", "panes"):
                 for curve in shown.curves:
-                    label = f"{sentence(name)} over {VARIABLE_NAMES[curve.variable]}, along {curve.component}"
-                    file = f"{shown.effect.name}_over_{curve.variable}"
+                    label = f"{sentence(name)} over {VARIABLE_NAMES[curve.variable]}, {curve.component}"
+                    file = f"{shown.effect.name}_over_{curve.variable}_{curve.component.replace(' ', '_')}"
                     plot(evidence_figure(curve, self.theme), file, label)
             tag("h3", "", "Held-out error before and after")
             beside = f", beside {listed([plain(family) for family in shown.beside])}," if shown.beside else ""
@@ -121,7 +121,7 @@ def _draw_errors(shown: Found) -> None:
                 before, after = shown.before[axis], shown.after[axis]
                 with tag("tr"):
                     named = _OF_GROUP[group] if axis == group else _AXES.get(axis, axis)
-                    tag("td", "", f"{named} / {UNITS[group]}".replace("m/s^2", "m/s²"))
+                    tag("td", "", f"{named} / {unit_of(group)}")
                     tag("td", "number", error_in_table(before))
                     tag("td", "number", error_in_table(after))
                     tag("td", "number", change_in_words(1.0 - after / max(before, LEAST_ERROR)))

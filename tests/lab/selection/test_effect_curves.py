@@ -6,10 +6,14 @@ import numpy as np
 import pytest
 
 from quadctl.effects.ground_effect import Exponential
+from quadctl.effects.ground_torque import Levelling
 from quadctl.effects.rotor_drag import LinearDrag
+from quadctl.effects.rotor_fault import WeakRotor
 from quadctl.effects.thrust_scale import ConstantScale
+from quadctl.lab.fitting.fitted_model import fit_as_it_stands
 from quadctl.lab.flights.dataset import load_dataset
-from quadctl.lab.selection.effect_curves import measured_ratio, ratio_as_flown, sketch
+from quadctl.lab.selection.effect_curves import fitted_effect_curves, measured_ratio, ratio_as_flown, sketch
+from quadctl.lab.selection.wording import residual_label
 from quadctl.model import Model
 from tests.support.flights import obedient, to_and_fro
 
@@ -46,3 +50,28 @@ def test_the_ratio_over_speed_is_that_at_the_heights_flown_at_that_speed(rigid: 
     assert modelled.x == pytest.approx(measured.x)
     assert modelled.mean == pytest.approx(measured.mean, abs=0.01)
     assert modelled.mean[0] - modelled.mean[-1] > 0.05
+
+
+class TestMoments:
+    """An effect that turns the vehicle is shown in the moments, too: its evidence may be there alone."""
+
+    def test_a_weak_rotor_lifts_less_and_turns_the_vehicle_about_two_axes(self, rigid: Model) -> None:
+        dataset = load_dataset([obedient(rigid)], rigid.vehicle)
+        curves = fitted_effect_curves(fit_as_it_stands(rigid.plus(WeakRotor(0.2)), dataset), 0)
+        assert {curve.variable for curve in curves} == {"time"}
+        labels = ["residual up / m/s²", "residual roll moment / N m", "residual pitch moment / N m"]
+        assert [residual_label(curve) for curve in curves] == labels
+        up, roll, pitch = (curve.fitted.mean.mean() for curve in curves)
+        one_n = 0.2 * rigid.vehicle.weight_n / rigid.vehicle.n_rotors
+        x, y, _ = rigid.vehicle.rotors[0].position_m
+        expected = (-one_n / rigid.vehicle.mass_kg, y * one_n, -x * one_n)
+        assert (up, roll, pitch) == pytest.approx(expected, rel=0.05)
+
+    def test_a_moment_is_drawn_over_what_it_follows(self, rigid: Model) -> None:
+        """A moment near the ground depends on the height, but goes with the lean."""
+        log = obedient(rigid)
+        leaning = {"roll_deg": 8.0 * np.sin(2.0 * np.pi * 0.3 * log.time_s)}
+        dataset = load_dataset([replace(log, columns=log.columns | leaning)], rigid.vehicle)
+        (drawn,) = fitted_effect_curves(fit_as_it_stands(rigid.plus(Levelling(2.0, 5.0)), dataset), 0)
+        assert (drawn.variable, drawn.component) == ("roll", "roll moment")
+        assert (np.diff(drawn.fitted.mean) < 0.0).all()
