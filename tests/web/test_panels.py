@@ -31,6 +31,7 @@ from quadctl.lab.flights.vehicle_match import weight_doubt
 from quadctl.lab.selection import diagnosis as lab_diagnosis
 from quadctl.lab.selection.diagnosis import diagnose
 from quadctl.lab.selection.evidence import evidence_for
+from quadctl.lab.selection.unseen import UnseenError
 from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.quality import quality
 from quadctl.model import Model, Provenance, StackedEffect
@@ -44,7 +45,7 @@ from quadctl.web.panels.evidence import chosen_of, rival_of
 from quadctl.web.panels.fails import Failures
 from quadctl.web.panels.glossary import GLOSSARY
 from quadctl.web.panels.help import KEYS
-from quadctl.web.panels.missing import OF_BLOCKS, Verdict, beside_the_motion
+from quadctl.web.panels.missing import OF_BLOCKS, Verdict, beside_the_motion, on_whole_flights
 from quadctl.web.panels.panel import Bench, Controls, Panel
 from quadctl.web.panels.stack import BEYOND, NUISANCES, SAME_CAUSE, apart_in_words, limited_in_words
 from quadctl.web.panels.view import View
@@ -899,6 +900,17 @@ class TestOpenTab:
         assert OF_BLOCKS in str(tabs("missing", view).shown)
         whole = replace(view, session=replace(view.session, hold_out="flights"))
         assert OF_BLOCKS not in str(tabs("missing", whole).shown)
+
+    def test_the_error_on_whole_flights_stands_beside_that_on_blocks(self) -> None:
+        unseen = [
+            UnseenError("blocks", {"total": 1.63}, {"total": 0.443}),
+            UnseenError("flights", {"total": 1.64}, {"total": 0.61}),
+        ]
+        assert on_whole_flights(unseen) == (
+            " With all that is missing, the error with whole flights held out is 0.610 m/s² instead of 1.64 m/s²; "
+            "on blocks of time it is 0.443 m/s²."
+        )
+        assert on_whole_flights(unseen[:1]) == ""
 
     def test_another_form_of_an_effect_lost_against_that_effect(self, views: dict[str, View]) -> None:
         found = views["at first"].results.found

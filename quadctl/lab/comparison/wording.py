@@ -180,7 +180,7 @@ def agreement_in_short(found: Agreement) -> str:
     if found.verdict == "not known":
         return "Whether the flights agree under this model cannot be told."
     if found.widest is not None and found.widest.reach_m_s2 > found.limit_m_s2:
-        return "Under this model the flights agree in the size of their error."
+        return "Under this model the error is as large in each flight; whether it is the same cannot be told."
     return "Under this model the flights agree."
 
 

@@ -1,5 +1,6 @@
 """The search for missing effects: its verdict, the candidates with their Add buttons, and the next flight."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
@@ -31,6 +32,7 @@ from quadctl.lab.planning.suggestion import Suggestion
 from quadctl.lab.selection.candidate import Candidate
 from quadctl.lab.selection.diagnosis import Diagnosis
 from quadctl.lab.selection.rule import is_supported
+from quadctl.lab.selection.unseen import UnseenError
 from quadctl.lab.selection.wording import reason_against
 from quadctl.logs.flight_log import FlightLog
 from quadctl.model import Model
@@ -117,12 +119,28 @@ class ErrorsByAxis(Panel):
             explained(f"{shown}{at_worst if self.axis == worst else largest}. {kind}.{quiet}")
 
 
+def on_whole_flights(unseen: Sequence[UnseenError]) -> str:
+    """Sentence on the error with what was found where whole flights are held out, beside that on blocks of time; empty
+    where it is not known."""
+    by = {error.hold_out: error for error in unseen}
+    if not {"blocks", "flights"} <= by.keys():
+        return ""
+    before, after = (getattr(by["flights"], which)["total"] for which in ("before", "after"))
+    if before == after:
+        return f" With whole flights held out the error is {quantity(before)}."
+    on_blocks = quantity(by["blocks"].after["total"])
+    return (
+        f" With all that is missing, the error with whole flights held out is {quantity(after)} instead of "
+        f"{quantity(before)}; on blocks of time it is {on_blocks}."
+    )
+
+
 def beside_the_motion(error_m_s2: float, flight: Flight, axis: str) -> str:
     """Sentence on a flight that accelerates less along an axis than the model is wrong by; empty where it does not."""
     moves = float(np.sqrt(np.mean(flight.measured[:, AXES.index(axis)] ** 2)))
     if error_m_s2 <= moves:
         return ""
-    closer = " In so quiet a flight no acceleration at all would be a closer prediction"
+    closer = " No acceleration at all would be a closer prediction here"
     return f"{closer}: it is {quantity(moves)} {axis} (RMS)."
 
 
@@ -158,7 +176,7 @@ class Verdict(Panel):
             else:
                 _draw_verdict(do, self.found.diagnosis, self._with_reservation(self._in_words(self.found.diagnosis)))
                 if self.hold_out == "blocks" and not self.unseen and len(self.seen.flights) > 1:
-                    tag("p", "muted", OF_BLOCKS)
+                    tag("p", "muted", f"{OF_BLOCKS}{on_whole_flights(self.found.diagnosis.unseen)}")
                 for said in (*self.reservations, *self.cautions):
                     tag("p", "note", said)
 

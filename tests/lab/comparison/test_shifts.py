@@ -86,7 +86,9 @@ class TestShifts:
         assert found.widest is not None and found.widest.reach_m_s2 > found.limit_m_s2
         assert "otherwise" not in found.verdict
         as_well = replace(found, ci95=(-0.001, 0.001))
-        assert agreement_in_short(as_well) == "Under this model the flights agree in the size of their error."
+        assert agreement_in_short(as_well) == (
+            "Under this model the error is as large in each flight; whether it is the same cannot be told."
+        )
         assert "whether the mean residuals agree cannot be told: they may differ by up to" in agreement_in_words(
             as_well
         )
