@@ -765,14 +765,18 @@ class TestCautions:
     def test_an_estimator_that_was_reset(self) -> None:
         note = "the estimator reset its height at 3.2 s: it jumps there"
         report = _report(notes=(note, "thrust is taken from the motor output"), resets=(note,))
-        assert cautions_of(report, MAX_BANDWIDTH_HZ) == [f"T{note[1:]}."]
+        assert cautions_of(report, MAX_BANDWIDTH_HZ, (0.0, 5.0)) == [f"T{note[1:]}."]
 
     def test_a_channel_that_limits_the_bandwidth(self) -> None:
         report = _report(rates_hz={"rpm": 2.86, "position": 9.24})
-        (said,) = cautions_of(report, 1.01)
+        (said,) = cautions_of(report, 1.01, (0.0, 5.0))
         assert said.startswith("The slowest channel, rpm, comes 2.86 times a second, once not for 2.2 s, at 0 s: only")
         assert "only changes slower than 1 Hz are compared" in said and said.endswith("log it at 9 Hz or more.")
-        assert cautions_of(report, MAX_BANDWIDTH_HZ) == []
+        assert cautions_of(report, MAX_BANDWIDTH_HZ, (0.0, 5.0)) == []
+
+    def test_a_gap_before_the_take_off_is_none_of_the_flight(self) -> None:
+        (said,) = cautions_of(_report(rates_hz={"rpm": 2.86}), 1.01, (3.0, 5.0))
+        assert said.startswith("The slowest channel, rpm, comes 2.86 times a second: only changes slower than")
 
 
 def _report(

@@ -173,7 +173,9 @@ class View:
         found = []
         for log in [] if self.opened is None else self.opened.logs:
             if log.quality is not None and log.flight is not None and not (log.problem or log.doubt):
-                found += [f"{log.path.name}: {said}" for said in cautions_of(log.quality, log.flight.bandwidth_hz)]
+                used_s = float(log.flight.time_s[0]), float(log.flight.time_s[-1])
+                cautions = cautions_of(log.quality, log.flight.bandwidth_hz, used_s)
+                found += [f"{log.path.name}: {said}" for said in cautions]
         return tuple(found)
 
     @property

@@ -40,15 +40,19 @@ def doubt_beside(log: FlightLog, source: str | None, first: FlightLog, first_sou
     return ""
 
 
-def cautions_of(report: QualityReport, bandwidth_hz: float) -> list[str]:
-    """Sentences on what the data of a log lack that its residual, of this bandwidth, may show."""
+def cautions_of(report: QualityReport, bandwidth_hz: float, used_s: tuple[float, float]) -> list[str]:
+    """Sentences on what the data of a log lack that its residual, of this bandwidth, may show.
+
+    `used_s` are the first and the last time that are used: a gap before the take-off is none of the residual.
+    """
     found = [f"{sentence(note)}." for note in report.resets]
     channels = [report.channel(name) for name in (report.thrust_source or "", "position", "velocity", "attitude")]
     known = [channel for channel in channels if channel is not None and channel.rate_hz > 0.0]
     if bandwidth_hz < MAX_BANDWIDTH_HZ and known:
         slowest = min(known, key=lambda channel: channel.rate_hz)
+        there = used_s[0] <= slowest.longest_gap_at_s + slowest.longest_gap_s and slowest.longest_gap_at_s <= used_s[1]
         longest = f", once not for {slowest.longest_gap_s:.1f} s, at {slowest.longest_gap_at_s:.0f} s"
-        gap = longest if slowest.n_gaps else ""
+        gap = longest if slowest.n_gaps and there else ""
         found.append(
             f"The slowest channel, {slowest.name}, comes {slowest.rate_hz:.3g} times a second{gap}: only changes "
             f"slower than {bandwidth_hz:.2g} Hz are compared, and what happens between its values counts as error. To "
