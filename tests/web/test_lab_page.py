@@ -554,6 +554,8 @@ class TestAnalysed:
             visitor.click("[role=tab]:has-text('Where it fails')")
             visitor.sees(".figure figcaption:has-text('of the square on this axis')")
             assert visitor.page.locator("figcaption:visible").evaluate_all(_CUT) == []
+            names = visitor.page.locator(".header-button").evaluate_all(_SHORT_NAMES)
+            assert names == (['"New"', '"Save"', '"Report"', '"Export"'] if size is PHONE else 4 * ["none"])
             visitor.leaves()
         on_phone, on_desk = tops
         assert on_phone == sorted(on_phone)
@@ -691,6 +693,8 @@ def test_pictures_of_every_part(browser: Browser, session: Path, tmp_path: Path,
         visitor.leaves()
 
 
+_SHORT_NAMES = "buttons => buttons.map(button => getComputedStyle(button, '::after').content)"
+"""What stands below the icons of buttons."""
 _CUT = "labels => labels.filter(l => l.scrollWidth > l.clientWidth + 1).map(l => l.innerText)"
 _HAS_CURVE = """name => [...document.querySelectorAll('.js-plotly-plot')].some(
   plot => (plot.data ?? []).some(curve => curve.name === name))"""

@@ -50,7 +50,7 @@ class Header(Panel):
         ):
             if there:
                 button = ui.button(label, icon=icon, on_click=act).props(f'flat no-caps aria-label="{label}"')
-                button.classes("header-button")
+                button.classes("header-button").props(f'data-short="{label.split()[0]}"')
         help_button = ui.button(icon="help_outline", on_click=do.show_help)
         help_button.props('flat round aria-label="Help" title="Keys and words (?)"')
         theme_button(self.theme, do.toggle_theme)
