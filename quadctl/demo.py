@@ -28,12 +28,9 @@ from quadctl.lab.tracking.step_response import step_responses
 from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.read import read_log
 from quadctl.model import load_model, save_model
+from quadctl.sample_world import HIDDEN
 from quadctl.vehicle import Vehicle
 
-HIDDEN = {
-    "effects": [{"effect": "hidden.ground_cushion", "parameters": {"gain": 0.25, "width": 1.8}}],
-    "noise": {"position_m": 0.0005, "velocity_m_s": 0.01, "attitude_deg": 0.1, "rpm": 20},
-}
 TEXTBOOK = "hayden"
 MISSIONS = Path("missions")
 VEHICLE = Path("config/vehicles/raptor.yaml")

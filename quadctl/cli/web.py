@@ -35,10 +35,10 @@ def lab_page(
 
     Without logs, or with those of the session in DIR, this session is continued.
     """
-    from quadctl.demo import HIDDEN
     from quadctl.web.work.worker import prepare_workers
 
     prepare_workers()  # while the libraries of the page are loaded here
+    from quadctl.sample_world import HIDDEN
     from quadctl.web.page.server import serve
     from quadctl.web.session.earlier import set_aside
     from quadctl.web.session.session import AUTOSAVED

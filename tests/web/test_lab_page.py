@@ -166,6 +166,8 @@ def test_the_address_is_told_when_it_answers(tmp_path: Path) -> None:
         try:
             assert any(f"http://127.0.0.1:{port}" in line for line in process.stdout)
             assert status(f"http://127.0.0.1:{port}") == 200
+            mapped = Path(f"/proc/{process.pid}/maps").read_text()
+            assert "numpy" in mapped and "matplotlib" not in mapped  # a worker draws the report
         finally:
             process.kill()
 
