@@ -67,11 +67,12 @@ def events_of(meta: Mapping[str, Any]) -> list[Event]:
     return sorted(found, key=lambda event: event.time_s)
 
 
-def reset_notes(meta: Mapping[str, Any]) -> list[str]:
-    """Remarks on the resets among the events of a log's `meta`, one for each quantity, with their times."""
+def reset_notes(meta: Mapping[str, Any], begin_s: float = -math.inf, end_s: float = math.inf) -> list[str]:
+    """Remarks on the resets between two times among the events of a log's `meta`, one for each quantity, with their
+    times."""
     times: dict[str, list[str]] = {}
     for event in events_of(meta):
-        if event.what.startswith(RESET):
+        if event.what.startswith(RESET) and begin_s <= event.time_s <= end_s:
             times.setdefault(event.what.removeprefix(RESET), []).append(f"{event.time_s:.1f} s")
     return [f"the {RESET}{what} at {', '.join(when)}: it jumps there" for what, when in times.items()]
 

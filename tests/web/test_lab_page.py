@@ -93,6 +93,7 @@ def test_a_new_vehicle_is_entered_as_a_few_numbers(browser: Browser, tmp_path: P
         visitor.page.get_by_label("Frame").last.click()
         visitor.click("[role=option]:has-text('hexa-x')")
         visitor.sees("svg[aria-label^='6 rotors']:visible")
+        visitor.sees("text=/The propellers would touch: .* from a diagonal of 0.508 m on/")
         for size in (PHONE, DESK):
             visitor.page.set_viewport_size(size)
             assert visitor.page.locator(".form-fields:visible .q-field__label").evaluate_all(_CUT) == []
@@ -102,6 +103,7 @@ def test_a_new_vehicle_is_entered_as_a_few_numbers(browser: Browser, tmp_path: P
         visitor.click("button:has-text('Use this vehicle')")
         visitor.sees("text=expected a number above 0 and below 1000")
         visitor.sees("text=/expected a number above 0 and below 1$/")
+        expect(visitor.page.get_by_label("Mass with battery / kg").last).to_be_in_viewport()
         visitor.keeps("new-vehicle-wrong")
         visitor.page.get_by_label("Mass with battery / kg").last.fill("2.5")
         visitor.page.get_by_label("Throttle in hover, 0 to 1").last.fill("0.3")
@@ -503,8 +505,10 @@ class TestAnalysed:
         keys.press("Shift+Z")
         visitor.sees(".step.here:has-text('+ ground effect')")
         visitor.waits_until_done()
+        visitor.page.evaluate("scrollTo(0, document.body.scrollHeight)")
         keys.press("1")
         visitor.sees("#verdict")
+        expect(visitor.page.locator("[role=tab][aria-selected=true]")).to_be_in_viewport()
 
     @pytest.mark.parametrize(("size", "theme"), [(DESK, "light"), (PHONE, "dark")], ids=["desk-light", "phone-dark"])
     def test_the_verdict_leads_to_its_evidence(

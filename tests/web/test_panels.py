@@ -1026,13 +1026,11 @@ class TestOpenTab:
         view = views["at first"]
         assert view.opened is not None
         first = view.opened.logs[0]
-        assert first.quality is not None
-        note = "the estimator reset its height at 3.2 s: it jumps there"
-        quality_of_it = replace(first.quality, resets=(note,))
-        logs = [replace(first, quality=quality_of_it, flight=view.flights[0]), view.opened.logs[1]]
-        assert f"0.csv: T{note[1:]}." in str(
-            tabs("missing", replace(view, opened=replace(view.opened, logs=logs))).shown
-        )
+        assert first.log is not None
+        log = replace(first.log, meta={"events": [{"time_s": 8.0, "what": "estimator reset its height"}]})
+        logs = [replace(first, log=log, flight=view.flights[0]), view.opened.logs[1]]
+        shown = str(tabs("missing", replace(view, opened=replace(view.opened, logs=logs))).shown)
+        assert "0.csv: The estimator reset its height at 8.0 s: it jumps there." in shown
 
     def test_a_message_that_was_read_is_gone_in_the_next_part(
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab], monkeypatch: pytest.MonkeyPatch

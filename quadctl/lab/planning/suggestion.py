@@ -146,7 +146,7 @@ class Suggestion(Result):
             for (one, other), sigma in zip(self.pairs, best.sigmas, strict=True)
         ]
         narrowed = (
-            [f"It narrows {self.parameter} from {_plus_minus(self.width)} to {_plus_minus(best.width)}."]
+            [f"It narrows the interval of {self.parameter} to {best.width / self.width:.0%} of its width."]
             if self.width is not None and best.width is not None
             else []
         )

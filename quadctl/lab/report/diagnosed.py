@@ -16,12 +16,13 @@ from quadctl.lab.comparison.wording import (
     quantity,
     roughly,
 )
+from quadctl.lab.flights.flight import VARIABLE_NAMES
 from quadctl.lab.report.numbers import floor_total
 from quadctl.lab.report.parts import Cell, Section, Table, figure
 from quadctl.lab.report.results import Results
 from quadctl.lab.selection.candidate import Candidate
 from quadctl.lab.selection.diagnosis import Diagnosis
-from quadctl.lab.selection.rule import MATERIAL, MATERIAL_M_S2, SIGNIFICANT, is_supported
+from quadctl.lab.selection.rule import LEAST_M_S2, MATERIAL, MATERIAL_M_S2, SIGNIFICANT, is_supported
 from quadctl.lab.selection.unseen import unseen_in_words
 
 SHOWN_CANDIDATES = 8
@@ -95,10 +96,10 @@ def _verdict_table(d: Diagnosis) -> Table:
     finding = f"yes: {listed([step.effect for step in d.steps[1:]])}" if d.missing else "no effect does"
     explained = "explain a significant part" if d.unexplained else "explain no significant part"
     error = "remaining error" if d.missing else "error"
-    left = f"the logged variables, time and battery voltage aside, {explained} of the {error}"
+    left = f"the logged variables{_aside(d)} {explained} of the {error}"
     test = (
-        f"an effect has p < {SIGNIFICANT:g} and lowers the held-out error of one axis by more than {MATERIAL:.0%}, "
-        f"or explains more than {MATERIAL_M_S2:g} m/s² on it"
+        f"an effect has p < {SIGNIFICANT:g} and lowers the held-out error of one axis by more than {MATERIAL:.0%} and "
+        f"{LEAST_M_S2:g} m/s², or explains more than {MATERIAL_M_S2:g} m/s² on it"
     )
     rows = {
         "missing": [Cell("missing", test), Cell(finding)],
@@ -113,6 +114,13 @@ def _verdict_table(d: Diagnosis) -> Table:
     }
     marked = frozenset({list(rows).index(d.verdict)})
     return Table(["possible verdict", "what these data say"], list(rows.values()), words=2, marked=marked)
+
+
+def _aside(d: Diagnosis) -> str:
+    """The variables that pass by themselves or follow disturbances, on which nothing is said to depend."""
+    flights = d.dataset.flights
+    others = [name for name in flights[0].variables if name not in d.dataset.causes] if flights else []
+    return f", {listed([VARIABLE_NAMES[name] for name in others])} aside," if others else ""
 
 
 def _ranking_table(d: Diagnosis) -> Table:

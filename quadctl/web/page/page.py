@@ -121,6 +121,7 @@ class Page:
                 self._frame_parts.append(Part(tag("div", "place-fitted"), Doubts))
                 self._frame_parts.append(Part(tag("div", "place-fitted"), FittedTo))
                 self._frame_parts.append(Part(tag("div", "place-start"), Start))
+                self._above_tabs = tag("div", "above-tabs")
                 with ui.tabs().classes("tabs") as tabs:
                     for tab in TABS.values():
                         ui.tab(tab.name, label=tab.title, icon=tab.icon)
@@ -169,6 +170,7 @@ class Page:
         if self.bench.message is not None and self.bench.message.kind != "error":  # read, or not of this part
             self.bench.dismiss()
         ui.navigate.history.push(f"/?{self._choices.query()}")
+        self._above_tabs.run_method("scrollIntoView", {"block": "nearest"})  # a key leaves the page where it is
         self._tab_parts = []
         self.refresh()
 
@@ -360,6 +362,8 @@ class Page:
         if self.bench.session is not before:
             self._show_choices(Choices())
             self._tell_address()
+            with self._client:
+                ui.run_javascript("scrollTo(0, 0)")
 
     async def take_files(self, files: Sequence[SentFile]) -> None:
         before = self.bench.session.view
@@ -401,7 +405,8 @@ class Page:
             about_flights = [] if view.agreement is None else [agreement_in_short(view.agreement)]
             if view.evaluation is not None:
                 about_flights.append(limited_in_words(view.evaluation))
-            said = [*verdict.sentences, *(ended(sentence) for sentence in about_flights if sentence)]
+            doubts = [] if view.model is None else compensator.doubts_in_words(view.model, view.look_alikes)
+            said = [*verdict.sentences, *doubts, *(ended(sentence) for sentence in about_flights if sentence)]
             html = await self.bench.report(said, verdict.condition)
             if html is not None:
                 ui.download.content(html, REPORT_FILE, "text/html")

@@ -143,7 +143,8 @@ def _draw_losers(search: Diagnosed | None, name: str) -> None:
     tag(
         "p",
         "muted",
-        f"These numbers are of the search, which tries one effect at a time beside those that it has found until then: "
+        "These numbers are of the search that found it, which tries one effect at a time beside those that it has "
+        "found until then, and whose p counts all that it has tried; a later search has others. "
         f"{name} gave {change}, beside {_beside(shown)}.",
     )
     _draw_reasons(losers[:LOSERS], [shown, *winners])

@@ -279,7 +279,7 @@ class _NewVehicle:
         if _say_what_is_wrong(NEW_VEHICLE, self._numbers):
             return
         if self._name.error:
-            self._name.run_method("focus")
+            _show(self._name)
             return
         value = {name: number.value for name, number in self._numbers.items()}
         value["arm_m"] = 0.5 * value.pop("diagonal_m")
@@ -301,8 +301,14 @@ def _say_what_is_wrong(questions: Mapping[str, Question], numbers: Mapping[str, 
     for name, number in numbers.items():
         number.error = expected.get(name)
     if expected:
-        numbers[next(name for name in numbers if name in expected)].run_method("focus")
+        _show(numbers[next(name for name in numbers if name in expected)])
     return bool(expected)
+
+
+def _show(field: ui.input | ui.number) -> None:
+    """Bring a field into sight, where the next key is typed; its own `focus` does not scroll."""
+    field.run_method("focus")
+    ui.run_javascript(f"getHtmlElement({field.id}).scrollIntoView({{block: 'center'}})")
 
 
 def _content(vehicle: Vehicle) -> dict[str, Any]:

@@ -172,10 +172,11 @@ class View:
         """Sentences on what the data of the flights lack, each with the name of its log."""
         found = []
         for log in [] if self.opened is None else self.opened.logs:
-            if log.quality is not None and log.flight is not None and not (log.problem or log.doubt):
-                used_s = float(log.flight.time_s[0]), float(log.flight.time_s[-1])
-                cautions = cautions_of(log.quality, log.flight.bandwidth_hz, used_s)
-                found += [f"{log.path.name}: {said}" for said in cautions]
+            if log.log is None or log.quality is None or log.flight is None or log.problem or log.doubt:
+                continue
+            used_s = float(log.flight.time_s[0]), float(log.flight.time_s[-1])
+            cautions = cautions_of(log.log, log.quality, log.flight.bandwidth_hz, used_s)
+            found += [f"{log.path.name}: {said}" for said in cautions]
         return tuple(found)
 
     @property

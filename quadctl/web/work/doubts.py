@@ -4,6 +4,7 @@ import math
 
 from quadctl.lab.comparison.wording import sentence
 from quadctl.lab.flights.preparation import BANDWIDTH_PER_UPDATE_RATE, MAX_BANDWIDTH_HZ
+from quadctl.logs.events import reset_notes
 from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.quality import QualityReport
 from quadctl.vehicle import Vehicle
@@ -40,12 +41,12 @@ def doubt_beside(log: FlightLog, source: str | None, first: FlightLog, first_sou
     return ""
 
 
-def cautions_of(report: QualityReport, bandwidth_hz: float, used_s: tuple[float, float]) -> list[str]:
+def cautions_of(log: FlightLog, report: QualityReport, bandwidth_hz: float, used_s: tuple[float, float]) -> list[str]:
     """Sentences on what the data of a log lack that its residual, of this bandwidth, may show.
 
     `used_s` are the first and the last time that are used: a gap before the take-off is none of the residual.
     """
-    found = [f"{sentence(note)}." for note in report.resets]
+    found = [f"{sentence(note)}." for note in reset_notes(log.meta, *used_s)]
     channels = [report.channel(name) for name in (report.thrust_source or "", "position", "velocity", "attitude")]
     known = [channel for channel in channels if channel is not None and channel.rate_hz > 0.0]
     if bandwidth_hz < MAX_BANDWIDTH_HZ and known:

@@ -527,7 +527,11 @@ class Workbench:
             return
         async with self._working("Choosing the next flight") as progress:
             missions = self.simulation.missions
-            suggestion = await self._quick.run(jobs.next_flight, found.diagnosis, missions, progress=progress)
+            # The searches of earlier steps, too, may have left open which of two effects one of the model is.
+            pairs = [list(pair) for pair in found.diagnosis.confounded]
+            alike = [[held, other] for held, others in self.session.look_alikes.items() for other in others]
+            asked = replace(found.diagnosis, confounded=[*pairs, *(pair for pair in alike if pair not in pairs)])
+            suggestion = await self._quick.run(jobs.next_flight, asked, missions, progress=progress)
             self.results = replace(self.results, suggestion=suggestion)
 
     async def gather(self, effect: str) -> None:
