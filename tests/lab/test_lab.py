@@ -102,21 +102,6 @@ class TestStatistics:
         gain = np.sum(data.targets[:, :3] * logged) / np.sum(logged**2)  # as a regression finds it
         assert (improvement_p_value(before, (gain - 1.0) * logged, data) < 1e-3) is significant
 
-    @pytest.mark.parametrize("of_the_input", [False, True])
-    @pytest.mark.parametrize("there", [False, True])
-    def test_what_lowers_the_gain_by_less_than_noise_of_its_input_might_counts_by_the_rest_of_it(
-        self, rigid: Model, there: bool, of_the_input: bool
-    ) -> None:
-        """As a ground effect does, which goes with the thrust and with the height."""
-        data = load_dataset([obedient(rigid, 200.0)], rigid.vehicle)
-        n = len(data.measured)
-        motion, noise = _motion(n, 8), np.column_stack([_correlated(n, 0.7, axis) for axis in range(3)])
-        with_height = 0.3 * np.column_stack([_correlated(n, 0.9, 20 + axis) for axis in range(3)])
-        logged = motion + (noise if of_the_input else 0.0)
-        data.targets[:, :3] = motion + (0.0 if of_the_input else noise) + (with_height if there else 0.0)
-        before = data.targets[:, :3] - logged
-        assert (improvement_p_value(before, with_height - 0.1 * logged, data) < 1e-3) is there
-
     @pytest.mark.parametrize(("bursts", "significant"), [(1, False), (12, True)])
     def test_what_explains_one_burst_of_noise_has_been_seen_once(
         self, rigid: Model, bursts: int, significant: bool

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 from scipy import special
-from scipy.fft import irfft, rfft
+from scipy.fft import rfft
 
 from quadctl.lab.arrays import Floats
 from quadctl.lab.fitting.form_errors import FormErrors
@@ -22,21 +22,16 @@ LEAST_FLIGHTS = 4
 
 
 def improvement_p_value(
-    before: Floats,
-    predicted_change: Floats,
-    dataset: Dataset,
-    forms: FormErrors | None = None,
-    of_any_form: bool = False,
+    before: Floats, predicted_change: Floats, dataset: Dataset, forms: FormErrors | None = None
 ) -> float:
     """One-sided p-value of the hypothesis that a candidate's change of the prediction does not explain the residual.
 
     `before` is the residual without the candidate and `predicted_change` the held-out change of the prediction by the
     candidate, both of shape (n, axes), for the first axes of the `targets` of `dataset`. For an irrelevant candidate
     their product has mean zero (Clark & West 2007, J. Econometrics 138, test for nested models), but for what errors of
-    the logged inputs give, which is left out or subtracted (see `_without_errors`). The variance of the sum comes from
-    the residual with the candidate (see `_variance_of_sum`), and from `forms`, the errors of the forms of the effects
-    that the model holds without the candidate. A candidate that is `of_any_form`, such as a regression on many
-    variables, may have taken the form of these errors themselves.
+    the logged inputs give, which is subtracted (see `_attenuation`). The variance of the sum comes from the residual
+    with the candidate (see `_variance_of_sum`), and from `forms`, the errors of the forms of the effects that the model
+    holds without the candidate.
     """
     after = before - predicted_change
     used = [
@@ -46,15 +41,10 @@ def improvement_p_value(
     ]
     if not used:
         return 1.0
-    power = np.array([_power(after[:, axis]) for axis in used])
-    change = predicted_change[:, used].copy()
-    predicted = (dataset.targets[:, : before.shape[1]] - before)[:, used]
-    by_errors = 0.0
-    for part in dataset.parts:
-        change[part], lowered = _without_errors(change[part], predicted[part], after[part][:, used], not of_any_form)
-        by_errors += float(np.sum(lowered / power))
-    weights = change / power
+    weights = predicted_change[:, used] / np.array([_power(after[:, axis]) for axis in used])
     score = float(np.sum(weights * before[:, used]))
+    predicted = (dataset.targets[:, : before.shape[1]] - before)[:, used]
+    by_errors = sum(_attenuation(weights[part], predicted[part], after[part][:, used]) for part in dataset.parts)
     variance, degrees = _variance_of_sum(weights, after[:, used], dataset)
     if forms is not None:
         every = np.zeros(before.shape)
@@ -65,33 +55,26 @@ def improvement_p_value(
     return float(special.stdtr(degrees, (by_errors - score) / math.sqrt(variance)))
 
 
-def _without_errors(change: Floats, predicted: Floats, noise: Floats, may_leave_out: bool) -> tuple[Floats, Floats]:
-    """Change of the prediction of one flight, shape (n, axes), without what errors of the logged inputs may explain
-    entirely; and the largest mean of sum(change * noise) that they give in the rest, for each axis.
+def _attenuation(weights: Floats, predicted: Floats, noise: Floats) -> float:
+    """Largest mean of sum(weights * noise) that errors of the logged inputs give in one flight, shape (n, axes) each.
 
     Noise of a rotor speed or an attitude is in the prediction and, with the opposite sign, in the residual; so is the
     answer of a controller to a disturbance. Whatever lowers the gain of the prediction then lowers the residual, too:
     the errors in variables of a regression. The power of such errors is at most that of the residual and that of the
     prediction, at each frequency (the bound of Klepper & Leamer 1984, Econometrica 52, for one regressor; octave by
-    octave, as the share of noise differs). In an octave where the change lowers the gain by less than that, its part
-    along the prediction says nothing: this part is left out where `may_leave_out`, as if the gain were fitted there,
-    too (Frisch & Waugh 1933, Econometrica 1). Else the bound is subtracted. Constant parts belong to the trims.
+    octave, as the share of noise differs). Constant parts belong to the trims.
     """
-    spectra = tuple(rfft(values, axis=0) for values in (change, predicted, noise))
-    left = spectra[0].copy()
-    by_errors = np.zeros(change.shape[1])
+    change, gain, error = (rfft(values, axis=0) for values in (weights, predicted, noise))
+    largest = 0.0
     begin = 1
-    while begin < len(left):
+    while begin < len(change):
         octave = slice(begin, 2 * begin)
         begin *= 2
-        changed, gain, error = (values[octave] for values in spectra)
-        power = np.maximum(np.sum(np.abs(gain) ** 2, axis=0), LEAST_VARIANCE)
-        share = np.minimum(np.sum(np.abs(error) ** 2, axis=0) / power, 1.0)
-        lowered = np.maximum(-np.sum((changed * np.conj(gain)).real, axis=0), 0.0)
-        leaves_out = may_leave_out & (lowered / power < share)
-        left[octave] += np.where(leaves_out, lowered / power, 0.0) * gain
-        by_errors += np.where(leaves_out, 0.0, 2.0 * lowered * share / len(change))
-    return irfft(left, len(change), axis=0), by_errors
+        power, left = (np.sum(np.abs(part[octave]) ** 2, axis=0) for part in (gain, error))
+        lowered = -np.sum((change[octave] * np.conj(gain[octave])).real, axis=0)
+        share = np.minimum(left / np.maximum(power, LEAST_VARIANCE), 1.0)
+        largest += 2.0 * float(np.maximum(lowered, 0.0) @ share) / len(noise)
+    return largest
 
 
 def _variance_of_sum(weights: Floats, noise: Floats, dataset: Dataset) -> tuple[float, float]:

@@ -56,8 +56,7 @@ def choose_effects(
     residual = min([path.residual, *small], key=score)[:, :3]
     flexible = flexible_residual(residual, dataset, dataset.causes)
     forms = FormErrors.of(path.current)
-    by_chance = improvement_p_value(residual, flexible, dataset, forms, of_any_form=True)
-    matters = is_unexplained(residual, flexible, by_chance)
+    matters = is_unexplained(residual, flexible, improvement_p_value(residual, flexible, dataset, forms))
     drift = drift_of(residual, dataset)
     drifts = is_mostly_drift(residual, drift)
     symbolic = explain(residual, dataset) if matters or drifts else None

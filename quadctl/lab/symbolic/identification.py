@@ -82,7 +82,7 @@ def _law(
     before, change = rows.copy(), np.zeros_like(rows)
     before[:, i] -= held_out[0]
     change[:, i] = held_out[count] - held_out[0]
-    p = min(1.0, improvement_p_value(before, change, dataset, of_any_form=True) * TRIED)
+    p = min(1.0, improvement_p_value(before, change, dataset) * TRIED)
     share = _share(y, held_out[count])
     if p > LAW_P_VALUE or share < LAW_SHARE:
         return None
