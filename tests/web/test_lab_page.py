@@ -120,8 +120,10 @@ def test_a_new_vehicle_is_entered_as_a_few_numbers(browser: Browser, tmp_path: P
         visitor.click("text=Its numbers")
         visitor.sees("text=It then hovers at a throttle of 0.3.")
         visitor.page.get_by_label("Mass with battery / kg").nth(1).fill("5")  # the form before it is folded
-        visitor.sees("text=/It then hovers at a throttle of 0.[456]/")  # the line from throttle to thrust stays
+        hovers = "text=/It then hovers at a throttle of 0.[456]/"  # the line from throttle to thrust stays
+        visitor.sees(hovers)
         visitor.click("text=Its numbers")
+        expect(visitor.page.locator(hovers)).to_be_hidden()  # while it folds, what is below moves
         visitor.click("text=As a file (YAML)")
         visitor.sees("textarea:visible")
         box = visitor.page.locator("textarea").bounding_box()
