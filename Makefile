@@ -35,9 +35,9 @@ test-long: $(INSTALLED)
 test-long-flights: $(INSTALLED)
 	$(FLIGHTS) -m long || $(FLIGHTS) -m long $(AGAIN)
 
-# Four at once: browsers and flights are often waited for. What shares a server, or flights, runs in one process.
+# Three at once: a browser is often waited for. What shares a server, or flights, runs in one process.
 test-long-computing: $(INSTALLED)
-	nice -n 10 $(BIN)/python -m pytest -m long -n 4 --dist loadscope --ignore=tests/realtime
+	nice -n 10 $(BIN)/python -m pytest -m long -n 3 --dist loadscope --ignore=tests/realtime
 
 lint: $(INSTALLED)
 	$(BIN)/ruff check .
