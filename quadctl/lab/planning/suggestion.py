@@ -145,12 +145,15 @@ class Suggestion(Result):
             f"It tells {one} from {other} by {sigma:.1f} standard deviations."
             for (one, other), sigma in zip(self.pairs, best.sigmas, strict=True)
         ]
-        narrowed = (
-            [f"It narrows the interval of {self.parameter} to {best.width / self.width:.0%} of its width."]
-            if self.width is not None and best.width is not None
-            else []
-        )
-        return [*apart, *narrowed]
+        return [*apart, *self._narrowed_by(best)]
+
+    def _narrowed_by(self, option: Option) -> list[str]:
+        """Sentence on what `option` tells of the parameter; none where it tells nothing of it."""
+        if self.width is None or option.width is None or option.width >= self.width:
+            return []
+        if self.width >= UNKNOWN:
+            return [f"It tells {self.parameter}, which these flights do not, to {_plus_minus(option.width)}."]
+        return [f"It narrows the interval of {self.parameter} to {option.width / self.width:.0%} of its width."]
 
     def lines(self) -> list[str]:
         """Sentences that state the suggestion."""

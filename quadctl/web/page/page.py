@@ -95,13 +95,13 @@ class Page:
         await self._client.connected()
         if not self._client.has_socket_connection:  # it left before it was there
             return
+        self._client.on_disconnect(lambda: self.bench.count_window(-1))
+        self._client.on_connect(lambda: self.bench.count_window(1))  # again, after a lost connection
+        self.bench.count_window(1)
         theme = await wanted_theme()
         self.build(theme)
         unsubscribe = self.bench.subscribe(self.refresh)
         self._client.on_delete(unsubscribe)
-        self._client.on_disconnect(lambda: self.bench.count_window(-1))
-        self._client.on_connect(lambda: self.bench.count_window(1))  # again, after a lost connection
-        self.bench.count_window(1)
 
     def build(self, theme: Theme) -> None:
         """Draw all of it."""

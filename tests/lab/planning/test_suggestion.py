@@ -298,3 +298,16 @@ def test_a_result_needs_no_more_than_a_diagnosis(world: World) -> None:
     diagnosis = diagnose(world.rigid, prepare_flights(world.hover(), world.rigid.vehicle), [])
     assert isinstance(diagnosis, Diagnosis)
     assert isinstance(suggest(diagnosis, MISSIONS), Suggestion)
+
+
+@pytest.mark.parametrize(
+    ("now", "then", "said"),
+    [
+        (1.0, 0.48, ["It narrows the interval of b to 48% of its width."]),
+        (50.0, 0.5, ["It tells b, which these flights do not, to ±25%."]),
+        (1.0, 1.0, []),
+    ],
+)
+def test_what_it_tells_of_a_parameter_is_a_share_of_its_interval(now: float, then: float, said: list[str]) -> None:
+    option = Option(load_mission(MISSIONS / "short_hop.yaml"), "quadctl fly", [], then, [], (0.0, 1.0, 0.0))
+    assert Suggestion([option], [], "b", now, [], [], unexplained=False).reasons() == said
