@@ -32,7 +32,7 @@ from quadctl.web.panels.compensator import commands_of_a_model, name_of_file
 from quadctl.web.panels.vehicle import TYPICAL
 from quadctl.web.session.earlier import PREVIOUS
 from quadctl.web.session.files import sha256_of
-from quadctl.web.session.findings import Findings
+from quadctl.web.session.findings import Diagnosed, Findings
 from quadctl.web.session.session import AUTOSAVED, Rung, Session, load_session, session_to_yaml
 from quadctl.web.work import jobs, reading, simulated
 from quadctl.web.work.doubts import cautions_of, doubt_beside
@@ -752,6 +752,24 @@ class TestEvidence:
     def test_of_no_other_effect(self, climbed: Workbench) -> None:
         asyncio.run(climbed.gather("wind.constant"))
         assert climbed.results.evidence == {}
+
+    def test_the_next_flight_is_to_tell_look_alikes_of_earlier_steps_too(
+        self, climbed: Workbench, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        search, model, seen = climbed.session.rungs[0].found, climbed.session.model, climbed.seen
+        assert search is not None and model is not None and seen is not None
+        search.content["confounded"] = [["ground_effect", "tether"]]
+        nothing = replace(diagnose(model, seen, [Hayden]), confounded=[])
+        climbed.results = replace(climbed.results, found=Diagnosed(nothing, {}))
+        asked = []
+
+        async def run(job: Callable[..., Any], diagnosis: Any, *_: Any, progress: Callable[[str], None]) -> None:
+            asked.append(diagnosis.confounded)
+
+        monkeypatch.setattr(climbed._quick, "run", run)
+        monkeypatch.setattr(climbed, "simulation", SimpleNamespace(missions=ROOT / "missions"))
+        asyncio.run(climbed.suggest())
+        assert asked == [[["ground_effect", "tether"]]]
 
     def test_it_does_not_begin_beside_other_work(self, climbed: Workbench) -> None:
         climbed.work = Work("Refitting")
