@@ -702,7 +702,7 @@ def test_pictures_of_every_part(browser: Browser, session: Path, tmp_path: Path,
 
 
 _SHORT_NAMES = "buttons => buttons.map(button => getComputedStyle(button, '::after').content)"
-"""What stands below the icons of buttons."""
+"""Script: the words below the icons of buttons."""
 _CUT = "labels => labels.filter(l => l.scrollWidth > l.clientWidth + 1).map(l => l.innerText)"
 _HAS_CURVE = """name => [...document.querySelectorAll('.js-plotly-plot')].some(
   plot => (plot.data ?? []).some(curve => curve.name === name))"""

@@ -54,6 +54,5 @@ def remainder(residual: Floats, dataset: Dataset, floor: dict[str, float]) -> Re
     """
     error, causes = rmse(residual), dataset.causes
     by_causes = rmse(noise_floor(residual, flexible_residual(residual, dataset, causes))) if causes else error
-    others = tuple(name for name in dataset.flights[0].variables if name not in causes)
     axis = max(AXES, key=lambda axis: error[axis] ** 2 - floor[axis] ** 2)
-    return Remainder(error["total"], by_causes["total"], floor["total"], others, axis)
+    return Remainder(error["total"], by_causes["total"], floor["total"], tuple(dataset.followers), axis)

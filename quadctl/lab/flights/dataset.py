@@ -174,6 +174,11 @@ class Dataset:
         """
         return [name for name in self.flights[0].variables if name not in PASSING and self.is_flown(name)]
 
+    @cached_property
+    def followers(self) -> list[str]:
+        """Logged variables that are no `causes`: they pass by themselves or follow disturbances."""
+        return [name for name in self.flights[0].variables if name not in self.causes]
+
     def span(self, name: str) -> float:
         """Span of a variable over all flights (see `Flight.span`); 0 where it is not logged, and for a thrust that
         follows disturbances."""

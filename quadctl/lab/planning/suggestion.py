@@ -292,7 +292,7 @@ def _rivals(diagnosis: Diagnosis, form: _Form, noise: Floats) -> list[_Rivals]:
     present = {effect.family() for effect in best.effects}
     found = []
     for held, other in diagnosis.confounded:
-        if held not in present or other in present:
+        if held not in present or other in present or other not in kinds:  # a session may name what is not known here
             continue
         stack = tuple(item for item in best.stack if item.effect.family() != held)
         without = fit_model(replace(best, stack=stack), dataset)

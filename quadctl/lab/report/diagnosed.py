@@ -117,10 +117,9 @@ def _verdict_table(d: Diagnosis) -> Table:
 
 
 def _aside(d: Diagnosis) -> str:
-    """The variables that pass by themselves or follow disturbances, on which nothing is said to depend."""
-    flights = d.dataset.flights
-    others = [name for name in flights[0].variables if name not in d.dataset.causes] if flights else []
-    return f", {listed([VARIABLE_NAMES[name] for name in others])} aside," if others else ""
+    """The variables that are left aside where it is said what the error depends on."""
+    aside = [VARIABLE_NAMES[name] for name in d.dataset.followers] if d.dataset.flights else []
+    return f", {listed(aside)} aside," if aside else ""
 
 
 def _ranking_table(d: Diagnosis) -> Table:

@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 
 from quadctl.cli import app
 from quadctl.effects import find_effect
+from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.errors import SettingsError
 from quadctl.frames import rotate
 from quadctl.lab import diagnose, prepare_flights
@@ -311,3 +312,9 @@ def test_a_result_needs_no_more_than_a_diagnosis(world: World) -> None:
 def test_what_it_tells_of_a_parameter_is_a_share_of_its_interval(now: float, then: float, said: list[str]) -> None:
     option = Option(load_mission(MISSIONS / "short_hop.yaml"), "quadctl fly", [], then, [], (0.0, 1.0, 0.0))
     assert Suggestion([option], [], "b", now, [], [], unexplained=False).reasons() == said
+
+
+def test_a_look_alike_that_is_not_known_here_is_no_question(world: World) -> None:
+    """A session names what its search knew, effects of somebody else's file among them."""
+    scaled = world.rigid.plus(ConstantScale(1.0))
+    assert asked(scaled, world.hover(), ["tether"], "thrust_scale", "of_somebody_else").pairs == []
