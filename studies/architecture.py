@@ -98,7 +98,7 @@ def drawn(rooms: Rooms) -> str:
     parts = [_path([(x[p], y[p]) for p in chain], "arrow") for chain in chains]
     for a, found in arrows.items():
         parts += [_path([(x[a], y[a]), (x[b], y[b])], "circle") for b in sorted(found - upright[a])]
-    for name in rooms.imports:
+    for name in sorted(rooms.imports):
         w, label = _width(name), escape(name)
         parts.append(
             f'<g><title>{escape(rooms.docstring[name])}</title><rect x="{x[name] - w / 2:.0f}" '
