@@ -22,20 +22,25 @@ from tests.support.places import ROOT
 
 sync_api = pytest.importorskip("playwright.sync_api")
 Axe = pytest.importorskip("axe_playwright_python.sync_playwright").Axe
-from playwright.sync_api import Browser, Page, expect  # noqa: E402
+from playwright.sync_api import Browser, Page, expect  # noqa: E402, F401 - for the tests, which would have to look whether it is there
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium on this machine")
 
 SCREENSHOTS = ROOT / "build" / "screenshots"
 DESK, PHONE = {"width": 1280, "height": 800}, {"width": 390, "height": 844}
-MOST_SCREENS = {1280: 2.0, 390: 4.0}
-"""Most screens that a report with its details folded may fill, by the width of the screen."""
+Screen = tuple[dict[str, int], str]
+"""Size and colours."""
+SCREENS = [pytest.param((DESK, "light"), id="desk-light"), pytest.param((PHONE, "dark"), id="phone-dark")]
+"""Screens that a person may sit at."""
+on_each_screen = pytest.mark.parametrize("screen", SCREENS)
+MOST_SCREENS = {False: 2.0, True: 4.0}
+"""Most screens that a report with its details folded may fill, by whether it is read on a telephone."""
 PATIENCE_MS = 120_000.0
 IN_DOCS = {
-    "2-missing": "lab-page-see.png",
-    "3-added": "lab-page-added.png",
-    "5-flown": "lab-page-flown.png",
+    "2-missing-desk-light": "lab-page-see.png",
+    "3-added-desk-light": "lab-page-added.png",
+    "5-flown-desk-light": "lab-page-flown.png",
     "live-desk-light": "live-view.png",
 }
 """Screenshots that the documentation shows; `make screenshots` takes them anew."""
@@ -45,6 +50,11 @@ _ALL_DRAWN = "() => [...document.querySelectorAll('.js-plotly-plot')].every(p =>
 _NOTHING_MOVES = """() => document.getAnimations().every(
   a => a.playState !== 'running' || a.effect.getTiming().iterations === Infinity)"""
 _TWO_FRAMES = "() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))"
+_FORGET_CHOICES = """() => {
+  history.replaceState(null, '', '/');
+  window.dispatchEvent(new PopStateEvent('popstate'));
+}"""
+"""Script: do as if Back had led to the address without choices."""
 _POINTS = "(figure, curve) => figure.data.find(trace => trace.name === curve)?.x.length ?? 0"
 _RESIZE_ONE_THAT_HAS_LEFT = """async () => {
   const { Plotly } = await import("nicegui-plotly");
@@ -124,6 +134,8 @@ class Visitor:
         context.set_default_timeout(PATIENCE_MS)
         self.page: Page = context.new_page()
         self.clicks = 0
+        self.is_on_phone = size["width"] == PHONE["width"]
+        self._screen = f"{'phone' if self.is_on_phone else 'desk'}-{theme}"
         self.elsewhere: list[str] = []
         self.mistakes: list[str] = []
         self.page.on("request", lambda request: self._note(request.url, url))
@@ -145,8 +157,9 @@ class Visitor:
         self.page.keyboard.press("Enter")
 
     def sees(self, selector: str) -> str:
+        # Not `expect`, which describes the whole page each time that what it waits for is not there yet.
         found = self.page.locator(selector).first
-        expect(found).to_be_visible(timeout=PATIENCE_MS)
+        found.wait_for()
         return str(found.evaluate("element => element.innerText ?? ''"))
 
     def error_now(self) -> float:
@@ -157,37 +170,48 @@ class Visitor:
         return self.error_now()
 
     def waits_until_done(self) -> None:
-        expect(self.page.locator(".banner.work")).to_have_count(0, timeout=PATIENCE_MS)
+        self.page.wait_for_function("document.querySelector('.banner.work') === null")
 
     def keeps(self, name: str) -> None:
-        """A screenshot, as soon as all figures are drawn and nothing moves."""
+        """A screenshot, as soon as all figures are drawn and nothing moves; its name ends with that of the screen."""
         SCREENSHOTS.mkdir(parents=True, exist_ok=True)
         self.waits_until_all_is_drawn()
+        name = f"{name}-{self._screen}"
         self.page.screenshot(path=SCREENSHOTS / f"{name}.png", animations="disabled")
         if "SCREENSHOTS" in os.environ and name in IN_DOCS:
             with Image.open(SCREENSHOTS / f"{name}.png") as picture:
                 picture.convert("RGB").quantize(FEW_COLOURS).save(ROOT / "docs" / IN_DOCS[name], optimize=True)
+
+    def begins_again(self) -> None:
+        """Leave all choices, as a new tab has them, without the time that a new tab takes."""
+        self.waits_until_done()
+        for banner in self.page.locator("button[aria-label='Dismiss']").all():
+            banner.click()
+        self.page.evaluate(_FORGET_CHOICES)
+        self.sees("[role=tab][aria-selected=true]:has-text('What is missing')")
+        self.page.mouse.move(0, 0)
+        self.page.evaluate("scrollTo(0, 0)")
+        self.clicks = 0
 
     def waits_until_all_is_drawn(self) -> None:
         self.page.wait_for_function(_ALL_DRAWN)
         self.page.wait_for_function(_NOTHING_MOVES)
         self.page.evaluate(_TWO_FRAMES)
 
-    def reads(self, html: str, size: dict[str, int], picture: str) -> None:
-        """Read a report on a screen of this size: one page stands alone, no table is cut off, nobody is kept out."""
+    def reads(self, html: str) -> None:
+        """Read a report on this screen: one page stands alone, no table is cut off, nobody is kept out."""
         page = self.page.context.new_page()
-        page.set_viewport_size(size)  # type: ignore[arg-type]
         page.set_content(html)
         SCREENSHOTS.mkdir(parents=True, exist_ok=True)
-        page.screenshot(path=SCREENSHOTS / f"{picture}.png", full_page=True)
-        screens = page.evaluate("document.documentElement.scrollHeight") / size["height"]
-        assert screens < MOST_SCREENS[size["width"]]
+        page.screenshot(path=SCREENSHOTS / f"report-{self._screen}.png", full_page=True)
+        screens = page.evaluate("document.documentElement.scrollHeight / innerHeight")
+        assert screens < MOST_SCREENS[self.is_on_phone]
         page.evaluate("document.querySelectorAll('details').forEach(each => { each.open = true; })")
         assert page.locator(".scroll table").count() == page.locator(".scroll table:visible").count() > 0
         assert page.evaluate("[...document.querySelectorAll('.scroll')].every(e => e.scrollWidth <= e.clientWidth)")
         assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
         assert _barriers(page) == []
-        page.screenshot(path=SCREENSHOTS / f"{picture}-open.png", full_page=True)
+        page.screenshot(path=SCREENSHOTS / f"report-open-{self._screen}.png", full_page=True)
         page.close()
 
     def barriers(self) -> list[str]:
@@ -219,9 +243,12 @@ class Visitor:
     def drops(self, *files: Path) -> None:
         self.page.locator("input[type=file]").first.set_input_files(files)
 
-    def leaves(self) -> None:
+    def has_no_complaint(self) -> None:
         assert not self.elsewhere, f"asked of another machine: {self.elsewhere}"
         assert not self.mistakes, f"mistakes of the page: {self.mistakes}"
+
+    def leaves(self) -> None:
+        self.has_no_complaint()
         self.page.context.close()
 
 

@@ -174,6 +174,18 @@ class TestDrops:
         assert bench.message is None
 
 
+def test_a_log_that_was_left_out_is_asked_about_again(bench: Workbench) -> None:
+    async def answer_and_leave_out() -> None:
+        await take(bench, "a.csv")
+        (path,) = bench.session.logs
+        await bench.use_anyway(path)
+        assert bench.accepted == {path}
+        await bench.forget_log(path)
+
+    asyncio.run(answer_and_leave_out())
+    assert bench.accepted == frozenset()
+
+
 def test_only_the_message_that_was_read_goes(bench: Workbench) -> None:
     bench.say("done", "first")
     first = bench.message

@@ -1,0 +1,37 @@
+"""Tools for tests of the lab page: the command that serves it, its parts, and the steps of its ladder."""
+
+import subprocess
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from tests.support.visitors import Visitor, command, free_tcp_port
+
+PARTS = (
+    ("What is missing", "h2:has-text('measured and predicted')"),
+    ("Over time", "h2:has-text('The flight path')"),
+    ("Where it fails", "h2:has-text('On the flight path')"),
+    ("Compensator", "h2:has-text('Export')"),
+    ("Flights", "h2:has-text('Vehicle')"),
+)
+"""Parts of the page, and what is there when they are drawn."""
+CUT = "labels => labels.filter(l => l.scrollWidth > l.clientWidth + 1).map(l => l.innerText)"
+"""Script: the texts that do not fit into their place."""
+
+
+@contextmanager
+def served(out: Path, *arguments: str, port: int | None = None) -> Iterator[tuple[str, subprocess.Popen[bytes]]]:
+    """The lab's address, and the process that serves it."""
+    port = port or free_tcp_port()
+    options = ["--no-open", "--port", str(port), "--out", str(out)]
+    with command(port, out.parent / f"{out.name}.log", "lab", *arguments, *options) as process:
+        yield f"http://127.0.0.1:{port}", process
+
+
+def stand_on(visitor: Visitor, step: str) -> None:
+    """Go to a step of the ladder, if the page does not stand there already."""
+    here = f".step.here:has-text('{step}')"
+    if not visitor.page.locator(here).count():
+        visitor.click(f".step-button:has-text('{step}')")
+        visitor.sees(here)
+    visitor.waits_until_done()
