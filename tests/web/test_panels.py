@@ -46,7 +46,7 @@ from quadctl.web.panels.evidence import chosen_of, rival_of
 from quadctl.web.panels.fails import Failures
 from quadctl.web.panels.glossary import GLOSSARY
 from quadctl.web.panels.help import KEYS
-from quadctl.web.panels.missing import OF_BLOCKS, Verdict, beside_the_motion, on_whole_flights
+from quadctl.web.panels.missing import OF_BLOCKS, Verdict, as_drawn, beside_the_motion, on_whole_flights
 from quadctl.web.panels.panel import Bench, Controls, Panel
 from quadctl.web.panels.stack import BEYOND, NUISANCES, SAME_CAUSE, apart_in_words, limited_in_words
 from quadctl.web.panels.view import View
@@ -761,6 +761,17 @@ class TestOpenTab:
             assert "the axis with the largest error." in shown
             shown = str(tabs("missing", replace(view, axis=other)).shown)
             assert f"It is largest {worst}: {quantity(errors[worst])}." in shown
+
+    def test_a_line_that_is_drawn_without_the_trim_says_how_far_it_is_off(self, views: dict[str, View]) -> None:
+        flight = views["at first"].flight
+        assert flight is not None
+        vehicle = flight.vehicle
+        light = Model(vehicle.model_copy(update={"mass_kg": 0.9 * vehicle.mass_kg}))
+        assert as_drawn(0.1, light, flight, "north") == ""  # thrust is upright
+        said = as_drawn(0.1, light, flight, "up")
+        (off,) = re.findall(r"off by ([\d.]+) m/s² up\.", said)
+        assert float(off) == pytest.approx(9.81 / 0.9 - 9.81, abs=0.3)  # the rotors carry 1 / 0.9 of the weight
+        assert as_drawn(float(off), light, flight, "up") == ""
 
     def test_of_a_flight_that_hardly_moves_it_is_said_that_no_model_would_be_closer(
         self, views: dict[str, View]

@@ -27,7 +27,7 @@ from quadctl.lab.comparison.wording import (
 )
 from quadctl.lab.flights.dataset import Dataset, HoldOut
 from quadctl.lab.flights.flight import VARIABLE_NAMES, Flight
-from quadctl.lab.flights.prediction import AXES
+from quadctl.lab.flights.prediction import AXES, rmse
 from quadctl.lab.planning.suggestion import Suggestion
 from quadctl.lab.selection.candidate import Candidate
 from quadctl.lab.selection.diagnosis import Diagnosis
@@ -54,6 +54,8 @@ from quadctl.web.work.predictions import predictions
 OPEN = "info"
 """Icon of a verdict that names nothing, and has no tick either."""
 AS_LOGGED = ("z_m", "z_ref_m", "vx_m_s", "vy_m_s", "vz_m_s")
+TRIM_SEEN = 1.1
+"""Least ratio of the error of a line as it is drawn to the error without trim at which the difference is told."""
 OF_BLOCKS = (
     "Judged on blocks of time of these flights: this is what all of them tell of the vehicle. The other choice, whole "
     "flights (on Flights), also counts what differs from flight to flight, and so tells what to expect of a further "
@@ -102,6 +104,7 @@ class ErrorsByAxis(Panel):
 
     evaluation: Evaluation | None
     flight: Flight | None
+    model: Model | None
     axis: str
 
     def draw(self, do: Controls) -> None:
@@ -115,8 +118,18 @@ class ErrorsByAxis(Panel):
         kind = sentence(self.evaluation.kind_by_flight)
         with tag("p", "muted"):
             at_worst = ", the axis with the largest error"
+            drawn = "" if self.model is None else as_drawn(errors[self.axis], self.model, self.flight, self.axis)
             quiet = beside_the_motion(errors[self.axis], self.flight, self.axis)
-            explained(f"{shown}{at_worst if self.axis == worst else largest}. {kind}.{quiet}")
+            explained(f"{shown}{at_worst if self.axis == worst else largest}. {kind}.{drawn}{quiet}")
+
+
+def as_drawn(error_m_s2: float, model: Model, flight: Flight, axis: str) -> str:
+    """Sentence on a line that is farther from the measured one than the error says, which leaves trims out; empty where
+    it is not."""
+    off = rmse(flight.measured - predictions({"": model}, flight)[""])[axis]
+    if off < TRIM_SEEN * error_m_s2:
+        return ""
+    return f" The line is drawn without the trim, as the model flies: it is off by {quantity(off)} {axis}."
 
 
 def on_whole_flights(unseen: Sequence[UnseenError]) -> str:
