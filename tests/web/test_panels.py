@@ -689,12 +689,20 @@ class TestOpenTab:
     def test_trims_at_their_limit_are_named_with_their_flights(self, views: dict[str, View]) -> None:
         evaluation = views["at first"].evaluation
         assert evaluation is not None
-        assert limited_in_words(evaluation) == ""
+        assert limited_in_words(evaluation, None) == ""
         nuisances = evaluation.solution.optimum.nuisances.copy()
         nuisances[1, 0] = BOUND[0]
         optimum = replace(evaluation.solution.optimum, nuisances=nuisances)
         limited = replace(evaluation, solution=replace(evaluation.solution, optimum=optimum))
-        assert limited_in_words(limited) == "At the limit of what is usual for a flight: thrust (1.csv)."
+        said = "At the limit of what is usual for a flight: thrust (1.csv)."
+        assert limited_in_words(limited, None) == said
+        found = views["at first"].found
+        assert found is not None
+        beyond = " More than that would be a thrust scale, which these data do not establish (p 0.04)."
+        for p_value, more in ((0.04, beyond), (1e-5, "")):
+            candidate = replace(found.diagnosis.ranking[0], effect=ConstantScale(0.98), p_value=p_value)
+            tried = replace(found, diagnosis=replace(found.diagnosis, ranking=[candidate]))
+            assert limited_in_words(limited, tried) == said + more
 
     def test_whether_the_flights_agree_is_said_beside_the_error_and_where_the_model_fails(
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]

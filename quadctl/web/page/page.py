@@ -404,7 +404,7 @@ class Page:
             verdict = missing.Verdict.of(view)
             about_flights = [] if view.agreement is None else [agreement_in_short(view.agreement)]
             if view.evaluation is not None:
-                about_flights.append(limited_in_words(view.evaluation))
+                about_flights.append(limited_in_words(view.evaluation, view.found))
             doubts = [] if view.model is None else compensator.doubts_in_words(view.model, view.look_alikes)
             said = [*verdict.sentences, *doubts, *(ended(sentence) for sentence in about_flights if sentence)]
             html = await self.bench.report(said, verdict.condition)

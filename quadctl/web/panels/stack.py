@@ -7,13 +7,24 @@ import numpy as np
 from nicegui import ui
 
 from quadctl.lab.comparison.reservations import OF_THE_THRUST
-from quadctl.lab.comparison.wording import interval_in_text, listed, looks_like, number, plain, plus, value_in_text
+from quadctl.lab.comparison.wording import (
+    interval_in_text,
+    listed,
+    looks_like,
+    number,
+    p_in_words,
+    plain,
+    plus,
+    value_in_text,
+)
 from quadctl.lab.fitting.nuisances import KINDS, Kind
 from quadctl.lab.flights.dataset import Dataset
+from quadctl.lab.selection.rule import is_significant
 from quadctl.model import StackedEffect
 from quadctl.web.elements.html import tag
 from quadctl.web.panels.glossary import explained
 from quadctl.web.panels.panel import Controls, Panel
+from quadctl.web.session.findings import Diagnosed
 from quadctl.web.session.session import Rung
 from quadctl.web.work.jobs import Evaluation
 
@@ -40,6 +51,8 @@ BEYOND = {
 }
 """Cause of what is more than a nuisance can be, for the first of those that have the same one."""
 SAME_CAUSE = {"pitch_rad": "roll_rad", "slow_levelling": "levelling"}
+AS_EFFECT = {"thrust_scale": "thrust_scale", "roll_rad": "thrust_tilt", "delay_s": "motor_lag"}
+"""Family of effects that more of a nuisance would be."""
 
 
 @dataclass(frozen=True)
@@ -51,6 +64,7 @@ class Stack(Panel):
     look_alikes: dict[str, tuple[str, ...]]
     seen: Dataset | None
     evaluation: Evaluation | None
+    found: Diagnosed | None
     thrust_reservation: str
     can_undo: bool
     can_redo: bool
@@ -77,7 +91,7 @@ class Stack(Panel):
             if self.evaluation is not None and len(self.evaluation.by_flight) > 1:
                 _draw_errors(self.evaluation)
             if self.evaluation is not None and self.seen is not None:
-                _draw_nuisances(self.evaluation, self.seen)
+                _draw_nuisances(self.evaluation, self.seen, self.found)
 
 
 def _draw_undo(do: Controls, can_undo: bool, can_redo: bool) -> None:
@@ -145,10 +159,22 @@ def apart_in_words(evaluation: Evaluation) -> str:
     return f"What is fitted to each flight by itself differs beside that: {listed(found)}." if found else ""
 
 
-def limited_in_words(evaluation: Evaluation) -> str:
-    """Sentence on the trims and calibrations that are at the limit of what is usual; empty where none is."""
-    found = [f"{NUISANCES[name][0]} ({listed(flights)})" for name, flights in _at_limit(evaluation).items()]
-    return f"At the limit of what is usual for a flight: {listed(found)}." if found else ""
+def limited_in_words(evaluation: Evaluation, found: Diagnosed | None) -> str:
+    """Sentences on the trims and calibrations that are at the limit of what is usual, and on what the search says of an
+    effect that more of them would be; empty where none is."""
+    limited = _at_limit(evaluation)
+    if not limited:
+        return ""
+    named = [f"{NUISANCES[name][0]} ({listed(flights)})" for name, flights in limited.items()]
+    sentences = [f"At the limit of what is usual for a flight: {listed(named)}."]
+    causes = dict.fromkeys(SAME_CAUSE.get(name, name) for name in limited)
+    ranking = [] if found is None else found.diagnosis.ranking
+    for family in (AS_EFFECT[cause] for cause in causes if cause in AS_EFFECT):
+        p = min((c.p_value for c in ranking if c.effect.family() == family), default=0.0)
+        if not is_significant(p):
+            beyond = f"More than that would be a {plain(family)}"
+            sentences.append(f"{beyond}, which these data do not establish (p {p_in_words(p)}).")
+    return " ".join(sentences)
 
 
 def _at_limit(evaluation: Evaluation) -> dict[str, list[str]]:
@@ -166,12 +192,12 @@ def _is_limited(value: float, kind: Kind) -> bool:
     return abs(value) > AT_LIMIT * kind.bound
 
 
-def _draw_nuisances(evaluation: Evaluation, seen: Dataset) -> None:
+def _draw_nuisances(evaluation: Evaluation, seen: Dataset, found: Diagnosed | None) -> None:
     fitted = evaluation.solution.optimum.nuisances
     shown = [(place, kind) for place, kind in enumerate(KINDS) if kind.name in NUISANCES]
     at_limit = _at_limit(evaluation)
     if at_limit:
-        tag("p", "note", limited_in_words(evaluation))
+        tag("p", "note", limited_in_words(evaluation, found))
     with ui.expansion("Trim and calibration").classes("nuisances").props("dense"):
         with tag("p", "muted"):
             explained(
