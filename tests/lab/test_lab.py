@@ -10,7 +10,6 @@ import pytest
 from rich.console import Console
 from scipy import stats
 
-from quadctl.effects import find_effect
 from quadctl.effects.ground_effect import Exponential, Sanchez
 from quadctl.effects.rotor_drag import LinearDrag
 from quadctl.effects.rotor_interaction import FrontWake
@@ -30,14 +29,9 @@ from quadctl.lab.selection.addition import add
 from quadctl.lab.selection.diagnosis import Diagnosis, diagnose
 from quadctl.lab.selection.discovery import Discovery, discover
 from quadctl.logs.flight_log import FlightLog
-from quadctl.logs.read import read_log
 from quadctl.model import Model, load_model, save_model
 from quadctl.vehicle import Vehicle
 from tests.support.flights import obedient, simulated, to_and_fro
-from tests.support.places import DATA
-
-RAPTOR_LOGS = DATA / "raptor"
-needs_raptor_logs = pytest.mark.skipif(not RAPTOR_LOGS.is_dir(), reason="the public flight logs are not here")
 
 
 @pytest.fixture(scope="module")
@@ -324,21 +318,6 @@ class TestAdd:
         both = add(Exponential, alone, data).model
         assert abs(alone.effects[0].values()["factor"] - 0.93) > 5e-3
         assert both.effects[0].values()["factor"] == pytest.approx(0.93, abs=3e-3)
-
-
-@needs_raptor_logs
-class TestRealFlights:
-    def test_hovering_lacks_thrust_scale_then_ground_effect(self, rigid: Model) -> None:
-        result = diagnose(rigid, load_dataset([read_log(RAPTOR_LOGS / "HOVERING.csv")], rigid.vehicle))
-        assert result.missing[:2] == ["thrust_scale", "ground_effect"]
-        ground = next(e for e in result.best.effects if e.family() == "ground_effect")
-        assert type(ground) is find_effect("exponential", "test")
-        assert 0.07 < ground.values()["a"] < 0.2 and 2.0 < ground.values()["b"] < 8.0
-
-    @pytest.mark.long
-    def test_forward_speed_shows_drag_as_well(self, rigid: Model) -> None:
-        result = diagnose(rigid, load_dataset([read_log(RAPTOR_LOGS / "FORWARD_SPEED.csv")], rigid.vehicle))
-        assert {"thrust_scale", "ground_effect", "rotor_drag"} <= set(result.missing)
 
 
 def _motion(n: int, seed: int, size: float = 3.0) -> np.ndarray:
