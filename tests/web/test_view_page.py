@@ -32,6 +32,7 @@ from tests.support.visitors import (
 pytestmark = needs_chromium
 
 TOKEN = "a-token-of-the-test"
+SMALL = {"width": 320, "height": 320}
 ABOVE = "The vehicle from above, with its path and setpoint"
 HAS_CLIMBED = """figure => {
   const height = document.querySelector(figure).data.find(curve => curve.name === "its nose").z[0];
@@ -89,7 +90,7 @@ def test_a_flight_is_seen_in_four_tabs_and_landed_from_one(browser: Browser, tmp
         desk.resizes_a_figure_that_has_left()
         phone.keeps("live")
 
-        late = [Visitor(browser, url), Visitor(browser, url)]  # drawing in four tabs is much for a small machine
+        late = [Visitor(browser, url, SMALL) for _ in range(2)]  # to draw four large ones is much for a machine
         for each in late:
             is_in(each, "hover")
         phone.click("#land")  # once is not enough, and is no second press of another tab's
