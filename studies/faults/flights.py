@@ -11,7 +11,7 @@ from .cases import CASES, Case
 from .scene import PROFILES, Scene, Seen
 from .witness import Witness
 
-JOBS = 4
+JOBS = 5
 """Flights at a time: each takes real time, and little of the processor."""
 ALONE = 2
 """Times that a flight is repeated alone, as a busy machine can spoil a flight in real time."""

@@ -55,6 +55,7 @@ _FORGET_CHOICES = """() => {
   window.dispatchEvent(new PopStateEvent('popstate'));
 }"""
 """Script: do as if Back had led to the address without choices."""
+_PRESS_ALL = "selector => document.querySelectorAll(selector).forEach(button => button.click())"
 _POINTS = "(figure, curve) => figure.data.find(trace => trace.name === curve)?.x.length ?? 0"
 _RESIZE_ONE_THAT_HAS_LEFT = """async () => {
   const { Plotly } = await import("nicegui-plotly");
@@ -183,10 +184,9 @@ class Visitor:
                 picture.convert("RGB").quantize(FEW_COLOURS).save(ROOT / "docs" / IN_DOCS[name], optimize=True)
 
     def begins_again(self) -> None:
-        """Leave all choices, as a new tab has them, without the time that a new tab takes."""
+        """Leave all choices, as a new tab has them, without the time that a new tab takes; a search ends unfinished."""
         self.waits_until_done()
-        for banner in self.page.locator("button[aria-label='Dismiss']").all():
-            banner.click()
+        self.page.evaluate(_PRESS_ALL, ".banner.search button, button[aria-label='Dismiss']")
         self.page.evaluate(_FORGET_CHOICES)
         self.sees("[role=tab][aria-selected=true]:has-text('What is missing')")
         self.page.mouse.move(0, 0)

@@ -188,12 +188,11 @@ def test_the_address_is_told_when_it_answers(tmp_path: Path) -> None:
 
 
 @pytest.mark.long
-@on_each_screen
 def test_a_newcomer_finds_the_missing_effect_and_flies_it_in_at_most_ten_clicks(
-    browser: Browser, screen: Screen, flown: Path, tmp_path: Path
+    browser: Browser, flown: Path, tmp_path: Path
 ) -> None:
     with served(tmp_path / "lab", "--hidden", str(flown.with_name("hidden.yaml"))) as (url, _):
-        visitor = Visitor(browser, url, *screen)
+        visitor = Visitor(browser, url)
         visitor.sees("text=Drop flight logs here")
         visitor.keeps("1-start")
         visitor.clicks += 1  # choosing the file
@@ -340,13 +339,10 @@ def test_what_no_effect_explains_is_said_as_an_expression_that_can_be_added(
 
 @pytest.mark.long
 @pytest.mark.skipif(not REAL_PX4.is_dir(), reason="the flights of real autopilots are not here")
-@on_each_screen
-def test_modes_and_messages_of_a_real_autopilot_stand_on_the_axis_of_time(
-    browser: Browser, screen: Screen, tmp_path: Path
-) -> None:
+def test_modes_and_messages_of_a_real_autopilot_stand_on_the_axis_of_time(browser: Browser, tmp_path: Path) -> None:
     words = [str(REAL_PX4 / "vertical_runs.ulg"), "--model", str(REAL_PX4 / "vehicle.yaml")]
     with served(tmp_path / "lab", *words) as (url, _):
-        visitor = Visitor(browser, url, *screen)
+        visitor = Visitor(browser, url)
         visitor.sees("#error-now")
         visitor.click("[role=tab]:has-text('Over time')")
         channels = visitor.figure("Channels over time: z_m")
