@@ -37,7 +37,7 @@ test-long-flights: $(INSTALLED)
 
 # Three at once: a browser is often waited for. What shares a server, or flights, runs in one process.
 test-long-computing: $(INSTALLED)
-	nice -n 10 $(BIN)/python -m pytest -m long -n 3 --dist loadscope --ignore=tests/realtime
+	nice -n 10 $(BIN)/python -m pytest -m "long and not real" -n 3 --dist loadscope --ignore=tests/realtime
 
 lint: $(INSTALLED)
 	$(BIN)/ruff check .
@@ -77,8 +77,9 @@ papers: $(INSTALLED)
 tutorial: $(INSTALLED)
 	$(BIN)/python -m studies.tutorial
 
-# What is found in public logs of real flights.
+# What is found in public logs of real flights, and whether that is what is known to be there.
 real: $(INSTALLED)
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest tests/lab/test_real_logs.py -n 2
 	$(BIN)/python -m studies.real_flights
 
 # The documentation as a site, in build/site, without network; a link that leads nowhere fails (not with --quiet).

@@ -3,7 +3,7 @@
 The README beside the logs says what is known of each. The PX4 and ArduPilot logs are of the real autopilots over their
 own simulators, so that the truth is known; RAPTOR is a real vehicle, of which is known what cannot be there. What the
 lab does not achieve yet is an expected failure with its reason: once it is achieved, the mark has to go.
-`make real` writes a page about more of these logs, with parameters.
+CI searches some of each kind; `make real` all of them, and writes a page about more of these logs, with parameters.
 """
 
 import functools
@@ -27,9 +27,15 @@ VEHICLES = {
     "real/ardupilot": DATA / "real/ardupilot/vehicle.yaml",
     "real/ardupilot/hexa": DATA / "real/ardupilot/hexa_vehicle.yaml",
 }
+
+
 LINE = {"thrust_scale", "thrust_map"}
 """The vehicle file's line from command to thrust is off: a scale or a line corrects it."""
 DRAG = {"rotor_drag", "body_drag"}
+
+
+def by_make_real(value: Any) -> Any:
+    return pytest.param(value, marks=pytest.mark.real)
 
 
 @functools.cache
@@ -44,10 +50,10 @@ class TestPx4:
 
     LOGS = (
         "real/px4/excitation.csv",
-        "real/px4/excitation.ulg",
-        "real/px4/forward_runs.csv",
+        by_make_real("real/px4/excitation.ulg"),
+        by_make_real("real/px4/forward_runs.csv"),
         "real/px4/forward_runs.ulg",
-        "real/px4/vertical_runs.csv",
+        by_make_real("real/px4/vertical_runs.csv"),
         "real/px4/vertical_runs.ulg",
     )
 
@@ -70,10 +76,10 @@ class TestArduPilot:
     @pytest.mark.parametrize(
         "log",
         [
-            "real/ardupilot/excitation.csv",
+            by_make_real("real/ardupilot/excitation.csv"),
             "real/ardupilot/excitation.bin",
             "real/ardupilot/forward_runs.csv",
-            "real/ardupilot/forward_runs.bin",
+            by_make_real("real/ardupilot/forward_runs.bin"),
         ],
     )
     def test_thrust_and_drag_are_found_where_it_flew_fast(self, log: str) -> None:
@@ -89,11 +95,11 @@ class TestArduPilot:
     @pytest.mark.parametrize(
         "log",
         [
-            "real/ardupilot/hover_staircase.csv",
+            by_make_real("real/ardupilot/hover_staircase.csv"),
             "real/ardupilot/hover_staircase.bin",
             "real/ardupilot/hexa_staircase.csv",
-            "real/ardupilot/hexa_staircase.bin",
-            "real/ardupilot/vertical_runs.csv",
+            by_make_real("real/ardupilot/hexa_staircase.bin"),
+            by_make_real("real/ardupilot/vertical_runs.csv"),
             "real/ardupilot/vertical_runs.bin",
         ],
     )
@@ -114,6 +120,7 @@ def test_a_hover_over_the_ground_has_a_thrust_scale_and_a_ground_effect() -> Non
     assert 0.07 < ground.values()["a"] < 0.2 and 2.0 < ground.values()["b"] < 8.0
 
 
+@pytest.mark.real
 def test_flying_forward_over_the_ground_shows_a_drag_as_well() -> None:
     assert {"thrust_scale", "ground_effect", "rotor_drag"} <= set(found_in("raptor/FORWARD_SPEED.csv").missing)
 
@@ -142,7 +149,8 @@ HIGH = LOW - {"ground_effect"}
 
 
 def differ(mission: str, possible: frozenset[str], reason: str) -> Any:
-    return pytest.param(Repeated(mission, possible), marks=pytest.mark.xfail(strict=True, reason=reason))
+    marks = (pytest.mark.xfail(strict=True, reason=reason), pytest.mark.real)
+    return pytest.param(Repeated(mission, possible), marks=marks)
 
 
 class TestRepeatedFlights:
@@ -151,9 +159,9 @@ class TestRepeatedFlights:
     @pytest.mark.parametrize(
         "flights",
         [
-            Repeated("HAYDEN", LOW),
-            Repeated("SANCHEZ", LOW),
-            Repeated("CHEESEMAN", LOW),
+            by_make_real(Repeated("HAYDEN", LOW)),
+            by_make_real(Repeated("SANCHEZ", LOW)),
+            by_make_real(Repeated("CHEESEMAN", LOW)),
             Repeated("NO_COMPENSATION", LOW),
             differ("APPIUS", LOW, "the second is called a tilt: its thrust follows the height in another way"),
             Repeated("HIGH_ALTITUDE", HIGH),
@@ -165,11 +173,14 @@ class TestRepeatedFlights:
         assert sorted(one) == sorted(other)
         assert set(one) <= flights.possible
 
-    def test_runs_with_rotor_speeds_are_slowed_by_a_drag_and_their_rotors_give_less(self) -> None:
-        """At 0.5 m/s with a compensator, at 1.25 m/s without."""
-        for log in ("APPIUS_FWD_V_050", "NO_COMPENSATION_V_125"):
-            assert sorted(found_in(f"raptor/{log}.csv").missing) == ["rotor_drag", "thrust_scale", "thrust_tilt"], log
+    @pytest.mark.parametrize(
+        "log", ["APPIUS_FWD_V_050", by_make_real("NO_COMPENSATION_V_050"), by_make_real("NO_COMPENSATION_V_125")]
+    )
+    def test_runs_with_rotor_speeds_are_slowed_by_a_drag_and_their_rotors_give_less(self, log: str) -> None:
+        """Three missions at 0.5 and 1.25 m/s, flown with and without a compensator."""
+        assert sorted(found_in(f"raptor/{log}.csv").missing) == ["rotor_drag", "thrust_scale", "thrust_tilt"]
 
+    @pytest.mark.real
     def test_in_a_minute_a_weak_battery_is_not_told_from_a_thrust_that_is_off(self) -> None:
         """The one takes the place of the other, with an error that is smaller by chance."""
         found = found_in("raptor/HIGH_ALTITUDE_V_125.csv")
