@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import polars as pl
@@ -55,13 +56,29 @@ def session(flown: Path) -> Path:
     return searched(flown)
 
 
+@pytest.fixture(scope="module")
+def empty(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """The address of a lab for tests that begin without a flight: to serve it takes as long as most of what they do."""
+    with served(tmp_path_factory.mktemp("empty") / "lab") as (url, _):
+        yield url
+
+
+def at_the_start(browser: Browser, url: str, screen: Screen = (DESK, "light")) -> Visitor:
+    """A visitor before a page without a flight."""
+    visitor = Visitor(browser, url, *screen)
+    visitor.sees(".lab")
+    if visitor.page.locator("button[aria-label='New session']").count():
+        visitor.click("button[aria-label='New session']")
+    visitor.sees("text=Find what your flight model is missing")
+    visitor.waits_until_done()
+    return visitor
+
+
 @pytest.mark.long
-def test_another_site_can_neither_frame_it_nor_talk_to_it(browser: Browser, tmp_path: Path) -> None:
-    with served(tmp_path / "lab") as (url, _), attacking(url) as site:
+def test_another_site_can_neither_frame_it_nor_talk_to_it(browser: Browser, empty: str) -> None:
+    with attacking(empty) as site:
         assert is_kept_out(browser, site)
-        visitor = Visitor(browser, url)
-        visitor.sees("text=Drop flight logs here")
-        visitor.leaves()
+    at_the_start(browser, empty).leaves()
 
 
 @pytest.mark.long
@@ -114,57 +131,52 @@ def test_a_new_vehicle_is_entered_as_a_few_numbers(browser: Browser, screen: Scr
 
 
 @pytest.mark.long
-def test_files_are_chosen_in_the_window_of_the_browser(browser: Browser, flown: Path, tmp_path: Path) -> None:
-    with served(tmp_path / "lab") as (url, _):
-        visitor = Visitor(browser, url)
-        visitor.sees("button:has-text('Choose files')")
-        with visitor.page.expect_file_chooser() as chosen:
-            visitor.click("button:has-text('Choose files')")
-        chosen.value.set_files(flown)
-        visitor.sees("h2:has-text('measured and predicted')")
-        visitor.leaves()
+def test_files_are_chosen_in_the_window_of_the_browser(browser: Browser, flown: Path, empty: str) -> None:
+    visitor = at_the_start(browser, empty)
+    with visitor.page.expect_file_chooser() as chosen:
+        visitor.click("button:has-text('Choose files')")
+    chosen.value.set_files(flown)
+    visitor.sees("h2:has-text('measured and predicted')")
+    visitor.leaves()
 
 
 @pytest.mark.long
 @on_each_screen
 def test_a_long_log_is_shown_before_it_is_searched_in_as_many_points_as_a_screen_has(
-    browser: Browser, screen: Screen, tmp_path: Path
+    browser: Browser, screen: Screen, empty: str, tmp_path: Path
 ) -> None:
     long = tmp_path / "long.csv"
     flown = obedient(load_model(VEHICLE).plus(Exponential(a=0.3, b=5.0)), 600.0, noise_m_s=0.01)
     pl.DataFrame(flown.columns).write_csv(long)
-    with served(tmp_path / "lab") as (url, _):
-        visitor = Visitor(browser, url, *screen)
-        visitor.sees("text=Drop flight logs here")
-        visitor.drops(long)
-        visitor.sees(".banner.search")
-        figure = visitor.figure("Measured and predicted acceleration over time")
-        assert 0 < visitor.points(figure, "measured") < 1.1 * POINTS < 0.1 * len(flown.time_s)
-        expect(visitor.page.locator("#verdict")).to_have_count(0)
-        visitor.keeps("long-log")
-        visitor.click(".banner.search button:has-text('Cancel')")
-        visitor.sees("button:has-text('Look for what is missing')")
-        visitor.leaves()
+    visitor = at_the_start(browser, empty, screen)
+    visitor.drops(long)
+    visitor.sees(".banner.search")
+    figure = visitor.figure("Measured and predicted acceleration over time")
+    assert 0 < visitor.points(figure, "measured") < 1.1 * POINTS < 0.1 * len(flown.time_s)
+    expect(visitor.page.locator("#verdict")).to_have_count(0)
+    visitor.keeps("long-log")
+    visitor.click(".banner.search button:has-text('Cancel')")
+    visitor.sees("button:has-text('Look for what is missing')")
+    visitor.leaves()
 
 
 @pytest.mark.long
 @on_each_screen
 def test_without_a_log_a_sample_flight_is_flown_and_a_tap_explains_a_word(
-    browser: Browser, screen: Screen, tmp_path: Path
+    browser: Browser, screen: Screen, empty: str
 ) -> None:
-    with served(tmp_path / "lab") as (url, _):
-        visitor = Visitor(browser, url, *screen)
-        visitor.click("button:has-text('Try a sample flight')")
-        visitor.sees(".banner.search")
-        visitor.click("button.term:has-text('trim')")
-        assert "to hover" in visitor.sees("p.meaning")
-        visitor.keeps("sample-and-word")
-        if visitor.is_on_phone:  # the same search
-            visitor.click(".banner.search button:has-text('Cancel')")
-            visitor.sees("button:has-text('Look for what is missing')")
-        else:
-            assert "ground effect" in visitor.sees("#verdict[data-verdict=missing]")
-        visitor.leaves()
+    visitor = at_the_start(browser, empty, screen)
+    visitor.click("button:has-text('Try a sample flight')")
+    visitor.sees(".banner.search")
+    visitor.click("button.term:has-text('trim')")
+    assert "to hover" in visitor.sees("p.meaning")
+    visitor.keeps("sample-and-word")
+    if visitor.is_on_phone:  # the same search
+        visitor.click(".banner.search button:has-text('Cancel')")
+        visitor.sees("button:has-text('Look for what is missing')")
+    else:
+        assert "ground effect" in visitor.sees("#verdict[data-verdict=missing]")
+    visitor.leaves()
 
 
 def test_the_address_is_told_when_it_answers(tmp_path: Path) -> None:
@@ -270,9 +282,9 @@ def test_two_tabs_show_the_same_and_neither_a_lost_connection_nor_a_new_start_lo
 
 @pytest.mark.long
 def test_a_new_session_begins_as_a_new_tab_does_and_a_click_leads_back(
-    browser: Browser, flown: Path, tmp_path: Path
+    browser: Browser, flown: Path, session: Path, tmp_path: Path
 ) -> None:
-    with served(tmp_path / "lab", str(flown)) as (url, _):
+    with served(tmp_path / "lab", "--session", str(session)) as (url, _):
         visitor = Visitor(browser, url, PHONE, "dark")
         error = visitor.error_now()
         visitor.click("[role=tab]:has-text('Flights')")
