@@ -102,6 +102,7 @@ class TestCommands:
                 [] if word == "none" else [word.split(".")[-1]]
             )
 
+    @pytest.mark.long
     def test_where_no_expression_is_found_it_says_so(self, quadctl: Callable[..., Result], log: Path) -> None:
         done = quadctl("diagnose", VEHICLE, log, "--save-expression", "found.py")
         assert done.status == 0 and "No expression was found: found.py is not written." in done.out

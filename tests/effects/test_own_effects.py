@@ -321,6 +321,7 @@ class TestFromLogToFlight:
         assert plan.compensator.effects == model.effects
         assert quadctl.sitl.run.simulate(plan, tmp_path, None, 0).completed
 
+    @pytest.mark.long
     def test_discover_tries_what_the_model_lists(
         self, log: Path, write: WRITE, raptor_path: Path, tmp_path: Path
     ) -> None:

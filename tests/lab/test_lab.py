@@ -169,6 +169,7 @@ class TestFit:
         data.measured[held] += 5.0
         assert fitter.fit(~held).model.effects[0].values()["factor"] == pytest.approx(clean, abs=1e-9)
 
+    @pytest.mark.long
     def test_intervals_hold_the_truth_about_as_often_as_they_say(self, raptor: Vehicle) -> None:
         truth = Model(raptor).plus(ConstantScale(0.95))
         form = Model(raptor).plus(ConstantScale())
@@ -400,6 +401,7 @@ class TestNuisances:
         data = load_dataset([obedient(truth, 120.0, noise_m_s=0.005)], raptor)
         assert diagnose(Model(raptor), data).missing == []
 
+    @pytest.mark.long
     def test_a_larger_one_is(self, raptor: Vehicle) -> None:
         truth = Model(raptor).plus(ConstantScale(1.03))
         data = load_dataset([obedient(truth, 120.0, noise_m_s=0.005)], raptor)

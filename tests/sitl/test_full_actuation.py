@@ -52,6 +52,7 @@ def test_a_step_to_the_side_is_flown_level_and_leans_with_tilt(tmp_path: Path) -
     assert tilt_deg(leaning).max() > 3.0
 
 
+@pytest.mark.long
 def test_the_log_tells_the_lateral_commands_and_a_log_of_tilt_is_what_it_was(tmp_path: Path) -> None:
     level, leaning = flown(tmp_path, "full"), flown(tmp_path, "tilt")
     flying = level.phase == "east"

@@ -519,6 +519,7 @@ class TestToldApart:
         known = Model(raptor).plus(SteadyWind(0.7, -0.5, 0.35))
         assert diagnose(known, data, [ConstantScale, FixedTilt]).missing == ["thrust_scale"]
 
+    @pytest.mark.long
     def test_a_wake_is_seen_in_the_pitching_moment(self, raptor: Vehicle, tmp_path: Path) -> None:
         log = simulated("forward_runs", [("rotor_interaction.wake", {"loss": 0.4})], 2, tmp_path)
         addition = add(FrontWake, Model(raptor), load_dataset([log], raptor))

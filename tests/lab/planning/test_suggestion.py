@@ -295,6 +295,7 @@ def test_the_command_prints_what_to_run_and_writes_it(world: World, tmp_path: Pa
     assert "Expected result of each mission" in result.output
 
 
+@pytest.mark.long
 def test_a_result_needs_no_more_than_a_diagnosis(world: World) -> None:
     diagnosis = diagnose(world.rigid, prepare_flights(world.hover(), world.rigid.vehicle), [])
     assert isinstance(diagnosis, Diagnosis)
