@@ -452,9 +452,8 @@ def shown_anew(
 
 
 class TestOpenTab:
-    @pytest.mark.parametrize(
-        "tab", [pytest.param(tab, marks=pytest.mark.long) if i else tab for i, tab in enumerate(TABS)]
-    )
+    @pytest.mark.long
+    @pytest.mark.parametrize("tab", TABS)
     def test_it_shows_after_every_change_what_a_new_tab_shows(
         self,
         tab: str,

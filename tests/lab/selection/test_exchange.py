@@ -46,8 +46,9 @@ from studies.worlds.field.draws import draw_world
 from tests.support.flights import obedient, to_and_fro
 from tests.support.places import ROOT
 
+pytestmark = pytest.mark.long
 
-@pytest.mark.long
+
 def test_a_wind_with_its_drag_gives_way_to_a_drag_and_a_tilted_thrust(tmp_path: Path) -> None:
     """The wind alone explains a part of both; beside the drag it is not told from the tilt but by what that adds.
     Either way of looking for another path finds it."""
@@ -63,7 +64,6 @@ def test_a_wind_with_its_drag_gives_way_to_a_drag_and_a_tilted_thrust(tmp_path: 
         assert found.latest["wind.steady"].p_value > 0.01
 
 
-@pytest.mark.long
 def test_what_a_ground_effect_implies_counts_for_no_other_explanation(tmp_path: Path) -> None:
     """Rotors that each feel their own height give a levelling moment, which a ground effect at one height leaves. A
     cable in the place of the ground effect, beside a levelling moment of its own, is no better for that."""
@@ -75,7 +75,6 @@ def test_what_a_ground_effect_implies_counts_for_no_other_explanation(tmp_path: 
     assert sorted(found.missing) == ["ground_effect", "thrust_scale"]
 
 
-@pytest.mark.long
 def test_a_drag_that_stands_for_the_form_of_the_wind_gives_way_to_the_other_form(tmp_path: Path) -> None:
     """With a wrong mass, a wind on a drag linear in the airspeed explains most; the mass, and a quadratic drag for what
     the linear one lacks, come on top."""
