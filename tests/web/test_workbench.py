@@ -186,6 +186,24 @@ def test_a_log_that_was_left_out_is_asked_about_again(bench: Workbench) -> None:
     assert bench.accepted == frozenset()
 
 
+def test_what_was_answered_of_a_log_holds_where_it_cannot_be_left_out_now(bench: Workbench) -> None:
+    async def leave_out_during_work() -> None:
+        await take(bench, "a.csv")
+        (path,) = bench.session.logs
+        await bench.use_anyway(path)
+        worker(bench).go_on.clear()
+        later = take(bench, "b.csv")
+        await until(lambda: bench.work is not None)
+        with pytest.raises(CancelledError):
+            await bench.forget_log(path)
+        worker(bench).go_on.set()
+        await later
+        assert bench.accepted == {path}
+
+    asyncio.run(leave_out_during_work())
+    assert names(bench) == ["a.csv", "b.csv"]
+
+
 def test_only_the_message_that_was_read_goes(bench: Workbench) -> None:
     bench.say("done", "first")
     first = bench.message

@@ -52,7 +52,7 @@ BEYOND = {
 """Cause of what is more than a nuisance can be, for the first of those that have the same one."""
 SAME_CAUSE = {"pitch_rad": "roll_rad", "slow_levelling": "levelling"}
 AS_EFFECT = {"thrust_scale": "thrust_scale", "roll_rad": "thrust_tilt", "delay_s": "motor_lag"}
-"""Family of effects that more of a nuisance would be."""
+"""Family of effects that more of a nuisance would be, for those of which a search can tell."""
 
 
 @dataclass(frozen=True)
@@ -170,8 +170,8 @@ def limited_in_words(evaluation: Evaluation, found: Diagnosed | None) -> str:
     causes = dict.fromkeys(SAME_CAUSE.get(name, name) for name in limited)
     ranking = [] if found is None else found.diagnosis.ranking
     for family in (AS_EFFECT[cause] for cause in causes if cause in AS_EFFECT):
-        p = min((c.p_value for c in ranking if c.effect.family() == family), default=0.0)
-        if not is_significant(p):
+        tried = [c.p_value for c in ranking if c.effect.family() == family]
+        if tried and not is_significant(p := min(tried)):
             beyond = f"More than that would be a {plain(family)}"
             sentences.append(f"{beyond}, which these data do not establish (p {p_in_words(p)}).")
     return " ".join(sentences)

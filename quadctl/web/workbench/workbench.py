@@ -147,8 +147,9 @@ class Workbench:
             await self.open_logs([flown])
 
     async def forget_log(self, path: Path) -> None:
-        self.accepted -= {path}  # whoever opens it again is asked again
         await self._with_flights(self.session.without_log(path), known=True)
+        if path not in self.session.logs:
+            self.accepted -= {path}  # whoever opens it again is asked again
 
     async def hold_out_log(self, path: Path, unseen: bool) -> None:
         try:
