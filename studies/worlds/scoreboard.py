@@ -83,10 +83,14 @@ def judge(folder: Path) -> Answer:
     )
 
 
+def cases_of(folder: Path) -> list[Path]:
+    """Folders of the cases of a world."""
+    return sorted(path.parent for path in folder.glob("*/truth.json"))
+
+
 def judge_world(folder: Path, jobs: int) -> list[Answer]:
     """Answers to all cases of a folder."""
-    cases = sorted(path.parent for path in folder.glob("*/truth.json"))
-    return list(Parallel(n_jobs=jobs)(delayed(judge)(case) for case in cases))
+    return list(Parallel(n_jobs=jobs)(delayed(judge)(case) for case in cases_of(folder)))
 
 
 def _share(answers: Sequence[Answer], right: Iterable[bool]) -> str:
@@ -157,6 +161,9 @@ def main() -> None:
     parser.add_argument("--page", type=Path, required=True, help="page to write")
     parser.add_argument("--jobs", type=int, default=1, help="processes")
     arguments = parser.parse_args()
+    for folder in arguments.folders:
+        if not cases_of(folder):
+            parser.error(f"{folder}: holds no cases, expected folders with a truth.json in each")
     worlds = {}
     for folder in arguments.folders:
         title = folder.name.replace("_", " ")

@@ -1,10 +1,12 @@
 """Specification of the scoreboard of worlds: when an answer is right."""
 
 import dataclasses
+import sys
+from pathlib import Path
 
 import pytest
 
-from studies.worlds.scoreboard import Answer, section, side_by_side
+from studies.worlds.scoreboard import Answer, main, section, side_by_side
 
 
 def answer(
@@ -66,3 +68,15 @@ def test_what_is_there_but_too_small_to_be_called_missing_is_counted_by_itself()
         in text
     )
     assert "- case (wind, 0.1 m/s²): none; there but small: wind, tether" in text
+
+
+def test_a_folder_without_cases_is_one_sentence_and_leaves_the_page_as_it_was(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    page = tmp_path / "worlds.md"
+    page.write_text("as it was")
+    monkeypatch.setattr(sys, "argv", ["scoreboard", str(tmp_path / "nothing"), "--page", str(page)])
+    with pytest.raises(SystemExit):
+        main()
+    assert f"{tmp_path / 'nothing'}: holds no cases" in capsys.readouterr().err
+    assert page.read_text() == "as it was"
