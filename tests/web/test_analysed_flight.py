@@ -16,7 +16,9 @@ from quadctl.web.session.session import load_session
 from tests.support.lab_pages import CUT, PARTS, served, stand_on
 from tests.support.lab_sessions import ADDED, fly_over_a_cushion, one_step_up, searched, wrong_files
 from tests.support.visitors import (
+    DESK,
     PATIENCE_MS,
+    PHONE,
     ROOT,
     SCREENS,
     Browser,
@@ -200,7 +202,7 @@ def test_the_flight_is_played_back_and_the_vehicle_follows_the_cursor(visitor: V
     expect(visitor.page.locator(".replay .mono")).to_have_text(re.compile(r"[0-9.]+ s"))
 
 
-def test_a_link_leads_to_the_same_state(analysed: str, visitor: Visitor) -> None:
+def test_a_link_leads_to_the_same_state(browser: Browser, analysed: str, visitor: Visitor) -> None:
     stand_on(visitor, "rigid body")
     visitor.click("button[aria-label^='Evidence for ground_effect']")
     visitor.sees("#evidence")
@@ -209,14 +211,13 @@ def test_a_link_leads_to_the_same_state(analysed: str, visitor: Visitor) -> None
     visitor.page.wait_for_url("**axis=north**")
     visitor.click("button:has-text('Speed of each motor')")
     visitor.page.wait_for_url("**channels=motor1_rpm**")
-    link = visitor.page.url
-    visitor.page.goto(analysed)
-    visitor.sees("[role=tab][aria-selected=true]:has-text('What is missing')")
-    visitor.page.goto(link)
-    visitor.figure("Channels over time: motor1_rpm, motor2_rpm, motor3_rpm and motor4_rpm")
-    visitor.sees("button[aria-pressed=true]:has-text('north')")
-    visitor.click("[role=tab]:has-text('What is missing')")
-    visitor.sees("#evidence")
+    other = Visitor(browser, analysed, PHONE if visitor.is_on_phone else DESK)
+    other.page.goto(visitor.page.url)
+    other.figure("Channels over time: motor1_rpm, motor2_rpm, motor3_rpm and motor4_rpm")
+    other.sees("button[aria-pressed=true]:has-text('north')")
+    other.click("[role=tab]:has-text('What is missing')")
+    other.sees("#evidence")
+    other.leaves()
 
 
 def test_keys_move_through_the_page_and_undo(visitor: Visitor) -> None:
