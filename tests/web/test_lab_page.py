@@ -351,10 +351,13 @@ def test_what_no_effect_explains_is_said_as_an_expression_that_can_be_added(
 
 @pytest.mark.long
 @pytest.mark.skipif(not REAL_PX4.is_dir(), reason="the flights of real autopilots are not here")
-def test_modes_and_messages_of_a_real_autopilot_stand_on_the_axis_of_time(browser: Browser, tmp_path: Path) -> None:
+@on_each_screen
+def test_modes_and_messages_of_a_real_autopilot_stand_on_the_axis_of_time(
+    browser: Browser, screen: Screen, tmp_path: Path
+) -> None:
     words = [str(REAL_PX4 / "vertical_runs.ulg"), "--model", str(REAL_PX4 / "vehicle.yaml")]
     with served(tmp_path / "lab", *words) as (url, _):
-        visitor = Visitor(browser, url)
+        visitor = Visitor(browser, url, *screen)
         visitor.sees("#error-now")
         visitor.click("[role=tab]:has-text('Over time')")
         channels = visitor.figure("Channels over time: z_m")
