@@ -4,6 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from quadctl.logs.findings import Finding, Kind, finding
 from quadctl.logs.flight_log import Floats
 from quadctl.thrust_chain.ardupilot import CURVE, compensates_voltage, knows_curve, thrust_of_output
 from quadctl.thrust_chain.chain import Ambient
@@ -61,22 +62,18 @@ def motor_outputs(
     return {f"motor{motor}_output": found[motor] for motor in sorted(found)}
 
 
-def output_note(parameters: Mapping[str, float], ambient: Ambient) -> str:
-    """Note on the motor outputs, to be read before thrust is taken from them."""
+def output_finding(parameters: Mapping[str, float], ambient: Ambient) -> Finding:
+    """Finding on the motor outputs: which steps of the firmware's thrust chain are removed from them."""
     if not knows_curve(parameters):
-        return (
-            f"motor outputs are shares of the PWM range, as the log lacks one of {', '.join(CURVE)}: not proportional "
-            "to thrust, as throttle_cmd should be"
-        )
-    curve = ", ".join(f"{name} = {parameters[name]:.4g}" for name in CURVE)
-    removed = [f"thrust curve ({curve})"]
-    kept: list[str] = []
+        return finding(Kind.OUTPUT_CHAIN, lacking=list(CURVE))
+    removed: list[dict[str, float | str]] = []
+    kept: list[dict[str, float | str]] = []
     if compensates_voltage(parameters):
         known = np.isfinite(ambient.battery_v).any()
-        (removed if known else kept).append(f"voltage compensation (MOT_BAT_VOLT_MAX = {parameters[VOLT_MAX]:.4g})")
+        (removed if known else kept).append({"of": "voltage", "volt_max": parameters[VOLT_MAX]})
     if np.isfinite(ambient.density_ratio).any():
-        removed.append(f"density compensation (air of {np.nanmedian(ambient.density_ratio):.3f} of sea level)")
+        removed.append({"of": "density", "density_ratio": float(np.nanmedian(ambient.density_ratio))})
     else:
-        kept.append("density compensation")
-    lacking = f"; its {' and '.join(kept)} cannot be removed, as the log lacks the measurement" if kept else ""
-    return f"motor outputs are shares of the full thrust: ArduPilot's {', '.join(removed)} removed{lacking}"
+        kept.append({"of": "density"})
+    curve = {name: parameters[name] for name in CURVE}
+    return finding(Kind.OUTPUT_CHAIN, lacking=[], curve=curve, removed=removed, kept=kept)

@@ -1,7 +1,7 @@
 """A table of values as read from a file becomes a `FlightLog`: checked, and cleaned of what no reader can use.
 
 Real files are dirty: rows before the first fix, a clock that jumps, values that cannot be. What can be left out is left
-out and said in the log's `notes`; what cannot is one sentence in a `LogError`.
+out and said in the log's `findings`; what cannot is one sentence in a `LogError`.
 """
 
 import bisect
@@ -14,8 +14,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from quadctl.errors import LogError
 from quadctl.logs.columns import PHASE_COLUMN, STATE_COLUMNS, is_column, known_columns, rpm_columns
+from quadctl.logs.findings import Finding, Kind, finding
 from quadctl.logs.flight_log import POSITION, FlightLog, Floats, did_you_mean, is_it
 from quadctl.logs.sidecar import read_meta
+from quadctl.logs.words import count
 
 MAX_STANDSTILL_ROWS = 50
 """More consecutive rows than this without time going on are no glitch: two flights in one file, or no clock."""
@@ -28,14 +30,14 @@ def clean_log(
     path: Path,
     table: Mapping[str, ArrayLike],
     *,
-    notes: Iterable[str] = (),
+    findings: Iterable[Finding] = (),
     meta: Mapping[str, Any] | None = None,
     line_numbers: NDArray[np.int64] | None = None,
 ) -> FlightLog:
     """Make a flight log of a table as read from a file: the last step of a reader of any format.
 
     Columns with unknown names, rows before the first known position, and rows in which time does not increase are left
-    out; infinite and impossible values become NaN. Each of these adds a note.
+    out; infinite and impossible values become NaN. Each of these adds a finding.
 
     Parameters
     ----------
@@ -44,8 +46,8 @@ def clean_log(
     table
         Columns by the names, units and frames of docs/log-format.md, shape (n,) each; numbers, NaN where a value is
         missing, and text in `phase`.
-    notes
-        Remarks on what the reader itself left out or had to guess, one sentence each.
+    findings
+        What the reader itself left out or had to guess.
     meta
         Content of the log's sidecar; by default that of the file `NAME.meta.yaml` beside `path`, {} without one.
     line_numbers
@@ -57,7 +59,7 @@ def clean_log(
         A required column is missing, columns differ in length or hold no numbers, no row has time and position, or time
         stands still.
     """
-    said = [*notes, *check_columns(table, f"{path}: the table")]
+    said = [*findings, *check_columns(table, f"{path}: the table")]
     columns = {
         name: _numbers(path, name, values) for name, values in table.items() if is_column(name) and name != PHASE_COLUMN
     }
@@ -67,7 +69,7 @@ def clean_log(
     word = "row" if line_numbers is None else "line"
     first = _first_position(path, log)
     if first:
-        said.append(f"{_count(first, 'row')} before the first known position left out (from {word} {number[0]})")
+        said.append(finding(Kind.LEADING_ROWS, rows=first, of=word, number=int(number[0])))
         log, number = log.rows(slice(first, None)), number[first:]
     keep = _increasing_rows(path, log, number, word, said)
     if not keep.all():
@@ -77,8 +79,8 @@ def clean_log(
     return FlightLog(path.name, path, columns, phase, read_meta(path, said) if meta is None else dict(meta), said)
 
 
-def check_columns(names: Iterable[str], holder: str) -> list[str]:
-    """Check the names of a table's columns; return a note on each one that is not a flight log's, to be left out.
+def check_columns(names: Iterable[str], holder: str) -> list[Finding]:
+    """Check the names of a table's columns; return a finding on each one that is not a flight log's, to be left out.
 
     Parameters
     ----------
@@ -101,7 +103,7 @@ def check_columns(names: Iterable[str], holder: str) -> list[str]:
     if absent:
         raise LogError(f"{holder} lacks {absent}, expected motor1_rpm to motorN_rpm, none left out")
     known = known_columns(max(len(rpm), 4))
-    return [f"column '{name}' is not a flight log's and was left out{did_you_mean(name, known)}" for name in unknown]
+    return [finding(Kind.UNKNOWN_COLUMN, column=name, hint=did_you_mean(name, known)) for name in unknown]
 
 
 def increasing(time_s: Floats) -> NDArray[np.bool_]:
@@ -148,7 +150,7 @@ def _first_position(path: Path, log: FlightLog) -> int:
 
 
 def _increasing_rows(
-    path: Path, log: FlightLog, number: NDArray[np.int64], word: str, notes: list[str]
+    path: Path, log: FlightLog, number: NDArray[np.int64], word: str, findings: list[Finding]
 ) -> NDArray[np.bool_]:
     """Mask of the rows that are kept, shape (n,)."""
     time_s = np.where(np.abs(log.time_s) < MAX_TIME, log.time_s, np.nan)
@@ -160,10 +162,18 @@ def _increasing_rows(
     where = f"{word} {number[first]} (time_s = {time_s[first]:g})"
     if longest > MAX_STANDSTILL_ROWS or len(dropped) > len(keep) / 2:
         raise LogError(
-            f"{path}: time does not increase in {_count(len(dropped), 'row')} of {len(keep)}, the first is {where}, "
+            f"{path}: time does not increase in {count(len(dropped), 'row')} of {len(keep)}, the first is {where}, "
             "expected the increasing clock of one flight"
         )
-    notes.append(f"{_count(len(dropped), 'row')} in which time does not increase left out, the first is {where}")
+    findings.append(
+        finding(
+            Kind.TIME_STANDS_STILL,
+            rows=len(dropped),
+            of=word,
+            number=int(number[first]),
+            time_s=float(time_s[first]),
+        )
+    )
     return keep
 
 
@@ -173,7 +183,7 @@ def _longest_run(rows: Sequence[int] | NDArray[np.intp]) -> int:
     return int(np.diff(np.concatenate([[-1], breaks, [len(rows) - 1]])).max())
 
 
-def _possible(name: str, values: Floats, notes: list[str]) -> Floats:
+def _possible(name: str, values: Floats, findings: list[Finding]) -> Floats:
     """The values with NaN for those that are infinite or impossible."""
     largest = MAX_RPM if name.endswith("_rpm") else MAX_TIME if name == "time_s" else MAX_VALUE
     beyond = np.abs(values) > largest
@@ -181,12 +191,8 @@ def _possible(name: str, values: Floats, notes: list[str]) -> Floats:
         return values
     infinite = np.isinf(values)
     impossible = beyond & ~infinite
-    for which, kind in ((infinite, "infinite value"), (impossible, "impossible value")):
-        if which.any():
-            limit = "" if which is infinite else f" (beyond {largest:g})"
-            notes.append(f"{_count(int(which.sum()), kind)} of {name}{limit} read as missing")
+    if infinite.any():
+        findings.append(finding(Kind.INFINITE_VALUES, column=name, values=int(infinite.sum())))
+    if impossible.any():
+        findings.append(finding(Kind.IMPOSSIBLE_VALUES, column=name, values=int(impossible.sum()), limit=largest))
     return np.where(beyond, np.nan, values)
-
-
-def _count(n: int, what: str) -> str:
-    return f"{n} {what}{'s' if n != 1 else ''}"

@@ -10,6 +10,7 @@ from quadctl.errors import LogError
 from quadctl.logs.cleaning import check_columns
 from quadctl.logs.columns import STATE_COLUMNS, is_column, motor_columns, rpm_columns
 from quadctl.logs.csv_lines import RawText, split_line
+from quadctl.logs.findings import Finding, Kind
 
 _SEPARATORS = {";": "semicolons", "\t": "tabs", " ": "blanks"}
 """Separators of other programs, in place of commas."""
@@ -26,7 +27,7 @@ class Layout:
     names: tuple[str | None, ...]
     """Name of each field of a line, None for one that is left out."""
     has_header: bool
-    notes: list[str] = field(default_factory=list)
+    findings: list[Finding] = field(default_factory=list)
 
 
 def layout_of(path: Path, raw: RawText) -> Layout:
@@ -46,8 +47,8 @@ def _by_header(path: Path, line: int, names: list[str]) -> Layout:
     repeated = next((name for name in names if is_column(name) and names.count(name) > 1), None)
     if repeated:
         raise LogError(f"{path}, line {line}: column '{repeated}' is there twice, expected each name once")
-    notes = check_columns(names, f"{path}, line {line}: the header")
-    return Layout(tuple(name if is_column(name) else None for name in names), True, notes)
+    findings = check_columns(names, f"{path}, line {line}: the header")
+    return Layout(tuple(name if is_column(name) else None for name in names), True, findings)
 
 
 def _by_count(path: Path, raw: RawText) -> Layout:
@@ -56,12 +57,8 @@ def _by_count(path: Path, raw: RawText) -> Layout:
     n = int(counts[np.argmax(how_often)])
     if n == 17:
         if _holds_throttle(raw):
-            note = (
-                "17 columns and no header: the last four were read as commanded attitude and throttle, not rotor speeds"
-            )
-            return Layout((*STATE_COLUMNS, *_COMMANDS_OF_17), False, [note])
-        note = "17 columns and no header: the last four were read as rotor speeds, being too large for a throttle"
-        return Layout((*STATE_COLUMNS, *rpm_columns(4)), False, [note])
+            return Layout((*STATE_COLUMNS, *_COMMANDS_OF_17), False, [_seventeen("throttle")])
+        return Layout((*STATE_COLUMNS, *rpm_columns(4)), False, [_seventeen("rpm")])
     n_rotors, rest = divmod(n - len(STATE_COLUMNS), 3)
     if n_rotors < 4 or rest:
         separator = next((f", separated by '{s}'" for s in ";\t" if n == 1 and s in raw.first[1]), "")
@@ -69,6 +66,10 @@ def _by_count(path: Path, raw: RawText) -> Layout:
         raise LogError(f"{path}: has no header and {found}, expected our header, or separated by commas {_HEADERLESS}")
     motors = (*motor_columns(n_rotors, "voltage_v"), *motor_columns(n_rotors, "current_a"))
     return Layout((*STATE_COLUMNS, *rpm_columns(n_rotors), *motors), False)
+
+
+def _seventeen(read_as: str) -> Finding:
+    return Finding(Kind.SEVENTEEN_COLUMNS, {"as": read_as})
 
 
 def _holds_throttle(raw: RawText) -> bool:

@@ -14,6 +14,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from quadctl.errors import LogError
+from quadctl.logs.findings import Finding, Kind, finding
 
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 CHUNK_BYTES = 1 << 23
@@ -68,7 +69,7 @@ class RawText:
     """Place and size of each part in the file, bytes: whole lines, without the line feed of the last."""
     counts: list[int]
     """Number of lines of each."""
-    notes: list[str]
+    findings: list[Finding]
 
     def parts(self) -> Iterator[Lines]:
         """The lines of each part; none for a part of blank lines."""
@@ -108,7 +109,7 @@ def read_text(path: Path) -> RawText:
         raise LogError(f"{path}: ends its lines by carriage returns alone, expected line feeds")
     if rest.decode("utf-8" if raw.spans else "utf-8-sig", errors="replace").strip("\r \t\0"):
         # Even if it parses: nobody can tell whether its last number is whole.
-        raw.notes.append(f"the last line ({sum(raw.counts) + 1}) is cut short and was left out")
+        raw.findings.append(finding(Kind.LAST_LINE_CUT, line=sum(raw.counts) + 1))
     if next(raw.parts(), None) is None:
         raise LogError(f"{path}: has no complete line yet, expected a CSV flight log")
     return raw

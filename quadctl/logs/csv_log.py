@@ -18,6 +18,7 @@ from quadctl.logs.cleaning import clean_log
 from quadctl.logs.columns import PHASE_COLUMN, column_order
 from quadctl.logs.csv_layout import Layout, layout_of
 from quadctl.logs.csv_lines import Lines, read_text, reason_of, split_line
+from quadctl.logs.findings import Finding, Kind, finding
 from quadctl.logs.flight_log import FlightLog, Floats
 from quadctl.logs.sidecar import meta_path
 
@@ -34,9 +35,9 @@ def read_csv(path: Path | str) -> FlightLog:
         The file is missing, empty, not text, not a flight log, or damaged for the most part.
     """
     path = Path(path)
-    notes: list[str] = []
-    columns, line = _table(path, notes)
-    return clean_log(path, columns, notes=notes, line_numbers=line)
+    findings: list[Finding] = []
+    columns, line = _table(path, findings)
+    return clean_log(path, columns, findings=findings, line_numbers=line)
 
 
 def write_csv(log: FlightLog, path: Path | str) -> None:
@@ -67,11 +68,11 @@ def write_csv(log: FlightLog, path: Path | str) -> None:
 # --- values -----------------------------------------------------------------------------------------------------------
 
 
-def _table(path: Path, notes: list[str]) -> _Rows:
+def _table(path: Path, findings: list[Finding]) -> _Rows:
     """Columns and line numbers of the undamaged lines: NaN where a value is missing, text only in `phase`."""
     raw = read_text(path)
     layout = layout_of(path, raw)
-    notes += [*raw.notes, *layout.notes]
+    findings += [*raw.findings, *layout.findings]
     damage: dict[int, str] = {}
     parts, skip = [], layout.has_header
     for lines in raw.parts():
@@ -95,10 +96,10 @@ def _table(path: Path, notes: list[str]) -> _Rows:
         )
     if not layout.has_header and _is_padded([field for part in parts for field in part.last_field]):
         undamaged[-1] = False
-        notes.append(f"the last line ({number[-1]}) is cut short and was left out")
+        findings.append(finding(Kind.LAST_LINE_CUT, line=int(number[-1])))
     if damage:
         line, what = min(damage.items())
-        notes.append(f"{_count(len(damage), 'damaged line')} left out (line {line}: {what})")
+        findings.append(finding(Kind.DAMAGED_LINES, lines=len(damage), line=line, what=what))
     columns = {}
     for name in list(parts[0].columns):
         values = np.concatenate([part.columns.pop(name) for part in parts])
@@ -205,7 +206,3 @@ def _is_padded(last_field: Sequence[str]) -> bool:
 
 def _shown(text: str) -> str:
     return repr(text if len(text) <= 40 else text[:37] + "...")
-
-
-def _count(n: int, what: str) -> str:
-    return f"{n} {what}{'s' if n != 1 else ''}"

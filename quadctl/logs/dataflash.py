@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quadctl.errors import LogError
-from quadctl.logs.ardupilot import PARAMETERS, motor_of_servo, motor_outputs, output_note
+from quadctl.logs.ardupilot import PARAMETERS, motor_of_servo, motor_outputs, output_finding
 from quadctl.logs.events import Event, mode_changes, parameter_changes, said
-from quadctl.logs.flight_log import CUT_SHORT, FlightLog, Floats
+from quadctl.logs.findings import Finding, Kind, finding
+from quadctl.logs.flight_log import FlightLog, Floats
 from quadctl.logs.merge import Channel, Origin, finite, intervals, merge
 from quadctl.thrust_chain.ardupilot import air_density_ratio
 from quadctl.thrust_chain.chain import Ambient
@@ -79,9 +80,9 @@ def read_dataflash(path: Path) -> FlightLog:
         The file cannot be read, is no DataFlash log, or holds no position, velocity or attitude.
     """
     data, index = _indexed(path)
-    notes = [CUT_SHORT] if index.is_cut_short else []
+    findings = [finding(Kind.CUT_SHORT)] if index.is_cut_short else []
     if index.n_damaged_bytes:
-        notes.append(f"{index.n_damaged_bytes} damaged bytes left out, the first at byte {index.first_damage}")
+        findings.append(finding(Kind.DAMAGED_BYTES, bytes=index.n_damaged_bytes, first=index.first_damage))
     messages = {name: _decoded(data, form) for name, form in index.formats.items() if form.offsets}
     parameters = _parameters(messages)
     meta = {
@@ -89,10 +90,10 @@ def read_dataflash(path: Path) -> FlightLog:
         "software": _version(messages),
         "parameters": {name: parameters[name] for name in PARAMETERS if name in parameters},
     }
-    channels = list(_channels(messages, parameters, notes))
+    channels = list(_channels(messages, parameters, findings))
     armed_s = _armed(messages)
-    notes += _doubts(messages, armed_s)
-    return merge(channels, Origin(path, NEEDED, meta, notes, armed_s, events=_events(messages)))
+    findings += _doubts(messages, armed_s)
+    return merge(channels, Origin(path, NEEDED, meta, findings, armed_s, events=_events(messages)))
 
 
 def parameters_in_dataflash(path: Path) -> dict[str, float]:
@@ -209,7 +210,9 @@ def _decoded(data: bytes, form: _Format) -> _Message:
 # --- messages ---------------------------------------------------------------------------------------------------------
 
 
-def _channels(messages: dict[str, _Message], parameters: dict[str, float], notes: list[str]) -> Iterator[Channel]:
+def _channels(
+    messages: dict[str, _Message], parameters: dict[str, float], findings: list[Finding]
+) -> Iterator[Channel]:
     yield from _position(messages)
     if (att := messages.get("ATT")) is not None:
         attitude = {
@@ -231,7 +234,7 @@ def _channels(messages: dict[str, _Message], parameters: dict[str, float], notes
         names = {"imu_x_m_s2": "AccX", "imu_y_m_s2": "AccY", "imu_z_m_s2": "AccZ"}
         force = {column: _values(imu, field) for column, field in names.items()}
         yield Channel("IMU", _seconds(imu), force, makes_rows=False, averaged=True)
-    yield from _motors(messages, parameters, notes)
+    yield from _motors(messages, parameters, findings)
     if (battery := _instance(messages.get("BAT"), 0)) is not None:
         yield Channel("BAT", _seconds(battery), {"battery_v": _values(battery, "Volt")}, makes_rows=False)
 
@@ -251,8 +254,8 @@ def _position(messages: dict[str, _Message]) -> Iterator[Channel]:
         return
 
 
-def _doubts(messages: dict[str, _Message], armed_s: list[tuple[float, float]]) -> list[str]:
-    """Notes on the time, armed where the log says so, in which the EKF itself did not claim to know the position."""
+def _doubts(messages: dict[str, _Message], armed_s: list[tuple[float, float]]) -> list[Finding]:
+    """Findings on the time, armed where the log says so, in which the EKF itself did not claim to know the position."""
     name = next((status for status in ("XKF4", "NKF4") if status in messages), None)
     core = None if name is None else _instance(messages[name], _primary_core(messages[name]))
     if core is None or "SS" not in core:
@@ -261,12 +264,18 @@ def _doubts(messages: dict[str, _Message], armed_s: list[tuple[float, float]]) -
     if armed_s:
         status = status[np.logical_or.reduce([(time >= begin) & (time <= end) for begin, end in armed_s])]
     unknown = {
-        "x_m and y_m": ((status & _HORIZONTAL_POSITION) == 0) | ((status & _CONSTANT_POSITION) != 0),
-        "z_m": (status & _HEIGHT) == 0,
+        ("x_m", "y_m"): ((status & _HORIZONTAL_POSITION) == 0) | ((status & _CONSTANT_POSITION) != 0),
+        ("z_m",): (status & _HEIGHT) == 0,
     }
     return [
-        f"ArduPilot's estimator did not call {columns} valid in {np.mean(where):.1%} of its messages"
-        f"{' while armed' if armed_s else ''} ({name}.SS): they are read all the same"
+        finding(
+            Kind.STATE_INVALID,
+            columns=columns,
+            share=float(np.mean(where)),
+            flag=f"{name}.SS",
+            left_out=False,
+            while_armed=bool(armed_s),
+        )
         for columns, where in unknown.items()
         if where.any()
     ]
@@ -279,17 +288,17 @@ def _primary_core(status: _Message | None) -> int:
     return int(np.argmax(np.bincount(np.maximum(status["PI"], 0))))
 
 
-def _motors(messages: dict[str, _Message], parameters: dict[str, float], notes: list[str]) -> Iterator[Channel]:
+def _motors(messages: dict[str, _Message], parameters: dict[str, float], findings: list[Finding]) -> Iterator[Channel]:
     if (esc := messages.get("ESC")) is not None and "Instance" in esc:
         if np.any(esc["RPM"]):
             yield from (channel for i in np.unique(esc["Instance"]) if (channel := _esc(esc, int(i), parameters)))
         else:
-            notes.append("ESC reports no rotor speeds: they are all zero")
+            findings.append(finding(Kind.SPEEDS_ZERO, source="ESC", several=False))
     if (rcou := messages.get("RCOU")) is not None:
         pulses = {i: _values(rcou, f"C{i}") for i in range(1, _MAX_OUTPUTS + 1) if f"C{i}" in rcou}
         ambient = _ambient(messages, parameters, _seconds(rcou))
         if columns := motor_outputs(pulses, parameters, ambient):
-            notes.append(output_note(parameters, ambient))
+            findings.append(output_finding(parameters, ambient))
             yield Channel("RCOU", _seconds(rcou), columns)
 
 

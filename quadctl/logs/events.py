@@ -5,6 +5,8 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
+from quadctl.logs.findings import Finding, Kind, Span, finding
+
 PX4_MODES = {
     0: "MANUAL", 1: "ALTCTL", 2: "POSCTL", 3: "AUTO.MISSION", 4: "AUTO.LOITER", 5: "AUTO.RTL", 6: "POSITION_SLOW",
     8: "ALTITUDE_CRUISE", 10: "ACRO", 12: "DESCEND", 13: "TERMINATION", 14: "OFFBOARD", 15: "STABILIZED",
@@ -67,14 +69,13 @@ def events_of(meta: Mapping[str, Any]) -> list[Event]:
     return sorted(found, key=lambda event: event.time_s)
 
 
-def reset_notes(meta: Mapping[str, Any], begin_s: float = -math.inf, end_s: float = math.inf) -> list[str]:
-    """Remarks on the resets between two times among the events of a log's `meta`, one for each quantity, with their
-    times."""
-    times: dict[str, list[str]] = {}
+def resets_of(meta: Mapping[str, Any]) -> list[Finding]:
+    """Findings on the resets among the events of a log's `meta`, one for each quantity."""
+    times: dict[str, list[Span]] = {}
     for event in events_of(meta):
-        if event.what.startswith(RESET) and begin_s <= event.time_s <= end_s:
-            times.setdefault(event.what.removeprefix(RESET), []).append(f"{event.time_s:.1f} s")
-    return [f"the {RESET}{what} at {', '.join(when)}: it jumps there" for what, when in times.items()]
+        if event.what.startswith(RESET):
+            times.setdefault(event.what.removeprefix(RESET), []).append((event.time_s, event.time_s))
+    return [finding(Kind.RESET, when, of=what) for what, when in times.items()]
 
 
 def said(time_s: Iterable[float], texts: Iterable[str]) -> list[Event]:

@@ -1,7 +1,7 @@
 """A flight log in memory: one table with the columns of docs/log-format.md, whatever file it came from."""
 
 import difflib
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 from quadctl.errors import LogError
 from quadctl.logs.columns import rpm_columns
+from quadctl.logs.findings import Finding, Kind
+from quadctl.logs.words import worded
 
 Floats: TypeAlias = NDArray[np.float64]
 
@@ -19,10 +21,6 @@ VELOCITY = ("vx_m_s", "vy_m_s", "vz_m_s")
 ATTITUDE = ("roll_deg", "pitch_deg", "yaw_deg")
 RATES = ("roll_rate_rad_s", "pitch_rate_rad_s", "yaw_rate_rad_s")
 IMU = ("imu_x_m_s2", "imu_y_m_s2", "imu_z_m_s2")
-CUT_SHORT = "the last message is cut short and was left out"
-"""Note on a log that ends within a message: it was copied in part, or the power failed."""
-DAMAGED = "the file is damaged: what could not be read was left out"
-"""Note on a log whose reader stumbled over its content, as it also does where the header itself is cut short."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,8 +39,8 @@ class FlightLog:
     """Name of the mission phase, shape (n,), "" where there is none."""
     meta: dict[str, Any] = field(default_factory=dict)
     """Content of the sidecar file."""
-    notes: list[str] = field(default_factory=list)
-    """Remarks on parts of the file that were left out or read in an unusual way, one sentence each."""
+    findings: list[Finding] = field(default_factory=list)
+    """What was found out about the record: parts that were left out or read in an unusual way."""
 
     def __post_init__(self) -> None:
         if "time_s" not in self.columns:
@@ -76,6 +74,11 @@ class FlightLog:
     def has(self, name: str) -> bool:
         """True where the column is there and holds at least one finite value."""
         return name in self.columns and bool(np.isfinite(self.columns[name]).any())
+
+    @property
+    def notes(self) -> list[str]:
+        """The findings in words, one sentence each."""
+        return [worded(found) for found in self.findings]
 
     @property
     def time_s(self) -> Floats:
@@ -113,10 +116,11 @@ def is_it(word: str, found: list[str]) -> str:
     return _asked("is it", word, found)
 
 
-def doubt_of_copy(notes: Sequence[str]) -> str:
-    """The question to add to what a log lacks, where these notes on it say that a part is missing; else empty."""
-    reasons = {CUT_SHORT: "its last message is cut short", DAMAGED: "the file is damaged"}
-    found = next((reason for note, reason in reasons.items() if note in notes), "")
+def doubt_of_copy(findings: Iterable[Finding]) -> str:
+    """The question to add to what a log lacks, where these findings say that a part is missing; else empty."""
+    kinds = {found.kind for found in findings}
+    reasons = {Kind.CUT_SHORT: "its last message is cut short", Kind.DAMAGED: "the file is damaged"}
+    found = next((reason for kind, reason in reasons.items() if kind in kinds), "")
     return f" ({found}: was the whole log copied?)" if found else ""
 
 

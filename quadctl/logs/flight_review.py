@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 from quadctl.errors import LogError
 from quadctl.logs.events import Event, said
+from quadctl.logs.findings import Finding, Kind, finding
 from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.ulog import TOPICS, log_of_instances
 
@@ -40,10 +41,11 @@ def read_flight_review(folder: Path) -> FlightLog:
     LogError
         A file in it cannot be read, or there is no position, velocity or attitude.
     """
-    about, notes = _about(folder), []
+    about = _about(folder)
+    findings: list[Finding] = []
     if not about.parameters:
-        notes.append(f"has no parameters of the autopilot in {METADATA}")
-    return log_of_instances(folder, _instances(folder), about.parameters, about.release, notes, about.messages)
+        findings.append(finding(Kind.NO_PARAMETERS, file=METADATA))
+    return log_of_instances(folder, _instances(folder), about.parameters, about.release, findings, about.messages)
 
 
 def parameters_in_flight_review(folder: Path) -> dict[str, float]:

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from quadctl.errors import LogError
 from quadctl.logs.cleaning import increasing
 from quadctl.logs.columns import STATE_COLUMNS
-from quadctl.logs.events import Event, events_in_meta, reset_notes
+from quadctl.logs.events import Event, events_in_meta, resets_of
+from quadctl.logs.findings import Finding, Kind, finding
 from quadctl.logs.flight_log import ATTITUDE, POSITION, VELOCITY, FlightLog, Floats, doubt_of_copy
 
 ROW_TOLERANCE_S = 0.002
@@ -53,7 +54,7 @@ class Origin:
     needs: str
     """Names of the messages without which there is no position, velocity or attitude."""
     meta: dict[str, Any]
-    notes: list[str]
+    findings: list[Finding]
     armed_s: list[tuple[float, float]]
     """[(from, to), ...] in which the motors were armed, on the autopilot's clock; empty where the log does not say."""
     invalid: dict[str, str] = field(default_factory=dict)
@@ -69,12 +70,12 @@ def merge(channels: Iterable[Channel], origin: Origin) -> FlightLog:
     LogError
         Position, velocity or attitude is missing.
     """
-    notes = list(origin.notes)
-    kept = [made for channel in channels if len((made := _with_increasing_time(channel, notes)).time_s)]
+    findings = list(origin.findings)
+    kept = [made for channel in channels if len((made := _with_increasing_time(channel, findings)).time_s)]
     found = {name for channel in kept for name, values in channel.columns.items() if np.isfinite(values).any()}
     missing = [name for name in (*POSITION, *VELOCITY, *ATTITUDE) if name not in found]
     if missing:
-        raise LogError(f"{origin.path}: holds no values of {_reasoned(missing, origin)}{doubt_of_copy(notes)}")
+        raise LogError(f"{origin.path}: holds no values of {_reasoned(missing, origin)}{doubt_of_copy(findings)}")
     clock = row_times(np.concatenate([channel.time_s for channel in kept if channel.makes_rows]))
     columns = {"time_s": np.round(clock - clock[0], 6)}
     for channel in kept:
@@ -83,7 +84,7 @@ def merge(channels: Iterable[Channel], origin: Origin) -> FlightLog:
     absent = [name for name in STATE_COLUMNS if name not in columns]
     columns |= {name: np.full(len(clock), np.nan) for name in absent}
     if absent:
-        notes.append(f"holds no {', '.join(absent)}")
+        findings.append(finding(Kind.ABSENT_COLUMNS, columns=absent))
     meta = {
         **origin.meta,
         "time_zero_s": float(clock[0]),
@@ -91,7 +92,7 @@ def merge(channels: Iterable[Channel], origin: Origin) -> FlightLog:
         "events": events_in_meta(origin.events, float(clock[0]), float(clock[-1])),
         "sources": {c.source: {"rate_hz": round(c.rate_hz, 2), "columns": list(c.columns)} for c in kept},
     }
-    return FlightLog(origin.path.name, origin.path, columns, None, meta, [*notes, *reset_notes(meta)])
+    return FlightLog(origin.path.name, origin.path, columns, None, meta, [*findings, *resets_of(meta)])
 
 
 def _reasoned(missing: list[str], origin: Origin) -> str:
@@ -137,12 +138,12 @@ def _updates_so_far(clock_s: Floats, time_s: Floats) -> NDArray[np.intp]:
     return np.searchsorted(time_s, clock_s + ROW_TOLERANCE_S, side="right")
 
 
-def _with_increasing_time(channel: Channel, notes: list[str]) -> Channel:
+def _with_increasing_time(channel: Channel, findings: list[Finding]) -> Channel:
     keep = increasing(channel.time_s)
     if keep.all():
         return channel
     dropped = int(np.count_nonzero(~keep))
-    notes.append(f"{dropped} of {len(keep)} {channel.source} messages left out: their time does not increase")
+    findings.append(finding(Kind.MESSAGES_OUT_OF_TIME, left_out=dropped, messages=len(keep), source=channel.source))
     columns = {name: values[keep] for name, values in channel.columns.items()}
     return Channel(channel.source, channel.time_s[keep], columns, channel.makes_rows, channel.averaged)
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from quadctl.logs.findings import Finding, Kind, finding
 from quadctl.logs.flight_log import FlightLog, Floats
 
 HEIGHTS_M = (0.05, 0.15, 0.25, 0.35, 0.5, 0.7, 0.8)
@@ -53,16 +54,13 @@ def own_correction(log: FlightLog) -> list[HeightRange]:
     return ranges if len(notable) >= MIN_NOTABLE else []
 
 
-def correction_notes(log: FlightLog) -> list[str]:
-    """Sentence about the correction, or none."""
+def correction_findings(log: FlightLog) -> list[Finding]:
+    """Finding about the correction, or none."""
     found = own_correction(log)
     if not found:
         return []
-    steps = ", ".join(f"{step.ratio:.3f} at {step.height_m:.2f} m" for step in found)
-    return [
-        f"the autopilot corrects its outputs near the ground by itself: over the command they are {steps} of what they "
-        f"are above {HEIGHTS_M[-1]:g} m, so switch that off, or take thrust from the outputs and not from throttle_cmd"
-    ]
+    steps = [[step.height_m, step.ratio] for step in found]
+    return [finding(Kind.OWN_CORRECTION, ratio_at_height_m=steps, above_m=HEIGHTS_M[-1])]
 
 
 def _median(values: Floats) -> float:

@@ -17,9 +17,10 @@ from rich.text import Text
 
 from quadctl.logs.columns import MOTOR_QUANTITIES, REFERENCE_COLUMNS
 from quadctl.logs.contradictions import contradictions
-from quadctl.logs.events import reset_notes
+from quadctl.logs.findings import Finding, Kind, finding
 from quadctl.logs.flight_log import ATTITUDE, POSITION, RATES, VELOCITY, FlightLog
-from quadctl.logs.own_correction import correction_notes
+from quadctl.logs.own_correction import correction_findings
+from quadctl.logs.words import worded
 
 GAP_FACTOR = 5.0
 """An interval between updates longer than this many median ones is a gap."""
@@ -114,9 +115,12 @@ class QualityReport:
     """The best of ROTORS that the log holds."""
     obstacles: tuple[str, ...]
     """Why it cannot be analysed; none when it can."""
-    notes: tuple[str, ...] = field(default=())
-    resets: tuple[str, ...] = field(default=())
-    """Those of the notes that say where the autopilot's estimator made the state jump."""
+    findings: tuple[Finding, ...] = field(default=())
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """The findings in words."""
+        return tuple(worded(found) for found in self.findings)
 
     @property
     def can_be_analysed(self) -> bool:
@@ -127,7 +131,12 @@ class QualityReport:
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON: what is not finite becomes None."""
-        found: dict[str, Any] = _finite_or_none({**asdict(self), "can_be_analysed": self.can_be_analysed})
+        told = {
+            "findings": [found.to_dict() for found in self.findings],
+            "notes": self.notes,
+            "can_be_analysed": self.can_be_analysed,
+        }
+        found: dict[str, Any] = _finite_or_none({**asdict(self), **told})
         return found
 
     def __rich__(self) -> RenderableType:
@@ -190,13 +199,12 @@ def quality(log: FlightLog) -> QualityReport:
         clock=_clock(log),
         thrust_source=thrust_source,
         obstacles=(*_obstacles(log, present, thrust_source, flight_s), *contradictions(log)),
-        notes=(
-            *log.notes,
-            *_channel_notes(channels, thrust_source),
-            *correction_notes(log),
-            *_frozen_note(log, frozen),
+        findings=(
+            *log.findings,
+            *_of_channels(channels, thrust_source),
+            *correction_findings(log),
+            *_frozen_state(log, frozen),
         ),
-        resets=tuple(reset_notes(log.meta)),
     )
 
 
@@ -343,12 +351,12 @@ def _frozen(log: FlightLog) -> NDArray[np.bool_]:
     return frozen
 
 
-def _frozen_note(log: FlightLog, frozen: NDArray[np.bool_]) -> list[str]:
+def _frozen_state(log: FlightLog, frozen: NDArray[np.bool_]) -> list[Finding]:
     frozen_s = _seconds(log, frozen)
     if frozen_s == 0.0:
         return []
     from_s = log.time_s[np.argmax(frozen)] - MAX_HELD_S
-    return [f"position or attitude are frozen for {frozen_s:.0f} s in flight, the first time at {from_s:.0f} s"]
+    return [finding(Kind.FROZEN_STATE, [(float(from_s), float(from_s))], seconds=frozen_s)]
 
 
 def _seconds(log: FlightLog, rows: NDArray[np.bool_]) -> float:
@@ -377,14 +385,14 @@ def _obstacles(
     return found
 
 
-def _channel_notes(channels: Sequence[ChannelQuality], thrust_source: str | None) -> list[str]:
-    notes = [f"{channel.name} holds no values" for channel in channels if channel.n_updates == 0]
+def _of_channels(channels: Sequence[ChannelQuality], thrust_source: str | None) -> list[Finding]:
+    findings = [finding(Kind.NO_VALUES, channel=channel.name) for channel in channels if channel.n_updates == 0]
     constant = [channel.name for channel in channels if channel.n_updates == 1]
     if constant:
-        notes.append(f"never change: {', '.join(constant)}")
+        findings.append(finding(Kind.NEVER_CHANGES, channels=constant))
     if thrust_source not in (None, "rpm"):
-        notes.append(f"without rotor speeds, thrust is taken from the {thrust_source}")
-    return notes
+        findings.append(finding(Kind.THRUST_FROM, source=thrust_source))
+    return findings
 
 
 def _finite_or_none(value: Any) -> Any:

@@ -17,6 +17,7 @@ import numpy as np
 from quadctl.errors import LogError
 from quadctl.frames import Quaternion
 from quadctl.logs.axes import Vectors, attitude, body_to_world, euler_deg, forward_right_down, north_east_up
+from quadctl.logs.findings import Finding, Kind, finding
 from quadctl.logs.flight_log import ATTITUDE, IMU, POSITION, RATES, VELOCITY, FlightLog, Floats
 from quadctl.logs.merge import Channel, Origin, merge
 from quadctl.logs.ulog import TOPICS, log_of_topics
@@ -46,14 +47,14 @@ def read_rosbag(path: Path) -> FlightLog:
     LogError
         It cannot be read, or holds no position, velocity or attitude.
     """
-    notes: list[str] = []
-    by_type = _messages(path, notes)
+    findings: list[Finding] = []
+    by_type = _messages(path, findings)
     px4 = {name: topic for kind, topic in by_type.items() if (name := px4_topic(kind)) in TOPICS}
     if "vehicle_local_position" in px4:
-        return log_of_topics(path, px4, {"autopilot": "PX4"}, notes)
+        return log_of_topics(path, px4, {"autopilot": "PX4"}, findings)
     found = chain.from_iterable(read(by_type[kind]) for kind, read in STANDARD.items() if kind in by_type)
     channels = list(_once(found))
-    return merge(channels, Origin(path, NEEDED, {}, notes, []))
+    return merge(channels, Origin(path, NEEDED, {}, findings, []))
 
 
 def px4_topic(kind: str) -> str:
@@ -61,7 +62,7 @@ def px4_topic(kind: str) -> str:
     return re.sub(r"(?<!^)(?=[A-Z])", "_", kind.removeprefix(PX4)).lower() if kind.startswith(PX4) else ""
 
 
-def _messages(path: Path, notes: list[str]) -> dict[str, _Topic]:
+def _messages(path: Path, findings: list[Finding]) -> dict[str, _Topic]:
     """The messages of a bag that are understood, by their type; of several topics of a type the one with the most."""
     from rosbags.highlevel import AnyReader
     from rosbags.typesys import Stores, get_typestore
@@ -75,7 +76,8 @@ def _messages(path: Path, notes: list[str]) -> dict[str, _Topic]:
                     continue
                 if kind in chosen:
                     if connection.topic != chosen[kind].topic:
-                        notes.append(f"{connection.topic} is left out: {chosen[kind].topic} holds more of the same")
+                        read = chosen[kind].topic
+                        findings.append(finding(Kind.TOPIC_LEFT_OUT, topic=connection.topic, read=read))
                 else:
                     chosen[kind] = connection
             if not chosen:

@@ -21,6 +21,7 @@ from quadctl.logs.axes import (
 )
 from quadctl.logs.cleaning import clean_log
 from quadctl.logs.columns import PHASE_COLUMN, motor_columns
+from quadctl.logs.findings import Finding, Kind, finding
 from quadctl.logs.flight_log import ATTITUDE, IMU, POSITION, RATES, VELOCITY, FlightLog, Floats, did_you_mean
 from quadctl.logs.formats import format_of_folder
 from quadctl.logs.merge import Channel, Origin, held, merge
@@ -109,10 +110,10 @@ def read_by_map(path: Path, map_path: Path) -> FlightLog:
         if column not in table.columns:
             hint = did_you_mean(column, table.columns)
             raise SettingsError(f"{map_path}: {field} names '{column}', expected a column of {path.name}{hint}")
-    return mapped(table, by, path, [f"read by the map {map_path.name}"])
+    return mapped(table, by, path, [finding(Kind.READ_BY_MAP, file=map_path.name)])
 
 
-def mapped(table: pl.DataFrame, by: TableMap, path: Path, notes: list[str]) -> FlightLog:
+def mapped(table: pl.DataFrame, by: TableMap, path: Path, findings: list[Finding]) -> FlightLog:
     """The flight log that `table` is by the map `by`; `path` is named in messages.
 
     Raises
@@ -150,7 +151,7 @@ def mapped(table: pl.DataFrame, by: TableMap, path: Path, notes: list[str]) -> F
     if by.throttle is not None:
         time_s, (share,) = named["throttle"]
         channels.append(Channel("throttle", time_s, {"throttle_cmd": SHARES[by.throttle.unit] * share}))
-    return merge(channels, Origin(path, "in its columns as the map names them", {}, notes, []))
+    return merge(channels, Origin(path, "in its columns as the map names them", {}, findings, []))
 
 
 def read_table(path: Path) -> pl.DataFrame:

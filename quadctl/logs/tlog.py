@@ -18,8 +18,9 @@ import numpy as np
 
 from quadctl.errors import LogError
 from quadctl.frames import GRAVITY_M_S2, euler_from_quaternion
-from quadctl.logs.ardupilot import PARAMETERS, motor_of_servo, motor_outputs, output_note
+from quadctl.logs.ardupilot import PARAMETERS, motor_of_servo, motor_outputs, output_finding
 from quadctl.logs.events import Event, mode_changes, parameter_changes, said
+from quadctl.logs.findings import Finding, Kind, finding
 from quadctl.logs.flight_log import ATTITUDE, RATES, FlightLog, Floats
 from quadctl.logs.merge import Channel, Origin, finite, intervals, merge
 from quadctl.thrust_chain.ardupilot import BOOST, air_density_ratio, angle_boost
@@ -108,12 +109,12 @@ def read_tlog(path: Path) -> FlightLog:
         data = path.read_bytes()
     except OSError as error:
         raise LogError(f"{path}: cannot be read ({error.strerror})") from None
-    notes: list[str] = []
-    senders = _records(path, data, notes)
-    sender = _vehicle(senders, notes)
+    findings: list[Finding] = []
+    senders = _records(path, data, findings)
+    sender = _vehicle(senders, findings)
     if sender is None:
         raise LogError(f"{path}: holds no vehicle's messages, expected {NEEDED}")
-    records = _longest_boot(senders[sender], notes)
+    records = _longest_boot(senders[sender], findings)
     telemetry = _Telemetry.of(records)
     parameters = telemetry.parameters()
     is_ardupilot = any(m.fields.autopilot == _ARDUPILOT for m in telemetry.records["HEARTBEAT"])
@@ -122,14 +123,14 @@ def read_tlog(path: Path) -> FlightLog:
         "system": sender[0],
         "parameters": {name: parameters[name] for name in PARAMETERS if name in parameters},
     }
-    channels = list(_channels(telemetry, parameters, is_ardupilot, notes))
-    return merge(channels, Origin(path, NEEDED, meta, notes, telemetry.armed(), events=_events(telemetry)))
+    channels = list(_channels(telemetry, parameters, is_ardupilot, findings))
+    return merge(channels, Origin(path, NEEDED, meta, findings, telemetry.armed(), events=_events(telemetry)))
 
 
 # --- records ----------------------------------------------------------------------------------------------------------
 
 
-def _records(path: Path, data: bytes, notes: list[str]) -> dict[_Sender, list[_Record]]:
+def _records(path: Path, data: bytes, findings: list[Finding]) -> dict[_Sender, list[_Record]]:
     """The wanted messages in their order in the file, by sender."""
     from pymavlink.dialects.v20 import ardupilotmega
 
@@ -157,7 +158,7 @@ def _records(path: Path, data: bytes, notes: list[str]) -> dict[_Sender, list[_R
     if not found and damaged:
         raise LogError(f"{path}: holds no readable MAVLink message, expected a telemetry log")
     if damaged:
-        notes.append(f"{damaged} damaged bytes left out")
+        findings.append(finding(Kind.DAMAGED_BYTES, bytes=damaged))
     return found
 
 
@@ -187,7 +188,7 @@ def _esc_status(frame: bytes) -> _EscStatus:
     return _EscStatus(time, rest[:4], rest[4:8], rest[8:12], index)
 
 
-def _vehicle(senders: dict[_Sender, list[_Record]], notes: list[str]) -> _Sender | None:
+def _vehicle(senders: dict[_Sender, list[_Record]], findings: list[Finding]) -> _Sender | None:
     """The autopilot with the most positions."""
     positions = {
         sender: sum(record.kind == "LOCAL_POSITION_NED" for record in records)
@@ -199,19 +200,19 @@ def _vehicle(senders: dict[_Sender, list[_Record]], notes: list[str]) -> _Sender
     best = max(positions, key=lambda sender: positions[sender])
     others = [sender for sender, n in positions.items() if n and sender != best]
     if others:
-        listed = ", ".join(f"{system}/{component}" for system, component in others)
-        notes.append(f"system {best[0]} was read; others with positions were left out (system/component {listed})")
+        listed = [f"{system}/{component}" for system, component in others]
+        findings.append(finding(Kind.OTHER_SYSTEMS, system=best[0], others=listed))
     return best
 
 
-def _longest_boot(records: list[_Record], notes: list[str]) -> list[_Record]:
+def _longest_boot(records: list[_Record], findings: list[Finding]) -> list[_Record]:
     """The part of the log between two boots of the autopilot that holds the most messages."""
     stamped = [(i, stamp) for i, record in enumerate(records) if (stamp := _boot_s(record)) is not None]
     begins = [0, *(i for (_, a), (i, b) in itertools.pairwise(stamped) if b < a - REBOOT_S), len(records)]
     if len(begins) == 2:
         return records
     n, begin, end = max((b - a, a, b) for a, b in itertools.pairwise(begins))
-    notes.append(f"the autopilot booted {len(begins) - 2} times: only the longest part was read ({n} messages)")
+    findings.append(finding(Kind.REBOOTED, times=len(begins) - 2, messages=n))
     return records[begin:end]
 
 
@@ -268,7 +269,7 @@ def _stamp_s(record: _Record) -> float:
 
 
 def _channels(
-    telemetry: _Telemetry, parameters: dict[str, float], is_ardupilot: bool, notes: list[str]
+    telemetry: _Telemetry, parameters: dict[str, float], is_ardupilot: bool, findings: list[Finding]
 ) -> Iterator[Channel]:
     records = telemetry.records
     if records["LOCAL_POSITION_NED"]:
@@ -288,13 +289,13 @@ def _channels(
     if records["ATTITUDE_TARGET"]:
         quaternion = np.array([record.fields.q for record in records["ATTITUDE_TARGET"]], dtype=np.float64).T
         names = ("roll_cmd_deg", "pitch_cmd_deg", "yaw_cmd_deg")
-        throttle = {"throttle_cmd": _boosted(telemetry, parameters, is_ardupilot, notes)}
+        throttle = {"throttle_cmd": _boosted(telemetry, parameters, is_ardupilot, findings)}
         yield _channel(telemetry, "ATTITUDE_TARGET", {}, throttle | _euler(quaternion, names))
-    yield from _rotors(telemetry, parameters, notes)
+    yield from _rotors(telemetry, parameters, findings)
     ambient = _ambient(telemetry)
     if records["SERVO_OUTPUT_RAW"] and (columns := _outputs(telemetry, parameters, ambient)):
         if is_ardupilot:
-            notes.append(output_note(parameters, ambient))
+            findings.append(output_finding(parameters, ambient))
         yield _channel(telemetry, "SERVO_OUTPUT_RAW", {}, columns)
     yield from _battery(telemetry)
 
@@ -342,7 +343,7 @@ def _euler(quaternion: Floats, names: Sequence[str]) -> dict[str, Floats]:
     return {name: np.degrees(angle) for name, angle in zip(names, euler_from_quaternion((w, x, y, z)), strict=True)}
 
 
-def _rotors(telemetry: _Telemetry, parameters: dict[str, float], notes: list[str]) -> Iterator[Channel]:
+def _rotors(telemetry: _Telemetry, parameters: dict[str, float], findings: list[Finding]) -> Iterator[Channel]:
     """Speeds, voltages and currents, four ESCs to a message; nothing when all stand still all the time."""
     groups: list[tuple[int, list[_Record], tuple[float, float]]] = [
         (first, telemetry.records[kind], (0.01, 0.01))
@@ -362,7 +363,7 @@ def _rotors(telemetry: _Telemetry, parameters: dict[str, float], notes: list[str
             any_turns = True
             yield Channel(f"{found[0].kind} from {first + 1}", telemetry.times(found), columns)
     if any_found and not any_turns:
-        notes.append("the ESC messages report no rotor speeds: they are all zero")
+        findings.append(finding(Kind.SPEEDS_ZERO, source="the ESC messages", several=True))
 
 
 def _escs(
@@ -381,7 +382,9 @@ def _escs(
     return columns
 
 
-def _boosted(telemetry: _Telemetry, parameters: dict[str, float], is_ardupilot: bool, notes: list[str]) -> Floats:
+def _boosted(
+    telemetry: _Telemetry, parameters: dict[str, float], is_ardupilot: bool, findings: list[Finding]
+) -> Floats:
     """Thrust of ATTITUDE_TARGET as it is flown: ArduPilot tells it before its angle boost."""
     thrust = telemetry.field("ATTITUDE_TARGET", "thrust")
     kind = _first(telemetry, "ATTITUDE", "ATTITUDE_QUATERNION")
@@ -390,7 +393,7 @@ def _boosted(telemetry: _Telemetry, parameters: dict[str, float], is_ardupilot: 
     attitude = _attitude(telemetry, kind)
     cos_tilt = np.cos(np.radians(attitude["roll_deg"])) * np.cos(np.radians(attitude["pitch_deg"]))
     at_s, known_s = telemetry.times(telemetry.records["ATTITUDE_TARGET"]), telemetry.times(telemetry.records[kind])
-    notes.append(f"throttle_cmd holds ArduPilot's angle boost ({BOOST} = {parameters[BOOST]:g}), as it is flown")
+    findings.append(finding(Kind.ANGLE_BOOST, value=parameters[BOOST]))
     return np.asarray(thrust * angle_boost(np.interp(at_s, known_s, cos_tilt), parameters))
 
 

@@ -18,7 +18,8 @@ from quadctl.errors import LogError
 from quadctl.frames import euler_from_quaternion
 from quadctl.logs.columns import LATERAL_THROTTLE, motor_columns
 from quadctl.logs.events import PX4_MODES, Event, estimator_resets, mode_changes, parameter_changes, said
-from quadctl.logs.flight_log import ATTITUDE, CUT_SHORT, DAMAGED, RATES, FlightLog, Floats
+from quadctl.logs.findings import Finding, Kind, finding
+from quadctl.logs.flight_log import ATTITUDE, RATES, FlightLog, Floats
 from quadctl.logs.merge import Channel, Origin, finite, intervals, merge
 from quadctl.thrust_chain.chain import Ambient, bent
 from quadctl.thrust_chain.px4 import battery_scale, bend_of
@@ -101,17 +102,17 @@ def read_ulog(path: Path) -> FlightLog:
         The file cannot be read, is no ULog, or holds no position, velocity or attitude.
     """
     log = _parsed(path)
-    notes: list[str] = []
+    findings: list[Finding] = []
     if log.file_corruption:
-        notes.append(DAMAGED)
+        findings.append(finding(Kind.DAMAGED))
     elif _is_cut_short(path):
-        notes.append(CUT_SHORT)
+        findings.append(finding(Kind.CUT_SHORT))
     if log.dropouts:
         lost = sum(dropout.duration for dropout in log.dropouts) / 1000.0
-        notes.append(f"PX4's logger lost data {len(log.dropouts)} times, {lost:.2f} s together")
+        findings.append(finding(Kind.LOST_BY_LOGGER, times=len(log.dropouts), seconds=lost))
     instances = ((data.name, data.data) for data in log.data_list)
     known, release = log.initial_parameters, log.msg_info_dict.get("ver_sw_release")
-    return log_of_instances(path, instances, known, release, notes, _said(log))
+    return log_of_instances(path, instances, known, release, findings, _said(log))
 
 
 def log_of_instances(
@@ -119,13 +120,13 @@ def log_of_instances(
     instances: Iterable[tuple[str, _Topic]],
     known: Mapping[str, float],
     release: object,
-    notes: list[str],
+    findings: list[Finding],
     events: Sequence[Event],
 ) -> FlightLog:
     """The flight log in PX4's topics, of which several instances may have the same name; the first is the primary.
 
-    `known` are parameters by their names, `release` is PX4's number of the version, if it is one; notes are added to
-    `notes`, and `events` are those that no topic says.
+    `known` are parameters by their names, `release` is PX4's number of the version, if it is one; what is found is
+    added to `findings`, and `events` are those that no topic says.
 
     Raises
     ------
@@ -143,9 +144,9 @@ def log_of_instances(
     meta = {"autopilot": "PX4", "software": _version(release), "parameters": parameters}
     topics.pop("actuator_outputs", None)
     if "actuator_motors" not in topics and "CA_ROTOR_COUNT" not in parameters:  # PX4 1.12 and before
-        topics |= _motors_from_outputs(outputs, parameters, notes)
-    _remove_battery_scale(topics, parameters, notes)
-    return log_of_topics(path, topics, meta, notes, events)
+        topics |= _motors_from_outputs(outputs, parameters, findings)
+    _remove_battery_scale(topics, parameters, findings)
+    return log_of_topics(path, topics, meta, findings, events)
 
 
 def parameters_in_ulog(path: Path) -> dict[str, float]:
@@ -162,7 +163,7 @@ def parameters_in_ulog(path: Path) -> dict[str, float]:
 
 
 def log_of_topics(
-    path: Path, topics: dict[str, _Topic], meta: dict[str, Any], notes: list[str], events: Sequence[Event] = ()
+    path: Path, topics: dict[str, _Topic], meta: dict[str, Any], findings: list[Finding], events: Sequence[Event] = ()
 ) -> FlightLog:
     """The flight log in PX4's topics, by their names in a ULog: arrays of shape (n,) by the names of their fields.
 
@@ -175,9 +176,9 @@ def log_of_topics(
     """
     armed = topics.get("actuator_armed")
     periods = [] if armed is None else intervals(_seconds(armed, "timestamp"), _values(armed, "armed") > 0)
-    channels = list(_channels(topics, notes))
+    channels = list(_channels(topics, findings))
     position = topics.get("vehicle_local_position", {})
-    invalid = _invalid(position, notes)
+    invalid = _invalid(position, findings)
     resets = [
         event
         for counter, what in RESET_COUNTERS.items()
@@ -187,7 +188,7 @@ def log_of_topics(
     status = topics.get("vehicle_status")
     if status is not None and "nav_state" in status:
         events = [*events, *mode_changes(_seconds(status, "timestamp"), status["nav_state"].tolist(), PX4_MODES)]
-    return merge(channels, Origin(path, NEEDED, meta, notes, periods, invalid, [*events, *resets]))
+    return merge(channels, Origin(path, NEEDED, meta, findings, periods, invalid, [*events, *resets]))
 
 
 def _said(log: Any) -> list[Event]:
@@ -232,13 +233,13 @@ def _version(release: object) -> str:
     return f"PX4 {release >> 24 & 0xFF}.{release >> 16 & 0xFF}.{release >> 8 & 0xFF}"
 
 
-def _channels(topics: dict[str, _Topic], notes: list[str]) -> Iterator[Channel]:
+def _channels(topics: dict[str, _Topic], findings: list[Finding]) -> Iterator[Channel]:
     if (topic := topics.get("vehicle_local_position")) is not None:
         yield _local_position(topic)
     if (topic := topics.get("vehicle_attitude")) is not None:
         yield Channel("vehicle_attitude", _sampled(topic), _euler(topic, "q", ATTITUDE))
     yield from _rates_and_imu(topics)
-    yield from _motors(topics, notes)
+    yield from _motors(topics, findings)
     if (topic := topics.get("battery_status")) is not None and "voltage_v" in topic:
         voltage = {"battery_v": _values(topic, "voltage_v")}
         yield Channel("battery_status", _seconds(topic, "timestamp"), voltage, makes_rows=False)
@@ -263,9 +264,9 @@ def _local_position(topic: _Topic) -> Channel:
     return Channel("vehicle_local_position", _sampled(topic), columns)
 
 
-def _invalid(topic: _Topic, notes: list[str]) -> dict[str, str]:
-    """Reasons, by column, of those that PX4's estimator never calls valid; a note on those that it calls invalid for a
-    part of the log."""
+def _invalid(topic: _Topic, findings: list[Finding]) -> dict[str, str]:
+    """Reasons, by column, of those that PX4's estimator never calls valid; a finding on those that it calls invalid for
+    a part of the log."""
     reasons: dict[str, str] = {}
     for flag, columns in FLAGS.items():
         if flag not in topic:
@@ -275,10 +276,7 @@ def _invalid(topic: _Topic, notes: list[str]) -> dict[str, str]:
             reason = f"PX4's estimator calls {' and '.join(columns)} invalid throughout: {flag} is false"
             reasons |= dict.fromkeys(columns, reason)
         elif share > 0.0:
-            notes.append(
-                f"PX4's estimator calls {' and '.join(columns)} invalid in {share:.1%} of its messages ({flag} is "
-                "false): left out there"
-            )
+            findings.append(finding(Kind.STATE_INVALID, columns=columns, share=share, flag=flag, left_out=True))
     return reasons
 
 
@@ -301,14 +299,14 @@ def _rates_and_imu(topics: dict[str, _Topic]) -> Iterator[Channel]:
         yield Channel("vehicle_acceleration", _sampled(topic), imu, makes_rows=False, averaged=True)
 
 
-def _motors(topics: dict[str, _Topic], notes: list[str]) -> Iterator[Channel]:
-    rpm = None if (topic := topics.get("esc_status")) is None else _esc_status(topic, notes)
+def _motors(topics: dict[str, _Topic], findings: list[Finding]) -> Iterator[Channel]:
+    rpm = None if (topic := topics.get("esc_status")) is None else _esc_status(topic, findings)
     if rpm is not None:
         yield rpm
     source = next((name for name in ("actuator_motors", "actuator_outputs") if name in topics), None)
     if source is None:
         if rpm is None:
-            notes.append("holds neither esc_status nor actuator_motors: thrust is known from the throttle command only")
+            findings.append(finding(Kind.NO_MOTOR_SIGNAL))
         return
     topic = topics[source]
     controls = [_values(topic, f"control[{i}]") for i in range(MAX_MOTORS) if f"control[{i}]" in topic]
@@ -319,7 +317,9 @@ def _motors(topics: dict[str, _Topic], notes: list[str]) -> Iterator[Channel]:
     yield Channel(source, _seconds(topic, "timestamp"), columns)
 
 
-def _motors_from_outputs(instances: list[_Topic], parameters: dict[str, float], notes: list[str]) -> dict[str, _Topic]:
+def _motors_from_outputs(
+    instances: list[_Topic], parameters: dict[str, float], findings: list[Finding]
+) -> dict[str, _Topic]:
     """`actuator_motors` as PX4 1.13 and later log it, from the pulse lengths that earlier versions log.
 
     PX4 bends the share of the full thrust on its way to the output: thrust = f u^2 + (1 - f) u, where u is the share of
@@ -334,27 +334,24 @@ def _motors_from_outputs(instances: list[_Topic], parameters: dict[str, float], 
         if not n_motors or _n_moving(pulses) < n_motors:
             continue
         if not np.all((np.max(pulses, axis=0) > PULSE_US[0]) & (np.max(pulses, axis=0) < PULSE_US[1])):
-            notes.append("actuator_outputs are no pulse lengths in microseconds: not read as motor outputs")
+            findings.append(finding(Kind.NOT_PULSES))
             continue
         given = ((parameters.get(low, 0.0), parameters.get(high, 0.0)) for low, high in PWM_LIMITS)
         low, high = next(((low, high) for low, high in given if 0.0 < low < high), PWM_US)
         share = np.clip((pulses - low) / (high - low), 0.0, 1.0)
         f = bend_of(parameters)
-        notes.append(
-            f"motor outputs are pulse lengths of actuator_outputs as shares of {low:g} to {high:g} us"
-            + (f", PX4's thrust curve (THR_MDL_FAC = {f:g}) is removed" if f else "")
-        )
+        findings.append(finding(Kind.OUTPUT_CHAIN, pulses_us=[low, high], bend=f))
         thrust = bent(share, f)
         return {"actuator_outputs": {"timestamp": topic["timestamp"]} | _controls(thrust)}
     return {}
 
 
-def _remove_battery_scale(topics: dict[str, _Topic], parameters: dict[str, float], notes: list[str]) -> None:
+def _remove_battery_scale(topics: dict[str, _Topic], parameters: dict[str, float], findings: list[Finding]) -> None:
     """Divide motor outputs and thrust commands by the factor with which PX4 compensates the battery, where it does."""
     if not parameters.get("MC_BAT_SCALE_EN"):
         return
     if (battery := topics.get("battery_status")) is None or "scale" not in battery:
-        notes.append("PX4 scales its outputs with the battery (MC_BAT_SCALE_EN), which cannot be removed: no scale")
+        findings.append(finding(Kind.BATTERY_SCALE, removed=False))
         return
     logged_s, logged = _seconds(battery, "timestamp"), _values(battery, "scale")
     scaled = {
@@ -369,7 +366,7 @@ def _remove_battery_scale(topics: dict[str, _Topic], parameters: dict[str, float
             Ambient(battery_scale=np.interp(_seconds(topic, "timestamp"), logged_s, logged)), parameters
         )
         topics[name] = topic | {field: topic[field] / factor for field in scaled[name] if field in topic}
-    notes.append("PX4's scaling of outputs and thrust with the battery (MC_BAT_SCALE_EN) is removed")
+    findings.append(finding(Kind.BATTERY_SCALE, removed=True))
 
 
 def _controls(share: Floats) -> _Topic:
@@ -382,12 +379,12 @@ def _n_moving(pulses: Floats) -> int:
     return int(np.argmin(np.append(moves, False)))
 
 
-def _esc_status(topic: _Topic, notes: list[str]) -> Channel | None:
+def _esc_status(topic: _Topic, findings: list[Finding]) -> Channel | None:
     """Speeds, voltages and currents of the motors; None when all stand still all the time."""
     columns: dict[str, Floats] = {}
     n_escs = min(int(np.nan_to_num(_values(topic, "esc_count")).max()), MAX_ESCS)
     if not any(np.any(topic.get(f"esc[{esc}].esc_rpm", 0)) for esc in range(n_escs)):
-        notes.append("esc_status reports no rotor speeds: they are all zero")
+        findings.append(finding(Kind.SPEEDS_ZERO, source="esc_status", several=False))
         return None
     for esc in range(n_escs):
         function = int(np.max(topic.get(f"esc[{esc}].actuator_function", 0)))

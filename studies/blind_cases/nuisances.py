@@ -95,7 +95,7 @@ class Nuisances:
         state = [c for c in log.columns if c.startswith(("x_m", "y_m", "z_m", "v", "roll", "pitch", "yaw"))]
         columns = {name: values[source] if name in state else values for name, values in log.columns.items()}
         kept = ~_bursts(chance, n, DROPPED_SHARE, 8)
-        return FlightLog(log.name, log.path, columns, log.phase, log.meta, log.notes).rows(kept)
+        return FlightLog(log.name, log.path, columns, log.phase, log.meta, log.findings).rows(kept)
 
 
 class Gusts:

@@ -48,7 +48,7 @@ def climbs(tmp_path_factory: pytest.TempPathFactory) -> FlightLog:
 
 
 def having(log: FlightLog, columns: Mapping[str, Floats]) -> FlightLog:
-    return dataclasses.replace(log, columns={**log.columns, **columns}, notes=list(log.notes))
+    return dataclasses.replace(log, columns={**log.columns, **columns}, findings=list(log.findings))
 
 
 def scaled(factor: float, *names: str) -> Damage:

@@ -9,6 +9,7 @@ import pytest
 from quadctl.errors import LogError
 from quadctl.logs.cleaning import clean_log
 from quadctl.logs.columns import STATE_COLUMNS
+from quadctl.logs.findings import Kind, finding
 
 PATH = Path("flight.abc")
 
@@ -80,8 +81,8 @@ class TestCleanLog:
         assert log.notes == [note]
 
     def test_the_reader_s_own_notes_come_first(self) -> None:
-        log = clean_log(PATH, table(remark=np.ones(200)), notes=["3 damaged records left out"])
-        assert log.notes[0] == "3 damaged records left out" and len(log.notes) == 2
+        log = clean_log(PATH, table(remark=np.ones(200)), findings=[finding(Kind.DAMAGED_BYTES, bytes=3)])
+        assert log.notes[0] == "3 damaged bytes left out" and len(log.notes) == 2
 
     def test_the_sidecar_beside_the_file_is_read_unless_the_reader_knows_better(self, tmp_path: Path) -> None:
         path = tmp_path / "flight.abc"

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from quadctl.logs.own_correction import correction_notes, own_correction
+from quadctl.logs.own_correction import correction_findings, own_correction
 from quadctl.logs.quality import quality
 from quadctl.logs.read import read_log
 from tests.support.places import DATA
@@ -24,4 +24,4 @@ def test_the_recorded_correction_is_found_with_its_size(kind: str) -> None:
 
 @pytest.mark.parametrize("name", ["px4/vertical_runs.csv", "px4/figure8_on_the_ground.csv", "px4/vertical_runs.ulg"])
 def test_an_autopilot_that_corrects_nothing_is_not_accused(name: str) -> None:
-    assert correction_notes(read_log(REAL / name)) == []
+    assert correction_findings(read_log(REAL / name)) == []

@@ -14,6 +14,7 @@ from rich.console import Console
 from quadctl.errors import LogError
 from quadctl.logs.columns import STATE_COLUMNS
 from quadctl.logs.convert import convert
+from quadctl.logs.findings import Kind, finding
 from quadctl.logs.flight_log import ATTITUDE, POSITION, RATES, VELOCITY, FlightLog, Floats
 from quadctl.logs.quality import ChannelQuality, QualityReport, quality
 from quadctl.logs.read import read_log
@@ -231,7 +232,7 @@ class TestConvert:
         made = flight({"battery_v": np.concatenate([np.full(1000, np.nan), np.linspace(16.0, 15.0, 2000)])})
         phase = np.where(made.time_s < 10.0, "wait", "fly")
         meta = {"vehicle": "made", "sources": {"POS": {"rate_hz": 10.0, "columns": list(POSITION)}}}
-        return FlightLog("made.bin", None, made.columns, phase, meta, ["one note"])
+        return FlightLog("made.bin", None, made.columns, phase, meta, [finding(Kind.READ_BY_MAP, file="m.yaml")])
 
     def test_csv(self, log: FlightLog, tmp_path: Path) -> None:
         path = convert(log, "csv", tmp_path)
@@ -281,7 +282,7 @@ class TestConvert:
     def test_mcap_carries_notes_and_meta(self, log: FlightLog, tmp_path: Path) -> None:
         with convert(log, "mcap", tmp_path).open("rb") as file:
             about = {record.name: record.metadata for record in make_reader(file).iter_metadata()}
-        assert about["notes"] == {"1": "one note"}
+        assert about["notes"] == {"1": "read by the map m.yaml"}
         assert json.loads(about["quadctl"]["meta"]) == log.meta
 
     def test_nothing_is_overwritten(self, log: FlightLog, tmp_path: Path) -> None:

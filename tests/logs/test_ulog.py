@@ -8,7 +8,8 @@ from pyulog import ULog
 
 from quadctl.errors import LogError
 from quadctl.logs import ulog
-from quadctl.logs.flight_log import ATTITUDE, CUT_SHORT, RATES, FlightLog
+from quadctl.logs.findings import Kind, of_kind
+from quadctl.logs.flight_log import ATTITUDE, RATES, FlightLog
 from quadctl.logs.quality import quality
 from quadctl.logs.read import read_log
 from tests.support.log_files import (
@@ -41,10 +42,10 @@ class TestULog:
         path = tmp_path / "a.ulg"
         whole = small_ulog()
         path.write_bytes(whole)
-        assert CUT_SHORT not in read_log(path).notes
+        assert not of_kind(read_log(path).findings, Kind.CUT_SHORT)
         for missing in (1, 2, 30):
             path.write_bytes(whole[:-missing])
-            assert CUT_SHORT in read_log(path).notes
+            assert of_kind(read_log(path).findings, Kind.CUT_SHORT)
         path.write_bytes(whole[:20])
         with pytest.raises(LogError, match=r"holds no values of x_m.*the file is damaged: was the whole log copied\?"):
             read_log(path)
@@ -58,9 +59,8 @@ class TestULog:
         log = read_log(path)
         reset_s = 1.0 + 1.2 - 0.008 - log.meta["time_zero_s"]
         assert {"time_s": pytest.approx(reset_s, abs=1e-3), "what": "estimator reset its height"} in log.meta["events"]
-        (note,) = quality(log).resets
-        assert note == f"the estimator reset its height at {reset_s:.1f} s: it jumps there"
-        assert note in log.notes
+        (reset,) = of_kind(quality(log).findings, Kind.RESET)
+        assert reset.figures == {"of": "height"} and reset.times_s[0][0] == pytest.approx(reset_s, abs=1e-3)
 
     def test_positions_stand_at_the_time_of_their_sample_and_only_where_valid(self, tmp_path: Path) -> None:
         path = tmp_path / "a.ulg"

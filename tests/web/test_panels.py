@@ -33,6 +33,7 @@ from quadctl.lab.selection import diagnosis as lab_diagnosis
 from quadctl.lab.selection.diagnosis import diagnose
 from quadctl.lab.selection.evidence import evidence_for
 from quadctl.lab.selection.unseen import UnseenError
+from quadctl.logs.findings import Kind, finding
 from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.quality import quality
 from quadctl.model import Model, Provenance, StackedEffect
@@ -276,7 +277,9 @@ def _with_a_gap(log: FlightLog) -> FlightLog:
 def _of_half_the_mass(dataset: Dataset, vehicle: Vehicle) -> Dataset:
     light = vehicle.model_copy(update={"mass_kg": 0.5 * vehicle.mass_kg})
     doubt = weight_doubt(2.0, light, dataset.flights[0].thrust_source)
-    return replace(dataset, flights=tuple(replace(f, vehicle=light, weight_doubt=doubt) for f in dataset.flights))
+    assert doubt is not None
+    flights = tuple(replace(f, vehicle=light, findings=[*f.findings, doubt]) for f in dataset.flights)
+    return replace(dataset, flights=flights)
 
 
 def _with_assumed_thrust(session: Session) -> Session:
@@ -1052,7 +1055,7 @@ class TestOpenTab:
         assert view.opened is not None
         first = view.opened.logs[0]
         assert first.log is not None
-        log = replace(first.log, meta={"events": [{"time_s": 8.0, "what": "estimator reset its height"}]})
+        log = replace(first.log, findings=[finding(Kind.RESET, [(8.0, 8.0)], of="height")])
         logs = [replace(first, log=log, flight=view.flights[0]), view.opened.logs[1]]
         shown = str(tabs("missing", replace(view, opened=replace(view.opened, logs=logs))).shown)
         assert "0.csv: The estimator reset its height at 8.0 s: it jumps there." in shown

@@ -23,6 +23,7 @@ from quadctl.errors import SettingsError
 from quadctl.lab.flights.dataset import Dataset, load_dataset
 from quadctl.lab.flights.preparation import MAX_BANDWIDTH_HZ
 from quadctl.lab.selection.diagnosis import diagnose
+from quadctl.logs.findings import Kind, finding
 from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.quality import ChannelQuality, QualityReport, quality
 from quadctl.model import Model, Provenance, StackedEffect, load_model
@@ -811,7 +812,7 @@ class TestCautions:
     """The page says what the data lack where it judges the residual."""
 
     def test_an_estimator_that_was_reset(self) -> None:
-        log = replace(SILENT, meta={"events": [{"time_s": 3.2, "what": "estimator reset its height"}]})
+        log = replace(SILENT, findings=[finding(Kind.RESET, [(3.2, 3.2)], of="height")])
         note = "The estimator reset its height at 3.2 s: it jumps there."
         assert cautions_of(log, _report(), MAX_BANDWIDTH_HZ, (0.0, 5.0)) == [note]
         assert cautions_of(log, _report(), MAX_BANDWIDTH_HZ, (4.0, 5.0)) == []  # before the take-off

@@ -14,6 +14,7 @@ from quadctl.effects.motor_lag import lagged
 from quadctl.errors import LogError
 from quadctl.lab.arrays import Floats
 from quadctl.logs.columns import LATERAL_THROTTLE, LATERAL_THRUST, motor_columns, motor_of, rpm_columns
+from quadctl.logs.findings import Finding, Kind, finding
 from quadctl.logs.flight_log import ATTITUDE, IMU, POSITION, RATES, VELOCITY, FlightLog
 from quadctl.vehicle import Vehicle
 
@@ -139,7 +140,7 @@ def updates_of(log: FlightLog, names: Sequence[str]) -> NDArray[np.intp]:
     return rows
 
 
-def without_absent_motors(log: FlightLog, n_rotors: int, notes: list[str]) -> FlightLog:
+def without_absent_motors(log: FlightLog, n_rotors: int, findings: list[Finding]) -> FlightLog:
     """The log without the columns of motors beyond `n_rotors` that never ran: loggers fill up their tables.
 
     A motor never ran where its speed and its output hold only 0 or nothing.
@@ -154,14 +155,11 @@ def without_absent_motors(log: FlightLog, n_rotors: int, notes: list[str]) -> Fl
             absent.append(name)
     if not absent:
         return log
-    notes.append(
-        f"left out as 0 or empty throughout, of motors that a vehicle with {n_rotors} rotors does not have: "
-        f"{', '.join(absent)}"
-    )
+    findings.append(finding(Kind.ABSENT_MOTORS, rotors=n_rotors, columns=absent))
     return replace(log, columns={name: values for name, values in log.columns.items() if name not in absent})
 
 
-def signals_of(log: FlightLog, vehicle: Vehicle, notes: list[str]) -> Signals:
+def signals_of(log: FlightLog, vehicle: Vehicle, findings: list[Finding]) -> Signals:
     def channels(names: Sequence[str], scale: float = 1.0, unwrap: bool = False) -> list[Channel]:
         rows = updates_of(log, names)
         time_s, found = log.time_s[rows], []
@@ -172,11 +170,11 @@ def signals_of(log: FlightLog, vehicle: Vehicle, notes: list[str]) -> Signals:
 
     rotor, source = _rotorsignals_of(log, vehicle)
     frozen = _frozen(rotor) if source == ROTOR_SPEED else []
-    notes += [f"{one}: this time is left out" for one in frozen]
+    findings += [finding(Kind.FROZEN_ROTOR, [(one.begin_s, one.end_s)], rotor=one.rotor) for one in frozen]
     lag_s = 0.0 if source == ROTOR_SPEED else vehicle.rotor.time_constant_s
     if source != ROTOR_SPEED:
-        notes.append(f"without rotor speeds, thrust is taken from the {source}")
-    rotor = _without_spikes(rotor, vehicle.throttle.max_thrust_per_rotor_n, f"{source}s", notes)
+        findings.append(finding(Kind.THRUST_FROM, source=source))
+    rotor = _without_spikes(rotor, vehicle.throttle.max_thrust_per_rotor_n, f"{source}s", findings)
     battery = None
     voltage = [n for n in ("battery_v", *motor_columns(vehicle.n_rotors, "voltage_v")) if log.has(n)]
     if voltage:
@@ -184,7 +182,7 @@ def signals_of(log: FlightLog, vehicle: Vehicle, notes: list[str]) -> Signals:
         battery = Channel(log.time_s[rows], log[voltage[0]][rows])
     return Signals(
         channels(POSITION),
-        _without_spikes(channels(VELOCITY), MAX_SPEED_JUMP_M_S, "velocities", notes),
+        _without_spikes(channels(VELOCITY), MAX_SPEED_JUMP_M_S, "velocities", findings),
         channels(ATTITUDE, math.pi / 180.0, unwrap=True),
         rotor,
         channels(RATES) if all(log.has(name) for name in RATES) else [],
@@ -213,7 +211,7 @@ def _frozen(rotor: Sequence[Channel]) -> list[Frozen]:
     return found
 
 
-def _without_spikes(channels: list[Channel], limit: float, what: str, notes: list[str]) -> list[Channel]:
+def _without_spikes(channels: list[Channel], limit: float, what: str, findings: list[Finding]) -> list[Channel]:
     """Remove the updates in which one of the channels is further than `limit` from its running median."""
     time, values = channels[0].time_s, np.array([channel.value for channel in channels])
     if not np.any(np.abs(np.diff(values)) > limit):
@@ -222,9 +220,7 @@ def _without_spikes(channels: list[Channel], limit: float, what: str, notes: lis
     window = max(5, round(per_second * SPIKE_WINDOW_S) | 1)
     kept = np.all(np.abs(values - median_filter(values, size=(1, window), mode="nearest")) <= limit, axis=0)
     if not kept.all():
-        notes.append(
-            f"{np.count_nonzero(~kept)} {what} that jump away and back, faster than a multirotor can move, are left out"
-        )
+        findings.append(finding(Kind.SPIKES, updates=int(np.count_nonzero(~kept)), of=what))
     time = time[kept]
     return [Channel(time, value) for value in values[:, kept]]
 

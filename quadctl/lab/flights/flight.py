@@ -15,6 +15,8 @@ from scipy.sparse import csr_matrix
 from quadctl.effects import Conditions
 from quadctl.frames import GRAVITY_M_S2, euler_from_quaternion, rotate_inverse
 from quadctl.lab.arrays import Floats, Mask
+from quadctl.logs.findings import Finding, Kind, of_kind
+from quadctl.logs.words import worded
 from quadctl.numeric import Number, Vector
 from quadctl.vehicle import Vehicle
 
@@ -160,9 +162,18 @@ class Flight:
     """Hash of the log file; empty for a log without a file."""
     timing: Timing = UNKNOWN_TIMING
     """Timing of the vehicle's channels, from all flights that were prepared together."""
-    weight_doubt: str | None = None
-    """Doubt whether the vehicle is the one that flew, as its thrust would carry another weight; None without."""
-    notes: list[str] = field(default_factory=list)
+    findings: list[Finding] = field(default_factory=list)
+    """What was found out about the record, by its reader and by its preparation."""
+
+    @property
+    def notes(self) -> list[str]:
+        """The findings in words."""
+        return [worded(found) for found in self.findings]
+
+    @property
+    def weight_doubt(self) -> str | None:
+        """Doubt whether the vehicle is the one that flew, as its thrust would carry another weight; None without."""
+        return next((worded(doubt) for doubt in of_kind(self.findings, Kind.WEIGHT_DOUBT)), None)
 
     def some(self, kept: Mask) -> "Flight":
         """Select the samples of the mask `kept`, shape (n,), with the part of the grid that they need."""

@@ -27,8 +27,9 @@ from quadctl.lab.flights.channels import THROTTLE, THRUST_COMMAND, Signals, sign
 from quadctl.lab.flights.flight import Flight, SlowFilter
 from quadctl.lab.flights.timing import timed
 from quadctl.lab.flights.vehicle_match import motion_problem, sidecar_problem, thrust_problem, weight_doubt
-from quadctl.lab.flights.velocity_scale import scale_note
+from quadctl.lab.flights.velocity_scale import scale_finding
 from quadctl.logs.contradictions import contradictions
+from quadctl.logs.findings import Finding, Kind, finding
 from quadctl.logs.flight_log import ATTITUDE, POSITION, VELOCITY, FlightLog, doubt_of_copy
 from quadctl.model import Model
 from quadctl.surfaces import read_place
@@ -63,14 +64,14 @@ def prepare(log: FlightLog, vehicle: Vehicle) -> Flight:
     LogError
         The log lacks a signal, belongs to another vehicle, or holds no flight.
     """
-    notes = list(log.notes)
-    log = without_absent_motors(log, vehicle.n_rotors, notes)
+    findings = list(log.findings)
+    log = without_absent_motors(log, vehicle.n_rotors, findings)
     _require_columns(log)
     for problem in (*contradictions(log, vehicle.allocation.fully_actuated), sidecar_problem(log, vehicle)):
         _refuse(log.name, problem)
-    signals = signals_of(log, vehicle, notes)
+    signals = signals_of(log, vehicle, findings)
     _refuse(log.name, _thrust_problem(log, signals, vehicle))
-    segments = _flight_segments(log, signals, vehicle, notes)
+    segments = _flight_segments(log, signals, vehicle, findings)
     rates = {name: channel.rate_hz(segments) for name, channel in signals.timed.items()}
     name, slowest = min(rates.items(), key=lambda item: item[1])
     if max(slowest, signals.timed[name].usual_rate_hz(segments)) < MIN_UPDATE_RATE_HZ:
@@ -84,7 +85,7 @@ def prepare(log: FlightLog, vehicle: Vehicle) -> Flight:
     step = min(0.02, sigma / 2.5)
     begin, end = segments[0][0], segments[-1][1]
     grid = np.arange(begin, end, step)
-    segments = _without_gaps(segments, signals, max(8.0 / slowest, 1.0), notes, log.name)
+    segments = _without_gaps(segments, signals, max(8.0 / slowest, 1.0), findings, log.name)
     time, smooth, derivative = _filter(grid, segments, sigma)
     if len(time) < 40 or sum(b - a for a, b in segments) < MIN_FLIGHT_S:
         seconds = sum(b - a for a, b in segments)
@@ -93,7 +94,7 @@ def prepare(log: FlightLog, vehicle: Vehicle) -> Flight:
             f"{log.name}: holds {seconds:.0f} s of usable flight, expected at least {MIN_FLIGHT_S:.0f} s{why}"
         )
     flight = _over_surfaces(
-        _assemble(log.name, vehicle, signals, grid, smooth, derivative, time, bandwidth, notes), log
+        _assemble(log.name, vehicle, signals, grid, smooth, derivative, time, bandwidth, findings), log
     )
     del signals, grid, smooth, derivative  # of a long log they need as much memory as the flight
     (flight,) = timed([replace(flight, sha256=_sha256(log))], Model(vehicle))
@@ -102,9 +103,8 @@ def prepare(log: FlightLog, vehicle: Vehicle) -> Flight:
     _refuse(log.name, motion_problem(flight.measured, thrust, flight.torque, lean, vehicle))
     *_, upright = rotate(flight.conditions.attitude, (0.0, 0.0, 1.0))
     carried = float(np.median(np.sum(flight.logged_n, axis=0) * upright)) / vehicle.weight_n
-    doubt = weight_doubt(carried, vehicle, flight.thrust_source)
-    doubts = [note for note in (doubt, scale_note(flight)) if note]
-    return replace(flight, weight_doubt=doubt, notes=[*notes, *doubts])
+    doubts = (weight_doubt(carried, vehicle, flight.thrust_source), scale_finding(flight))
+    return replace(flight, findings=[*findings, *(doubt for doubt in doubts if doubt is not None)])
 
 
 def _over_surfaces(flight: Flight, log: FlightLog) -> Flight:
@@ -144,7 +144,9 @@ def _thrust_problem(log: FlightLog, signals: Signals, vehicle: Vehicle) -> str |
     return thrust_problem(total, signals.position[2].at(log.time_s), vehicle, signals.thrust_source)
 
 
-def _flight_segments(log: FlightLog, signals: Signals, vehicle: Vehicle, notes: list[str]) -> list[tuple[float, float]]:
+def _flight_segments(
+    log: FlightLog, signals: Signals, vehicle: Vehicle, findings: list[Finding]
+) -> list[tuple[float, float]]:
     """Intervals of time in flight: clear of the ground, rotors working, ends trimmed; s."""
     time = log.time_s
     z = signals.position[2].at(time)
@@ -179,17 +181,15 @@ def _flight_segments(log: FlightLog, signals: Signals, vehicle: Vehicle, notes: 
         raise LogError(
             f"{log.name}: never leaves the ground for more than {shortest_s:g} s: z ranges over {rise:.2f} m (is it "
             f"up?) and the rotors give at most {float(np.nanmax(total)):.1f} N of the vehicle's "
-            f"{vehicle.weight_n:.1f} N{doubt_of_copy(log.notes)}"
+            f"{vehicle.weight_n:.1f} N{doubt_of_copy(log.findings)}"
         )
     kept = sum(b - a for a, b in found)
-    notes.append(
-        f"{kept:.0f} s of {time[-1] - time[0]:.0f} s are flight; the ground, take-off and landing are left out"
-    )
+    findings.append(finding(Kind.IN_FLIGHT, found, seconds=kept, of_seconds=float(time[-1] - time[0])))
     return found
 
 
 def _without_gaps(
-    segments: list[tuple[float, float]], signals: Signals, longest_s: float, notes: list[str], name: str
+    segments: list[tuple[float, float]], signals: Signals, longest_s: float, findings: list[Finding], name: str
 ) -> list[tuple[float, float]]:
     """Cut out the times in which a channel brought nothing new for longer than `longest_s`, or a rotor's has frozen."""
     lost = 0.0
@@ -201,7 +201,7 @@ def _without_gaps(
             lost += sum(max(0.0, min(b, end) - max(a, begin)) for begin, end in segments)
             segments = _cut(segments, a, b)
     if lost > 0.0:
-        notes.append(f"{lost:.1f} s without new values (gaps over {longest_s:.1f} s) are left out")
+        findings.append(finding(Kind.GAPS, seconds=lost, longest_s=longest_s))
     if not segments:
         raise LogError(f"{name}: no stretch of the flight has new values at least every {longest_s:.1f} s")
     return segments
@@ -247,7 +247,7 @@ def _assemble(
     derivative: csr_matrix,
     time: Floats,
     bandwidth: float,
-    notes: list[str],
+    findings: list[Finding],
 ) -> Flight:
     roll, pitch, yaw = (channel.at(grid) for channel in signals.attitude)
     attitude = quaternion_from_euler(roll, pitch, yaw)
@@ -277,7 +277,7 @@ def _assemble(
         delay_s=0.0,
         torque=_torque(vehicle, signals, grid, smooth, derivative),
         sensed=_sensed(signals, grid, attitude, smooth),
-        notes=notes,
+        findings=findings,
     )
 
 

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
+from quadctl.logs.findings import Finding, Kind, finding
 from quadctl.logs.flight_log import FlightLog, Floats
 from quadctl.vehicle import Vehicle
 
@@ -80,17 +81,16 @@ def thrust_problem(total_n: Floats, z_m: Floats, vehicle: Vehicle, source: str) 
     )
 
 
-def weight_doubt(factor: float, vehicle: Vehicle, source: str) -> str | None:
-    """Doubt whether the vehicle is the one that flew, as a sentence; None where its thrust carries its weight.
+def weight_doubt(factor: float, vehicle: Vehicle, source: str) -> Finding | None:
+    """Doubt whether the vehicle is the one that flew; None where its thrust carries its weight.
 
     `factor`: nominal thrust of all rotors in flight over the weight.
     """
     if 1.0 / DOUBTFUL_THRUST_FACTOR < factor < DOUBTFUL_THRUST_FACTOR:
         return None
     line = "" if source == "rotor speed" else ", and the line from command to thrust in its file (see thrust_map)"
-    return (
-        f"by the {source} the rotors of '{vehicle.name}' give {factor:.2g} times the thrust that carries its "
-        f"{vehicle.mass_kg:g} kg: is it the vehicle that flew, with this mass and these propellers{line}?"
+    return finding(
+        Kind.WEIGHT_DOUBT, source=source, vehicle=vehicle.name, factor=factor, mass_kg=vehicle.mass_kg, line=line
     )
 
 

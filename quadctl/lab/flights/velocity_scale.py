@@ -8,6 +8,7 @@ import numpy as np
 
 from quadctl.lab.arrays import Floats
 from quadctl.lab.flights.flight import Flight
+from quadctl.logs.findings import Finding, Kind, finding
 
 LEAST_SPEED_M_S, LEAST_TOLD_M_S = 0.05, 0.3
 """Least standard deviation of a velocity of which a scale is computed, and of which a note is made: the velocity of a
@@ -50,14 +51,11 @@ def _lowered(slopes: Floats) -> float:
     return float(slopes[0] - 2.0 * np.sqrt((len(without) - 1) * np.var(without)))
 
 
-def scale_note(flight: Flight) -> str | None:
-    """Sentence on a velocity whose scale is off; None where it is as usual."""
+def scale_finding(flight: Flight) -> Finding | None:
+    """Finding on a velocity whose scale is off; None where it is as usual."""
     errors = velocity_scale_errors(flight, LEAST_TOLD_M_S)
     axis = int(np.argmax(np.abs(errors)))
     if abs(errors[axis]) < WORTH_A_NOTE:
         return None
     name = ("x_m", "y_m", "z_m")[axis]
-    return (
-        f"{name} changes {1.0 + errors[axis]:.2f} times as fast as v{name[0]}_m_s says: a clock, a unit or an "
-        "estimator is off, and the acceleration may be wrong by as much"
-    )
+    return finding(Kind.VELOCITY_SCALE, position=name, velocity=f"v{name[0]}_m_s", factor=1.0 + float(errors[axis]))

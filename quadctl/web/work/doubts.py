@@ -4,9 +4,10 @@ import math
 
 from quadctl.lab.comparison.wording import sentence
 from quadctl.lab.flights.preparation import BANDWIDTH_PER_UPDATE_RATE, MAX_BANDWIDTH_HZ
-from quadctl.logs.events import reset_notes
+from quadctl.logs.findings import Kind, of_kind
 from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.quality import QualityReport
+from quadctl.logs.words import worded
 from quadctl.vehicle import Vehicle
 
 MASS_TOLERANCE = 0.02
@@ -46,7 +47,8 @@ def cautions_of(log: FlightLog, report: QualityReport, bandwidth_hz: float, used
 
     `used_s` are the first and the last time that are used: a gap before the take-off is none of the residual.
     """
-    found = [f"{sentence(note)}." for note in reset_notes(log.meta, *used_s)]
+    resets = [reset for reset in of_kind(log.findings, Kind.RESET) if reset.touches(*used_s)]
+    found = [f"{sentence(worded(reset))}." for reset in resets]
     channels = [report.channel(name) for name in (report.thrust_source or "", "position", "velocity", "attitude")]
     known = [channel for channel in channels if channel is not None and channel.rate_hz > 0.0]
     if bandwidth_hz < MAX_BANDWIDTH_HZ and known:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from quadctl.lab.flights.vehicle_match import motion_problem, weight_doubt
+from quadctl.logs.words import worded
 from quadctl.vehicle import Vehicle
 
 
@@ -48,4 +49,4 @@ def test_rotors_that_carry_another_weight_raise_a_doubt(raptor: Vehicle, factor:
     doubt = weight_doubt(factor, raptor, "rotor speed")
     assert (doubt is None) is (said is None)
     if said and doubt:
-        assert said in doubt and "1.5 kg: is it the vehicle that flew" in doubt
+        assert said in worded(doubt) and "1.5 kg: is it the vehicle that flew" in worded(doubt)
