@@ -72,7 +72,9 @@ def output_finding(parameters: Mapping[str, float], ambient: Ambient) -> Finding
         known = np.isfinite(ambient.battery_v).any()
         (removed if known else kept).append({"of": "voltage", "volt_max": parameters[VOLT_MAX]})
     if np.isfinite(ambient.density_ratio).any():
-        removed.append({"of": "density", "density_ratio": float(np.nanmedian(ambient.density_ratio))})
+        atmosphere = str(ambient.atmosphere or "")
+        ratio = float(np.nanmedian(ambient.density_ratio))
+        removed.append({"of": "density", "density_ratio": ratio, "atmosphere": atmosphere})
     else:
         kept.append({"of": "density"})
     curve = {name: parameters[name] for name in CURVE}

@@ -19,7 +19,14 @@ from quadctl.logs.events import Event, mode_changes, parameter_changes, said
 from quadctl.logs.findings import Finding, Kind, finding
 from quadctl.logs.flight_log import FlightLog, Floats
 from quadctl.logs.merge import Channel, Origin, finite, intervals, merge
-from quadctl.thrust_chain.ardupilot import air_density_ratio
+from quadctl.thrust_chain.atmosphere import (
+    Air,
+    Version,
+    air_density_ratio,
+    atmosphere_of,
+    takes_standard,
+    version_in,
+)
 from quadctl.thrust_chain.chain import Ambient
 
 MESSAGES = (
@@ -40,6 +47,7 @@ MESSAGES = (
     "BARO",
     "MODE",
     "MSG",
+    "ORGN",
 )
 NEEDED = "XKF1 (or NKF1) and ATT"
 
@@ -305,6 +313,7 @@ def _motors(messages: dict[str, _Message], parameters: dict[str, float], finding
 def _ambient(messages: dict[str, _Message], parameters: dict[str, float], time_s: Floats) -> Ambient:
     """Battery and air at these times, as the firmware's compensations saw them."""
     volts = ratio = np.full(len(time_s), np.nan)
+    atmosphere = None
     if (motors := messages.get("MOTB")) is not None and "BatVolt" in motors:  # filtered, over MOT_BAT_VOLT_MAX
         filtered = parameters.get("MOT_BAT_VOLT_MAX", np.nan) * _values(motors, "BatVolt")
         volts = np.interp(time_s, _seconds(motors), filtered)
@@ -312,9 +321,22 @@ def _ambient(messages: dict[str, _Message], parameters: dict[str, float], time_s
         resting = _values(battery, "VoltR" if "VoltR" in battery else "Volt")  # without the sag of the load
         volts = np.interp(time_s, _seconds(battery), resting)
     if (baro := _instance(messages.get("BARO"), 0)) is not None:
-        air = air_density_ratio(_values(baro, "Press"), _values(baro, "GndTemp"), _values(baro, "Alt"))
-        ratio = np.interp(time_s, _seconds(baro), air)
-    return Ambient(volts, ratio)
+        height_m = _values(baro, "Alt")
+        air = Air(_values(baro, "Press"), _values(baro, "GndTemp"), height_m, _altitude_m(messages, baro))
+        atmosphere = atmosphere_of(_version_numbers(messages), takes_standard(air))
+        ratio = np.interp(time_s, _seconds(baro), air_density_ratio(air, atmosphere))
+    return Ambient(volts, ratio, atmosphere=atmosphere)
+
+
+def _altitude_m(messages: dict[str, _Message], baro: _Message) -> Floats:
+    """Altitude above the sea at each message of the barometer: its own, else that of the EKF's origin and its height;
+    nan where neither is told."""
+    origin = messages.get("ORGN")
+    if "AltAMSL" in baro or origin is None:
+        return _values(baro, "AltAMSL")
+    ekf = origin["Type"] == 0 if "Type" in origin else np.ones(len(origin["TimeUS"]), dtype=bool)
+    ground_m = _values(origin, "Alt")[ekf]
+    return _values(baro, "Alt") + (ground_m[-1] if len(ground_m) else np.nan)
 
 
 def _esc(messages: _Message, instance: int, parameters: dict[str, float]) -> Channel | None:
@@ -366,6 +388,15 @@ def _version(messages: dict[str, _Message]) -> str:
     if (ver := messages.get("VER")) is None or "FWS" not in ver:
         return "ArduPilot"
     return str(ver["FWS"][0].decode("ascii", "replace"))
+
+
+def _version_numbers(messages: dict[str, _Message]) -> Version | None:
+    """Version by VER, or by the message of the start; None where neither tells."""
+    if (ver := messages.get("VER")) is not None and {"Maj", "Min"} <= ver.keys():
+        return int(ver["Maj"][0]), int(ver["Min"][0])
+    texts = messages["MSG"]["Message"].tolist() if "MSG" in messages else []
+    found = (version_in(text.decode("ascii", "replace")) for text in texts)
+    return next((version for version in found if version is not None), None)
 
 
 # --- fields -----------------------------------------------------------------------------------------------------------

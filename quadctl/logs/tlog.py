@@ -23,7 +23,15 @@ from quadctl.logs.events import Event, mode_changes, parameter_changes, said
 from quadctl.logs.findings import Finding, Kind, finding
 from quadctl.logs.flight_log import ATTITUDE, RATES, FlightLog, Floats
 from quadctl.logs.merge import Channel, Origin, finite, intervals, merge
-from quadctl.thrust_chain.ardupilot import BOOST, air_density_ratio, angle_boost
+from quadctl.thrust_chain.ardupilot import BOOST, angle_boost
+from quadctl.thrust_chain.atmosphere import (
+    Air,
+    Version,
+    air_density_ratio,
+    atmosphere_of,
+    version_in,
+    version_of_number,
+)
 from quadctl.thrust_chain.chain import Ambient
 
 MESSAGES = {
@@ -36,10 +44,12 @@ MESSAGES = {
     30: "ATTITUDE",
     31: "ATTITUDE_QUATERNION",
     32: "LOCAL_POSITION_NED",
+    33: "GLOBAL_POSITION_INT",
     36: "SERVO_OUTPUT_RAW",
     83: "ATTITUDE_TARGET",
     105: "HIGHRES_IMU",
     147: "BATTERY_STATUS",
+    148: "AUTOPILOT_VERSION",
     253: "STATUSTEXT",
     291: "ESC_STATUS",
     11030: "ESC_TELEMETRY_1_TO_4",
@@ -398,16 +408,36 @@ def _boosted(
 
 
 def _ambient(telemetry: _Telemetry) -> Ambient:
-    """Battery and air at the times of SERVO_OUTPUT_RAW; the first temperature counts as that of the ground."""
+    """Battery and air at the times of SERVO_OUTPUT_RAW; the first temperature counts as that of the ground.
+
+    A board of version 4.6 or later counts as one that takes the standard atmosphere, as most do: telemetry does not tell.
+    """
     at_s = telemetry.times(telemetry.records["SERVO_OUTPUT_RAW"])
     volts = ratio = np.full(len(at_s), np.nan)
+    atmosphere = None
     if records := telemetry.records["SYS_STATUS"]:
         volts = np.interp(at_s, telemetry.times(records), telemetry.field("SYS_STATUS", "voltage_battery", 1e-3))
     if records := telemetry.records["SCALED_PRESSURE"]:
+        told_s = telemetry.times(records)
+        if positions := telemetry.records["GLOBAL_POSITION_INT"]:
+            altitude_m = np.interp(
+                told_s, telemetry.times(positions), telemetry.field("GLOBAL_POSITION_INT", "alt", 1e-3)
+            )
+        else:
+            altitude_m = np.full(len(told_s), np.nan)
         pressure_pa = telemetry.field("SCALED_PRESSURE", "press_abs", 100.0)
         ground_c = telemetry.field("SCALED_PRESSURE", "temperature", 0.01)[0]
-        ratio = np.interp(at_s, telemetry.times(records), air_density_ratio(pressure_pa, ground_c, 0.0))
-    return Ambient(volts, ratio)
+        atmosphere = atmosphere_of(_version(telemetry), is_standard=True)
+        air = Air(pressure_pa, ground_c, 0.0, altitude_m)
+        ratio = np.interp(at_s, told_s, air_density_ratio(air, atmosphere))
+    return Ambient(volts, ratio, atmosphere=atmosphere)
+
+
+def _version(telemetry: _Telemetry) -> Version | None:
+    """Version by AUTOPILOT_VERSION, or by the text of the start; None where neither tells."""
+    numbers = [version_of_number(record.fields.flight_sw_version) for record in telemetry.records["AUTOPILOT_VERSION"]]
+    named = [version_in(record.fields.text) for record in telemetry.records["STATUSTEXT"]]
+    return next((version for version in [*numbers, *named] if version is not None), None)
 
 
 def _outputs(telemetry: _Telemetry, parameters: dict[str, float], ambient: Ambient) -> dict[str, Floats]:

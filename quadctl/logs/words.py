@@ -4,6 +4,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, TypeAlias
 
 from quadctl.logs.findings import Finding, Kind, Span
+from quadctl.thrust_chain.ardupilot import ATMOSPHERES
+from quadctl.thrust_chain.atmosphere import Atmosphere
 
 _Figures: TypeAlias = Mapping[str, Any]
 _Words: TypeAlias = "str | Callable[[_Figures, Sequence[Span]], str]"
@@ -78,7 +80,10 @@ def _compensation(of: Mapping[str, Any]) -> str:
     if of["of"] == "voltage":
         return f"voltage compensation (MOT_BAT_VOLT_MAX = {of['volt_max']:.4g})"
     ratio = of.get("density_ratio")
-    return "density compensation" + ("" if ratio is None else f" (air of {ratio:.3f} of sea level)")
+    if ratio is None:
+        return "density compensation"
+    by = f", {ATMOSPHERES[Atmosphere(of['atmosphere'])]}" if of.get("atmosphere") else ""
+    return f"density compensation (air of {ratio:.3f} of sea level{by})"
 
 
 def _battery_scale(figures: _Figures, _: Sequence[Span]) -> str:

@@ -1,13 +1,14 @@
 """ArduPilot Copter: angle boost, compensation of voltage and air density, curve of the motors, spin limits.
 
 Sources: `AC_AttitudeControl_Multi::get_throttle_boosted`, `Thrust_Linearization` (AP_Motors; before 4.5 part of
-`AP_MotorsMulticopter`) and `AP_Baro::get_EAS2TAS` of Copter 4.5. The recorded outputs of that version follow these
-formulas to 0.2 %.
+`AP_MotorsMulticopter`) of Copter 4.5, whose recorded outputs follow these formulas to 0.2 %; the density of the air is
+that of `atmosphere`.
 """
 
 import math
 
 from quadctl.numeric import Number, clip, known_or, maximum
+from quadctl.thrust_chain.atmosphere import Atmosphere
 from quadctl.thrust_chain.chain import (
     TABLE_TILT_DEG,
     Addition,
@@ -32,8 +33,13 @@ LEAST_VOLTAGE_SHARE = 0.6
 """MOT_BAT_VOLT_MIN counts as at least this share of MOT_BAT_VOLT_MAX."""
 DENSITY_RATIOS = (0.5, 1.25)
 """Range to which the density ratio is limited."""
-
-GAS_CONSTANT_J_KG_K, SEA_LEVEL_DENSITY_KG_M3, LAPSE_K_M, ICE_POINT_K = 287.26, 1.225, 0.0065, 273.15
+ATMOSPHERES = {
+    Atmosphere.GROUND: "by pressure and temperature",
+    Atmosphere.ASSUMED: "by pressure and temperature, as before version 4.6, as the version is not told",
+    Atmosphere.SEA_LEVEL: "by pressure and temperature, which falls with the altitude above the sea",
+    Atmosphere.STANDARD: "by the standard atmosphere at its altitude above the sea",
+}
+"""Words for the formula of the density."""
 
 
 def angle_boost(cos_tilt: Number, parameters: Parameters) -> Number:
@@ -41,12 +47,6 @@ def angle_boost(cos_tilt: Number, parameters: Parameters) -> Number:
     if not parameters.get(BOOST, 0.0):
         return 1.0
     return 1.0 / clip(cos_tilt, LEAST_COS_TILT, 1.0)
-
-
-def air_density_ratio(pressure_pa: Number, ground_temperature_c: Number, height_m: Number) -> Number:
-    """Density ratio from the pressure, the temperature at the ground and the height above the ground."""
-    kelvin = ground_temperature_c + ICE_POINT_K - LAPSE_K_M * height_m
-    return pressure_pa / (GAS_CONSTANT_J_KG_K * kelvin) / SEA_LEVEL_DENSITY_KG_M3
 
 
 def knows_curve(parameters: Parameters) -> bool:
@@ -108,6 +108,7 @@ def additions(hover: float, parameters: Parameters, ambient: Ambient) -> list[Ad
         return float(thrust_of_output(known, parameters, Ambient())) / thrust - 1.0 if thrust > 0.0 else 0.0
 
     known_air = math.isfinite(ambient.density_ratio)
+    by = f", {ATMOSPHERES[ambient.atmosphere]}" if ambient.atmosphere is not None else ""
     return [
         Addition(
             said(parameters, BOOST),
@@ -129,7 +130,7 @@ def additions(hover: float, parameters: Parameters, ambient: Ambient) -> list[Ad
             else "no voltage compensation",
         ),
         Addition(
-            f"air density {ambient.density_ratio:.3f} of sea level" if known_air else "air density not told",
+            f"air density {ambient.density_ratio:.3f} of sea level" + by if known_air else "air density not told",
             compensated,
             compensated,
             "density compensation, always on: " + ("removed in the log" if known_air else "not removed in the log"),

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from quadctl.numeric import Number, clip, sqrt
+from quadctl.thrust_chain.atmosphere import Atmosphere
 
 Parameters = Mapping[str, float]
 """Values of the firmware's parameters by name; those that are not known are missing."""
@@ -21,6 +22,8 @@ class Ambient(NamedTuple):
     """Density of the air over that of the standard atmosphere at sea level."""
     battery_scale: Number = NAN
     """Factor by which PX4 compensates the battery, as it says itself."""
+    atmosphere: Atmosphere | None = None
+    """Formula of the density ratio, where it is ArduPilot's."""
 
 
 class Addition(NamedTuple):

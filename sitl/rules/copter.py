@@ -7,7 +7,8 @@ from quadctl.frames import rotate
 from quadctl.sitl.rules.px4 import CRITICAL, SimulatedAutopilot
 from quadctl.sitl.vehicle.inner_loops import level_with_yaw
 from quadctl.state import AttitudeTarget
-from quadctl.thrust_chain.ardupilot import air_density_ratio, angle_boost
+from quadctl.thrust_chain.ardupilot import angle_boost
+from quadctl.thrust_chain.atmosphere import Air, Version, air_density_ratio, atmosphere_of
 from quadctl.thrust_chain.chain import Ambient
 from quadctl.vehicle import Vehicle
 
@@ -24,8 +25,8 @@ REMOTE_LOST = {1: "RTL", 2: "RTL", 3: "LAND", 4: "RTL", 5: "LAND", 6: "RTL", 7: 
 """Mode of the failsafe by FS_THR_ENABLE, which acts when the remote control is lost, in GUIDED too."""
 CLIMBED_M = 0.3
 """Distance to the height of a return within which it counts as reached."""
-PRESSURE_PA, GROUND_TEMPERATURE_C = 95598.0, 28.16
-"""Air at the take-off place of the recorded flights, 488 m above the sea."""
+AIR = Air(pressure_pa=95598.0, ground_temperature_c=28.16, height_m=0.0, altitude_m=488.1)
+"""Air at the take-off place of the recorded flights."""
 NOT_ARMABLE = ("LAND", "RTL", "BRAKE")
 
 
@@ -42,6 +43,7 @@ class SimulatedCopter(SimulatedAutopilot):
     """An ArduPilot Copter in its defaults, at rest on the ground at the origin, disarmed, in STABILIZE."""
 
     name: ClassVar[str] = "ArduPilot"
+    version: ClassVar[Version] = (4, 5)
     modes: ClassVar[tuple[str, ...]] = ("STABILIZE", "GUIDED", "LAND", "RTL", "BRAKE", "LOITER")
     first_mode: ClassVar[str] = "STABILIZE"
     offboard_mode: ClassVar[str] = "GUIDED"
@@ -92,8 +94,8 @@ class SimulatedCopter(SimulatedAutopilot):
     @property
     def ambient(self) -> Ambient:
         """Battery and air as the compensations of the motor outputs see them."""
-        air = air_density_ratio(PRESSURE_PA, GROUND_TEMPERATURE_C, 0.0)
-        return Ambient(self.body.battery.resting_v, air)
+        atmosphere = atmosphere_of(self.version, is_standard=True)
+        return Ambient(self.body.battery.resting_v, air_density_ratio(AIR, atmosphere), atmosphere=atmosphere)
 
     def request_take_off(self, height_m: float) -> str | None:
         if not (self.armed and self.mode == "GUIDED" and self.landed and height_m > 0.0):

@@ -2,7 +2,7 @@
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from quadctl.sitl.rules.copter import GROUND_TEMPERATURE_C, PRESSURE_PA, SimulatedCopter
+from quadctl.sitl.rules.copter import AIR, SimulatedCopter
 from quadctl.sitl.server import messages
 from quadctl.sitl.server.manners import Manners, Stream
 from quadctl.sitl.server.server import MavlinkMock
@@ -29,7 +29,10 @@ class MavlinkArduPilot(MavlinkMock):
                 ),
                 mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT: Stream(messages.ekf_status_report, 0.0, "position"),
                 mavlink.MAVLINK_MSG_ID_SCALED_PRESSURE: Stream(
-                    messages.scaled_pressure(PRESSURE_PA, GROUND_TEMPERATURE_C), 0.0, "position"
+                    messages.scaled_pressure(AIR.pressure_pa, AIR.ground_temperature_c), 0.0, "position"
+                ),
+                mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: Stream(
+                    messages.global_position(AIR.altitude_m), 0.0, "position"
                 ),
                 mavlink.MAVLINK_MSG_ID_SYS_STATUS: Stream(messages.sys_status(lists_prearm=True), 0.0, "battery"),
                 mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: Stream(messages.battery_status, 0.0, "battery"),
@@ -55,7 +58,7 @@ class MavlinkArduPilot(MavlinkMock):
                     "ATC_ANGLE_BOOST",
                 }
             ),
-            version=0x04050000,
+            version=self._copter.version[0] << 24 | self._copter.version[1] << 16,
         )
 
     def pulse_us(self, throttle: float) -> float:

@@ -81,6 +81,20 @@ def scaled_pressure(pressure_pa: float, temperature_c: float) -> Builder:
     return build
 
 
+def global_position(ground_m: float) -> Builder:
+    """Builder of GLOBAL_POSITION_INT, for a ground that lies `ground_m` above the sea."""
+
+    def build(estimate: VehicleState) -> Iterator[Message]:
+        height_m = -estimate.position_ned_m[2]
+        altitude_mm, above_mm = round(1000.0 * (ground_m + height_m)), round(1000.0 * height_m)
+        velocity_cm_s = (round(100.0 * v) for v in estimate.velocity_ned_m_s)
+        yield mavlink.MAVLink_global_position_int_message(
+            _boot_ms(estimate), 473977000, 85456000, altitude_mm, above_mm, *velocity_cm_s, UNKNOWN_16_BIT
+        )
+
+    return build
+
+
 def sys_status(lists_prearm: bool) -> Builder:
     """Builder of SYS_STATUS; `lists_prearm`: the pre-arm check is present, as on ArduPilot; else only health tells."""
     checked, gps = mavlink.MAV_SYS_STATUS_PREARM_CHECK, mavlink.MAV_SYS_STATUS_SENSOR_GPS

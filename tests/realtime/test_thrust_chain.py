@@ -65,6 +65,12 @@ def test_the_recorded_thrust_is_the_commanded_one_level_and_at_a_steady_tilt(tmp
         assert np.mean(outputs[where]) == pytest.approx(np.mean(log["throttle_cmd"][where]), rel=0.008)
 
 
+class Copter47(SimulatedCopter):
+    """A Copter whose air is that of the standard atmosphere."""
+
+    version = (4, 7)
+
+
 @pytest.mark.parametrize(
     ("autopilot", "boosts", "factor"),
     [(SimulatedCopter, 1.0, math.cos(0.25)), (SimulatedCopter, 0.0, 1.0), (SimulatedAutopilot, None, 1.0)],
@@ -105,4 +111,16 @@ def test_the_check_shows_the_table_of_the_autopilot_that_answers(tmp_path: Path)
         findings = asyncio.run(inspect_autopilot(plan, link.adapter, 0.5, without_failsafe=True))
     rows = {" ".join(f.text.split()[:2]): f.text for f in findings if f.topic == "thrust chain"}
     assert "+3.5%" in rows["ATC_ANGLE_BOOST 1"]
+    assert "by pressure and temperature" in rows["air density"]
     assert "+10.9%" in rows["air density"]
+
+
+def test_the_check_takes_the_air_density_of_the_version_that_answers(tmp_path: Path) -> None:
+    plan = prepare_flight(
+        ROOT / "missions" / "short_hop.yaml", forgiving_config(tmp_path, height_datum="takeoff"), "none", None
+    )
+    with connected(Copter47(VEHICLE)) as link:
+        findings = asyncio.run(inspect_autopilot(plan, link.adapter, 0.5, without_failsafe=True))
+    (air,) = [f.text for f in findings if f.topic == "thrust chain" and f.text.startswith("air density")]
+    assert air.startswith("air density 0.954 of sea level, by the standard atmosphere at its altitude above the sea")
+    assert "+4.8%" in air

@@ -148,6 +148,7 @@ ARDUPILOT = Firmware(
         Stream("ESC_TELEMETRY_1_TO_4", 11030, 50.0, alternative=True),
         Stream("SERVO_OUTPUT_RAW", 36, 50.0, alternative=True),
         Stream("SCALED_PRESSURE", 29, 1.0, alternative=True),
+        Stream("GLOBAL_POSITION_INT", 33, 1.0, alternative=True),
         Stream("SYS_STATUS", 1, 5.0),
         Stream("EXTENDED_SYS_STATE", 245, 5.0),
         Stream("EKF_STATUS_REPORT", 193, 5.0),

@@ -110,13 +110,7 @@ class MavsdkAutopilot:
 
         It asks at the first call. Raises LinkError when no answer comes.
         """
-        if not self._telemetry.has_version:
-            await self._link.run(
-                lambda: self._link.command(
-                    mavlink.CMD_REQUEST_MESSAGE, mavlink.AUTOPILOT_VERSION_ID, what="tell its hardware"
-                )
-            )
-            await self._await(lambda: self._telemetry.has_version, VERSION_WAIT_S)
+        await self._ask_for_version()
         hardware = self._telemetry.hardware
         return f"system {self._link.system_id}{f', hardware {hardware}' if hardware else ''}"
 
@@ -267,6 +261,17 @@ class MavsdkAutopilot:
             mavlink.CMD_SET_MESSAGE_INTERVAL, stream.message_id, interval_us, what=f"send {stream.name}"
         )
 
+    async def _ask_for_version(self) -> None:
+        """Ask for the version and the hardware's id, where they have not been told."""
+        if self._telemetry.has_version:
+            return
+        await self._link.run(
+            lambda: self._link.command(
+                mavlink.CMD_REQUEST_MESSAGE, mavlink.AUTOPILOT_VERSION_ID, what="tell its hardware"
+            )
+        )
+        await self._await(lambda: self._telemetry.has_version, VERSION_WAIT_S)
+
     async def _ask_for_thrust_chain(self) -> None:
         """Ask for the parameters between throttle and motors, and for the pressure where the firmware uses it."""
         chain = self._firmware.thrust_chain
@@ -277,6 +282,7 @@ class MavsdkAutopilot:
                 f"{self.description} does not tell {', '.join(missing)}: what it adds to the thrust is not all known."
             )
         if any(stream.name == "SCALED_PRESSURE" for stream in self._firmware.streams):
+            await self._ask_for_version()  # by which it takes the density of the air
             await self._await(lambda: self._telemetry.knows_air, AIR_WAIT_S)
 
     def _boost(self) -> float:

@@ -14,7 +14,7 @@ from quadctl.flight.autopilot.px4_events import ArmingReport
 from quadctl.flight.autopilot.round_trips import RoundTrips
 from quadctl.flight.autopilot.status_texts import StatusTexts
 from quadctl.state import NAN, NO_VECTOR, Quat, StatusText, Vec3, VehicleState
-from quadctl.thrust_chain.ardupilot import air_density_ratio
+from quadctl.thrust_chain.atmosphere import Air, Version, air_density_ratio, atmosphere_of, version_of_number
 from quadctl.thrust_chain.chain import Ambient, Parameters
 
 HEARTBEAT_TIMEOUT_S = 3.0
@@ -93,7 +93,9 @@ class Telemetry:
         self._refusals: tuple[str, ...] = ()
         self._battery = (-math.inf, NAN)
         self._resting_v = NAN
-        self._density_ratio = NAN
+        self._air = Air(NAN, NAN, 0.0, NAN)
+        """Air at the ground, as it was told first."""
+        self._version: Version | None = None
         self.thrust_parameters: Parameters = {}
         """Parameters of the firmware's thrust chain, by which its motor outputs become thrusts."""
         self._landed = True
@@ -125,6 +127,7 @@ class Telemetry:
                 self._on_estimator, ("velocity_variance", "pos_horiz_variance", "pos_vert_variance")
             ),
             "SCALED_PRESSURE": self._on_pressure,
+            "GLOBAL_POSITION_INT": self._on_global_position,
             "SYS_STATUS": self._on_sys_status,
             "EXTENDED_SYS_STATE": self._on_extended_state,
             "HEARTBEAT": self._on_heartbeat,
@@ -204,12 +207,16 @@ class Telemetry:
 
     @property
     def ambient(self) -> Ambient:
-        """Voltage of the battery at rest, as it was before arming, and density of the air when it was told first."""
-        return Ambient(self._resting_v, self._density_ratio)
+        """Voltage of the battery at rest, as it was before arming, and density of the air when it was told first.
+
+        A board of version 4.6 or later counts as one that takes the standard atmosphere: most do, and none tells.
+        """
+        atmosphere = atmosphere_of(self._version, is_standard=True)
+        return Ambient(self._resting_v, air_density_ratio(self._air, atmosphere), atmosphere=atmosphere)
 
     @property
     def knows_air(self) -> bool:
-        return math.isfinite(self._density_ratio)
+        return math.isfinite(self.ambient.density_ratio)
 
     def throttle_of(self, output: float) -> float:
         """Throttle target that gives a motor this output, in the autopilot's own unit."""
@@ -353,10 +360,19 @@ class Telemetry:
     def _on_pressure(self, fields: Fields, now_s: float) -> None:
         """Take in the first pressure, hPa, and temperature, hundredths of a degree, at the ground."""
         del now_s
-        if not self.knows_air:
+        pressure_pa = 100.0 * _number(fields["press_abs"])
+        if math.isnan(self._air.pressure_pa) and pressure_pa > 0.0:
             with self._news:
-                ratio = air_density_ratio(100.0 * _number(fields["press_abs"]), 0.01 * fields["temperature"], 0.0)
-                self._density_ratio = ratio if ratio > 0.0 else NAN
+                temperature_c = 0.01 * fields["temperature"]
+                self._air = self._air._replace(pressure_pa=pressure_pa, ground_temperature_c=temperature_c)
+                self._news.notify_all()
+
+    def _on_global_position(self, fields: Fields, now_s: float) -> None:
+        """Take in the first altitude above the sea, mm."""
+        del now_s
+        if math.isnan(self._air.altitude_m):
+            with self._news:
+                self._air = self._air._replace(altitude_m=0.001 * fields["alt"])
                 self._news.notify_all()
 
     def _notice_aids(self, aided: bool) -> None:
@@ -383,11 +399,12 @@ class Telemetry:
             self._news.notify_all()
 
     def _on_version(self, fields: Fields, now_s: float) -> None:
-        """Take in the hardware's id: 18 bytes, or where those are all 0 a number of 64 bits."""
+        """Take in the version, and the hardware's id: 18 bytes, or where those are all 0 a number of 64 bits."""
         del now_s
         long, short = bytes(fields.get("uid2") or ()), int(fields.get("uid") or 0)
         with self._news:
             self.hardware = long.hex() if any(long) else f"{short:016x}" if short else ""
+            self._version = version_of_number(int(fields.get("flight_sw_version") or 0))
             self.has_version = True
             self._news.notify_all()
 

@@ -93,6 +93,26 @@ def test_motor_outputs_are_thrusts_without_the_compensations_of_the_autopilot() 
     assert telemetry.state(1.0).motor_output == pytest.approx((0.1, 0.2, 0.3, 0.4), abs=0.002)
 
 
+@pytest.mark.parametrize(
+    ("number", "ratio", "atmosphere"),
+    [(0x04060000, 0.9540, "standard"), (0x04050000, 0.9016, "ground"), (0, 0.9016, "assumed")],
+    ids=["since 4.6", "before", "unknown"],
+)
+def test_the_density_of_the_air_is_that_of_the_version(number: int, ratio: float, atmosphere: str) -> None:
+    telemetry = heard(("SCALED_PRESSURE", AIR), ("AUTOPILOT_VERSION", {"flight_sw_version": number}))
+    telemetry.receive("GLOBAL_POSITION_INT", {"alt": 488_100}, now_s=1.0)
+    telemetry.receive("GLOBAL_POSITION_INT", {"alt": 600_000}, now_s=2.0)  # in flight: the ground was told before
+    assert telemetry.ambient.density_ratio == pytest.approx(ratio, abs=1e-4)
+    assert telemetry.ambient.atmosphere == atmosphere
+
+
+def test_the_standard_atmosphere_waits_for_the_altitude() -> None:
+    telemetry = heard(("SCALED_PRESSURE", AIR), ("AUTOPILOT_VERSION", {"flight_sw_version": 0x04060000}))
+    assert not telemetry.knows_air
+    telemetry.receive("GLOBAL_POSITION_INT", {"alt": 488_100}, now_s=1.0)
+    assert telemetry.knows_air
+
+
 def test_the_voltage_compensated_is_that_at_rest_not_that_under_load() -> None:
     telemetry = heard(("SYS_STATUS", VOLTAGE))
     telemetry.receive("HEARTBEAT", COPTER | {"base_mode": 129}, now_s=2.0)
