@@ -45,7 +45,8 @@ def attitude(quaternion: Quaternion, world: AttitudeWorld, body: Body, inverse: 
     A quaternion whose length is not one is scaled; one of length zero is NaN.
     """
     w, x, y, z = (np.asarray(part, dtype=np.float64) for part in quaternion)
-    length = np.sqrt(w * w + x * x + y * y + z * z)
+    with np.errstate(over="ignore"):  # of damaged values
+        length = np.sqrt(w * w + x * x + y * y + z * z)
     length = np.where(length > 0.1, length, np.nan)
     sign = -1.0 if inverse else 1.0
     unit = (w / length, sign * x / length, sign * y / length, sign * z / length)

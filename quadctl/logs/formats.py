@@ -4,7 +4,7 @@ A new format is one module with its functions, and one line here. Functions are 
 formats without loading the libraries that read them.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from pkgutil import resolve_name
@@ -31,14 +31,19 @@ class LogFormat:
     """(path) -> FlightLog; it raises a LogError for a file that is not of its format."""
     recogniser: str | None
     """(the first HEAD_BYTES of a file) -> bool; None for the one format that is tried where no other is recognised."""
-    folder_holds: str | None = None
-    """File that makes a folder a log of this format; None where a log is always one file."""
+    folder_holds: tuple[str, ...] = ()
+    """Files of which any makes a folder a log of this format, with {name} for its own name; none where a log is always
+    one file."""
     other_suffixes: tuple[str, ...] = ()
     """Further suffixes of its files, as `suffix`."""
 
     @property
     def suffixes(self) -> tuple[str, ...]:
         return (self.suffix, *self.other_suffixes) if self.suffix else ()
+
+    def files_in(self, folder: str) -> Iterator[str]:
+        """Names of the files of which any makes a folder of that name a log of this format."""
+        return (name.format(name=folder) for name in self.folder_holds)
 
     def recognises(self, head: bytes) -> bool:
         return self.recogniser is not None and bool(resolve_name(self.recogniser)(head))
@@ -55,13 +60,14 @@ FORMATS: tuple[LogFormat, ...] = (
     ),
     LogFormat("MAVLink telemetry", ".tlog", "quadctl.logs.tlog:read_tlog", "quadctl.logs.tlog:is_tlog"),
     LogFormat(
-        *("ROS bag", ".mcap", "quadctl.logs.rosbag:read_rosbag", "quadctl.logs.rosbag:is_rosbag", "metadata.yaml"),
+        *("ROS bag", ".mcap", "quadctl.logs.rosbag:read_rosbag", "quadctl.logs.rosbag:is_rosbag"),
+        folder_holds=("metadata.yaml", "{name}_0.mcap", "{name}_0.db3"),
         other_suffixes=(".db3", ".bag"),
     ),
     LogFormat("Parquet", ".parquet", "quadctl.logs.table:read_parquet", "quadctl.logs.table:is_parquet"),
     LogFormat(
         *("folder of PX4 Flight Review 2", "", "quadctl.logs.flight_review:read_flight_review", None),
-        folder_holds="vehicle_attitude.parquet",
+        folder_holds=("vehicle_attitude.parquet",),
     ),
 )
 MAP_SUFFIX = ".map.yaml"
@@ -98,7 +104,7 @@ def format_of(head: bytes, suffix: str) -> LogFormat:
 
 def format_of_folder(path: Path) -> LogFormat | None:
     """The format of a log that is a folder; None for any other folder, or a file."""
-    return next((form for form in FORMATS if form.folder_holds and (path / form.folder_holds).is_file()), None)
+    return next((form for form in FORMATS if any((path / name).is_file() for name in form.files_in(path.name))), None)
 
 
 def writer(to: str) -> Writer:

@@ -6,6 +6,7 @@ standard messages that MAVROS and others publish, in east, north, up and forward
 
 import re
 import tempfile
+from collections import defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from itertools import chain
@@ -17,6 +18,7 @@ import numpy as np
 from quadctl.errors import LogError
 from quadctl.frames import Quaternion
 from quadctl.logs.axes import Vectors, attitude, body_to_world, euler_deg, forward_right_down, north_east_up
+from quadctl.logs.bag_recovery import recover
 from quadctl.logs.findings import Finding, Kind, finding
 from quadctl.logs.flight_log import ATTITUDE, IMU, POSITION, RATES, VELOCITY, FlightLog, Floats
 from quadctl.logs.merge import Channel, Origin, merge
@@ -24,6 +26,10 @@ from quadctl.logs.ulog import TOPICS, log_of_topics
 
 MAGICS = {b"\x89MCAP": ".mcap", b"SQLite format 3": ".db3", b"#ROSBAG V2": ".bag"}
 """Beginnings of the files of a bag, with the suffixes by which the library knows them."""
+REMEDIES = {".mcap": "mcap recover", ".db3": "sqlite3 FILE .recover", ".bag": "rosbag reindex", "": "ros2 bag reindex"}
+"""Programs that may get more out of a damaged bag, by the suffix of its content; "" of a folder."""
+METADATA = "metadata.yaml"
+"""File that a recorder of ROS 2 writes when it ends."""
 LINK = "bag"
 """Name, without its suffix, under which the library is shown a file."""
 PX4 = "px4_msgs/msg/"
@@ -63,49 +69,90 @@ def px4_topic(kind: str) -> str:
 
 
 def _messages(path: Path, findings: list[Finding]) -> dict[str, _Topic]:
-    """The messages of a bag that are understood, by their type; of several topics of a type the one with the most."""
-    from rosbags.highlevel import AnyReader
-    from rosbags.typesys import Stores, get_typestore
+    """The messages of a bag that are understood, by their type; of several topics of a type the one with the most.
 
+    Of one that has no end, or is damaged, those that are whole.
+    """
+    suffix = _suffix(path)
     try:
-        with _named(path) as named, AnyReader([named], default_typestore=get_typestore(Stores.LATEST)) as bag:
-            chosen: dict[str, Any] = {}
-            for connection in sorted(bag.connections, key=lambda c: -c.msgcount):
-                kind = connection.msgtype
-                if kind not in STANDARD and px4_topic(kind) not in TOPICS:
-                    continue
-                if kind in chosen:
-                    if connection.topic != chosen[kind].topic:
-                        read = chosen[kind].topic
-                        findings.append(finding(Kind.TOPIC_LEFT_OUT, topic=connection.topic, read=read))
-                else:
-                    chosen[kind] = connection
-            if not chosen:
-                raise LogError(f"{path}: holds no messages that say how a vehicle moves, expected {NEEDED}")
-            rows: dict[str, list[dict[str, float]]] = {kind: [] for kind in chosen}
-            for connection, stamp_ns, data in bag.messages(list(chosen.values())):
-                row = dict(_fields(bag.deserialize(data, connection.msgtype), ""))
-                rows[connection.msgtype].append({"bag_s": 1e-9 * stamp_ns, **row})
+        with _named(path, suffix) as named:
+            return _understood(path, [named], findings)
     except LogError:
         raise
     except Exception as error:  # the libraries below stumble over damage in any way that Python can
-        reason = str(error).splitlines()[0].rstrip(".") if str(error) else type(error).__name__
-        reason = re.sub(rf"\S*/{LINK}\.\w+", path.name, reason)
-        raise LogError(f"{path}: cannot be read as a ROS bag ({reason}), expected a whole one") from None
+        problem = error
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            found = recover(_storage_files(path), suffix or _suffix(_storage_files(path)[0]), Path(folder))
+            topics = _understood(path, found.files, findings, leave_out_damaged=True)
+        except Exception:
+            reason = str(problem).splitlines()[0].rstrip(".") if str(problem) else type(problem).__name__
+            reason = re.sub(rf"\S*/{LINK}\.\w+", path.name, reason)
+            raise LogError(
+                f"{path}: cannot be read as a ROS bag ({reason}), expected a whole one, or one of which "
+                f"`{REMEDIES[suffix]}` makes one"
+            ) from None
+    has_end = not found.is_cut_short and (path.is_file() or (path / METADATA).is_file())
+    findings.append(finding(Kind.DAMAGED) if has_end else finding(Kind.CUT_SHORT, of="file"))
+    return topics
+
+
+def _understood(
+    path: Path, files: list[Path], findings: list[Finding], leave_out_damaged: bool = False
+) -> dict[str, _Topic]:
+    """The messages of the files of one bag that are understood; `path` is named in messages."""
+    from rosbags.highlevel import AnyReader
+    from rosbags.typesys import Stores, get_typestore
+
+    with AnyReader(files, default_typestore=get_typestore(Stores.LATEST)) as bag:
+        counts: dict[tuple[str, str], int] = defaultdict(int)
+        for connection in bag.connections:
+            if connection.msgtype in STANDARD or px4_topic(connection.msgtype) in TOPICS:
+                counts[connection.msgtype, connection.topic] += connection.msgcount
+        chosen: dict[str, str] = {}
+        left_out: list[Finding] = []
+        for kind, topic in sorted(counts, key=lambda key: -counts[key]):
+            if topic != chosen.setdefault(kind, topic):
+                left_out.append(finding(Kind.TOPIC_LEFT_OUT, topic=topic, read=chosen[kind]))
+        if not chosen:
+            raise LogError(f"{path}: holds no messages that say how a vehicle moves, expected {NEEDED}")
+        rows: dict[str, list[dict[str, float]]] = {kind: [] for kind in chosen}
+        of_chosen = [connection for connection in bag.connections if chosen.get(connection.msgtype) == connection.topic]
+        for connection, stamp_ns, data in bag.messages(of_chosen):
+            try:
+                row = dict(_fields(bag.deserialize(data, connection.msgtype), ""))
+            except Exception:  # of any kind: the library takes the data for whole
+                if not leave_out_damaged:
+                    raise
+                continue
+            rows[connection.msgtype].append({"bag_s": 1e-9 * stamp_ns, **row})
+    findings += left_out
     return {kind: _columns(found) for kind, found in rows.items() if found}
 
 
-@contextmanager
-def _named(path: Path) -> Iterator[Path]:
-    """The bag under a name with the suffix of its content."""
+def _storage_files(path: Path) -> list[Path]:
+    """The files of a bag that hold its messages, in their order."""
+    return sorted(file for file in path.iterdir() if file.suffix in MAGICS.values()) if path.is_dir() else [path]
+
+
+def _suffix(path: Path) -> str:
+    """Suffix by which the library knows the content of a file; "" of a folder."""
     if path.is_dir():
-        yield path
-        return
+        return ""
     with path.open("rb") as file:
         head = file.read(16)
     suffix = next((suffix for magic, suffix in MAGICS.items() if head.startswith(magic)), None)
     if suffix is None:
         raise LogError(f"{path}: does not begin as a ROS bag does, expected a {path.suffix} file")
+    return suffix
+
+
+@contextmanager
+def _named(path: Path, suffix: str) -> Iterator[Path]:
+    """The bag under a name with the suffix of its content."""
+    if path.is_dir():
+        yield path
+        return
     with tempfile.TemporaryDirectory() as folder:
         link = Path(folder) / f"{LINK}{suffix}"
         link.symlink_to(path.resolve())

@@ -115,8 +115,15 @@ def _frozen_state(figures: _Figures, times_s: Sequence[Span]) -> str:
     )
 
 
+CUT_SHORT = {
+    "message": "the last message is cut short and was left out",
+    "file": "the file ends in the middle, as after a crash: what is whole was read",
+    "logger": "the file ends without what PX4's logger writes last: it was cut, or the power was",
+}
+"""Sentences on a file that ends early, by what has no end."""
+
 WORDS: dict[Kind, _Words] = {
-    Kind.CUT_SHORT: "the last message is cut short and was left out",
+    Kind.CUT_SHORT: lambda f, _: CUT_SHORT[f.get("of", "message")],
     Kind.LAST_LINE_CUT: "the last line ({line}) is cut short and was left out",
     Kind.DAMAGED: "the file is damaged: what could not be read was left out",
     Kind.DAMAGED_BYTES: lambda f, _: (

@@ -203,7 +203,7 @@ class TestBadBags:
     def test_a_damaged_one_is_one_sentence(self, flight: FlightLog, tmp_path: Path) -> None:
         standard_bag(flight, tmp_path / "bag", storage=StoragePlugin.MCAP)
         (inside,) = (tmp_path / "bag").glob("*.mcap")
-        inside.write_bytes(inside.read_bytes()[:3000])
+        inside.write_bytes(inside.read_bytes()[:300])
         with pytest.raises(LogError, match="cannot be read as a ROS bag") as problem:
             read_log(inside)
         assert "\n" not in str(problem.value)

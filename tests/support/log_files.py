@@ -1,8 +1,6 @@
 """Logs for the tests of their formats: real ones where they are, and small ones written byte for byte."""
 
-import functools
 import struct
-import tempfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -244,34 +242,3 @@ def tilt_correlation(log: FlightLog, velocity: str, angle: str, sign: float) -> 
     middle = 0.5 * (speed[1:] + speed[:-1])
     drag = float(np.sum(middle * (tilt - np.diff(speed) / 0.5)) / np.sum(middle**2))
     return float(np.corrcoef(np.diff(speed) / 0.5, tilt - drag * middle)[0, 1])
-
-
-@functools.cache
-def small_bag() -> bytes:
-    """One storage file of a bag of ROS 2: odometry of a hover."""
-    from rosbags.rosbag2 import StoragePlugin, Writer
-    from rosbags.typesys import Stores, get_typestore
-
-    store = get_typestore(Stores.LATEST)
-    types = store.types
-    name = "nav_msgs/msg/Odometry"
-    zero, none = types["geometry_msgs/msg/Vector3"](0.0, 0.0, 0.0), np.zeros(36)
-    with tempfile.TemporaryDirectory() as folder:
-        with Writer(Path(folder) / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as bag:
-            connection = bag.add_connection("/odom", name, typestore=store)
-            for i in range(40):
-                stamp = types["builtin_interfaces/msg/Time"](sec=1, nanosec=20_000_000 * i)
-                pose = types["geometry_msgs/msg/Pose"](
-                    position=types["geometry_msgs/msg/Point"](0.0, 0.0, 1.0),
-                    orientation=types["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0),
-                )
-                twist = types["geometry_msgs/msg/Twist"](linear=zero, angular=zero)
-                message = types[name](
-                    header=types["std_msgs/msg/Header"](stamp=stamp, frame_id="map"),
-                    child_frame_id="base_link",
-                    pose=types["geometry_msgs/msg/PoseWithCovariance"](pose=pose, covariance=none),
-                    twist=types["geometry_msgs/msg/TwistWithCovariance"](twist=twist, covariance=none),
-                )
-                bag.write(connection, 10**9 + 20_000_000 * i, store.serialize_cdr(message, name))
-        (file,) = (Path(folder) / "bag").glob("*.mcap")
-        return file.read_bytes()
