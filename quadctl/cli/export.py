@@ -58,7 +58,14 @@ def export(
 
     What the flights do not tell, and what the target cannot say, is listed.
     """
-    from quadctl.export.autopilot import check_same_autopilot, check_same_vehicle, parameter_file, parameters
+    from quadctl.export.autopilot import (
+        WHOLE,
+        Present,
+        check_same_autopilot,
+        check_same_vehicle,
+        parameter_file,
+        parameters,
+    )
     from quadctl.export.targets import AUTOPILOTS, PROGRAMS
     from quadctl.logs.parameters import read_present_parameters
     from quadctl.model import load_model
@@ -83,17 +90,18 @@ def export(
         undo_at(str(link), dialect, kept, _say)
         return
     loaded = load_model(model)
-    present: dict[str, float] = {}
+    present: Present | None = None
     if now is not None:
-        present = read_present_parameters(now)
-        check_same_autopilot(present, dialect, str(now))
-    rows = parameters(loaded, dialect, present)
-    if link is not None:
+        values = read_present_parameters(now)
+        present = Present(values, str(now), is_whole=len(values) >= WHOLE)
+        check_same_autopilot(present, dialect)
+    elif link is not None:
         from quadctl.export.apply import present_parameters
 
-        present = present_parameters(link, dialect, [*(row.name for row in rows), dialect.frame])
-        rows = parameters(loaded, dialect, present)
-    check_same_vehicle(present, dialect, loaded, str(link or now))
+        present = present_parameters(link, dialect)
+    if present is not None:
+        check_same_vehicle(present, dialect, loaded)
+    rows = parameters(loaded, dialect, present)
     text = parameter_file(rows, dialect, str(model))
     _print(rows)
     write_json(
@@ -135,6 +143,8 @@ def _confirm(yes: bool) -> None:
 
 
 def _print(rows: "list[Row]") -> None:
+    from quadctl.export.autopilot import said
+
     table = Table(box=None, pad_edge=False)
     for heading in ("parameter", "value", "95 % interval", "now"):
         table.add_column(heading, justify="left" if heading == "parameter" else "right", no_wrap=True)
@@ -142,13 +152,11 @@ def _print(rows: "list[Row]") -> None:
         if row.estimate is not None:
             found = row.estimate
             interval = "" if found.low == found.high else f"{found.low:.4g} to {found.high:.4g}"
-            present = "" if row.present is None else f"{row.present:.4g}"
+            present = "" if row.present is None else f"{row.present:.4g}{' confirmed' if row.is_confirmed else ''}"
             table.add_row(row.name, f"{found.value:.4g}", interval, present)
     console.print(table)
     for row in rows:
-        logs = f", from {', '.join(row.logs)}" if row.logs else ""
-        note = f"; {row.note}" if row.note else ""
-        _say(f"{row.name}: {row.lacking or f'{row.formula}{logs}{note}'}")
+        _say(f"{row.name}: {said(row, with_interval=False)}")
 
 
 def _as_dict(row: "Row") -> dict[str, object]:
@@ -158,6 +166,7 @@ def _as_dict(row: "Row") -> dict[str, object]:
         "value": None if found is None else found.value,
         "ci95": None if found is None else [found.low, found.high],
         "now": row.present,
+        "confirmed": row.is_confirmed,
         "formula": row.formula,
         "logs": list(row.logs),
         "lacking": row.lacking,

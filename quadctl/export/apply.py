@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from quadctl.errors import FlightError
-from quadctl.export.autopilot import Dialect, Row
+from quadctl.export.autopilot import Dialect, Present, Row
 from quadctl.flight.autopilot.mavsdk_autopilot import MavsdkAutopilot
 from quadctl.flight.preflight.changed_parameters import FILE_NAME, Change, ChangedParameters, restore
 from quadctl.flight.realtime import run
@@ -12,8 +12,8 @@ from quadctl.flight.realtime import run
 Say = Callable[[str], None]
 
 
-def present_parameters(url: str, dialect: Dialect, names: Sequence[str]) -> dict[str, float]:
-    """Values of the parameters on the vehicle at `url`.
+def present_parameters(url: str, dialect: Dialect) -> Present:
+    """Values, on the vehicle at `url`, of the parameters that an export is about.
 
     Raises
     ------
@@ -23,10 +23,10 @@ def present_parameters(url: str, dialect: Dialect, names: Sequence[str]) -> dict
         It is another kind of autopilot.
     """
 
-    async def ask() -> dict[str, float]:
+    async def ask() -> Present:
         autopilot = await _connected(url, dialect)
         try:
-            return await autopilot.parameters(names)
+            return Present(await autopilot.parameters(dialect.asked), url, is_whole=True)
         finally:
             await autopilot.close()
 
@@ -101,7 +101,7 @@ def _require_disarmed(autopilot: MavsdkAutopilot) -> None:
 
 
 def _wanted(rows: Sequence[Row]) -> dict[str, float]:
-    return {row.name: row.estimate.value for row in rows if row.estimate is not None}
+    return {row.name: row.to_write for row in rows if row.to_write is not None}
 
 
 async def _set(

@@ -1,6 +1,6 @@
 """ArduPilot Copter: parameters for hover, thrust curve and the drag of its wind estimation (EKF3)."""
 
-from quadctl.export.autopilot import Dialect
+from quadctl.export.autopilot import Dialect, Older
 
 ROTORS_OF_CLASS = {1: 4, 2: 6, 3: 8, 4: 8, 5: 6, 7: 3}
 """Number of rotors by FRAME_CLASS: quad, hexa, octa, octa-quad, Y6, tri."""
@@ -14,6 +14,21 @@ ARDUPILOT = Dialect(
     momentum_drag="EK3_DRAG_MCOEF",
     switches={},  # coefficients above 0 switch it on
     default_curve=0.65,
+    ranges={
+        "MOT_THST_HOVER": (0.125, 0.6875),
+        "MOT_THST_EXPO": (-1.0, 1.0),
+        "EK3_DRAG_BCOEF_X": (0.0, 1000.0),
+        "EK3_DRAG_BCOEF_Y": (0.0, 1000.0),
+        "EK3_DRAG_MCOEF": (0.0, 1.0),
+    },
+    older={
+        "MOT_THST_HOVER": Older(
+            "THR_MID",
+            lambda _, hover: float(round(1000.0 * hover)),
+            "up to Copter 3.3 THR_MID, in thousandths, is the throttle of hover",
+        )
+    },
+    since=dict.fromkeys(("EK3_DRAG_BCOEF_X", "EK3_DRAG_BCOEF_Y", "EK3_DRAG_MCOEF"), "4.1"),
     notes={
         "MOT_THST_HOVER": "where it starts from; MOT_HOVER_LEARN 2 then tracks it in flight",
         "MOT_THST_EXPO": "tune the gains of the rate controller again; the vehicle file's throttle line changes, too",

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
 
+from quadctl.errors import SettingsError
 from quadctl.model import Model
 
 
@@ -26,12 +27,16 @@ def estimate(model: Model, quantity: Callable[[Model], float]) -> Estimate:
 
     Each parameter goes to the two ends of its own interval while the others keep their values; the changes are added
     as those of independent errors, upward and downward apart. Correlations between parameters are not in a model file.
+    Where a model at such an end does not have the quantity, as one that cannot hover, the interval has no bounds.
     """
     value = quantity(model)
     below = above = 0.0
     for i, item in enumerate(model.stack):
         for name, bounds in (item.fitted.ci95 if item.fitted is not None else {}).items():
-            changes = [quantity(_with(model, i, name, bound)) - value for bound in bounds]
+            try:
+                changes = [quantity(_with(model, i, name, bound)) - value for bound in bounds]
+            except SettingsError:
+                return Estimate(value, -math.inf, math.inf)
             below += min(*changes, 0.0) ** 2
             above += max(*changes, 0.0) ** 2
     if below == above == 0.0:

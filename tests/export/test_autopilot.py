@@ -13,7 +13,7 @@ from quadctl.effects.thrust_map import LineMap
 from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.errors import SettingsError
 from quadctl.export.ardupilot import ARDUPILOT
-from quadctl.export.autopilot import Row, parameter_file, parameters
+from quadctl.export.autopilot import Dialect, Present, Row, parameter_file, parameters
 from quadctl.export.estimate import Estimate, estimate
 from quadctl.export.hover import bend, hover_throttle
 from quadctl.export.px4 import PX4
@@ -26,7 +26,8 @@ AREA = Provenance(logs=("fast.csv",), ci95={"area_x_m2": (0.02, 0.04), "area_y_m
 
 
 def rows_of(model: Model, present: dict[str, float] | None = None) -> dict[str, Row]:
-    return {row.name: row for row in parameters(model, PX4, present or {})}
+    now = None if present is None else Present(present, "now.params", is_whole=False)
+    return {row.name: row for row in parameters(model, PX4, now)}
 
 
 class TestHover:
@@ -49,6 +50,13 @@ class TestHover:
         line = raptor.throttle
         low, high = (line.offset + line.per_newton * raptor.weight_n / factor for factor in (1.1, 0.9))
         assert (found.low, found.high) == pytest.approx((low, high), abs=1e-8)
+
+    def test_a_thrust_that_may_not_carry_the_vehicle_gives_no_number(self, raptor: Vehicle) -> None:
+        fitted = Provenance(ci95={"factor": (0.4, 1.5)})
+        row = rows_of(Model(raptor).plus(ConstantScale(0.9), fitted))["MPC_THR_HOVER"]
+        assert row.lacking.startswith(
+            "these flights do not tell it (it has no bounds): fly a flight away from the ground"
+        )
 
 
 class TestCurve:
@@ -95,11 +103,58 @@ class TestDrag:
         assert found is not None
         assert (found.value, found.low, found.high) == pytest.approx((1.5 / 0.03, 1.5 / 0.04, 1.5 / 0.02))
 
-    def test_an_area_that_may_be_zero_gives_no_number(self, raptor: Vehicle) -> None:
-        row = rows_of(Model(raptor).plus(QuadraticDrag(0.03, 0.02, 0.0), AREA))["EKF2_BCOEF_Y"]
+    @pytest.mark.parametrize("area_m2", [0.02, 0.0], ids=["found above zero", "found at zero"])
+    @pytest.mark.parametrize("dialect", [PX4, ARDUPILOT], ids=["PX4", "ArduPilot"])
+    def test_an_area_that_is_not_told_from_zero_gives_no_number(
+        self, raptor: Vehicle, dialect: Dialect, area_m2: float
+    ) -> None:
+        rows = parameters(Model(raptor).plus(QuadraticDrag(0.03, area_m2, 0.0), AREA), dialect)
+        (row,) = [row for row in rows if row.name == dialect.ballistic_y]
         assert row.estimate is None
-        fly = "fly runs at several speeds, such as missions/forward_runs.yaml, and fit it"
-        assert row.lacking == f"these flights do not tell it (30 to inf): {fly}"
+        assert row.lacking == (
+            "the drag area seen from the side (area_y_m2) is not told from zero: at most 0.05 m², so that it is at "
+            "least 30 kg/m²: fly runs to the side at several speeds, such as missions/headings.yaml, and fit it"
+        )
+
+    @pytest.mark.parametrize(
+        ("fitted", "area_m2"),
+        [
+            (Provenance(ci95={"area_x_m2": (0.02, 0.04)}), 0.02),
+            (Provenance(ci95={"area_x_m2": (0.02, 0.04)}), 0.0),
+            (Provenance(ci95={"area_x_m2": (0.02, 0.04), "area_y_m2": (0.0, 0.0)}), 0.0),
+            (Provenance(ci95={"area_x_m2": (0.02, 0.04), "area_y_m2": (1e-9, 0.05)}), 0.02),
+            (Provenance(ci95={"area_x_m2": (0.02, 0.04), "area_y_m2": (0.0019, 0.0021)}), 0.002),
+        ],
+        ids=[
+            "no interval",
+            "zero without interval",
+            "interval of zero",
+            "interval that almost reaches zero",
+            "tiny area",
+        ],
+    )
+    @pytest.mark.parametrize("dialect", [PX4, ARDUPILOT], ids=["PX4", "ArduPilot"])
+    def test_no_file_holds_what_the_autopilot_cannot_take(
+        self, raptor: Vehicle, tmp_path: Path, dialect: Dialect, fitted: Provenance, area_m2: float
+    ) -> None:
+        rows = parameters(Model(raptor).plus(QuadraticDrag(0.03, area_m2, 0.0), fitted), dialect)
+        path = tmp_path / "out.params"
+        path.write_text(parameter_file(rows, dialect, "fitted.yaml"))
+        written = read_parameters(path)
+        for name, (low, high) in dialect.ranges.items():
+            assert low <= written.get(name, low) <= high
+        assert dialect.ballistic_x in written
+
+    def test_a_drag_without_intervals_of_its_own_gives_no_number(self, raptor: Vehicle) -> None:
+        along_z = Provenance(logs=("climbs.csv",), ci95={"d_z": (0.1, 0.2)})
+        row = rows_of(Model(raptor).plus(LinearDrag(0.4, 0.4, 0.15), along_z))["EKF2_MCOEF"]
+        assert row.estimate is None
+        assert row.lacking.startswith("none of the parameters that it depends on has a confidence interval: fly runs")
+
+    def test_a_value_that_the_autopilot_does_not_take_is_named(self, raptor: Vehicle) -> None:
+        strong = Provenance(ci95={"d_x": (1.9, 2.1), "d_y": (1.9, 2.1)})
+        row = rows_of(Model(raptor).plus(LinearDrag(2.0, 2.0, 0.0), strong))["EKF2_MCOEF"]
+        assert row.lacking == "it is 2.017 [1.945, 2.088], but PX4 takes 0 to 1"
 
 
 def test_what_the_model_does_not_hold_is_named_with_the_command_and_a_flight_that_shows_it(
@@ -117,7 +172,8 @@ def test_what_the_model_does_not_hold_is_named_with_the_command_and_a_flight_tha
 def test_the_file_can_be_read_again(raptor: Vehicle, tmp_path: Path, dialect: object) -> None:
     assert dialect in (PX4, ARDUPILOT)
     chosen = PX4 if dialect is PX4 else ARDUPILOT
-    rows = parameters(Model(raptor).plus(LinearDrag(0.4, 0.4, 0.05), DRAG), chosen, {chosen.momentum_drag: 0.15})
+    now = Present({chosen.momentum_drag: 0.15}, "now.params", is_whole=False)
+    rows = parameters(Model(raptor).plus(LinearDrag(0.4, 0.4, 0.05), DRAG), chosen, now)
     path = tmp_path / "out.params"
     path.write_text(parameter_file(rows, chosen, "fitted.yaml"))
     read = read_parameters(path)

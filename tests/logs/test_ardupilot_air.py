@@ -112,7 +112,7 @@ class TestRecorded:
     def test_the_throttle_of_hover_is_the_true_one(self, name: str, hover: float) -> None:
         rigid = load_model(DATA / "real" / "ardupilot" / "vehicle.yaml")
         model = add("thrust_scale", rigid, [RECORDED / f"{name}.bin"]).model
-        (found,) = [row.estimate for row in parameters(model, ARDUPILOT, {}) if row.name == "MOT_THST_HOVER"]
+        (found,) = [row.estimate for row in parameters(model, ARDUPILOT) if row.name == "MOT_THST_HOVER"]
         assert found is not None
         assert found.low < hover < found.high
         assert found.high - found.low < 0.012
