@@ -1,9 +1,10 @@
 """The one application that the commands register with, and the console that they print on."""
 
-import typer
 from rich.console import Console
 
-app = typer.Typer(
+from quadctl.cli.overwriting import App
+
+app = App(
     name="quadctl",
     no_args_is_help=True,
     add_completion=False,

@@ -18,7 +18,8 @@ from quadctl.cli.flight import (
     WithoutFailsafeOption,
 )
 from quadctl.cli.inputs import find_all, find_configuration, find_mission
-from quadctl.cli.output import JsonOption, check_outputs, write_json
+from quadctl.cli.output import JsonOption, write_json
+from quadctl.cli.overwriting import Reads
 from quadctl.errors import FlightError
 
 STYLES = {"ok": "green", "warning": "yellow", "refused": "bold red"}
@@ -34,6 +35,7 @@ def _found(files: list[Path]) -> list[Path]:
 def check(
     files: Annotated[
         list[Path],
+        Reads(),
         typer.Argument(
             metavar="[VEHICLE.yaml] MISSION",
             help="Without a vehicle file: the vehicle of the configuration. Mission file, or its name: figure8.",
@@ -66,7 +68,6 @@ def check(
     if len(files) > 2:
         raise typer.BadParameter(f"{len(files)} files are given, expected a mission, or a vehicle and a mission")
     *vehicles, mission = files
-    check_outputs([*files, config], json_out)
     plan = read_flight(
         mission,
         find_configuration(config, mission),

@@ -9,7 +9,8 @@ from rich.table import Table
 
 from quadctl.cli.app import app, console
 from quadctl.cli.inputs import find
-from quadctl.cli.output import JsonOption, check_outputs, print_saved, write_json, write_text
+from quadctl.cli.output import JsonOption, print_saved, write_json, write_text
+from quadctl.cli.overwriting import Reads, Writes, WritesInto
 from quadctl.errors import FlightError, QuadctlError
 
 if TYPE_CHECKING:
@@ -24,7 +25,9 @@ CONFIRMATION = "apply"
 @app.command()
 def export(
     model: Annotated[
-        Path, typer.Argument(metavar="MODEL.yaml", help="Fitted model, as add and discover write it.", callback=find)
+        Path,
+        Reads(),
+        typer.Argument(metavar="MODEL.yaml", help="Fitted model, as add and discover write it.", callback=find),
     ],
     to: Annotated[
         str,
@@ -34,9 +37,12 @@ def export(
             help="Parameters, or equations of motion.",
         ),
     ],
-    output: Annotated[Path | None, typer.Option("-o", "--output", metavar="FILE", help="File to write.")] = None,
+    output: Annotated[
+        Path | None, Writes(), typer.Option("-o", "--output", metavar="FILE", help="File to write.")
+    ] = None,
     now: Annotated[
         Path | None,
+        Reads(),
         typer.Option(
             "--now", metavar="FILE", help="The vehicle's present parameters (.params, .parm), or a log of it."
         ),
@@ -50,7 +56,7 @@ def export(
     undo: Annotated[bool, typer.Option("--undo", help="Restore what --apply has changed.")] = False,
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask before --apply.")] = False,
     kept: Annotated[
-        Path, typer.Option("--kept", metavar="DIR", help="Folder in which --apply keeps the old values.")
+        Path, WritesInto(), typer.Option("--kept", metavar="DIR", help="Folder in which --apply keeps the old values.")
     ] = Path("exported"),
     json_out: JsonOption = None,
 ) -> None:
@@ -78,7 +84,6 @@ def export(
         raise typer.BadParameter("--apply and --undo need --link")
     if now is not None and link is not None:
         raise typer.BadParameter("give --now or --link, not both")
-    check_outputs([model, now], output, json_out)
     if to in PROGRAMS:
         assert output is not None
         _write_program(PROGRAMS[to], load_model(model), output)

@@ -7,20 +7,27 @@ import typer
 
 from quadctl.cli.app import app, console
 from quadctl.cli.inputs import find
-from quadctl.cli.output import JsonOption, check_outputs, write_json
+from quadctl.cli.output import JsonOption, write_json
+from quadctl.cli.overwriting import Reads, Writes
 
 
 @app.command()
 def fleet(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder with a folder of logs for each vehicle.")],
+    folder: Annotated[
+        Path, Reads(), typer.Argument(metavar="DIR", help="Folder with a folder of logs for each vehicle.")
+    ],
     model: Annotated[
-        Path, typer.Option("--model", metavar="MODEL.yaml", help="Vehicle or model file of the fleet.", callback=find)
+        Path,
+        Reads(),
+        typer.Option("--model", metavar="MODEL.yaml", help="Vehicle or model file of the fleet.", callback=find),
     ],
     index: Annotated[
-        Path | None, typer.Option("--index", metavar="FILE", help="Index of what was measured (DIR/fleet.jsonl).")
+        Path | None,
+        Writes(),
+        typer.Option("--index", metavar="FILE", help="Index of what was measured (DIR/fleet.jsonl)."),
     ] = None,
     html: Annotated[
-        Path | None, typer.Option("--html", metavar="OUT.html", help="Write a report with all vehicles.")
+        Path | None, Writes(), typer.Option("--html", metavar="OUT.html", help="Write a report with all vehicles.")
     ] = None,
     json_out: JsonOption = None,
     jobs: Annotated[int, typer.Option("--jobs", metavar="N", min=1, help="Number of processes.")] = 1,
@@ -36,7 +43,6 @@ def fleet(
     from quadctl.fleet.work import measure_fleet
 
     index = index or folder / "fleet.jsonl"
-    check_outputs([model], index, html, json_out)
     logs = find_logs(folder, model)
     known = Index(index)
     with console.status("measuring") as status:

@@ -10,7 +10,8 @@ import typer
 
 from quadctl.cli.app import app, console
 from quadctl.cli.inputs import find, find_configuration, find_mission
-from quadctl.cli.output import JsonOption, check_outputs, print_warning, write_json
+from quadctl.cli.output import JsonOption, print_warning, write_json
+from quadctl.cli.overwriting import Reads, WritesInto
 from quadctl.errors import FlightError
 from quadctl.installed import is_installed
 from quadctl.sitl.autopilots import Simulated
@@ -21,21 +22,25 @@ TOKEN = re.compile(r"[\w-]{8,}", re.ASCII)
 
 MissionArgument = Annotated[
     Path,
+    Reads(),
     typer.Argument(
         metavar="MISSION", help="Mission file, or the name of one in missions/: figure8.", callback=find_mission
     ),
 ]
 ModelOption = Annotated[
     str | None,
+    Reads(),
     typer.Option("--model", metavar="MODEL", help="Compensator: none, an effect such as hayden, or a model file."),
 ]
 ConfigOption = Annotated[
     Path | None,
+    Reads(),
     typer.Option("--config", metavar="FILE", help="Flight configuration [default: config/flight.yaml].", callback=find),
 ]
-LogDirOption = Annotated[Path, typer.Option("--log-dir", metavar="DIR", help="Folder for the log.")]
+LogDirOption = Annotated[Path, WritesInto(), typer.Option("--log-dir", metavar="DIR", help="Folder for the log.")]
 HiddenOption = Annotated[
     Path | None,
+    Reads(),
     typer.Option(
         "--hidden",
         metavar="FILE",
@@ -93,7 +98,6 @@ def simulate(
     """Fly a mission in simulated time, as fast as the machine can, reproducible from a seed."""
     from quadctl.flight.preflight.preparation import prepare_flight
 
-    check_outputs([mission, config, hidden], json_out)
     plan = prepare_flight(mission, find_configuration(config, mission), model, offset_up, overrides or ())
     _print_warnings(plan, simulated=True)
     _finish(simulator().simulate(plan, log_dir, hidden, seed), json_out)
@@ -147,7 +151,6 @@ def fly(
         raise typer.BadParameter("--view-token is for the live view: it needs --view")
     if view_token is not None and not TOKEN.fullmatch(view_token):
         raise typer.BadParameter("--view-token lands a vehicle: give 8 or more letters, digits, - or _")
-    check_outputs([mission, config, hidden], json_out)
     configuration = find_configuration(config, mission)
     if not sitl and is_installed(configuration):
         raise FlightError(
@@ -172,9 +175,9 @@ def fly(
 
 @app.command()
 def demo(
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for logs, models and the report.")] = Path(
-        "demo"
-    ),
+    out: Annotated[
+        Path, WritesInto(), typer.Option("--out", metavar="DIR", help="Folder for logs, models and the report.")
+    ] = Path("demo"),
     real_time: Annotated[bool, typer.Option(help="Include a short flight over MAVLink in real time.")] = True,
 ) -> None:
     """Run the whole workflow without hardware: fly, compare, diagnose, add, fly again."""

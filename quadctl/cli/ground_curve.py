@@ -7,7 +7,8 @@ import typer
 
 from quadctl.cli.app import app, console
 from quadctl.cli.inputs import find
-from quadctl.cli.output import JsonOption, check_outputs, print_saved, write_json
+from quadctl.cli.output import JsonOption, print_saved, write_json
+from quadctl.cli.overwriting import Reads, Writes
 from quadctl.errors import QuadctlError
 from quadctl.model import save_model
 from quadctl.vehicle import load_vehicle
@@ -17,13 +18,18 @@ from quadctl.vehicle import load_vehicle
 def ground_curve(
     table: Annotated[
         Path,
+        Reads(),
         typer.Argument(metavar="FILE.csv", help="Table: height_m and thrust_ratio, thrust_n, thrust_g or thrust_kg."),
     ],
     vehicle: Annotated[
-        Path, typer.Option("--vehicle", metavar="VEHICLE.yaml", help="Vehicle file of the rotors.", callback=find)
+        Path,
+        Reads(),
+        typer.Option("--vehicle", metavar="VEHICLE.yaml", help="Vehicle file of the rotors.", callback=find),
     ],
     output: Annotated[
-        Path | None, typer.Option("-o", "--out", metavar="MODEL.yaml", help="Model file with the best formula.")
+        Path | None,
+        Writes(),
+        typer.Option("-o", "--out", metavar="MODEL.yaml", help="Model file with the best formula."),
     ] = None,
     formula: Annotated[
         str | None,
@@ -33,7 +39,9 @@ def ground_curve(
         str | None, typer.Option("--surface", metavar="NAME", help="One surface for the model file, in place of all.")
     ] = None,
     plot: Annotated[
-        Path | None, typer.Option("--plot", metavar="FILE.png", help="Draw the measured points and the fitted curves.")
+        Path | None,
+        Writes(),
+        typer.Option("--plot", metavar="FILE.png", help="Draw the measured points and the fitted curves."),
     ] = None,
     json_out: JsonOption = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite files of earlier runs.")] = False,
@@ -43,7 +51,6 @@ def ground_curve(
     from quadctl.ground_curve.plot import draw
     from quadctl.ground_curve.result import evaluate
 
-    check_outputs([table, vehicle], output, plot, json_out)
     for path in () if force else (output, plot):
         if path is not None and path.exists():
             raise QuadctlError(f"{path}: is there already, expected a new file (or --force)")

@@ -7,12 +7,15 @@ import typer
 
 from quadctl.cli.app import app
 from quadctl.cli.output import print_saved
+from quadctl.cli.overwriting import WritesInto
 from quadctl.installed import write_copies
 
 
 @app.command()
 def init(
-    directory: Annotated[Path, typer.Argument(metavar="DIR", help="Folder to write to; it is made where needed.")],
+    directory: Annotated[
+        Path, WritesInto(), typer.Argument(metavar="DIR", help="Folder to write to; it is made where needed.")
+    ],
 ) -> None:
     """Copy the installed missions, flight configuration, vehicles and simulator scripts into a folder, for editing."""
     for written in write_copies(directory):

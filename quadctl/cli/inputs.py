@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from quadctl.cli.app import console
+from quadctl.cli.overwriting import check_read
 from quadctl.installed import describe, is_installed, locate
 
 
@@ -40,6 +41,7 @@ def find_configuration(given: Path | None, mission: Path) -> Path:
     from quadctl.flight.pilot.settings import find_config
 
     path = find_config(given, mission)
+    check_read(path)
     say_used("configuration", path)
     return path
 

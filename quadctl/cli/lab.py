@@ -11,7 +11,8 @@ import typer
 
 from quadctl.cli.app import app, console
 from quadctl.cli.inputs import find, find_missions
-from quadctl.cli.output import JsonOption, check_outputs, print_saved, write_json, write_text
+from quadctl.cli.output import JsonOption, print_saved, write_json, write_text
+from quadctl.cli.overwriting import Reads, Writes, WritesInto
 from quadctl.logs.formats import CONVERTERS, suffixes
 
 if TYPE_CHECKING:
@@ -23,10 +24,12 @@ MAX_NUMBER = 1e9
 PAPER_FILES = ("model.tex", "model.bib", "model.json")
 
 ModelArgument = Annotated[
-    Path, typer.Argument(metavar="MODEL.yaml", help="Model file, or a bare vehicle file.", callback=find)
+    Path, Reads(), typer.Argument(metavar="MODEL.yaml", help="Model file, or a bare vehicle file.", callback=find)
 ]
-LogArguments = Annotated[list[Path], typer.Argument(metavar="LOG...", help=f"Flight logs: {', '.join(suffixes())}.")]
-HtmlOption = Annotated[Path | None, typer.Option("--html", metavar="OUT", help="Write a report with plots.")]
+LogArguments = Annotated[
+    list[Path], Reads(), typer.Argument(metavar="LOG...", help=f"Flight logs: {', '.join(suffixes())}.")
+]
+HtmlOption = Annotated[Path | None, Writes(), typer.Option("--html", metavar="OUT", help="Write a report with plots.")]
 HoldOutOption = Annotated[
     str,
     typer.Option(
@@ -60,7 +63,6 @@ def compare(
     from quadctl.lab.comparison.comparison import compare as run
     from quadctl.lab.report.page import write_report
 
-    check_outputs([model, *logs], json_out, html)
     loaded, data = _model_and_data(model, logs, "blocks")
     result = run(loaded, data)
     console.print(result)
@@ -82,6 +84,7 @@ def diagnose(
     jobs: JobsOption = 1,
     expression: Annotated[
         Path | None,
+        Writes(),
         typer.Option(
             "--save-expression",
             metavar="FILE.py",
@@ -97,7 +100,6 @@ def diagnose(
     from quadctl.lab.selection.diagnosis import diagnose as run
     from quadctl.lab.symbolic.effect_file import as_effect_file
 
-    check_outputs([model, *logs], json_out, html, expression)
     with parallel_config("loky", n_jobs=jobs):
         loaded, data = _model_and_data(model, logs, hold_out)
         with console.status("diagnosing") as status:
@@ -121,6 +123,7 @@ def suggest(
     logs: LogArguments,
     missions: Annotated[
         Path,
+        Reads(),
         typer.Option(
             "--missions", metavar="DIR", help="Folder of the missions to choose from.", callback=find_missions
         ),
@@ -132,7 +135,6 @@ def suggest(
     from quadctl.lab.planning.suggestion import suggest as run
     from quadctl.lab.selection.diagnosis import diagnose as run_diagnose
 
-    check_outputs([model, *logs], json_out)
     loaded, data = _model_and_data(model, logs, hold_out)
     with console.status("diagnosing") as status:
         diagnosis = run_diagnose(loaded, data, progress=status.update)
@@ -149,13 +151,14 @@ def suggest(
 def add(
     effect: Annotated[
         str,
+        Reads(),
         typer.Argument(
             metavar="EFFECT", help="Name of an effect, e.g. ground_effect.exponential, or FILE.py of your own."
         ),
     ],
     model: ModelArgument,
     logs: LogArguments,
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="NEW.yaml", help="The new model file.")],
+    output: Annotated[Path, Writes(), typer.Option("-o", "--output", metavar="NEW.yaml", help="The new model file.")],
     json_out: JsonOption = None,
     html: HtmlOption = None,
     hold_out: HoldOutOption = "blocks",
@@ -167,7 +170,6 @@ def add(
     from quadctl.lab.selection.addition import add as run
     from quadctl.model import load_model, save_model
 
-    check_outputs([model, *logs], output, json_out, html)
     kind, files = choose_effect(effect, "EFFECT", load_model(model).effect_files)
     loaded, data = _model_and_data(model, logs, hold_out)
     result = run(kind, replace(loaded, effect_files=files), data)
@@ -193,7 +195,6 @@ def verify(
     from quadctl.logs.read import read_logs
     from quadctl.model import load_model
 
-    check_outputs([model, *logs], json_out)
     loaded = load_model(model)
     result = run(loaded, [load_dataset([log], loaded.vehicle) for log in read_logs(logs)])
     console.print(result)
@@ -206,7 +207,7 @@ def verify(
 def surfaces(
     model: ModelArgument,
     logs: LogArguments,
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="NEW.yaml", help="The new model file.")],
+    output: Annotated[Path, Writes(), typer.Option("-o", "--output", metavar="NEW.yaml", help="The new model file.")],
     json_out: JsonOption = None,
     hold_out: HoldOutOption = "blocks",
 ) -> None:
@@ -214,7 +215,6 @@ def surfaces(
     from quadctl.lab.selection.surfaces import compare_surfaces
     from quadctl.model import save_model
 
-    check_outputs([model, *logs], output, json_out)
     loaded, data = _model_and_data(model, logs, hold_out)
     result = compare_surfaces(loaded, data)
     save_model(result.model, output)
@@ -228,7 +228,7 @@ def surfaces(
 def fit(
     model: ModelArgument,
     logs: LogArguments,
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="NEW.yaml", help="The new model file.")],
+    output: Annotated[Path, Writes(), typer.Option("-o", "--output", metavar="NEW.yaml", help="The new model file.")],
     json_out: JsonOption = None,
     hold_out: HoldOutOption = "blocks",
 ) -> None:
@@ -236,7 +236,6 @@ def fit(
     from quadctl.lab.selection.refit import fit as run
     from quadctl.model import save_model
 
-    check_outputs([model, *logs], output, json_out)
     loaded, data = _model_and_data(model, logs, hold_out)
     result = run(loaded, data)
     save_model(result.model, output)
@@ -250,9 +249,9 @@ def fit(
 def remove(
     effect: Annotated[str, typer.Argument(metavar="EFFECT", help="Name, family or variant of an effect of the model.")],
     model: ModelArgument,
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="NEW.yaml", help="The new model file.")],
+    output: Annotated[Path, Writes(), typer.Option("-o", "--output", metavar="NEW.yaml", help="The new model file.")],
     logs: Annotated[
-        list[Path] | None, typer.Argument(metavar="LOG...", help="Flight logs to refit the other effects on.")
+        list[Path] | None, Reads(), typer.Argument(metavar="LOG...", help="Flight logs to refit the other effects on.")
     ] = None,
     json_out: JsonOption = None,
     hold_out: HoldOutOption = "blocks",
@@ -262,7 +261,6 @@ def remove(
     from quadctl.lab.selection.removal import remove as run
     from quadctl.model import load_model, save_model
 
-    check_outputs([model, *(logs or [])], output, json_out)
     if not logs:
         loaded = load_model(model)
         taken = held_effect(effect, loaded)
@@ -287,7 +285,9 @@ def discover(
     model: ModelArgument,
     logs: LogArguments,
     output: Annotated[
-        Path, typer.Option("-o", "--output", metavar="NEW.yaml", help="The model file with the effects found.")
+        Path,
+        Writes(),
+        typer.Option("-o", "--output", metavar="NEW.yaml", help="The model file with the effects found."),
     ],
     json_out: JsonOption = None,
     html: HtmlOption = None,
@@ -321,7 +321,9 @@ def report(
     model: ModelArgument,
     logs: LogArguments,
     paper: Annotated[
-        Path, typer.Option("--paper", metavar="DIR", help="Folder for model.tex, model.bib and model.json.")
+        Path,
+        WritesInto(PAPER_FILES),
+        typer.Option("--paper", metavar="DIR", help="Folder for model.tex, model.bib and model.json."),
     ],
     json_out: JsonOption = None,
     hold_out: HoldOutOption = "blocks",
@@ -329,8 +331,6 @@ def report(
     """Write a model, fitted to flights, for a paper: LaTeX, BibTeX and JSON."""
     from quadctl.lab.paper import paper_files, state
 
-    targets = [paper / name for name in PAPER_FILES]
-    check_outputs([model, *logs], json_out, *targets)
     loaded, data = _model_and_data(model, logs, hold_out)
     statement = state(loaded, data, shlex.join(["quadctl", *sys.argv[1:]]))
     _print_notes(data)
@@ -345,6 +345,7 @@ def metrics(
     logs: LogArguments,
     reference: Annotated[
         list[Path] | None,
+        Reads(),
         typer.Option("--reference", metavar="LOG", help="The same flight out of ground effect (may be repeated)."),
     ] = None,
     setpoint: Annotated[
@@ -364,7 +365,6 @@ def metrics(
     from quadctl.lab.tracking.rendering import render
     from quadctl.logs.read import read_logs
 
-    check_outputs([*logs, *(reference or [])], json_out)
     for name, value in (("--setpoint", setpoint), ("--from", begin), ("--to", end)):
         if value is not None and not abs(value) < MAX_NUMBER:
             raise typer.BadParameter(
@@ -388,15 +388,19 @@ def inspect_logs(
     ] = None,
     output: Annotated[
         Path | None,
+        WritesInto(),
         typer.Option("-o", "--output", metavar="DIR", help="Folder to write to [default: beside each log]."),
     ] = None,
     by_map: Annotated[
         Path | None,
+        Reads(),
         typer.Option("--map", metavar="MAP.yaml", help="Read tables of another program by this map.", callback=find),
     ] = None,
     guess: Annotated[bool, typer.Option("--guess", help="Propose a map of one table, and print it.")] = False,
     plot: Annotated[
-        Path | None, typer.Option("--plot", metavar="PNG", help="Draw what each channel says beside what others say.")
+        Path | None,
+        Writes(),
+        typer.Option("--plot", metavar="PNG", help="Draw what each channel says beside what others say."),
     ] = None,
     json_out: JsonOption = None,
 ) -> None:
@@ -405,7 +409,6 @@ def inspect_logs(
     from quadctl.logs.quality import quality
     from quadctl.logs.read import read_logs
 
-    check_outputs([*logs, by_map], json_out, plot)
     if guess and (by_map or plot or to or json_out or len(logs) != 1):
         raise typer.BadParameter("--guess takes one table, and no other option")
     if plot is not None and len(logs) != 1:

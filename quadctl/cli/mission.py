@@ -10,9 +10,10 @@ from rich.text import Text
 from quadctl.cli.app import app, console
 from quadctl.cli.flight import ConfigOption, MissionArgument, OffsetOption, SetOption
 from quadctl.cli.inputs import find_configuration, find_missions
-from quadctl.cli.output import check_outputs, print_saved
+from quadctl.cli.output import print_saved
+from quadctl.cli.overwriting import App, Reads, Writes
 
-missions = typer.Typer(no_args_is_help=True, help="Look at missions: list, show.", rich_markup_mode=None)
+missions = App(no_args_is_help=True, help="Look at missions: list, show.", rich_markup_mode=None)
 app.add_typer(missions, name="mission")
 
 
@@ -20,7 +21,9 @@ app.add_typer(missions, name="mission")
 def show(
     mission: MissionArgument,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="PNG", help="Draw into this file, not on the terminal.")
+        Path | None,
+        Writes(),
+        typer.Option("-o", "--output", metavar="PNG", help="Draw into this file, not on the terminal."),
     ] = None,
     config: ConfigOption = None,
     offset_up: OffsetOption = None,
@@ -31,7 +34,6 @@ def show(
     from quadctl.missions import load_mission
     from quadctl.missions.sketch import sketch
 
-    check_outputs([mission, config], output)
     loaded = load_mission(mission, offset_up, overrides or ())
     settings = load_flight_settings(find_configuration(config, mission))
     speed, tilt_deg = settings.guards.max_speed_m_s, settings.controller.max_tilt_deg
@@ -47,7 +49,7 @@ def show(
 @missions.command("list")
 def list_missions(
     folder: Annotated[
-        Path, typer.Argument(metavar="DIR", help="Folder with mission files.", callback=find_missions)
+        Path, Reads(), typer.Argument(metavar="DIR", help="Folder with mission files.", callback=find_missions)
     ] = Path("missions"),
 ) -> None:
     """List the missions of a folder: duration, heights, the parameters of --set, and the purpose."""

@@ -10,7 +10,8 @@ import typer
 
 from quadctl.cli.app import app, console
 from quadctl.cli.inputs import find
-from quadctl.cli.output import JsonOption, check_outputs, print_saved, write_json, write_text
+from quadctl.cli.output import JsonOption, print_saved, write_json, write_text
+from quadctl.cli.overwriting import Reads, Writes
 from quadctl.errors import FlightError, QuadctlError
 from quadctl.vehicle import Vehicle, load_vehicle
 
@@ -25,20 +26,25 @@ TYPED = "typed"
 @app.command("thrust-stand")
 def thrust_stand(
     vehicle: Annotated[
-        Path, typer.Argument(metavar="VEHICLE.yaml", help="Vehicle file of the rotor's vehicle.", callback=find)
+        Path,
+        Reads(),
+        typer.Argument(metavar="VEHICLE.yaml", help="Vehicle file of the rotor's vehicle.", callback=find),
     ],
     link: Annotated[
         str | None,
         typer.Option("--link", metavar="URL", help="Measure over this link: auto, udpin://..., serial:///dev/...:BAUD"),
     ] = None,
     measured: Annotated[
-        Path | None, typer.Option("--from", metavar="FILE.csv", help="Fit an earlier measurement instead.")
+        Path | None, Reads(), typer.Option("--from", metavar="FILE.csv", help="Fit an earlier measurement instead.")
     ] = None,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="NEW.yaml", help="New vehicle file with the values found.")
+        Path | None,
+        Writes(),
+        typer.Option("-o", "--output", metavar="NEW.yaml", help="New vehicle file with the values found."),
     ] = None,
     raw: Annotated[
         Path | None,
+        Writes(a_log=True),
         typer.Option("--raw", metavar="FILE.csv", help="File for the measured points [default: named after the time]."),
     ] = None,
     scale: Annotated[
@@ -72,7 +78,9 @@ def thrust_stand(
         bool, typer.Option("--yes-props-are-safe", help="The vehicle is fixed and nobody is near: do not ask.")
     ] = False,
     plot: Annotated[
-        Path | None, typer.Option("--plot", metavar="FILE.png", help="Draw the measured points and the fitted curves.")
+        Path | None,
+        Writes(),
+        typer.Option("--plot", metavar="FILE.png", help="Draw the measured points and the fitted curves."),
     ] = None,
     json_out: JsonOption = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite files of earlier runs.")] = False,
@@ -84,7 +92,6 @@ def thrust_stand(
 
     if (link is None) == (measured is None):
         raise typer.BadParameter("give --link to measure, or --from to fit an earlier measurement")
-    check_outputs([vehicle, measured], output, plot, json_out)
     for path in () if force else (output, plot):
         if path is not None and path.exists():
             raise QuadctlError(f"{path}: is there already, expected a new file (or --force)")

@@ -8,19 +8,21 @@ import typer
 
 from quadctl.cli.app import app, console
 from quadctl.cli.inputs import find
-from quadctl.cli.output import check_outputs, print_saved, print_warning, write_text
+from quadctl.cli.output import print_saved, print_warning, write_text
+from quadctl.cli.overwriting import App, Reads, Writes
 from quadctl.errors import QuadctlError, SettingsError
 from quadctl.vehicle import load_vehicle
 
-vehicles = typer.Typer(no_args_is_help=True, help="Vehicle files: new, show.", rich_markup_mode=None)
+vehicles = App(no_args_is_help=True, help="Vehicle files: new, show.", rich_markup_mode=None)
 app.add_typer(vehicles, name="vehicle")
 
 
 @vehicles.command()
 def new(
-    output: Annotated[Path, typer.Argument(metavar="NEW.yaml", help="Vehicle file to write.")],
+    output: Annotated[Path, Writes(), typer.Argument(metavar="NEW.yaml", help="Vehicle file to write.")],
     parameters: Annotated[
         Path | None,
+        Reads(),
         typer.Option(
             "--parameters",
             metavar="FILE",
@@ -48,7 +50,6 @@ def new(
     from quadctl.vehicle_draft.draft import Answers, draft, missing
     from quadctl.vehicle_draft.frames import overlap
 
-    check_outputs([parameters], output)
     if output.exists() and not force:
         raise QuadctlError(f"{output}: is there already, expected a new file (or --force)")
     known = read_present_parameters(parameters) if parameters is not None else {}
@@ -91,15 +92,14 @@ OPTIONS = {
 
 @vehicles.command()
 def show(
-    vehicle: Annotated[Path, typer.Argument(metavar="VEHICLE.yaml", help="Vehicle file.", callback=find)],
+    vehicle: Annotated[Path, Reads(), typer.Argument(metavar="VEHICLE.yaml", help="Vehicle file.", callback=find)],
     plot: Annotated[
-        Path | None, typer.Option("--plot", metavar="PNG", help="Draw the rotors from above into this file.")
+        Path | None, Writes(), typer.Option("--plot", metavar="PNG", help="Draw the rotors from above into this file.")
     ] = None,
 ) -> None:
     """Show what a vehicle's rotors can do: thrust over weight, throttle in hover, lateral force without leaning."""
     from quadctl.control.throttle import throttle_for_thrust
 
-    check_outputs([vehicle], plot)
     loaded = load_vehicle(vehicle)
     allocation, weight_n = loaded.allocation, loaded.weight_n
     reach_n = allocation.lateral_reach_n(weight_n)

@@ -8,24 +8,30 @@ import typer
 from quadctl.cli.app import app, console
 from quadctl.cli.flight import HiddenOption, simulator
 from quadctl.cli.inputs import find, find_missions
+from quadctl.cli.overwriting import Reads, WritesInto
 
 
 @app.command("lab")
 def lab_page(
     logs: Annotated[
-        list[Path] | None, typer.Argument(metavar="[LOG...]", help="Flight logs; or drop them on the page.")
+        list[Path] | None, Reads(), typer.Argument(metavar="[LOG...]", help="Flight logs; or drop them on the page.")
     ] = None,
     model: Annotated[
         Path | None,
+        Reads(),
         typer.Option("--model", metavar="MODEL.yaml", help="Model or vehicle file to begin with.", callback=find),
     ] = None,
-    session: Annotated[Path | None, typer.Option("--session", metavar="FILE", help="Continue a saved session.")] = None,
+    session: Annotated[
+        Path | None, Reads(), typer.Option("--session", metavar="FILE", help="Continue a saved session.")
+    ] = None,
     anew: Annotated[
         bool, typer.Option("--new", help="Begin a new session, even where DIR holds one of these logs.")
     ] = False,
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for all that is saved.")] = Path("lab"),
+    out: Annotated[
+        Path, WritesInto(), typer.Option("--out", metavar="DIR", help="Folder for all that is saved.")
+    ] = Path("lab"),
     missions: Annotated[
-        Path, typer.Option("--missions", metavar="DIR", help="Folder of the missions.", callback=find_missions)
+        Path, Reads(), typer.Option("--missions", metavar="DIR", help="Folder of the missions.", callback=find_missions)
     ] = Path("missions"),
     hidden: HiddenOption = None,
     port: Annotated[int, typer.Option("--port", metavar="N", min=1, max=65535)] = 8090,

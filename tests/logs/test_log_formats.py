@@ -144,7 +144,7 @@ formats.CONVERTERS["toy"] = "toy:write_toy"
         helped = " ".join(helped.split())
         assert f"{FORMATS[-1].suffix}, .toy" in helped and "csv|parquet|mcap|toy" in helped
         refused = "from quadctl.errors import QuadctlError\nfrom pathlib import Path\n"
-        refused += "from quadctl.cli.output import check_outputs\n"
+        refused += "from quadctl.cli.overwriting import check_outputs\n"
         refused += "try: check_outputs([], Path('a.toy'))\nexcept QuadctlError as error: print(error)"
         assert "is the name of a flight log" in run(refused)
 

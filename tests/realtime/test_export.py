@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from quadctl.effects.body_drag import QuadraticDrag
 from quadctl.effects.rotor_drag import LinearDrag
 from quadctl.model import Model, Provenance, save_model
 from quadctl.sitl.rules.copter import SimulatedCopter
@@ -60,6 +61,24 @@ def test_parameters_are_shown_written_read_back_and_undone(
         assert "EKF2_MCOEF is 0.15 again." in undone.out, undone.err
         for name, value in BEFORE.items():
             assert px.parameters[name] == pytest.approx(value)
+
+
+def test_older_firmware_gets_its_own_switch_and_nothing_that_it_lacks(
+    quadctl: Callable[..., Result], tmp_path: Path
+) -> None:
+    fitted = Provenance(logs=("runs.csv",), ci95={"area_x_m2": (0.04, 0.06), "area_y_m2": (0.04, 0.07)})
+    model = tmp_path / "body.yaml"
+    save_model(Model(load_vehicle(RAPTOR)).plus(QuadraticDrag(0.05, 0.05, 0.0), fitted), model)
+    px, port = SimulatedAutopilot(load_vehicle(RAPTOR)), free_port()
+    px.parameters |= {"EKF2_AID_MASK": 1.0, "EKF2_BCOEF_X": 22.0, "EKF2_BCOEF_Y": 25.0}
+    before = dict(px.parameters)
+    url = f"udpin://127.0.0.1:{port}"
+    with mock(px, port):
+        done = quadctl("export", model, "--to", "px4", "--link", url, "--apply", "--yes", "--kept", tmp_path / "old")
+    assert done.status == 0, done.err
+    assert "EKF2_BCOEF_Y: confirmed, stays 25" in done.out
+    changed = {name: value for name, value in px.parameters.items() if value != before.get(name)}
+    assert changed == {"EKF2_BCOEF_X": pytest.approx(30.0), "EKF2_AID_MASK": 33.0}
 
 
 def test_another_kind_of_autopilot_is_refused(quadctl: Callable[..., Result], model: Path) -> None:
