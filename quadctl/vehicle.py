@@ -65,7 +65,12 @@ class ThrottleCurve(Settings):
 
 
 Assumable = Literal[
-    "rotor.thrust_n_per_rpm2", "rotor.torque_to_thrust_m", "rotor.time_constant_s", "rotor_height_m", "throttle"
+    "rotor.thrust_n_per_rpm2",
+    "rotor.torque_to_thrust_m",
+    "rotor.time_constant_s",
+    "rotor_height_m",
+    "rotors",
+    "throttle",
 ]
 """Field of a vehicle that can be said to be assumed."""
 

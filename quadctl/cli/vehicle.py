@@ -34,7 +34,8 @@ def new(
         float | None, typer.Option("--propeller", metavar="M", help="Diameter of a propeller: 10 inches are 0.254.")
     ] = None,
     frame: Annotated[
-        str | None, typer.Option("--frame", metavar="NAME", help="quad-x, quad-plus, hexa-x or hexa-plus.")
+        str | None,
+        typer.Option("--frame", metavar="NAME", help="quad-x, quad-plus, hexa-x, hexa-plus, octa-x or octa-plus."),
     ] = None,
     arm: Annotated[float | None, typer.Option("--arm", metavar="M", help="From the centre to a rotor's axis.")] = None,
     hover_throttle: Annotated[
@@ -84,7 +85,6 @@ OPTIONS = {
     "mass_kg": "--mass",
     "propeller_m": "--propeller",
     "frame": "--frame",
-    "arm_m": "--arm",
     "hover_throttle": "--hover-throttle",
 }
 """The option that says each fact."""

@@ -117,6 +117,20 @@ def parameters_in_dataflash(path: Path) -> dict[str, float]:
     return _parameters({"PARM": _decoded(data, form)} if form is not None and form.offsets else {})
 
 
+def texts_in_dataflash(path: Path) -> list[str]:
+    """Texts of the messages in an ArduPilot DataFlash log.
+
+    Raises
+    ------
+    LogError
+        The file cannot be read, or is no DataFlash log.
+    """
+    data, index = _indexed(path)
+    form = index.formats.get("MSG")
+    texts = _decoded(data, form)["Message"].tolist() if form is not None and form.offsets else []
+    return [text.decode("ascii", "replace") for text in texts]
+
+
 # --- bytes ------------------------------------------------------------------------------------------------------------
 
 

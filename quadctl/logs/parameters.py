@@ -3,14 +3,17 @@
 from pathlib import Path
 
 from quadctl.errors import SettingsError
-from quadctl.logs.dataflash import is_dataflash, parameters_in_dataflash
+from quadctl.logs.dataflash import is_dataflash, parameters_in_dataflash, texts_in_dataflash
 from quadctl.logs.flight_review import parameters_in_flight_review
+from quadctl.logs.frame import with_frame
 from quadctl.logs.ulog import MAGIC, is_ulog, parameters_in_ulog
 from quadctl.parameter_file import read_parameters
 
 
 def read_present_parameters(path: Path) -> dict[str, float]:
     """Values by name; of a PX4 ULog, a folder of Flight Review or an ArduPilot DataFlash log the last ones.
+
+    The frame that an older ArduPilot tells in its messages is among them, as FRAME_CLASS and FRAME_TYPE.
 
     Raises
     ------
@@ -31,4 +34,4 @@ def read_present_parameters(path: Path) -> dict[str, float]:
     values = parameters_in_ulog(path) if is_ulog(head) else parameters_in_dataflash(path)
     if not values:
         raise SettingsError(f"{path}: is a log without parameters, expected an autopilot's parameters")
-    return values
+    return values if is_ulog(head) else with_frame(values, texts_in_dataflash(path))

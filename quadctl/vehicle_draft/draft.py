@@ -11,13 +11,16 @@ from quadctl.frames import GRAVITY_M_S2
 from quadctl.settings import validate
 from quadctl.vehicle import Assumable, Vehicle
 from quadctl.vehicle_draft.frames import (
+    APART,
     FRAMES,
     Place,
     ardupilot_frame,
     are_alike,
     are_relative,
     arm_m_of,
+    assumed_arm_m,
     frame_places,
+    px4_frame,
     px4_places,
     scaled_to,
 )
@@ -25,7 +28,9 @@ from quadctl.vehicle_draft.frames import (
 AIR_DENSITY_KG_M3 = 1.225
 THRUST_COEFFICIENT = 0.011
 """C_T = T / (rho A (omega R)²) where nothing is known: propellers of multirotors have 0.007 to 0.015."""
-PX4_HOVER, ARDUPILOT_HOVER = "MPC_THR_HOVER", "MOT_THST_HOVER"
+PX4_HOVER, ARDUPILOT_HOVER, OLDER_HOVER = "MPC_THR_HOVER", "MOT_THST_HOVER", "THR_MID"
+HOVERS = {PX4_HOVER: 1.0, ARDUPILOT_HOVER: 1.0, OLDER_HOVER: 1e-3}
+"""Parameters that hold the throttle of hover, with their unit; the last is that of ArduPilot up to Copter 3.3."""
 
 
 class Answers(NamedTuple):
@@ -38,7 +43,8 @@ class Answers(NamedTuple):
     """Diameter."""
     frame: str | None = None
     arm_m: float | None = None
-    """From the centre to a rotor's axis; to the farthest one where the parameters place the rotors."""
+    """From the centre to a rotor's axis; to the farthest one where the parameters place the rotors. Assumed from the
+    propellers where neither says it, as moments need it, but forces hardly do."""
     hover_throttle: float | None = None
     hover_rpm: float | None = None
 
@@ -58,6 +64,10 @@ class Told(NamedTuple):
     """Places of the rotors, which make frame and arm needless; an arm that is given scales them."""
     frame: str | None
     hover_throttle: float | None
+    frame_source: str = ""
+    """Parameters that hold the frame."""
+    hover_source: str = ""
+    """Parameter that holds the throttle of hover."""
 
 
 def told(parameters: Mapping[str, float]) -> Told:
@@ -68,27 +78,34 @@ def told(parameters: Mapping[str, float]) -> Told:
     SettingsError
         The parameters describe a vehicle that this cannot draw.
     """
-    hover = next((parameters[name] for name in (PX4_HOVER, ARDUPILOT_HOVER) if name in parameters), None)
-    return Told(px4_places(parameters), ardupilot_frame(parameters), hover)
+    hover = next((name for name in HOVERS if name in parameters), "")
+    throttle = HOVERS[hover] * parameters[hover] if hover else None
+    frame, source = ardupilot_frame(parameters), "FRAME_CLASS and FRAME_TYPE"
+    if frame is not None and "FRAME" in parameters:
+        source = "FRAME and the message of the log"
+    if frame is None:
+        frame, source = px4_frame(parameters) or (None, "")
+    return Told(px4_places(parameters), frame, throttle, source, hover)
 
 
 def answers_of(vehicle: Vehicle) -> Answers:
     """Answers from which `draft` would make the numbers of `vehicle` again.
 
-    The frame is None where its rotors are on no regular frame; the rotor speed in hover where that was not said.
+    The frame is None where its rotors are on no regular frame; the arm and the rotor speed in hover where they were not
+    said.
     """
     places = [Place(rotor.position_m, rotor.spin, rotor.cant_deg, rotor.dihedral_deg) for rotor in vehicle.rotors]
     arm_m = arm_m_of(places)
     each_n = vehicle.weight_n / vehicle.n_rotors
-    known = "rotor.thrust_n_per_rpm2" not in (vehicle.assumed or ())
+    assumed = vehicle.assumed or ()
     return Answers(
         vehicle.name,
         mass_kg=vehicle.mass_kg,
         propeller_m=2.0 * vehicle.rotor.radius_m,
         frame=next((frame for frame in FRAMES if are_alike(places, frame_places(frame, arm_m))), None),
-        arm_m=arm_m,
+        arm_m=None if "rotors" in assumed else arm_m,
         hover_throttle=vehicle.throttle.offset + vehicle.throttle.per_newton * vehicle.weight_n,
-        hover_rpm=math.sqrt(each_n / vehicle.rotor.thrust_n_per_rpm2) if known else None,
+        hover_rpm=None if "rotor.thrust_n_per_rpm2" in assumed else math.sqrt(each_n / vehicle.rotor.thrust_n_per_rpm2),
     )
 
 
@@ -104,14 +121,20 @@ def missing(answers: Answers, parameters: Mapping[str, float]) -> list[Missing]:
         Missing("mass_kg", "take-off mass with battery, kg"),
         Missing("propeller_m", "diameter of a propeller, m (10 inches are 0.254)"),
     ]
-    known = told(parameters)
+    known = _told_beside(answers, parameters)
     if known.places is None and known.frame is None:
-        questions.append(Missing("frame", "frame: quad-x, quad-plus, hexa-x or hexa-plus"))
-    if known.places is None or are_relative(known.places):
-        questions.append(Missing("arm_m", "distance from the centre to a rotor's axis, m"))
+        *others, last = FRAMES
+        questions.append(Missing("frame", f"frame: {', '.join(others)} or {last}"))
     if known.hover_throttle is None:
         questions.append(Missing("hover_throttle", "throttle in hover, 0 to 1"))
     return [question for question in questions if getattr(answers, question.field) is None]
+
+
+def _told_beside(answers: Answers, parameters: Mapping[str, float]) -> Told:
+    """Facts of the parameters that a vehicle needs beside the answers; a frame that is given stands for theirs."""
+    if answers.frame is None:
+        return told(parameters)
+    return told({name: value for name, value in parameters.items() if name != "FRAME_CLASS"})
 
 
 def draft(answers: Answers, parameters: Mapping[str, float]) -> str:
@@ -132,7 +155,7 @@ def draft(answers: Answers, parameters: Mapping[str, float]) -> str:
     if absent := missing(answers, parameters):
         raise SettingsError(f"the vehicle's {absent[0].field} is not known, expected the {absent[0].question}")
     mass_kg, diameter_m = _positive(answers.mass_kg, "mass_kg"), _positive(answers.propeller_m, "propeller_m")
-    places, places_source = _places(answers, parameters)
+    places, places_source = _places(answers, parameters, diameter_m)
     line, line_source = _throttle(answers, parameters, mass_kg * GRAVITY_M_S2, len(places))
     coefficient, coefficient_source = _coefficient(answers, 0.5 * diameter_m, mass_kg, len(places))
     text = "\n".join(
@@ -165,12 +188,20 @@ def _assumed(answers: Answers, parameters: Mapping[str, float]) -> list[Assumabl
         found.insert(0, "throttle")
     if answers.hover_rpm is None:
         found.insert(0, "rotor.thrust_n_per_rpm2")
+    if _assumes_arm(answers, parameters):
+        found.append("rotors")
     return found
+
+
+def _assumes_arm(answers: Answers, parameters: Mapping[str, float]) -> bool:
+    """Tell whether neither an answer nor the parameters say how far the rotors are from the centre."""
+    places = px4_places(parameters) if answers.frame is None else None
+    return answers.arm_m is None and (places is None or are_relative(places))
 
 
 def _is_proportional(parameters: Mapping[str, float]) -> bool:
     """Tell whether the autopilot makes thrust proportional to throttle."""
-    return ARDUPILOT_HOVER in parameters or parameters.get("THR_MDL_FAC", 0.0) > 0.0
+    return ARDUPILOT_HOVER in parameters or OLDER_HOVER in parameters or parameters.get("THR_MDL_FAC", 0.0) > 0.0
 
 
 def _positive(value: float | None, field: str) -> float:
@@ -179,16 +210,22 @@ def _positive(value: float | None, field: str) -> float:
     return value
 
 
-def _places(answers: Answers, parameters: Mapping[str, float]) -> tuple[tuple[Place, ...], str]:
-    if answers.frame is None and (places := px4_places(parameters)) is not None:
-        if answers.arm_m is None:
-            return places, "from CA_ROTOR*, where PX4 needs no true distances: measure them"
-        return scaled_to(places, _positive(answers.arm_m, "arm_m")), "as CA_ROTOR*, the arm as given"
-    frame = answers.frame or ardupilot_frame(parameters)
-    if frame is None:
-        raise SettingsError("the vehicle's frame is not known: say it where the arm is given")
-    source = "as given" if answers.frame else "frame from FRAME_CLASS and FRAME_TYPE"
-    return frame_places(frame, _positive(answers.arm_m, "arm_m")), source
+def _places(answers: Answers, parameters: Mapping[str, float], propeller_m: float) -> tuple[tuple[Place, ...], str]:
+    """Places of the rotors and their source."""
+    known = _told_beside(answers, parameters)
+    if answers.frame is None and known.places is not None:
+        if answers.arm_m is None and not are_relative(known.places):
+            return known.places, "from CA_ROTOR*, where PX4 needs no true distances: measure them"
+        places, source = known.places, "as CA_ROTOR*"
+    else:
+        frame = answers.frame or known.frame
+        if frame is None:
+            raise SettingsError("the vehicle's frame is not known: say it")
+        places, source = frame_places(frame, 1.0), "as given" if answers.frame else f"frame from {known.frame_source}"
+    if answers.arm_m is not None:
+        return scaled_to(places, _positive(answers.arm_m, "arm_m")), f"{source}, the arm as given"
+    assumed = f"the arm assumed, so that the propellers are {APART:g} diameters apart; only moments need it"
+    return scaled_to(places, assumed_arm_m(places, propeller_m)), f"{source}, {assumed}"
 
 
 def _place(place: Place) -> str:
@@ -205,15 +242,15 @@ def _throttle(answers: Answers, parameters: Mapping[str, float], weight_n: float
     Where the autopilot makes thrust proportional to throttle, the line goes through zero. Where nobody does, thrust
     grows about as the square of the throttle, and the line is the tangent to T = W (u / u_hover)² in hover.
     """
+    known = _told_beside(answers, parameters)
     hover, source = answers.hover_throttle, "hover throttle as given"
-    for name in (PX4_HOVER, ARDUPILOT_HOVER):
-        if hover is None and name in parameters:
-            hover, source = parameters[name], f"hover throttle from {name}"
+    if hover is None:
+        hover, source = known.hover_throttle, f"hover throttle from {known.hover_source}"
     hover = _positive(hover, "hover_throttle")
     if hover >= 1.0:
         raise SettingsError(f"the vehicle's hover_throttle is {hover:g}, expected less than 1 ({source})")
     proportional = _is_proportional(parameters)
-    if ARDUPILOT_HOVER in parameters:
+    if ARDUPILOT_HOVER in parameters or OLDER_HOVER in parameters:
         why = "ArduPilot makes thrust proportional to throttle (MOT_THST_EXPO)"
     else:
         why = "PX4 makes thrust proportional to throttle (THR_MDL_FAC)" if proportional else "thrust taken as throttle²"

@@ -40,12 +40,53 @@ _HEXA_PLUS: tuple[tuple[float, Spin], ...] = (
 )
 ROUNDED = 1e-3
 """Largest rounding of a rotor's place in parameters, m."""
-FRAMES = {"quad-x": _QUAD_X, "quad-plus": _QUAD_PLUS, "hexa-x": _HEXA_X, "hexa-plus": _HEXA_PLUS}
+_OCTA_X: tuple[tuple[float, Spin], ...] = (
+    (22.5, "cw"),
+    (-157.5, "cw"),
+    (67.5, "ccw"),
+    (157.5, "ccw"),
+    (-22.5, "ccw"),
+    (-112.5, "ccw"),
+    (-67.5, "cw"),
+    (112.5, "cw"),
+)
+_OCTA_PLUS: tuple[tuple[float, Spin], ...] = (
+    (0, "cw"),
+    (180, "cw"),
+    (45, "ccw"),
+    (135, "ccw"),
+    (-45, "ccw"),
+    (-135, "ccw"),
+    (-90, "cw"),
+    (90, "cw"),
+)
+FRAMES = {
+    "quad-x": _QUAD_X,
+    "quad-plus": _QUAD_PLUS,
+    "hexa-x": _HEXA_X,
+    "hexa-plus": _HEXA_PLUS,
+    "octa-x": _OCTA_X,
+    "octa-plus": _OCTA_PLUS,
+}
 """Direction of each rotor from the centre, degrees clockwise from the nose seen from above, and its sense of rotation,
 in the order of motor 1, 2, ... of ArduPilot (AP_MotorsMatrix) and PX4 (airframe reference)."""
 
-ARDUPILOT_FRAMES = {(1, 0): "quad-plus", (1, 1): "quad-x", (2, 0): "hexa-plus", (2, 1): "hexa-x"}
+ARDUPILOT_FRAMES = {
+    (1, 0): "quad-plus",
+    (1, 1): "quad-x",
+    (2, 0): "hexa-plus",
+    (2, 1): "hexa-x",
+    (3, 0): "octa-plus",
+    (3, 1): "octa-x",
+}
 """FRAME_CLASS and FRAME_TYPE."""
+PX4_FRAMES = {4: "quad-x", 5: "quad-plus", 6: "hexa-x", 7: "hexa-plus", 8: "octa-x", 9: "octa-plus"}
+"""Thousands of SYS_AUTOSTART, which alone tells PX4's frame up to 1.12."""
+MAV_TYPES = {2: "quad-x", 13: "hexa-x", 14: "octa-x"}
+"""MAV_TYPE, which tells the number of rotors alone."""
+APART = 1.2
+"""Distance between neighbouring rotors over the diameter of a propeller, where nobody has said it: most frames have 1.1
+to 1.4."""
 
 
 def frame_places(frame: str, arm_m: float) -> tuple[Place, ...]:
@@ -111,8 +152,7 @@ def overlap(positions_m: Sequence[tuple[float, float, float]], propeller_m: floa
 
     Rotors at different heights may overlap, as coaxial ones do: only those at one height are looked at.
     """
-    at_one_height = [math.dist(a, b) for a, b in itertools.combinations(positions_m, 2) if abs(a[2] - b[2]) < ROUNDED]
-    nearest_m = min(at_one_height, default=math.inf)
+    nearest_m = _nearest_m(positions_m)
     if nearest_m >= propeller_m:
         return None
     diagonal_m = 2.0 * max(math.hypot(x, y) for x, y, _ in positions_m)
@@ -121,6 +161,12 @@ def overlap(positions_m: Sequence[tuple[float, float, float]], propeller_m: floa
         f"The propellers would touch: their axes are {nearest_m:.3g} m apart, less than the diameter of "
         f"{propeller_m:.3g} m. On this frame they turn free from a diagonal of {1e-3 * free_mm:.4g} m on."
     )
+
+
+def _nearest_m(positions_m: Sequence[tuple[float, float, float]]) -> float:
+    """Smallest distance between rotors at one height, m."""
+    at_one_height = (math.dist(a, b) for a, b in itertools.combinations(positions_m, 2) if abs(a[2] - b[2]) < ROUNDED)
+    return min(at_one_height, default=math.inf)
 
 
 def are_relative(places: Sequence[Place]) -> bool:
@@ -137,6 +183,12 @@ def are_alike(some: Sequence[Place], others: Sequence[Place]) -> bool:
         and (a.spin, a.cant_deg, a.dihedral_deg) == (b.spin, b.cant_deg, b.dihedral_deg)
         for a, b in zip(some, others, strict=True)
     )
+
+
+def assumed_arm_m(places: Sequence[Place], propeller_m: float) -> float:
+    """Distance of the farthest rotor from the centre at which propellers of this diameter turn `APART` free."""
+    nearest_m = _nearest_m([place.position_m for place in places])
+    return arm_m_of(places) * APART * propeller_m / nearest_m
 
 
 def scaled_to(places: Sequence[Place], arm_m: float) -> tuple[Place, ...]:
@@ -158,7 +210,7 @@ def ardupilot_frame(parameters: Parameters) -> str | None:
     SettingsError
         It is a frame for which there is no table here.
     """
-    if "FRAME_CLASS" not in parameters:
+    if not parameters.get("FRAME_CLASS"):
         return None
     frame = int(parameters["FRAME_CLASS"]), int(parameters.get("FRAME_TYPE", 1))
     if frame not in ARDUPILOT_FRAMES:
@@ -167,3 +219,12 @@ def ardupilot_frame(parameters: Parameters) -> str | None:
             f"FRAME_CLASS is {frame[0]} with FRAME_TYPE {frame[1]}, expected {known}: write the rotors by hand"
         )
     return ARDUPILOT_FRAMES[frame]
+
+
+def px4_frame(parameters: Parameters) -> tuple[str, str] | None:
+    """The regular frame of a PX4 without control allocation, and the parameter that tells it; None where none does."""
+    airframe = PX4_FRAMES.get(int(parameters.get("SYS_AUTOSTART", 0)) // 1000)
+    if airframe is not None:
+        return airframe, "SYS_AUTOSTART"
+    by_type = MAV_TYPES.get(int(parameters.get("MAV_TYPE", 0)))
+    return (by_type, "MAV_TYPE, taken for an x") if by_type is not None else None

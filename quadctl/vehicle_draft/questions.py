@@ -30,7 +30,7 @@ PROPELLER = Question("Propeller diameter / m", *_DIAMETER, hint="10 inches are 0
 NEW_VEHICLE = {
     "mass_kg": MASS,
     "propeller_m": PROPELLER,
-    "diagonal_m": Question("Diagonal, from motor to opposite motor / m", 0.0, 40.0),
+    "diagonal_m": Question("Diagonal, motor to motor / m, if known", 0.0, 40.0, optional=True),
     "hover_throttle": Question("Throttle in hover, 0 to 1", 0.0, 1.0),
     "hover_rpm": Question("Rotor speed in hover / rpm, if known", 0.0, math.inf, optional=True),
 }

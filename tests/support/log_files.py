@@ -86,7 +86,18 @@ def ulog_without(data: bytes, unwanted: Callable[[str], bool]) -> bytes:
     return b"".join(kept)
 
 
-DATAFLASH_CODES = {"Q": "Q", "B": "B", "f": "f", "c": "h", "C": "H", "H": "H", "e": "i", "N": "16s", "b": "b"}
+DATAFLASH_CODES = {
+    "Q": "Q",
+    "B": "B",
+    "f": "f",
+    "c": "h",
+    "C": "H",
+    "H": "H",
+    "e": "i",
+    "N": "16s",
+    "Z": "64s",
+    "b": "b",
+}
 
 
 Message: TypeAlias = tuple[str, str, str, Sequence[tuple[object, ...]]]

@@ -1,4 +1,4 @@
-"""A drafted vehicle file: numbers by hand, and the one question that is left."""
+"""A drafted vehicle file: numbers by hand, and no question about what a log says."""
 
 import math
 from pathlib import Path
@@ -13,10 +13,12 @@ from quadctl.frames import GRAVITY_M_S2
 from quadctl.settings import validate
 from quadctl.vehicle import Vehicle, load_vehicle
 from quadctl.vehicle_draft.draft import Answers, answers_of, draft, missing
-from quadctl.vehicle_draft.frames import FRAMES
+from quadctl.vehicle_draft.frames import FRAMES, frame_places
+from tests.support.log_files import dataflash_bytes
 from tests.support.places import DATA
 from tests.vehicle_draft.test_frames import QUAD
 
+REPORTED = DATA / "reports" / "23-draft-asks-what-the-log-says" / "parameters.bin"
 SMALL = Answers("small", mass_kg=1.0, propeller_m=0.2)
 COPTER = {"FRAME_CLASS": 1.0, "FRAME_TYPE": 1.0, "MOT_THST_HOVER": 0.25}
 
@@ -54,16 +56,63 @@ def test_only_what_nobody_has_said_is_asked() -> None:
         "mass_kg",
         "propeller_m",
         "frame",
-        "arm_m",
         "hover_throttle",
     ]
-    assert [fact.field for fact in missing(SMALL, COPTER)] == ["arm_m"]
-    hovers = {"MPC_THR_HOVER": 0.5}
-    assert missing(SMALL, QUAD | hovers) == []
-    for at in (1.0, 0.707):  # the corners of a square, and of the unit circle
-        directions = {name: math.copysign(at, value) for name, value in QUAD.items() if name[-2:] in ("PX", "PY")}
-        assert [fact.field for fact in missing(SMALL, QUAD | directions | hovers)] == ["arm_m"]
-    assert missing(SMALL, QUAD | {"MPC_THR_HOVER": 0.5}) == []
+    assert [fact.field for fact in missing(Answers("new"), COPTER)] == ["mass_kg", "propeller_m"]
+
+
+HOVERS = {"MPC_THR_HOVER": 0.5}
+CORNERS, UNIT = (
+    QUAD | {name: math.copysign(at, value) for name, value in QUAD.items() if name[-2:] in ("PX", "PY")}
+    for at in (1.0, 0.707)
+)
+"""Directions of rotors at the corners of a square, and on the unit circle."""
+
+
+@pytest.mark.parametrize(
+    ("parameters", "n_rotors", "first_m", "source"),
+    # The first rotor of propellers of 0.2 m whose axes are 0.24 m apart.
+    [
+        (COPTER, 4, (0.12, 0.12), "frame from FRAME_CLASS and FRAME_TYPE"),
+        (COPTER | {"FRAME": 1.0}, 4, (0.12, 0.12), "frame from FRAME and the message of the log"),
+        (COPTER | {"FRAME_CLASS": 3.0}, 8, (0.2897, 0.12), "frame from FRAME_CLASS and FRAME_TYPE"),
+        (CORNERS | HOVERS, 4, (0.12, 0.12), "as CA_ROTOR*"),
+        (UNIT | HOVERS, 4, (0.12, 0.12), "as CA_ROTOR*"),
+        (HOVERS | {"SYS_AUTOSTART": 4001.0, "MAV_TYPE": 2.0}, 4, (0.12, 0.12), "frame from SYS_AUTOSTART"),
+        (HOVERS | {"SYS_AUTOSTART": 5001.0, "MAV_TYPE": 2.0}, 4, (0.0, 0.1697), "frame from SYS_AUTOSTART"),
+        (HOVERS | {"SYS_AUTOSTART": 7001.0, "MAV_TYPE": 13.0}, 6, (0.24, 0.0), "frame from SYS_AUTOSTART"),
+        (HOVERS | {"SYS_AUTOSTART": 10016.0, "MAV_TYPE": 2.0}, 4, (0.12, 0.12), "frame from MAV_TYPE, taken for an x"),
+    ],
+)
+def test_mass_and_propellers_are_enough_where_the_parameters_say_the_frame(
+    parameters: dict[str, float], n_rotors: int, first_m: tuple[float, float], source: str
+) -> None:
+    assert missing(SMALL, parameters) == []
+    text = draft(SMALL, parameters)
+    drafted = validate(yaml.safe_load(text), Vehicle, "the draft")
+    assert drafted.n_rotors == n_rotors
+    assert drafted.rotors[0].position_m[:2] == pytest.approx(first_m, abs=1e-4)
+    assert f"{source}, the arm assumed" in text
+    assert "rotors" in (drafted.assumed or ())
+    assert answers_of(drafted).arm_m is None
+
+
+def test_places_that_the_parameters_say_are_not_assumed() -> None:
+    assert "rotors" not in (vehicle(SMALL, QUAD | HOVERS).assumed or ())
+    assert "rotors" not in (vehicle(SMALL._replace(arm_m=0.15), COPTER).assumed or ())
+
+
+def test_a_frame_that_cannot_be_drawn_is_no_matter_where_another_is_given() -> None:
+    coaxial = COPTER | {"FRAME_CLASS": 4.0}
+    with pytest.raises(SettingsError, match="FRAME_CLASS is 4 with FRAME_TYPE 1, expected 1 with 0"):
+        missing(SMALL, coaxial)
+    assert vehicle(SMALL._replace(frame="octa-x"), coaxial).n_rotors == 8
+
+
+def test_copter_3_3_says_the_throttle_of_hover_in_thousandths() -> None:
+    drafted = vehicle(SMALL, {"FRAME_CLASS": 1.0, "FRAME_TYPE": 0.0, "THR_MID": 420.0})
+    assert drafted.throttle.offset == 0.0
+    assert drafted.throttle.per_newton * drafted.weight_n == pytest.approx(0.42, rel=1e-3)
 
 
 @pytest.mark.parametrize("frame", FRAMES)
@@ -101,7 +150,7 @@ def test_a_tilted_rotor_stays_tilted() -> None:
 @pytest.mark.parametrize(
     ("answers", "parameters", "sentence"),
     [
-        (SMALL, COPTER, "the vehicle's arm_m is not known, expected the distance from the centre to a rotor's axis, m"),
+        (SMALL, {}, "the vehicle's frame is not known, expected the frame: quad-x, quad-plus"),
         (SMALL._replace(mass_kg=-1.0), QUAD | {"MPC_THR_HOVER": 0.5}, "mass_kg is -1.0, expected a number above 0"),
         (SMALL, QUAD | {"MPC_THR_HOVER": 1.2}, r"hover_throttle is 1.2, expected less than 1 .hover throttle from MPC"),
         (SMALL._replace(propeller_m=10.0), QUAD | {"MPC_THR_HOVER": 0.5}, "rotor.radius_m is 5"),
@@ -128,19 +177,51 @@ class TestCommand:
             pytest.skip("the real logs are not here")
         path = tmp_path / "mine.yaml"
         words = ["--parameters", str(DATA / "real" / log), "--mass", "1.0", "--propeller", "0.24"]
-        result = CliRunner().invoke(app, ["vehicle", "new", str(path), *words, "--hover-throttle", "0.49"])
-        assert "expected --arm" in str(result.exception)  # neither of these says it
-        words += ["--arm", "0.2", "--hover-throttle", "0.49"]
         result = CliRunner().invoke(app, ["vehicle", "new", str(path), *words])
         assert result.exit_code == 0, result.output
         assert load_vehicle(path).n_rotors == 4
+
+    @pytest.mark.parametrize(
+        ("parameters", "text", "first"),
+        [
+            ({"FRAME": 1.0}, "Frame: QUAD", "quad-x"),
+            ({"FRAME": 0.0}, "Frame: HEXA", "hexa-plus"),
+            ({"FRAME": 1.0}, "Frame: OCTA", "octa-x"),
+            ({}, "Frame: QUAD/PLUS", "quad-plus"),
+            ({"FRAME_CLASS": 2.0, "FRAME_TYPE": 1.0}, "Frame: QUAD", "hexa-x"),
+        ],
+        ids=["3.4", "plus", "octa", "message alone", "parameters first"],
+    )
+    def test_the_frame_is_in_the_messages_of_an_older_log(
+        self, tmp_path: Path, parameters: dict[str, float], text: str, first: str
+    ) -> None:
+        log, path = tmp_path / "flight.bin", tmp_path / "mine.yaml"
+        values = parameters | {"MOT_THST_HOVER": 0.3}
+        rows = [(1, name.encode(), value) for name, value in values.items()]
+        said = [(1, b"APM:Copter V3.4.4"), (2, text.encode())]
+        log.write_bytes(
+            dataflash_bytes(("PARM", "QNf", "TimeUS,Name,Value", rows), ("MSG", "QZ", "TimeUS,Message", said))
+        )
+        words = ["vehicle", "new", str(path), "--parameters", str(log), "--mass", "1.5", "--propeller", "0.254"]
+        result = CliRunner().invoke(app, words)
+        assert result.exit_code == 0, result.exception
+        places = [rotor.position_m for rotor in load_vehicle(path).rotors]
+        arm_m = max(math.hypot(*place[:2]) for place in places)
+        assert places == [pytest.approx(place.position_m, abs=2e-4) for place in frame_places(first, arm_m)]
+
+    @pytest.mark.skipif(not REPORTED.is_file(), reason="the reports are not here")
+    def test_of_copter_3_4_mass_and_propellers_are_asked(self, tmp_path: Path) -> None:
+        words = ["--parameters", str(REPORTED), "--mass", "1.5", "--propeller", "0.254"]
+        result = CliRunner().invoke(app, ["vehicle", "new", str(tmp_path / "mine.yaml"), *words])
+        assert result.exit_code == 0, result.exception
+        assert load_vehicle(tmp_path / "mine.yaml").n_rotors == 4
 
     def test_all_that_is_missing_is_named_where_nobody_can_be_asked(self, tmp_path: Path) -> None:
         result = CliRunner().invoke(app, ["vehicle", "new", str(tmp_path / "mine.yaml"), "--mass", "1.0"])
         assert str(result.exception) == (
             "facts are missing, expected --propeller, the diameter of a propeller, m (10 inches are 0.254); "
-            "--frame, the frame: quad-x, quad-plus, hexa-x or hexa-plus; --arm, the distance from the centre to a "
-            "rotor's axis, m; --hover-throttle, the throttle in hover, 0 to 1"
+            "--frame, the frame: quad-x, quad-plus, hexa-x, hexa-plus, octa-x or octa-plus; "
+            "--hover-throttle, the throttle in hover, 0 to 1"
         )
 
     def test_propellers_that_would_touch_are_told(self, tmp_path: Path) -> None:

@@ -16,6 +16,7 @@ def test_all_that_is_wrong_is_said_at_once() -> None:
         "hover_throttle": "expected a number above 0 and below 1",
         "hover_rpm": "expected a number above 0, or nothing",
     }
+    assert wrong(NEW_VEHICLE, RIGHT | {"diagonal_m": None}) == {}
 
 
 def test_what_is_not_asked_is_not_wrong() -> None:

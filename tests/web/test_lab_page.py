@@ -92,6 +92,8 @@ def test_a_new_vehicle_is_entered_as_a_few_numbers(browser: Browser, screen: Scr
         visitor.page.get_by_label("Frame").last.click()
         visitor.click("[role=option]:has-text('hexa-x')")
         visitor.sees("svg[aria-label^='6 rotors']:visible")
+        assert not visitor.page.get_by_text("The propellers would touch").last.is_visible()
+        visitor.page.get_by_label("Diagonal").last.fill("0.45")
         visitor.sees("text=/The propellers would touch: .* from a diagonal of 0.508 m on/")
         assert visitor.page.locator(".form-fields:visible .q-field__label").evaluate_all(CUT) == []
         visitor.page.get_by_label("Name", exact=True).fill("mine")
@@ -369,7 +371,9 @@ def test_modes_and_messages_of_a_real_autopilot_stand_on_the_axis_of_time(
         visitor.click("[role=tab]:has-text('Flights')")
         visitor.click("text=A new vehicle")
         visitor.click("button:has-text('Fill in from vertical_runs.ulg')")
-        visitor.sees("text=vertical_runs.ulg says the rotors and the throttle in hover")
+        visitor.sees(
+            "text=vertical_runs.ulg says the rotors and the throttle in hover; enter the mass and the propellers"
+        )
         visitor.page.locator("button:has-text('Use this vehicle')").scroll_into_view_if_needed()
         visitor.keeps("filled-in")
         visitor.leaves()

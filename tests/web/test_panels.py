@@ -672,7 +672,12 @@ class TestOpenTab:
         self, views: dict[str, View], tabs: Callable[[str, View], OpenTab]
     ) -> None:
         shown = str(tabs("flights", views["at first"]).shown)
-        for guess in ("motor lag of 0.04 s", "thrust coefficient 0.011", "square of the throttle"):
+        for guess in (
+            "motor lag of 0.04 s",
+            "thrust coefficient 0.011",
+            "square of the throttle",
+            "1.2 propeller diameters",
+        ):
             assert guess in shown
 
     def test_the_trim_of_a_flight_that_no_fit_has_seen_is_in_its_error_and_the_words_say_so(

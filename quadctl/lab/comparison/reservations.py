@@ -13,6 +13,7 @@ _NAMES: dict[Assumable, str] = {
     "rotor.torque_to_thrust_m": "drag torque of the rotors",
     "rotor.time_constant_s": "motor lag",
     "rotor_height_m": "height of the rotors above the logged position",
+    "rotors": "distances of the rotors from the centre",
 }
 
 

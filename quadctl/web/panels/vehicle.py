@@ -14,12 +14,21 @@ from quadctl.lab.comparison.reservations import vehicle_in_words
 from quadctl.lab.comparison.wording import listed
 from quadctl.vehicle import Vehicle
 from quadctl.vehicle_draft.draft import THRUST_COEFFICIENT, Answers, answers_of, told
-from quadctl.vehicle_draft.frames import FRAMES, are_relative, arm_m_of, frame_places, overlap, scaled_to
+from quadctl.vehicle_draft.frames import (
+    APART,
+    FRAMES,
+    are_relative,
+    arm_m_of,
+    assumed_arm_m,
+    frame_places,
+    overlap,
+    scaled_to,
+)
 from quadctl.vehicle_draft.questions import ITS_NUMBERS, NEW_VEHICLE, Question, wrong
 from quadctl.web.elements.html import heading, tag
 from quadctl.web.elements.theme import Theme
 from quadctl.web.elements.upload import StreamedUpload
-from quadctl.web.figures.rotors import Place, rotors_svg
+from quadctl.web.figures.rotors import rotors_svg
 from quadctl.web.panels.panel import Controls, Panel
 from quadctl.web.session.files import vehicle_in
 
@@ -28,14 +37,15 @@ WITH_PARAMETERS = (".ulg", ".bin")
 AS_LOGGED = "as in the log"
 """Choice of the frame whose rotors are those of a log's parameters."""
 ASSUMED = (
-    "Assumed, since it is not asked: a motor lag of 0.04 s; the inertia, worked out from mass and arm; a straight line "
+    "Assumed, since it is not asked: a motor lag of 0.04 s; the inertia, worked out from mass and arm; without a "
+    f"diagonal, rotors {APART:g} propeller diameters apart; a straight line "
     "from throttle to thrust, as steep in hover as a thrust that grows with the square of the throttle, unless the "
     "parameters of a log say otherwise. Without a rotor speed in hover, thrust per "
     f"rpm² is assumed, too (thrust coefficient {THRUST_COEFFICIENT:g}; most propellers have 0.007 to 0.015): a thrust "
     "scale that is found in a flight then corrects this guess. The file lists under `assumed` what nobody has measured."
 )
 """Numbers of a new vehicle that nobody was asked for."""
-TYPICAL = Answers("my_vehicle", 1.5, 0.254, "quad-x", 0.225, 0.5)
+TYPICAL = Answers("my_vehicle", 1.5, 0.254, "quad-x", None, 0.5)
 """Numbers that a form of a new vehicle begins with: those of a quadrotor with propellers of ten inches."""
 
 
@@ -242,10 +252,14 @@ class _NewVehicle:
         return bool(self._frame.value == AS_LOGGED)
 
     def _draw_rotors(self) -> None:
-        if not (self._diagonal.value and self._propeller.value):
+        if not self._propeller.value:
             return
-        arm_m, logged = 0.5 * self._diagonal.value, told(self._parameters).places if self._as_logged else None
-        places: Sequence[Place] = scaled_to(logged, arm_m) if logged else frame_places(self._frame.value, arm_m)
+        layout = told(self._parameters).places if self._as_logged else frame_places(self._frame.value, 1.0)
+        if layout is None:
+            return
+        diagonal_m = self._diagonal.value
+        arm_m = 0.5 * diagonal_m if diagonal_m else assumed_arm_m(layout, self._propeller.value)
+        places = scaled_to(layout, arm_m)
         self._drawing.set_content(rotors_svg(places, 0.5 * self._propeller.value, self._theme))
         self._overlap.clear()
         with self._overlap:
@@ -254,25 +268,30 @@ class _NewVehicle:
             )
 
     def _fill(self, log_name: str, parameters: Mapping[str, float]) -> None:
-        self._parameters, known = parameters, told(parameters)
+        self._parameters, known, check = parameters, told(parameters), ""
         if known.places is not None:
             self._frame.set_options([AS_LOGGED, *FRAMES], value=AS_LOGGED)
             relative = are_relative(known.places)
             self._diagonal.set_value(None if relative else round(2.0 * arm_m_of(known.places), 4))
+            check = "" if relative else " PX4 needs no true distances of the rotors: check the diagonal."
         elif known.frame is not None:
             self._frame.set_value(known.frame)
+            self._diagonal.set_value(None)
         if known.hover_throttle is not None:
             self._hover.set_value(round(known.hover_throttle, 4))
+        rotors = "the rotors" if known.places is not None else "the frame"
         found = {
-            "the rotors": known.places is not None,
-            "the frame": known.frame is not None,
+            rotors: known.places is not None or known.frame is not None,
             "the throttle in hover": known.hover_throttle is not None,
+            "the mass": False,
+            "the propellers": False,
         }
-        names = listed([name for name, there in found.items() if there])
+        names, entered = (
+            listed([name for name, there in found.items() if there is is_told]) for is_told in (True, False)
+        )
         self._filled.clear()
         with self._filled:
-            check = " PX4 needs no true distances of the rotors: check the diagonal." if known.places else ""
-            ui.label(f"{log_name} says {names}; all else is for you to enter.{check}").style("display:contents")
+            ui.label(f"{log_name} says {names}; enter {entered}.{check}").style("display:contents")
 
     async def _use(self) -> None:
         self._name.error = None if (self._name.value or "").strip() else "expected a name"
@@ -282,7 +301,8 @@ class _NewVehicle:
             _show(self._name)
             return
         value = {name: number.value for name, number in self._numbers.items()}
-        value["arm_m"] = 0.5 * value.pop("diagonal_m")
+        diagonal_m = value.pop("diagonal_m")
+        value["arm_m"] = None if diagonal_m is None else 0.5 * diagonal_m
         answers = Answers(self._name.value.strip(), frame=None if self._as_logged else self._frame.value)
         await self._do.use_new_vehicle(answers._replace(**value), self._parameters)
 
