@@ -19,6 +19,8 @@ Vectors: TypeAlias = tuple[Floats, Floats, Floats]
 
 MAX_DETERMINANT_ERROR = 0.1
 """Largest distance of a rotation matrix's determinant from 1."""
+EQUATOR_M, ECCENTRICITY2 = 6_378_137.0, 6.694379990e-3
+"""Radius of the equator, and square of the eccentricity of the meridians, by WGS84."""
 _HALF_TURN_ABOUT_X: Quaternion = (0.0, 1.0, 0.0, 0.0)
 _TO_NED: dict[str, Quaternion] = {
     "NED": (1.0, 0.0, 0.0, 0.0),
@@ -31,6 +33,23 @@ def north_east_up(vector: Vectors, frame: World) -> Vectors:
     """Vectors of a world frame in the axes of a log's file."""
     a, b, c = vector
     return {"NED": (a, b, -c), "ENU": (b, a, c), "NWU": (a, -b, c), "NEU": (a, b, c)}[frame]
+
+
+def local_position(latitude_deg: Floats, longitude_deg: Floats, height: Floats) -> Vectors:
+    """(north, east, up) from the first position, m, on the plane that touches WGS84's ellipsoid there; height as given.
+
+    A thousandth of the distance is right within 10 km: the radii of curvature are those of the first latitude (Farrell
+    2008, Aided Navigation, eq. 2.7 and 2.8).
+    """
+    if not len(latitude_deg):
+        return latitude_deg, longitude_deg, height
+    latitude = math.radians(latitude_deg[0])
+    squeezed = 1.0 - ECCENTRICITY2 * math.sin(latitude) ** 2
+    east_radius_m = EQUATOR_M / math.sqrt(squeezed)
+    north_radius_m = east_radius_m * (1.0 - ECCENTRICITY2) / squeezed
+    turned_deg = (longitude_deg - longitude_deg[0] + 180.0) % 360.0 - 180.0  # across the line of 180 degrees, too
+    north = np.radians(latitude_deg - latitude_deg[0]) * north_radius_m
+    return north, np.radians(turned_deg) * east_radius_m * math.cos(latitude), height
 
 
 def forward_right_down(vector: Vectors, frame: Body) -> Vectors:

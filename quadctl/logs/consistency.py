@@ -15,6 +15,8 @@ from quadctl.logs.flight_log import ATTITUDE, IMU, POSITION, RATES, VELOCITY, Fl
 MAX_GRAVITY_ANGLE_DEG = 25.0
 """Largest angle between the mean specific force of a flight and the vertical."""
 STRETCH_S, SHORT_STRETCH_S = 1.0, 0.2
+MIN_STRETCHES = 8
+"""Changes of all axes together below which nothing is compared."""
 
 
 def complaints(log: FlightLog) -> list[str]:
@@ -23,9 +25,9 @@ def complaints(log: FlightLog) -> list[str]:
 
 
 def misfit(log: FlightLog) -> float:
-    """Sum of all disagreements, each from 0 (the same) to 1 (nothing in common)."""
+    """Sum of all disagreements, each from 0 (the same) to 1 (nothing in common, or nothing that could be compared)."""
     with np.errstate(all="ignore"):
-        return sum(value for value in _misfits(log) if np.isfinite(value))
+        return sum(value if np.isfinite(value) else 1.0 for value in _misfits(log))
 
 
 def _misfits(log: FlightLog) -> Iterator[float]:
@@ -102,7 +104,9 @@ def _integral(time_s: Floats, values: Floats) -> Floats:
 
 
 def _disagreement(changes: list[Floats], expected: list[Floats]) -> float:
-    """Size of the difference over the sum of the sizes."""
+    """Size of the difference over the sum of the sizes; 1 where there are too few changes to compare."""
     a, b = np.concatenate(changes), np.concatenate(expected)
+    if len(a) < MIN_STRETCHES:  # of a reading in which the flight takes no time, for example
+        return 1.0
     size = np.mean(np.abs(a)) + np.mean(np.abs(b))
     return min(1.0, float(np.mean(np.abs(a - b)) / size)) if size > 0.0 else 0.0

@@ -74,6 +74,10 @@ MAP_SUFFIX = ".map.yaml"
 """A table `NAME.csv` with a map `NAME.map.yaml` beside it is read by that map, by every command."""
 MAPPED = LogFormat("a table with a map", "", "quadctl.logs.table:read_mapped", None)
 """Any table, CSV or Parquet, that has a map beside it."""
+TABLES = (".csv", ".parquet")
+"""Suffixes of the formats that are tables."""
+A_MAP = "or a map of its columns beside it (`quadctl logs --guess` proposes one)"
+"""Part of the sentences about a table of another program."""
 
 CONVERTERS: dict[str, str] = {
     "csv": "quadctl.logs.csv_log:write_csv",

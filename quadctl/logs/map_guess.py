@@ -5,9 +5,10 @@ Names say which columns are which; frames, and the direction of the quaternion, 
 
 import itertools
 import re
+from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 import polars as pl
@@ -15,24 +16,28 @@ import yaml
 from pydantic import ValidationError
 
 from quadctl.errors import LogError, QuadctlError
+from quadctl.logs.column_meaning import meaning, plain
 from quadctl.logs.consistency import complaints, misfit
-from quadctl.logs.flight_log import FlightLog
-from quadctl.logs.table import mapped, read_table
-from quadctl.logs.table_map import TableMap, load_map
+from quadctl.logs.flight_log import FlightLog, Floats
+from quadctl.logs.table import dates_s, mapped, read_table
+from quadctl.logs.table_map import SECONDS, TableMap, load_map
 
 MIN_GAIN = 0.6
 """Another reading is named where its disagreement is less than this share of the present one."""
 MIN_MISFIT = 0.5
 """Sum of disagreements below which no other reading is looked for."""
-WORDS = (
-    ("rates", r"gyro|ang(ular)?_?(vel|rate)|omega|body_?rate|twist_angular|rates?\b|^w_|_rate_"),
-    ("imu", r"(?<!ang_)(?<!angular_)acc|imu|specific_force"),
-    ("velocity", r"vel|speed|twist_linear|^v_"),
-    ("position", r"pos|^p_|loc|^_$"),
-)
-"""Words by which a triple x, y, z is recognised; the first that fits."""
-_AXIS = re.compile(r"^(?P<stem>.*?)(?P<axis>[xyzw])(?P<rest>(_(m|s|rad|deg|1|2|n|ms|m_s|rad_s|m_s2|m_s_1|m_s_2))*)$")
-_MOTOR = re.compile(r"^(?!d)(?:.*_)?(?:mot|motor|rotor|rpm|esc|thrust_?rotor|u)[a-z_]*?(\d+)(?:_.*)?$")
+PULSES_US = (800.0, 2300.0)
+"""Range of pulses to motors that turn."""
+FASTEST_RAD_S = 2500.0
+"""Largest rotor speed that is taken for rad/s where names do not tell."""
+FULL_COUNTS = (255.0, 1023.0, 4095.0, 65535.0)
+"""Counts of full output, of 8, 10, 12 and 16 bits."""
+FASTEST_RPM = 4e4
+"""Largest number that is taken for a rotor speed where names do not tell."""
+SINCE_1970_S = (1e9, 5e9)
+"""Seconds since 1970 of the years 2001 to 2128."""
+_CRAZYFLIE_MOTOR = re.compile(r"(^|_)motor_m\d$")
+"""Name of the Crazyflie's outputs, which are counts of 16 bits."""
 
 
 def proposed(path: Path) -> tuple[TableMap, FlightLog]:
@@ -44,10 +49,9 @@ def proposed(path: Path) -> tuple[TableMap, FlightLog]:
         The names do not tell time, position, velocity and attitude.
     """
     table = read_table(path)
-    groups = _by_name(path, table)
     best: tuple[float, TableMap, FlightLog] | None = None
     problem: QuadctlError | None = None
-    for variant in _variants(groups):
+    for variant in _variants(_by_name(path, table)):
         by = TableMap.model_validate(variant)
         try:
             log = mapped(table, by, path, [])
@@ -59,7 +63,10 @@ def proposed(path: Path) -> tuple[TableMap, FlightLog]:
             best = (score, by, log)
     if best is None:
         raise problem or LogError(f"{path}: no map was found, expected columns of a flight")
-    return best[1], best[2]
+    found = _best_alternative(path, table, best[1])
+    if best[0] < MIN_MISFIT or found is None or found.misfit > MIN_GAIN * best[0]:
+        return best[1], best[2]
+    return found.by, mapped(table, found.by, path, [])
 
 
 def better_reading(path: Path, map_path: Path, log: FlightLog) -> str | None:
@@ -68,53 +75,64 @@ def better_reading(path: Path, map_path: Path, log: FlightLog) -> str | None:
     present = misfit(log)
     if present < MIN_MISFIT and not complaints(log):
         return None
-    found: list[tuple[float, str]] = []
+    found = _best_alternative(path, table, by)
+    if found is None or found.misfit > MIN_GAIN * present:
+        return None
+    return f"the channels agree with `{found.field}` in the map"
+
+
+class _Alternative(NamedTuple):
+    misfit: float
+    field: str
+    """With its value."""
+    by: TableMap
+
+
+def _best_alternative(path: Path, table: pl.DataFrame, by: TableMap) -> _Alternative | None:
+    """Map with the least disagreement of those that differ from `by` in one field."""
+    found: list[_Alternative] = []
     for field, value, other in _alternatives(by):
         try:
-            score = misfit(mapped(table, other, path, []))
+            found.append(_Alternative(misfit(mapped(table, other, path, [])), f"{field}: {value}", other))
         except QuadctlError:
             continue
-        found.append((score, f"{field}: {value}"))
-    if not found or min(found)[0] > MIN_GAIN * present:
-        return None
-    return f"the channels agree with `{min(found)[1]}` in the map"
+    return min(found, key=lambda alternative: alternative.misfit, default=None)
 
 
 def as_yaml(by: TableMap, note: str) -> str:
-    """The map as a file."""
+    """The map as a file; it begins with a note, and with what is doubtful."""
+    if by.motors is not None and not any(_tells_unit(name) for name in by.motors.columns):
+        note += "\n# motors.unit is told by the size of the numbers alone"
     data = by.model_dump(exclude_none=True, exclude_defaults=True, mode="json")
     return f"# {note}\n" + yaml.dump(data, sort_keys=False, default_flow_style=None, width=118, allow_unicode=True)
 
 
 # --- names ------------------------------------------------------------------------------------------------------------
 
+_Columns: TypeAlias = dict[str, str]
+"""Columns of one group, by the part of it that they hold."""
+
 
 def _by_name(path: Path, table: pl.DataFrame) -> dict[str, Any]:
-    """The map without frames."""
-    plain = {name: re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_") for name in table.columns}
-    numeric = {name: text for name, text in plain.items() if table[name].dtype.is_numeric()}
-    groups: dict[str, Any] = {"time": _clock(path, table, numeric)}
-    triples: dict[tuple[str, str], dict[str, str]] = {}
-    for name, text in numeric.items():
-        if axis := _AXIS.match(text):
-            triples.setdefault((axis["stem"], axis["rest"]), {})[axis["axis"]] = name
-    for (stem, _), axes in triples.items():
-        if {"x", "y", "z", "w"} <= axes.keys() and "attitude" not in groups:
-            groups["attitude"] = {"columns": [axes[a] for a in "wxyz"], "order": "wxyz"}
-            continue
-        kind = next((kind for kind, words in WORDS if re.search(words, f"{stem}")), None)
-        kind = {"": "position", "v": "velocity", "w": "rates", "a": "imu", "p": "position"}.get(stem.strip("_"), kind)
-        if kind and {"x", "y", "z"} <= axes.keys() and kind not in groups:
-            groups[kind] = {"columns": [axes[a] for a in "xyz"]}
-    _angles(table, numeric, groups)
-    if motors := {int(found[1]): name for name, text in numeric.items() if (found := _MOTOR.match(text))}:
-        names = [motors[number] for number in sorted(motors)]
-        top = float(max(np.nanmax(table[name].to_numpy()) for name in names))
-        groups["motors"] = {"columns": names, "unit": "share" if top <= 1.5 else "rad/s" if top < 2500 else "rpm"}
-    volts = [name for name, text in numeric.items() if re.search(r"bat|volt", text) and "motor" not in text]
-    if volts:
-        high = float(np.nanmedian(table[volts[0]].to_numpy())) > 1000.0
-        groups["battery"] = {"column": volts[0], "unit": "mV" if high else "V"}
+    """The map without the frames that names do not tell."""
+    found: dict[str, dict[tuple[str, str], _Columns]] = defaultdict(lambda: defaultdict(dict))
+    for name in table.columns:
+        if (of := meaning(name)) is not None and (table[name].dtype.is_numeric() or of.kind == "time"):
+            found[of.kind][of.group, of.unit].setdefault(of.part, name)
+    groups: dict[str, Any] = {"time": _clock(path, table)}
+    for kind in ("position", "velocity", "imu", "rates"):
+        # A gyro measures rates; others that bear the name are slopes of an attitude, or filtered.
+        for (_, unit), columns in sorted(found[kind].items(), key=lambda item: "gyro" not in item[0][0]):
+            if kind not in groups and (group := _triple(columns)) is not None:
+                groups[kind] = group | ({"unit": unit} if unit else {})
+    groups |= {} if "position" in groups else _place(table, found["place"])
+    groups |= _attitude(table, found["attitude"])
+    groups |= {} if "rates" in groups else _angle_rates(found["rates"])
+    _size_units(table, groups)
+    groups |= _motors(table, found["motor"])
+    for (_, unit), columns in found["battery"].items():
+        high = float(np.nanmedian(table[columns[""]].to_numpy())) > 1000.0
+        groups.setdefault("battery", {"column": columns[""], "unit": unit or ("mV" if high else "V")})
     missing = [name for name in ("position", "velocity", "attitude") if name not in groups]
     if missing:
         raise LogError(
@@ -124,48 +142,147 @@ def _by_name(path: Path, table: pl.DataFrame) -> dict[str, Any]:
     return groups
 
 
-def _angles(table: pl.DataFrame, plain: dict[str, str], groups: dict[str, Any]) -> None:
-    """Roll, pitch and yaw, and their rates, where these are the names."""
-    for kind, pattern in (
-        ("attitude", r"^(?!.*(rate|vel|cmd|ref|set)).*{}"),
-        ("rates", r"^(?!.*(cmd|ref|set)).*{}.*rate"),
-    ):
-        names = [
-            next((name for name, text in plain.items() if re.match(pattern.format(angle), text)), None)
-            for angle in ("roll", "pitch", "yaw")
-        ]
-        if kind in groups or None in names:
-            continue
-        values = np.concatenate([table[str(name)].drop_nulls().to_numpy() for name in names])
-        in_degrees = float(np.nanmax(np.abs(values))) > (3.5 if kind == "attitude" else 25.0)
-        unit = "deg" if in_degrees or any("deg" in str(name) for name in names) else "rad"
-        groups[kind] = {"columns": names, "unit": unit if kind == "attitude" else f"{unit}/s"}
+def _triple(columns: _Columns) -> dict[str, Any] | None:
+    """Group of three axes, with its frame where directions name them."""
+    for parts, frame in (("xyz", None), (("north", "east", "down"), "NED"), (("north", "east", "up"), "NEU")):
+        if set(parts) <= columns.keys():
+            return {"columns": [columns[part] for part in parts]} | ({"frame": frame} if frame else {})
+    return None
 
 
-def _clock(path: Path, table: pl.DataFrame, plain: dict[str, str]) -> dict[str, str]:
-    for name, text in plain.items():
-        if re.match(r"^(t|time|timestamp|stamp|secs?)(_|$)|.*(_time|_stamp|timestamp)", text):
-            steps = np.diff(table[name].drop_nulls().to_numpy().astype(np.float64))
-            steps = steps[steps > 0.0]
-            step = float(np.median(steps)) if len(steps) else 0.0
-            unit = next(unit for unit, least in (("ns", 3e5), ("us", 3e2), ("ms", 0.8), ("s", 0.0)) if step >= least)
-            return {"column": name, "unit": unit}
+def _place(table: pl.DataFrame, found: dict[tuple[str, str], _Columns]) -> dict[str, Any]:
+    """Position as latitude, longitude and height, of which the one above the begin is preferred."""
+    parts: dict[str, list[tuple[str, str]]] = defaultdict(list)
+    for (_, unit), columns in found.items():
+        for part, name in columns.items():
+            parts[part if part in ("latitude", "longitude") else "height"].append((name, unit))
+    if len(parts) < 3:
+        return {}
+    latitude, longitude = parts["latitude"][0][0], parts["longitude"][0][0]
+    height, unit = min(parts["height"], key=lambda item: "rel" not in item[0].lower())
+    is_count = _largest(table, [latitude]) > 90.0
+    position = {"columns": [latitude, longitude, height], "frame": "LLA", "unit": "degE7" if is_count else "deg"}
+    return {"position": position | ({"height_unit": unit} if unit not in ("", "m") else {})}
+
+
+def _attitude(table: pl.DataFrame, found: dict[tuple[str, str], _Columns]) -> dict[str, Any]:
+    """A quaternion, else roll, pitch and yaw."""
+    for columns in found.values():
+        for parts in ("wxyz", "0123", "1234"):  # numbered, the scalar comes first
+            if set(parts) <= columns.keys():
+                return {"attitude": {"columns": [columns[part] for part in parts], "order": "wxyz"}}
+    for (_, unit), columns in found.items():
+        if {"roll", "pitch", "yaw"} <= columns.keys():
+            names = [columns[angle] for angle in ("roll", "pitch", "yaw")]
+            return {"attitude": {"columns": names, "unit": unit or ("deg" if _largest(table, names) > 3.5 else "rad")}}
+    return {}
+
+
+def _angle_rates(found: dict[tuple[str, str], _Columns]) -> dict[str, Any]:
+    for (_, unit), columns in found.items():
+        if {"roll", "pitch", "yaw"} <= columns.keys():
+            names = [columns[angle] for angle in ("roll", "pitch", "yaw")]
+            return {"rates": {"columns": names} | ({"unit": unit} if unit else {})}
+    return {}
+
+
+def _size_units(table: pl.DataFrame, groups: dict[str, Any]) -> None:
+    """Give rates and accelerations the unit that their size tells, where their names do not."""
+    if "rates" in groups and "unit" not in groups["rates"]:
+        groups["rates"]["unit"] = "deg/s" if _largest(table, groups["rates"]["columns"]) > 25.0 else "rad/s"
+    if "imu" in groups and "unit" not in groups["imu"]:
+        parts = [table[name].cast(pl.Float64).to_numpy() for name in groups["imu"]["columns"]]
+        if 0.5 < float(np.nanmedian(np.linalg.norm(parts, axis=0))) < 2.0:
+            groups["imu"]["unit"] = "g"
+
+
+def _motors(table: pl.DataFrame, found: dict[tuple[str, str], _Columns]) -> dict[str, Any]:
+    """Outputs or, rather, speeds of the motors."""
+    several = {key: columns for key, columns in found.items() if len(columns) > 2}
+    if not several:
+        return {}
+    (_, unit), columns = min(several.items(), key=lambda item: item[0][1] not in ("rpm", "rad/s", "rev/s"))
+    names = [columns[number] for number in sorted(columns, key=int)]
+    return {"motors": {"columns": names} | _motor_scale(table, names, unit)}
+
+
+def _motor_scale(table: pl.DataFrame, names: list[str], unit: str) -> dict[str, Any]:
+    """Unit of motors, by their names and then by their size."""
+    if unit in ("rpm", "rad/s", "rev/s", "percent"):
+        return {"unit": unit}
+    values = np.concatenate([table[name].drop_nulls().cast(pl.Float64).to_numpy() for name in names])
+    values = values[np.isfinite(values)]
+    turning = values[values > 0.0]
+    top = float(np.quantile(turning, 0.999)) if len(turning) else 0.0
+    if top <= 1.5:
+        return {"unit": "share"}
+    is_crazyflie = all(map(_is_of_crazyflie, names))
+    if PULSES_US[0] < float(np.quantile(turning, 0.05)) and top < PULSES_US[1] and not is_crazyflie:
+        return {"unit": "us"}
+    if unit == "pwm" or is_crazyflie or top > FASTEST_RPM:
+        full = FULL_COUNTS[-1] if is_crazyflie else next((full for full in FULL_COUNTS if top <= full), FULL_COUNTS[-1])
+        return {"unit": "pwm", "full": full}
+    return {"unit": "rad/s" if top < FASTEST_RAD_S else "rpm"}
+
+
+def _tells_unit(motor: str) -> bool:
+    of = meaning(motor)
+    return (of is not None and of.unit != "") or _is_of_crazyflie(motor)
+
+
+def _is_of_crazyflie(motor: str) -> bool:
+    return _CRAZYFLIE_MOTOR.search(plain(motor)) is not None
+
+
+def _largest(table: pl.DataFrame, names: list[str]) -> float:
+    return max(float(np.nanmax(np.abs(table[name].drop_nulls().to_numpy()), initial=0.0)) for name in names)
+
+
+def _clock(path: Path, table: pl.DataFrame) -> dict[str, str]:
+    """Clock of the table: the first column that is one by its name and its values."""
+    named = [(name, of.unit) for name in table.columns if (of := meaning(name)) is not None and of.kind == "time"]
+    for name, unit in named:
+        if dates_s(table[name]) is not None:
+            return {"column": name, "unit": "date"}
+        if table[name].dtype.is_numeric():
+            values = table[name].drop_nulls().to_numpy().astype(np.float64)
+            return {"column": name, "unit": unit if unit in SECONDS else _unit_of_time(values)}
+    if named:
+        shown = str(next(iter(table[named[0][0]].drop_nulls()), "nothing"))[:40]
+        raise LogError(f"{path}: column '{named[0][0]}' holds {shown!r}, expected numbers or dates as the time")
     raise LogError(f"{path}: the names of its columns do not tell the time, expected one such as time or timestamp")
+
+
+def _unit_of_time(values: Floats) -> str:
+    """Unit of a clock: of one that counts from 1970 by its size, else by its steps."""
+    steps = np.diff(values)
+    steps = steps[steps > 0.0]
+    step = float(np.median(steps)) if len(steps) else 0.0
+    middle = float(np.median(values)) if len(values) else 0.0
+    for unit, factor in SECONDS.items():
+        if SINCE_1970_S[0] < factor * middle < SINCE_1970_S[1] and factor * step < 100.0 and unit != "date":
+            return unit
+    return next(unit for unit, least in (("ns", 3e5), ("us", 3e2), ("ms", 0.8), ("s", 0.0)) if step >= least)
 
 
 def _variants(groups: dict[str, Any]) -> Iterator[dict[str, Any]]:
     """The map in all frames that are tried; the usual ones first."""
-    inverse = (False, True) if "order" in groups["attitude"] else (False,)
+    is_quaternion = "order" in groups["attitude"]
     worlds = (("NED", "NED"), ("ENU", "ENU"), ("NEU", "NED"))  # of the vectors, and of the attitude
     for (world, of_attitude), body, moving, turned, of_imu in itertools.product(
-        worlds, ("FRD", "FLU"), (True, False), inverse, ("FRD", "FLU") if "imu" in groups else ("",)
+        worlds, ("FRD", "FLU"), (True, False), (False, True), ("FRD", "FLU") if "imu" in groups else ("",)
     ):
         variant = {
             **groups,
-            "position": groups["position"] | {"frame": world},
-            "velocity": groups["velocity"] | {"frame": world if moving else body},
-            "attitude": groups["attitude"] | {"body": body, "world": of_attitude, "inverse": turned},
+            "position": {"frame": world} | groups["position"],
+            "velocity": {"frame": world if moving else body} | groups["velocity"],
+            "attitude": groups["attitude"] | {"body": body, "world": of_attitude},
         }
+        if is_quaternion:
+            variant["attitude"]["inverse"] = turned
+        elif turned:  # nose up is positive to the pilot, whatever the frame
+            roll, pitch, yaw = groups["attitude"]["columns"]
+            variant["attitude"]["columns"] = [roll, f"-{pitch}", yaw]
         if "rates" in groups:
             variant["rates"] = groups["rates"] | {"frame": body}
         if "imu" in groups:

@@ -8,7 +8,7 @@ from pathlib import Path
 from quadctl.errors import LogError
 from quadctl.logs.csv_lines import reason_of
 from quadctl.logs.flight_log import FlightLog
-from quadctl.logs.formats import HEAD_BYTES, MAP_SUFFIX, MAPPED, format_of, format_of_folder
+from quadctl.logs.formats import HEAD_BYTES, MAP_SUFFIX, MAPPED, TABLES, format_of, format_of_folder
 
 _NO_LOGS = {
     b"\x1f\x8b": "is compressed by gzip, expected it unpacked",
@@ -24,7 +24,7 @@ def read_log(path: Path | str) -> FlightLog:
     """The flight log in `path`, in any of `quadctl.logs.formats.FORMATS`.
 
     The format is recognised by the content, and by the extension where the content is damaged; a table with a map
-    `NAME.map.yaml` beside it is read by that map.
+    beside it, its own or one for all tables of the folder, is read by that map.
 
     Raises
     ------
@@ -35,8 +35,9 @@ def read_log(path: Path | str) -> FlightLog:
     require_file(path)
     if (folder := format_of_folder(path)) is not None:
         return folder.read(path)
-    head = _head(path)
-    return (MAPPED if path.with_suffix(MAP_SUFFIX).is_file() else format_of(head, path.suffix)).read(path)
+    form = format_of(_head(path), path.suffix)
+    may_be_mapped = form.suffix in TABLES and next(path.parent.glob(f"*{MAP_SUFFIX}"), None) is not None
+    return (MAPPED if may_be_mapped or path.with_suffix(MAP_SUFFIX).is_file() else form).read(path)
 
 
 def read_logs(paths: Iterable[Path | str]) -> list[FlightLog]:

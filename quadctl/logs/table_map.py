@@ -4,15 +4,17 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, PositiveFloat, model_validator
 
 from quadctl.logs.axes import AttitudeWorld, Body
 from quadctl.logs.formats import MAP_SUFFIX
 from quadctl.settings import Settings, load
 
-SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "date": 1.0}
+"""Of dates, once they are read."""
 METRES = {"m": 1.0, "cm": 0.01, "mm": 1e-3, "ft": 0.3048}
 METRES_PER_SECOND = {"m/s": 1.0, "cm/s": 0.01, "mm/s": 1e-3, "km/h": 1.0 / 3.6, "ft/s": 0.3048}
+DEGREES = {"deg": 1.0, "degE7": 1e-7}
 RADIANS = {"rad": 1.0, "deg": 0.017453292519943295}
 RADIANS_PER_SECOND = {"rad/s": 1.0, "deg/s": 0.017453292519943295}
 METRES_PER_SECOND2 = {"m/s2": 1.0, "g": 9.80665}
@@ -22,8 +24,12 @@ MOTORS = {
     "rev/s": ("rpm", 60.0),
     "share": ("output", 1.0),
     "percent": ("output", 0.01),
+    "pwm": ("output", 1.0),
+    "us": ("output", 1.0),
 }
-"""Quantity of the log's columns, and the factor, by the unit of the motors."""
+"""Quantity of the log's columns, and the factor, by the unit of the motors; counts and pulses are made shares first."""
+PULSES_US = (1000.0, 2000.0)
+"""Pulses of no and of full output, where a map does not say."""
 SHARES = {"share": 1.0, "percent": 0.01}
 VOLTS = {"V": 1.0, "mV": 1e-3}
 
@@ -35,7 +41,8 @@ class Clock(Settings):
     """One clock: a column that increases."""
 
     column: str
-    unit: Literal["s", "ms", "us", "ns"]
+    unit: Literal["s", "ms", "us", "ns", "date"]
+    """`date` for texts as ISO 8601 has them; without an offset they are UTC."""
 
 
 class Group(Settings):
@@ -47,6 +54,7 @@ class Group(Settings):
 
 class Several(Group):
     columns: tuple[str, ...]
+    """A name with a sign before it, `-pitch`, is the negative of the column."""
 
     @property
     def names(self) -> dict[str, tuple[str, ...]]:
@@ -65,8 +73,20 @@ class Single(Group):
 
 class Position(Several):
     columns: _Three
-    frame: Literal["NED", "ENU", "NWU", "NEU"]
-    unit: Literal["m", "cm", "mm", "ft"] = "m"
+    frame: Literal["NED", "ENU", "NWU", "NEU", "LLA"]
+    """LLA: latitude, longitude and height; north, east and up are then counted from the first position."""
+    unit: Literal["m", "cm", "mm", "ft", "deg", "degE7"] = "m"
+    """With LLA, of latitude and longitude."""
+    height_unit: Literal["m", "cm", "mm", "ft"] | None = None
+    """With LLA; m if None."""
+
+    @model_validator(mode="after")
+    def _says_what_it_needs(self) -> "Position":
+        if self.frame == "LLA" and self.unit not in DEGREES:
+            raise ValueError(f"has `frame: LLA` and `unit: {self.unit}`, expected `unit: deg` or `unit: degE7`")
+        if self.frame != "LLA" and (self.unit in DEGREES or self.height_unit is not None):
+            raise ValueError(f"has `frame: {self.frame}`, expected `frame: LLA` with degrees or a unit of the height")
+        return self
 
 
 class Velocity(Several):
@@ -116,7 +136,31 @@ class Motors(Several):
     """Speeds of the rotors, or outputs to them, in the order of `rotors` in the vehicle file."""
 
     columns: tuple[str, ...] = Field(min_length=1, max_length=12)
-    unit: Literal["rpm", "rad/s", "rev/s", "share", "percent"]
+    unit: Literal["rpm", "rad/s", "rev/s", "share", "percent", "pwm", "us"]
+    full: PositiveFloat | None = None
+    """Count of full output, with `unit: pwm`: 65535 of 16 bits."""
+    low: float | None = None
+    """Pulse of no output, with `unit: us`; 1000 if None."""
+    high: float | None = None
+    """Pulse of full output, with `unit: us`; 2000 if None."""
+
+    @model_validator(mode="after")
+    def _says_what_it_needs(self) -> "Motors":
+        if (self.unit == "pwm") != (self.full is not None):
+            raise ValueError("needs `unit: pwm` and `full` (65535 of 16 bits) together")
+        if self.unit != "us" and (self.low is not None or self.high is not None):
+            raise ValueError("has `low` or `high`, expected them with `unit: us` only")
+        if not self.ends[0] < self.ends[1]:
+            raise ValueError(f"has pulses from {self.ends[0]:g} to {self.ends[1]:g}, expected `low` below `high`")
+        return self
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Values of no and of full output, of counts and pulses."""
+        low, high = PULSES_US
+        if self.full is not None:
+            return 0.0, self.full
+        return low if self.low is None else self.low, high if self.high is None else self.high
 
 
 class Battery(Single):
@@ -144,12 +188,18 @@ class TableMap(Settings):
 
     def named_columns(self) -> Iterator[tuple[str, str]]:
         """(field of the map, column of the table) of all that the map names."""
-        yield "time.column", self.time.column
+        for field, clock in self.clocks():
+            yield f"{field}.column", clock.column
+        for name, group in self.groups():
+            for field, columns in group.names.items():
+                yield from ((f"{name}.{field}", unsigned(column)) for column in columns)
+
+    def clocks(self) -> Iterator[tuple[str, Clock]]:
+        """(field of the map, clock) of all that the map names."""
+        yield "time", self.time
         for name, group in self.groups():
             if group.time is not None:
-                yield f"{name}.time.column", group.time.column
-            for field, columns in group.names.items():
-                yield from ((f"{name}.{field}", column) for column in columns)
+                yield f"{name}.time", group.time
 
     def groups(self) -> Iterator[tuple[str, Several | Single]]:
         """All groups that the map holds, by their names."""
@@ -157,6 +207,11 @@ class TableMap(Settings):
             group = getattr(self, name)
             if isinstance(group, Several | Single):
                 yield name, group
+
+
+def unsigned(column: str) -> str:
+    """Name of a column of the table, without the sign that makes it its negative."""
+    return column.removeprefix("-")
 
 
 def load_map(path: Path) -> TableMap:
@@ -170,7 +225,9 @@ def load_map(path: Path) -> TableMap:
     return load(path, TableMap)
 
 
-def map_beside(path: Path) -> Path | None:
-    """The map of the table at `path`, if there is one beside it."""
-    beside = path.with_suffix(MAP_SUFFIX)
-    return beside if beside.is_file() else None
+def maps_of_folder(path: Path) -> list[Path]:
+    """Maps beside the table at `path` that belong to no one table there, and so to all that have none of their own."""
+    owned = {file.stem for file in path.parent.iterdir() if file.suffix not in (".yaml", ".yml")}
+    return sorted(
+        file for file in path.parent.glob(f"*{MAP_SUFFIX}") if file.name.removesuffix(MAP_SUFFIX) not in owned
+    )
