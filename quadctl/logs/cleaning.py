@@ -13,9 +13,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from quadctl.errors import LogError
+from quadctl.logs.column_meaning import is_it
 from quadctl.logs.columns import PHASE_COLUMN, STATE_COLUMNS, is_column, known_columns, rpm_columns
 from quadctl.logs.findings import Finding, Kind, finding
-from quadctl.logs.flight_log import POSITION, FlightLog, Floats, did_you_mean, is_it
+from quadctl.logs.flight_log import POSITION, FlightLog, Floats, did_you_mean
+from quadctl.logs.formats import A_MAP
 from quadctl.logs.sidecar import read_meta
 from quadctl.logs.words import count
 
@@ -97,7 +99,7 @@ def check_columns(names: Iterable[str], holder: str) -> list[Finding]:
     missing = [name for name in STATE_COLUMNS if name not in names]
     if missing:
         listed = ", ".join(name + is_it(name, unknown) for name in missing)
-        raise LogError(f"{holder} lacks {listed}, expected a flight log's columns")
+        raise LogError(f"{holder} lacks {listed}, expected a flight log's columns, {A_MAP}")
     rpm = [name for name in names if name.endswith("_rpm") and is_column(name)]
     absent = next((name for name in rpm_columns(len(rpm)) if name not in rpm), None)
     if absent:

@@ -1,7 +1,7 @@
 """Meaning of a column of another program's table, by its name."""
 
+import difflib
 import re
-from collections.abc import Iterable
 from typing import NamedTuple
 
 
@@ -64,6 +64,11 @@ _KIND_OF_UNIT = {
     "m/s2": "imu",
 }
 
+MAX_LENGTH = 80
+"""Length of a text above which it is no name."""
+MIN_LIKENESS = 0.8
+"""Likeness of two names from which on one may be the other, mistyped."""
+
 
 def plain(name: str) -> str:
     """The name in lower case, with one `_` for all that is neither a letter nor a digit."""
@@ -72,6 +77,8 @@ def plain(name: str) -> str:
 
 def meaning(name: str) -> Meaning | None:
     """Meaning of a column's name; None where it tells none."""
+    if len(name) > MAX_LENGTH:
+        return None
     text = plain(name)
     if _CLOCK.match(text):
         found = _UNIT.search(text)
@@ -127,13 +134,19 @@ _OF_COLUMNS = {
 """Kind, parts and unit that a flight log's columns mean."""
 
 
-def same_meaning(column: str, names: Iterable[str]) -> str | None:
-    """The first of the names that means what a flight log's column means, as far as names and units tell."""
-    if column not in _OF_COLUMNS:
-        return None
+def is_it(column: str, names: list[str]) -> str:
+    """ " (is it 'timestamp'?)" of a flight log's column that is missing, "" where no name means it or is near."""
+    alike = difflib.get_close_matches(
+        column, [name for name in names if meaning(name) is None], n=1, cutoff=MIN_LIKENESS
+    )
+    found = next((name for name in names if _means(name, column)), alike[0] if alike else None)
+    return f" (is it '{found}'?)" if found else ""
+
+
+def _means(name: str, column: str) -> bool:
+    """Tell whether a name means what a flight log's column means, as far as names and units tell."""
+    found = meaning(name)
+    if found is None or column not in _OF_COLUMNS:
+        return False
     kind, parts, unit = _OF_COLUMNS[column]
-    for name in names:
-        found = meaning(name)
-        if found and found.kind == kind and found.part in parts and found.unit in ("", unit):
-            return name
-    return None
+    return found.kind == kind and found.part in parts and found.unit in ("", unit)

@@ -111,11 +111,6 @@ class FlightLog:
         return replace(self, columns=columns, phase=None if self.phase is None else self.phase[selection])
 
 
-def is_it(word: str, found: list[str]) -> str:
-    """ " (is it 'times'?)" of a name that is missing, or nothing where none of those `found` is near."""
-    return _asked("is it", word, found)
-
-
 def doubt_of_copy(findings: Iterable[Finding]) -> str:
     """The question to add to what a log lacks, where these findings say that a part is missing; else empty."""
     kinds = {found.kind for found in findings}
@@ -126,9 +121,5 @@ def doubt_of_copy(findings: Iterable[Finding]) -> str:
 
 def did_you_mean(word: str, known: list[str]) -> str:
     """ " (did you mean 'x_m'?)", or nothing when no known name is near."""
-    return _asked("did you mean", word, known)
-
-
-def _asked(question: str, word: str, names: list[str]) -> str:
-    matches = difflib.get_close_matches(word, names, n=1, cutoff=0.5)
-    return f" ({question} '{matches[0]}'?)" if matches else ""
+    matches = difflib.get_close_matches(word, known, n=1, cutoff=0.5)
+    return f" (did you mean '{matches[0]}'?)" if matches else ""
