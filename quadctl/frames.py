@@ -37,6 +37,16 @@ def euler_from_quaternion(q: Quaternion) -> Vector:
     return roll, pitch, yaw
 
 
+def body_rates(roll: Any, pitch: Any, roll_slope: Any, pitch_slope: Any, yaw_slope: Any) -> Vector:
+    """Body rates p, q, r (FRD) of ZYX Euler angles and their derivatives, radians and rad/s."""
+    cr, sr, cp, sp = cos(roll), sin(roll), cos(pitch), sin(pitch)
+    return (
+        roll_slope - yaw_slope * sp,
+        pitch_slope * cr + yaw_slope * sr * cp,
+        -pitch_slope * sr + yaw_slope * cr * cp,
+    )
+
+
 def rotate(q: Quaternion, v: Vector) -> Vector:
     """Body vector `v` in world axes."""
     w, x, y, z = q

@@ -1,12 +1,16 @@
 """Motor outputs of ArduPilot, as its parameters describe them; shared by its two kinds of log."""
 
-from collections.abc import Mapping
+import re
+from collections.abc import Iterable, Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 
 from quadctl.logs.findings import Finding, Kind, finding
 from quadctl.logs.flight_log import Floats
-from quadctl.thrust_chain.ardupilot import CURVE, compensates_voltage, knows_curve, thrust_of_output
+from quadctl.logs.parameter_history import ParameterHistory
+from quadctl.numeric import Number
+from quadctl.thrust_chain.ardupilot import BOOST, CURVE, VOLTAGE, compensates_voltage, knows_curve, thrust_of_output
 from quadctl.thrust_chain.chain import Ambient
 
 PARAMETERS = (
@@ -24,42 +28,73 @@ PARAMETERS = (
 )
 """Parameters that an analysis of motor outputs may need, kept in the log's `meta`."""
 VOLT_MAX = "MOT_BAT_VOLT_MAX"
+PULSE_RANGE = ("MOT_PWM_MIN", "MOT_PWM_MAX")
+CHAIN_PARAMETERS = (BOOST, *CURVE, *VOLTAGE, *PULSE_RANGE)
+"""Parameters on which the thrust depends that an output or a command stands for."""
+MOTORS_OF_CLASS = {1: 4, 2: 6, 3: 8, 4: 8, 5: 6, 7: 3, 12: 12, 14: 10}
+"""Number of motors by FRAME_CLASS: quadrotor, hexarotor, octorotor, coaxial octorotor and hexarotor, tricopter..."""
+MOTORS_OF_FRAME = {"QUAD": 4, "HEXA": 6, "OCTA": 8, "OCTA_QUAD": 8, "Y6": 6, "TRI": 3, "DODECA": 12, "DECA": 10}
+"""Number of motors by the name of the frame in messages."""
+_FRAME = re.compile(rf"Frame: ({'|'.join(sorted(MOTORS_OF_FRAME, key=len, reverse=True))})", re.IGNORECASE)
 PWM_US = (1000.0, 2000.0)
 """Range of the motor outputs where MOT_PWM_MIN and MOT_PWM_MAX do not say."""
 
 
-def motor_of_servo(servo: int, parameters: Mapping[str, float]) -> int | None:
-    """Number of the motor on output `servo` (both from 1), None when SERVOn_FUNCTION says that there is none.
+def motors_of_frame(parameters: Mapping[str, float], texts: Iterable[str] = ()) -> int | None:
+    """Number of motors by FRAME_CLASS, or by the message that names the frame; None where neither tells."""
+    known = MOTORS_OF_CLASS.get(int(parameters.get("FRAME_CLASS", 0.0)))
+    named = (_FRAME.search(text) for text in texts)
+    return known or next((MOTORS_OF_FRAME[frame[1].upper()] for frame in named if frame), None)
 
-    Without SERVOn_FUNCTION in the log, the outputs are taken to be the motors, in order.
+
+def motor_of_servo(servo: int, parameters: Mapping[str, float], n_motors: int | None = None) -> int | None:
+    """Number of the motor on output `servo` (both from 1), None where there is none.
+
+    The function of the output tells (SERVOn_FUNCTION; up to 3.5 RCn_FUNCTION, of whose functions none is a motor).
+    Where the log holds neither, the first `n_motors` outputs are the motors, in order.
     """
     function = parameters.get(f"SERVO{servo}_FUNCTION")
     if function is None:
-        return servo
+        idle = not parameters.get(f"RC{servo}_FUNCTION", 0.0)
+        return servo if idle and servo <= (n_motors or servo) else None
     if 33 <= function <= 40:
         return int(function) - 32
     return int(function) - 73 if 82 <= function <= 85 else None
 
 
 def motor_outputs(
-    pulses_us: Mapping[int, Floats], parameters: Mapping[str, float], ambient: Ambient
+    time_s: Floats, pulses_us: Mapping[int, Floats], history: ParameterHistory, ambient: Ambient, n_motors: int | None
 ) -> dict[str, Floats]:
     """`motorN_output`, 0..1, from pulse lengths by number of output, those without pulses left out.
 
     The outputs are shares of the PWM range, from which the firmware's curve and compensations are removed where its
-    parameters are known: then they are proportional to thrust, as `throttle_cmd` is. `ambient` holds arrays as long as
-    the pulses.
+    parameters are known: then they are proportional to thrust, as `throttle_cmd` is. Each period is converted with the
+    parameters that held then. `ambient` holds arrays as long as the pulses.
     """
-    low, high = parameters.get("MOT_PWM_MIN", 0.0), parameters.get("MOT_PWM_MAX", 0.0)
-    if not 0.0 < low < high:
-        low, high = PWM_US
+    last = history.last
+    moves = {servo: bool(pulses.any()) and np.ptp(pulses) > 0.0 for servo, pulses in pulses_us.items()}
     found: dict[int, Floats] = {}
     for servo, pulses in pulses_us.items():
-        motor = motor_of_servo(servo, parameters)
-        if motor is not None and pulses.any():
-            share = np.clip((pulses - low) / (high - low), 0.0, 1.0)
-            found[motor] = np.asarray(thrust_of_output(share, parameters, ambient))
+        motor = motor_of_servo(servo, last, n_motors)
+        # What never changes beside outputs that do drives no motor, unless the log says that it is one.
+        said = f"SERVO{servo}_FUNCTION" in last
+        if motor is None or not pulses.any() or not (moves[servo] or said or not any(moves.values())):
+            continue
+        found[motor] = np.full(len(pulses), np.nan)
+        for period in history.periods(CHAIN_PARAMETERS):
+            rows = (time_s >= period.begin_s) & (time_s < period.end_s)
+            low, high = (period.values.get(name, 0.0) for name in PULSE_RANGE)
+            low, high = (low, high) if 0.0 < low < high else PWM_US
+            share = np.clip((pulses[rows] - low) / (high - low), 0.0, 1.0)
+            found[motor][rows] = thrust_of_output(share, period.values, _at(ambient, rows))
     return {f"motor{motor}_output": found[motor] for motor in sorted(found)}
+
+
+def _at(ambient: Ambient, rows: NDArray[np.bool_]) -> Ambient:
+    def at(part: Number) -> Number:
+        return part[rows] if isinstance(part, np.ndarray) else part
+
+    return ambient._replace(battery_v=at(ambient.battery_v), density_ratio=at(ambient.density_ratio))
 
 
 def output_finding(parameters: Mapping[str, float], ambient: Ambient) -> Finding:

@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 
 from quadctl.frames import GRAVITY_M_S2, Quaternion, quaternion_from_euler, rotate
 from quadctl.logs.contradictions import contradictions
+from quadctl.logs.findings import Finding, Kind, finding
 from quadctl.logs.flight_log import ATTITUDE, IMU, POSITION, RATES, VELOCITY, FlightLog, Floats
+from quadctl.logs.words import worded
 
 MAX_GRAVITY_ANGLE_DEG = 25.0
 """Largest angle between the mean specific force of a flight and the vertical."""
@@ -21,7 +23,7 @@ MIN_STRETCHES = 8
 
 def complaints(log: FlightLog) -> list[str]:
     """Sentences on what cannot be in the frames and units that it is said to be in; [] without any."""
-    return [*contradictions(log), *_gravity_complaint(log)]
+    return [worded(found) for found in (*contradictions(log), *_gravity_complaint(log))]
 
 
 def misfit(log: FlightLog) -> float:
@@ -62,23 +64,17 @@ def _misfits(log: FlightLog) -> Iterator[float]:
         yield min(1.0, float(np.linalg.norm([north, east, up - GRAVITY_M_S2])) / GRAVITY_M_S2)
 
 
-def _gravity_complaint(log: FlightLog) -> Iterator[str]:
+def _gravity_complaint(log: FlightLog) -> Iterator[Finding]:
     if not all(log.has(name) for name in IMU):
         return
     force = _mean_force(log)
     size = float(np.linalg.norm(force))
     if size < 0.5 * GRAVITY_M_S2:
-        yield (
-            f"the accelerometer, turned by the attitude, reads {size:.3g} m/s^2 on average, expected 9.8 upward: is "
-            "the attitude's frame or the quaternion's order another?"
-        )
+        yield finding(Kind.GRAVITY_TURNED, size_m_s2=size)
         return
     angle = float(np.degrees(np.arccos(np.clip(force[2] / size, -1.0, 1.0))))
     if angle > MAX_GRAVITY_ANGLE_DEG:
-        yield (
-            f"the accelerometer, turned by the attitude, points {angle:.0f} deg away from up on average, expected "
-            "about 0: is the frame of one of them, or the quaternion's order, another?"
-        )
+        yield finding(Kind.GRAVITY_TURNED, size_m_s2=size, angle_deg=angle)
 
 
 def _mean_force(log: FlightLog) -> Floats:

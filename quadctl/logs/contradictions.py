@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from quadctl.frames import GRAVITY_M_S2
 from quadctl.logs.columns import LATERAL_COLUMNS
+from quadctl.logs.findings import Finding, Kind, finding
 from quadctl.logs.flight_log import ATTITUDE, IMU, POSITION, RATES, VELOCITY, FlightLog, Floats
 
 MAX_FACTOR = 2.0
@@ -43,28 +44,29 @@ MOST_LEAN_DEG = 60.0
 
 _DEGREES = 180.0 / np.pi
 _MOTION_UNITS = {
-    1e-3: "is time_s in milliseconds",
-    1e-6: "is time_s in microseconds",
-    1e-9: "is time_s in nanoseconds",
-    1000.0: "is the position in millimetres",
-    100.0: "is the position in centimetres",
-    3.2808: "is the position in feet",
-    0.3048: "is the velocity in feet per second",
-    0.5144: "is the velocity in knots",
-    0.2778: "is the velocity in km/h",
-    0.01: "is the velocity in cm/s",
+    1e-3: "time in ms",
+    1e-6: "time in us",
+    1e-9: "time in ns",
+    1000.0: "position in mm",
+    100.0: "position in cm",
+    3.2808: "position in ft",
+    0.3048: "velocity in ft/s",
+    0.5144: "velocity in knots",
+    0.2778: "velocity in km/h",
+    0.01: "velocity in cm/s",
 }
 _SPEED_UP_UNITS = {
-    _DEGREES: "are roll_deg and pitch_deg in radians",
-    3.2808: "are position and velocity in feet",
-    100.0: "are position and velocity in centimetres",
-    1000.0: "are position and velocity in millimetres",
+    _DEGREES: "angles in radians",
+    3.2808: "motion in ft",
+    100.0: "motion in cm",
+    1000.0: "motion in mm",
 }
-_ACCELERATION_UNITS = {GRAVITY_M_S2: "is the acceleration in g"}
+_ACCELERATION_UNITS = {GRAVITY_M_S2: "acceleration in g"}
+"""Likely causes of a factor between two channels, by the factor."""
 
 
-def contradictions(log: FlightLog, side_force: bool = False) -> list[str]:
-    """Contradictions in a log, a sentence each without the log's name; [] without any. Nothing is raised.
+def contradictions(log: FlightLog, side_force: bool = False) -> list[Finding]:
+    """Contradictions in a log; [] without any. Nothing is raised.
 
     With `side_force` the vehicle can speed up without leaning, as one does that is commanded to (`LATERAL_COLUMNS`):
     then where it leans tells nothing.
@@ -165,16 +167,16 @@ def _known(log: FlightLog, names: Sequence[str]) -> list[Floats] | None:
     return [v[known] for v in values] if np.count_nonzero(known) > MIN_STRETCHES else None
 
 
-def _question(factor: float, units: dict[float, str], otherwise: str) -> str:
-    """Question that names the likely cause, by the known factor that is nearest."""
+def _likely(factor: float, units: dict[float, str], otherwise: str) -> str:
+    """Likely cause of a positive factor, by the known one that is nearest."""
     nearest = min(units, key=lambda known: abs(np.log(factor / known)))
-    return f"{units[nearest]}?" if 0.8 < factor / nearest < 1.25 else otherwise
+    return units[nearest] if 0.8 < factor / nearest < 1.25 else otherwise
 
 
 # --- what is compared -------------------------------------------------------------------------------------------------
 
 
-def _lying_on_its_side(log: FlightLog) -> Iterator[str]:
+def _lying_on_its_side(log: FlightLog) -> Iterator[Finding]:
     """A multirotor that leans most of the time by more than it can carry itself."""
     known = _known(log, ATTITUDE[:2])
     if known is None:
@@ -182,13 +184,10 @@ def _lying_on_its_side(log: FlightLog) -> Iterator[str]:
     roll, pitch = (np.radians(angle) for angle in known[1:])
     lean_deg = float(np.degrees(np.nanmedian(np.arccos(np.clip(np.cos(roll) * np.cos(pitch), -1.0, 1.0)))))
     if lean_deg > MOST_LEAN_DEG:
-        yield (
-            f"the vehicle leans by {lean_deg:.0f} deg half of the time, expected less than {MOST_LEAN_DEG:.0f}: "
-            "is the attitude in another frame, or its quaternion in another order?"
-        )
+        yield finding(Kind.LEANS, lean_deg=lean_deg, most_deg=MOST_LEAN_DEG)
 
 
-def _position_against_velocity(log: FlightLog) -> Iterator[str]:
+def _position_against_velocity(log: FlightLog) -> Iterator[Finding]:
     pairs = list(zip(POSITION, VELOCITY, strict=True))
     wrong = {}
     for position, velocity in pairs:
@@ -197,14 +196,14 @@ def _position_against_velocity(log: FlightLog) -> Iterator[str]:
             if agreement.is_wrong(MIN_MOVE_M):
                 wrong[position, velocity] = agreement.factor
     for (position, velocity), factor in wrong.items():
-        sign = f"does one of them point {'down' if position == 'z_m' else 'the other way'}?"
-        question = sign if factor < 0.0 else _question(factor, _MOTION_UNITS, "are both in metres and seconds?")
-        yield f"{position} changes {factor:.3g} times as much as {velocity} says, expected once: {question}"
+        sign = "one points down" if position == "z_m" else "one points the other way"
+        likely = sign if factor < 0.0 else _likely(factor, _MOTION_UNITS, "not in metres and seconds")
+        yield finding(Kind.ANOTHER_FACTOR, of=position, by=velocity, factor=factor, likely=likely)
     if not wrong and (swapped := _swapped(log)):
         yield swapped
 
 
-def _swapped(log: FlightLog) -> str | None:
+def _swapped(log: FlightLog) -> Finding | None:
     found = _known(log, (*POSITION[:2], *VELOCITY[:2]))
     if found is None:
         return None
@@ -214,7 +213,7 @@ def _swapped(log: FlightLog) -> str | None:
         [_changes(time_s, y, v, POSITION_STRETCH_S) for v in (vy, vx)],
         MIN_MOVE_M,
     ):
-        return "x_m changes as vy_m_s says, or y_m as vx_m_s, and not by their own, expected x north and y east in both"
+        return finding(Kind.SWAPPED, of="position")
     return None
 
 
@@ -235,7 +234,7 @@ def _are_swapped(
     return False
 
 
-def _velocity_against_tilt(log: FlightLog) -> Iterator[str]:
+def _velocity_against_tilt(log: FlightLog) -> Iterator[Finding]:
     """A vehicle speeds up to where its thrust leans: g tan(tilt), less drag and wind (which never turn the sign)."""
     found = _known(log, (*VELOCITY[:2], *ATTITUDE))
     if found is None:
@@ -267,21 +266,15 @@ def _velocity_against_tilt(log: FlightLog) -> Iterator[str]:
     ):
         agreement = _agreement(change, expected)
         if agreement.is_wrong(MIN_SPEED_UP_M_S) and not 0.0 < agreement.factor < 1.0:
-            sign = "is its sign wrong (FRD: nose up and right side down are positive), or the yaw's?"
-            question = _question(agreement.factor, _SPEED_UP_UNITS, "are the velocity in m/s and the angle in degrees?")
-            yield (
-                f"the vehicle speeds up {where} {agreement.factor:.3g} times as much as {name} says, expected about "
-                f"once: {sign if agreement.factor < 0.0 else question}"
-            )
+            likely = "not in m/s and degrees"
+            likely = "wrong sign" if agreement.factor < 0.0 else _likely(agreement.factor, _SPEED_UP_UNITS, likely)
+            yield finding(Kind.ANOTHER_FACTOR, of=f"speed {where}", by=name, factor=agreement.factor, likely=likely)
             return
     if _are_swapped([(forward, by_pitch), (forward, by_roll)], [(right, by_roll), (right, by_pitch)], MIN_SPEED_UP_M_S):
-        yield (
-            "the vehicle speeds up forward by its roll_deg or to the right by its pitch_deg, expected the other way: "
-            "are roll and pitch, or x and y, swapped, or is yaw_deg wrong?"
-        )
+        yield finding(Kind.SWAPPED, of="attitude")
 
 
-def _attitude_against_rates(log: FlightLog) -> Iterator[str]:
+def _attitude_against_rates(log: FlightLog) -> Iterator[Finding]:
     found = _known(log, (*ATTITUDE, *RATES))
     if found is None:
         return
@@ -294,39 +287,33 @@ def _attitude_against_rates(log: FlightLog) -> Iterator[str]:
     for name, rate, level, slope in zip(ATTITUDE, RATES, (roll, pitch, yaw), slopes, strict=True):
         agreement = _agreement(*_changes(time_s, level, slope, ATTITUDE_STRETCH_S))
         if agreement.is_wrong(MIN_TURN_RAD):
-            degrees_or_radians = {1.0 / _DEGREES: "is the rate in degrees per second, or the angle in radians"}
-            sign = "is the sign of one of them wrong?"
-            question = _question(agreement.factor, degrees_or_radians, "are both in their units?")
-            yield (
-                f"{name} changes {agreement.factor:.3g} times as much as {rate} says, expected once: "
-                f"{sign if agreement.factor < 0.0 else question}"
-            )
+            likely = "wrong sign of one"
+            if agreement.factor > 0.0:
+                likely = _likely(agreement.factor, {1.0 / _DEGREES: "rates in degrees"}, "not in their units")
+            yield finding(Kind.ANOTHER_FACTOR, of=name, by=rate, factor=agreement.factor, likely=likely)
             return
 
 
-def _acceleration_against_velocity(log: FlightLog) -> Iterator[str]:
+def _acceleration_against_velocity(log: FlightLog) -> Iterator[Finding]:
     for velocity, axis in zip(VELOCITY, "xyz", strict=True):
         if found := _known(log, (velocity, f"a{axis}_m_s2")):
             agreement = _agreement(*_changes(found[0], found[1], found[2], POSITION_STRETCH_S))
             if agreement.is_wrong(MIN_SPEED_UP_M_S):
-                sign = "does one of them point the other way?"
-                question = _question(agreement.factor, _ACCELERATION_UNITS, "is it in m/s^2?")
-                yield (
-                    f"{velocity} changes {agreement.factor:.3g} times as much as a{axis}_m_s2 says, expected once: "
-                    f"{sign if agreement.factor < 0.0 else question}"
-                )
+                likely = "one points the other way"
+                if agreement.factor > 0.0:
+                    likely = _likely(agreement.factor, _ACCELERATION_UNITS, "acceleration not in m/s^2")
+                own = f"a{axis}_m_s2"
+                yield finding(Kind.ANOTHER_FACTOR, of=velocity, by=own, factor=agreement.factor, likely=likely)
     if found := _known(log, IMU):
         size = float(np.median(np.linalg.norm(found[1:], axis=0)))
         if not SPECIFIC_FORCE_RANGE[0] < size / GRAVITY_M_S2 < SPECIFIC_FORCE_RANGE[1]:
-            yield (
-                f"{', '.join(IMU)} have a median length of {size:.3g} m/s^2, expected about 9.8, "
-                f"as in hover: {_question(GRAVITY_M_S2 / max(size, 1e-9), _ACCELERATION_UNITS, 'are they in m/s^2?')}"
-            )
+            likely = _likely(GRAVITY_M_S2 / max(size, 1e-9), _ACCELERATION_UNITS, "accelerations not in m/s^2")
+            yield finding(Kind.NOT_GRAVITY, size_m_s2=size, likely=likely)
         elif float(np.median(found[3])) > SPECIFIC_FORCE_RANGE[0] * GRAVITY_M_S2:
-            yield f"imu_z_m_s2 is {np.median(found[3]):.3g} in the middle, expected about -9.8 in hover: is it FRD?"
+            yield finding(Kind.NOT_GRAVITY, size_m_s2=float(np.median(found[3])), likely="not FRD")
 
 
-def _dead_channels(log: FlightLog) -> Iterator[str]:
+def _dead_channels(log: FlightLog) -> Iterator[Finding]:
     """Channels without values or changes, where others say that there should be some."""
     for pair in (*zip(POSITION, VELOCITY, strict=True), *zip(ATTITUDE, RATES, strict=True)):
         for dead, alive in (pair, pair[::-1]):
@@ -334,18 +321,17 @@ def _dead_channels(log: FlightLog) -> Iterator[str]:
                 continue
             value = log[dead][np.isfinite(log[dead])][0]
             if value == 0.0 or dead in (*POSITION, *ATTITUDE):  # steady motion at a constant speed or rate may be
-                yield f"{dead} is {value:g} throughout while {alive} changes, expected nan where it is not known"
+                yield finding(Kind.STANDS_STILL, channel=dead, value=float(value), while_changes=alive)
     rpm = [f"motor{i + 1}_rpm" for i in range(log.n_rotors)]
     holding = [name for name in rpm if log.has(name)]
     medians = {name: float(np.nanmedian(np.abs(log[name]))) for name in holding}
     for name in rpm:
         if name not in holding and holding:
-            yield f"{name} holds no values while {holding[0]} does, expected the speeds of all rotors"
+            yield finding(Kind.ROTOR_UNKNOWN, rotor=name, why="no values", known=holding[0])
         elif name in holding and medians[name] < SILENT_ROTOR_SHARE * float(np.median(list(medians.values()))):
-            median = f"{medians[name]:.0f} for most of the log"
-            yield f"{name} is {median} while other rotors turn, expected all of them to"
+            yield finding(Kind.ROTOR_UNKNOWN, rotor=name, why="silent", rpm=medians[name])
         elif _is_constant(log, name) and any(_varies(log, other) for other in holding):
-            yield f"{name} is {medians[name]:.0f} throughout while the speeds of other rotors change"
+            yield finding(Kind.ROTOR_UNKNOWN, rotor=name, why="stands", rpm=medians[name])
 
 
 def _is_constant(log: FlightLog, name: str) -> bool:

@@ -10,10 +10,10 @@ import polars as pl
 
 from quadctl import __version__
 from quadctl.errors import LogError
+from quadctl.logs.channel_groups import channel_groups, updates_of_any
 from quadctl.logs.columns import PHASE_COLUMN
 from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.formats import CONVERTERS, writer
-from quadctl.logs.quality import channel_groups, updates_of_any
 from quadctl.logs.sidecar import meta_path
 
 

@@ -4,6 +4,7 @@ State comes from the primary EKF core (XKF1, or NKF1 of older firmware), ATT and
 messages are not among MESSAGES: their bytes are stepped over and never decoded.
 """
 
+import re
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -14,11 +15,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quadctl.errors import LogError
-from quadctl.logs.ardupilot import PARAMETERS, motor_of_servo, motor_outputs, output_finding
+from quadctl.logs.ardupilot import (
+    CHAIN_PARAMETERS,
+    PARAMETERS,
+    motor_of_servo,
+    motor_outputs,
+    motors_of_frame,
+    output_finding,
+)
+from quadctl.logs.estimator_health import lane_switches, lost_fixes, rejections
 from quadctl.logs.events import Event, mode_changes, parameter_changes, said
 from quadctl.logs.findings import Finding, Kind, finding
 from quadctl.logs.flight_log import FlightLog, Floats
 from quadctl.logs.merge import Channel, Origin, finite, intervals, merge
+from quadctl.logs.parameter_history import ParameterHistory, change_findings
 from quadctl.thrust_chain.atmosphere import (
     Air,
     Version,
@@ -48,6 +58,8 @@ MESSAGES = (
     "MODE",
     "MSG",
     "ORGN",
+    "EV",
+    "GPS",
 )
 NEEDED = "XKF1 (or NKF1) and ATT"
 
@@ -69,6 +81,13 @@ _MAX_OUTPUTS = 14
 _HORIZONTAL_POSITION, _HEIGHT, _CONSTANT_POSITION = 0b1_1000, 0b10_0000, 0b1000_0000
 """Bits of SS in XKF4, ArduPilot's `nav_filter_status`: horizontal position relative or absolute, height, and position
 held constant for want of an aid."""
+
+_TEST_RATIOS = {"SP": "position", "SV": "velocity", "SH": "height"}
+"""Fields of XKF4 with the test ratios, and what is measured."""
+_RESET_EVENTS = {60: "height", 62: "heading"}
+"""Numbers of EV at which the estimator resets a part of its state."""
+_YAW_RESET = re.compile(r"yaw re-?aligned|yaw alignment complete|yaw reset|yaw aligned", re.IGNORECASE)
+"""Messages of a reset of the heading."""
 
 _Message: TypeAlias = dict[str, NDArray[Any]]
 """Arrays of shape (n,) by the names of the fields, in the units of ArduPilot's documentation."""
@@ -92,16 +111,17 @@ def read_dataflash(path: Path) -> FlightLog:
     if index.n_damaged_bytes:
         findings.append(finding(Kind.DAMAGED_BYTES, bytes=index.n_damaged_bytes, first=index.first_damage))
     messages = {name: _decoded(data, form) for name, form in index.formats.items() if form.offsets}
-    parameters = _parameters(messages)
+    history = _parameters(messages)
     meta = {
         "autopilot": "ArduPilot",
         "software": _version(messages),
-        "parameters": {name: parameters[name] for name in PARAMETERS if name in parameters},
+        "parameters": {name: value for name, value in history.last.items() if name in PARAMETERS},
     }
-    channels = list(_channels(messages, parameters, findings))
+    findings += change_findings(history, CHAIN_PARAMETERS)
+    channels = list(_channels(messages, history, findings))
     armed_s = _armed(messages)
-    findings += _doubts(messages, armed_s)
-    return merge(channels, Origin(path, NEEDED, meta, findings, armed_s, events=_events(messages)))
+    findings += [*_doubts(messages, armed_s), *_health(messages)]
+    return merge(channels, Origin(path, NEEDED, meta, findings, armed_s, events=_events(messages, history)))
 
 
 def parameters_in_dataflash(path: Path) -> dict[str, float]:
@@ -114,7 +134,7 @@ def parameters_in_dataflash(path: Path) -> dict[str, float]:
     """
     data, index = _indexed(path)
     form = index.formats.get("PARM")
-    return _parameters({"PARM": _decoded(data, form)} if form is not None and form.offsets else {})
+    return _parameters({"PARM": _decoded(data, form)} if form is not None and form.offsets else {}).last
 
 
 def texts_in_dataflash(path: Path) -> list[str]:
@@ -232,9 +252,7 @@ def _decoded(data: bytes, form: _Format) -> _Message:
 # --- messages ---------------------------------------------------------------------------------------------------------
 
 
-def _channels(
-    messages: dict[str, _Message], parameters: dict[str, float], findings: list[Finding]
-) -> Iterator[Channel]:
+def _channels(messages: dict[str, _Message], history: ParameterHistory, findings: list[Finding]) -> Iterator[Channel]:
     yield from _position(messages)
     if (att := messages.get("ATT")) is not None:
         attitude = {
@@ -256,7 +274,7 @@ def _channels(
         names = {"imu_x_m_s2": "AccX", "imu_y_m_s2": "AccY", "imu_z_m_s2": "AccZ"}
         force = {column: _values(imu, field) for column, field in names.items()}
         yield Channel("IMU", _seconds(imu), force, makes_rows=False, averaged=True)
-    yield from _motors(messages, parameters, findings)
+    yield from _motors(messages, history, findings)
     if (battery := _instance(messages.get("BAT"), 0)) is not None:
         yield Channel("BAT", _seconds(battery), {"battery_v": _values(battery, "Volt")}, makes_rows=False)
 
@@ -267,7 +285,7 @@ def _position(messages: dict[str, _Message]) -> Iterator[Channel]:
         if (all_cores := messages.get(state)) is None:
             continue
         primary = _primary_core(messages.get(status))
-        if (core := _instance(all_cores, primary)) is None:
+        if (core := _flown(all_cores, messages.get(status))) is None:
             continue
         signs = {"x_m": ("PN", 1.0), "y_m": ("PE", 1.0), "z_m": ("PD", -1.0)}
         signs |= {"vx_m_s": ("VN", 1.0), "vy_m_s": ("VE", 1.0), "vz_m_s": ("VD", -1.0)}
@@ -303,6 +321,46 @@ def _doubts(messages: dict[str, _Message], armed_s: list[tuple[float, float]]) -
     ]
 
 
+def _health(messages: dict[str, _Message]) -> list[Finding]:
+    """What ArduPilot's estimator says of itself: rejected sensors, lost fixes, and resets."""
+    found: list[Finding] = []
+    name = next((status for status in ("XKF4", "NKF4") if status in messages), None)
+    if name is not None:
+        if (core := _instance(messages[name], _primary_core(messages[name]))) is not None:
+            ratios = {of: _values(core, field) for field, of in _TEST_RATIOS.items() if field in core}
+            found += rejections(_seconds(core), ratios)
+        found += lane_switches(*_primary_over_time(messages[name]))
+    if (gps := _instance(messages.get("GPS"), 0)) is not None and "Status" in gps:
+        found += lost_fixes(_seconds(gps), _values(gps, "Status"))
+    times: dict[str, list[float]] = {}
+    if (event := messages.get("EV")) is not None and "Id" in event:
+        for at, number in zip(_seconds(event).tolist(), event["Id"].tolist(), strict=True):
+            if number in _RESET_EVENTS:
+                times.setdefault(_RESET_EVENTS[number], []).append(at)
+    if (msg := messages.get("MSG")) is not None:
+        for at, text in zip(_seconds(msg).tolist(), _texts(messages), strict=True):
+            if _YAW_RESET.search(text):
+                times.setdefault("heading", []).append(at)
+    return [*found, *(finding(Kind.RESET, [(at, at) for at in own], of=of) for of, own in times.items())]
+
+
+def _primary_over_time(status: _Message) -> tuple[Floats, Floats]:
+    """Times, and the number of the core that flew."""
+    if "PI" not in status:
+        return np.zeros(0), np.zeros(0)
+    return _seconds(status), _values(status, "PI")
+
+
+def _flown(cores: _Message, status: _Message | None) -> _Message | None:
+    """The messages of the core that flew at each time; one that the firmware does not number is the one that flew."""
+    if status is None or "C" not in cores or "PI" not in status:
+        return _instance(cores, 0)
+    at, primary = _primary_over_time(status)
+    last = np.maximum(np.searchsorted(at, _seconds(cores), side="right") - 1, 0)
+    rows = cores["C"] == primary[last]
+    return {name: values[rows] for name, values in cores.items()} if rows.any() else _instance(cores, 0)
+
+
 def _primary_core(status: _Message | None) -> int:
     """The core that was primary for most of the time."""
     if status is None or "PI" not in status:
@@ -310,26 +368,29 @@ def _primary_core(status: _Message | None) -> int:
     return int(np.argmax(np.bincount(np.maximum(status["PI"], 0))))
 
 
-def _motors(messages: dict[str, _Message], parameters: dict[str, float], findings: list[Finding]) -> Iterator[Channel]:
+def _motors(messages: dict[str, _Message], history: ParameterHistory, findings: list[Finding]) -> Iterator[Channel]:
     if (esc := messages.get("ESC")) is not None and "Instance" in esc:
         if np.any(esc["RPM"]):
-            yield from (channel for i in np.unique(esc["Instance"]) if (channel := _esc(esc, int(i), parameters)))
+            n_motors = motors_of_frame(history.last, _texts(messages))
+            found = (_esc(esc, int(i), history.last, n_motors) for i in np.unique(esc["Instance"]))
+            yield from (channel for channel in found if channel is not None)
         else:
             findings.append(finding(Kind.SPEEDS_ZERO, source="ESC", several=False))
     if (rcou := messages.get("RCOU")) is not None:
         pulses = {i: _values(rcou, f"C{i}") for i in range(1, _MAX_OUTPUTS + 1) if f"C{i}" in rcou}
-        ambient = _ambient(messages, parameters, _seconds(rcou))
-        if columns := motor_outputs(pulses, parameters, ambient):
-            findings.append(output_finding(parameters, ambient))
+        ambient = _ambient(messages, history, _seconds(rcou))
+        n_motors = motors_of_frame(history.last, _texts(messages))
+        if columns := motor_outputs(_seconds(rcou), pulses, history, ambient, n_motors):
+            findings.append(output_finding(history.last, ambient))
             yield Channel("RCOU", _seconds(rcou), columns)
 
 
-def _ambient(messages: dict[str, _Message], parameters: dict[str, float], time_s: Floats) -> Ambient:
+def _ambient(messages: dict[str, _Message], history: ParameterHistory, time_s: Floats) -> Ambient:
     """Battery and air at these times, as the firmware's compensations saw them."""
     volts = ratio = np.full(len(time_s), np.nan)
     atmosphere = None
     if (motors := messages.get("MOTB")) is not None and "BatVolt" in motors:  # filtered, over MOT_BAT_VOLT_MAX
-        filtered = parameters.get("MOT_BAT_VOLT_MAX", np.nan) * _values(motors, "BatVolt")
+        filtered = history.last.get("MOT_BAT_VOLT_MAX", np.nan) * _values(motors, "BatVolt")
         volts = np.interp(time_s, _seconds(motors), filtered)
     elif (battery := _instance(messages.get("BAT"), 0)) is not None:
         resting = _values(battery, "VoltR" if "VoltR" in battery else "Volt")  # without the sag of the load
@@ -353,10 +414,10 @@ def _altitude_m(messages: dict[str, _Message], baro: _Message) -> Floats:
     return _values(baro, "Alt") + (ground_m[-1] if len(ground_m) else np.nan)
 
 
-def _esc(messages: _Message, instance: int, parameters: dict[str, float]) -> Channel | None:
+def _esc(messages: _Message, instance: int, parameters: dict[str, float], n_motors: int | None) -> Channel | None:
     """Speed, voltage and current of one motor; None when it is no motor."""
     esc = _instance(messages, instance)
-    motor = motor_of_servo(instance + 1, parameters)
+    motor = motor_of_servo(instance + 1, parameters, n_motors)
     if esc is None or motor is None:
         return None
     columns = {f"motor{motor}_rpm": np.abs(_values(esc, "RPM"))}
@@ -375,15 +436,20 @@ def _armed(messages: dict[str, _Message]) -> list[tuple[float, float]]:
     return intervals(time, np.concatenate([~state[:1], state, state[-1:]]))
 
 
-def _parameters(messages: dict[str, _Message]) -> dict[str, float]:
-    """The last value of each parameter."""
+def _parameters(messages: dict[str, _Message]) -> ParameterHistory:
     if (parm := messages.get("PARM")) is None:
-        return {}
+        return ParameterHistory()
     names = [name.decode("ascii", "replace") for name in parm["Name"].tolist()]
-    return dict(zip(names, _values(parm, "Value").tolist(), strict=True))
+    return ParameterHistory(zip(_seconds(parm).tolist(), names, _values(parm, "Value").tolist(), strict=True))
 
 
-def _events(messages: dict[str, _Message]) -> list[Event]:
+def _texts(messages: dict[str, _Message]) -> list[str]:
+    """Texts of the autopilot's messages."""
+    msg = messages.get("MSG")
+    return [] if msg is None else [text.decode("ascii", "replace") for text in msg["Message"].tolist()]
+
+
+def _events(messages: dict[str, _Message], history: ParameterHistory) -> list[Event]:
     """Modes, messages, and changes of parameters."""
     from pymavlink.mavutil import mode_mapping_acm
 
@@ -391,11 +457,8 @@ def _events(messages: dict[str, _Message]) -> list[Event]:
     if (mode := messages.get("MODE")) is not None:
         found += mode_changes(_seconds(mode), mode["Mode"].tolist(), mode_mapping_acm)
     if (msg := messages.get("MSG")) is not None:
-        found += said(_seconds(msg), [text.decode("ascii", "replace") for text in msg["Message"].tolist()])
-    if (parm := messages.get("PARM")) is not None:
-        names = [name.decode("ascii", "replace") for name in parm["Name"].tolist()]
-        found += parameter_changes(_seconds(parm), names, _values(parm, "Value").tolist())
-    return found
+        found += said(_seconds(msg), _texts(messages))
+    return [*found, *parameter_changes(history)]
 
 
 def _version(messages: dict[str, _Message]) -> str:

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from quadctl.logs.findings import Finding, Kind, Span, finding
+from quadctl.logs.parameter_history import ParameterHistory
 
 PX4_MODES = {
     0: "MANUAL", 1: "ALTCTL", 2: "POSCTL", 3: "AUTO.MISSION", 4: "AUTO.LOITER", 5: "AUTO.RTL", 6: "POSITION_SLOW",
@@ -39,17 +40,12 @@ def mode_changes(time_s: Iterable[float], modes: Sequence[Any], names: Mapping[i
     return found
 
 
-def parameter_changes(
-    time_s: Iterable[float], names: Sequence[str], values: Sequence[float], known: Mapping[str, float] | None = None
-) -> list[Event]:
-    """Changes of parameters; a value that is said for the first time, or again, is none. `known` are those before."""
-    last = dict(known or {})
-    found = []
-    for time, name, value in zip(time_s, names, values, strict=True):
-        if name in last and last[name] != value:
-            found.append(Event(float(time), f"{name} = {value:g} (was {last[name]:g})"))
-        last[name] = value
-    return found
+def parameter_changes(history: ParameterHistory) -> list[Event]:
+    """Changes of parameters; a value that is said for the first time, or again, is none."""
+    return [
+        Event(change.time_s, f"{change.name} = {change.after:g} (was {change.before:g})")
+        for change in history.changes()
+    ]
 
 
 def estimator_resets(time_s: Sequence[float], counter: Sequence[float], what: str) -> list[Event]:

@@ -4,7 +4,7 @@ A finding is a value. Its sentence is made once, at the edge, by `quadctl.logs.w
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import Any, TypeAlias
 
@@ -47,17 +47,44 @@ class Kind(StrEnum):
     OUTPUT_CHAIN = "output_chain"
     BATTERY_SCALE = "battery_scale"
     ANGLE_BOOST = "angle_boost"
+    PARAMETER_CHANGED = "parameter_changed"
     ABSENT_MOTORS = "absent_motors"
     OWN_CORRECTION = "own_correction"
     # --- the estimator ---
     STATE_INVALID = "state_invalid"
     RESET = "reset"
+    HEADING_OFF = "heading_off"
+    LANE_SWITCH = "lane_switch"
+    REJECTED = "rejected"
+    GPS_LOST = "gps_lost"
     # --- time in flight ---
-    FROZEN_STATE = "frozen_state"
+    ON_GROUND = "on_ground"
+    GROUND_MOVED = "ground_moved"
+    ENDS_IN_AIR = "ends_in_air"
+    OUT_OF_CONTROL = "out_of_control"
+    DEAD_CHANNEL = "dead_channel"
     FROZEN_ROTOR = "frozen_rotor"
+    SPIKE = "spike"
     SPIKES = "spikes"
     IN_FLIGHT = "in_flight"
     GAPS = "gaps"
+    INTERPOLATED = "interpolated"
+    EXTRAPOLATED = "extrapolated"
+    DELAY = "delay"
+    WITNESSES_DISAGREE = "witnesses_disagree"
+    # --- channels against each other ---
+    ANOTHER_FACTOR = "another_factor"
+    SWAPPED = "swapped"
+    LEANS = "leans"
+    NOT_GRAVITY = "not_gravity"
+    GRAVITY_TURNED = "gravity_turned"
+    STANDS_STILL = "stands_still"
+    ROTOR_UNKNOWN = "rotor_unknown"
+    # --- what an analysis lacks ---
+    LACKS = "lacks"
+    TOO_SLOW = "too_slow"
+    BELOW_GROUND = "below_ground"
+    TOO_SHORT = "too_short"
     # --- the vehicle ---
     WEIGHT_DOUBT = "weight_doubt"
     VELOCITY_SCALE = "velocity_scale"
@@ -79,6 +106,10 @@ class Finding:
             "kind": str(self.kind),
             **({"times_s": [list(span) for span in self.times_s]} if self.times_s else {}),
         } | {"figures": dict(self.figures)}
+
+    def later(self, by_s: float) -> "Finding":
+        """The same on a clock that shows more by `by_s`."""
+        return replace(self, times_s=tuple((begin + by_s, end + by_s) for begin, end in self.times_s))
 
     def touches(self, begin_s: float, end_s: float) -> bool:
         """Tell whether it concerns a stretch of time."""

@@ -6,7 +6,7 @@ them.
 """
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -14,6 +14,7 @@ from quadctl.errors import LogError
 from quadctl.logs.events import Event, said
 from quadctl.logs.findings import Finding, Kind, finding
 from quadctl.logs.flight_log import FlightLog
+from quadctl.logs.parameter_history import ParameterHistory
 from quadctl.logs.ulog import TOPICS, log_of_instances
 
 METADATA = "metadata.json"
@@ -26,10 +27,7 @@ class _About(NamedTuple):
     """Contents of `metadata.json` that a log needs."""
 
     release: object
-    parameters: dict[str, float]
-    """At the begin of the log."""
-    changed: dict[str, float]
-    """Last values of those that were changed."""
+    history: ParameterHistory
     messages: list[Event]
 
 
@@ -43,9 +41,9 @@ def read_flight_review(folder: Path) -> FlightLog:
     """
     about = _about(folder)
     findings: list[Finding] = []
-    if not about.parameters:
+    if not about.history.last:
         findings.append(finding(Kind.NO_PARAMETERS, file=METADATA))
-    return log_of_instances(folder, _instances(folder), about.parameters, about.release, findings, about.messages)
+    return log_of_instances(folder, _instances(folder), about.history, about.release, findings, about.messages)
 
 
 def parameters_in_flight_review(folder: Path) -> dict[str, float]:
@@ -56,8 +54,7 @@ def parameters_in_flight_review(folder: Path) -> dict[str, float]:
     LogError
         Its metadata cannot be read.
     """
-    about = _about(folder)
-    return about.parameters | about.changed
+    return _about(folder).history.last
 
 
 def _instances(folder: Path) -> Iterator[tuple[str, dict[str, Any]]]:
@@ -78,17 +75,24 @@ def _columns(path: Path) -> dict[str, Any]:
     return {name: table[name].to_numpy() for name in table.columns if table[name].dtype != pl.String}
 
 
+def _history(found: Mapping[str, Any]) -> ParameterHistory:
+    changes = (
+        (1e-6 * change.get("timestamp_us", 0.0), change["name"], float(change["value"]))
+        for change in found.get("changed_parameters", [])
+    )
+    return ParameterHistory(changes, {name: float(value) for name, value in found.get("parameters", {}).items()})
+
+
 def _about(folder: Path) -> _About:
     path = folder / METADATA
     if not path.is_file():
-        return _About(None, {}, {}, [])
+        return _About(None, ParameterHistory(), [])
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
         told = [message for message in found.get("logged_messages", []) if message["level"].upper() != DEBUG]
         return _About(
             found.get("ver_sw_release"),
-            {name: float(value) for name, value in found.get("parameters", {}).items()},
-            {change["name"]: float(change["value"]) for change in found.get("changed_parameters", [])},
+            _history(found),
             said([1e-6 * message["timestamp_us"] for message in told], [message["message"] for message in told]),
         )
     except OSError as error:

@@ -92,7 +92,8 @@ def merge(channels: Iterable[Channel], origin: Origin) -> FlightLog:
         "events": events_in_meta(origin.events, float(clock[0]), float(clock[-1])),
         "sources": {c.source: {"rate_hz": round(c.rate_hz, 2), "columns": list(c.columns)} for c in kept},
     }
-    return FlightLog(origin.path.name, origin.path, columns, None, meta, [*findings, *resets_of(meta)])
+    on_log = [found.later(-float(clock[0])) for found in findings]
+    return FlightLog(origin.path.name, origin.path, columns, None, meta, [*on_log, *resets_of(meta)])
 
 
 def _reasoned(missing: list[str], origin: Origin) -> str:

@@ -4,55 +4,29 @@ Rows say little: a log holds a slow channel's value from row to row. So everythi
 which a channel got a new value.
 """
 
-import re
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from quadctl.logs.columns import MOTOR_QUANTITIES, REFERENCE_COLUMNS
-from quadctl.logs.contradictions import contradictions
-from quadctl.logs.findings import Finding, Kind, finding
-from quadctl.logs.flight_log import ATTITUDE, POSITION, RATES, VELOCITY, FlightLog
+from quadctl.logs.channel_groups import channel_groups, updates_of_any
+from quadctl.logs.findings import Finding, Kind, Span, finding
+from quadctl.logs.flight_log import POSITION, VELOCITY, FlightLog
 from quadctl.logs.own_correction import correction_findings
+from quadctl.logs.record.record import Record, examine, mean_rate_hz
 from quadctl.logs.words import worded
 
 GAP_FACTOR = 5.0
 """An interval between updates longer than this many median ones is a gap."""
-MIN_RATE_HZ = 2.5
-MIN_FLIGHT_S = 10.0
-MAX_HELD_S = 1.0
-"""Longest time for which position and attitude may stay the same in flight; after that they are frozen."""
-MIN_CLEARANCE_M = 0.05
-"""Higher than this above the height at rest is flight."""
-NEEDED = ("position", "velocity", "attitude")
-ROTORS = ("rpm", "motor output", "throttle command", "thrust command")
-"""Channels from which thrust can be known, the best first."""
 MOVING_M = 0.5
 """A stretch of a second in which the vehicle covers more than this along an axis tells of the clock."""
 MIN_MOVING_STRETCHES = 20
 MIN_CLOCK_ERROR = 0.01
 CLOCK_ERROR_SIGMA = 4.0
-
-_MOTOR_NAMES = {"rpm": "rpm", "voltage_v": "motor voltage", "current_a": "motor current", "output": "motor output"}
-_GROUPS = {
-    "position": POSITION,
-    "velocity": VELOCITY,
-    "attitude": ATTITUDE,
-    "rates": RATES,
-    "acceleration": ("ax_m_s2", "ay_m_s2", "az_m_s2"),
-    "imu": ("imu_x_m_s2", "imu_y_m_s2", "imu_z_m_s2"),
-    "battery": ("battery_v",),
-    "attitude command": ("roll_cmd_deg", "pitch_cmd_deg", "yaw_cmd_deg"),
-    "throttle command": ("throttle_cmd",),
-    "thrust command": ("thrust_cmd_n",),
-    "reference": REFERENCE_COLUMNS,
-}
 
 
 @dataclass(frozen=True)
@@ -65,7 +39,7 @@ class ChannelQuality:
     """The autopilot's message and the rate at which it was logged, "" where the log does not say."""
     n_updates: int
     rate_hz: float
-    """Mean number of updates per second from the first to the last; 0 when there are not two."""
+    """Updates per second in flight, or over the log where it holds no flight; 0 when there are not two."""
     median_interval_s: float
     longest_gap_s: float
     longest_gap_at_s: float
@@ -107,15 +81,27 @@ class QualityReport:
 
     name: str
     duration_s: float
-    flight_s: float
-    """Time in flight with a state that is not frozen, a guess from rotors and height."""
+    record: Record
+    """The judgement of the record, which every command shares."""
     channels: tuple[ChannelQuality, ...]
     clock: ClockQuality
-    thrust_source: str | None
-    """The best of ROTORS that the log holds."""
-    obstacles: tuple[str, ...]
-    """Why it cannot be analysed; none when it can."""
-    findings: tuple[Finding, ...] = field(default=())
+    findings: tuple[Finding, ...]
+    """Those of the record, and those about its channels that only a reader needs."""
+
+    @property
+    def flight_s(self) -> float:
+        """Time in flight."""
+        return self.record.flight_s
+
+    @property
+    def thrust_source(self) -> str | None:
+        """The best signal of the thrust that can be read."""
+        return self.record.thrust_source
+
+    @property
+    def obstacles(self) -> tuple[str, ...]:
+        """Reasons why it cannot be analysed, in words; none where it can."""
+        return tuple(worded(found) for found in self.record.obstacles)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -132,11 +118,21 @@ class QualityReport:
     def to_dict(self) -> dict[str, Any]:
         """For JSON: what is not finite becomes None."""
         told = {
+            "name": self.name,
+            "duration_s": self.duration_s,
+            "flight_s": self.flight_s,
+            "flights_s": self.record.flights,
+            "usable_s": self.record.usable,
+            "channels": [asdict(channel) for channel in self.channels],
+            "clock": asdict(self.clock),
+            "thrust_source": self.thrust_source,
+            "obstacles": self.obstacles,
             "findings": [found.to_dict() for found in self.findings],
+            "cannot_be_analysed_for": [found.to_dict() for found in self.record.obstacles],
             "notes": self.notes,
             "can_be_analysed": self.can_be_analysed,
         }
-        found: dict[str, Any] = _finite_or_none({**asdict(self), **told})
+        found: dict[str, Any] = _finite_or_none(told)
         return found
 
     def __rich__(self) -> RenderableType:
@@ -185,43 +181,25 @@ class QualityReport:
 
 def quality(log: FlightLog) -> QualityReport:
     """Look through `log`; nothing is changed and nothing raised."""
-    channels = tuple(_channel(log, name, columns) for name, columns in channel_groups(log).items())
-    present = {channel.name: channel for channel in channels if channel.n_updates}
-    thrust_source = next((name for name in ROTORS if name in present), None)
-    flying = _flying(log, thrust_source)
-    frozen = flying & _frozen(log)
-    flight_s = _seconds(log, flying & ~frozen)
+    record = examine(log)
+    channels = tuple(
+        _channel(record.log, name, columns, record.usable) for name, columns in channel_groups(log).items()
+    )
     return QualityReport(
         name=log.name,
         duration_s=float(log.time_s[-1] - log.time_s[0]) if len(log) else 0.0,
-        flight_s=flight_s,
+        record=record,
         channels=channels,
-        clock=_clock(log),
-        thrust_source=thrust_source,
-        obstacles=(*_obstacles(log, present, thrust_source, flight_s), *contradictions(log)),
-        findings=(
-            *log.findings,
-            *_of_channels(channels, thrust_source),
-            *correction_findings(log),
-            *_frozen_state(log, frozen),
-        ),
+        clock=_clock(record.log),
+        findings=(*record.findings, *_of_channels(channels, record.thrust_source), *correction_findings(record.log)),
     )
 
 
-def channel_groups(log: FlightLog) -> dict[str, tuple[str, ...]]:
-    """The log's columns by channel: those that arrive together."""
-    groups: dict[str, tuple[str, ...]] = {}
-    for name, columns in _GROUPS.items():
-        groups[name] = tuple(column for column in columns if column in log.columns)
-    for quantity in MOTOR_QUANTITIES:
-        pattern = re.compile(rf"motor\d+_{quantity}")
-        groups[_MOTOR_NAMES[quantity]] = tuple(column for column in log.columns if pattern.fullmatch(column))
-    known = {"time_s", *(column for columns in groups.values() for column in columns)}
-    groups |= {column: (column,) for column in log.columns if column not in known}
-    return {name: columns for name, columns in groups.items() if columns}
-
-
-def _channel(log: FlightLog, name: str, columns: tuple[str, ...]) -> ChannelQuality:
+def _channel(log: FlightLog, name: str, named: tuple[str, ...], flown: tuple[Span, ...]) -> ChannelQuality:
+    columns = tuple(column for column in named if column in log.columns)
+    if not columns:  # of a channel that does not live
+        nan = float("nan")
+        return ChannelQuality(name, named, "", 0, 0.0, nan, nan, nan, 0, 0.0, 1.0)
     rows = updates_of_any(log, columns)
     time = log.time_s[rows]
     intervals = np.diff(time)
@@ -235,7 +213,9 @@ def _channel(log: FlightLog, name: str, columns: tuple[str, ...]) -> ChannelQual
         columns=columns,
         source=_source(log, columns),
         n_updates=len(rows),
-        rate_hz=len(intervals) / float(time[-1] - time[0]) if several else 0.0,
+        rate_hz=mean_rate_hz(log, columns, flown or ((float(log.time_s[0]), float(log.time_s[-1])),))
+        if several
+        else 0.0,
         median_interval_s=median,
         longest_gap_s=float(intervals[longest]) if several else float("nan"),
         longest_gap_at_s=float(time[longest]) if several else float("nan"),
@@ -243,17 +223,6 @@ def _channel(log: FlightLog, name: str, columns: tuple[str, ...]) -> ChannelQual
         held_share=1.0 - len(rows) / n_finite if n_finite else 0.0,
         nan_share=1.0 - n_finite / len(log) if len(log) else 0.0,
     )
-
-
-def updates_of_any(log: FlightLog, columns: Sequence[str]) -> NDArray[np.intp]:
-    """Rows in which any of the columns got a new value, those without any left out."""
-    values = np.column_stack([log[column] for column in columns])
-    values = values[:, np.isfinite(values).any(axis=0)]
-    rows = np.flatnonzero(np.isfinite(values).any(axis=1)) if values.size else np.empty(0, dtype=np.intp)
-    known = values[rows]
-    new = np.ones(len(rows), dtype=bool)
-    new[1:] = ((known[1:] != known[:-1]) & ~(np.isnan(known[1:]) & np.isnan(known[:-1]))).any(axis=1)
-    return rows[new]
 
 
 def _source(log: FlightLog, columns: Sequence[str]) -> str:
@@ -318,71 +287,6 @@ def _time_scale(log: FlightLog) -> tuple[float, float]:
     scale = float(np.median(ratio))
     spread = 1.4826 * float(np.median(np.abs(ratio - scale)))
     return scale, 1.2533 * spread / len(ratio) ** 0.5
-
-
-def _flying(log: FlightLog, thrust_source: str | None) -> NDArray[np.bool_]:
-    """Rows with rotors at work, clear of the ground."""
-    if not log.has("z_m") or len(log) < 2:
-        return np.zeros(len(log), dtype=bool)
-    z = log["z_m"]
-    working = np.ones(len(log), dtype=bool)
-    if thrust_source is not None:
-        columns = channel_groups(log)[thrust_source]
-        drive = np.nan_to_num(np.column_stack([log[column] for column in columns])).mean(axis=1)
-        working = drive > 0.5 * np.quantile(drive, 0.9)
-    at_rest = z[~working & np.isfinite(z)]
-    # A log that begins and ends in the air says nothing about the height at rest.
-    clear = z > np.median(at_rest) + MIN_CLEARANCE_M if len(at_rest) else np.isfinite(z)
-    flying: NDArray[np.bool_] = working & clear
-    return flying
-
-
-def _frozen(log: FlightLog) -> NDArray[np.bool_]:
-    """Rows in which the position or the attitude has stayed the same for too long: no vehicle flies like this."""
-    frozen = np.zeros(len(log), dtype=bool)
-    for group in (POSITION, ATTITUDE):
-        columns = [column for column in group if column in log.columns]
-        if not columns:
-            continue
-        rows = updates_of_any(log, columns)
-        if len(rows):
-            latest = np.maximum(np.searchsorted(rows, np.arange(len(log)), side="right") - 1, 0)
-            frozen |= log.time_s - log.time_s[rows[latest]] > MAX_HELD_S
-    return frozen
-
-
-def _frozen_state(log: FlightLog, frozen: NDArray[np.bool_]) -> list[Finding]:
-    frozen_s = _seconds(log, frozen)
-    if frozen_s == 0.0:
-        return []
-    from_s = log.time_s[np.argmax(frozen)] - MAX_HELD_S
-    return [finding(Kind.FROZEN_STATE, [(float(from_s), float(from_s))], seconds=frozen_s)]
-
-
-def _seconds(log: FlightLog, rows: NDArray[np.bool_]) -> float:
-    """Time that passes in these rows, s."""
-    return float(np.sum(np.diff(log.time_s)[rows[1:]]))
-
-
-def _obstacles(
-    log: FlightLog, present: dict[str, ChannelQuality], thrust_source: str | None, flight_s: float
-) -> list[str]:
-    missing = [name for name in NEEDED if name not in present]
-    found = [f"it holds no {name}" for name in missing]
-    columns = [column for name in NEEDED if name in present for column in _GROUPS[name]]
-    found += [f"it holds no values of {column}" for column in columns if not log.has(column)]
-    if thrust_source is None:
-        found.append(
-            "it holds neither rotor speeds nor motor outputs nor a command of throttle or thrust: thrust is unknown"
-        )
-    for name in (*NEEDED, *((thrust_source,) if thrust_source else ())):
-        channel = present.get(name)
-        if channel is not None and channel.rate_hz < MIN_RATE_HZ:
-            rate = f"{channel.rate_hz:.2f} updates per second" if channel.n_updates > 1 else "never changes"
-            found.append(f"{name}: {rate}, an analysis needs at least {MIN_RATE_HZ:g} per second")
-    if flight_s < MIN_FLIGHT_S:
-        found.append(f"about {flight_s:.0f} s of flight, an analysis needs at least {MIN_FLIGHT_S:.0f} s")
-    return found
 
 
 def _of_channels(channels: Sequence[ChannelQuality], thrust_source: str | None) -> list[Finding]:

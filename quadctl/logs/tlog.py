@@ -18,11 +18,12 @@ import numpy as np
 
 from quadctl.errors import LogError
 from quadctl.frames import GRAVITY_M_S2, euler_from_quaternion
-from quadctl.logs.ardupilot import PARAMETERS, motor_of_servo, motor_outputs, output_finding
+from quadctl.logs.ardupilot import CHAIN_PARAMETERS, PARAMETERS, motor_of_servo, motor_outputs, output_finding
 from quadctl.logs.events import Event, mode_changes, parameter_changes, said
 from quadctl.logs.findings import Finding, Kind, finding
 from quadctl.logs.flight_log import ATTITUDE, RATES, FlightLog, Floats
 from quadctl.logs.merge import Channel, Origin, finite, intervals, merge
+from quadctl.logs.parameter_history import ParameterHistory, change_findings
 from quadctl.thrust_chain.ardupilot import BOOST, angle_boost
 from quadctl.thrust_chain.atmosphere import (
     Air,
@@ -126,14 +127,16 @@ def read_tlog(path: Path) -> FlightLog:
         raise LogError(f"{path}: holds no vehicle's messages, expected {NEEDED}")
     records = _longest_boot(senders[sender], findings)
     telemetry = _Telemetry.of(records)
-    parameters = telemetry.parameters()
+    history = telemetry.parameters()
     is_ardupilot = any(m.fields.autopilot == _ARDUPILOT for m in telemetry.records["HEARTBEAT"])
     meta = {
         "autopilot": "ArduPilot" if is_ardupilot else "PX4",
         "system": sender[0],
-        "parameters": {name: parameters[name] for name in PARAMETERS if name in parameters},
+        "parameters": {name: value for name, value in history.last.items() if name in PARAMETERS},
     }
-    channels = list(_channels(telemetry, parameters, is_ardupilot, findings))
+    if is_ardupilot:
+        findings += change_findings(history, CHAIN_PARAMETERS)
+    channels = list(_channels(telemetry, history, is_ardupilot, findings))
     return merge(channels, Origin(path, NEEDED, meta, findings, telemetry.armed(), events=_events(telemetry)))
 
 
@@ -262,8 +265,10 @@ class _Telemetry:
     def field(self, kind: str, name: str, scale: float = 1.0) -> Floats:
         return scale * finite([getattr(record.fields, name) for record in self.records[kind]])
 
-    def parameters(self) -> dict[str, float]:
-        return {m.fields.param_id: float(m.fields.param_value) for m in self.records["PARAM_VALUE"]}
+    def parameters(self) -> ParameterHistory:
+        told = self.records["PARAM_VALUE"]
+        values = [(m.fields.param_id, float(m.fields.param_value)) for m in told]
+        return ParameterHistory((time, *value) for time, value in zip(self.times(told).tolist(), values, strict=True))
 
     def armed(self) -> list[tuple[float, float]]:
         beats = self.records["HEARTBEAT"]
@@ -279,7 +284,7 @@ def _stamp_s(record: _Record) -> float:
 
 
 def _channels(
-    telemetry: _Telemetry, parameters: dict[str, float], is_ardupilot: bool, findings: list[Finding]
+    telemetry: _Telemetry, history: ParameterHistory, is_ardupilot: bool, findings: list[Finding]
 ) -> Iterator[Channel]:
     records = telemetry.records
     if records["LOCAL_POSITION_NED"]:
@@ -299,13 +304,13 @@ def _channels(
     if records["ATTITUDE_TARGET"]:
         quaternion = np.array([record.fields.q for record in records["ATTITUDE_TARGET"]], dtype=np.float64).T
         names = ("roll_cmd_deg", "pitch_cmd_deg", "yaw_cmd_deg")
-        throttle = {"throttle_cmd": _boosted(telemetry, parameters, is_ardupilot, findings)}
+        throttle = {"throttle_cmd": _boosted(telemetry, history, is_ardupilot, findings)}
         yield _channel(telemetry, "ATTITUDE_TARGET", {}, throttle | _euler(quaternion, names))
-    yield from _rotors(telemetry, parameters, findings)
+    yield from _rotors(telemetry, history.last, findings)
     ambient = _ambient(telemetry)
-    if records["SERVO_OUTPUT_RAW"] and (columns := _outputs(telemetry, parameters, ambient)):
+    if records["SERVO_OUTPUT_RAW"] and (columns := _outputs(telemetry, history, ambient)):
         if is_ardupilot:
-            findings.append(output_finding(parameters, ambient))
+            findings.append(output_finding(history.last, ambient))
         yield _channel(telemetry, "SERVO_OUTPUT_RAW", {}, columns)
     yield from _battery(telemetry)
 
@@ -314,13 +319,11 @@ def _events(telemetry: _Telemetry) -> list[Event]:
     """Modes, messages, and changes of parameters."""
     from pymavlink.mavutil import mode_string_v10
 
-    beats, texts, parameters = (telemetry.records[kind] for kind in ("HEARTBEAT", "STATUSTEXT", "PARAM_VALUE"))
-    names = [record.fields.param_id for record in parameters]
-    values = [float(record.fields.param_value) for record in parameters]
+    beats, texts = (telemetry.records[kind] for kind in ("HEARTBEAT", "STATUSTEXT"))
     return [
         *mode_changes(telemetry.times(beats).tolist(), [mode_string_v10(beat.fields) for beat in beats]),
         *said(telemetry.times(texts).tolist(), [record.fields.text for record in texts]),
-        *parameter_changes(telemetry.times(parameters).tolist(), names, values),
+        *parameter_changes(telemetry.parameters()),
     ]
 
 
@@ -392,19 +395,18 @@ def _escs(
     return columns
 
 
-def _boosted(
-    telemetry: _Telemetry, parameters: dict[str, float], is_ardupilot: bool, findings: list[Finding]
-) -> Floats:
+def _boosted(telemetry: _Telemetry, history: ParameterHistory, is_ardupilot: bool, findings: list[Finding]) -> Floats:
     """Thrust of ATTITUDE_TARGET as it is flown: ArduPilot tells it before its angle boost."""
     thrust = telemetry.field("ATTITUDE_TARGET", "thrust")
     kind = _first(telemetry, "ATTITUDE", "ATTITUDE_QUATERNION")
-    if not is_ardupilot or kind is None or not parameters.get(BOOST):
+    boost = history.last.get(BOOST)
+    if not is_ardupilot or kind is None or not boost:
         return thrust
     attitude = _attitude(telemetry, kind)
     cos_tilt = np.cos(np.radians(attitude["roll_deg"])) * np.cos(np.radians(attitude["pitch_deg"]))
     at_s, known_s = telemetry.times(telemetry.records["ATTITUDE_TARGET"]), telemetry.times(telemetry.records[kind])
-    findings.append(finding(Kind.ANGLE_BOOST, value=parameters[BOOST]))
-    return np.asarray(thrust * angle_boost(np.interp(at_s, known_s, cos_tilt), parameters))
+    findings.append(finding(Kind.ANGLE_BOOST, value=boost))
+    return np.asarray(thrust * angle_boost(np.interp(at_s, known_s, cos_tilt), history.last))
 
 
 def _ambient(telemetry: _Telemetry) -> Ambient:
@@ -440,13 +442,14 @@ def _version(telemetry: _Telemetry) -> Version | None:
     return next((version for version in [*numbers, *named] if version is not None), None)
 
 
-def _outputs(telemetry: _Telemetry, parameters: dict[str, float], ambient: Ambient) -> dict[str, Floats]:
+def _outputs(telemetry: _Telemetry, history: ParameterHistory, ambient: Ambient) -> dict[str, Floats]:
     """Motor outputs; where no parameter says which outputs are motors, as many as the vehicle's type has."""
     kinds = Counter(m.fields.type for m in telemetry.records["HEARTBEAT"])
     n_motors = _MOTORS_OF_TYPE.get(kinds.most_common(1)[0][0], 16) if kinds else 16
-    n_outputs = 16 if any(name.startswith("SERVO") for name in parameters) else n_motors
+    n_outputs = 16 if any(name.startswith("SERVO") for name in history.last) else n_motors
     pulses = {i: telemetry.field("SERVO_OUTPUT_RAW", f"servo{i}_raw") for i in range(1, n_outputs + 1)}
-    return motor_outputs(pulses, parameters, ambient)
+    time_s = telemetry.times(telemetry.records["SERVO_OUTPUT_RAW"])
+    return motor_outputs(time_s, pulses, history, ambient, n_motors)
 
 
 def _battery(telemetry: _Telemetry) -> Iterator[Channel]:

@@ -17,10 +17,12 @@ import numpy as np
 from quadctl.errors import LogError
 from quadctl.frames import euler_from_quaternion
 from quadctl.logs.columns import LATERAL_THROTTLE, motor_columns
+from quadctl.logs.estimator_health import lane_switches, lost_fixes, rejections
 from quadctl.logs.events import PX4_MODES, Event, estimator_resets, mode_changes, parameter_changes, said
 from quadctl.logs.findings import Finding, Kind, finding
 from quadctl.logs.flight_log import ATTITUDE, RATES, FlightLog, Floats
 from quadctl.logs.merge import Channel, Origin, finite, intervals, merge
+from quadctl.logs.parameter_history import ParameterHistory, change_findings
 from quadctl.thrust_chain.chain import Ambient, bent
 from quadctl.thrust_chain.px4 import battery_scale, bend_of
 
@@ -39,6 +41,9 @@ TOPICS = (
     "vehicle_thrust_setpoint",
     "actuator_armed",
     "vehicle_status",
+    "estimator_status",
+    "estimator_selector_status",
+    "vehicle_gps_position",
 )
 PARAMETERS = (
     "CA_ROTOR_COUNT",
@@ -52,6 +57,10 @@ PARAMETERS = (
     "THR_MDL_FAC",
 )
 """Parameters that an analysis of motor outputs may need, kept in the log's `meta`."""
+PWM_LIMITS = (("PWM_MAIN_MIN", "PWM_MAIN_MAX"), ("PWM_MIN", "PWM_MAX"))
+"""Parameters of the range of the outputs: those of PX4 1.12, and of the versions before."""
+CHAIN_PARAMETERS = ("MC_BAT_SCALE_EN", "THR_MDL_FAC", *(name for pair in PWM_LIMITS for name in pair))
+"""Parameters on which the thrust depends that an output or a command stands for."""
 INFO = ord("6")
 """Level of messages above which they are for debugging, as the logger writes it."""
 MAGIC = b"ULog\x01\x12\x35"
@@ -68,8 +77,6 @@ PWM_US = (1000.0, 2000.0)
 """Range of the motor outputs where PX4's parameters do not say."""
 PULSE_US = (800.0, 2200.0)
 """Values of actuator_outputs that can be pulse lengths."""
-PWM_LIMITS = (("PWM_MAIN_MIN", "PWM_MAIN_MAX"), ("PWM_MIN", "PWM_MAX"))
-"""Parameters of the range of the outputs: those of PX4 1.12, and of the versions before."""
 MOTORS_OF_TYPE = {2: 4, 13: 6, 14: 8, 15: 3}
 """Number of motors by MAV_TYPE: quadrotor, hexarotor, octorotor, tricopter."""
 FLAGS = {
@@ -79,8 +86,16 @@ FLAGS = {
     "v_z_valid": ("vz_m_s",),
 }
 """Columns that PX4's estimator calls valid by each of its flags."""
-RESET_COUNTERS = {"xy_reset_counter": "horizontal position", "z_reset_counter": "height"}
+RESET_COUNTERS = {
+    "xy_reset_counter": "horizontal position",
+    "z_reset_counter": "height",
+    "vxy_reset_counter": "velocity",
+    "vz_reset_counter": "velocity",
+    "heading_reset_counter": "heading",
+}
 """Counters of PX4's estimator that change at a reset, and the part of the state that is reset."""
+TEST_RATIOS = {"pos_test_ratio": "position", "vel_test_ratio": "velocity", "hgt_test_ratio": "height"}
+"""Fields of estimator_status with the test ratios, and what is measured."""
 IMU = ("imu_x_m_s2", "imu_y_m_s2", "imu_z_m_s2")
 ATTITUDE_COMMAND = ("roll_cmd_deg", "pitch_cmd_deg", "yaw_cmd_deg")
 
@@ -111,21 +126,21 @@ def read_ulog(path: Path) -> FlightLog:
         lost = sum(dropout.duration for dropout in log.dropouts) / 1000.0
         findings.append(finding(Kind.LOST_BY_LOGGER, times=len(log.dropouts), seconds=lost))
     instances = ((data.name, data.data) for data in log.data_list)
-    known, release = log.initial_parameters, log.msg_info_dict.get("ver_sw_release")
-    return log_of_instances(path, instances, known, release, findings, _said(log))
+    history, release = _history(log), log.msg_info_dict.get("ver_sw_release")
+    return log_of_instances(path, instances, history, release, findings, _said(log, history))
 
 
 def log_of_instances(
     path: Path,
     instances: Iterable[tuple[str, _Topic]],
-    known: Mapping[str, float],
+    history: ParameterHistory,
     release: object,
     findings: list[Finding],
     events: Sequence[Event],
 ) -> FlightLog:
     """The flight log in PX4's topics, of which several instances may have the same name; the first is the primary.
 
-    `known` are parameters by their names, `release` is PX4's number of the version, if it is one; what is found is
+    `history` holds the parameters, `release` is PX4's number of the version, if it is one; what is found is
     added to `findings`, and `events` are those that no topic says.
 
     Raises
@@ -140,12 +155,13 @@ def log_of_instances(
             topics.setdefault(name, topic)
             if name == "actuator_outputs":
                 outputs.append(topic)
-    parameters = {name: float(value) for name in PARAMETERS if (value := known.get(name)) is not None}
+    parameters = {name: value for name, value in history.last.items() if name in PARAMETERS}
+    findings += change_findings(history, CHAIN_PARAMETERS)
     meta = {"autopilot": "PX4", "software": _version(release), "parameters": parameters}
     topics.pop("actuator_outputs", None)
     if "actuator_motors" not in topics and "CA_ROTOR_COUNT" not in parameters:  # PX4 1.12 and before
-        topics |= _motors_from_outputs(outputs, parameters, findings)
-    _remove_battery_scale(topics, parameters, findings)
+        topics |= _motors_from_outputs(outputs, history, findings)
+    _remove_battery_scale(topics, history, findings)
     return log_of_topics(path, topics, meta, findings, events)
 
 
@@ -157,9 +173,7 @@ def parameters_in_ulog(path: Path) -> dict[str, float]:
     LogError
         The file cannot be read, or is no ULog.
     """
-    log = _parsed(path)
-    changed = {name: value for _, name, value in log.changed_parameters}
-    return {name: float(value) for name, value in (log.initial_parameters | changed).items()}
+    return _history(_parsed(path)).last
 
 
 def log_of_topics(
@@ -185,19 +199,39 @@ def log_of_topics(
         if counter in position
         for event in estimator_resets(_sampled(position).tolist(), position[counter].tolist(), what)
     ]
+    findings += _health(topics)
     status = topics.get("vehicle_status")
     if status is not None and "nav_state" in status:
         events = [*events, *mode_changes(_seconds(status, "timestamp"), status["nav_state"].tolist(), PX4_MODES)]
     return merge(channels, Origin(path, NEEDED, meta, findings, periods, invalid, [*events, *resets]))
 
 
-def _said(log: Any) -> list[Event]:
+def _history(log: Any) -> ParameterHistory:
+    changed = [change for change in log.changed_parameters if change[0] > log.start_timestamp]
+    before = {name: value for time, name, value in log.changed_parameters if time <= log.start_timestamp}
+    return ParameterHistory(
+        ((1e-6 * time, name, value) for time, name, value in changed), log.initial_parameters | before
+    )
+
+
+def _health(topics: dict[str, _Topic]) -> list[Finding]:
+    """What PX4's estimator says of itself."""
+    found: list[Finding] = []
+    if (status := topics.get("estimator_status")) is not None:
+        ratios = {name: _values(status, field) for field, name in TEST_RATIOS.items() if field in status}
+        found += rejections(_sampled(status), ratios)
+    if (selector := topics.get("estimator_selector_status")) is not None and "primary_instance" in selector:
+        found += lane_switches(_seconds(selector, "timestamp"), _values(selector, "primary_instance"))
+    if (gps := topics.get("vehicle_gps_position")) is not None and "fix_type" in gps:
+        found += lost_fixes(_seconds(gps, "timestamp"), _values(gps, "fix_type"))
+    return found
+
+
+def _said(log: Any, history: ParameterHistory) -> list[Event]:
     """Messages of a ULog, those for debugging left out, and changes of parameters after its begin."""
     told = [message for message in log.logged_messages if message.log_level <= INFO]
     texts = said([1e-6 * message.timestamp for message in told], [message.message for message in told])
-    changed = [change for change in log.changed_parameters if change[0] > log.start_timestamp]
-    times, names, values = zip(*changed, strict=True) if changed else ((), (), ())
-    return [*texts, *parameter_changes([1e-6 * time for time in times], names, values, log.initial_parameters)]
+    return [*texts, *parameter_changes(history)]
 
 
 def _parsed(path: Path) -> Any:
@@ -289,7 +323,8 @@ def _rates_and_imu(topics: dict[str, _Topic]) -> Iterator[Channel]:
         yield Channel("sensor_combined gyro", _seconds(combined, "timestamp"), gyro, makes_rows=False, averaged=True)
     if combined is not None:
         # Relative to the gyro's time stamp, and INT32_MAX where there is no accelerometer sample.
-        relative = _values(combined, "accelerometer_timestamp_relative")
+        field = "accelerometer_timestamp_relative"
+        relative = _values(combined, field) if field in combined else np.zeros(len(combined["timestamp"]))
         known = np.abs(relative) < 1e6
         time = _seconds(combined, "timestamp")[known] + 1e-6 * relative[known]
         imu = {name: values[known] for name, values in _xyz(combined, "accelerometer_m_s2", IMU).items()}
@@ -318,7 +353,7 @@ def _motors(topics: dict[str, _Topic], findings: list[Finding]) -> Iterator[Chan
 
 
 def _motors_from_outputs(
-    instances: list[_Topic], parameters: dict[str, float], findings: list[Finding]
+    instances: list[_Topic], history: ParameterHistory, findings: list[Finding]
 ) -> dict[str, _Topic]:
     """`actuator_motors` as PX4 1.13 and later log it, from the pulse lengths that earlier versions log.
 
@@ -327,6 +362,7 @@ def _motors_from_outputs(
     and it is undone here. Later versions do so after `actuator_motors` are logged (`FunctionMotors::updateValues`), so
     that nothing has to be undone there.
     """
+    parameters = history.last
     for topic in instances:
         pulses = np.column_stack([_values(topic, f"output[{i}]") for i in range(MAX_MOTORS)])
         n_motors = MOTORS_OF_TYPE.get(int(parameters.get("MAV_TYPE", 0))) or _n_moving(pulses)
@@ -336,19 +372,25 @@ def _motors_from_outputs(
         if not np.all((np.max(pulses, axis=0) > PULSE_US[0]) & (np.max(pulses, axis=0) < PULSE_US[1])):
             findings.append(finding(Kind.NOT_PULSES))
             continue
-        given = ((parameters.get(low, 0.0), parameters.get(high, 0.0)) for low, high in PWM_LIMITS)
-        low, high = next(((low, high) for low, high in given if 0.0 < low < high), PWM_US)
-        share = np.clip((pulses - low) / (high - low), 0.0, 1.0)
-        f = bend_of(parameters)
-        findings.append(finding(Kind.OUTPUT_CHAIN, pulses_us=[low, high], bend=f))
-        thrust = bent(share, f)
+        time_s, thrust = _seconds(topic, "timestamp"), np.empty_like(pulses)
+        for period in history.periods(CHAIN_PARAMETERS):
+            rows = (time_s >= period.begin_s) & (time_s < period.end_s)
+            low, high = _pulse_range(period.values)
+            thrust[rows] = bent(np.clip((pulses[rows] - low) / (high - low), 0.0, 1.0), bend_of(period.values))
+        findings.append(finding(Kind.OUTPUT_CHAIN, pulses_us=_pulse_range(parameters), bend=bend_of(parameters)))
         return {"actuator_outputs": {"timestamp": topic["timestamp"]} | _controls(thrust)}
     return {}
 
 
-def _remove_battery_scale(topics: dict[str, _Topic], parameters: dict[str, float], findings: list[Finding]) -> None:
+def _pulse_range(parameters: Mapping[str, float]) -> tuple[float, float]:
+    """Pulse lengths of no and of full output, us."""
+    given = ((parameters.get(low, 0.0), parameters.get(high, 0.0)) for low, high in PWM_LIMITS)
+    return next(((low, high) for low, high in given if 0.0 < low < high), PWM_US)
+
+
+def _remove_battery_scale(topics: dict[str, _Topic], history: ParameterHistory, findings: list[Finding]) -> None:
     """Divide motor outputs and thrust commands by the factor with which PX4 compensates the battery, where it does."""
-    if not parameters.get("MC_BAT_SCALE_EN"):
+    if not any(period.values.get("MC_BAT_SCALE_EN") for period in history.periods(["MC_BAT_SCALE_EN"])):
         return
     if (battery := topics.get("battery_status")) is None or "scale" not in battery:
         findings.append(finding(Kind.BATTERY_SCALE, removed=False))
@@ -362,9 +404,12 @@ def _remove_battery_scale(topics: dict[str, _Topic], parameters: dict[str, float
     }
     for name in scaled.keys() & topics.keys():
         topic = topics[name]
-        factor = battery_scale(
-            Ambient(battery_scale=np.interp(_seconds(topic, "timestamp"), logged_s, logged)), parameters
-        )
+        time_s = _seconds(topic, "timestamp")
+        factor = np.ones(len(time_s))
+        for period in history.periods(["MC_BAT_SCALE_EN"]):
+            rows = (time_s >= period.begin_s) & (time_s < period.end_s)
+            scale = np.interp(time_s[rows], logged_s, logged)
+            factor[rows] = battery_scale(Ambient(battery_scale=scale), period.values)
         topics[name] = topic | {field: topic[field] / factor for field in scaled[name] if field in topic}
     findings.append(finding(Kind.BATTERY_SCALE, removed=True))
 

@@ -108,10 +108,157 @@ def _frozen_rotor(figures: _Figures, times_s: Sequence[Span]) -> str:
     )
 
 
-def _frozen_state(figures: _Figures, times_s: Sequence[Span]) -> str:
+LIKELY = {
+    "time in ms": "is time_s in milliseconds?",
+    "time in us": "is time_s in microseconds?",
+    "time in ns": "is time_s in nanoseconds?",
+    "position in mm": "is the position in millimetres?",
+    "position in cm": "is the position in centimetres?",
+    "position in ft": "is the position in feet?",
+    "velocity in ft/s": "is the velocity in feet per second?",
+    "velocity in knots": "is the velocity in knots?",
+    "velocity in km/h": "is the velocity in km/h?",
+    "velocity in cm/s": "is the velocity in cm/s?",
+    "not in metres and seconds": "are both in metres and seconds?",
+    "one points down": "does one of them point down?",
+    "one points the other way": "does one of them point the other way?",
+    "angles in radians": "are roll_deg and pitch_deg in radians?",
+    "motion in ft": "are position and velocity in feet?",
+    "motion in cm": "are position and velocity in centimetres?",
+    "motion in mm": "are position and velocity in millimetres?",
+    "not in m/s and degrees": "are the velocity in m/s and the angle in degrees?",
+    "wrong sign": "is its sign wrong (FRD: nose up and right side down are positive), or the yaw's?",
+    "wrong sign of one": "is the sign of one of them wrong?",
+    "rates in degrees": "is the rate in degrees per second, or the angle in radians?",
+    "not in their units": "are both in their units?",
+    "acceleration in g": "is the acceleration in g?",
+    "acceleration not in m/s^2": "is it in m/s^2?",
+    "accelerations not in m/s^2": "are they in m/s^2?",
+    "not FRD": "is it FRD?",
+}
+"""Questions that name the likely cause of a contradiction."""
+
+
+def _another_factor(figures: _Figures, _: Sequence[Span]) -> str:
+    of, factor = figures["of"], f"{figures['factor']:.3g} times as much as {figures['by']} says"
+    if of.startswith("speed "):
+        what = f"the vehicle speeds up {of.removeprefix('speed ')} {factor}, expected about once"
+    else:
+        what = f"{of} changes {factor}, expected once"
+    return f"{what}: {LIKELY[figures['likely']]}"
+
+
+def _swapped(figures: _Figures, _: Sequence[Span]) -> str:
+    if figures["of"] == "position":
+        return "x_m changes as vy_m_s says, or y_m as vx_m_s, and not by their own, expected x north and y east in both"
     return (
-        f"position or attitude are frozen for {figures['seconds']:.0f} s in flight, the first time at "
-        f"{times_s[0][0]:.0f} s"
+        "the vehicle speeds up forward by its roll_deg or to the right by its pitch_deg, expected the other way: are "
+        "roll and pitch, or x and y, swapped, or is yaw_deg wrong?"
+    )
+
+
+def _not_gravity(figures: _Figures, _: Sequence[Span]) -> str:
+    size, likely = figures["size_m_s2"], LIKELY[figures["likely"]]
+    if figures["likely"] == "not FRD":
+        return f"imu_z_m_s2 is {size:.3g} in the middle, expected about -9.8 in hover: {likely}"
+    names = "imu_x_m_s2, imu_y_m_s2, imu_z_m_s2"
+    return f"{names} have a median length of {size:.3g} m/s^2, expected about 9.8, as in hover: {likely}"
+
+
+def _gravity_turned(figures: _Figures, _: Sequence[Span]) -> str:
+    if "angle_deg" in figures:
+        return (
+            f"the accelerometer, turned by the attitude, points {figures['angle_deg']:.0f} deg away from up on "
+            "average, expected about 0: is the frame of one of them, or the quaternion's order, another?"
+        )
+    return (
+        f"the accelerometer, turned by the attitude, reads {figures['size_m_s2']:.3g} m/s^2 on average, expected 9.8 "
+        "upward: is the attitude's frame or the quaternion's order another?"
+    )
+
+
+def _rotor_unknown(figures: _Figures, _: Sequence[Span]) -> str:
+    rotor = figures["rotor"]
+    if figures["why"] == "no values":
+        return f"{rotor} holds no values while {figures['known']} does, expected the speeds of all rotors"
+    if figures["why"] == "silent":
+        return f"{rotor} is {figures['rpm']:.0f} for most of the log while other rotors turn, expected all of them to"
+    return f"{rotor} is {figures['rpm']:.0f} throughout while the speeds of other rotors change"
+
+
+def _lacks(figures: _Figures, _: Sequence[Span]) -> str:
+    if figures["of"] == "thrust":
+        return "it holds neither rotor speeds nor motor outputs nor a command of throttle or thrust: thrust is unknown"
+    return f"it holds no {'values of ' if figures['column'] else ''}{figures['of']}"
+
+
+def _too_slow(figures: _Figures, _: Sequence[Span]) -> str:
+    rate = f"{figures['rate_hz']:.2f} updates per second" if figures["rate_hz"] > 0.0 else "never changes"
+    return f"{figures['channel']}: {rate} in flight, an analysis needs at least {figures['least_hz']:g} per second"
+
+
+def _dead_channel(figures: _Figures, _: Sequence[Span]) -> str:
+    name, value = figures["channel"], figures["value"]
+    if figures["why"] == "no battery":
+        return f"{name} reads {value:.2g} V in flight, which is no battery: not read"
+    how = "stands at" if figures["why"] == "stands" else "is frozen at"
+    return (
+        f"{name} {how} {value:.0f} in flight while the other speeds change: rotor speeds are not read, thrust is taken "
+        "from another signal"
+    )
+
+
+def _spike(figures: _Figures, times_s: Sequence[Span]) -> str:
+    size = f"{abs(figures['largest']):.3g} {figures['unit']}"
+    return f"the {figures['of']} jumps away and back by up to {size} at {instants(times_s)}: left out there"
+
+
+def _reset(figures: _Figures, times_s: Sequence[Span]) -> str:
+    sizes = [abs(size) for size in figures.get("by", []) if size]
+    unit = {"heading": "degrees", "velocity": "m/s"}.get(figures["of"], "m")
+    by = f" by {max(sizes):.3g} {unit}" if sizes else ""
+    after = {
+        "left out before": ": the directions before are wrong, what is before is left out",
+        "turned before": ": the directions before are wrong, and turned by as much",
+        "turned after": ": the directions after do not fit the motion, those before do; they are turned back",
+    }.get(figures.get("done", ""), ": it jumps there")
+    return f"the estimator reset its {figures['of']}{by} at {instants(times_s)}{after}"
+
+
+def _out_of_control(figures: _Figures, times_s: Sequence[Span]) -> str:
+    why = {
+        "upside down": "the vehicle leans by more than 90 degrees",
+        "attitude not as commanded": "its {angle} is off the command by up to {error_deg:.0f} degrees",
+        "motor at its limit": "motor {motor} stays at its {limit} output",
+        "said by the autopilot": "the autopilot says '{message}'",
+    }[figures["why"]].format(**figures)
+    return f"out of control from {times_s[0][0]:.1f} s on ({why}): nothing is used from then on"
+
+
+def _delay(figures: _Figures, _: Sequence[Span]) -> str:
+    least, most = 1000.0 * figures["least_s"], 1000.0 * figures["most_s"]
+    what = "body rates and accelerometer" if figures["of"] == "imu" else "body rates"
+    change = f"{least:.0f} to {most:.0f} ms" if most - least > 10.0 else f"{1000.0 * figures['median_s']:.0f} ms"
+    wander = ", and wander within the flight" if most - least > 10.0 else ""
+    return (
+        f"the {what} come {change} after the {figures['behind']}{wander}: put on its clock; the rotors' signal comes "
+        "by a way of its own, which nothing checks as closely"
+    )
+
+
+def _disagree(figures: _Figures, _: Sequence[Span]) -> str:
+    axes = ", ".join(
+        f"{axis} by {size:.2g}" for axis, size in zip(figures["axes"], figures["difference_m_s2"], strict=True)
+    )
+    if figures["odd"] == "imu":
+        return (
+            f"velocity and accelerometer disagree ({axes} m/s^2), and thrust and attitude side with the velocity: the "
+            "accelerometer is not read"
+        )
+    return (
+        f"velocity and accelerometer disagree ({axes} m/s^2), and thrust and attitude side with the accelerometer: an "
+        "error of the estimated velocity (along up that of a barometer, for example); the acceleration is taken from "
+        "the accelerometer there"
     )
 
 
@@ -166,18 +313,68 @@ WORDS: dict[Kind, _Words] = {
     Kind.OUTPUT_CHAIN: _output_chain,
     Kind.BATTERY_SCALE: _battery_scale,
     Kind.ANGLE_BOOST: "throttle_cmd holds ArduPilot's angle boost (ATC_ANGLE_BOOST = {value:g}), as it is flown",
+    Kind.PARAMETER_CHANGED: lambda f, times: (
+        f"{f['name']} changed from {f['before']:g} to {f['after']:g} at {instants(times)}"
+    ),
     Kind.ABSENT_MOTORS: lambda f, _: (
         f"left out as 0 or empty throughout, of motors that a vehicle with {f['rotors']} rotors does not have: "
         f"{', '.join(f['columns'])}"
     ),
     Kind.OWN_CORRECTION: _own_correction,
     Kind.STATE_INVALID: _invalid,
-    Kind.RESET: lambda f, times: f"the estimator reset its {f['of']} at {instants(times)}: it jumps there",
-    Kind.FROZEN_STATE: _frozen_state,
+    Kind.RESET: _reset,
+    Kind.HEADING_OFF: (
+        "the heading does not fit the motion: it is off by {by_deg:.1f} +- {std_deg:.1f} degrees (compass, or the axes "
+        "of a motion capture), and turned by as much"
+    ),
+    Kind.LANE_SWITCH: lambda f, times: (
+        f"the autopilot changed to another core of its estimator at {instants(times)}: the state is read from the one "
+        "that flew"
+    ),
+    Kind.REJECTED: lambda f, times: (
+        f"the estimator rejected its measurement of {f['of']} {stretches(times)}: left out there"
+    ),
+    Kind.GPS_LOST: lambda f, times: f"the GPS had no fix {stretches(times)}: left out there",
+    Kind.ON_GROUND: lambda f, times: (
+        f"the vehicle stands on the ground {stretches(times)}, rotors working: left out there"
+    ),
+    Kind.GROUND_MOVED: (
+        "the ground is at {before_m:.2f} m before a flight and at {after_m:.2f} m after it: a drift or reset of the "
+        "height, or another ground"
+    ),
+    Kind.ENDS_IN_AIR: lambda f, times: f"the log ends in the air, at {instants(times)}: the flight went on",
+    Kind.OUT_OF_CONTROL: _out_of_control,
+    Kind.DEAD_CHANNEL: _dead_channel,
     Kind.FROZEN_ROTOR: _frozen_rotor,
+    Kind.SPIKE: _spike,
     Kind.SPIKES: ("{updates} {of} that jump away and back, faster than a multirotor can move, are left out"),
     Kind.IN_FLIGHT: ("{seconds:.0f} s of {of_seconds:.0f} s are flight; the ground, take-off and landing are left out"),
     Kind.GAPS: "{seconds:.1f} s without new values (gaps over {longest_s:.1f} s) are left out",
+    Kind.INTERPOLATED: lambda f, _: (
+        f"{f['channel']}: rows at {f['rows_hz']:.0f} Hz are drawn between packets of at most {f['at_most_hz']:.0f} Hz; "
+        "the packets count"
+    ),
+    Kind.EXTRAPOLATED: lambda f, times: (
+        f"{f['channel']} follows a straight line {stretches(times)}: drawn by a program, not measured; left out there"
+    ),
+    Kind.DELAY: _delay,
+    Kind.WITNESSES_DISAGREE: _disagree,
+    Kind.ANOTHER_FACTOR: _another_factor,
+    Kind.SWAPPED: _swapped,
+    Kind.LEANS: (
+        "the vehicle leans by {lean_deg:.0f} deg half of the time, expected less than {most_deg:.0f}: is the attitude "
+        "in another frame, or its quaternion in another order?"
+    ),
+    Kind.NOT_GRAVITY: _not_gravity,
+    Kind.GRAVITY_TURNED: _gravity_turned,
+    Kind.STANDS_STILL: (
+        "{channel} is {value:g} throughout while {while_changes} changes, expected nan where it is not known"
+    ),
+    Kind.ROTOR_UNKNOWN: _rotor_unknown,
+    Kind.LACKS: _lacks,
+    Kind.TOO_SLOW: _too_slow,
+    Kind.BELOW_GROUND: "z_m falls at the take-off and stays below the ground in flight: are z_m and vz_m_s up?",
+    Kind.TOO_SHORT: ("about {seconds:.0f} s of usable flight, an analysis needs at least {least_s:.0f} s"),
     Kind.WEIGHT_DOUBT: (
         "by the {source} the rotors of '{vehicle}' give {factor:.2g} times the thrust that carries its {mass_kg:g} kg: "
         "is it the vehicle that flew, with this mass and these propellers{line}?"

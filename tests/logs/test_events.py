@@ -6,6 +6,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from quadctl.logs.events import Event, events_in_meta, mode_changes, parameter_changes, said
+from quadctl.logs.parameter_history import ParameterHistory
 from quadctl.logs.read import read_log
 from tests.support.log_files import telemetry, tlog_bytes
 from tests.support.places import DATA
@@ -19,8 +20,9 @@ def test_the_first_mode_and_every_change_are_events() -> None:
 
 
 def test_a_parameter_that_is_said_for_the_first_time_or_again_has_not_changed() -> None:
-    found = parameter_changes([0.0, 1.0, 2.0], ["A", "A", "B"], [1.0, 1.0, 3.0], {"B": 2.0})
-    assert found == [Event(2.0, "B = 3 (was 2)")]
+    history = ParameterHistory([(0.0, "A", 1.0), (1.0, "A", 1.0), (2.0, "B", 3.0)], {"B": 2.0})
+    assert parameter_changes(history) == [Event(2.0, "B = 3 (was 2)")]
+    assert (history.at(0.0), history.at(2.0)) == ({"A": 1.0, "B": 2.0}, {"A": 1.0, "B": 3.0})
 
 
 def test_messages_have_no_colours_and_come_once() -> None:

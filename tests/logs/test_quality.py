@@ -14,7 +14,7 @@ from rich.console import Console
 from quadctl.errors import LogError
 from quadctl.logs.columns import STATE_COLUMNS
 from quadctl.logs.convert import convert
-from quadctl.logs.findings import Kind, finding
+from quadctl.logs.findings import Kind, finding, of_kind
 from quadctl.logs.flight_log import ATTITUDE, POSITION, RATES, VELOCITY, FlightLog, Floats
 from quadctl.logs.quality import ChannelQuality, QualityReport, quality
 from quadctl.logs.read import read_log
@@ -138,7 +138,7 @@ class TestVerdict:
             ({"roll_deg": None, "pitch_deg": None, "yaw_deg": None}, "it holds no attitude"),
             ({name: np.ones(3000) for name in VELOCITY}, "velocity: never changes"),
             ({f"motor{i}_rpm": None for i in range(1, 5)}, "thrust is unknown"),
-            ({f"motor{i}_rpm": np.zeros(3000) for i in range(1, 5)}, "0 s of flight"),
+            ({f"motor{i}_rpm": np.zeros(3000) for i in range(1, 5)}, "0 s of usable flight"),
         ],
     )
     def test_why_a_log_cannot_be_analysed_is_said(self, changed: dict[str, Floats | None], said: str) -> None:
@@ -154,11 +154,10 @@ class TestVerdict:
         for name in group:
             log[name][log.time_s > 22.0] = log[name][log.time_s <= 22.0][-1]
         report = quality(log)
-        assert report.flight_s == pytest.approx(13.0, abs=0.2)  # the first second cannot be told from a slow channel
-        assert any(
-            note.startswith("position or attitude are frozen for 32 s in flight, the first time at 22 s")
-            for note in report.notes
-        )
+        assert report.flight_s == pytest.approx(12.0, abs=0.2)
+        (gaps,) = of_kind(report.findings, Kind.GAPS)
+        assert gaps.figures["seconds"] == pytest.approx(33.0, abs=0.5)
+        assert gaps.times_s[-1][0] == pytest.approx(22.0, abs=0.1)
         for name in group:
             log[name][log.time_s > 12.0] = log[name][log.time_s <= 12.0][-1]
         assert not quality(log).can_be_analysed
@@ -193,7 +192,7 @@ class TestRaptor:
         assert report.clock.row_interval_s == pytest.approx(0.011)
         assert not report.clock.is_counted
         assert report.can_be_analysed
-        assert 110.0 < report.flight_s < 140.0
+        assert report.flight_s == pytest.approx(148.0, abs=1.0)  # in the air from 13.1 to 161.4 s
 
     def test_the_clock_of_forward_speed_is_counted_and_slow(self) -> None:
         clock = quality(read_log(DATA / "raptor" / "FORWARD_SPEED.csv")).clock

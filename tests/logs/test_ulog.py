@@ -60,7 +60,7 @@ class TestULog:
         reset_s = 1.0 + 1.2 - 0.008 - log.meta["time_zero_s"]
         assert {"time_s": pytest.approx(reset_s, abs=1e-3), "what": "estimator reset its height"} in log.meta["events"]
         (reset,) = of_kind(quality(log).findings, Kind.RESET)
-        assert reset.figures == {"of": "height"} and reset.times_s[0][0] == pytest.approx(reset_s, abs=1e-3)
+        assert reset.figures["of"] == "height" and reset.times_s[0][0] == pytest.approx(reset_s, abs=1e-3)
 
     def test_positions_stand_at_the_time_of_their_sample_and_only_where_valid(self, tmp_path: Path) -> None:
         path = tmp_path / "a.ulg"

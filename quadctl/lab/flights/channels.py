@@ -3,7 +3,6 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,13 +19,8 @@ from quadctl.vehicle import Vehicle
 
 ROTOR_SPEED, THROTTLE, THRUST_COMMAND = "rotor speed", "throttle command", "thrust command"
 """Sources of the thrust signal: the best one, and those without information on single rotors."""
-MAX_SPEED_JUMP_M_S, SPIKE_WINDOW_S = 15.0, 1.0
-"""Largest deviation of a velocity from its running median over the window; no multirotor accelerates faster."""
-
-
-FROZEN_S, FROZEN_HOLDS, FROZEN_CHANGES = 5.0, 20.0, 20
-"""A rotor speed is frozen where it stays the same for longer than this time, and for that many times as long as it
-usually holds a value, while each of the others changes at least so many times."""
+SPIKE_WINDOW_S = 1.0
+"""Time over which the running median is taken with which a thrust is compared."""
 LEAST_FOR_SPLINE = 5
 PIECE = 1 << 16
 """Values of a channel that are computed at once: the intermediate ones of a whole long log need much memory."""
@@ -75,27 +69,6 @@ class Channel:
         inside = np.sum(np.searchsorted(self.time_s, ends[1], "right") - np.searchsorted(self.time_s, ends[0]))
         return float(inside / max(sum(b - a for a, b in segments), 1e-9))
 
-    def usual_rate_hz(self, segments: Sequence[tuple[float, float]]) -> float:
-        """Update rate by the median time between updates in these segments; 0 where there are not two.
-
-        An update that is lost, or that repeats a rounded value, lowers the mean rate but not this one.
-        """
-        between = [np.diff(self.time_s[(self.time_s >= begin) & (self.time_s <= end)]) for begin, end in segments]
-        steps = np.concatenate(between)
-        return float(1.0 / np.median(steps)) if len(steps) else 0.0
-
-
-class Frozen(NamedTuple):
-    """Time in which the signal of one rotor stays the same while those of the others change: a wire that is off."""
-
-    rotor: int
-    begin_s: float
-    end_s: float
-
-    def __str__(self) -> str:
-        during = f"from {self.begin_s:.1f} to {self.end_s:.1f} s"
-        return f"the speed of rotor {self.rotor} stays the same {during} while those of the others change"
-
 
 @dataclass(frozen=True)
 class Signals:
@@ -114,8 +87,6 @@ class Signals:
     lag_s: float = 0.0
     """Time constant with which the rotors follow `rotor`, s, from the vehicle file; 0 where `rotor` is measured
     speed."""
-    frozen: Sequence[Frozen] = ()
-    """Times in which the speed of a rotor is not known."""
 
     def thrust_on(self, grid_s: Floats) -> list[Floats]:
         """Nominal thrust of each rotor on an even clock, N."""
@@ -169,8 +140,6 @@ def signals_of(log: FlightLog, vehicle: Vehicle, findings: list[Finding]) -> Sig
         return found
 
     rotor, source = _rotorsignals_of(log, vehicle)
-    frozen = _frozen(rotor) if source == ROTOR_SPEED else []
-    findings += [finding(Kind.FROZEN_ROTOR, [(one.begin_s, one.end_s)], rotor=one.rotor) for one in frozen]
     lag_s = 0.0 if source == ROTOR_SPEED else vehicle.rotor.time_constant_s
     if source != ROTOR_SPEED:
         findings.append(finding(Kind.THRUST_FROM, source=source))
@@ -182,7 +151,7 @@ def signals_of(log: FlightLog, vehicle: Vehicle, findings: list[Finding]) -> Sig
         battery = Channel(log.time_s[rows], log[voltage[0]][rows])
     return Signals(
         channels(POSITION),
-        _without_spikes(channels(VELOCITY), MAX_SPEED_JUMP_M_S, "velocities", findings),
+        channels(VELOCITY),
         channels(ATTITUDE, math.pi / 180.0, unwrap=True),
         rotor,
         channels(RATES) if all(log.has(name) for name in RATES) else [],
@@ -190,25 +159,7 @@ def signals_of(log: FlightLog, vehicle: Vehicle, findings: list[Finding]) -> Sig
         battery,
         source,
         lag_s,
-        frozen,
     )
-
-
-def _frozen(rotor: Sequence[Channel]) -> list[Frozen]:
-    """Times in which the signal of one rotor has frozen: a rotor that holds its speed still shows the noise of the
-    sensor, and one that is rounded holds values again and again."""
-    time_s = rotor[0].time_s
-    changed = [np.flatnonzero(np.diff(channel.value)) + 1 for channel in rotor]
-    found = []
-    for number, own in enumerate(changed, start=1):
-        ends = np.concatenate([[0], own, [len(time_s) - 1]])
-        holds_s = np.diff(time_s[ends])
-        longest_s = max(FROZEN_S, FROZEN_HOLDS * float(np.percentile(holds_s, 90.0)))
-        for first, last in zip(ends[:-1][holds_s > longest_s], ends[1:][holds_s > longest_s], strict=True):
-            others = [np.count_nonzero((c > first) & (c <= last)) for c in changed if c is not own]
-            if min(others, default=0) >= FROZEN_CHANGES:
-                found.append(Frozen(number, float(time_s[first]), float(time_s[last])))
-    return found
 
 
 def _without_spikes(channels: list[Channel], limit: float, what: str, findings: list[Finding]) -> list[Channel]:

@@ -158,6 +158,8 @@ class Flight:
     """Filtered kinematic acceleration by the accelerometer, north, east, up, m/s^2, shape (n, 3); None without one."""
     velocity_lag_s: float = 0.0
     """Lag of the logged velocity behind the position, s, which has been taken out."""
+    doubted_axes: tuple[int, ...] = ()
+    """Axes of `measured` along which the velocity is wrong, so that the accelerometer tells the acceleration."""
     sha256: str = ""
     """Hash of the log file; empty for a log without a file."""
     timing: Timing = UNKNOWN_TIMING
@@ -226,7 +228,17 @@ class Flight:
             conditions=replace(c, velocity_body_m_s=rotate_inverse(c.attitude, (north, east, -up))),
             measured=np.column_stack([self.derivative @ v for v in (north, east, up)]),
             velocity_lag_s=lag_s,
-        )
+        ).by_accelerometer(self.doubted_axes)
+
+    def by_accelerometer(self, axes: tuple[int, ...]) -> "Flight":
+        """Copy of the flight whose acceleration along some axes is that of the accelerometer; its mean stays that of
+        the velocity, so that an offset of the accelerometer counts for nothing."""
+        if not axes or self.sensed is None:
+            return self
+        measured = self.measured.copy()
+        for axis in axes:
+            measured[:, axis] = self.sensed[:, axis] + np.mean(self.measured[:, axis] - self.sensed[:, axis])
+        return replace(self, measured=measured, doubted_axes=axes)
 
     @property
     def duration_s(self) -> float:
@@ -236,8 +248,8 @@ class Flight:
     @property
     def imu_error(self) -> Floats | None:
         """Filtered acceleration by the accelerometer minus `measured`, north, east, up, m/s^2, shape (n, 3); None
-        without one."""
-        return None if self.sensed is None else self.sensed - self.measured
+        without one, or where it tells the acceleration itself."""
+        return None if self.sensed is None or self.doubted_axes else self.sensed - self.measured
 
     @property
     def velocity_up(self) -> Floats:

@@ -7,7 +7,7 @@ bandwidth of that filter is limited by the slowest channel, and is stated with e
 
 import hashlib
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -25,33 +25,22 @@ from quadctl.frames import (
 from quadctl.lab.arrays import Floats
 from quadctl.lab.flights.channels import THROTTLE, THRUST_COMMAND, Signals, signals_of, without_absent_motors
 from quadctl.lab.flights.flight import Flight, SlowFilter
+from quadctl.lab.flights.prediction import AXES
 from quadctl.lab.flights.timing import timed
 from quadctl.lab.flights.vehicle_match import motion_problem, sidecar_problem, thrust_problem, weight_doubt
 from quadctl.lab.flights.velocity_scale import scale_finding
-from quadctl.logs.contradictions import contradictions
 from quadctl.logs.findings import Finding, Kind, finding
-from quadctl.logs.flight_log import ATTITUDE, POSITION, VELOCITY, FlightLog, doubt_of_copy
+from quadctl.logs.flight_log import FlightLog, doubt_of_copy
+from quadctl.logs.record.flight_time import total
+from quadctl.logs.record.record import LEFT_OUT_S, MIN_FLIGHT_S, Record, examine
+from quadctl.logs.words import worded
 from quadctl.model import Model
 from quadctl.surfaces import read_place
 from quadctl.vehicle import Vehicle
 
 MAX_BANDWIDTH_HZ = 3.0
-MIN_UPDATE_RATE_HZ = 2.5
-"""Least update rate of the slowest channel; below it, motion between the updates would look like an unexplained
-force."""
 BANDWIDTH_PER_UPDATE_RATE = 0.35
 """Filter bandwidth over the update rate of the slowest channel: well below the Nyquist frequency, half that rate."""
-TRIM_START_S, TRIM_END_S = 2.0, 1.0
-"""Times cut off at the beginning and end of each stretch of flight, for the take-off transient and the touchdown."""
-GROUND_PHASES = ("wait", "stream", "start", "spool_up", "land", "released", "done")
-"""Phases of quadctl's own logs in which no mission is flown."""
-MIN_DESCENT_M = 0.3
-"""Least height of flight below the height at rest that is reported as a z axis that points down."""
-MIN_CLEARANCE_M = 0.02
-"""Least height above the height at rest in flight; lower is contact with the ground."""
-MIN_FLIGHT_S, MIN_SEGMENT_S = 10.0, 2.0
-LONGEST_ROW_GAP_S = 10.0
-"""Largest time between rows of one flight; after a longer gap the clock has jumped, or another flight begins."""
 BLOCK_S = 5.0
 """Length of the blocks of time that are held out and resampled as a whole."""
 
@@ -64,38 +53,33 @@ def prepare(log: FlightLog, vehicle: Vehicle) -> Flight:
     LogError
         The log lacks a signal, belongs to another vehicle, or holds no flight.
     """
-    findings = list(log.findings)
-    log = without_absent_motors(log, vehicle.n_rotors, findings)
-    _require_columns(log)
-    for problem in (*contradictions(log, vehicle.allocation.fully_actuated), sidecar_problem(log, vehicle)):
-        _refuse(log.name, problem)
-    signals = signals_of(log, vehicle, findings)
-    _refuse(log.name, _thrust_problem(log, signals, vehicle))
-    segments = _flight_segments(log, signals, vehicle, findings)
-    rates = {name: channel.rate_hz(segments) for name, channel in signals.timed.items()}
-    name, slowest = min(rates.items(), key=lambda item: item[1])
-    if max(slowest, signals.timed[name].usual_rate_hz(segments)) < MIN_UPDATE_RATE_HZ:
-        changes = f"has {slowest:.2f} updates per second" if slowest > 0.0 else "never changes"
-        raise LogError(
-            f"{log.name}: its slowest channel, {name}, {changes} in flight, expected at least {MIN_UPDATE_RATE_HZ:g} "
-            "updates per second"
-        )
+    findings: list[Finding] = []
+    record = examine(without_absent_motors(log, vehicle.n_rotors, findings), vehicle.allocation.fully_actuated)
+    findings = [*record.findings, *findings]
+    _require(record, lambda obstacle: obstacle.kind not in (Kind.TOO_SHORT, Kind.TOO_SLOW))
+    _refuse(log.name, sidecar_problem(log, vehicle))
+    signals = signals_of(record.log, vehicle, findings)
+    _refuse(log.name, _thrust_problem(record.log, signals, vehicle))
+    _require_flight(record, signals, vehicle)
+    _require(record, lambda obstacle: True)
+    segments = list(record.usable)
+    seconds, of_seconds = total(segments), float(log.time_s[-1] - log.time_s[0])
+    findings.append(finding(Kind.IN_FLIGHT, segments, seconds=seconds, of_seconds=of_seconds))
+    slowest = min(channel.rate_hz(segments) for channel in signals.timed.values())
     bandwidth = min(MAX_BANDWIDTH_HZ, BANDWIDTH_PER_UPDATE_RATE * slowest)
     sigma = math.sqrt(math.log(2.0)) / (2.0 * math.pi * bandwidth)
     step = min(0.02, sigma / 2.5)
     begin, end = segments[0][0], segments[-1][1]
     grid = np.arange(begin, end, step)
-    segments = _without_gaps(segments, signals, max(8.0 / slowest, 1.0), findings, log.name)
     time, smooth, derivative = _filter(grid, segments, sigma)
-    if len(time) < 40 or sum(b - a for a, b in segments) < MIN_FLIGHT_S:
-        seconds = sum(b - a for a, b in segments)
-        why = "".join(f"; {frozen}" for frozen in signals.frozen)
+    if len(time) < 40 or total(segments) < MIN_FLIGHT_S:
         raise LogError(
-            f"{log.name}: holds {seconds:.0f} s of usable flight, expected at least {MIN_FLIGHT_S:.0f} s{why}"
+            f"{log.name}: holds {total(segments):.0f} s of usable flight, expected at least {MIN_FLIGHT_S:.0f} s"
         )
     flight = _over_surfaces(
         _assemble(log.name, vehicle, signals, grid, smooth, derivative, time, bandwidth, findings), log
     )
+    flight = flight.by_accelerometer(tuple(AXES.index(axis) for axis in record.velocity_doubted))
     del signals, grid, smooth, derivative  # of a long log they need as much memory as the flight
     (flight,) = timed([replace(flight, sha256=_sha256(log))], Model(vehicle))
     thrust = np.column_stack([flight.filtered(nominal) for nominal in flight.nominal_n])
@@ -128,15 +112,14 @@ def _refuse(name: str, problem: str | None) -> None:
         raise LogError(f"{name}: {problem}")
 
 
+def _require(record: Record, matters: Callable[[Finding], bool]) -> None:
+    """Raise LogError for the first of the obstacles that matters."""
+    _refuse(record.log.name, next((worded(found) for found in record.obstacles if matters(found)), None))
+
+
 def prepare_all(logs: Sequence[FlightLog], vehicle: Vehicle) -> list[Flight]:
     """Prepare all logs; raises LogError for the first that cannot be analysed."""
     return [prepare(log, vehicle) for log in logs]
-
-
-def _require_columns(log: FlightLog) -> None:
-    for name in (*POSITION, *VELOCITY, *ATTITUDE):
-        if not log.has(name):
-            raise LogError(f"{log.name}: holds no values of {name}, which an analysis needs")
 
 
 def _thrust_problem(log: FlightLog, signals: Signals, vehicle: Vehicle) -> str | None:
@@ -144,73 +127,24 @@ def _thrust_problem(log: FlightLog, signals: Signals, vehicle: Vehicle) -> str |
     return thrust_problem(total, signals.position[2].at(log.time_s), vehicle, signals.thrust_source)
 
 
-def _flight_segments(
-    log: FlightLog, signals: Signals, vehicle: Vehicle, findings: list[Finding]
-) -> list[tuple[float, float]]:
-    """Intervals of time in flight: clear of the ground, rotors working, ends trimmed; s."""
-    time = log.time_s
-    z = signals.position[2].at(time)
-    total = np.sum([channel.at(time) for channel in signals.rotor], axis=0)
-    # For an instant the rotors may be idle in the air too: at the top of a quick climb.
-    idle_s = 1.0
-    around = [np.searchsorted(time, time - idle_s), np.searchsorted(time, time + idle_s, side="right")]
-    count = np.concatenate([[0], np.cumsum(total > 0.4 * vehicle.weight_n)])
-    working = count[around[1]] - count[around[0]] > 0.25 * (around[1] - around[0])
-    still = ~working
-    if log.phase is not None:
-        working &= ~np.isin(log.phase, GROUND_PHASES)
-    # A log that begins and ends in the air says nothing about the height at rest.
-    rest = float(np.nanmedian(z[still])) if still.any() else -math.inf
-    flying = working & (z > rest + MIN_CLEARANCE_M)
-    flying[1:] &= np.diff(time) < LONGEST_ROW_GAP_S
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], flying.astype(np.int8), [0]])))
-    found = []
-    for first, last in zip(edges[::2], edges[1::2], strict=True):
-        begin, end = float(time[first]) + TRIM_START_S, float(time[last - 1]) - TRIM_END_S
-        if end - begin > MIN_SEGMENT_S:
-            found.append((begin, end))
-    if not found:
-        rise = float(np.nanmax(z) - np.nanmin(z))
-        lower = rest - float(np.median(z[working])) if working.any() else 0.0
-        if MIN_DESCENT_M < lower < math.inf:
-            raise LogError(
-                f"{log.name}: z_m is {lower:.2f} m lower while the rotors carry the vehicle than at rest, "
-                "expected it higher: are z_m and vz_m_s up?"
-            )
-        shortest_s = TRIM_START_S + TRIM_END_S + MIN_SEGMENT_S
+def _require_flight(record: Record, signals: Signals, vehicle: Vehicle) -> None:
+    """Raise LogError for a log without enough flight, with the likely reason."""
+    if not any(obstacle.kind == Kind.TOO_SHORT for obstacle in record.obstacles):
+        return
+    log = record.log
+    z = signals.position[2].at(log.time_s)
+    total_n = np.sum([channel.at(log.time_s) for channel in signals.rotor], axis=0)
+    if not record.flights:
         raise LogError(
-            f"{log.name}: never leaves the ground for more than {shortest_s:g} s: z ranges over {rise:.2f} m (is it "
-            f"up?) and the rotors give at most {float(np.nanmax(total)):.1f} N of the vehicle's "
+            f"{log.name}: never leaves the ground: z ranges over {float(np.nanmax(z) - np.nanmin(z)):.2f} m (is it "
+            f"up?) and the rotors give at most {float(np.nanmax(total_n)):.1f} N of the vehicle's "
             f"{vehicle.weight_n:.1f} N{doubt_of_copy(log.findings)}"
         )
-    kept = sum(b - a for a, b in found)
-    findings.append(finding(Kind.IN_FLIGHT, found, seconds=kept, of_seconds=float(time[-1] - time[0])))
-    return found
-
-
-def _without_gaps(
-    segments: list[tuple[float, float]], signals: Signals, longest_s: float, findings: list[Finding], name: str
-) -> list[tuple[float, float]]:
-    """Cut out the times in which a channel brought nothing new for longer than `longest_s`, or a rotor's has frozen."""
-    lost = 0.0
-    for frozen in signals.frozen:
-        segments = _cut(segments, frozen.begin_s, frozen.end_s)
-    for channel in signals.timed.values():
-        gaps = np.flatnonzero(np.diff(channel.time_s) > longest_s)
-        for a, b in zip(channel.time_s[gaps], channel.time_s[gaps + 1], strict=True):
-            lost += sum(max(0.0, min(b, end) - max(a, begin)) for begin, end in segments)
-            segments = _cut(segments, a, b)
-    if lost > 0.0:
-        findings.append(finding(Kind.GAPS, seconds=lost, longest_s=longest_s))
-    if not segments:
-        raise LogError(f"{name}: no stretch of the flight has new values at least every {longest_s:.1f} s")
-    return segments
-
-
-def _cut(segments: Sequence[tuple[float, float]], begin: float, end: float) -> list[tuple[float, float]]:
-    """Segments of time without what lies between `begin` and `end`."""
-    pieces = [piece for a, b in segments for piece in ((a, min(b, begin)), (max(a, end), b))]
-    return [(a, b) for a, b in pieces if b > a]
+    why = [worded(found) for found in record.findings if found.kind in LEFT_OUT_S and found.times_s]
+    raise LogError(
+        f"{log.name}: holds {total(record.usable):.0f} s of usable flight, expected at least {MIN_FLIGHT_S:.0f} s"
+        f"{''.join(f'; {reason}' for reason in why)}"
+    )
 
 
 def _filter(

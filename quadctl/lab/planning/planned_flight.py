@@ -11,7 +11,7 @@ from quadctl.frames import GRAVITY_M_S2, Quaternion, quaternion_from_euler, rota
 from quadctl.lab.arrays import Floats
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.flights.flight import Flight
-from quadctl.lab.flights.preparation import BANDWIDTH_PER_UPDATE_RATE, MIN_CLEARANCE_M, prepare
+from quadctl.lab.flights.preparation import BANDWIDTH_PER_UPDATE_RATE, prepare
 from quadctl.logs.columns import rpm_columns
 from quadctl.logs.flight_log import ATTITUDE, POSITION, VELOCITY, FlightLog
 from quadctl.missions import Mission
@@ -27,6 +27,7 @@ FOLLOWING_RAD_S = 1.5
 multirotors do: 1 m with at most 2.3 m/s^2."""
 ROUNDS = 4
 """Iterations that correct attitude and thrust for the effects of the model; each removes most of the error."""
+LEAST_HEIGHT_M = 0.02
 MAX_TILT_DEG = 35.0
 MAX_THRUST_SHARE = 0.9
 """Largest share of the rotors' maximum thrust; the rest is for attitude control."""
@@ -134,8 +135,8 @@ def _falling(battery_v: Floats, time_s: Floats, time: Floats) -> Floats:
 def _check_heights(mission: Mission, model: Model, z_m: Floats, time: Floats) -> None:
     vehicle = model.vehicle
     lowest = float(np.min(z_m[time >= mission.phases[0].end_s], initial=math.inf))
-    if lowest < MIN_CLEARANCE_M:
-        raise SettingsError(f"{mission.name}: goes down to z = {lowest:.2f} m, expected {MIN_CLEARANCE_M:g} m or more")
+    if lowest < LEAST_HEIGHT_M:
+        raise SettingsError(f"{mission.name}: goes down to z = {lowest:.2f} m, expected {LEAST_HEIGHT_M:g} m or more")
     highest = float(np.max(z_m)) + vehicle.rotor_height_m
     if vehicle.ceiling_m is not None and highest > vehicle.ceiling_m - vehicle.rotor.radius_m:
         raise SettingsError(

@@ -207,7 +207,7 @@ class TestPrepare:
         with pytest.raises(LogError, match=r"6 rotors.*expected 4"):
             prepare(dataclasses.replace(log, columns=six), raptor)
         without = {name: values for name, values in log.columns.items() if not name.endswith("_rpm")}
-        with pytest.raises(LogError, match="neither rotor speeds nor throttle_cmd"):
+        with pytest.raises(LogError, match="neither rotor speeds nor motor outputs"):
             prepare(dataclasses.replace(log, columns=without), raptor)
         with pytest.raises(LogError, match="holds no values of vz_m_s"):
             prepare(dataclasses.replace(log, columns={**log.columns, "vz_m_s": np.nan * log.time_s}), raptor)
