@@ -7,7 +7,6 @@ time of the sensor sample it stands for; commands and motor outputs at the time 
 
 import contextlib
 import io
-import mmap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -23,6 +22,7 @@ from quadctl.logs.findings import Finding, Kind, finding
 from quadctl.logs.flight_log import ATTITUDE, RATES, FlightLog, Floats
 from quadctl.logs.merge import Channel, Origin, finite, intervals, merge
 from quadctl.logs.parameter_history import ParameterHistory, change_findings
+from quadctl.logs.ulog_end import is_cut_short
 from quadctl.thrust_chain.chain import Ambient, bent
 from quadctl.thrust_chain.px4 import battery_scale, bend_of
 
@@ -65,8 +65,6 @@ INFO = ord("6")
 """Level of messages above which they are for debugging, as the logger writes it."""
 MAGIC = b"ULog\x01\x12\x35"
 """The first bytes of every ULog."""
-_HEADER_BYTES = 16
-"""Length of the header, before the first message."""
 NEEDED = "vehicle_local_position and vehicle_attitude"
 
 FIRST_MOTOR_FUNCTION = 101
@@ -120,8 +118,10 @@ def read_ulog(path: Path) -> FlightLog:
     findings: list[Finding] = []
     if log.file_corruption:
         findings.append(finding(Kind.DAMAGED))
-    elif _is_cut_short(path):
+    if is_cut_short(path):
         findings.append(finding(Kind.CUT_SHORT))
+    elif _has_no_end(log):
+        findings.append(finding(Kind.CUT_SHORT, of="logger"))
     if log.dropouts:
         lost = sum(dropout.duration for dropout in log.dropouts) / 1000.0
         findings.append(finding(Kind.LOST_BY_LOGGER, times=len(log.dropouts), seconds=lost))
@@ -252,13 +252,11 @@ def _parsed(path: Path) -> Any:
     return log
 
 
-def _is_cut_short(path: Path) -> bool:
-    """Tell whether a ULog that is not damaged ends within a message; each begins with its length and its type."""
-    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as raw:
-        place, end = _HEADER_BYTES, len(raw)
-        while place + 3 <= end:
-            place += 3 + raw[place] + 256 * raw[place + 1]
-    return place != end
+def _has_no_end(log: Any) -> bool:
+    """Tell whether PX4's logger, which stops at disarming, did not come to write what it writes last."""
+    until_disarmed = not log.initial_parameters.get("SDLOG_MODE", 0)
+    said = log.msg_info_multiple_dict
+    return until_disarmed and "perf_counter_preflight" in said and "perf_counter_postflight" not in said
 
 
 def _version(release: object) -> str:

@@ -47,7 +47,7 @@ class TestULog:
             path.write_bytes(whole[:-missing])
             assert of_kind(read_log(path).findings, Kind.CUT_SHORT)
         path.write_bytes(whole[:20])
-        with pytest.raises(LogError, match=r"holds no values of x_m.*the file is damaged: was the whole log copied\?"):
+        with pytest.raises(LogError, match=r"holds no values of x_m.*message is cut short: was the whole log copied\?"):
             read_log(path)
         path.write_bytes(small_ulog(without="vehicle_attitude")[:-1])
         with pytest.raises(LogError, match=r"holds no values of roll_deg.*was the whole log copied\?"):
