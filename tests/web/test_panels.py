@@ -1059,9 +1059,9 @@ class TestOpenTab:
         view = views["at first"]
         assert view.opened is not None
         first = view.opened.logs[0]
-        assert first.log is not None
-        log = replace(first.log, findings=[finding(Kind.RESET, [(8.0, 8.0)], of="height")])
-        logs = [replace(first, log=log, flight=view.flights[0]), view.opened.logs[1]]
+        assert first.quality is not None
+        report = replace(first.quality, findings=(finding(Kind.RESET, [(8.0, 8.0)], of="height"),))
+        logs = [replace(first, quality=report, flight=view.flights[0]), view.opened.logs[1]]
         shown = str(tabs("missing", replace(view, opened=replace(view.opened, logs=logs))).shown)
         assert "0.csv: The estimator reset its height at 8.0 s: it jumps there." in shown
 

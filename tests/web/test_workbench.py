@@ -812,20 +812,20 @@ class TestCautions:
     """The page says what the data lack where it judges the residual."""
 
     def test_an_estimator_that_was_reset(self) -> None:
-        log = replace(SILENT, findings=[finding(Kind.RESET, [(3.2, 3.2)], of="height")])
+        report = replace(_report(), findings=(finding(Kind.RESET, [(3.2, 3.2)], of="height"),))
         note = "The estimator reset its height at 3.2 s: it jumps there."
-        assert cautions_of(log, _report(), MAX_BANDWIDTH_HZ, (0.0, 5.0)) == [note]
-        assert cautions_of(log, _report(), MAX_BANDWIDTH_HZ, (4.0, 5.0)) == []  # before the take-off
+        assert cautions_of(report, MAX_BANDWIDTH_HZ, (0.0, 5.0)) == [note]
+        assert cautions_of(report, MAX_BANDWIDTH_HZ, (4.0, 5.0)) == []  # before the take-off
 
     def test_a_channel_that_limits_the_bandwidth(self) -> None:
         report = _report(rates_hz={"rpm": 2.86, "position": 9.24})
-        (said,) = cautions_of(SILENT, report, 1.01, (0.0, 5.0))
+        (said,) = cautions_of(report, 1.01, (0.0, 5.0))
         assert said.startswith("The slowest channel, rpm, comes 2.86 times a second, once not for 2.2 s, at 0 s: only")
         assert "only changes slower than 1 Hz are compared" in said and said.endswith("log it at 9 Hz or more.")
-        assert cautions_of(SILENT, report, MAX_BANDWIDTH_HZ, (0.0, 5.0)) == []
+        assert cautions_of(report, MAX_BANDWIDTH_HZ, (0.0, 5.0)) == []
 
     def test_a_gap_before_the_take_off_is_none_of_the_flight(self) -> None:
-        (said,) = cautions_of(SILENT, _report(rates_hz={"rpm": 2.86}), 1.01, (3.0, 5.0))
+        (said,) = cautions_of(_report(rates_hz={"rpm": 2.86}), 1.01, (3.0, 5.0))
         assert said.startswith("The slowest channel, rpm, comes 2.86 times a second: only changes slower than")
 
 
@@ -837,7 +837,7 @@ def _report(rates_hz: dict[str, float] | None = None) -> QualityReport:
     report = quality(SILENT)
     first = ChannelQuality("", (), "", 100, 1.0, 0.1, 2.17, 0.0, 1, 0.0, 0.0)
     channels = tuple(replace(first, name=name, rate_hz=rate) for name, rate in (rates_hz or {}).items())
-    return replace(report, channels=channels, thrust_source="rpm")
+    return replace(report, channels=channels, record=replace(report.record, thrust_source="rpm"))
 
 
 class TestDoubts:

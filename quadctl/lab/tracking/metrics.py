@@ -19,6 +19,7 @@ from quadctl.errors import LogError
 from quadctl.lab.tracking.steps import only_step, source_of_steps
 from quadctl.logs.contradictions import contradictions
 from quadctl.logs.flight_log import FlightLog, Floats, did_you_mean
+from quadctl.logs.words import worded
 
 TEST_PHASE = "step"
 """Phases with this in their name are measured unless others are asked for."""
@@ -278,7 +279,7 @@ def metrics(
         raise LogError("no flight is given, expected at least one log")
     for log in (*logs, *references):
         if problems := contradictions(log):
-            raise LogError(f"{log.name}: {problems[0]}")
+            raise LogError(f"{log.name}: {worded(problems[0])}")
     window = window or Window()
     longest, notes = _steps_seen([*logs, *references], window, axis)
     tracks = [tracking(log, window, axis, setpoint_m, longest) for log in logs]

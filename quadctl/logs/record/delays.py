@@ -8,7 +8,6 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
 
 from quadctl.frames import body_rates
 from quadctl.logs.findings import Finding, Kind, Span, finding
@@ -77,11 +76,7 @@ def aligned(log: FlightLog, flights: tuple[Span, ...]) -> tuple[FlightLog, list[
     delay = delay_of_rates(log, flights)
     if delay is None or not delay.is_clear():
         return log, []
-    if len(delay.time_s) > 2:
-        curve = PchipInterpolator(delay.time_s, delay.delay_s)
-        at = curve(np.clip(log.time_s, delay.time_s[0], delay.time_s[-1]))
-    else:
-        at = np.interp(log.time_s, delay.time_s, delay.delay_s)
+    at = np.interp(log.time_s, delay.time_s, delay.delay_s)
     columns = dict(log.columns)
     groups = [group for group in (RATES, IMU) if all(log.has(name) for name in group)]
     for group in groups:

@@ -79,8 +79,6 @@ def flight_time(log: FlightLog, thrust_source: str | None) -> FlightTime:
     level = flown_drive(time_s, drive)
     working = np.ones(len(log), dtype=bool) if drive is None else _mostly(time_s, drive > WORKING_SHARE * level)
     working = _as_before(working, lost)
-    if log.phase is not None:
-        working &= ~np.isin(log.phase, GROUND_PHASES)
     ground = _on_ground(log, drive, level, working)
     flights: list[Span] = []
     rests: list[tuple[float, float]] = []
@@ -92,6 +90,8 @@ def flight_time(log: FlightLog, thrust_source: str | None) -> FlightTime:
             flights.append((float(time_s[begin]), float(time_s[end])))
             rests += [(float(time_s[row]), rest.height_m) for row, rest in ((first, before), (last, after)) if rest]
             upside_down |= _below_ground(log, begin, end, before, after)
+    if log.phase is not None:
+        flights = list(without(flights, _spans(time_s, np.isin(log.phase, GROUND_PHASES))))
     inside = [span for span in _spans(time_s, ground) if span[1] - span[0] >= CONTACT_S]
     inside = [(a, b) for a, b in inside if any(begin < a and b < end for begin, end in flights)]
     return FlightTime(tuple(flights), tuple(inside), tuple(rests), upside_down)

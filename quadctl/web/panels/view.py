@@ -175,7 +175,7 @@ class View:
             if log.log is None or log.quality is None or log.flight is None or log.problem or log.doubt:
                 continue
             used_s = float(log.flight.time_s[0]), float(log.flight.time_s[-1])
-            cautions = cautions_of(log.log, log.quality, log.flight.bandwidth_hz, used_s)
+            cautions = cautions_of(log.quality, log.flight.bandwidth_hz, used_s)
             found += [f"{log.path.name}: {said}" for said in cautions]
         return tuple(found)
 

@@ -42,12 +42,12 @@ def doubt_beside(log: FlightLog, source: str | None, first: FlightLog, first_sou
     return ""
 
 
-def cautions_of(log: FlightLog, report: QualityReport, bandwidth_hz: float, used_s: tuple[float, float]) -> list[str]:
+def cautions_of(report: QualityReport, bandwidth_hz: float, used_s: tuple[float, float]) -> list[str]:
     """Sentences on what the data of a log lack that its residual, of this bandwidth, may show.
 
     `used_s` are the first and the last time that are used: a gap before the take-off is none of the residual.
     """
-    resets = [reset for reset in of_kind(log.findings, Kind.RESET) if reset.touches(*used_s)]
+    resets = [reset for reset in of_kind(report.findings, Kind.RESET) if reset.touches(*used_s)]
     found = [f"{sentence(worded(reset))}." for reset in resets]
     channels = [report.channel(name) for name in (report.thrust_source or "", "position", "velocity", "attitude")]
     known = [channel for channel in channels if channel is not None and channel.rate_hz > 0.0]

@@ -480,7 +480,7 @@ class TestToldApart:
         missing: list[str],
         confounded: list[list[str]],
     ) -> None:
-        data = load_dataset([simulated(mission, truth, 2, tmp_path)], raptor)
+        data = load_dataset([simulated(mission, truth, 3, tmp_path)], raptor)
         found = diagnose(Model(raptor), data, [SteadyWind, LinearDrag, FixedTilt])
         assert (found.missing, found.confounded) == (missing, confounded)
         assert found.suggested_mission == ("missions/headings.yaml" if confounded else None)

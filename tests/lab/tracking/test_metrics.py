@@ -17,6 +17,7 @@ from quadctl.lab.tracking.steps import only_step
 from quadctl.logs.contradictions import contradictions
 from quadctl.logs.flight_log import FlightLog, Floats
 from quadctl.logs.read import read_logs
+from quadctl.logs.words import worded
 from tests.support.places import DATA
 
 RAPTOR = DATA / "raptor"
@@ -219,7 +220,7 @@ class TestRefusals:
         feet, good = FlightLog("feet.csv", None, columns), flight(np.ones(3))
         assert contradictions(feet)
         for logs, references in (([feet], []), ([good], [feet])):
-            with pytest.raises(LogError, match=f"^{re.escape(f'feet.csv: {contradictions(feet)[0]}')}$"):
+            with pytest.raises(LogError, match=f"^{re.escape(f'feet.csv: {worded(contradictions(feet)[0])}')}$"):
                 metrics(logs, references, window=Window(0.0, 1.0), setpoint_m=1.0)
 
     def test_phase_flown_twice(self) -> None:
