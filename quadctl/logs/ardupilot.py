@@ -28,8 +28,9 @@ PARAMETERS = (
 )
 """Parameters that an analysis of motor outputs may need, kept in the log's `meta`."""
 VOLT_MAX = "MOT_BAT_VOLT_MAX"
-PULSE_RANGE = ("MOT_PWM_MIN", "MOT_PWM_MAX")
-CHAIN_PARAMETERS = (BOOST, *CURVE, *VOLTAGE, *PULSE_RANGE)
+PULSE_RANGES = (("MOT_PWM_MIN", "MOT_PWM_MAX"), ("RC3_MIN", "RC3_MAX"))
+"""Parameters of the range of the outputs: where those of the motors are 0, or not there, that of the throttle."""
+CHAIN_PARAMETERS = (BOOST, *CURVE, *VOLTAGE, *(name for pair in PULSE_RANGES for name in pair))
 """Parameters on which the thrust depends that an output or a command stands for."""
 MOTORS_OF_CLASS = {1: 4, 2: 6, 3: 8, 4: 8, 5: 6, 7: 3, 12: 12, 14: 10}
 """Number of motors by FRAME_CLASS: quadrotor, hexarotor, octorotor, coaxial octorotor and hexarotor, tricopter..."""
@@ -37,7 +38,7 @@ MOTORS_OF_FRAME = {"QUAD": 4, "HEXA": 6, "OCTA": 8, "OCTA_QUAD": 8, "Y6": 6, "TR
 """Number of motors by the name of the frame in messages."""
 _FRAME = re.compile(rf"Frame: ({'|'.join(sorted(MOTORS_OF_FRAME, key=len, reverse=True))})", re.IGNORECASE)
 PWM_US = (1000.0, 2000.0)
-"""Range of the motor outputs where MOT_PWM_MIN and MOT_PWM_MAX do not say."""
+"""Range of the motor outputs where no parameters say."""
 
 
 def motors_of_frame(parameters: Mapping[str, float], texts: Iterable[str] = ()) -> int | None:
@@ -83,8 +84,8 @@ def motor_outputs(
         found[motor] = np.full(len(pulses), np.nan)
         for period in history.periods(CHAIN_PARAMETERS):
             rows = (time_s >= period.begin_s) & (time_s < period.end_s)
-            low, high = (period.values.get(name, 0.0) for name in PULSE_RANGE)
-            low, high = (low, high) if 0.0 < low < high else PWM_US
+            given = ((period.values.get(low, 0.0), period.values.get(high, 0.0)) for low, high in PULSE_RANGES)
+            low, high = next(((low, high) for low, high in given if 0.0 < low < high), PWM_US)
             share = np.clip((pulses[rows] - low) / (high - low), 0.0, 1.0)
             found[motor][rows] = thrust_of_output(share, period.values, _at(ambient, rows))
     return {f"motor{motor}_output": found[motor] for motor in sorted(found)}

@@ -1,18 +1,14 @@
-"""ArduPilot's DataFlash logs (`.bin`), decoded by pymavlink's table of formats, each kind of message at once.
+"""ArduPilot's DataFlash logs (`.bin`, or as text `.log`), since ArduCopter 3.2.
 
-State comes from the primary EKF core (XKF1, or NKF1 of older firmware), ATT and RATE. A simulator's SIM and SIM2
-messages are not among MESSAGES: their bytes are stepped over and never decoded.
+State comes from the primary EKF core (XKF1; NKF1 or EKF1 of older firmware), ATT and RATE. A simulator's SIM and SIM2
+messages are not among MESSAGES: they are stepped over and never decoded.
 """
 
 import re
-import struct
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from quadctl.errors import LogError
 from quadctl.logs.ardupilot import (
@@ -23,12 +19,14 @@ from quadctl.logs.ardupilot import (
     motors_of_frame,
     output_finding,
 )
+from quadctl.logs.dataflash_records import Message, Records, read_records
 from quadctl.logs.estimator_health import lane_switches, lost_fixes, rejections
 from quadctl.logs.events import Event, mode_changes, parameter_changes, said
 from quadctl.logs.findings import Finding, Kind, finding
-from quadctl.logs.flight_log import FlightLog, Floats
+from quadctl.logs.flight_log import RATES, FlightLog, Floats, doubt_of_copy
 from quadctl.logs.merge import Channel, Origin, finite, intervals, merge
 from quadctl.logs.parameter_history import ParameterHistory, change_findings
+from quadctl.logs.words import count
 from quadctl.thrust_chain.atmosphere import (
     Air,
     Version,
@@ -39,45 +37,28 @@ from quadctl.thrust_chain.atmosphere import (
 )
 from quadctl.thrust_chain.chain import Ambient
 
-MESSAGES = (
-    "PARM",
-    "VER",
-    "XKF1",
-    "XKF4",
-    "NKF1",
-    "NKF4",
-    "ATT",
-    "RATE",
-    "IMU",
-    "RCOU",
-    "ESC",
-    "BAT",
-    "ARM",
-    "MOTB",
-    "BARO",
-    "MODE",
-    "MSG",
-    "ORGN",
-    "EV",
-    "GPS",
-)
-NEEDED = "XKF1 (or NKF1) and ATT"
-
-_HEAD = b"\xa3\x95"
-_FMT = 0x80
-_FMT_BODY = struct.Struct("<BB4s16s64s")
-_TEXT_FIELDS = ("Name", "FWS", "Message")
-"""Fields of the MESSAGES that are no numbers."""
-_NEEDED_FIELDS = {
+MESSAGES: dict[str, tuple[str, ...]] = {
+    **dict.fromkeys(("VER", "XKF1", "XKF4", "NKF1", "NKF4", "EKF1", "EKF4", "ATT", "RATE", "IMU", "RCOU", "CTUN"), ()),
+    **dict.fromkeys(("BAT", "CURR", "MOTB", "BARO", "ORGN", "EV", "GPS"), ()),
     "PARM": ("Name",),
     "ESC": ("Instance", "RPM"),
     "ARM": ("ArmState",),
     "MODE": ("Mode",),
     "MSG": ("Message",),
 }
-"""Fields, beside the time, without which a message says nothing; any other may be missing."""
+"""The messages that are read, with the fields without which one says nothing; any other may be missing."""
+ESTIMATES = {"XKF1": "XKF4", "NKF1": "NKF4", "EKF1": "EKF4"}
+"""Messages with position and velocity, of ArduPilot's third, second and first EKF, and of what it says of itself."""
+NEEDED = "XKF1 (NKF1 or EKF1 of older versions) and ATT"
+
+THROTTLE, VOLTS = (2.0, 1000.0), (100.0, 100.0)
+"""Values that none exceeds in its own unit, and the parts in which older firmware logs it."""
 _INSTANCE_FIELDS = ("I", "C", "Inst", "Instance")
 _MAX_OUTPUTS = 14
+_OUTPUTS = ("C", "Ch", "Chan")
+"""Begins of the names of the outputs in RCOU, the later the older."""
+_ARMED_EVENTS = {10: True, 11: False}
+"""Numbers of EV at which the vehicle is armed and disarmed, where ARM is not logged."""
 _HORIZONTAL_POSITION, _HEIGHT, _CONSTANT_POSITION = 0b1_1000, 0b10_0000, 0b1000_0000
 """Bits of SS in XKF4, ArduPilot's `nav_filter_status`: horizontal position relative or absolute, height, and position
 held constant for want of an aid."""
@@ -89,14 +70,6 @@ _RESET_EVENTS = {60: "height", 62: "heading"}
 _YAW_RESET = re.compile(r"yaw re-?aligned|yaw alignment complete|yaw reset|yaw aligned", re.IGNORECASE)
 """Messages of a reset of the heading."""
 
-_Message: TypeAlias = dict[str, NDArray[Any]]
-"""Arrays of shape (n,) by the names of the fields, in the units of ArduPilot's documentation."""
-
-
-def is_dataflash(head: bytes) -> bool:
-    """True for a file that begins with `head` as a DataFlash log does."""
-    return head.startswith(_HEAD)
-
 
 def read_dataflash(path: Path) -> FlightLog:
     """Read an ArduPilot DataFlash log.
@@ -106,11 +79,8 @@ def read_dataflash(path: Path) -> FlightLog:
     LogError
         The file cannot be read, is no DataFlash log, or holds no position, velocity or attitude.
     """
-    data, index = _indexed(path)
-    findings = [finding(Kind.CUT_SHORT)] if index.is_cut_short else []
-    if index.n_damaged_bytes:
-        findings.append(finding(Kind.DAMAGED_BYTES, bytes=index.n_damaged_bytes, first=index.first_damage))
-    messages = {name: _decoded(data, form) for name, form in index.formats.items() if form.offsets}
+    records = _flight(path)
+    messages, findings = records.messages, records.findings
     history = _parameters(messages)
     meta = {
         "autopilot": "ArduPilot",
@@ -132,9 +102,7 @@ def parameters_in_dataflash(path: Path) -> dict[str, float]:
     LogError
         The file cannot be read, or is no DataFlash log.
     """
-    data, index = _indexed(path)
-    form = index.formats.get("PARM")
-    return _parameters({"PARM": _decoded(data, form)} if form is not None and form.offsets else {}).last
+    return _parameters(_described(path).messages).last
 
 
 def texts_in_dataflash(path: Path) -> list[str]:
@@ -145,114 +113,40 @@ def texts_in_dataflash(path: Path) -> list[str]:
     LogError
         The file cannot be read, or is no DataFlash log.
     """
-    data, index = _indexed(path)
-    form = index.formats.get("MSG")
-    texts = _decoded(data, form)["Message"].tolist() if form is not None and form.offsets else []
-    return [text.decode("ascii", "replace") for text in texts]
+    return _texts(_described(path).messages)
 
 
-# --- bytes ------------------------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class _Format:
-    """One of the MESSAGES, as this file describes it."""
-
-    body: np.dtype[Any]
-    scale: dict[str, float]
-    """By the names of the fields that are logged as scaled integers."""
-    offsets: list[int]
-    """Positions in the file at which the bodies begin."""
-
-
-@dataclass(frozen=True)
-class _Index:
-    formats: dict[str, _Format]
-    """By the names of the MESSAGES."""
-    is_cut_short: bool
-    """True where the file ends within a message."""
-    n_damaged_bytes: int
-    first_damage: int | None
-
-
-def _indexed(path: Path) -> tuple[bytes, _Index]:
-    """Content of a log, and where its messages are."""
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise LogError(f"{path}: cannot be read ({error.strerror})") from None
-    index = _index(data)
-    if not index.formats:
+def _described(path: Path) -> Records:
+    """Content of a log that describes its messages."""
+    records = read_records(path, MESSAGES)
+    if not records.n_formats:
         raise LogError(
             f"{path}: describes no message that is needed, expected an ArduPilot DataFlash log with {NEEDED}"
         )
-    return data, index
+    return records
 
 
-def _index(data: bytes) -> _Index:
-    """Find the messages. Damage is stepped over, to the next header of a message that the file describes."""
-    lengths = {_FMT: 3 + _FMT_BODY.size}
-    formats: dict[str, _Format] = {}
-    wanted: dict[int, list[int]] = {}
-    damaged, first_damage = 0, None
-    at, end, is_cut_short = 0, len(data), False
-    while at + 3 <= end:
-        kind = data[at + 2]
-        length = lengths.get(kind, 0) if data.startswith(_HEAD, at) else 0
-        if length and at + length > end:
-            is_cut_short = True
-            break
-        if not length:
-            if end - at < 512 and not data[at:].strip(b"\0\xff"):
-                break  # what the last page of a flash memory is filled up with
-            first_damage = at if first_damage is None else first_damage
-            after = data.find(_HEAD, at + 1)
-            after = end if after < 0 else after
-            damaged += after - at
-            at = after
-            continue
-        if kind in wanted:
-            wanted[kind].append(at + 3)
-        elif kind == _FMT:
-            of, size, *text = _FMT_BODY.unpack_from(data, at + 3)
-            name, letters, fields = (part.rstrip(b"\0").decode("ascii", "replace") for part in text)
-            lengths.setdefault(of, size)  # the same description may come again
-            if name in MESSAGES and of not in wanted and (made := _format(name, letters, fields.split(","), size)):
-                formats[name] = made
-                wanted[of] = made.offsets
-        at += length
-    return _Index(formats, is_cut_short, damaged, first_damage)
-
-
-def _format(name: str, letters: str, fields: list[str], length: int) -> _Format | None:
-    """Layout of a message, None where its description is damaged."""
-    from pymavlink.DFReader import FORMAT_TO_STRUCT
-
-    try:
-        codes = [FORMAT_TO_STRUCT[letter][0] for letter in letters]
-        kinds = [f"S{code[:-1]}" if code.endswith("s") else f"<{code}" for code in codes]
-        body = np.dtype(list(zip(fields, kinds, strict=True)))
-    except (KeyError, ValueError):
-        return None
-    scale = {field: FORMAT_TO_STRUCT[letter][1] for field, letter in zip(fields, letters, strict=True)}
-    if body.itemsize != length - 3 or not {"TimeUS", *_NEEDED_FIELDS.get(name, ())} <= set(fields):
-        return None
-    if body.names != tuple(fields) or any((body[field].kind == "S") != (field in _TEXT_FIELDS) for field in fields):
-        return None
-    return _Format(body, {field: by for field, by in scale.items() if by is not None}, [])
-
-
-def _decoded(data: bytes, form: _Format) -> _Message:
-    where = np.array(form.offsets)[:, None] + np.arange(form.body.itemsize)
-    table = np.frombuffer(data, dtype=np.uint8)[where].view(form.body)[:, 0]
-    fields = form.body.names or ()
-    return {field: table[field] * form.scale[field] if field in form.scale else table[field] for field in fields}
+def _flight(path: Path) -> Records:
+    """Content of a log that holds a flight."""
+    records = _described(path)
+    if not records.counts:
+        ends = f"ends after {count(records.n_formats, 'format')} and holds no data"
+        raise LogError(f"{path}: {ends}, expected an ArduPilot DataFlash log with {NEEDED}")
+    estimate = [] if any(name in records.messages for name in ESTIMATES) else [" or ".join(ESTIMATES)]
+    lacking = estimate + ([] if "ATT" in records.messages else ["ATT"])
+    if lacking:
+        version = _version(records.messages)
+        raise LogError(
+            f"{path}: holds {', '.join(records.counts)} of {version}, but no {' and no '.join(lacking)}: expected "
+            f"{NEEDED}, as ArduCopter logs them since 3.2{doubt_of_copy(records.findings)}"
+        )
+    return records
 
 
 # --- messages ---------------------------------------------------------------------------------------------------------
 
 
-def _channels(messages: dict[str, _Message], history: ParameterHistory, findings: list[Finding]) -> Iterator[Channel]:
+def _channels(messages: dict[str, Message], history: ParameterHistory, findings: list[Finding]) -> Iterator[Channel]:
     yield from _position(messages)
     if (att := messages.get("ATT")) is not None:
         attitude = {
@@ -266,22 +160,47 @@ def _channels(messages: dict[str, _Message], history: ParameterHistory, findings
             "yaw_cmd_deg": _within_180(_values(att, "DesYaw")),
         }
         yield Channel("ATT", _seconds(att), attitude | wanted)
-    if (rate := messages.get("RATE")) is not None:
-        names = {"roll_rate_rad_s": "R", "pitch_rate_rad_s": "P", "yaw_rate_rad_s": "Y"}
-        rates = {column: np.radians(_values(rate, field)) for column, field in names.items()}
-        yield Channel("RATE", _seconds(rate), rates | {"throttle_cmd": _values(rate, "AOut")})
+    yield from _rates(messages)
     if (imu := _instance(messages.get("IMU"), 0)) is not None:
         names = {"imu_x_m_s2": "AccX", "imu_y_m_s2": "AccY", "imu_z_m_s2": "AccZ"}
         force = {column: _values(imu, field) for column, field in names.items()}
         yield Channel("IMU", _seconds(imu), force, makes_rows=False, averaged=True)
     yield from _motors(messages, history, findings)
+    if (battery := _battery(messages)) is not None:
+        source, voltage = battery
+        yield Channel(source, _seconds(voltage), {"battery_v": _values(voltage, "Volt")}, makes_rows=False)
+
+
+def _rates(messages: dict[str, Message]) -> Iterator[Channel]:
+    """Body rates and throttle: of the controller where it logs them, else of the gyro and of the height controller."""
+    throttle: dict[str, Floats] = {}
+    if (rate := messages.get("RATE")) is not None:
+        per_degree = 100.0 if _is_before(messages, (3, 4)) else 1.0
+        rates = {
+            column: np.radians(_values(rate, field)) / per_degree for column, field in zip(RATES, "RPY", strict=True)
+        }
+        throttle = {"throttle_cmd": _in_units(_values(rate, "AOut"), *THROTTLE)} if "AOut" in rate else {}
+        yield Channel("RATE", _seconds(rate), rates | throttle)
+    elif (imu := _instance(messages.get("IMU"), 0)) is not None and "GyrX" in imu:
+        rates = {column: _values(imu, f"Gyr{axis}") for column, axis in zip(RATES, "XYZ", strict=True)}
+        yield Channel("IMU gyro", _seconds(imu), rates, makes_rows=False, averaged=True)
+    if not throttle and (height := messages.get("CTUN")) is not None:
+        share = _in_units(_values(height, "ThO" if "ThO" in height else "ThrOut"), *THROTTLE)
+        yield Channel("CTUN", _seconds(height), {"throttle_cmd": share})
+
+
+def _battery(messages: dict[str, Message]) -> tuple[str, Message] | None:
+    """Message of the first battery and its name."""
     if (battery := _instance(messages.get("BAT"), 0)) is not None:
-        yield Channel("BAT", _seconds(battery), {"battery_v": _values(battery, "Volt")}, makes_rows=False)
+        return "BAT", battery
+    if (battery := _instance(messages.get("CURR"), 0)) is None or "Volt" not in battery:
+        return None
+    return "CURR", battery | {"Volt": _in_units(_values(battery, "Volt"), *VOLTS)}
 
 
-def _position(messages: dict[str, _Message]) -> Iterator[Channel]:
+def _position(messages: dict[str, Message]) -> Iterator[Channel]:
     """Position and velocity of the EKF core that flies."""
-    for state, status in (("XKF1", "XKF4"), ("NKF1", "NKF4")):
+    for state, status in ESTIMATES.items():
         if (all_cores := messages.get(state)) is None:
             continue
         primary = _primary_core(messages.get(status))
@@ -294,9 +213,9 @@ def _position(messages: dict[str, _Message]) -> Iterator[Channel]:
         return
 
 
-def _doubts(messages: dict[str, _Message], armed_s: list[tuple[float, float]]) -> list[Finding]:
+def _doubts(messages: dict[str, Message], armed_s: list[tuple[float, float]]) -> list[Finding]:
     """Findings on the time, armed where the log says so, in which the EKF itself did not claim to know the position."""
-    name = next((status for status in ("XKF4", "NKF4") if status in messages), None)
+    name = next((status for status in ESTIMATES.values() if status in messages), None)
     core = None if name is None else _instance(messages[name], _primary_core(messages[name]))
     if core is None or "SS" not in core:
         return []
@@ -321,10 +240,10 @@ def _doubts(messages: dict[str, _Message], armed_s: list[tuple[float, float]]) -
     ]
 
 
-def _health(messages: dict[str, _Message]) -> list[Finding]:
+def _health(messages: dict[str, Message]) -> list[Finding]:
     """What ArduPilot's estimator says of itself: rejected sensors, lost fixes, and resets."""
     found: list[Finding] = []
-    name = next((status for status in ("XKF4", "NKF4") if status in messages), None)
+    name = next((status for status in ESTIMATES.values() if status in messages), None)
     if name is not None:
         if (core := _instance(messages[name], _primary_core(messages[name]))) is not None:
             ratios = {of: _values(core, field) for field, of in _TEST_RATIOS.items() if field in core}
@@ -344,14 +263,14 @@ def _health(messages: dict[str, _Message]) -> list[Finding]:
     return [*found, *(finding(Kind.RESET, [(at, at) for at in own], of=of) for of, own in times.items())]
 
 
-def _primary_over_time(status: _Message) -> tuple[Floats, Floats]:
+def _primary_over_time(status: Message) -> tuple[Floats, Floats]:
     """Times, and the number of the core that flew."""
     if "PI" not in status:
         return np.zeros(0), np.zeros(0)
     return _seconds(status), _values(status, "PI")
 
 
-def _flown(cores: _Message, status: _Message | None) -> _Message | None:
+def _flown(cores: Message, status: Message | None) -> Message | None:
     """The messages of the core that flew at each time; one that the firmware does not number is the one that flew."""
     if status is None or "C" not in cores or "PI" not in status:
         return _instance(cores, 0)
@@ -361,14 +280,14 @@ def _flown(cores: _Message, status: _Message | None) -> _Message | None:
     return {name: values[rows] for name, values in cores.items()} if rows.any() else _instance(cores, 0)
 
 
-def _primary_core(status: _Message | None) -> int:
+def _primary_core(status: Message | None) -> int:
     """The core that was primary for most of the time."""
     if status is None or "PI" not in status:
         return 0
     return int(np.argmax(np.bincount(np.maximum(status["PI"], 0))))
 
 
-def _motors(messages: dict[str, _Message], history: ParameterHistory, findings: list[Finding]) -> Iterator[Channel]:
+def _motors(messages: dict[str, Message], history: ParameterHistory, findings: list[Finding]) -> Iterator[Channel]:
     if (esc := messages.get("ESC")) is not None and "Instance" in esc:
         if np.any(esc["RPM"]):
             n_motors = motors_of_frame(history.last, _texts(messages))
@@ -377,7 +296,10 @@ def _motors(messages: dict[str, _Message], history: ParameterHistory, findings: 
         else:
             findings.append(finding(Kind.SPEEDS_ZERO, source="ESC", several=False))
     if (rcou := messages.get("RCOU")) is not None:
-        pulses = {i: _values(rcou, f"C{i}") for i in range(1, _MAX_OUTPUTS + 1) if f"C{i}" in rcou}
+        named = {
+            i: next((name for of in _OUTPUTS if (name := f"{of}{i}") in rcou), None) for i in range(1, _MAX_OUTPUTS + 1)
+        }
+        pulses = {i: _values(rcou, name) for i, name in named.items() if name is not None}
         ambient = _ambient(messages, history, _seconds(rcou))
         n_motors = motors_of_frame(history.last, _texts(messages))
         if columns := motor_outputs(_seconds(rcou), pulses, history, ambient, n_motors):
@@ -385,14 +307,15 @@ def _motors(messages: dict[str, _Message], history: ParameterHistory, findings: 
             yield Channel("RCOU", _seconds(rcou), columns)
 
 
-def _ambient(messages: dict[str, _Message], history: ParameterHistory, time_s: Floats) -> Ambient:
+def _ambient(messages: dict[str, Message], history: ParameterHistory, time_s: Floats) -> Ambient:
     """Battery and air at these times, as the firmware's compensations saw them."""
     volts = ratio = np.full(len(time_s), np.nan)
     atmosphere = None
     if (motors := messages.get("MOTB")) is not None and "BatVolt" in motors:  # filtered, over MOT_BAT_VOLT_MAX
         filtered = history.last.get("MOT_BAT_VOLT_MAX", np.nan) * _values(motors, "BatVolt")
         volts = np.interp(time_s, _seconds(motors), filtered)
-    elif (battery := _instance(messages.get("BAT"), 0)) is not None:
+    elif (known := _battery(messages)) is not None:
+        battery = known[1]
         resting = _values(battery, "VoltR" if "VoltR" in battery else "Volt")  # without the sag of the load
         volts = np.interp(time_s, _seconds(battery), resting)
     if (baro := _instance(messages.get("BARO"), 0)) is not None:
@@ -403,7 +326,7 @@ def _ambient(messages: dict[str, _Message], history: ParameterHistory, time_s: F
     return Ambient(volts, ratio, atmosphere=atmosphere)
 
 
-def _altitude_m(messages: dict[str, _Message], baro: _Message) -> Floats:
+def _altitude_m(messages: dict[str, Message], baro: Message) -> Floats:
     """Altitude above the sea at each message of the barometer: its own, else that of the EKF's origin and its height;
     nan where neither is told."""
     origin = messages.get("ORGN")
@@ -414,7 +337,7 @@ def _altitude_m(messages: dict[str, _Message], baro: _Message) -> Floats:
     return _values(baro, "Alt") + (ground_m[-1] if len(ground_m) else np.nan)
 
 
-def _esc(messages: _Message, instance: int, parameters: dict[str, float], n_motors: int | None) -> Channel | None:
+def _esc(messages: Message, instance: int, parameters: dict[str, float], n_motors: int | None) -> Channel | None:
     """Speed, voltage and current of one motor; None when it is no motor."""
     esc = _instance(messages, instance)
     motor = motor_of_servo(instance + 1, parameters, n_motors)
@@ -427,59 +350,76 @@ def _esc(messages: _Message, instance: int, parameters: dict[str, float], n_moto
     return Channel(f"ESC {instance}", _seconds(esc), columns)
 
 
-def _armed(messages: dict[str, _Message]) -> list[tuple[float, float]]:
-    """A log can begin armed: before the first ARM message the state was the other one."""
-    if (arm := messages.get("ARM")) is None or (att := messages.get("ATT")) is None:
+def _armed(messages: dict[str, Message]) -> list[tuple[float, float]]:
+    """A log can begin armed: before the first message of it the state was the other one."""
+    att = messages["ATT"]
+    if (arm := messages.get("ARM")) is not None:
+        time, state = _seconds(arm), arm["ArmState"] != 0
+    elif (event := messages.get("EV")) is not None and "Id" in event:
+        known = np.isin(event["Id"], list(_ARMED_EVENTS))
+        time, state = (
+            _seconds(event)[known],
+            np.array([_ARMED_EVENTS[int(number)] for number in event["Id"][known]], bool),
+        )
+    else:
         return []
-    state = arm["ArmState"] != 0
-    time = np.concatenate([_seconds(att)[:1], _seconds(arm), _seconds(att)[-1:]])
-    return intervals(time, np.concatenate([~state[:1], state, state[-1:]]))
+    time = np.concatenate([_seconds(att)[:1], time, _seconds(att)[-1:]])
+    return intervals(time, np.concatenate([~state[:1], state, state[-1:]])) if len(state) else []
 
 
-def _parameters(messages: dict[str, _Message]) -> ParameterHistory:
+def _parameters(messages: dict[str, Message]) -> ParameterHistory:
     if (parm := messages.get("PARM")) is None:
         return ParameterHistory()
     names = [name.decode("ascii", "replace") for name in parm["Name"].tolist()]
     return ParameterHistory(zip(_seconds(parm).tolist(), names, _values(parm, "Value").tolist(), strict=True))
 
 
-def _texts(messages: dict[str, _Message]) -> list[str]:
+def _texts(messages: dict[str, Message]) -> list[str]:
     """Texts of the autopilot's messages."""
     msg = messages.get("MSG")
     return [] if msg is None else [text.decode("ascii", "replace") for text in msg["Message"].tolist()]
 
 
-def _events(messages: dict[str, _Message], history: ParameterHistory) -> list[Event]:
+def _events(messages: dict[str, Message], history: ParameterHistory) -> list[Event]:
     """Modes, messages, and changes of parameters."""
     from pymavlink.mavutil import mode_mapping_acm
 
     found: list[Event] = []
     if (mode := messages.get("MODE")) is not None:
-        found += mode_changes(_seconds(mode), mode["Mode"].tolist(), mode_mapping_acm)
+        modes, names = mode["Mode"].tolist(), mode_mapping_acm
+        if mode["Mode"].dtype.kind == "S":  # a text has the names themselves
+            modes, names = [name.decode("ascii", "replace").upper() for name in modes], None
+        found += mode_changes(_seconds(mode), modes, names)
     if (msg := messages.get("MSG")) is not None:
         found += said(_seconds(msg), _texts(messages))
     return [*found, *parameter_changes(history)]
 
 
-def _version(messages: dict[str, _Message]) -> str:
-    if (ver := messages.get("VER")) is None or "FWS" not in ver:
-        return "ArduPilot"
-    return str(ver["FWS"][0].decode("ascii", "replace"))
+def _version(messages: dict[str, Message]) -> str:
+    """Name of the firmware and its version, by VER, or by the message of the start."""
+    if (ver := messages.get("VER")) is not None and "FWS" in ver:
+        return str(ver["FWS"][0].decode("ascii", "replace"))
+    return next((text.strip() for text in _texts(messages) if version_in(text) is not None), "ArduPilot")
 
 
-def _version_numbers(messages: dict[str, _Message]) -> Version | None:
+def _version_numbers(messages: dict[str, Message]) -> Version | None:
     """Version by VER, or by the message of the start; None where neither tells."""
     if (ver := messages.get("VER")) is not None and {"Maj", "Min"} <= ver.keys():
         return int(ver["Maj"][0]), int(ver["Min"][0])
-    texts = messages["MSG"]["Message"].tolist() if "MSG" in messages else []
-    found = (version_in(text.decode("ascii", "replace")) for text in texts)
+    found = (version_in(text) for text in _texts(messages))
     return next((version for version in found if version is not None), None)
+
+
+def _is_before(messages: dict[str, Message], version: Version) -> bool:
+    """Tell whether the firmware is older; one that does not tell is where the first EKF is the only one."""
+    known = _version_numbers(messages)
+    return known < version if known is not None else not messages.keys() & {"XKF1", "NKF1"}
 
 
 # --- fields -----------------------------------------------------------------------------------------------------------
 
 
-def _instance(message: _Message | None, wanted: int) -> _Message | None:
+def _instance(message: Message | None, wanted: int) -> Message | None:
     """The messages of one sensor or core; all of them where firmware does not number them."""
     if message is None:
         return None
@@ -490,14 +430,19 @@ def _instance(message: _Message | None, wanted: int) -> _Message | None:
     return {name: values[rows] for name, values in message.items()} if rows.any() else None
 
 
-def _values(message: _Message, field: str) -> Floats:
+def _values(message: Message, field: str) -> Floats:
     """The field; NaN where it is not finite or firmware does not log it."""
     if field not in message:
         return np.full(len(message["TimeUS"]), np.nan)
     return finite(message[field])
 
 
-def _seconds(message: _Message) -> Floats:
+def _in_units(values: Floats, most: float, parts: float) -> Floats:
+    """Shares of the throttle, or volts: up to 3.3 so many parts of them are logged, as values above the `most` show."""
+    return values / parts if np.nanmax(values, initial=0.0) > most else values
+
+
+def _seconds(message: Message) -> Floats:
     return 1e-6 * message["TimeUS"].astype(np.float64)
 
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 Reader: TypeAlias = "Callable[[Path], FlightLog]"
 Writer: TypeAlias = "Callable[[FlightLog, Path], None]"
 
-HEAD_BYTES = 16
+HEAD_BYTES = 4096
 """Length of a file's beginning by which its format is recognised."""
 
 
@@ -36,10 +36,16 @@ class LogFormat:
     one file."""
     other_suffixes: tuple[str, ...] = ()
     """Further suffixes of its files, as `suffix`."""
+    shared_suffixes: tuple[str, ...] = ()
+    """Suffixes that other files have, too: by these alone no format is recognised."""
+
+    @property
+    def own_suffixes(self) -> tuple[str, ...]:
+        return (self.suffix, *self.other_suffixes) if self.suffix else ()
 
     @property
     def suffixes(self) -> tuple[str, ...]:
-        return (self.suffix, *self.other_suffixes) if self.suffix else ()
+        return (*self.own_suffixes, *self.shared_suffixes)
 
     def files_in(self, folder: str) -> Iterator[str]:
         """Names of the files of which any makes a folder of that name a log of this format."""
@@ -56,7 +62,9 @@ FORMATS: tuple[LogFormat, ...] = (
     LogFormat("CSV", ".csv", "quadctl.logs.csv_log:read_csv", None),
     LogFormat("PX4 ULog", ".ulg", "quadctl.logs.ulog:read_ulog", "quadctl.logs.ulog:is_ulog"),
     LogFormat(
-        "ArduPilot DataFlash", ".bin", "quadctl.logs.dataflash:read_dataflash", "quadctl.logs.dataflash:is_dataflash"
+        *("ArduPilot DataFlash", ".bin", "quadctl.logs.dataflash:read_dataflash"),
+        "quadctl.logs.dataflash_records:is_dataflash",
+        shared_suffixes=(".log",),
     ),
     LogFormat("MAVLink telemetry", ".tlog", "quadctl.logs.tlog:read_tlog", "quadctl.logs.tlog:is_tlog"),
     LogFormat(
@@ -102,7 +110,7 @@ def format_of(head: bytes, suffix: str) -> LogFormat:
     for form in FORMATS:
         if form.recognises(head):
             return form
-    by_suffix = [form for form in FORMATS if suffix.lower() in form.suffixes]
+    by_suffix = [form for form in FORMATS if suffix.lower() in form.own_suffixes]
     return (by_suffix or [form for form in FORMATS if form.recogniser is None])[0]
 
 

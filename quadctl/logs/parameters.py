@@ -3,10 +3,12 @@
 from pathlib import Path
 
 from quadctl.errors import SettingsError
-from quadctl.logs.dataflash import is_dataflash, parameters_in_dataflash, texts_in_dataflash
+from quadctl.logs.dataflash import parameters_in_dataflash, texts_in_dataflash
+from quadctl.logs.dataflash_records import is_dataflash
 from quadctl.logs.flight_review import parameters_in_flight_review
+from quadctl.logs.formats import HEAD_BYTES
 from quadctl.logs.frame import with_frame
-from quadctl.logs.ulog import MAGIC, is_ulog, parameters_in_ulog
+from quadctl.logs.ulog import is_ulog, parameters_in_ulog
 from quadctl.parameter_file import read_parameters
 
 
@@ -26,7 +28,7 @@ def read_present_parameters(path: Path) -> dict[str, float]:
         return values
     try:
         with path.open("rb") as file:
-            head = file.read(len(MAGIC))
+            head = file.read(HEAD_BYTES)
     except OSError as error:
         raise SettingsError(f"{path}: cannot be read ({error.strerror})") from None
     if not (is_ulog(head) or is_dataflash(head)):

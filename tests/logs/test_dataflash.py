@@ -7,6 +7,7 @@ import pytest
 from pymavlink.DFReader import DFReader_binary
 
 from quadctl.logs import dataflash
+from quadctl.logs.findings import Kind, of_kind
 from quadctl.logs.flight_log import ATTITUDE, POSITION, RATES, FlightLog
 from quadctl.logs.read import read_log
 from tests.support.log_files import (
@@ -67,10 +68,29 @@ class TestDataFlash:
         turning = read_log(path)
         assert (turning["motor2_rpm"][-1], turning["motor1_rpm"][-1]) == (4000.0, 8000.0)
 
-    def test_missing_position_is_one_sentence(self, tmp_path: Path) -> None:
+    def test_what_is_missing_is_named_beside_what_is_there(self, tmp_path: Path) -> None:
         path = tmp_path / "a.bin"
         path.write_bytes(small_dataflash(without="XKF1"))
-        assert "holds no values of x_m, y_m, z_m, vx_m_s, vy_m_s, vz_m_s, expected messages XKF1" in sentence_of(path)
+        assert "holds PARM, XKF4, ATT, RATE, IMU, RCOU, SIM2 of ArduPilot, but no XKF1 or NKF1 or EKF1" in sentence_of(
+            path
+        )
+        path.write_bytes(small_dataflash(without="ATT"))
+        assert "but no ATT: expected XKF1 (NKF1 or EKF1 of older versions) and ATT" in sentence_of(path)
+
+    def test_a_log_without_data_is_told_so(self, tmp_path: Path) -> None:
+        path = tmp_path / "a.bin"
+        whole = small_dataflash()
+        path.write_bytes(whole[: 6 * 89])
+        assert "ends after 6 formats and holds no data" in sentence_of(path)
+        path.write_bytes(whole[:120])
+        assert "ends after 1 format and holds no data" in sentence_of(path)
+
+    @pytest.mark.parametrize("missing", [1, 5, 10, 11, 12])
+    def test_an_end_within_a_message_is_said_however_little_of_it_is_there(self, missing: int, tmp_path: Path) -> None:
+        path = tmp_path / "a.bin"
+        path.write_bytes(small_dataflash(("ARM", "QB", "TimeUS,ArmState", [(6_900_000, 1)]))[:-missing])
+        nothing_of_it = missing == 12
+        assert bool(of_kind(read_log(path).findings, Kind.CUT_SHORT)) != nothing_of_it
 
     def test_damage_costs_the_damaged_messages_only(self, tmp_path: Path) -> None:
         whole = small_dataflash()

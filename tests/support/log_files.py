@@ -97,7 +97,12 @@ DATAFLASH_CODES = {
     "N": "16s",
     "Z": "64s",
     "b": "b",
+    "h": "h",
+    "I": "I",
+    "M": "B",
 }
+HUNDREDTHS = "cCeE"
+"""Letters of integers that stand for hundredths."""
 
 
 Message: TypeAlias = tuple[str, str, str, Sequence[tuple[object, ...]]]
@@ -112,6 +117,24 @@ def dataflash_bytes(*messages: Message) -> bytes:
         formats.append(b"\xa3\x95\x80" + header)
         bodies += [b"\xa3\x95" + bytes([10 + i]) + body.pack(*row) for row in rows]
     return b"".join(formats + bodies)
+
+
+def dataflash_text(*messages: Message) -> bytes:
+    """The same log as a ground station writes it as text."""
+    lines = ["FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns"]
+    for i, (name, letters, columns, _) in enumerate(messages):
+        size = 3 + struct.calcsize("<" + "".join(DATAFLASH_CODES[letter] for letter in letters))
+        lines.append(f"FMT, {10 + i}, {size}, {name}, {letters}, {columns}")
+    for name, letters, _, rows in messages:
+        for row in rows:
+            cells = [
+                value.decode()
+                if isinstance(value, bytes)
+                else f"{float(str(value)) / 100 if of in HUNDREDTHS else value}"
+                for of, value in zip(letters, row, strict=True)
+            ]
+            lines.append(", ".join([name, *cells]))
+    return ("\n".join(lines) + "\n").encode()
 
 
 def dataflash_without(data: bytes, unwanted: Callable[[str], bool]) -> bytes:
@@ -181,7 +204,9 @@ def small_ulog(
     return ulog_bytes(*(topic for topic in topics if topic.name != without), *more, parameters=parameters)
 
 
-def small_dataflash(*more: Message, without: str = "", status: int = 0b11_1111) -> bytes:
+def small_dataflash(
+    *more: Message, without: str = "", status: int = 0b11_1111, written: Callable[..., bytes] = dataflash_bytes
+) -> bytes:
     us = [5_000_000 + 20_000 * i for i in range(100)]
     messages: list[Message] = [
         (
@@ -214,7 +239,37 @@ def small_dataflash(*more: Message, without: str = "", status: int = 0b11_1111) 
         ("RCOU", "QHHH", "TimeUS,C1,C2,C3", [(t, 1500, 1300, 1700) for t in us]),
         ("SIM2", "Qfff", "TimeUS,PN,PE,PD", [(t, 77.0, 77.0, 77.0) for t in us]),
     ]
-    return dataflash_bytes(*(message for message in messages if message[0] != without), *more)
+    return written(*(message for message in messages if message[0] != without), *more)
+
+
+def old_dataflash(version: str = "3.2.1", without: str = "", written: Callable[..., bytes] = dataflash_bytes) -> bytes:
+    """Log of ArduCopter 3.2 (milliseconds, and messages without a time) or 3.3, armed at its end."""
+    is_33 = version >= "3.3"
+    clock, unit, output = ("QTimeUS", 20_000, "Ch") if is_33 else ("ITimeMS", 20, "Chan")
+    stamps = [5000 // 20 * unit + unit * i for i in range(100)]
+
+    def timed(name: str, letters: str, columns: str, row: tuple[object, ...]) -> Message:
+        return name, clock[0] + letters, f"{clock[1:]},{columns}", [(t, *row) for t in stamps]
+
+    state = (110, -210, 35_900, 1.0, 2.0, -3.0, 10.0, 5.0, -6.0)
+    outputs = ",".join(f"{output}{i}" for i in range(1, 9))
+    before: list[Message] = [
+        ("PARM", "Nf", "Name,Value", [(b"RC3_MIN", 1100.0), (b"RC3_MAX", 1900.0), (b"FRAME", 1.0)]),
+        ("MSG", "Z", "Message", [(f"ArduCopter V{version} (36b405fb)".encode(),), (b"Frame: QUAD, X",)]),
+    ]
+    after: list[Message] = [
+        timed("EKF1", "ccCffffff", "Roll,Pitch,Yaw,VN,VE,VD,PN,PE,PD", state),
+        timed("ATT", "ccccCC", "DesRoll,Roll,DesPitch,Pitch,DesYaw,Yaw", (100, 110, -200, -210, 35_000, 35_900)),
+        timed("IMU", "ffffff", "GyrX,GyrY,GyrZ,AccX,AccY,AccZ", (0.1, 0.2, 0.3, 0.0, 0.0, -9.8)),
+        timed("RCOU", "hhhhhhhh", outputs, (1500, 1300, 1700, 1100, 0, 0, 0, 0)),
+        timed("CURR", "hIhhhf", "ThrOut,ThrInt,Volt,Curr,Vcc,CurrTot", (621, 0, 1644, 108, 5217, 5.9)),
+        timed("CTUN", "hhh", "ThrIn,AngBst,ThrOut", (500, 0, 450)),
+    ]
+    if is_33:
+        after.append(timed("RATE", "ffff", "R,P,Y,AOut", (18000.0, 9000.0, -9000.0, 350.0)))
+    events: list[Message] = [("MODE", "Mh", "Mode,ThrCrs", [(5, 450)]), ("EV", "B", "Id", [(10,)])]
+    messages = [message for message in (*before, *after) if message[0] != without]
+    return written(*messages, *events)
 
 
 BOOT_S = 4000.0
