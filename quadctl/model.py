@@ -33,6 +33,9 @@ class Provenance(Settings):
     ci95: dict[str, tuple[float, float]] = Field(default_factory=dict)
     height_m: tuple[float, float] | None = None
     """Range of the rotor plane's height in the data of the fit."""
+    command_delay_s: tuple[float, float, float] | None = None
+    """Time from a command of the rotors to their thrust, beyond the lag of the vehicle file, in the flights of the fit:
+    value and 95 % interval. A late position of the logs is in it. None where rotor speeds were measured."""
     software: str | None = None
 
 

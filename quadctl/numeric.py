@@ -64,8 +64,8 @@ def clip(value: Any, low: float, high: float) -> Any:
     """Clip `value` to `low` and `high`."""
     if isinstance(value, np.ndarray):
         return np.clip(value, low, high)
-    if SYMBOLIC and _algebra(value):
-        return minimum(maximum(value, low), high)
+    if SYMBOLIC and (apply := _algebra(value)):
+        return apply("clip", value, low, high)
     return low if value < low else high if value > high else value
 
 
@@ -78,4 +78,6 @@ def known_or(value: Any, otherwise: float) -> Any:
     """Replace nan in `value` by `otherwise`."""
     if isinstance(value, np.ndarray):
         return np.where(np.isnan(value), otherwise, value)
+    if SYMBOLIC and (apply := _algebra(value)):
+        return apply("known_or", value, otherwise)
     return otherwise if math.isnan(value) else value

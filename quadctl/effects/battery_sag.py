@@ -46,8 +46,8 @@ class LinearSag(ThrustRatio):
         return [cls(reference_v=volts) for volts in (highest, *(cells * cell for cell in REFERENCE_CELL_V))]
 
     def ratio(self, c: Conditions, vehicle: Vehicle) -> Number:
-        ratio = 1.0 + self.share * (c.battery_v / self.reference_v - 1.0)
-        return known_or(clip(ratio, *RATIO_LIMITS), 1.0)
+        volts = known_or(c.battery_v, self.reference_v)
+        return clip(1.0 + self.share * (volts / self.reference_v - 1.0), *RATIO_LIMITS)
 
 
 @dataclass(frozen=True)
@@ -58,5 +58,5 @@ class PowerSag(LinearSag):
     source: ClassVar[str] = "thrust k rpm^2 of a motor whose speed is proportional to its voltage: share 2"
 
     def ratio(self, c: Conditions, vehicle: Vehicle) -> Number:
-        ratio = maximum(c.battery_v / self.reference_v, 0.1) ** self.share
-        return known_or(clip(ratio, *RATIO_LIMITS), 1.0)
+        volts = known_or(c.battery_v, self.reference_v)
+        return clip(maximum(volts / self.reference_v, 0.1) ** self.share, *RATIO_LIMITS)

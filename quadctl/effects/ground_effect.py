@@ -185,7 +185,7 @@ class Surface(GroundEffect):
     k_s: float = parameter(0.0, -6.0, 6.0, "", "what the surface adds to it")
 
     def at_height(self, z: Number, vehicle: Vehicle) -> Number:
-        return quadrotor_ratio(z, vehicle, max(self.k_b + self.k_s, 0.0))
+        return quadrotor_ratio(z, vehicle, maximum(self.k_b + self.k_s, 0.0))
 
 
 def quadrotor_ratio(z: Number, vehicle: Vehicle, fountain_weight: Number) -> Number:

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from quadctl.effects.base import Conditions, Effect, ThrustRatio, parameter
 from quadctl.effects.onset import Sudden, onsets
-from quadctl.numeric import Number
+from quadctl.numeric import Number, maximum
 from quadctl.vehicle import Vehicle
 
 
@@ -44,5 +44,5 @@ class MassStep(Sudden, ThrustRatio):
         return self.mass_kg / vehicle.mass_kg > -0.7 and abs(self.mass_kg) > 0.01 * vehicle.mass_kg
 
     def ratio(self, c: Conditions, vehicle: Vehicle) -> Number:
-        share = max(self.mass_kg / vehicle.mass_kg, -0.9)
+        share = maximum(self.mass_kg / vehicle.mass_kg, -0.9)
         return 1.0 / (1.0 + share * self.begun(c))

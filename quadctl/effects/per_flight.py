@@ -36,7 +36,8 @@ class PerFlight(Effect):
 
     def of_flight(self, name: str, flight: float) -> float:
         """Value of a parameter in the flight with this number."""
-        return float(getattr(self, own_name(name, int(flight)) if flight in self.numbers else name))
+        value: float = getattr(self, own_name(name, int(flight)) if flight in self.numbers else name)
+        return value
 
     def common_values(self) -> dict[str, float]:
         """Values without those of single flights."""

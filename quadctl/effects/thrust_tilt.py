@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from quadctl.effects.base import Conditions, Effect, parameter
-from quadctl.numeric import Number, Vector
+from quadctl.numeric import Number, Vector, cos, sin
 from quadctl.vehicle import Vehicle
 
 LEAST_DEG = 0.8
@@ -35,9 +35,9 @@ class FixedTilt(Effect):
         return math.hypot(self.roll_deg, self.pitch_deg) < LEAST_DEG
 
     def force(self, total_thrust_n: Number, c: Conditions, vehicle: Vehicle) -> Vector:
-        roll, pitch = math.radians(self.roll_deg), math.radians(self.pitch_deg)
+        roll, pitch = math.pi / 180.0 * self.roll_deg, math.pi / 180.0 * self.pitch_deg
         return (
-            -math.cos(roll) * math.sin(pitch) * total_thrust_n,
-            math.sin(roll) * total_thrust_n,
-            (1.0 - math.cos(roll) * math.cos(pitch)) * total_thrust_n,
+            -cos(roll) * sin(pitch) * total_thrust_n,
+            sin(roll) * total_thrust_n,
+            (1.0 - cos(roll) * cos(pitch)) * total_thrust_n,
         )

@@ -12,6 +12,7 @@ from quadctl.effects.motor_lag import FirstOrderLag
 from quadctl.effects.rotor_drag import LinearDrag
 from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.errors import SettingsError
+from quadctl.export.equations import commands_left_out
 from quadctl.frames import GRAVITY_M_S2
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
@@ -39,7 +40,7 @@ def parameters(model: Model) -> Parameters:
     vehicle = model.vehicle
     _require_rotors(vehicle)
     scale, drag_kg_s = 1.0, [0.0, 0.0, 0.0]
-    lag_s, left_out = vehicle.rotor.time_constant_s, []
+    lag_s, left_out = vehicle.rotor.time_constant_s, commands_left_out(model, "crazyflow")
     for effect in model.effects:
         if isinstance(effect, ConstantScale):
             scale *= effect.factor

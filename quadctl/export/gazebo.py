@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from quadctl.effects.motor_lag import FirstOrderLag
 from quadctl.effects.rotor_drag import LinearDrag
 from quadctl.effects.thrust_scale import ConstantScale
+from quadctl.export.equations import commands_left_out
 from quadctl.model import Model
 from quadctl.vehicle import RotorPlace, Vehicle
 
@@ -37,7 +38,7 @@ def gazebo_sdf(model: Model) -> tuple[str, tuple[str, ...]]:
     scale = math.prod(effect.factor for effect in model.effects if isinstance(effect, ConstantScale))
     k_eta = scale * vehicle.rotor.thrust_n_per_rpm2 / _RAD_S_PER_RPM**2
     hover_rad_s = math.sqrt(vehicle.weight_n / vehicle.n_rotors / k_eta)
-    lag_s, drag, left_out = vehicle.rotor.time_constant_s, 0.0, []
+    lag_s, drag, left_out = vehicle.rotor.time_constant_s, 0.0, commands_left_out(model, "the motor model plugin")
     for effect in model.effects:
         if isinstance(effect, FirstOrderLag):
             lag_s += effect.time_constant_s

@@ -16,6 +16,7 @@ from quadctl.effects.rotor_drag import LinearDrag
 from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.effects.translational_lift import HorizontalLift
 from quadctl.errors import SettingsError
+from quadctl.export.equations import commands_left_out
 from quadctl.frames import GRAVITY_M_S2
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
@@ -70,7 +71,8 @@ def parameters(model: Model) -> Parameters:
     hover_rad_s = math.sqrt(vehicle.weight_n / vehicle.n_rotors / k_eta)
     left_out = [
         f"gravity: RotorPy's is {ROTORPY_GRAVITY_M_S2}, the model's {GRAVITY_M_S2}: "
-        f"{ROTORPY_GRAVITY_M_S2 - GRAVITY_M_S2:.4f} m/s^2 more downward"
+        f"{ROTORPY_GRAVITY_M_S2 - GRAVITY_M_S2:.4f} m/s^2 more downward",
+        *commands_left_out(model, "RotorPy"),
     ]
     for effect in model.effects:
         if isinstance(effect, ConstantScale):

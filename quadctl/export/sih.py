@@ -11,6 +11,7 @@ from quadctl.effects.motor_lag import FirstOrderLag
 from quadctl.effects.rotor_drag import LinearDrag
 from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.errors import SettingsError
+from quadctl.export.equations import delay_left_out
 from quadctl.export.px4 import REAL32
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
@@ -29,7 +30,7 @@ def sih_parameters(model: Model) -> tuple[str, tuple[str, ...]]:
     """
     vehicle = model.vehicle
     roll_m, pitch_m = _levers_m(vehicle)
-    scale, drag_kg_s, lag_s, left_out = 1.0, 0.0, vehicle.rotor.time_constant_s, []
+    scale, drag_kg_s, lag_s, left_out = 1.0, 0.0, vehicle.rotor.time_constant_s, delay_left_out(model)
     for item in model.stack:
         effect = item.effect
         if isinstance(effect, ConstantScale):

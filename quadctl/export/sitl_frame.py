@@ -13,6 +13,7 @@ from quadctl.effects.body_drag import QuadraticDrag
 from quadctl.effects.rotor_drag import LinearDrag
 from quadctl.errors import SettingsError
 from quadctl.export.ardupilot import ARDUPILOT
+from quadctl.export.equations import delay_left_out
 from quadctl.export.hover import bend, lift_n, root
 from quadctl.frames import GRAVITY_M_S2
 from quadctl.model import Model
@@ -45,6 +46,7 @@ def sitl_frame(model: Model) -> tuple[str, tuple[str, ...]]:
     left_out = [
         "motor lag: SITL has a limit of the slope (slew_max) instead",
         "battery, voltage sag and position of each rotor: SITL's own",
+        *delay_left_out(model),
     ]
     drag_per_s, area_m2 = 0.0, 0.0
     for effect in model.effects:

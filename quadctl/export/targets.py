@@ -13,23 +13,27 @@ AUTOPILOTS = {"px4": PX4, "ardupilot": ARDUPILOT}
 
 
 def _write_casadi(model: Model, path: Path) -> tuple[str, ...]:
-    from quadctl.export.dynamics import dynamics  # CasADi takes half a second
+    import casadi as ca  # takes half a second
+
+    from quadctl.export.dynamics import dynamics
 
     equations = dynamics(model)
     with TemporaryDirectory() as folder:  # CasADi says nothing where it cannot write
         saved = Path(folder) / "body.casadi"
-        equations.function.save(str(saved))
+        file = ca.FileSerializer(str(saved))
+        file.pack(equations.function)
+        file.pack(equations.commanded)
+        del file  # closes it
         path.write_bytes(saved.read_bytes())
     return equations.left_out
 
 
 def _write_numpy(model: Model, path: Path) -> tuple[str, ...]:
-    from quadctl.export.dynamics import dynamics
+    from quadctl.export.equations import actuation, left_out
     from quadctl.export.numpy_code import numpy_code
 
-    equations = dynamics(model)
-    path.write_text(numpy_code(model, equations, model.name), encoding="utf-8")
-    return equations.left_out
+    path.write_text(numpy_code(model, model.name), encoding="utf-8")
+    return left_out(model, actuation(model))
 
 
 def _write_rotorpy(model: Model, path: Path) -> tuple[str, ...]:

@@ -19,6 +19,7 @@ from quadctl.lab.fitting.fitted_model import FittedModel, fit_as_it_stands, fit_
 from quadctl.lab.fitting.fitter import Fitter, Optimum
 from quadctl.lab.fitting.parameters import free_parameters, intervals, undetermined, values_of
 from quadctl.lab.fitting.significance import improvement_p_value
+from quadctl.lab.flights.channels import ROTOR_SPEED
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.results import Result, errors_table
 from quadctl.lab.selection.candidate import measure_of
@@ -205,6 +206,7 @@ def refitted(
             held_out=True,
             ci95=after.ci95(i),
             height_m=dataset.heights_m,
+            command_delay_s=_command_delay_s(dataset),
             software=f"quadctl {__version__}",
         )
         stack.append(StackedEffect(effect, provenance))
@@ -213,6 +215,16 @@ def refitted(
     if dataset.whole_flights:
         notes += _blind_folds(after)
     return kind(before_model, model, before, after, notes, **further)
+
+
+def _command_delay_s(dataset: Dataset) -> tuple[float, float, float] | None:
+    """Time from a command of the rotors to their thrust, with its 95 % interval, s; None where no flight has commands,
+    but their speeds."""
+    if any(flight.thrust_source == ROTOR_SPEED for flight in dataset.flights):
+        return None
+    late = dataset.flights[0].timing.rotor
+    low, high = late.ci95
+    return -late.value, -high, -low
 
 
 def _blind_folds(fit: FittedModel) -> list[str]:

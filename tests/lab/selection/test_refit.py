@@ -67,6 +67,7 @@ class TestFit:
             assert item.fitted is not None
             assert item.fitted.logs == ("made.csv",)
             assert item.fitted.held_out
+            assert item.fitted.command_delay_s is None  # the rotors' speeds were measured
             assert item.fitted.rmse_before is None  # the error of the old parameters is not that without the effect
             assert item.fitted.rmse_after == result.after["total"]
             for name, (low, high) in item.fitted.ci95.items():

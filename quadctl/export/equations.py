@@ -1,0 +1,139 @@
+"""Equations: what all files of them hold alike, and what they leave out.
+
+Between the command of a rotor and its thrust there are stages, each a lag with states of its own. The throttle line of
+the vehicle file makes a nominal thrust of a command, which the rotors follow with the lag that the file states. A motor
+lag of the model comes later: at its place in the stack of effects, so that the effects before it are late, too, as in
+the lab's prediction.
+"""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+from quadctl.effects.ground_effect_surfaces import Surfaces
+from quadctl.effects.motor_lag import FirstOrderLag
+from quadctl.effects.per_flight import PerFlight
+from quadctl.errors import SettingsError
+from quadctl.model import Model
+
+STATE = (
+    *("north_m", "east_m", "down_m", "v_north_m_s", "v_east_m_s", "v_down_m_s"),
+    *("q_w", "q_x", "q_y", "q_z", "roll_rate_rad_s", "pitch_rate_rad_s", "yaw_rate_rad_s"),
+)
+"""Position and velocity NED, attitude body to world, body rates FRD."""
+PARAMETERS = ("battery_v", "time_s")
+"""What the equations depend on besides; after these come the shares of surfaces that the model names."""
+SHARE = "share_"
+"""Beginning of the name of the share of a surface in the ground below."""
+FAILURES = (TypeError, AttributeError, NotImplementedError, RuntimeError)
+"""Errors of code that takes numbers only."""
+
+
+class Stage(NamedTuple):
+    """A first-order lag of the thrust of each rotor."""
+
+    name: str
+    """Beginning of the names of its states."""
+    said: str
+    """Whose lag it is."""
+    time_constant_s: float
+
+    @property
+    def constant(self) -> str:
+        """Name of its time constant."""
+        return f"{self.name.upper()}_TIME_CONSTANT_S"
+
+    def states(self, n_rotors: int) -> tuple[str, ...]:
+        return tuple(f"{self.name}_{i}_n" for i in range(1, n_rotors + 1))
+
+
+class Actuation(NamedTuple):
+    """Stages of a model, and its effects before and after the later one, which act without delay."""
+
+    rotors: Stage | None
+    """The lag of the vehicle file; None where it states none."""
+    late: Stage | None
+    """The motor lag of the model; None where it holds none."""
+    before: Model
+    after: Model
+    left_out: tuple[str, ...]
+
+    @property
+    def stages(self) -> tuple[Stage, ...]:
+        return tuple(stage for stage in (self.rotors, self.late) if stage is not None)
+
+    def states(self, n_rotors: int) -> tuple[str, ...]:
+        """Names of the states of all stages: thrusts, N."""
+        return tuple(name for stage in self.stages for name in stage.states(n_rotors))
+
+
+def actuation(model: Model) -> Actuation:
+    """The stages of a model."""
+    lag_s = model.vehicle.rotor.time_constant_s
+    place, late, left_out = len(model.stack), None, []
+    for i, effect in enumerate(model.effects):
+        if isinstance(effect, FirstOrderLag):
+            place = i
+            late = (
+                Stage("late", f"{effect.name}, after the rotors' own", effect.time_constant_s)
+                if effect.time_constant_s > 0.0
+                else None
+            )
+        elif effect.adds_lag:
+            left_out.append(f"{effect.name}: a delay of another kind than a first-order lag")
+    return Actuation(
+        Stage("rotor", "the rotors', by the vehicle file", lag_s) if lag_s > 0.0 else None,
+        late,
+        replace(model, stack=model.stack[:place]).prompt(),
+        replace(model, stack=model.stack[place:]).prompt(),
+        tuple(left_out),
+    )
+
+
+def parameters(model: Model) -> tuple[str, ...]:
+    """Names of what the equations of a model depend on, beside state and input."""
+    named = (surface for effect in model.effects if isinstance(effect, Surfaces) for surface in effect.surfaces)
+    return (*PARAMETERS, *(f"{SHARE}{surface}" for surface in dict.fromkeys(named)))
+
+
+def command_delay_s(model: Model) -> tuple[float, float, float] | None:
+    """Delay of the thrust after its command, s, with its interval, as the flights of the fit have shown it last; None
+    where they have not, or not above 0."""
+    told = [item.fitted.command_delay_s for item in model.stack if item.fitted is not None]
+    known = [delay for delay in told if delay is not None]
+    return known[-1] if known and known[-1][0] > 0.0 else None
+
+
+def delay_left_out(model: Model) -> list[str]:
+    """The sentence on the delay of the command, which no target can hold; none where there is none."""
+    if (delay := command_delay_s(model)) is None:
+        return []
+    value, low, high = delay
+    said = f"{value:.3f} s [{low:.3f}, {high:.3f}] in the flights of the fit"
+    return [f"delay of the command: {said}: give the command of so long ago"]
+
+
+def commands_left_out(model: Model, target: str) -> list[str]:
+    """What lies before the speeds of the rotors, in a target that is commanded by these."""
+    line = model.vehicle.throttle
+    law = f"{line.offset:g} + {line.per_newton:g} T"
+    return [f"throttle line ({law}): {target} is commanded by rotor speeds", *delay_left_out(model)]
+
+
+def left_out(model: Model, stages: Actuation) -> tuple[str, ...]:
+    """What of a model its equations do not hold, each with the reason."""
+    found = [*stages.left_out, *delay_left_out(model)]
+    for effect in model.effects:
+        if effect.affects_accelerometer:
+            found.append(f"{effect.name}: an error of the accelerometer, which moves nothing")
+        flight = effect.values().get("flight", 0.0)
+        if flight > 0.0:
+            found.append(f"{effect.name}: it begins in flight {flight:g}, and these equations are of no flight")
+        elif isinstance(effect, PerFlight) and effect.numbers:
+            others = ", ".join(str(number) for number in effect.numbers)
+            found.append(f"{effect.name}: its values of flight {others}: those of all other flights are taken")
+    return tuple(found)
+
+
+def cannot_be_evaluated(name: str, why: object) -> SettingsError:
+    """The error of an effect whose code takes numbers only."""
+    return SettingsError(f"{name} cannot be evaluated with symbols ({why}): use the functions of quadctl.numeric")
