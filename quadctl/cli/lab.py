@@ -193,10 +193,11 @@ def verify(
     from quadctl.lab.flights.dataset import load_dataset
     from quadctl.lab.selection.verification import verify as run
     from quadctl.logs.read import read_logs
+    from quadctl.logs.record.copies import without_copies
     from quadctl.model import load_model
 
     loaded = load_model(model)
-    result = run(loaded, [load_dataset([log], loaded.vehicle) for log in read_logs(logs)])
+    result = run(loaded, [load_dataset([log], loaded.vehicle) for log in without_copies(read_logs(logs))])
     console.print(result)
     write_json(json_out, result.to_dict())
     if not result.holds:
@@ -408,6 +409,7 @@ def inspect_logs(
     from quadctl.logs.convert import convert
     from quadctl.logs.quality import quality
     from quadctl.logs.read import read_logs
+    from quadctl.logs.record.copies import marked
 
     if guess and (by_map or plot or to or json_out or len(logs) != 1):
         raise typer.BadParameter("--guess takes one table, and no other option")
@@ -417,7 +419,7 @@ def inspect_logs(
         _propose_map(logs[0])
         return
     reports = []
-    for log in read_logs(logs) if by_map is None else _mapped(logs, by_map):
+    for log in marked(read_logs(logs) if by_map is None else list(_mapped(logs, by_map))):
         if plot is not None:
             from quadctl.logs.consistency_plot import draw
 

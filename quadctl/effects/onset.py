@@ -48,6 +48,13 @@ class Sudden(PerFlight):
                 best.setdefault(guess.values().get("rotor", 0.0), {})[guess._moment[1]] = guess
         return [_joined(alone) for alone in best.values() if len([n for n in alone if n > 0.0]) > 1]
 
+    def moments_of(self, flight: float) -> list[float]:
+        """Times of the log at which it begins in the flight with this number; none where it does not."""
+        if self.numbers:
+            return [self.of_flight("time_s", flight)] if flight in self.numbers else []
+        time_s, number = self._moment
+        return [time_s] if number in (0.0, flight) or flight == 0.0 else []
+
     @property
     def _moment(self) -> tuple[float, float]:
         values = self.values()

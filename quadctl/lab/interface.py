@@ -24,6 +24,7 @@ from quadctl.lab.selection.removal import Removal
 from quadctl.lab.selection.removal import remove as run_remove
 from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.read import read_logs
+from quadctl.logs.record.copies import without_copies
 from quadctl.model import Model, load_model
 from quadctl.vehicle import Vehicle
 
@@ -194,7 +195,10 @@ def prepare_flights(flights: Flights, vehicle: Vehicle, hold_out: HoldOut = "blo
         raise HoldOutError("hold_out is flights with 1 log, expected at least 2 logs, or blocks")
     read = iter(read_logs(log for log in given if not isinstance(log, FlightLog)))
     logs = [log if isinstance(log, FlightLog) else next(read) for log in given]
-    return load_dataset(logs, vehicle, hold_out)
+    different = without_copies(logs)
+    if hold_out == "flights" and len(different) < 2:
+        raise HoldOutError("hold_out is flights, and all logs hold the same flight, expected different ones, or blocks")
+    return load_dataset(different, vehicle, hold_out)
 
 
 def _kind(effect: type[Effect] | str, model: Model) -> type[Effect]:

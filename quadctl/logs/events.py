@@ -16,6 +16,8 @@ PX4_MODES = {
 """Names of `nav_state` in PX4's vehicle_status."""
 EARLY_S = 1.0
 """Time before the first row of a log from which events are kept: they hold at its begin."""
+MODE = "mode "
+"""Begin of the events at which the flight mode changes; its name follows."""
 RESET = "estimator reset its "
 """Begin of the events at which an estimator corrected itself by a jump; what was reset follows."""
 _COLOURS = re.compile(r"\x1b\[[0-9;]*m")
@@ -35,7 +37,7 @@ def mode_changes(time_s: Iterable[float], modes: Sequence[Any], names: Mapping[i
     for time, mode in zip(time_s, modes, strict=True):
         if mode != last:
             name = mode if names is None else names.get(int(mode), f"number {int(mode)}")
-            found.append(Event(float(time), f"mode {name}"))
+            found.append(Event(float(time), f"{MODE}{name}"))
             last = mode
     return found
 

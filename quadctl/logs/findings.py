@@ -24,6 +24,7 @@ class Kind(StrEnum):
     LOST_BY_LOGGER = "lost_by_logger"
     SIDECAR_UNREADABLE = "sidecar_unreadable"
     NO_PARAMETERS = "no_parameters"
+    COPY = "copy"
     # --- what was read, and how ---
     READ_BY_MAP = "read_by_map"
     SEVENTEEN_COLUMNS = "seventeen_columns"
@@ -68,6 +69,7 @@ class Kind(StrEnum):
     SPIKES = "spikes"
     IN_FLIGHT = "in_flight"
     GAPS = "gaps"
+    CLOCK_JUMP = "clock_jump"
     INTERPOLATED = "interpolated"
     EXTRAPOLATED = "extrapolated"
     DELAY = "delay"

@@ -277,11 +277,13 @@ def _time_scale(log: FlightLog) -> tuple[float, float]:
     for position, velocity in zip(POSITION, VELOCITY, strict=True):
         v = np.nan_to_num(log[velocity])
         integral = np.concatenate([[0.0], np.cumsum(0.5 * (v[1:] + v[:-1]) * steps)])
+        if len(log.updates(position)) < MIN_MOVING_STRETCHES:  # a position that is not known stands at 0
+            continue
         covered, integrated = np.diff(log[position][ends]), np.diff(integral[ends])
         moving = np.abs(covered + integrated) > 2.0 * MOVING_M
         moving &= integrated != 0.0
         ratios.append(covered[moving] / integrated[moving])
-    ratio = np.concatenate(ratios)
+    ratio = np.concatenate([np.zeros(0), *ratios])
     if len(ratio) < MIN_MOVING_STRETCHES:
         return unknown
     scale = float(np.median(ratio))

@@ -93,7 +93,9 @@ def _battery_scale(figures: _Figures, _: Sequence[Span]) -> str:
 
 
 def _own_correction(figures: _Figures, _: Sequence[Span]) -> str:
-    steps = ", ".join(f"{ratio:.3f} at {height:.2f} m" for height, ratio in figures["ratio_at_height_m"])
+    steps = ", ".join(
+        f"{ratio:.3f} +- {1.96 * error:.3f} at {height:.2f} m" for height, ratio, error in figures["ratio_at_height_m"]
+    )
     return (
         f"the autopilot corrects its outputs near the ground by itself: over the command they are {steps} of what they "
         f"are above {figures['above_m']:g} m, so switch that off, or take thrust from the outputs and not from "
@@ -280,6 +282,11 @@ WORDS: dict[Kind, _Words] = {
     Kind.LOST_BY_LOGGER: "PX4's logger lost data {times} times, {seconds:.2f} s together",
     Kind.SIDECAR_UNREADABLE: "{file} beside it is not a readable YAML mapping and was left out",
     Kind.NO_PARAMETERS: "has no parameters of the autopilot in {file}",
+    Kind.COPY: lambda f, _: (
+        f"{f['other']} holds the same flight and is left out"
+        if f["left_out"]
+        else f"holds the same flight as {f['other']}: only one of them tells anything"
+    ),
     Kind.READ_BY_MAP: "read by the map {file}",
     Kind.SEVENTEEN_COLUMNS: _seventeen,
     Kind.UNKNOWN_COLUMN: "column '{column}' is not a flight log's and was left out{hint}",
@@ -350,6 +357,10 @@ WORDS: dict[Kind, _Words] = {
     Kind.SPIKES: ("{updates} {of} that jump away and back, faster than a multirotor can move, are left out"),
     Kind.IN_FLIGHT: ("{seconds:.0f} s of {of_seconds:.0f} s are flight; the ground, take-off and landing are left out"),
     Kind.GAPS: "{seconds:.1f} s without new values (gaps over {longest_s:.1f} s) are left out",
+    Kind.CLOCK_JUMP: lambda f, times: (
+        f"the clock jumps by {', '.join(f'{by:.2g} s' for by in f['by_s'])} at {instants(times)}, as the positions on "
+        "both sides show"
+    ),
     Kind.INTERPOLATED: lambda f, _: (
         f"{f['channel']}: rows at {f['rows_hz']:.0f} Hz are drawn between packets of at most {f['at_most_hz']:.0f} Hz; "
         "the packets count"

@@ -160,6 +160,9 @@ class Flight:
     """Lag of the logged velocity behind the position, s, which has been taken out."""
     doubted_axes: tuple[int, ...] = ()
     """Axes of `measured` along which the velocity is wrong, so that the accelerometer tells the acceleration."""
+    changes_s: tuple[float, ...] = ()
+    """Times at which something of the record changes: the flight mode, a parameter on which the thrust depends, the
+    estimator's state."""
     sha256: str = ""
     """Hash of the log file; empty for a log without a file."""
     timing: Timing = UNKNOWN_TIMING

@@ -79,6 +79,7 @@ def prepare(log: FlightLog, vehicle: Vehicle) -> Flight:
     flight = _over_surfaces(
         _assemble(log.name, vehicle, signals, grid, smooth, derivative, time, bandwidth, findings), log
     )
+    flight = replace(flight, changes_s=record.changes_s)
     flight = flight.by_accelerometer(tuple(AXES.index(axis) for axis in record.velocity_doubted))
     del signals, grid, smooth, derivative  # of a long log they need as much memory as the flight
     (flight,) = timed([replace(flight, sha256=_sha256(log))], Model(vehicle))

@@ -15,6 +15,7 @@ from quadctl.lab.fitting.significance import difference_p_value
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.flights.prediction import GROUPS, MOMENTS
 from quadctl.lab.selection.candidate import LEAST_ERROR, Candidate
+from quadctl.lab.selection.coincidence import coincides
 from quadctl.model import Model
 
 # --- there at all -----------------------------------------------------------------------------------------------------
@@ -348,4 +349,8 @@ def unbelievable(model: Model, dataset: Dataset) -> set[str]:
 def indistinct(model: Model, dataset: Dataset) -> set[str]:
     """Names of the effects of a fitted model that `dataset` does not distinguish from their look-alikes."""
     flights = [flight.conditions for flight in dataset.flights]
-    return {effect.name for effect in model.acting if not effect.distinct(flights, model.vehicle)}
+    return {
+        effect.name
+        for effect in model.acting
+        if not effect.distinct(flights, model.vehicle) or coincides(effect, dataset)
+    }

@@ -30,6 +30,8 @@ than for a physical effect: terms are chosen from about a hundred, and slow nois
 TRIED = MOST_TERMS * sum(len(axes) for axes in FRAME_AXES.values())
 LAW_SHARE = 0.1
 """Least share of the axis' squared error explained on held-out data: 5 % of its RMSE, as in `diagnose`."""
+VARIES = 1e-6
+"""Least variation of a term in a part of the data, over that in all of it, by which it can be chosen there."""
 DRAWS = 1000
 
 
@@ -92,21 +94,40 @@ def _law(
 
 
 def _paths(y: Floats, terms: list[Term], used: Mask) -> list[list[int]]:
-    """Indices of the best 0, 1, 2, ... terms beside a constant for the samples `used`, chosen one after the other."""
-    from pysindy import FROLS
+    """Indices of the best 0, 1, 2, ... terms beside a constant for the samples `used`, chosen one after the other.
 
+    A term that does not vary in these samples, as one that fades with height high above the ground, cannot be chosen.
+    Where fewer terms are independent than are asked for, the longest choice stands for those that are missing.
+    """
     rows = np.flatnonzero(used)
     rows = rows[:: max(1, len(rows) // MOST_SAMPLES)]
     columns = np.column_stack([term.values[rows] for term in terms])
     columns -= columns.mean(axis=0)
-    # Columns of equal length: the choice must not depend on units, and tiny coefficients must not count as zero.
-    columns /= np.maximum(np.linalg.norm(columns, axis=0), 1e-12)
+    size = np.linalg.norm(columns, axis=0)
+    everywhere = np.array([np.linalg.norm(term.values - term.values.mean()) for term in terms])
+    varies = np.flatnonzero(size > VARIES * everywhere)
     target = y[rows] - y[rows].mean()
     target /= max(float(np.linalg.norm(target)), 1e-12)
-    with warnings.catch_warnings():  # terms that are nearly multiples of each other are equivalent
-        warnings.simplefilter("ignore", LinAlgWarning)
-        history = FROLS(max_iter=min(MOST_TERMS, len(terms)), alpha=0.0, unbias=False).fit(columns, target).history_
-    return [[int(j) for j in np.flatnonzero(coefficients[0])] for coefficients in history]
+    # Columns of equal length: the choice must not depend on units, and tiny coefficients must not count as zero.
+    chosen = _chosen(columns[:, varies] / size[varies], target)
+    paths = [[int(varies[j]) for j in path] for path in chosen]
+    most = min(MOST_TERMS, len(terms)) + 1
+    return [*paths, *[paths[-1]] * (most - len(paths))]
+
+
+def _chosen(columns: Floats, target: Floats) -> list[list[int]]:
+    """Indices of the best 0, 1, 2, ... columns, as many as are independent."""
+    from pysindy import FROLS
+
+    for count in range(min(MOST_TERMS, columns.shape[1]), 0, -1):
+        try:
+            with warnings.catch_warnings():  # terms that are nearly multiples of each other are equivalent
+                warnings.simplefilter("ignore", LinAlgWarning)
+                history = FROLS(max_iter=count, alpha=0.0, unbias=False).fit(columns, target).history_
+        except ValueError:  # the last columns chosen depend on those before
+            continue
+        return [[int(j) for j in np.flatnonzero(coefficients[0])] for coefficients in history]
+    return [[]]
 
 
 def _reach(rows: Floats, terms: list[Term]) -> float:

@@ -2,13 +2,17 @@
 
 import itertools
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from quadctl.logs.flight_log import ATTITUDE, POSITION, VELOCITY, FlightLog
+from quadctl.logs.findings import Kind, finding
+from quadctl.logs.flight_log import ATTITUDE, POSITION, VELOCITY, FlightLog, Floats
+from quadctl.logs.record.interpolation import resolution
 
-DIGITS = {**dict.fromkeys(POSITION, 0.01), **dict.fromkeys(VELOCITY, 0.01), **dict.fromkeys(ATTITUDE[:2], 0.1)}
-"""Steps to which the state is rounded: a copy may hold fewer digits."""
+STATE = (*POSITION, *VELOCITY, *ATTITUDE[:2])
+FINEST = 1e-5
+"""Least step to which the state is rounded before it is compared; a copy with fewer digits is compared by those."""
 SAME_SHARE = 0.4
 """Share of the states of the shorter log that stand in the other one, too: two flights never meet in eight numbers."""
 MOST_STATES = 20_000
@@ -18,20 +22,49 @@ MOST_STATES = 20_000
 def copies(logs: Sequence[FlightLog]) -> list[tuple[int, int]]:
     """Pairs of logs that hold the same flight, whole or in part, by their places."""
     states = [_states(log) for log in logs]
+    return [(a, b) for a, b in itertools.combinations(range(len(logs)), 2) if _same(states[a], states[b])]
+
+
+def without_copies(logs: Sequence[FlightLog]) -> list[FlightLog]:
+    """The logs, each flight once: a later copy is left out, and the first one says so."""
+    twins = copies(logs)
+    left_out = {later for _, later in twins}
+    kept = []
+    for place, log in enumerate(logs):
+        own = [logs[later].name for first, later in twins if first == place]
+        if place not in left_out:
+            told = [finding(Kind.COPY, other=name, left_out=True) for name in own]
+            kept.append(replace(log, findings=[*log.findings, *told]))
+    return kept
+
+
+def marked(logs: Sequence[FlightLog]) -> list[FlightLog]:
+    """The logs, those that copy an earlier one with a finding that says so."""
+    first_of: dict[int, int] = {}
+    for first, later in copies(logs):
+        first_of.setdefault(later, first)
     return [
-        (a, b)
-        for a, b in itertools.combinations(range(len(logs)), 2)
-        if min(len(states[a]), len(states[b])) > 10
-        and len(states[a] & states[b]) > SAME_SHARE * min(len(states[a]), len(states[b]))
+        replace(log, findings=[*log.findings, finding(Kind.COPY, other=logs[first_of[place]].name, left_out=False)])
+        if place in first_of
+        else log
+        for place, log in enumerate(logs)
     ]
 
 
-def _states(log: FlightLog) -> set[bytes]:
-    """States of a log, rounded; those at rest, which repeat, count once."""
-    names = [name for name in DIGITS if log.has(name)]
-    if len(names) < len(DIGITS):
-        return set()
-    rows = log.updates(*names)
-    steps = max(1, len(rows) // MOST_STATES)
-    table = np.rint(np.column_stack([log[name][rows[::steps]] / DIGITS[name] for name in names])).astype(np.int32)
-    return {row.tobytes() for row in table}
+def _states(log: FlightLog) -> Floats:
+    """States of a log at its updates, shape (n, 8); none where it lacks a part of them."""
+    if not all(log.has(name) for name in STATE):
+        return np.zeros((0, len(STATE)))
+    rows = log.updates(*STATE)
+    rows = rows[:: max(1, len(rows) // MOST_STATES)]
+    return np.column_stack([log[name][rows] for name in STATE])
+
+
+def _same(one: Floats, other: Floats) -> bool:
+    """Tell whether many states of the shorter log stand in the other one; those at rest, which repeat, count once."""
+    if min(len(one), len(other)) < 10:
+        return False
+    pairs = zip(one.T, other.T, strict=True)
+    steps = np.array([max(FINEST, resolution(a), resolution(b)) for a, b in pairs])
+    a, b = ({row.tobytes() for row in np.rint(table / steps).astype(np.int64)} for table in (one, other))
+    return len(a & b) > SAME_SHARE * min(len(a), len(b))

@@ -79,14 +79,14 @@ def _drawn(log: FlightLog, names: Sequence[str]) -> _Drawn | None:
     noisy = np.zeros(len(rows) - 2, dtype=bool)
     for name in names:
         values = log[name][rows]
-        resolution = _resolution(values)
+        least = resolution(values)
         before = (time_s[1:-1] - time_s[:-2]) / (time_s[2:] - time_s[:-2])
         off = values[1:-1] - (values[:-2] + before * (values[2:] - values[:-2]))
         change = np.abs(values[2:] - values[:-2])
-        on_line = np.abs(off) <= 2.0 * resolution + STRAIGHT * change
+        on_line = np.abs(off) <= 2.0 * least + STRAIGHT * change
         straight &= on_line
         usual = 0.0 if on_line.all() else float(np.median(np.abs(off[~on_line])))
-        if usual > NOISE_OF_RESOLUTION * resolution and _is_noise(off, on_line):
+        if usual > NOISE_OF_RESOLUTION * least and _is_noise(off, on_line):
             noisy |= change > usual
     inner = np.concatenate([[False], straight & noisy, [False]])
     if not inner.any():
@@ -128,7 +128,7 @@ def _long_lines(time_s: Floats, inner: Mask) -> tuple[list[Span], Mask]:
     return lost, drawn
 
 
-def _resolution(values: Floats) -> float:
+def resolution(values: Floats) -> float:
     """Least difference of two values that are not the same: the last digit, of few digits."""
     steps = np.diff(np.unique(values))
     steps = steps[steps > 1e-12 * max(float(np.max(np.abs(values))), 1e-12)]

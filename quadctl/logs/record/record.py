@@ -13,6 +13,7 @@ import numpy as np
 
 from quadctl.logs.channel_groups import GROUPS, channel_groups, updates_of_any
 from quadctl.logs.contradictions import contradictions
+from quadctl.logs.events import MODE, events_of
 from quadctl.logs.findings import Finding, Kind, Span, finding, of_kind
 from quadctl.logs.flight_log import IMU, FlightLog, Floats
 from quadctl.logs.record import channels, delays, flight_time, interpolation, jumps, witnesses
@@ -32,6 +33,7 @@ MEASURED = (*NEEDED, "rates", "imu", "rpm", "motor output")
 LEFT_OUT_S = {
     Kind.RESET: 0.5,
     Kind.LANE_SWITCH: 0.5,
+    Kind.CLOCK_JUMP: 0.5,
     Kind.REJECTED: 0.5,
     Kind.GPS_LOST: 0.0,
     Kind.STATE_INVALID: 0.0,
@@ -41,6 +43,8 @@ LEFT_OUT_S = {
     Kind.FROZEN_ROTOR: 0.0,
 }
 """Findings whose times are not used, and the time before and after that goes with them: a filter sees so far."""
+CLOCK_STEPS = 5.0
+"""Time between two rows, in usual ones, from which on a jump of the position there is one of the clock."""
 SAME_RESET_S = 0.5
 """Time within which what is said and what is seen of a reset are the same one."""
 GROUND_MOVED_M = 0.3
@@ -73,6 +77,13 @@ class Record:
         return total(self.flights)
 
     @property
+    def changes_s(self) -> tuple[float, ...]:
+        """Times at which something of the record changes: mode, parameters of the thrust, the estimator's state."""
+        modes = [event.time_s for event in events_of(self.log.meta) if event.what.startswith(MODE)]
+        told = of_kind(self.findings, Kind.PARAMETER_CHANGED, Kind.RESET, Kind.LANE_SWITCH, Kind.CLOCK_JUMP)
+        return tuple(sorted({*modes, *(begin for found in told for begin, _ in found.times_s)}))
+
+    @property
     def velocity_doubted(self) -> tuple[str, ...]:
         """Axes along which the accelerometer and not the velocity tells the acceleration."""
         odd = [found for found in of_kind(self.findings, Kind.WITNESSES_DISAGREE) if found.figures["odd"] == "velocity"]
@@ -93,6 +104,8 @@ def _examined(log: FlightLog, side_force: bool) -> Record:
     log, found = interpolation.measured_rows(log, groups)
     findings += found
     log, spikes, steps = jumps.without_spikes(log)
+    clock, steps = _clock_jumps(log, steps)
+    findings += clock
     source = thrust_source_of(log)
     flown = flight_time.flight_time(log, source)
     log, found = channels.living(log, flown.flights)
@@ -168,6 +181,21 @@ def _with_resets(findings: list[Finding], steps: Sequence[jumps.Jump], flights: 
         if times:
             merged.append(finding(Kind.RESET, [(time, time) for time in times], of=name, by=sizes))
     return [*others, *merged]
+
+
+def _clock_jumps(log: FlightLog, steps: Sequence[jumps.Jump]) -> tuple[list[Finding], list[jumps.Jump]]:
+    """Findings on jumps of the clock, and the other jumps: where the position stays and the time goes on, the time is
+    wrong."""
+    intervals = np.diff(log.time_s)
+    usual_s = float(np.median(intervals)) if len(intervals) else 0.0
+    by_s = {
+        step.time_s: float(intervals[max(int(np.searchsorted(log.time_s, step.time_s)) - 1, 0)]) - usual_s
+        for step in steps
+        if step.quantity in ("horizontal position", "height")
+    }
+    at = sorted(time for time, by in by_s.items() if by > (CLOCK_STEPS - 1.0) * usual_s)
+    found = [finding(Kind.CLOCK_JUMP, [(time, time) for time in at], by_s=[by_s[time] for time in at])] if at else []
+    return found, [step for step in steps if step.time_s not in at]
 
 
 def _largest(step: jumps.Jump) -> float:

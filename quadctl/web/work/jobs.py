@@ -39,6 +39,7 @@ from quadctl.lab.tracking.step_response import StepResponses
 from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.quality import quality
 from quadctl.logs.read import read_log
+from quadctl.logs.record.copies import copies
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
 from quadctl.web.session.files import without_folder
@@ -173,12 +174,25 @@ def open_logs(
             opened.append(OpenedLog(path, problem=without_folder(str(error), path), stamp=stamp))
             continue
         opened.append(_prepared(OpenedLog(path, log, quality(log), stamp=stamp), log, vehicle))
-    opened = _doubted(opened, vehicle, accepted)
+    opened = _doubted(_without_twins(opened), vehicle, accepted)
     fitted, kept = (
         [o.flight for o in opened if o.flight and not o.doubt and (o.path in unseen) == held_out]
         for held_out in (False, True)
     )
     return Opened(opened, _dataset(fitted, hold_out), _dataset(kept))
+
+
+def _without_twins(opened: Sequence[OpenedLog]) -> list[OpenedLog]:
+    """The logs; one that holds the same flight as an earlier one is not used, and says so."""
+    read = [one for one in opened if one.log is not None]
+    first_of = {later: first for first, later in reversed(copies([one.log for one in read if one.log is not None]))}
+    twins = {read[later].path: read[first].path.name for later, first in first_of.items()}
+    return [
+        replace(one, flight=None, problem=f"{one.path.name}: holds the same flight as {twins[one.path]}")
+        if one.path in twins
+        else one
+        for one in opened
+    ]
 
 
 def _doubted(opened: Sequence[OpenedLog], vehicle: Vehicle, accepted: frozenset[Path]) -> list[OpenedLog]:
