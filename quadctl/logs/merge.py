@@ -75,7 +75,10 @@ def merge(channels: Iterable[Channel], origin: Origin) -> FlightLog:
     found = {name for channel in kept for name, values in channel.columns.items() if np.isfinite(values).any()}
     missing = [name for name in (*POSITION, *VELOCITY, *ATTITUDE) if name not in found]
     if missing:
-        raise LogError(f"{origin.path}: holds no values of {_reasoned(missing, origin)}{doubt_of_copy(findings)}")
+        there = list(dict.fromkeys(channel.source for channel in kept))
+        raise LogError(
+            f"{origin.path}: holds no values of {_reasoned(missing, there, origin)}{doubt_of_copy(findings)}"
+        )
     clock = row_times(np.concatenate([channel.time_s for channel in kept if channel.makes_rows]))
     columns = {"time_s": np.round(clock - clock[0], 6)}
     for channel in kept:
@@ -96,11 +99,12 @@ def merge(channels: Iterable[Channel], origin: Origin) -> FlightLog:
     return FlightLog(origin.path.name, origin.path, columns, None, meta, [*on_log, *resets_of(meta)])
 
 
-def _reasoned(missing: list[str], origin: Origin) -> str:
-    """The missing columns with what was expected: messages that are not there, or values that are valid."""
+def _reasoned(missing: list[str], there: list[str], origin: Origin) -> str:
+    """The missing columns with what was expected: messages beside those that are there, or values that are valid."""
     reasons = dict.fromkeys(origin.invalid[name] for name in missing if name in origin.invalid)
     unsaid = [name for name in missing if name not in origin.invalid]
-    expected = [f"messages {origin.needs}"] if unsaid else []
+    beside = f" beside {', '.join(there)}" if there else ""
+    expected = [f"messages {origin.needs}{beside}"] if unsaid else []
     expected += ["a flight in which they are valid"] if reasons else []
     return f"{', '.join(missing)}{''.join(f' ({reason})' for reason in reasons)}, expected {' and '.join(expected)}"
 

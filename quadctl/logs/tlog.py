@@ -65,6 +65,10 @@ MAX_STAMP_ERROR_S = 2.0
 REBOOT_S = 1.0
 """Boot time going back by more than this is a new boot."""
 
+MAX_RECORD = 8 + 12 + 255 + 13
+"""Length of the longest record: time of arrival, head, payload, and what ends a frame."""
+STEADY_BYTES = 3
+"""Bytes of the time of arrival, the highest, that are the same for days."""
 MAX_LEADING_DAMAGE = 100_000
 """Bytes before the first record. More of them, and the file is something else."""
 
@@ -149,7 +153,8 @@ def _records(path: Path, data: bytes, findings: list[Finding]) -> dict[_Sender, 
 
     decoder = ardupilotmega.MAVLink(None)
     found: dict[_Sender, list[_Record]] = defaultdict(list)
-    at, number, damaged = 0, 0, 0
+    at, number, damaged, last = 0, 0, 0, b""
+    whole = 0  # end of the last whole record
     while at + 8 + 8 <= len(data):
         end = _end_of_record(data, at)
         if end is None or end > len(data):
@@ -167,7 +172,10 @@ def _records(path: Path, data: bytes, findings: list[Finding]) -> dict[_Sender, 
                 continue
             sender = (frame[5], frame[6]) if frame[0] == _V2 else (frame[3], frame[4])
             found[sender].append(_Record(number, 1e-6 * _STAMP.unpack_from(data, at)[0], kind, fields))
-        at, number = end, number + 1
+        last, at, number, whole = data[at : at + _STAMP.size], end, number + 1, end
+    if _is_begin(data[whole:], last):
+        damaged -= at - whole
+        findings.append(finding(Kind.CUT_SHORT))
     if not found and damaged:
         raise LogError(f"{path}: holds no readable MAVLink message, expected a telemetry log")
     if damaged:
@@ -178,6 +186,11 @@ def _records(path: Path, data: bytes, findings: list[Finding]) -> dict[_Sender, 
 def _is_record(data: bytes, at: int) -> bool:
     low, high = _PLAUSIBLE_US
     return data[at + 8] in (_V1, _V2) and low <= _STAMP.unpack_from(data, at)[0] <= high
+
+
+def _is_begin(rest: bytes, last_stamp: bytes) -> bool:
+    """Tell whether the rest of a file is the begin of a record: it begins as the time of the last whole one did."""
+    return 0 < len(rest) < MAX_RECORD and rest[:STEADY_BYTES] == last_stamp[: min(len(rest), STEADY_BYTES)]
 
 
 def _end_of_record(data: bytes, at: int) -> int | None:
@@ -412,7 +425,8 @@ def _boosted(telemetry: _Telemetry, history: ParameterHistory, is_ardupilot: boo
 def _ambient(telemetry: _Telemetry) -> Ambient:
     """Battery and air at the times of SERVO_OUTPUT_RAW; the first temperature counts as that of the ground.
 
-    A board of version 4.6 or later counts as one that takes the standard atmosphere, as most do: telemetry does not tell.
+    A board of version 4.6 or later counts as one that takes the standard atmosphere, as most do: telemetry does not
+    tell.
     """
     at_s = telemetry.times(telemetry.records["SERVO_OUTPUT_RAW"])
     volts = ratio = np.full(len(at_s), np.nan)

@@ -8,6 +8,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from quadctl.logs import tlog
+from quadctl.logs.findings import Kind, of_kind
 from quadctl.logs.flight_log import ATTITUDE, POSITION, RATES, FlightLog, Floats
 from quadctl.logs.read import read_log
 from tests.support.log_files import (
@@ -75,6 +76,26 @@ class TestTlog:
         log = read_log(self.write(tmp_path, tlog_bytes(telemetry(50), system=7) + tlog_bytes(telemetry(80))))
         assert log.meta["system"] == 1
         assert any("system 1 was read" in note and "7/1" in note for note in log.notes)
+
+    @pytest.mark.parametrize("missing", [1, 7, 20, 30])
+    def test_an_end_within_a_record_is_said(self, missing: int, tmp_path: Path) -> None:
+        log = read_log(self.write(tmp_path, tlog_bytes(telemetry())[:-missing]))
+        assert of_kind(log.findings, Kind.CUT_SHORT) and not of_kind(log.findings, Kind.DAMAGED_BYTES)
+
+    def test_an_end_of_which_only_some_bytes_are_there_is_said(self, tmp_path: Path) -> None:
+        whole = tlog_bytes(telemetry())
+        for more in (1, 2, 5, 12):
+            log = read_log(self.write(tmp_path, whole + whole[:more]))
+            assert of_kind(log.findings, Kind.CUT_SHORT) and not of_kind(log.findings, Kind.DAMAGED_BYTES), more
+        log = read_log(self.write(tmp_path, whole + b"garbage that is no record"))
+        assert not of_kind(log.findings, Kind.CUT_SHORT) and of_kind(log.findings, Kind.DAMAGED_BYTES)
+        log = read_log(self.write(tmp_path, whole))
+        assert not of_kind(log.findings, Kind.CUT_SHORT, Kind.DAMAGED_BYTES)
+
+    def test_what_is_there_is_named_where_something_is_missing(self, tmp_path: Path) -> None:
+        without = [record for record in telemetry() if "LOCAL_POSITION" not in record[1].get_type()]  # type: ignore[attr-defined]
+        said = sentence_of(self.write(tmp_path, tlog_bytes(without)))
+        assert "expected messages LOCAL_POSITION_NED and ATTITUDE (or ATTITUDE_QUATERNION) beside ATTITUDE" in said
 
     def test_damaged_bytes_cost_their_messages_only(self, tmp_path: Path) -> None:
         data = bytearray(tlog_bytes(telemetry()))
