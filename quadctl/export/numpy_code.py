@@ -434,7 +434,9 @@ def _array(name: str, rows: Sequence[Any], remark: str = "") -> str:
 
 def _docstring_of(effect: Effect, hook: _Hook) -> str:
     """Docstring of an effect's function: its result, the physics, the source."""
-    doc = " ".join((type(effect).__doc__ or "").split("\n\n")[0].split())
+    # A class that is made for a model, as for its surfaces, has its own signature for a docstring.
+    written_by_hand = (kind.__doc__ or "" for kind in type(effect).__mro__ if not _has_signature(kind))
+    doc = " ".join(next(written_by_hand).split("\n\n")[0].split())
     lines = [
         f'"""{hook.said}',
         "",
@@ -443,6 +445,11 @@ def _docstring_of(effect: Effect, hook: _Hook) -> str:
         '"""',
     ]
     return "\n".join(line.replace("\\", "\\\\") for line in lines)
+
+
+def _has_signature(kind: type) -> bool:
+    """True where a class has the docstring that a dataclass gets without one."""
+    return (kind.__doc__ or f"{kind.__name__}(").startswith(f"{kind.__name__}(")
 
 
 def _with_sum(text: str, each: str) -> str:
