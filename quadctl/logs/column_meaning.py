@@ -21,11 +21,13 @@ class Meaning(NamedTuple):
 UNITS = {
     "m_s2": "m/s2", "m_s_2": "m/s2", "mps2": "m/s2", "g": "g", "gs": "g",
     "m_s": "m/s", "m_s_1": "m/s", "mps": "m/s", "cm_s": "cm/s", "mm_s": "mm/s", "km_h": "km/h", "kmh": "km/h",
-    "ft_s": "ft/s", "fps": "ft/s",
+    "ft_s": "ft/s", "fps": "ft/s", "mph": "mph", "kn": "kn", "kt": "kn", "knots": "kn",
     "rad_s": "rad/s", "rad_s_1": "rad/s", "radps": "rad/s", "deg_s": "deg/s", "degps": "deg/s", "dps": "deg/s",
     "rev_s": "rev/s", "hz": "rev/s", "rpm": "rpm", "pwm": "pwm", "percent": "percent", "pct": "percent",
-    "m": "m", "cm": "cm", "mm": "mm", "ft": "ft", "deg": "deg", "degrees": "deg", "rad": "rad", "radians": "rad",
+    "m": "m", "meters": "m", "metres": "m", "cm": "cm", "mm": "mm", "ft": "ft", "feet": "ft",
+    "deg": "deg", "degrees": "deg", "rad": "rad", "radians": "rad",
     "v": "V", "mv": "mV", "s": "s", "sec": "s", "secs": "s", "seconds": "s", "ms": "ms", "us": "us", "ns": "ns",
+    "millisecond": "ms", "milliseconds": "ms", "microseconds": "us", "nanoseconds": "ns",
 }  # fmt: skip
 """Units of maps, by the ends of names."""
 _UNIT = re.compile(rf"_({'|'.join(sorted(UNITS, key=len, reverse=True))})$")
@@ -36,7 +38,9 @@ _OTHER = re.compile(
 )
 """Names of what was wanted, or is known about the error, and not of what was measured."""
 _CLOCK = re.compile(r"^(t|time|timestamp|stamp|secs?|seconds|date|datetime|utc|epoch)(_|$)|.*(_time|_stamp|timestamp)$")
-_PLACE = re.compile(r"^(?P<group>.*?)_?(?P<part>lat|latitude|lon|lng|long|longitude|(?:\w+_)?(?:alt|altitude))$")
+_PLACE = re.compile(
+    r"^(?P<group>.*?)_?(?P<part>lat|latitude|lon|lng|long|longitude|(?:\w+_)?(?:alt|altitude|height)(?:_\w+)?)$"
+)
 _PLACES = {"lat": "latitude", "lon": "longitude", "lng": "longitude", "long": "longitude"}
 _ANGLE = re.compile(r"^(?P<group>.*?)_?(?P<part>roll|pitch|yaw|heading)_?(?P<rest>angle|rate|speed|vel|velocity|dot|)$")
 _RATE_BEFORE = re.compile(r"rate|gyro|omega|ang(ular)?_?vel")
@@ -47,19 +51,20 @@ _DIRECTION = re.compile(
 )
 _DIRECTIONS = {"n": "north", "e": "east", "d": "down", "u": "up"}
 _AXIS = re.compile(r"^(?P<group>.*?)_?(?P<part>[xyzw])$")
+_AXIS_FIRST = re.compile(r"^(?P<part>[xyz])_?(?P<group>speed|vel|velocity|acc|accel|gyro|pos|position)$")
 _MOTOR = re.compile(r"^(?!d)(?:.*_)?(?:(?:mot|motor|rotor|rpm|esc|pwm|rcou|thrust)[a-z_]*?|u_?)(?P<part>\d+)(?:_.*)?$")
 _NO_MOTOR = re.compile(r"volt|curr|temp|amp|power|status|_v$|_a$")
 _KINDS = (
-    ("rates", r"gyro|ang(ular)?_?(vel|rate)|omega|body_?rate|twist_angular|rates?\b|_rate_|(^|_)w$"),
+    ("rates", r"gyro|ang(ular)?_?(vel|rate)|omega|body_?rate|twist_angular|rates?\b|_rate_|(^|_)w$|^w_"),
     ("imu", r"(?<!ang_)(?<!angular_)acc|imu|specific_force|^a$"),
-    ("velocity", r"vel|speed|twist_linear|(^|_)v$"),
-    ("attitude", r"quat|orientation|(^|_)q$"),
-    ("position", r"pos|(^|_)p$|loc|^$|estimate$|odom|pose|drone|uav|quad"),
+    ("velocity", r"vel|speed|twist_linear|(^|_)v$|^v_"),
+    ("attitude", r"quat|orientation|(^|_)q$|^q_"),
+    ("position", r"pos|(^|_)p$|^p_|loc|^$|estimate$|odom|pose|drone|uav|quad"),
 )
 """Words in what the axes of a quantity share; the first that fits."""
 _KIND_OF_UNIT = {
     **dict.fromkeys(("m", "cm", "mm", "ft"), "position"),
-    **dict.fromkeys(("m/s", "cm/s", "mm/s", "km/h", "ft/s"), "velocity"),
+    **dict.fromkeys(("m/s", "cm/s", "mm/s", "km/h", "ft/s", "mph", "kn"), "velocity"),
     **dict.fromkeys(("rad/s", "deg/s"), "rates"),
     "m/s2": "imu",
 }
@@ -115,7 +120,7 @@ def _of_base(base: str, unit: str) -> Meaning | None:
     if found := _DIRECTION.match(base):
         group = found["group"] if found["part"] else found["stem"]
         part = found["part"] or _DIRECTIONS[found["letter"]]
-    elif found := _AXIS.match(base):
+    elif found := _AXIS_FIRST.match(base) or _AXIS.match(base):
         group, part = found["group"], found["part"]
     else:
         return None

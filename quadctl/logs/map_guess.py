@@ -34,6 +34,8 @@ FULL_COUNTS = (255.0, 1023.0, 4095.0, 65535.0)
 """Counts of full output, of 8, 10, 12 and 16 bits."""
 FASTEST_RPM = 4e4
 """Largest number that is taken for a rotor speed where names do not tell."""
+MIN_GOING_ON = 0.1
+"""Least share of the rows in which a clock goes on: slow channels share the rows of a fast one."""
 SINCE_1970_S = (1e9, 5e9)
 """Seconds since 1970 of the years 2001 to 2128."""
 _CRAZYFLIE_MOTOR = re.compile(r"(^|_)motor_m\d$")
@@ -171,7 +173,11 @@ def _attitude(table: pl.DataFrame, found: dict[tuple[str, str], _Columns]) -> di
         for parts in ("wxyz", "0123", "1234"):  # numbered, the scalar comes first
             if set(parts) <= columns.keys():
                 return {"attitude": {"columns": [columns[part] for part in parts], "order": "wxyz"}}
-    for (_, unit), columns in found.items():
+    angles: dict[tuple[str, str], _Columns] = defaultdict(dict)
+    for (_, unit), columns in found.items():  # the heading may come from a compass of its own
+        for part, name in columns.items():
+            angles["", unit].setdefault(part, name)
+    for (_, unit), columns in (*found.items(), *angles.items()):
         if {"roll", "pitch", "yaw"} <= columns.keys():
             names = [columns[angle] for angle in ("roll", "pitch", "yaw")]
             return {"attitude": {"columns": names, "unit": unit or ("deg" if _largest(table, names) > 3.5 else "rad")}}
@@ -239,18 +245,28 @@ def _largest(table: pl.DataFrame, names: list[str]) -> float:
 
 
 def _clock(path: Path, table: pl.DataFrame) -> dict[str, str]:
-    """Clock of the table: the first column that is one by its name and its values."""
-    named = [(name, of.unit) for name in table.columns if (of := meaning(name)) is not None and of.kind == "time"]
-    for name, unit in named:
-        if dates_s(table[name]) is not None:
-            return {"column": name, "unit": "date"}
-        if table[name].dtype.is_numeric():
+    """Clock of the table: the first column that is one by its name and goes on by its values, else by its name."""
+    named = {name: of.unit for name in table.columns if (of := meaning(name)) is not None and of.kind == "time"}
+    found: list[tuple[bool, dict[str, str]]] = []
+    for name, unit in named.items():
+        if (dates := dates_s(table[name])) is not None:
+            found.append((_stands_still(dates), {"column": name, "unit": "date"}))
+        elif table[name].dtype.is_numeric():
             values = table[name].drop_nulls().to_numpy().astype(np.float64)
-            return {"column": name, "unit": unit if unit in SECONDS else _unit_of_time(values)}
+            counted = unit if unit in SECONDS else _unit_of_time(values)
+            found.append((_stands_still(values), {"column": name, "unit": counted}))
+    if found:
+        return min(found, key=lambda clock: clock[0])[1]
     if named:
-        shown = str(next(iter(table[named[0][0]].drop_nulls()), "nothing"))[:40]
-        raise LogError(f"{path}: column '{named[0][0]}' holds {shown!r}, expected numbers or dates as the time")
+        name = next(iter(named))
+        shown = str(next(iter(table[name].drop_nulls()), "nothing"))[:40]
+        raise LogError(f"{path}: column '{name}' holds {shown!r}, expected numbers or dates as the time")
     raise LogError(f"{path}: the names of its columns do not tell the time, expected one such as time or timestamp")
+
+
+def _stands_still(clock: Floats) -> bool:
+    """Tell whether a clock goes on in few of the rows: a date without the time of the day, for example."""
+    return bool(np.mean(np.diff(clock) > 0.0) < MIN_GOING_ON) if len(clock) > 1 else True
 
 
 def _unit_of_time(values: Floats) -> str:

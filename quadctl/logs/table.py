@@ -57,6 +57,7 @@ PARQUET_MAGIC = b"PAR1"
 SEPARATORS = (",", ";", "\t")
 HEADER_BYTES = 65536
 """Length of a file's beginning in which its header ends."""
+DAY_S = 86_400.0
 DATES_TRIED = 100
 """Number of values of a column by which it is seen whether it holds dates."""
 MAX_SHARE = 1.05
@@ -312,8 +313,8 @@ def _first(column: pl.Series) -> str:
 
 
 def dates_s(column: pl.Series) -> Floats | None:
-    """Seconds since 1970 of a column of dates and times, ISO 8601's if they are text, nan where one is missing; None
-    where fewer than half of the values are dates."""
+    """Seconds since 1970 of a column of dates, or since a midnight of times of a day, ISO 8601's if they are text, nan
+    where one is missing; None where fewer than half of the values are any."""
     if column.dtype == pl.Datetime:
         return 1e-9 * column.dt.epoch("ns").cast(pl.Float64).fill_null(np.nan).to_numpy()
     if column.dtype != pl.String:
@@ -322,12 +323,16 @@ def dates_s(column: pl.Series) -> Floats | None:
     if not len(texts) or not np.isfinite([_date_s(text) for text in texts[:DATES_TRIED]]).any():
         return None
     values = np.array([np.nan if text is None else _date_s(text) for text in column])
+    known = np.isfinite(values)
+    if np.all(values[known] < DAY_S):
+        values[known] = np.unwrap(values[known], period=DAY_S)
     return values if 2 * np.count_nonzero(np.isfinite(values)) > len(texts) else None
 
 
 def _date_s(text: str) -> float:
+    text = text.strip().replace("/", "-")
     try:
-        date = datetime.fromisoformat(text.strip().replace("/", "-"))
+        date = datetime.fromisoformat(f"1970-01-01T{text}" if text[2:3] == ":" else text)
     except ValueError:
         return math.nan
     return (date if date.tzinfo else date.replace(tzinfo=UTC)).timestamp()

@@ -13,7 +13,15 @@ from quadctl.settings import Settings, load
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "date": 1.0}
 """Of dates, once they are read."""
 METRES = {"m": 1.0, "cm": 0.01, "mm": 1e-3, "ft": 0.3048}
-METRES_PER_SECOND = {"m/s": 1.0, "cm/s": 0.01, "mm/s": 1e-3, "km/h": 1.0 / 3.6, "ft/s": 0.3048}
+METRES_PER_SECOND = {
+    "m/s": 1.0,
+    "cm/s": 0.01,
+    "mm/s": 1e-3,
+    "km/h": 1.0 / 3.6,
+    "ft/s": 0.3048,
+    "mph": 0.44704,
+    "kn": 1852.0 / 3600.0,
+}
 DEGREES = {"deg": 1.0, "degE7": 1e-7}
 RADIANS = {"rad": 1.0, "deg": 0.017453292519943295}
 RADIANS_PER_SECOND = {"rad/s": 1.0, "deg/s": 0.017453292519943295}
@@ -42,7 +50,7 @@ class Clock(Settings):
 
     column: str
     unit: Literal["s", "ms", "us", "ns", "date"]
-    """`date` for texts as ISO 8601 has them; without an offset they are UTC."""
+    """`date` for texts as ISO 8601 has them, dates or times of a day; without an offset they are UTC."""
 
 
 class Group(Settings):
@@ -92,7 +100,7 @@ class Position(Several):
 class Velocity(Several):
     columns: _Three
     frame: Literal["NED", "ENU", "NWU", "NEU", "FRD", "FLU"]
-    unit: Literal["m/s", "cm/s", "mm/s", "km/h", "ft/s"] = "m/s"
+    unit: Literal["m/s", "cm/s", "mm/s", "km/h", "ft/s", "mph", "kn"] = "m/s"
 
 
 class Attitude(Several):
