@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from quadctl.logs.findings import Finding, Kind, finding
-from quadctl.logs.flight_log import FlightLog, Floats
+from quadctl.logs.flight_log import ATTITUDE, FlightLog, Floats
 
 HEIGHTS_M = (0.05, 0.15, 0.25, 0.35, 0.5, 0.7, 0.8)
 """Edges of the ranges of height; above the last one lies the comparison."""
@@ -44,7 +44,8 @@ def own_correction(log: FlightLog) -> list[HeightRange]:
     A correction has one sign and fades with height; what scatters to both sides, or grows with height, is noise.
     """
     outputs = [values for name, values in log.columns.items() if name.endswith("_output")]
-    if not outputs or "throttle_cmd" not in log.columns:
+    needed = ("throttle_cmd", "z_m", *ATTITUDE[:2])
+    if not outputs or not all(log.has(name) for name in needed):
         return []
     throttle, height = log["throttle_cmd"], log["z_m"]
     level = np.hypot(log["roll_deg"], log["pitch_deg"]) < MAX_TILT_DEG

@@ -349,7 +349,9 @@ WORDS: dict[Kind, _Words] = {
         "the ground is at {before_m:.2f} m before a flight and at {after_m:.2f} m after it: a drift or reset of the "
         "height, or another ground"
     ),
-    Kind.ENDS_IN_AIR: lambda f, times: f"the log ends in the air, at {instants(times)}: the flight went on",
+    Kind.ENDS_IN_AIR: lambda f, times: (
+        f"the log ends in the air, at {instants(times)}: it was cut short, or the power failed, and the flight went on"
+    ),
     Kind.OUT_OF_CONTROL: _out_of_control,
     Kind.DEAD_CHANNEL: _dead_channel,
     Kind.FROZEN_ROTOR: _frozen_rotor,

@@ -46,7 +46,7 @@ def _signs(log: FlightLog, flight: Span) -> Iterator[tuple[float, str, dict[str,
             yield at, "upside down", {"tilt_deg": float(tilt[inside].max())}
         for name in ATTITUDE[:2]:
             command = name.replace("_deg", "_cmd_deg")
-            if not log.has(command):
+            if not (log.has(name) and log.has(command)):
                 continue
             error = np.abs(np.nan_to_num(log[name] - log[command]))
             if (at := _first(time_s, inside & (error > DISOBEYED_DEG), DISOBEYED_S)) is not None:

@@ -300,7 +300,7 @@ def _disobeys(log: FlightLog, grid: Floats, velocity: Floats, steps: int) -> Mas
     found = np.zeros(len(grid), dtype=bool)
     for name in ATTITUDE[:2]:
         command = name.replace("_deg", "_cmd_deg")
-        if log.has(command):
+        if log.has(name) and log.has(command):
             error = averaged(on_clock(grid, log, name) - on_clock(grid, log, command), steps)
             found |= np.abs(error) > DISOBEYED_DEG
     for own, name in zip(velocity, VELOCITY, strict=True):
