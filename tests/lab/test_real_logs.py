@@ -184,8 +184,9 @@ class TestRepeatedFlights:
     def test_in_a_minute_a_weak_battery_is_not_told_from_a_thrust_that_is_off(self) -> None:
         """The one takes the place of the other, with an error that is smaller by chance."""
         found = found_in("raptor/HIGH_ALTITUDE_V_125.csv")
-        assert found.missing[0] == "battery_sag" and found.steps[1].rmse["total"] < 0.3 * found.steps[0].rmse["total"]
-        assert ["battery_sag", "thrust_scale"] in found.confounded
+        pair = {"battery_sag", "thrust_scale"}
+        assert found.missing[0] in pair and found.steps[1].rmse["total"] < 0.3 * found.steps[0].rmse["total"]
+        assert pair in [set(one) for one in found.confounded]
 
     @pytest.mark.parametrize("log", ["raptor/HIGH_ALTITUDE_01.csv", "raptor/HIGH_ALTITUDE_02.csv"])
     def test_high_above_the_ground_there_is_no_ground_effect(self, log: str) -> None:

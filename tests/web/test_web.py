@@ -319,7 +319,7 @@ class TestCommand:
             ([str(ROOT / "missions")], "missions: is a directory, expected the flight logs in it"),
             (["--model", "no_such.yaml"], "no_such.yaml"),
             (["--session", "no_such.lab.yaml"], "no_such.lab.yaml"),
-            (["--out", str(ROOT / "README.md")], "README.md is a file, expected a folder"),
+            (["--out", str(ROOT / "README.md")], "README.md: is a file, expected a folder to write into"),
             (["/dev/null"], "/dev/null: is a device or a pipe, expected a file that holds a flight log"),
             (["--missions", str(ROOT / "README.md")], "README.md is a file, expected a folder"),
         ],

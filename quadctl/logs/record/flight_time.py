@@ -38,7 +38,7 @@ CLEARANCE_M = 0.05
 """Distance from the height of a rest at which the vehicle has left the ground, unless its height scatters more."""
 LONGEST_ROW_GAP_S = 10.0
 """Largest time between rows of one flight; after a longer gap the clock has jumped, or another flight begins."""
-TRIM_START_S, TRIM_END_S = 2.0, 1.0
+TRIM_START_S, TRIM_END_S = 2.0, 1.5
 """Times cut off at the beginning and end of each flight, for the take-off transient and the touchdown."""
 
 STEP_S, SMOOTHED_S = 0.1, 0.5
@@ -291,7 +291,8 @@ def _on_ground(log: FlightLog, drive: Floats | None, level: float, working: Mask
     # What is in contact stays so until it moves, or until nothing but the air carries it.
     may = still & flown & ((other[2] > HELD_M_S2) | (across > PUSHED_M_S2))
     contact = _grown(contact, may)
-    contact |= _grown(_beside(flown), may & (other[2] > HELD_M_S2))
+    carried_by_ground = may & (other[2] > HELD_M_S2)
+    contact |= _grown(_beside(flown) & (carried_by_ground | ~flown), carried_by_ground)
     return _at_rows(contact, grid, log.time_s)
 
 
@@ -353,9 +354,11 @@ def _grown(seed: Mask, may: Mask) -> Mask:
 
 
 def _beside(on: Mask) -> Mask:
-    """The last step before a flag is set, and the first after: what grows from there touches a rest."""
+    """The last step before a flag is set, the first after, and the ends of a log that begins or ends with it: what
+    grows from there touches a rest, or may."""
     off = ~on
     edge = np.zeros(len(on), dtype=bool)
+    edge[[0, -1]] = on[[0, -1]]
     edge[:-1] |= off[:-1] & on[1:]
     edge[1:] |= off[1:] & on[:-1]
     return edge

@@ -152,5 +152,5 @@ class TestCommand:
         (tmp_path / "out").write_text("a file")
         result = quadctl("report", raptor_path, tmp_path / "a.csv", "--paper", tmp_path / "out")
         assert result.status == 1
-        assert "cannot be written" in result.err
+        assert "is a file, expected a folder to write into" in result.err
         assert "Traceback" not in result.out + result.err

@@ -131,7 +131,7 @@ def test_nothing_is_used_from_the_moment_on_at_which_control_is_lost(
     (lost,) = of_kind(record.findings, Kind.OUT_OF_CONTROL)
     assert lost.figures["why"] == why
     assert lost.times_s[0][0] == pytest.approx(40.0, abs=0.1)
-    assert record.usable[-1][1] == pytest.approx(39.0, abs=0.2)
+    assert record.usable[-1][1] == pytest.approx(38.5, abs=0.2)
 
 
 @pytest.mark.parametrize(
