@@ -128,13 +128,14 @@ def _examined(log: FlightLog, side_force: bool) -> Record:
     usable_s = usable(flights, left_out)
     log, found = corrected_heading(log, usable_s)
     findings += found
+    contradicting = contradictions(log, side_force)
     log, found = delays.aligned(log, usable_s)
     findings += found
     disagree = witnesses.disagreements(log, source, usable_s)
     findings += witnesses.disagreement_findings(disagree)
     if any(one.odd == "imu" for one in disagree):
         log = replace(log, columns={name: values for name, values in log.columns.items() if name not in IMU})
-    obstacles = (*_lacking(log, source), *contradictions(log, side_force), *_too_little(log, source, flown, usable_s))
+    obstacles = (*_lacking(log, source), *contradicting, *_too_little(log, source, flown, usable_s))
     return Record(log, source, without(flights, left_out), usable_s, tuple(findings), obstacles)
 
 
