@@ -52,7 +52,7 @@ class Delay:
         """Tell whether it is there, beyond its error and beyond what matters."""
         low, high = self.range_s
         least = max(NOTABLE_S, self.interval_s)
-        if abs(float(np.median(self.delay_s))) < least and high - low < 2.0 * least:
+        if abs(float(np.median(self.delay_s))) < least and high - low < 1.5 * least:
             return False
         chi2 = float(np.sum((self.delay_s / self.error_s) ** 2))
         return chi2 > len(self.delay_s) + SIGMA * math.sqrt(2.0 * len(self.delay_s))

@@ -79,7 +79,7 @@ def flight_time(log: FlightLog, thrust_source: str | None) -> FlightTime:
     level = flown_drive(time_s, drive)
     working = np.ones(len(log), dtype=bool) if drive is None else _mostly(time_s, drive > WORKING_SHARE * level)
     working = _as_before(working, lost)
-    ground = _on_ground(log, drive, level, working)
+    ground = _on_ground(log, drive, level, working & ~lost)
     flights: list[Span] = []
     rests: list[tuple[float, float]] = []
     upside_down = False

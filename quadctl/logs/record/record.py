@@ -1,7 +1,7 @@
 """The one judgement of a record: what of it can be used, which seconds are flight, and why it cannot be analysed.
 
 Every command and the page ask `examine`. It reads what the log says of itself in the order in which each step needs the
-ones before: values that cannot be, rows that were drawn, jumps, the time in flight, channels that do not live, the
+ones before: rows that were drawn, values that cannot be, jumps, the time in flight, channels that do not live, the
 moment at which control is lost, clocks, and the witnesses of the acceleration against each other.
 """
 
@@ -98,10 +98,10 @@ def examine(log: FlightLog, side_force: bool = False) -> Record:
 
 def _examined(log: FlightLog, side_force: bool) -> Record:
     findings = list(log.findings)
-    log, found = channels.possible(log)
-    findings += found
     groups = {name: columns for name, columns in channel_groups(log).items() if name in MEASURED}
     log, found = interpolation.measured_rows(log, groups)
+    findings += found
+    log, found = channels.possible(log)
     findings += found
     log, spikes, steps = jumps.without_spikes(log)
     clock, steps = _clock_jumps(log, steps)
@@ -214,7 +214,7 @@ def _gaps(log: FlightLog, source: str | None, flights: tuple[Span, ...]) -> list
     spans: list[Span] = []
     ends = [float(log.time_s[0]), float(log.time_s[-1])]
     for columns in known.values():
-        updates = log.time_s[updates_of_any(log, columns)].tolist() if columns else []
+        updates = log.time_s[log.updates(*columns)].tolist() if columns else []  # a part that is missing is a gap
         at = [ends[0], *updates, ends[1]]
         spans += [(a, b) for a, b in itertools.pairwise(at) if b - a > longest_s]
     lost = without(flights, without(flights, spans))

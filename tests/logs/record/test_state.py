@@ -111,7 +111,11 @@ def test_a_heading_that_is_off_all_the_time_is_found_and_corrected(excited: Flig
         (lambda log: added(log, "roll_deg", 130.0 * during(log, 40.0, 90.0)), "upside down"),
         (lambda log: added(log, "pitch_cmd_deg", -40.0 * during(log, 40.0, 90.0)), "attitude not as commanded"),
         (
-            lambda log: having(log, motor3_output=np.where(during(log, 40.0, 90.0), 1.0, log["motor3_output"])),
+            lambda log: having(
+                log,
+                motor3_output=np.where(during(log, 40.0, 90.0), 1.0, log["motor3_output"]),
+                yaw_rate_rad_s=log["yaw_rate_rad_s"] + 4.0 * during(log, 41.5, 90.0),
+            ),
             "motor at its limit",
         ),
         (
@@ -137,6 +141,7 @@ def test_nothing_is_used_from_the_moment_on_at_which_control_is_lost(
 @pytest.mark.parametrize(
     "change",
     [
+        lambda log: having(log, motor3_output=np.where(during(log, 40.0, 46.0), 1.0, log["motor3_output"])),
         lambda log: added(log, "roll_deg", 130.0 * during(log, 40.0, 40.1)),
         lambda log: added(log, "pitch_cmd_deg", -40.0 * during(log, 40.0, 40.4)),
         lambda log: replace(log, meta={"events": [{"time_s": 40.0, "what": "Crash dump disabled"}]}),
