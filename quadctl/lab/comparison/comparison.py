@@ -69,6 +69,7 @@ class Comparison(Result):
             "open_loop": [errors.to_dict() for errors in self.open_loop],
             "fails_where": [failure.to_dict() for failure in self.fails_where],
             "agreement": None if self.agreement is None else self.agreement.to_dict(),
+            "record": self.dataset.record,
             "notes": [
                 *(f"{flight.name}: {note}" for flight in self.dataset.flights for note in flight.notes),
                 *values_of_other_flights(self.model, self.dataset.names),

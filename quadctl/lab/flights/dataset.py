@@ -4,7 +4,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from joblib import Parallel, delayed
@@ -191,6 +191,11 @@ class Dataset:
     @property
     def names(self) -> list[str]:
         return [flight.name for flight in self.flights]
+
+    @property
+    def record(self) -> dict[str, list[dict[str, Any]]]:
+        """Findings about the record of each flight, by its name, as they stand in JSON."""
+        return {flight.name: [found.to_dict() for found in flight.findings] for flight in self.flights}
 
     @cached_property
     def heights_m(self) -> tuple[float, float]:

@@ -94,6 +94,7 @@ class Diagnosis(Result):
             "samples": {"searched": self.searched, "all": len(self.dataset.targets) if self.dataset.flights else 0},
             "measured": [measured_to_dict(candidate) for candidate in self.measured],
             "timing": self.timing.to_dict(),
+            "record": self.dataset.record,
             "provenance": {
                 "version": __version__,
                 "logs": {flight.name: flight.sha256 for flight in self.dataset.flights},
