@@ -42,6 +42,7 @@ from quadctl.vehicle import load_vehicle
 from quadctl.web.live.history import Brief
 from quadctl.web.live.viewer import Viewer, live_view
 from studies.benchmarks.page import write_page
+from studies.serial_line import SerialLine
 
 ROOT = Path(__file__).parents[2]
 CONFIG = ROOT / "config/flight.yaml"
@@ -63,6 +64,7 @@ processes do not delay the simulated autopilot, which runs in a process of its o
   pause.
 - *Tick lateness*: delay of the start of a tick. For comparison: by how much a sleep of 20 ms was too long in another
   process during the same flight, and in the simplest possible loop.
+- *CPU of a flight over a serial line*: a pseudo-terminal, beside a flight of the same length over UDP.
 - *Compute of a tick in flight*: time from the state to the setpoint. *Tick to setpoint out* also includes reading the
   state and sending the setpoint. *State message in to setpoint out* also includes the time that the message waits for
   the next tick.
@@ -134,6 +136,7 @@ def _rows(seconds: float, minutes: float) -> Iterator[Row]:
         yield _percentiles(f"compute of a tick in flight, {load}", flight.compute_s, US, "p99", 300.0)
         yield _percentiles(f"tick to setpoint out, {load}", flight.out_s, MS, "p50", 1.0)
         yield _percentiles(f"state message in to setpoint out, {load}", flight.age_s, MS)
+    yield from _over_serial(seconds)
     flight = _flight(60.0 * minutes)
     what = f"CPU of the flight process over {minutes:g} min, of one core"
     yield Row(what, (f"{100.0 * flight.cpu:.1f} %",), "< 20 %", flight.cpu < 0.2)
@@ -142,6 +145,14 @@ def _rows(seconds: float, minutes: float) -> Iterator[Row]:
     what = f"growth of the memory of the flight process from the second tenth ({first:.1f} MB) to the last"
     yield Row(what, (f"{last - first:+.2f} MB",), "< 1 MB", bool(last - first < 1.0))
     yield Row(f"real-time settings of the flights: {flight.used}", ())
+
+
+def _over_serial(seconds: float) -> Iterator[Row]:
+    over_udp, over_serial = _flight(seconds), _flight(seconds, serial=True)
+    yield _percentiles("tick lateness, idle, over a serial line", over_serial.late_s, MS, "p99", 1.0)
+    shares = f"{100.0 * over_serial.cpu:.1f} % of a core against {100.0 * over_udp.cpu:.1f} %"
+    ratio = over_serial.cpu / over_udp.cpu
+    yield Row("CPU of a flight over a serial line, beside UDP", (f"{ratio:.2f} x", shares), "< 1.5 x", ratio < 1.5)
 
 
 # --- flights ---------------------------------------------------------------------------------------------------------
@@ -164,13 +175,19 @@ def _viewed() -> str:
     return "with --view and a browser on this machine" if CHROMIUM else "with --view"
 
 
-def _flight(seconds: float, burners: int = 0, view: bool = False) -> Flight:
-    """A hover of so many seconds, in a process of its own; with a live `view`, and a browser that shows it.
+def _flight(seconds: float, burners: int = 0, view: bool = False, serial: bool = False) -> Flight:
+    """A hover of so many seconds, in a process of its own; with a live `view`, and a browser that shows it; over a
+    `serial` line in the place of UDP.
 
     The burning processes begin in the air: nobody takes off on a machine that is as busy as that.
     """
-    with tempfile.TemporaryDirectory() as name, quadctl.sitl.run.mock_process(load_vehicle(RAPTOR), None, 1) as url:
+    with contextlib.ExitStack() as stack:
+        name = stack.enter_context(tempfile.TemporaryDirectory())
         folder = Path(name)
+        url = stack.enter_context(quadctl.sitl.run.mock_process(load_vehicle(RAPTOR), None, 1))
+        if serial:
+            line = stack.enter_context(SerialLine(folder / "tty", int(url.rpartition(":")[2])))
+            url = f"serial://{line.device}:921600"
         mission = folder / "hover.yaml"
         phases = [
             {"name": "takeoff", "kind": "move", "to_m": [0, 0, 0.6], "speed_m_s": 0.5},

@@ -21,9 +21,10 @@ from quadctl.sitl.rules.copter import Guided, SimulatedCopter
 from quadctl.sitl.rules.px4 import SimulatedAutopilot
 from quadctl.sitl.vehicle.hidden import load_hidden
 from quadctl.vehicle import load_vehicle
+from studies.serial_line import SerialLine
 from tests.support.commands import Result
 from tests.support.flight_process import Flight
-from tests.support.links import RAPTOR, TIMEOUT_S, Link, SerialLine, connected, free_port, meet_requirements, mock
+from tests.support.links import RAPTOR, TIMEOUT_S, Link, connected, free_port, meet_requirements, mock
 from tests.support.places import ROOT
 
 pytestmark = pytest.mark.realtime
@@ -101,6 +102,7 @@ def test_a_plug_pulled_in_flight_ends_in_a_landing_all_of_it_recorded(tmp_path: 
         assert wire.wait_until(lambda: copter.guided is Guided.LEVEL, TIMEOUT_S)  # its own failsafe
         line.plug()
         log, says = flight.ended()
+        assert line.least_read == 1  # set on the new device too
     assert re.search(r"the (position|attitude) is 1\.[0-2]\d s old, allowed are 1 s", says)
     assert copter.mode == "LAND"  # asked for again, once there was a line
     assert not copter.armed

@@ -1,7 +1,9 @@
 """The real MAVSDK against a PX4 on the wire: what the adapter reads, sends, and refuses to send."""
 
 import asyncio
+import errno
 import math
+import termios
 import threading
 from collections.abc import Awaitable, Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -21,13 +23,13 @@ from quadctl.sitl.vehicle.hidden import HiddenTruth
 from quadctl.sitl.vehicle.hidden import Telemetry as SimulatedTelemetry
 from quadctl.state import AttitudeTarget, VehicleState
 from quadctl.vehicle import Vehicle, load_vehicle
+from studies.serial_line import SerialLine
 from tests.support.links import (
     IDLE,
     LEVEL,
     RAPTOR,
     TIMEOUT_S,
     Link,
-    SerialLine,
     connected,
     free_port,
     hover_throttle,
@@ -198,8 +200,29 @@ def test_a_serial_link_carries_state_commands_and_targets(vehicle: Vehicle, tmp_
             await link.adapter.close()
 
     with SerialLine(tmp_path / "tty", port) as line, mock(SimulatedAutopilot(vehicle), port) as px:
-        asyncio.run(use(Link(px, MavsdkAutopilot(f"serial://{line.device}:921600", 4))))
+        adapter = MavsdkAutopilot(f"serial://{line.device}:921600", 4)
+        asyncio.run(use(Link(px, adapter)))
+        assert line.least_read == 1  # with 0, MAVSDK reads nothing without end
     assert px.autopilot.mode == "OFFBOARD"
+    assert adapter.warnings == []
+
+
+def test_a_serial_line_that_costs_a_core_is_a_warning(
+    vehicle: Vehicle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object) -> None:
+        raise termios.error(errno.EIO, "Input/output error")
+
+    port = free_port()
+    with SerialLine(tmp_path / "tty", port) as line, mock(SimulatedAutopilot(vehicle), port):
+        monkeypatch.setattr(termios, "tcsetattr", refuse)
+        adapter = MavsdkAutopilot(f"serial://{line.device}:921600", 4)
+        try:
+            asyncio.run(adapter.connect())
+        finally:
+            asyncio.run(adapter.close())
+    (warning,) = adapter.warnings
+    assert warning.startswith(f"{line.device} does not let reads wait for data (VMIN 1 cannot be set): ")
 
 
 def test_a_serial_device_that_is_not_there() -> None:

@@ -9,7 +9,8 @@ from quadctl.flight.autopilot import ports
 from quadctl.sitl.rules.copter import SimulatedCopter
 from quadctl.sitl.rules.px4 import SimulatedAutopilot
 from quadctl.vehicle import load_vehicle
-from tests.support.links import RAPTOR, SerialLine, free_port, mock
+from studies.serial_line import SerialLine
+from tests.support.links import RAPTOR, free_port, mock
 
 pytestmark = pytest.mark.realtime
 

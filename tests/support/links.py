@@ -1,14 +1,9 @@
 """Autopilots on the wire for the tests: a mock, an adapter connected to it, and the lines between them."""
 
 import asyncio
-import os
-import select
 import socket
-import threading
-import tty
 from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import asynccontextmanager, contextmanager, suppress
-from pathlib import Path
 
 from quadctl.flight.autopilot.ardupilot import ARDUPILOT
 from quadctl.flight.autopilot.mavlink import OWN_SYSTEM_ID
@@ -117,58 +112,3 @@ async def streaming(link: Link) -> AsyncIterator[Stick]:
         task.cancel()
         with suppress(asyncio.CancelledError):
             await task
-
-
-class SerialLine:
-    """A serial device that can be unplugged; what the autopilot sends to a UDP port comes out of it, and back."""
-
-    def __init__(self, device: Path, udp_port: int) -> None:
-        self.device = device
-        self._udp = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._udp.bind(("127.0.0.1", udp_port))
-        self._ends: tuple[int, int] | None = None
-        self._lock = threading.Lock()
-        self._stopping = threading.Event()
-        self._thread = threading.Thread(target=self._carry)
-        self.plug()
-
-    def plug(self) -> None:
-        with self._lock:
-            self._ends = os.openpty()
-            tty.setraw(self._ends[1])
-            os.set_blocking(self._ends[0], False)
-            self.device.symlink_to(os.ttyname(self._ends[1]))
-
-    def unplug(self) -> None:
-        with self._lock:
-            assert self._ends is not None
-            self.device.unlink()
-            for end in self._ends:
-                os.close(end)
-            self._ends = None
-
-    def __enter__(self) -> "SerialLine":
-        self._thread.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._stopping.set()
-        self._thread.join()
-        if self._ends is not None:
-            self.unplug()
-        self._udp.close()
-
-    def _carry(self) -> None:
-        peer = None
-        while not self._stopping.is_set():
-            ready = select.select([self._udp], [], [], 0.005)[0]
-            data, peer = self._udp.recvfrom(65536) if ready else (b"", peer)
-            with self._lock:
-                if self._ends is None:
-                    continue
-                line = self._ends[0]
-                if data:
-                    with suppress(BlockingIOError):  # nobody reads: as on a real line, it is lost
-                        os.write(line, data)
-                while peer is not None and select.select([line], [], [], 0.0)[0]:
-                    self._udp.sendto(os.read(line, 65536), peer)

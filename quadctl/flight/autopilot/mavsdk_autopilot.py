@@ -93,6 +93,7 @@ class MavsdkAutopilot:
     async def connect(self) -> None:
         """Open the link and wait for a heartbeat; raises LinkError when none comes."""
         await self._link.open(self._telemetry.messages, self._connect_timeout_s)
+        self.warnings += self._link.warnings
         if not await self._await(lambda: self._telemetry.autopilot != 0, HEARTBEAT_WAIT_S):
             raise LinkError(f"The autopilot at {self._link.url} went silent after its first heartbeat: check the link.")
         kind = self._telemetry.autopilot

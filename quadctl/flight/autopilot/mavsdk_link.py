@@ -27,7 +27,7 @@ from mavsdk.plugins.param import Param, ParamError, ParamResult
 from mavsdk.system import System
 
 from quadctl.errors import FlightError, LinkError
-from quadctl.flight.autopilot import udp_port
+from quadctl.flight.autopilot import serial_line, udp_port
 from quadctl.flight.autopilot.firmwares import FIRMWARES
 from quadctl.flight.autopilot.mavlink import MAV_COMP_ID_AUTOPILOT, OWN_SYSTEM_ID
 
@@ -51,6 +51,8 @@ class MavsdkLink:
         self.url = _checked(url)
         self.own_system_id = own_system_id
         self.system_id = 1
+        self.warnings: list[str] = []
+        """One sentence for each thing about the line that a flight can do without."""
         self.on_reopened: Callable[[], None] = lambda: None
         """Called on a thread of the link when a line that had gone silent speaks again."""
         self._receiver = receiver
@@ -83,6 +85,11 @@ class MavsdkLink:
             raise LinkError(f"The link {self.url} cannot be opened ({reason}): check {_advice(self.url)}.") from None
         if listens:
             udp_port.own(self.url)
+        if self._device and not serial_line.let_reads_wait(self._device):
+            self.warnings.append(
+                f"{self._device} does not let reads wait for data (VMIN 1 cannot be set): "
+                "listening takes a whole core of the processor."
+            )
         system = await _first_autopilot(mavsdk, timeout_s)
         if system is None:
             raise LinkError(
@@ -94,7 +101,7 @@ class MavsdkLink:
         for name in messages:
             self._direct.subscribe_message(name, self._receive)
         self._heard_s = time.monotonic()
-        if self.url.startswith("serial"):
+        if self._device:
             self._keeper.start()
 
     async def close(self) -> None:
@@ -163,6 +170,12 @@ class MavsdkLink:
 
     # --- inside ------------------------------------------------------------------------------------------------
 
+    @property
+    def _device(self) -> str:
+        """The serial device; empty for a link over the network."""
+        kind, _, address = self.url.partition("://")
+        return address.rpartition(":")[0] if kind == "serial" else ""
+
     def _opened(self, plugin: T | None) -> T:
         if plugin is None:
             raise LinkError(f"The link {self.url} is not open: connect first.")
@@ -195,6 +208,7 @@ class MavsdkLink:
                 self._handle = self._mavsdk.add_any_connection_with_handle(self.url)
             except MavsdkConnectionError:
                 continue
+            serial_line.let_reads_wait(self._device)
             self._closing.wait(SILENCE_S)  # for the first heartbeat
 
     def _destroy(self) -> None:
