@@ -3,9 +3,10 @@
 import errno
 import socket
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from dataclasses import dataclass
+from pathlib import Path
 from threading import Event
 
 import serial
@@ -35,7 +36,10 @@ USB_AUTOPILOTS = {
 }
 """Names by USB vendor of a flight controller's own USB port."""
 USB_ADAPTERS = {0x0403: "FTDI", 0x10C4: "Silicon Labs CP210x", 0x1A86: "WCH CH34x", 0x067B: "Prolific"}
-UARTS = {"ttyAMA": "UART of a Raspberry Pi", "serial": "UART of a Raspberry Pi", "ttyTHS": "UART of a Jetson"}
+DEV = Path("/dev")
+PINS = "serial0"
+"""Link, on a Raspberry Pi, to the UART on its pins: to ttyS0 where Bluetooth has the better one, else to ttyAMA0."""
+UARTS = {"ttyAMA": "UART of a Raspberry Pi", "ttyTHS": "UART of a Jetson"}
 """Names by the beginning of the device's name; a UART does not tell which device is wired to its pins."""
 
 
@@ -52,8 +56,13 @@ class Port:
 
 def serial_ports() -> list[Port]:
     """All serial ports, the likely ones first."""
-    found = [_described(info.device, info.vid, info.product or info.description) for info in list_ports.comports()]
-    return sorted(found, key=lambda port: (not port.likely, port.device))
+    found = {
+        info.device: _described(info.device, info.vid, info.product or info.description)
+        for info in list_ports.comports()
+    }
+    for device, what in _uarts():
+        found[device] = Port(device, what, likely=True)
+    return sorted(found.values(), key=lambda port: (not port.likely, port.device))
 
 
 def resolve(url: str, console: Console) -> str:
@@ -97,6 +106,14 @@ def find_autopilot(devices: Iterable[str], udp_port: int = UDP_PORT) -> str:
         f"No autopilot is heard at {', '.join(tried)}: check that it is powered, wired and sends MAVLink, "
         "or name the link with --link."
     )
+
+
+def _uarts() -> Iterator[tuple[str, str]]:
+    """UARTs that pyserial does not list, or whose names do not tell what they are; each by its own name."""
+    for device in sorted(DEV.glob("ttyTHS*")):
+        yield str(device), UARTS["ttyTHS"]
+    if (DEV / PINS).exists():
+        yield str((DEV / PINS).resolve()), f"UART on the pins of a Raspberry Pi ({PINS})"
 
 
 def _described(device: str, vendor: int | None, says: str) -> Port:
