@@ -61,6 +61,7 @@ def check(
     """Check whether a flight may begin: mission, vehicle, compensator, limits, and with --link the autopilot."""
     from quadctl.flight.autopilot.ports import resolve
     from quadctl.flight.preflight.check import check_flight
+    from quadctl.flight.preflight.computer import check_computer
     from quadctl.flight.preflight.findings import Verdict, of_verdict
     from quadctl.flight.preflight.inquiry import ask_autopilot
     from quadctl.flight.preflight.plan import read_flight
@@ -76,7 +77,7 @@ def check(
         overrides or (),
         vehicles[0] if vehicles else None,
     ).speaking_as(system_id)
-    findings = check_flight(plan)
+    findings = [*check_flight(plan), check_computer()]
     if link is not None:
         url = resolve(link, console)
         with console.status(f"listening to {url}"):

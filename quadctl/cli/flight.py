@@ -140,6 +140,8 @@ def fly(
 ) -> None:
     """Fly a mission on an autopilot, unless `check` refuses it. Ctrl-C lands."""
     from quadctl.flight.autopilot.ports import resolve
+    from quadctl.flight.preflight.computer import check_computer
+    from quadctl.flight.preflight.findings import Verdict
     from quadctl.flight.preflight.preparation import prepare_flight
     from quadctl.flight.session import Allowed, fly_real_time
 
@@ -159,6 +161,8 @@ def fly(
         )
     plan = prepare_flight(mission, configuration, model, offset_up, overrides or ()).speaking_as(system_id)
     _print_warnings(plan, simulated=sitl)
+    if not sitl and (computer := check_computer()).verdict is Verdict.WARNING:
+        print_warning(str(computer))
     with ExitStack() as stack:
         viewer = stack.enter_context(_viewer(plan, view_port, view_token)) if view else None
         if sitl:

@@ -18,6 +18,8 @@ PRIORITY = 20
 """Priority under SCHED_FIFO: above all ordinary processes, below the kernel's interrupt threads (50)."""
 SWITCH_INTERVAL_S = 0.0005
 """Longest time for which another thread (recorder, display) may keep the interpreter from the loop; by default 5 ms."""
+REAL_TIME_PRIORITY, MEMORY_LOCKED = f"SCHED_FIFO {PRIORITY}", "memory locked"
+"""Names of the means that a user has to be given the right to."""
 IDLE_STATES = Path("/dev/cpu_dma_latency")
 """Linux' interface for the longest time, an int32 in us, in which a processor may wake up, for as long as it is open
 (Linux kernel documentation, PM Quality of Service Interface)."""
@@ -49,10 +51,10 @@ def privileges() -> Iterator[tuple[str, ...]]:
             with contextlib.suppress(OSError):
                 os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
                 undo.callback(os.sched_setscheduler, 0, *before)
-                used.append(f"SCHED_FIFO {PRIORITY}")
+                used.append(REAL_TIME_PRIORITY)
         if _memory_locked():
             undo.callback(_libc().munlockall)
-            used.append("memory locked")
+            used.append(MEMORY_LOCKED)
         with contextlib.suppress(OSError):
             undo.callback(os.close, _kept_awake())
             used.append("processor kept awake")

@@ -1,0 +1,48 @@
+"""Check of the computer that flies: does it give the rights without which another program can delay a tick?"""
+
+import sys
+from pathlib import Path
+
+from quadctl.flight.preflight.findings import Finding, judged
+from quadctl.flight.realtime import MEMORY_LOCKED, PRIORITY, REAL_TIME_PRIORITY, privileges
+
+RIGHTS = {REAL_TIME_PRIORITY: "real-time priority", MEMORY_LOCKED: "locked memory"}
+CONTAINERS = (Path("/.dockerenv"), Path("/run/.containerenv"))
+"""Files by which Docker and Podman mark a container."""
+CGROUP = Path("/proc/self/cgroup")
+
+LIMITS = "/etc/security/limits.d/quadctl.conf"
+LOGIN = (
+    f"""`printf "$USER - %s\\n" "rtprio {PRIORITY}" "memlock unlimited" | sudo tee {LIMITS}`, """
+    "and a new login, give both"
+)
+SERVICE = f"`LimitRTPRIO={PRIORITY}` and `LimitMEMLOCK=infinity` in the service's unit give both"
+CONTAINER = f"`--ulimit rtprio={PRIORITY} --ulimit memlock=-1` of `docker run` gives both"
+
+
+def check_computer() -> Finding:
+    """Take the rights, and let go of them again; one that is refused is a warning with the line that gives it."""
+    with privileges() as used:
+        given = {means: means in used for means in RIGHTS}
+    text = ", ".join(f"{'' if given[means] else 'no '}{right}" for means, right in RIGHTS.items())
+    return judged(
+        "computer", text, warning=None if all(given.values()) else f"a busy computer delays ticks; {remedy()}"
+    )
+
+
+def remedy() -> str:
+    """One line that gives both rights, for where this process runs: limits of a login do not reach a service."""
+    if not sys.platform.startswith("linux"):
+        return "Linux gives both"
+    if any(mark.exists() for mark in CONTAINERS):
+        return CONTAINER
+    return SERVICE if _in_service() else LOGIN
+
+
+def _in_service() -> bool:
+    """True in a service of the system; a login has a scope, or a service of the user's own."""
+    try:
+        group = CGROUP.read_text().strip()
+    except OSError:
+        return False
+    return "/system.slice/" in group and group.endswith(".service")
