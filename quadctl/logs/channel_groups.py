@@ -1,5 +1,6 @@
 """Channels of a log: columns that arrive together."""
 
+import itertools
 import re
 from collections.abc import Sequence
 
@@ -24,6 +25,9 @@ GROUPS = {
     "reference": REFERENCE_COLUMNS,
 }
 """Columns of each channel, those of the motors left out."""
+IN_TURN = 0.2
+"""Share of the updates in which a neighbour is updated, too, over the share that chance would give, below which columns
+come in turn."""
 
 
 def channel_groups(log: FlightLog) -> dict[str, tuple[str, ...]]:
@@ -37,6 +41,20 @@ def channel_groups(log: FlightLog) -> dict[str, tuple[str, ...]]:
     known = {"time_s", *(column for columns in groups.values() for column in columns)}
     groups |= {column: (column,) for column in log.columns if column not in known}
     return {name: columns for name, columns in groups.items() if columns}
+
+
+def come_in_turn(log: FlightLog, columns: Sequence[str]) -> bool:
+    """Tell whether columns are updated one after the other, as by a bus that asks one motor at a time.
+
+    Columns that arrive together change together, though each may repeat a rounded value.
+    """
+    known = [column for column in columns if log.has(column)]
+    if len(known) < 2:
+        return False
+    changed = [set(log.updates(column).tolist()) for column in known]
+    any_of_them = len(set().union(*changed))
+    together = sum(len(a & b) for a, b in itertools.pairwise(changed)) / max(sum(map(len, changed[1:])), 1)
+    return together < IN_TURN * float(np.mean([len(own) for own in changed])) / max(any_of_them, 1)
 
 
 def updates_of_any(log: FlightLog, columns: Sequence[str]) -> NDArray[np.intp]:

@@ -227,6 +227,20 @@ def _reset(figures: _Figures, times_s: Sequence[Span]) -> str:
     return f"the estimator reset its {figures['of']}{by} at {instants(times_s)}{after}"
 
 
+def _attitude_read(figures: _Figures, _: Sequence[Span]) -> str:
+    order = figures["order"]
+    found = "those of the inverse rotation" if order == "inverse" else f"written in the order {order}, not z-y-x"
+    return f"the angles of the attitude are {found}, as the body rates show: read so"
+
+
+def _no_heading(figures: _Figures, _: Sequence[Span]) -> str:
+    what = "the course over the ground" if figures["course"] else "not the heading"
+    return (
+        f"yaw_deg is {what}: it turns otherwise than the body rates say in {figures['share']:.0%} of the time; the "
+        "heading is taken from the gyro, and its direction from the motion"
+    )
+
+
 def _out_of_control(figures: _Figures, times_s: Sequence[Span]) -> str:
     why = {
         "upside down": "the vehicle leans by more than 90 degrees",
@@ -239,12 +253,33 @@ def _out_of_control(figures: _Figures, times_s: Sequence[Span]) -> str:
 
 def _delay(figures: _Figures, _: Sequence[Span]) -> str:
     least, most = 1000.0 * figures["least_s"], 1000.0 * figures["most_s"]
+    if figures["of"] == "thrust":
+        return (
+            f"the rotors' signal has a clock of its own: it comes {least:.0f} to {most:.0f} ms after the motion, and "
+            "is put on its clock"
+        )
     what = "body rates and accelerometer" if figures["of"] == "imu" else "body rates"
     change = f"{least:.0f} to {most:.0f} ms" if most - least > 10.0 else f"{1000.0 * figures['median_s']:.0f} ms"
     wander = ", and wander within the flight" if most - least > 10.0 else ""
+    if figures.get("moved") == "attitude":
+        return (
+            f"the {what} come {change} after the {figures['behind']}{wander}, and so does the motion: the attitude is "
+            "early (is it a setpoint?), and is put on their clock"
+        )
     return (
         f"the {what} come {change} after the {figures['behind']}{wander}: put on its clock; the rotors' signal comes "
         "by a way of its own, which nothing checks as closely"
+    )
+
+
+def _lever_arm(figures: _Figures, _: Sequence[Span]) -> str:
+    sides = (("ahead of", "behind"), ("right of", "left of"), ("below", "above"))
+    ahead, right, below = (
+        f"{abs(arm):.2f} m {side[arm < 0.0]}" for arm, side in zip(figures["arm_m"], sides, strict=True)
+    )
+    return (
+        f"position and velocity are those of a point {ahead}, {right} and {below} the centre of mass (each +- "
+        f"{max(figures['std_m']):.2g} m; an antenna, a marker, the autopilot): what its turning adds is taken away"
     )
 
 
@@ -330,9 +365,15 @@ WORDS: dict[Kind, _Words] = {
     Kind.OWN_CORRECTION: _own_correction,
     Kind.STATE_INVALID: _invalid,
     Kind.RESET: _reset,
+    Kind.ATTITUDE_READ: _attitude_read,
+    Kind.NO_HEADING: _no_heading,
     Kind.HEADING_OFF: (
-        "the heading does not fit the motion: it is off by {by_deg:.1f} +- {std_deg:.1f} degrees (compass, or the axes "
-        "of a motion capture), and turned by as much"
+        "the heading does not fit the motion: it shows {by_deg:+.1f} +- {std_deg:.1f} degrees more than that (compass, "
+        "or the axes of a motion capture), and is turned back"
+    ),
+    Kind.HEADING_DRIFTS: (
+        "the heading drifts against the motion by {by_deg_s:+.3f} +- {std_deg_s:.3f} degrees per second, and is turned "
+        "back"
     ),
     Kind.LANE_SWITCH: lambda f, times: (
         f"the autopilot changed to another core of its estimator at {instants(times)}: the state is read from the one "
@@ -371,6 +412,16 @@ WORDS: dict[Kind, _Words] = {
         f"{f['channel']} follows a straight line {stretches(times)}: drawn by a program, not measured; left out there"
     ),
     Kind.DELAY: _delay,
+    Kind.BELOW_REST: (
+        "the vehicle flies at {lowest_m:.2f} m, below the {rest_m:.2f} m at which it stands: heights near the ground "
+        "are wrong (a barometer in the wash of the rotors, for example), and tell no ground effect"
+    ),
+    Kind.LEVER_ARM: _lever_arm,
+    Kind.LEVEL_STEP: lambda f, times: (
+        f"the attitude's level changes at {instants(times)} by {f['roll_deg']:.1f} degrees in roll and "
+        f"{f['pitch_deg']:.1f} in pitch, and the vehicle does not speed up to that side: the board or a marker "
+        f"slipped; what is {f['left_out']} is left out"
+    ),
     Kind.WITNESSES_DISAGREE: _disagree,
     Kind.ANOTHER_FACTOR: _another_factor,
     Kind.SWAPPED: _swapped,

@@ -12,6 +12,7 @@ from scipy.ndimage import median_filter
 from quadctl.effects.motor_lag import lagged
 from quadctl.errors import LogError
 from quadctl.lab.arrays import Floats
+from quadctl.logs.channel_groups import come_in_turn
 from quadctl.logs.columns import LATERAL_THROTTLE, LATERAL_THRUST, motor_columns, motor_of, rpm_columns
 from quadctl.logs.findings import Finding, Kind, finding
 from quadctl.logs.flight_log import ATTITUDE, IMU, POSITION, RATES, VELOCITY, FlightLog
@@ -164,6 +165,8 @@ def signals_of(log: FlightLog, vehicle: Vehicle, findings: list[Finding]) -> Sig
 
 def _without_spikes(channels: list[Channel], limit: float, what: str, findings: list[Finding]) -> list[Channel]:
     """Remove the updates in which one of the channels is further than `limit` from its running median."""
+    if any(len(channel.time_s) != len(channels[0].time_s) for channel in channels):  # they come in turn
+        return [kept for channel in channels for kept in _without_spikes([channel], limit, what, findings)]
     time, values = channels[0].time_s, np.array([channel.value for channel in channels])
     if not np.any(np.abs(np.diff(values)) > limit):
         return channels
@@ -186,9 +189,13 @@ def _rotorsignals_of(log: FlightLog, vehicle: Vehicle) -> tuple[list[Channel], s
                 f"expected {vehicle.n_rotors} as the vehicle '{vehicle.name}' has"
             )
         names = rpm_columns(vehicle.n_rotors)
+        k = vehicle.rotor.thrust_n_per_rpm2
+        if come_in_turn(log, names):
+            own = [log.updates(name) for name in names]
+            turning = zip(names, own, strict=True)
+            return [Channel(log.time_s[at], k * log[name][at] ** 2) for name, at in turning], ROTOR_SPEED
         rows = updates_of(log, names)
-        k, time_s = vehicle.rotor.thrust_n_per_rpm2, log.time_s[rows]
-        return [Channel(time_s, k * log[name][rows] ** 2) for name in names], ROTOR_SPEED
+        return [Channel(log.time_s[rows], k * log[name][rows] ** 2) for name in names], ROTOR_SPEED
     curve, n = vehicle.throttle, vehicle.n_rotors
     outputs = motor_columns(n, "output")
     last = max((motor_of(name) or 0 for name in log.columns if name.endswith("_output") and log.has(name)), default=0)

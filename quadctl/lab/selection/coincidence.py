@@ -1,4 +1,5 @@
-"""Effects that begin at a moment at which something else of the flight or of the record changes, too.
+"""Effects that the record of these flights cannot tell: those that begin at a moment at which something else of the
+flight or of the record changes, too, and those of a height that is wrong.
 
 A load or a damage is a step in time, and so is anything that goes with speed or tilt in a flight whose regime changes
 once. It is told from these only where the flight was in the same regime before and after, and where the record itself
@@ -12,6 +13,7 @@ from quadctl.effects.onset import Sudden
 from quadctl.lab.arrays import Floats
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.flights.flight import Flight
+from quadctl.logs.findings import Kind, of_kind
 
 NEAR_S = 2.0
 """Time within which a change of the record coincides with a moment."""
@@ -20,6 +22,12 @@ LEAST_OVERLAP = 0.25
 SPEED_M_S, TILT_DEG, BINS = 0.5, 2.0, 8
 """Least width of a range of speeds and of tilts that count as the same, and the number of ranges that the flight's
 largest are divided into."""
+
+
+def is_of_wrong_height(effect: Effect, dataset: Dataset) -> bool:
+    """Tell whether an effect goes with a height above the ground that the record shows to be wrong."""
+    by_height = "height_over_radius" in effect.depends_on
+    return by_height and any(of_kind(flight.findings, Kind.BELOW_REST) for flight in dataset.flights)
 
 
 def coincides(effect: Effect, dataset: Dataset) -> bool:

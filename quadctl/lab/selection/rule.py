@@ -15,7 +15,7 @@ from quadctl.lab.fitting.significance import difference_p_value
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.flights.prediction import GROUPS, MOMENTS
 from quadctl.lab.selection.candidate import LEAST_ERROR, Candidate
-from quadctl.lab.selection.coincidence import coincides
+from quadctl.lab.selection.coincidence import coincides, is_of_wrong_height
 from quadctl.model import Model
 
 # --- there at all -----------------------------------------------------------------------------------------------------
@@ -352,5 +352,7 @@ def indistinct(model: Model, dataset: Dataset) -> set[str]:
     return {
         effect.name
         for effect in model.acting
-        if not effect.distinct(flights, model.vehicle) or coincides(effect, dataset)
+        if not effect.distinct(flights, model.vehicle)
+        or coincides(effect, dataset)
+        or is_of_wrong_height(effect, dataset)
     }

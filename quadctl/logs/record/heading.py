@@ -5,7 +5,7 @@ by that angle; drag and a steady wind change the size of the acceleration, not i
 """
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -22,6 +22,8 @@ SIGMA = 5.0
 """Standard errors by which a heading must be off to be corrected."""
 FITS = 0.4
 """Share of a reset within which a side fits the motion."""
+WINDOW_S, LEAST_WINDOWS = 20.0, 4
+"""Length of the windows in which the heading of a flight is told, and least number of them that tells a drift."""
 ENOUGH_S = 20.0
 """Time in flight after a reset from which on the part before it is not needed."""
 
@@ -45,7 +47,7 @@ def heading_error(log: FlightLog, spans: tuple[Span, ...]) -> HeadingError:
     """Error of the heading within some stretches of time, by regression of the acceleration on the thrust's lean."""
     if not all(log.has(name) for name in (*VELOCITY, *ATTITUDE)):
         return UNKNOWN
-    parts = [_directions(log, span) for span in spans if span[1] - span[0] > 4.0 * INDEPENDENT_S]
+    parts = [directions(log, span) for span in spans if span[1] - span[0] > 4.0 * INDEPENDENT_S]
     if not parts:
         return UNKNOWN
     acceleration, lean, velocity = (np.concatenate(columns) for columns in zip(*parts, strict=True))
@@ -96,14 +98,57 @@ def with_one_heading(
     return replace(log, columns={**log.columns, "yaw_deg": yaw}), told, cut
 
 
-def corrected_heading(log: FlightLog, spans: tuple[Span, ...]) -> tuple[FlightLog, list[Finding]]:
-    """The log with the heading that fits its motion, and the finding where that is another than it says."""
+def corrected_heading(log: FlightLog, spans: tuple[Span, ...], logged: bool = True) -> tuple[FlightLog, list[Finding]]:
+    """The log with the heading that fits its motion, and the finding where that is another than it says.
+
+    `logged` is False where the heading has no direction of its own yet.
+    """
+    drift = _drift(log, spans)
+    if drift is not None:
+        log = _turned(log, drift.slope_deg_s * (log.time_s - drift.since_s))
     error = heading_error(log, spans)
-    if not error.is_told or abs(error.angle_deg) < max(MATTERS_DEG, SIGMA * error.std_deg):
+    off = error.is_told and abs(error.angle_deg) > max(MATTERS_DEG, SIGMA * error.std_deg)
+    if off or (error.is_told and (drift is not None or not logged)):
+        log = _turned(log, error.angle_deg)
+    if not logged:
         return log, []
-    yaw = _turn(log["yaw_deg"] + error.angle_deg)
-    told = finding(Kind.HEADING_OFF, by_deg=error.angle_deg, std_deg=error.std_deg)
-    return replace(log, columns={**log.columns, "yaw_deg": yaw}), [told]
+    if drift is not None:
+        return log, [finding(Kind.HEADING_DRIFTS, by_deg_s=-drift.slope_deg_s, std_deg_s=drift.std_deg_s)]
+    return log, [finding(Kind.HEADING_OFF, by_deg=-error.angle_deg, std_deg=error.std_deg)] if off else []
+
+
+def _turned(log: FlightLog, by_deg: Any) -> FlightLog:
+    return replace(log, columns={**log.columns, "yaw_deg": _turn(log["yaw_deg"] + by_deg)})
+
+
+class _Drift(NamedTuple):
+    """Growth of the angle to the motion, with the standard error of its slope."""
+
+    since_s: float
+    slope_deg_s: float
+    std_deg_s: float
+
+
+def _drift(log: FlightLog, spans: tuple[Span, ...]) -> _Drift | None:
+    """Drift of the heading; None where the angle to the motion does not grow."""
+    windows = [
+        (begin, min(begin + WINDOW_S, b)) for a, b in spans for begin in np.arange(a, b - 0.5 * WINDOW_S, WINDOW_S)
+    ]
+    told = [(0.5 * (a + b), heading_error(log, ((a, b),))) for a, b in windows]
+    told = [(time_s, error) for time_s, error in told if error.is_told]
+    if len(told) < LEAST_WINDOWS:
+        return None
+    time_s = np.array([time for time, _ in told])
+    angle = np.degrees(np.unwrap(np.radians([error.angle_deg for _, error in told])))
+    weight = np.array([1.0 / error.std_deg**2 for _, error in told])
+    since_s = float(np.average(time_s, weights=weight))
+    spread = float(np.sum(weight * (time_s - since_s) ** 2))
+    slope = float(np.sum(weight * (time_s - since_s) * angle)) / spread
+    left = angle - np.average(angle, weights=weight) - slope * (time_s - since_s)
+    scatter = max(1.0, float(np.sum(weight * left**2)) / (len(told) - 2))
+    std = float(np.sqrt(scatter / spread))
+    grows = abs(slope) > SIGMA * std and abs(slope) * float(time_s[-1] - time_s[0]) > MATTERS_DEG
+    return _Drift(since_s, slope, std) if grows else None
 
 
 def cut_to(spans: tuple[Span, ...], begin_s: float, end_s: float) -> tuple[Span, ...]:
@@ -116,7 +161,7 @@ def is_of_heading(found: Finding) -> bool:
     return found.kind == Kind.RESET and found.figures["of"] == "heading"
 
 
-def _directions(log: FlightLog, span: Span) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def directions(log: FlightLog, span: Span) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Horizontal acceleration, lean of the thrust times gravity, and velocity, as complex numbers north + i east."""
     grid = np.arange(span[0], span[1], STEP_S)
     north_east = [averaged(on_clock(grid, log, name), SMOOTHED_STEPS) for name in VELOCITY[:2]]

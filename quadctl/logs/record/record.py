@@ -11,17 +11,27 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from quadctl.logs.channel_groups import GROUPS, channel_groups, updates_of_any
+from quadctl.logs.channel_groups import GROUPS, channel_groups, come_in_turn, updates_of_any
 from quadctl.logs.contradictions import contradictions
 from quadctl.logs.events import MODE, events_of
 from quadctl.logs.findings import Finding, Kind, Span, finding, of_kind
 from quadctl.logs.flight_log import IMU, FlightLog, Floats
-from quadctl.logs.record import channels, delays, flight_time, interpolation, jumps, witnesses
+from quadctl.logs.record import (
+    attitude_reading,
+    channels,
+    delays,
+    flight_time,
+    interpolation,
+    jumps,
+    level,
+    lever_arm,
+    witnesses,
+)
 from quadctl.logs.record.control import out_of_control
-from quadctl.logs.record.flight_time import THRUST_SOURCES, FlightTime, total, usable, without
-from quadctl.logs.record.heading import corrected_heading, is_of_heading, with_one_heading
+from quadctl.logs.record.flight_time import THRUST_SOURCES, FlightTime, total, usable, within, without
+from quadctl.logs.record.heading import corrected_heading, heading_error, is_of_heading, with_one_heading
 
-MIN_RATE_HZ = 2.5
+MIN_RATE_HZ = 2.4
 """Least update rate of the slowest channel; below it, motion between the updates would look like an unexplained
 force."""
 MIN_FLIGHT_S = 10.0
@@ -49,6 +59,8 @@ SAME_RESET_S = 0.5
 """Time within which what is said and what is seen of a reset are the same one."""
 GROUND_MOVED_M = 0.3
 """Least difference of the heights of the ground before and after a flight that is told."""
+BELOW_REST_M, LOWEST_PERCENT = 0.04, 0.5
+"""Least depth below the height at rest that is told, and the share of the flight that may be as low."""
 ENDS_S = 0.5
 """A flight that ends so near the end of the log was not over."""
 REJECTED_AT_MOST = 0.5
@@ -103,6 +115,8 @@ def _examined(log: FlightLog, side_force: bool) -> Record:
     findings += found
     log, found = channels.possible(log)
     findings += found
+    log, found = attitude_reading.read_rightly(log)
+    findings += found
     log, spikes, steps = jumps.without_spikes(log)
     clock, steps = _clock_jumps(log, steps)
     findings += clock
@@ -126,17 +140,33 @@ def _examined(log: FlightLog, side_force: bool) -> Record:
         findings = [turned if found is heading else found for found in findings]
         left_out += cut
     usable_s = usable(flights, left_out)
-    log, found = corrected_heading(log, usable_s)
+    logged = not of_kind(findings, Kind.NO_HEADING)
+    log, found = corrected_heading(log, usable_s, logged)
     findings += found
     contradicting = contradictions(log, side_force)
-    log, found = delays.aligned(log, usable_s)
+    log, found = _of_one_motion(log, source, usable_s)
     findings += found
+    cut, found = level.of_one_level(log, usable_s)
+    findings += found
+    left_out += cut
+    usable_s = usable(flights, left_out)
     disagree = witnesses.disagreements(log, source, usable_s)
     findings += witnesses.disagreement_findings(disagree)
     if any(one.odd == "imu" for one in disagree):
         log = replace(log, columns={name: values for name, values in log.columns.items() if name not in IMU})
-    obstacles = (*_lacking(log, source), *contradicting, *_too_little(log, source, flown, usable_s))
+    lacking = _lacking(log, source)
+    if not (logged or heading_error(log, usable_s).is_told):
+        lacking.append(finding(Kind.LACKS, of="heading", column=False))
+    obstacles = (*lacking, *contradicting, *_too_little(log, source, flown, usable_s))
     return Record(log, source, without(flights, left_out), usable_s, tuple(findings), obstacles)
+
+
+def _of_one_motion(log: FlightLog, source: str | None, usable_s: tuple[Span, ...]) -> tuple[FlightLog, list[Finding]]:
+    """The log with all channels on one clock and of one point of the body."""
+    log, of_rates = delays.aligned(log, usable_s)
+    log, of_rotors = delays.rotors_aligned(log, source, usable_s)
+    log, of_point = lever_arm.at_centre_of_mass(log, source, usable_s)
+    return log, [*of_rates, *of_rotors, *of_point]
 
 
 def thrust_source_of(log: FlightLog) -> str | None:
@@ -153,10 +183,26 @@ def _of_ground(log: FlightLog, flown: FlightTime) -> list[Finding]:
             found.append(finding(Kind.GROUND_MOVED, [(before_s, after_s)], before_m=before_m, after_m=after_m))
     if flown.on_ground:
         found.append(finding(Kind.ON_GROUND, flown.on_ground))
+    found += _below_rest(log, flown)
     ends_s = max(ENDS_S, 2.0 * float(np.median(np.diff(log.time_s)))) if len(log) > 1 else ENDS_S
     if flown.flights and flown.flights[-1][1] > log.time_s[-1] - ends_s:
         found.append(finding(Kind.ENDS_IN_AIR, [flown.flights[-1][1:] * 2]))
     return found
+
+
+def _below_rest(log: FlightLog, flown: FlightTime) -> list[Finding]:
+    """Finding on heights in flight that are below those at which the vehicle stands before and after."""
+    if not (flown.rests_up_m and log.has("z_m")):
+        return []
+    rest_m = min(height for _, height in flown.rests_up_m)
+    heights = log["z_m"][within(log.time_s, usable(flown.flights, flown.on_ground))]
+    heights = heights[np.isfinite(heights)]
+    if len(heights) == 0:
+        return []
+    lowest_m = float(np.percentile(heights, LOWEST_PERCENT))
+    if lowest_m > rest_m - BELOW_REST_M:
+        return []
+    return [finding(Kind.BELOW_REST, lowest_m=lowest_m, rest_m=rest_m)]
 
 
 def _with_resets(findings: list[Finding], steps: Sequence[jumps.Jump], flights: tuple[Span, ...]) -> list[Finding]:
@@ -264,8 +310,9 @@ def _whole(log: FlightLog) -> Iterator[Span]:
 
 
 def mean_rate_hz(log: FlightLog, columns: Sequence[str], spans: Sequence[Span]) -> float:
-    """Mean number of updates per second within some stretches of time."""
-    return sum(map(len, _updates_within(log, columns, spans))) / max(total(spans), 1e-9)
+    """Mean number of updates per second within some stretches of time; of columns that come in turn, of the slowest."""
+    sets = [[column] for column in columns] if come_in_turn(log, columns) else [columns]
+    return min(sum(map(len, _updates_within(log, own, spans))) for own in sets) / max(total(spans), 1e-9)
 
 
 def usual_rate_hz(log: FlightLog, columns: Sequence[str], spans: Sequence[Span]) -> float:
@@ -273,7 +320,8 @@ def usual_rate_hz(log: FlightLog, columns: Sequence[str], spans: Sequence[Span])
 
     An update that is lost, or that repeats a rounded value, lowers the mean rate but not this one.
     """
-    steps = np.concatenate([np.zeros(0), *map(np.diff, _updates_within(log, columns, spans))])
+    own = columns[:1] if come_in_turn(log, columns) else columns
+    steps = np.concatenate([np.zeros(0), *map(np.diff, _updates_within(log, own, spans))])
     return float(1.0 / np.median(steps)) if len(steps) else 0.0
 
 
