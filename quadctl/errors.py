@@ -17,5 +17,9 @@ class FlightError(QuadctlError):
     """A flight could not begin or had to end early."""
 
 
+class RefusalError(FlightError):
+    """The autopilot answered a request with a refusal, and did nothing."""
+
+
 class LinkError(FlightError):
     """The autopilot does not answer."""

@@ -68,9 +68,14 @@ def _carry_out(request: Request, autopilot: SimulatedAutopilot, pilot: Pilot) ->
     elif request is Request.TAKE_OFF:
         refusal = autopilot.request_take_off(pilot.take_off_m)
     else:
-        refusal = autopilot.request_mode(autopilot.offboard_mode if request is Request.OFFBOARD else request.name)
+        refusal = autopilot.request_mode(_mode_of(request, autopilot))
     if refusal is not None:
         pilot.request_failed(request, f"the simulated autopilot refused to {request.value}: {refusal}")
+
+
+def _mode_of(request: Request, autopilot: SimulatedAutopilot) -> str:
+    modes = {Request.OFFBOARD: autopilot.offboard_mode, Request.LEAVE_OFFBOARD: autopilot.first_mode}
+    return modes.get(request, request.name)
 
 
 @contextmanager

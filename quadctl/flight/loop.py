@@ -12,7 +12,7 @@ import signal
 import time
 from collections.abc import Callable, Iterator, Sequence
 
-from quadctl.errors import FlightError
+from quadctl.errors import FlightError, RefusalError
 from quadctl.flight.autopilot.port import Autopilot
 from quadctl.flight.pilot.pilot import Pilot
 from quadctl.flight.pilot.tick import Request, Stage, Tick
@@ -21,7 +21,7 @@ from quadctl.state import AttitudeTarget
 Listener = Callable[[Tick], None]
 
 LAST_WORD_S = 3.0
-LANDING_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+LANDING_SIGNALS = [number for number in signal.Signals if number.name in ("SIGINT", "SIGTERM", "SIGHUP")]
 
 
 async def fly(autopilot: Autopilot, pilot: Pilot, rate_hz: float, listeners: Sequence[Listener]) -> None:
@@ -74,6 +74,8 @@ async def _carry_out(request: Request, autopilot: Autopilot, pilot: Pilot) -> No
     try:
         if request is Request.OFFBOARD:
             await autopilot.start_offboard()
+        elif request is Request.LEAVE_OFFBOARD:
+            await autopilot.leave_offboard()
         elif request is Request.CHECKS:
             await autopilot.run_checks()
         elif request is Request.ARM:
@@ -83,7 +85,7 @@ async def _carry_out(request: Request, autopilot: Autopilot, pilot: Pilot) -> No
         else:
             await autopilot.land()
     except FlightError as error:
-        pilot.request_failed(request, str(error))
+        pilot.request_failed(request, str(error), refused=isinstance(error, RefusalError))
 
 
 @contextlib.contextmanager

@@ -106,8 +106,11 @@ class Watch:
         assert not (theirs and tick.requests), "it takes the mode back"
         if tick.stage in (Stage.RELEASED, Stage.DONE):
             assert not tick.requests
+        if tick.stage in FLIGHT_STAGES:
+            assert Request.ARM not in tick.requests
         self.requests += tick.requests
-        once = [request for request in self.requests if request not in (Request.LAND, Request.CHECKS)]
+        repeated = (Request.LAND, Request.CHECKS, Request.ARM)
+        once = [request for request in self.requests if request not in repeated]
         assert len(set(once)) == len(once), "it asks twice"
         if tick.output is not None:
             integral = tick.output.memory.velocity

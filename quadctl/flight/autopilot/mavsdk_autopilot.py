@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 
-from quadctl.errors import FlightError, LinkError
+from quadctl.errors import FlightError, LinkError, RefusalError
 from quadctl.flight.autopilot import mavlink, round_trips
 from quadctl.flight.autopilot.firmware import Check, Firmware, Renamed, Requirement, Stream
 from quadctl.flight.autopilot.firmwares import FIRMWARES
@@ -55,6 +55,8 @@ class MavsdkAutopilot:
         """Parameters of the firmware's thrust chain that it has told."""
         self._newer: dict[str, Renamed] = {}
         """Newer names that this autopilot has for parameters, by the older ones."""
+        self._mode_before = ""
+        """Mode that it was in before offboard was asked for."""
         self._link.on_reopened = self._ask_again
         self._start_s = time.monotonic()
         self._closing = threading.Event()
@@ -188,7 +190,13 @@ class MavsdkAutopilot:
 
     async def start_offboard(self) -> None:
         """Enter the mode that follows our targets."""
+        self._mode_before = self._telemetry.mode
         await self._enter(self._firmware.offboard_mode)
+
+    async def leave_offboard(self) -> None:
+        """Enter the mode that it was in before, or its hold mode where that is not known."""
+        known = self._mode_before in self._firmware.modes.keys() - {self._firmware.offboard_mode}
+        await self._enter(self._mode_before if known else self._firmware.hold_mode)
 
     async def take_off(self, height_m: float) -> None:
         """Have the armed autopilot climb to `height_m` above where it stands; returns when it has accepted."""
@@ -337,7 +345,7 @@ class MavsdkAutopilot:
         result = await self._link.run(lambda: self._link.command(command, *parameters, what=what))
         if result != mavlink.ACCEPTED:
             reasons = "; ".join([mavlink.result_name(result), *await self._reasons(asked_s)])
-            raise FlightError(f"{self.description} refused to {what}: {reasons}.")
+            raise RefusalError(f"{self.description} refused to {what}: {reasons}.")
         if not await self._await(until, HEARTBEAT_WAIT_S):
             raise FlightError(
                 f"{self.description} accepted to {what}, but no heartbeat shows it within {HEARTBEAT_WAIT_S:g} s."

@@ -82,6 +82,10 @@ class Autopilot(Protocol):
         """Enter the mode that follows our targets; where the targets lift off, a stream of them must be running."""
         ...
 
+    async def leave_offboard(self) -> None:
+        """Enter the mode that it was in before `start_offboard`, on the ground and disarmed."""
+        ...
+
     async def take_off(self, height_m: float) -> None:
         """Begin to climb to `height_m` above the ground it stands on."""
         ...

@@ -26,6 +26,10 @@ CHECKS_EVERY_S = 5.0
 REASONS_S = 10.0
 """Largest age of the texts that may be those reasons."""
 START_TIMEOUT_S = 8.0
+ARM_AGAIN_S = 1.0
+"""Time after which a refused arming is asked for again: PX4 checks offboard up to 0.6 s after it has entered it."""
+STAND_DOWN_S = 2.0
+"""Longest wait for the autopilot to leave offboard after a start that was given up."""
 CLIMB_TIMEOUT_S = 20.0
 CLIMBED_SHARE, CLIMBED_M_S = 0.9, 0.2
 """Share of the height, and vertical speed, at which the autopilot's own take-off counts as finished."""
@@ -71,10 +75,13 @@ class Pilot:
         self._texts: tuple[StatusText, ...] = ()
         self._gone = False
         self._checks_asked_s = -math.inf
+        self._arm_refused: tuple[float, str] | None = None
+        """Time and reason of the last refusal to arm."""
         self._steps: dict[Stage, _Step] = {
             Stage.WAIT: self._wait,
             Stage.STREAM: self._stream,
             Stage.START: self._start,
+            Stage.STAND_DOWN: self._stand_down,
             Stage.SPOOL_UP: self._spool_up,
             Stage.CLIMB: self._climb,
             Stage.FLY: self._fly,
@@ -120,14 +127,22 @@ class Pilot:
         self._watch.want_land = self._watch.want_land or reason
         self._landing.let_go(reason)
 
-    def request_failed(self, request: Request, reason: str) -> None:
-        """Note that the autopilot refused a request: a refused start ends the flight, a refused landing the targets."""
-        if request is Request.CHECKS:
+    def request_failed(self, request: Request, reason: str, refused: bool = True) -> None:
+        """Note that a request failed; `refused`: by an answer, so that nothing was done.
+
+        A refused arming is asked for again for some seconds, any other failure of a start ends the flight, and a failed
+        landing the targets.
+        """
+        if request in (Request.CHECKS, Request.LEAVE_OFFBOARD):
             return
-        if request is not Request.LAND:
+        if request is Request.LAND:
+            if self.stage is Stage.LAND:
+                self._landing.refused(reason)
+        elif request is Request.ARM and refused:
+            self._watch.arm_asked = False
+            self._arm_refused = self._progress.now_s, reason
+        else:
             self._watch.refusal = reason
-        elif self.stage is Stage.LAND:
-            self._landing.refused(reason)
 
     def fail(self, reason: str) -> None:
         """Note that a target could not be sent: no more targets, and the autopilot lands."""
@@ -177,7 +192,7 @@ class Pilot:
     # --- stages: (state, time since the last tick) ---------------------------------------------------------------
 
     def _wait(self, state: VehicleState, dt: float) -> Decision:
-        problem = self._watch.defect(state)
+        problem = self._watch.unready(state) or self._watch.defect(state)
         if problem is None and not state.armed:
             problem = self._watch.unsettled(state)
         allowed_s = patience_s(state)
@@ -189,7 +204,8 @@ class Pilot:
             self._steering.start_at(state)
             self._progress.enter(Stage.STREAM)
         elif self._progress.in_stage_s > allowed_s:
-            problem = "; ".join([problem, *self._reasons(state)])
+            reasons = [] if state.ready_to_arm else self._reasons(state)
+            problem = "; ".join([problem, *reasons])
             self._progress.end(f"no usable state came from the autopilot in {allowed_s:g} s: {problem}")
         elif not state.ready_to_arm and self._progress.now_s - self._checks_asked_s > CHECKS_EVERY_S:
             self._checks_asked_s = self._progress.now_s
@@ -197,7 +213,8 @@ class Pilot:
         return _NOTHING
 
     def _stream(self, state: VehicleState, dt: float) -> Decision:
-        problem = "somebody else armed the vehicle" if state.armed else self._watch.objection(state)
+        problem = self._watch.objection(state) or self._watch.unready(state)
+        problem = "somebody else armed the vehicle" if state.armed else problem
         if problem is not None:  # nothing has been asked for yet, so there is nothing to undo
             self._progress.end(problem)
             return _NOTHING
@@ -213,13 +230,9 @@ class Pilot:
         self._offboard_seen = state.offboard
         problem = self._watch.objection(state)
         if problem is None and self._progress.in_stage_s > START_TIMEOUT_S:
-            problem = (
-                f"the autopilot did not get ready in {START_TIMEOUT_S:g} s: "
-                f"armed is {state.armed}, mode is {state.mode or 'unknown'}, expected {state.offboard_mode}"
-            )
+            problem = self._why_not_started(state)
         if problem is not None and not (state.armed or self._watch.arm_asked):
-            self._progress.end(problem)
-            return _NOTHING
+            return self._give_up(problem, state)
         if problem is not None:  # it may be armed by now: see to it that it is disarmed
             return self._landing.answer(Breach(Answer.HAND_OVER, problem), state)
         if state.armed:
@@ -232,9 +245,14 @@ class Pilot:
             return self._idle((Request.TAKE_OFF,))
         if state.offboard and not self._watch.arm_asked:
             # Not before: armed in another mode, the vehicle would follow that mode's idea of a take-off.
-            self._watch.arm_asked = True
-            return self._idle((Request.ARM,))
+            return self._idle(self._ask_to_arm())
         return self._idle()
+
+    def _stand_down(self, state: VehicleState, dt: float) -> Decision:
+        """One tick of STAND_DOWN: nothing is sent, and the flight ends when offboard has been left."""
+        if not state.offboard or state.armed or self._progress.in_stage_s > STAND_DOWN_S:
+            self._progress.enter(Stage.DONE)
+        return _NOTHING
 
     def _spool_up(self, state: VehicleState, dt: float) -> Decision:
         breach = self._breach(state)
@@ -288,6 +306,37 @@ class Pilot:
 
     # --- inside --------------------------------------------------------------------------------------------------
 
+    def _ask_to_arm(self) -> tuple[Request, ...]:
+        """Request to arm; after a refusal the reasons are asked for, and it is repeated when its time has come."""
+        if self._arm_refused is None:
+            self._watch.arm_asked = True
+            return (Request.ARM,)
+        refused_s, now_s = self._arm_refused[0], self._progress.now_s
+        if self._checks_asked_s < refused_s:
+            self._checks_asked_s = now_s
+            return (Request.CHECKS,)
+        if now_s - refused_s < ARM_AGAIN_S:
+            return ()
+        self._watch.arm_asked = True
+        return (Request.ARM,)
+
+    def _why_not_started(self, state: VehicleState) -> str:
+        if self._arm_refused is None:
+            return (
+                f"the autopilot did not get ready in {START_TIMEOUT_S:g} s: "
+                f"armed is {state.armed}, mode is {state.mode or 'unknown'}, expected {state.offboard_mode}"
+            )
+        refusal = self._arm_refused[1].rstrip(".")
+        return "; ".join([refusal, *(reason for reason in self._reasons(state) if reason not in refusal)])
+
+    def _give_up(self, reason: str, state: VehicleState) -> Decision:
+        """End a flight before anything was armed, out of offboard again if it was entered for it."""
+        self._progress.end(reason)
+        if not state.offboard:
+            return _NOTHING
+        self._progress.enter(Stage.STAND_DOWN)
+        return Decision(requests=(Request.LEAVE_OFFBOARD,))
+
     def _breach(self, state: VehicleState) -> Breach | None:
         """Breach because of which the flight must not go on, or None; a wish to land counts."""
         wish = self._watch.want_land
@@ -326,9 +375,7 @@ class Pilot:
         return new
 
     def _reasons(self, state: VehicleState) -> list[str]:
-        """Latest warnings and errors of an autopilot that is not ready, each once, and its other reasons."""
-        if state.ready_to_arm:
-            return []
+        """Latest warnings and errors of an autopilot that does not arm, each once, and its other reasons."""
         since_s = state.time_s - REASONS_S
         told = dict.fromkeys(text.text for text in state.texts if text.grave and text.received_s > since_s)
         return [*told, *state.why_not_ready]

@@ -77,9 +77,16 @@ class Supervisor:
         least_v = self._guards.min_battery_v
         if least_v > 0.0 and not state.battery_v >= least_v:
             return f"the battery is at {state.battery_v:.2f} V, expected {least_v:g} V or more"
-        if not (state.ready_to_arm or state.armed):
-            return f"the autopilot is not ready to arm in {state.mode or 'an unknown mode'}"
         return defect(state, self._guards)
+
+    def unready(self, state: VehicleState) -> str | None:
+        """Reason why the autopilot would not arm in the mode that it is in, or None.
+
+        Not to be asked while a change of mode is under way: its readiness is about a mode that it has not told yet.
+        """
+        if state.ready_to_arm or state.armed:
+            return None
+        return f"the autopilot is not ready to arm in {state.mode or 'an unknown mode'}"
 
     def unsettled(self, state: VehicleState) -> str | None:
         """Reason why a vehicle that is to take off does not seem to stand on the ground, or None."""

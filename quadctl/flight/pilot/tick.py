@@ -13,6 +13,7 @@ class Stage(enum.Enum):
     WAIT = "waiting for telemetry"
     STREAM = "streaming idle setpoints"
     START = "offboard and arming"
+    STAND_DOWN = "leaving offboard"
     SPOOL_UP = "spooling up"
     CLIMB = "taking off by the autopilot"
     FLY = "flying"
@@ -25,6 +26,7 @@ class Request(enum.Enum):
     """Request of the pilot to the autopilot; carried out beside the loop."""
 
     OFFBOARD = "enter offboard"
+    LEAVE_OFFBOARD = "leave offboard"
     CHECKS = "run its checks"
     ARM = "arm"
     TAKE_OFF = "take off"
