@@ -15,6 +15,7 @@ from rich.console import Console
 from quadctl.errors import QuadctlError
 from quadctl.flight.pilot.outcome import Outcome
 from quadctl.flight.pilot.settings import DEFAULT_CONFIG
+from quadctl.flight.preflight.computer import lacking_to_fly
 from quadctl.flight.preflight.plan import FlightPlan
 from quadctl.flight.preflight.preparation import prepare_flight
 from quadctl.installed import describe, locate
@@ -106,7 +107,9 @@ def run(out: Path, console: Console, simulator: Simulator, real_time: bool) -> N
     steps = _fly_steps(demo, found)
     console.print(render(steps.table))
 
-    if real_time:
+    if real_time and (lacking := lacking_to_fly()) is not None:
+        demo.say(f"\n[bold]7. Over MAVLink[/]: left out, as a flight in real time needs {lacking}.")
+    elif real_time:
         demo.say("\n[bold]7. Over MAVLink[/]: a short flight in real time on a simulated PX4, compensated.")
         _fly_mavlink(demo, found)
 

@@ -24,6 +24,7 @@ from quadctl.cli import (
     web,
 )
 from quadctl.cli.app import app, console
+from quadctl.cli.encoding import print_what_the_encoding_has
 from quadctl.errors import QuadctlError
 
 __all__ = [
@@ -70,12 +71,17 @@ def options(
 
 def main() -> NoReturn:
     """Entry point: errors that the user can mend are one sentence and exit status 1."""
+    print_what_the_encoding_has()
     try:
         app()
     except QuadctlError as error:
         _fail(str(error), 1)
     except ModuleNotFoundError as error:
         package = (error.name or "").partition(".")[0]
+        if package == "mavsdk":
+            from quadctl.flight.preflight.computer import NO_MAVSDK
+
+            _fail(f"this command needs {NO_MAVSDK}", 1)
         if package not in (*LAB_PACKAGES, *WEB_PACKAGES):
             raise
         extras = "lab,web" if package in WEB_PACKAGES else "lab"

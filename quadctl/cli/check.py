@@ -63,7 +63,6 @@ def check(
     from quadctl.flight.preflight.check import check_flight
     from quadctl.flight.preflight.computer import check_computer
     from quadctl.flight.preflight.findings import Verdict, of_verdict
-    from quadctl.flight.preflight.inquiry import ask_autopilot
     from quadctl.flight.preflight.plan import read_flight
 
     if len(files) > 2:
@@ -79,6 +78,8 @@ def check(
     ).speaking_as(system_id)
     findings = [*check_flight(plan), check_computer()]
     if link is not None:
+        from quadctl.flight.preflight.inquiry import ask_autopilot
+
         url = resolve(link, console)
         with console.status(f"listening to {url}"):
             findings += ask_autopilot(plan, url, seconds, log_dir, without_failsafe, restore_params)

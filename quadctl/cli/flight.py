@@ -139,8 +139,11 @@ def fly(
     ] = None,
 ) -> None:
     """Fly a mission on an autopilot, unless `check` refuses it. Ctrl-C lands."""
+    from quadctl.flight.preflight.computer import check_computer, lacking_to_fly
+
+    if (lacking := lacking_to_fly()) is not None:
+        raise FlightError(f"a flight needs {lacking}")
     from quadctl.flight.autopilot.ports import resolve
-    from quadctl.flight.preflight.computer import check_computer
     from quadctl.flight.preflight.findings import Verdict
     from quadctl.flight.preflight.preparation import prepare_flight
     from quadctl.flight.session import Allowed, fly_real_time

@@ -65,7 +65,7 @@ def _memory_locked() -> bool:
     """Lock memory pages once they have been used."""
     try:
         return bool(_libc().mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT) == 0)
-    except (AttributeError, OSError):  # no Linux
+    except (AttributeError, OSError, TypeError):  # no Linux
         return False
 
 

@@ -5,6 +5,7 @@ standard messages that MAVROS and others publish, in east, north, up and forward
 """
 
 import re
+import shutil
 import tempfile
 from collections import defaultdict
 from collections.abc import Callable, Iterator
@@ -155,7 +156,10 @@ def _named(path: Path, suffix: str) -> Iterator[Path]:
         return
     with tempfile.TemporaryDirectory() as folder:
         link = Path(folder) / f"{LINK}{suffix}"
-        link.symlink_to(path.resolve())
+        try:
+            link.symlink_to(path.resolve())
+        except OSError:  # Windows lets few users make one
+            shutil.copyfile(path, link)
         yield link
 
 

@@ -7,10 +7,7 @@ end, and takes a whole core. With VMIN 1 it is woken up when a byte comes.
 import contextlib
 import os
 from collections.abc import Iterator
-from importlib.util import find_spec
 
-TERMIOS = find_spec("termios") is not None
-"""Windows has none, and there MAVSDK waits by other means."""
 CONTROL_CHARACTERS = 6
 """Place of the control characters, VMIN among them, in what `termios.tcgetattr` returns."""
 
@@ -20,10 +17,10 @@ def let_reads_wait(device: str) -> bool:
 
     The setting lasts until the device is opened again by MAVSDK, or closed by all.
     """
-    if not TERMIOS:
+    try:
+        import termios
+    except ImportError:  # Windows, where MAVSDK waits by other means
         return True
-    import termios
-
     try:
         with _opened(device) as line:
             attributes = termios.tcgetattr(line)

@@ -1,11 +1,21 @@
-"""Check of the computer that flies: does it give the rights without which another program can delay a tick?"""
+"""Check of the computer that flies: can it fly at all, and does it give the rights without which another program can
+delay a tick?"""
 
+import signal
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 from quadctl.flight.preflight.findings import Finding, judged
 from quadctl.flight.realtime import MEMORY_LOCKED, PRIORITY, REAL_TIME_PRIORITY, privileges
 
+NO_MAVSDK = (
+    "MAVSDK, by which it speaks with an autopilot, and which is not installed: there are packages for 64-bit Linux "
+    "(x86-64, Arm), for Windows, and for macOS 15 or newer"
+)
+NO_SIGNALS = (
+    "signals by which it lands when its terminal is closed or it is told to end (SIGHUP, SIGTERM): Windows has none"
+)
 RIGHTS = {REAL_TIME_PRIORITY: "real-time priority", MEMORY_LOCKED: "locked memory"}
 CONTAINERS = (Path("/.dockerenv"), Path("/run/.containerenv"))
 """Files by which Docker and Podman mark a container."""
@@ -18,6 +28,13 @@ LOGIN = (
 )
 SERVICE = f"`LimitRTPRIO={PRIORITY}` and `LimitMEMLOCK=infinity` in the service's unit give both"
 CONTAINER = f"`--ulimit rtprio={PRIORITY} --ulimit memlock=-1` of `docker run` gives both"
+
+
+def lacking_to_fly() -> str | None:
+    """What a flight needs and this computer does not have; None: it can fly."""
+    if find_spec("mavsdk") is None:
+        return NO_MAVSDK
+    return None if hasattr(signal, "SIGHUP") else NO_SIGNALS
 
 
 def check_computer() -> Finding:

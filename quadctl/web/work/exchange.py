@@ -40,7 +40,7 @@ class Exchange:
 
     def __init__(self, folder: Path | None = None) -> None:
         """Use the `folder` of another process, or make one, which is removed with this exchange."""
-        self._made = tempfile.TemporaryDirectory(prefix="quadctl-lab-") if folder is None else None
+        self._made = _temporary_folder() if folder is None else None
         self.folder = Path(self._made.name) if folder is None and self._made is not None else Path(folder or "")
         self._maps: weakref.WeakValueDictionary[str, mmap.mmap] = weakref.WeakValueDictionary()
         """Files that are mapped here, as long as an array lies in them."""
@@ -120,6 +120,11 @@ class Exchange:
     def _remove(self, name: str) -> None:
         with contextlib.suppress(OSError):
             (self.folder / name).unlink()
+
+
+def _temporary_folder() -> tempfile.TemporaryDirectory[str]:
+    """A folder that is removed, but for files that are still mapped where the system keeps those."""
+    return tempfile.TemporaryDirectory(prefix="quadctl-lab-", ignore_cleanup_errors=True)
 
 
 def _address(buffer: Any) -> int:

@@ -106,7 +106,7 @@ class Worker:
 
 def _serve(pipe: Connection, jobs: str | None, folder: Path, patient: bool) -> None:
     """Run job after job in the worker's process, until the other end of `pipe` is closed."""
-    if patient:
+    if patient and hasattr(os, "nice"):  # Windows has none
         os.nice(5)
     return_freed_memory()
     if jobs is not None and not pipe.poll(AT_ONCE_S):  # a job that waits already brings what it needs
