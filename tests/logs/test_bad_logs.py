@@ -212,7 +212,7 @@ CHANNELS: dict[str, tuple[Damage, str]] = {
         alone(all_of(replaced(SPEEDS[0], slice(0, 1800), math.nan), replaced(SPEEDS[1], slice(1800, None), math.nan))),
         "never hold values in one row",
     ),
-    "1 Hz": (every(50), "position: 1.0. updates per second in flight, an analysis needs at least 2.5 per second"),
+    "1 Hz": (every(50), "position: 1.0. updates per second in flight, an analysis needs at least 2.4 per second"),
     "10 s": (lambda log: log.rows(slice(1000, 1500)), "holds 6 s of usable flight, expected at least 10 s"),
     "one row": (lambda log: log.rows(slice(1000, 1001)), "never leaves the ground"),
     "ground": (lambda log: log.rows(log[SPEEDS[0]] < 2000.0), "never leaves the ground.*z ranges over 0.00 m"),

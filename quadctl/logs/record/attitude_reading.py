@@ -12,10 +12,10 @@ import numpy as np
 from quadctl.frames import Quaternion, euler_from_quaternion, multiply, quaternion_from_euler
 from quadctl.logs.findings import Finding, Kind, finding
 from quadctl.logs.flight_log import ATTITUDE, RATES, VELOCITY, FlightLog, Floats
-from quadctl.logs.record.flight_time import averaged, on_clock
+from quadctl.logs.record.flight_time import STEP_S, averaged, clock_of, on_clock
 
-STEP_S, TURNED_STEPS = 0.05, 10
-"""Step of the clock, and the steps over which turns are compared: some delay between the two does not matter then."""
+TURNED_STEPS = 5
+"""Steps of the clock over which turns are compared: some delay between the two does not matter then."""
 LEAST_TURN_RAD = 0.03
 """Root mean square of a turn by the rates below which nothing is told."""
 WRONG, RIGHT = 0.5, 0.35
@@ -70,7 +70,7 @@ def read_rightly(log: FlightLog) -> tuple[FlightLog, list[Finding]]:
     """The log with the attitude that turns as its body rates say, and the finding where it was written otherwise."""
     if not all(log.has(name) for name in (*ATTITUDE, *RATES)):
         return log, []
-    grid = np.arange(log.time_s[0], log.time_s[-1], STEP_S)
+    grid = clock_of(log.time_s)
     if len(grid) < 4 * TURNED_STEPS:
         return log, []
     turned = _turns_by_rates(log, grid)
@@ -120,15 +120,18 @@ def _written_anew(log: FlightLog, read: Callable[[Floats, Floats, Floats], Quate
 
 def _with_a_heading(log: FlightLog, grid: Floats, angles: Angles) -> tuple[FlightLog, list[Finding]]:
     """The log with the heading by its gyro where the column is none, and the finding; its direction is still open."""
-    roll, pitch, yaw = angles
-    _, q, r = (averaged(on_clock(grid, log, name), 1) for name in RATES)
-    slope = (q * np.sin(roll) + r * np.cos(roll)) / np.maximum(np.cos(pitch), 0.1)
-    by_gyro = np.cumsum(slope) * STEP_S
-    strange = (yaw - by_gyro)[TURNED_STEPS:] - (yaw - by_gyro)[:-TURNED_STEPS]
-    share = float(np.mean(np.abs(strange) > np.radians(STRANGE_TURN_DEG)))
-    if share < STRANGE_SHARE:
+    roll, pitch, _ = angles
+    p, q, r = (averaged(on_clock(grid, log, name), 1) for name in RATES)
+    of_yaw = (q * np.sin(roll) + r * np.cos(roll)) / np.maximum(np.cos(pitch), 0.1)
+    by_gyro = np.cumsum(np.array([p + of_yaw * np.sin(pitch), q * np.cos(roll) - r * np.sin(roll), of_yaw]), axis=1)
+    by_gyro *= STEP_S
+    turned = by_gyro[:, TURNED_STEPS:] - by_gyro[:, :-TURNED_STEPS]
+    strange = np.array(angles)[:, TURNED_STEPS:] - np.array(angles)[:, :-TURNED_STEPS] - turned
+    share = float(np.mean(np.abs(strange[2]) > np.radians(STRANGE_TURN_DEG)))
+    gyro_is_right = float(np.sqrt(np.mean(strange[:2] ** 2))) < RIGHT * float(np.sqrt(np.mean(turned[:2] ** 2)))
+    if share < STRANGE_SHARE or not gyro_is_right:
         return log, []
-    heading = np.degrees(np.interp(log.time_s, grid, by_gyro))
+    heading = np.degrees(np.interp(log.time_s, grid, by_gyro[2]))
     told = finding(Kind.NO_HEADING, course=_is_course(log), share=share)
     return replace(log, columns={**log.columns, "yaw_deg": (heading + 180.0) % 360.0 - 180.0}), [told]
 

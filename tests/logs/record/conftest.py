@@ -28,6 +28,13 @@ def hovering(tmp_path_factory: pytest.TempPathFactory, testrun_uid: str) -> Flig
     return flown_once("hover_staircase", [DRAG], 5, where)
 
 
+@pytest.fixture(scope="session")
+def runs(tmp_path_factory: pytest.TempPathFactory, testrun_uid: str) -> FlightLog:
+    """Runs along one line at several headings, for longer than a heading needs to drift."""
+    where = tmp_path_factory.getbasetemp().parent / f"records-{testrun_uid}"
+    return turned(flown_once("headings", [DRAG], 6, where), 40.0)
+
+
 def with_imu(log: FlightLog, noise_m_s2: float = 0.3) -> FlightLog:
     """The log with an accelerometer that measures what the velocity says."""
     t = log.time_s

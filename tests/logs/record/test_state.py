@@ -98,7 +98,7 @@ def test_where_the_motion_does_not_tell_the_estimator_is_believed(hovering: Flig
 def test_a_heading_that_is_off_all_the_time_is_found_and_corrected(excited: FlightLog, degrees: float) -> None:
     record = examine(having(excited, yaw_deg=turned(excited, degrees)["yaw_deg"]))
     (off,) = of_kind(record.findings, Kind.HEADING_OFF)
-    assert off.figures["by_deg"] == pytest.approx(-degrees, abs=3.0 * off.figures["std_deg"] + 1.0)
+    assert off.figures["by_deg"] == pytest.approx(degrees, abs=3.0 * off.figures["std_deg"] + 1.0)
     assert heading_error(record.log, record.usable).angle_deg == pytest.approx(0.0, abs=1.0)
 
 

@@ -1,0 +1,75 @@
+"""What was measured where, and when: a lever arm, a setpoint for an attitude, rotors by another clock or in turn, and
+heights in the wash of the rotors."""
+
+import numpy as np
+import pytest
+
+from quadctl.frames import quaternion_from_euler, rotate
+from quadctl.logs.findings import Kind, of_kind
+from quadctl.logs.flight_log import ATTITUDE, POSITION, RATES, VELOCITY, FlightLog
+from quadctl.logs.record.record import examine
+from tests.logs.record.conftest import having
+
+RPM = tuple(f"motor{i}_rpm" for i in range(1, 5))
+
+
+def at_point(log: FlightLog, arm_m: tuple[float, float, float]) -> FlightLog:
+    """The log with position and velocity of a point of the body, FRD."""
+    attitude = quaternion_from_euler(*(np.radians(log[name]) for name in ATTITUDE))
+    rates = np.array([log[name] for name in RATES])
+    beside = rotate(attitude, tuple(np.full(len(log), part) for part in arm_m))
+    speed = rotate(attitude, tuple(np.cross(rates, np.reshape(arm_m, (3, 1)), axis=0)))
+    signs = (1.0, 1.0, -1.0)
+    moved = {name: log[name] + sign * part for name, sign, part in zip(POSITION, signs, beside, strict=True)}
+    moved |= {name: log[name] + sign * part for name, sign, part in zip(VELOCITY, signs, speed, strict=True)}
+    return having(log, **moved)
+
+
+@pytest.mark.parametrize("arm_m", [(-0.2, 0.15, -0.1), (0.0, 0.0, 0.35)])
+def test_the_motion_of_another_point_is_that_of_the_centre_of_mass_again(
+    excited: FlightLog, arm_m: tuple[float, float, float]
+) -> None:
+    record = examine(at_point(excited, arm_m))
+    (told,) = of_kind(record.findings, Kind.LEVER_ARM)
+    assert told.figures["arm_m"] == [pytest.approx(part, abs=0.03) for part in arm_m]
+    flying = (excited.time_s > record.usable[0][0]) & (excited.time_s < record.usable[-1][1])
+    for name in VELOCITY:
+        assert np.nanstd((record.log[name] - excited[name])[flying]) < 0.02
+
+
+def test_an_attitude_that_was_commanded_is_put_on_the_clock_of_the_motion(excited: FlightLog) -> None:
+    commanded = {name: excited[f"{name.removesuffix('_deg')}_cmd_deg"] for name in ATTITUDE}
+    commanded = {name: np.where(np.isfinite(values), values, excited[name]) for name, values in commanded.items()}
+    record = examine(having(excited, **commanded))
+    (told,) = of_kind(record.findings, Kind.DELAY)
+    assert told.figures["moved"] == "attitude"
+    assert told.figures["median_s"] > 0.04
+
+
+@pytest.mark.parametrize("share", [0.008, -0.008])
+def test_rotors_by_a_clock_of_their_own_are_put_on_that_of_the_motion(excited: FlightLog, share: float) -> None:
+    middle = excited.time_s[len(excited) // 2]
+    at = excited.time_s + share * (excited.time_s - middle)
+    record = examine(having(excited, **{name: np.interp(at, excited.time_s, excited[name]) for name in RPM}))
+    told = next(found for found in of_kind(record.findings, Kind.DELAY) if found.figures["of"] == "thrust")
+    flown_s = record.usable[-1][1] - record.usable[0][0]
+    assert told.figures["most_s"] - told.figures["least_s"] == pytest.approx(abs(share) * flown_s, rel=0.35)
+
+
+def test_rotors_that_are_told_in_turn_have_the_rate_of_one(excited: FlightLog) -> None:
+    held = {}
+    for i, name in enumerate(RPM):
+        taken_s = np.floor((excited.time_s - 0.05 * i) / 0.2) * 0.2 + 0.05 * i
+        rows = np.clip(np.searchsorted(excited.time_s, taken_s - 1e-6), 0, len(excited) - 1)
+        held[name] = excited[name][rows]
+    record = examine(having(excited, **held))
+    assert not record.obstacles
+    assert not any(found.figures.get("of") == "rotors" for found in of_kind(record.findings, Kind.SPIKES))
+
+
+def test_heights_below_the_rest_are_told(hovering: FlightLog) -> None:
+    wash_m = 0.9 * np.exp(-np.maximum(hovering["z_m"], 0.0) / 0.4) * (hovering[RPM[0]] > 2000.0)
+    assert not of_kind(examine(hovering).findings, Kind.BELOW_REST)
+    (told,) = of_kind(examine(having(hovering, z_m=hovering["z_m"] + 0.2 - wash_m)).findings, Kind.BELOW_REST)
+    assert told.figures["rest_m"] == pytest.approx(0.2, abs=0.05)
+    assert told.figures["lowest_m"] < 0.1
