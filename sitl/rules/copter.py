@@ -105,6 +105,9 @@ class SimulatedCopter(SimulatedAutopilot):
         self.guided, self._taken_off = Guided.TAKE_OFF, True
         return None
 
+    def _say_disarmed(self) -> None:
+        """Nothing: its heartbeats tell."""
+
     def fail_battery(self) -> None:
         """Let the battery fail, with BATT_FS_LOW_ACT 1 (Land)."""
         self.said.append((CRITICAL, f"Battery 1 is low {self.estimator.battery_v:.2f}V used 0 mAh"))

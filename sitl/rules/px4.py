@@ -11,7 +11,7 @@ from typing import ClassVar, NamedTuple
 from quadctl.errors import SettingsError
 from quadctl.frames import GRAVITY_M_S2, multiply, quaternion_from_euler, rotate
 from quadctl.sitl.vehicle.body import STEP_S, SimulatedBody
-from quadctl.sitl.vehicle.estimator import VERTICAL_STD_M, Estimator
+from quadctl.sitl.vehicle.estimator import Estimator
 from quadctl.sitl.vehicle.hidden import HiddenTruth, true_model
 from quadctl.sitl.vehicle.inner_loops import InnerLoops, level_with_yaw
 from quadctl.state import AttitudeTarget, Quat, Vec3, VehicleState
@@ -27,7 +27,7 @@ TARGETS_LOST = {0: "POSCTL", 1: "POSCTL", 2: "POSCTL", 3: "RTL", 4: "LAND", 5: "
 """Mode of the failsafe by COM_OBL_RC_ACT, when targets stop; of the modes of a pilot it simulates one."""
 EXCEPT_OFFBOARD = 4
 """Bit of COM_RCL_EXCEPT: offboard goes on without a remote control."""
-CRITICAL = 2
+CRITICAL, INFO = 2, 6
 """MAV_SEVERITY of its texts."""
 LEVEL: Quat = (1.0, 0.0, 0.0, 0.0)
 
@@ -156,6 +156,14 @@ class SimulatedAutopilot:
         self._disarm()
         return None
 
+    def force_disarm(self) -> None:
+        """Disarm whatever it does, by a ground station's command."""
+        self._say_disarmed()
+        self._disarm()
+
+    def _say_disarmed(self) -> None:
+        self.said.append((INFO, "Disarmed by external command"))
+
     def request_motor_test(self, rotor: int, output: float, seconds: float) -> str | None:
         """Run one rotor (from 0) at a motor output for a time, 0 to stop, on a vehicle that is fixed to a stand."""
         if self.armed or not self.landed:
@@ -240,7 +248,7 @@ class SimulatedAutopilot:
             checks_off=self._checks_off,
             estimator_ok=self._trusts_estimate,
             horizontal_std_m=e.horizontal_std_m,
-            vertical_std_m=VERTICAL_STD_M,
+            vertical_std_m=e.vertical_std_m,
             aid_lost=e.unaided_s(now) > self.aid_timeout_s,
             connected=True,
             received_s={

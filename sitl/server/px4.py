@@ -1,17 +1,54 @@
 """A PX4 on the wire, as measured on its onboard link: the messages that it sends by itself, and its refusals."""
 
+import math
+from dataclasses import replace
+
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from quadctl.sitl.rules.px4 import SimulatedAutopilot
 from quadctl.sitl.server import dialect, messages
 from quadctl.sitl.server.manners import Manners, Stream
 from quadctl.sitl.server.server import MavlinkMock
+from quadctl.state import VehicleState
+
+CHECKED_S = 0.5
+"""Time from entering offboard, disarmed, to the check of that mode; until then it counts as failed."""
+TOLD_S = 0.028
+"""Time after which SYS_STATUS tells so, before CURRENT_MODE tells the mode."""
 
 
 class MavlinkPx4(MavlinkMock):
     """A PX4 on UDP."""
 
     rules = SimulatedAutopilot
+    _offboard_s = -math.inf
+    """Time at which offboard was entered disarmed."""
+
+    def _set_mode(self, command: messages.Message) -> int:
+        before = self.autopilot.mode
+        result = super()._set_mode(command)
+        if self._waits_in_offboard and before != "OFFBOARD":
+            self._offboard_s = self.autopilot.time_s
+            self._streams[mavlink.MAVLINK_MSG_ID_SYS_STATUS].due_s = self._offboard_s + TOLD_S
+        return result
+
+    @property
+    def _waits_in_offboard(self) -> bool:
+        return self.autopilot.mode == "OFFBOARD" and not self.autopilot.armed
+
+    @property
+    def unchecked(self) -> bool:
+        """True while the check of offboard has not run since it was entered."""
+        return self._waits_in_offboard and self.autopilot.time_s < self._offboard_s + CHECKED_S
+
+    def _arm_disarm(self, command: messages.Message) -> int:
+        if command.param1 == 1.0 and self.unchecked:
+            return self._answer("Arming denied: Resolve system health failures first")
+        return super()._arm_disarm(command)
+
+    def _stamped(self, estimate: VehicleState) -> VehicleState:
+        stamped = super()._stamped(estimate)
+        return replace(stamped, ready_to_arm=False) if self.unchecked else stamped
 
     def _run_checks(self, command: messages.Message) -> int:
         result = super()._run_checks(command)
@@ -40,7 +77,7 @@ class MavlinkPx4(MavlinkMock):
                     messages.actuator_output_status, 0.0, "heartbeat"
                 ),
                 mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS: Stream(messages.estimator_status, 1.0, "position"),
-                mavlink.MAVLINK_MSG_ID_SYS_STATUS: Stream(messages.sys_status(lists_prearm=False), 5.0, "battery"),
+                mavlink.MAVLINK_MSG_ID_SYS_STATUS: Stream(messages.sys_status(lists_prearm=False), 5.0, "heartbeat"),
                 mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: Stream(messages.battery_status, 0.5, "battery"),
                 mavlink.MAVLINK_MSG_ID_TIMESYNC: Stream(messages.timesync, 10.0, "heartbeat"),
                 mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: Stream(messages.extended_sys_state, 5.0, "heartbeat"),
@@ -67,6 +104,7 @@ class MavlinkPx4(MavlinkMock):
             ),
             texts_for_stations=True,
             sends_current_mode=True,
+            acknowledges_modes_twice=True,
             fixed_heartbeats=True,
             bytewise_integers=True,
             takes_body_thrust=True,

@@ -25,7 +25,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from quadctl.sitl.rules.px4 import SimulatedAutopilot
 from quadctl.sitl.server import dialect, messages
 from quadctl.sitl.server.faults import Faults
-from quadctl.sitl.server.manners import Manners, Stream
+from quadctl.sitl.server.manners import Manners, ModeStream, Stream
 from quadctl.sitl.server.messages import Message
 from quadctl.state import AttitudeTarget, VehicleState
 
@@ -35,6 +35,10 @@ MAX_LAG_S = 0.05
 """Largest lag of the vehicle's time. On a machine too busy to keep up, the vehicle's clock waits, so that the machine
 alone cannot make it miss setpoints."""
 
+CURRENT_MODE_HZ = 1.0 / 0.51
+"""Rate of CURRENT_MODE, whatever is asked for."""
+PILOTED = ("POSCTL",)
+"""Modes that a pilot flies, whose refusal is acknowledged as accepted first."""
 STATION_S = 2.5
 """Time after its last heartbeat for which a ground station counts as there."""
 PRIORITY = 10
@@ -88,7 +92,7 @@ class MavlinkMock(ABC):
             mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION: Stream(self._version, 0.0, "heartbeat"),
         }
         if self.manners.sends_current_mode:
-            self._streams[dialect.CURRENT_MODE_ID] = Stream(self._current_mode, 0.0, "heartbeat")
+            self._streams[dialect.CURRENT_MODE_ID] = ModeStream(self._current_mode, CURRENT_MODE_HZ, "heartbeat")
         self._news = threading.Condition()
         self._stopping = threading.Event()
         self._thread: threading.Thread | None = None
@@ -288,13 +292,21 @@ class MavlinkMock(ABC):
 
     def _command(self, message: Message) -> None:
         handler = self._on_command.get(message.command)
-        result = mavlink.MAV_RESULT_UNSUPPORTED if handler is None else handler(message)
+        result = int(mavlink.MAV_RESULT_UNSUPPORTED) if handler is None else handler(message)
         header = message.get_header()
-        self._send(
-            mavlink.MAVLink_command_ack_message(
-                message.command, result, target_system=header.srcSystem, target_component=header.srcComponent
+        for acknowledged in self._acknowledgements(message, result):
+            self._send(
+                mavlink.MAVLink_command_ack_message(
+                    message.command, acknowledged, target_system=header.srcSystem, target_component=header.srcComponent
+                )
             )
-        )
+
+    def _acknowledgements(self, command: Message, result: int) -> tuple[int, ...]:
+        """Results that are sent for one command, in their order."""
+        if command.command != mavlink.MAV_CMD_DO_SET_MODE or not self.manners.acknowledges_modes_twice:
+            return (result,)
+        first = int(mavlink.MAV_RESULT_ACCEPTED) if self._mode_asked_for(command) in PILOTED else result
+        return first, result
 
     def _answer(self, refusal: str | None) -> int:
         """MAV_RESULT of a request; a refusal is also sent as a text, as PX4 does."""
@@ -314,12 +326,18 @@ class MavlinkMock(ABC):
         return self._answer(self.autopilot.request_disarm())
 
     def _set_mode(self, command: Message) -> int:
+        mode = self._mode_asked_for(command)
+        if not mode:
+            return int(mavlink.MAV_RESULT_DENIED)
+        return self._answer(self.faults.refuse_modes or self.autopilot.request_mode(mode))
+
+    def _mode_asked_for(self, command: Message) -> str:
+        """Name of the mode that DO_SET_MODE asks for; empty where there is none."""
         shift = self.manners.sub_mode_shift
         custom = int(command.param2) << shift | int(command.param3) << shift + 8
-        for name, number in self.manners.custom_modes.items():
-            if number == custom and int(command.param1) & mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
-                return self._answer(self.faults.refuse_modes or self.autopilot.request_mode(name))
-        return int(mavlink.MAV_RESULT_DENIED)
+        if not int(command.param1) & mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
+            return ""
+        return next((name for name, number in self.manners.custom_modes.items() if number == custom), "")
 
     def _take_off(self, command: Message) -> int:
         if not self.manners.takes_off_by_command:

@@ -158,6 +158,7 @@ ARDUPILOT = Firmware(
     tells_readiness=lambda mode: True,
     lists_prearm=True,
     texts_for_stations=False,
+    disarming_text="",
     tells_aids=True,
     thrust_chain=CHAIN,
     tests_motors_clockwise=True,

@@ -101,6 +101,8 @@ class Firmware:
     """True: SYS_STATUS lists the pre-arm check as present; False: only its health bit tells."""
     texts_for_stations: bool
     """True: its texts go only to links on which it hears the heartbeat of a ground station."""
+    disarming_text: str
+    """Beginning of the text that says at once that it is disarmed; empty where heartbeats come soon enough."""
     tells_aids: bool
     """True: the health bits of SYS_STATUS tell if GPS or motion capture work; its estimator does not."""
     thrust_chain: ThrustChain

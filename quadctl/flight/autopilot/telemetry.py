@@ -428,7 +428,10 @@ class Telemetry:
         self._refusals = () if firmware is None else self._report.against(self._mode.name, firmware.offboard_mode)
 
     def _on_text(self, fields: Fields, now_s: float) -> None:
+        firmware = self.firmware
         with self._news:
+            if firmware is not None and firmware.disarming_text and fields["text"].startswith(firmware.disarming_text):
+                self._heartbeat = self._heartbeat._replace(armed=False)  # until a heartbeat says otherwise
             self._texts.take(fields, now_s)
             self._news.notify_all()
 

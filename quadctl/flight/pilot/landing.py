@@ -1,6 +1,6 @@
 """The end of a flight: the autopilot lands, or somebody else flies. A mode is never taken back from them."""
 
-from quadctl.flight.pilot.guards import Answer, Breach
+from quadctl.flight.pilot.guards import DISARMED, Answer, Breach
 from quadctl.flight.pilot.progress import Progress
 from quadctl.flight.pilot.steering import Steering
 from quadctl.flight.pilot.supervisor import Supervisor
@@ -66,6 +66,7 @@ class Landing:
         """One tick of LAND: the autopilot lands. Until it has entered the mode, and for HOLD_S at most, the position is
         held, if the state is valid."""
         if self._watch.motors_off(state, self._progress.in_stage_s):
+            self._note_disarming(state)
             self._progress.enter(Stage.DONE)
             return Decision()
         if self._let_go is not None:
@@ -116,6 +117,12 @@ class Landing:
         self._progress.enter(Stage.RELEASED)
         return Decision()
 
+    def _note_disarming(self, state: VehicleState) -> None:
+        """Note that somebody else has disarmed the vehicle, if no landing has."""
+        if self._watch.armed_seen and state.offboard and not self._landing_seen:
+            self._progress.note(DISARMED, Answer.RELEASE.value)
+            self._progress.ended = f"{self._progress.ended}; {DISARMED}"
+
     def _wait_for_mode(self, state: VehicleState, dt: float) -> Decision:
         if self._progress.in_stage_s >= HOLD_S:
             self._silent = True
@@ -161,8 +168,10 @@ class Landing:
         return Decision(None, self._request(state))
 
     def _request(self, state: VehicleState) -> tuple[Request, ...]:
-        """Request to land: made when the mode is known to be ours (after a stall somebody else may have taken it), and
-        repeated after a failure."""
+        """Request to land: made while the vehicle is, or may get armed, when the mode is known to be ours (after a stall
+        somebody else may have taken it), and repeated after a failure."""
+        if self._watch.motors_off(state, self._progress.in_stage_s):
+            return ()
         now_s = self._progress.now_s
         due = self._asked_s is None or (self._failed and now_s - self._asked_s > ASK_AGAIN_S)
         if not due or not self._watch.mode_is_ours(state):

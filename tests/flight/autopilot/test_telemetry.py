@@ -203,3 +203,18 @@ def test_parts_that_are_in_use_and_not_healthy_are_named() -> None:
 def status(present: int, enabled: int, health: int) -> tuple[str, dict[str, Any]]:
     kinds = {"present": present, "enabled": enabled, "health": health}
     return "SYS_STATUS", VOLTAGE | {f"onboard_control_sensors_{kind}": flags for kind, flags in kinds.items()}
+
+
+def told(text: str) -> tuple[str, dict[str, Any]]:
+    return "STATUSTEXT", {"id": 0, "chunk_seq": 0, "severity": 6, "text": text}
+
+
+def test_px4_says_that_it_is_disarmed_a_second_before_its_heartbeats_do() -> None:
+    armed = {"autopilot": 12, "base_mode": 129, "custom_mode": 6 << 16}
+    px4 = Telemetry(n_rotors=4)
+    for text, expected in (("Armed by external command", True), ("Disarmed by external command", False)):
+        px4.receive("HEARTBEAT", armed, now_s=5.0)
+        px4.receive(*told(text), now_s=5.3)
+        assert px4.state(5.3).armed is expected
+    px4.receive("HEARTBEAT", armed, now_s=6.0)  # armed again
+    assert px4.state(6.0).armed

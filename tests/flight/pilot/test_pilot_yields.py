@@ -97,6 +97,41 @@ def test_disarmed_in_flight() -> None:
     assert "LAND" not in flight.autopilot.asked
 
 
+def test_disarmed_before_the_news_of_it_the_landing_notes_it_and_nothing_more_is_asked_for() -> None:
+    """PX4's state jumps when it is disarmed in flight, up to a second before a heartbeat tells."""
+    flight = Flight()
+    told_s = math.inf
+
+    def late_news(s: VehicleState) -> VehicleState:
+        vx, vy, vz = s.velocity_ned_m_s
+        return replace(s, armed=s.time_s < told_s, velocity_ned_m_s=(vx, vy, vz + 3.5))
+
+    def disarm() -> None:
+        nonlocal told_s
+        told_s = flight.autopilot.time_s + 0.59
+        flight.autopilot._disarm()
+
+    flight.autopilot.refusals["LAND"] = "disarmed"
+    flight.show(late_news, in_flight(3.0)).when(in_flight(3.0), disarm).fly()
+    assert flight.pilot.ended.startswith("the velocity jumped by 2.7 m/s")
+    assert flight.pilot.ended.endswith("; the vehicle was disarmed")
+    assert flight.watch.ticks[-1].events[-1][1:] == ("the vehicle was disarmed", "release")
+
+
+def test_a_vehicle_that_is_disarmed_already_is_not_asked_to_land() -> None:
+    flight = Flight()
+    flight.autopilot.ignored.add("LAND")
+
+    def disarm() -> None:
+        flight.autopilot._disarm()
+        flight.pilot.request_failed(Request.LAND, "no answer", refused=False)
+
+    flight.autopilot.parameters["COM_OF_LOSS_T"] = 60.0
+    flight.when(at_stage(Stage.LAND, 120), disarm).fly()
+    assert flight.autopilot.asked == ["OFFBOARD", "ARM", "LAND"]
+    assert flight.pilot.ended == "completed; no answer; the vehicle was disarmed"
+
+
 # --- not known whose the mode is -----------------------------------------------------------------------------------
 
 
@@ -107,7 +142,7 @@ def test_after_a_stall_the_landing_is_asked_for_only_when_a_new_heartbeat_shows_
     def late_news(s: VehicleState) -> VehicleState:
         if s.time_s >= old_heartbeat_until_s:
             return s
-        return replace(s, mode="OFFBOARD", received_s={**s.received_s, "heartbeat": s.time_s - 0.6})
+        return replace(s, mode="OFFBOARD", received_s={**s.received_s, "heartbeat": s.time_s - 0.8})
 
     def stall_now() -> None:
         nonlocal old_heartbeat_until_s
@@ -126,7 +161,7 @@ def test_a_mode_taken_during_a_stall_is_left_alone_though_the_old_one_is_still_s
     def late_news(s: VehicleState) -> VehicleState:
         if s.time_s > shown_until_s:
             return s
-        return replace(s, mode="OFFBOARD", received_s={**s.received_s, "heartbeat": s.time_s - 0.6})
+        return replace(s, mode="OFFBOARD", received_s={**s.received_s, "heartbeat": s.time_s - 0.8})
 
     shown_until_s = 0.0
 
@@ -141,6 +176,27 @@ def test_a_mode_taken_during_a_stall_is_left_alone_though_the_old_one_is_still_s
     assert "LAND" not in flight.autopilot.asked
     assert Stage.RELEASED in flight.watch.stages()  # recorded until the end
     assert flight.at_rest
+
+
+def test_after_a_stall_a_word_on_the_mode_that_waited_in_a_queue_shows_nothing() -> None:
+    """All that had waited is as old as the stall was long, until the queue is empty."""
+    flight = Flight()
+    queued_until_s = math.inf
+
+    def queued(s: VehicleState) -> VehicleState:
+        if s.time_s >= queued_until_s:
+            return s
+        return replace(s, mode="OFFBOARD", received_s=dict.fromkeys(s.received_s, s.time_s - 0.6))
+
+    def take_over_in_a_stall() -> None:
+        nonlocal queued_until_s
+        take_over(flight, "POSCTL")()
+        stall(flight, 0.55)()
+        queued_until_s = flight.autopilot.time_s + 0.1
+
+    flight.when(in_flight(3.0), take_over_in_a_stall).show(queued, in_flight(3.0)).fly()
+    assert "LAND" not in flight.autopilot.asked
+    assert Stage.RELEASED in flight.watch.stages()
 
 
 def test_an_autopilot_that_restarts_is_let_go() -> None:
@@ -200,7 +256,7 @@ def test_a_stream_that_stops_alone_is_no_silence() -> None:
     flight = Flight()
 
     def change(s: VehicleState) -> VehicleState:
-        return replace(s, received_s={**s.received_s, "position": 0.0, "heartbeat": s.time_s - 0.6})
+        return replace(s, received_s={**s.received_s, "position": 0.0, "heartbeat": s.time_s - 0.8})
 
     flight.show(change, in_flight(3.0), until=0.5).fly()
     (asked,) = flight.watch.with_request(Request.LAND)
