@@ -14,8 +14,9 @@ from quadctl.vehicle import Vehicle
 
 THRUST_AS_THRUST = 8
 """Bit 3 of GUID_OPTIONS: set, the thrust of a target is a thrust; clear, it is a climb rate."""
-UNAIDED_S = 8.0
-"""Time without GPS after which it says "EKF variance" and its own failsafe acts; measured were 8.05 s."""
+UNAIDED_S, DISTRUST_S = 8.1, 7.3
+"""Times without GPS after which it says "EKF variance" and its own failsafe acts (measured were 8.05 and 8.2 s), and
+after which the flags of its estimator tell (7.3 s)."""
 MAX_CLIMB_M_S = 2.5
 """Climb rate of a target's thrust of 1 (PILOT_SPEED_UP)."""
 STATION_LOST = {1: "RTL", 3: "RTL", 4: "LAND", 5: "LAND", 7: "LAND"}
@@ -47,7 +48,7 @@ class SimulatedCopter(SimulatedAutopilot):
     modes: ClassVar[tuple[str, ...]] = ("STABILIZE", "GUIDED", "LAND", "RTL", "BRAKE", "LOITER")
     first_mode: ClassVar[str] = "STABILIZE"
     offboard_mode: ClassVar[str] = "GUIDED"
-    aid_timeout_s: ClassVar[float] = 0.3  # motion capture, as its source says; a GPS that falls silent needs 4 s
+    aid_timeout_s: ClassVar[float] = 0.4  # by GPS_RAW_INT.fix_type, as measured
     default_parameters: ClassVar[dict[str, float]] = {
         "GUID_OPTIONS": 0.0,
         "GUID_TIMEOUT": 3.0,
@@ -160,13 +161,13 @@ class SimulatedCopter(SimulatedAutopilot):
             self._enter(mode)
 
         acts = self.armed and self.parameters["FS_EKF_ACTION"] and self.mode not in ("STABILIZE", "LAND")
-        if acts and not self._trusts_estimate:
+        if acts and self.estimator.unaided_s(self.time_s) > UNAIDED_S:
             self.said.append((CRITICAL, "EKF variance"))
             self._enter("LAND")
 
     @property
     def _trusts_estimate(self) -> bool:
-        return self.time_s >= self.ready_after_s and self.estimator.unaided_s(self.time_s) <= UNAIDED_S
+        return self.time_s >= self.ready_after_s and self.estimator.unaided_s(self.time_s) <= DISTRUST_S
 
     @property
     def _checks_off(self) -> bool:

@@ -97,18 +97,27 @@ def global_position(ground_m: float) -> Builder:
 
 def sys_status(lists_prearm: bool) -> Builder:
     """Builder of SYS_STATUS; `lists_prearm`: the pre-arm check is present, as on ArduPilot; else only health tells."""
+    # A GPS without a fix is healthy, too: PX4's was not looked at, ArduPilot's stayed so for 20 s.
     checked, gps = mavlink.MAV_SYS_STATUS_PREARM_CHECK, mavlink.MAV_SYS_STATUS_SENSOR_GPS
     present = gps | checked if lists_prearm else gps
 
     def build(estimate: VehicleState) -> Iterator[Message]:
         enabled = present & ~checked if estimate.checks_off else present
         ready = estimate.ready_to_arm and not estimate.checks_off
-        healthy = (checked if ready else 0) | (0 if estimate.aid_lost else gps)
+        healthy = (checked if ready else 0) | gps
         yield mavlink.MAVLink_sys_status_message(
             present, enabled, healthy, 0, _millivolts(estimate), -1, -1, 0, 0, 0, 0, 0, 0
         )
 
     return build
+
+
+def gps_raw(estimate: VehicleState) -> Iterator[Message]:
+    """GPS_RAW_INT, of which the fix is what counts here."""
+    fix = mavlink.GPS_FIX_TYPE_NO_FIX if estimate.aid_lost else mavlink.GPS_FIX_TYPE_3D_FIX
+    yield mavlink.MAVLink_gps_raw_int_message(
+        1000 * _boot_ms(estimate), fix, 473977000, 85456000, 0, UNKNOWN_16_BIT, UNKNOWN_16_BIT, 0, UNKNOWN_16_BIT, 10
+    )
 
 
 def battery_status(estimate: VehicleState) -> Iterator[Message]:

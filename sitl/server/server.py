@@ -72,6 +72,8 @@ class MavlinkMock(ABC):
         self.hardware = 1
         """Number of its hardware (AUTOPILOT_VERSION.uid); 0: it tells none."""
         self.heartbeats_sent = 0
+        self.parameters_asked_for: list[str] = []
+        """Names of the parameters that were asked for one by one."""
         self.motor_tests_received = 0
         self.vision_poses_received: list[Message] = []
         """VISION_POSITION_ESTIMATE messages as they arrived; the estimator does not use them."""
@@ -383,6 +385,7 @@ class MavlinkMock(ABC):
     def _parameter_read(self, message: Message) -> None:
         names = list(self.autopilot.parameters)
         name = _parameter_name(message)
+        self.parameters_asked_for.append(name)
         if message.param_index >= 0:
             name = names[message.param_index] if message.param_index < len(names) else ""
         self._send_parameter(name)

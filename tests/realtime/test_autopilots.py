@@ -164,8 +164,14 @@ class NewNames(dict[str, float]):
         return self[newer.name] * newer.unit
 
 
-def test_an_ardupilot_that_has_renamed_its_parameters_is_asked_for_the_newer_names() -> None:
-    copter, says = SimulatedCopter(VEHICLE), list[str]()
+class NewCopter(SimulatedCopter):
+    version = (4, 7)
+
+
+@pytest.mark.parametrize("kind", [NewCopter, SimulatedCopter], ids=["4.7 says so", "another number"])
+def test_an_ardupilot_that_has_renamed_its_parameters_is_asked_for_the_newer_names(kind: type[SimulatedCopter]) -> None:
+    """A name that it does not know is never answered, so the name of its version comes first."""
+    copter, says = kind(VEHICLE), list[str]()
     meet_requirements(copter)
     older = copter.parameters
     renamed = {new.name: older.pop(old) / new.unit for old, new in ARDUPILOT.renamed.items()}
@@ -179,6 +185,7 @@ def test_an_ardupilot_that_has_renamed_its_parameters_is_asked_for_the_newer_nam
     with connected(copter) as link:
         asyncio.run(fly(link))
         assert link.px.autopilot.parameters["MAV_GCS_SYSID"] == 255.0
+        assert ("SYSID_MYGCS" in link.px.parameters_asked_for) == (kind is SimulatedCopter)
         assert "SYSID_MYGCS" not in link.px.autopilot.parameters
 
 

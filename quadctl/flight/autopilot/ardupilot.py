@@ -152,6 +152,8 @@ ARDUPILOT = Firmware(
         Stream("SYS_STATUS", 1, 5.0),
         Stream("EXTENDED_SYS_STATE", 245, 5.0),
         Stream("EKF_STATUS_REPORT", 193, 5.0),
+        # SYS_STATUS calls a GPS without a fix healthy.
+        Stream("GPS_RAW_INT", 24, 5.0, alternative=True),
         # The only message that it sends about its mode.
         Stream("HEARTBEAT", 0, 20.0, without="A change of mode is seen after up to a second, a short one never."),
     ),
@@ -162,7 +164,7 @@ ARDUPILOT = Firmware(
     tells_aids=True,
     thrust_chain=CHAIN,
     tests_motors_clockwise=True,
-    renamed={"SYSID_MYGCS": Renamed("MAV_GCS_SYSID"), "RTL_ALT": Renamed("RTL_ALT_M", 100.0)},  # since 4.7
+    renamed={"SYSID_MYGCS": Renamed("MAV_GCS_SYSID", (4, 7)), "RTL_ALT": Renamed("RTL_ALT_M", (4, 7), 100.0)},
     requirements=_requirements,
     checks=(
         Check("FS_THR_ENABLE", _without_remote, _poor_without_remote),

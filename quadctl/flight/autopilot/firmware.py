@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from quadctl.thrust_chain.atmosphere import Version
 from quadctl.thrust_chain.chain import ThrustChain
 from quadctl.vehicle import Vehicle
 
@@ -58,6 +59,8 @@ class Renamed(NamedTuple):
     """The name of a parameter in newer versions."""
 
     name: str
+    since: Version
+    """Version that has it, and not the older one any more."""
     unit: float = 1.0
     """Its unit, in units of the older one: 100 where centimetres have become metres."""
 
@@ -104,11 +107,11 @@ class Firmware:
     disarming_text: str
     """Beginning of the text that says at once that it is disarmed; empty where heartbeats come soon enough."""
     tells_aids: bool
-    """True: the health bits of SYS_STATUS tell if GPS or motion capture work; its estimator does not."""
+    """True: SYS_STATUS and GPS_RAW_INT tell if GPS or motion capture work; its estimator does not."""
     thrust_chain: ThrustChain
     """Functions between the throttle target and the motor outputs that it reports."""
     renamed: Mapping[str, Renamed] = field(default_factory=dict)
-    """Newer names of the parameters below: an autopilot that does not know the older one is asked for these."""
+    """Newer names of parameters: an autopilot is asked for the name of its version first, and then for the other."""
     requirements: Callable[[int], Sequence[Requirement]] = lambda own_system_id: ()
     """Function from quadctl's own system id to the parameters that must have certain values before a flight."""
     checks: Sequence[Check] = ()

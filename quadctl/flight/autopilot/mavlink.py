@@ -32,8 +32,10 @@ HEALTH_BITS = {
     30: "propulsion",
 }
 """Names of parts by their bit of SYS_STATUS (MAV_SYS_STATUS_SENSOR)."""
-POSITION_AIDS = 1 << 5 | 1 << 7
+GPS, VISION_POSITION = 1 << 5, 1 << 7
 """Sensors of SYS_STATUS that measure the position: MAV_SYS_STATUS_SENSOR_GPS and ..._VISION_POSITION."""
+GPS_FIX_3D = 3
+"""Least `fix_type` of GPS_RAW_INT with which a GPS measures the position."""
 
 STATION_HEARTBEAT = {
     "type": 6,  # MAV_TYPE_GCS

@@ -107,6 +107,10 @@ class Telemetry:
         """Id of the autopilot's hardware, in hexadecimal digits; empty where it tells none."""
         self._estimator_ratio = NAN
         self._std_m = (NAN, NAN)
+        self._healthy_aids = 0
+        """Sensors of the position that SYS_STATUS calls healthy."""
+        self._has_fix = True
+        """False when the GPS says that it has no fix."""
         self._aided = self._aid_lost = False
         self._clock = LinkClock()
         self.round_trips = RoundTrips()
@@ -129,6 +133,7 @@ class Telemetry:
             "SCALED_PRESSURE": self._on_pressure,
             "GLOBAL_POSITION_INT": self._on_global_position,
             "SYS_STATUS": self._on_sys_status,
+            "GPS_RAW_INT": self._on_gps,
             "EXTENDED_SYS_STATE": self._on_extended_state,
             "HEARTBEAT": self._on_heartbeat,
             "CURRENT_MODE": self._on_current_mode,
@@ -213,6 +218,11 @@ class Telemetry:
         """
         atmosphere = atmosphere_of(self._version, is_standard=True)
         return Ambient(self._resting_v, air_density_ratio(self._air, atmosphere), atmosphere=atmosphere)
+
+    @property
+    def version(self) -> Version | None:
+        """Version of the firmware; None where it was not told."""
+        return self._version
 
     @property
     def knows_air(self) -> bool:
@@ -350,7 +360,8 @@ class Telemetry:
             self._health = enabled, health
             self._failing = mavlink.failing_parts(enabled, health)
         if firmware is not None and firmware.tells_aids:
-            self._notice_aids(bool(health & mavlink.POSITION_AIDS))
+            self._healthy_aids = health & (mavlink.GPS | mavlink.VISION_POSITION)
+            self._notice_aids()
         millivolts = fields["voltage_battery"]
         if millivolts != MILLIVOLTS_UNKNOWN:
             self._battery = (now_s, 0.001 * millivolts)
@@ -375,8 +386,17 @@ class Telemetry:
                 self._air = self._air._replace(altitude_m=0.001 * fields["alt"])
                 self._news.notify_all()
 
-    def _notice_aids(self, aided: bool) -> None:
+    def _on_gps(self, fields: Fields, now_s: float) -> None:
+        del now_s
+        firmware = self.firmware
+        if firmware is not None and firmware.tells_aids:
+            self._has_fix = int(fields["fix_type"]) >= mavlink.GPS_FIX_3D
+            self._notice_aids()
+
+    def _notice_aids(self) -> None:
         """Note if a source of position works; one that never worked is not lost."""
+        working = self._healthy_aids if self._has_fix else self._healthy_aids & ~mavlink.GPS
+        aided = working != 0
         self._aided = self._aided or aided
         self._aid_lost = self._aided and not aided
 

@@ -168,8 +168,8 @@ class Landing:
         return Decision(None, self._request(state))
 
     def _request(self, state: VehicleState) -> tuple[Request, ...]:
-        """Request to land: made while the vehicle is, or may get armed, when the mode is known to be ours (after a stall
-        somebody else may have taken it), and repeated after a failure."""
+        """Request to land: made while the motors are on, or may get on, when the mode is known to be ours (after a
+        stall somebody else may have taken it), and repeated after a failure."""
         if self._watch.motors_off(state, self._progress.in_stage_s):
             return ()
         now_s = self._progress.now_s

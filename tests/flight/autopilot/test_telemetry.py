@@ -218,3 +218,24 @@ def test_px4_says_that_it_is_disarmed_a_second_before_its_heartbeats_do() -> Non
         assert px4.state(5.3).armed is expected
     px4.receive("HEARTBEAT", armed, now_s=6.0)  # armed again
     assert px4.state(6.0).armed
+
+
+GPS, VISION = 1 << 5, 1 << 7
+
+
+@pytest.mark.parametrize(("healthy", "lost"), [(GPS, True), (GPS | VISION, False), (VISION, False)])
+def test_a_gps_without_a_fix_is_lost_though_ardupilot_calls_it_healthy(healthy: int, lost: bool) -> None:
+    status = VOLTAGE | {"onboard_control_sensors_health": healthy}
+    copter = heard(("SYS_STATUS", status), ("GPS_RAW_INT", {"fix_type": 3}))
+    assert not copter.state(1.0).aid_lost
+    for name, fields in (("GPS_RAW_INT", {"fix_type": 1}), ("SYS_STATUS", status)):
+        copter.receive(name, fields, now_s=1.2)
+        assert copter.state(1.2).aid_lost is lost
+    copter.receive("GPS_RAW_INT", {"fix_type": 4}, now_s=1.4)
+    assert not copter.state(1.4).aid_lost
+
+
+def test_a_gps_that_never_had_a_fix_is_not_lost() -> None:
+    copter = heard(("GPS_RAW_INT", {"fix_type": 0}), ("SYS_STATUS", VOLTAGE | {"onboard_control_sensors_health": GPS}))
+    copter.receive("GPS_RAW_INT", {"fix_type": 1}, now_s=1.2)
+    assert not copter.state(1.2).aid_lost
