@@ -24,6 +24,8 @@ STATION_LOST = {1: "RTL", 3: "RTL", 4: "LAND", 5: "LAND", 7: "LAND"}
 A mode that a pilot flies goes on, as bit 4 of FS_OPTIONS, which is set by default, says."""
 REMOTE_LOST = {1: "RTL", 2: "RTL", 3: "LAND", 4: "RTL", 5: "LAND", 6: "RTL", 7: "LAND"}
 """Mode of the failsafe by FS_THR_ENABLE, which acts when the remote control is lost, in GUIDED too."""
+FRAME_CLASSES = {4: 1.0, 6: 2.0, 8: 3.0}
+"""FRAME_CLASS by number of rotors."""
 CLIMBED_M = 0.3
 """Distance to the height of a return within which it counts as reached."""
 AIR = Air(pressure_pa=95598.0, ground_temperature_c=28.16, height_m=0.0, altitude_m=488.1)
@@ -84,8 +86,8 @@ class SimulatedCopter(SimulatedAutopilot):
             self._station_heard_s = self.time_s
 
     def rotor_parameters(self, vehicle: Vehicle) -> dict[str, float]:
-        """No parameters: it knows frames by number, not the axes of rotors."""
-        return {}
+        """Number of the frame: it does not know the axes of rotors."""
+        return {"FRAME_CLASS": FRAME_CLASSES.get(vehicle.n_rotors, 0.0)}
 
     def set_attitude_target(self, target: AttitudeTarget) -> None:
         super().set_attitude_target(target)
@@ -116,6 +118,7 @@ class SimulatedCopter(SimulatedAutopilot):
 
     def lose_remote(self) -> None:
         """Lose the remote control."""
+        self.remote = False
         mode = REMOTE_LOST.get(int(self.parameters["FS_THR_ENABLE"]))
         if self.armed and mode is not None:
             self.said.append((CRITICAL, "Radio Failsafe"))

@@ -96,6 +96,10 @@ class SimulatedAutopilot:
         self._battery_failed_s: float | None = None
         self.remote = True
         """False: there is no remote control."""
+        self.battery_remaining = 1.0
+        """Share of the battery's charge that remains, as it is told."""
+        self.battery_alarm = ""
+        """Charge state of the battery as it is told, where it is critical or worse."""
         self.said: deque[tuple[int, str]] = deque()
         """Texts that it has to say, with their MAV_SEVERITY; taken by whoever sends them."""
         self.estimator.observe(self.body.motion())
@@ -175,9 +179,13 @@ class SimulatedAutopilot:
 
     def request_mode(self, mode: str) -> str | None:
         refusal = self._objection_to_mode(mode) if mode in self.modes else f"there is no mode {mode}"
-        if refusal is None:
+        if refusal is None and not self._stays(mode):
             self._enter(mode)
         return refusal
+
+    def _stays(self, mode: str) -> bool:
+        """True when it accepts a mode and does not enter it: offboard, on the ground, with an empty battery."""
+        return mode == "OFFBOARD" and not self.armed and bool(self.battery_alarm)
 
     def lose_position_aid(self) -> None:
         """Lose GPS or motion capture: from now on the estimate of the position is dead reckoning."""
@@ -240,6 +248,9 @@ class SimulatedAutopilot:
             motor_current_a=self.body.motor_current_a(e.rotor_rpm),
             motor_output=tuple(self.outputs),
             battery_v=e.battery_v,
+            battery_remaining=self.battery_remaining,
+            battery_alarm=self.battery_alarm,
+            remote=self.remote,
             armed=self.armed,
             landed=self.landed,
             mode=self.mode,

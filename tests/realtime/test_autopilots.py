@@ -156,6 +156,17 @@ def test_a_flight_after_whose_death_nobody_would_land_is_refused_unless_that_is_
             link.px.autopilot.parameters[name] = kept
 
 
+def test_a_hexarotors_configuration_on_a_quadrotor_is_not_flown(tmp_path: Path) -> None:
+    copter, port = SimulatedCopter(VEHICLE), free_port()
+    meet_requirements(copter)
+    copter.parameters["FRAME_CLASS"] = 2.0
+    copter.remote = False
+    with mock(copter, port):
+        _, said = Flight(tmp_path, f"udpin://127.0.0.1:{port}").process.communicate(timeout=60.0)
+    assert "quadctl: parameters: FRAME_CLASS: 6 rotors (2): the vehicle file 'raptor' has 4." in said
+    assert not list(tmp_path.glob("*.csv"))
+
+
 class NewNames(dict[str, float]):
     """Parameters of ArduPilot 4.7, of which the simulated vehicle still reads the older names."""
 

@@ -11,6 +11,7 @@ from quadctl.flight.autopilot.firmware import (
     Requirement,
     Stream,
     hover_throttle_check,
+    rotor_count_check,
 )
 from quadctl.thrust_chain.ardupilot import CHAIN
 from quadctl.vehicle import Vehicle
@@ -32,6 +33,8 @@ LOST_REMOTE = {0: "it does nothing", 1: "it goes to RTL", 2: "it goes to RTL, or
 """FS_THR_ENABLE: the action when the remote control is lost."""
 LOST_ESTIMATE = {0: "it only says so", 1: "it lands", 2: "it goes to AltHold", 3: "it lands, in Stabilize too"}
 """FS_EKF_ACTION: the action when the estimator's variances are too large."""
+ROTORS = {1: 4, 2: 6, 3: 8, 4: 8, 5: 6, 7: 3, 12: 12, 14: 10}
+"""FRAME_CLASS: number of rotors of the frame, where the class has one."""
 
 
 def _without_station(value: float) -> str:
@@ -150,6 +153,7 @@ ARDUPILOT = Firmware(
         Stream("SCALED_PRESSURE", 29, 1.0, alternative=True),
         Stream("GLOBAL_POSITION_INT", 33, 1.0, alternative=True),
         Stream("SYS_STATUS", 1, 5.0),
+        Stream("BATTERY_STATUS", 147, 1.0, alternative=True),
         Stream("EXTENDED_SYS_STATE", 245, 5.0),
         Stream("EKF_STATUS_REPORT", 193, 5.0),
         # SYS_STATUS calls a GPS without a fix healthy.
@@ -171,6 +175,7 @@ ARDUPILOT = Firmware(
         Check("FS_EKF_ACTION", _without_estimate, _poor_without_estimate),
         Check("RTL_ALT", _return_height, _return_too_high),
         hover_throttle_check("MOT_THST_HOVER"),
+        rotor_count_check("FRAME_CLASS", lambda value: ROTORS.get(round(value))),
     ),
     serial_parameters=("SERIAL2_PROTOCOL", "SERIAL2_BAUD"),
 )

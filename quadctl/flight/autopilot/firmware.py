@@ -67,13 +67,15 @@ class Renamed(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """A parameter that is judged before a flight; a flight is warned of what it objects to, and never refused."""
+    """A parameter that is judged before a flight, which is warned of what it objects to, or refused."""
 
     parameter: str
     finding: Callable[[float, Vehicle], str]
     """Sentence about its value."""
     objection: Callable[[float, Vehicle], str | None]
     """Reason why the value is poor for this vehicle, or None."""
+    refuses: bool = False
+    """True: a flight is refused for it."""
 
 
 @dataclass(frozen=True)
@@ -149,6 +151,22 @@ def hover_throttle_check(parameter: str) -> Check:
             "one of them is wrong" if abs(theirs - hover_throttle(vehicle)) > MAX_HOVER_DIFFERENCE else None
         ),
     )
+
+
+def rotor_count_check(parameter: str, count: Callable[[float], int | None]) -> Check:
+    """Check of the `parameter` that says how many rotors the autopilot drives (None: it does not) against the vehicle
+    file."""
+
+    def finding(value: float, vehicle: Vehicle) -> str:
+        known = count(value)
+        return f"{parameter} = {value:g}" if known is None else f"{parameter}: {known} rotors ({value:g})"
+
+    def objection(value: float, vehicle: Vehicle) -> str | None:
+        if count(value) in (None, vehicle.n_rotors):
+            return None
+        return f"the vehicle file '{vehicle.name}' has {vehicle.n_rotors}"
+
+    return Check(parameter, finding, objection, refuses=True)
 
 
 def share_of_pulse(value: float) -> float:

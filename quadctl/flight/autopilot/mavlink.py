@@ -32,6 +32,10 @@ HEALTH_BITS = {
     30: "propulsion",
 }
 """Names of parts by their bit of SYS_STATUS (MAV_SYS_STATUS_SENSOR)."""
+RC_RECEIVER = 1 << 16
+"""Remote control in SYS_STATUS: MAV_SYS_STATUS_SENSOR_RC_RECEIVER."""
+BATTERY_ALARMS = {3: "critical", 4: "empty (emergency)", 5: "failed", 6: "unhealthy"}
+"""Values of MAV_BATTERY_CHARGE_STATE with which nobody should take off, in the order of their gravity."""
 GPS, VISION_POSITION = 1 << 5, 1 << 7
 """Sensors of SYS_STATUS that measure the position: MAV_SYS_STATUS_SENSOR_GPS and ..._VISION_POSITION."""
 GPS_FIX_3D = 3

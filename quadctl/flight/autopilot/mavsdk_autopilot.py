@@ -362,8 +362,10 @@ class MavsdkAutopilot:
             reasons = "; ".join([mavlink.result_name(result), *await self._reasons(asked_s)])
             raise RefusalError(f"{self.description} refused to {what}: {reasons}.")
         if not await self._await(until, HEARTBEAT_WAIT_S):
+            reasons = "".join(f"; {reason}" for reason in await self._reasons(asked_s))
             raise FlightError(
-                f"{self.description} accepted to {what}, but no heartbeat shows it within {HEARTBEAT_WAIT_S:g} s."
+                f"{self.description} accepted to {what}, but no heartbeat shows it within {HEARTBEAT_WAIT_S:g} s"
+                f"{reasons}."
             )
 
     async def _reasons(self, since_s: float) -> list[str]:

@@ -1,6 +1,13 @@
 """PX4 on the MAVLink wire: offboard mode follows targets, which also lift the vehicle off."""
 
-from quadctl.flight.autopilot.firmware import Check, Firmware, Requirement, Stream, hover_throttle_check
+from quadctl.flight.autopilot.firmware import (
+    Check,
+    Firmware,
+    Requirement,
+    Stream,
+    hover_throttle_check,
+    rotor_count_check,
+)
 from quadctl.thrust_chain.px4 import CHAIN
 from quadctl.vehicle import Vehicle
 
@@ -154,6 +161,7 @@ PX4 = Firmware(
         Stream("RAW_RPM", 339, 50.0, alternative=True),
         Stream("ACTUATOR_OUTPUT_STATUS", 375, 50.0, alternative=True),
         Stream("SYS_STATUS", 1, 5.0),
+        Stream("BATTERY_STATUS", 147, 1.0, alternative=True),
         Stream("EXTENDED_SYS_STATE", 245, 5.0),
         Stream("ESTIMATOR_STATUS", 230, 5.0),
         # Heartbeats tell the mode too, but come at 1 Hz, and PX4 refuses another interval. Newer ones send this every
@@ -192,6 +200,7 @@ PX4 = Firmware(
         Check("COM_LOW_BAT_ACT", _low_battery, _ignored_battery),
         Check("RTL_RETURN_ALT", _return_height, _return_too_high),
         hover_throttle_check("MPC_THR_HOVER"),
+        rotor_count_check("CA_ROTOR_COUNT", lambda value: round(value) or None),
         Check("MC_BAT_SCALE_EN", _scaling, _scaled),
     ),
     serial_parameters=("MAV_1_CONFIG", "SER_TEL2_BAUD"),

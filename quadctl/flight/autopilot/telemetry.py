@@ -93,6 +93,10 @@ class Telemetry:
         self._refusals: tuple[str, ...] = ()
         self._battery = (-math.inf, NAN)
         self._resting_v = NAN
+        self._remaining = NAN
+        self._charge: dict[int, int] = {}
+        """MAV_BATTERY_CHARGE_STATE by number of the battery."""
+        self._remote: bool | None = None
         self._air = Air(NAN, NAN, 0.0, NAN)
         """Air at the ground, as it was told first."""
         self._version: Version | None = None
@@ -134,6 +138,7 @@ class Telemetry:
             "GLOBAL_POSITION_INT": self._on_global_position,
             "SYS_STATUS": self._on_sys_status,
             "GPS_RAW_INT": self._on_gps,
+            "BATTERY_STATUS": self._on_battery,
             "EXTENDED_SYS_STATE": self._on_extended_state,
             "HEARTBEAT": self._on_heartbeat,
             "CURRENT_MODE": self._on_current_mode,
@@ -171,6 +176,8 @@ class Telemetry:
             motor_current_a=tuple(v for group in escs for v in group.current_a)[:n],
             motor_output=self._outputs.value,
             battery_v=battery_v,
+            battery_remaining=self._remaining,
+            battery_alarm=mavlink.BATTERY_ALARMS.get(max(map(_gravity, self._charge.values()), default=0), ""),
             armed=heartbeat.armed,
             landed=self._landed,
             mode=mode,
@@ -178,6 +185,7 @@ class Telemetry:
             estimator_ok=self._estimator_ok,
             ready_to_arm=self._prearm_ok or not tells_readiness,
             tells_readiness=tells_readiness,
+            remote=self._remote,
             checks_off=self._checks_off,
             failing=self._failing,
             refusals=self._refusals,
@@ -362,6 +370,9 @@ class Telemetry:
         if firmware is not None and firmware.tells_aids:
             self._healthy_aids = health & (mavlink.GPS | mavlink.VISION_POSITION)
             self._notice_aids()
+        self._remote = bool(present & health & mavlink.RC_RECEIVER)
+        percent = fields["battery_remaining"]
+        self._remaining = 0.01 * percent if percent >= 0 else NAN
         millivolts = fields["voltage_battery"]
         if millivolts != MILLIVOLTS_UNKNOWN:
             self._battery = (now_s, 0.001 * millivolts)
@@ -385,6 +396,10 @@ class Telemetry:
             with self._news:
                 self._air = self._air._replace(altitude_m=0.001 * fields["alt"])
                 self._news.notify_all()
+
+    def _on_battery(self, fields: Fields, now_s: float) -> None:
+        del now_s
+        self._charge = {**self._charge, int(fields["id"]): int(fields.get("charge_state") or 0)}
 
     def _on_gps(self, fields: Fields, now_s: float) -> None:
         del now_s
@@ -454,6 +469,11 @@ class Telemetry:
                 self._heartbeat = self._heartbeat._replace(armed=False)  # until a heartbeat says otherwise
             self._texts.take(fields, now_s)
             self._news.notify_all()
+
+
+def _gravity(charge_state: int) -> int:
+    """Charge state where it is an alarm, else 0."""
+    return charge_state if charge_state in mavlink.BATTERY_ALARMS else 0
 
 
 def _number(value: float | None) -> float:

@@ -74,11 +74,11 @@ class Supervisor:
         return self._unheard_s > GONE_S
 
     def defect(self, state: VehicleState) -> str | None:
-        """Reason why the flight cannot use this state, or None."""
+        """Reason why a flight cannot begin with this state, or None."""
         least_v = self._guards.min_battery_v
         if least_v > 0.0 and not state.battery_v >= least_v:
             return f"the battery is at {state.battery_v:.2f} V, expected {least_v:g} V or more"
-        return defect(state, self._guards)
+        return state.why_battery_empty or defect(state, self._guards)
 
     def unready(self, state: VehicleState) -> str | None:
         """Reason why the autopilot would not arm in the mode that it is in, or None.

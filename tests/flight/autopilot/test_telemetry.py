@@ -13,6 +13,7 @@ from quadctl.thrust_chain.chain import Ambient
 
 VOLTAGE = {
     "voltage_battery": 15000,
+    "battery_remaining": -1,
     "onboard_control_sensors_present": 0,
     "onboard_control_sensors_enabled": 0,
     "onboard_control_sensors_health": 0,
@@ -239,3 +240,27 @@ def test_a_gps_that_never_had_a_fix_is_not_lost() -> None:
     copter = heard(("GPS_RAW_INT", {"fix_type": 0}), ("SYS_STATUS", VOLTAGE | {"onboard_control_sensors_health": GPS}))
     copter.receive("GPS_RAW_INT", {"fix_type": 1}, now_s=1.2)
     assert not copter.state(1.2).aid_lost
+
+
+@pytest.mark.parametrize(
+    ("percent", "charges", "said"),
+    [
+        (-1, (), None),
+        (1, (1, 2), None),
+        (0, (), "0 % of the battery is left"),
+        (3, (3, 1), "the autopilot calls the battery critical (3 % of the battery is left)"),
+        (-1, (3, 5), "the autopilot calls the battery failed"),
+    ],
+)
+def test_a_battery_that_is_empty_or_worse_is_said(percent: int, charges: tuple[int, ...], said: str | None) -> None:
+    told = heard(("SYS_STATUS", VOLTAGE | {"battery_remaining": percent}))
+    for number, charge in enumerate(charges):
+        told.receive("BATTERY_STATUS", {"id": number, "charge_state": charge}, now_s=1.0)
+    assert told.state(1.0).why_battery_empty == said
+
+
+def test_a_remote_control_is_received_if_it_is_there_and_healthy() -> None:
+    assert heard().state(1.0).remote is None
+    for present, health, expected in ((0, 1 << 16, False), (1 << 16, 0, False), (1 << 16, 1 << 16, True)):
+        flags = {"onboard_control_sensors_present": present, "onboard_control_sensors_health": health}
+        assert heard(("SYS_STATUS", VOLTAGE | flags)).state(1.0).remote is expected
