@@ -414,7 +414,15 @@ LINK = (
 )
 PEOPLE = (
     Case("the pilot takes the mode", _take, "release", "left offboard", "stick", silent_s=0.5),
-    Case("the mode is taken and given back", _take_and_return, "release", "left offboard", "stick", silent_s=0.5),
+    Case(
+        "the mode is taken and given back",
+        _take_and_return,
+        "release",
+        "left offboard",
+        "stick",
+        silent_s=0.5,
+        on_ardupilot={"said": "GUIDED again, which nobody flies: its failsafe lands it when quadctl is gone"},
+    ),
     Case("the mode is taken for 0.3 s", _take_for(0.3), "release", "left offboard", "stick", silent_s=0.5),
     Case("Ctrl-C", lambda s: s.signal(SIGINT), "land", "asked to land by SIGINT", silent_s=0.5),
     Case("Ctrl-C, landing refused", _refuse_landing, "silence", "refused to enter LAND", "failsafe", silent_s=1.0),

@@ -167,6 +167,23 @@ def test_a_silent_link_ages(link: Link) -> None:
 # --- connecting --------------------------------------------------------------------------------------------------
 
 
+def test_a_second_autopilot_on_the_port_is_a_warning(vehicle: Vehicle) -> None:
+    with connected(SimulatedAutopilot(vehicle)) as link:
+        second = mock(SimulatedAutopilot(vehicle), link.px.address[1])
+        second._mav.srcSystem = 2
+        with second:
+            link.wait(lambda: link.adapter._link.other_autopilots == [2])
+            asyncio.run(link.adapter.request_telemetry())
+    (warning,) = [said for said in link.adapter.warnings if "Another autopilot" in said]
+    assert "(system 2)" in warning
+    assert "quadctl flies system 1" in warning
+
+
+@pytest.mark.parametrize("url", ["udpin://127.0.0.1:99999", "tcpout://127.0.0.1:0", "udpout://127.0.0.1:65536"])
+def test_a_port_that_does_not_exist_is_said(url: str) -> None:
+    assert connect_error(url).endswith("expected one from 1 to 65535.")
+
+
 def connect_error(url: str) -> str:
     async def attempt() -> None:
         adapter = MavsdkAutopilot(url, 4, connect_timeout_s=0.3)

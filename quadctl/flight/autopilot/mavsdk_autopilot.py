@@ -133,6 +133,11 @@ class MavsdkAutopilot:
             if stream.required:
                 raise FlightError(sentence)
             self.warnings.append(f"{sentence} {stream.without}".rstrip())
+        for other in self._link.other_autopilots:
+            self.warnings.append(
+                f"Another autopilot (system {other}) is heard at {self._link.url}: quadctl flies system "
+                f"{self._link.system_id}, which was heard first."
+            )
         talker = mavlink.TALKERS.get(self._link.own_system_id)
         if talker is not None and self.stays_up:
             self.warnings.append(

@@ -17,6 +17,8 @@ LET_GO_S = 1.0
 """Longest time for which a second Ctrl-C waits for the autopilot to enter its land mode."""
 UNCONFIRMED_S = 5.0
 """Time after which an autopilot that stays up for our heartbeats, and whose own are lost, no longer gets ours."""
+GIVEN_BACK_S = 2.0
+"""Time after which a mode of ours that somebody has taken and given back counts as left to nobody."""
 LINK_TIMEOUT_S = 60.0
 """Longest wait for a link that is lost while somebody else flies."""
 
@@ -38,6 +40,8 @@ class Landing:
         self._failed = False
         self._let_go: str | None = None
         self._let_go_s: float | None = None
+        self._given_back_s: float | None = None
+        """Time since which the mode that somebody had taken is ours again; None: it is not."""
 
     # --- transitions ---------------------------------------------------------------------------------------------
 
@@ -90,6 +94,9 @@ class Landing:
         """One tick of RELEASED: somebody else flies; record until the vehicle is disarmed, never take the mode back."""
         if not state.connected and self._progress.in_stage_s > LINK_TIMEOUT_S:
             self._progress.end(f"{self._progress.ended}; the link did not come back in {LINK_TIMEOUT_S:g} s")
+        elif self._given_back(state):
+            left = f"the mode is {state.mode} again, which nobody flies: its failsafe lands it when quadctl is gone"
+            self._progress.end(f"{self._progress.ended}; {left}")
         elif self._watch.motors_off(state, self._progress.in_stage_s) or self._watch.want_land:
             self._progress.enter(Stage.DONE)
         return Decision()
@@ -147,6 +154,16 @@ class Landing:
         """True when nobody can tell whether the autopilot lands, and our heartbeats would keep it in the air."""
         unheard = not (state.connected or self._landing_seen)
         return self._stays_up and unheard and self._progress.in_stage_s > UNCONFIRMED_S
+
+    def _given_back(self, state: VehicleState) -> bool:
+        """True when somebody has given the mode back to us, who do not fly any more, and our heartbeats would keep the
+        vehicle in the air."""
+        if not (self._stays_up and state.armed and state.offboard):
+            self._given_back_s = None
+            return False
+        now_s = self._progress.now_s
+        self._given_back_s = now_s if self._given_back_s is None else self._given_back_s
+        return now_s - self._given_back_s > GIVEN_BACK_S
 
     def _too_long(self) -> bool:
         """True, and the flight is over, when the autopilot has not come down and disarmed in time."""

@@ -47,6 +47,7 @@ def test_before_the_first_message_nothing_looks_like_data() -> None:
 def test_mode_names_are_read_from_the_custom_mode() -> None:
     assert PX4.mode_name(6 << 16) == "OFFBOARD"
     assert PX4.mode_name(4 << 16 | 6 << 24) == "LAND"
+    assert PX4.mode_name(10 << 16) == "TERMINATION"
     assert PX4.mode_name(9 << 16 | 1 << 24) == "9/1"
     assert ARDUPILOT.mode_name(4) == "GUIDED"
     assert ARDUPILOT.mode_name(99) == "mode 99"

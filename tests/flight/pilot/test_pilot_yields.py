@@ -7,6 +7,7 @@ from functools import partial
 
 import pytest
 
+from quadctl.flight.pilot.pilot import Pilot
 from quadctl.flight.pilot.tick import Request, Stage
 from quadctl.state import VehicleState
 from tests.support.watched import HAND_OVER, RATE_HZ, Flight, at_stage, in_flight, stall, take_over
@@ -57,6 +58,34 @@ def test_a_mode_taken_and_given_back_is_not_flown_again() -> None:
         lambda s: replace(s, mode="OFFBOARD") if s.mode == "POSCTL" else s, lambda t: t.stage is Stage.RELEASED
     ).fly()
     assert flight.pilot.ended == "the autopilot left offboard for POSCTL"
+
+
+@pytest.mark.parametrize("stays_up", [True, False])
+def test_an_autopilot_that_hovers_for_our_heartbeats_is_let_go_when_the_mode_is_given_back(stays_up: bool) -> None:
+    """ArduPilot hovers in GUIDED for as long as it hears us; PX4's own failsafe lands it without targets."""
+    flight = Flight(pilot_class=partial(Pilot, autopilot_stays_up=stays_up))
+    flight.autopilot.parameters["COM_OF_LOSS_T"] = 60.0
+    back_s = math.inf
+
+    def give_back() -> None:
+        nonlocal back_s
+        flight.autopilot._enter("OFFBOARD")
+        back_s = flight.autopilot.time_s
+
+    flight.when(in_flight(3.0), lambda: flight.autopilot.somebody("POSCTL"))
+    flight.when(at_stage(Stage.RELEASED, 30), give_back)
+    flight.when(at_stage(Stage.RELEASED, 300), lambda: flight.autopilot.somebody("LAND")).fly()
+    last = flight.watch.ticks[-1]
+    assert flight.autopilot.asked == ["OFFBOARD", "ARM"]
+    if stays_up:
+        assert last.state.time_s - back_s == pytest.approx(2.0, abs=0.1)
+        assert flight.pilot.ended == (
+            "the autopilot left offboard for POSCTL; the mode is OFFBOARD again, which nobody flies: "
+            "its failsafe lands it when quadctl is gone"
+        )
+    else:
+        assert flight.pilot.ended == "the autopilot left offboard for POSCTL"
+        assert not last.state.armed
 
 
 def test_a_mode_taken_while_spooling_up_is_let_go() -> None:
