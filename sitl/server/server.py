@@ -79,6 +79,8 @@ class MavlinkMock(ABC):
         """VISION_POSITION_ESTIMATE messages as they arrived; the estimator does not use them."""
         self.heartbeats_heard: set[tuple[int, int]] = set()
         """System and MAV_TYPE of the heartbeats that arrived."""
+        self.origin: tuple[int, int, int] | None = None
+        """Latitude and longitude, 1e-7 deg, and altitude, mm, of the origin that it was given."""
         self._station_heard_s = -math.inf
         self._texts_sent = 0
         self.lag_s = 0.0
@@ -106,6 +108,7 @@ class MavlinkMock(ABC):
             "SET_ATTITUDE_TARGET": self._setpoint,
             "TIMESYNC": self._timesync,
             "VISION_POSITION_ESTIMATE": self.vision_poses_received.append,
+            "SET_GPS_GLOBAL_ORIGIN": self._take_origin,
             "PARAM_REQUEST_LIST": self._parameter_list,
             "PARAM_REQUEST_READ": self._parameter_read,
             "PARAM_SET": self._parameter_set,
@@ -368,7 +371,13 @@ class MavlinkMock(ABC):
         stream.set_interval(command.param2, self.autopilot.time_s)
         return int(mavlink.MAV_RESULT_ACCEPTED)
 
+    def _take_origin(self, message: Message) -> None:
+        self.origin = self.origin or (message.latitude, message.longitude, message.altitude)
+
     def _request_message(self, command: Message) -> int:
+        if int(command.param1) == mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN and self.origin is not None:
+            self._send(mavlink.MAVLink_gps_global_origin_message(*self.origin))
+            return int(mavlink.MAV_RESULT_ACCEPTED)
         stream = self._streams.get(int(command.param1))
         if stream is None:
             return int(mavlink.MAV_RESULT_DENIED)

@@ -60,6 +60,7 @@ CMD_SET_MESSAGE_INTERVAL = 511
 CMD_REQUEST_MESSAGE = 512
 
 AUTOPILOT_VERSION_ID = 148
+GPS_GLOBAL_ORIGIN_ID = 49
 
 ATTITUDE_TARGET_IGNORE_RATES = 0b111
 """Type mask of SET_ATTITUDE_TARGET: fly the attitude and the thrust, leave the body rates to the autopilot."""
