@@ -89,6 +89,8 @@ def global_position(ground_m: float) -> Builder:
     """Builder of GLOBAL_POSITION_INT, for a ground that lies `ground_m` above the sea."""
 
     def build(estimate: VehicleState) -> Iterator[Message]:
+        if not estimate.finite:  # whole numbers cannot say so
+            return
         height_m = -estimate.position_ned_m[2]
         altitude_mm, above_mm = round(1000.0 * (ground_m + height_m)), round(1000.0 * height_m)
         velocity_cm_s = (round(100.0 * v) for v in estimate.velocity_ned_m_s)

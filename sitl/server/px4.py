@@ -11,6 +11,8 @@ from quadctl.sitl.server.manners import Manners, Stream
 from quadctl.sitl.server.server import MavlinkMock
 from quadctl.state import VehicleState
 
+MAX_INTEGRAL_RAD_S2 = 60.0
+"""Limit of the rate integrals, that of a PX4 (MC_RR_INT_LIM 0.3): with one of four motors at half thrust it hovers."""
 CHECKED_S = 0.5
 """Time from entering offboard, disarmed, to the check of that mode; until then it counts as failed."""
 TOLD_S = 0.028
@@ -21,6 +23,13 @@ class MavlinkPx4(MavlinkMock):
     """A PX4 on UDP."""
 
     rules = SimulatedAutopilot
+
+    def __init__(
+        self, autopilot: SimulatedAutopilot, port: int = 14540, host: str = "127.0.0.1", heartbeat_hz: float = 1.0
+    ) -> None:
+        super().__init__(autopilot, port, host, heartbeat_hz)
+        autopilot.loops.max_integral_rad_s2 = MAX_INTEGRAL_RAD_S2
+
     _offboard_s = -math.inf
     """Time at which offboard was entered disarmed."""
 

@@ -343,7 +343,14 @@ LIMITS = (
     Case("battery low", _distort(lambda: faults.battery_at(12.0)), "land", "the battery is at 12.00 V", silent_s=1.0),
 )
 ROTORS = (
-    Case("a motor of four at half thrust", _weaken(0.5), "land", "from take-off", silent_s=2.5),
+    Case(
+        "a motor of four at half thrust",
+        _weaken(0.5),
+        "land",
+        "asked to land by SIGINT",
+        silent_s=5.5,
+        on_ardupilot={"said": "from take-off", "silent_s": 2.5},
+    ),
     Case("a motor of six at half thrust", _weaken(0.5), "land", "asked to land by SIGINT", silent_s=5.5, setting=SIX),
     Case("a motor of six at a tenth of its thrust", _weaken(0.9), "land", "from take-off", silent_s=2.5, setting=SIX),
     Case("process killed, six rotors", lambda s: s.signal(SIGKILL), "", "in flight", "failsafe", setting=SIX),
