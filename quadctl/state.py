@@ -49,6 +49,10 @@ class VehicleState:
     motor_output: tuple[float, ...] = ()
     """Output of the autopilot to each motor, on the scale of the throttle target, 0..1."""
     battery_v: float = NAN
+    battery_remaining: float = NAN
+    """Share of the battery's charge that remains, 0..1, as the autopilot says."""
+    battery_alarm: str = ""
+    """Charge state that the autopilot gives its worst battery, if that is critical or worse."""
     armed: bool = False
     landed: bool = True
     mode: str = ""
@@ -62,6 +66,8 @@ class VehicleState:
     tells_readiness: bool = True
     """False when it does not say if they pass, as PX4 in offboard mode, or ArduPilot whose checks are off; then
     `ready_to_arm` is a guess."""
+    remote: bool | None = None
+    """True when a remote control is received, False when none is; None where the autopilot does not tell."""
     checks_off: bool = False
     """True when its own checks before arming are switched off, so that it arms whatever is wrong."""
     failing: tuple[str, ...] = ()
@@ -112,9 +118,19 @@ class VehicleState:
 
     @property
     def why_not_ready(self) -> tuple[str, ...]:
-        """Reasons against arming beside the texts: those of its report, and the parts that fail."""
+        """Reasons against arming beside the texts: those of its report, the parts that fail, and an empty battery."""
         failing = (f"failing: {', '.join(self.failing)}",) if self.failing else ()
-        return (*self.refusals, *failing)
+        empty = () if self.why_battery_empty is None else (self.why_battery_empty,)
+        return (*self.refusals, *failing, *empty)
+
+    @property
+    def why_battery_empty(self) -> str | None:
+        """Reason why the battery must not be flown, by the autopilot's own word, or None."""
+        left = f"{100.0 * self.battery_remaining:.0f} % of the battery is left"
+        if self.battery_alarm:
+            known = "" if math.isnan(self.battery_remaining) else f" ({left})"
+            return f"the autopilot calls the battery {self.battery_alarm}{known}"
+        return left if self.battery_remaining <= 0.0 else None
 
     @property
     def offboard(self) -> bool:

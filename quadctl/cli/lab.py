@@ -2,7 +2,7 @@
 
 import shlex
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -111,6 +111,7 @@ def diagnose(
     elif expression is not None:
         console.print(f"No expression was found: {expression} is not written.", soft_wrap=True, markup=False)
     _print_notes(data)
+    _point_to_verify(loaded, data, model, logs)
     write_json(json_out, result.to_dict())
     if html is not None:
         write_report(html, comparison=run_compare(loaded, data), diagnosis=result)
@@ -459,6 +460,21 @@ def _mapped(paths: list[Path], by_map: Path) -> Iterator["FlightLog"]:
         for sentence in found:
             console.print(f"{path.name}: {sentence}", soft_wrap=True, markup=False, highlight=False)
         yield log
+
+
+def _point_to_verify(loaded: Any, dataset: Any, model: Path, logs: Sequence[Path]) -> None:
+    """Say which command sees what has changed since the model was fitted to other flights: a diagnosis fits it anew."""
+    from quadctl.lab.comparison.agreement import flights_of_the_fit
+
+    used, new = flights_of_the_fit(loaded, [flight.name for flight in dataset.flights])
+    if used and new:
+        console.print(
+            f"{model} was fitted to {', '.join(used)}, and here its parameters were fitted again before anything was "
+            f"called missing: whether they still hold says `quadctl verify {model} {' '.join(map(str, logs))}`.",
+            soft_wrap=True,
+            markup=False,
+            highlight=False,
+        )
 
 
 def _print_notes(dataset: Any) -> None:

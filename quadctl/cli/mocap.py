@@ -3,7 +3,7 @@
 import enum
 import math
 import threading
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -40,6 +40,14 @@ def mocap(
         float,
         typer.Option("--yaw", metavar="DEG", min=-360.0, max=360.0, help="Heading of motion capture's north axis."),
     ] = 0.0,
+    origin: Annotated[
+        str | None,
+        typer.Option(
+            "--origin",
+            metavar="LAT,LON,ALT",
+            help="Origin of the autopilot's frame, if it has none: degrees, and metres above the sea.",
+        ),
+    ] = None,
 ) -> None:
     """Forward motion-capture poses to the autopilot's estimator until Ctrl-C, and report their age."""
     from quadctl.flight.autopilot.ports import resolve
@@ -47,5 +55,19 @@ def mocap(
     from quadctl.mocap.urls import open_source
 
     opened = open_source(source, body)
-    flow = forward(resolve(link, console), opened, frame.value, math.radians(yaw), console, threading.Event())
+    place = None if origin is None else _origin(origin)
+    flow = forward(resolve(link, console), opened, frame.value, math.radians(yaw), console, threading.Event(), place)
     console.print(f"{flow.sent} poses sent: {flow.line(None)}", soft_wrap=True, markup=False, highlight=False)
+
+
+def _origin(text: str) -> Any:
+    """Origin of the option's text."""
+    from quadctl.mocap.forward import Origin
+
+    try:
+        origin = Origin(*map(float, text.split(",")))
+    except (TypeError, ValueError):
+        raise typer.BadParameter(f"--origin is '{text}', expected LATITUDE,LONGITUDE,ALTITUDE") from None
+    if not (abs(origin.latitude_deg) <= 90.0 and abs(origin.longitude_deg) <= 180.0 and abs(origin.altitude_m) < 1e4):
+        raise typer.BadParameter(f"--origin is '{text}', expected degrees and metres, such as 47.3977,8.5456,488")
+    return origin

@@ -14,7 +14,7 @@ from quadctl.flight.loop import fly, landing_on_signals
 from quadctl.flight.pilot.outcome import Outcome, Tally
 from quadctl.flight.preflight.changed_parameters import ChangedParameters, left_behind, restore, still_changed
 from quadctl.flight.preflight.findings import Verdict, of_verdict
-from quadctl.flight.preflight.inquiry import CHECKS_OFF, advisable_parameters
+from quadctl.flight.preflight.inquiry import CHECKS_OFF, NO_REMOTE, advisable_parameters
 from quadctl.flight.preflight.lateral import ask_about_lateral_force
 from quadctl.flight.preflight.plan import FlightPlan
 from quadctl.flight.preflight.requirements import requirements_met
@@ -81,12 +81,14 @@ async def _fly(
             await autopilot.request_telemetry()
             advice = await advisable_parameters(autopilot, plan.body.vehicle)
             lateral = await ask_about_lateral_force(plan, autopilot)
-        if refused := of_verdict(lateral, Verdict.REFUSED):
+        if refused := of_verdict([*advice, *lateral], Verdict.REFUSED):
             raise FlightError(f"{refused[0]}.")
         for warning in [*autopilot.warnings, *of_verdict(advice, Verdict.WARNING)]:
             warn(str(warning))
         if autopilot.state().checks_off:
             warn(f"{CHECKS_OFF}.")
+        if autopilot.state().remote is False:
+            warn(f"{NO_REMOTE}.")
         kept = None
         if allowed.keep_in is not None:
             kept = ChangedParameters(allowed.keep_in, await autopilot.identity())

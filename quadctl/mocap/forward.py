@@ -8,10 +8,11 @@ import math
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from functools import partial
 from types import FrameType
+from typing import Any, NamedTuple
 
 from rich.console import Console
 
@@ -29,6 +30,7 @@ from quadctl.state import NAN, Quat, Vec3, VehicleState
 
 STREAMS = {"ATTITUDE_QUATERNION": (31, 20.0), "LOCAL_POSITION_NED": (32, 10.0)}
 """Messages that are compared with the poses: id and rate, Hz."""
+ORIGIN = "GPS_GLOBAL_ORIGIN"
 MESSAGES = (*STREAMS, "HEARTBEAT")
 CONNECT_S = 10.0
 FIRST_POSE_S = 10.0
@@ -40,9 +42,30 @@ ATTITUDE_WAIT_S = 1.0
 DISAGREE_S = 0.5
 """For so long the tilts may disagree: a quick turn is no wrong axis."""
 LEAST_HZ = 50.0
+ORIGIN_WAIT_S = 0.5
+"""For the autopilot to tell its origin, after each question."""
+ORIGIN_TRIES = 3
 RATE_AFTER = 100
 """Poses, until the rate is judged."""
 SHOW_EVERY_S = 0.5
+
+
+class Origin(NamedTuple):
+    """Place of the origin of the autopilot's frame on the globe."""
+
+    latitude_deg: float
+    longitude_deg: float
+    altitude_m: float
+    """Above the sea."""
+
+    def fields(self, system_id: int) -> dict[str, int]:
+        """Fields of SET_GPS_GLOBAL_ORIGIN."""
+        return {
+            "target_system": system_id,
+            "latitude": round(1e7 * self.latitude_deg),
+            "longitude": round(1e7 * self.longitude_deg),
+            "altitude": round(1e3 * self.altitude_m),
+        }
 
 
 class Forwarder:
@@ -117,8 +140,18 @@ class Forwarder:
             self.problem = problem
 
 
-def forward(url: str, source: Source, frame: str, yaw_rad: float, console: Console, stop: threading.Event) -> Flow:
+def forward(
+    url: str,
+    source: Source,
+    frame: str,
+    yaw_rad: float,
+    console: Console,
+    stop: threading.Event,
+    origin: Origin | None = None,
+) -> Flow:
     """Forward poses to the autopilot at `url` until `stop`, Ctrl-C or SIGTERM.
+
+    An autopilot whose frame has no place on the globe is given `origin`.
 
     Raises
     ------
@@ -128,10 +161,20 @@ def forward(url: str, source: Source, frame: str, yaw_rad: float, console: Conso
         The axes contradict the autopilot's attitude from the beginning.
     """
     telemetry = Telemetry(n_rotors=4)
-    link = MavsdkLink(url, telemetry.receive, mavlink.MOCAP_SYSTEM_ID)
+    told = threading.Event()
+
+    def receive(name: str, fields: Mapping[str, Any], now_s: float) -> None:
+        if name == ORIGIN:
+            told.set()
+        else:
+            telemetry.receive(name, fields, now_s)
+
+    link = MavsdkLink(url, receive, mavlink.MOCAP_SYSTEM_ID)
     try:
         with console.status("waiting for the autopilot"):
             asyncio.run(_open(link, telemetry))
+            said = _give_origin(link, origin, told)
+        console.print(said, soft_wrap=True, markup=False, highlight=False)
         forwarder = Forwarder(
             partial(link.send, "VISION_POSITION_ESTIMATE"),
             lambda: telemetry.state(time.monotonic()),
@@ -146,13 +189,37 @@ def forward(url: str, source: Source, frame: str, yaw_rad: float, console: Conso
 
 
 async def _open(link: MavsdkLink, telemetry: Telemetry) -> None:
-    await link.open(MESSAGES, CONNECT_S)
+    await link.open((*MESSAGES, ORIGIN), CONNECT_S)
     for name, (number, rate_hz) in STREAMS.items():
         ask = partial(link.command, mavlink.CMD_SET_MESSAGE_INTERVAL, number, 1e6 / rate_hz, what=f"send {name}")
         await link.run(ask)
     end_s = time.monotonic() + ATTITUDE_WAIT_S
     while time.monotonic() < end_s and not all(map(math.isfinite, telemetry.state(0.0).attitude)):
         await asyncio.sleep(0.02)
+
+
+def _give_origin(link: MavsdkLink, origin: Origin | None, told: threading.Event) -> str:
+    """Give the autopilot's frame a place on the globe, if it has none; the sentence that says what was done."""
+    if _has_origin(link, told):
+        return "the autopilot has an origin already"
+    if origin is None:
+        return (
+            "warning: the autopilot tells no origin of its frame on the globe, without which PX4 does not get ready in "
+            "hold, and ArduPilot does not use the poses: --origin LATITUDE,LONGITUDE,ALTITUDE gives it one"
+        )
+    for _ in range(ORIGIN_TRIES):
+        with suppress(LinkError):
+            link.send("SET_GPS_GLOBAL_ORIGIN", origin.fields(link.system_id))
+        if _has_origin(link, told):
+            return "the autopilot has taken the origin"
+    return "warning: the autopilot was sent the origin and does not tell it"
+
+
+def _has_origin(link: MavsdkLink, told: threading.Event) -> bool:
+    """True when the autopilot tells its origin, after a question."""
+    with suppress(LinkError):
+        link.command(mavlink.CMD_REQUEST_MESSAGE, mavlink.GPS_GLOBAL_ORIGIN_ID, what="tell its origin")
+    return told.wait(ORIGIN_WAIT_S)
 
 
 def _run(forwarder: Forwarder, source: Source, console: Console, stop: threading.Event) -> None:

@@ -58,8 +58,10 @@ def knows_curve(parameters: Parameters) -> bool:
 
 
 def compensates_voltage(parameters: Parameters) -> bool:
-    """True where the parameters of the voltage compensation switch it on."""
-    highest, lowest = (parameters.get(name, 0.0) for name in VOLTAGE)
+    """True where the parameters of the voltage compensation are known and switch it on."""
+    if any(name not in parameters for name in VOLTAGE):
+        return False
+    highest, lowest = (parameters[name] for name in VOLTAGE)
     return highest > 0.0 and lowest < highest
 
 
@@ -127,7 +129,9 @@ def additions(hover: float, parameters: Parameters, ambient: Ambient) -> list[Ad
             voltage(tilted),
             f"voltage compensation at {ambient.battery_v:.2f} V: removed in the log"
             if compensates_voltage(parameters)
-            else "no voltage compensation",
+            else "no voltage compensation"
+            if all(name in parameters for name in VOLTAGE)
+            else "not known: nothing is removed in the log",
         ),
         Addition(
             f"air density {ambient.density_ratio:.3f} of sea level" + by if known_air else "air density not told",

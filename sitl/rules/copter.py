@@ -14,8 +14,9 @@ from quadctl.vehicle import Vehicle
 
 THRUST_AS_THRUST = 8
 """Bit 3 of GUID_OPTIONS: set, the thrust of a target is a thrust; clear, it is a climb rate."""
-UNAIDED_S = 8.0
-"""Time without GPS after which it says "EKF variance" and its own failsafe acts; measured were 8.05 s."""
+UNAIDED_S, DISTRUST_S = 8.1, 7.3
+"""Times without GPS after which it says "EKF variance" and its own failsafe acts (measured were 8.05 and 8.2 s), and
+after which the flags of its estimator tell (7.3 s)."""
 MAX_CLIMB_M_S = 2.5
 """Climb rate of a target's thrust of 1 (PILOT_SPEED_UP)."""
 STATION_LOST = {1: "RTL", 3: "RTL", 4: "LAND", 5: "LAND", 7: "LAND"}
@@ -23,6 +24,8 @@ STATION_LOST = {1: "RTL", 3: "RTL", 4: "LAND", 5: "LAND", 7: "LAND"}
 A mode that a pilot flies goes on, as bit 4 of FS_OPTIONS, which is set by default, says."""
 REMOTE_LOST = {1: "RTL", 2: "RTL", 3: "LAND", 4: "RTL", 5: "LAND", 6: "RTL", 7: "LAND"}
 """Mode of the failsafe by FS_THR_ENABLE, which acts when the remote control is lost, in GUIDED too."""
+FRAME_CLASSES = {4: 1.0, 6: 2.0, 8: 3.0}
+"""FRAME_CLASS by number of rotors."""
 CLIMBED_M = 0.3
 """Distance to the height of a return within which it counts as reached."""
 AIR = Air(pressure_pa=95598.0, ground_temperature_c=28.16, height_m=0.0, altitude_m=488.1)
@@ -47,7 +50,7 @@ class SimulatedCopter(SimulatedAutopilot):
     modes: ClassVar[tuple[str, ...]] = ("STABILIZE", "GUIDED", "LAND", "RTL", "BRAKE", "LOITER")
     first_mode: ClassVar[str] = "STABILIZE"
     offboard_mode: ClassVar[str] = "GUIDED"
-    aid_timeout_s: ClassVar[float] = 0.3  # motion capture, as its source says; a GPS that falls silent needs 4 s
+    aid_timeout_s: ClassVar[float] = 0.4  # by GPS_RAW_INT.fix_type, as measured
     default_parameters: ClassVar[dict[str, float]] = {
         "GUID_OPTIONS": 0.0,
         "GUID_TIMEOUT": 3.0,
@@ -83,8 +86,8 @@ class SimulatedCopter(SimulatedAutopilot):
             self._station_heard_s = self.time_s
 
     def rotor_parameters(self, vehicle: Vehicle) -> dict[str, float]:
-        """No parameters: it knows frames by number, not the axes of rotors."""
-        return {}
+        """Number of the frame: it does not know the axes of rotors."""
+        return {"FRAME_CLASS": FRAME_CLASSES.get(vehicle.n_rotors, 0.0)}
 
     def set_attitude_target(self, target: AttitudeTarget) -> None:
         super().set_attitude_target(target)
@@ -105,6 +108,9 @@ class SimulatedCopter(SimulatedAutopilot):
         self.guided, self._taken_off = Guided.TAKE_OFF, True
         return None
 
+    def _say_disarmed(self) -> None:
+        """Nothing: its heartbeats tell."""
+
     def fail_battery(self) -> None:
         """Let the battery fail, with BATT_FS_LOW_ACT 1 (Land)."""
         self.said.append((CRITICAL, f"Battery 1 is low {self.estimator.battery_v:.2f}V used 0 mAh"))
@@ -112,6 +118,7 @@ class SimulatedCopter(SimulatedAutopilot):
 
     def lose_remote(self) -> None:
         """Lose the remote control."""
+        self.remote = False
         mode = REMOTE_LOST.get(int(self.parameters["FS_THR_ENABLE"]))
         if self.armed and mode is not None:
             self.said.append((CRITICAL, "Radio Failsafe"))
@@ -157,13 +164,13 @@ class SimulatedCopter(SimulatedAutopilot):
             self._enter(mode)
 
         acts = self.armed and self.parameters["FS_EKF_ACTION"] and self.mode not in ("STABILIZE", "LAND")
-        if acts and not self._trusts_estimate:
+        if acts and self.estimator.unaided_s(self.time_s) > UNAIDED_S:
             self.said.append((CRITICAL, "EKF variance"))
             self._enter("LAND")
 
     @property
     def _trusts_estimate(self) -> bool:
-        return self.time_s >= self.ready_after_s and self.estimator.unaided_s(self.time_s) <= UNAIDED_S
+        return self.time_s >= self.ready_after_s and self.estimator.unaided_s(self.time_s) <= DISTRUST_S
 
     @property
     def _checks_off(self) -> bool:

@@ -11,7 +11,7 @@ from typing import ClassVar, NamedTuple
 from quadctl.errors import SettingsError
 from quadctl.frames import GRAVITY_M_S2, multiply, quaternion_from_euler, rotate
 from quadctl.sitl.vehicle.body import STEP_S, SimulatedBody
-from quadctl.sitl.vehicle.estimator import VERTICAL_STD_M, Estimator
+from quadctl.sitl.vehicle.estimator import Estimator
 from quadctl.sitl.vehicle.hidden import HiddenTruth, true_model
 from quadctl.sitl.vehicle.inner_loops import InnerLoops, level_with_yaw
 from quadctl.state import AttitudeTarget, Quat, Vec3, VehicleState
@@ -27,7 +27,7 @@ TARGETS_LOST = {0: "POSCTL", 1: "POSCTL", 2: "POSCTL", 3: "RTL", 4: "LAND", 5: "
 """Mode of the failsafe by COM_OBL_RC_ACT, when targets stop; of the modes of a pilot it simulates one."""
 EXCEPT_OFFBOARD = 4
 """Bit of COM_RCL_EXCEPT: offboard goes on without a remote control."""
-CRITICAL = 2
+CRITICAL, INFO = 2, 6
 """MAV_SEVERITY of its texts."""
 LEVEL: Quat = (1.0, 0.0, 0.0, 0.0)
 
@@ -96,6 +96,10 @@ class SimulatedAutopilot:
         self._battery_failed_s: float | None = None
         self.remote = True
         """False: there is no remote control."""
+        self.battery_remaining = 1.0
+        """Share of the battery's charge that remains, as it is told."""
+        self.battery_alarm = ""
+        """Charge state of the battery as it is told, where it is critical or worse."""
         self.said: deque[tuple[int, str]] = deque()
         """Texts that it has to say, with their MAV_SEVERITY; taken by whoever sends them."""
         self.estimator.observe(self.body.motion())
@@ -156,6 +160,14 @@ class SimulatedAutopilot:
         self._disarm()
         return None
 
+    def force_disarm(self) -> None:
+        """Disarm whatever it does, by a ground station's command."""
+        self._say_disarmed()
+        self._disarm()
+
+    def _say_disarmed(self) -> None:
+        self.said.append((INFO, "Disarmed by external command"))
+
     def request_motor_test(self, rotor: int, output: float, seconds: float) -> str | None:
         """Run one rotor (from 0) at a motor output for a time, 0 to stop, on a vehicle that is fixed to a stand."""
         if self.armed or not self.landed:
@@ -167,9 +179,13 @@ class SimulatedAutopilot:
 
     def request_mode(self, mode: str) -> str | None:
         refusal = self._objection_to_mode(mode) if mode in self.modes else f"there is no mode {mode}"
-        if refusal is None:
+        if refusal is None and not self._stays(mode):
             self._enter(mode)
         return refusal
+
+    def _stays(self, mode: str) -> bool:
+        """True when it accepts a mode and does not enter it: offboard, on the ground, with an empty battery."""
+        return mode == "OFFBOARD" and not self.armed and bool(self.battery_alarm)
 
     def lose_position_aid(self) -> None:
         """Lose GPS or motion capture: from now on the estimate of the position is dead reckoning."""
@@ -232,6 +248,9 @@ class SimulatedAutopilot:
             motor_current_a=self.body.motor_current_a(e.rotor_rpm),
             motor_output=tuple(self.outputs),
             battery_v=e.battery_v,
+            battery_remaining=self.battery_remaining,
+            battery_alarm=self.battery_alarm,
+            remote=self.remote,
             armed=self.armed,
             landed=self.landed,
             mode=self.mode,
@@ -240,7 +259,7 @@ class SimulatedAutopilot:
             checks_off=self._checks_off,
             estimator_ok=self._trusts_estimate,
             horizontal_std_m=e.horizontal_std_m,
-            vertical_std_m=VERTICAL_STD_M,
+            vertical_std_m=e.vertical_std_m,
             aid_lost=e.unaided_s(now) > self.aid_timeout_s,
             connected=True,
             received_s={

@@ -34,6 +34,7 @@ class MavlinkArduPilot(MavlinkMock):
                 mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: Stream(
                     messages.global_position(AIR.altitude_m), 0.0, "position"
                 ),
+                mavlink.MAVLINK_MSG_ID_GPS_RAW_INT: Stream(messages.gps_raw, 0.0, "heartbeat"),
                 mavlink.MAVLINK_MSG_ID_SYS_STATUS: Stream(messages.sys_status(lists_prearm=True), 0.0, "battery"),
                 mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: Stream(messages.battery_status, 0.0, "battery"),
                 mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: Stream(messages.extended_sys_state, 0.0, "heartbeat"),
@@ -51,6 +52,7 @@ class MavlinkArduPilot(MavlinkMock):
                     "LAND_SPEED",
                     "FS_GCS_ENABLE",
                     "SYSID_MYGCS",
+                    "FRAME_CLASS",
                     "FS_THR_ENABLE",
                     "FS_EKF_ACTION",
                     "RTL_ALT",

@@ -45,6 +45,24 @@ class Stream:
         return True
 
 
+@dataclass
+class ModeStream(Stream):
+    """CURRENT_MODE as PX4 sends it: at its own interval, whatever is asked for, and soon after a change."""
+
+    change_s: float = 0.06
+    """Time after a change of mode within which it is sent."""
+    mode: str = ""
+
+    def set_interval(self, microseconds: float, now_s: float) -> None:
+        """Keep the interval; the request is accepted all the same."""
+
+    def take(self, estimate: VehicleState) -> bool:
+        if estimate.mode != self.mode:
+            self.mode = estimate.mode
+            self.due_s = min(self.due_s, estimate.time_s + self.change_s)
+        return super().take(estimate)
+
+
 @dataclass(frozen=True)
 class Manners:
     """Description of one autopilot on the wire; each mock needs a new one, as the streams hold their state."""
@@ -71,7 +89,9 @@ class Manners:
     announces_unknown: bool = False
     """True: a text says that a message which was asked for is unknown."""
     sends_current_mode: bool = False
-    """True: CURRENT_MODE comes where it is asked for."""
+    """True: CURRENT_MODE comes every half second, and after a change."""
+    acknowledges_modes_twice: bool = False
+    """True: a request for a mode is acknowledged twice, one for a pilot's mode that is refused first as accepted."""
     fixed_heartbeats: bool = False
     """True: another interval of the heartbeats is refused."""
     bytewise_integers: bool = False

@@ -16,6 +16,10 @@ Builder = Callable[[VehicleState], Iterator[Message]]
 UNKNOWN_16_BIT = 65535
 CHUNK = 50
 """Length of a text in one STATUSTEXT."""
+CHARGE_STATES = {
+    "critical": mavlink.MAV_BATTERY_CHARGE_STATE_CRITICAL,
+    "empty (emergency)": mavlink.MAV_BATTERY_CHARGE_STATE_EMERGENCY,
+}
 ESTIMATOR_FLAGS = 0b11_1111
 """Attitude, velocities, position horizontal and vertical, relative and absolute: all good."""
 
@@ -85,6 +89,8 @@ def global_position(ground_m: float) -> Builder:
     """Builder of GLOBAL_POSITION_INT, for a ground that lies `ground_m` above the sea."""
 
     def build(estimate: VehicleState) -> Iterator[Message]:
+        if not estimate.finite:  # whole numbers cannot say so
+            return
         height_m = -estimate.position_ned_m[2]
         altitude_mm, above_mm = round(1000.0 * (ground_m + height_m)), round(1000.0 * height_m)
         velocity_cm_s = (round(100.0 * v) for v in estimate.velocity_ned_m_s)
@@ -97,23 +103,42 @@ def global_position(ground_m: float) -> Builder:
 
 def sys_status(lists_prearm: bool) -> Builder:
     """Builder of SYS_STATUS; `lists_prearm`: the pre-arm check is present, as on ArduPilot; else only health tells."""
+    # A GPS without a fix is healthy, too: PX4's was not looked at, ArduPilot's stayed so for 20 s.
     checked, gps = mavlink.MAV_SYS_STATUS_PREARM_CHECK, mavlink.MAV_SYS_STATUS_SENSOR_GPS
-    present = gps | checked if lists_prearm else gps
+    own = gps | checked if lists_prearm else gps
 
     def build(estimate: VehicleState) -> Iterator[Message]:
+        remote = mavlink.MAV_SYS_STATUS_SENSOR_RC_RECEIVER if estimate.remote else 0
+        present = own | remote
         enabled = present & ~checked if estimate.checks_off else present
         ready = estimate.ready_to_arm and not estimate.checks_off
-        healthy = (checked if ready else 0) | (0 if estimate.aid_lost else gps)
+        healthy = (checked if ready else 0) | gps | remote
         yield mavlink.MAVLink_sys_status_message(
-            present, enabled, healthy, 0, _millivolts(estimate), -1, -1, 0, 0, 0, 0, 0, 0
+            present, enabled, healthy, 0, _millivolts(estimate), -1, _percent(estimate), 0, 0, 0, 0, 0, 0
         )
 
     return build
 
 
+def gps_raw(estimate: VehicleState) -> Iterator[Message]:
+    """GPS_RAW_INT, of which the fix is what counts here."""
+    fix = mavlink.GPS_FIX_TYPE_NO_FIX if estimate.aid_lost else mavlink.GPS_FIX_TYPE_3D_FIX
+    yield mavlink.MAVLink_gps_raw_int_message(
+        1000 * _boot_ms(estimate), fix, 473977000, 85456000, 0, UNKNOWN_16_BIT, UNKNOWN_16_BIT, 0, UNKNOWN_16_BIT, 10
+    )
+
+
 def battery_status(estimate: VehicleState) -> Iterator[Message]:
     cells = [_millivolts(estimate)] + [UNKNOWN_16_BIT] * 9
-    yield mavlink.MAVLink_battery_status_message(0, 0, 0, 32767, cells, -1, -1, -1, -1)
+    charge = CHARGE_STATES.get(estimate.battery_alarm, mavlink.MAV_BATTERY_CHARGE_STATE_OK)
+    yield mavlink.MAVLink_battery_status_message(
+        0, 0, 0, 32767, cells, -1, -1, -1, _percent(estimate), charge_state=charge
+    )
+
+
+def _percent(estimate: VehicleState) -> int:
+    """Charge of the battery that remains; -1 where it is not known."""
+    return round(100.0 * estimate.battery_remaining) if math.isfinite(estimate.battery_remaining) else -1
 
 
 def extended_sys_state(estimate: VehicleState) -> Iterator[Message]:

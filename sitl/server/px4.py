@@ -1,17 +1,63 @@
 """A PX4 on the wire, as measured on its onboard link: the messages that it sends by itself, and its refusals."""
 
+import math
+from dataclasses import replace
+
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from quadctl.sitl.rules.px4 import SimulatedAutopilot
 from quadctl.sitl.server import dialect, messages
 from quadctl.sitl.server.manners import Manners, Stream
 from quadctl.sitl.server.server import MavlinkMock
+from quadctl.state import VehicleState
+
+MAX_INTEGRAL_RAD_S2 = 60.0
+"""Limit of the rate integrals, that of a PX4 (MC_RR_INT_LIM 0.3): with one of four motors at half thrust it hovers."""
+CHECKED_S = 0.5
+"""Time from entering offboard, disarmed, to the check of that mode; until then it counts as failed."""
+TOLD_S = 0.028
+"""Time after which SYS_STATUS tells so, before CURRENT_MODE tells the mode."""
 
 
 class MavlinkPx4(MavlinkMock):
     """A PX4 on UDP."""
 
     rules = SimulatedAutopilot
+
+    def __init__(
+        self, autopilot: SimulatedAutopilot, port: int = 14540, host: str = "127.0.0.1", heartbeat_hz: float = 1.0
+    ) -> None:
+        super().__init__(autopilot, port, host, heartbeat_hz)
+        autopilot.loops.max_integral_rad_s2 = MAX_INTEGRAL_RAD_S2
+
+    _offboard_s = -math.inf
+    """Time at which offboard was entered disarmed."""
+
+    def _set_mode(self, command: messages.Message) -> int:
+        before = self.autopilot.mode
+        result = super()._set_mode(command)
+        if self._waits_in_offboard and before != "OFFBOARD":
+            self._offboard_s = self.autopilot.time_s
+            self._streams[mavlink.MAVLINK_MSG_ID_SYS_STATUS].due_s = self._offboard_s + TOLD_S
+        return result
+
+    @property
+    def _waits_in_offboard(self) -> bool:
+        return self.autopilot.mode == "OFFBOARD" and not self.autopilot.armed
+
+    @property
+    def unchecked(self) -> bool:
+        """True while the check of offboard has not run since it was entered."""
+        return self._waits_in_offboard and self.autopilot.time_s < self._offboard_s + CHECKED_S
+
+    def _arm_disarm(self, command: messages.Message) -> int:
+        if command.param1 == 1.0 and self.unchecked:
+            return self._answer("Arming denied: Resolve system health failures first")
+        return super()._arm_disarm(command)
+
+    def _stamped(self, estimate: VehicleState) -> VehicleState:
+        stamped = super()._stamped(estimate)
+        return replace(stamped, ready_to_arm=False) if self.unchecked else stamped
 
     def _run_checks(self, command: messages.Message) -> int:
         result = super()._run_checks(command)
@@ -40,7 +86,7 @@ class MavlinkPx4(MavlinkMock):
                     messages.actuator_output_status, 0.0, "heartbeat"
                 ),
                 mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS: Stream(messages.estimator_status, 1.0, "position"),
-                mavlink.MAVLINK_MSG_ID_SYS_STATUS: Stream(messages.sys_status(lists_prearm=False), 5.0, "battery"),
+                mavlink.MAVLINK_MSG_ID_SYS_STATUS: Stream(messages.sys_status(lists_prearm=False), 5.0, "heartbeat"),
                 mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: Stream(messages.battery_status, 0.5, "battery"),
                 mavlink.MAVLINK_MSG_ID_TIMESYNC: Stream(messages.timesync, 10.0, "heartbeat"),
                 mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: Stream(messages.extended_sys_state, 5.0, "heartbeat"),
@@ -67,6 +113,7 @@ class MavlinkPx4(MavlinkMock):
             ),
             texts_for_stations=True,
             sends_current_mode=True,
+            acknowledges_modes_twice=True,
             fixed_heartbeats=True,
             bytewise_integers=True,
             takes_body_thrust=True,

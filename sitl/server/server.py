@@ -25,7 +25,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from quadctl.sitl.rules.px4 import SimulatedAutopilot
 from quadctl.sitl.server import dialect, messages
 from quadctl.sitl.server.faults import Faults
-from quadctl.sitl.server.manners import Manners, Stream
+from quadctl.sitl.server.manners import Manners, ModeStream, Stream
 from quadctl.sitl.server.messages import Message
 from quadctl.state import AttitudeTarget, VehicleState
 
@@ -35,6 +35,10 @@ MAX_LAG_S = 0.05
 """Largest lag of the vehicle's time. On a machine too busy to keep up, the vehicle's clock waits, so that the machine
 alone cannot make it miss setpoints."""
 
+CURRENT_MODE_HZ = 1.0 / 0.51
+"""Rate of CURRENT_MODE, whatever is asked for."""
+PILOTED = ("POSCTL",)
+"""Modes that a pilot flies, whose refusal is acknowledged as accepted first."""
 STATION_S = 2.5
 """Time after its last heartbeat for which a ground station counts as there."""
 PRIORITY = 10
@@ -68,11 +72,15 @@ class MavlinkMock(ABC):
         self.hardware = 1
         """Number of its hardware (AUTOPILOT_VERSION.uid); 0: it tells none."""
         self.heartbeats_sent = 0
+        self.parameters_asked_for: list[str] = []
+        """Names of the parameters that were asked for one by one."""
         self.motor_tests_received = 0
         self.vision_poses_received: list[Message] = []
         """VISION_POSITION_ESTIMATE messages as they arrived; the estimator does not use them."""
         self.heartbeats_heard: set[tuple[int, int]] = set()
         """System and MAV_TYPE of the heartbeats that arrived."""
+        self.origin: tuple[int, int, int] | None = None
+        """Latitude and longitude, 1e-7 deg, and altitude, mm, of the origin that it was given."""
         self._station_heard_s = -math.inf
         self._texts_sent = 0
         self.lag_s = 0.0
@@ -88,7 +96,7 @@ class MavlinkMock(ABC):
             mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION: Stream(self._version, 0.0, "heartbeat"),
         }
         if self.manners.sends_current_mode:
-            self._streams[dialect.CURRENT_MODE_ID] = Stream(self._current_mode, 0.0, "heartbeat")
+            self._streams[dialect.CURRENT_MODE_ID] = ModeStream(self._current_mode, CURRENT_MODE_HZ, "heartbeat")
         self._news = threading.Condition()
         self._stopping = threading.Event()
         self._thread: threading.Thread | None = None
@@ -100,6 +108,7 @@ class MavlinkMock(ABC):
             "SET_ATTITUDE_TARGET": self._setpoint,
             "TIMESYNC": self._timesync,
             "VISION_POSITION_ESTIMATE": self.vision_poses_received.append,
+            "SET_GPS_GLOBAL_ORIGIN": self._take_origin,
             "PARAM_REQUEST_LIST": self._parameter_list,
             "PARAM_REQUEST_READ": self._parameter_read,
             "PARAM_SET": self._parameter_set,
@@ -288,13 +297,21 @@ class MavlinkMock(ABC):
 
     def _command(self, message: Message) -> None:
         handler = self._on_command.get(message.command)
-        result = mavlink.MAV_RESULT_UNSUPPORTED if handler is None else handler(message)
+        result = int(mavlink.MAV_RESULT_UNSUPPORTED) if handler is None else handler(message)
         header = message.get_header()
-        self._send(
-            mavlink.MAVLink_command_ack_message(
-                message.command, result, target_system=header.srcSystem, target_component=header.srcComponent
+        for acknowledged in self._acknowledgements(message, result):
+            self._send(
+                mavlink.MAVLink_command_ack_message(
+                    message.command, acknowledged, target_system=header.srcSystem, target_component=header.srcComponent
+                )
             )
-        )
+
+    def _acknowledgements(self, command: Message, result: int) -> tuple[int, ...]:
+        """Results that are sent for one command, in their order."""
+        if command.command != mavlink.MAV_CMD_DO_SET_MODE or not self.manners.acknowledges_modes_twice:
+            return (result,)
+        first = int(mavlink.MAV_RESULT_ACCEPTED) if self._mode_asked_for(command) in PILOTED else result
+        return first, result
 
     def _answer(self, refusal: str | None) -> int:
         """MAV_RESULT of a request; a refusal is also sent as a text, as PX4 does."""
@@ -314,12 +331,18 @@ class MavlinkMock(ABC):
         return self._answer(self.autopilot.request_disarm())
 
     def _set_mode(self, command: Message) -> int:
+        mode = self._mode_asked_for(command)
+        if not mode:
+            return int(mavlink.MAV_RESULT_DENIED)
+        return self._answer(self.faults.refuse_modes or self.autopilot.request_mode(mode))
+
+    def _mode_asked_for(self, command: Message) -> str:
+        """Name of the mode that DO_SET_MODE asks for; empty where there is none."""
         shift = self.manners.sub_mode_shift
         custom = int(command.param2) << shift | int(command.param3) << shift + 8
-        for name, number in self.manners.custom_modes.items():
-            if number == custom and int(command.param1) & mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
-                return self._answer(self.faults.refuse_modes or self.autopilot.request_mode(name))
-        return int(mavlink.MAV_RESULT_DENIED)
+        if not int(command.param1) & mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
+            return ""
+        return next((name for name, number in self.manners.custom_modes.items() if number == custom), "")
 
     def _take_off(self, command: Message) -> int:
         if not self.manners.takes_off_by_command:
@@ -348,7 +371,13 @@ class MavlinkMock(ABC):
         stream.set_interval(command.param2, self.autopilot.time_s)
         return int(mavlink.MAV_RESULT_ACCEPTED)
 
+    def _take_origin(self, message: Message) -> None:
+        self.origin = self.origin or (message.latitude, message.longitude, message.altitude)
+
     def _request_message(self, command: Message) -> int:
+        if int(command.param1) == mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN and self.origin is not None:
+            self._send(mavlink.MAVLink_gps_global_origin_message(*self.origin))
+            return int(mavlink.MAV_RESULT_ACCEPTED)
         stream = self._streams.get(int(command.param1))
         if stream is None:
             return int(mavlink.MAV_RESULT_DENIED)
@@ -365,6 +394,7 @@ class MavlinkMock(ABC):
     def _parameter_read(self, message: Message) -> None:
         names = list(self.autopilot.parameters)
         name = _parameter_name(message)
+        self.parameters_asked_for.append(name)
         if message.param_index >= 0:
             name = names[message.param_index] if message.param_index < len(names) else ""
         self._send_parameter(name)

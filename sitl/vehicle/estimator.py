@@ -63,6 +63,8 @@ class Estimator:
         self.rates: Vec3 = (NAN, NAN, NAN)
         self.aid_lost_s: float | None = None
         """Time since which no GPS or motion capture measures the position; None: it is measured."""
+        self.vertical_std_m = VERTICAL_STD_M
+        """Standard deviation of the height that it states; by the barometer alone 0.51 m was measured."""
         self.rotor_rpm: tuple[float, ...] = ()
         self.battery_v = NAN
 

@@ -27,6 +27,7 @@ class InnerLoops:
         self._n = vehicle.n_rotors
         self._allocation = allocation(vehicle)
         self._lateral_mix = vehicle.allocation.lateral_mix
+        self.max_integral_rad_s2 = MAX_INTEGRAL_RAD_S2
         self.integral: Vec3 = (0.0, 0.0, 0.0)
 
     def reset(self) -> None:
@@ -60,7 +61,7 @@ class InnerLoops:
         for i in range(3):
             error = rate_sp[i] - rates[i]
             total = self.integral[i] + RATE_I[i] * error * dt if airborne else 0.0
-            total = min(max(total, -MAX_INTEGRAL_RAD_S2), MAX_INTEGRAL_RAD_S2)
+            total = min(max(total, -self.max_integral_rad_s2), self.max_integral_rad_s2)
             integral.append(total)
             torque.append(self._inertia[i] * (RATE_P[i] * error + total))
         self.integral = (integral[0], integral[1], integral[2])

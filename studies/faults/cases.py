@@ -141,6 +141,12 @@ def _be(**changes: object) -> Callable[[Scene], None]:
     return inject
 
 
+def _disarm(scene: Scene) -> None:
+    """Just after a heartbeat: on PX4 the next one comes a second later."""
+    scene.after_heartbeat()
+    scene.px.autopilot.force_disarm()
+
+
 def _restart(scene: Scene) -> None:
     """Half a second deaf and without a word, then as after power-up."""
     scene.px.faults.silent = scene.px.faults.deaf = True
@@ -337,7 +343,14 @@ LIMITS = (
     Case("battery low", _distort(lambda: faults.battery_at(12.0)), "land", "the battery is at 12.00 V", silent_s=1.0),
 )
 ROTORS = (
-    Case("a motor of four at half thrust", _weaken(0.5), "land", "from take-off", silent_s=2.5),
+    Case(
+        "a motor of four at half thrust",
+        _weaken(0.5),
+        "land",
+        "asked to land by SIGINT",
+        silent_s=5.5,
+        on_ardupilot={"said": "from take-off", "silent_s": 2.5},
+    ),
     Case("a motor of six at half thrust", _weaken(0.5), "land", "asked to land by SIGINT", silent_s=5.5, setting=SIX),
     Case("a motor of six at a tenth of its thrust", _weaken(0.9), "land", "from take-off", silent_s=2.5, setting=SIX),
     Case("process killed, six rotors", lambda s: s.signal(SIGKILL), "", "in flight", "failsafe", setting=SIX),
@@ -383,12 +396,10 @@ LINK = (
     Case("autopilot hears nothing", _be(deaf=True), "release", "left offboard", "failsafe", silent_s=1.5),
     Case(
         "disarmed in flight",
-        lambda s: s.px.autopilot._disarm(),
+        _disarm,
         "release",
-        "disarmed",
+        "the vehicle was disarmed",
         "",
-        silent_s=1.5,  # PX4 tells it by heartbeats alone, which come every second
-        on_ardupilot={"silent_s": 0.5},
     ),
     Case("autopilot restarts within 0.5 s", _restart, "hand over", STALE, "boot"),
     Case(
@@ -410,7 +421,15 @@ LINK = (
 )
 PEOPLE = (
     Case("the pilot takes the mode", _take, "release", "left offboard", "stick", silent_s=0.5),
-    Case("the mode is taken and given back", _take_and_return, "release", "left offboard", "stick", silent_s=0.5),
+    Case(
+        "the mode is taken and given back",
+        _take_and_return,
+        "release",
+        "left offboard",
+        "stick",
+        silent_s=0.5,
+        on_ardupilot={"said": "GUIDED again, which nobody flies: its failsafe lands it when quadctl is gone"},
+    ),
     Case("the mode is taken for 0.3 s", _take_for(0.3), "release", "left offboard", "stick", silent_s=0.5),
     Case("Ctrl-C", lambda s: s.signal(SIGINT), "land", "asked to land by SIGINT", silent_s=0.5),
     Case("Ctrl-C, landing refused", _refuse_landing, "silence", "refused to enter LAND", "failsafe", silent_s=1.0),

@@ -80,6 +80,11 @@ class TestCommands:
         fitted = load_model("out/new.yaml").effects[0].values()
         assert fitted["a"] == pytest.approx(0.3, rel=0.05) and fitted["b"] == pytest.approx(6.0, rel=0.05)
 
+        later = shutil.copy(log, Path(log).with_name("later.csv"))
+        for flight, expected in ((log, False), (later, True)):  # what has changed, a diagnosis fits away
+            told = quadctl("diagnose", "out/new.yaml", flight)
+            assert (f"says `quadctl verify out/new.yaml {flight}`" in told.out) == expected, told
+
         shutil.copytree(ROOT / "config", "config")
         for model in ("none", "out/new.yaml"):
             result = quadctl("simulate", MISSION, "--model", model, "--log-dir", "logs", "--json", "s.json")

@@ -156,6 +156,17 @@ def test_a_flight_after_whose_death_nobody_would_land_is_refused_unless_that_is_
             link.px.autopilot.parameters[name] = kept
 
 
+def test_a_hexarotors_configuration_on_a_quadrotor_is_not_flown(tmp_path: Path) -> None:
+    copter, port = SimulatedCopter(VEHICLE), free_port()
+    meet_requirements(copter)
+    copter.parameters["FRAME_CLASS"] = 2.0
+    copter.remote = False
+    with mock(copter, port):
+        _, said = Flight(tmp_path, f"udpin://127.0.0.1:{port}").process.communicate(timeout=60.0)
+    assert "quadctl: parameters: FRAME_CLASS: 6 rotors (2): the vehicle file 'raptor' has 4." in said
+    assert not list(tmp_path.glob("*.csv"))
+
+
 class NewNames(dict[str, float]):
     """Parameters of ArduPilot 4.7, of which the simulated vehicle still reads the older names."""
 
@@ -164,8 +175,14 @@ class NewNames(dict[str, float]):
         return self[newer.name] * newer.unit
 
 
-def test_an_ardupilot_that_has_renamed_its_parameters_is_asked_for_the_newer_names() -> None:
-    copter, says = SimulatedCopter(VEHICLE), list[str]()
+class NewCopter(SimulatedCopter):
+    version = (4, 7)
+
+
+@pytest.mark.parametrize("kind", [NewCopter, SimulatedCopter], ids=["4.7 says so", "another number"])
+def test_an_ardupilot_that_has_renamed_its_parameters_is_asked_for_the_newer_names(kind: type[SimulatedCopter]) -> None:
+    """A name that it does not know is never answered, so the name of its version comes first."""
+    copter, says = kind(VEHICLE), list[str]()
     meet_requirements(copter)
     older = copter.parameters
     renamed = {new.name: older.pop(old) / new.unit for old, new in ARDUPILOT.renamed.items()}
@@ -179,6 +196,7 @@ def test_an_ardupilot_that_has_renamed_its_parameters_is_asked_for_the_newer_nam
     with connected(copter) as link:
         asyncio.run(fly(link))
         assert link.px.autopilot.parameters["MAV_GCS_SYSID"] == 255.0
+        assert ("SYSID_MYGCS" in link.px.parameters_asked_for) == (kind is SimulatedCopter)
         assert "SYSID_MYGCS" not in link.px.autopilot.parameters
 
 

@@ -97,7 +97,7 @@ RATES_ASKED_FOR = {
     "position": (75, 105),  # 30 by default
     "attitude": (75, 105),  # 50 by default
     "rpm": (20, 28),  # 10 by default; 50 are asked for, the motors report 25
-    "mode": (24, 33),  # 20 are asked for, and each heartbeat tells it too
+    "mode": (9, 14),  # 20 are asked for and two come, and each heartbeat tells it too
 }
 """Least and largest number of messages in a second."""
 
@@ -165,6 +165,23 @@ def test_a_silent_link_ages(link: Link) -> None:
 
 
 # --- connecting --------------------------------------------------------------------------------------------------
+
+
+def test_a_second_autopilot_on_the_port_is_a_warning(vehicle: Vehicle) -> None:
+    with connected(SimulatedAutopilot(vehicle)) as link:
+        second = mock(SimulatedAutopilot(vehicle), link.px.address[1])
+        second._mav.srcSystem = 2
+        with second:
+            link.wait(lambda: link.adapter._link.other_autopilots == [2])
+            asyncio.run(link.adapter.request_telemetry())
+    (warning,) = [said for said in link.adapter.warnings if "Another autopilot" in said]
+    assert "(system 2)" in warning
+    assert "quadctl flies system 1" in warning
+
+
+@pytest.mark.parametrize("url", ["udpin://127.0.0.1:99999", "tcpout://127.0.0.1:0", "udpout://127.0.0.1:65536"])
+def test_a_port_that_does_not_exist_is_said(url: str) -> None:
+    assert connect_error(url).endswith("expected one from 1 to 65535.")
 
 
 def connect_error(url: str) -> str:
@@ -283,7 +300,7 @@ def test_arming_in_offboard_without_a_stream_is_refused(link: Link) -> None:
         async with streaming(link):
             await link.adapter.start_offboard()
         await link.pass_time(0.6)
-        await link.adapter.arm()
+        await link.arm()
 
     assert "refused to arm: TEMPORARILY_REJECTED; no offboard setpoints" in refusal(lose_the_stream)
     assert not link.px.autopilot.armed
@@ -308,7 +325,7 @@ def test_offboard_arm_climb_roll_land(link: Link) -> None:
         async with streaming(link) as stick:
             await link.adapter.start_offboard()
             assert link.adapter.state().mode == "OFFBOARD"
-            await link.adapter.arm()
+            await link.arm()
             assert link.adapter.state().armed
             stick.target = AttitudeTarget(LEVEL, 1.12 * hover)
             climbing = await link.until(lambda s: s.position_ned_m[2] < -0.6)
@@ -368,7 +385,7 @@ def test_when_the_calls_stop_the_wire_is_silent_and_px4_notices(link: Link) -> N
     async def stop_sending() -> int:
         async with streaming(link) as stick:
             await link.adapter.start_offboard()
-            await link.adapter.arm()
+            await link.arm()
         await link.until(lambda s: s.mode == "RTL")
         await link.pass_time(0.5)
         return int(stick.sent)

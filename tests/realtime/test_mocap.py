@@ -149,6 +149,31 @@ def test_poses_reach_the_autopilot_and_what_is_no_pose_does_not() -> None:
         assert reason in said
 
 
+def test_an_autopilot_without_an_origin_is_given_one_and_another_keeps_its_own() -> None:
+    """Without one PX4 does not get ready in hold: it needs a global position there."""
+    asked, port = ("--origin", "47.3977,8.5456,488"), free_port()
+    with mock(SimulatedAutopilot(VEHICLE), port) as px:
+        for words, own, expected, said in (
+            ((), None, None, "--origin LATITUDE,LONGITUDE,ALTITUDE gives it one"),
+            (asked, None, (473977000, 85456000, 488000), "the autopilot has taken the origin"),
+            (asked, (1, 2, 3), (1, 2, 3), "the autopilot has an origin already"),
+        ):
+            px.origin = own
+            with seen_by_cameras(px, port, *words) as (_, mocap):
+                assert more_poses(px, 10)
+                assert px.origin == expected
+                mocap.process.send_signal(signal.SIGINT)
+                assert said in mocap.ended()
+
+
+@pytest.mark.parametrize("origin", ["47.4,8.5", "here", "95,8,400", "nan,8,400"])
+def test_an_origin_that_is_none_is_refused(origin: str) -> None:
+    words = ["mocap", "--source", "udp://127.0.0.1:1", "--link", "udpin://127.0.0.1:1", "--body", "raptor"]
+    result = CliRunner().invoke(app, [*words, "--origin", origin])
+    assert result.exit_code == 2
+    assert "--origin is" in result.output
+
+
 def test_axes_that_contradict_gravity_are_refused_before_anything_is_sent() -> None:
     port = free_port()
     with mock(SimulatedCopter(VEHICLE), port) as px, seen_by_cameras(px, port, "--frame", "ned") as (cameras, mocap):

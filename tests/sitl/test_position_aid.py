@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from quadctl.sitl.rules.copter import UNAIDED_S, SimulatedCopter
+from quadctl.sitl.rules.copter import DISTRUST_S, UNAIDED_S, SimulatedCopter
 from quadctl.sitl.rules.px4 import SimulatedAutopilot
 from quadctl.state import VehicleState
 from quadctl.vehicle import load_vehicle
@@ -44,12 +44,13 @@ def test_px4_trusts_its_dead_reckoning_for_its_parameter_and_says_nothing_of_its
     assert not lost(trusted_s + 0.1).aid_lost
 
 
-def test_ardupilot_says_that_its_sensor_has_failed_and_trusts_its_estimate_for_eight_seconds() -> None:
-    assert not after(0.2, SimulatedCopter(RAPTOR)).aid_lost
-    state = after(0.4, SimulatedCopter(RAPTOR))
+def test_ardupilot_says_that_its_gps_has_no_fix_and_trusts_its_estimate_for_seven_seconds() -> None:
+    assert not after(0.3, SimulatedCopter(RAPTOR)).aid_lost
+    state = after(0.5, SimulatedCopter(RAPTOR))
     assert state.aid_lost
     assert state.estimator_ok
-    assert not after(UNAIDED_S + 0.1, SimulatedCopter(RAPTOR)).estimator_ok
+    assert after(DISTRUST_S - 0.1, SimulatedCopter(RAPTOR)).estimator_ok
+    assert not after(DISTRUST_S + 0.1, SimulatedCopter(RAPTOR)).estimator_ok
 
 
 def test_ardupilots_own_failsafe_lands_it_then_and_says_why() -> None:

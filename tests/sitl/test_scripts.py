@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from quadctl.flight.autopilot.ardupilot import ARDUPILOT
+from quadctl.flight.autopilot.mavlink import OWN_SYSTEM_ID
 from tests.support.places import ROOT
 
 
@@ -31,3 +33,13 @@ def test_a_start_script_says_what_it_misses(autopilot: str, tmp_path: Path) -> N
     assert done.returncode == 1
     assert done.stderr.startswith(f"{tmp_path}/b")
     assert "is not there; usage: start.sh DIRECTORY" in done.stderr
+
+
+def test_the_parameters_that_ardupilots_simulator_starts_with_are_those_of_a_flight_by_all_their_names() -> None:
+    """A version ignores the name that it does not know."""
+    lines = (ROOT / "sitl" / "ardupilot" / "quadctl.parm").read_text().splitlines()
+    values = dict(line.split() for line in lines if not line.startswith("#"))
+    for need in ARDUPILOT.requirements(OWN_SYSTEM_ID):
+        newer = ARDUPILOT.renamed.get(need.parameter)
+        for name in [need.parameter, *([newer.name] if newer else [])]:
+            assert need.met(float(values[name])), name

@@ -55,6 +55,12 @@ class Link:
         await asyncio.to_thread(self.wait, lambda: condition(self.adapter.state()))
         return self.adapter.state()
 
+    async def arm(self) -> None:
+        """Arm, on a PX4 when it has checked the mode that it has entered."""
+        px = self.px
+        await asyncio.to_thread(self.wait, lambda: not (isinstance(px, MavlinkPx4) and px.unchecked))
+        await self.adapter.arm()
+
     async def pass_time(self, seconds: float) -> None:
         """Let the vehicle's clock run."""
         end_s = self.px.autopilot.time_s + seconds

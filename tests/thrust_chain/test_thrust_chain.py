@@ -33,6 +33,23 @@ def test_no_boost_is_undone_where_it_is_off_or_not_known(parameters: dict[str, f
     assert ardupilot.angle_boost(0.9, parameters) == 1.0
 
 
+@pytest.mark.parametrize("told", [set(COPTER) - {name} for name in COPTER], ids=lambda told: str(set(COPTER) - told))
+def test_no_parameter_is_taken_for_told(told: set[str]) -> None:
+    """On a lossy link any of them may be missing."""
+    parameters = {name: COPTER[name] for name in told}
+    for chain in (ardupilot.CHAIN, px4.CHAIN):
+        assert math.isfinite(chain.boost(0.9, parameters))
+        thrust = chain.thrust_of_output(0.58675, parameters, RECORDED)
+        assert chain.output_of_thrust(thrust, parameters, RECORDED) == pytest.approx(0.58675)
+        assert chain.additions(0.3443, parameters, RECORDED)
+
+
+def test_a_voltage_compensation_of_which_a_parameter_is_missing_is_not_called_off() -> None:
+    parameters = {name: value for name, value in COPTER.items() if name != "MOT_BAT_VOLT_MIN"}
+    (voltage,) = [line for line in ardupilot.additions(0.3443, parameters, RECORDED) if "MOT_BAT" in line.parameters]
+    assert voltage.remark.startswith("not known")
+
+
 def test_a_recorded_output_is_the_commanded_thrust() -> None:
     """Hover of the recorded ArduPilot: pulses of 1586.75 us at a thrust of 0.3443."""
     assert ardupilot.thrust_of_output(0.58675, COPTER, RECORDED) == pytest.approx(0.3443, abs=0.001)

@@ -11,6 +11,7 @@ from quadctl.flight.autopilot.firmware import (
     Requirement,
     Stream,
     hover_throttle_check,
+    rotor_count_check,
 )
 from quadctl.thrust_chain.ardupilot import CHAIN
 from quadctl.vehicle import Vehicle
@@ -32,6 +33,8 @@ LOST_REMOTE = {0: "it does nothing", 1: "it goes to RTL", 2: "it goes to RTL, or
 """FS_THR_ENABLE: the action when the remote control is lost."""
 LOST_ESTIMATE = {0: "it only says so", 1: "it lands", 2: "it goes to AltHold", 3: "it lands, in Stabilize too"}
 """FS_EKF_ACTION: the action when the estimator's variances are too large."""
+ROTORS = {1: 4, 2: 6, 3: 8, 4: 8, 5: 6, 7: 3, 12: 12, 14: 10}
+"""FRAME_CLASS: number of rotors of the frame, where the class has one."""
 
 
 def _without_station(value: float) -> str:
@@ -127,12 +130,21 @@ ARDUPILOT = Firmware(
         "LAND": 9,
         "DRIFT": 11,
         "SPORT": 13,
+        "FLIP": 14,
         "AUTOTUNE": 15,
         "POSHOLD": 16,
         "BRAKE": 17,
         "THROW": 18,
+        "AVOID_ADSB": 19,
         "GUIDED_NOGPS": 20,
         "SMART_RTL": 21,
+        "FLOWHOLD": 22,
+        "FOLLOW": 23,
+        "ZIGZAG": 24,
+        "SYSTEMID": 25,
+        "AUTOROTATE": 26,
+        "AUTO_RTL": 27,
+        "TURTLE": 28,
     },
     unknown_mode=lambda custom_mode: f"mode {custom_mode}",
     set_mode_parameters=lambda custom_mode: (custom_mode, 0),
@@ -150,24 +162,29 @@ ARDUPILOT = Firmware(
         Stream("SCALED_PRESSURE", 29, 1.0, alternative=True),
         Stream("GLOBAL_POSITION_INT", 33, 1.0, alternative=True),
         Stream("SYS_STATUS", 1, 5.0),
+        Stream("BATTERY_STATUS", 147, 1.0, alternative=True),
         Stream("EXTENDED_SYS_STATE", 245, 5.0),
         Stream("EKF_STATUS_REPORT", 193, 5.0),
+        # SYS_STATUS calls a GPS without a fix healthy.
+        Stream("GPS_RAW_INT", 24, 5.0, alternative=True),
         # The only message that it sends about its mode.
         Stream("HEARTBEAT", 0, 20.0, without="A change of mode is seen after up to a second, a short one never."),
     ),
     tells_readiness=lambda mode: True,
     lists_prearm=True,
     texts_for_stations=False,
+    disarming_text="",
     tells_aids=True,
     thrust_chain=CHAIN,
     tests_motors_clockwise=True,
-    renamed={"SYSID_MYGCS": Renamed("MAV_GCS_SYSID"), "RTL_ALT": Renamed("RTL_ALT_M", 100.0)},  # since 4.7
+    renamed={"SYSID_MYGCS": Renamed("MAV_GCS_SYSID", (4, 7)), "RTL_ALT": Renamed("RTL_ALT_M", (4, 7), 100.0)},
     requirements=_requirements,
     checks=(
         Check("FS_THR_ENABLE", _without_remote, _poor_without_remote),
         Check("FS_EKF_ACTION", _without_estimate, _poor_without_estimate),
         Check("RTL_ALT", _return_height, _return_too_high),
         hover_throttle_check("MOT_THST_HOVER"),
+        rotor_count_check("FRAME_CLASS", lambda value: ROTORS.get(round(value))),
     ),
     serial_parameters=("SERIAL2_PROTOCOL", "SERIAL2_BAUD"),
 )

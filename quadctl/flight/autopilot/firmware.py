@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from quadctl.thrust_chain.atmosphere import Version
 from quadctl.thrust_chain.chain import ThrustChain
 from quadctl.vehicle import Vehicle
 
@@ -58,19 +59,23 @@ class Renamed(NamedTuple):
     """The name of a parameter in newer versions."""
 
     name: str
+    since: Version
+    """Version that has it, and not the older one any more."""
     unit: float = 1.0
     """Its unit, in units of the older one: 100 where centimetres have become metres."""
 
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """A parameter that is judged before a flight; a flight is warned of what it objects to, and never refused."""
+    """A parameter that is judged before a flight, which is warned of what it objects to, or refused."""
 
     parameter: str
     finding: Callable[[float, Vehicle], str]
     """Sentence about its value."""
     objection: Callable[[float, Vehicle], str | None]
     """Reason why the value is poor for this vehicle, or None."""
+    refuses: bool = False
+    """True: a flight is refused for it."""
 
 
 @dataclass(frozen=True)
@@ -101,12 +106,14 @@ class Firmware:
     """True: SYS_STATUS lists the pre-arm check as present; False: only its health bit tells."""
     texts_for_stations: bool
     """True: its texts go only to links on which it hears the heartbeat of a ground station."""
+    disarming_text: str
+    """Beginning of the text that says at once that it is disarmed; empty where heartbeats come soon enough."""
     tells_aids: bool
-    """True: the health bits of SYS_STATUS tell if GPS or motion capture work; its estimator does not."""
+    """True: SYS_STATUS and GPS_RAW_INT tell if GPS or motion capture work; its estimator does not."""
     thrust_chain: ThrustChain
     """Functions between the throttle target and the motor outputs that it reports."""
     renamed: Mapping[str, Renamed] = field(default_factory=dict)
-    """Newer names of the parameters below: an autopilot that does not know the older one is asked for these."""
+    """Newer names of parameters: an autopilot is asked for the name of its version first, and then for the other."""
     requirements: Callable[[int], Sequence[Requirement]] = lambda own_system_id: ()
     """Function from quadctl's own system id to the parameters that must have certain values before a flight."""
     checks: Sequence[Check] = ()
@@ -144,6 +151,22 @@ def hover_throttle_check(parameter: str) -> Check:
             "one of them is wrong" if abs(theirs - hover_throttle(vehicle)) > MAX_HOVER_DIFFERENCE else None
         ),
     )
+
+
+def rotor_count_check(parameter: str, count: Callable[[float], int | None]) -> Check:
+    """Check of the `parameter` that says how many rotors the autopilot drives (None: it does not) against the vehicle
+    file."""
+
+    def finding(value: float, vehicle: Vehicle) -> str:
+        known = count(value)
+        return f"{parameter} = {value:g}" if known is None else f"{parameter}: {known} rotors ({value:g})"
+
+    def objection(value: float, vehicle: Vehicle) -> str | None:
+        if count(value) in (None, vehicle.n_rotors):
+            return None
+        return f"the vehicle file '{vehicle.name}' has {vehicle.n_rotors}"
+
+    return Check(parameter, finding, objection, refuses=True)
 
 
 def share_of_pulse(value: float) -> float:

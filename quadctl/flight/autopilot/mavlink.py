@@ -32,8 +32,14 @@ HEALTH_BITS = {
     30: "propulsion",
 }
 """Names of parts by their bit of SYS_STATUS (MAV_SYS_STATUS_SENSOR)."""
-POSITION_AIDS = 1 << 5 | 1 << 7
+RC_RECEIVER = 1 << 16
+"""Remote control in SYS_STATUS: MAV_SYS_STATUS_SENSOR_RC_RECEIVER."""
+BATTERY_ALARMS = {3: "critical", 4: "empty (emergency)", 5: "failed", 6: "unhealthy"}
+"""Values of MAV_BATTERY_CHARGE_STATE with which nobody should take off, in the order of their gravity."""
+GPS, VISION_POSITION = 1 << 5, 1 << 7
 """Sensors of SYS_STATUS that measure the position: MAV_SYS_STATUS_SENSOR_GPS and ..._VISION_POSITION."""
+GPS_FIX_3D = 3
+"""Least `fix_type` of GPS_RAW_INT with which a GPS measures the position."""
 
 STATION_HEARTBEAT = {
     "type": 6,  # MAV_TYPE_GCS
@@ -54,6 +60,7 @@ CMD_SET_MESSAGE_INTERVAL = 511
 CMD_REQUEST_MESSAGE = 512
 
 AUTOPILOT_VERSION_ID = 148
+GPS_GLOBAL_ORIGIN_ID = 49
 
 ATTITUDE_TARGET_IGNORE_RATES = 0b111
 """Type mask of SET_ATTITUDE_TARGET: fly the attitude and the thrust, leave the body rates to the autopilot."""

@@ -133,6 +133,11 @@ class MavsdkAutopilot:
             if stream.required:
                 raise FlightError(sentence)
             self.warnings.append(f"{sentence} {stream.without}".rstrip())
+        for other in self._link.other_autopilots:
+            self.warnings.append(
+                f"Another autopilot (system {other}) is heard at {self._link.url}: quadctl flies system "
+                f"{self._link.system_id}, which was heard first."
+            )
         talker = mavlink.TALKERS.get(self._link.own_system_id)
         if talker is not None and self.stays_up:
             self.warnings.append(
@@ -223,6 +228,8 @@ class MavsdkAutopilot:
 
         One that the autopilot knows by its newer name keeps the name and the unit that it is asked by.
         """
+        names = list(names)
+        await self._learn_names(names)
         found = {name: await self._link.run(partial(self._read_parameter, name)) for name in names}
         return {name: value for name, value in found.items() if value is not None}
 
@@ -232,9 +239,10 @@ class MavsdkAutopilot:
         Raises FlightError when the autopilot does not confirm it.
         """
         if name in self._firmware.renamed and name not in self._newer:
+            await self._learn_names([name])
             await self._link.run(partial(self._read_parameter, name))
-        newer = self._newer.get(name, Renamed(name))
-        await self._link.run(lambda: self._link.write_parameter(newer.name, value / newer.unit))
+        known = self._newer.get(name, Renamed(name, (0, 0)))
+        await self._link.run(lambda: self._link.write_parameter(known.name, value / known.unit))
 
     async def close(self) -> None:
         """Let go of the link. Waits for commands under way, which MAVSDK gives up by itself after some seconds."""
@@ -251,18 +259,30 @@ class MavsdkAutopilot:
             raise LinkError(f"The link {self._link.url} is not open: connect first.")
         return self._telemetry.firmware
 
+    async def _learn_names(self, names: Sequence[str]) -> None:
+        """Ask for the version where it decides by which names to ask for parameters."""
+        if self._firmware.renamed.keys() & set(names):
+            with contextlib.suppress(LinkError):  # then each name is tried
+                await self._ask_for_version()
+
     def _read_parameter(self, name: str) -> float | None:
-        newer = self._newer.get(name)
-        value = self._link.read_parameter(name) if newer is None else None
-        if value is None:
-            newer = self._firmware.renamed.get(name)
-            value = None if newer is None else self._link.read_parameter(newer.name)
-        if value is None:
-            return None
+        for known in self._names_of(name):
+            value = self._link.read_parameter(known.name)
+            if value is not None:
+                if known.name != name:
+                    self._newer[name] = known
+                return float(value) * known.unit
+        return None
+
+    def _names_of(self, name: str) -> Sequence[Renamed]:
+        """Names by which to ask for a parameter, the likeliest first: a name that is not known is waited for."""
+        older, newer = Renamed(name, (0, 0)), self._firmware.renamed.get(name)
         if newer is None:
-            return float(value)
-        self._newer[name] = newer
-        return float(value) * newer.unit
+            return (older,)
+        if name in self._newer:
+            return (newer,)
+        version = self._telemetry.version
+        return (newer, older) if version is not None and version >= newer.since else (older, newer)
 
     def _request_stream(self, stream: Stream) -> int:
         interval_us = 1e6 / stream.rate_hz
@@ -347,8 +367,10 @@ class MavsdkAutopilot:
             reasons = "; ".join([mavlink.result_name(result), *await self._reasons(asked_s)])
             raise RefusalError(f"{self.description} refused to {what}: {reasons}.")
         if not await self._await(until, HEARTBEAT_WAIT_S):
+            reasons = "".join(f"; {reason}" for reason in await self._reasons(asked_s))
             raise FlightError(
-                f"{self.description} accepted to {what}, but no heartbeat shows it within {HEARTBEAT_WAIT_S:g} s."
+                f"{self.description} accepted to {what}, but no heartbeat shows it within {HEARTBEAT_WAIT_S:g} s"
+                f"{reasons}."
             )
 
     async def _reasons(self, since_s: float) -> list[str]:

@@ -38,6 +38,7 @@ Receiver = Callable[[str, Mapping[str, Any], float], None]
 SILENCE_S = 1.5
 """Silence after which a serial line is opened again: heartbeats alone come every second."""
 REOPEN_EVERY_S = 0.5
+LAST_PORT = 65535
 
 _URL = re.compile(r"(?:(?:udpin|udpout|tcpin|tcpout)://[^\s/:]+:\d{1,5}|serial://[^\s:]+:\d+)")
 _URL_EXPECTED = "udpin://0.0.0.0:14540, udpout://HOST:PORT, tcpout://HOST:PORT or serial:///dev/ttyAMA0:921600"
@@ -74,7 +75,7 @@ class MavsdkLink:
         listens = self.url.startswith("udpin")
         if listens:
             udp_port.require_free(self.url)
-        log_subscribe(_Log())
+        log_subscribe(_log)
         configuration = Configuration.create_with_component_type(ComponentType.COMPANION_COMPUTER)
         configuration.system_id = self.own_system_id
         mavsdk = self._mavsdk = Mavsdk(configuration)
@@ -168,6 +169,13 @@ class MavsdkLink:
                 f"The autopilot at {self.url} did not set {name} to {value:.7g}: {error.result.name}."
             ) from None
 
+    @property
+    def other_autopilots(self) -> list[int]:
+        """System ids of further autopilots that are heard on this link."""
+        systems = [] if self._mavsdk is None else self._mavsdk.get_systems()
+        heard = {system.get_system_id() for system in systems if system.has_autopilot()}
+        return sorted(heard - {self.system_id})
+
     # --- inside ------------------------------------------------------------------------------------------------
 
     @property
@@ -237,21 +245,10 @@ async def _first_autopilot(mavsdk: Mavsdk, timeout_s: float) -> System | None:
         mavsdk.cancel_first_autopilot(waiting)
 
 
-class _Log:
-    """MAVSDK's own log, sent to `logging`: written to the terminal, it would break the display.
-
-    A complaint that comes again is for debugging only: once a peer is gone, MAVSDK repeats itself at every message.
-    """
-
-    def __init__(self) -> None:
-        self._said: set[str] = set()
-
-    def __call__(self, level: LogLevel, text: str, *_: object) -> bool:
-        severity = {LogLevel.WARN: logging.WARNING, LogLevel.ERROR: logging.ERROR}.get(level, logging.DEBUG)
-        logging.getLogger("mavsdk").log(logging.DEBUG if text in self._said else severity, text)
-        if severity > logging.DEBUG:
-            self._said.add(text)
-        return True
+def _log(level: LogLevel, text: str, *_: object) -> bool:
+    """Take in a line of MAVSDK's own log, for debugging only: what users must know, quadctl says."""
+    logging.getLogger("mavsdk").debug("%s: %s", level.name, text)
+    return True
 
 
 def _checked(url: str) -> str:
@@ -260,6 +257,9 @@ def _checked(url: str) -> str:
         raise LinkError(f"The link {url} uses the outdated udp://: say udpin://0.0.0.0:{port} to listen on that port.")
     if not _URL.fullmatch(url):
         raise LinkError(f"The link {url!r} is not one that can be opened: expected {_URL_EXPECTED}.")
+    port = url.rpartition(":")[2]
+    if not url.startswith("serial") and not 1 <= int(port) <= LAST_PORT:
+        raise LinkError(f"The link {url} has the port {port}, expected one from 1 to {LAST_PORT}.")
     return url
 
 

@@ -1,6 +1,13 @@
 """PX4 on the MAVLink wire: offboard mode follows targets, which also lift the vehicle off."""
 
-from quadctl.flight.autopilot.firmware import Check, Firmware, Requirement, Stream, hover_throttle_check
+from quadctl.flight.autopilot.firmware import (
+    Check,
+    Firmware,
+    Requirement,
+    Stream,
+    hover_throttle_check,
+    rotor_count_check,
+)
 from quadctl.thrust_chain.px4 import CHAIN
 from quadctl.vehicle import Vehicle
 
@@ -37,6 +44,7 @@ _MAIN_AND_SUB_MODE = {
     "ALTCTL": (2, 0),
     "POSCTL": (3, 0),
     "ORBIT": (3, 1),
+    "POSITION_SLOW": (3, 2),
     "READY": (4, 1),
     "TAKEOFF": (4, 2),
     "HOLD": (4, 3),
@@ -45,9 +53,14 @@ _MAIN_AND_SUB_MODE = {
     "LAND": (4, 6),
     "FOLLOW": (4, 8),
     "PRECLAND": (4, 9),
+    "VTOL_TAKEOFF": (4, 10),
+    **{f"EXTERNAL{number}": (4, 10 + number) for number in range(1, 9)},
     "ACRO": (5, 0),
     "OFFBOARD": (6, 0),
     "STABILIZED": (7, 0),
+    "RATTITUDE": (8, 0),
+    "TERMINATION": (10, 0),
+    "ALTITUDE_CRUISE": (11, 0),
 }
 
 
@@ -154,15 +167,18 @@ PX4 = Firmware(
         Stream("RAW_RPM", 339, 50.0, alternative=True),
         Stream("ACTUATOR_OUTPUT_STATUS", 375, 50.0, alternative=True),
         Stream("SYS_STATUS", 1, 5.0),
+        Stream("BATTERY_STATUS", 147, 1.0, alternative=True),
         Stream("EXTENDED_SYS_STATE", 245, 5.0),
         Stream("ESTIMATOR_STATUS", 230, 5.0),
-        # Heartbeats tell the mode too, but come at 1 Hz, and PX4 refuses another interval.
+        # Heartbeats tell the mode too, but come at 1 Hz, and PX4 refuses another interval. Newer ones send this every
+        # 0.51 s whatever is asked for, and within 60 ms of a change.
         Stream("CURRENT_MODE", 436, 20.0, without="A change of mode is seen after up to a second, a short one never."),
     ),
     # The bit is about the present mode, and offboard is not ready before setpoints arrive.
     tells_readiness=lambda mode: mode != "OFFBOARD",
     lists_prearm=False,
     texts_for_stations=True,
+    disarming_text="Disarmed by ",
     tells_aids=False,
     thrust_chain=CHAIN,
     requirements=lambda own_system_id: (
@@ -190,6 +206,7 @@ PX4 = Firmware(
         Check("COM_LOW_BAT_ACT", _low_battery, _ignored_battery),
         Check("RTL_RETURN_ALT", _return_height, _return_too_high),
         hover_throttle_check("MPC_THR_HOVER"),
+        rotor_count_check("CA_ROTOR_COUNT", lambda value: round(value) or None),
         Check("MC_BAT_SCALE_EN", _scaling, _scaled),
     ),
     serial_parameters=("MAV_1_CONFIG", "SER_TEL2_BAUD"),

@@ -93,6 +93,10 @@ class Telemetry:
         self._refusals: tuple[str, ...] = ()
         self._battery = (-math.inf, NAN)
         self._resting_v = NAN
+        self._remaining = NAN
+        self._charge: dict[int, int] = {}
+        """MAV_BATTERY_CHARGE_STATE by number of the battery."""
+        self._remote: bool | None = None
         self._air = Air(NAN, NAN, 0.0, NAN)
         """Air at the ground, as it was told first."""
         self._version: Version | None = None
@@ -107,6 +111,10 @@ class Telemetry:
         """Id of the autopilot's hardware, in hexadecimal digits; empty where it tells none."""
         self._estimator_ratio = NAN
         self._std_m = (NAN, NAN)
+        self._healthy_aids = 0
+        """Sensors of the position that SYS_STATUS calls healthy."""
+        self._has_fix = True
+        """False when the GPS says that it has no fix."""
         self._aided = self._aid_lost = False
         self._clock = LinkClock()
         self.round_trips = RoundTrips()
@@ -129,6 +137,8 @@ class Telemetry:
             "SCALED_PRESSURE": self._on_pressure,
             "GLOBAL_POSITION_INT": self._on_global_position,
             "SYS_STATUS": self._on_sys_status,
+            "GPS_RAW_INT": self._on_gps,
+            "BATTERY_STATUS": self._on_battery,
             "EXTENDED_SYS_STATE": self._on_extended_state,
             "HEARTBEAT": self._on_heartbeat,
             "CURRENT_MODE": self._on_current_mode,
@@ -166,6 +176,8 @@ class Telemetry:
             motor_current_a=tuple(v for group in escs for v in group.current_a)[:n],
             motor_output=self._outputs.value,
             battery_v=battery_v,
+            battery_remaining=self._remaining,
+            battery_alarm=mavlink.BATTERY_ALARMS.get(max(map(_gravity, self._charge.values()), default=0), ""),
             armed=heartbeat.armed,
             landed=self._landed,
             mode=mode,
@@ -173,6 +185,7 @@ class Telemetry:
             estimator_ok=self._estimator_ok,
             ready_to_arm=self._prearm_ok or not tells_readiness,
             tells_readiness=tells_readiness,
+            remote=self._remote,
             checks_off=self._checks_off,
             failing=self._failing,
             refusals=self._refusals,
@@ -213,6 +226,11 @@ class Telemetry:
         """
         atmosphere = atmosphere_of(self._version, is_standard=True)
         return Ambient(self._resting_v, air_density_ratio(self._air, atmosphere), atmosphere=atmosphere)
+
+    @property
+    def version(self) -> Version | None:
+        """Version of the firmware; None where it was not told."""
+        return self._version
 
     @property
     def knows_air(self) -> bool:
@@ -350,7 +368,11 @@ class Telemetry:
             self._health = enabled, health
             self._failing = mavlink.failing_parts(enabled, health)
         if firmware is not None and firmware.tells_aids:
-            self._notice_aids(bool(health & mavlink.POSITION_AIDS))
+            self._healthy_aids = health & (mavlink.GPS | mavlink.VISION_POSITION)
+            self._notice_aids()
+        self._remote = bool(present & health & mavlink.RC_RECEIVER)
+        percent = fields["battery_remaining"]
+        self._remaining = 0.01 * percent if percent >= 0 else NAN
         millivolts = fields["voltage_battery"]
         if millivolts != MILLIVOLTS_UNKNOWN:
             self._battery = (now_s, 0.001 * millivolts)
@@ -375,8 +397,21 @@ class Telemetry:
                 self._air = self._air._replace(altitude_m=0.001 * fields["alt"])
                 self._news.notify_all()
 
-    def _notice_aids(self, aided: bool) -> None:
+    def _on_battery(self, fields: Fields, now_s: float) -> None:
+        del now_s
+        self._charge = {**self._charge, int(fields["id"]): int(fields.get("charge_state") or 0)}
+
+    def _on_gps(self, fields: Fields, now_s: float) -> None:
+        del now_s
+        firmware = self.firmware
+        if firmware is not None and firmware.tells_aids:
+            self._has_fix = int(fields["fix_type"]) >= mavlink.GPS_FIX_3D
+            self._notice_aids()
+
+    def _notice_aids(self) -> None:
         """Note if a source of position works; one that never worked is not lost."""
+        working = self._healthy_aids if self._has_fix else self._healthy_aids & ~mavlink.GPS
+        aided = working != 0
         self._aided = self._aided or aided
         self._aid_lost = self._aided and not aided
 
@@ -428,9 +463,17 @@ class Telemetry:
         self._refusals = () if firmware is None else self._report.against(self._mode.name, firmware.offboard_mode)
 
     def _on_text(self, fields: Fields, now_s: float) -> None:
+        firmware = self.firmware
         with self._news:
+            if firmware is not None and firmware.disarming_text and fields["text"].startswith(firmware.disarming_text):
+                self._heartbeat = self._heartbeat._replace(armed=False)  # until a heartbeat says otherwise
             self._texts.take(fields, now_s)
             self._news.notify_all()
+
+
+def _gravity(charge_state: int) -> int:
+    """Charge state where it is an alarm, else 0."""
+    return charge_state if charge_state in mavlink.BATTERY_ALARMS else 0
 
 
 def _number(value: float | None) -> float:

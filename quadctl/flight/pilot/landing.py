@@ -1,6 +1,6 @@
 """The end of a flight: the autopilot lands, or somebody else flies. A mode is never taken back from them."""
 
-from quadctl.flight.pilot.guards import Answer, Breach
+from quadctl.flight.pilot.guards import DISARMED, Answer, Breach
 from quadctl.flight.pilot.progress import Progress
 from quadctl.flight.pilot.steering import Steering
 from quadctl.flight.pilot.supervisor import Supervisor
@@ -17,6 +17,8 @@ LET_GO_S = 1.0
 """Longest time for which a second Ctrl-C waits for the autopilot to enter its land mode."""
 UNCONFIRMED_S = 5.0
 """Time after which an autopilot that stays up for our heartbeats, and whose own are lost, no longer gets ours."""
+GIVEN_BACK_S = 2.0
+"""Time after which a mode of ours that somebody has taken and given back counts as left to nobody."""
 LINK_TIMEOUT_S = 60.0
 """Longest wait for a link that is lost while somebody else flies."""
 
@@ -38,6 +40,8 @@ class Landing:
         self._failed = False
         self._let_go: str | None = None
         self._let_go_s: float | None = None
+        self._given_back_s: float | None = None
+        """Time since which the mode that somebody had taken is ours again; None: it is not."""
 
     # --- transitions ---------------------------------------------------------------------------------------------
 
@@ -66,6 +70,7 @@ class Landing:
         """One tick of LAND: the autopilot lands. Until it has entered the mode, and for HOLD_S at most, the position is
         held, if the state is valid."""
         if self._watch.motors_off(state, self._progress.in_stage_s):
+            self._note_disarming(state)
             self._progress.enter(Stage.DONE)
             return Decision()
         if self._let_go is not None:
@@ -89,6 +94,9 @@ class Landing:
         """One tick of RELEASED: somebody else flies; record until the vehicle is disarmed, never take the mode back."""
         if not state.connected and self._progress.in_stage_s > LINK_TIMEOUT_S:
             self._progress.end(f"{self._progress.ended}; the link did not come back in {LINK_TIMEOUT_S:g} s")
+        elif self._given_back(state):
+            left = f"the mode is {state.mode} again, which nobody flies: its failsafe lands it when quadctl is gone"
+            self._progress.end(f"{self._progress.ended}; {left}")
         elif self._watch.motors_off(state, self._progress.in_stage_s) or self._watch.want_land:
             self._progress.enter(Stage.DONE)
         return Decision()
@@ -116,6 +124,12 @@ class Landing:
         self._progress.enter(Stage.RELEASED)
         return Decision()
 
+    def _note_disarming(self, state: VehicleState) -> None:
+        """Note that somebody else has disarmed the vehicle, if no landing has."""
+        if self._watch.armed_seen and state.offboard and not self._landing_seen:
+            self._progress.note(DISARMED, Answer.RELEASE.value)
+            self._progress.ended = f"{self._progress.ended}; {DISARMED}"
+
     def _wait_for_mode(self, state: VehicleState, dt: float) -> Decision:
         if self._progress.in_stage_s >= HOLD_S:
             self._silent = True
@@ -141,6 +155,16 @@ class Landing:
         unheard = not (state.connected or self._landing_seen)
         return self._stays_up and unheard and self._progress.in_stage_s > UNCONFIRMED_S
 
+    def _given_back(self, state: VehicleState) -> bool:
+        """True when somebody has given the mode back to us, who do not fly any more, and our heartbeats would keep the
+        vehicle in the air."""
+        if not (self._stays_up and state.armed and state.offboard):
+            self._given_back_s = None
+            return False
+        now_s = self._progress.now_s
+        self._given_back_s = now_s if self._given_back_s is None else self._given_back_s
+        return now_s - self._given_back_s > GIVEN_BACK_S
+
     def _too_long(self) -> bool:
         """True, and the flight is over, when the autopilot has not come down and disarmed in time."""
         if self._progress.in_stage_s <= self._watch.max_over_time_s:
@@ -161,8 +185,10 @@ class Landing:
         return Decision(None, self._request(state))
 
     def _request(self, state: VehicleState) -> tuple[Request, ...]:
-        """Request to land: made when the mode is known to be ours (after a stall somebody else may have taken it), and
-        repeated after a failure."""
+        """Request to land: made while the motors are on, or may get on, when the mode is known to be ours (after a
+        stall somebody else may have taken it), and repeated after a failure."""
+        if self._watch.motors_off(state, self._progress.in_stage_s):
+            return ()
         now_s = self._progress.now_s
         due = self._asked_s is None or (self._failed and now_s - self._asked_s > ASK_AGAIN_S)
         if not due or not self._watch.mode_is_ours(state):

@@ -28,7 +28,7 @@ class Outcome:
     late_ticks: int
     """Ticks more than half a period late."""
     texts: tuple[str, ...] = ()
-    """Warnings and errors that the autopilot sent as texts, in their order."""
+    """Warnings and errors that the autopilot sent as texts, each once, in their order."""
     problem: str | None = None
     """Problem beside the flight, such as a full disk."""
 
@@ -97,6 +97,6 @@ class Tally:
             tracking_rmse_m=dict(zip(("north", "east", "up"), rmse, strict=True)),
             late_ms=self.late_ms,
             late_ticks=sum(late > 0.5 * self._period_s for late in self._late_s),
-            texts=tuple(self._texts),
+            texts=tuple(dict.fromkeys(self._texts)),
             problem=problem,
         )

@@ -12,8 +12,9 @@ from quadctl.state import VehicleState
 
 ARM_SETTLE_S = 2.0
 """Longest time after which an arming request that was given up may still take effect."""
-MODE_FRESH_S = 0.5
-"""Largest age of the word on the mode that shows that the mode is still ours to change."""
+MODE_FRESH_S = 0.7
+"""Largest age of the word on the mode that shows that the mode is still ours to change: PX4 tells it every 0.51 s, and
+within 0.06 s of a change."""
 HEARTBEAT_S = 1.0
 """Interval of heartbeats, which some autopilots do not change; others tell the mode more often."""
 
@@ -73,11 +74,11 @@ class Supervisor:
         return self._unheard_s > GONE_S
 
     def defect(self, state: VehicleState) -> str | None:
-        """Reason why the flight cannot use this state, or None."""
+        """Reason why a flight cannot begin with this state, or None."""
         least_v = self._guards.min_battery_v
         if least_v > 0.0 and not state.battery_v >= least_v:
             return f"the battery is at {state.battery_v:.2f} V, expected {least_v:g} V or more"
-        return defect(state, self._guards)
+        return state.why_battery_empty or defect(state, self._guards)
 
     def unready(self, state: VehicleState) -> str | None:
         """Reason why the autopilot would not arm in the mode that it is in, or None.
@@ -101,14 +102,17 @@ class Supervisor:
     def mode_is_ours(self, state: VehicleState) -> bool:
         """True when nobody else can be thought to have the mode, so that another may be asked for.
 
-        A fresh word on the mode shows it. So does a line that has just gone silent, if the loop has kept time since the
-        last word: the other direction may still work. After a stall, the last word may be a thing of the past.
+        A fresh word on the mode shows it, as a change is told at once; after a stall, one that has not waited in a
+        queue with an old state. So does a line that has just gone silent, if the loop has kept time since the last
+        word: the other direction may still work. After a stall, the last word may be a thing of the past.
         """
         told_s = state.time_s - state.mode_age_s
+        current = state.control_age_s <= self._guards.max_state_age_s
         silent_s = min(state.age_s("position"), state.age_s("attitude"), state.mode_age_s)
         just_silent = silent_s > self._guards.max_state_age_s and state.mode_age_s <= HEARTBEAT_S + MODE_FRESH_S
-        fresh = state.mode_age_s <= MODE_FRESH_S or (just_silent and told_s > self._stalled_s)
-        return state.offboard and fresh
+        if told_s > self._stalled_s:
+            return state.offboard and (state.mode_age_s <= MODE_FRESH_S or just_silent)
+        return state.offboard and state.mode_age_s <= MODE_FRESH_S and current
 
     def motors_off(self, state: VehicleState, given_up_s: float) -> bool:
         """True when the vehicle is disarmed and no arming request, given up `given_up_s` ago, can still take effect."""

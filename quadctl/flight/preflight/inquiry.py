@@ -26,6 +26,7 @@ from quadctl.thrust_chain.chain import Addition
 from quadctl.vehicle import Vehicle
 
 CHECKS_OFF = "its own checks before arming are off (ARMING_CHECK is 0): it arms whatever it would object to"
+NO_REMOTE = "the autopilot receives no remote control: nobody can take the vehicle with one"
 LOOK_EVERY_S = 0.002
 """Interval at which the state is read: shorter than that of the most frequent message, so that each is counted."""
 
@@ -158,6 +159,7 @@ async def inspect_autopilot(
         *_texts(state),
         _mode(state),
         _battery(state, plan),
+        *_remote(state),
         *await _parameters(autopilot, plan.body.vehicle, without_failsafe),
         *await ask_about_lateral_force(plan, autopilot),
         *thrust_findings(autopilot.thrust_additions(hover_throttle(plan.body.vehicle))),
@@ -251,7 +253,14 @@ def _battery(state: VehicleState, plan: FlightPlan) -> Finding:
         guarded = "guards.min_battery_v needs it" if limit_v else None
         return judged("battery", "voltage unknown", refused=guarded, warning="the autopilot does not tell it")
     low = f"expected {limit_v:g} V or more" if state.battery_v < limit_v else None
-    return judged("battery", f"{state.battery_v:.2f} V", refused=low)
+    known = f", {100.0 * state.battery_remaining:.0f} % left" if math.isfinite(state.battery_remaining) else ""
+    return judged("battery", f"{state.battery_v:.2f} V{known}", refused=low or state.why_battery_empty)
+
+
+def _remote(state: VehicleState) -> Iterator[Finding]:
+    """Warning of a vehicle that nobody can take with a remote control."""
+    if state.remote is False:
+        yield Finding(Verdict.WARNING, "remote", NO_REMOTE)
 
 
 async def _parameters(autopilot: Inspected, vehicle: Vehicle, without_failsafe: bool) -> list[Finding]:
@@ -261,16 +270,23 @@ async def _parameters(autopilot: Inspected, vehicle: Vehicle, without_failsafe: 
 
 
 async def advisable_parameters(autopilot: Inspected, vehicle: Vehicle) -> list[Finding]:
-    """Findings about the parameters that a flight does not require; nothing is refused for them."""
+    """Findings about the parameters that a flight does not require."""
     names = [check.parameter for check in autopilot.checks]
     values = await autopilot.parameters(names)
     if names and not values:
         return [judged("parameters", ", ".join(names), warning="the autopilot tells none of them")]
     found = [(check, values[check.parameter]) for check in autopilot.checks if check.parameter in values]
-    return [
-        judged("parameters", check.finding(value, vehicle), warning=check.objection(value, vehicle))
-        for check, value in found
-    ]
+    return [_advised(check, value, vehicle) for check, value in found]
+
+
+def _advised(check: Check, value: float, vehicle: Vehicle) -> Finding:
+    objection = check.objection(value, vehicle)
+    return judged(
+        "parameters",
+        check.finding(value, vehicle),
+        refused=objection if check.refuses else None,
+        warning=objection,
+    )
 
 
 def _required(need: Requirement, values: Mapping[str, float], without_failsafe: bool) -> Finding:

@@ -29,6 +29,7 @@ class Display:
         self._console = console
         self._tick: Tick | None = None
         self._texts: queue.SimpleQueue[StatusText] = queue.SimpleQueue()
+        self._said: set[str] = set()
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._draw, name="display", daemon=True)
 
@@ -54,9 +55,12 @@ class Display:
             self._say()
 
     def _say(self) -> None:
-        """Print the texts of the autopilot, which stay above the table."""
+        """Print the texts of the autopilot, each once, which stay above the table."""
         while not self._texts.empty():
             text = self._texts.get()
+            if str(text) in self._said:
+                continue
+            self._said.add(str(text))
             style = "yellow" if text.grave else "default"
             self._console.print(str(text), style=style, soft_wrap=True, markup=False, highlight=False)
 

@@ -12,6 +12,7 @@ import queue
 import threading
 import time
 from collections.abc import Mapping
+from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, TextIO
@@ -35,6 +36,8 @@ from quadctl.logs.columns import (
 from quadctl.state import NAN
 
 SYNC_EVERY_S = 0.5
+ROOM_BYTES = 256 * 1024
+"""Room on the disk that is kept for the end of the flight, with all its events."""
 CLOSE_TIMEOUT_S = 10.0
 _NO_EULER = (NAN, NAN, NAN)
 _NO_LATERAL = (NAN, NAN)
@@ -118,16 +121,21 @@ class Recorder:
             **meta,
         }
         self._events: list[dict[str, Any]] = []
+        self._room: Path | None = None
+        """File that holds room for the meta file at the end."""
         self.problem: str | None = None
         """Reason why the log is incomplete, or None."""
         try:
             directory.mkdir(parents=True, exist_ok=True)
             self.path, self._file = _new_file(directory, mission)
             self.meta_path = self.path.with_suffix(".meta.yaml")
+            self._room = self.meta_path.with_suffix(".room")
+            _reserve(self._room, ROOM_BYTES)
             self._write_meta("in flight")
             self._file.write(",".join(header(n_rotors, lateral)) + "\n")
             self._file.flush()
         except OSError as error:
+            self._leave_room()
             raise FlightError(f"{directory}: cannot be written for the flight log ({error.strerror})") from None
         self._queue: queue.SimpleQueue[Tick | None] = queue.SimpleQueue()
         self._closing = False
@@ -147,8 +155,9 @@ class Recorder:
             self.problem = f"{self.path}: the log is incomplete (the disk does not answer)"
         try:
             self._write_meta(ended)
-        except OSError as error:
-            self.problem = self.problem or f"{self.meta_path}: {error.strerror}"
+        except OSError:
+            self._write_meta_into_room(ended)
+        self._leave_room()
 
     def _write(self) -> None:
         try:
@@ -188,9 +197,30 @@ class Recorder:
     def _note(self, tick: Tick) -> None:
         self._events += [{**event._asdict(), "time_s": round(event.time_s, 3)} for event in tick.events]
 
+    def _write_meta_into_room(self, ended: str) -> None:
+        """Write the meta file into the room that was kept for it on a disk that is full by now."""
+        assert self._room is not None
+        try:
+            with self._room.open("r+", encoding="utf-8") as file:
+                file.write(self._text_of_meta(ended))
+                file.truncate()
+                _sync(file)
+            self._room.replace(self.meta_path)
+        except OSError as error:
+            self.problem = self.problem or f"{self.meta_path}: {error.strerror}"
+
+    def _leave_room(self) -> None:
+        """Give back the room, where it was taken."""
+        if self._room is not None:
+            with suppress(OSError):
+                self._room.unlink(missing_ok=True)
+
+    def _text_of_meta(self, ended: str) -> str:
+        return yaml.safe_dump({**self._meta, "events": self._events, "ended": ended}, sort_keys=False)
+
     def _write_meta(self, ended: str) -> None:
         """Write the meta file in one step: a full disk or a power cut leaves the old file, not half of a new one."""
-        text = yaml.safe_dump({**self._meta, "events": self._events, "ended": ended}, sort_keys=False)
+        text = self._text_of_meta(ended)
         new = self.meta_path.with_suffix(".new")
         try:
             with new.open("w", encoding="utf-8") as file:
@@ -206,6 +236,15 @@ def _sync(file: TextIO) -> None:
     """Flush a file to the disk itself."""
     file.flush()
     os.fsync(file.fileno())
+
+
+def _reserve(path: Path, size: int) -> None:
+    """Make a file whose room on the disk is taken."""
+    with path.open("wb") as file:
+        if hasattr(os, "posix_fallocate"):
+            os.posix_fallocate(file.fileno(), 0, size)
+        else:
+            file.write(bytes(size))
 
 
 def _new_file(directory: Path, mission: str) -> tuple[Path, TextIO]:

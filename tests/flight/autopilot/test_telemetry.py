@@ -13,6 +13,7 @@ from quadctl.thrust_chain.chain import Ambient
 
 VOLTAGE = {
     "voltage_battery": 15000,
+    "battery_remaining": -1,
     "onboard_control_sensors_present": 0,
     "onboard_control_sensors_enabled": 0,
     "onboard_control_sensors_health": 0,
@@ -46,6 +47,7 @@ def test_before_the_first_message_nothing_looks_like_data() -> None:
 def test_mode_names_are_read_from_the_custom_mode() -> None:
     assert PX4.mode_name(6 << 16) == "OFFBOARD"
     assert PX4.mode_name(4 << 16 | 6 << 24) == "LAND"
+    assert PX4.mode_name(10 << 16) == "TERMINATION"
     assert PX4.mode_name(9 << 16 | 1 << 24) == "9/1"
     assert ARDUPILOT.mode_name(4) == "GUIDED"
     assert ARDUPILOT.mode_name(99) == "mode 99"
@@ -203,3 +205,63 @@ def test_parts_that_are_in_use_and_not_healthy_are_named() -> None:
 def status(present: int, enabled: int, health: int) -> tuple[str, dict[str, Any]]:
     kinds = {"present": present, "enabled": enabled, "health": health}
     return "SYS_STATUS", VOLTAGE | {f"onboard_control_sensors_{kind}": flags for kind, flags in kinds.items()}
+
+
+def told(text: str) -> tuple[str, dict[str, Any]]:
+    return "STATUSTEXT", {"id": 0, "chunk_seq": 0, "severity": 6, "text": text}
+
+
+def test_px4_says_that_it_is_disarmed_a_second_before_its_heartbeats_do() -> None:
+    armed = {"autopilot": 12, "base_mode": 129, "custom_mode": 6 << 16}
+    px4 = Telemetry(n_rotors=4)
+    for text, expected in (("Armed by external command", True), ("Disarmed by external command", False)):
+        px4.receive("HEARTBEAT", armed, now_s=5.0)
+        px4.receive(*told(text), now_s=5.3)
+        assert px4.state(5.3).armed is expected
+    px4.receive("HEARTBEAT", armed, now_s=6.0)  # armed again
+    assert px4.state(6.0).armed
+
+
+GPS, VISION = 1 << 5, 1 << 7
+
+
+@pytest.mark.parametrize(("healthy", "lost"), [(GPS, True), (GPS | VISION, False), (VISION, False)])
+def test_a_gps_without_a_fix_is_lost_though_ardupilot_calls_it_healthy(healthy: int, lost: bool) -> None:
+    status = VOLTAGE | {"onboard_control_sensors_health": healthy}
+    copter = heard(("SYS_STATUS", status), ("GPS_RAW_INT", {"fix_type": 3}))
+    assert not copter.state(1.0).aid_lost
+    for name, fields in (("GPS_RAW_INT", {"fix_type": 1}), ("SYS_STATUS", status)):
+        copter.receive(name, fields, now_s=1.2)
+        assert copter.state(1.2).aid_lost is lost
+    copter.receive("GPS_RAW_INT", {"fix_type": 4}, now_s=1.4)
+    assert not copter.state(1.4).aid_lost
+
+
+def test_a_gps_that_never_had_a_fix_is_not_lost() -> None:
+    copter = heard(("GPS_RAW_INT", {"fix_type": 0}), ("SYS_STATUS", VOLTAGE | {"onboard_control_sensors_health": GPS}))
+    copter.receive("GPS_RAW_INT", {"fix_type": 1}, now_s=1.2)
+    assert not copter.state(1.2).aid_lost
+
+
+@pytest.mark.parametrize(
+    ("percent", "charges", "said"),
+    [
+        (-1, (), None),
+        (1, (1, 2), None),
+        (0, (), "0 % of the battery is left"),
+        (3, (3, 1), "the autopilot calls the battery critical (3 % of the battery is left)"),
+        (-1, (3, 5), "the autopilot calls the battery failed"),
+    ],
+)
+def test_a_battery_that_is_empty_or_worse_is_said(percent: int, charges: tuple[int, ...], said: str | None) -> None:
+    told = heard(("SYS_STATUS", VOLTAGE | {"battery_remaining": percent}))
+    for number, charge in enumerate(charges):
+        told.receive("BATTERY_STATUS", {"id": number, "charge_state": charge}, now_s=1.0)
+    assert told.state(1.0).why_battery_empty == said
+
+
+def test_a_remote_control_is_received_if_it_is_there_and_healthy() -> None:
+    assert heard().state(1.0).remote is None
+    for present, health, expected in ((0, 1 << 16, False), (1 << 16, 0, False), (1 << 16, 1 << 16, True)):
+        flags = {"onboard_control_sensors_present": present, "onboard_control_sensors_health": health}
+        assert heard(("SYS_STATUS", VOLTAGE | flags)).state(1.0).remote is expected

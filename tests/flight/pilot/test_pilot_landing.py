@@ -116,7 +116,7 @@ def test_a_refused_landing_is_asked_for_again_while_the_mode_is_known_to_be_ours
     flight.autopilot.refusals["LAND"] = "not now"
     flight.when(at_stage(Stage.LAND, 25), flight.autopilot.refusals.clear)
     flight.show(
-        lambda s: replace(s, received_s={**s.received_s, "heartbeat": s.time_s - 0.6}),
+        lambda s: replace(s, received_s={**s.received_s, "heartbeat": s.time_s - 0.8}),
         at_stage(Stage.LAND),
         until=heartbeats_old_s,
     ).fly()

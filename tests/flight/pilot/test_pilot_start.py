@@ -45,6 +45,10 @@ def test_a_vehicle_that_somebody_arms_is_not_taken(stage: Stage) -> None:
         (HAND_OVER["attitude of zeros"][0], "the attitude is no unit quaternion, its norm is 0"),
         (LAND["battery"][0], "the battery is at 13.40 V, expected 13.5 V or more"),
         (LAND["battery unknown"][0], "the battery is at nan V, expected 13.5 V or more"),
+        (
+            lambda s: replace(s, battery_alarm="critical", battery_remaining=0.03),
+            "the autopilot calls the battery critical (3 % of the battery is left)",
+        ),
     ],
     ids=lambda v: v if isinstance(v, str) else "",
 )

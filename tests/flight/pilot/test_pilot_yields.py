@@ -7,6 +7,7 @@ from functools import partial
 
 import pytest
 
+from quadctl.flight.pilot.pilot import Pilot
 from quadctl.flight.pilot.tick import Request, Stage
 from quadctl.state import VehicleState
 from tests.support.watched import HAND_OVER, RATE_HZ, Flight, at_stage, in_flight, stall, take_over
@@ -59,6 +60,34 @@ def test_a_mode_taken_and_given_back_is_not_flown_again() -> None:
     assert flight.pilot.ended == "the autopilot left offboard for POSCTL"
 
 
+@pytest.mark.parametrize("stays_up", [True, False])
+def test_an_autopilot_that_hovers_for_our_heartbeats_is_let_go_when_the_mode_is_given_back(stays_up: bool) -> None:
+    """ArduPilot hovers in GUIDED for as long as it hears us; PX4's own failsafe lands it without targets."""
+    flight = Flight(pilot_class=partial(Pilot, autopilot_stays_up=stays_up))
+    flight.autopilot.parameters["COM_OF_LOSS_T"] = 60.0
+    back_s = math.inf
+
+    def give_back() -> None:
+        nonlocal back_s
+        flight.autopilot._enter("OFFBOARD")
+        back_s = flight.autopilot.time_s
+
+    flight.when(in_flight(3.0), lambda: flight.autopilot.somebody("POSCTL"))
+    flight.when(at_stage(Stage.RELEASED, 30), give_back)
+    flight.when(at_stage(Stage.RELEASED, 300), lambda: flight.autopilot.somebody("LAND")).fly()
+    last = flight.watch.ticks[-1]
+    assert flight.autopilot.asked == ["OFFBOARD", "ARM"]
+    if stays_up:
+        assert last.state.time_s - back_s == pytest.approx(2.0, abs=0.1)
+        assert flight.pilot.ended == (
+            "the autopilot left offboard for POSCTL; the mode is OFFBOARD again, which nobody flies: "
+            "its failsafe lands it when quadctl is gone"
+        )
+    else:
+        assert flight.pilot.ended == "the autopilot left offboard for POSCTL"
+        assert not last.state.armed
+
+
 def test_a_mode_taken_while_spooling_up_is_let_go() -> None:
     flight = Flight()
     flight.when(at_stage(Stage.SPOOL_UP, 20), take_over(flight, "POSCTL")).fly()
@@ -97,6 +126,41 @@ def test_disarmed_in_flight() -> None:
     assert "LAND" not in flight.autopilot.asked
 
 
+def test_disarmed_before_the_news_of_it_the_landing_notes_it_and_nothing_more_is_asked_for() -> None:
+    """PX4's state jumps when it is disarmed in flight, up to a second before a heartbeat tells."""
+    flight = Flight()
+    told_s = math.inf
+
+    def late_news(s: VehicleState) -> VehicleState:
+        vx, vy, vz = s.velocity_ned_m_s
+        return replace(s, armed=s.time_s < told_s, velocity_ned_m_s=(vx, vy, vz + 3.5))
+
+    def disarm() -> None:
+        nonlocal told_s
+        told_s = flight.autopilot.time_s + 0.59
+        flight.autopilot._disarm()
+
+    flight.autopilot.refusals["LAND"] = "disarmed"
+    flight.show(late_news, in_flight(3.0)).when(in_flight(3.0), disarm).fly()
+    assert flight.pilot.ended.startswith("the velocity jumped by 2.7 m/s")
+    assert flight.pilot.ended.endswith("; the vehicle was disarmed")
+    assert flight.watch.ticks[-1].events[-1][1:] == ("the vehicle was disarmed", "release")
+
+
+def test_a_vehicle_that_is_disarmed_already_is_not_asked_to_land() -> None:
+    flight = Flight()
+    flight.autopilot.ignored.add("LAND")
+
+    def disarm() -> None:
+        flight.autopilot._disarm()
+        flight.pilot.request_failed(Request.LAND, "no answer", refused=False)
+
+    flight.autopilot.parameters["COM_OF_LOSS_T"] = 60.0
+    flight.when(at_stage(Stage.LAND, 120), disarm).fly()
+    assert flight.autopilot.asked == ["OFFBOARD", "ARM", "LAND"]
+    assert flight.pilot.ended == "completed; no answer; the vehicle was disarmed"
+
+
 # --- not known whose the mode is -----------------------------------------------------------------------------------
 
 
@@ -107,7 +171,7 @@ def test_after_a_stall_the_landing_is_asked_for_only_when_a_new_heartbeat_shows_
     def late_news(s: VehicleState) -> VehicleState:
         if s.time_s >= old_heartbeat_until_s:
             return s
-        return replace(s, mode="OFFBOARD", received_s={**s.received_s, "heartbeat": s.time_s - 0.6})
+        return replace(s, mode="OFFBOARD", received_s={**s.received_s, "heartbeat": s.time_s - 0.8})
 
     def stall_now() -> None:
         nonlocal old_heartbeat_until_s
@@ -126,7 +190,7 @@ def test_a_mode_taken_during_a_stall_is_left_alone_though_the_old_one_is_still_s
     def late_news(s: VehicleState) -> VehicleState:
         if s.time_s > shown_until_s:
             return s
-        return replace(s, mode="OFFBOARD", received_s={**s.received_s, "heartbeat": s.time_s - 0.6})
+        return replace(s, mode="OFFBOARD", received_s={**s.received_s, "heartbeat": s.time_s - 0.8})
 
     shown_until_s = 0.0
 
@@ -141,6 +205,27 @@ def test_a_mode_taken_during_a_stall_is_left_alone_though_the_old_one_is_still_s
     assert "LAND" not in flight.autopilot.asked
     assert Stage.RELEASED in flight.watch.stages()  # recorded until the end
     assert flight.at_rest
+
+
+def test_after_a_stall_a_word_on_the_mode_that_waited_in_a_queue_shows_nothing() -> None:
+    """All that had waited is as old as the stall was long, until the queue is empty."""
+    flight = Flight()
+    queued_until_s = math.inf
+
+    def queued(s: VehicleState) -> VehicleState:
+        if s.time_s >= queued_until_s:
+            return s
+        return replace(s, mode="OFFBOARD", received_s=dict.fromkeys(s.received_s, s.time_s - 0.6))
+
+    def take_over_in_a_stall() -> None:
+        nonlocal queued_until_s
+        take_over(flight, "POSCTL")()
+        stall(flight, 0.55)()
+        queued_until_s = flight.autopilot.time_s + 0.1
+
+    flight.when(in_flight(3.0), take_over_in_a_stall).show(queued, in_flight(3.0)).fly()
+    assert "LAND" not in flight.autopilot.asked
+    assert Stage.RELEASED in flight.watch.stages()
 
 
 def test_an_autopilot_that_restarts_is_let_go() -> None:
@@ -200,7 +285,7 @@ def test_a_stream_that_stops_alone_is_no_silence() -> None:
     flight = Flight()
 
     def change(s: VehicleState) -> VehicleState:
-        return replace(s, received_s={**s.received_s, "position": 0.0, "heartbeat": s.time_s - 0.6})
+        return replace(s, received_s={**s.received_s, "position": 0.0, "heartbeat": s.time_s - 0.8})
 
     flight.show(change, in_flight(3.0), until=0.5).fly()
     (asked,) = flight.watch.with_request(Request.LAND)

@@ -12,7 +12,8 @@ import pytest
 import yaml
 
 from quadctl.errors import FlightError
-from quadctl.flight.autopilot.firmware import Check, Requirement
+from quadctl.flight.autopilot.ardupilot import ARDUPILOT
+from quadctl.flight.autopilot.firmware import Check, Firmware, Requirement
 from quadctl.flight.autopilot.px4 import PX4
 from quadctl.flight.preflight.check import check_flight
 from quadctl.flight.preflight.findings import Finding, Verdict
@@ -242,6 +243,8 @@ def test_the_table_of_what_the_autopilot_adds_is_among_the_findings(tmp_path: Pa
         ("standing", {"position_ned_m": (0.0, 0.0, -1.0)}, "height_datum: frame takes z = 0 for the ground"),
         ("battery", {"battery_v": 13.0}, "13.00 V: expected 14 V or more"),
         ("battery", {"battery_v": math.nan}, "guards.min_battery_v needs it"),
+        ("battery", {"battery_remaining": 0.0}, "16.00 V, 0 % left: 0 % of the battery is left"),
+        ("battery", {"battery_alarm": "critical"}, "16.00 V: the autopilot calls the battery critical"),
     ],
     ids=str,
 )
@@ -250,6 +253,30 @@ def test_an_autopilot_that_is_not_ready_is_refused(
 ) -> None:
     findings = asked(tmp_path, FakeAutopilot(replace(STANDING, **wrong)), {"guards": {"min_battery_v": 14}})
     assert said in found(findings, Verdict.REFUSED)[topic]
+
+
+def test_a_vehicle_without_a_remote_control_is_warned_of(tmp_path: Path) -> None:
+    warned = found(asked(tmp_path, FakeAutopilot(replace(STANDING, remote=False))), Verdict.WARNING)
+    assert "nobody can take the vehicle with one" in warned["remote"]
+    for remote in (True, None):
+        assert "remote" not in found(asked(tmp_path, FakeAutopilot(replace(STANDING, remote=remote))), Verdict.WARNING)
+
+
+@pytest.mark.parametrize(
+    ("firmware", "values", "said"),
+    [
+        (PX4, {"CA_ROTOR_COUNT": 6.0}, "CA_ROTOR_COUNT: 6 rotors (6): the vehicle file 'raptor' has 4"),
+        (ARDUPILOT, {"FRAME_CLASS": 2.0}, "FRAME_CLASS: 6 rotors (2): the vehicle file 'raptor' has 4"),
+        (PX4, {"CA_ROTOR_COUNT": 4.0}, None),
+        (ARDUPILOT, {"FRAME_CLASS": 1.0}, None),
+        (ARDUPILOT, {"FRAME_CLASS": 15.0}, None),  # by a script
+    ],
+)
+def test_an_autopilot_that_drives_another_number_of_rotors_is_refused(
+    tmp_path: Path, firmware: Firmware, values: dict[str, float], said: str | None
+) -> None:
+    autopilot = FakeAutopilot(STANDING, values=GOOD | values, checks=firmware.checks)
+    assert found(asked(tmp_path, autopilot), Verdict.REFUSED).get("parameters") == said
 
 
 def test_messages_that_come_too_seldom_are_refused_and_slow_ones_a_warning(tmp_path: Path) -> None:

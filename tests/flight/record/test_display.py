@@ -20,6 +20,14 @@ def test_every_text_of_the_autopilot_is_printed_with_its_severity() -> None:
     assert "the autopilot says (info): Landing detected\n" in told.getvalue()
 
 
+def test_a_text_that_is_repeated_is_printed_once() -> None:
+    flight, told = Flight().fly(), io.StringIO()
+    with Display(flight.pilot, Console(file=told)) as display:
+        for i in range(24):
+            display(flight.watch.ticks[-1]._replace(texts=(StatusText(float(i), 2, "Preflight Fail: no mag"),)))
+    assert told.getvalue().count("Preflight Fail: no mag") == 1
+
+
 def test_an_autopilot_of_which_nothing_comes_is_called_gone() -> None:
     heard_s = 6.0
 

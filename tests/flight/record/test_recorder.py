@@ -3,6 +3,7 @@
 import errno
 import math
 import os
+import shutil
 import subprocess
 import sys
 import textwrap
@@ -347,6 +348,46 @@ def test_a_disk_that_is_full_at_the_end_keeps_the_meta_file_of_the_beginning(
     assert "No space left on device" in record.problem
     assert meta_of(record.path)["ended"] == "in flight"
     assert {p.suffix for p in tmp_path.iterdir()} == {".csv", ".yaml"}
+
+
+SMALL_DISK = """
+import sys
+from pathlib import Path
+from tests.flight.record.test_recorder import Event, FlightError, recorder, tick, until
+
+disk = Path(sys.argv[1])
+record = recorder(disk)
+filler = (disk / "filler").open("wb", buffering=0)
+try:
+    while filler.write(bytes(4096)):
+        pass
+except OSError:
+    pass
+for i in range(3000):
+    record(tick(i)._replace(events=(Event(5.0, "the height is 9 m", "land"),) if i == 2990 else ()))
+record.close("the height is 9 m")
+print(record.problem)
+print(record.meta_path.read_text())
+print(sorted(path.suffix for path in disk.iterdir()))
+"""
+
+
+def test_on_a_disk_that_is_really_full_the_end_and_its_reason_are_written(tmp_path: Path) -> None:
+    """Not by a limit of a file's size: no new file can be written there at all."""
+    disk = f"mount -t tmpfs -o size=1m tmpfs {tmp_path}"
+    if shutil.which("unshare") is None or subprocess.run(["unshare", "-rm", "sh", "-c", disk], check=False).returncode:
+        pytest.skip("no file system can be mounted here")
+    command = f'{disk} && exec {sys.executable} -c "$1" {tmp_path}'
+    done = subprocess.run(
+        ["unshare", "-rm", "sh", "-c", command, "sh", SMALL_DISK], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    problem, _, rest = done.stdout.partition("\n")
+    meta, _, files = rest.strip().rpartition("\n")
+    assert "the log is incomplete (No space left on device)" in problem
+    assert yaml.safe_load(meta)["ended"] == "the height is 9 m"
+    assert [event["answer"] for event in yaml.safe_load(meta)["events"]] == ["land"]
+    assert files == "['', '.csv', '.yaml']"
 
 
 def test_what_a_guard_answered_is_on_the_disk_before_the_flight_ends(tmp_path: Path) -> None:
