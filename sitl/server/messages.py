@@ -82,9 +82,11 @@ def scaled_pressure(pressure_pa: float, temperature_c: float) -> Builder:
 
 
 def global_position(ground_m: float) -> Builder:
-    """Builder of GLOBAL_POSITION_INT, for a ground that lies `ground_m` above the sea."""
+    """Builder of GLOBAL_POSITION_INT, for a ground that lies `ground_m` above the sea; no message without numbers."""
 
     def build(estimate: VehicleState) -> Iterator[Message]:
+        if not all(map(math.isfinite, (*estimate.position_ned_m, *estimate.velocity_ned_m_s))):
+            return
         height_m = -estimate.position_ned_m[2]
         altitude_mm, above_mm = round(1000.0 * (ground_m + height_m)), round(1000.0 * height_m)
         velocity_cm_s = (round(100.0 * v) for v in estimate.velocity_ned_m_s)
