@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 
 .PHONY: demo test test-flights test-computing test-long test-long-flights test-long-computing lint docs bench bench-loop faults autopilots papers hidden decision-rule tutorial real
-.PHONY: architecture sitl-check screenshots clean
+.PHONY: faults-random faults-random-mavlink architecture sitl-check screenshots clean
 
 demo: $(INSTALLED)
 	$(BIN)/quadctl demo
@@ -56,6 +56,16 @@ bench-loop: $(INSTALLED)
 faults: FAULTS_PAGE ?= docs/faults.md
 faults: $(INSTALLED)
 	$(BIN)/python -m studies.faults --out $(FAULTS_PAGE)
+
+# Random sequences of two to four faults: N flights from seed FIRST on, in simulated time, or over MAVLink in real time.
+faults-random faults-random-mavlink: FIRST ?= 0
+faults-random: N ?= 1000
+faults-random: $(INSTALLED)
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m studies.random_faults -n $(N) --from $(FIRST)
+
+faults-random-mavlink: N ?= 100
+faults-random-mavlink: $(INSTALLED)
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m studies.random_faults -n $(N) --from $(FIRST) --over mavlink
 
 # The simulated autopilots beside the recordings of real ones, in ../shared; writes docs/autopilots.md.
 autopilots: $(INSTALLED)

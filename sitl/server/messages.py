@@ -86,7 +86,7 @@ def scaled_pressure(pressure_pa: float, temperature_c: float) -> Builder:
 
 
 def global_position(ground_m: float) -> Builder:
-    """Builder of GLOBAL_POSITION_INT, for a ground that lies `ground_m` above the sea."""
+    """Builder of GLOBAL_POSITION_INT, for a ground that lies `ground_m` above the sea; no message without numbers."""
 
     def build(estimate: VehicleState) -> Iterator[Message]:
         if not estimate.finite:  # whole numbers cannot say so

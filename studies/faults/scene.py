@@ -135,6 +135,7 @@ class Setting:
     """Name of a file in config/vehicles."""
     on_a_line: bool = False
     """True: a `Line` lies between autopilot and flight."""
+    mission: Path = HERE / "hover.yaml"
 
 
 class Scene:
@@ -149,7 +150,7 @@ class Scene:
         self.px = profile.make(load_vehicle(vehicle), port if self._line is None else self._line.autopilot_port)
         self.began_s = time.monotonic()
         self._later: list[tuple[float, Callable[[], object]]] = []
-        words = ["fly", str(HERE / "hover.yaml"), "--link", f"udpin://127.0.0.1:{port}", "--log-dir", str(where)]
+        words = ["fly", str(setting.mission), "--link", f"udpin://127.0.0.1:{port}", "--log-dir", str(where)]
         words += ["--config", str(_config(where, vehicle, setting.guards)), "--json", str(where / "out.json")]
         words += [] if setting.model is None else ["--model", str(setting.model)]
         self._complaints = where / "stderr.txt"

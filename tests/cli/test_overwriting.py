@@ -2,41 +2,21 @@
 
 import os
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple, get_type_hints
+from typing import get_type_hints
 
 import pytest
-import typer
 
-from quadctl.cli import app
 from quadctl.cli.overwriting import Reads, Writes, WritesInto, marks
 from quadctl.effects.rotor_drag import LinearDrag
 from quadctl.model import load_model, save_model
 from quadctl.vehicle import Vehicle, load_vehicle
-from tests.support.commands import Result
+from tests.support.commands import Known, Result, commands
 from tests.support.places import RAPTOR
 
 MINE = "vehicle: gone.yaml\n"
 """Content of a file that must stay as it is."""
-
-
-class Known(NamedTuple):
-    """A command as typer knows it."""
-
-    words: tuple[str, ...]
-    function: Callable[..., Any]
-    parameters: list[Any]
-
-
-def commands(of: typer.Typer = app, before: tuple[str, ...] = ()) -> Iterator[Known]:
-    for info in of.registered_commands:
-        assert info.callback is not None
-        click: Any = typer.main.get_command_from_info(info, pretty_exceptions_short=False, rich_markup_mode=None)
-        yield Known((*before, click.name), info.callback, click.params)
-    for group in of.registered_groups:
-        assert group.typer_instance is not None
-        yield from commands(group.typer_instance, (*before, str(group.name)))
 
 
 ALL = list(commands())

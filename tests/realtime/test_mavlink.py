@@ -359,6 +359,21 @@ def test_a_crowded_executor_delays_no_command(link: Link) -> None:
     assert link.adapter.state().mode == "LAND"
 
 
+@pytest.mark.parametrize("what", ["land", "arm"])
+def test_a_request_that_nobody_answers_leaves_once(link: Link, what: str) -> None:
+    """A repetition would take the mode back from whoever has taken it since, or arm what was disarmed."""
+    heard: list[int] = []
+    link.px._on_message["COMMAND_LONG"] = lambda message: heard.append(message.command)
+
+    async def ask() -> None:
+        with pytest.raises(LinkError, match="no answer"):
+            await getattr(link.adapter, what)()
+        await link.pass_time(1.2)  # MAVSDK repeats its commands after 0.5 s
+
+    asyncio.run(ask())
+    assert len(heard) == 1
+
+
 def test_hold_hands_over(link: Link) -> None:
     async def hand_over() -> None:
         async with streaming(link):

@@ -59,6 +59,8 @@ class MavsdkAutopilot:
         """Mode that it was in before offboard was asked for."""
         self._link.on_reopened = self._ask_again
         self._start_s = time.monotonic()
+        self._shown_s = self._start_s
+        """Time of the last heartbeat of a ground station."""
         self._closing = threading.Event()
         # On a thread of its own: a question must not wait for a tick, nor a tick for a question.
         self._asker = threading.Thread(target=self._keep_talking, name="round trips", daemon=True)
@@ -190,8 +192,10 @@ class MavsdkAutopilot:
         return self._firmware.thrust_chain.additions(hover, self._thrust_parameters, self._telemetry.ambient)
 
     async def arm(self) -> None:
-        """Arm the motors; returns when the heartbeat shows it."""
-        await self._request("arm", mavlink.CMD_COMPONENT_ARM_DISARM, 1.0, until=lambda: self._telemetry.armed)
+        """Arm the motors, asked for once; returns when the heartbeat shows it."""
+        await self._request(
+            "arm", mavlink.CMD_COMPONENT_ARM_DISARM, 1.0, until=lambda: self._telemetry.armed, once=True
+        )
 
     async def start_offboard(self) -> None:
         """Enter the mode that follows our targets."""
@@ -204,13 +208,13 @@ class MavsdkAutopilot:
         await self._enter(self._mode_before if known else self._firmware.hold_mode)
 
     async def take_off(self, height_m: float) -> None:
-        """Have the armed autopilot climb to `height_m` above where it stands; returns when it has accepted."""
+        """Have the armed autopilot climb to `height_m` above where it stands; asked for once, returns when accepted."""
         nothing = (0.0,) * 6
-        await self._request(f"take off to {height_m:g} m", mavlink.CMD_NAV_TAKEOFF, *nothing, height_m)
+        await self._request(f"take off to {height_m:g} m", mavlink.CMD_NAV_TAKEOFF, *nothing, height_m, once=True)
 
     async def land(self) -> None:
-        """Enter the autopilot's own land mode."""
-        await self._enter(self._firmware.land_mode)
+        """Enter the autopilot's own land mode: asked for once, as somebody may take the vehicle at any moment."""
+        await self._enter(self._firmware.land_mode, once=True)
 
     async def hold(self) -> None:
         """Hand over: enter the autopilot's own hold mode."""
@@ -330,39 +334,45 @@ class MavsdkAutopilot:
             return  # gone again; when it is back we are called again
 
     def _keep_talking(self) -> None:
-        """Ask for round trips, and be heard as a ground station where texts are sent to nobody else."""
-        shown_s = time.monotonic()
         while not self._closing.wait(round_trips.EVERY_S):
-            now_s = time.monotonic()
-            self._telemetry.settle_texts(now_s)
-            if not self._telemetry.state(now_s).connected:  # nobody to ask, and MAVSDK would complain of each question
-                continue
-            with contextlib.suppress(LinkError):  # the guards notice what that means
-                self._link.send("TIMESYNC", self._telemetry.round_trips.question(time.monotonic()))
-                if now_s - shown_s >= STATION_EVERY_S:
-                    shown_s = now_s
-                    self._show_station()
+            self._talk(time.monotonic())
+
+    def _talk(self, now_s: float) -> None:
+        """Ask for a round trip, and be heard as a ground station where texts are sent to nobody else."""
+        self._telemetry.settle_texts(now_s)
+        if not self._telemetry.state(now_s).connected:  # nobody to ask, and MAVSDK would complain of each question
+            return
+        with contextlib.suppress(LinkError):  # the guards notice what that means
+            self._link.send("TIMESYNC", self._telemetry.round_trips.question(now_s))
+            if now_s - self._shown_s >= STATION_EVERY_S:
+                self._show_station()
 
     def _show_station(self) -> None:
         """Send the heartbeat of a ground station where texts are sent to nobody else."""
+        self._shown_s = time.monotonic()
         if self._firmware.texts_for_stations:
             self._link.send("HEARTBEAT", mavlink.STATION_HEARTBEAT)
 
-    async def _enter(self, mode: str) -> None:
+    async def _enter(self, mode: str, once: bool = False) -> None:
         await self._request(
             f"enter {mode}",
             mavlink.CMD_DO_SET_MODE,
             mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED,
             *self._firmware.set_mode_parameters(self._firmware.modes[mode]),
             until=lambda: self._telemetry.mode == mode,
+            once=once,
         )
 
     async def _request(
-        self, what: str, command: int, *parameters: float, until: Callable[[], bool] = lambda: True
+        self, what: str, command: int, *parameters: float, until: Callable[[], bool] = lambda: True, once: bool = False
     ) -> None:
-        """Send a command, and return when a heartbeat shows its effect: until then the state contradicts the answer."""
+        """Send a command, and return when a heartbeat shows its effect: until then the state contradicts the answer.
+
+        `once`: without the repetitions of a command that is not acknowledged.
+        """
         asked_s = time.monotonic()
-        result = await self._link.run(lambda: self._link.command(command, *parameters, what=what))
+        send = self._link.command_once if once else self._link.command
+        result = await self._link.run(lambda: send(command, *parameters, what=what))
         if result != mavlink.ACCEPTED:
             reasons = "; ".join([mavlink.result_name(result), *await self._reasons(asked_s)])
             raise RefusalError(f"{self.description} refused to {what}: {reasons}.")

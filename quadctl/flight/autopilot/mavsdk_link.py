@@ -9,7 +9,7 @@ import logging
 import re
 import threading
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, TypeVar
 
@@ -39,6 +39,8 @@ SILENCE_S = 1.5
 """Silence after which a serial line is opened again: heartbeats alone come every second."""
 REOPEN_EVERY_S = 0.5
 LAST_PORT = 65535
+ANSWER_WAIT_S = 0.5
+"""Longest wait for the acknowledgement of a command that is sent once."""
 
 _URL = re.compile(r"(?:(?:udpin|udpout|tcpin|tcpout)://[^\s/:]+:\d{1,5}|serial://[^\s:]+:\d+)")
 _URL_EXPECTED = "udpin://0.0.0.0:14540, udpout://HOST:PORT, tcpout://HOST:PORT or serial:///dev/ttyAMA0:921600"
@@ -64,6 +66,9 @@ class MavsdkLink:
         self._param: Param | None = None
         # Of its own: whatever else occupies asyncio's default executor must not delay a landing.
         self._executor = ThreadPoolExecutor(max_workers=4, thread_name_prefix="mavsdk")
+        self._answers: dict[int, int] = {}
+        """MAV_RESULT of the last acknowledgement of each command."""
+        self._answered = threading.Condition()
         self._closing = threading.Event()
         self._keeper = threading.Thread(target=self._keep_open, name="link", daemon=True)
 
@@ -101,6 +106,7 @@ class MavsdkLink:
         self._direct, self._param = MavlinkDirect(system), Param(system)
         for name in messages:
             self._direct.subscribe_message(name, self._receive)
+        self._direct.subscribe_message("COMMAND_ACK", self._on_answer)
         self._heard_s = time.monotonic()
         if self._device:
             self._keeper.start()
@@ -123,19 +129,25 @@ class MavsdkLink:
 
     def command(self, number: int, *parameters: float, what: str) -> int:
         """Send a COMMAND_LONG and wait for its acknowledgement; its MAV_RESULT. Raises LinkError when none comes."""
-        fields = {
-            "target_system": self.system_id,
-            "target_component": MAV_COMP_ID_AUTOPILOT,
-            "command": number,
-            "confirmation": 0,
-            **{f"param{i}": float(value) for i, value in enumerate(parameters, start=1)},
-        }
         try:
-            ack = self._opened(self._direct).send_command(self._message("COMMAND_LONG", fields))
+            ack = self._opened(self._direct).send_command(self._message(*self._command(number, parameters)))
         except MavlinkDirectError as error:
             cause = "no answer" if error.result == MavlinkDirectResult.TIMEOUT else error.result.name
-            raise LinkError(f"The autopilot at {self.url} was asked to {what}: {cause}; check the link.") from None
+            raise self._unanswered(what, cause) from None
         return int(json.loads(ack.fields_json)["result"])
+
+    def command_once(self, number: int, *parameters: float, what: str) -> int:
+        """Send a COMMAND_LONG once, and wait for its acknowledgement; its MAV_RESULT. Raises LinkError when none comes.
+
+        MAVSDK repeats the others three times in 1.5 s, and cannot be stopped when somebody takes the vehicle meanwhile.
+        """
+        with self._answered:
+            self._answers.pop(number, None)
+        self.send(*self._command(number, parameters))
+        with self._answered:
+            if not self._answered.wait_for(lambda: number in self._answers, ANSWER_WAIT_S):
+                raise self._unanswered(what, "no answer")
+            return self._answers[number]
 
     def read_parameter(self, name: str) -> float | int | None:
         """Value of a parameter, an int where the autopilot holds one; None when no answer comes.
@@ -194,6 +206,28 @@ class MavsdkLink:
         if message.component_id == MAV_COMP_ID_AUTOPILOT:
             self._heard_s = time.monotonic()
             self._receiver(message.message_name, json.loads(message.fields_json), self._heard_s)
+
+    def _on_answer(self, message: MavlinkMessage, _: object) -> None:
+        """Take in an acknowledgement; runs on MAVSDK's thread."""
+        if message.component_id == MAV_COMP_ID_AUTOPILOT:
+            fields = json.loads(message.fields_json)
+            with self._answered:
+                self._answers[int(fields["command"])] = int(fields["result"])
+                self._answered.notify_all()
+
+    def _command(self, number: int, parameters: Sequence[float]) -> tuple[str, dict[str, Any]]:
+        """Name and fields of the message of a command."""
+        fields = {
+            "target_system": self.system_id,
+            "target_component": MAV_COMP_ID_AUTOPILOT,
+            "command": number,
+            "confirmation": 0,
+            **{f"param{i}": float(value) for i, value in enumerate(parameters, start=1)},
+        }
+        return "COMMAND_LONG", fields
+
+    def _unanswered(self, what: str, cause: str) -> LinkError:
+        return LinkError(f"The autopilot at {self.url} was asked to {what}: {cause}; check the link.")
 
     def _message(self, name: str, fields: Mapping[str, Any]) -> MavlinkMessage:
         return MavlinkMessage(name, 0, 0, self.system_id, MAV_COMP_ID_AUTOPILOT, json.dumps(fields))

@@ -76,7 +76,9 @@ class Autopilot(Protocol):
         """Run its own checks before arming, and say as texts which of them fail."""
         ...
 
-    async def arm(self) -> None: ...
+    async def arm(self) -> None:
+        """Arm the motors; nothing may repeat the request, as somebody may have disarmed them meanwhile."""
+        ...
 
     async def start_offboard(self) -> None:
         """Enter the mode that follows our targets; where the targets lift off, a stream of them must be running."""
@@ -87,11 +89,11 @@ class Autopilot(Protocol):
         ...
 
     async def take_off(self, height_m: float) -> None:
-        """Begin to climb to `height_m` above the ground it stands on."""
+        """Begin to climb to `height_m` above the ground it stands on; nothing may repeat the request."""
         ...
 
     async def land(self) -> None:
-        """Enter the autopilot's own land mode."""
+        """Enter the autopilot's own land mode; nothing may repeat the request, as with `send`."""
         ...
 
     async def hold(self) -> None:

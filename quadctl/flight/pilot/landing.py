@@ -11,6 +11,8 @@ HOLD_S = 2.0
 """Longest time for which the position is held while the autopilot enters its land mode."""
 ASK_AGAIN_S = 2.0
 """Time after which a failed request to land (a pulled plug) is repeated, while the mode is known to be ours."""
+TRIES = 4
+"""Number of requests to land without an answer after which the landing has failed: each waits for half a second."""
 LANDED_NEWS_S = 0.3
 """Longest time by which the news that it has landed may be behind the news of its mode: they are asked for at 5 Hz."""
 LET_GO_S = 1.0
@@ -38,6 +40,7 @@ class Landing:
         """Time at which the autopilot left the modes of a landing: nothing is sent or asked for from then on."""
         self._asked_s: float | None = None
         self._failed = False
+        self._unanswered = 0
         self._let_go: str | None = None
         self._let_go_s: float | None = None
         self._given_back_s: float | None = None
@@ -103,8 +106,18 @@ class Landing:
 
     # --- failures ------------------------------------------------------------------------------------------------
 
-    def refused(self, reason: str) -> None:
-        """The request to land failed: fall silent, so that the autopilot's own failsafe acts."""
+    def failed(self, reason: str, refused: bool) -> None:
+        """The request to land failed: fall silent, so that the autopilot's own failsafe acts.
+
+        One that was not `refused` but lost is made again first, if the mode is still known to be ours.
+        """
+        if not refused:
+            self._unanswered += 1
+            if self._unanswered < TRIES:
+                self._asked_s = None
+                if self._unanswered == 1:
+                    self._progress.note(reason, "")
+                return
         self._silent = self._failed = True
         if reason not in self._progress.ended:
             self._progress.note(reason, "silence")

@@ -26,6 +26,9 @@ CHECKS_EVERY_S = 5.0
 REASONS_S = 10.0
 """Largest age of the texts that may be those reasons."""
 START_TIMEOUT_S = 8.0
+TRIES = 4
+"""Number of requests to arm or to take off without an answer after which the start has failed: each waits for half a
+second."""
 ARM_AGAIN_S = 1.0
 """Time after which a refused arming is asked for again: PX4 checks offboard up to 0.6 s after it has entered it."""
 STAND_DOWN_S = 2.0
@@ -77,6 +80,9 @@ class Pilot:
         self._checks_asked_s = -math.inf
         self._arm_refused: tuple[float, str] | None = None
         """Time and reason of the last refusal to arm."""
+        self._unanswered = 0
+        self._lost: Request | None = None
+        """Request to arm or to take off that was not answered, and may have arrived all the same."""
         self._steps: dict[Stage, _Step] = {
             Stage.WAIT: self._wait,
             Stage.STREAM: self._stream,
@@ -130,17 +136,20 @@ class Pilot:
     def request_failed(self, request: Request, reason: str, refused: bool = True) -> None:
         """Note that a request failed; `refused`: by an answer, so that nothing was done.
 
-        A refused arming is asked for again for some seconds, any other failure of a start ends the flight, and a failed
-        landing the targets.
+        A refused arming is asked for again for some seconds; an arming, a take-off or a landing that was not answered
+        some times. Any other failure of a start ends the flight, and a failed landing the targets.
         """
         if request in (Request.CHECKS, Request.LEAVE_OFFBOARD):
             return
         if request is Request.LAND:
             if self.stage is Stage.LAND:
-                self._landing.refused(reason)
+                self._landing.failed(reason, refused)
         elif request is Request.ARM and refused:
             self._watch.arm_asked = False
             self._arm_refused = self._progress.now_s, reason
+        elif request in (Request.ARM, Request.TAKE_OFF) and not refused and self._unanswered < TRIES - 1:
+            self._unanswered += 1
+            self._lost = request
         else:
             self._watch.refusal = reason
 
@@ -242,7 +251,11 @@ class Pilot:
                 return self._idle()
             self._progress.enter(Stage.CLIMB)
             self._progress.take_off()
+            self._unanswered, self._lost = 0, None
             return self._idle((Request.TAKE_OFF,))
+        if state.offboard and self._lost is Request.ARM:
+            self._lost = None
+            return self._idle((Request.ARM,))
         if state.offboard and not self._watch.arm_asked:
             # Not before: armed in another mode, the vehicle would follow that mode's idea of a take-off.
             return self._idle(self._ask_to_arm())
@@ -274,6 +287,9 @@ class Pilot:
         if breach is not None:  # no targets yet, so none while the landing is asked for either
             silent = Answer.HAND_OVER if breach.answer is Answer.LAND else breach.answer
             return self._landing.answer(breach._replace(answer=silent), state)
+        if self._lost is Request.TAKE_OFF and state.landed:
+            self._lost = None
+            return Decision(requests=(Request.TAKE_OFF,))
         climbed_m = self._home.position_ned_m[2] - state.position_ned_m[2]
         if climbed_m < CLIMBED_SHARE * self.take_off_m or abs(state.velocity_ned_m_s[2]) > CLIMBED_M_S:
             return _NOTHING

@@ -1,5 +1,7 @@
 """The landing: asked for by a person, refused by the autopilot, without an end."""
 
+import itertools
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
@@ -7,8 +9,8 @@ import pytest
 
 from quadctl.flight.pilot.guards import GuardLimits
 from quadctl.flight.pilot.pilot import Pilot
-from quadctl.flight.pilot.tick import Request, Stage
-from tests.support.watched import RATE_HZ, Flight, at_stage, in_flight, plan_with
+from quadctl.flight.pilot.tick import Request, Stage, Tick
+from tests.support.watched import RATE_HZ, Flight, at_stage, in_flight, plan_with, take_over
 
 
 @pytest.mark.parametrize("stage", [Stage.STREAM, Stage.START])
@@ -124,6 +126,50 @@ def test_a_refused_landing_is_asked_for_again_while_the_mode_is_known_to_be_ours
     assert second.time_s - first.time_s == pytest.approx(max(2.0, heartbeats_old_s), abs=0.05)
     assert not any(t.target for t in flight.watch.ticks if t.time_s > first.time_s)
     assert flight.at_rest
+
+
+def unanswered(flight: Flight, request: Request) -> Callable[[Tick], None]:
+    """Listener by which no request of this kind is answered: each is lost, and known to be lost half a second later."""
+    asked_s: list[float] = []
+
+    def listener(tick: Tick) -> None:
+        if asked_s and tick.time_s - asked_s[0] >= 0.5:
+            asked_s.clear()
+            flight.pilot.request_failed(request, "no answer", refused=False)
+        if request in tick.requests:
+            asked_s.append(tick.time_s)
+
+    return listener
+
+
+def test_a_landing_that_is_not_answered_is_asked_for_again_and_then_answered_by_silence() -> None:
+    flight = Flight()
+    flight.autopilot.parameters["COM_OF_LOSS_T"] = 60.0
+    flight.autopilot.ignored.add("LAND")
+    flight.also.append(unanswered(flight, Request.LAND))
+    flight.when(at_stage(Stage.LAND, 220), flight.autopilot.ignored.clear).fly()
+    times = [t.time_s for t in flight.watch.with_request(Request.LAND)]
+    assert [round(b - a, 1) for a, b in itertools.pairwise(times[:4])] == [0.5, 0.5, 0.5]
+    assert flight.pilot.ended == "completed; no answer"
+    assert flight.at_rest
+
+
+def test_a_landing_that_is_not_answered_is_not_asked_for_again_once_somebody_has_taken_the_mode() -> None:
+    flight = Flight()
+    flight.autopilot.ignored.add("LAND")
+    flight.also.append(unanswered(flight, Request.LAND))
+    flight.when(at_stage(Stage.LAND, 10), take_over(flight, "POSCTL")).fly()
+    assert len(flight.watch.with_request(Request.LAND)) == 1
+    assert flight.at_rest
+
+
+def test_an_arming_that_is_not_answered_is_asked_for_again_some_times() -> None:
+    flight = Flight()
+    flight.autopilot.ignored.add("ARM")
+    flight.also.append(unanswered(flight, Request.ARM))
+    flight.fly()
+    assert len(flight.watch.with_request(Request.ARM)) == 4
+    assert flight.pilot.ended == "no answer"
 
 
 def test_a_landing_that_does_not_end_is_left_to_the_autopilot() -> None:
