@@ -16,7 +16,7 @@ from quadctl.errors import SettingsError
 from quadctl.frames import rotate, rotate_inverse
 from quadctl.model import Model, StackedEffect, conditions
 from quadctl.settings import Settings
-from quadctl.state import Vec3, VehicleState
+from quadctl.state import Motion, Vec3, VehicleState
 from quadctl.surfaces import Place
 
 
@@ -77,18 +77,22 @@ class Compensator:
         here = self.surroundings(state, ground_down_m)
         return Compensation(self.thrust_ratio(here, thrust_n), self.force_ned_n(here, thrust_n), here.trust)
 
-    def surroundings(self, state: VehicleState, ground_down_m: float) -> Surroundings:
-        """Conditions of the effects at `state`, with the ground at `ground_down_m` (NED)."""
+    def surroundings(self, state: VehicleState, ground_down_m: float, motion: Motion | None = None) -> Surroundings:
+        """Conditions of the effects at `state`, with the ground at `ground_down_m` (NED).
+
+        `motion` takes the place of the state's position and velocity.
+        """
         if not self.model.stack:
             return EMPTY
+        (north, east, down), velocity = motion or Motion(state.position_ned_m, state.velocity_ned_m_s)
         c = conditions(
             self.model.vehicle,
-            ground_down_m - state.position_ned_m[2],
-            rotate_inverse(state.attitude, state.velocity_ned_m_s),
+            ground_down_m - down,
+            rotate_inverse(state.attitude, velocity),
             state.attitude,
             state.time_s,
             state.battery_v,
-            (state.position_ned_m[0], state.position_ned_m[1]),
+            (north, east),
             self._place,
         )
         trusts = tuple([self._trust(c.height_m, trusted_m) for trusted_m in self._trusted_m])

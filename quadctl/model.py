@@ -186,6 +186,11 @@ class Model:
         return tuple(effect for _, effect in self._pushing)
 
     @cached_property
+    def resists_motion(self) -> bool:
+        """True where it has a force that varies with the velocity: a drag."""
+        return any({"speed_forward", "speed_right"} & set(effect.depends_on) for effect in self.effects_on_body)
+
+    @cached_property
     def _thrusting(self) -> tuple[Effect | None, ...]:
         """The stack, with None for each effect that leaves the rotors' thrust as it is."""
         return tuple(e if type(e).rotor_thrust is not Effect.rotor_thrust else None for e in self.effects)

@@ -143,6 +143,13 @@ class VehicleState:
         return all(map(math.isfinite, (*self.position_ned_m, *self.velocity_ned_m_s, *self.attitude)))
 
 
+class Motion(NamedTuple):
+    """Position and velocity at one instant, NED."""
+
+    position_ned_m: Vec3
+    velocity_ned_m_s: Vec3
+
+
 @dataclass(frozen=True, slots=True)
 class Setpoint:
     """Setpoint at one instant, NED. An axis whose position is nan is flown by velocity alone."""

@@ -64,6 +64,33 @@ class ThrottleCurve(Settings):
     max_thrust_per_rotor_n: PositiveFloat
 
 
+class AxisResponse(Settings):
+    """Answer of the attitude about one axis to its setpoint: a delay, then second order."""
+
+    frequency_rad_s: float = Field(gt=0.5, le=200.0)
+    damping: float = Field(default=1.0, ge=0.2, le=5.0)
+    delay_s: float = Field(default=0.0, ge=0.0, le=0.5)
+    lag_interval_s: tuple[NonNegativeFloat, NonNegativeFloat] | None = None
+    """95 % interval of `lag_s`; None: nobody has told it."""
+
+    @property
+    def lag_s(self) -> float:
+        """Time by which it is behind a setpoint that changes slowly."""
+        return self.delay_s + 2.0 * self.damping / self.frequency_rad_s
+
+
+class AttitudeResponse(Settings):
+    """Answer of an autopilot's attitude loop on this vehicle, as found in a log."""
+
+    roll: AxisResponse
+    pitch: AxisResponse
+
+    @property
+    def lag_s(self) -> float:
+        """Time by which the direction of thrust is behind its setpoint."""
+        return 0.5 * (self.roll.lag_s + self.pitch.lag_s)
+
+
 Assumable = Literal[
     "rotor.thrust_n_per_rpm2",
     "rotor.torque_to_thrust_m",
@@ -89,6 +116,8 @@ class Vehicle(Settings):
     air_density_kg_m3: PositiveFloat = 1.225
     endurance_s: PositiveFloat | None = None
     """Hover time on a full battery, until the voltage at which a flight should end."""
+    attitude_response: AttitudeResponse | None = None
+    """Answer of the attitude to its setpoint; None: not known, and references are not looked at ahead."""
     assumed: tuple[Assumable, ...] | None = None
     """Fields whose numbers nobody has measured."""
 

@@ -1,4 +1,4 @@
-"""Gains and limits of the controller. Defaults are the thesis' gains, which were tuned out of ground effect."""
+"""Gains, limits and choices of the controller. `config/flight_thesis.yaml` has those of the thesis."""
 
 from typing import Literal
 
@@ -16,14 +16,24 @@ class AxisGains(Settings):
 
 
 class ControllerSettings(Settings):
-    """Gains, limits and rate of the cascade."""
+    """Gains, limits, rate and choices of the cascade."""
 
     actuation: Literal["tilt", "full"] = "tilt"
     """`tilt`: force to the side by leaning; `full`: by tilted rotors with the attitude level, as far as they reach."""
     rate_hz: float = Field(default=50.0, ge=10.0, le=250.0)
-    position_p: NonNegativeFloat = 0.95
-    """1/s: velocity setpoint per position error."""
-    velocity_horizontal: AxisGains = AxisGains(p=1.4, i=0.4, d=0.2)
+    look_ahead: bool = True
+    """True: the reference is compared at the time of the state, and fed forward at the time when the attitude will have
+    followed, where the vehicle's `attitude_response` is known."""
+    derivative: Literal["error", "velocity"] = "error"
+    """What D damps: `error`: acceleration that the reference does not have; `velocity`: all acceleration."""
+    vertical_integral: Literal["thrust", "force"] = "thrust"
+    """`thrust`: a factor on the thrust; `force`: an acceleration, which turns the direction of the force."""
+    effects_at: Literal["reference", "state"] = "reference"
+    """Where the compensator's effects are evaluated: at the reference ahead while that is near, or at the state."""
+    position_p: NonNegativeFloat = 0.8
+    """1/s: velocity setpoint per position error, horizontal."""
+    position_p_vertical: NonNegativeFloat = 0.95
+    velocity_horizontal: AxisGains = AxisGains(p=2.0, i=0.4, d=0.2)
     velocity_vertical: AxisGains = AxisGains(p=4.0, i=2.0, d=0.0)
     max_horizontal_m_s: PositiveFloat = 12.0
     max_up_m_s: PositiveFloat = 3.0
@@ -35,7 +45,7 @@ class ControllerSettings(Settings):
     max_acceleration_down_m_s2: float = Field(default=7.0, gt=0.0, lt=9.0)
     """Largest acceleration downwards: less than gravity, so that some thrust, and with it attitude control, is left."""
     derivative_time_s: PositiveFloat = 0.05
-    """Time constant of the filter on the measured acceleration of the D term."""
+    """Time constant of the filter on the acceleration of the D term."""
     min_throttle: float = Field(default=0.05, ge=0.0, lt=1.0)
     max_throttle: float = Field(default=0.9, gt=0.0, le=1.0)
 

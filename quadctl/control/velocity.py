@@ -1,7 +1,15 @@
-"""Position P and velocity PID: setpoint and state to a wanted acceleration. Pure functions, NED.
+"""Position P and velocity PID: reference and state to a wanted acceleration. Pure functions, NED.
 
 The chain is PX4's (PositionControl): position error -> velocity setpoint, limited -> velocity error -> acceleration,
 limited, with an integrator that does not wind up while the output is at its limit.
+
+With e the error of the velocity against its setpoint, F a filter of first order, and the reference `here` at the time
+of the state:
+
+    v_sp = v_here + Kp (p_here - p)
+    a    = Kv e + I - Kd F(s) (dv/dt - a_here),    dI/dt = Ki e
+
+The reference's own acceleration, at the time when the vehicle will have turned, is fed forward on top of it.
 """
 
 import math
@@ -11,25 +19,40 @@ from quadctl.control.settings import AxisGains, ControllerSettings
 from quadctl.frames import GRAVITY_M_S2
 from quadctl.state import Setpoint, Vec3
 
+ORIGIN: Vec3 = (0.0, 0.0, 0.0)
+
+
+class Easing(NamedTuple):
+    """Shares of the gains, 0..1, that the lags of the loop allow."""
+
+    horizontal: float = 1.0
+    vertical: float = 1.0
+
+
+FULL = Easing()
+
 
 class VelocityMemory(NamedTuple):
     """State of the PID between one tick and the next."""
 
-    integral_m_s2: Vec3 = (0.0, 0.0, 0.0)
+    integral_m_s2: Vec3 = ORIGIN
     previous_velocity_m_s: Vec3 | None = None
-    acceleration_m_s2: Vec3 = (0.0, 0.0, 0.0)
-    """Filtered derivative of the measured velocity."""
+    acceleration_m_s2: Vec3 = ORIGIN
+    """Filtered derivative of the measured velocity, less the reference's acceleration where D acts on the error."""
 
 
-def velocity_setpoint(setpoint: Setpoint, position_ned_m: Vec3, settings: ControllerSettings) -> Vec3:
+def velocity_setpoint(
+    setpoint: Setpoint, position_ned_m: Vec3, settings: ControllerSettings, easing: Easing = FULL
+) -> Vec3:
     """Velocity that brings the vehicle to the setpoint, limited; an axis whose position is nan keeps its velocity."""
-    target, feed_forward, p = setpoint.position_ned_m, setpoint.velocity_ned_m_s, settings.position_p
+    target, feed_forward = setpoint.position_ned_m, setpoint.velocity_ned_m_s
+    level_p, upright_p = easing.horizontal * settings.position_p, easing.vertical * settings.position_p_vertical
     north, east = _limit_length(
-        _led_back(target[0], position_ned_m[0], feed_forward[0], p),
-        _led_back(target[1], position_ned_m[1], feed_forward[1], p),
+        _led_back(target[0], position_ned_m[0], feed_forward[0], level_p),
+        _led_back(target[1], position_ned_m[1], feed_forward[1], level_p),
         settings.max_horizontal_m_s,
     )
-    down = _led_back(target[2], position_ned_m[2], feed_forward[2], p)
+    down = _led_back(target[2], position_ned_m[2], feed_forward[2], upright_p)
     return north, east, min(max(down, -settings.max_up_m_s), settings.max_down_m_s)
 
 
@@ -40,17 +63,26 @@ def acceleration_setpoint(
     memory: VelocityMemory,
     dt: float,
     settings: ControllerSettings,
+    expected: Vec3 = ORIGIN,
+    easing: Easing = FULL,
 ) -> tuple[Vec3, VelocityMemory]:
-    """Acceleration that brings the velocity to its setpoint, limited, and the memory for the next tick."""
-    measured = _filtered_acceleration(velocity, memory, dt, settings.derivative_time_s)
+    """Acceleration that brings the velocity to its setpoint, limited, and the memory for the next tick.
+
+    `feed_forward` is the acceleration of the reference that the vehicle is to have, `expected` the one that it should
+    have at the time of its velocity, `easing` the share of the gains that the lag of the loop allows.
+    """
+    not_wanted = expected if settings.derivative == "error" else ORIGIN
+    excess = _filtered_acceleration(velocity, not_wanted, memory, dt, settings.derivative_time_s)
     gains = (settings.velocity_horizontal, settings.velocity_horizontal, settings.velocity_vertical)
+    shares = (easing.horizontal, easing.horizontal, easing.vertical)
     error = _subtract(velocity_sp, velocity)
     integral = memory.integral_m_s2
-    raw = (
-        _pid(error[0], integral[0], measured[0], feed_forward[0], gains[0]),
-        _pid(error[1], integral[1], measured[1], feed_forward[1], gains[1]),
-        _pid(error[2], integral[2], measured[2], feed_forward[2], gains[2]),
+    north, east, down = (
+        ahead + share * (k.p * e - k.d * a)
+        for ahead, share, k, e, a in zip(feed_forward, shares, gains, error, excess, strict=True)
     )
+    in_force = integral[2] if settings.vertical_integral == "force" else 0.0
+    raw = (north + integral[0], east + integral[1], down + in_force)
     limited = _limit_acceleration(raw, settings)
     most, beyond = settings.max_integral_m_s2, _subtract(raw, limited)
     new_integral = (
@@ -58,7 +90,15 @@ def acceleration_setpoint(
         _integrated(integral[1], error[1], beyond[1], gains[1], dt, most),
         _integrated(integral[2], error[2], beyond[2], gains[2], dt, most),
     )
-    return limited, VelocityMemory(new_integral, velocity, measured)
+    return limited, VelocityMemory(new_integral, velocity, excess)
+
+
+def thrust_factor(integral_m_s2: Vec3, settings: ControllerSettings) -> float:
+    """Factor on the thrust that the vertical integral has found: a wrong mass or throttle curve acts along the thrust.
+
+    1 where the integral is a part of the force.
+    """
+    return 1.0 if settings.vertical_integral == "force" else 1.0 - integral_m_s2[2] / GRAVITY_M_S2
 
 
 def _integrated(integral: float, error: float, beyond: float, gains: AxisGains, dt: float, most: float) -> float:
@@ -71,20 +111,21 @@ def _led_back(target: float, actual: float, feed_forward: float, p: float) -> fl
     return feed_forward if math.isnan(target) else feed_forward + p * (target - actual)
 
 
-def _pid(error: float, integral: float, measured: float, feed_forward: float, gains: AxisGains) -> float:
-    return feed_forward + gains.p * error + integral - gains.d * measured
+def _filtered_acceleration(
+    velocity: Vec3, not_wanted: Vec3, memory: VelocityMemory, dt: float, time_constant_s: float
+) -> Vec3:
+    """Filtered derivative of the measured velocity less the acceleration `not_wanted` (first order).
 
-
-def _filtered_acceleration(velocity: Vec3, memory: VelocityMemory, dt: float, time_constant_s: float) -> Vec3:
-    """Filtered derivative of the measured velocity (first order); not of the error, which jumps with the setpoint."""
+    Not the derivative of the velocity's error, which jumps with the setpoint.
+    """
     if memory.previous_velocity_m_s is None or dt <= 0.0:
         return memory.acceleration_m_s2
     share = dt / (dt + time_constant_s)
     old, before = memory.acceleration_m_s2, memory.previous_velocity_m_s
     return (
-        old[0] + share * ((velocity[0] - before[0]) / dt - old[0]),
-        old[1] + share * ((velocity[1] - before[1]) / dt - old[1]),
-        old[2] + share * ((velocity[2] - before[2]) / dt - old[2]),
+        old[0] + share * ((velocity[0] - before[0]) / dt - not_wanted[0] - old[0]),
+        old[1] + share * ((velocity[1] - before[1]) / dt - not_wanted[1] - old[1]),
+        old[2] + share * ((velocity[2] - before[2]) / dt - not_wanted[2] - old[2]),
     )
 
 

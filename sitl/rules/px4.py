@@ -73,7 +73,7 @@ class SimulatedAutopilot:
         self.vehicle = vehicle
         self.body = SimulatedBody(true_model(vehicle, truth, source), ground=truth.ground)
         self.estimator = Estimator(truth.noise, truth.telemetry, seed)
-        self.loops = InnerLoops(vehicle)
+        self.loops = InnerLoops(vehicle, truth.autopilot.attitude)
         self.mode = self.first_mode
         self.armed = False
         self.landed = True
@@ -316,7 +316,7 @@ class SimulatedAutopilot:
     def _attitude_loop(self) -> None:
         if not self._follows_targets:
             self._own_target = self._position_control()
-        self._rate_sp = self.loops.rate_setpoint(self._active.attitude, self.body.attitude)
+        self._rate_sp = self.loops.rate_setpoint(self._active.attitude, self.body.attitude, not self.body.in_contact)
 
     def _obey_rules(self) -> None:
         now = self.time_s

@@ -16,7 +16,7 @@ from quadctl.model import EffectEntry, Model, StackedEffect, model_from_dict
 from quadctl.numeric import Number, maximum
 from quadctl.settings import Settings, read_yaml, validate
 from quadctl.surfaces import Place
-from quadctl.vehicle import Vehicle
+from quadctl.vehicle import AxisResponse, Vehicle
 
 Triple = tuple[NonNegativeFloat, NonNegativeFloat, NonNegativeFloat]
 
@@ -63,6 +63,8 @@ class AutopilotTruth(Settings):
     """Time after boot at which it lets itself be armed."""
     climb_m_s: float = Field(default=1.0, gt=0.0)
     """Largest climb rate of its own modes."""
+    attitude: AxisResponse | None = None
+    """Answer of the attitude to its target, as measured on a real one; None: that of PX4's gains on this vehicle."""
     parameters: dict[str, float] = Field(default_factory=dict)
 
 

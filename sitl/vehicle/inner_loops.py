@@ -1,12 +1,14 @@
 """Attitude and rate control of the simulated autopilot, after PX4's: quaternion P, rate PI, control allocation."""
 
 import math
+from collections import deque
 
 import numpy as np
 
 from quadctl.frames import multiply
+from quadctl.sitl.vehicle.body import STEP_S
 from quadctl.state import Quat, Vec3
-from quadctl.vehicle import Vehicle
+from quadctl.vehicle import AxisResponse, Vehicle
 
 ATTITUDE_P = (6.5, 6.5, 2.8)
 """Gains of the attitude loop, 1/s: PX4's MC_ROLL_P, MC_PITCH_P, MC_YAW_P."""
@@ -16,12 +18,50 @@ RATE_I = (25.0, 25.0, 6.0)
 """Integral gains of the rate loop, 1/s^2."""
 MAX_RATE_RAD_S = (3.8, 3.8, 3.5)
 MAX_INTEGRAL_RAD_S2 = 12.0
+LOOP_S = 2.0 * STEP_S
+"""Period of the attitude loop; the rate loop runs at every step of the physics."""
+
+
+class AttitudeModel:
+    """Reference model of an attitude loop: target, delayed, through a second order, with rates and their change."""
+
+    def __init__(self, response: AxisResponse, dt: float) -> None:
+        self._square, self._damping = response.frequency_rad_s**2, 2.0 * response.damping * response.frequency_rad_s
+        self._dt = dt
+        self._targets: deque[Quat] = deque(maxlen=1 + round(response.delay_s / dt))
+        self.attitude: Quat = (1.0, 0.0, 0.0, 0.0)
+        self.rates: Vec3 = (0.0, 0.0, 0.0)
+        self.acceleration: Vec3 = (0.0, 0.0, 0.0)
+
+    def start(self, attitude: Quat) -> None:
+        """Rest at `attitude`."""
+        self._targets.clear()
+        self.attitude, self.rates, self.acceleration = attitude, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+
+    def step(self, target: Quat) -> None:
+        """Advance toward `target`, which arrives now."""
+        self._targets.append(target)
+        off, dt = turn_between(self.attitude, self._targets[0]), self._dt
+        push = tuple(self._square * a - self._damping * r for a, r in zip(off, self.rates, strict=True))
+        rates = tuple(
+            min(max(r + p * dt, -most), most) for r, p, most in zip(self.rates, push, MAX_RATE_RAD_S, strict=True)
+        )
+        self.acceleration = (push[0], push[1], push[2])
+        self.rates = p, q, r = rates[0], rates[1], rates[2]
+        w, x, y, z = multiply(self.attitude, (1.0, 0.5 * dt * p, 0.5 * dt * q, 0.5 * dt * r))
+        norm = 1.0 / math.sqrt(w * w + x * x + y * y + z * z)
+        self.attitude = (w * norm, x * norm, y * norm, z * norm)
 
 
 class InnerLoops:
-    """Controller from attitude target and throttle to motor outputs, with the state of its rate integrator."""
+    """Controller from attitude target and throttle to motor outputs, with the state of its rate integrator.
 
-    def __init__(self, vehicle: Vehicle) -> None:
+    With a `response` the attitude follows a reference model with that answer, as in PX4 from May 2026 on.
+    """
+
+    def __init__(self, vehicle: Vehicle, response: AxisResponse | None = None) -> None:
+        self._model = AttitudeModel(response, LOOP_S) if response is not None else None
+        self._acceleration: Vec3 = (0.0, 0.0, 0.0)
         self._inertia = vehicle.principal_inertia_kg_m2
         self._curve = vehicle.throttle
         self._n = vehicle.n_rotors
@@ -33,18 +73,17 @@ class InnerLoops:
     def reset(self) -> None:
         self.integral = (0.0, 0.0, 0.0)
 
-    def rate_setpoint(self, target: Quat, attitude: Quat) -> Vec3:
-        """Rates that turn the vehicle toward `target` along the shortest way, limited."""
-        w, x, y, z = attitude
-        ew, ex, ey, ez = multiply((w, -x, -y, -z), target)
-        sign = 2.0 if ew >= 0.0 else -2.0
-        px, py, pz = ATTITUDE_P
-        mx, my, mz = MAX_RATE_RAD_S
-        return (
-            min(max(sign * px * ex, -mx), mx),
-            min(max(sign * py * ey, -my), my),
-            min(max(sign * pz * ez, -mz), mz),
-        )
+    def rate_setpoint(self, target: Quat, attitude: Quat, airborne: bool = True) -> Vec3:
+        """Rates that turn the vehicle toward `target` along the shortest way, limited; once every LOOP_S."""
+        model = self._model
+        if model is None:
+            return _limited_rates((0.0, 0.0, 0.0), turn_between(attitude, target))
+        if airborne:
+            model.step(target)
+        else:
+            model.start(attitude)
+        self._acceleration = model.acceleration
+        return _limited_rates(model.rates, turn_between(attitude, model.attitude))
 
     def motor_outputs(
         self,
@@ -63,7 +102,7 @@ class InnerLoops:
             total = self.integral[i] + RATE_I[i] * error * dt if airborne else 0.0
             total = min(max(total, -self.max_integral_rad_s2), self.max_integral_rad_s2)
             integral.append(total)
-            torque.append(self._inertia[i] * (RATE_P[i] * error + total))
+            torque.append(self._inertia[i] * (RATE_P[i] * error + total + self._acceleration[i]))
         self.integral = (integral[0], integral[1], integral[2])
         per_thrust = self._curve.per_newton * self._n
         tx, ty, tz = torque
@@ -72,6 +111,25 @@ class InnerLoops:
             min(max(throttle + per_thrust * (a * tx + b * ty + c * tz) + forward * x + right * y, 0.0), 1.0)
             for (a, b, c), (x, y) in zip(self._allocation, self._lateral_mix, strict=True)
         ]
+
+
+def turn_between(attitude: Quat, target: Quat) -> Vec3:
+    """Turn from `attitude` to `target` along the shortest way, body axes, rad; small angles."""
+    w, x, y, z = attitude
+    ew, ex, ey, ez = multiply((w, -x, -y, -z), target)
+    sign = 2.0 if ew >= 0.0 else -2.0
+    return sign * ex, sign * ey, sign * ez
+
+
+def _limited_rates(ahead: Vec3, off: Vec3) -> Vec3:
+    """Rates `ahead` and those that take away the turn `off`, limited."""
+    px, py, pz = ATTITUDE_P
+    mx, my, mz = MAX_RATE_RAD_S
+    return (
+        min(max(ahead[0] + px * off[0], -mx), mx),
+        min(max(ahead[1] + py * off[1], -my), my),
+        min(max(ahead[2] + pz * off[2], -mz), mz),
+    )
 
 
 def allocation(vehicle: Vehicle) -> list[tuple[float, float, float]]:

@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from quadctl.control import ControllerSettings
 from quadctl.flight.pilot.outcome import Tally
+from quadctl.flight.pilot.settings import load_flight_settings
 from quadctl.flight.pilot.tick import Tick
 from quadctl.flight.preflight.preparation import prepare_flight
 from quadctl.frames import euler_from_quaternion
@@ -61,6 +63,9 @@ def simulated(name: str, mission: str, where: Path, seed: int = 1) -> Flown:
     """The same flight on the mock, in lockstep; its log is written to the folder `where`."""
     autopilot = mock(name, seed)
     plan = prepare_flight(ROOT / "missions" / f"{mission}.yaml", ROOT / "sitl" / name / "flight.yaml", "none", None)
+    plan = plan._replace(
+        settings=plan.settings.model_copy(update={"controller": recorded_law(plan.settings.controller)})
+    )
     pilot = plan.pilot(name == "ardupilot")
     recorder = plan.recorder(where, f"simulated {autopilot.name}")
     truth: list[tuple[float, ...]] = []
@@ -79,6 +84,12 @@ def simulated(name: str, mission: str, where: Path, seed: int = 1) -> Flown:
     outcome = tally.outcome(pilot, recorder.path, recorder.problem)
     log = read_log(Path(outcome.log))
     return Flown(log, tracking(log), errors(_motion(np.array(truth)), _motion(np.array(estimate))))
+
+
+def recorded_law(controller: ControllerSettings) -> ControllerSettings:
+    """The controller of the thesis, with which the real autopilots were flown, in the limits of `controller`."""
+    thesis = load_flight_settings(ROOT / "config/flight_thesis.yaml").controller
+    return controller.model_copy(update={name: getattr(thesis, name) for name in thesis.model_fields_set})
 
 
 def tracking(log: FlightLog) -> tuple[float, float, float]:

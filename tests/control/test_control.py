@@ -11,7 +11,9 @@ from hypothesis import strategies as st
 from quadctl.compensator import Compensator, CompensatorLimits
 from quadctl.control import AxisGains, ControllerSettings, ControlOutput, Memory, control
 from quadctl.control.attitude import attitude_for_force, limit_tilt, thrust_along_body
+from quadctl.control.lags import Lags, Preview, eased, smoothed, turn_lag_s
 from quadctl.control.throttle import throttle_for_thrust, thrust_for_throttle
+from quadctl.control.velocity import FULL as FULL_GAINS
 from quadctl.control.velocity import VelocityMemory, acceleration_setpoint, velocity_setpoint
 from quadctl.effects import Effect
 from quadctl.effects.ground_effect import Exponential, Sanchez
@@ -20,13 +22,15 @@ from quadctl.effects.rotor_drag import LinearDrag
 from quadctl.effects.thrust_curve import PowerCurve
 from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.effects.thrust_tilt import FixedTilt
+from quadctl.flight.pilot.settings import load_flight_settings
 from quadctl.frames import euler_from_quaternion, quaternion_from_euler, rotate, rotate_inverse, tilt
 from quadctl.model import Model, StackedEffect, conditions
 from quadctl.state import NAN, AttitudeTarget, Quat, Setpoint, Vec3, VehicleState
-from quadctl.vehicle import RotorPlace, Vehicle, load_vehicle
+from quadctl.vehicle import AttitudeResponse, AxisResponse, RotorPlace, Vehicle, load_vehicle
 from tests.support.places import ROOT
 
-SETTINGS = ControllerSettings()
+SETTINGS = load_flight_settings(ROOT / "config" / "flight_thesis.yaml").controller
+DEFAULT = ControllerSettings()
 LEVEL: Quat = (1.0, 0.0, 0.0, 0.0)
 ORIGIN: Vec3 = (0.0, 0.0, 0.0)
 DT = 0.02
@@ -455,6 +459,101 @@ def test_gains_of_zero_leave_the_reference_alone(raptor: Vehicle) -> None:
     out = tick(raptor, Setpoint((5.0, 5.0, -5.0)), hovering(), settings=settings)
     assert out.thrust_n == raptor.weight_n
     assert out.target.attitude == pytest.approx(LEVEL)
+
+
+# --- look-ahead, error of the acceleration, factor of thrust ---------------------------------------------------------
+
+
+def test_damping_leaves_the_references_own_acceleration_alone(raptor: Vehicle) -> None:
+    """All is as wanted: nothing is added to the feed-forward, of which the thesis' law takes off a fifth."""
+    before = VelocityMemory(previous_velocity_m_s=(0.94, -0.3, 0.1), acceleration_m_s2=(0.0, 0.0, 0.0))
+    on_velocity = before._replace(acceleration_m_s2=(3.0, 0.0, 0.0))
+    wanted, now = (3.0, 0.0, 0.0), (1.0, -0.3, 0.1)
+    error, memory = acceleration_setpoint(now, now, wanted, before, DT, DEFAULT, wanted)
+    assert error == pytest.approx(wanted)
+    assert memory.acceleration_m_s2 == pytest.approx(ORIGIN)
+    assert acceleration_setpoint(now, now, wanted, on_velocity, DT, SETTINGS, wanted)[0][0] == pytest.approx(2.4)
+
+
+def test_damping_acts_on_the_acceleration_that_is_not_wanted() -> None:
+    # 0.7 m/s in one tick is 35 m/s^2, of which 5 are wanted: 2/7 of 30; D is 0.2 of these 8.571
+    before = VelocityMemory(previous_velocity_m_s=ORIGIN)
+    now = (0.7, 0.0, 0.0)
+    out, memory = acceleration_setpoint(now, now, ORIGIN, before, DT, DEFAULT, (5.0, 0.0, 0.0))
+    assert memory.acceleration_m_s2[0] == pytest.approx(60.0 / 7.0)
+    assert out[0] == pytest.approx(-12.0 / 7.0)
+
+
+def test_the_vertical_integral_is_a_factor_of_the_thrust_and_does_not_turn_it(raptor: Vehicle) -> None:
+    """A vehicle 20 % heavier than its file: as an acceleration the integral would take a sixth of the lean away."""
+    found = Memory(VelocityMemory(integral_m_s2=(0.0, 0.0, -0.2 * 9.80665)))
+    setpoint = Setpoint((NAN, NAN, -1.0), acceleration_ned_m_s2=(2.0, 0.0, 0.0))
+    lean_deg = math.degrees(math.atan2(2.0, 9.80665))
+    factor, force = (
+        tick(raptor, setpoint, hovering(), memory=found, settings=settings) for settings in (DEFAULT, SETTINGS)
+    )
+    assert math.degrees(tilt(factor.target.attitude)) == pytest.approx(lean_deg)
+    assert math.degrees(tilt(force.target.attitude)) == pytest.approx(math.degrees(math.atan2(2.0, 1.2 * 9.80665)))
+    assert factor.thrust_n == pytest.approx(1.2 * raptor.weight_n)
+    assert factor.memory.thrust_n == pytest.approx(1.2 * raptor.weight_n)
+
+
+def test_acceleration_and_drag_are_those_of_the_reference_ahead(raptor: Vehicle) -> None:
+    here = Setpoint((0.0, 0.0, -1.0), (1.5, 0.0, 0.0), (2.0, 0.0, 0.4))
+    ahead = Setpoint((0.375, 0.0, -1.0), (2.0, 0.0, 0.0), (3.0, 0.0, 0.8))
+    state = hovering(-1.0, (1.5, 0.0, 0.0))
+    out = tick(
+        raptor,
+        here,
+        state,
+        settings=DEFAULT,
+        compensator=compensator(raptor, LinearDrag(0.4, 0.4)),
+        preview=Preview(ahead, 0.25, 0.25),
+    )
+    assert out.acceleration_sp == pytest.approx((3.0, 0.0, 0.5))  # down: a quarter of the way from 0.4 to 0.8
+    assert out.compensation.force_ned_n[0] == pytest.approx(-0.4 * 1.5 * 2.0)
+
+
+def test_far_from_the_reference_effects_are_those_at_the_state(raptor: Vehicle) -> None:
+    """A step of 1 m down that is still ahead: the ground effect there is not taken for that up here."""
+    near_ground = Setpoint((0.0, 0.0, -0.2))
+    ground = compensator(raptor, Sanchez(2.0))
+    up_here = tick(raptor, Setpoint((0.0, 0.0, -1.2)), hovering(-1.2), settings=DEFAULT, compensator=ground)
+    before = tick(
+        raptor,
+        Setpoint((0.0, 0.0, -1.2)),
+        hovering(-1.2),
+        settings=DEFAULT,
+        compensator=ground,
+        preview=Preview(near_ground, 0.2),
+    )
+    assert before.compensation == up_here.compensation
+
+
+def responding(vehicle: Vehicle, lag_s: float) -> Vehicle:
+    axis = AxisResponse(frequency_rad_s=2.0 / (lag_s - 0.05), delay_s=0.05)
+    return vehicle.model_copy(update={"attitude_response": AttitudeResponse(roll=axis, pitch=axis)})
+
+
+def test_it_looks_ahead_only_with_a_known_lag_and_a_known_drag(raptor: Vehicle) -> None:
+    quick, drag = responding(raptor, 0.17), (StackedEffect(LinearDrag(0.4, 0.4)),)
+    assert turn_lag_s(Model(quick, drag), DEFAULT) == pytest.approx(0.17)
+    assert turn_lag_s(Model(raptor, drag), DEFAULT) is None
+    assert turn_lag_s(Model(quick), DEFAULT) is None
+    assert turn_lag_s(Model(quick, (StackedEffect(Sanchez(2.0)),)), DEFAULT) is None
+    assert turn_lag_s(Model(raptor), FULL) == raptor.rotor.time_constant_s
+
+
+def test_a_slow_link_lowers_the_gains_smoothly() -> None:
+    """Kv 2 is made for 0.25 s: with 0.17 s of attitude the first 0.08 s of a link cost nothing."""
+    shares = [eased(delay_s, 0.17, 0.04, DEFAULT).horizontal for delay_s in (0.0, 0.08, 0.16, 0.33)]
+    assert shares == pytest.approx([1.0, 1.0, 0.25 / 0.33, 0.5])
+    assert eased(0.16, None, 0.04, DEFAULT).horizontal == pytest.approx(0.25 / 0.41)
+    assert eased(0.16, 0.17, 0.04, DEFAULT).vertical == pytest.approx(0.125 / 0.2)
+    assert eased(0.33, 0.17, 0.04, SETTINGS) == FULL_GAINS
+    late = Lags(age_s=0.1, way_s=0.1)
+    assert smoothed(0.0, late, DT) == pytest.approx(0.002)
+    assert smoothed(0.2, late, DT) == pytest.approx(0.2)
 
 
 # --- full actuation --------------------------------------------------------------------------------------------------

@@ -57,8 +57,8 @@ def test_the_log_tells_the_lateral_commands_and_a_log_of_tilt_is_what_it_was(tmp
     level, leaning = flown(tmp_path, "full"), flown(tmp_path, "tilt")
     flying = level.phase == "east"
     force, throttle = level["thrust_y_cmd_n"][flying], level["throttle_y_cmd"][flying]
-    # the answer to 0.5 m: 0.95 * 1.4 * 0.5 m/s^2 of 2.2 kg
-    assert force[0] == pytest.approx(0.95 * 1.4 * 0.5 * 2.2, abs=0.1)
+    # the answer to 0.5 m: 0.8 * 2.0 * 0.5 m/s^2 of 2.2 kg
+    assert force[0] == pytest.approx(0.8 * 2.0 * 0.5 * 2.2, abs=0.1)
     per_newton = 6 * TILTED.throttle.per_newton * TILTED.allocation.lateral_scale[1]
     assert throttle == pytest.approx(per_newton * force, abs=1e-5)
     assert np.isnan(level["throttle_y_cmd"][level.phase == "stream"]).all()

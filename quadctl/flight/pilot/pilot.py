@@ -311,7 +311,7 @@ class Pilot:
             self.phases_flown.append(phase.name)
         if t_s >= self.mission.duration_s:
             return self._landing.begin(self._verdict(), state)
-        decision = self._steering.along(phase, t_s, state, dt)
+        decision = self._steering.along(t_s, self._begin_at_s, state, dt)
         assert decision.target is not None
         assert decision.setpoint is not None
         rest_down_m = self._home.position_ned_m[2]

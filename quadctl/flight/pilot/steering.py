@@ -5,10 +5,11 @@ from dataclasses import dataclass
 
 from quadctl.compensator import Compensator
 from quadctl.control import Memory, control
+from quadctl.control.lags import Lags, eased, lags, preview, smoothed, turn_lag_s
 from quadctl.flight.pilot.settings import FlightSettings
 from quadctl.flight.pilot.tick import Decision
 from quadctl.frames import euler_from_quaternion
-from quadctl.missions import Mission, Phase
+from quadctl.missions import Mission
 from quadctl.state import NAN, AttitudeTarget, Setpoint, Vec3, VehicleState
 from quadctl.vehicle import Vehicle
 
@@ -48,6 +49,8 @@ class Steering:
         self._home = home
         self._yaw_rad = 0.0
         self._memory = Memory()
+        self._turn_s = turn_lag_s(compensator.model, settings.controller)
+        self._delay_s = 0.0
 
     def start_at(self, state: VehicleState) -> None:
         """Make the place of the standing vehicle the home of the flight."""
@@ -67,37 +70,55 @@ class Steering:
         half_rad = 0.5 * self._home.heading_rad
         return Decision(AttitudeTarget((math.cos(half_rad), 0.0, 0.0, math.sin(half_rad)), share_of_hover * hover))
 
-    def along(self, phase: Phase, t_s: float, state: VehicleState, dt: float) -> Decision:
-        """Follow a phase of the mission, at the mission's time `t_s`."""
-        position, velocity, acceleration, free = phase.reference(t_s)
+    def along(self, t_s: float, begin_s: float, state: VehicleState, dt: float) -> Decision:
+        """Follow the mission, which began at `begin_s`, at its time `t_s`.
+
+        The state is compared with the reference of its own time; what the vehicle is told now, it does later.
+        """
+        at = self._lags(state)
+        self._yaw_rad = self._mission.yaw_rad(t_s, self._home.heading_rad)
+        here = self._setpoint(max(t_s - at.age_s, begin_s))
+        ahead = here if at.ahead_s is None else self._setpoint(t_s + at.ahead_s)
+        return self._steer(here, ahead, at, state, dt)
+
+    def towards(self, setpoint: Setpoint, state: VehicleState, dt: float) -> Decision:
+        """Make one step of control towards a `setpoint` that stays, `dt` after the last."""
+        return self._steer(setpoint, setpoint, self._lags(state), state, dt)
+
+    def place_of(self, state: VehicleState) -> Setpoint:
+        """Setpoint to stay at the place of `state`, in the last heading."""
+        return Setpoint(state.position_ned_m, yaw_rad=self._yaw_rad)
+
+    def _lags(self, state: VehicleState) -> Lags:
+        return lags(state, self._turn_s, self._vehicle.rotor.time_constant_s, self._settings.controller)
+
+    def _setpoint(self, t_s: float) -> Setpoint:
+        """Reference of the mission at its time `t_s`, in the autopilot's frame."""
+        position, velocity, acceleration, free = self._mission.reference(t_s)
         north, east, _ = self._home.position_ned_m
         n = NAN if free[0] else north + position[0]
         e = NAN if free[1] else east + position[1]
         d = NAN if free[2] else self._home.ground_down_m - position[2]
-        self._yaw_rad = self._mission.yaw_rad(t_s, self._home.heading_rad)
-        setpoint = Setpoint(
+        return Setpoint(
             (n, e, d),
             (velocity[0], velocity[1], -velocity[2]),
             (acceleration[0], acceleration[1], -acceleration[2]),
             self._yaw_rad,
         )
-        return self.towards(setpoint, state, dt)
 
-    def towards(self, setpoint: Setpoint, state: VehicleState, dt: float) -> Decision:
-        """Make one step of control towards `setpoint`, `dt` after the last."""
+    def _steer(self, here: Setpoint, ahead: Setpoint, at: Lags, state: VehicleState, dt: float) -> Decision:
+        controller, rotors_s = self._settings.controller, self._vehicle.rotor.time_constant_s
+        self._delay_s = smoothed(self._delay_s, at, dt)
         output = control(
-            setpoint,
+            here,
             state,
             self._memory,
             dt,
             self._home.ground_down_m,
             self._vehicle,
-            self._settings.controller,
+            controller,
             self._compensator,
+            preview(ahead, at, eased(self._delay_s, self._turn_s, rotors_s, controller)),
         )
         self._memory = output.memory
-        return Decision(output.target, (), setpoint, output)
-
-    def place_of(self, state: VehicleState) -> Setpoint:
-        """Setpoint to stay at the place of `state`, in the last heading."""
-        return Setpoint(state.position_ned_m, yaw_rad=self._yaw_rad)
+        return Decision(output.target, (), here, output)

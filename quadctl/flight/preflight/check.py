@@ -94,7 +94,10 @@ def _demand(sample: Sample, vehicle: Vehicle, controller: ControllerSettings, co
 
 def _answer(jump_m: Vec3, controller: ControllerSettings) -> Vec3:
     """Acceleration (north, east, up) with which the controller answers a jump of the reference."""
-    north, east, up = (controller.position_p * jump for jump in jump_m)
+    north, east, up = (
+        p * jump
+        for p, jump in zip((*(controller.position_p,) * 2, controller.position_p_vertical), jump_m, strict=True)
+    )
     level, upright = controller.velocity_horizontal.p, controller.velocity_vertical.p
     climb = min(max(up, -controller.max_down_m_s), controller.max_up_m_s)
     rise = min(max(upright * climb, -controller.max_acceleration_down_m_s2), controller.max_acceleration_up_m_s2)

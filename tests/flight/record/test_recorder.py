@@ -214,7 +214,7 @@ def test_a_simulated_flight_is_recorded_tick_by_tick(tmp_path: Path) -> None:
     assert {"vehicle", "mission", "controller", "compensator", "model", "autopilot", "software", "started"} <= set(meta)
     assert (meta["mission"], meta["compensator"], meta["ended"]) == ("short_hop", "none", "completed")
     assert meta["vehicle"]["mass_kg"] == 1.5
-    assert meta["controller"]["position_p"] == 0.95
+    assert meta["controller"]["position_p"] == 0.8
 
 
 class OneSecond(datetime):
