@@ -234,14 +234,19 @@ def fit(
     json_out: JsonOption = None,
     hold_out: HoldOutOption = "blocks",
 ) -> None:
-    """Refit all effects of a model, and see how the held-out error changes."""
+    """Refit all effects of a model and the attitude's lag, and see how the held-out error changes."""
     from quadctl.lab.selection.refit import fit as run
+    from quadctl.lab.tracking.attitude_response import attitude_response, with_response
+    from quadctl.logs.read import read_log
     from quadctl.model import save_model
 
     loaded, data = _model_and_data(model, logs, hold_out)
     result = run(loaded, data)
-    save_model(result.model, output)
+    response = attitude_response([read_log(log) for log in logs])
+    save_model(result.model if response is None else with_response(result.model, response), output)
     console.print(result)
+    if response is not None:
+        console.print(f"The attitude follows its setpoint {response.lag_s:.2f} s later.")
     _print_notes(data)
     print_saved(output)
     write_json(json_out, result.to_dict())

@@ -20,7 +20,7 @@ from studies.papers.page import table
 from studies.papers.world import STAIRCASE_SEEDS, Errors, World
 
 CONFIGS = {
-    "RAPTOR (Appius)": CONFIG / "flight.yaml",
+    "RAPTOR (Appius)": CONFIG / "flight_thesis.yaml",
     "AscTec Pelican (Dena et al.)": CONFIG / "flight_pelican.yaml",
     "F550, upright rotors (Garofano-Soldado et al.)": CONFIG / "flight_f550.yaml",
     "F550, tilted rotors (Garofano-Soldado et al.)": CONFIG / "flight_f550_tilted.yaml",

@@ -30,7 +30,7 @@ def simulated(mission: str, effects: Sequence[tuple[str, dict[str, float]]], see
     where.mkdir(parents=True, exist_ok=True)
     hidden = where / "hidden.yaml"
     hidden.write_text(yaml.safe_dump({"effects": [{"effect": e, "parameters": p} for e, p in effects]}))
-    plan = prepare_flight(MISSIONS / f"{mission}.yaml", None, "none", None)
+    plan = prepare_flight(MISSIONS / f"{mission}.yaml", ROOT / "config" / "flight_thesis.yaml", "none", None)
     outcome = quadctl.sitl.run.simulate(plan, where, hidden, seed)
     assert outcome.completed, outcome.ended
     return read_log(outcome.log)

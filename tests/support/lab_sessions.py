@@ -42,7 +42,7 @@ def fly_over_a_cushion(where: Path) -> Path:
     mission, hidden = where / "short_staircase.yaml", where / "hidden.yaml"
     mission.write_text(yaml.safe_dump(STAIRCASE))
     hidden.write_text(yaml.safe_dump(CUSHION))
-    outcome = simulate(prepare_flight(mission, ROOT / "config" / "flight.yaml", "none", None), where, hidden, 1)
+    outcome = simulate(prepare_flight(mission, ROOT / "config" / "flight_thesis.yaml", "none", None), where, hidden, 1)
     return Path(shutil.move(outcome.log, where / "flight.csv"))
 
 
