@@ -27,7 +27,11 @@ def export(
     model: Annotated[
         Path,
         Reads(),
-        typer.Argument(metavar="MODEL.yaml", help="Fitted model, as add and discover write it.", callback=find),
+        typer.Argument(
+            metavar="MODEL.yaml",
+            help="Fitted model, as add and discover write it, or errors of sensors, as diagnose does.",
+            callback=find,
+        ),
     ],
     to: Annotated[
         str,
@@ -72,9 +76,11 @@ def export(
         parameter_file,
         parameters,
     )
+    from quadctl.export.sensors import needed, sensor_rows
     from quadctl.export.targets import AUTOPILOTS, PROGRAMS
     from quadctl.logs.parameters import read_present_parameters
     from quadctl.model import load_model
+    from quadctl.sensor_model import is_sensor_file, load_sensors
 
     if to not in AUTOPILOTS and to not in PROGRAMS:
         raise typer.BadParameter(f"--to is {to}, expected one of {', '.join([*AUTOPILOTS, *PROGRAMS])}")
@@ -94,19 +100,24 @@ def export(
 
         undo_at(str(link), dialect, kept, _say)
         return
-    loaded = load_model(model)
+    of_sensors = is_sensor_file(model)
     present: Present | None = None
     if now is not None:
         values = read_present_parameters(now)
         present = Present(values, str(now), is_whole=len(values) >= WHOLE)
-        check_same_autopilot(present, dialect)
+        if not of_sensors:
+            check_same_autopilot(present, dialect)
     elif link is not None:
         from quadctl.export.apply import present_parameters
 
-        present = present_parameters(link, dialect)
-    if present is not None:
-        check_same_vehicle(present, dialect, loaded)
-    rows = parameters(loaded, dialect, present)
+        present = present_parameters(link, dialect, needed(dialect) if of_sensors else None)
+    if of_sensors:
+        rows = sensor_rows(load_sensors(model), dialect, present)
+    else:
+        loaded = load_model(model)
+        if present is not None:
+            check_same_vehicle(present, dialect, loaded)
+        rows = parameters(loaded, dialect, present)
     text = parameter_file(rows, dialect, str(model))
     _print(rows)
     write_json(

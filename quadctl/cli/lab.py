@@ -13,6 +13,7 @@ from quadctl.cli.app import app, console
 from quadctl.cli.inputs import find, find_missions
 from quadctl.cli.output import JsonOption, print_saved, write_json, write_text
 from quadctl.cli.overwriting import Reads, Writes, WritesInto
+from quadctl.cli.sensors import PlotOption, SensorsOption, compare_sensors, diagnose_sensors, logs_among
 from quadctl.logs.formats import CONVERTERS, suffixes
 
 if TYPE_CHECKING:
@@ -28,6 +29,9 @@ ModelArgument = Annotated[
 ]
 LogArguments = Annotated[
     list[Path], Reads(), typer.Argument(metavar="LOG...", help=f"Flight logs: {', '.join(suffixes())}.")
+]
+MaybeLogs = Annotated[
+    list[Path] | None, Reads(), typer.Argument(metavar="LOG...", help=f"Flight logs: {', '.join(suffixes())}.")
 ]
 HtmlOption = Annotated[Path | None, Writes(), typer.Option("--html", metavar="OUT", help="Write a report with plots.")]
 HoldOutOption = Annotated[
@@ -55,11 +59,17 @@ JobsOption = Annotated[
 @app.command()
 def compare(
     model: ModelArgument,
-    logs: LogArguments,
+    logs: MaybeLogs = None,
     json_out: JsonOption = None,
     html: HtmlOption = None,
+    sensors: SensorsOption = False,
+    plot: PlotOption = None,
 ) -> None:
     """Compare a model with flights: its acceleration error, where it fails, and the noise floor."""
+    logs = logs_among(model, logs, sensors)
+    if sensors:
+        compare_sensors(logs, json_out, plot)
+        return
     from quadctl.lab.comparison.comparison import compare as run
     from quadctl.lab.report.page import write_report
 
@@ -76,7 +86,7 @@ def compare(
 @app.command()
 def diagnose(
     model: ModelArgument,
-    logs: LogArguments,
+    logs: MaybeLogs = None,
     json_out: JsonOption = None,
     html: HtmlOption = None,
     hold_out: HoldOutOption = "blocks",
@@ -91,8 +101,19 @@ def diagnose(
             help="Save the formula of an unexplained residual as an effect of your own.",
         ),
     ] = None,
+    sensors: SensorsOption = False,
+    output: Annotated[
+        Path | None,
+        Writes(),
+        typer.Option("-o", "--output", metavar="FILE", help="With --sensors: save the sensors' errors, for export."),
+    ] = None,
+    plot: PlotOption = None,
 ) -> None:
     """Diagnose which physical effects are missing from a model."""
+    logs = logs_among(model, logs, sensors)
+    if sensors:
+        diagnose_sensors(logs, json_out, plot, output)
+        return
     from joblib import parallel_config
 
     from quadctl.lab.comparison.comparison import compare as run_compare

@@ -82,8 +82,9 @@ SPANS = (*VARIABLES, "heading", "speed", "thrust_share")
 
 
 @dataclass(frozen=True)
-class Effect:
-    """Base of all effects. Subclasses are frozen dataclasses whose fields are declared with `parameter`."""
+class Parametric:
+    """Physics with a name, and parameters with bounds: subclasses are frozen dataclasses whose fields are declared with
+    `parameter`."""
 
     name: ClassVar[str]
     """Name as `family.variant`, as in model files."""
@@ -91,64 +92,16 @@ class Effect:
     """Source: paper and equation."""
     formula: ClassVar[str] = ""
     """Formula in LaTeX's mathematics; where it is empty a paper names the effect with its parameters."""
-    depends_on: ClassVar[tuple[str, ...]]
-    """Variables that this effect varies with, of `VARIABLES`."""
     physics: ClassVar[str]
     """One sentence for the user: the physical cause and its consequence."""
     distinguished_by: ClassVar[str]
     """Kind of flight that distinguishes it from effects that look alike."""
     mission: ClassVar[str]
     """Mission file that shows this effect best."""
-    needs: ClassVar[dict[str, float]] = {}
-    """Span of each variable, of `SPANS`, that the data must have for this effect to be told from its look-alikes."""
-    affects_moment: ClassVar[bool] = False
-    """True: it changes the moments on the body by enough for the balance of moments to show it."""
-    affects_accelerometer: ClassVar[bool] = False
-    """True: it makes the accelerometer disagree with the change of velocity."""
-    adds_lag: ClassVar[bool] = False
-    """True: it delays the thrust, so that the delay of the log must be estimated together with it."""
-    only_without_rotor_speeds: ClassVar[bool] = False
-    """True: it is an error of the way from a command to the thrust, which measured rotor speeds do not go."""
-    only_of_several_flights: ClassVar[bool] = False
-    """True: it says in what flights differ, so that one flight alone has nothing of it."""
-    essential: ClassVar[tuple[str, ...]] = ()
-    """Parameters of which data must show one to differ from 0: without them it is another effect, as a wind of 0 m/s is
-    a drag."""
-    reversible: ClassVar[bool] = False
-    """True: the effect with opposite sign explains as much at the start, so that a fit may go either way."""
-    stands_back_for: ClassVar[tuple[str, ...]] = ()
-    """Families that model a part of it better: in a stack with one of them, `standing_back` takes its place."""
-
-    candidate: ClassVar[bool] = True
-    """False: the lab does not propose it by itself; a model file may still name it."""
-    not_for_flight: ClassVar[str] = ""
-    """Reason why a compensator must not hold this effect; empty where it may."""
 
     @classmethod
     def family(cls) -> str:
         return cls.name.partition(".")[0]
-
-    @classmethod
-    def applies_to(cls, vehicle: Vehicle) -> bool:
-        """True where `vehicle` can have this effect; the lab does not try it otherwise."""
-        return True
-
-    @classmethod
-    def starts(cls, flights: Sequence[Conditions], vehicle: Vehicle) -> "Sequence[Effect]":
-        """Initial guesses for a fit to these flights: several where the error has several local minima.
-
-        Parameters that are not fitted keep the value of the start that explains most.
-        """
-        return [cls()]
-
-    def closer(self, flights: Sequence[Conditions]) -> "Sequence[Effect]":
-        """Further initial guesses near this one, tried where it explains most: a fine search after the coarse one."""
-        return []
-
-    @classmethod
-    def joined(cls, explained: "Mapping[Effect, float]") -> "Sequence[Effect]":
-        """Further initial guesses that join several of those tried, of which each explains some squared error."""
-        return []
 
     @classmethod
     def parameters(cls) -> tuple[Parameter, ...]:
@@ -185,6 +138,60 @@ class Effect:
     def negligible(self) -> bool:
         """True where it is smaller than the usual error of coefficients and trims: then it is not called missing."""
         return False
+
+
+@dataclass(frozen=True)
+class Effect(Parametric):
+    """Base of all effects on the motion."""
+
+    depends_on: ClassVar[tuple[str, ...]]
+    """Variables that this effect varies with, of `VARIABLES`."""
+    needs: ClassVar[dict[str, float]] = {}
+    """Span of each variable, of `SPANS`, that the data must have for this effect to be told from its look-alikes."""
+    affects_moment: ClassVar[bool] = False
+    """True: it changes the moments on the body by enough for the balance of moments to show it."""
+    affects_accelerometer: ClassVar[bool] = False
+    """True: it makes the accelerometer disagree with the change of velocity."""
+    adds_lag: ClassVar[bool] = False
+    """True: it delays the thrust, so that the delay of the log must be estimated together with it."""
+    only_without_rotor_speeds: ClassVar[bool] = False
+    """True: it is an error of the way from a command to the thrust, which measured rotor speeds do not go."""
+    only_of_several_flights: ClassVar[bool] = False
+    """True: it says in what flights differ, so that one flight alone has nothing of it."""
+    essential: ClassVar[tuple[str, ...]] = ()
+    """Parameters of which data must show one to differ from 0: without them it is another effect, as a wind of 0 m/s is
+    a drag."""
+    reversible: ClassVar[bool] = False
+    """True: the effect with opposite sign explains as much at the start, so that a fit may go either way."""
+    stands_back_for: ClassVar[tuple[str, ...]] = ()
+    """Families that model a part of it better: in a stack with one of them, `standing_back` takes its place."""
+
+    candidate: ClassVar[bool] = True
+    """False: the lab does not propose it by itself; a model file may still name it."""
+    not_for_flight: ClassVar[str] = ""
+    """Reason why a compensator must not hold this effect; empty where it may."""
+
+    @classmethod
+    def applies_to(cls, vehicle: Vehicle) -> bool:
+        """True where `vehicle` can have this effect; the lab does not try it otherwise."""
+        return True
+
+    @classmethod
+    def starts(cls, flights: Sequence[Conditions], vehicle: Vehicle) -> "Sequence[Effect]":
+        """Initial guesses for a fit to these flights: several where the error has several local minima.
+
+        Parameters that are not fitted keep the value of the start that explains most.
+        """
+        return [cls()]
+
+    def closer(self, flights: Sequence[Conditions]) -> "Sequence[Effect]":
+        """Further initial guesses near this one, tried where it explains most: a fine search after the coarse one."""
+        return []
+
+    @classmethod
+    def joined(cls, explained: "Mapping[Effect, float]") -> "Sequence[Effect]":
+        """Further initial guesses that join several of those tried, of which each explains some squared error."""
+        return []
 
     def believable(self, flights: Sequence[Conditions], vehicle: Vehicle) -> bool:
         """True where the parameters fitted to these flights are physically possible for this effect; otherwise its form

@@ -12,8 +12,8 @@ from quadctl.flight.realtime import run
 Say = Callable[[str], None]
 
 
-def present_parameters(url: str, dialect: Dialect) -> Present:
-    """Values, on the vehicle at `url`, of the parameters that an export is about.
+def present_parameters(url: str, dialect: Dialect, asked: Sequence[str] | None = None) -> Present:
+    """Values, on the vehicle at `url`, of the parameters that an export is about: `asked`, or those of a model.
 
     Raises
     ------
@@ -26,7 +26,7 @@ def present_parameters(url: str, dialect: Dialect) -> Present:
     async def ask() -> Present:
         autopilot = await _connected(url, dialect)
         try:
-            return Present(await autopilot.parameters(dialect.asked), url, is_whole=True)
+            return Present(await autopilot.parameters(dialect.asked if asked is None else asked), url, is_whole=True)
         finally:
             await autopilot.close()
 

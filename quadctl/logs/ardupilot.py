@@ -15,6 +15,10 @@ from quadctl.thrust_chain.chain import Ambient
 
 PARAMETERS = (
     "ATC_ANGLE_BOOST",
+    "BARO_PRIMARY",
+    "EK2_ALT_SOURCE",
+    "EK3_DRAG_BCOEF_X",
+    "EK3_SRC1_POSZ",
     "FRAME_CLASS",
     "FRAME_TYPE",
     "MOT_BAT_VOLT_MAX",
@@ -26,7 +30,7 @@ PARAMETERS = (
     "MOT_THST_EXPO",
     "MOT_THST_HOVER",
 )
-"""Parameters that an analysis of motor outputs may need, kept in the log's `meta`."""
+"""Parameters that an analysis of motor outputs or of heights may need, kept in the log's `meta`."""
 VOLT_MAX = "MOT_BAT_VOLT_MAX"
 PULSE_RANGES = (("MOT_PWM_MIN", "MOT_PWM_MAX"), ("RC3_MIN", "RC3_MAX"))
 """Parameters of the range of the outputs: where those of the motors are 0, or not there, that of the throttle."""

@@ -19,6 +19,7 @@ GROUPS = {
     "acceleration": ("ax_m_s2", "ay_m_s2", "az_m_s2"),
     "imu": IMU,
     "battery": ("battery_v",),
+    "barometer": ("baro_m", "baro_temperature_c"),
     "attitude command": ("roll_cmd_deg", "pitch_cmd_deg", "yaw_cmd_deg"),
     "throttle command": ("throttle_cmd",),
     "thrust command": ("thrust_cmd_n",),

@@ -23,6 +23,8 @@ LATERAL_THROTTLE = ("throttle_x_cmd", "throttle_y_cmd")
 LATERAL_COLUMNS = (*LATERAL_THRUST, *LATERAL_THROTTLE)
 """Lateral commands of a fully actuated flight, forward and right."""
 REFERENCE_COLUMNS = ("x_ref_m", "y_ref_m", "z_ref_m", "vx_ref_m_s", "vy_ref_m_s", "vz_ref_m_s")
+HEIGHT_COLUMNS = ("baro_m", "baro_temperature_c", "range_m", "gps_vz_m_s")
+"""Sensors of the height: barometer and its temperature, range finder along the body's axis down, climb rate of GPS."""
 LOOP_COLUMNS = ("telemetry_age_s", "tick_late_s")
 OPTIONAL_COLUMNS = (
     "ax_m_s2",
@@ -38,6 +40,7 @@ OPTIONAL_COLUMNS = (
     "compensator_trust",
     *LOOP_COLUMNS,
     *LATERAL_COLUMNS,
+    *HEIGHT_COLUMNS,
 )
 PHASE_COLUMN = "phase"
 MOTOR_QUANTITIES = ("rpm", "voltage_v", "current_a", "output")

@@ -39,7 +39,7 @@ from quadctl.thrust_chain.chain import Ambient
 
 MESSAGES: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(("VER", "XKF1", "XKF4", "NKF1", "NKF4", "EKF1", "EKF4", "ATT", "RATE", "IMU", "RCOU", "CTUN"), ()),
-    **dict.fromkeys(("BAT", "CURR", "MOTB", "BARO", "ORGN", "EV", "GPS"), ()),
+    **dict.fromkeys(("BAT", "CURR", "MOTB", "BARO", "ORGN", "EV", "GPS", "RFND"), ()),
     "PARM": ("Name",),
     "ESC": ("Instance", "RPM"),
     "ARM": ("ArmState",),
@@ -63,6 +63,8 @@ _HORIZONTAL_POSITION, _HEIGHT, _CONSTANT_POSITION = 0b1_1000, 0b10_0000, 0b1000_
 """Bits of SS in XKF4, ArduPilot's `nav_filter_status`: horizontal position relative or absolute, height, and position
 held constant for want of an aid."""
 
+_RANGE_GOOD, _DOWN, _FIX_3D = 4, 25, 3
+"""RFND.Stat of a good distance, RFND.Orient of one that looks down, and the least GPS.Status with heights."""
 _TEST_RATIOS = {"SP": "position", "SV": "velocity", "SH": "height"}
 """Fields of XKF4 with the test ratios, and what is measured."""
 _RESET_EVENTS = {60: "height", 62: "heading"}
@@ -169,6 +171,25 @@ def _channels(messages: dict[str, Message], history: ParameterHistory, findings:
     if (battery := _battery(messages)) is not None:
         source, voltage = battery
         yield Channel(source, _seconds(voltage), {"battery_v": _values(voltage, "Volt")}, makes_rows=False)
+    yield from _heights(messages, int(history.last.get("BARO_PRIMARY", 0.0)))
+
+
+def _heights(messages: dict[str, Message], primary: int) -> Iterator[Channel]:
+    """Sensors of the height: the primary barometer, the first range finder that looks down, and GPS's climb rate."""
+    if (baro := _instance(messages.get("BARO"), primary)) is not None:
+        columns = {"baro_m": _values(baro, "Alt")}
+        if "Temp" in baro:
+            columns["baro_temperature_c"] = _values(baro, "Temp")
+        yield Channel("BARO", _seconds(baro), columns, makes_rows=False, averaged=True)
+    if (finder := _instance(messages.get("RFND"), 0)) is not None and "Dist" in finder:
+        known = np.ones(len(finder["Dist"]), dtype=bool)
+        for field, wanted in (("Stat", _RANGE_GOOD), ("Orient", _DOWN)):
+            known &= finder[field] == wanted if field in finder else True
+        distance = np.where(known, _values(finder, "Dist"), np.nan)
+        yield Channel("RFND", _seconds(finder), {"range_m": distance}, makes_rows=False)
+    if (gps := _instance(messages.get("GPS"), 0)) is not None and "VZ" in gps:
+        climb = np.where(_values(gps, "Status") >= _FIX_3D, -_values(gps, "VZ"), np.nan)
+        yield Channel("GPS", _seconds(gps), {"gps_vz_m_s": climb}, makes_rows=False)
 
 
 def _rates(messages: dict[str, Message]) -> Iterator[Channel]:

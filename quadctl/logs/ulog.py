@@ -44,9 +44,14 @@ TOPICS = (
     "estimator_status",
     "estimator_selector_status",
     "vehicle_gps_position",
+    "vehicle_air_data",
+    "distance_sensor",
 )
 PARAMETERS = (
     "CA_ROTOR_COUNT",
+    "EKF2_BARO_CTRL",
+    "EKF2_HGT_MODE",
+    "EKF2_HGT_REF",
     "MAV_TYPE",
     "MC_BAT_SCALE_EN",
     "MPC_THR_HOVER",
@@ -56,7 +61,7 @@ PARAMETERS = (
     "PWM_MIN",
     "THR_MDL_FAC",
 )
-"""Parameters that an analysis of motor outputs may need, kept in the log's `meta`."""
+"""Parameters that an analysis of motor outputs or of heights may need, kept in the log's `meta`."""
 PWM_LIMITS = (("PWM_MAIN_MIN", "PWM_MAIN_MAX"), ("PWM_MIN", "PWM_MAX"))
 """Parameters of the range of the outputs: those of PX4 1.12, and of the versions before."""
 CHAIN_PARAMETERS = ("MC_BAT_SCALE_EN", "THR_MDL_FAC", *(name for pair in PWM_LIMITS for name in pair))
@@ -73,6 +78,8 @@ MAX_MOTORS = 12
 MAX_ESCS = 8
 PWM_US = (1000.0, 2000.0)
 """Range of the motor outputs where PX4's parameters do not say."""
+DOWN, FIX_3D = 25, 3
+"""distance_sensor.orientation of a range finder that looks down, and the least fix_type with heights."""
 PULSE_US = (800.0, 2200.0)
 """Values of actuator_outputs that can be pulse lengths."""
 MOTORS_OF_TYPE = {2: 4, 13: 6, 14: 8, 15: 3}
@@ -276,6 +283,30 @@ def _channels(topics: dict[str, _Topic], findings: list[Finding]) -> Iterator[Ch
         voltage = {"battery_v": _values(topic, "voltage_v")}
         yield Channel("battery_status", _seconds(topic, "timestamp"), voltage, makes_rows=False)
     yield from _commands(topics)
+    yield from _heights(topics)
+
+
+def _heights(topics: dict[str, _Topic]) -> Iterator[Channel]:
+    """Sensors of the height: barometer, range finder that looks down, and GPS's climb rate."""
+    if (air := topics.get("vehicle_air_data")) is not None:
+        columns = {"baro_m": _values(air, "baro_alt_meter")}
+        temperature = next((name for name in ("ambient_temperature", "baro_temp_celcius") if name in air), None)
+        if temperature is not None:
+            columns["baro_temperature_c"] = _values(air, temperature)
+        yield Channel("vehicle_air_data", _sampled(air), columns, makes_rows=False, averaged=True)
+    if (finder := topics.get("distance_sensor")) is not None:
+        distance, good = _values(finder, "current_distance"), np.ones(len(finder["timestamp"]), dtype=bool)
+        if "orientation" in finder:
+            good &= finder["orientation"] == DOWN
+        if "signal_quality" in finder:
+            good &= finder["signal_quality"] != 0
+        if "min_distance" in finder and "max_distance" in finder:
+            good &= (distance > finder["min_distance"]) & (distance < finder["max_distance"])
+        distances = {"range_m": np.where(good, distance, np.nan)}
+        yield Channel("distance_sensor", _seconds(finder, "timestamp"), distances, makes_rows=False)
+    if (gps := topics.get("vehicle_gps_position")) is not None and "vel_d_m_s" in gps:
+        climb = np.where(_values(gps, "fix_type") >= FIX_3D, -_values(gps, "vel_d_m_s"), np.nan)
+        yield Channel("vehicle_gps_position", _sampled(gps), {"gps_vz_m_s": climb}, makes_rows=False)
 
 
 def _local_position(topic: _Topic) -> Channel:

@@ -1,0 +1,104 @@
+"""`compare` and `diagnose` on the sensors of the height."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from quadctl.cli.app import console
+from quadctl.cli.output import print_saved, write_json
+from quadctl.cli.overwriting import Writes
+from quadctl.errors import LogError, QuadctlError
+from quadctl.logs.formats import suffixes
+
+if TYPE_CHECKING:
+    from quadctl.effects.sensor_error import SensorError
+    from quadctl.lab.sensors.heights import Heights
+
+SensorsOption = Annotated[
+    bool, typer.Option("--sensors", help="Look at the height sensors instead of the motion; MODEL.yaml is not needed.")
+]
+PlotOption = Annotated[
+    Path | None, Writes(), typer.Option("--plot", metavar="PNG", help="With --sensors: draw where the sensor fails.")
+]
+
+
+def logs_among(first: Path, others: Sequence[Path] | None, sensors: bool) -> list[Path]:
+    """The logs of a command whose first argument is a model, which `--sensors` does not need.
+
+    Raises
+    ------
+    BadParameter
+        There is none.
+    """
+    is_log = first.suffix in suffixes() or first.is_dir()
+    logs = [*([first] if sensors and is_log else []), *(others or [])]
+    if not logs:
+        raise typer.BadParameter("no flight log is given", param_hint="'LOG...'")
+    return logs
+
+
+def compare_sensors(logs: Sequence[Path], json_out: Path | None, plot: Path | None) -> None:
+    """Print where the barometer fails."""
+    from quadctl.lab.sensors.comparison import compare_sensor
+    from quadctl.lab.sensors.words import REFERENCES, comparison_table
+
+    flights = _flights(logs)
+    compared = compare_sensor(flights)
+    by = ", ".join(dict.fromkeys(REFERENCES[flight.reference] for flight in flights))
+    _say(f"The {compared.sensor} differs from {by} by {100.0 * compared.rms_m:.1f} cm, its level left out.")
+    console.print(comparison_table(compared))
+    write_json(json_out, compared.to_dict())
+    _draw(plot, flights, ())
+
+
+def diagnose_sensors(logs: Sequence[Path], json_out: Path | None, plot: Path | None, output: Path | None) -> None:
+    """Print which errors the barometer has."""
+    from quadctl.lab.sensors.diagnosis import diagnose_sensor
+    from quadctl.lab.sensors.words import answer
+    from quadctl.sensor_model import save_sensors
+
+    flights = _flights(logs)
+    with console.status("diagnosing"):
+        found = diagnose_sensor(flights)
+    for sentence in answer(found):
+        _say(sentence)
+    if output is not None:
+        save_sensors(found.model(), output)
+        print_saved(output)
+        _say(f"Next: quadctl export {output} --to ardupilot (or px4)")
+    write_json(json_out, found.to_dict())
+    _draw(plot, flights, tuple(one.error for one in found.missing))
+
+
+def _flights(paths: Sequence[Path]) -> "list[Heights]":
+    from quadctl.lab.sensors.heights import NoReference, heights
+    from quadctl.lab.sensors.words import MISSING_REFERENCE
+    from quadctl.logs.read import read_logs
+
+    found = []
+    for log in read_logs(list(paths)):
+        if not log.has("baro_m"):
+            raise LogError(f"{log.name}: holds no barometer (baro_m), expected one")
+        known = heights(log, "barometer")
+        if isinstance(known, NoReference):
+            raise LogError(f"{log.name}: nothing tells the barometer's error: {MISSING_REFERENCE[known]}")
+        found.append(known)
+    return found
+
+
+def _draw(plot: Path | None, flights: "Sequence[Heights]", errors: "Sequence[SensorError]") -> None:
+    if plot is None:
+        return
+    from quadctl.lab.plots.height_sensor import height_sensor
+
+    try:
+        height_sensor(flights, errors).savefig(plot, dpi=110)
+    except (OSError, ValueError) as error:
+        raise QuadctlError(f"{plot}: cannot be written ({error})") from None
+    print_saved(plot)
+
+
+def _say(sentence: str) -> None:
+    console.print(sentence, soft_wrap=True, markup=False, highlight=False)

@@ -1,0 +1,364 @@
+"""Which errors a height sensor has: all are fitted together, and those that the flights do not need are left out."""
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.stats import chi2
+
+from quadctl.effects.sensor_error import SensorError
+from quadctl.effects.sensors import SENSOR_ERRORS
+from quadctl.lab.arrays import Floats
+from quadctl.lab.sensors.heights import Heights
+from quadctl.lab.sensors.wander import Estimate, Noise, Rows, estimate, learned, stacked
+from quadctl.sensor_model import FittedError, SensorModel
+
+P = 1e-3
+"""Largest p-value of an error that is named."""
+SMALL_M = 0.03
+"""Largest error within the flights that does not matter: less than the reading scatters by."""
+BLOCKS, BLOCK_S = 6, 8.0
+"""Parts of the cross-validation, and length of the blocks of time that they take in turn: a mission may hover near the
+ground but once, and each part must see some of it."""
+WIND_STEP_M_S = 0.1
+MOST = 99.0
+"""Percentile that counts as the largest value."""
+NO_EFFECT = 1e-9
+"""Standard error, of a parameter, that only one has that acts on nothing in these flights."""
+SPEED_M_S, STEEP_M, DRIVE = 1.5, 0.5, 0.05
+"""What flights must span to show an error: speed through the air, height near the ground, share of thrust."""
+LOW_M = 1.0
+"""Height below which the error of the ground shows."""
+
+
+class Verdict(StrEnum):
+    """Answers about a sensor."""
+
+    MISSING = "missing"
+    NONE = "none"
+
+
+class Told(NamedTuple):
+    """A parameter with its 95 % interval."""
+
+    value: float
+    low: float
+    high: float
+
+    @property
+    def is_told(self) -> bool:
+        """True where the interval does not hold 0."""
+        return not self.low <= 0.0 <= self.high
+
+
+@dataclass(frozen=True)
+class Named:
+    """An error that was tried."""
+
+    error: SensorError
+    """With the fitted parameters."""
+    parameters: dict[str, Told]
+    p: float
+    largest_m: float
+    """Its size within the flights, all but the largest hundredth."""
+
+    @property
+    def name(self) -> str:
+        return self.error.name
+
+
+@dataclass(frozen=True)
+class SensorDiagnosis:
+    """Answer about one sensor."""
+
+    flights: tuple[Heights, ...]
+    missing: tuple[Named, ...]
+    small: tuple[Named, ...]
+    """There, but of no matter."""
+    absent: tuple[Named, ...]
+    """Tried, and not told from zero."""
+    not_tried: dict[str, str]
+    """Names of errors that these flights cannot show, and the quantity that they do not span."""
+    noise: Noise
+    before_m: float
+    """Root mean square of the difference beside its wander, on parts that no fit saw, without any error."""
+    after_m: float
+    """The same with those that are missing."""
+
+    @property
+    def sensor(self) -> str:
+        return self.flights[0].sensor
+
+    @property
+    def verdict(self) -> Verdict:
+        return Verdict.MISSING if self.missing else Verdict.NONE
+
+    @property
+    def scatter_m(self) -> float:
+        """Standard deviation of single readings about the truth, their wander within a flight included."""
+        samples = float(np.mean([flight.sample_std_m for flight in self.flights]))
+        return float(np.hypot(samples, self.after_m))
+
+    def model(self) -> SensorModel:
+        """The errors that were tried, for a file."""
+        tried = [*((one, True) for one in self.missing), *((one, False) for one in (*self.small, *self.absent))]
+        errors = tuple(
+            FittedError(one.error, {name: (told.low, told.high) for name, told in one.parameters.items()}, missing)
+            for one, missing in tried
+        )
+        throttle = float(np.median([flight.hover_throttle for flight in self.flights]))
+        logs = tuple(flight.name for flight in self.flights)
+        of_barometer = self.scatter_m if self.sensor == "barometer" else None
+        return SensorModel(errors, logs, of_barometer, throttle if np.isfinite(throttle) else None)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The facts, as docs/sensors.md describes them."""
+        named = {"missing": self.missing, "small": self.small, "absent": self.absent}
+        return {
+            "sensor": self.sensor,
+            "verdict": str(self.verdict),
+            "logs": [flight.name for flight in self.flights],
+            "references": [str(flight.reference) for flight in self.flights],
+            **{kind: [_as_dict(one) for one in each] for kind, each in named.items()},
+            "not_tried": self.not_tried,
+            "held_out_m": {"before": self.before_m, "after": self.after_m},
+            "scatter_m": self.scatter_m,
+            "noise": self.noise._asdict(),
+        }
+
+
+def _as_dict(one: Named) -> dict[str, Any]:
+    told = {
+        name: {"value": each.value, "ci95": [each.low, each.high], "told": each.is_told}
+        for name, each in one.parameters.items()
+    }
+    return {
+        "error": one.name,
+        "parameters": told,
+        "scales": {name: one.error.values()[name] for name in one.error.scales},
+        "p": one.p,
+        "largest_m": one.largest_m,
+    }
+
+
+def diagnose_sensor(flights: Sequence[Heights]) -> SensorDiagnosis:
+    """Name the errors of one sensor over some flights of a vehicle."""
+    kinds = [kind for kind in SENSOR_ERRORS.values() if kind.sensor == flights[0].sensor]
+    reasons = {kind.name: reason for kind in kinds if (reason := _unshown(kind, flights))}
+    tried = [kind() for kind in kinds if kind.name not in reasons]
+    noise = learned(_rows(flights, tried, _no_wind(flights)))
+    tried = [_with_best_scale(error, tried, flights, noise) for error in tried]
+    kept, absent, rejected = list(tried), list[Named](), True
+    while rejected and kept:
+        fit = _fitted(flights, kept, noise)
+        named = [_named(flights, fit, kept, i) for i in range(len(kept))]
+        worst = max(range(len(kept)), key=lambda i: named[i].p)
+        rejected = named[worst].p > P or not _foretells(flights, kept, worst, noise)
+        if rejected:
+            absent.append(named[worst])
+            kept.pop(worst)
+    noise = learned(_rows(flights, kept, _no_wind(flights)))
+    fit = _fitted(flights, kept, noise)
+    named = [_named(flights, fit, kept, i) for i in range(len(kept))]
+    matters = [one for one in named if one.largest_m > SMALL_M]
+    return SensorDiagnosis(
+        tuple(flights),
+        tuple(matters),
+        tuple(one for one in named if one not in matters),
+        tuple(absent),
+        reasons,
+        noise,
+        _held_out(flights, [], noise),
+        _held_out(flights, [one.error for one in matters], noise),
+    )
+
+
+def _unshown(kind: type[SensorError], flights: Sequence[Heights]) -> str:
+    """Quantity that the flights do not span, which the error needs; empty where they do."""
+    if kind.name == "barometer.airspeed":
+        speed = max(float(np.percentile(np.sqrt(sum(v**2 for v in f.velocity_m_s)), MOST)) for f in flights)
+        return "" if speed > SPEED_M_S else "speed"
+    if kind.name == "barometer.ground":
+        above = np.concatenate([f.above_ground_m for f in flights])
+        low = float(np.percentile(above, 3)) < LOW_M
+        return "" if low and float(np.ptp(np.percentile(above, (3, 97)))) > STEEP_M else "height"
+    if kind.name == "barometer.throttle":
+        return "" if max(float(np.std(f.thrust_share)) for f in flights) > DRIVE else "thrust"
+    return ""
+
+
+Winds = tuple[tuple[float, float], ...]
+"""Wind of each flight, m/s north and east."""
+
+
+class _Fit(NamedTuple):
+    estimate: Estimate
+    winds: Winds
+    places: dict[tuple[str, str], int]
+    """Column of each parameter, by the error's name and its own."""
+
+
+def _no_wind(flights: Sequence[Heights]) -> Winds:
+    return tuple(flight.wind_ne_m_s for flight in flights)
+
+
+def _linear(error: SensorError) -> list[str]:
+    return [name for name in error.values() if name not in error.scales]
+
+
+def _unit(error: SensorError, name: str) -> SensorError:
+    """The error with one linear parameter at 1 and the others at 0."""
+    return replace(error, **{other: float(other == name) for other in _linear(error)})
+
+
+def _columns(flight: Heights, errors: Sequence[SensorError], wind: tuple[float, float]) -> Floats:
+    conditions = flight.conditions(wind)
+    units = [_unit(error, name) for error in errors for name in _linear(error)]
+    columns = [np.broadcast_to(unit.error_m(conditions), flight.time_s.shape) for unit in units]
+    return np.stack(columns, axis=1) if columns else np.empty((len(flight.time_s), 0))
+
+
+def _nuisances(flight: Heights, number: int, n_flights: int) -> Floats:
+    """Level of each flight, delay of the sensor (times the climb rate), and its scale over height."""
+    columns = np.zeros((len(flight.time_s), n_flights + 2))
+    columns[:, number] = 1.0
+    columns[:, n_flights] = flight.climb_m_s
+    columns[:, n_flights + 1] = flight.true_m - np.mean(flight.true_m)
+    return columns
+
+
+def _rows(flights: Sequence[Heights], errors: Sequence[SensorError], winds: Winds) -> Rows:
+    parts = [
+        Rows(
+            flight.time_s,
+            np.full(len(flight.time_s), float(i)),
+            np.hstack([_columns(flight, errors, wind), _nuisances(flight, i, len(flights))]),
+            flight.difference_m,
+        )
+        for i, (flight, wind) in enumerate(zip(flights, winds, strict=True))
+    ]
+    return stacked(parts)
+
+
+def _with_best_scale(
+    error: SensorError, others: Sequence[SensorError], flights: Sequence[Heights], noise: Noise
+) -> SensorError:
+    """The error with the scale that explains most beside the others."""
+    if not error.scales:
+        return error
+    beside = [other for other in others if other.name != error.name]
+    names, values = tuple(error.scales), tuple(error.scales.values())
+    scaled = [replace(error, **dict(zip(names, each, strict=True))) for each in itertools.product(*values)]
+    return min(scaled, key=lambda one: estimate(_rows(flights, [*beside, one], _no_wind(flights)), noise).misfit)
+
+
+def _fitted(flights: Sequence[Heights], errors: Sequence[SensorError], noise: Noise) -> _Fit:
+    """Parameters of all errors, with the wind of each flight as the lean tells it and as far as it is known.
+
+    The error of air speed is not linear in the wind: it is linearised there, again and again.
+    """
+    winds = _no_wind(flights)
+    names = [(error.name, name) for error in errors for name in _linear(error)]
+    places = {name: i for i, name in enumerate(names)}
+    windy = any(error.name == "barometer.airspeed" for error in errors)
+    fit = estimate(_rows(flights, errors, winds), noise)
+    for _ in range(4 if windy else 0):
+        rows = _rows(flights, errors, winds)
+        slopes = _wind_slopes(flights, errors, winds, fit.value[: len(names)])
+        moved = np.array(winds).ravel() - np.array(_no_wind(flights)).ravel()
+        target = rows.target + slopes @ moved
+        joint = Rows(rows.time_s, rows.flight, np.hstack([rows.columns, slopes]), target)
+        precision = np.concatenate(
+            [np.zeros(rows.columns.shape[1]), np.repeat([flight.wind_std_m_s**-2 for flight in flights], 2)]
+        )
+        fit = estimate(joint, noise, precision)
+        change = fit.value[rows.columns.shape[1] :].reshape(-1, 2)
+        winds = tuple(
+            (flight.wind_ne_m_s[0] + north, flight.wind_ne_m_s[1] + east)
+            for flight, (north, east) in zip(flights, change.tolist(), strict=True)
+        )
+    return _Fit(fit, winds, places)
+
+
+def _wind_slopes(flights: Sequence[Heights], errors: Sequence[SensorError], winds: Winds, value: Floats) -> Floats:
+    """Change of the errors by the wind of each flight, shape (n, 2 flights)."""
+    n = sum(len(flight.time_s) for flight in flights)
+    slopes, at = np.zeros((n, 2 * len(flights))), 0
+    for i, (flight, (north, east)) in enumerate(zip(flights, winds, strict=True)):
+        rows = slice(at, at := at + len(flight.time_s))
+        for axis, (dn, de) in enumerate(((WIND_STEP_M_S, 0.0), (0.0, WIND_STEP_M_S))):
+            more = _columns(flight, errors, (north + dn, east + de))
+            less = _columns(flight, errors, (north - dn, east - de))
+            slopes[rows, 2 * i + axis] = (more - less) @ value / (2.0 * WIND_STEP_M_S)
+    return slopes
+
+
+def _named(flights: Sequence[Heights], fit: _Fit, errors: Sequence[SensorError], i: int) -> Named:
+    """One of the errors with its parameters, their intervals, and the probability of as much by chance."""
+    error = errors[i]
+    names = _linear(error)
+    at = [fit.places[error.name, name] for name in names]
+    value, covariance = fit.estimate.value[at], fit.estimate.covariance[np.ix_(at, at)]
+    std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    known = std > NO_EFFECT
+    ratio = float(value[known] @ np.linalg.pinv(covariance[np.ix_(known, known)]) @ value[known])
+    tries = np.prod([len(values) for values in error.scales.values()], initial=1.0)
+    bounds = {parameter.name: (parameter.low, parameter.high) for parameter in error.parameters()}
+    held = [min(max(v, bounds[name][0]), bounds[name][1]) for name, v in zip(names, value.tolist(), strict=True)]
+    fitted = replace(error, **dict(zip(names, held, strict=True)))
+    told = {
+        name: Told(v, v - 1.96 * s, v + 1.96 * s)
+        for name, v, s, acts in zip(names, value.tolist(), std.tolist(), known, strict=True)
+        if acts
+    }
+    sizes = [
+        np.abs(error_m - np.median(error_m))
+        for flight, wind in zip(flights, fit.winds, strict=True)
+        if (error_m := np.asarray(fitted.error_m(flight.conditions(wind)))).shape
+    ]
+    largest = float(np.percentile(np.concatenate(sizes), MOST)) if sizes else 0.0
+    return Named(fitted, told, float(min(1.0, tries * chi2.sf(ratio, max(int(known.sum()), 1)))), largest)
+
+
+def _blocks(flights: Sequence[Heights]) -> list[np.ndarray]:
+    """Masks of the rows of each part, over all flights together."""
+    time_s = np.concatenate([flight.time_s for flight in flights])
+    number = np.floor(time_s / BLOCK_S).astype(int) % BLOCKS
+    return [number == block for block in range(BLOCKS)]
+
+
+def _residuals(flights: Sequence[Heights], errors: Sequence[SensorError], noise: Noise) -> list[Rows]:
+    """What is left of each block where the parameters are those of the others; beside it the nuisances' columns."""
+    rows, n_errors = _rows(flights, errors, _no_wind(flights)), sum(len(_linear(error)) for error in errors)
+    found = []
+    for block in _blocks(flights):
+        seen = Rows(rows.time_s[~block], rows.flight[~block], rows.columns[~block], rows.target[~block])
+        value = estimate(seen, noise).value
+        left = rows.target[block] - rows.columns[block, :n_errors] @ value[:n_errors]
+        found.append(Rows(rows.time_s[block], rows.flight[block], rows.columns[block, n_errors:], left))
+    return found
+
+
+def _foretells(flights: Sequence[Heights], errors: Sequence[SensorError], i: int, noise: Noise) -> bool:
+    """Tell whether an error beside the others lowers the weighted squares of blocks that no fit saw."""
+    without = [error for j, error in enumerate(errors) if j != i]
+
+    def squares(each: Sequence[SensorError]) -> float:
+        return sum(estimate(block, noise).misfit for block in _residuals(flights, each, noise))
+
+    return squares(errors) < squares(without)
+
+
+def _held_out(flights: Sequence[Heights], errors: Sequence[SensorError], noise: Noise) -> float:
+    """Root mean square of what is left on parts that no fit saw, beside the wander that the rows before tell.
+
+    These are the innovations: of the weighted squares, in the unit of the rows.
+    """
+    blocks = _residuals(flights, errors, noise)
+    fits = [estimate(block, noise) for block in blocks]
+    n = sum(len(block.target) for block in blocks)
+    size = np.exp(0.5 * sum(fit.log_determinant for fit in fits) / n)
+    return float(size * np.sqrt(sum(fit.misfit for fit in fits) / n))

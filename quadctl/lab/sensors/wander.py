@@ -1,0 +1,130 @@
+"""Generalised least squares with noise that wanders: white, and two processes of its own time each.
+
+The difference of two height sensors is never white: pressure drifts with the weather, and a height that GPS's climb
+rate is integrated to wanders. How much, and how fast, is learned from the same data by restricted maximum likelihood
+(Patterson and Thompson 1971), so that a coefficient is as uncertain as the wander makes it.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import cho_solve_banded, cholesky_banded
+from scipy.optimize import minimize
+
+from quadctl.lab.arrays import Floats
+
+PROCESSES = 2
+START = ((0.5, 0.02, 2.0, 0.05, 60.0), (0.5, 0.2, 5.0, 0.5, 300.0))
+"""Starts of the search: white noise as a share of the difference's change from row to row, then size, m, and time, s,
+of each process."""
+LEAST_M, SHORTEST_S, LONGEST_S = 1e-4, 0.2, 1e5
+"""Bounds of the noise: sizes, and times."""
+
+
+class Noise(NamedTuple):
+    """Noise of a difference of heights."""
+
+    white_m: float
+    """Standard deviation of each row."""
+    sizes_m: tuple[float, ...]
+    times_s: tuple[float, ...]
+    """Standard deviation and correlation time of each process."""
+
+
+class Rows(NamedTuple):
+    """Rows of a regression, in the order of time within each flight."""
+
+    time_s: Floats
+    flight: Floats
+    """Number of the flight, shape (n,)."""
+    columns: Floats
+    """Shape (n, k)."""
+    target: Floats
+
+
+class Estimate(NamedTuple):
+    """Coefficients with their covariance."""
+
+    value: Floats
+    covariance: Floats
+    misfit: float
+    """Weighted squared error that is left."""
+    log_likelihood: float
+    """Restricted, without constants."""
+    log_determinant: float
+    """Of the rows' covariance."""
+
+
+def estimate(rows: Rows, noise: Noise, prior: Floats | None = None) -> Estimate:
+    """Coefficients that fit best; `prior` is the precision of each about 0, shape (k,)."""
+    whole = np.column_stack([rows.columns, rows.target])
+    weighted, log_det = _solve(rows, noise, whole)
+    products = whole.T @ weighted
+    k = rows.columns.shape[1]
+    precision = products[:k, :k] + (0.0 if prior is None else np.diag(prior))
+    covariance = np.linalg.pinv(precision, hermitian=True)
+    value = covariance @ products[:k, k]
+    misfit = float(products[k, k] - value @ products[:k, k])
+    _, log_det_columns = np.linalg.slogdet(precision + 1e-12 * np.eye(k) * np.trace(precision))
+    return Estimate(
+        np.asarray(value), np.asarray(covariance), misfit, -0.5 * (log_det + misfit + log_det_columns), log_det
+    )
+
+
+def learned(rows: Rows) -> Noise:
+    """The noise that is most likely, whatever the coefficients."""
+    step = max(float(np.median(np.abs(np.diff(rows.target)))), 1e-3)
+
+    def cost(logarithms: Floats) -> float:
+        noise = _noise(logarithms)
+        beyond = np.sum(np.maximum(np.abs(logarithms) - 14.0, 0.0))  # keeps the search where numbers are
+        return -estimate(rows, noise).log_likelihood + float(beyond)
+
+    found = []
+    for white, *others in START:
+        start = np.log([white * step, *others])
+        found.append(
+            minimize(cost, start, method="Nelder-Mead", options={"maxiter": 400, "xatol": 0.02, "fatol": 0.02})
+        )
+    return _noise(min(found, key=lambda one: float(one.fun)).x)
+
+
+def _noise(logarithms: Floats) -> Noise:
+    white, size_1, time_1, size_2, time_2 = np.exp(np.clip(logarithms, -14.0, 14.0)).tolist()
+    times = tuple(min(max(time, SHORTEST_S), LONGEST_S) for time in (time_1, time_2))
+    return Noise(max(white, LEAST_M), (max(size_1, LEAST_M), max(size_2, LEAST_M)), times)
+
+
+def _solve(rows: Rows, noise: Noise, right: Floats) -> tuple[Floats, float]:
+    """Product of the inverse covariance with `right`, and the logarithm of the covariance's determinant.
+
+    The processes are Markov: their precision has a narrow band, and Woodbury's identity adds the white noise.
+    """
+    n, m = len(rows.time_s), PROCESSES
+    band = np.zeros((m + 1, m * n))
+    log_det = n * 2.0 * np.log(noise.white_m)
+    same = rows.flight[1:] == rows.flight[:-1]
+    for i, (size, time) in enumerate(zip(noise.sizes_m, noise.times_s, strict=True)):
+        decay = np.where(same, np.exp(-np.maximum(np.diff(rows.time_s), 1e-6) / time), 0.0)
+        variance = size**2 * np.concatenate([[1.0], np.maximum(1.0 - decay**2, 1e-12)])
+        diagonal = 1.0 / variance
+        diagonal[:-1] += decay**2 / variance[1:]
+        band[m, i::m] = diagonal
+        band[0, m + i :: m] = -decay / variance[1:]
+        log_det += float(np.sum(np.log(variance)))
+    weight = noise.white_m**-2
+    band[m] += weight
+    band[m - 1, 1::m] = weight  # both processes are seen as one sum
+    factor = cholesky_banded(band)
+    spread = np.repeat(right, m, axis=0) * weight
+    inner = cho_solve_banded((factor, False), spread)
+    summed = inner.reshape(n, m, -1).sum(axis=1)
+    log_det += 2.0 * float(np.sum(np.log(factor[m])))
+    return weight * right - weight * summed, log_det
+
+
+def stacked(parts: Sequence[Rows]) -> Rows:
+    """The rows of several flights."""
+    time, flight, columns, target = zip(*parts, strict=True)
+    return Rows(np.concatenate(time), np.concatenate(flight), np.concatenate(columns), np.concatenate(target))

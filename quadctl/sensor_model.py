@@ -1,0 +1,114 @@
+"""The errors of a vehicle's height sensors, as fitted: what a file of them holds, and how it is read and written."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+from pydantic import Field
+
+from quadctl.effects.sensor_error import SensorError
+from quadctl.effects.sensors import SENSOR_ERRORS
+from quadctl.errors import SettingsError
+from quadctl.settings import Settings, nearest, read_yaml, validate
+
+
+@dataclass(frozen=True)
+class FittedError:
+    """An error with its parameters and their 95 % intervals."""
+
+    error: SensorError
+    ci95: dict[str, tuple[float, float]]
+    missing: bool
+    """True: these flights show it, and it matters; False: it was tried, and is not told from zero or is small."""
+
+
+@dataclass(frozen=True)
+class SensorModel:
+    """Errors of the height sensors of one vehicle."""
+
+    errors: tuple[FittedError, ...]
+    logs: tuple[str, ...]
+    scatter_m: float | None = None
+    """Standard deviation of the barometer's samples about what its errors explain."""
+    hover_throttle: float | None = None
+    """Middle throttle of these flights, 0 to 1."""
+
+    def of(self, name: str) -> FittedError | None:
+        """The error called `name`; None where it was not tried."""
+        return next((one for one in self.errors if one.error.name == name), None)
+
+
+class _Entry(Settings):
+    error: str
+    parameters: dict[str, Any] = Field(default_factory=dict)
+    ci95: dict[str, tuple[float, float]] = Field(default_factory=dict)
+    missing: bool = True
+
+
+class _SensorFile(Settings):
+    sensors: list[_Entry]
+    logs: list[str] = Field(default_factory=list)
+    scatter_m: float | None = Field(None, gt=0.0)
+    hover_throttle: float | None = Field(None, gt=0.0, le=1.0)
+
+
+def is_sensor_file(path: Path) -> bool:
+    """Tell whether a YAML file holds errors of sensors, not a model of the motion.
+
+    Raises
+    ------
+    SettingsError
+        It cannot be read.
+    """
+    return "sensors" in read_yaml(path)
+
+
+def load_sensors(path: Path) -> SensorModel:
+    """Read a file that `save_sensors` wrote.
+
+    Raises
+    ------
+    SettingsError
+        One sentence that names file, field, value and what was expected.
+    """
+    file = validate(read_yaml(path), _SensorFile, str(path))
+    errors = []
+    for i, entry in enumerate(file.sensors, start=1):
+        source = f"{path}: sensors[{i}]"
+        if entry.error not in SENSOR_ERRORS:
+            hint = nearest(entry.error, SENSOR_ERRORS) or f", expected one of: {', '.join(SENSOR_ERRORS)}"
+            raise SettingsError(f"{source}: there is no sensor error '{entry.error}'{hint}")
+        error = SENSOR_ERRORS[entry.error].from_values(entry.parameters, source)
+        errors.append(FittedError(error, dict(entry.ci95), entry.missing))
+    return SensorModel(tuple(errors), tuple(file.logs), file.scatter_m, file.hover_throttle)
+
+
+def sensors_to_dict(model: SensorModel) -> dict[str, Any]:
+    """Content of the file of `model`."""
+    entries = [
+        {
+            "error": one.error.name,
+            "missing": one.missing,
+            "parameters": one.error.values(),
+            "ci95": {name: list(interval) for name, interval in one.ci95.items()},
+        }
+        for one in model.errors
+    ]
+    known = {"scatter_m": model.scatter_m, "hover_throttle": model.hover_throttle}
+    return {"sensors": entries, "logs": list(model.logs)} | {k: v for k, v in known.items() if v is not None}
+
+
+def save_sensors(model: SensorModel, path: Path) -> None:
+    """Write `model` so that `load_sensors` gives it back.
+
+    Raises
+    ------
+    SettingsError
+        The file cannot be written.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(yaml.safe_dump(sensors_to_dict(model), sort_keys=False), encoding="utf-8")
+    except OSError as error:
+        raise SettingsError(f"{path}: cannot be written ({error.strerror})") from None
