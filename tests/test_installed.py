@@ -19,7 +19,7 @@ from tests.support.places import ROOT
 
 EDITED = (
     *sorted((ROOT / "missions").glob("*.yaml")),
-    *sorted((ROOT / "config").rglob("*.yaml")),
+    *sorted(path for path in (ROOT / "config").rglob("*") if path.is_file()),
     *sorted(path for path in (ROOT / "sitl").rglob("*") if path.is_file() and path.suffix not in (".py", ".pyc")),
 )
 """Files of the repository that a user of the wheel needs too."""

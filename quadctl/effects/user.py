@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from quadctl.effects.base import SPANS, VARIABLES, Conditions, Effect, ThrustRatio
+from quadctl.effects.base import SPANS, VARIABLES, Conditions, Effect, Parametric, ThrustRatio
 from quadctl.errors import SettingsError
 from quadctl.settings import nearest
 from quadctl.vehicle import Vehicle
@@ -36,7 +36,8 @@ RENAMED = {
 }
 """Former names of class variables, which users' files may still have, with the present names."""
 
-DECLARED = tuple(name for name in Effect.__annotations__ if not hasattr(Effect, name))
+ATTRIBUTES = (*Parametric.__annotations__, *Effect.__annotations__)
+DECLARED = tuple(name for name in ATTRIBUTES if not hasattr(Effect, name))
 """Class variables that every effect must declare: its name, source, physics, ..."""
 
 SAMPLE = Vehicle.model_validate(

@@ -13,8 +13,8 @@ from typer.testing import CliRunner
 import quadctl.sitl.run
 from quadctl.cli import app
 from quadctl.effects import CATALOG, Conditions, catalog, catalog_with, choose_effect, every_effect, find_effect
-from quadctl.effects.base import VARIABLES, Effect
-from quadctl.effects.user import DECLARED, HOOKS, effects_of
+from quadctl.effects.base import VARIABLES, Effect, Parametric
+from quadctl.effects.user import ATTRIBUTES, DECLARED, HOOKS, effects_of
 from quadctl.errors import SettingsError
 from quadctl.flight.preflight.preparation import prepare_flight
 from quadctl.lab.flights.flight import SPAN_UNITS
@@ -96,7 +96,7 @@ class TestItsDocumentation:
         assert described("Class attributes that every effect has") == list(DECLARED)
 
     def test_lists_the_optional_attributes_with_their_defaults(self) -> None:
-        optional = [name for name in Effect.__annotations__ if name not in DECLARED]
+        optional = [name for name in ATTRIBUTES if name not in DECLARED]
         assert described("Optional class attributes") == optional
         for name in optional:
             default = repr(getattr(Effect, name)).replace("'", '"')
@@ -107,7 +107,8 @@ class TestItsDocumentation:
 
     def test_lists_the_optional_methods(self) -> None:
         given = {"family", "parameters", "from_values", "values"}  # what follows from the declarations
-        methods = [name for name, value in vars(Effect).items() if callable(value) or isinstance(value, classmethod)]
+        declared = {**vars(Parametric), **vars(Effect)}
+        methods = [name for name, value in declared.items() if callable(value) or isinstance(value, classmethod)]
         optional = [name for name in methods if name[0] != "_" and name not in given | set(HOOKS)]
         assert described("Optional methods") == optional
 

@@ -32,10 +32,9 @@ DRAG = ("rotor_drag.linear", {"d_x": 0.3, "d_y": 0.3})
 def flown(mission: str, effect: tuple[str, dict[str, float]], seed: int, where: Path) -> FlightLog:
     """The log of a fully actuated flight in a world that hides `effect`."""
     where.mkdir(parents=True, exist_ok=True)
-    config, hidden = where / "flight.yaml", where / "hidden.yaml"
-    config.write_text(yaml.safe_dump({"vehicle": str(VEHICLE), "controller": {"actuation": "full"}}))
+    hidden = where / "hidden.yaml"
     hidden.write_text(yaml.safe_dump({"effects": [{"effect": effect[0], "parameters": effect[1]}]}))
-    plan = prepare_flight(MISSIONS / f"{mission}.yaml", config, None, None)
+    plan = prepare_flight(MISSIONS / f"{mission}.yaml", ROOT / "config" / "flight_f550_tilted.yaml", None, None)
     outcome = simulate(plan, where, hidden, seed)
     assert outcome.completed, outcome.ended
     return read_log(outcome.log)

@@ -158,7 +158,7 @@ def test_a_vehicle_that_is_disarmed_already_is_not_asked_to_land() -> None:
     flight.autopilot.parameters["COM_OF_LOSS_T"] = 60.0
     flight.when(at_stage(Stage.LAND, 120), disarm).fly()
     assert flight.autopilot.asked == ["OFFBOARD", "ARM", "LAND"]
-    assert flight.pilot.ended == "completed; no answer; the vehicle was disarmed"
+    assert flight.pilot.ended == "completed; the vehicle was disarmed"
 
 
 # --- not known whose the mode is -----------------------------------------------------------------------------------

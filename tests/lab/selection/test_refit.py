@@ -32,7 +32,7 @@ def truth(raptor: Vehicle) -> Model:
 
 @pytest.fixture(scope="module")
 def data(truth: Model) -> Dataset:
-    return load_dataset([obedient(truth, 120.0, noise_m_s=0.01)], truth.vehicle)
+    return load_dataset([obedient(truth, 120.0, noise_m_s=0.01, seed=3)], truth.vehicle)
 
 
 @pytest.fixture(scope="module")
