@@ -267,6 +267,7 @@ class _Link:
         self.url = "simulated"
         self.own_system_id, self.system_id = mavlink.OWN_SYSTEM_ID, 1
         self.warnings: list[str] = []
+        self.other_autopilots: list[int] = []
         self.on_reopened: Callable[[], None] = lambda: None
         self._world = world
         self._evidence = evidence
