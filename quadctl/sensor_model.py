@@ -1,6 +1,6 @@
 """The errors of a vehicle's height sensors, as fitted: what a file of them holds, and how it is read and written."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +37,10 @@ class SensorModel:
     def of(self, name: str) -> FittedError | None:
         """The error called `name`; None where it was not tried."""
         return next((one for one in self.errors if one.error.name == name), None)
+
+    def beside(self, other: "SensorModel") -> "SensorModel":
+        """The errors of both, of the same flights."""
+        return replace(self, errors=(*self.errors, *other.errors))
 
 
 class _Entry(Settings):

@@ -92,7 +92,7 @@ def export(
         raise typer.BadParameter("give --now or --link, not both")
     if to in PROGRAMS:
         assert output is not None
-        _write_program(PROGRAMS[to], load_model(model), output)
+        _write_program(PROGRAMS[to], model, output)
         return
     dialect = AUTOPILOTS[to]
     if undo:
@@ -133,7 +133,13 @@ def export(
         write_parameters(str(link), dialect, rows, kept, _say)
 
 
-def _write_program(write: "Callable[[Model, Path], tuple[str, ...]]", model: "Model", output: Path) -> None:
+def _write_program(write: "Callable[[Model, Path], tuple[str, ...]]", file: Path, output: Path) -> None:
+    from quadctl.model import load_model
+    from quadctl.sensor_model import is_sensor_file
+
+    if is_sensor_file(file):
+        raise QuadctlError(f"{file}: holds errors of sensors, expected a model of the motion: --to px4 or ardupilot")
+    model = load_model(file)
     try:
         output.parent.mkdir(parents=True, exist_ok=True)
         left_out = write(model, output)

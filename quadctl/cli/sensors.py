@@ -15,6 +15,7 @@ from quadctl.logs.formats import suffixes
 if TYPE_CHECKING:
     from quadctl.effects.sensor_error import SensorError
     from quadctl.lab.sensors.heights import Heights
+    from quadctl.logs.flight_log import FlightLog
 
 SensorsOption = Annotated[
     bool, typer.Option("--sensors", help="Look at the height sensors instead of the motion; MODEL.yaml is not needed.")
@@ -43,8 +44,9 @@ def compare_sensors(logs: Sequence[Path], json_out: Path | None, plot: Path | No
     """Print where the barometer fails."""
     from quadctl.lab.sensors.comparison import compare_sensor
     from quadctl.lab.sensors.words import REFERENCES, comparison_table
+    from quadctl.logs.read import read_logs
 
-    flights = _flights(logs)
+    flights = _flights(read_logs(list(logs)))
     compared = compare_sensor(flights)
     by = ", ".join(dict.fromkeys(REFERENCES[flight.reference] for flight in flights))
     _say(f"The {compared.sensor} differs from {by} by {100.0 * compared.rms_m:.1f} cm, its level left out.")
@@ -54,31 +56,37 @@ def compare_sensors(logs: Sequence[Path], json_out: Path | None, plot: Path | No
 
 
 def diagnose_sensors(logs: Sequence[Path], json_out: Path | None, plot: Path | None, output: Path | None) -> None:
-    """Print which errors the barometer has."""
+    """Print the errors of the barometer, and of the range finder where it has a reference of its own."""
     from quadctl.lab.sensors.diagnosis import diagnose_sensor
+    from quadctl.lab.sensors.heights import Heights, heights
     from quadctl.lab.sensors.words import answer
+    from quadctl.logs.read import read_logs
     from quadctl.sensor_model import save_sensors
 
-    flights = _flights(logs)
+    read = read_logs(list(logs))
+    flights = _flights(read)
+    beside = [known for log in read if isinstance(known := heights(log, "rangefinder"), Heights)]
     with console.status("diagnosing"):
         found = diagnose_sensor(flights)
-    for sentence in answer(found):
+        finder = diagnose_sensor(beside) if beside else None
+    both = [found] if finder is None else [found, finder]
+    for sentence in (sentence for one in both for sentence in answer(one)):
         _say(sentence)
     if output is not None:
-        save_sensors(found.model(), output)
+        model = found.model()
+        save_sensors(model if finder is None else model.beside(finder.model()), output)
         print_saved(output)
         _say(f"Next: quadctl export {output} --to ardupilot (or px4)")
-    write_json(json_out, found.to_dict())
+    write_json(json_out, {"sensors": [one.to_dict() for one in both]})
     _draw(plot, flights, tuple(one.error for one in found.missing))
 
 
-def _flights(paths: Sequence[Path]) -> "list[Heights]":
+def _flights(logs: "Sequence[FlightLog]") -> "list[Heights]":
     from quadctl.lab.sensors.heights import NoReference, heights
     from quadctl.lab.sensors.words import MISSING_REFERENCE
-    from quadctl.logs.read import read_logs
 
     found = []
-    for log in read_logs(list(paths)):
+    for log in logs:
         if not log.has("baro_m"):
             raise LogError(f"{log.name}: holds no barometer (baro_m), expected one")
         known = heights(log, "barometer")

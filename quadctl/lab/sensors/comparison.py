@@ -1,4 +1,4 @@
-"""Where a height sensor fails: its difference from the reference over what may make it err."""
+"""Difference of a height sensor from its reference, over what may make it err."""
 
 import itertools
 from collections.abc import Sequence
@@ -62,7 +62,7 @@ class SensorComparison:
 
 
 def variables(flight: Heights) -> dict[str, Floats]:
-    """What may make the sensor err, by the names of EDGES, each of shape (n,)."""
+    """Causes for which a sensor may err, by the names of EDGES, each of shape (n,)."""
     forward, right, _ = flight.conditions(flight.wind_ne_m_s).velocity_body_m_s
     return {
         "height": flight.above_ground_m,

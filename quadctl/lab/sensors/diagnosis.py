@@ -1,4 +1,4 @@
-"""Which errors a height sensor has: all are fitted together, and those that the flights do not need are left out."""
+"""Diagnosis of a height sensor: all errors are fitted together, and those that the flights do not need are left out."""
 
 import itertools
 from collections.abc import Sequence
@@ -29,7 +29,7 @@ MOST = 99.0
 NO_EFFECT = 1e-9
 """Standard error, of a parameter, that only one has that acts on nothing in these flights."""
 SPEED_M_S, STEEP_M, DRIVE = 1.5, 0.5, 0.05
-"""What flights must span to show an error: speed through the air, height near the ground, share of thrust."""
+"""Spans that show an error: speed through the air, height near the ground, share of thrust."""
 LOW_M = 1.0
 """Height below which the error of the ground shows."""
 
@@ -331,7 +331,7 @@ def _blocks(flights: Sequence[Heights]) -> list[np.ndarray]:
 
 
 def _residuals(flights: Sequence[Heights], errors: Sequence[SensorError], noise: Noise) -> list[Rows]:
-    """What is left of each block where the parameters are those of the others; beside it the nuisances' columns."""
+    """Rest of each part where the parameters are those of the others; beside it the nuisances' columns."""
     rows, n_errors = _rows(flights, errors, _no_wind(flights)), sum(len(_linear(error)) for error in errors)
     found = []
     for block in _blocks(flights):

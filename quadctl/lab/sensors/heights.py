@@ -1,4 +1,4 @@
-"""What a log says about the sensors of the height: their readings, and a reference that does not lean on them."""
+"""Readings of the sensors of the height in a log, and a reference that does not lean on them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,6 +14,8 @@ from quadctl.logs.record.flight_time import thrust_drive, within
 from quadctl.logs.record.record import Record, examine
 from quadctl.numeric import Vector
 
+READINGS = {"barometer": "baro_m", "rangefinder": "range_m"}
+"""Columns of the sensors."""
 BIN_S = 0.5
 """Time over which readings are averaged: errors of the sensors' filters and delays average out, those of effects do
 not."""
@@ -121,6 +123,8 @@ def leans_on_barometer(parameters: Mapping[str, float], autopilot: str) -> bool:
 
 def heights(log: FlightLog, sensor: str) -> Heights | NoReference:
     """The sensor beside the best reference that covers the flight; the reason where there is none."""
+    if not log.has(READINGS[sensor]):
+        return NoReference.NONE
     record = examine(log)
     known, reason = references(record.log, sensor)
     for kind, true_m in known.items():
@@ -151,7 +155,8 @@ def _binned(record: Record, sensor: str, kind: Reference, true_m: Floats) -> Hei
     north, east, up = (mean(log[name]) for name in VELOCITY)
     drive = thrust_drive(log, record.thrust_source)
     share = np.ones(n_bins) if drive is None else mean(drive)
-    above = mean(log["range_m"] * _cos_tilt(log) if log.has("range_m") else _above_rest(log, flying))
+    by_range = sensor != "rangefinder" and log.has("range_m")
+    above = mean(log["range_m"] * _cos_tilt(log) if by_range else _above_rest(log, flying))
     temperature = mean(log["baro_temperature_c"]) if log.has("baro_temperature_c") else np.zeros(n_bins)
     true = mean(true_m)
     rows = (
@@ -164,7 +169,7 @@ def _binned(record: Record, sensor: str, kind: Reference, true_m: Floats) -> Hei
     velocity: tuple[Floats, Floats, Floats] = (north[rows], east[rows], -up[rows])
     time = np.asarray(begin + BIN_S * (np.flatnonzero(rows) + 0.5), dtype=np.float64)
     wind, wind_std = wind_by_lean(time, velocity, attitude)
-    updates = log.updates("baro_m" if sensor == "barometer" else "range_m")
+    updates = log.updates(READINGS[sensor])
     updates = updates[(number[updates] >= 0) & np.isfinite(true_m[updates])]
     each = log["baro_m"] if sensor == "barometer" else log["range_m"] * _cos_tilt(log)
     scatter = (each - true_m)[updates] - (reading - true)[number[updates]]

@@ -159,6 +159,7 @@ def test_a_vehicle_that_is_disarmed_already_is_not_asked_to_land() -> None:
     flight.when(at_stage(Stage.LAND, 120), disarm).fly()
     assert flight.autopilot.asked == ["OFFBOARD", "ARM", "LAND"]
     assert flight.pilot.ended == "completed; the vehicle was disarmed"
+    assert "no answer" in [event.what for tick in flight.watch.ticks for event in tick.events]
 
 
 # --- not known whose the mode is -----------------------------------------------------------------------------------

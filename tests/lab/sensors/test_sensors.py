@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 
 from quadctl.cli import app
 from quadctl.effects.barometer import AirspeedError, DriftError, GroundError, ThrottleError
+from quadctl.effects.rangefinder import MountingError
 from quadctl.effects.sensor_error import SensorConditions, SensorError
 from quadctl.export.ardupilot import ARDUPILOT
 from quadctl.export.autopilot import Present
@@ -242,3 +243,18 @@ def test_two_commands_lead_from_a_log_to_a_parameter_file(tmp_path: Path) -> Non
     assert run.invoke(app, ["export", str(file), "--to", "ardupilot", "-o", str(parameters)]).exit_code == 0
     lines = [line for line in parameters.read_text().splitlines() if not line.startswith("#")]
     assert [line.partition(",")[0] for line in lines] == ["BARO1_WCF_ENABLE", "BARO1_WCF_FWD", "BARO1_WCF_BCK"]
+
+
+def test_a_range_finder_that_is_turned_on_the_body_is_named_beside_motion_capture(runs: FlightLog) -> None:
+    mounting = MountingError(offset_m=0.08, scale=0.0, roll_rad=0.0, pitch_rad=0.12)
+    log = measured(runs, (), Reference.POSITION)
+    lean = np.cos(np.radians(log["roll_deg"])) * np.cos(np.radians(log["pitch_deg"]))
+    above = replace(conditions(log), height_m=log["z_m"] - np.nanmin(log["z_m"]))  # above where it stands
+    noise = 0.01 * np.random.default_rng(8).standard_normal(len(log))
+    height = log["z_m"] + np.asarray(mounting.error_m(above)) + noise
+    found = heights(replace(log, columns={**log.columns, "range_m": height / lean}), "rangefinder")
+    assert isinstance(found, Heights) and found.reference is Reference.POSITION
+    named = diagnose_sensor([found])
+    told = {one.name: one.parameters for one in (*named.missing, *named.small, *named.absent)}
+    pitch = told["rangefinder.mounting"]["pitch_rad"]
+    assert pitch.low <= 0.12 <= pitch.high and pitch.is_told
