@@ -49,6 +49,11 @@ def _sees_no_defect(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(guards, "defect", lambda *_: None)
 
 
+def _repeats_its_requests(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As MAVSDK does with a command that is not acknowledged."""
+    monkeypatch.setattr(simulated_time._Link, "command_once", simulated_time._Link.command)
+
+
 def _takes_the_mode_back(monkeypatch: pytest.MonkeyPatch) -> None:
     answer = Landing.answer
 
@@ -69,6 +74,7 @@ def _forgets_its_end(monkeypatch: pytest.MonkeyPatch) -> None:
     [
         (_is_never_silent, 9, "setpoints while the mode was told to be another's"),
         (_sees_no_defect, 8, "setpoints from a position that was 3.2"),
+        (_repeats_its_requests, 1044, "s after the release"),
         (_takes_the_mode_back, 19, "s after a person took POSCTL"),
         (_forgets_its_end, 8, "the sidecar says 'in flight' in the end"),
     ],
