@@ -37,13 +37,13 @@ STAIRCASE = {
 }
 
 
-def fly_over_a_cushion(where: Path) -> Path:
+def fly_over_a_cushion(where: Path, name: str = "flight.csv", seed: int = 1) -> Path:
     """A log of a flight over a ground whose cushion is in no catalogue; the truth is beside it."""
     mission, hidden = where / "short_staircase.yaml", where / "hidden.yaml"
     mission.write_text(yaml.safe_dump(STAIRCASE))
     hidden.write_text(yaml.safe_dump(CUSHION))
-    outcome = simulate(prepare_flight(mission, ROOT / "config" / "flight_thesis.yaml", "none", None), where, hidden, 1)
-    return Path(shutil.move(outcome.log, where / "flight.csv"))
+    outcome = simulate(prepare_flight(mission, ROOT / "config" / "flight_thesis.yaml", "none", None), where, hidden, seed)
+    return Path(shutil.move(outcome.log, where / name))
 
 
 def searched(log: Path) -> Path:

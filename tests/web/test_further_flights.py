@@ -71,12 +71,11 @@ def held_up(process: subprocess.Popen[bytes]) -> Iterator[None]:
             worker.resume()
 
 
-def first_half(log: Path, name: str) -> Path:
-    """Another flight: the first half of one."""
-    flight = pl.read_csv(log, infer_schema_length=None)
-    path = log.with_name(name)
-    flight.head(len(flight) // 2).write_csv(path)
-    return path
+@pytest.fixture(scope="module")
+def others(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """Two other flights of the same vehicle over the same ground."""
+    where = tmp_path_factory.mktemp("others")
+    return [fly_over_a_cushion(where, f"{name}.csv", seed) for name, seed in (("second", 2), ("third", 3))]
 
 
 def without_rotor_speeds(log: Path, name: str) -> Path:
@@ -120,10 +119,10 @@ def test_every_parameter_lies_in_its_interval(visitor: Visitor) -> None:
 
 
 def test_a_flight_that_was_not_in_the_fit_is_named_with_its_error_and_a_refit_is_offered(
-    visitor: Visitor, log: Path
+    visitor: Visitor, others: list[Path]
 ) -> None:
     visitor.click("[role=tab]:has-text('Flights')")
-    visitor.drops(first_half(log, "second.csv"))
+    visitor.drops(others[0])
     assert "The model is fitted to flight.csv only, not to second.csv." in visitor.sees("#fitted-to")
     for flight in ("flight.csv", "second.csv"):
         assert re.search(r"0\.\d+", visitor.sees(f".by-flight tr:has-text('{flight}')"))
@@ -139,11 +138,11 @@ def test_a_flight_that_was_not_in_the_fit_is_named_with_its_error_and_a_refit_is
 
 @pytest.mark.parametrize("answer", ["Use it anyway", "Leave it out"])
 def test_a_log_that_seems_to_be_of_another_vehicle_is_asked_about_before_it_is_used(
-    visitor: Visitor, log: Path, answer: str
+    visitor: Visitor, others: list[Path], answer: str
 ) -> None:
     error = visitor.error_now()
     visitor.click("[role=tab]:has-text('Flights')")
-    visitor.drops(without_rotor_speeds(log, "by_command.csv"))
+    visitor.drops(without_rotor_speeds(others[0], "by_command.csv"))
     assert "The thrust of this flight is from" in visitor.sees("#doubt")
     asked = visitor.page.locator("[data-log='by_command.csv']")
     expect(asked.locator(".good")).to_have_count(0)
@@ -161,20 +160,19 @@ def test_a_log_that_seems_to_be_of_another_vehicle_is_asked_about_before_it_is_u
 
 
 def test_files_that_are_dropped_while_something_is_computed_wait_for_it(
-    visitor: Visitor, lab: tuple[str, subprocess.Popen[bytes]], log: Path
+    visitor: Visitor, lab: tuple[str, subprocess.Popen[bytes]], others: list[Path]
 ) -> None:
-    more = [first_half(log, name) for name in ("second.csv", "third.csv")]
     visitor.click("[role=tab]:has-text('Flights')")
     visitor.sees("text=Drop flight logs here")
     with held_up(lab[1]):
         visitor.page.keyboard.press("r")
         visitor.sees(".banner.work:has-text('Refitting')")
-        visitor.drops(*more)
+        visitor.drops(*others)
         visitor.sees(".banner:has-text('Next: second.csv and third.csv.')")
         expect(visitor.page.locator(".banner.work button:has-text('Cancel')")).to_be_in_viewport(ratio=1.0)
         visitor.keeps("waiting")
-    for path in more:
+    for path in others:
         visitor.sees(f"[data-log='{path.name}'] .good")
     expect(visitor.page.locator(".banner:has-text('Next:')")).to_have_count(0)
-    for path in more:
+    for path in others:
         leave_out(visitor, path.name)

@@ -58,16 +58,30 @@ def _step(log: FlightLog, spans: tuple[Span, ...]) -> tuple[float, float, float]
     places = np.flatnonzero((time_s > time_s[0] + SIDE_S) & (time_s < time_s[-1] - SIDE_S))
     if len(places) < 2:
         return None
-    near_rows = round(INDEPENDENT_S / STEP_S)
-    coarse = min(range(0, len(places), near_rows), key=lambda i: _fit(force, velocity, int(places[i])).left)
-    near = places[max(coarse - near_rows, 0) : coarse + near_rows]
-    place = int(min(near, key=lambda row: _fit(force, velocity, int(row)).left))
+    place = int(places[np.argmax(_explained(force, velocity)[places])])
     fit = _fit(force, velocity, place)
     angle = np.degrees(np.array([-fit.step[1], fit.step[0]]) / GRAVITY_M_S2)
     matters = float(np.hypot(*angle)) > MATTERS_DEG and float(np.hypot(*(fit.step / fit.std))) > SIGMA
     explains = fit.left < (1.0 - EXPLAINS) * _fit(force, velocity, len(time_s)).left
     sudden = _turns(lean, place, angle) and _is_sharp(fit, place)
     return (float(time_s[place]), float(angle[0]), float(angle[1])) if matters and explains and sudden else None
+
+
+def _explained(force: Floats, velocity: Floats) -> Floats:
+    """Sum of squares, (m/s^2)^2, that a step at each row takes off what drag and an offset leave, shape (n,).
+
+    The step is made orthogonal to both (Frisch and Waugh, 1933); its products with them are sums over the rows after.
+    """
+    n = force.shape[1]
+    explained = np.zeros(n)
+    for axis in range(2):
+        other = np.column_stack([velocity[axis], np.ones(n)])
+        inverse = np.linalg.pinv(other.T @ other)
+        left = force[axis] - other @ (inverse @ other.T @ force[axis])
+        with_other = np.cumsum(other[::-1], axis=0)[::-1]
+        size = with_other[:, 1] - np.einsum("ni,ij,nj->n", with_other, inverse, with_other)
+        explained += np.cumsum(left[::-1])[::-1] ** 2 / np.maximum(size, 1e-9 * n)
+    return explained
 
 
 class _Fit(NamedTuple):
