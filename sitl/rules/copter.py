@@ -3,9 +3,11 @@
 import enum
 from typing import ClassVar
 
+import numpy as np
+
 from quadctl.frames import rotate
 from quadctl.sitl.rules.px4 import CRITICAL, SimulatedAutopilot
-from quadctl.sitl.vehicle.inner_loops import level_with_yaw
+from quadctl.sitl.vehicle.inner_loops import PX4, Gains, level_with_yaw
 from quadctl.state import AttitudeTarget
 from quadctl.thrust_chain.ardupilot import angle_boost
 from quadctl.thrust_chain.atmosphere import Air, Version, air_density_ratio, atmosphere_of
@@ -30,6 +32,10 @@ CLIMBED_M = 0.3
 """Distance to the height of a return within which it counts as reached."""
 AIR = Air(pressure_pa=95598.0, ground_temperature_c=28.16, height_m=0.0, altitude_m=488.1)
 """Air at the take-off place of the recorded flights."""
+ANGLE_P, RATE_PI, MAX_INTEGRAL = 4.5, 0.135, 0.5
+"""Defaults of ATC_ANG_RLL_P, ATC_RAT_RLL_P and _I, and ATC_RAT_RLL_IMAX, the same for pitch."""
+MAX_RATE_P = 50.0
+"""Largest gain of the rate loop, 1/s: pilots tune small vehicles, whose defaults would be more, down."""
 NOT_ARMABLE = ("LAND", "RTL", "BRAKE")
 
 
@@ -84,6 +90,19 @@ class SimulatedCopter(SimulatedAutopilot):
     def hear_heartbeat(self, system_id: int) -> None:
         if system_id == int(self.parameters["SYSID_MYGCS"]):
             self._station_heard_s = self.time_s
+
+    def gains(self, vehicle: Vehicle) -> Gains:
+        """Gains for this vehicle: the rate loop's output 1 moves the outermost rotors by half of their thrust."""
+        arms = np.abs([arm[:2] for arm in vehicle.moment_arms_m])
+        torque_nm = 0.5 * vehicle.throttle.max_thrust_per_rotor_n * np.sum(arms**2, axis=0) / np.max(arms, axis=0)
+        output = torque_nm / vehicle.principal_inertia_kg_m2[:2]
+        roll, pitch = (min(RATE_PI * float(size), MAX_RATE_P) for size in output)
+        return Gains(
+            (ANGLE_P, ANGLE_P, PX4.attitude_p[2]),
+            (roll, pitch, PX4.rate_p[2]),
+            (roll, pitch, PX4.rate_i[2]),
+            MAX_INTEGRAL * float(np.max(output)),
+        )
 
     def rotor_parameters(self, vehicle: Vehicle) -> dict[str, float]:
         """Number of the frame: it does not know the axes of rotors."""

@@ -13,7 +13,7 @@ from quadctl.frames import GRAVITY_M_S2, multiply, quaternion_from_euler, rotate
 from quadctl.sitl.vehicle.body import STEP_S, SimulatedBody
 from quadctl.sitl.vehicle.estimator import Estimator
 from quadctl.sitl.vehicle.hidden import HiddenTruth, true_model
-from quadctl.sitl.vehicle.inner_loops import InnerLoops, level_with_yaw
+from quadctl.sitl.vehicle.inner_loops import PX4, Gains, InnerLoops, level_with_yaw
 from quadctl.state import AttitudeTarget, Quat, Vec3, VehicleState
 from quadctl.vehicle import Vehicle
 
@@ -73,7 +73,7 @@ class SimulatedAutopilot:
         self.vehicle = vehicle
         self.body = SimulatedBody(true_model(vehicle, truth, source), ground=truth.ground)
         self.estimator = Estimator(truth.noise, truth.telemetry, seed)
-        self.loops = InnerLoops(vehicle, truth.autopilot.attitude)
+        self.loops = InnerLoops(vehicle, truth.autopilot.attitude, self.gains(vehicle))
         self.mode = self.first_mode
         self.armed = False
         self.landed = True
@@ -103,6 +103,10 @@ class SimulatedAutopilot:
         self.said: deque[tuple[int, str]] = deque()
         """Texts that it has to say, with their MAV_SEVERITY; taken by whoever sends them."""
         self.estimator.observe(self.body.motion())
+
+    def gains(self, vehicle: Vehicle) -> Gains:
+        """Gains of its attitude and rate loops."""
+        return PX4
 
     def _parameters(self, vehicle: Vehicle, changes: dict[str, float], source: str) -> dict[str, float]:
         """Default parameters with changes; raises SettingsError for a parameter that it does not have."""

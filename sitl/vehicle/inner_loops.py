@@ -2,6 +2,7 @@
 
 import math
 from collections import deque
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,16 +11,26 @@ from quadctl.sitl.vehicle.body import STEP_S
 from quadctl.state import Quat, Vec3
 from quadctl.vehicle import AxisResponse, Vehicle
 
-ATTITUDE_P = (6.5, 6.5, 2.8)
-"""Gains of the attitude loop, 1/s: PX4's MC_ROLL_P, MC_PITCH_P, MC_YAW_P."""
-RATE_P = (20.0, 20.0, 6.0)
-"""Gains of the rate loop, 1/s: angular acceleration per rate error."""
-RATE_I = (25.0, 25.0, 6.0)
-"""Integral gains of the rate loop, 1/s^2."""
 MAX_RATE_RAD_S = (3.8, 3.8, 3.5)
-MAX_INTEGRAL_RAD_S2 = 12.0
 LOOP_S = 2.0 * STEP_S
 """Period of the attitude loop; the rate loop runs at every step of the physics."""
+
+
+@dataclass(frozen=True)
+class Gains:
+    """Gains of the two loops, for roll, pitch and yaw."""
+
+    attitude_p: Vec3
+    """1/s."""
+    rate_p: Vec3
+    """Angular acceleration per rate error, 1/s."""
+    rate_i: Vec3
+    """1/s^2."""
+    max_integral_rad_s2: float
+
+
+PX4 = Gains((6.5, 6.5, 2.8), (20.0, 20.0, 6.0), (25.0, 25.0, 6.0), 12.0)
+"""Attitude: PX4's MC_ROLL_P, MC_PITCH_P, MC_YAW_P."""
 
 
 class AttitudeModel:
@@ -59,7 +70,8 @@ class InnerLoops:
     With a `response` the attitude follows a reference model with that answer, as in PX4 from May 2026 on.
     """
 
-    def __init__(self, vehicle: Vehicle, response: AxisResponse | None = None) -> None:
+    def __init__(self, vehicle: Vehicle, response: AxisResponse | None = None, gains: Gains = PX4) -> None:
+        self._gains = gains
         self._model = AttitudeModel(response, LOOP_S) if response is not None else None
         self._acceleration: Vec3 = (0.0, 0.0, 0.0)
         self._inertia = vehicle.principal_inertia_kg_m2
@@ -67,7 +79,7 @@ class InnerLoops:
         self._n = vehicle.n_rotors
         self._allocation = allocation(vehicle)
         self._lateral_mix = vehicle.allocation.lateral_mix
-        self.max_integral_rad_s2 = MAX_INTEGRAL_RAD_S2
+        self.max_integral_rad_s2 = gains.max_integral_rad_s2
         self.integral: Vec3 = (0.0, 0.0, 0.0)
 
     def reset(self) -> None:
@@ -77,13 +89,13 @@ class InnerLoops:
         """Rates that turn the vehicle toward `target` along the shortest way, limited; once every LOOP_S."""
         model = self._model
         if model is None:
-            return _limited_rates((0.0, 0.0, 0.0), turn_between(attitude, target))
+            return self._limited_rates((0.0, 0.0, 0.0), turn_between(attitude, target))
         if airborne:
             model.step(target)
         else:
             model.start(attitude)
         self._acceleration = model.acceleration
-        return _limited_rates(model.rates, turn_between(attitude, model.attitude))
+        return self._limited_rates(model.rates, turn_between(attitude, model.attitude))
 
     def motor_outputs(
         self,
@@ -99,10 +111,10 @@ class InnerLoops:
         integral = []
         for i in range(3):
             error = rate_sp[i] - rates[i]
-            total = self.integral[i] + RATE_I[i] * error * dt if airborne else 0.0
+            total = self.integral[i] + self._gains.rate_i[i] * error * dt if airborne else 0.0
             total = min(max(total, -self.max_integral_rad_s2), self.max_integral_rad_s2)
             integral.append(total)
-            torque.append(self._inertia[i] * (RATE_P[i] * error + total + self._acceleration[i]))
+            torque.append(self._inertia[i] * (self._gains.rate_p[i] * error + total + self._acceleration[i]))
         self.integral = (integral[0], integral[1], integral[2])
         per_thrust = self._curve.per_newton * self._n
         tx, ty, tz = torque
@@ -112,6 +124,16 @@ class InnerLoops:
             for (a, b, c), (x, y) in zip(self._allocation, self._lateral_mix, strict=True)
         ]
 
+    def _limited_rates(self, ahead: Vec3, off: Vec3) -> Vec3:
+        """Rates `ahead` and those that take away the turn `off`, limited."""
+        px, py, pz = self._gains.attitude_p
+        mx, my, mz = MAX_RATE_RAD_S
+        return (
+            min(max(ahead[0] + px * off[0], -mx), mx),
+            min(max(ahead[1] + py * off[1], -my), my),
+            min(max(ahead[2] + pz * off[2], -mz), mz),
+        )
+
 
 def turn_between(attitude: Quat, target: Quat) -> Vec3:
     """Turn from `attitude` to `target` along the shortest way, body axes, rad; small angles."""
@@ -119,17 +141,6 @@ def turn_between(attitude: Quat, target: Quat) -> Vec3:
     ew, ex, ey, ez = multiply((w, -x, -y, -z), target)
     sign = 2.0 if ew >= 0.0 else -2.0
     return sign * ex, sign * ey, sign * ez
-
-
-def _limited_rates(ahead: Vec3, off: Vec3) -> Vec3:
-    """Rates `ahead` and those that take away the turn `off`, limited."""
-    px, py, pz = ATTITUDE_P
-    mx, my, mz = MAX_RATE_RAD_S
-    return (
-        min(max(ahead[0] + px * off[0], -mx), mx),
-        min(max(ahead[1] + py * off[1], -my), my),
-        min(max(ahead[2] + pz * off[2], -mz), mz),
-    )
 
 
 def allocation(vehicle: Vehicle) -> list[tuple[float, float, float]]:

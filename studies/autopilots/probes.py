@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from quadctl.control.attitude import attitude_for_force
+from quadctl.effects.rotor_fault import WeakRotor
 from quadctl.sitl.rules.copter import Guided, SimulatedCopter
 from quadctl.sitl.rules.px4 import SimulatedAutopilot
 from quadctl.sitl.server.ardupilot import MavlinkArduPilot
@@ -14,11 +15,13 @@ from quadctl.thrust_chain.ardupilot import thrust_of_output
 from quadctl.thrust_chain.chain import Ambient
 
 from .measured import mock, on_the_wire
+from .weak_motor import loss_of_pulse
 
 TICK_S = 0.02
 PATIENCE_S = 60.0
 LEVEL = (1.0, 0.0, 0.0, 0.0)
 HOVER_M = 1.5
+GROUND_M = 0.1
 TILT_RAD = math.radians(14.0)
 
 
@@ -210,6 +213,23 @@ def second_station(name: str) -> str:
     return "accepted at once" if all(px.request_mode(mode) is None for mode in ("LOITER", "LAND")) else "refused"
 
 
+def half_pulse_s(name: str) -> float:
+    """Time to the ground with one motor at half its pulse."""
+    return _fall_s(name, 0.5)
+
+
+def most_of_pulse(name: str) -> str:
+    """What becomes of a vehicle with one motor at 80 % of its pulse."""
+    return "hovers" if math.isinf(_fall_s(name, 0.8)) else "falls"
+
+
+def _fall_s(name: str, pulse: float) -> float:
+    """Time from the first motor at a share of its pulse to the ground; infinite if it keeps its height."""
+    px = hovering(name)
+    px.body.truth = px.body.truth.plus(WeakRotor(loss=loss_of_pulse(pulse), rotor=1.0))
+    return until(px, lambda: -px.body.position[2] < GROUND_M, lambda: hold(px))
+
+
 PROBES: dict[str, Callable[[str], str | float]] = {
     probe.__name__: probe
     for probe in (
@@ -227,6 +247,6 @@ PROBES: dict[str, Callable[[str], str | float]] = {
             hover_throttle,
             added_at_14_deg,
         ),
-        *(outputs_over_command, second_station),
+        *(outputs_over_command, second_station, half_pulse_s, most_of_pulse),
     )
 }

@@ -11,6 +11,7 @@ from typing import Any
 
 from quadctl.effects.rotor_fault import WeakRotor
 from quadctl.sitl.server import faults
+from studies.autopilots.weak_motor import loss_of_pulse
 
 from .scene import HERE, Profile, Scene, Seen, Setting
 
@@ -350,6 +351,14 @@ ROTORS = (
         "asked to land by SIGINT",
         silent_s=5.5,
         on_ardupilot={"said": "from take-off", "silent_s": 2.5},
+    ),
+    Case(
+        "a motor of four at half its pulse",
+        _weaken(loss_of_pulse(0.5)),
+        "hand over",
+        "the vehicle stays on the ground",
+        silent_s=2.5,
+        on_ardupilot={"said": "the tilt is", "silent_s": 1.0},
     ),
     Case("a motor of six at half thrust", _weaken(0.5), "land", "asked to land by SIGINT", silent_s=5.5, setting=SIX),
     Case("a motor of six at a tenth of its thrust", _weaken(0.9), "land", "from take-off", silent_s=2.5, setting=SIX),

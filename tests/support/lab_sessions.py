@@ -42,7 +42,9 @@ def fly_over_a_cushion(where: Path, name: str = "flight.csv", seed: int = 1) -> 
     mission, hidden = where / "short_staircase.yaml", where / "hidden.yaml"
     mission.write_text(yaml.safe_dump(STAIRCASE))
     hidden.write_text(yaml.safe_dump(CUSHION))
-    outcome = simulate(prepare_flight(mission, ROOT / "config" / "flight_thesis.yaml", "none", None), where, hidden, seed)
+    outcome = simulate(
+        prepare_flight(mission, ROOT / "config" / "flight_thesis.yaml", "none", None), where, hidden, seed
+    )
     return Path(shutil.move(outcome.log, where / name))
 
 
