@@ -52,7 +52,7 @@ class Line:
     """
 
     def __init__(self, autopilot_port: int, flight_port: int) -> None:
-        self.autopilot_port = autopilot_port
+        self.autopilot_port, self.flight_port = autopilot_port, flight_port
         self.down, self.up = Troubles(), Troubles()
         """Troubles of the autopilot's messages, and of ours."""
         self._autopilot_end = _bound(autopilot_port)

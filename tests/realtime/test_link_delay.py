@@ -39,6 +39,24 @@ async def over(line: Line, port: int, autopilot: SimulatedAutopilot) -> AsyncIte
             await adapter.close()
 
 
+def flown_over(line: Line, autopilot: SimulatedAutopilot, where: Path) -> tuple[int, str]:
+    """Exit status and end of a short flight over a line, by the command."""
+    words = [
+        "fly",
+        "missions/short_hop.yaml",
+        "--link",
+        f"udpin://127.0.0.1:{line.flight_port}",
+        "--log-dir",
+        str(where),
+    ]
+    words += ["--config", str(configuration(where)), "--json", str(where / "out.json"), "--set-params"]
+    with line, mock(autopilot, line.autopilot_port):
+        code = "from quadctl.cli import main; main()"
+        process = subprocess.Popen([sys.executable, "-c", code, *words], cwd=ROOT, stdout=subprocess.DEVNULL)
+        status = process.wait(timeout=90)
+    return status, json.loads((where / "out.json").read_text())["ended"]
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_constant_delay_is_measured(kind: type[SimulatedAutopilot]) -> None:
     port = free_port()
@@ -90,15 +108,20 @@ def test_an_autopilot_that_does_not_answer_is_a_warning() -> None:
 @pytest.mark.parametrize("kind", KINDS)
 def test_no_flight_begins_over_a_link_with_250_ms_each_way(kind: type[SimulatedAutopilot], tmp_path: Path) -> None:
     """On the real autopilots such flights swung by metres; the age of the state was logged as 5 ms."""
-    port, autopilot = free_port(), kind(VEHICLE)
-    line = Line(free_port(), port)
+    autopilot, line = kind(VEHICLE), Line(free_port(), free_port())
     line.delay(0.25)
-    words = ["fly", "missions/short_hop.yaml", "--link", f"udpin://127.0.0.1:{port}", "--log-dir", str(tmp_path)]
-    words += ["--config", str(configuration(tmp_path)), "--json", str(tmp_path / "out.json"), "--set-params"]
-    with line, mock(autopilot, line.autopilot_port):
-        code = "from quadctl.cli import main; main()"
-        process = subprocess.Popen([sys.executable, "-c", code, *words], cwd=ROOT, stdout=subprocess.DEVNULL)
-        assert process.wait(timeout=90) == 1
-    assert "s old, allowed are 0.2 s" in json.loads((tmp_path / "out.json").read_text())["ended"]
+    status, ended = flown_over(line, autopilot, tmp_path)
+    assert status == 1
+    assert "s old, allowed are 0.2 s" in ended
     assert not autopilot.armed
     assert autopilot.body.position[2] > -0.05
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_flight_over_a_link_that_loses_a_fifth_from_its_start_is_completed(
+    kind: type[SimulatedAutopilot], tmp_path: Path
+) -> None:
+    line = Line(free_port(), free_port())
+    line.down.loss = line.up.loss = 0.2
+    assert flown_over(line, kind(VEHICLE), tmp_path) == (0, "completed")

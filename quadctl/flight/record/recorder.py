@@ -184,10 +184,10 @@ class Recorder:
                 if tick is None:
                     self._closing = True
                     break
+                self._note(tick)  # first: its row may be the one that finds the disk full
                 file.write(",".join(map(_text, row(tick, self._n_rotors, self._lateral))) + "\n")
                 if tick.events:
                     _sync(file)  # the rows that led to it
-                    self._note(tick)
                     self._write_meta("in flight")
                 if time.monotonic() - synced > SYNC_EVERY_S:
                     _sync(file)

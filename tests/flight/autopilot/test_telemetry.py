@@ -35,6 +35,19 @@ def test_without_heartbeats_the_link_counts_as_lost_though_data_come() -> None:
     assert state.age_s("battery") == 0.0
 
 
+def test_on_a_link_that_loses_heartbeats_the_mode_stands_in_for_them_for_six_seconds() -> None:
+    telemetry = Telemetry(n_rotors=4)
+    telemetry.receive("HEARTBEAT", {"autopilot": 12, "base_mode": 129, "custom_mode": 6 << 16}, now_s=10.0)
+    for now_s in (12.0, 13.0, 14.0, 15.0):
+        telemetry.receive("CURRENT_MODE", {"custom_mode": 6 << 16}, now_s=now_s)
+    assert telemetry.state(now_s=15.9).connected
+    assert not telemetry.state(now_s=16.1).connected
+    silent = Telemetry(n_rotors=4)
+    silent.receive("HEARTBEAT", {"autopilot": 12, "base_mode": 129, "custom_mode": 6 << 16}, now_s=10.0)
+    silent.receive("CURRENT_MODE", {"custom_mode": 6 << 16}, now_s=11.0)
+    assert not silent.state(now_s=13.1).connected
+
+
 def test_before_the_first_message_nothing_looks_like_data() -> None:
     state = Telemetry(n_rotors=4).state(now_s=100.0)
     assert not state.finite

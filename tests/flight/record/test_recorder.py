@@ -322,6 +322,16 @@ def test_a_disk_that_fills_up_costs_the_rest_of_the_log_and_not_the_flight(tmp_p
     assert meta_of(Path(outcome.log))["ended"] == "completed"
 
 
+@pytest.mark.usefixtures("filling")
+def test_the_row_that_finds_the_disk_full_keeps_its_event(tmp_path: Path) -> None:
+    record = recorder(tmp_path)
+    for i in range(120):
+        events = (Event(0.02 * i, "the tilt is 60 deg", "hand over"),) if i == 99 else ()
+        record(tick(i)._replace(events=events))
+    record.close("the tilt is 60 deg")
+    assert [event["what"] for event in meta_of(record.path)["events"]] == ["the tilt is 60 deg"]
+
+
 def test_a_row_that_cannot_be_written_costs_the_rest_of_the_log_and_not_the_flight(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
