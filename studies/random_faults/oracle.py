@@ -89,7 +89,7 @@ def _end(e: Evidence) -> Iterator[str]:
 
 def _log(e: Evidence) -> Iterator[str]:
     if not e.has_begun:
-        if not e.outcome:
+        if not (e.outcome or e.killed):
             yield "no reason is told"
         return
     if e.killed:
