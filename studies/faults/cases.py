@@ -358,7 +358,6 @@ ROTORS = (
         "hand over",
         "the vehicle stays on the ground",
         silent_s=2.5,
-        on_ardupilot={"said": "the tilt is", "silent_s": 1.0},
     ),
     Case("a motor of six at half thrust", _weaken(0.5), "land", "asked to land by SIGINT", silent_s=5.5, setting=SIX),
     Case("a motor of six at a tenth of its thrust", _weaken(0.9), "land", "from take-off", silent_s=2.5, setting=SIX),
