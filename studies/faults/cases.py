@@ -398,7 +398,7 @@ LINK = (
         _withhold("HEARTBEAT"),
         "hand over",
         "heartbeat is lost",
-        silent_s=6.5,  # CURRENT_MODE stands in for them meanwhile
+        silent_s=6.5,  # CURRENT_MODE still tells its mode
         on_ardupilot={"mode": "failsafe", "silent_s": 3.5},  # nothing else tells its mode
     ),
     Case("autopilot hears nothing", _be(deaf=True), "release", "left offboard", "failsafe", silent_s=1.5),

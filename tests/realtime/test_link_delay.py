@@ -41,15 +41,8 @@ async def over(line: Line, port: int, autopilot: SimulatedAutopilot) -> AsyncIte
 
 def flown_over(line: Line, autopilot: SimulatedAutopilot, where: Path) -> tuple[int, str]:
     """Exit status and end of a short flight over a line, by the command."""
-    words = [
-        "fly",
-        "missions/short_hop.yaml",
-        "--link",
-        f"udpin://127.0.0.1:{line.flight_port}",
-        "--log-dir",
-        str(where),
-    ]
-    words += ["--config", str(configuration(where)), "--json", str(where / "out.json"), "--set-params"]
+    words = f"fly missions/short_hop.yaml --set-params --link udpin://127.0.0.1:{line.flight_port}".split()
+    words += ["--log-dir", str(where), "--config", str(configuration(where)), "--json", str(where / "out.json")]
     with line, mock(autopilot, line.autopilot_port):
         code = "from quadctl.cli import main; main()"
         process = subprocess.Popen([sys.executable, "-c", code, *words], cwd=ROOT, stdout=subprocess.DEVNULL)

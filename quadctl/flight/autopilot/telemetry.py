@@ -17,11 +17,11 @@ from quadctl.state import NAN, NO_VECTOR, Quat, StatusText, Vec3, VehicleState
 from quadctl.thrust_chain.atmosphere import Air, Version, air_density_ratio, atmosphere_of, version_of_number
 from quadctl.thrust_chain.chain import Ambient, Parameters
 
-HEARTBEAT_TIMEOUT_S = 3.0
-"""MAVLink's usual time after which a silent autopilot counts as lost."""
-MODE_TOLD_S, LOSSY_TIMEOUT_S = 1.5, 6.0
-"""Age of the mode with which CURRENT_MODE stands in for heartbeats, and their timeout then: where a fifth is lost,
-three of PX4's heartbeats in a row are lost every two minutes, and six once in four hours."""
+WORD_TIMEOUT_S = 3.0
+"""MAVLink's usual time after which a silent autopilot counts as lost: the age of the latest word about its mode."""
+HEARTBEAT_TIMEOUT_S = 6.0
+"""Time without heartbeats after which it is lost though CURRENT_MODE comes: where a fifth of all is lost, three of
+PX4's heartbeats in a row are lost every three minutes, and six every five hours."""
 
 ESCS_PER_MESSAGE = 4
 MILLIVOLTS_UNKNOWN = 65535
@@ -192,8 +192,7 @@ class Telemetry:
             checks_off=self._checks_off,
             failing=self._failing,
             refusals=self._refusals,
-            connected=now_s - heartbeat.received_s
-            < (LOSSY_TIMEOUT_S if now_s - mode_s < MODE_TOLD_S else HEARTBEAT_TIMEOUT_S),
+            connected=now_s - mode_s < WORD_TIMEOUT_S and now_s - heartbeat.received_s < HEARTBEAT_TIMEOUT_S,
             received_s={
                 "position": position.received_s,
                 "attitude": attitude.received_s,

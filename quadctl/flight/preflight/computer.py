@@ -31,7 +31,7 @@ CONTAINER = f"`--ulimit rtprio={PRIORITY} --ulimit memlock=-1` of `docker run` g
 
 
 def lacking_to_fly() -> str | None:
-    """What a flight needs and this computer does not have; None: it can fly."""
+    """Need of a flight that this computer does not meet; None: it can fly."""
     if find_spec("mavsdk") is None:
         return NO_MAVSDK
     return None if hasattr(signal, "SIGHUP") else NO_SIGNALS

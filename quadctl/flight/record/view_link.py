@@ -59,7 +59,7 @@ class Record(NamedTuple):
     state_age_s: float
     """Age of the older one of position and attitude."""
     link_age_s: float
-    """Time since the last heartbeat."""
+    """Age of the latest word of the autopilot about its mode."""
     estimator_ratio: float
     horizontal_std_m: float
     vertical_std_m: float
@@ -147,7 +147,7 @@ def _record(tick: Tick, late_s: float, pilot: Pilot, events: tuple[Event, ...]) 
         battery_v=state.battery_v,
         late_s=late_s,
         state_age_s=state.control_age_s,
-        link_age_s=state.age_s("heartbeat"),
+        link_age_s=state.age_s("mode"),
         estimator_ratio=state.estimator_ratio,
         horizontal_std_m=state.horizontal_std_m,
         vertical_std_m=state.vertical_std_m,

@@ -5,7 +5,7 @@ import re
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from quadctl.flight.autopilot.telemetry import HEARTBEAT_TIMEOUT_S
+from quadctl.flight.autopilot.telemetry import WORD_TIMEOUT_S
 from quadctl.flight.pilot.guards import floor
 from quadctl.flight.record.view_link import Record
 from quadctl.web.live.history import Brief
@@ -32,7 +32,7 @@ class Nearness(NamedTuple):
 def guards(record: Record, brief: Brief) -> Iterator[Nearness]:
     """Every guard that has a limit, in the order in which they decide."""
     limits, place = brief.guards, brief.mission.limits
-    yield _most("link age", record.link_age_s, HEARTBEAT_TIMEOUT_S, "s", 1, r"heartbeat is lost")
+    yield _most("link age", record.link_age_s, WORD_TIMEOUT_S, "s", 1, r"heartbeat is lost")
     yield _most("tick lateness", 1e3 * record.late_s, 1e3 * limits.max_tick_late_s, "ms", 1, r"control loop stalled")
     yield _most(
         "state age",

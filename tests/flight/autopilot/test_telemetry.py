@@ -45,7 +45,8 @@ def test_on_a_link_that_loses_heartbeats_the_mode_stands_in_for_them_for_six_sec
     silent = Telemetry(n_rotors=4)
     silent.receive("HEARTBEAT", {"autopilot": 12, "base_mode": 129, "custom_mode": 6 << 16}, now_s=10.0)
     silent.receive("CURRENT_MODE", {"custom_mode": 6 << 16}, now_s=11.0)
-    assert not silent.state(now_s=13.1).connected
+    assert silent.state(now_s=13.9).connected
+    assert not silent.state(now_s=14.1).connected
 
 
 def test_before_the_first_message_nothing_looks_like_data() -> None:
