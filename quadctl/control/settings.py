@@ -25,11 +25,11 @@ class ControllerSettings(Settings):
     """True: the reference is compared at the time of the state, and fed forward at the time when the attitude will have
     followed, where the vehicle's `attitude_response` is known."""
     derivative: Literal["error", "velocity"] = "error"
-    """What D damps: `error`: acceleration that the reference does not have; `velocity`: all acceleration."""
+    """Acceleration that D damps: `error`: what the reference does not have; `velocity`: all."""
     vertical_integral: Literal["thrust", "force"] = "thrust"
     """`thrust`: a factor on the thrust; `force`: an acceleration, which turns the direction of the force."""
     effects_at: Literal["reference", "state"] = "reference"
-    """Where the compensator's effects are evaluated: at the reference ahead while that is near, or at the state."""
+    """State at which the compensator's effects are evaluated: `reference`: the one ahead, while that is near."""
     position_p: NonNegativeFloat = 0.8
     """1/s: velocity setpoint per position error, horizontal."""
     position_p_vertical: NonNegativeFloat = 0.95

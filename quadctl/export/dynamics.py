@@ -53,7 +53,7 @@ class Dynamics(NamedTuple):
     """Names of the states of `commanded`."""
     parameters: tuple[str, ...]
     left_out: tuple[str, ...]
-    """What of the model is not in the functions, each with the reason."""
+    """Parts of the model that are not in the functions, each with the reason."""
 
 
 def dynamics(model: Model) -> Dynamics:

@@ -21,7 +21,7 @@ STATE = (
 )
 """Position and velocity NED, attitude body to world, body rates FRD."""
 PARAMETERS = ("battery_v", "time_s")
-"""What the equations depend on besides; after these come the shares of surfaces that the model names."""
+"""Further inputs of the equations; after these come the shares of surfaces that the model names."""
 SHARE = "share_"
 """Beginning of the name of the share of a surface in the ground below."""
 FAILURES = (TypeError, AttributeError, NotImplementedError, RuntimeError)
@@ -113,14 +113,14 @@ def delay_left_out(model: Model) -> list[str]:
 
 
 def commands_left_out(model: Model, target: str) -> list[str]:
-    """What lies before the speeds of the rotors, in a target that is commanded by these."""
+    """Parts of the model before the speeds of the rotors, for a target that is commanded by these."""
     line = model.vehicle.throttle
     law = f"{line.offset:g} + {line.per_newton:g} T"
     return [f"throttle line ({law}): {target} is commanded by rotor speeds", *delay_left_out(model)]
 
 
 def left_out(model: Model, stages: Actuation) -> tuple[str, ...]:
-    """What of a model its equations do not hold, each with the reason."""
+    """Parts of a model that its equations do not hold, each with the reason."""
     found = [*stages.left_out, *delay_left_out(model)]
     for effect in model.effects:
         if effect.affects_accelerometer:

@@ -75,9 +75,9 @@ class _Hook(NamedTuple):
     """One way in which an effect may act."""
 
     ending: str
-    """Of the function's name, where the effect acts in several ways."""
+    """Ending of the function's name, where the effect acts in several ways."""
     said: str
-    """What the function returns."""
+    """Quantity that the function returns."""
     of: Callable[[Any, _Symbols], Any]
     """Result of the effect: a number, or one for each axis or rotor."""
 

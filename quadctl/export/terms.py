@@ -181,7 +181,7 @@ def _joined(sign: str, a: Any, b: Any) -> Any:
 
 
 def _shortened(sign: str, a: Any, b: Any) -> Any:
-    """What adding nothing, or multiplying by 1 or 0, leaves; None where all is to be written."""
+    """Result of adding 0, or of multiplying by 1 or 0; None where all is to be written."""
     zero_a, zero_b, one_a, one_b = (_is(value, number) for number in (0.0, 1.0) for value in (a, b))
     if sign == "*" and (zero_a or zero_b):
         return 0.0

@@ -262,7 +262,7 @@ def _doubts(messages: dict[str, Message], armed_s: list[tuple[float, float]]) ->
 
 
 def _health(messages: dict[str, Message]) -> list[Finding]:
-    """What ArduPilot's estimator says of itself: rejected sensors, lost fixes, and resets."""
+    """Findings of ArduPilot's estimator: rejected sensors, lost fixes, and resets."""
     found: list[Finding] = []
     name = next((status for status in ESTIMATES.values() if status in messages), None)
     if name is not None:

@@ -175,7 +175,7 @@ class _Lines:
     fields: list[str]
     letters: str
     numbers: list[int]
-    """Of the lines in the file."""
+    """Numbers of the lines in the file."""
     texts: list[bytes]
 
 

@@ -1,4 +1,4 @@
-"""What an estimator says of itself: sensors that it rejected, a GPS that was lost, and the core that flew.
+"""Findings of an estimator: sensors that it rejected, a GPS that was lost, and the core that flew.
 
 Both firmwares log test ratios of their sensors' innovations: above 1 a measurement is not used, and the state runs on
 the accelerometer alone.

@@ -40,7 +40,7 @@ class FlightLog:
     meta: dict[str, Any] = field(default_factory=dict)
     """Content of the sidecar file."""
     findings: list[Finding] = field(default_factory=list)
-    """What was found out about the record: parts that were left out or read in an unusual way."""
+    """Findings about the record: parts that were left out or read in an unusual way."""
 
     def __post_init__(self) -> None:
         if "time_s" not in self.columns:

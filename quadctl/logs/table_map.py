@@ -11,7 +11,7 @@ from quadctl.logs.formats import MAP_SUFFIX
 from quadctl.settings import Settings, load
 
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "date": 1.0}
-"""Of dates, once they are read."""
+"""Seconds per unit; dates are in seconds once they are read."""
 METRES = {"m": 1.0, "cm": 0.01, "mm": 1e-3, "ft": 0.3048}
 METRES_PER_SECOND = {
     "m/s": 1.0,

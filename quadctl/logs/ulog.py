@@ -222,7 +222,7 @@ def _history(log: Any) -> ParameterHistory:
 
 
 def _health(topics: dict[str, _Topic]) -> list[Finding]:
-    """What PX4's estimator says of itself."""
+    """Findings of PX4's estimator."""
     found: list[Finding] = []
     if (status := topics.get("estimator_status")) is not None:
         ratios = {name: _values(status, field) for field, name in TEST_RATIOS.items() if field in status}

@@ -219,7 +219,7 @@ def half_pulse_s(name: str) -> float:
 
 
 def most_of_pulse(name: str) -> str:
-    """What becomes of a vehicle with one motor at 80 % of its pulse."""
+    """Fate of a vehicle with one motor at 80 % of its pulse."""
     return "hovers" if math.isinf(_fall_s(name, 0.8)) else "falls"
 
 

@@ -17,7 +17,7 @@ class Sent(NamedTuple):
     """True age of the position that it was made from, s."""
     attitude_age_s: float = 0.0
     spoiled: str = ""
-    """What was no number in the last position or attitude; empty: nothing."""
+    """Part of the last position or attitude that was no number; empty: none."""
 
 
 class Asked(NamedTuple):

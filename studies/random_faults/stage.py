@@ -57,7 +57,7 @@ class Killed(BaseException):
 
 @dataclass
 class Stage(ABC):
-    """What faults act on; times are seconds on the clock of `now_s`."""
+    """World that the faults act on; times are seconds on the clock of `now_s`."""
 
     mock: MavlinkMock
     profile: Profile

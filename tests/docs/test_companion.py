@@ -122,7 +122,7 @@ def test_the_line_that_gives_the_rights_is_the_one_that_the_check_names() -> Non
 def test_the_image_refuses_to_fly_a_vehicle_that_nobody_described(
     quadctl: Callable[..., Result], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """What the image has in its folder is made here, and its documented flight is tried there."""
+    """The folder of the image is made here, and its documented flight is tried there."""
     recipe = (ROOT / "Dockerfile").read_text()
     folder = re.findall(r"^WORKDIR (\S+)$", recipe, re.MULTILINE)[-1]
     monkeypatch.chdir(tmp_path)

@@ -1,4 +1,4 @@
-"""What an estimator says of its sensors and of itself is read from both firmwares' logs."""
+"""An estimator's findings about its sensors and itself are read from both firmwares' logs."""
 
 from pathlib import Path
 

@@ -280,7 +280,7 @@ class TestNanoBench:
                 assert np.nanmedian(log["imu_z_m_s2"][flying]) == pytest.approx(-G, abs=0.5)
 
     def test_the_motors_are_those_of_the_vehicle_file(self) -> None:
-        """What the rotors on a side give more lifts that side, 40 ms later."""
+        """More thrust on a side lifts that side, 40 ms later."""
         log = read_by_map(NANOBENCH / "B3_figure8_fast_rep1.csv", MAPS / "nanobench.yaml")
         band = butter(2, (1.0, 10.0), "bandpass", fs=100.0, output="sos")
         flying = (log.time_s > 6.0) & (log.time_s < 20.0)

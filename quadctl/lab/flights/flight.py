@@ -168,7 +168,7 @@ class Flight:
     timing: Timing = UNKNOWN_TIMING
     """Timing of the vehicle's channels, from all flights that were prepared together."""
     findings: list[Finding] = field(default_factory=list)
-    """What was found out about the record, by its reader and by its preparation."""
+    """Findings about the record, by its reader and by its preparation."""
 
     @property
     def notes(self) -> list[str]:

@@ -53,7 +53,7 @@ class Estimate(NamedTuple):
     log_likelihood: float
     """Restricted, without constants."""
     log_determinant: float
-    """Of the rows' covariance."""
+    """Logarithm of the determinant of the rows' covariance."""
 
 
 def estimate(rows: Rows, noise: Noise, prior: Floats | None = None) -> Estimate:

@@ -37,7 +37,7 @@ drag."""
 
 
 class Search(NamedTuple):
-    """How two channels are compared."""
+    """Comparison of two channels."""
 
     step_s: float
     smoothed_steps: int

@@ -28,7 +28,7 @@ share of the step by which they must: a force that comes with a speed comes slow
 
 
 def of_one_level(log: FlightLog, spans: tuple[Span, ...]) -> tuple[list[Span], list[Finding]]:
-    """What is left out for a step of the level, and the finding about it: the longer side is kept."""
+    """Stretch that is left out for a step of the level, and the finding about it: the longer side is kept."""
     if not all(log.has(name) for name in (*VELOCITY, *ATTITUDE)) or total(spans) < 2.0 * SIDE_S:
         return [], []
     step = _step(log, spans)

@@ -95,7 +95,7 @@ def test_the_line_for_a_login_writes_limits(login: Path, tmp_path: Path) -> None
 
 
 def as_nobody(rtprio: int, memlock: int) -> str:
-    """What the check says to an ordinary user with these limits, whom only root can become."""
+    """The check's words to an ordinary user with these limits, whom only root can become."""
     program = (
         "import os, resource\n"
         "import quadctl.flight.preflight.computer as computer\n"

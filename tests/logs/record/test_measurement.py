@@ -1,5 +1,5 @@
-"""What was measured where, and when: a lever arm, a setpoint for an attitude, rotors by another clock or in turn, and
-heights in the wash of the rotors."""
+"""The measured point, quantity and time: a lever arm, a setpoint for an attitude, rotors by another clock or in turn,
+and heights in the wash of the rotors."""
 
 import numpy as np
 import pytest
