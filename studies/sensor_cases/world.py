@@ -109,7 +109,13 @@ class Truth:
 
 
 def observed(
-    flown: FlightLog, vehicle: Vehicle, truth: Truth, forces: Forces, nuisance: Nuisance, reference: Reference, seed: int
+    flown: FlightLog,
+    vehicle: Vehicle,
+    truth: Truth,
+    forces: Forces,
+    nuisance: Nuisance,
+    reference: Reference,
+    seed: int,
 ) -> FlightLog:
     """The log as a user has it: sensors added, references of the mission and all of the truth left out."""
     chance = np.random.default_rng(seed)
