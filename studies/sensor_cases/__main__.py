@@ -20,14 +20,16 @@ DRIFT = "barometer.drift"
 """Every case drifts, so that this name is never false."""
 HEAD = """# The barometer's hidden errors
 
-Written by `make sensor-cases`: `missions/barometer_runs.yaml` is flown in the simulator, and a world that shares no code with the
-[method](sensors.md), written by an author who had not read it, adds a barometer. Beside the hidden errors every barometer has white noise of 5 to
-10 cm at 25 or 50 Hz, a wander of 2 to 5 cm over 10 to 40 s, an offset, a delay of 0 to 60 ms, and a drift of up to 3 cm a minute. Air speed
-errors have coefficients of 0.07 to 0.15 of either sign on two to four sides; ground errors are 0.2 to 0.4 m of either sign at the ground
-and fade over 0.3 to 0.6 m as an exponential, 1 / (1 + (z/h)²) or a Gaussian, in proportion to the thrust. Every second flight hides a force too;
-half of those out of doors have a wind of up to 2 m/s, some a payload. Beside motion capture the runs are at 2 and 4 m/s, else at 3 and
-6 m/s; there the logged height follows the wrong barometer. Only `--json` is judged. *Within* counts true values in their 95 % intervals:
-six coefficients of the air speed, and at the ground the error and its fading, where the world's form is the method's exponential.
+Written by `make sensor-cases`: `missions/barometer_runs.yaml` is flown in the simulator, and a world that shares no
+code with the [method](sensors.md), written by an author who had not read it, adds a barometer. Beside the hidden
+errors every barometer has white noise of 5 to 10 cm at 25 or 50 Hz, a wander of 2 to 5 cm over 10 to 40 s, an offset,
+a delay of 0 to 60 ms, and a drift of up to 3 cm a minute. Air speed errors have coefficients of 0.07 to 0.15 of
+either sign on two to four sides; ground errors are 0.2 to 0.4 m of either sign at the ground and fade over 0.3 to 0.6
+m as an exponential, 1 / (1 + (z/h)²) or a Gaussian, in proportion to the thrust. Every second flight hides a force
+too; half of those out of doors have a wind of up to 2 m/s, some a payload. Beside motion capture the runs are at 2
+and 4 m/s, else at 3 and 6 m/s; there the logged height follows the wrong barometer. Only `--json` is judged. *Within*
+counts true values in their 95 % intervals: six coefficients of the air speed, and at the ground the error and its
+fading, where the world's form is the method's exponential.
 """
 
 
@@ -97,7 +99,7 @@ def page(judged: Sequence[Judged]) -> str:
     lines += [
         f"- Without a hidden error: {sum(len(j.false) for j in clean)} false names in {len(clean)} flights; beside a"
         f" hidden error {elsewhere} in {len(scored) - len(clean)}.",
-        f"- Of air speed coefficients that are 0, since there is no such error, {sum(zeros)} of {len(zeros)} are within.",
+        f"- Where no air speed error is hidden, {sum(zeros)} of {len(zeros)} intervals of its coefficients hold 0.",
         *(f"- Without a reference (case {j.case.seed}): *{_short(j.answer)}*" for j in judged if j not in scored),
         "",
         "| case | reference | forces | hidden | named | within |",
@@ -128,8 +130,8 @@ def _row(j: Judged) -> str:
     named = [*sorted(j.named), *(f"**not {name}**" for name in sorted(j.missed))]
     named = [f"**{name}, false**" if name in j.false else name for name in named]
     within = ", ".join(f"{sum(ok)} of {len(ok)}" for ok in j.within.values() if ok)
-    cells = (str(case.seed), case.reference, ", ".join(name for name, value in acting.items() if value))
-    cells += ("; ".join(hidden) or "none", ", ".join(named) or j.answer or "none", within)
+    cells = [str(case.seed), case.reference, ", ".join(name for name, value in acting.items() if value)]
+    cells += ["; ".join(hidden) or "none", ", ".join(named) or j.answer or "none", within]
     return f"| {' | '.join(cells)} |"
 
 
