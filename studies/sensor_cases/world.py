@@ -136,7 +136,7 @@ def observed(
         roll, pitch = np.radians(flown["roll_deg"]), np.radians(flown["pitch_deg"])
         slant = (z + nuisance.range_offset_m) / (np.cos(roll) * np.cos(pitch))
         seen = slant + nuisance.range_m * chance.normal(size=len(z))
-        columns["range_m"] = np.round(np.maximum(_held(time_s, seen, 0.04), 0.02), 2)
+        columns["range_m"] = np.asarray(np.round(np.maximum(_held(time_s, seen, 0.04), 0.02), 2), dtype=np.float64)
     if reference == "GPS":
         climb = np.interp(time_s - nuisance.gps_delay_s, time_s, flown["vz_m_s"])
         noise = _coloured(time_s, nuisance.gps_m_s, nuisance.gps_time_s, chance)
