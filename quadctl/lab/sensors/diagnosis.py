@@ -222,11 +222,15 @@ def _columns(flight: Heights, errors: Sequence[SensorError], wind: tuple[float, 
 
 
 def _nuisances(flight: Heights, number: int, n_flights: int) -> Floats:
-    """Level of each flight, delay of the sensor (times the climb rate), and its scale over height."""
+    """Level of each flight, delay of the sensor (times the climb rate), and its scale over height.
+
+    The height here is not the reference's own: its noise is in the difference, too, and would pass for a scale. GPS's
+    integrated climb rate wanders by as much as the vehicle climbs.
+    """
     columns = np.zeros((len(flight.time_s), n_flights + 2))
     columns[:, number] = 1.0
     columns[:, n_flights] = flight.climb_m_s
-    columns[:, n_flights + 1] = flight.true_m - np.mean(flight.true_m)
+    columns[:, n_flights + 1] = flight.above_ground_m - np.mean(flight.above_ground_m)
     return columns
 
 

@@ -173,7 +173,8 @@ def _binned(record: Record, sensor: str, kind: Reference, true_m: Floats) -> Hei
     updates = updates[(number[updates] >= 0) & np.isfinite(true_m[updates])]
     each = log["baro_m"] if sensor == "barometer" else log["range_m"] * _cos_tilt(log)
     scatter = (each - true_m)[updates] - (reading - true)[number[updates]]
-    throttle = log["throttle_cmd"][flying] if log.has("throttle_cmd") else np.array([np.nan])
+    throttle = log["throttle_cmd"][flying] if log.has("throttle_cmd") else np.array([])
+    throttle = throttle[np.isfinite(throttle)]
     return Heights(
         log.name,
         sensor,
@@ -190,7 +191,7 @@ def _binned(record: Record, sensor: str, kind: Reference, true_m: Floats) -> Hei
         wind,
         wind_std,
         float(np.sqrt(np.nanmean(scatter**2))),
-        float(np.nanmedian(throttle)),
+        float(np.median(throttle)) if len(throttle) else np.nan,
     )
 
 

@@ -131,6 +131,14 @@ def test_a_clean_barometer_gets_no_name(runs: FlightLog, reference: Reference, s
     assert diagnosed(measured(runs, (), reference, seed=seed)).verdict is Verdict.NONE
 
 
+@pytest.mark.parametrize("seed", [31, 32])
+def test_quick_noise_of_the_climb_rate_passes_for_no_error(runs: FlightLog, seed: int) -> None:
+    """Integrated it wanders by a metre: a scale told by the wandering height itself came out as -0.4 to -0.7."""
+    log = measured(runs, (), Reference.DOPPLER, seed=seed)
+    log.columns["gps_vz_m_s"] = log["vz_m_s"] + wandering(seed + 3, len(log), 0.075, 0.4)
+    assert diagnosed(log).verdict is Verdict.NONE
+
+
 def test_in_a_wind_the_air_speed_counts(windy_runs: FlightLog) -> None:
     found = diagnosed(measured(windy_runs, (SPEEDS,), Reference.RANGE, seed=5, wind=WIND_NE_M_S))
     wind = found.flights[0].wind_ne_m_s

@@ -1,0 +1,168 @@
+"""The table of the barometer's hidden errors: `python -m studies.sensor_cases`; writes docs/sensor-cases.md."""
+
+import argparse
+import hashlib
+import json
+import math
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from quadctl.vehicle import load_vehicle
+
+from .cases import ROOT, Case, all_cases, write_case
+from .world import SIDES
+
+PAGE = ROOT / "docs" / "sensor-cases.md"
+VEHICLE = ROOT / "config" / "vehicles" / "raptor.yaml"
+REST_M = 0.05
+"""Height of the logged position where the vehicle stands on the ground."""
+DRIFT = "barometer.drift"
+"""Every case drifts, so that this name is never false."""
+HEAD = """# The barometer's hidden errors
+
+Written by `make sensor-cases`: `missions/barometer_runs.yaml` is flown in the simulator, and a world that shares no
+code with the [method](sensors.md), written by an author who had not read it, adds a barometer. Beside the hidden
+errors every barometer has white noise of 5 to 10 cm at 25 or 50 Hz, a wander of 2 to 5 cm over 10 to 40 s, an offset,
+a delay of 0 to 60 ms, and a drift of up to 3 cm a minute. Air speed errors have coefficients of 0.07 to 0.15 of
+either sign on two to four sides; ground errors are 0.2 to 0.4 m of either sign at the ground and fade over 0.3 to 0.6
+m as an exponential, 1 / (1 + (z/h)²) or a Gaussian, in proportion to the thrust. Every second flight hides a force
+too; half of those out of doors have a wind of up to 2 m/s, some a payload. Beside motion capture the runs are at 2
+and 4 m/s, else at 3 and 6 m/s; there the logged height follows the wrong barometer. Only `--json` is judged. *Within*
+counts true values in their 95 % intervals: six coefficients of the air speed, and the error of the vehicle
+that stands on the ground, where the world's form is the method's exponential.
+
+The method was mended once after the first table, which was blind, as this one is not. In the first, 6 of 12 air speed
+and 11 of 12 ground errors were named, and 6 further names of the ground were false, all with GPS: the scale of the
+barometer was told by the integrated climb rate itself, whose wander then passed for a scale of -0.4 to -0.7. What is
+missed now: beside motion capture each run at 4 m/s lies within one block of 8 s of the cross-validation, so that no
+fit sees its side at that speed (blocks of 3 s name 10 of 12, and one false in the 10 clean flights); with GPS the
+wander of the climb rate hides the rest. The interval at the ground takes the fading height as known (7022), and with
+a range finder the ground is where the range is 0, not where the vehicle stands (7025). Eleven of the 30 vehicles have
+no drag, which every real one has: without it the wind is not told, which bends the coefficients of 7012.
+"""
+
+
+class Judged(NamedTuple):
+    """Hidden and found errors of a case."""
+
+    case: Case
+    named: set[str]
+    within: dict[str, list[bool]]
+    """By hidden error: whether each true value is in its interval."""
+    zeros: list[bool]
+    """The same of coefficients whose error is not hidden, all of them 0."""
+    answer: str
+    """Words of the command, where it gives no verdict."""
+
+    @property
+    def missed(self) -> set[str]:
+        return self.case.truth.errors - self.named
+
+    @property
+    def false(self) -> set[str]:
+        return self.named - self.case.truth.errors - {DRIFT}
+
+
+def judge(case: Case, folder: Path) -> Judged:
+    """Fly a case and diagnose its log by the command line."""
+    log = write_case(case, folder)
+    out = log.with_name("sensors.json")
+    out.unlink(missing_ok=True)
+    command = [sys.executable, "-m", "quadctl", "diagnose", "--sensors", str(log), "--json", str(out)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if not out.exists():
+        return Judged(case, set(), {}, [], done.stderr.strip().partition(": ")[2])
+    sensors = json.loads(out.read_text(encoding="utf-8"))["sensors"]
+    found: dict[str, Any] = next(sensor for sensor in sensors if sensor["sensor"] == "barometer")
+    tried = {entry["error"]: entry for key in ("missing", "small", "absent") for entry in found[key]}
+    within = {error: _within(case, error, tried[error]) for error in sorted(case.truth.errors & set(tried))}
+    airspeed = tried.get("barometer.airspeed", {"parameters": {}})
+    zeros = [] if "barometer.airspeed" in case.truth.errors else _within(case, "barometer.airspeed", airspeed)
+    return Judged(case, {entry["error"] for entry in found["missing"]}, within, zeros, "")
+
+
+def _within(case: Case, error: str, entry: dict[str, Any]) -> list[bool]:
+    truth = {side: case.truth.sides.get(side, 0.0) for side in SIDES}
+    if error == "barometer.ground":
+        truth, ground = {}, case.truth.ground
+        if ground and ground.form == "exponential":
+            loading = 1.0 + case.forces.payload_kg / load_vehicle(VEHICLE).mass_kg
+            truth = {"at_ground_m": ground.size_m * loading * math.exp(-REST_M / ground.fade_m)}
+    intervals = {name: value["ci95"] for name, value in entry["parameters"].items()}
+    return [low <= truth[name] <= high for name, (low, high) in intervals.items() if name in truth]
+
+
+def page(judged: Sequence[Judged]) -> str:
+    """The page: figures of all cases, and the table."""
+    scored = [j for j in judged if j.case.reference != "none"]
+    lines = [HEAD]
+    for error in ("barometer.airspeed", "barometer.ground"):
+        hidden = [j for j in scored if error in j.case.truth.errors]
+        named = [j for j in hidden if error in j.named]
+        inside = [ok for j in named for ok in j.within[error]]
+        text = f"- `{error}`: {len(named)} of {len(hidden)} named"
+        lines.append(f"{text}; {sum(inside)} of {len(inside)} true values of the named within their intervals.")
+    clean = [j for j in scored if not j.case.truth.errors]
+    zeros = [ok for j in scored for ok in j.zeros]
+    elsewhere = sum(len(j.false) for j in scored if j.case.truth.errors)
+    lines += [
+        f"- Without a hidden error: {sum(len(j.false) for j in clean)} false names in {len(clean)} flights; beside a"
+        f" hidden error {elsewhere} in {len(scored) - len(clean)}.",
+        f"- Where no air speed error is hidden, {sum(zeros)} of {len(zeros)} intervals of its coefficients hold 0.",
+        *(f"- Without a reference (case {j.case.seed}): *{_short(j.answer)}*" for j in judged if j not in scored),
+        "",
+        "| case | reference | forces | hidden | named | within |",
+        "|---|---|---|---|---|---|",
+        *map(_row, scored),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _short(answer: str) -> str:
+    """An answer without the path of the log."""
+    return answer[answer.find("nothing tells") :] if "nothing tells" in answer else answer
+
+
+def _row(j: Judged) -> str:
+    case, forces = j.case, j.case.forces
+    acting = {
+        "rotor drag": forces.rotor_drag_per_s,
+        "body drag": forces.drag_area_m2,
+        "ground effect": forces.ground_gain,
+        "wind": any(forces.wind_m_s),
+        "payload": forces.payload_kg,
+    }
+    sides = ", ".join(f"{side} {value:+.2f}" for side, value in case.truth.sides.items())
+    ground = case.truth.ground
+    hidden = [f"air speed: {sides}"] if sides else []
+    hidden += [f"ground: {ground.size_m:+.2f} m, {ground.form} of {ground.fade_m:.2f} m"] if ground else []
+    named = [*sorted(j.named), *(f"**not {name}**" for name in sorted(j.missed))]
+    named = [f"**{name}, false**" if name in j.false else name for name in named]
+    within = ", ".join(f"{sum(ok)} of {len(ok)}" for ok in j.within.values() if ok)
+    cells = [str(case.seed), case.reference, ", ".join(name for name, value in acting.items() if value)]
+    cells += ["; ".join(hidden) or "none", ", ".join(named) or j.answer or "none", within]
+    return f"| {' | '.join(cells)} |"
+
+
+def main() -> None:
+    """Judge all cases, and write the page."""
+    parser = argparse.ArgumentParser(prog="python -m studies.sensor_cases", description=__doc__)
+    parser.add_argument("--out", type=Path, default=PAGE)
+    parser.add_argument("--only", type=int, action="append", help="number of a case; may be repeated; writes no page")
+    options = parser.parse_args()
+    sources = b"".join(Path(__file__).with_name(name).read_bytes() for name in ("world.py", "cases.py"))
+    folder = ROOT / "build" / "sensor_cases" / hashlib.sha256(sources).hexdigest()[:10]
+    judged = []
+    for case in all_cases():
+        if not options.only or case.seed in options.only:
+            judged.append(judge(case, folder))
+            print(_row(judged[-1]), flush=True)
+    if not options.only:
+        options.out.write_text(page(judged), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
