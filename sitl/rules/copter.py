@@ -34,8 +34,6 @@ AIR = Air(pressure_pa=95598.0, ground_temperature_c=28.16, height_m=0.0, altitud
 """Air at the take-off place of the recorded flights."""
 ANGLE_P, RATE_PI, MAX_INTEGRAL = 4.5, 0.135, 0.5
 """Defaults of ATC_ANG_RLL_P, ATC_RAT_RLL_P and _I, and ATC_RAT_RLL_IMAX, the same for pitch."""
-MAX_RATE_P = 50.0
-"""Largest gain of the rate loop, 1/s: pilots tune small vehicles, whose defaults would be more, down."""
 NOT_ARMABLE = ("LAND", "RTL", "BRAKE")
 
 
@@ -95,13 +93,12 @@ class SimulatedCopter(SimulatedAutopilot):
         """Gains for this vehicle: the rate loop's output 1 moves the outermost rotors by half of their thrust."""
         arms = np.abs([arm[:2] for arm in vehicle.moment_arms_m])
         torque_nm = 0.5 * vehicle.throttle.max_thrust_per_rotor_n * np.sum(arms**2, axis=0) / np.max(arms, axis=0)
-        output = torque_nm / vehicle.principal_inertia_kg_m2[:2]
-        roll, pitch = (min(RATE_PI * float(size), MAX_RATE_P) for size in output)
+        roll, pitch = (float(size) for size in torque_nm / vehicle.principal_inertia_kg_m2[:2])
         return Gains(
             (ANGLE_P, ANGLE_P, PX4.attitude_p[2]),
-            (roll, pitch, PX4.rate_p[2]),
-            (roll, pitch, PX4.rate_i[2]),
-            MAX_INTEGRAL * float(np.max(output)),
+            (RATE_PI * roll, RATE_PI * pitch, PX4.rate_p[2]),
+            (RATE_PI * roll, RATE_PI * pitch, PX4.rate_i[2]),
+            MAX_INTEGRAL * max(roll, pitch),
         )
 
     def rotor_parameters(self, vehicle: Vehicle) -> dict[str, float]:

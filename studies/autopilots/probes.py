@@ -7,6 +7,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from quadctl.control.attitude import attitude_for_force
 from quadctl.effects.rotor_fault import WeakRotor
+from quadctl.frames import rotate
 from quadctl.sitl.rules.copter import Guided, SimulatedCopter
 from quadctl.sitl.rules.px4 import SimulatedAutopilot
 from quadctl.sitl.server.ardupilot import MavlinkArduPilot
@@ -215,19 +216,27 @@ def second_station(name: str) -> str:
 
 def half_pulse_s(name: str) -> float:
     """Time to the ground with one motor at half its pulse."""
-    return _fall_s(name, 0.5)
+    px = _with_weak_motor(name, 0.5)
+    return until(px, lambda: -px.body.position[2] < GROUND_M, lambda: hold(px))
 
 
-def most_of_pulse(name: str) -> str:
-    """Fate of a vehicle with one motor at 80 % of its pulse."""
-    return "hovers" if math.isinf(_fall_s(name, 0.8)) else "falls"
+def lean_at_80_deg(name: str) -> float:
+    """Largest lean with one motor at 80 % of its pulse, degrees."""
+    px, leans = _with_weak_motor(name, 0.8), [0.0]
+
+    def watch() -> None:
+        hold(px)
+        leans.append(math.degrees(math.acos(min(rotate(px.body.attitude, (0.0, 0.0, 1.0))[2], 1.0))))
+
+    until(px, lambda: False, watch)
+    return max(leans)
 
 
-def _fall_s(name: str, pulse: float) -> float:
-    """Time from the first motor at a share of its pulse to the ground; infinite if it keeps its height."""
+def _with_weak_motor(name: str, pulse: float) -> SimulatedAutopilot:
+    """Mock in a hover, from now on with its first motor at a share of its pulse."""
     px = hovering(name)
     px.body.truth = px.body.truth.plus(WeakRotor(loss=loss_of_pulse(pulse), rotor=1.0))
-    return until(px, lambda: -px.body.position[2] < GROUND_M, lambda: hold(px))
+    return px
 
 
 PROBES: dict[str, Callable[[str], str | float]] = {
@@ -247,6 +256,6 @@ PROBES: dict[str, Callable[[str], str | float]] = {
             hover_throttle,
             added_at_14_deg,
         ),
-        *(outputs_over_command, second_station, half_pulse_s, most_of_pulse),
+        *(outputs_over_command, second_station, half_pulse_s, lean_at_80_deg),
     )
 }

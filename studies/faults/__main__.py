@@ -30,11 +30,12 @@ line that holds back, loses and repeats datagrams lies between the two.
 
 The vehicle is the quadrotor of `config/vehicles/raptor.yaml`; rows that say *of six* or *six rotors* fly the hexarotor
 of `config/vehicles/f550.yaml`. With one motor at half thrust PX4's mock hovers, as a real PX4 did, whose figure 8 was
-handed over after 2.8 s; ArduPilot's leaves its place, and the fence lands it. ArduPilot's simulator weakens a motor
-by its pulse: at half the pulse a fifth of the thrust is left, and the real one was on the ground from 1.5 m after 1.1
-s, at 3.2 m/s, and stayed armed in LAND for 85 s. Its mock is after 0.74 s ([docs/autopilots.md](autopilots.md)), and
-disarms. At 80 % of the pulse the real one and the mock hover, 1.1 m off and 10 and 11 deg oblique. A real hexarotor
-of ArduPilot flew on with a motor at half its pulse, and was on the ground after 1.4 s with one at a tenth.
+handed over after 2.8 s; ArduPilot's leaves its place, and the fence lands it. A real ArduPilot with a motor "at half"
+was on the ground after 1.1 s, at 3.2 m/s, and stayed armed in LAND for 85 s. Its simulator weakens a motor by its
+pulse: a fifth of the thrust is left, and the mock is on the ground from 1.5 m after 0.74 s, and disarms
+([docs/autopilots.md](autopilots.md)). At 80 % the real one leaned by 10 deg, 1.1 m off, the mock by 11 deg, 1.1 m
+off. A real hexarotor of ArduPilot flew on with a motor at half, and was on the ground after 1.4 s with one at a
+tenth.
 
 ArduPilot's own answer to missing setpoints is to level and hold its height, in GUIDED, without reporting it. Its
 ground-station failsafe lands it 3 s after the last heartbeat of quadctl, as a flight requires (`SYSID_MYGCS`). PX4's
