@@ -11,9 +11,11 @@ from scipy.stats import chi2
 
 from quadctl.effects.sensor_error import SensorError
 from quadctl.effects.sensors import SENSOR_ERRORS
+from quadctl.errors import LogError
 from quadctl.lab.arrays import Floats
-from quadctl.lab.sensors.heights import Heights
+from quadctl.lab.sensors.heights import READINGS, Heights
 from quadctl.lab.sensors.wander import Estimate, Noise, Rows, estimate, learned, stacked
+from quadctl.logs.contradictions import MAX_FACTOR
 from quadctl.sensor_model import FittedError, SensorModel
 
 P = 1e-3
@@ -145,7 +147,10 @@ def _as_dict(one: Named) -> dict[str, Any]:
 
 
 def diagnose_sensor(flights: Sequence[Heights]) -> SensorDiagnosis:
-    """Name the errors of one sensor over some flights of a vehicle."""
+    """Name the errors of one sensor over some flights of a vehicle.
+
+    Raises LogError where its reading is not in metres: its scale is fitted, and would hide that.
+    """
     kinds = [kind for kind in SENSOR_ERRORS.values() if kind.sensor == flights[0].sensor]
     reasons = {kind.name: reason for kind in kinds if (reason := _unshown(kind, flights))}
     tried = [kind() for kind in kinds if kind.name not in reasons]
@@ -162,6 +167,7 @@ def diagnose_sensor(flights: Sequence[Heights]) -> SensorDiagnosis:
             kept.pop(worst)
     noise = learned(_rows(flights, kept, _no_wind(flights)))
     fit = _fitted(flights, kept, noise)
+    _refuse_other_units(flights, fit)
     named = [_named(flights, fit, kept, i) for i in range(len(kept))]
     matters = [one for one in named if one.largest_m > SMALL_M]
     return SensorDiagnosis(
@@ -285,6 +291,15 @@ def _fitted(flights: Sequence[Heights], errors: Sequence[SensorError], noise: No
             for flight, (north, east) in zip(flights, change.tolist(), strict=True)
         )
     return _Fit(fit, winds, places)
+
+
+def _refuse_other_units(flights: Sequence[Heights], fit: _Fit) -> None:
+    at = len(fit.places) + len(flights) + 1
+    factor, reach = 1.0 + float(fit.estimate.value[at]), 1.96 * float(np.sqrt(fit.estimate.covariance[at, at]))
+    if factor + reach < 1.0 / MAX_FACTOR or factor - reach > MAX_FACTOR:
+        names = ", ".join(dict.fromkeys(flight.name for flight in flights))
+        column = READINGS[flights[0].sensor]
+        raise LogError(f"{names}: {column} changes {factor:.3g} times as much as the height, expected once, in metres")
 
 
 def _wind_slopes(flights: Sequence[Heights], errors: Sequence[SensorError], winds: Winds, value: Floats) -> Floats:

@@ -9,7 +9,7 @@ from quadctl.lab.sensors.diagnosis import Named, SensorDiagnosis, Verdict
 from quadctl.lab.sensors.heights import Heights, NoReference, Reference
 
 REFERENCES = {
-    Reference.POSITION: "the logged position",
+    Reference.POSITION: "the logged position, taken for independent of it",
     Reference.RANGE: "the range finder",
     Reference.DOPPLER: "GPS's climb rate, integrated",
 }

@@ -1,6 +1,7 @@
 """Errors of a barometer are named where the log has a reference, with intervals that hold the truth; else it is said
 what the log needs."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from quadctl.cli import app
 from quadctl.effects.barometer import AirspeedError, DriftError, GroundError, ThrottleError
 from quadctl.effects.rangefinder import MountingError
 from quadctl.effects.sensor_error import SensorConditions, SensorError
+from quadctl.errors import LogError
 from quadctl.export.ardupilot import ARDUPILOT
 from quadctl.export.autopilot import Present
 from quadctl.export.px4 import PX4
@@ -137,6 +139,18 @@ def test_quick_noise_of_the_climb_rate_passes_for_no_error(runs: FlightLog, seed
     log = measured(runs, (), Reference.DOPPLER, seed=seed)
     log.columns["gps_vz_m_s"] = log["vz_m_s"] + wandering(seed + 3, len(log), 0.075, 0.4)
     assert diagnosed(log).verdict is Verdict.NONE
+
+
+@pytest.mark.parametrize("factor", [-11.9, -0.119, 3.281, 100.0], ids=["Pa", "hPa", "feet", "cm"])
+@pytest.mark.parametrize("reference", [Reference.POSITION, Reference.RANGE, Reference.DOPPLER])
+def test_a_reading_in_another_unit_is_refused(runs: FlightLog, reference: Reference, factor: float) -> None:
+    log = measured(runs, (GroundError(at_ground_m=0.3),), reference, seed=8)
+    log.columns["baro_m"] = factor * log["baro_m"] + 950.0
+    with pytest.raises(LogError) as refused:
+        diagnosed(log)
+    told = re.search(r"baro_m changes (\S+) times as much as the height, expected once, in metres", str(refused.value))
+    assert told is not None
+    assert float(told[1]) == pytest.approx(factor, rel=0.1, abs=0.06)  # beside the error of the ground
 
 
 def test_in_a_wind_the_air_speed_counts(windy_runs: FlightLog) -> None:
