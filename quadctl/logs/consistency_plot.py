@@ -46,11 +46,24 @@ def draw(log: FlightLog, path: Path) -> None:
             axis.legend(fontsize=7)
     for axis in axes[-1]:
         axis.set_xlabel("time, s")
+    for axis in axes.flat:
+        _show_the_flight(axis)
     figure.suptitle(f"{log.name}: where the lines part, a frame or a unit is wrong")
     try:
         figure.savefig(path, dpi=100)
     except (OSError, ValueError) as error:
         raise LogError(f"{path}: cannot be written ({error})") from None
+
+
+def _show_the_flight(axis: "Axes") -> None:
+    """Limit the axis to all but the hundredth furthest values: one touch-down would set its scale."""
+    values = np.concatenate([np.asarray(line.get_ydata(), dtype=np.float64) for line in axis.lines])
+    values = values[np.isfinite(values)]
+    if len(values) == 0:
+        return
+    low, high = np.percentile(values, (0.5, 99.5))
+    if high > low:
+        axis.set_ylim(low - 0.3 * (high - low), high + 0.3 * (high - low))
 
 
 def _slopes(log: FlightLog, values: list[Floats]) -> list[Floats]:
