@@ -1,6 +1,7 @@
 """ArduPilot Copter's rules of arming, modes and failsafes, on the same simulated vehicle."""
 
 import enum
+import math
 from typing import ClassVar
 
 import numpy as np
@@ -30,6 +31,14 @@ FRAME_CLASSES = {4: 1.0, 6: 2.0, 8: 3.0}
 """FRAME_CLASS by number of rotors."""
 CLIMBED_M = 0.3
 """Distance to the height of a return within which it counts as reached."""
+CONE_SLOPE, CONE_CLIMB_M = 3.0, 2.5
+"""Slope of the cone above home that bounds the climb of a return (RTL_CONE_SLOPE), and the climb that older versions
+allow in any case (RTL_ABS_MIN_CLIMB); since 4.6 it is RTL_CLIMB_MIN, 0 by default."""
+CLIMB_MIN_SINCE: Version = (4, 6)
+LAND_PAUSE_S = 4.0
+"""Time for which a failsafe's LAND keeps its height first (LAND_WITH_DELAY_MS); a commanded one does not."""
+LANE_STEP_M = 0.72
+"""Step of the height when its estimator switches to another lane, measured on 4.7-dev."""
 AIR = Air(pressure_pa=95598.0, ground_temperature_c=28.16, height_m=0.0, altitude_m=488.1)
 """Air at the take-off place of the recorded flights."""
 ANGLE_P, RATE_PI, MAX_INTEGRAL = 4.5, 0.135, 0.5
@@ -55,6 +64,10 @@ class SimulatedCopter(SimulatedAutopilot):
     first_mode: ClassVar[str] = "STABILIZE"
     offboard_mode: ClassVar[str] = "GUIDED"
     aid_timeout_s: ClassVar[float] = 0.4  # by GPS_RAW_INT.fix_type, as measured
+    station_parameter: ClassVar[str] = "SYSID_MYGCS"
+    """Parameter with the id of the ground station whose heartbeats it watches."""
+    return_parameter: ClassVar[str] = "RTL_ALT"
+    """Parameter with the height of a return, in cm, or in m where its name ends so."""
     default_parameters: ClassVar[dict[str, float]] = {
         "GUID_OPTIONS": 0.0,
         "GUID_TIMEOUT": 3.0,
@@ -80,13 +93,17 @@ class SimulatedCopter(SimulatedAutopilot):
     _taken_off = False
     """True after a take-off by command."""
     _internal_error = False
+    stick_neutral = True
+    """False: the throttle stick of its remote control is off neutral."""
     _climbs = False
     """True while a return climbs."""
+    _pause_until_s = -math.inf
+    """Time until which its LAND keeps the height."""
     _station_heard_s: float | None = None
     """Time of the last heartbeat of the ground station; its failsafe acts only after the first."""
 
     def hear_heartbeat(self, system_id: int) -> None:
-        if system_id == int(self.parameters["SYSID_MYGCS"]):
+        if system_id == int(self.parameters[self.station_parameter]):
             self._station_heard_s = self.time_s
 
     def gains(self, vehicle: Vehicle) -> Gains:
@@ -130,7 +147,7 @@ class SimulatedCopter(SimulatedAutopilot):
     def fail_battery(self) -> None:
         """Let the battery fail, with BATT_FS_LOW_ACT 1 (Land)."""
         self.said.append((CRITICAL, f"Battery 1 is low {self.estimator.battery_v:.2f}V used 0 mAh"))
-        self._enter("LAND")
+        self._fail_to("LAND")
 
     def lose_remote(self) -> None:
         """Lose the remote control."""
@@ -138,7 +155,18 @@ class SimulatedCopter(SimulatedAutopilot):
         mode = REMOTE_LOST.get(int(self.parameters["FS_THR_ENABLE"]))
         if self.armed and mode is not None:
             self.said.append((CRITICAL, "Radio Failsafe"))
-            self._enter(mode)
+            self._fail_to(mode)
+
+    def switch_lane(self) -> None:
+        """Let the estimator switch to another lane: the height that it tells steps."""
+        self.said.append((CRITICAL, "EKF3 lane switch 1"))
+        self.estimator.height_step_m += LANE_STEP_M
+
+    def _fail_to(self, mode: str) -> None:
+        """Enter the mode of a failsafe."""
+        if mode == "LAND" and self.mode != "LAND":
+            self._pause_until_s = self.time_s + LAND_PAUSE_S
+        self._enter(mode)
 
     def _objection_before_arming(self) -> str | None:
         if self.time_s < self.ready_after_s:
@@ -151,6 +179,8 @@ class SimulatedCopter(SimulatedAutopilot):
         problem = self._objection_before_arming()
         if problem is not None:
             return problem
+        if not self.stick_neutral:
+            return "Arm: Throttle (RC3) is not neutral"
         return f"Arm: {self.mode.title()} mode not armable" if self.mode in NOT_ARMABLE else None
 
     def _objection_to_mode(self, mode: str) -> str | None:
@@ -177,12 +207,12 @@ class SimulatedCopter(SimulatedAutopilot):
         heard_s, mode = self._station_heard_s, STATION_LOST.get(int(self.parameters["FS_GCS_ENABLE"]))
         lost = heard_s is not None and self.time_s - heard_s > self.parameters["FS_GCS_TIMEOUT"]
         if lost and mode is not None and self.armed and self.mode in ("GUIDED", "BRAKE"):
-            self._enter(mode)
+            self._fail_to(mode)
 
         acts = self.armed and self.parameters["FS_EKF_ACTION"] and self.mode not in ("STABILIZE", "LAND")
         if acts and self.estimator.unaided_s(self.time_s) > UNAIDED_S:
             self.said.append((CRITICAL, "EKF variance"))
-            self._enter("LAND")
+            self._fail_to("LAND")
 
     @property
     def _trusts_estimate(self) -> bool:
@@ -209,13 +239,26 @@ class SimulatedCopter(SimulatedAutopilot):
             self._climbs = mode == "RTL"
         super()._enter(mode)
         if self._climbs:
-            north, east, down = self._anchor
-            self._anchor = (north, east, min(down, -0.01 * self.parameters["RTL_ALT"]))
+            north, east, _ = self.body.position
+            self._anchor = (north, east, -self._return_height_m)
+
+    @property
+    def _return_height_m(self) -> float:
+        """Height of a return from here, bounded by a cone above home.
+
+        Source: `ModeRTL::compute_return_target`, `build_path` before 4.6.
+        """
+        x, y, z = self.body.position
+        unit_m = 1.0 if self.return_parameter.endswith("_M") else 0.01
+        least_m = -z + (CONE_CLIMB_M if self.version < CLIMB_MIN_SINCE else 0.0)
+        cone_m = max(CONE_SLOPE * math.hypot(x, y), least_m)
+        return max(min(unit_m * self.parameters[self.return_parameter], cone_m), -z)
 
     @property
     def _has_climbed(self) -> bool:
-        """True once a return has climbed to RTL_ALT; then it goes home, and down."""
-        self._climbs = self._climbs and self.body.position[2] > self._anchor[2] + CLIMBED_M
+        """True once a return has climbed on the spot as far as it wants to; then it goes home, and down."""
+        if self._climbs and self.body.position[2] <= self._anchor[2] + CLIMBED_M:
+            self._climbs, self._anchor = False, (0.0, 0.0, self._anchor[2])
         return not self._climbs
 
     @property
@@ -235,8 +278,25 @@ class SimulatedCopter(SimulatedAutopilot):
     def _land_speed_m_s(self) -> float:
         return 0.01 * self.parameters["LAND_SPEED"]
 
+    @property
+    def _lands(self) -> bool:
+        return super()._lands and self.time_s >= self._pause_until_s
+
     def _position_control(self) -> AttitudeTarget:
         own = super()._position_control()
         if self.guided is Guided.LEVEL:
             return own._replace(attitude=level_with_yaw(self.body.attitude))
         return own
+
+
+class NewCopter(SimulatedCopter):
+    """A Copter 4.7, which has renamed the parameters of the ground station's id and of the return's height."""
+
+    version: ClassVar[Version] = (4, 7)
+    station_parameter: ClassVar[str] = "MAV_GCS_SYSID"
+    return_parameter: ClassVar[str] = "RTL_ALT_M"
+    default_parameters: ClassVar[dict[str, float]] = {
+        name: value
+        for name, value in SimulatedCopter.default_parameters.items()
+        if name not in ("SYSID_MYGCS", "RTL_ALT")
+    } | {"MAV_GCS_SYSID": 255.0, "RTL_ALT_M": 15.0}

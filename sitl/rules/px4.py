@@ -381,6 +381,11 @@ class SimulatedAutopilot:
         return True
 
     @property
+    def _lands(self) -> bool:
+        """True in a mode that descends on the spot."""
+        return self.mode == "LAND"
+
+    @property
     def _land_speed_m_s(self) -> float:
         return self.parameters["MPC_LAND_SPEED"]
 
@@ -393,7 +398,7 @@ class SimulatedAutopilot:
         vx, vy, vz = self.body.velocity
         ax, ay, az = self._anchor
         returned = self.mode == "RTL" and self._has_climbed and math.hypot(x - ax, y - ay) < 0.3
-        landing = self.mode == "LAND" or returned
+        landing = self._lands or returned
         sink = self._land_speed_m_s if landing else min(max(az - z, -self._climb_m_s), 1.0)
         if landing and self.body.in_contact:
             return AttitudeTarget(level, 0.0)

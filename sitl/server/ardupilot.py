@@ -52,6 +52,7 @@ class MavlinkArduPilot(MavlinkMock):
                     "LAND_SPEED",
                     "FS_GCS_ENABLE",
                     "SYSID_MYGCS",
+                    "MAV_GCS_SYSID",
                     "FRAME_CLASS",
                     "FS_THR_ENABLE",
                     "FS_EKF_ACTION",

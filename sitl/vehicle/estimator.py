@@ -65,6 +65,8 @@ class Estimator:
         """Time since which no GPS or motion capture measures the position; None: it is measured."""
         self.vertical_std_m = VERTICAL_STD_M
         """Standard deviation of the height that it states; by the barometer alone 0.51 m was measured."""
+        self.height_step_m = 0.0
+        """Sum of the steps of the height that it has told."""
         self.rotor_rpm: tuple[float, ...] = ()
         self.battery_v = NAN
 
@@ -117,7 +119,7 @@ class Estimator:
         unaided_s = self.unaided_s(now)
         off_m_s = UNAIDED_DRIFT_M_S2 * unaided_s
         off_m = 0.5 * off_m_s * unaided_s
-        self.position = (x + dx + off_m + gauss(s), y + dy + gauss(s), z + dz + gauss(s))
+        self.position = (x + dx + off_m + gauss(s), y + dy + gauss(s), z - self.height_step_m + dz + gauss(s))
         self.velocity = (vx + off_m_s + north + gauss(v), vy + east + gauss(v), vz - up + gauss(v))
         self.rates = (p + gauss(w), q + gauss(w), r + gauss(w))
         error = quaternion_from_euler(roll + gauss(angle), pitch + gauss(angle), yaw + gauss(angle))

@@ -50,11 +50,11 @@ def load_measured(name: str) -> Measured:
     return load(ROOT / "sitl" / name / "measured.yaml", Measured)
 
 
-def mock(name: str, seed: int = 1) -> SimulatedAutopilot:
-    """Simulated autopilot that behaves as measured, with the vehicle and the parameters of the real simulator."""
+def mock(name: str, seed: int = 1, vehicle: str = "vehicle.yaml") -> SimulatedAutopilot:
+    """Simulated autopilot that behaves as measured, with a vehicle and the parameters of the real simulator."""
     folder = ROOT / "sitl" / name
     truth = folder / load_measured(name).mock
-    simulated = _RULES[name](load_vehicle(folder / "vehicle.yaml"), load_hidden(truth), seed, str(truth))
+    simulated = _RULES[name](load_vehicle(folder / vehicle), load_hidden(truth), seed, str(truth))
     if isinstance(simulated, SimulatedCopter):
         for line in (folder / "quadctl.parm").read_text().splitlines():
             key, _, value = line.partition(" ")

@@ -8,7 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from quadctl.control.attitude import attitude_for_force
 from quadctl.effects.rotor_fault import WeakRotor
 from quadctl.frames import rotate
-from quadctl.sitl.rules.copter import Guided, SimulatedCopter
+from quadctl.sitl.rules.copter import CLIMBED_M, Guided, NewCopter, SimulatedCopter
 from quadctl.sitl.rules.px4 import SimulatedAutopilot
 from quadctl.sitl.server.ardupilot import MavlinkArduPilot
 from quadctl.state import AttitudeTarget
@@ -37,9 +37,9 @@ def until(px: SimulatedAutopilot, condition: Callable[[], bool], each: Callable[
     return px.time_s - begin_s
 
 
-def hovering(name: str) -> SimulatedAutopilot:
+def hovering(name: str, vehicle: str = "vehicle.yaml") -> SimulatedAutopilot:
     """Mock in a hover at HOVER_M in the mode of targets, held there by targets."""
-    px = mock(name)
+    px = mock(name, vehicle=vehicle)
     until(px, lambda: px.estimate().ready_to_arm)
     px.set_attitude_target(AttitudeTarget(LEVEL, 0.0))
     px.request_mode(px.offboard_mode)
@@ -142,6 +142,54 @@ def remote_lost(name: str) -> str:
     return f"{mode}, climbs" if -px.body.position[2] > height_m + 1.0 else mode
 
 
+def return_near_home(name: str) -> str:
+    """Height of a return of version 4.7 from over its home, by the default height of 15 m."""
+    px = hovering(name)
+    px.__class__ = NewCopter
+    px.parameters |= {"RTL_ALT_M": 15.0}
+    before_m = -px.body.position[2]
+    px.request_mode("RTL")
+    highest_m = [before_m]
+    until(px, lambda: px.landed, lambda: highest_m.append(-px.body.position[2]))
+    return "does not climb" if max(highest_m) < before_m + CLIMBED_M else "climbs"
+
+
+def failsafe_landing_s(name: str) -> float:
+    """Time by which the LAND of a failsafe reaches the ground after one that is commanded."""
+    lands: tuple[Callable[[SimulatedCopter], object], ...] = (
+        SimulatedCopter.fail_battery,
+        lambda px: px.request_mode("LAND"),
+    )
+
+    def landed_after_s(land: Callable[[SimulatedCopter], object]) -> float:
+        px = hovering(name)
+        assert isinstance(px, SimulatedCopter)
+        land(px)
+        return until(px, lambda: px.body.in_contact)
+
+    failed_s, commanded_s = map(landed_after_s, lands)
+    return failed_s - commanded_s
+
+
+def stick_off_neutral(name: str) -> str:
+    px = mock(name)
+    assert isinstance(px, SimulatedCopter)
+    px.stick_neutral = False
+    until(px, lambda: px.estimate().ready_to_arm)
+    px.request_mode(px.offboard_mode)
+    return "refused" if px.request_arm() else "accepted"
+
+
+def lane_switch_m(name: str) -> float:
+    """Step of the height that its estimate tells."""
+    px = hovering(name)
+    assert isinstance(px, SimulatedCopter)
+    before_m = px.estimate().position_ned_m[2]
+    px.switch_lane()
+    px.step(px.time_s + TICK_S)
+    return before_m - px.estimate().position_ned_m[2]
+
+
 def station_ignored(name: str) -> str:
     px = hovering(name)
     px.parameters["SYSID_MYGCS"] = 255.0
@@ -220,6 +268,12 @@ def half_pulse_s(name: str) -> float:
     return until(px, lambda: -px.body.position[2] < GROUND_M, lambda: hold(px))
 
 
+def six_at_a_tenth_s(name: str) -> float:
+    """Time to the ground with one motor of six at a tenth of its pulse."""
+    px = _with_weak_motor(name, 0.1, "hexa_vehicle.yaml")
+    return until(px, lambda: -px.body.position[2] < GROUND_M, lambda: hold(px))
+
+
 def lean_at_80_deg(name: str) -> float:
     """Largest lean with one motor at 80 % of its pulse, degrees."""
     px, leans = _with_weak_motor(name, 0.8), [0.0]
@@ -232,9 +286,9 @@ def lean_at_80_deg(name: str) -> float:
     return max(leans)
 
 
-def _with_weak_motor(name: str, pulse: float) -> SimulatedAutopilot:
+def _with_weak_motor(name: str, pulse: float, vehicle: str = "vehicle.yaml") -> SimulatedAutopilot:
     """Mock in a hover, from now on with its first motor at a share of its pulse."""
-    px = hovering(name)
+    px = hovering(name, vehicle)
     px.body.truth = px.body.truth.plus(WeakRotor(loss=loss_of_pulse(pulse), rotor=1.0))
     return px
 
@@ -256,6 +310,7 @@ PROBES: dict[str, Callable[[str], str | float]] = {
             hover_throttle,
             added_at_14_deg,
         ),
-        *(outputs_over_command, second_station, half_pulse_s, lean_at_80_deg),
+        *(outputs_over_command, second_station, half_pulse_s, six_at_a_tenth_s, lean_at_80_deg),
+        *(return_near_home, failsafe_landing_s, stick_off_neutral, lane_switch_m),
     )
 }

@@ -10,6 +10,7 @@ from signal import SIGCONT, SIGINT, SIGKILL, SIGSTOP, SIGTERM, SIGUSR1, SIGUSR2
 from typing import Any
 
 from quadctl.effects.rotor_fault import WeakRotor
+from quadctl.sitl.rules.copter import LANE_STEP_M, SimulatedCopter
 from quadctl.sitl.server import faults
 from studies.autopilots.weak_motor import loss_of_pulse
 
@@ -192,6 +193,14 @@ def _lose_remote(scene: Scene) -> None:
     scene.px.autopilot.lose_remote()
 
 
+def _step_height(scene: Scene) -> None:
+    """The estimator switches to another lane; PX4, which was not seen to, steps as far."""
+    if isinstance(scene.px.autopilot, SimulatedCopter):
+        scene.px.autopilot.switch_lane()
+    else:
+        scene.px.faults.distort = faults.displaced((0.0, 0.0, -LANE_STEP_M))
+
+
 def _rise_out_of_the_data(scene: Scene) -> None:
     """The estimate says so, and the vehicle goes down for it."""
     scene.px.faults.distort = faults.displaced((0.0, 0.0, -0.45), 0.9)
@@ -283,6 +292,7 @@ STATE = (
         "attitude frozen", _distort(lambda: faults.frozen("attitude")), "hand over", "attitude is frozen", silent_s=0.8
     ),
     Case("position jumps by 2 m", _distort(lambda: faults.displaced((2.0, 0.0, 0.0))), "hand over", "position jumped"),
+    Case("estimator switches its lane", _step_height, "hand over", "position jumped by 0.7"),
     Case("attitude jumps by 45 deg", _distort(lambda: faults.leaning(math.radians(45.0))), "hand over", "jumped"),
     Case(
         "position aid lost",

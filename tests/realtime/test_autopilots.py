@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 
 from quadctl.errors import FlightError
-from quadctl.flight.autopilot.ardupilot import ARDUPILOT
 from quadctl.flight.preflight.changed_parameters import Change, ChangedParameters, still_changed
 from quadctl.flight.preflight.requirements import requirements_met
 from quadctl.lab.comparison.comparison import compare
@@ -17,7 +16,7 @@ from quadctl.lab.flights.channels import ROTOR_SPEED, signals_of
 from quadctl.lab.interface import prepare_flights
 from quadctl.logs.flight_log import FlightLog
 from quadctl.model import load_model
-from quadctl.sitl.rules.copter import Guided, SimulatedCopter
+from quadctl.sitl.rules.copter import Guided, NewCopter, SimulatedCopter
 from quadctl.sitl.rules.px4 import SimulatedAutopilot
 from quadctl.sitl.vehicle.hidden import load_hidden
 from quadctl.vehicle import load_vehicle
@@ -167,26 +166,26 @@ def test_a_hexarotors_configuration_on_a_quadrotor_is_not_flown(tmp_path: Path) 
     assert not list(tmp_path.glob("*.csv"))
 
 
-class NewNames(dict[str, float]):
-    """Parameters of ArduPilot 4.7, of which the simulated vehicle still reads the older names."""
-
-    def __missing__(self, name: str) -> float:
-        newer = ARDUPILOT.renamed[name]
-        return self[newer.name] * newer.unit
-
-
-class NewCopter(SimulatedCopter):
-    version = (4, 7)
+def test_a_throttle_stick_off_neutral_is_told_and_nothing_is_armed(tmp_path: Path) -> None:
+    copter, port = NewCopter(VEHICLE), free_port()
+    meet_requirements(copter)
+    copter.stick_neutral = False
+    with mock(copter, port):
+        _, said = Flight(tmp_path, f"udpin://127.0.0.1:{port}").process.communicate(timeout=60.0)
+    assert "Arm: Throttle (RC3) is not neutral" in said.split("the flight was not completed")[1]
+    assert not copter.armed
 
 
-@pytest.mark.parametrize("kind", [NewCopter, SimulatedCopter], ids=["4.7 says so", "another number"])
+class AnotherNumber(NewCopter):
+    version = (4, 5)
+
+
+@pytest.mark.parametrize("kind", [NewCopter, AnotherNumber], ids=["4.7 says so", "another number"])
 def test_an_ardupilot_that_has_renamed_its_parameters_is_asked_for_the_newer_names(kind: type[SimulatedCopter]) -> None:
     """A name that it does not know is never answered, so the name of its version comes first."""
     copter, says = kind(VEHICLE), list[str]()
     meet_requirements(copter)
-    older = copter.parameters
-    renamed = {new.name: older.pop(old) / new.unit for old, new in ARDUPILOT.renamed.items()}
-    copter.parameters = NewNames({**older, **renamed, "MAV_GCS_SYSID": 255.0, "RTL_ALT_M": 15.0})
+    copter.parameters["MAV_GCS_SYSID"] = 255.0
 
     async def fly(link: Link) -> None:
         assert await link.adapter.parameters(["RTL_ALT", "SYSID_MYGCS"]) == {"RTL_ALT": 1500.0, "SYSID_MYGCS": 255.0}
@@ -196,7 +195,7 @@ def test_an_ardupilot_that_has_renamed_its_parameters_is_asked_for_the_newer_nam
     with connected(copter) as link:
         asyncio.run(fly(link))
         assert link.px.autopilot.parameters["MAV_GCS_SYSID"] == 255.0
-        assert ("SYSID_MYGCS" in link.px.parameters_asked_for) == (kind is SimulatedCopter)
+        assert ("SYSID_MYGCS" in link.px.parameters_asked_for) == (kind is AnotherNumber)
         assert "SYSID_MYGCS" not in link.px.autopilot.parameters
 
 

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from quadctl.sitl.rules.copter import SimulatedCopter
+from quadctl.sitl.rules.copter import NewCopter, SimulatedCopter
 from quadctl.state import AttitudeTarget
 from quadctl.vehicle import load_vehicle
 from tests.support.links import LEVEL, RAPTOR, hover_throttle
@@ -12,8 +12,8 @@ from tests.support.links import LEVEL, RAPTOR, hover_throttle
 VEHICLE = load_vehicle(RAPTOR)
 
 
-def copter_in_guided() -> SimulatedCopter:
-    copter = SimulatedCopter(VEHICLE)
+def copter_in_guided(kind: type[SimulatedCopter] = SimulatedCopter) -> SimulatedCopter:
+    copter = kind(VEHICLE)
     copter.parameters["GUID_OPTIONS"] = 8.0
     assert copter.request_mode("GUIDED") is None
     assert copter.request_arm() is None
@@ -71,3 +71,41 @@ def test_lifting_off_by_targets_blocks_the_next_arming() -> None:
     assert not copter.armed
     copter.request_mode("GUIDED")
     assert copter.request_arm() == "PreArm: Internal errors 0x4000000"
+
+
+@pytest.mark.parametrize(("kind", "climbs_m"), [(SimulatedCopter, 2.5), (NewCopter, 0.0)], ids=["4.5", "4.7"])
+def test_a_return_near_home_is_bounded_by_a_cone(kind: type[SimulatedCopter], climbs_m: float) -> None:
+    copter = copter_in_guided(kind)
+    copter.request_take_off(1.0)
+    run(copter, 4.0)
+    highest_m = before_m = -copter.body.position[2]
+    copter.request_mode("RTL")
+    while not copter.landed:
+        run(copter, 0.5)
+        highest_m = max(highest_m, -copter.body.position[2])
+    assert highest_m - before_m == pytest.approx(climbs_m, abs=0.35)
+
+
+def test_a_return_from_afar_climbs_to_the_cone() -> None:
+    copter = copter_in_guided(NewCopter)
+    copter.request_take_off(1.0)
+    run(copter, 4.0)
+    copter.body.position = (2.0, -1.5, copter.body.position[2])  # 2.5 m from home, and 7.5 m on the cone
+    copter.request_mode("RTL")
+    run(copter, 6.5)
+    assert copter.body.position == pytest.approx((2.0, -1.5, -7.5), abs=0.3)  # it climbs on the spot
+    run(copter, 20.0)
+    assert copter.landed
+    assert copter.body.position[:2] == pytest.approx((0.0, 0.0), abs=0.3)
+
+
+@pytest.mark.parametrize("fails", [True, False], ids=["failsafe", "command"])
+def test_the_landing_of_a_failsafe_keeps_its_height_first(fails: bool) -> None:
+    copter = copter_in_guided()
+    copter.request_take_off(2.0)
+    run(copter, 6.0)
+    before_m = -copter.body.position[2]
+    copter.fail_battery() if fails else copter.request_mode("LAND")
+    run(copter, 3.5)
+    assert copter.mode == "LAND"
+    assert -copter.body.position[2] == pytest.approx(before_m if fails else before_m - 1.7, abs=0.25)

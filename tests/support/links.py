@@ -37,7 +37,9 @@ def hover_throttle(vehicle: Vehicle) -> float:
 def meet_requirements(copter: SimulatedCopter) -> None:
     """Set the parameters as quadctl requires and recommends."""
     for need in ARDUPILOT.requirements(OWN_SYSTEM_ID):
-        copter.parameters[need.parameter] = need.to_meet(copter.parameters[need.parameter])
+        own = need.parameter in copter.parameters
+        name = need.parameter if own else ARDUPILOT.renamed[need.parameter].name
+        copter.parameters[name] = need.to_meet(copter.parameters[name])
 
 
 class Link:
