@@ -20,6 +20,7 @@ from quadctl.flight.preflight.plan import FlightPlan
 from quadctl.flight.preflight.requirements import requirements_met
 from quadctl.flight.realtime import privileges, run
 from quadctl.flight.record.display import Display
+from quadctl.flight.record.model_link import ModelLink
 from quadctl.flight.record.view_link import ViewEnd, ViewLink
 from quadctl.flight.watchdog import Watchdog
 
@@ -132,5 +133,5 @@ async def _fly_prepared(
         display = stack.enter_context(Display(pilot, console, real_time))
         viewer = [] if view is None else [ViewLink(view, pilot)]
         watchdog = stack.enter_context(Watchdog())
-        await fly(autopilot, pilot, rate_hz, [recorder, tally, display, *viewer, watchdog])
+        await fly(autopilot, pilot, rate_hz, [recorder, tally, display, *viewer, ModelLink(autopilot), watchdog])
     return tally.outcome(pilot, recorder.path, recorder.problem)

@@ -23,6 +23,15 @@ LATERAL_THROTTLE = ("throttle_x_cmd", "throttle_y_cmd")
 LATERAL_COLUMNS = (*LATERAL_THRUST, *LATERAL_THROTTLE)
 """Lateral commands of a fully actuated flight, forward and right."""
 REFERENCE_COLUMNS = ("x_ref_m", "y_ref_m", "z_ref_m", "vx_ref_m_s", "vy_ref_m_s", "vz_ref_m_s")
+RESIDUAL_COLUMNS = (
+    "residual_x_m_s2",
+    "residual_y_m_s2",
+    "residual_z_m_s2",
+    "residual_north_m_s2",
+    "residual_east_m_s2",
+    "residual_up_m_s2",
+)
+"""Specific force beyond the model that flew, filtered: along the body, FRD, and in the world."""
 HEIGHT_COLUMNS = ("baro_m", "baro_temperature_c", "range_m", "gps_vz_m_s")
 """Sensors of the height: barometer and its temperature, range finder along the body's axis down, climb rate of GPS."""
 LOOP_COLUMNS = ("telemetry_age_s", "tick_late_s")
@@ -40,6 +49,7 @@ OPTIONAL_COLUMNS = (
     "compensator_trust",
     *LOOP_COLUMNS,
     *LATERAL_COLUMNS,
+    *RESIDUAL_COLUMNS,
     *HEIGHT_COLUMNS,
 )
 PHASE_COLUMN = "phase"

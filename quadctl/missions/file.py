@@ -10,7 +10,7 @@ from pydantic import Field
 
 from quadctl.errors import SettingsError
 from quadctl.missions.expansion import RawPhase, Value, check_size, expanded, known, names_in, put_in
-from quadctl.missions.mission import Mission, MissionLimits, Phase, Turn
+from quadctl.missions.mission import QUANTITIES, Mission, MissionLimits, Phase, Turn
 from quadctl.missions.profile import sampled
 from quadctl.settings import Settings, read_value, read_yaml, validate
 from quadctl.state import Vec3
@@ -36,6 +36,7 @@ class _MissionFile(Settings):
     surfaces: Any = None
     edge_m: Any = None
     """Surfaces of the ground, as `read_place` takes them."""
+    until: dict[str, Any] = Field(default={})
     phases: list[dict[str, Any]] = Field(min_length=1)
 
 
@@ -87,9 +88,26 @@ def load_mission(path: Path | str, offset_up_m: float | None = None, overrides: 
         offset_up_m=entry.offset_up_m,
         parameters=values,
         place=read_place(whole, str(path)),
+        until=_wanted(entry.until, path),
     )
     _check_limits(mission, path)
     return mission
+
+
+_PERCENT = re.compile(r"(\d+(?:\.\d+)?) ?%")
+
+
+def _wanted(until: dict[str, Any], path: Path) -> dict[str, float]:
+    """Shares to which quantities are to be known, from `until: {drag: 10 %}`."""
+    shares = {}
+    for name, value in until.items():
+        if name not in QUANTITIES:
+            raise SettingsError(f"{path}: until.{name} is not known, expected one of {', '.join(QUANTITIES)}")
+        found = _PERCENT.fullmatch(str(value))
+        if found is None or not 0.0 < float(found[1]) <= 100.0:
+            raise SettingsError(f"{path}: until.{name} is {value!r}, expected a share such as 10 %, up to 100 %")
+        shares[name] = 0.01 * float(found[1])
+    return shares
 
 
 def mission_files(folder: Path) -> list[Path]:

@@ -13,6 +13,9 @@ from quadctl.state import Vec3
 from quadctl.surfaces import Place
 from quadctl.trajectories import Reference, Trajectory
 
+QUANTITIES = ("thrust", "drag", "inflow")
+"""Quantities of a vehicle that a mission may be flown for."""
+
 
 class MissionLimits(Settings):
     """The mission's reference must stay inside these; a flight that leaves them by more than `margin_m` lands."""
@@ -64,6 +67,9 @@ class Mission(NamedTuple):
     """Values of the mission's parameters as flown: those of the file, or those that override them."""
     place: Place | None = None
     """Surfaces of the ground that it flies over; None: not said."""
+    until: Mapping[str, float] = {}
+    """Quantities for which it is flown, each with the half of its 95 % interval, over its value, at which it is known
+    well enough; the mission ends early when all are."""
 
     @property
     def duration_s(self) -> float:

@@ -10,7 +10,7 @@ from quadctl.flight.pilot.tick import Stage, Tick
 from quadctl.flight.preflight.plan import FlightPlan
 from quadctl.flight.preflight.preparation import prepare_flight
 from quadctl.sitl.rules.px4 import SimulatedAutopilot
-from quadctl.state import AttitudeTarget, VehicleState
+from quadctl.state import AttitudeTarget, Vec3, VehicleState
 from tests.support.places import ROOT
 
 TICK_S = 0.02
@@ -29,6 +29,7 @@ class InProcess:
         self.requirements: list[Requirement] = []
         self.asked: list[str] = []
         self.sent: list[AttitudeTarget] = []
+        self.told: list[tuple[str, Vec3]] = []
         self.before_send: Callable[[], None] = lambda: None
         self.land_hangs = False
 
@@ -51,6 +52,9 @@ class InProcess:
     def state(self) -> VehicleState:
         self.px.step(self.px.time_s + TICK_S)
         return self.px.estimate()
+
+    def tell(self, name: str, vector: Vec3) -> None:
+        self.told.append((name, vector))
 
     def send(self, target: AttitudeTarget) -> None:
         self.before_send()

@@ -19,7 +19,7 @@ from quadctl.flight.autopilot.firmwares import FIRMWARES
 from quadctl.flight.autopilot.mavsdk_link import MavsdkLink
 from quadctl.flight.autopilot.telemetry import Telemetry
 from quadctl.frames import cos_tilt
-from quadctl.state import AttitudeTarget, VehicleState
+from quadctl.state import AttitudeTarget, Vec3, VehicleState
 from quadctl.thrust_chain.chain import Addition
 
 HEARTBEAT_WAIT_S = 3.0
@@ -161,6 +161,14 @@ class MavsdkAutopilot:
     def state(self) -> VehicleState:
         """The latest state, at once; parts that never arrived are nan."""
         return self._telemetry.state(time.monotonic())
+
+    def tell(self, name: str, vector: Vec3) -> None:
+        """Show a vector to ground stations as a DEBUG_VECT, once; one that cannot be sent is lost."""
+        since_us = int(1e6 * (time.monotonic() - self._start_s))
+        with contextlib.suppress(LinkError):
+            self._link.send(
+                "DEBUG_VECT", {"name": name, "time_usec": since_us, **dict(zip("xyz", vector, strict=True))}
+            )
 
     def send(self, target: AttitudeTarget) -> None:
         """Put one target on the wire, at once, once.

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Protocol
 
 from quadctl.flight.autopilot.firmware import Check, Requirement
-from quadctl.state import AttitudeTarget, VehicleState
+from quadctl.state import AttitudeTarget, Vec3, VehicleState
 from quadctl.thrust_chain.chain import Addition
 
 
@@ -66,6 +66,10 @@ class Autopilot(Protocol):
 
     def state(self) -> VehicleState:
         """The latest state, at once; parts that never arrived are nan."""
+        ...
+
+    def tell(self, name: str, vector: Vec3) -> None:
+        """Show a vector to ground stations, once; one that cannot be sent is lost."""
         ...
 
     def send(self, target: AttitudeTarget) -> None:

@@ -5,6 +5,7 @@ import math
 from pydantic import Field
 
 from quadctl.control import ControllerSettings
+from quadctl.flight.pilot.timer import Timer
 from quadctl.frames import cos_tilt, tilt
 from quadctl.settings import Settings
 from quadctl.state import AttitudeTarget, Setpoint, VehicleState
@@ -40,23 +41,6 @@ class FollowingLimits(Settings):
     """Longest time for which tilt or throttle may stay at its limit."""
 
 
-class _Timer:
-    """Time for which a condition has held without a break."""
-
-    def __init__(self) -> None:
-        self._since_s: float | None = None
-
-    def held_s(self, holds: bool, now_s: float) -> float:
-        if not holds:
-            self._since_s = None
-            return 0.0
-        self._since_s = now_s if self._since_s is None else self._since_s
-        return now_s - self._since_s
-
-    def forget(self) -> None:
-        self._since_s = None
-
-
 class Following:
     """Compares each tick of a flight with its reference; its numbers must be finite, or an axis' reference nan."""
 
@@ -64,9 +48,9 @@ class Following:
         self._limits = limits
         self._controller = controller
         self._vehicle = vehicle
-        self._off_horizontally, self._off_vertically = _Timer(), _Timer()
-        self._carried, self._landed, self._left_behind = _Timer(), _Timer(), _Timer()
-        self._leaning, self._pushing = _Timer(), _Timer()
+        self._off_horizontally, self._off_vertically = Timer(), Timer()
+        self._carried, self._landed, self._left_behind = Timer(), Timer(), Timer()
+        self._leaning, self._pushing = Timer(), Timer()
         self._reference: Setpoint | None = None
         self._grace_until_s = -math.inf
         self._airborne_seen = False

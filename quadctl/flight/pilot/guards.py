@@ -13,6 +13,7 @@ from pydantic import Field
 
 from quadctl.flight.pilot.continuity import ContinuityLimits
 from quadctl.flight.pilot.following import FollowingLimits
+from quadctl.flight.pilot.model_guard import ModelErrorLimits
 from quadctl.frames import tilt
 from quadctl.missions import MissionLimits
 from quadctl.settings import Settings
@@ -59,6 +60,7 @@ class GuardLimits(Settings):
     """Longest time by which a flight may exceed its mission, by a slow take-off, and longest landing."""
     continuity: ContinuityLimits = ContinuityLimits()
     following: FollowingLimits = FollowingLimits()
+    model_error: ModelErrorLimits = ModelErrorLimits()
 
 
 UNIT_TOLERANCE = 0.01

@@ -8,9 +8,11 @@ import math
 from collections.abc import Callable
 
 from quadctl.compensator import Compensator
+from quadctl.flight.model_watch.watch import ModelWatch
 from quadctl.flight.pilot.following import Following
 from quadctl.flight.pilot.guards import Answer, Breach, unfit
 from quadctl.flight.pilot.landing import Landing
+from quadctl.flight.pilot.model_guard import ModelGuard
 from quadctl.flight.pilot.patience import patience_s
 from quadctl.flight.pilot.progress import Progress
 from quadctl.flight.pilot.settings import FlightSettings
@@ -38,6 +40,8 @@ CLIMBED_SHARE, CLIMBED_M_S = 0.9, 0.2
 """Share of the height, and vertical speed, at which the autopilot's own take-off counts as finished."""
 STREAM_FIRST_S = 1.0
 """Time of idle setpoints before offboard is asked for: autopilots want a stream first."""
+OFF_GROUND_M = 0.1
+"""Climb above the place of take-off from which on the flight is compared with the model."""
 SPOOL_UP_S = 1.0
 """Time in which the throttle rises from idle to half of hover while the vehicle still stands."""
 
@@ -72,6 +76,8 @@ class Pilot:
         self._watch = Supervisor(mission, settings, self._home)
         self._steering = Steering(mission, body.vehicle, settings, compensator, self._home)
         self._following = Following(settings.guards.following, settings.controller, body.vehicle)
+        self._model = ModelWatch(compensator.model, mission.place)
+        self._model_guard = ModelGuard(settings.guards.model_error)
         self._landing = Landing(self._progress, self._watch, self._steering, autopilot_stays_up)
         self._offboard_seen = False
         self._faded = False
@@ -164,6 +170,10 @@ class Pilot:
         decision = self._sound(self._steps[self.stage], state, dt)
         self._notice_fading(decision)
         self._notice_silence()
+        if self.stage is not Stage.FLY:
+            self._model.pause()
+        elif decision.target is not None and decision.setpoint is not None:
+            self._model.sent(state.time_s, decision.target, decision.setpoint.velocity_ned_m_s)
         texts = self._notice_texts(state)
         flies = self.stage is Stage.FLY and bool(self.phases_flown)
         return Tick(
@@ -179,6 +189,7 @@ class Pilot:
             late_s,
             self._progress.take_events(),
             texts,
+            self._model.error,
         )
 
     def _sound(self, step: _Step, state: VehicleState, dt: float) -> Decision:
@@ -303,13 +314,14 @@ class Pilot:
 
     def _fly(self, state: VehicleState, dt: float) -> Decision:
         t_s = self._progress.flight_s = self._begin_at_s + self._progress.in_stage_s
+        self._watch_model(state)
         breach = self._breach(state)
         if breach is not None:
             return self._landing.answer(breach, state)
         phase = self.mission.phase_at(t_s)
         if not self.phases_flown or self.phases_flown[-1] != phase.name:
             self.phases_flown.append(phase.name)
-        if t_s >= self.mission.duration_s:
+        if t_s >= self.mission.duration_s or self._knows_enough():
             return self._landing.begin(self._verdict(), state)
         decision = self._steering.along(t_s, self._begin_at_s, state, dt)
         assert decision.target is not None
@@ -355,9 +367,28 @@ class Pilot:
 
     def _breach(self, state: VehicleState) -> Breach | None:
         """Breach because of which the flight must not go on, or None; a wish to land counts."""
-        wish = self._watch.want_land
+        wish = self._watch.want_land or self._model_guard.defect(self._model.error, state.time_s)
         found = self._watch.breach(state, self._progress.in_air_s, off_ground=self.stage is Stage.FLY)
         return Breach(Answer.LAND, wish) if found is None and wish else found
+
+    def _watch_model(self, state: VehicleState) -> None:
+        """Compare the flight with the model, off the ground, and note what has changed."""
+        if state.landed or self._home.position_ned_m[2] - state.position_ned_m[2] < OFF_GROUND_M:
+            self._model.pause()
+            return
+        for change in self._model.look(state, self._home.ground_down_m, self._progress.flight_s):
+            self._progress.note(str(change), "")
+
+    def _knows_enough(self) -> bool:
+        """True once the quantities that the mission is flown for are known as well as it asks for."""
+        if not self.mission.until:
+            return False
+        shares = self._model.shares()
+        if any(shares[name] > most for name, most in self.mission.until.items()):
+            return False
+        known = ", ".join(f"{name} to {shares[name]:.1%}" for name in self.mission.until)
+        self._progress.note(f"known by now: {known}", "end early")
+        return True
 
     def _verdict(self) -> str:
         """End of a mission that was flown to its last phase: completed, if it was followed."""

@@ -4,6 +4,7 @@ import enum
 from typing import NamedTuple
 
 from quadctl.control import ControlOutput
+from quadctl.flight.model_watch.watch import NO_ERROR, ModelError
 from quadctl.state import AttitudeTarget, Setpoint, StatusText, VehicleState
 
 
@@ -68,3 +69,5 @@ class Tick(NamedTuple):
     events: tuple[Event, ...] = ()
     texts: tuple[StatusText, ...] = ()
     """Texts of the autopilot that are new; each is an event too."""
+    model_error: ModelError = NO_ERROR
+    """Error of the model that flies."""

@@ -29,6 +29,7 @@ from quadctl.logs.columns import (
     LOOP_COLUMNS,
     PHASE_COLUMN,
     REFERENCE_COLUMNS,
+    RESIDUAL_COLUMNS,
     STATE_COLUMNS,
     motor_columns,
     rpm_columns,
@@ -58,6 +59,7 @@ def header(n_rotors: int, lateral: bool = False) -> list[str]:
         *REFERENCE_COLUMNS,
         *LOOP_COLUMNS,
         *(LATERAL_COLUMNS if lateral else ()),
+        *RESIDUAL_COLUMNS,
         PHASE_COLUMN,
     ]
 
@@ -97,7 +99,8 @@ def row(tick: Tick, n_rotors: int, lateral: bool = False) -> list[float | str]:
     if lateral:
         values += (tick.output and tick.output.lateral_n) or _NO_LATERAL
         values += (tick.target and tick.target.lateral) or _NO_LATERAL
-    return [*values, tick.phase]
+    residual_north, residual_east, residual_down = tick.model_error.ned_m_s2
+    return [*values, *tick.model_error.body_m_s2, residual_north, residual_east, -residual_down, tick.phase]
 
 
 class Recorder:

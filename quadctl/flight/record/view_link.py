@@ -13,7 +13,7 @@ from typing import NamedTuple, TypeAlias
 from quadctl.flight.pilot.pilot import Pilot
 from quadctl.flight.pilot.tick import Event, Stage, Tick
 from quadctl.frames import tilt
-from quadctl.state import NAN, NO_VECTOR, Quat
+from quadctl.state import NAN, NO_VECTOR, Quat, Vec3
 
 SEND_S = 0.1
 """Interval of the records: as often as a page can show them, so that most ticks cost nothing."""
@@ -63,6 +63,12 @@ class Record(NamedTuple):
     estimator_ratio: float
     horizontal_std_m: float
     vertical_std_m: float
+    residual_m_s2: Vec3
+    """Specific force beyond the model that flies, FRD."""
+    expected_m_s2: float
+    """Half of the 95 % interval in which that was for the data of the fit; nan where it is not known."""
+    changes: tuple[str, ...]
+    """Changes of the vehicle against the model."""
     armed: bool
     mode: str
     ended: str
@@ -151,6 +157,9 @@ def _record(tick: Tick, late_s: float, pilot: Pilot, events: tuple[Event, ...]) 
         estimator_ratio=state.estimator_ratio,
         horizontal_std_m=state.horizontal_std_m,
         vertical_std_m=state.vertical_std_m,
+        residual_m_s2=tick.model_error.body_m_s2,
+        expected_m_s2=tick.model_error.expected_m_s2,
+        changes=tuple(map(str, tick.model_error.changes)),
         armed=state.armed,
         mode=state.mode,
         ended=pilot.ended,

@@ -33,6 +33,9 @@ WORDS = {
     "battery_v": "battery voltage", "thrust_cmd_n": "thrust command", "throttle_cmd": "throttle command",
     "thrust_ratio": "thrust ratio of the compensator", "compensator_trust": "share of the compensator in use",
     "telemetry_age_s": "age of the state", "tick_late_s": "lateness of the loop",
+    "residual_x_m_s2": "beyond the model, forward", "residual_y_m_s2": "beyond the model, right",
+    "residual_z_m_s2": "beyond the model, down", "residual_north_m_s2": "beyond the model, north",
+    "residual_east_m_s2": "beyond the model, east", "residual_up_m_s2": "beyond the model, up",
 }  # fmt: skip
 MOTOR_WORDS = {"rpm": "speed", "voltage_v": "voltage", "current_a": "current", "output": "command"}
 SEGMENT_S = 5.0

@@ -41,6 +41,11 @@ class Row(NamedTuple):
     late_ms: float
     state_age_ms: float
     link_age_ms: float
+    residual_forward: float
+    residual_right: float
+    residual_down: float
+    expected: float
+    expected_below: float
     north_m: float
     """NaN while disarmed, as `east_m`: standing is no part of the path."""
     east_m: float
@@ -113,6 +118,9 @@ def _row(record: Record) -> Row:
         1e3 * record.late_s,
         _known_ms(record.state_age_s),
         _known_ms(record.link_age_s),
+        *record.residual_m_s2,
+        record.expected_m_s2,
+        -record.expected_m_s2,
         record.north_m if record.armed else math.nan,
         record.east_m if record.armed else math.nan,
     )

@@ -50,6 +50,9 @@ def guards(record: Record, brief: Brief) -> Iterator[Nearness]:
     if limits.max_vertical_std_m > 0.0:
         stated, limit = record.vertical_std_m, limits.max_vertical_std_m
         yield _most("stated accuracy, height", stated, limit, "m", 2, r"deviation .* height")
+    if limits.model_error.max_m_s2 > 0.0:
+        size, limit = math.hypot(*record.residual_m_s2), limits.model_error.max_m_s2
+        yield _most("model error", size, limit, "m/s²", 2, r"not the one of the model")
     yield _most("tilt", record.tilt_deg, limits.max_tilt_deg, "°", 0, r"^the tilt is")
     yield _most("speed", record.speed_m_s, limits.max_speed_m_s, "m/s", 1, r"^the speed is")
     yield _most("height", record.height_m, place.max_z_m + place.margin_m, "m", 2, r"^the height is .* m$")

@@ -33,6 +33,7 @@ class NowPanel:
         with tag("div", "line"):
             self._time = ui.label().classes("muted grow")
             self._next = ui.label().classes("muted next")
+        self._changes = ui.label().classes("changes").props('id="changes"')
 
     def show(self, history: History) -> None:
         record = history.latest
@@ -42,6 +43,7 @@ class NowPanel:
             f"{Stage[record.stage].value} · {record.mode or 'no mode'} · {'armed' if record.armed else 'disarmed'}"
         )
         self._phase.set_text(record.phase.replace("_", " "))
+        self._changes.set_text("; ".join(record.changes))
         self._time.set_text(f"{record.flight_s:.0f} of {self._mission.duration_s:.0f} s")
         following = [phase.name for phase in self._mission.phases if phase.start_s > record.flight_s]
         flying = record.stage == Stage.FLY.name

@@ -23,6 +23,9 @@ class Curve(NamedTuple):
     """Field of a `Theme`."""
 
 
+DASHED = ("reference", "expected", "expected, below")
+"""Names of the curves that say how it was to be."""
+
 Panes = dict[str, list[Curve]]
 """Curves by the title of their axis."""
 
@@ -31,6 +34,13 @@ FLIGHT: Panes = {
     "speed / m/s": [Curve("speed", "speed_m_s", "measured")],
     "tilt / °": [Curve("tilt", "tilt_deg", "measured")],
     "throttle / 1": [Curve("throttle", "throttle", "measured")],
+    "beyond the model / m/s²": [
+        Curve("forward", "residual_forward", "measured"),
+        Curve("right", "residual_right", "before"),
+        Curve("down", "residual_down", "after"),
+        Curve("expected", "expected", "muted"),
+        Curve("expected, below", "expected_below", "muted"),
+    ],
 }
 MACHINE: Panes = {
     "lateness / ms": [Curve("tick lateness", "late_ms", "before")],
@@ -57,7 +67,7 @@ def strips(panes: Panes, rows: Sequence[Row], phases: Sequence[tuple[float, str]
         layout[f"yaxis{number}"] = axis(title, theme, domain=domain, nticks=4, fixedrange=True)
         for curve in curves:
             colour = getattr(theme, curve.colour)
-            dash = "solid" if curve is curves[0] else "dash"
+            dash = "dash" if curve.name in DASHED else "solid"
             data.append(
                 {
                     "type": "scatter",
@@ -67,7 +77,7 @@ def strips(panes: Panes, rows: Sequence[Row], phases: Sequence[tuple[float, str]
                     "y": ys[len(data)],
                     "yaxis": f"y{number}",
                     "line": {"color": colour, "width": 1.6, "dash": dash},
-                    "showlegend": len(curves) > 1,
+                    "showlegend": len(curves) > 1 and curve.value != "expected_below",
                     "hovertemplate": "%{y:.3~g}",
                 }
             )

@@ -21,6 +21,7 @@ import quadctl.flight.record.recorder as recorder_module
 from quadctl.compensator import Compensation
 from quadctl.control import ControlOutput, Memory
 from quadctl.errors import FlightError
+from quadctl.flight.model_watch.watch import ModelError
 from quadctl.flight.pilot.tick import Event, Stage, Tick
 from quadctl.flight.preflight.preparation import prepare_flight
 from quadctl.flight.record.recorder import Recorder, header, row
@@ -37,7 +38,8 @@ HEADER = (
     "motor1_current_a,motor2_current_a,motor3_current_a,motor4_current_a,"
     "motor1_output,motor2_output,motor3_output,motor4_output,battery_v,"
     "thrust_cmd_n,throttle_cmd,roll_cmd_deg,pitch_cmd_deg,yaw_cmd_deg,thrust_ratio,compensator_trust,"
-    "x_ref_m,y_ref_m,z_ref_m,vx_ref_m_s,vy_ref_m_s,vz_ref_m_s,telemetry_age_s,tick_late_s,phase"
+    "x_ref_m,y_ref_m,z_ref_m,vx_ref_m_s,vy_ref_m_s,vz_ref_m_s,telemetry_age_s,tick_late_s,"
+    "residual_x_m_s2,residual_y_m_s2,residual_z_m_s2,residual_north_m_s2,residual_east_m_s2,residual_up_m_s2,phase"
 )
 
 
@@ -73,6 +75,7 @@ def tick(i: int = 0, **state: Any) -> Tick:
         output=output,
         ground_down_m=0.1,
         late_s=0.001,
+        model_error=ModelError((0.11, -0.12, 0.13), (0.14, -0.15, 0.16)),
     )
 
 
@@ -143,6 +146,12 @@ def test_a_row_is_north_east_up_and_degrees() -> None:
         "vz_ref_m_s": 0.9,
         "telemetry_age_s": 0.01,
         "tick_late_s": 0.001,
+        "residual_x_m_s2": 0.11,
+        "residual_y_m_s2": -0.12,
+        "residual_z_m_s2": 0.13,
+        "residual_north_m_s2": 0.14,
+        "residual_east_m_s2": -0.15,
+        "residual_up_m_s2": -0.16,
     }
     assert values.pop("phase") == "hover"
     assert values == pytest.approx(expected)

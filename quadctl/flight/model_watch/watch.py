@@ -1,0 +1,113 @@
+"""The watch over the model that flies: residual at every tick, changes that are told, quantities that are known."""
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+from quadctl.flight.model_watch.changes import Change, Changes
+from quadctl.flight.model_watch.prediction import Prediction, Predictor, slopes
+from quadctl.flight.model_watch.regression import Block, Blocks, Estimate, Recursion
+from quadctl.frames import rotate_inverse
+from quadctl.model import Model
+from quadctl.state import NAN, NO_VECTOR, AttitudeTarget, Vec3, VehicleState
+from quadctl.surfaces import Place
+
+FILTER_S = 0.3
+"""Time constant of the filter of the residual."""
+NORMAL_95 = 1.959964
+"""Half of a 95 % interval over the standard deviation."""
+
+
+class ModelError(NamedTuple):
+    """Error of the model at one tick."""
+
+    body_m_s2: Vec3 = NO_VECTOR
+    """Filtered residual of the specific force, measured less predicted, FRD."""
+    ned_m_s2: Vec3 = NO_VECTOR
+    expected_m_s2: float = NAN
+    """Half of the 95 % interval of one axis, by the residuals of the fit; nan for a model that was not fitted."""
+    changes: tuple[Change, ...] = ()
+    """Changes that are told at this time."""
+
+
+NO_ERROR = ModelError()
+
+
+class ModelWatch:
+    """Watches one flight: call `look` at every tick in the air, `sent` with the target that goes out after it."""
+
+    def __init__(self, model: Model, place: Place | None = None) -> None:
+        self._predictor = Predictor(model, place)
+        self._blocks = Blocks()
+        self._now, self._whole = Recursion(constant=False), Recursion(constant=True)
+        self._changes = Changes()
+        self._slopes = slopes(model)
+        rmse = [item.fitted.rmse_after for item in model.stack if item.fitted and item.fitted.rmse_after is not None]
+        self._expected_m_s2 = NORMAL_95 * rmse[-1] if rmse else NAN
+        self._slow: tuple[Vec3, Vec3] | None = None
+        """Velocity and predicted acceleration after the filter."""
+        self._tasks: list[Callable[[], None]] = []
+        """Tasks of the last block that are left: one a tick, so that no tick is late for them."""
+        self._block: tuple[Block, float] | None = None
+        """The last block, and the time of flight at which it began."""
+        self.error = NO_ERROR
+
+    def sent(self, time_s: float, target: AttitudeTarget, reference_m_s: Vec3) -> None:
+        """Take in the target of a tick, and the velocity of the reference (NED) that it follows."""
+        self._predictor.sent(time_s, target, reference_m_s)
+
+    def pause(self) -> None:
+        """Forget the present state: the vehicle does not fly by our targets, or stands on the ground."""
+        self._predictor.forget()
+        self._blocks.forget()
+        self._slow, self.error = None, NO_ERROR
+
+    def look(self, state: VehicleState, ground_down_m: float, flight_s: float) -> tuple[Change, ...]:
+        """Take in the state of one tick in the air; return the changes that are told for the first time."""
+        at = self._predictor.predict(state, ground_down_m)
+        if at is None:
+            return ()
+        ned = self._filtered(state.velocity_ned_m_s, at)
+        x, y, z = rotate_inverse(state.attitude, ned)
+        before = self.error.changes
+        self.error = self.error._replace(body_m_s2=(x, y, z), ned_m_s2=ned, expected_m_s2=self._expected_m_s2)
+        block = self._blocks.add(at, state.velocity_ned_m_s, state.attitude)
+        if block is not None:
+            self._block = block, flight_s - block.duration_s
+            self._tasks = [*self._whole.tasks(block), *self._now.tasks(block), self._judge]
+        if self._tasks:
+            self._tasks.pop(0)()
+        known = {change.name for change in before}
+        return tuple(change for change in self.error.changes if change.name not in known)
+
+    def shares(self) -> dict[str, float]:
+        """Half of the 95 % interval over the value, of a vehicle that has not changed in this flight, by `QUANTITIES`.
+
+        It is infinite before the first estimate.
+        """
+        found, known = self._whole.estimates(), self._slopes
+        return {
+            "thrust": _share(1.0, found["thrust"]),
+            "drag": max(_share(known.forward, found["drag forward"]), _share(known.right, found["drag right"])),
+            "inflow": _share(known.down, found["inflow"]),
+        }
+
+    def _filtered(self, velocity: Vec3, at: Prediction) -> Vec3:
+        """Residual after a filter of first order, which differentiates the velocity at the same time."""
+        share = at.dt / (at.dt + FILTER_S)
+        (u, v, w), (a, b, c) = self._slow or (velocity, (0.0, 0.0, 0.0))
+        (x, y, z), (n, e, d) = velocity, at.acceleration_ned
+        u, v, w = u + share * (x - u), v + share * (y - v), w + share * (z - w)
+        a, b, c = a + share * (n - a), b + share * (e - b), c + share * (d - c)
+        self._slow = (u, v, w), (a, b, c)
+        return (x - u) / FILTER_S - a, (y - v) / FILTER_S - b, (z - w) / FILTER_S - c
+
+    def _judge(self) -> None:
+        assert self._block is not None
+        self.error = self.error._replace(changes=self._changes.judge(self._now.estimates(), *self._block))
+
+
+def _share(known: float, change: Estimate) -> float:
+    """Half of the 95 % interval of a parameter over its size, which is `known` plus a change."""
+    size = abs(known + change.value)
+    return NORMAL_95 * change.std / size if size > 0.0 else math.inf
