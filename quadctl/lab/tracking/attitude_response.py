@@ -18,6 +18,8 @@ from quadctl.model import Model
 from quadctl.vehicle import AttitudeResponse, AxisResponse
 
 STEP_S = 0.005
+ROUNDING_S = 1e-6
+"""Error of rounding of a time in a log."""
 STRETCHES = 6
 SETTLED_S = 1.0
 """Begin of each stretch that is not compared: the answer is still that to what was before."""
@@ -75,7 +77,7 @@ def _stretches(log: FlightLog, axis: str) -> list[tuple[Floats, Floats]]:
     grid = np.arange(log.time_s[told[0]], log.time_s[told[-1]], STEP_S)
     if grid[-1] - grid[0] < LEAST_S:
         return []
-    held = np.searchsorted(log.time_s[told], grid, side="right") - 1
+    held = np.searchsorted(log.time_s[told], grid + ROUNDING_S, side="right") - 1
     setpoint = log[names[0]][told][held]
     attitude = np.interp(grid, log.time_s[seen] - np.nan_to_num(age_s[seen]), log[names[1]][seen])
     if np.std(setpoint) < LEAST_DEG:
@@ -98,7 +100,8 @@ def _error(stretch: tuple[Floats, Floats], values: Floats) -> Floats:
     setpoint, attitude = stretch
     frequency, damping, delay_s = values
     b, a = bilinear([frequency**2], [1.0, 2.0 * damping * frequency, frequency**2], 1.0 / STEP_S)
-    index = np.arange(len(setpoint)) - delay_s / STEP_S
+    # A value holds from its sample on; the bilinear filter draws lines between samples, which is half a step earlier.
+    index = np.arange(len(setpoint)) - delay_s / STEP_S - 0.5
     late = np.interp(index, np.arange(len(setpoint)), setpoint)
     answer = late[0] + lfilter(b, a, late - late[0])
     off: Floats = (answer - attitude)[round(SETTLED_S / STEP_S) :]
