@@ -1,5 +1,6 @@
 """The command that proposes the gains of the position loop from the lags in logs."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -29,6 +30,12 @@ GAINS = (
     ("velocity_vertical", "d"),
 )
 """Gains by their keys below `controller`."""
+SAID: dict[str, Callable[[Any], str]] = {
+    "largest sensitivity": lambda margins: f"{margins.sensitivity_peak:.2f}" if margins.stable else "unstable",
+    "gain margin": lambda margins: f"{margins.gain:.1f}",
+    "phase margin, deg": lambda margins: f"{margins.phase_deg:.0f}",
+    "delay margin, ms": lambda margins: f"{1e3 * margins.delay_s:.0f}",
+}
 
 
 @app.command()
@@ -108,12 +115,7 @@ def _table(old: "ControllerSettings", new: "ControllerSettings", rows: dict[str,
         table.add_row(".".join(keys), f"{_value(old, keys):g}", f"{_value(new, keys):g}")
     for axis in ("horizontal", "vertical"):
         before, after = rows["old"][axis], rows["new"][axis]
-        for name, said in (
-            ("largest sensitivity", lambda m: f"{m.sensitivity_peak:.2f}" if m.stable else "unstable"),
-            ("gain margin", lambda m: f"{m.gain:.1f}"),
-            ("phase margin, deg", lambda m: f"{m.phase_deg:.0f}"),
-            ("delay margin, ms", lambda m: f"{1e3 * m.delay_s:.0f}"),
-        ):
+        for name, said in SAID.items():
             table.add_row(f"{axis}: {name}", said(before), said(after))
     return table
 

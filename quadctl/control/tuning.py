@@ -9,6 +9,8 @@ from quadctl.vehicle import AttitudeResponse, AxisResponse
 
 POSITION_SHARE = 0.4
 """Position gain over velocity gain."""
+LARGEST_D = 0.3
+"""Largest gain of D: it is a share of the acceleration, which a quicker loop does not make larger."""
 USUAL = ControllerSettings()
 """Defaults: their ratios of I and D to the velocity gain, and their vertical gains as the largest."""
 
@@ -72,8 +74,9 @@ def _gains(position_p: float, velocity: AxisGains, settings: ControllerSettings)
 
 
 def _in_proportion(usual: AxisGains, p: float) -> AxisGains:
-    """Gains with the ratios of `usual`."""
-    return AxisGains(p=round(p, 3), i=round(usual.i / usual.p * p, 3), d=round(usual.d / usual.p * p, 3))
+    """Gains with the ratios of `usual`; a slower loop integrates slower yet, as its time constants are longer."""
+    i, d = usual.i / usual.p * p * min(1.0, p / usual.p), min(usual.d / usual.p * p, LARGEST_D)
+    return AxisGains(p=round(p, 3), i=round(i, 3), d=round(d, 3))
 
 
 def _lag_s(axis: AxisResponse) -> float:
