@@ -19,7 +19,7 @@ LAG_S = 0.2
 
 
 def log_of(where: Path, lean_deg: float = 6.0, age_s: float = 0.0) -> Path:
-    """A flight whose roll and pitch follow their setpoints by two equal first orders of half of LAG_S each, and is `age_s` old."""
+    """A flight whose angles, `age_s` old, follow their setpoints by two first orders of half of LAG_S each."""
     rng = np.random.default_rng(3)
     waves = [np.sin(w * TIME_S + p) for w, p in zip(rng.uniform(0.5, 6.0, 6), rng.uniform(0, 6, 6), strict=True)]
     setpoint = lean_deg / 3.0 * np.sum(waves, axis=0)
