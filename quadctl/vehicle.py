@@ -90,6 +90,12 @@ class AttitudeResponse(Settings):
         """Time by which the direction of thrust is behind its setpoint."""
         return 0.5 * (self.roll.lag_s + self.pitch.lag_s)
 
+    @property
+    def lag_interval_s(self) -> tuple[float, float] | None:
+        """95 % interval of `lag_s`, as wide as if both axes were off to the same side; None: nobody has told it."""
+        roll, pitch = self.roll.lag_interval_s, self.pitch.lag_interval_s
+        return None if roll is None or pitch is None else (0.5 * (roll[0] + pitch[0]), 0.5 * (roll[1] + pitch[1]))
+
 
 Assumable = Literal[
     "rotor.thrust_n_per_rpm2",

@@ -20,6 +20,7 @@ from quadctl.cli import (
     mocap,
     ports,
     thrust_stand,
+    tune,
     vehicle,
     web,
 )
@@ -41,6 +42,7 @@ __all__ = [
     "mocap",
     "ports",
     "thrust_stand",
+    "tune",
     "vehicle",
     "web",
 ]

@@ -1,7 +1,7 @@
 """The command that checks whether a flight may begin."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.text import Text
@@ -15,7 +15,9 @@ from quadctl.cli.flight import (
     RestoreOption,
     SetOption,
     SystemIdOption,
+    TimeScaleOption,
     WithoutFailsafeOption,
+    say_time_scale,
 )
 from quadctl.cli.inputs import find_all, find_configuration, find_mission
 from quadctl.cli.output import JsonOption, write_json
@@ -29,6 +31,17 @@ def _found(files: list[Path]) -> list[Path]:
     """Vehicle file, if any, and mission file."""
     *vehicles, mission = files
     return [*find_all(vehicles), find_mission(mission)]
+
+
+def _last_flight(log: Path) -> Any:
+    """What a log shows of the attitude, by the lab, which the companion computer may not have."""
+    from quadctl.flight.preflight.attitude import LastFlight
+    from quadctl.lab.tracking.attitude_response import attitude_response
+    from quadctl.logs.parameters import parameters_of
+    from quadctl.logs.read import read_log
+
+    flown = read_log(log)
+    return LastFlight(log.name, attitude_response([flown]), parameters_of(flown))
 
 
 @app.command()
@@ -56,18 +69,29 @@ def check(
     log_dir: LogDirOption = Path("logs"),
     offset_up: OffsetOption = None,
     overrides: SetOption = None,
+    time_scale: TimeScaleOption = None,
+    log: Annotated[
+        Path | None,
+        Reads(),
+        typer.Option(
+            "--log", metavar="LOG", help="Compare with the log of an earlier flight: attitude's lag, parameters."
+        ),
+    ] = None,
     json_out: JsonOption = None,
 ) -> None:
     """Check whether a flight may begin: mission, vehicle, compensator, limits, and with --link the autopilot."""
     from quadctl.flight.autopilot.ports import resolve
+    from quadctl.flight.preflight.attitude import compare_with_log
     from quadctl.flight.preflight.check import check_flight
     from quadctl.flight.preflight.computer import check_computer
     from quadctl.flight.preflight.findings import Verdict, of_verdict
     from quadctl.flight.preflight.plan import read_flight
+    from quadctl.flight.preflight.time_scale import with_time_scale
 
     if len(files) > 2:
         raise typer.BadParameter(f"{len(files)} files are given, expected a mission, or a vehicle and a mission")
     *vehicles, mission = files
+    last = None if log is None else _last_flight(log)
     plan = read_flight(
         mission,
         find_configuration(config, mission),
@@ -76,13 +100,17 @@ def check(
         overrides or (),
         vehicles[0] if vehicles else None,
     ).speaking_as(system_id)
+    plan = with_time_scale(plan, time_scale)
+    say_time_scale(plan, time_scale)
     findings = [*check_flight(plan), check_computer()]
+    if last is not None:
+        findings.append(compare_with_log(plan, last))
     if link is not None:
         from quadctl.flight.preflight.inquiry import ask_autopilot
 
         url = resolve(link, console)
         with console.status(f"listening to {url}"):
-            findings += ask_autopilot(plan, url, seconds, log_dir, without_failsafe, restore_params)
+            findings += ask_autopilot(plan, url, seconds, log_dir, without_failsafe, restore_params, last)
     for finding in findings:
         line = Text(f"{finding.verdict.value:8}", style=STYLES[finding.verdict.value])
         console.print(line.append(f" {finding.topic:12} {finding.text}", style="default not bold"), soft_wrap=True)

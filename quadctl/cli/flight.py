@@ -57,6 +57,15 @@ SetOption = Annotated[
     typer.Option("--set", metavar="NAME=VALUE", help="Other value for one of the mission's parameters."),
 ]
 
+TimeScaleOption = Annotated[
+    str | None,
+    typer.Option(
+        "--time-scale",
+        metavar="FACTOR|fit",
+        help="Fly the mission in FACTOR times its time; fit: as fast as the vehicle's limits allow.",
+    ),
+]
+
 SystemIdOption = Annotated[
     int | None,
     typer.Option(
@@ -93,12 +102,15 @@ def simulate(
     config: ConfigOption = None,
     offset_up: OffsetOption = None,
     overrides: SetOption = None,
+    time_scale: TimeScaleOption = None,
     json_out: JsonOption = None,
 ) -> None:
     """Fly a mission in simulated time, as fast as the machine can, reproducible from a seed."""
     from quadctl.flight.preflight.preparation import prepare_flight
 
-    plan = prepare_flight(mission, find_configuration(config, mission), model, offset_up, overrides or ())
+    configuration = find_configuration(config, mission)
+    plan = prepare_flight(mission, configuration, model, offset_up, overrides or (), time_scale)
+    say_time_scale(plan, time_scale)
     _print_warnings(plan, simulated=True)
     _finish(simulator().simulate(plan, log_dir, hidden, seed), json_out)
 
@@ -126,6 +138,7 @@ def fly(
     config: ConfigOption = None,
     offset_up: OffsetOption = None,
     overrides: SetOption = None,
+    time_scale: TimeScaleOption = None,
     json_out: JsonOption = None,
     view: Annotated[
         bool, typer.Option("--view", help="Show the flight on a page in the browser, with a button that lands.")
@@ -162,7 +175,8 @@ def fly(
             "there is no config/flight.yaml here, expected one that describes your vehicle: `quadctl init DIR` writes "
             "an example to edit, --config names another file"
         )
-    plan = prepare_flight(mission, configuration, model, offset_up, overrides or ()).speaking_as(system_id)
+    plan = prepare_flight(mission, configuration, model, offset_up, overrides or (), time_scale).speaking_as(system_id)
+    say_time_scale(plan, time_scale)
     _print_warnings(plan, simulated=sitl)
     if not sitl and (computer := check_computer()).verdict is Verdict.WARNING:
         print_warning(str(computer))
@@ -210,6 +224,14 @@ def _finish(outcome: Any, json_out: Path | None) -> None:
     write_json(json_out, asdict(outcome))
     if not outcome.completed:
         raise FlightError(f"the flight was not completed: {outcome.ended}")
+
+
+def say_time_scale(plan: Any, wanted: str | None) -> None:
+    """Say in which time a mission is flown whose time is scaled."""
+    if wanted is not None:
+        mission = plan.mission
+        said = f"time scale {mission.time_scale:g}: '{mission.name}' lasts {mission.duration_s:.0f} s"
+        console.print(said, soft_wrap=True, markup=False, highlight=False)
 
 
 def _print_warnings(plan: Any, simulated: bool) -> None:

@@ -1,10 +1,12 @@
 """Parameters of an autopilot, from a parameter file or from a log, which holds those that it was flown with."""
 
+from contextlib import suppress
 from pathlib import Path
 
 from quadctl.errors import SettingsError
 from quadctl.logs.dataflash import parameters_in_dataflash, texts_in_dataflash
 from quadctl.logs.dataflash_records import is_dataflash
+from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.flight_review import parameters_in_flight_review
 from quadctl.logs.formats import HEAD_BYTES
 from quadctl.logs.frame import with_frame
@@ -37,3 +39,15 @@ def read_present_parameters(path: Path) -> dict[str, float]:
     if not values:
         raise SettingsError(f"{path}: is a log without parameters, expected an autopilot's parameters")
     return values if is_ulog(head) else with_frame(values, texts_in_dataflash(path))
+
+
+def parameters_of(log: FlightLog) -> dict[str, float]:
+    """Values by name that a log holds, itself or in its sidecar; empty where it holds none."""
+    said = log.meta.get("autopilot_parameters")
+    if isinstance(said, dict):
+        return {str(name): float(value) for name, value in said.items() if isinstance(value, int | float)}
+    if log.path is None or log.path.suffix.lower() == ".csv":
+        return {}
+    with suppress(SettingsError):  # of another program, which logs none
+        return read_present_parameters(log.path)
+    return {}

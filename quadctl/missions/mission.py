@@ -12,6 +12,7 @@ from quadctl.settings import Settings
 from quadctl.state import Vec3
 from quadctl.surfaces import Place
 from quadctl.trajectories import Reference, Trajectory
+from quadctl.trajectories.base import scaled
 
 QUANTITIES = ("thrust", "drag", "inflow")
 """Quantities of a vehicle that a mission may be flown for."""
@@ -38,10 +39,23 @@ class Phase(NamedTuple):
     start_s: float
     end_s: float
     start_m: Vec3
+    time_scale: float = 1.0
+    """Factor on the time that its trajectory takes."""
 
     def reference(self, t_s: float) -> Reference:
         """Reference at `t_s` since lift-off."""
-        return self.trajectory.reference(t_s - self.start_s, self.start_m)
+        return self.reference_after(t_s - self.start_s)
+
+    def reference_after(self, since_s: float) -> Reference:
+        """Reference at `since_s` since the phase began."""
+        slow = self.time_scale
+        reference = self.trajectory.reference(since_s / slow, self.start_m)
+        if slow == 1.0:
+            return reference
+        velocity, acceleration = reference.velocity_m_s, reference.acceleration_m_s2
+        return reference._replace(
+            velocity_m_s=scaled(1.0 / slow, velocity), acceleration_m_s2=scaled(1.0 / slow**2, acceleration)
+        )
 
 
 class Turn(NamedTuple):
@@ -70,6 +84,8 @@ class Mission(NamedTuple):
     until: Mapping[str, float] = {}
     """Quantities for which it is flown, each with the half of its 95 % interval, over its value, at which it is known
     well enough; the mission ends early when all are."""
+    time_scale: float = 1.0
+    """Factor on all times of the file."""
 
     @property
     def duration_s(self) -> float:
@@ -82,6 +98,25 @@ class Mission(NamedTuple):
 
     def reference(self, t_s: float) -> Reference:
         return self.phase_at(t_s).reference(t_s)
+
+    def slowed(self, factor: float) -> "Mission":
+        """The same places and headings in `factor` times the time: velocities over it, accelerations over its square.
+
+        A reference that jumps still jumps; what its answer asks of the vehicle does not depend on the factor.
+        """
+        phases = tuple(
+            phase._replace(
+                start_s=factor * phase.start_s, end_s=factor * phase.end_s, time_scale=factor * phase.time_scale
+            )
+            for phase in self.phases
+        )
+        turns = tuple(turn._replace(start_s=factor * turn.start_s, end_s=factor * turn.end_s) for turn in self.turns)
+        return self._replace(
+            phases=phases,
+            turns=turns,
+            yaw_rate_rad_s=self.yaw_rate_rad_s / factor,
+            time_scale=factor * self.time_scale,
+        )
 
     def yaw_rad(self, t_s: float, heading_rad: float) -> float:
         """Heading at `t_s` when it was `heading_rad` at take-off: each turn goes the short way at the yaw rate."""

@@ -54,7 +54,7 @@ def sampled(mission: Mission) -> list[list[Sample]]:
         duration_s = phase.end_s - phase.start_s
         steps = max(1, math.ceil(duration_s / STEP_S - 1e-9))
         times = [duration_s * i / steps for i in range(steps + 1)]
-        references = [phase.trajectory.reference(t, phase.start_m) for t in times]
+        references = [phase.reference_after(t) for t in times]
         jumps = [_jump(a, b, dt) for (a, b), dt in zip(pairwise([before, *references]), _steps(times), strict=True)]
         found.append([Sample(phase.start_s + t, r, j) for t, r, j in zip(times, references, jumps, strict=True)])
         before = references[-1]

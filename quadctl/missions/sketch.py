@@ -156,8 +156,8 @@ def _repeated(phases: Sequence[PhaseProfile]) -> Iterator[tuple[PhaseProfile, in
     """Each phase at its first time, and how often it is flown alike (from the same place, by the same trajectory)."""
     alike: dict[object, list[PhaseProfile]] = {}
     for profile in phases:
-        name, trajectory, _, _, start_m = profile.phase
-        alike.setdefault((name, trajectory.model_dump_json(), start_m), []).append(profile)
+        phase = profile.phase
+        alike.setdefault((phase.name, phase.trajectory.model_dump_json(), phase.start_m), []).append(profile)
     for same in alike.values():
         yield same[0], len(same)
 

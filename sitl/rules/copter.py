@@ -82,6 +82,8 @@ class SimulatedCopter(SimulatedAutopilot):
         "ARMING_CHECK": 1.0,
         "MOT_THST_HOVER": 0.5,
         "ATC_ANGLE_BOOST": 1.0,
+        "ATC_RATE_R_MAX": 0.0,
+        "ATC_RATE_P_MAX": 0.0,
         "MOT_THST_EXPO": 0.65,
         "MOT_SPIN_MIN": 0.15,
         "MOT_SPIN_MAX": 0.95,

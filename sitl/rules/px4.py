@@ -66,6 +66,8 @@ class SimulatedAutopilot:
         "THR_MDL_FAC": 0.0,
         "MC_BAT_SCALE_EN": 0.0,
         "MC_AIRMODE": 0.0,
+        "MC_ROLLRATE_MAX": 220.0,
+        "MC_PITCHRATE_MAX": 220.0,
     }
 
     def __init__(self, vehicle: Vehicle, truth: HiddenTruth | None = None, seed: int = 0, source: str = "") -> None:

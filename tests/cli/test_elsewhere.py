@@ -13,8 +13,10 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from quadctl.effects.ground_effect import Exponential
@@ -49,6 +51,7 @@ verify fitted.yaml two.csv
 remove exponential fitted.yaml -o less.yaml
 export drag.yaml --to px4 -o drag.params
 export fitted.yaml --to numpy -o dynamics.py
+tune leaning.csv --config config/flight.yaml
 metrics one.csv --setpoint 0.6 --from 5 --to 20
 report fitted.yaml one.csv --paper paper
 thrust-stand config/vehicles/raptor.yaml --from stand.csv -o stand.yaml --plot stand.png
@@ -114,6 +117,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory, raptor: Vehicle) -> Path:
         (made / name).parent.mkdir(parents=True, exist_ok=True)
         write_csv(obedient(truth, 30.0, noise_m_s=0.01, seed=seed, name=name), made / name)
         (made / name).with_suffix(".meta.yaml").write_text(f"surface: {'sand' if seed == 1 else 'grass'}\n")
+    flown = obedient(truth, 30.0, name="leaning.csv")
+    told, seen = (4.0 * np.sin(2.1 * (flown.time_s - late_s)) for late_s in (0.0, 0.2))
+    leaning = {"roll_cmd_deg": told, "pitch_cmd_deg": told, "roll_deg": seen, "pitch_deg": seen}
+    write_csv(replace(flown, columns=flown.columns | leaning), made / "leaning.csv")
     drag = Model(raptor).plus(LinearDrag(0.4, 0.4, 0.0), Provenance(logs=("one.csv",), ci95={"d_x": (0.35, 0.45)}))
     save_model(drag, made / "drag.yaml")
     save_model(truth, made / "curved.yaml")

@@ -187,4 +187,19 @@ ARDUPILOT = Firmware(
         rotor_count_check("FRAME_CLASS", lambda value: ROTORS.get(round(value))),
     ),
     serial_parameters=("SERIAL2_PROTOCOL", "SERIAL2_BAUD"),
+    attitude_parameters=(
+        # ATC_INPUT_TC shapes the setpoint, and is most of the lag.
+        "ATC_INPUT_TC",
+        "ATC_RATE_FF_ENAB",
+        *(f"ATC_ANG_{axis}_P" for axis in ("RLL", "PIT")),
+        *(
+            f"ATC_RAT_{axis}_{term}"
+            for axis in ("RLL", "PIT")
+            for term in ("P", "I", "D", "FF", "FLTT", "FLTE", "FLTD")
+        ),
+        *(f"ATC_ACCEL_{axis}_MAX" for axis in ("R", "P")),
+        *(f"ATC_RATE_{axis}_MAX" for axis in ("R", "P")),
+        "INS_GYRO_FILTER",
+    ),
+    rate_limits=("ATC_RATE_R_MAX", "ATC_RATE_P_MAX"),
 )

@@ -123,6 +123,10 @@ class Firmware:
     rotor_axis_parameters: Callable[[int], tuple[str, str, str]] | None = None
     """Function from the number of a rotor, from 0, to the parameters of its thrust axis, FRD, by which it mixes lateral
     force; None: it has no setpoint of lateral force."""
+    attitude_parameters: Sequence[str] = ()
+    """Parameters on which the answer of the attitude to its setpoint depends."""
+    rate_limits: Sequence[str] = ()
+    """Parameters that limit the rates about roll and pitch, deg/s; 0 is no limit."""
     tests_motors_clockwise: bool = False
     """True: a motor test counts the motors clockwise from the front, not by their numbers."""
     throttle_bent_by: str = ""

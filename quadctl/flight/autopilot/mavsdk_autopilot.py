@@ -91,6 +91,14 @@ class MavsdkAutopilot:
         return self._firmware.checks
 
     @property
+    def attitude_parameters(self) -> Sequence[str]:
+        return self._firmware.attitude_parameters
+
+    @property
+    def rate_limits(self) -> Sequence[str]:
+        return self._firmware.rate_limits
+
+    @property
     def rotor_axis_parameters(self) -> Callable[[int], tuple[str, str, str]] | None:
         return self._firmware.rotor_axis_parameters
 

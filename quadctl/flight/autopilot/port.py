@@ -43,6 +43,16 @@ class Autopilot(Protocol):
         ...
 
     @property
+    def attitude_parameters(self) -> Sequence[str]:
+        """Parameters on which the answer of the attitude to its setpoint depends."""
+        ...
+
+    @property
+    def rate_limits(self) -> Sequence[str]:
+        """Parameters that limit the rates about roll and pitch, deg/s; 0 is no limit."""
+        ...
+
+    @property
     def rotor_axis_parameters(self) -> Callable[[int], tuple[str, str, str]] | None:
         """Function from the number of a rotor, from 0, to the parameters of its thrust axis; None: the autopilot has no
         setpoint of lateral force."""

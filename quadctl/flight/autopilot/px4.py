@@ -212,4 +212,14 @@ PX4 = Firmware(
     serial_parameters=("MAV_1_CONFIG", "SER_TEL2_BAUD"),
     rotor_axis_parameters=lambda rotor: (f"CA_ROTOR{rotor}_AX", f"CA_ROTOR{rotor}_AY", f"CA_ROTOR{rotor}_AZ"),
     throttle_bent_by="THR_MDL_FAC",
+    attitude_parameters=(
+        *(f"MC_{axis}_P" for axis in ("ROLL", "PITCH")),
+        *(f"MC_{axis}RATE_{term}" for axis in ("ROLL", "PITCH") for term in ("P", "I", "D", "FF", "K", "MAX")),
+        # The reference model of the attitude since May 2026 (PX4 27255).
+        "MC_REF_W_N",
+        "MC_REF_FF",
+        "IMU_GYRO_CUTOFF",
+        "IMU_DGYRO_CUTOFF",
+    ),
+    rate_limits=("MC_ROLLRATE_MAX", "MC_PITCHRATE_MAX"),
 )

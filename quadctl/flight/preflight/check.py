@@ -6,15 +6,17 @@ from typing import NamedTuple
 
 from quadctl.compensator import Compensator, check_compensator
 from quadctl.control import ControllerSettings
-from quadctl.control.attitude import attitude_for_force, limit_tilt
+from quadctl.control.attitude import attitude_for_force, limit_tilt, upright_axis
 from quadctl.control.throttle import throttle_for_thrust
 from quadctl.effects.ground_effect_surfaces import Surfaces
 from quadctl.errors import SettingsError
 from quadctl.flight.pilot.guards import GuardLimits
 from quadctl.flight.pilot.settings import FlightSettings
+from quadctl.flight.preflight.attitude import check_look_ahead
 from quadctl.flight.preflight.findings import Finding, Verdict, judged
 from quadctl.flight.preflight.lateral import check_rotors
 from quadctl.flight.preflight.plan import FlightPlan
+from quadctl.flight.preflight.rate import Axes, check_rate, needed_rate, place
 from quadctl.frames import GRAVITY_M_S2
 from quadctl.missions import Mission
 from quadctl.missions.profile import Sample, flown_heights_m, sampled
@@ -41,6 +43,8 @@ class Demand(NamedTuple):
     """Thrust to ask of all rotors together, within the controller's limit of tilt, by the compensator's ratio."""
     thrust_ratio: float
     """Thrust ratio of the compensator."""
+    axis: Vec3 = (0.0, 0.0, -1.0)
+    """Direction of the thrust axis, NED."""
 
 
 def check_flight(plan: FlightPlan) -> list[Finding]:
@@ -58,14 +62,43 @@ def check_flight(plan: FlightPlan) -> list[Finding]:
         _ground(in_air, vehicle, settings),
         *_ceiling(mission, samples, vehicle),
         _fence(mission, every),
-        _speed(every, settings),
         *check_rotors(plan),
-        _tilt(demands, settings),
-        _thrust(demands, vehicle, settings.controller),
+        *_demanded(plan, demands),
+        check_look_ahead(plan),
         *_band(in_air, settings),
         *_guards(settings.guards),
         _battery(mission, vehicle, settings),
     ]
+
+
+def demands_of(plan: FlightPlan) -> list[Demand]:
+    """Demands of a mission on its vehicle, with a compensator that is fit to fly."""
+    samples = [sample for of_phase in sampled(plan.mission) for sample in of_phase]
+    compensator = Compensator(plan.compensator, plan.settings.compensator_limits)
+    return [_demand(sample, plan.body.vehicle, plan.settings.controller, compensator) for sample in samples]
+
+
+def needed_rate_rad_s(plan: FlightPlan) -> float:
+    """Largest rate with which the mission turns the thrust axis."""
+    return needed_rate(_axes(demands_of(plan)), plan)[0]
+
+
+def check_demands(plan: FlightPlan) -> list[Finding]:
+    """Findings about what the reference asks of vehicle and controller in speed, tilt, rate and thrust."""
+    return _demanded(plan, demands_of(plan))
+
+
+def _demanded(plan: FlightPlan, demands: Sequence[Demand]) -> list[Finding]:
+    return [
+        _speed(demands, plan),
+        _tilt(demands, plan),
+        check_rate(_axes(demands), plan),
+        _thrust(demands, plan),
+    ]
+
+
+def _axes(demands: Sequence[Demand]) -> Axes:
+    return [(demand.sample.time_s, demand.axis) for demand in demands]
 
 
 def _demand(sample: Sample, vehicle: Vehicle, controller: ControllerSettings, compensator: Compensator) -> Demand:
@@ -85,11 +118,13 @@ def _demand(sample: Sample, vehicle: Vehicle, controller: ControllerSettings, co
     fx, fy, fz = compensator.force_ned_n(here, vehicle.weight_n)
     force_ned = (force_ned[0] - fx, force_ned[1] - fy, force_ned[2] - fz)
     tilt_rad = math.atan2(math.hypot(force_ned[0], force_ned[1]), max(-force_ned[2], 0.0))
+    axis = force_ned
     if controller.actuation == "full":
         tilt_rad = max(0.0, tilt_rad - vehicle.allocation.widest_angle_rad(math.hypot(*force_ned)))
+        axis = upright_axis(force_ned, vehicle.allocation)
     given_n = math.hypot(*limit_tilt(force_ned, math.radians(controller.max_tilt_deg))) / vehicle.axial_share
     ratio = compensator.thrust_ratio(here, given_n)
-    return Demand(sample, tilt_rad, given_n / ratio, ratio)
+    return Demand(sample, tilt_rad, given_n / ratio, ratio, axis)
 
 
 def _answer(jump_m: Vec3, controller: ControllerSettings) -> Vec3:
@@ -107,9 +142,10 @@ def _answer(jump_m: Vec3, controller: ControllerSettings) -> Vec3:
 def _mission(mission: Mission, samples: Sequence[Sequence[Sample]]) -> Finding:
     lowest, highest = flown_heights_m(samples)
     limits = mission.limits
+    slowed = "" if mission.time_scale == 1.0 else f" (times {mission.time_scale:g}-fold)"
     return judged(
         "mission",
-        f"{mission.name}, {mission.duration_s:.0f} s in {len(mission.phases)} phases, heights {lowest:.2f} to "
+        f"{mission.name}, {mission.duration_s:.0f} s{slowed} in {len(mission.phases)} phases, heights {lowest:.2f} to "
         f"{highest:.2f} m within its limits of {limits.min_z_m:g} to {limits.max_z_m:g} m",
     )
 
@@ -200,9 +236,11 @@ def _fence(mission: Mission, samples: Sequence[Sample]) -> Finding:
     return judged("fence", f"{farthest:.2f} m from take-off at most, the guard lands at {fence:g} m")
 
 
-def _speed(samples: Sequence[Sample], settings: FlightSettings) -> Finding:
-    guard, controller = settings.guards.max_speed_m_s, settings.controller
-    top = max(sample.speed_m_s for sample in samples)
+def _speed(demands: Sequence[Demand], plan: FlightPlan) -> Finding:
+    guard, controller = plan.settings.guards.max_speed_m_s, plan.settings.controller
+    samples = [demand.sample for demand in demands]
+    fastest = max(samples, key=lambda sample: sample.speed_m_s)
+    top = fastest.speed_m_s
     level = max(math.hypot(*sample.reference.velocity_m_s[:2]) for sample in samples)
     climb = max(max(0.0, sample.reference.velocity_m_s[2]) for sample in samples)
     sink = max(max(0.0, -sample.reference.velocity_m_s[2]) for sample in samples)
@@ -218,25 +256,28 @@ def _speed(samples: Sequence[Sample], settings: FlightSettings) -> Finding:
     near = f"closer than {1.0 - SPEED_MARGIN:.0%} to the guard" if top > SPEED_MARGIN * guard else None
     return judged(
         "speed",
-        f"up to {top:.2f} m/s (climb {climb:.2f}, descent {sink:.2f}), the guard lands at {guard:g} m/s",
+        f"up to {top:.2f} m/s (climb {climb:.2f}, descent {sink:.2f}) {place(plan.mission, fastest.time_s)}, the guard "
+        f"lands at {guard:g} m/s",
         refused="the guard would end the mission" if top >= guard else None,
         warning="; ".join(lags) or near,
     )
 
 
-def _tilt(demands: Sequence[Demand], settings: FlightSettings) -> Finding:
-    top = math.degrees(max(demand.tilt_rad for demand in demands))
-    limit, guard = settings.controller.max_tilt_deg, settings.guards.max_tilt_deg
+def _tilt(demands: Sequence[Demand], plan: FlightPlan) -> Finding:
+    steepest = max(demands, key=lambda demand: demand.tilt_rad)
+    top, where = math.degrees(steepest.tilt_rad), place(plan.mission, steepest.sample.time_s)
+    limit, guard = plan.settings.controller.max_tilt_deg, plan.settings.guards.max_tilt_deg
     refused = warning = None
     if limit >= guard:
         refused = "the controller may lean further than the guard allows, expected a guard above its limit"
     elif top > limit:
         warning = "the controller leans less and falls behind"
-    text = f"up to {top:.0f} deg, the controller leans {limit:g} deg at most, the guard hands over at {guard:g} deg"
-    return judged("tilt", text, refused=refused, warning=warning)
+    reach = f"the controller leans {limit:g} deg at most, the guard hands over at {guard:g} deg"
+    return judged("tilt", f"up to {top:.0f} deg {where}, {reach}", refused=refused, warning=warning)
 
 
-def _thrust(demands: Sequence[Demand], vehicle: Vehicle, controller: ControllerSettings) -> Finding:
+def _thrust(demands: Sequence[Demand], plan: FlightPlan) -> Finding:
+    vehicle, controller = plan.body.vehicle, plan.settings.controller
     peak = max(demands, key=lambda demand: demand.thrust_n)
     share, hover = peak.thrust_n / vehicle.max_thrust_n, vehicle.weight_n / vehicle.max_thrust_n
     throttle = throttle_for_thrust(peak.thrust_n, vehicle, high=math.inf)
@@ -248,7 +289,7 @@ def _thrust(demands: Sequence[Demand], vehicle: Vehicle, controller: ControllerS
     return judged(
         "thrust",
         f"up to {peak.thrust_n:.1f} N of {vehicle.max_thrust_n:.1f} N ({share:.0%}, hover {hover:.0%}), "
-        f"throttle {throttle:.2f}, at {peak.sample.time_s:.0f} s",
+        f"throttle {throttle:.2f}, {place(plan.mission, peak.sample.time_s)}",
         refused=refused,
         warning=warning,
     )

@@ -15,10 +15,13 @@ from quadctl.flight.autopilot.port import Autopilot
 from quadctl.flight.pilot.guards import GuardLimits, defect
 from quadctl.flight.pilot.patience import patience_s
 from quadctl.flight.pilot.standing import not_standing, posture
+from quadctl.flight.preflight.attitude import LastFlight, ask_about_attitude
 from quadctl.flight.preflight.changed_parameters import ChangedParameters, left_behind, restore, still_changed
+from quadctl.flight.preflight.check import needed_rate_rad_s
 from quadctl.flight.preflight.findings import Finding, Verdict, judged
 from quadctl.flight.preflight.lateral import ask_about_lateral_force
 from quadctl.flight.preflight.plan import FlightPlan
+from quadctl.flight.preflight.rate import ask_about_rate
 from quadctl.flight.preflight.thrust_table import thrust_findings
 from quadctl.flight.realtime import run
 from quadctl.state import VehicleState
@@ -44,6 +47,12 @@ class Inspected(Protocol):
 
     @property
     def checks(self) -> Sequence[Check]: ...
+
+    @property
+    def attitude_parameters(self) -> Sequence[str]: ...
+
+    @property
+    def rate_limits(self) -> Sequence[str]: ...
 
     @property
     def rotor_axis_parameters(self) -> Callable[[int], tuple[str, str, str]] | None: ...
@@ -79,11 +88,12 @@ def ask_autopilot(
     logs: Path,
     without_failsafe: bool = False,
     restore_parameters: bool = False,
+    last: LastFlight | None = None,
 ) -> list[Finding]:
     """Connect to the autopilot at `url`, listen for `seconds`, ask for parameters, let go.
 
     With `without_failsafe` a missing failsafe is a warning only. The folder `logs` tells what an earlier flight may
-    have left behind; with `restore_parameters` that is restored.
+    have left behind; with `restore_parameters` that is restored. With a `last` flight its parameters are compared.
 
     Raises
     ------
@@ -93,7 +103,7 @@ def ask_autopilot(
     link = plan.settings.link
     autopilot = MavsdkAutopilot(url, plan.body.vehicle.n_rotors, link.timeout_s, link.system_id)
     try:
-        return run(_ask(plan, autopilot, seconds, logs, without_failsafe, restore_parameters))
+        return run(_ask(plan, autopilot, seconds, logs, without_failsafe, restore_parameters, last))
     except KeyboardInterrupt:
         raise FlightError("interrupted while the autopilot was asked") from None
 
@@ -105,12 +115,13 @@ async def _ask(
     logs: Path,
     without_failsafe: bool,
     restore_parameters: bool,
+    last: LastFlight | None,
 ) -> list[Finding]:
     try:
         await autopilot.connect()
         kept = ChangedParameters(logs, await autopilot.identity())
         left = await _left_behind(autopilot, kept, restore_parameters)
-        return left + await inspect_autopilot(plan, autopilot, seconds, without_failsafe)
+        return left + await inspect_autopilot(plan, autopilot, seconds, without_failsafe, last)
     finally:
         await autopilot.close()
 
@@ -138,7 +149,11 @@ async def _left_behind(autopilot: Autopilot, kept: ChangedParameters, restore_pa
 
 
 async def inspect_autopilot(
-    plan: FlightPlan, autopilot: Inspected, seconds: float, without_failsafe: bool = False
+    plan: FlightPlan,
+    autopilot: Inspected,
+    seconds: float,
+    without_failsafe: bool = False,
+    last: LastFlight | None = None,
 ) -> list[Finding]:
     """All findings about an autopilot that is connected."""
     try:
@@ -162,6 +177,8 @@ async def inspect_autopilot(
         *_remote(state),
         *await _parameters(autopilot, plan.body.vehicle, without_failsafe),
         *await ask_about_lateral_force(plan, autopilot),
+        *await ask_about_rate(needed_rate_rad_s(plan), autopilot),
+        *([] if last is None else await ask_about_attitude(last, autopilot)),
         *thrust_findings(autopilot.thrust_additions(hover_throttle(plan.body.vehicle))),
     ]
 

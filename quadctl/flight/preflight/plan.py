@@ -46,6 +46,7 @@ class FlightPlan(NamedTuple):
         meta: dict[str, Any] = {
             "mission": self.mission.name,
             "offset_up_m": self.mission.offset_up_m,
+            "time_scale": self.mission.time_scale,
             "parameters": dict(self.mission.parameters),
             "autopilot": autopilot,
             "compensator": self.compensator.name,

@@ -82,7 +82,7 @@ def _followed(phases: tuple[Phase, ...]) -> tuple[Floats, Floats, Floats, Floats
     time = np.arange(0.0, phases[-1].end_s, STEP_S)
     at = np.minimum(np.searchsorted([phase.end_s for phase in phases], time, side="right"), len(phases) - 1)
     flown = [(t, phases[i]) for t, i in zip(time.tolist(), at.tolist(), strict=True)]
-    references = [phase.trajectory.reference(t - phase.start_s, phase.start_m) for t, phase in flown]
+    references = [phase.reference(t) for t, phase in flown]
     position, velocity, acceleration = (np.array([r[i] for r in references]) for i in range(3))
     jumps = np.diff(position, axis=0) - 0.5 * STEP_S * (velocity[1:] + velocity[:-1])
     w = FOLLOWING_RAD_S

@@ -1,7 +1,9 @@
 """Answer of the attitude to its setpoint, found in a log: a delay and a second order about each axis.
 
 The setpoint of the log, held between its updates, is sent through the answer and compared with the attitude that was
-measured. Each stretch of the flight gives a lag of its own: their scatter is the interval of their mean.
+measured. Each stretch of the flight gives a lag of its own: their scatter gives the interval of their mean. What all
+have in common does not scatter: when within a row the setpoint left and the attitude was true, and what the second
+order is not. So the interval is never narrower than a row is long.
 """
 
 import math
@@ -18,11 +20,15 @@ from quadctl.model import Model
 from quadctl.vehicle import AttitudeResponse, AxisResponse
 
 STEP_S = 0.005
+ROUNDING_S = 1e-6
+"""Error of rounding of a time in a log."""
 STRETCHES = 6
 SETTLED_S = 1.0
 """Begin of each stretch that is not compared: the answer is still that to what was before."""
 LEAST_S = 15.0
 """Least time in flight."""
+WITHIN_ROW = 0.475
+"""Half the interval, in rows, that holds 95 % of the times within one: a time that may lie anywhere in it."""
 LEAST_DEG = 0.5
 """Least motion of the setpoint, RMS, that shows an answer."""
 AIRBORNE_M = 0.3
@@ -53,7 +59,8 @@ def _axis(logs: Sequence[FlightLog], axis: str) -> AxisResponse | None:
     frequency, damping, delay_s = _fitted(stretches, START)
     lags_s = np.array([_lag_s(_fitted([stretch], (frequency, damping, delay_s))) for stretch in stretches])
     lag_s, n = _lag_s((frequency, damping, delay_s)), len(lags_s)
-    half_s = float(student.ppf(0.975, n - 1) * np.std(lags_s, ddof=1) / math.sqrt(n))
+    scatter_s = float(student.ppf(0.975, n - 1) * np.std(lags_s, ddof=1) / math.sqrt(n))
+    half_s = math.hypot(scatter_s, WITHIN_ROW * max(float(np.median(np.diff(log.time_s))) for log in logs))
     return AxisResponse(
         frequency_rad_s=round(frequency, 3),
         damping=round(damping, 3),
@@ -75,7 +82,7 @@ def _stretches(log: FlightLog, axis: str) -> list[tuple[Floats, Floats]]:
     grid = np.arange(log.time_s[told[0]], log.time_s[told[-1]], STEP_S)
     if grid[-1] - grid[0] < LEAST_S:
         return []
-    held = np.searchsorted(log.time_s[told], grid, side="right") - 1
+    held = np.searchsorted(log.time_s[told], grid + ROUNDING_S, side="right") - 1
     setpoint = log[names[0]][told][held]
     attitude = np.interp(grid, log.time_s[seen] - np.nan_to_num(age_s[seen]), log[names[1]][seen])
     if np.std(setpoint) < LEAST_DEG:
@@ -98,7 +105,8 @@ def _error(stretch: tuple[Floats, Floats], values: Floats) -> Floats:
     setpoint, attitude = stretch
     frequency, damping, delay_s = values
     b, a = bilinear([frequency**2], [1.0, 2.0 * damping * frequency, frequency**2], 1.0 / STEP_S)
-    index = np.arange(len(setpoint)) - delay_s / STEP_S
+    # A value holds from its sample on; the bilinear filter draws lines between samples, which is half a step earlier.
+    index = np.arange(len(setpoint)) - delay_s / STEP_S - 0.5
     late = np.interp(index, np.arange(len(setpoint)), setpoint)
     answer = late[0] + lfilter(b, a, late - late[0])
     off: Floats = (answer - attitude)[round(SETTLED_S / STEP_S) :]

@@ -176,6 +176,8 @@ class FakeAutopilot:
     description: str = "an autopilot"
     requirements: Sequence[Requirement] = field(default_factory=lambda: PX4.requirements(1))
     checks: Sequence[Check] = PX4.checks
+    attitude_parameters: Sequence[str] = PX4.attitude_parameters
+    rate_limits: Sequence[str] = PX4.rate_limits
 
     def __post_init__(self) -> None:
         self._looks = itertools.count()
