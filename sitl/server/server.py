@@ -76,6 +76,7 @@ class MavlinkMock(ABC):
         """Names of the parameters that were asked for one by one."""
         self.motor_tests_received = 0
         self.vision_poses_received: list[Message] = []
+        self.vectors_received: list[Message] = []
         """VISION_POSITION_ESTIMATE messages as they arrived; the estimator does not use them."""
         self.heartbeats_heard: set[tuple[int, int]] = set()
         """System and MAV_TYPE of the heartbeats that arrived."""
@@ -108,6 +109,7 @@ class MavlinkMock(ABC):
             "SET_ATTITUDE_TARGET": self._setpoint,
             "TIMESYNC": self._timesync,
             "VISION_POSITION_ESTIMATE": self.vision_poses_received.append,
+            "DEBUG_VECT": self.vectors_received.append,
             "SET_GPS_GLOBAL_ORIGIN": self._take_origin,
             "PARAM_REQUEST_LIST": self._parameter_list,
             "PARAM_REQUEST_READ": self._parameter_read,

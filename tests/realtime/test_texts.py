@@ -44,6 +44,17 @@ def test_ardupilot_hears_no_ground_station_whose_heartbeats_its_failsafe_could_t
         link.wait(lambda: [text.text for text in link.adapter.state().texts] == [LONG])
 
 
+@pytest.mark.parametrize("kind", [SimulatedAutopilot, SimulatedCopter])
+def test_the_residual_of_the_model_reaches_the_autopilot_for_the_stations_behind_it(
+    kind: type[SimulatedAutopilot],
+) -> None:
+    with connected(kind(VEHICLE)) as link:
+        link.adapter.tell("residual", (0.25, -0.5, 1.0))
+        link.wait(lambda: bool(link.px.vectors_received))
+        (vector,) = link.px.vectors_received
+        assert (vector.name, vector.x, vector.y, vector.z) == ("residual", 0.25, -0.5, 1.0)
+
+
 @pytest.fixture
 def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
     """Check without waiting for what does not come."""
