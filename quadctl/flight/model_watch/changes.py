@@ -56,7 +56,7 @@ class Changes:
         share = min(block.duration_s / SPEED_SMOOTHING_S, 1.0)
         x, y, z = (
             square + share * (speed * speed - square)
-            for square, speed in zip(self._squares_m2_s2, block.wanted_m_s, strict=True)
+            for square, speed in zip(self._squares_m2_s2, block.air_m_s, strict=True)
         )
         self._squares_m2_s2 = x, y, z
         told = []

@@ -6,9 +6,10 @@ from typing import NamedTuple
 
 from quadctl.control.throttle import thrust_for_throttle
 from quadctl.effects import Conditions
+from quadctl.flight.model_watch.following import Following
 from quadctl.frames import GRAVITY_M_S2, rotate, rotate_inverse
 from quadctl.model import Model, conditions
-from quadctl.state import AttitudeTarget, Vec3, VehicleState
+from quadctl.state import AttitudeTarget, Setpoint, Vec3, VehicleState
 from quadctl.surfaces import Place
 
 LONGEST_WAY_S = 1.0
@@ -25,9 +26,8 @@ class Prediction(NamedTuple):
     """Kinematic acceleration, m/s^2."""
     rotors_body: Vec3
     """Specific force of the rotors, FRD, m/s^2."""
-    wanted_body: Vec3
-    """Velocity relative to the air that the vehicle was to have, FRD, m/s: the reference's, which knows nothing of the
-    errors of the estimate."""
+    air_body: Vec3
+    """Velocity relative to the air, FRD, m/s, by `Following`."""
 
 
 class Predictor:
@@ -37,13 +37,14 @@ class Predictor:
         self._model = model
         self._place = place
         self._sent: deque[tuple[float, AttitudeTarget]] = deque()
-        self._reference_m_s: Vec3 = (0.0, 0.0, 0.0)
+        self._reference = Setpoint((0.0, 0.0, 0.0))
+        self._following = Following()
         self._true_s = math.nan
         self._thrust_n = math.nan
 
-    def sent(self, time_s: float, target: AttitudeTarget, reference_m_s: Vec3) -> None:
-        """Take in a target that goes out at `time_s`, and the velocity of the reference (NED) that it follows."""
-        self._reference_m_s = reference_m_s
+    def sent(self, time_s: float, target: AttitudeTarget, reference: Setpoint) -> None:
+        """Take in a target that goes out at `time_s`, and the reference that it follows."""
+        self._reference = reference
         self._sent.append((time_s, target))
         while self._sent[0][0] < time_s - LONGEST_WAY_S:
             self._sent.popleft()
@@ -89,8 +90,9 @@ class Predictor:
         )
         north, east, down = rotate(state.attitude, ((rx + sx) / m, (ry + sy) / m, (rz + sz) / m))
         acceleration = north, east, down + GRAVITY_M_S2
-        wanted = rotate_inverse(state.attitude, self._reference_m_s)
-        air = _plus(wanted, c.velocity_body_m_s, velocity)
+        self._following.take(state.velocity_ned_m_s, self._reference, dt)
+        expected = rotate_inverse(state.attitude, self._following.expected(self._reference))
+        air = _plus(expected, c.velocity_body_m_s, velocity)
         return Prediction(true_s, dt, acceleration, (rx / m, ry / m, rz / m), air)
 
     def _nominal_n(self, target: AttitudeTarget) -> list[float]:

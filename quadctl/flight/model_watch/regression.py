@@ -4,13 +4,12 @@ The velocity gained in a block less the one that the model predicts is linear in
 
     (v(t + T) - v(t)) / T - mean(a_model) = sum of x_j mean(h_j) + noise
 
-with h_j the acceleration per change of parameter j. Those of drag and inflow take the velocity of the reference for
-the vehicle's, as an instrument: the error of the estimated velocity is in the prediction too, and would pass for a
-change of drag. The estimate is a Kalman filter whose parameters walk at random; the variance of the noise is
-estimated beside them, from what each block leaves over its degrees of freedom. How quickly the parameters walk is not
-known: of filters for calm, breeze, gusts and a vehicle that is changing the one counts that foresaw the latest blocks
-best (multiple models; Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001,
-section 11.6).
+with h_j the acceleration per change of parameter j. Those of drag and inflow take the velocity by `Following`: the
+error of the estimated velocity is in the prediction too, and would pass for a change of drag. The estimate is a
+Kalman filter whose parameters walk at random; the variance of the noise is estimated beside them, from what each
+block leaves over its degrees of freedom. How quickly the parameters walk is not known: of filters for calm, breeze,
+gusts and a vehicle that is changing the one counts that foresaw the latest blocks best (multiple models; Bar-Shalom,
+Li and Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, section 11.6).
 """
 
 import math
@@ -82,16 +81,17 @@ class Block(NamedTuple):
     duration_s: float
     excess_m_s2: Array
     slopes: Array
-    wanted_m_s: Vec3
-    """Root mean square of the velocity relative to the air that was wanted, FRD."""
+    air_m_s: Vec3
+    """Root mean square of the velocity relative to the air, FRD."""
 
 
 class Blocks:
-    """Sums predictions up to blocks."""
+    """Sums predictions up to blocks, by the trapezoidal rule: as half a tick of delay would pass for a drag."""
 
     def __init__(self) -> None:
         self._begin: tuple[float, Vec3] | None = None
         self._sums = [0.0] * _N_SUMS
+        self._last = [0.0] * _N_SUMS
 
     def forget(self) -> None:
         """Drop the block that has begun."""
@@ -99,30 +99,36 @@ class Blocks:
 
     def add(self, at: Prediction, velocity: Vec3, attitude: Quat) -> Block | None:
         """Add one prediction, for a vehicle with this velocity (NED) and attitude; the block that it ends, or None."""
+        before, self._last = self._last, _terms(at, attitude)
         if self._begin is None:
-            self._begin, self._sums = (at.true_s, velocity), [0.0] * _N_SUMS
+            self._start(at, velocity)
             return None
-        _add(self._sums, at, attitude)
-        begin_s, before = self._begin
+        half = 0.5 * at.dt
+        self._sums = [s + half * (a + b) for s, a, b in zip(self._sums, before, self._last, strict=True)]
+        begin_s, old_velocity = self._begin
         if at.true_s - begin_s < BLOCK_S:
             return None
         duration_s = at.true_s - begin_s
         means = np.array(self._sums) / duration_s
-        gained = np.subtract(velocity, before) / duration_s
-        self._begin, self._sums = (at.true_s, velocity), [0.0] * _N_SUMS
+        gained = np.subtract(velocity, old_velocity) / duration_s
+        self._start(at, velocity)
         u, v, w = (math.sqrt(mean) for mean in means[-3:])
         slopes = np.zeros((3, len(PARAMETERS)))
         slopes[:, :6] = means[3:21].reshape(6, 3).T
         slopes[0, 6] = slopes[1, 7] = 1.0
         return Block(begin_s, duration_s, gained - means[:3], slopes, (u, v, w))
 
+    def _start(self, at: Prediction, velocity: Vec3) -> None:
+        self._begin, self._sums = (at.true_s, velocity), [0.0] * _N_SUMS
+
 
 _N_SUMS = 3 + 6 * 3 + 3
+_AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
-def _add(sums: list[float], at: Prediction, attitude: Quat) -> None:
-    """Add the acceleration, the slopes of the body's parameters and the squares of the velocity, times the step."""
-    (u, v, w), g = at.wanted_body, GRAVITY_M_S2
+def _terms(at: Prediction, attitude: Quat) -> list[float]:
+    """Acceleration, slopes of the body's parameters, and squares of the velocity along its axes."""
+    (u, v, w), g = at.air_body, GRAVITY_M_S2
     forward, right, down = (rotate(attitude, axis) for axis in _AXES)
     rows = (
         (1.0, at.acceleration_ned),
@@ -134,16 +140,7 @@ def _add(sums: list[float], at: Prediction, attitude: Quat) -> None:
         (g, right),
         (1.0, (u * u, v * v, w * w)),
     )
-    i = 0
-    for factor, (x, y, z) in rows:
-        weight = factor * at.dt
-        sums[i] += weight * x
-        sums[i + 1] += weight * y
-        sums[i + 2] += weight * z
-        i += 3
-
-
-_AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    return [factor * part for factor, vector in rows for part in vector]
 
 
 class Estimate(NamedTuple):

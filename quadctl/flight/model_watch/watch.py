@@ -8,10 +8,13 @@ from quadctl.flight.model_watch.changes import Change, Changes
 from quadctl.flight.model_watch.prediction import Prediction, Predictor, slopes
 from quadctl.flight.model_watch.regression import Block, Blocks, Estimate, Recursion
 from quadctl.frames import rotate_inverse
+from quadctl.missions.mission import QUANTITIES
 from quadctl.model import Model
-from quadctl.state import NAN, NO_VECTOR, AttitudeTarget, Vec3, VehicleState
+from quadctl.state import NAN, NO_VECTOR, AttitudeTarget, Setpoint, Vec3, VehicleState
 from quadctl.surfaces import Place
 
+LEAST_BLOCKS = 30
+"""Blocks before a quantity counts as known: until then it is not known how the vehicle follows its reference."""
 FILTER_S = 0.3
 """Time constant of the filter of the residual."""
 NORMAL_95 = 1.959964
@@ -50,11 +53,12 @@ class ModelWatch:
         """Tasks of the last block that are left: one a tick, so that no tick is late for them."""
         self._block: tuple[Block, float] | None = None
         """The last block, and the time of flight at which it began."""
+        self._n_blocks = 0
         self.error = NO_ERROR
 
-    def sent(self, time_s: float, target: AttitudeTarget, reference_m_s: Vec3) -> None:
-        """Take in the target of a tick, and the velocity of the reference (NED) that it follows."""
-        self._predictor.sent(time_s, target, reference_m_s)
+    def sent(self, time_s: float, target: AttitudeTarget, reference: Setpoint) -> None:
+        """Take in the target of a tick, and the reference that it follows."""
+        self._predictor.sent(time_s, target, reference)
 
     def pause(self) -> None:
         """Forget the present state: the vehicle does not fly by our targets, or stands on the ground."""
@@ -73,7 +77,7 @@ class ModelWatch:
         self.error = self.error._replace(body_m_s2=(x, y, z), ned_m_s2=ned, expected_m_s2=self._expected_m_s2)
         block = self._blocks.add(at, state.velocity_ned_m_s, state.attitude)
         if block is not None:
-            self._block = block, flight_s - block.duration_s
+            self._block, self._n_blocks = (block, flight_s - block.duration_s), self._n_blocks + 1
             self._tasks = [*self._whole.tasks(block), *self._now.tasks(block), self._judge]
         if self._tasks:
             self._tasks.pop(0)()
@@ -83,8 +87,10 @@ class ModelWatch:
     def shares(self) -> dict[str, float]:
         """Half of the 95 % interval over the value, of a vehicle that has not changed in this flight, by `QUANTITIES`.
 
-        It is infinite before the first estimate.
+        It is infinite in the first seconds.
         """
+        if self._n_blocks < LEAST_BLOCKS:
+            return dict.fromkeys(QUANTITIES, math.inf)
         found, known = self._whole.estimates(), self._slopes
         return {
             "thrust": _share(1.0, found["thrust"]),

@@ -173,7 +173,7 @@ class Pilot:
         if self.stage is not Stage.FLY:
             self._model.pause()
         elif decision.target is not None and decision.setpoint is not None:
-            self._model.sent(state.time_s, decision.target, decision.setpoint.velocity_ned_m_s)
+            self._model.sent(state.time_s, decision.target, decision.setpoint)
         texts = self._notice_texts(state)
         flies = self.stage is Stage.FLY and bool(self.phases_flown)
         return Tick(

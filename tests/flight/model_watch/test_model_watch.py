@@ -7,18 +7,20 @@ import pytest
 
 from quadctl.effects.rotor_drag import LinearDrag
 from quadctl.flight.model_watch.changes import Change
+from quadctl.flight.model_watch.following import Following
 from quadctl.flight.model_watch.prediction import Prediction, Predictor, slopes
 from quadctl.flight.model_watch.regression import BLOCK_S, NAMES, Block, Blocks, Recursion
 from quadctl.flight.model_watch.watch import ModelWatch
 from quadctl.frames import GRAVITY_M_S2, quaternion_from_euler, rotate
 from quadctl.model import Model
-from quadctl.state import AttitudeTarget, Vec3, VehicleState
+from quadctl.state import AttitudeTarget, Setpoint, Vec3, VehicleState
 from quadctl.vehicle import load_vehicle
 from tests.support.links import RAPTOR
 
 VEHICLE = load_vehicle(RAPTOR)
 LEANING = quaternion_from_euler(0.2, -0.1, 2.0)
 NO_WIND: Vec3 = (0.0, 0.0, 0.0)
+PLACE = Setpoint((3.0, -2.0, -2.0))
 
 
 def throttle(thrust_n: float) -> float:
@@ -39,7 +41,7 @@ def state(
 def test_the_prediction_is_thrust_and_drag_and_weight() -> None:
     drag = LinearDrag(d_x=0.3, d_y=0.2, d_z=0.0)
     predictor, thrust_n, velocity = Predictor(Model(VEHICLE).plus(drag)), 1.1 * VEHICLE.weight_n, (1.5, -0.5, 0.2)
-    predictor.sent(9.9, AttitudeTarget(LEANING, throttle(thrust_n)), (1.4, -0.4, 0.1))
+    predictor.sent(9.9, AttitudeTarget(LEANING, throttle(thrust_n)), Setpoint((0.0, 0.0, 0.0), (1.4, -0.4, 0.1)))
     assert predictor.predict(state(10.0, velocity), 0.0) is None  # there is nothing to compare the first with
     at = predictor.predict(state(10.02, velocity), 0.0)
     assert at is not None
@@ -49,14 +51,14 @@ def test_the_prediction_is_thrust_and_drag_and_weight() -> None:
     expected = slopes(Model(VEHICLE).plus(drag))
     for axis, slope in zip(along[:2], expected[:2], strict=True):
         assert np.dot(beyond, axis) == pytest.approx(-slope * np.dot(velocity, axis), rel=0.15)  # it grows with thrust
-    assert at.wanted_body == pytest.approx([np.dot((1.4, -0.4, 0.1), axis) for axis in along])
+    assert at.air_body == pytest.approx([np.dot((1.4, -0.4, 0.1), axis) for axis in along], abs=0.02)
 
 
 def test_a_target_counts_from_its_arrival_and_through_the_rotors_lag() -> None:
     predictor, half_n = Predictor(Model(VEHICLE)), 0.5 * VEHICLE.weight_n
     lag_s = VEHICLE.rotor.time_constant_s
     for t, thrust_n in ((9.5, half_n), (10.0, 2.0 * half_n)):
-        predictor.sent(t, AttitudeTarget(LEANING, throttle(thrust_n)), NO_WIND)
+        predictor.sent(t, AttitudeTarget(LEANING, throttle(thrust_n)), PLACE)
     for t in (10.0, 10.02, 10.04):  # of the second, which needs 0.05 s, nothing is felt yet
         before = predictor.predict(state(t, setpoint_delay_s=0.05), 0.0)
     assert before is not None
@@ -69,7 +71,7 @@ def test_a_target_counts_from_its_arrival_and_through_the_rotors_lag() -> None:
 
 def test_a_state_that_was_seen_before_gives_no_second_prediction() -> None:
     predictor = Predictor(Model(VEHICLE))
-    predictor.sent(9.9, AttitudeTarget(LEANING, 0.5), NO_WIND)
+    predictor.sent(9.9, AttitudeTarget(LEANING, 0.5), PLACE)
     assert predictor.predict(state(10.0), 0.0) is None
     assert predictor.predict(state(10.02), 0.0) is not None
     assert predictor.predict(state(10.02), 0.0) is None
@@ -80,12 +82,34 @@ def test_the_residual_is_the_acceleration_that_the_model_lacks() -> None:
     watch, level = ModelWatch(Model(VEHICLE)), quaternion_from_euler(0.0, 0.0, 0.5 * math.pi)  # it looks east
     for i in range(150):
         t = 20.0 + 0.02 * i
-        watch.sent(t, AttitudeTarget(LEANING, throttle(VEHICLE.weight_n)), NO_WIND)
+        watch.sent(t, AttitudeTarget(LEANING, throttle(VEHICLE.weight_n)), PLACE)
         watch.look(state(t + 0.005, (0.4 * 0.02 * i, 0.0, 0.0), level), 0.0, 0.02 * i)
     assert watch.error.ned_m_s2 == pytest.approx((0.4, 0.0, 0.0), abs=0.01)
     assert watch.error.body_m_s2 == pytest.approx((0.0, -0.4, 0.0), abs=0.01)
     watch.pause()
     assert all(map(math.isnan, watch.error.ned_m_s2))
+
+
+def test_the_velocity_of_a_vehicle_that_follows_late_is_found_and_an_error_of_the_estimate_is_not_taken_for_it() -> (
+    None
+):
+    following, random = Following(), np.random.default_rng(5)
+    worst_m_s = 0.0
+    for i in range(2000):
+        t = 0.02 * i
+        reference = Setpoint((0.0, 0.0, 0.0), (2.0 * math.sin(t), 0.0, 0.0), (2.0 * math.cos(t), 0.0, 0.0))
+        true_m_s = 0.9 * 2.0 * math.sin(t - 0.3)
+        estimated = (
+            true_m_s + random.normal(0.0, 0.2),
+            0.28,
+            random.normal(0.0, 0.2),
+        )  # to the east it is off for good
+        following.take(estimated, reference, 0.02)
+        north, east, down = following.expected(reference)
+        if t > 10.0:
+            worst_m_s = max(worst_m_s, abs(north - true_m_s))
+            assert (east, down) == (0.0, 0.0)
+    assert worst_m_s < 0.1
 
 
 # --- what it learns --------------------------------------------------------------------------------------------------
@@ -99,7 +123,7 @@ def test_a_block_is_the_velocity_gained_beyond_the_model() -> None:
         found.append(blocks.add(at, velocity, LEANING))
     (block,) = [block for block in found if block is not None]
     assert block.excess_m_s2 == pytest.approx((0.1 - 0.3, -0.2, -0.1))
-    assert block.wanted_m_s == pytest.approx((2.0, 1.0, 0.5))
+    assert block.air_m_s == pytest.approx((2.0, 1.0, 0.5))
     forward, right, down = (np.array(rotate(LEANING, axis)) for axis in np.eye(3).tolist())
     columns = dict(zip(NAMES, block.slopes.T, strict=True))
     assert columns["thrust"] == pytest.approx(-10.0 * down)

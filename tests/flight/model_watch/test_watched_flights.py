@@ -16,6 +16,8 @@ from quadctl.flight.pilot.model_guard import ModelErrorLimits
 from quadctl.flight.pilot.pilot import Pilot
 from quadctl.flight.pilot.settings import load_flight_settings
 from quadctl.flight.pilot.tick import Stage, Tick
+from quadctl.flight.record.recorder import Recorder
+from quadctl.lab import add
 from quadctl.missions import load_mission
 from quadctl.model import Model
 from quadctl.sitl.rules.copter import SimulatedCopter
@@ -58,6 +60,8 @@ class Flown(NamedTuple):
     told: list[Told]
     events: list[str]
     duration_s: float
+    log: Path | None
+    """File of the log, where one was asked for."""
 
 
 def fly(
@@ -68,6 +72,7 @@ def fly(
     limits: ModelErrorLimits | None = None,
     until: dict[str, float] | None = None,
     base: bool = False,
+    log_dir: Path | None = None,
 ) -> Flown:
     """Fly a mission with the true model of a vehicle, altered at CHANGE_S; `base`: with the bare vehicle."""
     mock = MOCKS[name]
@@ -98,8 +103,11 @@ def fly(
         if tick.stage is Stage.FLY:
             flown_s[0] = pilot.flight_s
 
-    fly_lockstep(autopilot, pilot, 50.0, [listen])
-    return Flown(pilot.ended, told, events, flown_s[0])
+    recorder = Recorder(log_dir, mission, body.vehicle.n_rotors, {}) if log_dir else None
+    fly_lockstep(autopilot, pilot, 50.0, [listen, *([recorder] if recorder else [])])
+    if recorder:
+        recorder.close(pilot.ended)
+    return Flown(pilot.ended, told, events, flown_s[0], recorder and recorder.path)
 
 
 def heavier(autopilot: SimulatedAutopilot) -> None:
@@ -174,3 +182,15 @@ def test_a_mission_ends_once_what_it_is_flown_for_is_known() -> None:
     assert 10.0 < flown.duration_s < 0.9 * whole_s
     (known,) = [event for event in flown.events if event.startswith("known by now: drag to ")]
     assert float(known.split("drag to ")[1].split("%")[0]) < 10.0
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", [3, 4, 5])
+def test_the_fit_to_a_mission_that_ended_early_holds_the_truth(seed: int, tmp_path: Path) -> None:
+    flown = fly("px4", "excitation", seed=seed, until={"drag": 0.1}, base=True, log_dir=tmp_path)
+    assert flown.log is not None
+    fitted = add("rotor_drag.linear", ROOT / "sitl" / "px4" / "vehicle.yaml", flown.log).model.stack[-1].fitted
+    assert fitted is not None
+    for name in ("d_x", "d_y"):
+        low, high = fitted.ci95[name]
+        assert 0.5 < low < 1.0 < high < 1.6  # as like_sih_good_imu.yaml says
