@@ -56,6 +56,7 @@ def fly_lockstep(
             _carry_out(request, autopilot, pilot)
         for listener in listeners:
             listener(tick)
+        pilot.reflect()
         ticks += 1
         autopilot.step(ticks / rate_hz)
 

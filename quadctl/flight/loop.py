@@ -42,6 +42,7 @@ async def fly(autopilot: Autopilot, pilot: Pilot, rate_hz: float, listeners: Seq
                 task.add_done_callback(tasks.discard)
             for listener in listeners:
                 listener(tick)
+            pilot.reflect()
             # Absolute deadlines; those that have passed are given up, not caught up.
             now = time.monotonic()
             deadline += period_s * max(1, int((now - deadline) / period_s) + 1)

@@ -54,6 +54,9 @@ class ModelWatch:
         self._block: tuple[Block, float] | None = None
         """The last block, and the time of flight at which it began."""
         self._n_blocks = 0
+        self.shares = dict.fromkeys(QUANTITIES, math.inf)
+        """Half of the 95 % interval over the value, of a vehicle that has not changed in this flight; infinite in the
+        first seconds."""
         self.error = NO_ERROR
 
     def sent(self, time_s: float, target: AttitudeTarget, reference: Setpoint) -> None:
@@ -84,20 +87,6 @@ class ModelWatch:
         known = {change.name for change in before}
         return tuple(change for change in self.error.changes if change.name not in known)
 
-    def shares(self) -> dict[str, float]:
-        """Half of the 95 % interval over the value, of a vehicle that has not changed in this flight, by `QUANTITIES`.
-
-        It is infinite in the first seconds.
-        """
-        if self._n_blocks < LEAST_BLOCKS:
-            return dict.fromkeys(QUANTITIES, math.inf)
-        found, known = self._whole.estimates(), self._slopes
-        return {
-            "thrust": _share(1.0, found["thrust"]),
-            "drag": max(_share(known.forward, found["drag forward"]), _share(known.right, found["drag right"])),
-            "inflow": _share(known.down, found["inflow"]),
-        }
-
     def _filtered(self, velocity: Vec3, at: Prediction) -> Vec3:
         """Residual after a filter of first order, which differentiates the velocity at the same time."""
         share = at.dt / (at.dt + FILTER_S)
@@ -111,6 +100,16 @@ class ModelWatch:
     def _judge(self) -> None:
         assert self._block is not None
         self.error = self.error._replace(changes=self._changes.judge(self._now.estimates(), *self._block))
+        if self._n_blocks >= LEAST_BLOCKS:
+            self.shares = self._known()
+
+    def _known(self) -> dict[str, float]:
+        found, known = self._whole.estimates(), self._slopes
+        return {
+            "thrust": _share(1.0, found["thrust"]),
+            "drag": max(_share(known.forward, found["drag forward"]), _share(known.right, found["drag right"])),
+            "inflow": _share(known.down, found["inflow"]),
+        }
 
 
 def _share(known: float, change: Estimate) -> float:

@@ -79,6 +79,7 @@ class Pilot:
         self._model = ModelWatch(compensator.model, mission.place)
         self._model_guard = ModelGuard(settings.guards.model_error)
         self._landing = Landing(self._progress, self._watch, self._steering, autopilot_stays_up)
+        self._last: tuple[VehicleState, Decision] = VehicleState(0.0), _NOTHING
         self._offboard_seen = False
         self._faded = False
         self._texts: tuple[StatusText, ...] = ()
@@ -170,10 +171,7 @@ class Pilot:
         decision = self._sound(self._steps[self.stage], state, dt)
         self._notice_fading(decision)
         self._notice_silence()
-        if self.stage is not Stage.FLY:
-            self._model.pause()
-        elif decision.target is not None and decision.setpoint is not None:
-            self._model.sent(state.time_s, decision.target, decision.setpoint)
+        self._last = state, decision
         texts = self._notice_texts(state)
         flies = self.stage is Stage.FLY and bool(self.phases_flown)
         return Tick(
@@ -191,6 +189,26 @@ class Pilot:
             texts,
             self._model.error,
         )
+
+    def reflect(self) -> None:
+        """Compare the last tick with the model that flies, off the ground, and note what has changed.
+
+        To be called when the target of the tick is out, which must not wait for it.
+        """
+        state, decision = self._last
+        climbed_m = self._home.position_ned_m[2] - state.position_ned_m[2]
+        if self.stage is not Stage.FLY or state.landed or not state.finite or climbed_m < OFF_GROUND_M:
+            self._model.pause()
+            return
+        try:
+            changes = self._model.look(state, self._home.ground_down_m, self._progress.flight_s)
+        except (ArithmeticError, ValueError):  # a model beyond its range is no reason to end a flight
+            self._model.pause()
+            return
+        for change in changes:
+            self._progress.note(str(change), "")
+        if decision.target is not None and decision.setpoint is not None:
+            self._model.sent(state.time_s, decision.target, decision.setpoint)
 
     def _sound(self, step: _Step, state: VehicleState, dt: float) -> Decision:
         """Decision of the present stage, with a target only if it is fit to reach the motors."""
@@ -314,7 +332,6 @@ class Pilot:
 
     def _fly(self, state: VehicleState, dt: float) -> Decision:
         t_s = self._progress.flight_s = self._begin_at_s + self._progress.in_stage_s
-        self._watch_model(state)
         breach = self._breach(state)
         if breach is not None:
             return self._landing.answer(breach, state)
@@ -371,19 +388,11 @@ class Pilot:
         found = self._watch.breach(state, self._progress.in_air_s, off_ground=self.stage is Stage.FLY)
         return Breach(Answer.LAND, wish) if found is None and wish else found
 
-    def _watch_model(self, state: VehicleState) -> None:
-        """Compare the flight with the model, off the ground, and note what has changed."""
-        if state.landed or self._home.position_ned_m[2] - state.position_ned_m[2] < OFF_GROUND_M:
-            self._model.pause()
-            return
-        for change in self._model.look(state, self._home.ground_down_m, self._progress.flight_s):
-            self._progress.note(str(change), "")
-
     def _knows_enough(self) -> bool:
         """True once the quantities that the mission is flown for are known as well as it asks for."""
         if not self.mission.until:
             return False
-        shares = self._model.shares()
+        shares = self._model.shares
         if any(shares[name] > most for name, most in self.mission.until.items()):
             return False
         known = ", ".join(f"{name} to {shares[name]:.1%}" for name in self.mission.until)
