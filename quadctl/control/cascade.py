@@ -71,7 +71,15 @@ def control(
     feed_forward = (coming[0], coming[1], between(expected, coming, rise_share)[2])
     velocity_sp = velocity_setpoint(setpoint, state.position_ned_m, settings, easing)
     acceleration, velocity_memory = acceleration_setpoint(
-        velocity_sp, state.velocity_ned_m_s, feed_forward, memory.velocity, dt, settings, expected, easing
+        velocity_sp,
+        state.velocity_ned_m_s,
+        feed_forward,
+        memory.velocity,
+        dt,
+        settings,
+        expected,
+        easing,
+        setpoint.velocity_ned_m_s,
     )
     # Gravity is fed forward: the integrator must not have to find the weight, only what is wrong with it.
     m, factor = vehicle.mass_kg, thrust_factor(memory.velocity.integral_m_s2, settings)

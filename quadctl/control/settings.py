@@ -26,6 +26,9 @@ class ControllerSettings(Settings):
     followed, where the vehicle's `attitude_response` is known."""
     derivative: Literal["error", "velocity"] = "error"
     """Acceleration that D damps: `error`: what the reference does not have; `velocity`: all."""
+    horizontal_integral: Literal["velocity", "position"] = "velocity"
+    """Error that it sums up: `velocity`: that of the velocity; `position`: the velocity that leads back to the place,
+    limited, so that a constant error of the estimated velocity makes no error of the position."""
     vertical_integral: Literal["thrust", "force"] = "thrust"
     """`thrust`: a factor on the thrust; `force`: an acceleration, which turns the direction of the force."""
     effects_at: Literal["reference", "state"] = "reference"

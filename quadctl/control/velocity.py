@@ -9,6 +9,8 @@ of the state:
     v_sp = v_here + Kp (p_here - p)
     a    = Kv e + I - Kd F(s) (dv/dt - a_here),    dI/dt = Ki e
 
+With `horizontal_integral: position` dI/dt = Ki Kp (p_here - p), limited, in the horizontal axes instead.
+
 The reference's own acceleration, at the time when the vehicle will have turned, is fed forward on top of it.
 """
 
@@ -20,6 +22,8 @@ from quadctl.frames import GRAVITY_M_S2
 from quadctl.state import Setpoint, Vec3
 
 ORIGIN: Vec3 = (0.0, 0.0, 0.0)
+INTEGRAL_M_S = 0.5
+"""Largest velocity back to the place that the integral of the position sums up: a step of the reference is no drift."""
 
 
 class Easing(NamedTuple):
@@ -65,11 +69,13 @@ def acceleration_setpoint(
     settings: ControllerSettings,
     expected: Vec3 = ORIGIN,
     easing: Easing = FULL,
+    here_m_s: Vec3 = ORIGIN,
 ) -> tuple[Vec3, VelocityMemory]:
     """Acceleration that brings the velocity to its setpoint, limited, and the memory for the next tick.
 
     `feed_forward` is the acceleration of the reference that the vehicle is to have, `expected` the one that it should
-    have at the time of its velocity, `easing` the share of the gains that the lag of the loop allows.
+    have at the time of its velocity, `here_m_s` the reference's velocity at that time, `easing` the share of the gains
+    that the lag of the loop allows.
     """
     not_wanted = expected if settings.derivative == "error" else ORIGIN
     excess = _filtered_acceleration(velocity, not_wanted, memory, dt, settings.derivative_time_s)
@@ -84,11 +90,15 @@ def acceleration_setpoint(
     in_force = integral[2] if settings.vertical_integral == "force" else 0.0
     raw = (north + integral[0], east + integral[1], down + in_force)
     limited = _limit_acceleration(raw, settings)
+    summed = error
+    if settings.horizontal_integral == "position":
+        back = _limit_length(velocity_sp[0] - here_m_s[0], velocity_sp[1] - here_m_s[1], INTEGRAL_M_S)
+        summed = (*back, error[2])
     most, beyond = settings.max_integral_m_s2, _subtract(raw, limited)
     new_integral = (
-        _integrated(integral[0], error[0], beyond[0], gains[0], dt, most),
-        _integrated(integral[1], error[1], beyond[1], gains[1], dt, most),
-        _integrated(integral[2], error[2], beyond[2], gains[2], dt, most),
+        _integrated(integral[0], summed[0], beyond[0], gains[0], dt, most),
+        _integrated(integral[1], summed[1], beyond[1], gains[1], dt, most),
+        _integrated(integral[2], summed[2], beyond[2], gains[2], dt, most),
     )
     return limited, VelocityMemory(new_integral, velocity, excess)
 

@@ -176,6 +176,37 @@ def test_one_axis_at_its_limit_does_not_stop_the_others() -> None:
     assert memory.integral_m_s2 == pytest.approx((0.004, 0.0, 0.0))  # 0.4 * 0.5 * 0.02
 
 
+def test_the_integral_of_the_position_is_limited_and_blind_to_the_velocity() -> None:
+    """0.4 times the velocity back to the place, of 0.5 m/s at most, times 0.02 s; the vertical one is not concerned."""
+    chosen = ControllerSettings(horizontal_integral="position")
+    wanted, reference = (1.3, -0.1, 0.5), (1.0, 0.2, 0.0)
+    _, memory = acceleration_setpoint(
+        wanted, (5.0, -3.0, 0.0), ORIGIN, VelocityMemory(), 0.02, chosen, here_m_s=reference
+    )
+    assert memory.integral_m_s2 == pytest.approx((0.0024, -0.0024, 0.02))
+    far = (1.0 + 30.0, 0.2 - 40.0, 0.0)
+    _, memory = acceleration_setpoint(far, ORIGIN, ORIGIN, VelocityMemory(), 0.02, chosen, here_m_s=reference)
+    assert memory.integral_m_s2 == pytest.approx((0.0, 0.0, 0.0))  # at the limit of the tilt nothing is summed up
+    near = (1.0 + 0.6, 0.2 - 0.8, 0.0)
+    _, memory = acceleration_setpoint(near, ORIGIN, ORIGIN, VelocityMemory(), 0.02, chosen, here_m_s=reference)
+    assert memory.integral_m_s2 == pytest.approx((0.4 * 0.3 * 0.02, -0.4 * 0.4 * 0.02, 0.0))
+
+
+@pytest.mark.parametrize(("integral", "off_m"), [("velocity", 0.35), ("position", 0.0)])
+def test_a_constant_error_of_the_velocity_moves_the_place_only_where_the_velocity_is_summed_up(
+    integral: Any, off_m: float
+) -> None:
+    """A point mass whose estimated velocity reads 0.28 m/s too much to the east, held at its place for a minute."""
+    chosen, memory, x_m, v_m_s = ControllerSettings(horizontal_integral=integral), VelocityMemory(), 0.0, 0.0
+    for _ in range(3000):
+        state = (0.0, v_m_s + 0.28, 0.0)
+        wanted = velocity_setpoint(Setpoint(ORIGIN), (0.0, x_m, 0.0), chosen)
+        (_, a_m_s2, _), memory = acceleration_setpoint(wanted, state, ORIGIN, memory, 0.02, chosen)
+        v_m_s += 0.02 * a_m_s2
+        x_m += 0.02 * v_m_s
+    assert -x_m == pytest.approx(off_m, abs=0.01)  # 0.28 m/s over 0.8 1/s
+
+
 def test_the_integral_is_bounded() -> None:
     memory = VelocityMemory()
     for _ in range(1000):  # 2 * 0.5 * 20 s = 20 m/s^2 without a bound; 4 * 0.5 + 4 is within the limits
