@@ -34,8 +34,8 @@ FLIGHT: Panes = {
     "speed / m/s": [Curve("speed", "speed_m_s", "measured")],
     "tilt / °": [Curve("tilt", "tilt_deg", "measured")],
     "throttle / 1": [Curve("throttle", "throttle", "measured")],
-    "beyond the model / m/s²": [
-        Curve("forward", "residual_forward", "measured"),
+    "residual / m/s²": [
+        Curve("residual forward", "residual_forward", "measured"),
         Curve("right", "residual_right", "before"),
         Curve("down", "residual_down", "after"),
         Curve("expected", "expected", "muted"),
