@@ -164,7 +164,8 @@ def of_autopilot(own: PositionLaw, vehicle: Vehicle) -> Axes:
     )
     lift = rotors(vehicle.rotor.time_constant_s, OWN_HOLD_S)
     return Axes(
-        loop(level, attitude(response.roll, OWN_HOLD_S)), loop(upright, _with_lift_loop(own, lift) if own.lift_p else lift)
+        loop(level, attitude(response.roll, OWN_HOLD_S)),
+        loop(upright, _with_lift_loop(own, lift) if own.lift_p else lift),
     )
 
 

@@ -24,7 +24,7 @@ from quadctl.effects.translational_lift import HorizontalLift
 from quadctl.flight.preflight.plan import FlightPlan, read_flight
 from quadctl.model import EffectEntry, Model, StackedEffect
 from quadctl.sitl.rules.px4 import SimulatedAutopilot
-from quadctl.sitl.vehicle.hidden import AutopilotTruth, HiddenTruth
+from quadctl.sitl.vehicle.hidden import AutopilotTruth, HiddenTruth, Telemetry
 from quadctl.vehicle import AttitudeResponse, AxisResponse, Vehicle
 from studies.autopilots.measured import ROOT
 
@@ -89,28 +89,32 @@ class Compared(NamedTuple):
 def compare(effect: Effect) -> Compared:
     """Fly the course in the worlds of one effect."""
     alone = Pair(rmse_m([effect], []), rmse_m([effect], [effect]))
-    if Model(_vehicle(), (StackedEffect(effect),)).resists_motion and effect.family() == DRAG.family():
+    if effect.family() == DRAG.family():
         return Compared(effect, alone, None)
     return Compared(effect, alone, Pair(rmse_m([DRAG, effect], [DRAG]), rmse_m([DRAG, effect], [DRAG, effect])))
 
 
-def rmse_m(truth: Sequence[Effect], known: Sequence[Effect]) -> float:
-    """RMSE of the tracking in the world `truth` with a model of the `known` effects."""
-    vehicle = _vehicle()
+def rmse_m(truth: Sequence[Effect], known: Sequence[Effect], estimate_delay_s: float = 0.0) -> float:
+    """RMSE of the tracking in the world `truth` with a model of the `known` effects.
+
+    `estimate_delay_s` is the age of the estimate of which nothing tells; on both real autopilots none was measured.
+    """
     entries = [EffectEntry(effect=effect.name, parameters=effect.values()) for effect in truth]
-    hidden = HiddenTruth(effects=entries, autopilot=AutopilotTruth(attitude=RESPONSE))
-    model = Model(vehicle, tuple(map(StackedEffect, known)), name="known")
-    plan = _plan()._replace(body=Model(vehicle, name=model.name), compensator=model)
-    return flown(plan, SimulatedAutopilot(vehicle, hidden, SEED), ("multisine",)).rmse_m
+    hidden = HiddenTruth(
+        effects=entries, telemetry=Telemetry(delay_s=estimate_delay_s), autopilot=AutopilotTruth(attitude=RESPONSE)
+    )
+    model = Model(vehicle(), tuple(map(StackedEffect, known)), name="known")
+    plan = _plan()._replace(body=Model(vehicle(), name=model.name), compensator=model)
+    return flown(plan, SimulatedAutopilot(vehicle(), hidden, SEED), ("multisine",)).rmse_m
+
+
+@cache
+def vehicle() -> Vehicle:
+    """Vehicle of the configuration, below a ceiling, with the attitude's answer of PX4's mock."""
+    answer = AttitudeResponse(roll=RESPONSE, pitch=RESPONSE)
+    return _plan().body.vehicle.model_copy(update={"attitude_response": answer, "ceiling_m": CEILING_M})
 
 
 @cache
 def _plan() -> FlightPlan:
     return read_flight(COURSE, CONFIG, "none", None)
-
-
-@cache
-def _vehicle() -> Vehicle:
-    """Vehicle of the configuration below a ceiling, with the attitude's answer of PX4's mock."""
-    answer = AttitudeResponse(roll=RESPONSE, pitch=RESPONSE)
-    return _plan().body.vehicle.model_copy(update={"attitude_response": answer, "ceiling_m": CEILING_M})
