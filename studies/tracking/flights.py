@@ -94,6 +94,9 @@ class Link(NamedTuple):
     """Share of states, and of setpoints, that is lost."""
 
 
+PERFECT = Link()
+
+
 class Linked:
     """Mock behind a link: what `fly_lockstep` does with an autopilot, with delays and losses on the way.
 
@@ -193,7 +196,7 @@ def fly(
     law: str,
     model: Model,
     seed: int,
-    link: Link = Link(),
+    link: Link = PERFECT,
     extra: Sequence[Effect] = (),
     log_dir: Path | None = None,
 ) -> Track:
@@ -213,7 +216,7 @@ def flown(
     autopilot: SimulatedAutopilot,
     phases: tuple[str, ...],
     own: bool = False,
-    link: Link = Link(),
+    link: Link = PERFECT,
     seed: int = 0,
     log_dir: Path | None = None,
 ) -> Track:

@@ -96,13 +96,13 @@ def rotors(time_constant_s: float, delay_s: float) -> Transfer:
 
 def sensitivity(open_loop: Transfer, rad_s: Floats = RAD_S) -> Floats:
     """Size of 1 / (1 + L)."""
-    size: Floats = np.abs(1.0 / (1.0 + open_loop(1j * rad_s)))
+    size: Floats = np.abs(1.0 / (1.0 + open_loop(_on_axis(rad_s))))
     return size
 
 
 def margins(open_loop: Transfer) -> Margins:
     """Margins of a loop that is stable when closed."""
-    at = open_loop(1j * RAD_S)
+    at = open_loop(_on_axis(RAD_S))
     size, phase = np.log(np.abs(at)), np.unwrap(np.angle(at))
     crossed = np.flatnonzero(np.diff(np.sign(size)))
     part = size[crossed] / (size[crossed] - size[crossed + 1])
@@ -118,6 +118,10 @@ def margins(open_loop: Transfer) -> Margins:
         math.degrees(float(np.min(left))),
         float(np.min(left / rad_s)),
     )
+
+
+def _on_axis(rad_s: Floats) -> Complex:
+    return np.asarray(1j * rad_s, dtype=np.complex128)
 
 
 class Axes(NamedTuple):

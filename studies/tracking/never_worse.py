@@ -38,13 +38,16 @@ CEILING_M = 0.95
 TOLERANCE = 1.02
 SEED = 3
 DRAG = LinearDrag(d_x=0.4, d_y=0.3, d_z=0.1)
+SMALL_DRAG = QuadraticDrag(0.05, 0.07, 0.05)
+UNTOLD_S = 0.02
+"""Age of an estimate of which nothing tells, in the case that is worse."""
 TRUTHS: tuple[Effect, ...] = (
     ConstantScale(0.88),
     LineMap(0.9, 0.3),
     Exponential(0.2, 4.0),
     MomentumCeiling(2.0),
     DRAG,
-    QuadraticDrag(0.05, 0.07, 0.05),
+    SMALL_DRAG,
     AxialInflow(0.5),
     FixedTilt(2.0, -3.0),
     HangingTether(1.5),
@@ -92,6 +95,11 @@ def compare(effect: Effect) -> Compared:
     if effect.family() == DRAG.family():
         return Compared(effect, alone, None)
     return Compared(effect, alone, Pair(rmse_m([DRAG, effect], [DRAG]), rmse_m([DRAG, effect], [DRAG, effect])))
+
+
+def late_drag() -> Pair:
+    """A small drag beside a known one, where the estimate is late and nothing tells it."""
+    return Pair(rmse_m([DRAG, SMALL_DRAG], [DRAG], UNTOLD_S), rmse_m([DRAG, SMALL_DRAG], [DRAG, SMALL_DRAG], UNTOLD_S))
 
 
 def rmse_m(truth: Sequence[Effect], known: Sequence[Effect], estimate_delay_s: float = 0.0) -> float:
