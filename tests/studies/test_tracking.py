@@ -125,11 +125,15 @@ def test_margins_of_an_integrator_with_a_delay_are_those_by_hand() -> None:
     assert found.peak == pytest.approx(1.194, abs=1e-3)
 
 
-def test_a_third_order_loop_bears_a_gain_of_8() -> None:
-    def open_loop(s: Complex) -> Complex:
-        return 1.0 / (s + 1.0) ** 3
+def test_a_loop_of_third_order_has_the_margins_by_hand() -> None:
+    """2 / (s + 1)^3: at sqrt(3) rad/s it is -2/8; it is 1 in size where w^2 = 2^(2/3) - 1, at 3 atan(w) = 112.4 deg."""
 
-    assert margins(open_loop).gain == pytest.approx(8.0, rel=1e-3)
+    def open_loop(s: Complex) -> Complex:
+        return 2.0 / (s + 1.0) ** 3
+
+    found = margins(open_loop)
+    assert found.gain == pytest.approx(4.0, rel=1e-3)
+    assert found.phase_deg == pytest.approx(180.0 - 112.4, abs=0.1)
 
 
 def test_the_transfer_of_the_law_is_that_of_its_terms() -> None:
