@@ -40,10 +40,10 @@ STOCK = """The IMU of the stock SIH is far worse than a real one: the velocity i
 controller can see that, so the goals are out of reach there.
 """
 ROBUST = """The same figure 8 with defects: states 80 ms old and setpoints 80 ms late (the autopilot's own control only
-has the late setpoints, those of the present, not of later); 15 % more mass than the vehicle file says; a fifth of all
-states and setpoints lost. The margins are those of linear models: the peak of the sensitivity, the factor on the gain,
-the phase, and the further delay at which the loop becomes unstable. The law lowers its gains with a delay that it
-measures, which is not counted.
+has the late setpoints, those of the present, not of later); 15 % more mass than the vehicle file says (ArduPilot's mock
+takes it on in the air before); a fifth of all states and setpoints lost. The margins are those of linear models: the
+peak of the sensitivity, the factor on the gain, the phase, and the further delay at which the loop becomes unstable.
+The law lowers its gains with a delay that it measures, which is not counted.
 """
 GROUND = """The thesis' step into the ground effect, and the swoop, in a world with a drag and a ground effect of no
 catalogue (`hidden.ground_cushion`). Both models hold the drag and the lag that the lab found, one also an exponential
