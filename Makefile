@@ -80,7 +80,7 @@ hidden: $(INSTALLED)
 sensor-cases: $(INSTALLED)
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m studies.sensor_cases --out docs/sensor-cases.md
 
-# Flights by the control law, by the one before and by the autopilots' own; writes docs/tracking.md. Some twenty minutes.
+# Flights by the control law, by the one before and by the autopilots' own; writes docs/tracking.md. Some twelve minutes.
 tracking: $(INSTALLED)
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m studies.tracking
 

@@ -21,8 +21,7 @@ FIGURE = "tracking.png"
 TITLES = {BEFORE: "the law before", UNKNOWN: "quadctl, nothing known", FOUND: "quadctl", OWN: "the autopilot's own"}
 HEAD = """# Tracking, beside the autopilots' own control
 
-Written by `make tracking`, in lockstep on the simulated autopilots ([as measured](autopilots.md)), two seeds each. The
-same references are flown by the thesis' law (`config/flight_thesis.yaml`), which was the product before; by the present
+Written by `make tracking`, in lockstep on the simulated autopilots ([as measured](autopilots.md)). The same references are flown by the thesis' law (`config/flight_thesis.yaml`), which was the product before; by the present
 law, without knowledge of the vehicle and with the attitude's lag and the drag that `quadctl fit` finds in one other
 flight of excitation; and by the autopilot itself, which is sent position, velocity and acceleration at 50 Hz.
 
