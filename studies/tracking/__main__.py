@@ -8,7 +8,7 @@ from pathlib import Path
 from quadctl.model import Model
 from quadctl.vehicle import AxisResponse
 from studies.autopilots.measured import ROOT, mock
-from studies.papers.page import table
+from studies.papers.page import table, wrapped
 
 from . import ground, never_worse
 from .comparison import BEATEN, DEFECTS, HALF, ROBUST_MOCKS, Results, compared
@@ -21,9 +21,10 @@ FIGURE = "tracking.png"
 TITLES = {BEFORE: "the law before", UNKNOWN: "quadctl, nothing known", FOUND: "quadctl", OWN: "the autopilot's own"}
 HEAD = """# Tracking, beside the autopilots' own control
 
-Written by `make tracking`, in lockstep on the simulated autopilots ([as measured](autopilots.md)). The same references are flown by the thesis' law (`config/flight_thesis.yaml`), which was the product before; by the present
-law, without knowledge of the vehicle and with the attitude's lag and the drag that `quadctl fit` finds in one other
-flight of excitation; and by the autopilot itself, which is sent position, velocity and acceleration at 50 Hz.
+Written by `make tracking`, in lockstep on the simulated autopilots ([as measured](autopilots.md)), one seed. The same
+references are flown by the thesis' law (`config/flight_thesis.yaml`), which was the product before; by the present law,
+without knowledge of the vehicle and with the attitude's lag and the drag that `quadctl fit` finds in one other flight
+of excitation; and by the autopilot itself, which is sent position, velocity and acceleration at 50 Hz.
 
 These are mocks: their own control is built from the firmwares' sources (gains, form of D, square root, filters) with
 speed and jerk limits raised, on their own estimate at 100 Hz and without a delay of the link. What shapes a target in a
@@ -46,7 +47,7 @@ The law lowers its gains with a delay that it measures, which is not counted.
 """
 GROUND = """The thesis' step into the ground effect, and the swoop, in a world with a drag and a ground effect of no
 catalogue (`hidden.ground_cushion`). Both models hold the drag and the lag that the lab found, one also an exponential
-ground effect. M_B in m s as in [the papers](papers.md), RMSE in cm, two seeds.
+ground effect. M_B in m s as in [the papers](papers.md), RMSE in cm, one seed.
 """
 NEVER = """For every family of the catalogue: tracking in a world with that effect, without a model of it and with the
 true one, RMSE in cm over waves in three axes at 0.5 m, heading 35 deg. *Beside a drag* both models know the drag, and
@@ -88,7 +89,7 @@ def write(results: Results, grounds: Sequence[ground.Ground], pairs: Sequence[ne
         f"Not flown: {'; '.join(f'{family} ({why})' for family, why in never_worse.NOT_FLOWN.items())}.",
         never_words(),
     ]
-    PAGE.write_text("\n".join(parts) + "\n", encoding="utf-8")
+    PAGE.write_text(wrapped("\n".join(parts)), encoding="utf-8")
 
 
 def courses(results: Results, where: Mock) -> str:
