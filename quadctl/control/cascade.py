@@ -117,9 +117,11 @@ def control(
 
 
 def expected_motion(now: Motion, here: Setpoint, ahead: Setpoint, horizon_s: float) -> Motion:
-    """Motion of the vehicle `horizon_s` from `now`: the reference's as far as it follows it, else its present one.
+    """Motion at which effects are evaluated: the present place, and the velocity of `horizon_s` from `now`.
 
-    `here` is the reference of now, and `ahead` that of then.
+    That velocity is the reference's as far as the vehicle follows it, else its present one; `here` is the reference of
+    now, and `ahead` that of then. The force to the side needs the attitude's time, but the thrust, on which effects of
+    the place act, follows within that of the rotors.
     """
     position, velocity = now.position_ned_m, now.velocity_ned_m_s
     n, e, d = ahead.position_ned_m
@@ -127,7 +129,7 @@ def expected_motion(now: Motion, here: Setpoint, ahead: Setpoint, horizon_s: flo
     target = (free[0] if math.isnan(n) else n, free[1] if math.isnan(e) else e, free[2] if math.isnan(d) else d)
     off_m, off_m_s = math.dist(target, free), math.dist(here.velocity_ned_m_s, velocity)
     share = max(0.0, 1.0 - (off_m / NEAR_M) ** 2 - (off_m_s / NEAR_M_S) ** 2)
-    return Motion(between(position, target, share), between(velocity, ahead.velocity_ned_m_s, share))
+    return Motion(position, between(velocity, ahead.velocity_ned_m_s, share))
 
 
 def _along(position: Vec3, velocity: Vec3, time_s: float) -> Vec3:

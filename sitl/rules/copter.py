@@ -9,7 +9,8 @@ import numpy as np
 from quadctl.frames import rotate
 from quadctl.sitl.rules.px4 import CRITICAL, SimulatedAutopilot
 from quadctl.sitl.vehicle.inner_loops import PX4, Gains, level_with_yaw
-from quadctl.state import AttitudeTarget
+from quadctl.sitl.vehicle.position_loop import AxisGains, PositionLaw
+from quadctl.state import AttitudeTarget, Setpoint
 from quadctl.thrust_chain.ardupilot import angle_boost
 from quadctl.thrust_chain.atmosphere import Air, Version, air_density_ratio, atmosphere_of
 from quadctl.thrust_chain.chain import Ambient
@@ -43,6 +44,20 @@ AIR = Air(pressure_pa=95598.0, ground_temperature_c=28.16, height_m=0.0, altitud
 """Air at the take-off place of the recorded flights."""
 ANGLE_P, RATE_PI, MAX_INTEGRAL = 4.5, 0.135, 0.5
 """Defaults of ATC_ANG_RLL_P, ATC_RAT_RLL_P and _I, and ATC_RAT_RLL_IMAX, the same for pitch."""
+POSITION_LAW = PositionLaw(
+    AxisGains(1.0, 2.0, 1.0, 0.5),
+    AxisGains(1.0, 5.0, 0.0, 0.0),
+    damps_error=True,
+    derivative_hz=5.0,
+    error_hz=5.0,
+    braking_m_s2=5.0,
+    lift_p=1.42,
+    lift_i=2.84,
+    lift_hz=20.0,
+    max_tilt_deg=30.0,
+)
+"""Defaults of PSC_POSXY_P, PSC_VELXY_P, _I, _D, _FLTE and _FLTD, PSC_POSZ_P, PSC_VELZ_P and ANGLE_MAX; PSC_ACCZ_P of
+0.5 and PSC_ACCZ_I of 1, in thousandths of the throttle per cm/s^2, over a throttle of hover of 0.345 per g."""
 NOT_ARMABLE = ("LAND", "RTL", "BRAKE")
 
 
@@ -52,6 +67,7 @@ class Guided(enum.Enum):
     PLACE = "holds its place"
     TAKE_OFF = "takes off"
     TARGETS = "follows attitude targets"
+    PLACES = "follows position targets"
     LEVEL = "levels and holds its height"
 
 
@@ -63,6 +79,7 @@ class SimulatedCopter(SimulatedAutopilot):
     modes: ClassVar[tuple[str, ...]] = ("STABILIZE", "GUIDED", "LAND", "RTL", "BRAKE", "LOITER")
     first_mode: ClassVar[str] = "STABILIZE"
     offboard_mode: ClassVar[str] = "GUIDED"
+    position_law: ClassVar[PositionLaw] = POSITION_LAW
     aid_timeout_s: ClassVar[float] = 0.4  # by GPS_RAW_INT.fix_type, as measured
     station_parameter: ClassVar[str] = "SYSID_MYGCS"
     """Parameter with the id of the ground station whose heartbeats it watches."""
@@ -128,6 +145,11 @@ class SimulatedCopter(SimulatedAutopilot):
         super().set_attitude_target(target)
         if self.mode == "GUIDED" and self.armed:  # also in the middle of a take-off, which that ends
             self.guided = Guided.TARGETS
+
+    def set_position_target(self, setpoint: Setpoint) -> None:
+        super().set_position_target(setpoint)
+        if self.mode == "GUIDED" and self.armed:
+            self.guided = Guided.PLACES
 
     @property
     def ambient(self) -> Ambient:
@@ -211,6 +233,10 @@ class SimulatedCopter(SimulatedAutopilot):
         if lost and mode is not None and self.armed and self.mode in ("GUIDED", "BRAKE"):
             self._fail_to(mode)
 
+        place = self._place
+        if place is not None and self.time_s - self._target_s > self.parameters["GUID_TIMEOUT"]:
+            self._place = Setpoint(place.position_ned_m, yaw_rad=place.yaw_rad)  # it stays where that was
+
         acts = self.armed and self.parameters["FS_EKF_ACTION"] and self.mode not in ("STABILIZE", "LAND")
         if acts and self.estimator.unaided_s(self.time_s) > UNAIDED_S:
             self.said.append((CRITICAL, "EKF variance"))
@@ -285,6 +311,8 @@ class SimulatedCopter(SimulatedAutopilot):
         return super()._lands and self.time_s >= self._pause_until_s
 
     def _position_control(self) -> AttitudeTarget:
+        if self.guided is Guided.PLACES and self._place is not None:
+            return self._position_loop.target(self._place, self.estimator)
         own = super()._position_control()
         if self.guided is Guided.LEVEL:
             return own._replace(attitude=level_with_yaw(self.body.attitude))

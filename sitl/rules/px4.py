@@ -14,7 +14,8 @@ from quadctl.sitl.vehicle.body import STEP_S, SimulatedBody
 from quadctl.sitl.vehicle.estimator import Estimator
 from quadctl.sitl.vehicle.hidden import HiddenTruth, true_model
 from quadctl.sitl.vehicle.inner_loops import PX4, Gains, InnerLoops, level_with_yaw
-from quadctl.state import AttitudeTarget, Quat, Vec3, VehicleState
+from quadctl.sitl.vehicle.position_loop import AxisGains, PositionLaw, PositionLoop
+from quadctl.state import AttitudeTarget, Quat, Setpoint, Vec3, VehicleState
 from quadctl.vehicle import Vehicle
 
 STREAM_AGE_S = 0.5
@@ -30,6 +31,10 @@ EXCEPT_OFFBOARD = 4
 CRITICAL, INFO = 2, 6
 """MAV_SEVERITY of its texts."""
 LEVEL: Quat = (1.0, 0.0, 0.0, 0.0)
+POSITION_LAW = PositionLaw(
+    AxisGains(0.95, 1.8, 0.4, 0.2), AxisGains(1.0, 4.0, 2.0, 0.0), damps_error=False, derivative_hz=5.0
+)
+"""Defaults of MPC_XY_P, MPC_XY_VEL_P_ACC, _I_ACC and _D_ACC, the same for Z, MPC_VELD_LP and MPC_TILTMAX_AIR."""
 
 
 class MotorTest(NamedTuple):
@@ -47,6 +52,7 @@ class SimulatedAutopilot:
     modes: ClassVar[tuple[str, ...]] = ("HOLD", "OFFBOARD", "LAND", "RTL", "POSCTL")
     first_mode: ClassVar[str] = "HOLD"
     offboard_mode: ClassVar[str] = "OFFBOARD"
+    position_law: ClassVar[PositionLaw] = POSITION_LAW
     aid_timeout_s: ClassVar[float] = math.inf
     """Time without GPS or motion capture after which it says that those have failed; inf: it never does."""
     default_parameters: ClassVar[dict[str, float]] = {
@@ -85,6 +91,9 @@ class SimulatedAutopilot:
         self.parameters = self._parameters(vehicle, truth.autopilot.parameters, source)
         self.target = AttitudeTarget(LEVEL, 0.0)
         self._own_target = AttitudeTarget(LEVEL, 0.0)
+        self._place: Setpoint | None = None
+        """Position target that is followed; None: the last target was an attitude."""
+        self._position_loop = PositionLoop(self.position_law, vehicle)
         self.outputs = [0.0] * vehicle.n_rotors
         self._rate_sp: Vec3 = (0.0, 0.0, 0.0)
         self._target_s = -math.inf
@@ -135,6 +144,17 @@ class SimulatedAutopilot:
     def set_attitude_target(self, target: AttitudeTarget) -> None:
         """Take in a setpoint that arrives now."""
         self.target = target
+        self._place = None
+        self._target_s = self.time_s
+
+    def set_position_target(self, setpoint: Setpoint) -> None:
+        """Take in a setpoint of position, velocity, acceleration and yaw that arrives now.
+
+        It is what SET_POSITION_TARGET_LOCAL_NED asks for: the autopilot's own position control flies it.
+        """
+        if self._place is None:
+            self._position_loop.start()
+        self._place = setpoint
         self._target_s = self.time_s
 
     def hear_heartbeat(self, system_id: int) -> None:
@@ -322,6 +342,8 @@ class SimulatedAutopilot:
     def _attitude_loop(self) -> None:
         if not self._follows_targets:
             self._own_target = self._position_control()
+        elif self._place is not None:
+            self.target = self._position_loop.target(self._place, self.estimator)
         self._rate_sp = self.loops.rate_setpoint(self._active.attitude, self.body.attitude, not self.body.in_contact)
 
     def _obey_rules(self) -> None:

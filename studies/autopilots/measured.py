@@ -8,7 +8,7 @@ from quadctl.sitl.rules.px4 import SimulatedAutopilot
 from quadctl.sitl.server.ardupilot import MavlinkArduPilot
 from quadctl.sitl.server.px4 import MavlinkPx4
 from quadctl.sitl.server.server import MavlinkMock
-from quadctl.sitl.vehicle.hidden import load_hidden
+from quadctl.sitl.vehicle.hidden import HiddenTruth, load_hidden
 from quadctl.vehicle import load_vehicle
 
 ROOT = Path(__file__).parents[2]
@@ -50,11 +50,16 @@ def load_measured(name: str) -> Measured:
     return load(ROOT / "sitl" / name / "measured.yaml", Measured)
 
 
-def mock(name: str, seed: int = 1, vehicle: str = "vehicle.yaml") -> SimulatedAutopilot:
-    """Simulated autopilot that behaves as measured, with a vehicle and the parameters of the real simulator."""
+def mock(
+    name: str, seed: int = 1, vehicle: str = "vehicle.yaml", truth: HiddenTruth | None = None
+) -> SimulatedAutopilot:
+    """Simulated autopilot that behaves as measured, with a vehicle and the parameters of the real simulator.
+
+    `truth` takes the place of what it hides as measured.
+    """
     folder = ROOT / "sitl" / name
-    truth = folder / load_measured(name).mock
-    simulated = _RULES[name](load_vehicle(folder / vehicle), load_hidden(truth), seed, str(truth))
+    source = folder / load_measured(name).mock
+    simulated = _RULES[name](load_vehicle(folder / vehicle), truth or load_hidden(source), seed, str(source))
     if isinstance(simulated, SimulatedCopter):
         for line in (folder / "quadctl.parm").read_text().splitlines():
             key, _, value = line.partition(" ")

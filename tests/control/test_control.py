@@ -561,6 +561,15 @@ def test_far_from_the_reference_effects_are_those_at_the_state(raptor: Vehicle) 
     assert before.compensation == up_here.compensation
 
 
+def test_the_ground_effect_is_that_of_the_place_not_of_the_reference(raptor: Vehicle) -> None:
+    """The thrust follows at once: on the way down a step, the ground at its end is not yet felt."""
+    ground, falling = compensator(raptor, Sanchez(2.0)), hovering(-0.35, (0.0, 0.0, 0.1))
+    reference = Setpoint((0.0, 0.0, -0.2))
+    out = tick(raptor, reference, falling, settings=DEFAULT, compensator=ground, preview=Preview(reference, 0.25))
+    assert out.compensation.thrust_ratio == pytest.approx(ground(falling, 0.0, out.memory.thrust_n or 0.0).thrust_ratio)
+    assert out.compensation.thrust_ratio < 0.99 * ground(hovering(-0.25), 0.0, WEIGHT_N).thrust_ratio
+
+
 def responding(vehicle: Vehicle, lag_s: float) -> Vehicle:
     axis = AxisResponse(frequency_rad_s=2.0 / (lag_s - 0.05), delay_s=0.05)
     return vehicle.model_copy(update={"attitude_response": AttitudeResponse(roll=axis, pitch=axis)})

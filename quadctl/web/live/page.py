@@ -119,7 +119,9 @@ class LivePage:
             machine = strips(MACHINE, rows[::step], phases, self._theme)
             self._box = box_for(NO_BOX, [*map(place, rows), *present(history.latest)])
             in_space = space_figure(rows[::step], history.latest, history.brief.vehicle, self._box, self._theme)
-            self._plots = [(FLIGHT, plot(flight, "flight", "Height, speed, tilt, throttle and residual of the model over time"))]
+            self._plots = [
+                (FLIGHT, plot(flight, "flight", "Height, speed, tilt, throttle and residual of the model over time"))
+            ]
             self._space = plot(in_space, "path", "The vehicle from above, with its path and setpoint")
             self._plots += [(MACHINE, plot(machine, "link", "Tick lateness, ages and battery over time"))]
 
