@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 
 .PHONY: demo test test-flights test-computing test-long test-long-flights test-long-computing lint docs bench bench-loop faults autopilots papers hidden decision-rule tutorial real
-.PHONY: faults-random faults-random-mavlink sensor-cases tracking architecture sitl-check screenshots clean
+.PHONY: faults-random faults-random-mavlink sensor-cases sensor-figure tracking architecture sitl-check screenshots clean
 
 demo: $(INSTALLED)
 	$(BIN)/quadctl demo
@@ -79,6 +79,10 @@ hidden: $(INSTALLED)
 # Hidden errors of a barometer, by the command line; writes docs/sensor-cases.md. Some ten minutes.
 sensor-cases: $(INSTALLED)
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m studies.sensor_cases --out docs/sensor-cases.md
+
+# The figure of docs/sensors.md, from a real log beside this folder.
+sensor-figure: $(INSTALLED)
+	$(BIN)/quadctl diagnose --sensors ../shared/data/real/ardupilot47/baro_wcf.bin --plot docs/sensors.png
 
 # Flights by the control law, by the one before and by the autopilots' own; writes docs/tracking.md. Some twelve minutes.
 tracking: $(INSTALLED)

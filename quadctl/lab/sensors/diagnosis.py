@@ -66,6 +66,8 @@ class Named:
     p: float
     largest_m: float
     """Its size within the flights, all but the largest hundredth."""
+    unknown: tuple[str, ...] = ()
+    """Names of the other parameters: their intervals are wider than all that physics allows."""
 
     @property
     def name(self) -> str:
@@ -331,15 +333,16 @@ def _named(flights: Sequence[Heights], fit: _Fit, errors: Sequence[SensorError],
     told = {
         name: Told(v, v - 1.96 * s, v + 1.96 * s)
         for name, v, s, acts in zip(names, value.tolist(), std.tolist(), known, strict=True)
-        if acts
+        if acts and 1.96 * s < bounds[name][1] - bounds[name][0]
     }
+    unknown = tuple(name for name in names if name not in told)
     sizes = [
         np.abs(error_m - np.median(error_m))
         for flight, wind in zip(flights, fit.winds, strict=True)
         if (error_m := np.asarray(fitted.error_m(flight.conditions(wind)))).shape
     ]
     largest = float(np.percentile(np.concatenate(sizes), MOST)) if sizes else 0.0
-    return Named(fitted, told, float(min(1.0, tries * chi2.sf(ratio, max(int(known.sum()), 1)))), largest)
+    return Named(fitted, told, float(min(1.0, tries * chi2.sf(ratio, max(int(known.sum()), 1)))), largest, unknown)
 
 
 def _blocks(flights: Sequence[Heights]) -> list[np.ndarray]:

@@ -72,7 +72,8 @@ def parameters(one: Named) -> str:
         f"{name} = {told.value:.3g} [{told.low:.3g}, {told.high:.3g}]{'' if told.is_told else ' (not told from zero)'}"
         for name, told in one.parameters.items()
     ]
-    return ", ".join([*each, *scales])
+    unknown = [f"these flights do not tell {', '.join(one.unknown)}"] if one.unknown else []
+    return ", ".join([*each, *scales, *unknown])
 
 
 def references(flights: tuple[Heights, ...]) -> str:
