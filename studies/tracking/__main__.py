@@ -36,18 +36,19 @@ RMSE = f"""3D RMSE in cm of the autopilot's estimate, as a log has it, against t
 {HALF:g} times the law before, and at most {BEATEN:g} times the autopilot's own. The step is 1 m to the east: overshoot
 in cm, and the time after which it stays within 10 cm.
 """
-STOCK = """The IMU of the stock SIH is far worse than a real one: the velocity is off by 0.3 m/s for seconds. No
-controller can see that, so the goals are out of reach there.
+STOCK = """The IMU of the stock SIH is far worse than a real one: the estimated velocity is off by 0.3 m/s for seconds,
+which no controller can see. That error is a part of every figure there, so that half of the law before is not reached.
 """
 ROBUST = """The same figure 8 with defects: states 80 ms old and setpoints 80 ms late (the autopilot's own control only
 has the late setpoints, those of the present, not of later); 15 % more mass than the vehicle file says (ArduPilot's mock
 takes it on in the air before); a fifth of all states and setpoints lost. The margins are those of linear models: the
 peak of the sensitivity, the factor on the gain, the phase, and the further delay at which the loop becomes unstable.
-The law lowers its gains with a delay that it measures, which is not counted.
+The law lowers its gains with a delay that it measures, which is not counted: without the lag and the drag, which keep
+it from looking ahead, it is then worse on PX4 than the law before.
 """
 GROUND = """The thesis' step into the ground effect, and the swoop, in a world with a drag and a ground effect of no
 catalogue (`hidden.ground_cushion`). Both models hold the drag and the lag that the lab found, one also an exponential
-ground effect. M_B in m s as in [the papers](papers.md), RMSE in cm, one seed.
+ground effect. M_B in m s as in [the papers](papers.md), RMSE in cm, means of two seeds.
 """
 NEVER = """For every family of the catalogue: tracking in a world with that effect, without a model of it and with the
 true one, RMSE in cm over waves in three axes at 0.5 m, heading 35 deg. *Beside a drag* both models know the drag, and

@@ -32,7 +32,7 @@ def figure(results: Results, loops: Mapping[tuple[str, str], Axes]) -> Figure:
         above.set_ylim(1e-3, 3.0)
         below.set_title("figure 8: distance from the reference")
         below.set_xlabel("time, s")
-        below.set_ylim(bottom=0.1)
+        below.set_ylim(0.1, 200.0)
     upper[0].set_ylabel("|S|")
     lower[0].set_ylabel("cm")
     upper[0].legend(loc="lower right")
