@@ -24,6 +24,7 @@ from quadctl.lab.sensors.comparison import compare_sensor
 from quadctl.lab.sensors.diagnosis import SensorDiagnosis, Verdict, diagnose_sensor
 from quadctl.lab.sensors.heights import Heights, NoReference, Reference, heights, leans_on_barometer
 from quadctl.lab.sensors.wander import Noise, Rows, estimate
+from quadctl.lab.sensors.words import parameters
 from quadctl.logs.flight_log import ATTITUDE, VELOCITY, FlightLog
 from quadctl.logs.read import read_log
 from quadctl.sensor_model import FittedError, SensorModel, load_sensors, save_sensors
@@ -280,3 +281,14 @@ def test_a_range_finder_that_is_turned_on_the_body_is_named_beside_motion_captur
     told = {one.name: one.parameters for one in (*named.missing, *named.small, *named.absent)}
     pitch = told["rangefinder.mounting"]["pitch_rad"]
     assert pitch.low <= 0.12 <= pitch.high and pitch.is_told
+
+
+@needs_logs
+def test_a_range_finder_beside_an_integrated_climb_rate_has_no_offset_that_could_be_told() -> None:
+    """Neither the level nor the scale of the reference is known: either interval was thousands of metres wide."""
+    found = heights(read_log(ARDUPILOT47 / "baro_clean.bin"), "rangefinder")
+    assert isinstance(found, Heights) and found.reference is Reference.DOPPLER
+    (mounting,) = diagnose_sensor([found]).absent
+    assert mounting.unknown == ("offset_m", "scale")
+    assert set(mounting.parameters) == {"roll_rad", "pitch_rad"}
+    assert parameters(mounting).endswith(", these flights do not tell offset_m, scale")
