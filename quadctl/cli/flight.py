@@ -62,7 +62,7 @@ TimeScaleOption = Annotated[
     typer.Option(
         "--time-scale",
         metavar="FACTOR|fit",
-        help="Fly the mission in FACTOR times its time; fit: as fast as the vehicle's limits allow.",
+        help="Fly the mission in FACTOR times its time; fit: in the least factor, from 1 on, within its limits.",
     ),
 ]
 

@@ -255,22 +255,37 @@ def fit(
     json_out: JsonOption = None,
     hold_out: HoldOutOption = "blocks",
 ) -> None:
-    """Refit all effects of a model and the attitude's lag, and see how the held-out error changes."""
+    """Refit all effects of a model and the attitude's lag, and see how the held-out error changes.
+
+    Of a bare vehicle file it finds the lag alone: `discover` finds its effects.
+    """
     from quadctl.lab.selection.refit import fit as run
     from quadctl.lab.tracking.attitude_response import attitude_response, with_response
     from quadctl.logs.read import read_log
-    from quadctl.model import save_model
+    from quadctl.model import load_model, save_model
 
+    response = attitude_response([read_log(log) for log in logs])
+    if response is not None and not load_model(model).stack:
+        save_model(with_response(load_model(model), response), output)
+        _print_lag(response.lag_s, output)
+        console.print(f"{model} holds no effect to fit: quadctl discover finds them.", soft_wrap=True)
+        print_saved(output)
+        write_json(json_out, {"attitude_response": response.model_dump(mode="json")})
+        return
     loaded, data = _model_and_data(model, logs, hold_out)
     result = run(loaded, data)
-    response = attitude_response([read_log(log) for log in logs])
     save_model(result.model if response is None else with_response(result.model, response), output)
     console.print(result)
     if response is not None:
-        console.print(f"The attitude follows its setpoint {response.lag_s:.2f} s later.")
+        _print_lag(response.lag_s, output)
     _print_notes(data)
     print_saved(output)
     write_json(json_out, result.to_dict())
+
+
+def _print_lag(lag_s: float, output: Path) -> None:
+    sentence = f"The attitude follows its setpoint {lag_s:.2f} s later, which {output} holds in any case."
+    console.print(sentence, soft_wrap=True, markup=False)
 
 
 @app.command()

@@ -24,7 +24,7 @@ class Change(NamedTuple):
     """Relative for the thrust, 1/s for drag and inflow, rad for a lean."""
     std: float
     since_s: float
-    """Time of flight at which it was first seen."""
+    """Time since the first tick at which it was first seen."""
 
     def __str__(self) -> str:
         side = "below" if self.amount < 0.0 else "above"
@@ -51,8 +51,8 @@ class Changes:
         self._traces = {parameter.name: _Trace() for parameter in PARAMETERS}
         self._squares_m2_s2 = (0.0, 0.0, 0.0)
 
-    def judge(self, found: dict[str, Estimate], block: Block, flight_s: float) -> tuple[Change, ...]:
-        """Changes that are told after a block that began at `flight_s`, by the estimates with it."""
+    def judge(self, found: dict[str, Estimate], block: Block, begin_s: float) -> tuple[Change, ...]:
+        """Changes that are told after a block that began at `begin_s`, by the estimates with it."""
         share = min(block.duration_s / SPEED_SMOOTHING_S, 1.0)
         x, y, z = (
             square + share * (speed * speed - square)
@@ -61,12 +61,12 @@ class Changes:
         self._squares_m2_s2 = x, y, z
         told = []
         for name, per_change in self._weights().items():
-            trace = self._traces[name] = self._continued(name, found[name], per_change, flight_s)
+            trace = self._traces[name] = self._continued(name, found[name], per_change, begin_s)
             if trace.blocks >= LASTING_BLOCKS:
                 told.append(Change(name, *found[name], trace.since_s))
         return tuple(told)
 
-    def _continued(self, name: str, estimate: Estimate, per_change: float, flight_s: float) -> _Trace:
+    def _continued(self, name: str, estimate: Estimate, per_change: float, begin_s: float) -> _Trace:
         trace, (value, std) = self._traces[name], estimate
         ease = HELD if trace.blocks >= LASTING_BLOCKS else 1.0
         size, least_m_s2 = abs(value), _LEAST_M_S2[name]
@@ -74,7 +74,7 @@ class Changes:
             return _Trace()
         if trace.sign * value > 0.0:
             return trace._replace(blocks=trace.blocks + 1)
-        return _Trace(1, math.copysign(1.0, value), flight_s)
+        return _Trace(1, math.copysign(1.0, value), begin_s)
 
     def _weights(self) -> dict[str, float]:
         """Specific force, m/s^2, that a change of 1 makes in this flight, by name."""

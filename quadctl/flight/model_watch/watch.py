@@ -36,6 +36,21 @@ class ModelError(NamedTuple):
 NO_ERROR = ModelError()
 
 
+class Known(NamedTuple):
+    """A quantity as this flight knows it."""
+
+    values: tuple[float, ...]
+    """Thrust over the model's; drag forward and right, or inflow, 1/s."""
+    share: float
+    """Half of the 95 % interval over the value, the larger one of two; infinite in the first seconds."""
+
+    def __str__(self) -> str:
+        return f"{' and '.join(f'{value:.3g}' for value in self.values)}, to {self.share:.1%}"
+
+
+UNKNOWN = Known((), math.inf)
+
+
 class ModelWatch:
     """Watches one flight: call `look` at every tick in the air, `sent` with the target that goes out after it."""
 
@@ -54,9 +69,8 @@ class ModelWatch:
         self._block: tuple[Block, float] | None = None
         """The last block, and the time of flight at which it began."""
         self._n_blocks = 0
-        self.shares = dict.fromkeys(QUANTITIES, math.inf)
-        """Half of the 95 % interval over the value, of a vehicle that has not changed in this flight; infinite in the
-        first seconds."""
+        self.known = dict.fromkeys(QUANTITIES, UNKNOWN)
+        """Quantities of a vehicle that has not changed in this flight."""
         self.error = NO_ERROR
 
     def sent(self, time_s: float, target: AttitudeTarget, reference: Setpoint) -> None:
@@ -69,8 +83,8 @@ class ModelWatch:
         self._blocks.forget()
         self._slow, self.error = None, NO_ERROR
 
-    def look(self, state: VehicleState, ground_down_m: float, flight_s: float) -> tuple[Change, ...]:
-        """Take in the state of one tick in the air; return the changes that are told for the first time."""
+    def look(self, state: VehicleState, ground_down_m: float, now_s: float) -> tuple[str, ...]:
+        """Take in the state of one tick in the air, `now_s` after the first; return what is new of changes."""
         at = self._predictor.predict(state, ground_down_m)
         if at is None:
             return ()
@@ -80,12 +94,13 @@ class ModelWatch:
         self.error = self.error._replace(body_m_s2=(x, y, z), ned_m_s2=ned, expected_m_s2=self._expected_m_s2)
         block = self._blocks.add(at, state.velocity_ned_m_s, state.attitude)
         if block is not None:
-            self._block, self._n_blocks = (block, flight_s - block.duration_s), self._n_blocks + 1
+            self._block, self._n_blocks = (block, now_s - block.duration_s), self._n_blocks + 1
             self._tasks = [*self._whole.tasks(block), *self._now.tasks(block), self._judge]
         if self._tasks:
             self._tasks.pop(0)()
-        known = {change.name for change in before}
-        return tuple(change for change in self.error.changes if change.name not in known)
+        known, told = {change.name for change in before}, {change.name for change in self.error.changes}
+        begun = [str(change) for change in self.error.changes if change.name not in known]
+        return *begun, *(f"{name} as in the model again" for name in sorted(known - told))
 
     def _filtered(self, velocity: Vec3, at: Prediction) -> Vec3:
         """Residual after a filter of first order, which differentiates the velocity at the same time."""
@@ -101,14 +116,17 @@ class ModelWatch:
         assert self._block is not None
         self.error = self.error._replace(changes=self._changes.judge(self._now.estimates(), *self._block))
         if self._n_blocks >= LEAST_BLOCKS:
-            self.shares = self._known()
+            self.known = self._known()
 
-    def _known(self) -> dict[str, float]:
-        found, known = self._whole.estimates(), self._slopes
+    def _known(self) -> dict[str, Known]:
+        found, modelled = self._whole.estimates(), self._slopes
         return {
-            "thrust": _share(1.0, found["thrust"]),
-            "drag": max(_share(known.forward, found["drag forward"]), _share(known.right, found["drag right"])),
-            "inflow": _share(known.down, found["inflow"]),
+            "thrust": Known((1.0 + found["thrust"].value,), _share(1.0, found["thrust"])),
+            "drag": Known(
+                (modelled.forward + found["drag forward"].value, modelled.right + found["drag right"].value),
+                max(_share(modelled.forward, found["drag forward"]), _share(modelled.right, found["drag right"])),
+            ),
+            "inflow": Known((modelled.down + found["inflow"].value,), _share(modelled.down, found["inflow"])),
         }
 
 

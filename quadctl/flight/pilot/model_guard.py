@@ -32,5 +32,12 @@ class ModelGuard:
             return None
         return (
             f"the vehicle is not the one of the model: the residual has been over {most:g} m/s^2 for more than "
-            f"{longest_s:g} s, it is {size:.2f} m/s^2"
+            f"{longest_s:g} s, it is {size:.2f} m/s^2, most of it {_direction(error)}"
         )
+
+
+def _direction(error: ModelError) -> str:
+    """Direction of the body along which most of the error is."""
+    names = (("forward", "back"), ("to the right", "to the left"), ("down", "up"))
+    size, (towards, away) = max(zip(error.body_m_s2, names, strict=True), key=lambda pair: abs(pair[0]))
+    return towards if size > 0.0 else away

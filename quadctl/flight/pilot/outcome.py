@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 from pathlib import Path
 
-from quadctl.flight.pilot.pilot import Pilot
+from quadctl.flight.pilot.pilot import END_EARLY, Pilot
 from quadctl.flight.pilot.tick import Stage, Tick
 
 COMPLETED = "completed"
@@ -27,6 +27,8 @@ class Outcome:
     """Tick lateness: p50, p99, max. All 0 in lockstep."""
     late_ticks: int
     """Ticks more than half a period late."""
+    known: tuple[str, ...] = ()
+    """Reason why the mission ended early, where it did."""
     texts: tuple[str, ...] = ()
     """Warnings and errors that the autopilot sent as texts, each once, in their order."""
     problem: str | None = None
@@ -47,6 +49,7 @@ class Outcome:
                 f"{self.ticks} ticks, late by {late['p50']:.2f} ms (median), {late['p99']:.2f} ms (p99), "
                 f"{late['max']:.2f} ms (worst)"
             )
+        found += self.known
         if not self.completed:
             found += self.texts
         if self.problem:
@@ -63,10 +66,12 @@ class Tally:
         self._squares = [0.0, 0.0, 0.0]
         self._tracked = [0, 0, 0]
         self._late_s: list[float] = []
+        self._known: list[str] = []
         self._texts: list[str] = []
 
     def __call__(self, tick: Tick) -> None:
         self._late_s.append(tick.late_s)
+        self._known += [event.what for event in tick.events if event.answer == END_EARLY]
         self._texts += [str(text) for text in tick.texts if text.grave]
         if tick.stage is Stage.FLY and tick.setpoint is not None:
             pairs = zip(tick.setpoint.position_ned_m, tick.state.position_ned_m, strict=True)
@@ -97,6 +102,7 @@ class Tally:
             tracking_rmse_m=dict(zip(("north", "east", "up"), rmse, strict=True)),
             late_ms=self.late_ms,
             late_ticks=sum(late > 0.5 * self._period_s for late in self._late_s),
+            known=tuple(self._known),
             texts=tuple(dict.fromkeys(self._texts)),
             problem=problem,
         )

@@ -40,6 +40,8 @@ CLIMBED_SHARE, CLIMBED_M_S = 0.9, 0.2
 """Share of the height, and vertical speed, at which the autopilot's own take-off counts as finished."""
 STREAM_FIRST_S = 1.0
 """Time of idle setpoints before offboard is asked for: autopilots want a stream first."""
+END_EARLY = "end early"
+"""Answer to what a mission was flown for being known."""
 OFF_GROUND_M = 0.1
 """Climb above the place of take-off from which on the flight is compared with the model."""
 SPOOL_UP_S = 1.0
@@ -201,12 +203,12 @@ class Pilot:
             self._model.pause()
             return
         try:
-            changes = self._model.look(state, self._home.ground_down_m, self._progress.flight_s)
+            news = self._model.look(state, self._home.ground_down_m, self._progress.time_s)
         except (ArithmeticError, ValueError):  # a model beyond its range is no reason to end a flight
             self._model.pause()
             return
-        for change in changes:
-            self._progress.note(str(change), "")
+        for sentence in news:
+            self._progress.note(sentence, "")
         if decision.target is not None and decision.setpoint is not None:
             self._model.sent(state.time_s, decision.target, decision.setpoint)
 
@@ -392,11 +394,11 @@ class Pilot:
         """True once the quantities that the mission is flown for are known as well as it asks for."""
         if not self.mission.until:
             return False
-        shares = self._model.shares
-        if any(shares[name] > most for name, most in self.mission.until.items()):
+        known = self._model.known
+        if any(known[name].share > most for name, most in self.mission.until.items()):
             return False
-        known = ", ".join(f"{name} to {shares[name]:.1%}" for name in self.mission.until)
-        self._progress.note(f"known by now: {known}", "end early")
+        found = "; ".join(f"{name} {known[name]}" for name in self.mission.until)
+        self._progress.note(f"known by now: {found}", END_EARLY)
         return True
 
     def _verdict(self) -> str:

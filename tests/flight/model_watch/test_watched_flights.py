@@ -1,5 +1,7 @@
 """Flights in lockstep of a vehicle that is, or becomes, another than the one of the model that flies."""
 
+import math
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -98,6 +100,9 @@ def fly(
     def listen(tick: Tick) -> None:
         if alter is not None and tick.stage is Stage.FLY and autopilot.time_s > CHANGE_S > autopilot.time_s - 0.021:
             alter(autopilot)
+        end_s, still = getattr(autopilot, "later", (math.inf, None))
+        if autopilot.time_s > end_s:
+            autopilot.body.truth = still
         told.extend(Told(autopilot.time_s - CHANGE_S, e.what) for e in tick.events if " the model since" in e.what)
         events.extend(event.what for event in tick.events)
         if tick.stage is Stage.FLY:
@@ -168,11 +173,27 @@ def test_a_vehicle_that_is_the_one_of_the_model_is_not_mentioned(name: str, miss
         assert fly(name, mission, seed=seed).told == []
 
 
+@pytest.mark.long
+def test_a_gust_from_below_is_told_while_it_lasts_as_nothing_tells_it_from_less_mass() -> None:
+    push = find_effect("thrust_scale.constant", "")
+
+    def blown(autopilot: SimulatedAutopilot) -> None:
+        still = autopilot.body.truth
+        autopilot.body.truth = still.plus(push(1.1))
+        autopilot.later = (autopilot.time_s + 6.0, still)  # type: ignore[attr-defined]
+
+    flown = fly("px4", "excitation", blown)
+    (told,) = flown.told
+    assert re.match(r"thrust (9|10|11)% above the model since", told.sentence)
+    assert "thrust as in the model again" in flown.events
+
+
 def test_the_guard_lands_a_vehicle_that_is_not_the_one_of_the_model() -> None:
     flown = fly("px4", "figure8", heavier, limits=ModelErrorLimits(max_m_s2=0.8, max_s=0.5))
     assert flown.ended.startswith(
         "the vehicle is not the one of the model: the residual has been over 0.8 m/s^2 for more than 0.5 s, it is "
     )
+    assert flown.ended.endswith("most of it down")
 
 
 def test_a_mission_ends_once_what_it_is_flown_for_is_known() -> None:
@@ -180,8 +201,10 @@ def test_a_mission_ends_once_what_it_is_flown_for_is_known() -> None:
     whole_s = load_mission(Path(ROOT / "missions" / "excitation.yaml")).duration_s
     assert flown.ended == "completed"
     assert 10.0 < flown.duration_s < 0.9 * whole_s
-    (known,) = [event for event in flown.events if event.startswith("known by now: drag to ")]
-    assert float(known.split("drag to ")[1].split("%")[0]) < 10.0
+    (known,) = [event for event in flown.events if event.startswith("known by now: drag ")]
+    drag, thrust = known.removeprefix("known by now: ").split("; ")
+    assert [float(word) for word in re.findall(r"[\d.]+", drag)] == pytest.approx([1.0, 1.0, 8.0], abs=2.0)
+    assert [float(word) for word in re.findall(r"[\d.]+", thrust)] == pytest.approx([1.03, 1.0], abs=1.0)
 
 
 @pytest.mark.long
