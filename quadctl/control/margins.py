@@ -71,14 +71,14 @@ def margins(gains: LoopGains, lags: LoopLags) -> Margins:
     open_loop = loop(gains, lags, omega)
     if not _stable(gains, open_loop):
         return Margins(False, math.inf, 1.0, 0.0, 0.0)
-    phase_deg, delay_s = _phase_margins(omega, open_loop)
-    return Margins(
-        True,
-        float(np.max(1.0 / np.abs(1.0 + open_loop))),
-        _gain_margin(open_loop),
-        phase_deg,
-        delay_s,
-    )
+    return margins_of(omega, open_loop)
+
+
+def margins_of(omega_rad_s: Floats, open_loop: Complex) -> Margins:
+    """Margins of a loop that is stable when closed, from its open loop at these frequencies."""
+    phase_deg, delay_s = _phase_margins(omega_rad_s, open_loop)
+    peak = float(np.max(1.0 / np.abs(1.0 + open_loop)))
+    return Margins(True, peak, _gain_margin(open_loop), phase_deg, delay_s)
 
 
 def _stable(gains: LoopGains, open_loop: Complex) -> bool:

@@ -158,7 +158,12 @@ def margin_table(loops: Mapping[tuple[str, str], Axes]) -> str:
     for (title, law), axes in loops.items():
         for axis, loop in zip(Axes._fields, axes, strict=True):
             found = margins(loop)
-            cells = [f"{found.peak:.2f}", f"{found.gain:.1f}", f"{found.phase_deg:.0f}", f"{1e3 * found.delay_s:.0f}"]
+            cells = [
+                f"{found.sensitivity_peak:.2f}",
+                f"{found.gain:.1f}",
+                f"{found.phase_deg:.0f}",
+                f"{1e3 * found.delay_s:.0f}",
+            ]
             rows.append([f"{title}, {TITLES[law]}, {axis}", *cells])
     return table(["loop", "sensitivity peak", "gain margin", "phase margin, deg", "delay margin, ms"], rows)
 

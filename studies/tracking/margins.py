@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from quadctl.control.margins import Margins, margins_of
 from quadctl.control.settings import ControllerSettings
 from quadctl.logs.flight_log import Floats
 from quadctl.sitl.vehicle.position_loop import PositionLaw
@@ -27,18 +28,6 @@ Transfer = Callable[[Complex], Complex]
 RAD_S: Floats = np.geomspace(0.02, 200.0, 40001)
 OWN_HOLD_S = 0.005
 """Mean age of a target of the autopilot's own control, at 100 Hz."""
-
-
-class Margins(NamedTuple):
-    """Distances of a loop from instability."""
-
-    peak: float
-    """Largest sensitivity |1 / (1 + L)|: the inverse of the least distance of L from -1."""
-    gain: float
-    """Factor on the gain at which it becomes unstable."""
-    phase_deg: float
-    delay_s: float
-    """Further delay at which it becomes unstable."""
 
 
 @dataclass(frozen=True)
@@ -102,22 +91,7 @@ def sensitivity(open_loop: Transfer, rad_s: Floats = RAD_S) -> Floats:
 
 def margins(open_loop: Transfer) -> Margins:
     """Margins of a loop that is stable when closed."""
-    at = open_loop(_on_axis(RAD_S))
-    size, phase = np.log(np.abs(at)), np.unwrap(np.angle(at))
-    crossed = np.flatnonzero(np.diff(np.sign(size)))
-    part = size[crossed] / (size[crossed] - size[crossed + 1])
-    rad_s = RAD_S[crossed] + part * np.diff(RAD_S)[crossed]
-    left = (math.pi + phase[crossed] + part * np.diff(phase)[crossed]) % (2.0 * math.pi)
-    turns = np.floor((phase + math.pi) / (2.0 * math.pi))
-    opposed = np.flatnonzero(np.diff(turns))
-    factors = np.exp(-size[opposed])
-    upper = factors[factors > 1.0]
-    return Margins(
-        float(np.max(sensitivity(open_loop))),
-        float(np.min(upper)) if len(upper) else math.inf,
-        math.degrees(float(np.min(left))),
-        float(np.min(left / rad_s)),
-    )
+    return margins_of(RAD_S, open_loop(_on_axis(RAD_S)))
 
 
 def _on_axis(rad_s: Floats) -> Complex:

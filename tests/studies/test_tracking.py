@@ -122,7 +122,7 @@ def test_margins_of_an_integrator_with_a_delay_are_those_by_hand() -> None:
     assert found.gain == pytest.approx(math.pi / 0.4, rel=1e-3)
     assert found.phase_deg == pytest.approx(90.0 - math.degrees(0.2), rel=1e-3)
     assert found.delay_s == pytest.approx(math.pi / 4.0 - 0.1, rel=1e-3)
-    assert found.peak == pytest.approx(1.194, abs=1e-3)
+    assert found.sensitivity_peak == pytest.approx(1.194, abs=1e-3)
 
 
 def test_a_loop_of_third_order_has_the_margins_by_hand() -> None:
@@ -153,7 +153,7 @@ def test_every_loop_of_the_page_is_stable_by_far() -> None:
     for axes in loops.values():
         for loop in axes:
             found = margins(loop)
-            assert found.peak < 1.8
+            assert found.sensitivity_peak < 1.8
             assert found.gain > 3.0
             assert 30.0 < found.phase_deg < 120.0
             assert found.delay_s > 0.2
