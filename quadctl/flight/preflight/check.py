@@ -146,8 +146,13 @@ def _mission(mission: Mission, samples: Sequence[Sequence[Sample]]) -> Finding:
     return judged(
         "mission",
         f"{mission.name}, {mission.duration_s:.0f} s{slowed} in {len(mission.phases)} phases, heights {lowest:.2f} to "
-        f"{highest:.2f} m within its limits of {limits.min_z_m:g} to {limits.max_z_m:g} m",
+        f"{highest:.2f} m within its limits of {limits.min_z_m:g} to {limits.max_z_m:g} m{_early(mission)}",
     )
+
+
+def _early(mission: Mission) -> str:
+    wanted = " and ".join(f"{name} to {100.0 * share:g} %" for name, share in mission.until.items())
+    return f"; it ends earlier once the flight knows {wanted}" if wanted else ""
 
 
 def _compensator(plan: FlightPlan) -> Iterator[Finding]:

@@ -355,3 +355,11 @@ def test_what_is_judged_of_a_parameter_belongs_to_the_autopilot(tmp_path: Path) 
     autopilot = FakeAutopilot(STANDING, values=values, requirements=(), checks=[patience])
     findings = [finding for finding in asked(tmp_path, autopilot) if finding.topic == "parameters"]
     assert [str(finding) for finding in findings] == ["parameters: ACME_PATIENCE: waits 3 s: expected 1 s"]
+
+
+def test_a_mission_that_may_end_early_says_for_what(tmp_path: Path) -> None:
+    plan = planned(tmp_path, {"kind": "hold", "duration_s": 10})
+    early = plan._replace(mission=plan.mission._replace(until={"drag": 0.1, "thrust": 0.005}))
+    said = found(check_flight(early), Verdict.OK)["mission"]
+    assert said.endswith("; it ends earlier once the flight knows drag to 10 % and thrust to 0.5 %")
+    assert "it ends earlier" not in found(check_flight(plan), Verdict.OK)["mission"]
