@@ -13,8 +13,6 @@ Li and Kirubarajan, Estimation with Applications to Tracking and Navigation, 200
 """
 
 import math
-from collections.abc import Callable
-from functools import partial
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -151,58 +149,58 @@ class Estimate(NamedTuple):
 
 
 class Recursion:
-    """Recursive estimate of the parameters; with `constant`, those of the vehicle do not change in flight."""
+    """Recursive estimate of the parameters; with `constant`, those of the vehicle do not change in flight.
+
+    All filters, one for each walk, are advanced together: arrays have them along the first axis.
+    """
 
     def __init__(self, constant: bool) -> None:
         walks = [wind._replace(vehicle=0.0) for wind in WINDS] if constant else [*WINDS, CHANGING]
-        self._filters = [_Filter(walk) for walk in walks]
-
-    def tasks(self, block: Block) -> list[Callable[[], None]]:
-        """Tasks that together take in one block: one for each filter, so that they can be spread over ticks."""
-        return [partial(each.take, block) for each in self._filters]
-
-    def estimates(self) -> dict[str, Estimate]:
-        """Change of each parameter against the model, by the filter that has foreseen the latest blocks best."""
-        best = max(self._filters, key=lambda each: each.log_likelihood)
-        stds = np.sqrt(np.diag(best.p))
-        return {name: Estimate(float(x), float(s)) for name, x, s in zip(NAMES, best.x, stds, strict=True)}
-
-
-class _Filter:
-    """Kalman filter with one walk of the parameters, and with the noise of the blocks estimated."""
-
-    def __init__(self, walk: Walk) -> None:
-        self.log_likelihood = 0.0
-        """Logarithm of the likelihood with which it has foreseen the latest blocks, up to a constant."""
-        self.x = np.zeros(len(PARAMETERS))
-        self.p = np.diag([parameter.prior**2 for parameter in PARAMETERS])
-        drifts = [walk.vehicle * parameter.drift for parameter in PARAMETERS]
-        drifts[-2:] = walk.push_m_s2, walk.push_m_s2
-        self._walk = np.diag(np.square(drifts))
-        self._freedom = np.full(2, FIRST_BLOCKS)
-        self._squares = FIRST_BLOCKS * np.full(2, FIRST_NOISE_M_S2**2)
+        n = len(walks)
+        self._walk = np.array([np.diag(np.square(_drifts(walk))) for walk in walks])
+        self._x = np.zeros((n, len(PARAMETERS)))
+        self._p = np.tile(np.diag([parameter.prior**2 for parameter in PARAMETERS]), (n, 1, 1))
+        self._freedom = np.full((n, 2), FIRST_BLOCKS)
+        self._squares = FIRST_BLOCKS * np.full((n, 2), FIRST_NOISE_M_S2**2)
+        self._log_likelihood = np.zeros(n)
+        """Logarithm of the likelihood with which each has foreseen the latest blocks, up to a constant."""
 
     def take(self, block: Block) -> None:
         """Take in one block."""
         h, y = block.slopes, block.excess_m_s2
-        p = self.p + block.duration_s * self._walk
-        noise = (self._squares / self._freedom)[_KIND]
-        foreseen, surprise = h @ p @ h.T + np.diag(noise), y - h @ self.x
-        gain = np.linalg.solve(foreseen, h @ p).T
-        self.x = self.x + gain @ surprise
-        kept = np.eye(len(p)) - gain @ h
-        self.p = kept @ p @ kept.T + gain @ np.diag(noise) @ gain.T  # Joseph's form, which stays symmetric
-        left, freedom = np.square(y - h @ self.x), 1.0 - np.diag(h @ gain)
+        p = self._p + block.duration_s * self._walk
+        noise = (self._squares / self._freedom)[:, _KIND]
+        seen = h @ p
+        foreseen = seen @ h.T
+        foreseen[:, _DIAGONAL, _DIAGONAL] += noise
+        inverse, surprise = np.linalg.inv(foreseen), y - self._x @ h.T
+        gain = seen.transpose(0, 2, 1) @ inverse
+        self._x = self._x + (gain @ surprise[:, :, None])[:, :, 0]
+        p = p - gain @ seen
+        self._p = 0.5 * (p + p.transpose(0, 2, 1))  # rounding must not make it asymmetric
+        left, freedom = np.square(y - self._x @ h.T), 1.0 - (h @ gain)[:, _DIAGONAL, _DIAGONAL]
         self._freedom = KEPT * self._freedom + _by_kind(freedom)
         self._squares = KEPT * self._squares + _by_kind(left)
-        of_block = -0.5 * float(np.linalg.slogdet(foreseen)[1] + surprise @ np.linalg.solve(foreseen, surprise))
-        self.log_likelihood = REMEMBERED * self.log_likelihood + of_block
+        of_block = np.log(np.linalg.det(inverse)) - np.sum(surprise * (inverse @ surprise[:, :, None])[:, :, 0], axis=1)
+        self._log_likelihood = REMEMBERED * self._log_likelihood + 0.5 * of_block
+
+    def estimates(self) -> dict[str, Estimate]:
+        """Change of each parameter against the model, by the filter that has foreseen the latest blocks best."""
+        best = int(np.argmax(self._log_likelihood))
+        stds = np.sqrt(np.diagonal(self._p[best])).tolist()
+        return {name: Estimate(x, s) for name, x, s in zip(NAMES, self._x[best].tolist(), stds, strict=True)}
 
 
+def _drifts(walk: Walk) -> list[float]:
+    """Standard deviation of the walk of each parameter in one second."""
+    return [*(walk.vehicle * parameter.drift for parameter in PARAMETERS[:-2]), walk.push_m_s2, walk.push_m_s2]
+
+
+_DIAGONAL = np.arange(3)
 _KIND = np.array([0, 0, 1])
 """Kind of noise of each axis, NED: both horizontal ones have the same."""
 
 
 def _by_kind(of_axes: Array) -> Array:
-    """Sums of the horizontal axes and of the vertical one."""
-    return np.array([of_axes[0] + of_axes[1], of_axes[2]])
+    """Sums of the horizontal axes and of the vertical one, for each filter."""
+    return np.stack((of_axes[:, 0] + of_axes[:, 1], of_axes[:, 2]), axis=1)

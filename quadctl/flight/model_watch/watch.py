@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 from quadctl.flight.model_watch.changes import Change, Changes
@@ -95,7 +96,7 @@ class ModelWatch:
         block = self._blocks.add(at, state.velocity_ned_m_s, state.attitude)
         if block is not None:
             self._block, self._n_blocks = (block, now_s - block.duration_s), self._n_blocks + 1
-            self._tasks = [*self._whole.tasks(block), *self._now.tasks(block), self._judge]
+            self._tasks = [partial(self._whole.take, block), partial(self._now.take, block), self._judge]
         if self._tasks:
             self._tasks.pop(0)()
         known, told = {change.name for change in before}, {change.name for change in self.error.changes}

@@ -158,8 +158,7 @@ def test_the_recursion_finds_each_parameter_within_its_interval() -> None:
     for seed in range(20):
         recursion = Recursion(constant=True)
         for block in blocks_of(TRUTH, 60, 0.05, seed):
-            for task in recursion.tasks(block):
-                task()
+            recursion.take(block)
         found = recursion.estimates()
         assert found["thrust"].value == pytest.approx(-0.08, abs=0.01)
         assert found["drag forward"].value == pytest.approx(0.25, abs=0.05)
@@ -172,8 +171,8 @@ def test_the_recursion_finds_each_parameter_within_its_interval() -> None:
 def test_a_change_in_flight_is_followed_and_the_whole_flight_is_not_taken_for_it() -> None:
     now, whole = Recursion(constant=False), Recursion(constant=True)
     for block in [*blocks_of({}, 60, 0.03, 1), *blocks_of({"thrust": -0.13}, 8, 0.03, 2)]:
-        for task in [*now.tasks(block), *whole.tasks(block)]:
-            task()
+        now.take(block)
+        whole.take(block)
     assert now.estimates()["thrust"].value == pytest.approx(-0.13, abs=0.02)
     assert abs(whole.estimates()["thrust"].value) < 0.05
 
