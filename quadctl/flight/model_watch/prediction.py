@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from quadctl.control.throttle import thrust_for_throttle
 from quadctl.effects import Conditions
-from quadctl.flight.model_watch.following import Following
+from quadctl.flight.model_watch.followed_velocity import FollowedVelocity
 from quadctl.frames import GRAVITY_M_S2, rotate, rotate_inverse
 from quadctl.model import Model, conditions
 from quadctl.state import AttitudeTarget, Setpoint, Vec3, VehicleState
@@ -27,7 +27,7 @@ class Prediction(NamedTuple):
     rotors_body: Vec3
     """Specific force of the rotors, FRD, m/s^2."""
     air_body: Vec3
-    """Velocity relative to the air, FRD, m/s, by `Following`."""
+    """Velocity relative to the air, FRD, m/s, by `FollowedVelocity`."""
 
 
 class Predictor:
@@ -38,7 +38,7 @@ class Predictor:
         self._place = place
         self._sent: deque[tuple[float, AttitudeTarget]] = deque()
         self._reference = Setpoint((0.0, 0.0, 0.0))
-        self._following = Following()
+        self._followed = FollowedVelocity()
         self._true_s = math.nan
         self._thrust_n = math.nan
 
@@ -90,8 +90,8 @@ class Predictor:
         )
         north, east, down = rotate(state.attitude, ((rx + sx) / m, (ry + sy) / m, (rz + sz) / m))
         acceleration = north, east, down + GRAVITY_M_S2
-        self._following.take(state.velocity_ned_m_s, self._reference, dt)
-        expected = rotate_inverse(state.attitude, self._following.expected(self._reference))
+        self._followed.take(state.velocity_ned_m_s, self._reference, dt)
+        expected = rotate_inverse(state.attitude, self._followed.expected(self._reference))
         air = _plus(expected, c.velocity_body_m_s, velocity)
         return Prediction(true_s, dt, acceleration, (rx / m, ry / m, rz / m), air)
 
@@ -125,20 +125,26 @@ class Slopes(NamedTuple):
     down: float
 
 
-def slopes(model: Model) -> Slopes:
-    """Slopes of `model` between 1 m/s one way and the other; positive where the force acts against the velocity."""
+def slopes(model: Model, battery_v: float) -> Slopes:
+    """Slopes of `model` between 1 m/s one way and the other, at this voltage of the battery.
+
+    They are positive where the force acts against the velocity, and nan where an effect has no value there.
+    """
 
     def slope(axis: int) -> float:
-        ahead, back = (_force_at(model, axis, speed)[axis] for speed in (1.0, -1.0))
+        try:
+            ahead, back = (_force_at(model, axis, speed, battery_v)[axis] for speed in (1.0, -1.0))
+        except (ArithmeticError, ValueError):
+            return math.nan
         return (back - ahead) / (2.0 * model.vehicle.mass_kg)
 
     return Slopes(*(slope(axis) for axis in range(3)))
 
 
-def _force_at(model: Model, axis: int, speed_m_s: float) -> Vec3:
+def _force_at(model: Model, axis: int, speed_m_s: float, battery_v: float) -> Vec3:
     """Force, FRD, N, in level flight at `speed_m_s` along an axis of the body, high above the ground."""
     vehicle = model.vehicle
     x, y, z = (speed_m_s if i == axis else 0.0 for i in range(3))
-    c = conditions(vehicle, 100.0 * vehicle.rotor.radius_m, (x, y, z), (1.0, 0.0, 0.0, 0.0), 0.0, math.nan)
+    c = conditions(vehicle, 100.0 * vehicle.rotor.radius_m, (x, y, z), (1.0, 0.0, 0.0, 0.0), 0.0, battery_v)
     fx, fy, fz = model.body_force([vehicle.weight_n / vehicle.n_rotors] * vehicle.n_rotors, c)
     return float(fx), float(fy), float(fz)

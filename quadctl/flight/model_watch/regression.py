@@ -4,8 +4,8 @@ The velocity gained in a block less the one that the model predicts is linear in
 
     (v(t + T) - v(t)) / T - mean(a_model) = sum of x_j mean(h_j) + noise
 
-with h_j the acceleration per change of parameter j. Those of drag and inflow take the velocity by `Following`: the
-error of the estimated velocity is in the prediction too, and would pass for a change of drag. The estimate is a
+with h_j the acceleration per change of parameter j. Those of drag and inflow take the velocity by `FollowedVelocity`:
+the error of the estimated velocity is in the prediction too, and would pass for a change of drag. The estimate is a
 Kalman filter whose parameters walk at random; the variance of the noise is estimated beside them, from what each
 block leaves over its degrees of freedom. How quickly the parameters walk is not known: of filters for calm, breeze,
 gusts and a vehicle that is changing the one counts that foresaw the latest blocks best (multiple models; Bar-Shalom,
@@ -75,7 +75,6 @@ NAMES = tuple(parameter.name for parameter in PARAMETERS)
 class Block(NamedTuple):
     """What one block says: the acceleration beyond the model's, NED, and its slopes, shape (3, parameters)."""
 
-    begin_s: float
     duration_s: float
     excess_m_s2: Array
     slopes: Array
@@ -84,7 +83,7 @@ class Block(NamedTuple):
 
 
 class Blocks:
-    """Sums predictions up to blocks, by the trapezoidal rule: as half a tick of delay would pass for a drag."""
+    """Sums predictions up to blocks, by the trapezoidal rule, as half a tick of delay would pass for a drag."""
 
     def __init__(self) -> None:
         self._begin: tuple[float, Vec3] | None = None
@@ -114,7 +113,7 @@ class Blocks:
         slopes = np.zeros((3, len(PARAMETERS)))
         slopes[:, :6] = means[3:21].reshape(6, 3).T
         slopes[0, 6] = slopes[1, 7] = 1.0
-        return Block(begin_s, duration_s, gained - means[:3], slopes, (u, v, w))
+        return Block(duration_s, gained - means[:3], slopes, (u, v, w))
 
     def _start(self, at: Prediction, velocity: Vec3) -> None:
         self._begin, self._sums = (at.true_s, velocity), [0.0] * _N_SUMS

@@ -60,7 +60,7 @@ class ModelWatch:
         self._blocks = Blocks()
         self._now, self._whole = Recursion(constant=False), Recursion(constant=True)
         self._changes = Changes()
-        self._slopes = slopes(model)
+        self._model = model
         rmse = [item.fitted.rmse_after for item in model.stack if item.fitted and item.fitted.rmse_after is not None]
         self._expected_m_s2 = NORMAL_95 * rmse[-1] if rmse else NAN
         self._slow: tuple[Vec3, Vec3] | None = None
@@ -70,6 +70,7 @@ class ModelWatch:
         self._block: tuple[Block, float] | None = None
         """The last block, and the time of flight at which it began."""
         self._n_blocks = 0
+        self._battery_v = NAN
         self.known = dict.fromkeys(QUANTITIES, UNKNOWN)
         """Quantities of a vehicle that has not changed in this flight."""
         self.error = NO_ERROR
@@ -89,6 +90,10 @@ class ModelWatch:
         at = self._predictor.predict(state, ground_down_m)
         if at is None:
             return ()
+        if not all(map(math.isfinite, at.acceleration_ned)):  # an effect that has no value here, or no input yet
+            self.pause()
+            return ()
+        self._battery_v = state.battery_v
         ned = self._filtered(state.velocity_ned_m_s, at)
         x, y, z = rotate_inverse(state.attitude, ned)
         before = self.error.changes
@@ -120,7 +125,7 @@ class ModelWatch:
             self.known = self._known()
 
     def _known(self) -> dict[str, Known]:
-        found, modelled = self._whole.estimates(), self._slopes
+        found, modelled = self._whole.estimates(), slopes(self._model, self._battery_v)
         return {
             "thrust": Known((1.0 + found["thrust"].value,), _share(1.0, found["thrust"])),
             "drag": Known(
@@ -134,4 +139,4 @@ class ModelWatch:
 def _share(known: float, change: Estimate) -> float:
     """Half of the 95 % interval of a parameter over its size, which is `known` plus a change."""
     size = abs(known + change.value)
-    return NORMAL_95 * change.std / size if size > 0.0 else math.inf
+    return NORMAL_95 * change.std / size if size > 0.0 else math.inf  # also of what is not known

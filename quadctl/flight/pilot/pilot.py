@@ -395,7 +395,7 @@ class Pilot:
         if not self.mission.until:
             return False
         known = self._model.known
-        if any(known[name].share > most for name, most in self.mission.until.items()):
+        if not all(known[name].share <= most for name, most in self.mission.until.items()):
             return False
         found = "; ".join(f"{name} {known[name]}" for name in self.mission.until)
         self._progress.note(f"known by now: {found}", END_EARLY)

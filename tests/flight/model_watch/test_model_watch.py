@@ -1,20 +1,25 @@
 """The watch over the model that flies: prediction, residual and changes, by hand and on made-up flights."""
 
 import math
+from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 import pytest
 
+from quadctl.control.throttle import lateral_throttle, throttle_for_thrust
+from quadctl.effects import Conditions, ThrustRatio
 from quadctl.effects.rotor_drag import LinearDrag
 from quadctl.flight.model_watch.changes import Change
-from quadctl.flight.model_watch.following import Following
+from quadctl.flight.model_watch.followed_velocity import FollowedVelocity
 from quadctl.flight.model_watch.prediction import Prediction, Predictor, slopes
 from quadctl.flight.model_watch.regression import BLOCK_S, NAMES, Block, Blocks, Recursion
 from quadctl.flight.model_watch.watch import ModelWatch
 from quadctl.frames import GRAVITY_M_S2, quaternion_from_euler, rotate
 from quadctl.model import Model
+from quadctl.numeric import Number
 from quadctl.state import AttitudeTarget, Setpoint, Vec3, VehicleState
-from quadctl.vehicle import load_vehicle
+from quadctl.vehicle import Vehicle, load_vehicle
 from tests.support.links import RAPTOR
 
 VEHICLE = load_vehicle(RAPTOR)
@@ -48,7 +53,7 @@ def test_the_prediction_is_thrust_and_drag_and_weight() -> None:
     only_thrust = rotate(LEANING, (0.0, 0.0, -thrust_n / VEHICLE.mass_kg))
     beyond = np.subtract(at.acceleration_ned, only_thrust) - (0.0, 0.0, GRAVITY_M_S2)
     along = [rotate(LEANING, axis) for axis in np.eye(3).tolist()]
-    expected = slopes(Model(VEHICLE).plus(drag))
+    expected = slopes(Model(VEHICLE).plus(drag), 16.0)
     for axis, slope in zip(along[:2], expected[:2], strict=True):
         assert np.dot(beyond, axis) == pytest.approx(-slope * np.dot(velocity, axis), rel=0.15)  # it grows with thrust
     assert at.air_body == pytest.approx([np.dot((1.4, -0.4, 0.1), axis) for axis in along], abs=0.02)
@@ -93,7 +98,7 @@ def test_the_residual_is_the_acceleration_that_the_model_lacks() -> None:
 def test_the_velocity_of_a_vehicle_that_follows_late_is_found_and_an_error_of_the_estimate_is_not_taken_for_it() -> (
     None
 ):
-    following, random = Following(), np.random.default_rng(5)
+    followed, random = FollowedVelocity(), np.random.default_rng(5)
     worst_m_s = 0.0
     for i in range(2000):
         t = 0.02 * i
@@ -104,12 +109,55 @@ def test_the_velocity_of_a_vehicle_that_follows_late_is_found_and_an_error_of_th
             0.28,
             random.normal(0.0, 0.2),
         )  # to the east it is off for good
-        following.take(estimated, reference, 0.02)
-        north, east, down = following.expected(reference)
+        followed.take(estimated, reference, 0.02)
+        north, east, down = followed.expected(reference)
         if t > 10.0:
             worst_m_s = max(worst_m_s, abs(north - true_m_s))
             assert (east, down) == (0.0, 0.0)
     assert worst_m_s < 0.1
+
+
+def test_a_lateral_command_is_predicted_along_the_body() -> None:
+    """Tilted rotors push by 2 N to the right of a level vehicle that looks to the south-west."""
+    tilted = load_vehicle(RAPTOR.with_name("f550_tilted.yaml"))
+    predictor, level = Predictor(Model(tilted)), quaternion_from_euler(0.0, 0.0, -2.4)
+    hover = throttle_for_thrust(tilted.weight_n / tilted.axial_share, tilted)
+    predictor.sent(9.9, AttitudeTarget(level, hover, lateral_throttle((0.0, 2.0), tilted)), PLACE)
+    assert predictor.predict(state(10.0, attitude=level), 0.0) is None
+    at = predictor.predict(state(10.02, attitude=level), 0.0)
+    assert at is not None
+    right = rotate(level, (0.0, 2.0 / tilted.mass_kg, 0.0))
+    assert at.acceleration_ned == pytest.approx(right, abs=1e-3)
+
+
+@dataclass(frozen=True)
+class ByVoltage(ThrustRatio):
+    """A user's effect, which has no value without a voltage, and raises at 0 V."""
+
+    name: ClassVar[str] = "own.by_voltage"
+    depends_on: ClassVar[tuple[str, ...]] = ("battery_v",)
+
+    def ratio(self, c: Conditions, vehicle: Vehicle) -> Number:
+        return 1.0 if 16.0 / c.battery_v > 0.0 else math.nan
+
+
+def test_a_model_without_a_value_leaves_no_trace_once_it_has_one() -> None:
+    """The battery's voltage comes a second late."""
+    watch, level = ModelWatch(Model(VEHICLE).plus(ByVoltage())), (1.0, 0.0, 0.0, 0.0)
+    for i in range(1000):
+        t, volts = 20.0 + 0.02 * i, math.nan if i < 50 else 16.0
+        watch.sent(t, AttitudeTarget(level, throttle(VEHICLE.weight_n)), PLACE)
+        watch.look(state(t + 0.005, attitude=level, battery_v=volts), 0.0, 0.02 * i)
+        assert i >= 50 or all(map(math.isnan, watch.error.ned_m_s2))
+    assert all(map(math.isfinite, watch.error.ned_m_s2))
+    assert watch.known["thrust"].share < 0.01
+    assert watch.known["drag"].share > 1.0  # it hovers
+
+
+@pytest.mark.parametrize("volts", [math.nan, 0.0])
+def test_a_quantity_of_a_model_without_a_value_is_not_known(volts: float) -> None:
+    assert all(map(math.isnan, slopes(Model(VEHICLE).plus(ByVoltage()), volts)[2:]))
+    assert not ModelWatch(Model(VEHICLE)).known["drag"].share <= 1.0
 
 
 # --- what it learns --------------------------------------------------------------------------------------------------

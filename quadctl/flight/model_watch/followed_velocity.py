@@ -17,8 +17,8 @@ PRIOR_LAG_S = 0.5
 """Size of the lag that the assumption allows for."""
 
 
-class Following:
-    """Follows one flight: `expected` at every tick, after `take`."""
+class FollowedVelocity:
+    """Velocity of one flight: `expected` at every tick, after `take`."""
 
     def __init__(self) -> None:
         self._horizontal, self._vertical = _Response(), _Response()
