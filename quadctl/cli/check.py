@@ -1,7 +1,7 @@
 """The command that checks whether a flight may begin."""
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.text import Text
@@ -24,6 +24,9 @@ from quadctl.cli.output import JsonOption, write_json
 from quadctl.cli.overwriting import Reads
 from quadctl.errors import FlightError
 
+if TYPE_CHECKING:
+    from quadctl.flight.preflight.attitude import LastFlight
+
 STYLES = {"ok": "green", "warning": "yellow", "refused": "bold red"}
 
 
@@ -33,7 +36,7 @@ def _found(files: list[Path]) -> list[Path]:
     return [*find_all(vehicles), find_mission(mission)]
 
 
-def _last_flight(log: Path) -> Any:
+def _last_flight(log: Path) -> "LastFlight":
     """What a log shows of the attitude, by the lab, which the companion computer may not have."""
     from quadctl.flight.preflight.attitude import LastFlight
     from quadctl.lab.tracking.attitude_response import attitude_response

@@ -4,7 +4,7 @@ import re
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -15,6 +15,9 @@ from quadctl.cli.overwriting import Reads, WritesInto
 from quadctl.errors import FlightError
 from quadctl.installed import is_installed
 from quadctl.sitl.autopilots import Simulated
+
+if TYPE_CHECKING:
+    from quadctl.flight.preflight.plan import FlightPlan
 
 TOKEN = re.compile(r"[\w-]{8,}", re.ASCII)
 """Token of the live view: characters that an address can hold, too many to be guessed."""
@@ -226,7 +229,7 @@ def _finish(outcome: Any, json_out: Path | None) -> None:
         raise FlightError(f"the flight was not completed: {outcome.ended}")
 
 
-def say_time_scale(plan: Any, wanted: str | None) -> None:
+def say_time_scale(plan: "FlightPlan", wanted: str | None) -> None:
     """Say in which time a mission is flown whose time is scaled."""
     if wanted is not None:
         mission = plan.mission

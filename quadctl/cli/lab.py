@@ -264,9 +264,9 @@ def fit(
     from quadctl.logs.read import read_log
     from quadctl.model import load_model, save_model
 
-    response = attitude_response([read_log(log) for log in logs])
-    if response is not None and not load_model(model).stack:
-        save_model(with_response(load_model(model), response), output)
+    bare, response = load_model(model), attitude_response([read_log(log) for log in logs])
+    if response is not None and not bare.stack:
+        save_model(with_response(bare, response), output)
         _print_lag(response.lag_s, output)
         console.print(f"{model} holds no effect to fit: quadctl discover finds them.", soft_wrap=True)
         print_saved(output)

@@ -98,9 +98,9 @@ def _margins(controller: "ControllerSettings", found: "LagsFound") -> dict[str, 
 def _print_lags(controller: "ControllerSettings", found: "LagsFound") -> None:
     low, high = found.attitude.lag_interval_s or (found.attitude.lag_s,) * 2
     console.print(
-        f"Lags: attitude {found.attitude.lag_s:.3f} s [{low:.3f}, {high:.3f}] with the way of the setpoint, state "
-        f"{found.age_s:.3f} s old, rotors {found.rotors_s:.3f} s; together {found.horizontal_s(controller):.3f} s "
-        f"horizontally, {found.vertical_s:.3f} s vertically.",
+        f"Lags: attitude {found.attitude.lag_s:.3f} s [{low:.3f}, {high:.3f}], which holds the way of the setpoint; "
+        f"rotors {found.rotors_s:.3f} s; age of the state, as logged, {found.age_s:.3f} s. Gains are for "
+        f"{found.horizontal_s(controller):.3f} s horizontally and {found.vertical_s:.3f} s vertically.",
         soft_wrap=True,
         markup=False,
         highlight=False,
@@ -109,8 +109,9 @@ def _print_lags(controller: "ControllerSettings", found: "LagsFound") -> None:
 
 def _table(old: "ControllerSettings", new: "ControllerSettings", rows: dict[str, dict[str, Any]]) -> Table:
     table = Table(box=None, pad_edge=False, header_style="bold")
-    for column, justify in (("", "left"), ("old", "right"), ("new", "right")):
-        table.add_column(column, justify=justify)  # type: ignore[arg-type]
+    table.add_column("")
+    for column in ("old", "new"):
+        table.add_column(column, justify="right")
     for keys in GAINS:
         table.add_row(".".join(keys), f"{_value(old, keys):g}", f"{_value(new, keys):g}")
     for axis in ("horizontal", "vertical"):

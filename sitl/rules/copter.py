@@ -319,7 +319,7 @@ class SimulatedCopter(SimulatedAutopilot):
         return own
 
 
-class NewCopter(SimulatedCopter):
+class SimulatedCopter47(SimulatedCopter):
     """A Copter 4.7, which has renamed the parameters of the ground station's id and of the return's height."""
 
     version: ClassVar[Version] = (4, 7)

@@ -51,15 +51,19 @@ def load_measured(name: str) -> Measured:
 
 
 def mock(
-    name: str, seed: int = 1, vehicle: str = "vehicle.yaml", truth: HiddenTruth | None = None
+    name: str,
+    seed: int = 1,
+    vehicle: str = "vehicle.yaml",
+    truth: HiddenTruth | None = None,
+    rules: type[SimulatedAutopilot] | None = None,
 ) -> SimulatedAutopilot:
     """Simulated autopilot that behaves as measured, with a vehicle and the parameters of the real simulator.
 
-    `truth` takes the place of what it hides as measured.
+    `truth` takes the place of what it hides as measured, and `rules` of those of the version that was measured most.
     """
     folder = ROOT / "sitl" / name
     source = folder / load_measured(name).mock
-    simulated = _RULES[name](load_vehicle(folder / vehicle), truth or load_hidden(source), seed, str(source))
+    simulated = (rules or _RULES[name])(load_vehicle(folder / vehicle), truth or load_hidden(source), seed, str(source))
     if isinstance(simulated, SimulatedCopter):
         for line in (folder / "quadctl.parm").read_text().splitlines():
             key, _, value = line.partition(" ")

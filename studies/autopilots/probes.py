@@ -8,7 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from quadctl.control.attitude import attitude_for_force
 from quadctl.effects.rotor_fault import WeakRotor
 from quadctl.frames import rotate
-from quadctl.sitl.rules.copter import CLIMBED_M, Guided, NewCopter, SimulatedCopter
+from quadctl.sitl.rules.copter import CLIMBED_M, Guided, SimulatedCopter, SimulatedCopter47
 from quadctl.sitl.rules.px4 import SimulatedAutopilot
 from quadctl.sitl.server.ardupilot import MavlinkArduPilot
 from quadctl.state import AttitudeTarget
@@ -37,9 +37,11 @@ def until(px: SimulatedAutopilot, condition: Callable[[], bool], each: Callable[
     return px.time_s - begin_s
 
 
-def hovering(name: str, vehicle: str = "vehicle.yaml") -> SimulatedAutopilot:
+def hovering(
+    name: str, vehicle: str = "vehicle.yaml", rules: type[SimulatedAutopilot] | None = None
+) -> SimulatedAutopilot:
     """Mock in a hover at HOVER_M in the mode of targets, held there by targets."""
-    px = mock(name, vehicle=vehicle)
+    px = mock(name, vehicle=vehicle, rules=rules)
     until(px, lambda: px.estimate().ready_to_arm)
     px.set_attitude_target(AttitudeTarget(LEVEL, 0.0))
     px.request_mode(px.offboard_mode)
@@ -144,9 +146,7 @@ def remote_lost(name: str) -> str:
 
 def return_near_home(name: str) -> str:
     """Height of a return of version 4.7 from over its home, by the default height of 15 m."""
-    px = hovering(name)
-    px.__class__ = NewCopter
-    px.parameters |= {"RTL_ALT_M": 15.0}
+    px = hovering(name, rules=SimulatedCopter47)
     before_m = -px.body.position[2]
     px.request_mode("RTL")
     highest_m = [before_m]

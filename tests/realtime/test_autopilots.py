@@ -16,7 +16,7 @@ from quadctl.lab.flights.channels import ROTOR_SPEED, signals_of
 from quadctl.lab.interface import prepare_flights
 from quadctl.logs.flight_log import FlightLog
 from quadctl.model import load_model
-from quadctl.sitl.rules.copter import Guided, NewCopter, SimulatedCopter
+from quadctl.sitl.rules.copter import Guided, SimulatedCopter, SimulatedCopter47
 from quadctl.sitl.rules.px4 import SimulatedAutopilot
 from quadctl.sitl.vehicle.hidden import load_hidden
 from quadctl.vehicle import load_vehicle
@@ -167,7 +167,7 @@ def test_a_hexarotors_configuration_on_a_quadrotor_is_not_flown(tmp_path: Path) 
 
 
 def test_a_throttle_stick_off_neutral_is_told_and_nothing_is_armed(tmp_path: Path) -> None:
-    copter, port = NewCopter(VEHICLE), free_port()
+    copter, port = SimulatedCopter47(VEHICLE), free_port()
     meet_requirements(copter)
     copter.stick_neutral = False
     with mock(copter, port):
@@ -176,11 +176,11 @@ def test_a_throttle_stick_off_neutral_is_told_and_nothing_is_armed(tmp_path: Pat
     assert not copter.armed
 
 
-class AnotherNumber(NewCopter):
+class AnotherNumber(SimulatedCopter47):
     version = (4, 5)
 
 
-@pytest.mark.parametrize("kind", [NewCopter, AnotherNumber], ids=["4.7 says so", "another number"])
+@pytest.mark.parametrize("kind", [SimulatedCopter47, AnotherNumber], ids=["4.7 says so", "another number"])
 def test_an_ardupilot_that_has_renamed_its_parameters_is_asked_for_the_newer_names(kind: type[SimulatedCopter]) -> None:
     """A name that it does not know is never answered, so the name of its version comes first."""
     copter, says = kind(VEHICLE), list[str]()

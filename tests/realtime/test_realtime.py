@@ -70,6 +70,11 @@ def test_a_short_hop_in_real_time(tmp_path: Path, machine: Witness) -> None:
     assert np.mean(np.abs(periods - np.round(periods)) > 0.1) < 0.02
     hover_end = np.flatnonzero(log.phase == "hover")[-1]
     assert log["z_m"][hover_end] == pytest.approx(0.6, abs=0.05)
+    # The model is watched behind the setpoints: from the second tick off the ground on, and not after the mission.
+    known = np.isfinite(log["residual_up_m_s2"])
+    assert known[log.phase == "hover"].mean() > 0.98
+    assert not known[~flying].any()
+    assert np.abs(log["residual_north_m_s2"][log.phase == "hover"]).max() < 0.5
     # Landed, and disarmed: otherwise the flight would not have ended as completed.
     assert log["z_m"][-1] == pytest.approx(0.05, abs=0.01)
     assert log["motor1_rpm"][-1] < 1000.0

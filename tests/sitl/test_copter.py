@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from quadctl.sitl.rules.copter import NewCopter, SimulatedCopter
+from quadctl.sitl.rules.copter import SimulatedCopter, SimulatedCopter47
 from quadctl.state import AttitudeTarget
 from quadctl.vehicle import load_vehicle
 from tests.support.links import LEVEL, RAPTOR, hover_throttle
@@ -73,7 +73,7 @@ def test_lifting_off_by_targets_blocks_the_next_arming() -> None:
     assert copter.request_arm() == "PreArm: Internal errors 0x4000000"
 
 
-@pytest.mark.parametrize(("kind", "climbs_m"), [(SimulatedCopter, 2.5), (NewCopter, 0.0)], ids=["4.5", "4.7"])
+@pytest.mark.parametrize(("kind", "climbs_m"), [(SimulatedCopter, 2.5), (SimulatedCopter47, 0.0)], ids=["4.5", "4.7"])
 def test_a_return_near_home_is_bounded_by_a_cone(kind: type[SimulatedCopter], climbs_m: float) -> None:
     copter = copter_in_guided(kind)
     copter.request_take_off(1.0)
@@ -87,7 +87,7 @@ def test_a_return_near_home_is_bounded_by_a_cone(kind: type[SimulatedCopter], cl
 
 
 def test_a_return_from_afar_climbs_to_the_cone() -> None:
-    copter = copter_in_guided(NewCopter)
+    copter = copter_in_guided(SimulatedCopter47)
     copter.request_take_off(1.0)
     run(copter, 4.0)
     copter.body.position = (2.0, -1.5, copter.body.position[2])  # 2.5 m from home, and 7.5 m on the cone

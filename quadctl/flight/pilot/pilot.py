@@ -8,7 +8,7 @@ import math
 from collections.abc import Callable
 
 from quadctl.compensator import Compensator
-from quadctl.flight.model_watch.watch import ModelWatch
+from quadctl.flight.model_watch.watch import NO_ERROR, ModelWatch
 from quadctl.flight.pilot.following import Following
 from quadctl.flight.pilot.guards import Answer, Breach, unfit
 from quadctl.flight.pilot.landing import Landing
@@ -189,7 +189,7 @@ class Pilot:
             late_s,
             self._progress.take_events(),
             texts,
-            self._model.error,
+            self._model.error if flies else NO_ERROR,
         )
 
     def reflect(self) -> None:

@@ -9,7 +9,7 @@ from quadctl.flight.preflight.findings import Finding, Verdict, judged
 from quadctl.flight.preflight.plan import FlightPlan
 from quadctl.vehicle import AttitudeResponse
 
-TOPIC = "attitude"
+TOPIC, EARLIER = "attitude", "last log"
 FLOAT32 = 1e-6
 """Relative difference of the same number as autopilots and their logs hold it."""
 AGAIN = "the lag may differ: fly excitation and run `quadctl fit` again"
@@ -60,12 +60,14 @@ def compare_with_log(plan: FlightPlan, last: LastFlight) -> Finding:
     found, configured = last.response, plan.body.vehicle.attitude_response
     if found is None:
         text = f"{last.log} does not show the lag"
-        return judged(TOPIC, text, warning="expected 15 s in the air that lean both ways, as excitation does")
+        return judged(EARLIER, text, warning="expected 15 s in the air that lean both ways, as excitation does")
     text = f"attitude lag {_with_interval(found)} in {last.log}"
     if configured is None:
-        return judged(TOPIC, f"{text}, configured none: look-ahead is off; `quadctl fit` writes it into the model file")
+        return judged(
+            EARLIER, f"{text}, configured none: look-ahead is off; `quadctl fit` writes it into the model file"
+        )
     return judged(
-        TOPIC,
+        EARLIER,
         f"{text}, configured {configured.lag_s:.2f}",
         warning=AGAIN if _apart(found, configured, 1.0 / plan.settings.controller.rate_hz) else None,
     )
@@ -75,16 +77,16 @@ async def ask_about_attitude(last: LastFlight, autopilot: Asked) -> list[Finding
     """Findings about the parameters on which the lag depends, and whose value is not that of the log."""
     names = [name for name in autopilot.attitude_parameters if name in last.parameters]
     if not names:
-        return [judged(TOPIC, f"{last.log} does not hold the parameters on which the lag depends")]
+        return [judged(EARLIER, f"{last.log} does not hold the parameters on which the lag depends")]
     now = await autopilot.parameters(names)
     changed = [
         Finding(
-            Verdict.WARNING, TOPIC, f"{name} was {last.parameters[name]:g} in {last.log}, is {now[name]:g}: {AGAIN}"
+            Verdict.WARNING, EARLIER, f"{name} was {last.parameters[name]:g} in {last.log}, is {now[name]:g}: {AGAIN}"
         )
         for name in names
         if name in now and not math.isclose(now[name], last.parameters[name], rel_tol=FLOAT32, abs_tol=1e-9)
     ]
-    return changed or [judged(TOPIC, f"{len(now)} parameters on which the lag depends are as in {last.log}")]
+    return changed or [judged(EARLIER, f"{len(now)} parameters on which the lag depends are as in {last.log}")]
 
 
 def _with_interval(response: AttitudeResponse) -> str:
