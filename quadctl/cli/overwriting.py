@@ -174,7 +174,8 @@ def _places(path: Path) -> Iterator[Any]:
             continue
         seen.add(here)
         yield from _identities(here)
-        waiting += [beside for suffix in READ_WITH if (beside := here.with_suffix(suffix)).is_file()]
+        if here.name:  # the present folder, `.`, and the root have none
+            waiting += [beside for suffix in READ_WITH if (beside := here.with_suffix(suffix)).is_file()]
         if here.is_dir() and format_of_folder(here) is not None:
             waiting += [file for file in here.iterdir() if file.is_file()]
         waiting += _named_in(here)

@@ -130,6 +130,13 @@ def test_nothing_is_written_to_a_file_that_is_named_like_a_log(quadctl: Callable
         assert "is the name of a flight log, expected another file" in done.err
 
 
+@pytest.mark.parametrize("folder", [".", "/", ".."])
+def test_a_folder_without_a_name_is_no_log(quadctl: Callable[..., Result], folder: str) -> None:
+    for words in (("compare", "config/vehicles/raptor.yaml", folder), ("check", "figure8", "--log", folder)):
+        refused = quadctl(*words)
+        assert (refused.status, refused.err) == (1, f"quadctl: {folder}: is a directory, expected a flight log\n")
+
+
 def test_two_outputs_are_two_files(quadctl: Callable[..., Result], tmp_path: Path) -> None:
     one = tmp_path / "one.json"
     done = quadctl("compare", RAPTOR, "flight.ulg", "--json", one, "--html", one)
