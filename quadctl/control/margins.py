@@ -35,7 +35,7 @@ class LoopLags(NamedTuple):
     delay_s: float = 0.0
     """Age of the state, way of the setpoint, half the time for which it is held, delay of the attitude."""
     frequency_rad_s: float | None = None
-    """Of the attitude; None: it takes no part."""
+    """Frequency of the attitude; None: it takes no part."""
     damping: float = 1.0
     time_constant_s: float = 0.0
 

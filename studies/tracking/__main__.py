@@ -121,7 +121,7 @@ def robustness(results: Results) -> str:
 
 
 def found_words(results: Results) -> Iterator[str]:
-    """What was found of each mock, beside the truth of its vehicle file."""
+    """Lag and drag found of each mock, beside the truth of its vehicle file."""
     for where in MOCKS:
         model, truth = results.models[where.title], mock(where.name).vehicle.attitude_response
         response = model.vehicle.attitude_response

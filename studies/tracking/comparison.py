@@ -64,7 +64,7 @@ class Results:
     """Flights that did not end by themselves, with the reason."""
 
     def is_met(self, mock: str, course: str) -> tuple[bool, bool]:
-        """Whether the goals against the law before and against the autopilot's own are met."""
+        """True where the goals against the law before and against the autopilot's own are met."""
         found, before, own = (self.rmse_m[mock, course, law] for law in (FOUND, BEFORE, OWN))
         return found <= HALF * before, found <= BEATEN * own
 

@@ -91,7 +91,7 @@ class Link(NamedTuple):
     """Defects of the link between companion and autopilot."""
 
     delay_s: float = 0.0
-    """Of states and of setpoints, a multiple of a tick."""
+    """Delay of states and of setpoints, a multiple of a tick."""
     loss: float = 0.0
     """Share of states, and of setpoints, that is lost."""
 
@@ -300,7 +300,7 @@ def unknown_model(where: Mock) -> Model:
 
 @cache
 def found_model(where: Mock, folder: Path) -> Model:
-    """What the lab finds in one flight of excitation: the drags that its own rule accepts, and the attitude's lag."""
+    """Model that the lab finds in one flight of excitation: the drags that its own rule accepts, and the attitude's lag."""
     bare = unknown_model(where)
     log = excitation(where, bare, folder)
     data = load_dataset([log], bare.vehicle)

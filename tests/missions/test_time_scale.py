@@ -53,7 +53,7 @@ def test_two_factors_are_one(mission: Mission) -> None:
 
 
 def test_a_jump_stays_a_jump(mission: Mission) -> None:
-    """Of the last phase's first sample: a slower mission does not ask for less there."""
+    """Demand of the last phase's first sample: a slower mission does not ask for less there."""
 
     def jump(of: Mission) -> tuple[float, float, float]:
         return sampled(of)[-1][0].jump_m

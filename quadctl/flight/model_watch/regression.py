@@ -73,7 +73,7 @@ NAMES = tuple(parameter.name for parameter in PARAMETERS)
 
 
 class Block(NamedTuple):
-    """What one block says: the acceleration beyond the model's, NED, and its slopes, shape (3, parameters)."""
+    """Acceleration beyond the model's over one block, NED, and its slopes, shape (3, parameters)."""
 
     duration_s: float
     excess_m_s2: Array

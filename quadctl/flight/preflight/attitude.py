@@ -16,7 +16,7 @@ AGAIN = "the lag may differ: fly excitation and run `quadctl fit` again"
 
 
 class LastFlight(NamedTuple):
-    """What the log of an earlier flight shows of the attitude."""
+    """Attitude in the log of an earlier flight."""
 
     log: str
     response: AttitudeResponse | None
