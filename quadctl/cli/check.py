@@ -37,7 +37,7 @@ def _found(files: list[Path]) -> list[Path]:
 
 
 def _last_flight(log: Path) -> "LastFlight":
-    """Attitude and parameters of an earlier flight from its log, by the lab, which the companion computer may not have."""
+    """Attitude and parameters of an earlier flight from its log, by the lab (an extra of the installation)."""
     from quadctl.flight.preflight.attitude import LastFlight
     from quadctl.lab.tracking.attitude_response import attitude_response
     from quadctl.logs.parameters import parameters_of

@@ -300,7 +300,7 @@ def unknown_model(where: Mock) -> Model:
 
 @cache
 def found_model(where: Mock, folder: Path) -> Model:
-    """Model that the lab finds in one flight of excitation: the drags that its own rule accepts, and the attitude's lag."""
+    """Model that the lab finds in one flight of excitation: the drags that its rule accepts, and the attitude's lag."""
     bare = unknown_model(where)
     log = excitation(where, bare, folder)
     data = load_dataset([log], bare.vehicle)
