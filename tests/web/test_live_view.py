@@ -112,14 +112,14 @@ class TestGuards:
         state, where, answer, _ = BEYOND[name]
         breach = verdict(state, **where)
         assert breach is not None
-        after = record._replace(events=(Event(1.0, breach.reason, answer.value),))
+        after = record._replace(events=(Event(1.0, breach.reason, answer.value, breach.guard or ""),))
         low = self.BRIEF._replace(mission=self.BRIEF.mission._replace(limits=MISSION.model_copy(update={"min_z_m": 1})))
         marked = [guard.acted(after) for guard in guards(after, low)]
         assert [m for m in marked if m] == ([] if name in self.TOLD_BY_EVENTS_ALONE else [answer.value])
 
     def test_at_the_limit_there_is_no_way_left(self, record: Record) -> None:
         at = record._replace(tilt_deg=50.0, speed_m_s=8.0, state_age_s=0.2, battery_v=14.0, height_m=1.5, late_s=0.2)
-        share = {guard.name: guard.share for guard in guards(at, self.BRIEF)}
+        share = {guard.guard: guard.share for guard in guards(at, self.BRIEF)}
         for name in ("tilt", "speed", "state age", "battery", "height", "tick lateness"):
             assert share[name] == pytest.approx(1.0), name
 

@@ -70,7 +70,9 @@ def subclasses(panel: type[Panel]) -> list[type[Panel]]:
 
 CLASSES = sorted(subclasses(Panel), key=lambda panel: panel.__name__)
 PANELS = [each for each in CLASSES if not inspect.isabstract(each)]
-FAILURE = Failure("up", "time", 0.0, 9.0, 0.5, 9.0, 100, "it fails", (Stretch("1.csv", 1.0, 5.0, 0.9, whole=False),))
+FAILURE = Failure(
+    "up", "time", 0.0, 9.0, 0.5, 9.0, 100, "offset", 25.0, (Stretch("1.csv", 1.0, 5.0, 0.9, whole=False),)
+)
 ADDRESSES = {"url", "id", "for"}
 """Properties that hold the number of an element, another one in every tab."""
 FIELDS = [(panel, field.name) for panel in PANELS for field in fields(panel)]

@@ -28,9 +28,36 @@ class Answer(enum.Enum):
     RELEASE = "release"
 
 
+class Guard(enum.StrEnum):
+    """Guards with a limit of their own, as the log's events and the live view name them."""
+
+    LINK = "link age"
+    TICK_LATE = "tick lateness"
+    STATE_AGE = "state age"
+    ESTIMATOR = "estimator ratio"
+    HORIZONTAL_STD = "stated accuracy"
+    VERTICAL_STD = "stated accuracy, height"
+    MODEL = "model error"
+    TILT = "tilt"
+    SPEED = "speed"
+    HEIGHT = "height"
+    FLOOR = "lowest height"
+    DISTANCE = "distance"
+    TIME = "mission time"
+    BATTERY = "battery"
+
+
+class Defect(NamedTuple):
+    """Defect of a state, with the guard whose limit it is beyond; None: it has none."""
+
+    reason: str
+    guard: Guard | None = None
+
+
 class Breach(NamedTuple):
     answer: Answer
     reason: str
+    guard: Guard | None = None
 
 
 class GuardLimits(Settings):
@@ -72,44 +99,43 @@ def floor(mission: MissionLimits) -> float:
     return mission.min_z_m - mission.margin_m
 
 
-def defect(state: VehicleState, limits: GuardLimits) -> str | None:
-    """Reason why control must not use this state, or None."""
+def defect(state: VehicleState, limits: GuardLimits) -> Defect | None:
+    """Defect because of which control must not use this state, or None."""
     if not state.connected:
-        return "the autopilot's heartbeat is lost"
+        return Defect("the autopilot's heartbeat is lost", Guard.LINK)
     for part in ("position", "attitude"):
         age_s, delay_s, allowed_s = state.age_s(part), state.setpoint_delay_s, limits.max_state_age_s
         if age_s == math.inf:
-            return f"the {part} never came"
+            return Defect(f"the {part} never came", Guard.STATE_AGE)
         if age_s > allowed_s:
-            return f"the {part} is {age_s:.2f} s old, allowed are {allowed_s:g} s"
+            return Defect(f"the {part} is {age_s:.2f} s old, allowed are {allowed_s:g} s", Guard.STATE_AGE)
         if age_s + delay_s > allowed_s:
             old = f"{age_s + delay_s:.2f} s old when a setpoint arrives, allowed are {allowed_s:g} s"
-            return f"the link is slow: the {part} is {old}"
+            return Defect(f"the link is slow: the {part} is {old}", Guard.STATE_AGE)
     if not state.finite:
-        return "the state holds a value that is not a number"
+        return Defect("the state holds a value that is not a number")
     if abs(math.hypot(*state.attitude) - 1.0) > UNIT_TOLERANCE:
-        return f"the attitude is no unit quaternion, its norm is {math.hypot(*state.attitude):.3g}"
+        return Defect(f"the attitude is no unit quaternion, its norm is {math.hypot(*state.attitude):.3g}")
     if not state.estimator_ok:
-        return "the autopilot's estimator does not trust its attitude, velocity or position"
+        return Defect("the autopilot's estimator does not trust its attitude, velocity or position")
     if 0.0 < limits.max_estimator_ratio < state.estimator_ratio:
         ratio, largest = state.estimator_ratio, limits.max_estimator_ratio
-        return f"the autopilot's estimator is in doubt: innovation ratio {ratio:.2f}, allowed are {largest:g}"
+        doubt = f"the autopilot's estimator is in doubt: innovation ratio {ratio:.2f}, allowed are {largest:g}"
+        return Defect(doubt, Guard.ESTIMATOR)
     return _unaided(state, limits)
 
 
-def _unaided(state: VehicleState, limits: GuardLimits) -> str | None:
-    """Reason why the position is not measured any more, though the estimate goes on, or None."""
+def _unaided(state: VehicleState, limits: GuardLimits) -> Defect | None:
+    """Defect of a position that is not measured any more, though the estimate goes on, or None."""
     if state.aid_lost:
-        return "the autopilot has lost its source of position (GPS, motion capture)"
-    for part, std_m, largest_m in (
-        ("horizontal position", state.horizontal_std_m, limits.max_horizontal_std_m),
-        ("height", state.vertical_std_m, limits.max_vertical_std_m),
+        return Defect("the autopilot has lost its source of position (GPS, motion capture)")
+    for guard, part, std_m, largest_m in (
+        (Guard.HORIZONTAL_STD, "horizontal position", state.horizontal_std_m, limits.max_horizontal_std_m),
+        (Guard.VERTICAL_STD, "height", state.vertical_std_m, limits.max_vertical_std_m),
     ):
         if 0.0 < largest_m < std_m:
-            return (
-                f"the estimator states a standard deviation of {std_m:.2f} m for the {part}, "
-                f"allowed are {largest_m:g} m"
-            )
+            stated = f"the estimator states a standard deviation of {std_m:.2f} m for the {part}"
+            return Defect(f"{stated}, allowed are {largest_m:g} m", guard)
     return None
 
 
@@ -152,24 +178,30 @@ def inspect(
         return Breach(Answer.RELEASE, f"the autopilot left offboard for {state.mode or 'an unknown mode'}")
     problem = defect(state, limits)
     if problem is not None:
-        return Breach(Answer.HAND_OVER, problem)
+        return Breach(Answer.HAND_OVER, *problem)
     tilt_deg = math.degrees(tilt(state.attitude))
     if tilt_deg > limits.max_tilt_deg:
-        return Breach(Answer.HAND_OVER, f"the tilt is {tilt_deg:.0f} deg, allowed are {limits.max_tilt_deg:g} deg")
+        tilted = f"the tilt is {tilt_deg:.0f} deg, allowed are {limits.max_tilt_deg:g} deg"
+        return Breach(Answer.HAND_OVER, tilted, Guard.TILT)
     speed = math.hypot(*state.velocity_ned_m_s)
     if speed > limits.max_speed_m_s:
-        return Breach(Answer.LAND, f"the speed is {speed:.1f} m/s, allowed are {limits.max_speed_m_s:g} m/s")
+        fast = f"the speed is {speed:.1f} m/s, allowed are {limits.max_speed_m_s:g} m/s"
+        return Breach(Answer.LAND, fast, Guard.SPEED)
     ceiling_m = mission.max_z_m + mission.margin_m
     if height_m > ceiling_m:
-        return Breach(Answer.LAND, f"the height is {height_m:.2f} m, allowed are {ceiling_m:g} m")
+        return Breach(Answer.LAND, f"the height is {height_m:.2f} m, allowed are {ceiling_m:g} m", Guard.HEIGHT)
     floor_m = floor(mission)
     if above_floor and height_m < floor_m:
-        return Breach(Answer.LAND, f"the height is {height_m:.2f} m, allowed are {floor_m:g} m or more")
+        low = f"the height is {height_m:.2f} m, allowed are {floor_m:g} m or more"
+        return Breach(Answer.LAND, low, Guard.FLOOR)
     fence_m = mission.max_distance_m + mission.margin_m
     if distance_m > fence_m:
-        return Breach(Answer.LAND, f"the vehicle is {distance_m:.2f} m from take-off, allowed are {fence_m:g} m")
+        far = f"the vehicle is {distance_m:.2f} m from take-off, allowed are {fence_m:g} m"
+        return Breach(Answer.LAND, far, Guard.DISTANCE)
     if in_air_s > mission_s + limits.max_over_time_s:
-        return Breach(Answer.LAND, f"the flight lasts {in_air_s:.0f} s, the mission {mission_s:.0f} s")
+        long = f"the flight lasts {in_air_s:.0f} s, the mission {mission_s:.0f} s"
+        return Breach(Answer.LAND, long, Guard.TIME)
     if limits.min_battery_v > 0.0 and not state.battery_v >= limits.min_battery_v:  # an unknown voltage is a breach
-        return Breach(Answer.LAND, f"the battery is at {state.battery_v:.2f} V, allowed are {limits.min_battery_v:g} V")
+        empty = f"the battery is at {state.battery_v:.2f} V, allowed are {limits.min_battery_v:g} V"
+        return Breach(Answer.LAND, empty, Guard.BATTERY)
     return None

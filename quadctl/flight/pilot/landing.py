@@ -54,7 +54,7 @@ class Landing:
 
     def answer(self, breach: Breach, state: VehicleState) -> Decision:
         """End the flight as a breach demands."""
-        self._progress.note(breach.reason, breach.answer.value)
+        self._progress.note(breach.reason, breach.answer.value, breach.guard)
         self._progress.ended = breach.reason
         if breach.answer is Answer.RELEASE:
             return self._release()
@@ -89,7 +89,7 @@ class Landing:
         breach = self._watch.breach(state, self._progress.in_air_s)
         if breach is not None and breach.answer is not Answer.LAND:
             if breach.answer is Answer.HAND_OVER and not self._silent:
-                self._progress.note(breach.reason, "silence")
+                self._progress.note(breach.reason, "silence", breach.guard)
             self._silent = True
         return self._wait_for_mode(state, dt)
 

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from quadctl.compensator import Compensator
 from quadctl.flight.model_watch.watch import NO_ERROR, ModelWatch
 from quadctl.flight.pilot.following import Following
-from quadctl.flight.pilot.guards import Answer, Breach, unfit
+from quadctl.flight.pilot.guards import Answer, Breach, Guard, unfit
 from quadctl.flight.pilot.landing import Landing
 from quadctl.flight.pilot.model_guard import ModelGuard
 from quadctl.flight.pilot.patience import patience_s
@@ -386,9 +386,13 @@ class Pilot:
 
     def _breach(self, state: VehicleState) -> Breach | None:
         """Breach because of which the flight must not go on, or None; a wish to land counts."""
-        wish = self._watch.want_land or self._model_guard.defect(self._model.error, state.time_s)
+        other_vehicle = self._model_guard.defect(self._model.error, state.time_s)
         found = self._watch.breach(state, self._progress.in_air_s, off_ground=self.stage is Stage.FLY)
-        return Breach(Answer.LAND, wish) if found is None and wish else found
+        if found is None and self._watch.want_land:
+            return Breach(Answer.LAND, self._watch.want_land)
+        if found is None and other_vehicle:
+            return Breach(Answer.LAND, other_vehicle, Guard.MODEL)
+        return found
 
     def _knows_enough(self) -> bool:
         """True once the quantities that the mission is flown for are known as well as it asks for."""

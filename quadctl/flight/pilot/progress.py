@@ -1,5 +1,6 @@
 """Progress of a flight: its stage, the time since it began, and the events for the log."""
 
+from quadctl.flight.pilot.guards import Guard
 from quadctl.flight.pilot.tick import Event, Stage
 
 
@@ -57,9 +58,9 @@ class Progress:
         self.ended = reason
         self.enter(Stage.DONE)
 
-    def note(self, what: str, answer: str) -> None:
+    def note(self, what: str, answer: str, guard: Guard | None = None) -> None:
         """Note an event for the log."""
-        self._events.append(Event(self.time_s, what, answer))
+        self._events.append(Event(self.time_s, what, answer, guard.value if guard else ""))
 
     def take_events(self) -> tuple[Event, ...]:
         """Events noted since the last call."""

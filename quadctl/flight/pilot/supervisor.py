@@ -3,7 +3,7 @@
 import math
 
 from quadctl.flight.pilot.continuity import Continuity
-from quadctl.flight.pilot.guards import Answer, Breach, defect, inspect
+from quadctl.flight.pilot.guards import Answer, Breach, Guard, defect, inspect
 from quadctl.flight.pilot.settings import FlightSettings
 from quadctl.flight.pilot.standing import not_standing, posture
 from quadctl.flight.pilot.steering import Home
@@ -78,7 +78,8 @@ class Supervisor:
         least_v = self._guards.min_battery_v
         if least_v > 0.0 and not state.battery_v >= least_v:
             return f"the battery is at {state.battery_v:.2f} V, expected {least_v:g} V or more"
-        return state.why_battery_empty or defect(state, self._guards)
+        found = defect(state, self._guards)
+        return state.why_battery_empty or (found.reason if found else None)
 
     def unready(self, state: VehicleState) -> str | None:
         """Reason why the autopilot would not arm in the mode that it is in, or None.
@@ -146,9 +147,10 @@ class Supervisor:
             return found if self._stall is None else found._replace(reason=f"{self._stall}, then {found.reason}")
         if self.restarted:
             return Breach(Answer.RELEASE, "the autopilot restarted")
-        problem = self.failure or self._stall
-        if problem is not None:
-            return Breach(Answer.HAND_OVER, problem)
+        if self.failure is not None:
+            return Breach(Answer.HAND_OVER, self.failure)
+        if self._stall is not None:
+            return Breach(Answer.HAND_OVER, self._stall, Guard.TICK_LATE)
         if found is not None and found.answer is Answer.HAND_OVER:
             return found
         broken = self._continuity.defect(state) if off_ground else None

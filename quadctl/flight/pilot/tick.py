@@ -40,6 +40,8 @@ class Event(NamedTuple):
     time_s: float
     what: str
     answer: str
+    guard: str = ""
+    """Name of the `Guard` whose limit was passed; empty where it was none of them."""
 
 
 class Decision(NamedTuple):

@@ -237,7 +237,8 @@ def _estimator(state: VehicleState, plan: FlightPlan) -> Finding:
     known = [f"{std_m:.2f} m" for std_m in (state.horizontal_std_m, state.vertical_std_m) if math.isfinite(std_m)]
     stated = f", standard deviation {' and '.join(known)}" if known else ""
     text = f"attitude, velocity and position{stated}"
-    return judged("estimator", text, refused=defect(state, plan.settings.guards))
+    found = defect(state, plan.settings.guards)
+    return judged("estimator", text, refused=found.reason if found else None)
 
 
 def _standing(state: VehicleState, plan: FlightPlan) -> Finding:

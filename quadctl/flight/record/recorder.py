@@ -198,7 +198,9 @@ class Recorder:
             _sync(file)
 
     def _note(self, tick: Tick) -> None:
-        self._events += [{**event._asdict(), "time_s": round(event.time_s, 3)} for event in tick.events]
+        for event in tick.events:
+            told = {"time_s": round(event.time_s, 3), "what": event.what, "answer": event.answer}
+            self._events.append(told | ({"guard": event.guard} if event.guard else {}))
 
     def _write_meta_into_room(self, ended: str) -> None:
         """Write the meta file into the room that was kept for it on a disk that is full by now."""

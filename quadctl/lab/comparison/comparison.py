@@ -14,7 +14,7 @@ from quadctl.lab.comparison.agreement import Agreement, Errors, of_one_model
 from quadctl.lab.comparison.failures import LEAST_PART, Failure, Profile, failures, is_telling, profiles, told
 from quadctl.lab.comparison.open_loop import OpenLoop, open_loop, open_loop_in_words, open_loop_table
 from quadctl.lab.comparison.reservations import reservations
-from quadctl.lab.comparison.wording import agreement_in_words, followed_in_words, untold_in_words
+from quadctl.lab.comparison.wording import agreement_in_words, failure_in_words, followed_in_words, untold_in_words
 from quadctl.lab.fitting.flexible_regression import flexible_residual, noise_floor
 from quadctl.lab.flights.dataset import AlignedDataset, Dataset
 from quadctl.lab.flights.prediction import AXES, rmse
@@ -67,7 +67,7 @@ class Comparison(Result):
             "noise_floor": self.noise_floor,
             "explained": self.explained,
             "open_loop": [errors.to_dict() for errors in self.open_loop],
-            "fails_where": [failure.to_dict() for failure in self.fails_where],
+            "fails_where": [{**failure.to_dict(), "text": failure_in_words(failure)} for failure in self.fails_where],
             "agreement": None if self.agreement is None else self.agreement.to_dict(),
             "record": self.dataset.record,
             "notes": [
@@ -94,7 +94,7 @@ class Comparison(Result):
         if self.fails_where:
             shown = told(self.fails_where, SHOWN_FAILURES)
             lines.append("The model fails here, what explains the most of the error first:")
-            lines += [f"  - {failure.text} ({abs(failure.sigma):.0f} sigma)" for failure in shown]
+            lines += [f"  - {failure_in_words(failure)} ({abs(failure.sigma):.0f} sigma)" for failure in shown]
             if len(self.fails_where) > SHOWN_FAILURES:
                 lines.append(f"  - and {len(self.fails_where) - SHOWN_FAILURES} more ranges (see --json or --html)")
             more = (followed_in_words(shown, self.dataset), untold_in_words(self.fails_where, self.rmse))

@@ -7,17 +7,15 @@ noise stays correlated for long (see `LongRangeNoise`).
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from quadctl.frames import GRAVITY_M_S2
 from quadctl.lab.arrays import Floats, Mask
 from quadctl.lab.comparison.long_range import LongRangeNoise
 from quadctl.lab.flights.dataset import Dataset
-from quadctl.lab.flights.flight import VARIABLE_NAMES, VARIABLE_UNITS
 from quadctl.lab.flights.prediction import AXES
 
 BINS = 10
@@ -25,8 +23,6 @@ MOST = 0.8
 """Share of a squared error that is most of it."""
 BRIEF = 0.5
 """Largest share of a flight that a stretch of time with most of the error may have to be told."""
-NAMED_FLIGHTS = 2
-"""Most flights that a sentence names."""
 LEAST_ERROR_M_S2 = 1e-6
 """Smallest standard error of a mean; synthetic flights without noise have less."""
 MIN_SIGMA = 4.0
@@ -68,19 +64,23 @@ class Failure:
     mean_residual: float
     sigma: float
     n: int
-    text: str
+    kind: Literal["offset", "range", "dependence"]
+    """An offset over the whole flight, a range of the variable, or the dependence on the variable over all that was
+    flown; the range of a dependence is where most of the error is."""
+    square_m2_s4: float
+    """Sum of the squared residual that it explains; of a range beside the offset of its axis."""
     stretches: tuple[Stretch, ...] = ()
     """Stretches with most of it: one of each flight that is needed for it, that with the largest error first."""
-    square_m2_s4: float = 0.0
-    """Sum of the squared residual that it explains, of a range that beside the offset of its axis; 0: that of its
-    mean."""
-    of_profile: bool = False
-    """True of the dependence on the variable over all that was flown; its range is where most of the error is."""
-
-    @property
-    def size_m2_s4(self) -> float:
-        """Sum of the squared residual that it explains."""
-        return self.square_m2_s4 or self.n * self.mean_residual**2
+    flights: int = 1
+    """Number of flights of the comparison."""
+    average: float = 0.0
+    """Mean residual over all ranges, beside which that of this range stands out; 0 where the others are right."""
+    at_edge: tuple[bool, bool] = (False, False)
+    """True where the range begins, and where it ends, at the edge of what was flown."""
+    extremes: tuple[tuple[float, float], ...] = ()
+    """Of a dependence the bins with the least and the largest mean residual: (value of the variable, mean)."""
+    share: float = 0.0
+    """Of a dependence its share of the squared error on its axis."""
 
     def to_dict(self) -> dict[str, object]:
         return {
@@ -91,7 +91,7 @@ class Failure:
             "mean_residual": self.mean_residual,
             "sigma": self.sigma,
             "n": self.n,
-            "text": self.text,
+            "kind": self.kind,
             "most_in": [
                 {"flight": stretch.flight, "from_s": stretch.begin_s, "to_s": stretch.end_s}
                 for stretch in self.stretches
@@ -174,7 +174,7 @@ def failures(residual: Floats, noise: Floats, dataset: Dataset, tried: list[Prof
             ]
         if chance < FALSE_SHARE and is_telling(profile) and profile.axis not in depend:
             depend.add(profile.axis)
-            largest = max(runs, key=lambda run: run.size_m2_s4, default=_largest_bin(profile, about))
+            largest = max(runs, key=lambda run: run.square_m2_s4, default=_largest_bin(profile, about))
             found.append(_dependence(profile, largest, residual[:, a], about))
         found += sorted(runs, key=lambda failure: -abs(failure.sigma))
     return found
@@ -197,7 +197,7 @@ def _largest_bin(profile: Profile, about: float) -> Failure:
     b = int(np.argmax(profile.count * (profile.mean - about) ** 2))
     mean, error, n = float(profile.mean[b]), float(profile.error[b]), int(profile.count[b])
     low, high = float(profile.edges[b]), float(profile.edges[b + 1])
-    return Failure(profile.axis, profile.variable, low, high, mean, (mean - about) / error, n, "")
+    return Failure(profile.axis, profile.variable, low, high, mean, (mean - about) / error, n, "range", n * mean**2)
 
 
 def most_telling(found: list[Failure]) -> list[Failure]:
@@ -205,8 +205,10 @@ def most_telling(found: list[Failure]) -> list[Failure]:
 
     A range comes after all dependences where there is one of its axis: most of what it explains is explained there.
     """
-    depend = {failure.axis for failure in found if failure.of_profile}
-    return sorted(found, key=lambda failure: (_is_range(failure) and failure.axis in depend, -failure.size_m2_s4))
+    depend = {failure.axis for failure in found if failure.kind == "dependence"}
+    return sorted(
+        found, key=lambda failure: (failure.kind == "range" and failure.axis in depend, -failure.square_m2_s4)
+    )
 
 
 def told(found: Sequence[Failure], count: int) -> list[Failure]:
@@ -214,19 +216,14 @@ def told(found: Sequence[Failure], count: int) -> list[Failure]:
 
     Ranges of a dependence that is told are parts of it. What explains next to nothing beside the others is left out.
     """
-    whole = {(failure.axis, failure.variable) for failure in found if failure.of_profile}
-    found = [failure for failure in found if (failure.axis, failure.variable) not in whole or not _is_range(failure)]
+    whole = {(failure.axis, failure.variable) for failure in found if failure.kind == "dependence"}
+    found = [failure for failure in found if (failure.axis, failure.variable) not in whole or failure.kind != "range"]
     if not found:
         return []
-    most = max(failure.size_m2_s4 for failure in found)
-    first = most_telling([failure for failure in found if failure.size_m2_s4 >= LEAST_PART * most])[:count]
+    most = max(failure.square_m2_s4 for failure in found)
+    first = most_telling([failure for failure in found if failure.square_m2_s4 >= LEAST_PART * most])[:count]
     largest = max(found, key=lambda failure: abs(failure.mean_residual))
     return first if largest in first else most_telling([*first[: count - 1], largest])
-
-
-def _is_range(failure: Failure) -> bool:
-    """Tell whether a failure is one of a range, and neither an offset nor a dependence."""
-    return failure.square_m2_s4 > 0.0 and not failure.of_profile
 
 
 def stretches(values: Floats, inside: Mask, dataset: Dataset) -> tuple[Stretch, ...]:
@@ -259,22 +256,6 @@ def _shortest(square: Floats) -> tuple[int, int]:
     length = np.where(ends <= len(square), ends - np.arange(len(square)), len(square) + 1)
     begin = int(np.argmin(length))
     return begin, int(ends[begin]) - 1
-
-
-def _most_in_words(found: Sequence[Stretch]) -> str:
-    """`, mostly in HOVERING.csv between 12 and 31 s`"""
-    if not found:
-        return ""
-    places = [
-        f"throughout {stretch.flight}"
-        if stretch.whole
-        else f"mostly in {stretch.flight} between {stretch.begin_s:.0f} and {stretch.end_s:.0f} s"
-        for stretch in found
-    ]
-    if len(found) > NAMED_FLIGHTS:
-        return f", in {len(found)} flights, of which the most {places[0]}"
-    text = " and ".join(places)
-    return f", {text.replace(' and mostly in ', ' and in ') if text.startswith('mostly') else text}"
 
 
 def _profile(
@@ -326,13 +307,11 @@ def _runs(profile: Profile, values: Floats, noise: LongRangeNoise, dataset: Data
             inside = (x >= low) & (x <= high)
             mean = float(values[inside].mean())
             sigma = (mean - level) / float(_standard_errors(inside, noise)[AXES.index(profile.axis)])
-            where = _range_in_words(profile.variable, (low, high), (start == 0, stop == len(wrong)))
             if abs(mean - level) > MIN_RESIDUAL_M_S2:
-                most = stretches(values, inside, dataset)
-                what = f"{_push(profile.axis, mean)}{_against_average(profile.axis, mean, level)}"
-                text = f"{where} {what}{_most_in_words(most)}"
-                size = int(inside.sum())
-                found.append(Failure(profile.axis, profile.variable, low, high, mean, sigma, size, text, most))
+                n = int(inside.sum())
+                run = Failure(profile.axis, profile.variable, low, high, mean, sigma, n, "range", n * mean**2)
+                most, edges = stretches(values, inside, dataset), (start == 0, stop == len(wrong))
+                found.append(replace(run, stretches=most, flights=len(dataset.flights), average=level, at_edge=edges))
         start = stop
     return found
 
@@ -340,15 +319,10 @@ def _runs(profile: Profile, values: Floats, noise: LongRangeNoise, dataset: Data
 def _dependence(profile: Profile, run: Failure, values: Floats, about: float) -> Failure:
     """Dependence of a residual, shape (n,), on the variable of its profile, beside an offset `about`, m/s^2; its range
     is that of its largest run."""
-    unit = VARIABLE_UNITS[profile.variable]
     ends = sorted({int(np.argmin(profile.mean)), int(np.argmax(profile.mean))})
-    reach = " and ".join(f"{profile.mean[b]:+.2f} m/s^2 at {profile.centre[b]:.3g} {unit}" for b in ends)
-    text = (
-        f"the {profile.axis} residual goes with the {VARIABLE_NAMES[profile.variable]}: {reach} on average, "
-        f"{profile.share:.0%} of the squared error on this axis"
-    ).replace("-", "\u2212")
+    extremes = tuple((float(profile.centre[b]), float(profile.mean[b])) for b in ends)
     square = profile.share * float(values @ values) + len(values) * (float(values.mean()) - about) ** 2
-    return replace(run, text=text, square_m2_s4=square, of_profile=True)
+    return replace(run, kind="dependence", square_m2_s4=square, extremes=extremes, share=profile.share)
 
 
 def _common_level(profile: Profile) -> float:
@@ -367,35 +341,6 @@ def _offset(values: Floats, error: float, axis: str, dataset: Dataset) -> Failur
     if time is None or abs(mean) < MIN_RESIDUAL_M_S2 or abs(sigma) < MIN_SIGMA:
         return None
     most = stretches(values, np.ones(len(values), dtype=bool), dataset)
-    over = "the whole flight" if len(dataset.flights) == 1 else "all flights"
-    held = [stretch.flight for stretch in most]
-    where = f", most of it in {' and '.join(held)}" if len(held) < min(len(dataset.flights), NAMED_FLIGHTS + 1) else ""
-    text = f"on average over {over} {_push(axis, mean)}{where}"
-    return Failure(axis, "time", float(time.min()), float(time.max()), mean, sigma, len(values), text, most)
-
-
-def _range_in_words(variable: str, limits: tuple[float, float], at_edge: tuple[bool, bool]) -> str:
-    name, unit = VARIABLE_NAMES[variable], VARIABLE_UNITS[variable]
-    low, high = (f"{limit:.4g}".replace("-", "\u2212") for limit in limits)
-    if at_edge[0] and not at_edge[1]:
-        return f"at a {name} below {high} {unit}"
-    if at_edge[1] and not at_edge[0]:
-        return f"at a {name} above {low} {unit}"
-    return f"at a {name} from {low} to {high} {unit}"
-
-
-def _push(axis: str, mean: float) -> str:
-    if axis == "up":
-        share = abs(mean) / GRAVITY_M_S2
-        more = "more" if mean > 0.0 else "less"
-        return f"the vehicle gets {more} thrust than the model says, by {share:.1%} of its weight"
-    direction = {"north": ("north", "south"), "east": ("east", "west")}[axis][0 if mean > 0.0 else 1]
-    return f"the vehicle is pushed {direction} by {abs(mean):.2f} m/s^2 more than the model says"
-
-
-def _against_average(axis: str, mean: float, level: float) -> str:
-    if level == 0.0:
-        return ""
-    if axis == "up":
-        return f", on average by {abs(level) / GRAVITY_M_S2:.1%}"
-    return f", on average by {abs(level):.2f} m/s^2"
+    n, flights = len(values), len(dataset.flights)
+    low, high = float(time.min()), float(time.max())
+    return Failure(axis, "time", low, high, mean, sigma, n, "offset", n * mean**2, stretches=most, flights=flights)

@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from quadctl.effects import Effect
 from quadctl.frames import GRAVITY_M_S2
 from quadctl.lab.comparison.agreement import CLOSE, Agreement
-from quadctl.lab.comparison.failures import Failure, told
+from quadctl.lab.comparison.failures import Failure, Stretch, told
 from quadctl.lab.comparison.remainder import Remainder
 from quadctl.lab.flights.dataset import FOLDS, Dataset
 from quadctl.lab.flights.flight import VARIABLE_NAMES, VARIABLE_UNITS
@@ -17,6 +17,8 @@ FLOOR = "held-out error of a regression on all logged variables, the lowest over
 """Meaning of the noise floor; the steps are the models that were compared on these flights."""
 TWO_DECIMALS_M_S2 = 0.05
 """Difference of two mean residuals from which on they are told with two decimals instead of three."""
+NAMED_FLIGHTS = 2
+"""Most flights that a sentence names."""
 MUCH = 0.2
 """Share of the squared error from which on an axis is told of, whatever its error goes with."""
 ERRORS = {"total": "acceleration error", "turning": "moment error", "sensing": "accelerometer error"}
@@ -277,7 +279,63 @@ def remainder_in_words(found: Remainder, where: str = "") -> str:
 
 
 def failure_in_words(failure: Failure) -> str:
-    return sentence(failure.text).replace("m/s^2", UNIT)
+    """Failure without a full stop: `At a height below 0.3 m the vehicle gets more thrust than the model says, by 12%`."""
+    return sentence(_FAILURE_WORDS[failure.kind](failure))
+
+
+def _offset_in_words(failure: Failure) -> str:
+    over = "the whole flight" if failure.flights == 1 else "all flights"
+    held = [stretch.flight for stretch in failure.stretches]
+    most = f", most of it in {' and '.join(held)}" if len(held) < min(failure.flights, NAMED_FLIGHTS + 1) else ""
+    return f"on average over {over} {_push_in_words(failure)}{most}"
+
+
+def _range_in_words(failure: Failure) -> str:
+    name, unit = VARIABLE_NAMES[failure.variable], VARIABLE_UNITS[failure.variable]
+    begins, ends = failure.at_edge
+    low, high = (f"{end:.4g}".replace("-", "\u2212") for end in (failure.low, failure.high))
+    where = f"from {low} to {high}"
+    if begins != ends:
+        where = f"below {high}" if begins else f"above {low}"
+    average = ""
+    if failure.average:
+        on_average = abs(failure.average)
+        by = f"{on_average / GRAVITY_M_S2:.1%}" if failure.axis == "up" else f"{on_average:.2f} {UNIT}"
+        average = f", on average by {by}"
+    return f"at a {name} {where} {unit} {_push_in_words(failure)}{average}{_most_in_words(failure.stretches)}"
+
+
+def _dependence_in_words(failure: Failure) -> str:
+    name, unit = VARIABLE_NAMES[failure.variable], VARIABLE_UNITS[failure.variable]
+    ends = [f"{mean:+.2f} {UNIT} at {at:.3g} {unit}".replace("-", "\u2212") for at, mean in failure.extremes]
+    reach = " and ".join(ends)
+    share = f"{failure.share:.0%} of the squared error on this axis"
+    return f"the {failure.axis} residual depends on the {name}: {reach} on average, {share}"
+
+
+_FAILURE_WORDS = {"offset": _offset_in_words, "range": _range_in_words, "dependence": _dependence_in_words}
+
+
+def _push_in_words(failure: Failure) -> str:
+    mean = failure.mean_residual
+    if failure.axis == "up":
+        more, share = "more" if mean > 0.0 else "less", abs(mean) / GRAVITY_M_S2
+        return f"the vehicle gets {more} thrust than the model says, by {share:.1%} of its weight"
+    direction = {"north": ("north", "south"), "east": ("east", "west")}[failure.axis][0 if mean > 0.0 else 1]
+    return f"the vehicle is pushed {direction} by {abs(mean):.2f} {UNIT} more than the model says"
+
+
+def _most_in_words(found: Sequence[Stretch]) -> str:
+    """`, mostly in HOVERING.csv between 12 and 31 s`"""
+    if not found:
+        return ""
+    whole = [f"throughout {stretch.flight}" for stretch in found if stretch.whole]
+    part = [f"in {s.flight} between {s.begin_s:.0f} and {s.end_s:.0f} s" for s in found if not s.whole]
+    if len(found) > NAMED_FLIGHTS:
+        most = (whole if found[0].whole else [f"mostly {each}" for each in part])[0]
+        return f", in {len(found)} flights, of which the most {most}"
+    mostly = [f"mostly {' and '.join(part)}"] if part else []
+    return f", {' and '.join([*mostly, *whole] if not found[0].whole else [*whole, *mostly])}"
 
 
 def followed_in_words(found: Sequence[Failure], dataset: Dataset) -> str:

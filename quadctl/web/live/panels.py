@@ -87,9 +87,9 @@ class GuardList:
 
     def show(self, record: Record) -> None:
         for guard in guards(record, self._brief):
-            if guard.name not in self._rows:
-                self._rows[guard.name] = self._row(guard)
-            row, words, bar = self._rows[guard.name]
+            if guard.guard not in self._rows:
+                self._rows[guard.guard] = self._row(guard)
+            row, words, bar = self._rows[guard.guard]
             answer = guard.acted(record)
             share = min(guard.share, 1.0) if math.isfinite(guard.share) else float(guard.share > 0.0)
             kind = "acted" if answer else "near" if share > NEAR else ""
@@ -99,8 +99,8 @@ class GuardList:
             bar.style(replace=f"width:{100.0 * share:.0f}%")
 
     def _row(self, guard: Nearness) -> tuple[Element, ui.label, Element]:
-        with self._place, tag("li", "guard").props(f'data-guard="{guard.name}"') as row:
-            tag("span", "guard-name", guard.name)
+        with self._place, tag("li", "guard").props(f'data-guard="{guard.guard}"') as row:
+            tag("span", "guard-name", guard.guard)
             words = ui.label().classes("guard-value")
             with tag("span", "guard-room"):
                 bar = tag("span", "guard-bar")

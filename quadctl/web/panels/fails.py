@@ -141,7 +141,7 @@ def _draw_sentence(do: Controls, failure: Failure, comparison: Comparison) -> No
             ui.run_javascript(_SCROLL_WHEN_DRAWN)
 
         show = ui.button("Show", icon="my_location", on_click=select)
-        show.props(f'flat dense no-caps size=sm aria-label="Show where in the flight: {failure.text}"')
+        show.props(f'flat dense no-caps size=sm aria-label="Show where in the flight: {failure_in_words(failure)}"')
 
 
 @dataclass(frozen=True)

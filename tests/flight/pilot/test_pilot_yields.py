@@ -144,7 +144,7 @@ def test_disarmed_before_the_news_of_it_the_landing_notes_it_and_nothing_more_is
     flight.show(late_news, in_flight(3.0)).when(in_flight(3.0), disarm).fly()
     assert flight.pilot.ended.startswith("the velocity jumped by 2.7 m/s")
     assert flight.pilot.ended.endswith("; the vehicle was disarmed")
-    assert flight.watch.ticks[-1].events[-1][1:] == ("the vehicle was disarmed", "release")
+    assert flight.watch.ticks[-1].events[-1][1:3] == ("the vehicle was disarmed", "release")
 
 
 def test_a_vehicle_that_is_disarmed_already_is_not_asked_to_land() -> None:

@@ -48,13 +48,13 @@ def test_noise_that_drifts_goes_with_no_variable(raptor: Vehicle) -> None:
     for _ in range(20):
         noise = lfilter([1.0], [1.0, -keep], random.standard_normal((len(data.measured) + 200, 3)), 0)[200:]
         found = failures(noise, noise, data, profiles(noise, noise, data))
-        told_of += any(failure.of_profile for failure in found)
+        told_of += any(failure.kind == "dependence" for failure in found)
     assert told_of <= 3
 
 
 def test_what_follows_disturbances_is_said_to_be_no_sure_cause(raptor: Vehicle, two: Dataset) -> None:
     """In waves the thrust makes the motion; in a hover it answers whatever disturbs."""
-    up = Failure("up", "thrust", 10.0, 12.0, 0.3, 9.0, 100, "the up residual goes with the thrust")
+    up = Failure("up", "thrust", 10.0, 12.0, 0.3, 9.0, 100, "range", 9.0)
     height = replace(up, variable="height_over_radius")
     assert followed_in_words([up, height], two) == ""
     t = np.arange(0.0, 60.0, 0.02)
@@ -70,14 +70,14 @@ def test_what_follows_disturbances_is_said_to_be_no_sure_cause(raptor: Vehicle, 
 
 
 def test_an_axis_with_much_of_the_error_is_told_of_even_where_nothing_goes_with_it() -> None:
-    up = Failure("up", "thrust", 10.0, 12.0, 0.3, 9.0, 100, "the up residual goes with the thrust")
+    up = Failure("up", "thrust", 10.0, 12.0, 0.3, 9.0, 100, "range", 9.0)
     errors = {"north": 0.03, "east": 0.3, "up": 0.4, "total": 0.5}
     said = "Along east (0.300 m/s², 36% of the squared error) no logged variable explains much of the error."
     assert untold_in_words([up], errors) == said
     assert untold_in_words([up, replace(up, axis="east")], errors) == ""
     many = [replace(up, axis="up", n=100 + i) for i in range(6)]  # more than are shown come before it
     assert untold_in_words([*many, replace(up, axis="east", n=50)], errors) == ""
-    assert untold_in_words([up, replace(up, axis="east", mean_residual=0.001)], errors) == said  # next to nothing
+    assert untold_in_words([up, replace(up, axis="east", square_m2_s4=1e-4)], errors) == said  # next to nothing
     assert "north" not in untold_in_words([], errors)
     assert untold_in_words([], dict.fromkeys(errors, 0.0)) == ""
 
@@ -112,12 +112,13 @@ def test_a_sentence_names_the_flight_and_when_most_of_it_was(raptor: Vehicle) ->
     log = obedient(Model(raptor).plus(Exponential(a=0.4, b=5.0)), 25.0, noise_m_s=0.01, name="low.csv")
     found = compare(Model(raptor), load_dataset([log], raptor)).fails_where
     assert found
-    at_a_height = [failure for failure in found if failure.text.startswith("at a rotor height below")]
+    at_a_height = [
+        f for f in found if (f.kind, f.variable, f.at_edge) == ("range", "height_over_radius", (True, False))
+    ]
     assert at_a_height
     for failure in at_a_height:
         (stretch,) = failure.stretches
         assert 4.0 < stretch.begin_s < stretch.end_s < 21.0
-        assert failure.text.endswith(f", mostly in low.csv between {stretch.begin_s:.0f} and {stretch.end_s:.0f} s")
         assert failure.to_dict()["most_in"] == [{"flight": "low.csv", "from_s": stretch.begin_s, "to_s": stretch.end_s}]
 
 
@@ -129,22 +130,21 @@ def test_the_variable_that_the_error_goes_with_comes_first(raptor: Vehicle) -> N
     residual[:, 2] += 0.5 * (rate - rate.mean()) / rate.std() + 0.2
     noise = residual - flexible_residual(residual, data, data.causes)
     found = told(failures(residual, noise, data, profiles(residual, noise, data)), 6)
-    sizes = [failure.size_m2_s4 for failure in found]
+    sizes = [failure.square_m2_s4 for failure in found]
     assert sizes[:2] == sorted(sizes[:2], reverse=True)
-    assert found[0].text.startswith("the up residual goes with the climb rate: \u2212")
-    assert "of the squared error on this axis" in found[0].text
+    assert (found[0].kind, found[0].axis, found[0].variable) == ("dependence", "up", "climb_rate")
+    (_, least), (_, largest) = found[0].extremes
+    assert least < 0.0 < largest
+    assert 0.6 < found[0].share < 0.95
     inside = (rate >= found[0].low) & (rate <= found[0].high)
     assert 0.0 < inside.mean() < 0.6
-    (offset,) = (failure for failure in found if "on average over" in failure.text)
-    assert (
-        offset.text
-        == "on average over the whole flight the vehicle gets more thrust than the model says, by 2.0% of its weight"
-    )
+    (offset,) = (failure for failure in found if failure.kind == "offset")
+    assert offset.mean_residual == pytest.approx(0.2, abs=0.02)
 
 
 def test_the_largest_error_is_told_even_where_others_hold_more_of_the_squared_error() -> None:
     def failure(mean: float, n: int) -> Failure:
-        return Failure("up", "time", 0.0, 1.0, mean, 9.0, n, f"{mean} in {n} samples")
+        return Failure("up", "time", 0.0, 1.0, mean, 9.0, n, "offset", n * mean**2)
 
     wide, short = [failure(0.1 + 0.001 * i, 1000) for i in range(6)], failure(-0.9, 3)
     assert told([*wide, short], 4) == [*reversed(wide[3:]), short]
@@ -153,12 +153,12 @@ def test_the_largest_error_is_told_even_where_others_hold_more_of_the_squared_er
 
 
 def test_ranges_of_a_dependence_are_parts_of_it_but_an_offset_is_not() -> None:
-    offset = Failure("up", "time", 0.0, 9.0, 0.1, 9.0, 100, "on average")
-    late = Failure("up", "time", 5.0, 9.0, 0.5, 9.0, 40, "late", square_m2_s4=8.0)
-    whole = replace(late, text="goes with time", square_m2_s4=20.0, of_profile=True)
+    offset = Failure("up", "time", 0.0, 9.0, 0.1, 9.0, 100, "offset", 1.0)
+    late = Failure("up", "time", 5.0, 9.0, 0.5, 9.0, 40, "range", 8.0)
+    whole = replace(late, square_m2_s4=20.0, kind="dependence")
     assert told([offset, whole, late], 4) == [whole, offset]
     assert told([offset, late], 4) == [late, offset]
-    proxy = replace(late, variable="battery", text="as late", square_m2_s4=30.0)
+    proxy = replace(late, variable="battery", square_m2_s4=30.0)
     assert told([offset, whole, late, proxy], 4) == [whole, offset, proxy]
 
 
