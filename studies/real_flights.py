@@ -13,7 +13,9 @@ from pathlib import Path
 from quadctl.errors import QuadctlError
 from quadctl.lab import discover
 from quadctl.lab.comparison.wording import parameters_in_words
+from quadctl.lab.finding import Kind
 from quadctl.lab.selection.discovery import Discovery
+from quadctl.lab.words import in_words
 
 ROOT = Path(__file__).parents[1]
 DATA = ROOT / "../shared/data"
@@ -127,7 +129,8 @@ def section(flights: Flights, found: Discovery, seconds: float) -> str:
         rows.append((step.effect or "rigid body", f"{step.rmse['total']:.3f}", parameters))
     rows.append(("noise floor of all variables together", f"{found.noise_floor['total']:.3f}", ""))
     table = _table(("model", "held-out error", "parameters in the end [95 %]"), rows)
-    said = [line for line in found.diagnosis.lines() if "->" not in line and not line.startswith("Missing")]
+    shown = (Kind.MISSING, Kind.EFFECT, Kind.ERROR)
+    said = [in_words(f) for f in (*found.diagnosis.answer, *found.diagnosis.notes) if f.kind not in shown]
     logs = ", ".join(f"`{Path(name).name}`" for name in flights.logs)
     about = textwrap.fill(f"{logs}; {seconds:.0f} s of one processor. {flights.about}", 120)
     listed = "\n".join(textwrap.fill(f"- {line}", 120, subsequent_indent="  ") for line in said)

@@ -50,6 +50,9 @@ NestedOption = Annotated[
         "several times slower.",
     ),
 ]
+AllOption = Annotated[
+    bool, typer.Option("--all", help="Also print what was tried without a result, and what was not tried.")
+]
 JobsOption = Annotated[
     int,
     typer.Option("--jobs", metavar="N", min=1, help="Number of processes; more than one is worth it with many logs."),
@@ -108,6 +111,7 @@ def diagnose(
         typer.Option("-o", "--output", metavar="FILE", help="With --sensors: save the sensors' errors, for export."),
     ] = None,
     plot: PlotOption = None,
+    everything: AllOption = False,
 ) -> None:
     """Diagnose which physical effects are missing from a model."""
     logs = logs_among(model, logs, sensors)
@@ -126,6 +130,8 @@ def diagnose(
         with console.status("diagnosing") as status:
             result = run(loaded, data, progress=status.update, nested=nested)
     console.print(result)
+    if everything:
+        console.print(result.details())
     if expression is not None and result.symbolic is not None:
         write_text(expression, as_effect_file(result.symbolic, "unexplained.found"))
         console.print(f"Saved: {expression}", soft_wrap=True, markup=False, highlight=False)
@@ -156,6 +162,7 @@ def suggest(
     """Suggest the mission that would best answer what these logs leave open."""
     from quadctl.lab.planning.suggestion import suggest as run
     from quadctl.lab.selection.diagnosis import diagnose as run_diagnose
+    from quadctl.lab.words import on_terminal
 
     loaded, data = _model_and_data(model, logs, hold_out)
     with console.status("diagnosing") as status:
@@ -163,7 +170,7 @@ def suggest(
         status.update("flying the missions in thought")
         result = run(diagnosis, missions)
     found = replace(diagnosis, suggested_mission=None)  # its guess is from the effects' names alone
-    console.print("\n".join(found.lines()), soft_wrap=True, markup=False, highlight=False)
+    console.print(on_terminal("\n".join(found.lines())), soft_wrap=True, markup=False, highlight=False)
     console.print(result)
     _print_notes(data)
     write_json(json_out, result.to_dict())
@@ -337,6 +344,7 @@ def discover(
     hold_out: HoldOutOption = "blocks",
     nested: NestedOption = False,
     jobs: JobsOption = 1,
+    everything: AllOption = False,
 ) -> None:
     """Compare, diagnose and add in one go, until nothing significant is missing."""
     from joblib import parallel_config
@@ -351,6 +359,8 @@ def discover(
             result = run(loaded, data, progress=status.update, nested=nested)
     save_model(result.model, output)
     console.print(result)
+    if everything:
+        console.print(result.diagnosis.details())
     print_saved(output)
     write_json(json_out, result.to_dict())
     if html is not None:

@@ -392,8 +392,9 @@ class TestSpans:
     ) -> None:
         """A hover does not determine a drag with the square of the speed: the result says so."""
         assert "body_drag" not in {candidate.family for candidate in of_one_staircase.ranking}
-        reasons = of_one_staircase.untried
-        assert any("body_drag.quadratic" in reason and "speed must span 1 m/s" in reason for reason in reasons)
+        (reason,) = (r for r in of_one_staircase.untried if r.facts["effect"] == "body_drag.quadratic")
+        assert (reason.facts["variable"], reason.facts["needed"]) == ("speed", 1.0)
+        assert reason.facts["span"] < 1.0
 
 
 class TestNuisances:

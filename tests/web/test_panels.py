@@ -978,11 +978,11 @@ class TestOpenTab:
     ) -> None:
         view = views["at first"]
         shown = str(tabs("missing", view).shown)
-        assert "Adding it reduces the held-out acceleration error by" in shown
+        assert "Held-out acceleration error: " in shown
         assert "% held-out acceleration error" in shown
         assert "% since rigid body" in shown
         held = str(tabs("missing", views["a flight held out"]).shown)
-        assert "reduces the held-out acceleration error of the flights for fitting by" in held
+        assert "The flights are those for fitting." in held
 
     def test_the_factor_far_from_the_ground_is_no_part_of_the_curve(self, views: dict[str, View]) -> None:
         view = views["at first"]
@@ -1109,7 +1109,7 @@ class TestOpenTab:
         shown = str(tabs("missing", replace(view, results=results)).shown)
         assert "No effect of the catalogue reduces the held-out error " in shown
         assert "p below 0.01" in shown  # what is enough
-        assert "There, but too small to matter in these flights: ground effect." in shown
+        assert "Measured, but small in these flights: ground_effect." in shown
         assert "Why not: it is there, but small: " in shown
 
     def test_the_verdict_has_a_tick_only_where_the_error_is_near_the_noise_floor(

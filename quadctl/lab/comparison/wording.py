@@ -279,7 +279,7 @@ def remainder_in_words(found: Remainder, where: str = "") -> str:
 
 
 def failure_in_words(failure: Failure) -> str:
-    """Failure without a full stop: `At a height below 0.3 m the vehicle gets more thrust than the model says, by 12%`."""
+    """Failure without a full stop: `At a height below 2 rotor radii the vehicle gets more thrust than ...`."""
     return sentence(_FAILURE_WORDS[failure.kind](failure))
 
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from quadctl.effects.motor_lag import lagged
 from quadctl.lab.arrays import Floats
+from quadctl.lab.finding import Finding, Kind
 from quadctl.lab.flights.flight import Estimate, Flight, Timing
 from quadctl.lab.flights.prediction import predict
 from quadctl.lab.random_effects import variance_between
@@ -90,15 +91,13 @@ def comes_too_early(timing: Timing) -> bool:
     return timing.rotor.value + 1.64 * timing.rotor.std < timing.earliest_s
 
 
-def timing_in_words(timing: Timing) -> list[str]:
-    """Sentence on a position that is later than positions usually are; none otherwise."""
+def of_timing(timing: Timing) -> list[Finding]:
+    """Finding on a position that is later than positions usually are; none otherwise."""
     if timing.rotor.value > -MOST_EARLY_S or timing.earliest_s > timing.rotor.value:
         return []
-    least, most = sorted(-1000.0 * end for end in timing.rotor.ci95)
-    return [
-        f"The position comes {-1000.0 * timing.rotor.value:.0f} ms [{least:.0f}, {most:.0f}] after the rotors' signal, "
-        "and no lag of the motors explains it: what brings or filters the position is slow. It has been taken out."
-    ]
+    low, high = sorted(-1000.0 * end for end in timing.rotor.ci95)
+    late = {"delay_ms": -1000.0 * timing.rotor.value, "low_ms": low, "high_ms": high}
+    return [Finding(Kind.LATE_POSITION, late)]
 
 
 def _is_position_late(flights: Sequence[Flight], delays_s: Sequence[float], lag: Model) -> bool:

@@ -11,11 +11,11 @@ from quadctl.lab.comparison.wording import (
     number,
     p_in_words,
     parameters_in_text,
-    percent,
     plain,
-    quantity,
     roughly,
+    sentence,
 )
+from quadctl.lab.finding import Finding, Kind
 from quadctl.lab.flights.flight import VARIABLE_NAMES
 from quadctl.lab.report.numbers import floor_total
 from quadctl.lab.report.parts import Cell, Section, Table, figure
@@ -23,7 +23,8 @@ from quadctl.lab.report.results import Results
 from quadctl.lab.selection.candidate import Candidate
 from quadctl.lab.selection.diagnosis import Diagnosis
 from quadctl.lab.selection.rule import LEAST_M_S2, MATERIAL, MATERIAL_M_S2, SIGNIFICANT, is_supported
-from quadctl.lab.selection.unseen import unseen_in_words
+from quadctl.lab.selection.unseen import of_unseen
+from quadctl.lab.words import in_words
 
 SHOWN_CANDIDATES = 8
 _OTHER_UNITS = {"turning": " N m"}
@@ -68,28 +69,11 @@ def _diagnosis_text(d: Diagnosis, floor: float) -> list[str]:
         f"{tried} of the catalogue were fitted on top of {d.model.name}, each judged on {held_out(d.dataset)}. "
         "p-values account for autocorrelation and for the number of candidates tried."
     ]
+    said = [f for f in d.answer if f.kind not in (Kind.EFFECT, Kind.CONFOUNDED, Kind.NEXT_FLIGHT)]
     if d.verdict == "missing":
-        first, last = d.steps[0].rmse["total"], d.steps[-1].rmse["total"]
-        them = "it" if len(d.steps) == 2 else "them"
-        families = listed([f"{plain(step.family)} ({step.effect})" for step in d.steps[1:]])
-        text.append(
-            f"Missing, in the order of adding: {families}. With {them} added, the held-out error goes "
-            f"from {quantity(first)} to {quantity(last)}, {percent(1.0 - last / first)} less; the noise floor is "
-            f"{roughly(floor)}."
-        )
-        if d.unexplained:
-            text.append(
-                "Part of the remaining error depends on the logged variables, but these effects do not explain it."
-            )
-        text += unseen_in_words(d.unseen, any_missing=True, option="quadctl diagnose --nested")
-    elif d.verdict == "none":
-        text.append("No effect lowers the held-out error enough to matter.")
-    else:
-        text.append(
-            "No effect lowers the held-out error significantly, but a part of the error depends on the logged "
-            "variables: something is missing that the catalogue does not contain."
-        )
-    return text
+        said += of_unseen(d.unseen, any_missing=True)
+        text.append(f"The noise floor is {roughly(floor)}.")
+    return [*map(in_words, said), *text]
 
 
 def _verdict_table(d: Diagnosis) -> Table:
@@ -153,11 +137,9 @@ def _look_alikes(d: Diagnosis) -> list[str]:
         known = [by_family[family] for family in pair if family in by_family]
         how = "; ".join(f"{plain(effect.family())} is distinguished by {effect.distinguished_by}" for effect in known)
         text.append(
-            f"Look-alikes: these data do not distinguish {' from '.join(plain(family) for family in pair)}"
-            + (f" ({how})." if how else ".")
+            in_words(Finding(Kind.CONFOUNDED, {"family": pair[0], "others": pair[1:]}))
+            + (f" {sentence(how)}." if how else "")
         )
     if not d.confounded and d.verdict == "missing":
-        text.append("Look-alikes: none; no other effect explains these data as well.")
-    if d.suggested_mission:
-        text.append(f"To learn more, fly {d.suggested_mission}.")
-    return text
+        text.append("No other effect explains these data as well.")
+    return [*text, *(in_words(f) for f in d.answer if f.kind is Kind.NEXT_FLIGHT)]

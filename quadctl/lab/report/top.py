@@ -27,6 +27,7 @@ from quadctl.lab.report.numbers import (
 from quadctl.lab.report.parts import Headline, Tile
 from quadctl.lab.report.results import Results
 from quadctl.lab.tracking.step_response import first_and_last
+from quadctl.lab.words import in_words
 
 
 def headline(r: Results) -> Headline:
@@ -78,11 +79,7 @@ def _added(r: Results) -> list[str]:
 def _verdict(r: Results) -> list[str]:
     name = r.comparison.model.name
     if r.diagnosis is not None:
-        if r.diagnosis.verdict == "none":
-            return [f"No known effect is missing from {name}: none lowers the held-out error enough to matter."]
-        if r.diagnosis.verdict == "unexplained":
-            return [f"Something is missing from {name}, and no effect of the catalogue explains it."]
-        return [f"Missing from {name}: {listed([plain(f) for f in r.diagnosis.missing])}."]
+        return [in_words(r.diagnosis.answer[0])]
     if r.addition is not None:
         added = r.addition.added.name
         if r.addition.conclusion:

@@ -1,6 +1,6 @@
 """Diagnosis: every effect of the catalogue is tried on top of the model, and judged on held-out data."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
@@ -12,21 +12,23 @@ from rich.text import Text
 
 from quadctl import __version__
 from quadctl.effects import Effect
-from quadctl.lab.comparison.wording import listed, parameter_lines, parameters_in_words
+from quadctl.lab.comparison.wording import parameter_lines
+from quadctl.lab.finding import Finding, Kind, parameters_of
 from quadctl.lab.fitting.fitted_model import FittedModel, fit_model
 from quadctl.lab.fitting.fitter import BOOTSTRAP_SEED
 from quadctl.lab.flights.dataset import Dataset
-from quadctl.lab.flights.flight import SPAN_NAMES, SPAN_UNITS, UNKNOWN_TIMING, Timing
-from quadctl.lab.flights.timing import timing_in_words
+from quadctl.lab.flights.flight import SPAN_UNITS, UNKNOWN_TIMING, Timing
+from quadctl.lab.flights.timing import of_timing
 from quadctl.lab.results import Result
 from quadctl.lab.selection.candidate import Candidate
 from quadctl.lab.selection.choice import choose_effects
 from quadctl.lab.selection.rule import SIGNIFICANT, alternatives, is_measured, is_supported, is_trim
 from quadctl.lab.selection.search import Path, SelectionStep, judged_beside
-from quadctl.lab.selection.unseen import UnseenError, held_out_errors, nested_errors, unseen_in_words
+from quadctl.lab.selection.unseen import UnseenError, held_out_errors, nested_errors, of_unseen
 from quadctl.lab.selection.wording import candidate_to_dict, error_in_table, measured_to_dict, p_in_table
 from quadctl.lab.symbolic.formula import Symbolic
 from quadctl.lab.threads import one_blas_thread
+from quadctl.lab.words import in_words, on_terminal
 from quadctl.model import Model
 
 UNITS = {"total": "", "turning": " N m", "sensing": " (IMU)"}
@@ -64,7 +66,7 @@ class Diagnosis(Result):
     """Model with all missing effects, fitted to all data."""
     confounded: list[list[str]] = field(default_factory=list)
     suggested_mission: str | None = None
-    untried: list[str] = field(default_factory=list)
+    untried: list[Finding] = field(default_factory=list)
     """Effects that were not tried because these data do not distinguish them from their look-alikes, with the
     reason."""
     unexplained: bool = False
@@ -89,7 +91,8 @@ class Diagnosis(Result):
             "symbolic": self.symbolic.to_dict() if self.symbolic else None,
             "ladder": [{"family": s.family, "effect": s.effect, "rmse": s.rmse} for s in self.steps],
             "unexplained": self.unexplained,
-            "untried": self.untried,
+            "untried": [on_terminal(in_words(reason)) for reason in self.untried],
+            "findings": [finding.to_dict() for finding in (*self.answer, *self.notes, *self.untried)],
             "unseen": [error.to_dict() for error in self.unseen],
             "samples": {"searched": self.searched, "all": len(self.dataset.targets) if self.dataset.flights else 0},
             "measured": [measured_to_dict(candidate) for candidate in self.measured],
@@ -130,64 +133,89 @@ class Diagnosis(Result):
         """Timing of the channels of these flights; unknown where the diagnosis was read from a session."""
         return self.dataset.flights[0].timing if self.dataset.flights else UNKNOWN_TIMING
 
-    def __rich__(self) -> RenderableType:
-        title = f"Candidate effects (* missing, in the order of adding; significant: p < {SIGNIFICANT:g})"
-        table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAVY, show_edge=False, padding=0)
-        table.add_column("effect, and its parameters [95 %]")
-        table.add_column("held-out error", justify="right", no_wrap=True)
-        table.add_column("change", justify="right", no_wrap=True)
-        table.add_column("p", justify="right", no_wrap=True)
+    @property
+    def answer(self) -> list[Finding]:
+        """Verdict; what is missing, with the error before and after; what these data leave open; the next flight."""
+        kinds = {"missing": Kind.MISSING, "none": Kind.NONE, "unexplained": Kind.UNEXPLAINED}
+        found = [Finding(kinds[self.verdict], {"families": self.missing} if self.missing else {})]
+        for step in self.steps[1:]:
+            c = next(c for c in self.ranking if c.effect.name == step.effect)
+            found.append(Finding(Kind.EFFECT, {"effect": step.effect, "parameters": parameters_of(c.effect, c.ci95)}))
+        if len(self.steps) > 1:
+            before, after = self.steps[0].rmse["total"], self.steps[-1].rmse["total"]
+            found.append(Finding(Kind.ERROR, {"before": before, "after": after, "drop": 1.0 - after / before}))
+        if self.verdict == "missing" and self.unexplained:
+            found.append(Finding(Kind.PART_UNEXPLAINED))
+        confounded: dict[str, list[str]] = {}
+        for family, other in self.confounded:
+            confounded.setdefault(family, []).append(other)
+        found += [Finding(Kind.CONFOUNDED, {"family": f, "others": others}) for f, others in confounded.items()]
+        if self.suggested_mission:
+            found.append(Finding(Kind.NEXT_FLIGHT, {"mission": self.suggested_mission}))
+        return found
+
+    @property
+    def notes(self) -> list[Finding]:
+        """What the errors stand on, and what is there but small."""
+        found = of_unseen(self.unseen, any_missing=bool(self.missing))
+        if self.dataset.flights and 0 < self.searched < len(self.dataset.targets):
+            found.append(Finding(Kind.PART_SEARCHED, {"searched": self.searched, "all": len(self.dataset.targets)}))
+        for simplest, *alike in alternatives(self.measured, self.searched_part):
+            small = {"effect": simplest.effect.name, "parameters": parameters_of(simplest.effect, simplest.ci95)}
+            found.append(Finding(Kind.SMALL, {**small, "alternatives": [c.effect.name for c in alike]}))
         for c in self.ranking:
-            missing = c.family in self.missing
-            name = Text(f"{'* ' if missing else ''}{c.effect.name}", style="bold" if missing else "")
-            parameters = "\n".join(parameter_lines(c.effect, c.ci95))
-            table.add_row(
-                Group(name, *([Padding(Text(parameters), (0, 1, 0, 2))] if c.ci95 else [])),
-                f"{error_in_table(c.before[c.measure])} -> {error_in_table(c.after[c.measure])}" + UNITS[c.measure],
-                f"{-c.held_out_drop:+.1%}",
-                p_in_table(c.p_value),
-            )
-        return Group(table, Text("\n".join(self.lines())), *([self.symbolic] if self.symbolic else []))
+            if is_trim(c) and c.family not in self.missing and c not in self.measured:
+                usual = {"effect": c.effect.name, "parameters": parameters_of(c.effect, c.ci95), "p": c.p_value}
+                found.append(Finding(Kind.USUAL, usual))
+        return found + of_timing(self.timing)
 
     def lines(self) -> list[str]:
-        """Sentences that state the verdict."""
-        lines = []
-        if self.verdict == "none":
-            lines.append("No known effect is missing: none lowers the held-out error enough to matter.")
-        elif self.verdict == "unexplained":
-            lines.append(
-                "Part of the error depends on the logged variables, but no effect of the catalogue explains it."
-            )
-        else:
-            lines.append("Missing, in the order of adding (held-out acceleration error, m/s^2):")
-            before = self.steps[0].rmse["total"]
-            for step in self.steps[1:]:
-                total = step.rmse["total"]
-                lines.append(f"  {step.effect}: {before:.4f} -> {total:.4f}")
-                before = total
-            if self.unexplained:
-                lines.append(
-                    "Part of the remaining error depends on the logged variables, but these effects do not explain it."
-                )
-        lines += unseen_in_words(self.unseen, any_missing=bool(self.missing))
-        if self.dataset.flights and 0 < self.searched < len(self.dataset.targets):
-            lines.append(
-                f"The search has seen {self.searched} of {len(self.dataset.targets)} samples, in stretches spread over "
-                "the flights, and so have its errors; the parameters of what is missing are fitted to all samples."
-            )
-        lines += [_small_in_words(*one_of) for one_of in alternatives(self.measured, self.searched_part)]
-        lines += [
-            f"There (p {p_in_table(c.p_value)}), but no larger than the trim errors of any real vehicle: "
-            f"{c.effect.name}, {parameters_in_words(c.effect, c.ci95)}."
-            for c in self.ranking
-            if is_trim(c) and c.family not in self.missing and c not in self.measured
-        ]
-        lines += [f"These data do not distinguish {' and '.join(pair)}." for pair in self.confounded]
-        lines += timing_in_words(self.timing)
-        lines += [f"Not tried: {reason}." for reason in self.untried]
-        if self.suggested_mission:
-            lines.append(f"To learn more, fly {self.suggested_mission}; `quadctl suggest` compares all missions.")
-        return lines
+        """Answer and notes in words."""
+        return [in_words(finding) for finding in (*self.answer, *self.notes)]
+
+    def __rich__(self) -> RenderableType:
+        supported = [c for c in self.ranking if c.family in self.missing or is_supported(c)]
+        missing = {step.effect for step in self.steps}
+        tables = [_table("Effects that these data support (* missing)", supported, missing)] if supported else []
+        rest = len(self.ranking) - len(supported)
+        more = f"Not supported are {rest} further effects, and {len(self.untried)} were not tried: --all tells why."
+        return Group(
+            Text(on_terminal(_told(self.answer))),
+            *([self.symbolic] if self.symbolic else []),
+            *tables,
+            Text(on_terminal("\n".join([*map(in_words, self.notes), more]))),
+        )
+
+    def details(self) -> RenderableType:
+        """Every candidate, with parameters and intervals, and the reasons why others were not tried."""
+        title = f"All candidates (* missing, in the order of adding; significant: p < {SIGNIFICANT:g})"
+        missing = {step.effect for step in self.steps}
+        untried = [f"Not tried: {in_words(reason)}." for reason in self.untried]
+        return Group(_table(title, self.ranking, missing), Text(on_terminal("\n".join(untried))))
+
+
+def _told(answer: Sequence[Finding]) -> str:
+    """The answer, an effect indented below the verdict."""
+    return "\n".join(f"  {in_words(f)}" if f.kind is Kind.EFFECT else in_words(f) for f in answer)
+
+
+def _table(title: str, candidates: Iterable[Candidate], missing: Container[str]) -> Table:
+    """Table of candidates with parameters and intervals, for 80 columns; the effects `missing` are marked."""
+    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAVY, show_edge=False, padding=0)
+    table.add_column("effect, and its parameters [95 %]")
+    for heading in ("held-out error", "change", "p"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    for c in candidates:
+        is_missing = c.effect.name in missing
+        name = Text(f"{'* ' if is_missing else ''}{c.effect.name}", style="bold" if is_missing else "")
+        parameters = "\n".join(parameter_lines(c.effect, c.ci95))
+        table.add_row(
+            Group(name, *([Padding(Text(parameters), (0, 1, 0, 2))] if c.ci95 else [])),
+            f"{error_in_table(c.before[c.measure])} -> {error_in_table(c.after[c.measure])}" + UNITS[c.measure],
+            f"{-c.held_out_drop:+.1%}",
+            p_in_table(c.p_value),
+        )
+    return table
 
 
 def diagnose(
@@ -293,25 +321,16 @@ def _suggestion(
     return missions[0] if missions else None
 
 
-def _reasons(unfit: list[type[Effect]], dataset: Dataset) -> list[str]:
+def _reasons(unfit: list[type[Effect]], dataset: Dataset) -> list[Finding]:
     """Reasons why effects were not tried."""
-    return [
-        f"{effect.name} (to distinguish it from others, {SPAN_NAMES.get(variable, variable)} must span {span:g} "
-        f"{SPAN_UNITS[variable]}; {_span_in_words(variable, dataset)})"
-        for effect in unfit
-        for variable, span in effect.needs.items()
-        if dataset.span(variable) < span
-    ]
-
-
-def _span_in_words(variable: str, dataset: Dataset) -> str:
-    if variable == "thrust_share" and not dataset.is_flown("thrust"):
-        return "in these data the thrust follows disturbances more than the motion"
-    return f"in these data it spans {dataset.span(variable):.2g}"
-
-
-def _small_in_words(simplest: Candidate, *alike: Candidate) -> str:
-    """Sentence on an effect that is measured but small, and on those that may stand for it."""
-    others = f"; or, explaining as much, {listed([c.effect.name for c in alike])}" if alike else ""
-    words = parameters_in_words(simplest.effect, simplest.ci95)
-    return f"Measured, but small in these flights: {simplest.effect.name}, {words}{others}."
+    found = []
+    for effect in unfit:
+        for variable, span in effect.needs.items():
+            flown = dataset.span(variable)
+            if flown < span:
+                needs = {"effect": effect.name, "variable": variable, "needed": span, "unit": SPAN_UNITS[variable]}
+                follows = variable == "thrust_share" and not dataset.is_flown("thrust")
+                found.append(
+                    Finding(Kind.UNTRIED_FOLLOWS, needs) if follows else Finding(Kind.UNTRIED, {**needs, "span": flown})
+                )
+    return found

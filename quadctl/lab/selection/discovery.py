@@ -13,6 +13,7 @@ from rich.text import Text
 from quadctl.effects import Effect
 from quadctl.lab.comparison.comparison import Comparison, compare
 from quadctl.lab.comparison.wording import parameter_lines
+from quadctl.lab.finding import Kind
 from quadctl.lab.fitting.fitted_model import fit_model
 from quadctl.lab.fitting.flexible_regression import flexible_residual, noise_floor
 from quadctl.lab.flights.dataset import Dataset
@@ -21,6 +22,7 @@ from quadctl.lab.results import Result, errors_table
 from quadctl.lab.selection.addition import Addition, add_to_fit
 from quadctl.lab.selection.diagnosis import Diagnosis, diagnose_fit
 from quadctl.lab.selection.wording import p_in_table
+from quadctl.lab.words import in_words, on_terminal
 from quadctl.model import Model
 
 
@@ -75,7 +77,11 @@ class Discovery(Result):
         floor = ("noise floor", self.noise_floor)
         table = errors_table("Held-out acceleration error after each selection step", [*ladder, floor])
         effects = [self._effects_table()] if self.model.stack else []
-        return Group(table, *effects, Text("\n".join(self.diagnosis.lines())))
+        answer, notes = (
+            Text(on_terminal("\n".join(map(in_words, found))))
+            for found in ([f for f in self.diagnosis.answer if f.kind is not Kind.EFFECT], self.diagnosis.notes)
+        )
+        return Group(answer, *effects, table, notes)
 
     def _effects_table(self) -> Table:
         """Parameters with which the model is saved; on a terminal of 80 columns one parameter a line."""

@@ -15,6 +15,7 @@ import numpy as np
 
 from quadctl.effects import Effect
 from quadctl.lab.arrays import Floats, Mask
+from quadctl.lab.finding import Finding, Kind
 from quadctl.lab.fitting.fitted_model import FittedModel, fit_model
 from quadctl.lab.fitting.fitter import Fitter
 from quadctl.lab.fitting.nuisances import KINDS, predicted_with
@@ -79,30 +80,24 @@ def nested_errors(
     return [_nested(model, replace(dataset, hold_out=h), kinds, progress) for h in _hold_outs(dataset)]
 
 
-def unseen_in_words(errors: Sequence[UnseenError], any_missing: bool, option: str = "--nested") -> list[str]:
-    """Sentences on the errors; about a choice that has seen all data only where it found something.
-
-    `option` is the one of `quadctl diagnose` that repeats the choice, as the reader has to write it.
-    """
+def of_unseen(errors: Sequence[UnseenError], any_missing: bool) -> list[Finding]:
+    """Findings on the errors; about a choice that has seen all data only where it found something."""
     repeated = [error for error in errors if error.searches]
-    lines = [
-        f"On data that neither the fit nor the choice of effects has seen: {_change(error)} "
-        f"({error.searches} searches; {_found(error)})."
+    found = [
+        Finding(
+            Kind.UNSEEN_BY_CHOICE,
+            {**_change(error), "data": DATA[error.hold_out], "searches": error.searches, "found": error.found},
+        )
         for error in repeated
     ]
     if any_missing and not repeated:
-        if len(errors) > 1:
-            lines.append(f"With all of them: {', '.join(_change(error) for error in errors)}.")
-        lines.append(f"No fit has seen the data of these errors, but the choice of effects has: {option} repeats it.")
-    return lines
+        found += [Finding(Kind.WHOLE_FLIGHTS, _change(error)) for error in errors if error.hold_out == "flights"]
+        found.append(Finding(Kind.SEEN_BY_CHOICE))
+    return found
 
 
-def _change(error: UnseenError) -> str:
-    return f"{error.before['total']:.4f} -> {error.after['total']:.4f} on {DATA[error.hold_out]}"
-
-
-def _found(error: UnseenError) -> str:
-    return ", ".join(f"{family} in {times}" for family, times in error.found.items()) or "nothing in any"
+def _change(error: UnseenError) -> dict[str, float]:
+    return {"before": error.before["total"], "after": error.after["total"]}
 
 
 def _hold_outs(dataset: Dataset) -> list[HoldOut]:

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from quadctl.lab.finding import Finding, Kind
 from quadctl.lab.selection.candidate import Candidate
 from quadctl.lab.selection.effect_curves import EffectCurve
 from quadctl.lab.selection.rule import (
@@ -53,49 +54,38 @@ def candidate_in_words(c: Candidate) -> str:
     return " ".join([c.effect.physics, verdict, *(f"Note: {remark}." for remark in c.remarks)])
 
 
-def reason_against(c: Candidate, chosen: Candidate | None) -> str:
-    """Reason why the decision rule has not called `c` missing beside, or instead of, `chosen`: a part of a sentence.
+def reason_against(c: Candidate, chosen: Candidate | None) -> Finding:
+    """Reason why the decision rule has not called `c` missing beside, or instead of, `chosen`: the first predicate of
+    the rule that fails, with the number that was found and the one that was expected.
 
     `chosen` is None where nothing was called missing.
-
-    The first predicate of the rule that fails is said, with the number that was found and the one that was expected.
     """
     if c.held_out_drop <= 0.0 or (c.held_out_drop < NO_GAIN and not is_significant(c.p_value)):
-        return "it does not lower the held-out error"
+        return Finding(Kind.NO_DROP)
     if not is_significant(c.p_value):
-        return f"its gain is not significant: p {p_in_table(c.p_value)}, expected below {SIGNIFICANT:g}"
+        return Finding(Kind.NOT_SIGNIFICANT, {"p": c.p_value, "limit": SIGNIFICANT})
     if not c.determined:
-        if c.effect.essential:
-            return f"these data do not show that {' or '.join(c.effect.essential)} differs from 0"
-        return "these data determine none of its parameters"
-    if c.at_bound:
-        return "a parameter ran into a bound of what is physically possible"
-    if not c.believable:
-        return "its fit is not physically plausible"
-    if is_harmful(c):
-        return "it makes a moment worse, as a stand-in for another effect does"
-    if not shows_in_moments(c):
-        return "not every moment in which its physics shows has a smaller error"
-    if is_usual(c):
-        return "it is no larger than the trim errors of any real vehicle"
-    if c.implied:
-        return "the other effects of the model imply it"
+        essential = list(c.effect.essential)
+        return Finding(Kind.ZERO, {"parameters": essential}) if essential else Finding(Kind.UNDETERMINED)
+    for fails, kind in (
+        (c.at_bound, Kind.AT_BOUND),
+        (not c.believable, Kind.IMPLAUSIBLE),
+        (is_harmful(c), Kind.HARMFUL),
+        (not shows_in_moments(c), Kind.NOT_IN_MOMENTS),
+        (is_usual(c), Kind.AS_USUAL),
+        (c.implied, Kind.IMPLIED),
+    ):
+        if fails:
+            return Finding(kind)
     if is_there(c) and not is_plausible(c):
-        return (
-            f"it is there, but small: {c.largest_drop:.1%} of an axis' error and {c.explained_m_s2:.2g} m/s^2, "
-            f"expected more than {MATERIAL:.0%} and {LEAST_M_S2:g} m/s^2, or {MATERIAL_M_S2:g} m/s^2"
-        )
+        found = {"share": c.largest_drop, "explained": c.explained_m_s2}
+        return Finding(Kind.TOO_SMALL, {**found, "least_share": MATERIAL, "least": LEAST_M_S2, "enough": MATERIAL_M_S2})
     if not c.distinct:
-        return f"these data do not distinguish it from its look-alikes; what would: {c.effect.distinguished_by}"
+        return Finding(Kind.NOT_DISTINCT, {"distinguished_by": c.effect.distinguished_by})
     if chosen is None:
-        return "what explains more is too small to be called missing"
-    if c.family == chosen.family:
-        return f"another form of the same effect, no better than {chosen.effect.name} ({_drops(c, chosen)})"
-    return f"it is not needed beside {chosen.effect.name}, which was found first or explains more ({_drops(c, chosen)})"
-
-
-def _drops(c: Candidate, chosen: Candidate) -> str:
-    return f"it explains {c.held_out_drop:.0%} of the error, that one {chosen.held_out_drop:.0%}"
+        return Finding(Kind.SMALLER_THAN_SMALL)
+    beside = {"chosen": chosen.effect.name, "drop": c.held_out_drop, "chosen_drop": chosen.held_out_drop}
+    return Finding(Kind.OTHER_FORM if c.family == chosen.family else Kind.NOT_NEEDED, beside)
 
 
 def p_in_table(p_value: float) -> str:

@@ -14,6 +14,7 @@ from quadctl.lab.selection.candidate import LEAST_ERROR, Candidate
 from quadctl.lab.selection.diagnosis import Diagnosis
 from quadctl.lab.selection.evidence import Evidence as Found
 from quadctl.lab.selection.wording import error_in_table, p_in_table, reason_against, unit_of
+from quadctl.lab.words import in_words
 from quadctl.web.elements.html import heading, loading, plot, tag
 from quadctl.web.elements.theme import Theme
 from quadctl.web.figures.evidence import evidence_figure
@@ -164,9 +165,7 @@ def _draw_reasons(losers: list[Candidate], winners: list[Candidate]) -> None:
                 tag("td", "", _beside(candidate))
                 tag("td", "", f"{change_in_words(candidate.held_out_drop)} {ERRORS[candidate.measure]}")
                 tag("td", "", p_in_table(candidate.p_value))
-                tag(
-                    "td", "", sentence(reason_against(candidate, rival_of(candidate, winners))).replace("m/s^2", "m/s²")
-                )
+                tag("td", "", sentence(in_words(reason_against(candidate, rival_of(candidate, winners)))))
 
 
 def _beside(candidate: Candidate) -> str:

@@ -14,7 +14,6 @@ from quadctl.lab.comparison.reservations import OF_THE_THRUST, on_condition
 from quadctl.lab.comparison.wording import (
     ERRORS,
     change_in_words,
-    flights_in_words,
     listed,
     looks_like,
     p_in_words,
@@ -25,6 +24,7 @@ from quadctl.lab.comparison.wording import (
     remainder_in_words,
     sentence,
 )
+from quadctl.lab.finding import Finding, Kind
 from quadctl.lab.flights.dataset import Dataset, HoldOut
 from quadctl.lab.flights.flight import VARIABLE_NAMES, Flight
 from quadctl.lab.flights.prediction import AXES, rmse
@@ -34,6 +34,7 @@ from quadctl.lab.selection.diagnosis import Diagnosis
 from quadctl.lab.selection.rule import is_supported
 from quadctl.lab.selection.unseen import UnseenError
 from quadctl.lab.selection.wording import reason_against
+from quadctl.lab.words import in_words
 from quadctl.logs.flight_log import FlightLog
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
@@ -217,7 +218,7 @@ class Verdict(Panel):
 
     def _in_words(self, diagnosis: Diagnosis) -> "_Said":
         if diagnosis.verdict == "missing":
-            return _Said("lightbulb", *self._missing(diagnosis))
+            return _Said("lightbulb", in_words(diagnosis.answer[0]), self._missing(diagnosis))
         left = self._remainder()
         stands = self.evaluation is not None and self.evaluation.kind == "as it stands"
         more = [] if left is None else [remainder_in_words(left, self._on_held_out())]
@@ -226,45 +227,43 @@ class Verdict(Panel):
         small = left is not None and left.is_near_the_floor
         if diagnosis.verdict == "unexplained":
             more.append("The residual depends on the logged variables, but no effect of the catalogue describes how.")
-            if small:
-                return _Said("help", "A little is left that no known effect explains.", more)
-            return _Said("help", "Something is missing that no known effect explains.", more)
+            return _Said("help", in_words(Finding(Kind.LITTLE_UNEXPLAINED) if small else diagnosis.answer[0]), more)
         more.insert(0, "No effect of the catalogue reduces the held-out error enough to matter.")
-        measured = [plain(candidate.family) for candidate in diagnosis.measured]
-        if measured:
-            more.append(f"There, but too small to matter in these flights: {listed(measured)}.")
+        more += [in_words(note) for note in diagnosis.notes if note.kind is Kind.SMALL]
+        found = self._none(diagnosis, stands, small)
+        return _Said("check_circle" if found.kind is Kind.NOTHING_SIGNIFICANT else OPEN, in_words(found), more)
+
+    def _none(self, diagnosis: Diagnosis, stands: bool, small: bool) -> Finding:
+        """Finding that nothing is missing, with what limits it: the flights of the fit, or the error that remains."""
         used, new = ([], []) if self.rung is None else flights_of_the_fit(self.rung.model, diagnosis.dataset.names)
         known = sorted({log.name for log in self.unseen} & set(used))
         if known:
-            than = f"the model is fitted to {listed(known)}, which is held out"
-            return _Said(OPEN, f"No further effect is missing, but {than}.", more)
-        if stands or (used and new):
-            than = f"the model is fitted to {listed(used)} only" if used else "the model is not fitted to these flights"
-            return _Said(OPEN, f"No further effect is missing, but {than}.", more)
+            return Finding(Kind.NONE_BUT_FITTED_TO_HELD_OUT, {"flights": known})
+        if used and (stands or new):
+            return Finding(Kind.NONE_BUT_FITTED_TO_OTHERS, {"flights": used})
+        if stands:
+            return Finding(Kind.NONE_BUT_NOT_FITTED)
         if small:
-            return _Said("check_circle", "Nothing significant is missing.", more)
-        if left is not None and self.evaluation is not None and self.evaluation.unseen is not None:
-            flights = flights_in_words(diagnosis.dataset.names)
-            return _Said(OPEN, f"No known effect is missing in {flights}; the held-out error is larger.", more)
-        return _Said(OPEN, "No known effect is missing, but not all of the error is noise.", more)
+            return Finding(Kind.NOTHING_SIGNIFICANT)
+        if self._remainder() is not None and self.evaluation is not None and self.evaluation.unseen is not None:
+            return Finding(Kind.NONE_BUT_LARGER_HELD_OUT, {"flights": list(diagnosis.dataset.names)})
+        return Finding(Kind.NONE_BUT_MORE_THAN_NOISE)
 
     def _with_reservation(self, said: "_Said") -> "_Said":
         """The verdict on the condition that the vehicle is the one that flew, where nobody has said so, or where its
         thrust would carry another weight."""
         return said._replace(verdict=on_condition(said.verdict, self.condition))
 
-    def _missing(self, diagnosis: Diagnosis) -> tuple[str, list[str]]:
-        first, last = diagnosis.steps[0].rmse["total"], diagnosis.steps[-1].rmse["total"]
-        them = "it" if len(diagnosis.missing) == 1 else "them"
-        on = " of the flights for fitting" if self.unseen else ""
-        more = [f"Adding {them} reduces the held-out acceleration error{on} by {percent(1.0 - last / first)}."]
+    def _missing(self, diagnosis: Diagnosis) -> list[str]:
+        """Sentences below the verdict on what is missing."""
+        more = [in_words(found) for found in diagnosis.answer if found.kind is Kind.ERROR]
+        if self.unseen:
+            more = [f"{said} The flights are those for fitting." for said in more]
         for candidate in chosen_of(diagnosis):
             if candidate.measure != "total":
                 falls = f"{change_in_words(candidate.held_out_drop)} held-out {ERRORS[candidate.measure]}"
                 more.append(f"What shows {plain(candidate.family)} is another error: {falls}.")
-        if diagnosis.unexplained:
-            more.append("The residual after that still depends on the logged variables; no known effect explains it.")
-        return f"Missing: {listed([plain(family) for family in diagnosis.missing])}.", more
+        return more + [in_words(found) for found in diagnosis.answer if found.kind is Kind.PART_UNEXPLAINED]
 
     def _remainder(self) -> Remainder | None:
         """The remaining error, beside the noise floor that the ladder shows."""
@@ -369,7 +368,7 @@ class Candidates(Panel):
                     for candidate in group:
                         why = _instead_of(alike[candidate.family]) if candidate.family in alike else ""
                         if group is others:
-                            why = f"Why not: {reason_against(candidate, rival_of(candidate, chosen))}."
+                            why = f"Why not: {in_words(reason_against(candidate, rival_of(candidate, chosen)))}."
                         self._draw_card(do, found, candidate, [], primary=False, why=why)
         if diagnosis.untried:
             text = "The flights do not vary enough to identify these effects."
@@ -378,7 +377,7 @@ class Candidates(Panel):
                 tag("ul", "plain"),
             ):
                 for reason in diagnosis.untried:
-                    tag("li", "", f"{reason}.")
+                    tag("li", "", f"{in_words(reason)}.")
         if diagnosis.verdict == "missing" and diagnosis.unexplained:
             with tag("section", "card"):
                 heading("Residual that these effects do not explain")
@@ -427,7 +426,7 @@ class Candidates(Panel):
             if alike:
                 tag("p", "note", looks_like(alike))
             if why:
-                tag("p", "note", why.replace("m/s^2", "m/s²"))
+                tag("p", "note", why)
             for remark in candidate.remarks:
                 tag("p", "note", f"Note: {remark}.")
             if self.thrust_reservation and candidate.family in OF_THE_THRUST:

@@ -23,7 +23,7 @@ def test_a_range_tells_where_and_by_how_much_of_the_weight() -> None:
 
 @pytest.mark.parametrize(
     ("at_edge", "where"),
-    [((True, False), "below −2"), ((False, True), "above −8"), ((True, True), "from −8 to −2")],
+    [((True, False), "below \u22122"), ((False, True), "above \u22128"), ((True, True), "from \u22128 to \u22122")],
 )
 def test_limits_are_named_where_they_are_none_of_the_data(at_edge: tuple[bool, bool], where: str) -> None:
     pushed = replace(LOW, axis="east", low=-8.0, high=-2.0, mean_residual=-0.3, at_edge=at_edge)
@@ -43,5 +43,7 @@ def test_of_several_flights_those_with_most_of_it_are_named() -> None:
 
 def test_a_dependence_tells_both_ends_and_its_share() -> None:
     depends = replace(LOW, kind="dependence", variable="climb_rate", extremes=((-1.5, -0.4), (1.0, 0.6)), share=0.75)
-    said = "The up residual depends on the climb rate: −0.40 m/s² at −1.5 m/s and +0.60 m/s² at 1 m/s on average"
+    said = (
+        "The up residual depends on the climb rate: \u22120.40 m/s² at \u22121.5 m/s and +0.60 m/s² at 1 m/s on average"
+    )
     assert failure_in_words(depends) == f"{said}, 75% of the squared error on this axis"

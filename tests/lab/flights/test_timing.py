@@ -9,7 +9,7 @@ from quadctl.lab.fitting.fitter import Fitter
 from quadctl.lab.fitting.nuisances import AGE
 from quadctl.lab.flights.dataset import load_dataset
 from quadctl.lab.flights.flight import Estimate
-from quadctl.lab.flights.timing import MOST_EARLY_S, _shrunk, comes_too_early, timing_in_words
+from quadctl.lab.flights.timing import MOST_EARLY_S, _shrunk, comes_too_early, of_timing
 from quadctl.logs.flight_log import VELOCITY, FlightLog
 from quadctl.model import Model
 from tests.support.flights import obedient, with_late_rotors
@@ -90,8 +90,9 @@ class TestSignalsThatComeBeforeTheirForce:
         data = load_dataset([with_late_rotors(obedient(rigid), -0.1)], rigid.vehicle)
         assert data.flights[0].delay_s == pytest.approx(-0.1, abs=0.003)
         assert not comes_too_early(data.flights[0].timing)
-        (told,) = timing_in_words(data.flights[0].timing)
-        assert told.startswith("The position comes 100 ms [9")
+        (told,) = of_timing(data.flights[0].timing)
+        assert told.facts["delay_ms"] == pytest.approx(100.0, abs=3.0)
+        assert 90.0 < told.facts["low_ms"] < 100.0 < told.facts["high_ms"]
 
 
 def test_no_nuisance_delays_a_signal_earlier_than_positions_are_late(rigid: Model) -> None:

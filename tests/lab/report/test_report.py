@@ -246,8 +246,8 @@ class TestWhatThePageHolds:
 
     def test_the_verdict_is_said_in_words(self, worded: Worded, flown: Flown, made: Comparison) -> None:
         answers: tuple[tuple[Verdict, str], ...] = (
-            ("none", "No known effect is missing from <b>rigid</b>: none lowers the held-out error enough to matter."),
-            ("unexplained", "no effect of the catalogue explains it"),
+            ("none", "No known effect is missing: none reduces the held-out error enough to matter."),
+            ("unexplained", "Something is missing that no known effect explains."),
         )
         for verdict, words in answers:
             changed = dataclasses.replace(
@@ -259,7 +259,7 @@ class TestWhatThePageHolds:
             )
             text = worded(Results(made, changed)).text
             assert words in text
-            assert "Missing, in the order of adding" not in text
+            assert "Missing: " not in text
 
     def test_an_assumed_thrust_coefficient_is_said_beside_the_verdict(
         self, worded: Worded, flown: Flown, made: Comparison
@@ -278,7 +278,7 @@ class TestWhatThePageHolds:
     ) -> None:
         confounded = dataclasses.replace(flown.diagnosis, confounded=[["ground_effect", "thrust_scale"]])
         text = worded(Results(made, confounded)).text
-        assert "these data do not distinguish ground effect from thrust scale" in text
+        assert "These data do not distinguish ground effect from thrust scale." in text
         assert ConstantScale.distinguished_by in text
 
     def test_the_table_of_step_responses_labels_signed_and_absolute(self, flown: Flown, page: Page) -> None:

@@ -13,6 +13,7 @@ from quadctl.effects.inflow import AxialInflow
 from quadctl.effects.motor_lag import FirstOrderLag
 from quadctl.effects.rotor_drag import LinearDrag
 from quadctl.effects.thrust_scale import ConstantScale
+from quadctl.lab.finding import Finding, Kind
 from quadctl.lab.fitting.fitted_model import fit_model
 from quadctl.lab.flights.dataset import Dataset, load_dataset
 from quadctl.lab.flights.prediction import predict
@@ -91,7 +92,7 @@ class TestWithoutNesting:
         assert flights.after["total"] > 1.2 * blocks.after["total"]
 
     def test_it_is_said_that_the_choice_has_seen_the_data(self, simple: Diagnosis) -> None:
-        assert "the choice of effects has: --nested repeats it." in str(simple)
+        assert Kind.SEEN_BY_CHOICE in {note.kind for note in simple.notes}
         assert [entry["choice_repeated"] for entry in simple.to_dict()["unseen"]] == [False, False]
 
     def test_where_nothing_is_missing_nothing_is_said(self, raptor: Vehicle) -> None:
@@ -179,7 +180,7 @@ class TestLongLogs:
         found = diagnose(Model(truth.vehicle), long, CANDIDATES)
         assert found.missing == ["ground_effect"]
         assert 1500 < found.searched < 2500
-        assert f"The search has seen {found.searched} of {len(long.targets)} samples" in "\n".join(found.lines())
+        assert Finding(Kind.PART_SEARCHED, {"searched": found.searched, "all": len(long.targets)}) in found.notes
         assert found.to_dict()["samples"] == {"searched": found.searched, "all": len(long.targets)}
         whole = fit_model(found.best, long)
         assert found.fit is not None and len(found.fit.held_out_residual) == len(long.targets)
@@ -193,4 +194,4 @@ class TestLongLogs:
         climbs = obedient(Model(raptor).plus(AxialInflow(0.03)), 900.0, noise_m_s=0.002)
         found = diagnose(Model(raptor), load_dataset([climbs], raptor), (AxialInflow, LinearDrag))
         assert [c.effect.name for c in found.measured] == ["inflow.axial", "rotor_drag.linear"]
-        assert sum(line.startswith("Measured, but small") for line in found.lines()) == 2  # the data tell the two apart
+        assert sum(note.kind is Kind.SMALL for note in found.notes) == 2  # the data tell the two apart

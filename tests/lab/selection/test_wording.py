@@ -9,6 +9,7 @@ from quadctl.effects.payload import MassStep
 from quadctl.effects.rotor_fault import WeakRotor
 from quadctl.effects.rotor_interaction import FrontWake
 from quadctl.lab.comparison.wording import parameters_in_words, share_of_g
+from quadctl.lab.finding import Finding, Kind
 from quadctl.lab.flights.dataset import load_dataset
 from quadctl.lab.selection.candidate import Candidate
 from quadctl.lab.selection.diagnosis import Diagnosis, diagnose
@@ -50,21 +51,21 @@ def test_what_explains_as_much_is_one_group(nothing: Diagnosis) -> None:
 
 
 def test_a_sentence_about_nothing_missing_names_no_effect(nothing: Diagnosis) -> None:
-    assert nothing.lines()[0] == "No known effect is missing: none lowers the held-out error enough to matter."
-    assert not any(line.startswith(("Measured", "There")) for line in nothing.lines())
+    assert nothing.answer[0] == Finding(Kind.NONE)
+    assert not {Kind.SMALL, Kind.USUAL} & {note.kind for note in nothing.notes}
 
 
 def test_what_is_as_small_as_a_trim_is_said_to_be_there(nothing: Diagnosis) -> None:
     weak = next(c for c in nothing.ranking if c.family == "rotor_fault")
     there = replace(weak, effect=WeakRotor(0.01, 2.0), p_value=1e-6, after={k: 0.9 * v for k, v in weak.before.items()})
     ranking = [there, *(c for c in nothing.ranking if c is not weak)]
-    (said,) = (line for line in replace(nothing, ranking=ranking).lines() if line.startswith(("Measured", "There")))
-    assert "rotor_fault.weak, loss = 0.01" in said
-    assert "rotor = 2" in said
+    (note,) = (n for n in replace(nothing, ranking=ranking).notes if n.kind in (Kind.SMALL, Kind.USUAL))
+    assert note.facts["effect"] == "rotor_fault.weak"
+    assert {name: p["value"] for name, p in note.facts["parameters"].items()} == {"loss": 0.01, "rotor": 2.0}
 
 
 class TestReasonAgainst:
-    """The first predicate of the decision rule that fails, in words."""
+    """The first predicate of the decision rule that fails."""
 
     @pytest.fixture
     def supported(self, nothing: Diagnosis) -> Candidate:
@@ -76,32 +77,34 @@ class TestReasonAgainst:
         return replace(tried, effect=effect, after=after, p_value=1e-6, worst_flight=0.0, **good)
 
     @pytest.mark.parametrize(
-        ("change", "words"),
+        ("change", "kind"),
         [
-            ({"p_value": 0.3}, "its gain is not significant: p 0.3, expected below 0.01"),
-            ({"determined": False}, "these data determine none of its parameters"),
-            ({"at_bound": True}, "a parameter ran into a bound of what is physically possible"),
-            ({"believable": False}, "its fit is not physically plausible"),
-            ({"implied": True}, "the other effects of the model imply it"),
-            ({"distinct": False}, "these data do not distinguish it from its look-alikes"),
-            ({}, "another form of the same effect"),
+            ({"p_value": 0.3}, Kind.NOT_SIGNIFICANT),
+            ({"determined": False}, Kind.UNDETERMINED),
+            ({"at_bound": True}, Kind.AT_BOUND),
+            ({"believable": False}, Kind.IMPLAUSIBLE),
+            ({"implied": True}, Kind.IMPLIED),
+            ({"distinct": False}, Kind.NOT_DISTINCT),
+            ({}, Kind.OTHER_FORM),
         ],
     )
-    def test_each_predicate_has_its_words(self, supported: Candidate, change: dict[str, Any], words: str) -> None:
-        assert reason_against(replace(supported, **change), supported).startswith(words)
+    def test_each_predicate_has_its_reason(self, supported: Candidate, change: dict[str, Any], kind: Kind) -> None:
+        assert reason_against(replace(supported, **change), supported).kind is kind
 
     def test_an_effect_that_may_be_none_is_told_by_the_parameter(self, supported: Candidate) -> None:
         wake = replace(supported, effect=FrontWake(), determined=False)
-        assert reason_against(wake, supported) == "these data do not show that loss differs from 0"
+        assert reason_against(wake, supported) == Finding(Kind.ZERO, {"parameters": ["loss"]})
 
     def test_an_effect_that_does_not_help_needs_no_other_reason(self, supported: Candidate) -> None:
         useless = replace(supported, after=supported.before, p_value=0.9)
-        assert reason_against(useless, supported) == "it does not lower the held-out error"
+        assert reason_against(useless, supported).kind is Kind.NO_DROP
 
     def test_a_small_effect_is_said_to_be_there_with_what_was_expected(self, supported: Candidate) -> None:
         small = replace(supported, after={axis: 0.999 * error for axis, error in supported.before.items()})
-        assert reason_against(small, supported).startswith("it is there, but small: 0.1% of an axis' error")
+        found = reason_against(small, supported)
+        assert found.kind is Kind.TOO_SMALL
+        assert found.facts["share"] == pytest.approx(0.001)
 
     def test_another_family_is_not_needed_beside_what_was_chosen(self, supported: Candidate) -> None:
         other = replace(supported, effect=WeakRotor(0.5, 3.0))
-        assert "beside rotor_fault.weak" in reason_against(supported, other)
+        assert reason_against(supported, other).facts["chosen"] == "rotor_fault.weak"

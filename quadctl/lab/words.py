@@ -1,0 +1,121 @@
+"""Words of findings: one table of templates for the terminal, the page and the report."""
+
+from collections.abc import Callable, Mapping
+from string import Formatter
+from typing import Any
+
+from quadctl.lab.comparison.wording import (
+    change_in_words,
+    flights_in_words,
+    interval_in_words,
+    listed,
+    number,
+    p_in_words,
+    percent,
+    plain,
+    quantity,
+)
+from quadctl.lab.finding import Finding, Kind
+from quadctl.lab.flights.flight import SPAN_NAMES
+
+TEMPLATES: Mapping[Kind, str] = {
+    Kind.MISSING: "Missing: {families:families}.",
+    Kind.NONE: "No known effect is missing: none reduces the held-out error enough to matter.",
+    Kind.UNEXPLAINED: "Something is missing that no known effect explains.",
+    Kind.LITTLE_UNEXPLAINED: "A little is left that no known effect explains.",
+    Kind.NOTHING_SIGNIFICANT: "Nothing significant is missing.",
+    Kind.NONE_BUT_MORE_THAN_NOISE: "No known effect is missing, but not all of the error is noise.",
+    Kind.NONE_BUT_LARGER_HELD_OUT: "No known effect is missing in {flights:flights}; the held-out error is larger.",
+    Kind.NONE_BUT_FITTED_TO_HELD_OUT: "No further effect is missing, but the model is fitted to {flights:list}, "
+    "which is held out.",
+    Kind.NONE_BUT_FITTED_TO_OTHERS: "No further effect is missing, but the model is fitted to {flights:list} only.",
+    Kind.NONE_BUT_NOT_FITTED: "No further effect is missing, but the model is not fitted to these flights.",
+    Kind.EFFECT: "{effect}: {parameters:parameters}",
+    Kind.ERROR: "Held-out acceleration error: {before:number} → {after:m/s²} ({drop:change}).",
+    Kind.PART_UNEXPLAINED: "Part of the remaining error depends on the logged variables; no known effect explains it.",
+    Kind.CONFOUNDED: "These data do not distinguish {family:family} from {others:others}.",
+    Kind.NEXT_FLIGHT: "Next flight: {mission}; `quadctl suggest` compares all missions.",
+    Kind.UNSEEN_BY_CHOICE: "On data that neither the fit nor the choice of effects has seen: {before:number} → "
+    "{after:m/s²} on {data} ({searches} searches; {found:counts}).",
+    Kind.SEEN_BY_CHOICE: "No fit has seen the data of these errors, but the choice of effects has: `quadctl diagnose "
+    "--nested` repeats it.",
+    Kind.WHOLE_FLIGHTS: "With whole flights held out: {before:number} → {after:m/s²}.",
+    Kind.PART_SEARCHED: "The search has seen {searched} of {all} samples, in stretches spread over the flights, and so "
+    "have its errors; the parameters of what is missing are fitted to all samples.",
+    Kind.SMALL: "Measured, but small in these flights: {effect}, {parameters:parameters}{alternatives:or}.",
+    Kind.USUAL: "There (p {p:p}), but no larger than the per-flight biases of any real vehicle: {effect}, "
+    "{parameters:parameters}.",
+    Kind.LATE_POSITION: "The position comes {delay_ms:.0f} ms [{low_ms:.0f}, {high_ms:.0f}] after the rotors' signal, "
+    "and no lag of the motors explains it: what brings or filters the position is slow. It has been taken out.",
+    Kind.UNTRIED: "{effect} (to distinguish it from others, {variable:span} must span {needed:g} {unit}; in these data "
+    "it spans {span:.2g})",
+    Kind.UNTRIED_FOLLOWS: "{effect} (to distinguish it from others, {variable:span} must span {needed:g} {unit}; in "
+    "these data the thrust follows disturbances more than the motion)",
+    Kind.NO_DROP: "it does not reduce the held-out error",
+    Kind.NOT_SIGNIFICANT: "its gain is not significant: p {p:p}, expected below {limit:g}",
+    Kind.ZERO: "these data do not show that {parameters:any} differs from 0",
+    Kind.UNDETERMINED: "these data determine none of its parameters",
+    Kind.AT_BOUND: "a parameter ran into a bound of what is physically possible",
+    Kind.IMPLAUSIBLE: "its fit is not physically plausible",
+    Kind.HARMFUL: "it makes a moment worse, as a stand-in for another effect does",
+    Kind.NOT_IN_MOMENTS: "not every moment in which its physics shows has a smaller error",
+    Kind.AS_USUAL: "it is no larger than the per-flight biases of any real vehicle",
+    Kind.IMPLIED: "the other effects of the model imply it",
+    Kind.TOO_SMALL: "it is there, but small: {share:.1%} of an axis' error and {explained:.2g} m/s², expected more "
+    "than {least_share:.0%} and {least:g} m/s², or {enough:g} m/s²",
+    Kind.NOT_DISTINCT: "these data do not distinguish it from what it is confounded with; what would: "
+    "{distinguished_by}",
+    Kind.SMALLER_THAN_SMALL: "what explains more is too small to be called missing",
+    Kind.OTHER_FORM: "another form of the same effect, no better than {chosen} (it explains {drop:percent} of the "
+    "error, that one {chosen_drop:percent})",
+    Kind.NOT_NEEDED: "it is not needed beside {chosen}, which was found first or explains more (it explains "
+    "{drop:percent} of the error, that one {chosen_drop:percent})",
+}
+
+
+def in_words(finding: Finding) -> str:
+    """Sentence, or of a reason the part of one, with typographic signs."""
+    return _WORDS.vformat(TEMPLATES[finding.kind], (), finding.facts)
+
+
+def on_terminal(text: str) -> str:
+    """The text with the signs that every terminal has."""
+    return text.replace("m/s²", "m/s^2").replace("→", "->").replace("\u2212", "-")
+
+
+def _parameters(values: Mapping[str, Mapping[str, Any]]) -> str:
+    lines = [
+        f"{name} = {p['value']:.4g}" + (f" {interval_in_words(p['value'], tuple(p['ci95']))}" if p["ci95"] else "")
+        for name, p in values.items()
+    ]
+    return ", ".join(lines) or "no parameters"
+
+
+_FORMATS: Mapping[str, Callable[[Any], str]] = {
+    "families": lambda names: listed([plain(name) for name in names]),
+    "family": plain,
+    "others": lambda names: " or ".join(map(plain, names)),
+    "list": listed,
+    "any": " or ".join,
+    "or": lambda names: f"; or, explaining as much, {listed(names)}" if names else "",
+    "counts": lambda found: ", ".join(f"{plain(f)} in {n}" for f, n in found.items()) or "nothing in any",
+    "flights": flights_in_words,
+    "parameters": _parameters,
+    "span": lambda name: SPAN_NAMES.get(name, name),
+    "number": number,
+    "m/s²": quantity,
+    "percent": percent,
+    "change": change_in_words,
+    "p": p_in_words,
+}
+
+
+class _Words(Formatter):
+    """Formatter of templates: a field may name one of `_FORMATS`."""
+
+    def format_field(self, value: Any, format_spec: str) -> str:
+        made = _FORMATS.get(format_spec)
+        return made(value) if made is not None else str(super().format_field(value, format_spec))
+
+
+_WORDS = _Words()

@@ -1,0 +1,59 @@
+"""Words of findings: every kind has a template, and every fact its place in the sentence."""
+
+from string import Formatter
+
+import pytest
+
+from quadctl.effects.rotor_fault import WeakRotor
+from quadctl.lab.finding import Finding, Kind, parameters_of
+from quadctl.lab.words import TEMPLATES, in_words, on_terminal
+
+WEAK = {"effect": "rotor_fault.weak", "parameters": parameters_of(WeakRotor(0.05, 3.0), {"loss": (0.04, 0.06)})}
+
+
+def test_every_kind_has_a_template() -> None:
+    assert set(TEMPLATES) == set(Kind)
+
+
+@pytest.mark.parametrize(
+    ("finding", "words"),
+    [
+        (
+            Finding(Kind.MISSING, {"families": ["ground_effect", "rotor_drag"]}),
+            "Missing: ground effect and rotor drag.",
+        ),
+        (Finding(Kind.EFFECT, WEAK), "rotor_fault.weak: loss = 0.05 [0.04, 0.06], rotor = 3"),
+        (
+            Finding(Kind.ERROR, {"before": 1.208, "after": 0.4797, "drop": 0.603}),
+            "Held-out acceleration error: 1.21 → 0.480 m/s² (\u221260%).",
+        ),
+        (
+            Finding(Kind.SMALL, {**WEAK, "alternatives": ["thrust_tilt.fixed"]}),
+            "Measured, but small in these flights: rotor_fault.weak, loss = 0.05 [0.04, 0.06], rotor = 3; or, "
+            "explaining as much, thrust_tilt.fixed.",
+        ),
+        (
+            Finding(Kind.UNTRIED, {"effect": "a.b", "variable": "speed", "needed": 1.0, "unit": "m/s", "span": 0.069}),
+            "a.b (to distinguish it from others, speed must span 1 m/s; in these data it spans 0.069)",
+        ),
+        (
+            Finding(Kind.NOT_SIGNIFICANT, {"p": 0.3, "limit": 0.01}),
+            "its gain is not significant: p 0.30, expected below 0.01",
+        ),
+        (Finding(Kind.ZERO, {"parameters": ["d_x", "d_y"]}), "these data do not show that d_x or d_y differs from 0"),
+    ],
+)
+def test_a_finding_is_said_with_its_numbers(finding: Finding, words: str) -> None:
+    assert in_words(finding) == words
+
+
+def test_no_fact_of_a_template_is_optional() -> None:
+    """A fact that is forgotten is an error, and no gap in a sentence."""
+    needing = [kind for kind, text in TEMPLATES.items() if any(name for _, name, *_ in Formatter().parse(text))]
+    for kind in needing:
+        with pytest.raises(KeyError):
+            in_words(Finding(kind))
+
+
+def test_a_terminal_gets_signs_that_it_has() -> None:
+    assert on_terminal("1 → 2 m/s² (\u22123%)") == "1 -> 2 m/s^2 (-3%)"
