@@ -160,9 +160,9 @@ def suggest(
     hold_out: HoldOutOption = "blocks",
 ) -> None:
     """Suggest the mission that would best answer what these logs leave open."""
+    from quadctl.lab.comparison.wording import on_terminal
     from quadctl.lab.planning.suggestion import suggest as run
     from quadctl.lab.selection.diagnosis import diagnose as run_diagnose
-    from quadctl.lab.words import on_terminal
 
     loaded, data = _model_and_data(model, logs, hold_out)
     with console.status("diagnosing") as status:

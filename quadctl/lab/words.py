@@ -78,11 +78,6 @@ def in_words(finding: Finding) -> str:
     return _WORDS.vformat(TEMPLATES[finding.kind], (), finding.facts)
 
 
-def on_terminal(text: str) -> str:
-    """The text with the signs that every terminal has."""
-    return text.replace("m/s²", "m/s^2").replace("→", "->").replace("\u2212", "-")
-
-
 def _parameters(values: Mapping[str, Mapping[str, Any]]) -> str:
     lines = [
         f"{name} = {p['value']:.4g}" + (f" {interval_in_words(p['value'], tuple(p['ci95']))}" if p["ci95"] else "")

@@ -5,8 +5,9 @@ from string import Formatter
 import pytest
 
 from quadctl.effects.rotor_fault import WeakRotor
+from quadctl.lab.comparison.wording import on_terminal
 from quadctl.lab.finding import Finding, Kind, parameters_of
-from quadctl.lab.words import TEMPLATES, in_words, on_terminal
+from quadctl.lab.words import TEMPLATES, in_words
 
 WEAK = {"effect": "rotor_fault.weak", "parameters": parameters_of(WeakRotor(0.05, 3.0), {"loss": (0.04, 0.06)})}
 

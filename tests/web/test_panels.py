@@ -23,7 +23,7 @@ from quadctl.effects.payload import MassStep
 from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.lab.comparison.failures import Failure, Stretch
 from quadctl.lab.comparison.remainder import Remainder
-from quadctl.lab.comparison.wording import agreement_in_short, agreement_in_words, number, quantity, share_of_g
+from quadctl.lab.comparison.wording import agreement_in_short, agreement_parts, number, quantity, share_of_g
 from quadctl.lab.fitting.fitted_model import fit_model
 from quadctl.lab.fitting.nuisances import BOUND, KINDS
 from quadctl.lab.flights.dataset import Dataset, load_dataset
@@ -719,7 +719,7 @@ class TestOpenTab:
         evaluation = views["at first"].evaluation
         assert evaluation is not None and evaluation.agreement is not None
         assert agreement_in_short(evaluation.agreement) in str(tabs("missing", views["at first"]).shown)
-        first, *more = agreement_in_words(evaluation.agreement).split("; ")
+        first, *more = agreement_parts(evaluation.agreement)
         shown = str(tabs("fails", views["at first"]).shown)
         assert all(part.rstrip(".")[1:] in shown for part in (first, *more))
 

@@ -14,7 +14,16 @@ from quadctl.lab.comparison.agreement import Agreement, Errors, of_one_model
 from quadctl.lab.comparison.failures import LEAST_PART, Failure, Profile, failures, is_telling, profiles, told
 from quadctl.lab.comparison.open_loop import OpenLoop, open_loop, open_loop_in_words, open_loop_table
 from quadctl.lab.comparison.reservations import reservations
-from quadctl.lab.comparison.wording import agreement_in_words, failure_in_words, followed_in_words, untold_in_words
+from quadctl.lab.comparison.wording import (
+    agreement_in_words,
+    failure_in_words,
+    followed_in_words,
+    on_terminal,
+    quantity,
+    roughly,
+    untold_in_words,
+    variance_in_words,
+)
 from quadctl.lab.fitting.flexible_regression import flexible_residual, noise_floor
 from quadctl.lab.flights.dataset import AlignedDataset, Dataset
 from quadctl.lab.flights.prediction import AXES, rmse
@@ -78,17 +87,10 @@ class Comparison(Result):
         }
 
     def __rich__(self) -> RenderableType:
-        title = f"Acceleration error of {self.model.name} on {', '.join(self.dataset.names)}"
-        table = errors_table(title, (("error (RMSE)", self.rmse), ("noise floor", self.noise_floor)))
         widths = ", ".join(sorted({f"{flight.bandwidth_hz:.1f}" for flight in self.dataset.flights}))
-        lines = [
-            f"{len(self.residual)} samples, filtered to {widths} Hz; "
-            + (
-                f"the model explains {self.explained:.1%} of the acceleration's variance."
-                if self.explained > 0.0
-                else "the model is worse than predicting the mean acceleration."
-            )
-        ]
+        error, floor = quantity(self.rmse["total"]), roughly(self.noise_floor["total"])
+        of = f"Acceleration error of {self.model.name}"
+        lines = [f"{of}: {error}; noise floor {floor}. {variance_in_words(self.explained)}"]
         if self.agreement is not None:
             lines.append(agreement_in_words(self.agreement))
         if self.fails_where:
@@ -104,8 +106,10 @@ class Comparison(Result):
         lines += [f"Note: {note}." for note in values_of_other_flights(self.model, self.dataset.names)]
         lines += reservations(self.model.vehicle, self.dataset)
         lines += [open_loop_in_words(errors) for errors in self.open_loop if errors.horizon_s == TOLD_HORIZON_S]
+        title = f"On {', '.join(self.dataset.names)}: {len(self.residual)} samples, filtered to {widths} Hz"
+        table = errors_table(title, (("error (RMSE)", self.rmse), ("noise floor", self.noise_floor)))
         tables = [table, open_loop_table(self.open_loop)] if self.open_loop else [table]
-        return Group(*tables, Text("\n".join(lines)))
+        return Group(Text(on_terminal("\n".join(lines))), *tables)
 
 
 def compare(model: Model, dataset: Dataset) -> Comparison:

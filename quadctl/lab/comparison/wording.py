@@ -25,6 +25,11 @@ ERRORS = {"total": "acceleration error", "turning": "moment error", "sensing": "
 """Name of the error of each measured group."""
 
 
+def on_terminal(text: str) -> str:
+    """The text with the signs that every terminal has."""
+    return text.replace("m/s²", "m/s^2").replace("→", "->").replace("\u2212", "-")
+
+
 def number(value: float) -> str:
     """Format with three significant digits."""
     return f"{value:#.3g}".removesuffix(".")
@@ -187,7 +192,12 @@ def agreement_in_short(found: Agreement) -> str:
 
 
 def agreement_in_words(found: Agreement) -> str:
-    """Sentence that answers whether two flights agree: `The model fitted to A predicts B as well as A: ...`."""
+    """Sentence that answers whether two flights agree: `The model fitted to A predicts B as well as A; ...`."""
+    return f"{'; '.join(agreement_parts(found))}."
+
+
+def agreement_parts(found: Agreement) -> list[str]:
+    """Answer whether two flights agree, and the reasons for it, as parts of a sentence."""
     judged, reference = flights_in_words(found.judged), flights_in_words(found.reference)
     model = {
         "": "the model",
@@ -196,26 +206,24 @@ def agreement_in_words(found: Agreement) -> str:
         "all": "the model fitted to all flights",
     }[found.fitted]
     them = f"{judged}, which differs most," if found.differs_most else judged
-    errors = f"{quantity(found.judged_m_s2)} on {judged} and {quantity(found.reference_m_s2)} on {reference}"
-    if found.verdict == "otherwise" and found.shift is not None:
-        how = _shift_in_words(found)
-        return f"{sentence(model)} predicts {them} otherwise than {reference}: {how}; its error is {errors}."
+    errors = (
+        f"its error is {quantity(found.judged_m_s2)} on {judged} and {quantity(found.reference_m_s2)} on {reference}"
+    )
     limit = f"{number(found.limit_m_s2)}, {percent(CLOSE)} of the error on {reference}, that count as none"
+    shift = [] if found.shift is None else [_shift_in_words(found)]
+    if found.verdict == "otherwise":
+        return [f"{sentence(model)} predicts {them} otherwise than {reference}", *shift, errors]
     if found.verdict == "not known" or found.ci95 is None:
         why = "one of them is too short for an interval"
         if found.ci95 is not None:
             why = f"the difference is anything {_range_of(found.ci95)}, which may be more than the {limit}"
-        untold = f"Whether {model} predicts {them} as well as {reference} cannot be told from these flights"
-        return f"{untold}: its error is {errors}; {why}."
+        return [f"Whether {model} predicts {them} as well as {reference} is not known from these flights", errors, why]
     if found.verdict == "as well":
-        range_ = _range_of(found.ci95)
-        agreed = f"{sentence(model)} predicts {them} as well as {reference}"
-        less = f"the difference is {range_}, less than the {limit}"
-        return f"{agreed}: its error is {errors}; {less}{_widest_in_words(found)}."
+        less = f"the difference is {_range_of(found.ci95)}, less than the {limit}"
+        return [f"{sentence(model)} predicts {them} as well as {reference}", errors, less, *_widest_in_words(found)]
     low, high = sorted(abs(end) for end in found.ci95)
     by = f"by {quantity(abs(found.difference_m_s2))} [{number(low)}, {number(high)}]"
-    shift = "" if found.shift is None else f"; {_shift_in_words(found)}"
-    return f"{sentence(model)} predicts {them} {found.verdict} than {reference}, {by}: its error is {errors}{shift}."
+    return [f"{sentence(model)} predicts {them} {found.verdict} than {reference}, {by}", errors, *shift]
 
 
 def _shift_in_words(found: Agreement) -> str:
@@ -237,16 +245,16 @@ def _shift_in_words(found: Agreement) -> str:
     )
 
 
-def _widest_in_words(found: Agreement) -> str:
+def _widest_in_words(found: Agreement) -> list[str]:
     """Limits of the mean residuals where none differs clearly."""
     widest = found.widest
     if widest is None:
-        return ""
+        return []
     reach = f"{number(widest.reach_m_s2)} {UNIT} along any axis"
     if widest.reach_m_s2 <= found.limit_m_s2:
-        return f"; nor do the mean residuals differ by more than {reach}"
+        return [f"nor do the mean residuals differ by more than {reach}"]
     most = f"{quantity(widest.reach_m_s2)} {widest.axis}"
-    return f"; whether the mean residuals agree cannot be told: they may differ by up to {most}"
+    return [f"whether the mean residuals agree is not known: they may differ by up to {most}"]
 
 
 def _range_of(ci95: tuple[float, float]) -> str:

@@ -12,7 +12,7 @@ from rich.text import Text
 
 from quadctl import __version__
 from quadctl.effects import Effect
-from quadctl.lab.comparison.wording import parameter_lines
+from quadctl.lab.comparison.wording import on_terminal, parameter_lines
 from quadctl.lab.finding import Finding, Kind, parameters_of
 from quadctl.lab.fitting.fitted_model import FittedModel, fit_model
 from quadctl.lab.fitting.fitter import BOOTSTRAP_SEED
@@ -28,7 +28,7 @@ from quadctl.lab.selection.unseen import UnseenError, held_out_errors, nested_er
 from quadctl.lab.selection.wording import candidate_to_dict, error_in_table, measured_to_dict, p_in_table
 from quadctl.lab.symbolic.formula import Symbolic
 from quadctl.lab.threads import one_blas_thread
-from quadctl.lab.words import in_words, on_terminal
+from quadctl.lab.words import in_words
 from quadctl.model import Model
 
 UNITS = {"total": "", "turning": " N m", "sensing": " (IMU)"}

@@ -12,7 +12,7 @@ from rich.text import Text
 
 from quadctl.effects import Effect
 from quadctl.lab.comparison.comparison import Comparison, compare
-from quadctl.lab.comparison.wording import parameter_lines
+from quadctl.lab.comparison.wording import on_terminal, parameter_lines
 from quadctl.lab.finding import Kind
 from quadctl.lab.fitting.fitted_model import fit_model
 from quadctl.lab.fitting.flexible_regression import flexible_residual, noise_floor
@@ -22,7 +22,7 @@ from quadctl.lab.results import Result, errors_table
 from quadctl.lab.selection.addition import Addition, add_to_fit
 from quadctl.lab.selection.diagnosis import Diagnosis, diagnose_fit
 from quadctl.lab.selection.wording import p_in_table
-from quadctl.lab.words import in_words, on_terminal
+from quadctl.lab.words import in_words
 from quadctl.model import Model
 
 

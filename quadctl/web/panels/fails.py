@@ -12,7 +12,7 @@ from quadctl.lab.comparison.comparison import Comparison
 from quadctl.lab.comparison.failures import MOST, Failure, Profile, told
 from quadctl.lab.comparison.wording import (
     agreement_in_short,
-    agreement_in_words,
+    agreement_parts,
     ended,
     failure_in_words,
     followed_in_words,
@@ -82,7 +82,7 @@ class Failures(Panel):
         if self.agreement is not None:
             with tag("section", "card"):
                 heading(agreement_in_short(self.agreement))
-                for i, part in enumerate(agreement_in_words(self.agreement).split("; ")):
+                for i, part in enumerate(agreement_parts(self.agreement)):
                     tag("p", "verdict-of-flights" if i == 0 else "muted", ended(sentence(part)))
                 apart = "" if self.evaluation is None else apart_in_words(self.evaluation)
                 if apart:

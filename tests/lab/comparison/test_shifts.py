@@ -89,9 +89,7 @@ class TestShifts:
         assert agreement_in_short(as_well) == (
             "Under this model the error is as large in each flight; whether it is the same cannot be told."
         )
-        assert "whether the mean residuals agree cannot be told: they may differ by up to" in agreement_in_words(
-            as_well
-        )
+        assert "whether the mean residuals agree is not known: they may differ by up to" in agreement_in_words(as_well)
 
     def test_the_spread_of_several_flights_counts_for_the_next_one(self) -> None:
         means = (-0.3, -0.1, 0.1, 0.3)
