@@ -203,11 +203,11 @@ def _dead_channel(figures: _Figures, _: Sequence[Span]) -> str:
     name, value = figures["channel"], figures["value"]
     if figures["why"] == "no battery":
         return f"{name} reads {value:.2g} V in flight, which is no battery: not read"
+    instead = "rotor speeds are not read, thrust is taken from another signal"
+    if figures["why"] == "not measured":
+        return f"{name} is not measured in flight: {instead}"
     how = "stands at" if figures["why"] == "stands" else "is frozen at"
-    return (
-        f"{name} {how} {value:.0f} in flight while the other speeds change: rotor speeds are not read, thrust is taken "
-        "from another signal"
-    )
+    return f"{name} {how} {value:.0f} in flight while the other speeds change: {instead}"
 
 
 def _spike(figures: _Figures, times_s: Sequence[Span]) -> str:

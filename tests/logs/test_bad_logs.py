@@ -2,6 +2,7 @@
 
 import dataclasses
 import gzip
+import json
 import math
 import sys
 from collections.abc import Callable, Mapping
@@ -310,6 +311,12 @@ def test_a_clock_that_leaps_at_the_end_costs_its_row(runs: FlightLog, raptor: Ve
         pytest.param(constant(0.0, SPEEDS[1]), "stands", id="one is silent"),
         pytest.param(constant(5000.0, *SPEEDS), "frozen", id="all stand"),
         pytest.param(replaced(SPEEDS[2], slice(1500, None), 4700.0), "frozen", id="one stands from a moment on"),
+        pytest.param(replaced(SPEEDS[2], slice(5, None), np.nan), "not measured", id="one is lost"),
+        pytest.param(
+            lambda log: having(log, {name: np.where(np.arange(len(log)) < 5, log[name], np.nan) for name in SPEEDS}),
+            "not measured",
+            id="none is measured in flight",
+        ),
     ],
 )
 def test_rotor_speeds_that_do_not_live_give_way_to_the_motor_outputs(
@@ -317,7 +324,9 @@ def test_rotor_speeds_that_do_not_live_give_way_to_the_motor_outputs(
 ) -> None:
     flight = prepare(damage(runs), raptor)
     assert flight.thrust_source == "motor output"
-    assert {dead.figures["why"] for dead in of_kind(flight.findings, Kind.DEAD_CHANNEL)} == {why}
+    dead = of_kind(flight.findings, Kind.DEAD_CHANNEL)
+    assert {found.figures["why"] for found in dead} == {why}
+    json.dumps([found.to_dict() for found in dead], allow_nan=False)
 
 
 # --- vehicles ---------------------------------------------------------------------------------------------------------

@@ -76,17 +76,25 @@ def _speeds(log: FlightLog, inside: Mask, flights: Sequence[Span], findings: lis
     if len(names) < 2:
         return log
     medians = {name: _median(np.abs(log[name][inside])) for name in names}
+    others = [name for name in ("motor1_output", "throttle_cmd", "thrust_cmd_n") if log.has(name)]
+    if others and not np.isfinite(list(medians.values())).any():
+        findings.append(
+            finding(Kind.DEAD_CHANNEL, channel=f"{names[0]} to {names[-1]}", why="not measured", value=None)
+        )
+        return _without(log, [name for name in log.columns if name.endswith("_rpm")])
     middle = float(np.nanmedian(list(medians.values())))
     silent = [name for name in names if not medians[name] > SILENT_SHARE * middle and not _is_off(log, name, inside)]
     frozen = _frozen(log, names, inside)
     lost = {name: total(_overlap(flights, frozen.get(name, []))) for name in names}
     stuck = [name for name in names if name not in silent and lost[name] > MOSTLY * total(flights)]
-    others = [name for name in ("motor1_output", "throttle_cmd", "thrust_cmd_n") if log.has(name)]
     if others and not silent and not stuck:
         stuck = _standing(log, names, others[0], inside)
     if (silent or stuck) and others:
         why = {**dict.fromkeys(silent, "stands"), **dict.fromkeys(stuck, "frozen")}
-        findings += [finding(Kind.DEAD_CHANNEL, channel=name, why=why[name], value=medians[name]) for name in why]
+        for name, how in why.items():
+            value = medians[name] if np.isfinite(medians[name]) else None
+            cause = how if value is not None else "not measured"
+            findings.append(finding(Kind.DEAD_CHANNEL, channel=name, why=cause, value=value))
         return _without(log, [name for name in log.columns if name.endswith("_rpm")])
     findings += [finding(Kind.FROZEN_ROTOR, frozen[name], rotor=motor_of(name)) for name in names if name in frozen]
     return log
