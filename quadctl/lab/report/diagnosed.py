@@ -1,7 +1,7 @@
 """Section on missing effects."""
 
 from quadctl.lab import plots
-from quadctl.lab.comparison.reservations import OF_THE_THRUST, thrust_reservation
+from quadctl.lab.comparison.reservations import is_of_the_thrust, thrust_reservation
 from quadctl.lab.comparison.wording import (
     UNIT,
     change_in_words,
@@ -142,7 +142,7 @@ def _ranking_table(d: Diagnosis) -> Table:
 
 def _candidate_note(c: Candidate, d: Diagnosis, with_physics: bool) -> str:
     said = [c.effect.physics] if with_physics else []
-    reservation = thrust_reservation(d.model.vehicle, d.dataset) if c.family in OF_THE_THRUST else ""
+    reservation = thrust_reservation(d.model.vehicle, d.dataset) if is_of_the_thrust(c.effect) else ""
     return " ".join([*said, *(f"Note: {remark}." for remark in c.remarks), *([reservation] if reservation else [])])
 
 

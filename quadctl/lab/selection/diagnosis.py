@@ -31,18 +31,9 @@ from quadctl.model import Model
 
 UNITS = {"total": "", "turning": " N m", "sensing": " (IMU)"}
 
-DRAG_ALONG_Z = {"rotor_drag": "d_z", "body_drag": "area_z_m2"}
-"""Parameter of each family of drag that acts along body z, as the inflow does."""
-
 MOST_SEARCHED = 6000
 """Number of samples of a search, some nine minutes of flight: every candidate is fitted many times, and a material
 effect shows in fewer. Parameters are fitted to all samples."""
-
-LIKE_THE_OTHERS = 0.3
-"""Least drag along body z, as a share of the largest, that may be an inflow; blades and frame alone give less."""
-
-DRAG_SHOWS_M_S = 1.0
-"""Span of the horizontal speed above which a flight shows a drag, if there is one."""
 
 Verdict = Literal["missing", "none", "unexplained"]
 
@@ -233,8 +224,7 @@ def diagnose_fit(
         steps=list(path.steps),
         best=found.model,
         confounded=[
-            list(pair)
-            for pair in dict.fromkeys((*path.confounded, *_inseparable(path.missing, ranking, dataset.span("speed"))))
+            list(pair) for pair in dict.fromkeys((*path.confounded, *_inseparable(path.missing, ranking, dataset.span)))
         ],
         suggested_mission=_suggestion(path.latest, path.confounded, choice.unfit),
         unexplained=choice.unexplained,
@@ -265,23 +255,12 @@ def _refitted(candidate: Candidate, fit: FittedModel, place: int) -> Candidate:
     return replace(candidate, effect=model.effects[-1], model=model, ci95=fit.ci95(place), remarks=fit.remarks(place))
 
 
-def _inseparable(missing: Sequence[str], ranking: Sequence[Candidate], speed_m_s: float) -> list[tuple[str, str]]:
-    """Pairs of families that hardly any flight separates: a drag along body z and the inflow, and the two signs of an
-    error of the attitude estimate.
-
-    An inflow is no drag where the flights show that nothing drags along the other axes: where their horizontal speed
-    spans `speed_m_s`.
-    """
-    pairs = [("imu_bias", "thrust_tilt")] if {"imu_bias", "thrust_tilt"} <= set(missing) else []
-    if "inflow" in missing and DRAG_ALONG_Z.keys().isdisjoint(missing) and speed_m_s < DRAG_SHOWS_M_S:
-        pairs.append(("inflow", "rotor_drag"))
-    for candidate in ranking[: len(missing)]:
-        name = DRAG_ALONG_Z.get(candidate.family)
-        if name is not None and name in candidate.ci95 and "inflow" not in missing:
-            low, _ = candidate.ci95[name]
-            if low > LIKE_THE_OTHERS * max(candidate.effect.values().values()):
-                pairs.append((candidate.family, "inflow"))
-    return pairs
+def _inseparable(
+    missing: Sequence[str], ranking: Sequence[Candidate], span: Callable[[str], float]
+) -> list[tuple[str, str]]:
+    """Pairs of families that hardly any flight separates, each beginning with one that was found."""
+    found = ranking[: len(missing)]
+    return [(c.family, other) for c in found for other in c.effect.inseparable_from(missing, c.ci95, span)]
 
 
 def _suggestion(

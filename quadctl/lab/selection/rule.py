@@ -13,7 +13,7 @@ from quadctl.effects import Effect
 from quadctl.lab.arrays import Floats
 from quadctl.lab.fitting.significance import difference_p_value
 from quadctl.lab.flights.dataset import Dataset
-from quadctl.lab.flights.prediction import GROUPS, MOMENTS
+from quadctl.lab.flights.prediction import GROUPS, MOMENTS, concerns
 from quadctl.lab.selection.candidate import LEAST_ERROR, Candidate
 from quadctl.lab.selection.coincidence import coincides, is_of_wrong_height
 from quadctl.model import Model
@@ -92,9 +92,14 @@ def is_material(effect: Effect, largest_drop: float, explained_m_s2: float) -> b
 
     What shows in the moments or in the accelerometer, and a lag, of which a delay explains most, may explain little.
     """
-    may_be_small = effect.affects_moment or effect.affects_accelerometer or effect.adds_lag
+    may_be_small = _shows_elsewhere(effect) or effect.adds_lag
     counts = may_be_small or explained_m_s2 > LEAST_M_S2
     return (counts and largest_drop > MATERIAL) or explained_m_s2 > MATERIAL_M_S2
+
+
+def _shows_elsewhere(effect: Effect) -> bool:
+    """Tell whether an effect shows in the moments or in the accelerometer, too."""
+    return concerns(effect, "turning") or concerns(effect, "sensing")
 
 
 def is_harmful(c: Candidate) -> bool:
@@ -202,7 +207,7 @@ def without_stand_ins(supported: Sequence[Candidate], tried: Sequence[Candidate]
     """
     small = [c for c in tried if is_measured(c) and not is_supported(c)]
     least = min((score(c.residual[:, :3]) for c in small), default=math.inf)
-    elsewhere = [c for c in supported if c.effect.affects_moment or c.effect.affects_accelerometer]
+    elsewhere = [c for c in supported if _shows_elsewhere(c.effect)]
     return [c for c in supported if c in elsewhere or score(c.residual[:, :3]) < least]
 
 

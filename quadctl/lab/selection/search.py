@@ -42,9 +42,6 @@ from quadctl.lab.selection.rule import (
 )
 from quadctl.lab.selection.trial import try_effect
 
-NESTED = ({"thrust_map", "thrust_scale"},)
-"""Families of which one is the other with a parameter more: that they do equally well is no doubt."""
-
 MOST_PROMISING = 12
 """Number of effects of which a round after the first one chooses: those that explain most to first order. The others
 are tried where none of these is supported."""
@@ -216,10 +213,18 @@ def _with_exchange_in_doubt(other: Path, path: Path) -> Path:
     """Path `other`, which took the place of `path`, with the one effect in which they differ, where the data do not
     tell the two apart."""
     new, old = set(other.missing) - set(path.missing), set(path.missing) - set(other.missing)
-    if len(new) != 1 or len(old) != 1 or new | old in NESTED or not are_alike(*_comparable(other, path), path.dataset):
+    if len(new) != 1 or len(old) != 1 or not are_alike(*_comparable(other, path), path.dataset):
         return other
     pair = new.pop(), old.pop()
-    return other if pair in other.confounded else replace(other, confounded=(*other.confounded, pair))
+    known = pair in other.confounded or _correct_the_same(*pair, path)
+    return other if known else replace(other, confounded=(*other.confounded, pair))
+
+
+def _correct_the_same(one: str, other: str, path: Path) -> bool:
+    """Tell whether two families that were tried correct the same number of the vehicle, one with a parameter more: that
+    they do equally well is no doubt."""
+    numbers = {c.family: set(c.effect.corrects) for c in path.latest.values()}
+    return bool(numbers.get(one, set()) & numbers.get(other, set()))
 
 
 def is_better(other: Path, path: Path) -> bool:
@@ -427,10 +432,8 @@ def _prefixed(what: str, progress: Progress) -> Progress:
 def _with_confounded(path: Path, alike: Sequence[str], still_needed: Sequence[Candidate]) -> Path:
     """Path with the pairs that did equally well, where the one left out is not needed once the other is in."""
     needed = {candidate.family for candidate in still_needed}
-    pairs = tuple(
-        (path.missing[-1], other) for other in alike if other not in needed and {path.missing[-1], other} not in NESTED
-    )
-    return replace(path, confounded=(*path.confounded, *pairs))
+    others = [o for o in alike if o not in needed and not _correct_the_same(path.missing[-1], o, path)]
+    return replace(path, confounded=(*path.confounded, *((path.missing[-1], other) for other in others)))
 
 
 def _without_superfluous(path: Path, family: str) -> Path:
