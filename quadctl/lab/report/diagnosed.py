@@ -22,7 +22,7 @@ from quadctl.lab.report.parts import Cell, Section, Table, figure
 from quadctl.lab.report.results import Results
 from quadctl.lab.selection.candidate import Candidate
 from quadctl.lab.selection.diagnosis import Diagnosis
-from quadctl.lab.selection.rule import LEAST_M_S2, MATERIAL, MATERIAL_M_S2, SIGNIFICANT, is_supported
+from quadctl.lab.selection.rule import RULE, is_supported
 from quadctl.lab.selection.unseen import unseen_in_words
 
 SHOWN_CANDIDATES = 8
@@ -98,8 +98,8 @@ def _verdict_table(d: Diagnosis) -> Table:
     error = "remaining error" if d.missing else "error"
     left = f"the logged variables{_aside(d)} {explained} of the {error}"
     test = (
-        f"an effect has p < {SIGNIFICANT:g} and lowers the held-out error of one axis by more than {MATERIAL:.0%} and "
-        f"{LEAST_M_S2:g} m/s², or explains more than {MATERIAL_M_S2:g} m/s² on it"
+        f"an effect has p < {RULE.significant:g} and lowers the held-out error of one axis by more than "
+        f"{RULE.material:.0%} and {RULE.least_m_s2:g} m/s², or explains more than {RULE.material_m_s2:g} m/s² on it"
     )
     rows = {
         "missing": [Cell("missing", test), Cell(finding)],

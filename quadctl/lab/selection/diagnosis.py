@@ -21,7 +21,7 @@ from quadctl.lab.flights.timing import timing_in_words
 from quadctl.lab.results import Result
 from quadctl.lab.selection.candidate import Candidate
 from quadctl.lab.selection.choice import choose_effects
-from quadctl.lab.selection.rule import SIGNIFICANT, alternatives, is_measured, is_supported, is_trim
+from quadctl.lab.selection.rule import RULE, Rule, alternatives, is_measured, is_supported, is_trim
 from quadctl.lab.selection.search import Path, SelectionStep, judged_beside
 from quadctl.lab.selection.unseen import UnseenError, held_out_errors, nested_errors, unseen_in_words
 from quadctl.lab.selection.wording import candidate_to_dict, error_in_table, measured_to_dict, p_in_table
@@ -122,7 +122,7 @@ class Diagnosis(Result):
         return self.dataset.flights[0].timing if self.dataset.flights else UNKNOWN_TIMING
 
     def __rich__(self) -> RenderableType:
-        title = f"Candidate effects (* missing, in the order of adding; significant: p < {SIGNIFICANT:g})"
+        title = f"Candidate effects (* missing, in the order of adding; significant: p < {RULE.significant:g})"
         table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAVY, show_edge=False, padding=0)
         table.add_column("effect, and its parameters [95 %]")
         table.add_column("held-out error", justify="right", no_wrap=True)
@@ -203,11 +203,12 @@ def diagnose_fit(
     candidates: Iterable[type[Effect]] | None = None,
     progress: Callable[[str], None] = lambda text: None,
     nested: bool = False,
+    rule: Rule = RULE,
 ) -> Diagnosis:
     """Find the effects that are missing from a fitted model (see `diagnose`)."""
     model, dataset = fit.fitter.model, fit.dataset
     searched = dataset.spread_out(MOST_SEARCHED)
-    choice = choose_effects(fit if searched is dataset else fit_model(model, searched), candidates, progress)
+    choice = choose_effects(fit if searched is dataset else fit_model(model, searched), candidates, progress, rule)
     path = choice.path
     if searched is dataset:
         found = path.current

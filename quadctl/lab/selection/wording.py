@@ -5,10 +5,7 @@ from typing import Any
 from quadctl.lab.selection.candidate import Candidate
 from quadctl.lab.selection.effect_curves import EffectCurve
 from quadctl.lab.selection.rule import (
-    LEAST_M_S2,
-    MATERIAL,
-    MATERIAL_M_S2,
-    SIGNIFICANT,
+    RULE,
     is_harmful,
     is_plausible,
     is_significant,
@@ -63,7 +60,7 @@ def reason_against(c: Candidate, chosen: Candidate | None) -> str:
     if c.held_out_drop <= 0.0 or (c.held_out_drop < NO_GAIN and not is_significant(c.p_value)):
         return "it does not lower the held-out error"
     if not is_significant(c.p_value):
-        return f"its gain is not significant: p {p_in_table(c.p_value)}, expected below {SIGNIFICANT:g}"
+        return f"its gain is not significant: p {p_in_table(c.p_value)}, expected below {RULE.significant:g}"
     if not c.determined:
         if c.effect.essential:
             return f"these data do not show that {' or '.join(c.effect.essential)} differs from 0"
@@ -83,7 +80,7 @@ def reason_against(c: Candidate, chosen: Candidate | None) -> str:
     if is_there(c) and not is_plausible(c):
         return (
             f"it is there, but small: {c.largest_drop:.1%} of an axis' error and {c.explained_m_s2:.2g} m/s^2, "
-            f"expected more than {MATERIAL:.0%} and {LEAST_M_S2:g} m/s^2, or {MATERIAL_M_S2:g} m/s^2"
+            f"expected more than {RULE.material:.0%} and {RULE.least_m_s2:g} m/s^2, or {RULE.material_m_s2:g} m/s^2"
         )
     if not c.distinct:
         return f"these data do not distinguish it from its look-alikes; what would: {c.effect.distinguished_by}"
