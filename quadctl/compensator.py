@@ -186,7 +186,7 @@ def check_compensator(model: Model, lowest_m: float, highest_m: float, source: s
                 f"expected a finite positive number from {lowest_m:g} to {highest_m:g} m: not safe to fly"
             )
     # Below a ceiling thrust does rise with height; the ground's part is judged without it.
-    open_sky = replace(model, stack=tuple(i for i in model.stack if i.effect.family() != "ceiling_effect"))
+    open_sky = replace(model, vehicle=model.vehicle.model_copy(update={"ceiling_m": None}))
     ratios = [_hover_ratio(open_sky, z) for z in heights]
     warnings = []
     if any(b > a + 1e-6 for a, b in itertools.pairwise(ratios)):

@@ -161,9 +161,7 @@ class Model:
 
     def sensed_ned_m_s2(self, c: Conditions) -> Vector:
         """Reading of the accelerometer beyond the true acceleration, NED."""
-        return rotate(
-            c.attitude, _sum(effect.sensed_m_s2(c) for effect in self.effects if effect.affects_accelerometer)
-        )
+        return rotate(c.attitude, _sum(e.sensed_m_s2(c) for e in self.effects if e.acts_by("sensed_m_s2")))
 
     def late(self) -> "Model":
         """The model with only those effects that delay the thrust."""
@@ -193,20 +191,20 @@ class Model:
     @cached_property
     def _thrusting(self) -> tuple[Effect | None, ...]:
         """The stack, with None for each effect that leaves the rotors' thrust as it is."""
-        return tuple(e if type(e).rotor_thrust is not Effect.rotor_thrust else None for e in self.effects)
+        return tuple(e if e.acts_by("rotor_thrust") else None for e in self.effects)
 
     @cached_property
     def _pushing(self) -> tuple[tuple[int, Effect], ...]:
         """The effects with a force, each with its place in the stack."""
-        return tuple((i, e) for i, e in enumerate(self.acting) if type(e).force is not Effect.force)
+        return tuple((i, e) for i, e in enumerate(self.acting) if e.acts_by("force"))
 
     @cached_property
     def effects_on_turning(self) -> tuple[Effect, ...]:
-        return tuple(e for e in self.acting if type(e).torque is not Effect.torque)
+        return tuple(e for e in self.acting if e.acts_by("torque"))
 
     @cached_property
     def effects_on_air(self) -> tuple[Effect, ...]:
-        return tuple(e for e in self.effects if type(e).wind_ned_m_s is not Effect.wind_ned_m_s)
+        return tuple(e for e in self.effects if e.acts_by("wind_ned_m_s"))
 
     @cached_property
     def acting(self) -> tuple[Effect, ...]:

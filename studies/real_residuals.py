@@ -175,7 +175,7 @@ def main() -> None:
 
 def _count_alarms(nulls: Nulls, log: FlightLog, vehicle: Vehicle) -> None:
     kinds = [
-        effect for effect in every_effect([]).values() if not (effect.affects_moment or effect.affects_accelerometer)
+        effect for effect in every_effect([]).values() if not (effect.affects_moment or effect.acts_by("sensed_m_s2"))
     ]
     found = diagnose(Model(vehicle), load_dataset([log], vehicle), kinds)
     nulls.flights += 1

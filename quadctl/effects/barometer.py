@@ -4,6 +4,7 @@ The height error of a pressure error dp is -dp / (rho g), and a static port errs
 rho v^2 / 2: the density drops out.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -16,6 +17,10 @@ from quadctl.numeric import Number
 
 RUNS = "missions/barometer_runs.yaml"
 RATIO = "static pressure error over dynamic pressure in flight"
+SPEED_M_S, STEEP_M, DRIVE = 1.5, 0.5, 0.05
+"""Spans that show an error: speed through the air, height near the ground, share of thrust."""
+LOW_M = 1.0
+"""Height below which the error of the ground shows."""
 
 
 @dataclass(frozen=True)
@@ -29,6 +34,7 @@ class AirspeedError(SensorError):
     physics: ClassVar[str] = "Air that flows past the barometer changes its pressure: the height errs with speed."
     distinguished_by: ClassVar[str] = "runs in all directions at two speeds, at a height that another sensor measures"
     mission: ClassVar[str] = RUNS
+    feels_wind: ClassVar[bool] = True
 
     forward: float = parameter(0.0, -2.0, 2.0, "", f"{RATIO} forward")
     backward: float = parameter(0.0, -2.0, 2.0, "", f"{RATIO} backward")
@@ -36,6 +42,11 @@ class AirspeedError(SensorError):
     left: float = parameter(0.0, -2.0, 2.0, "", f"{RATIO} to the left")
     down: float = parameter(0.0, -2.0, 2.0, "", f"{RATIO} down")
     up: float = parameter(0.0, -2.0, 2.0, "", f"{RATIO} up")
+
+    @classmethod
+    def unshown(cls, flights: Sequence[SensorConditions]) -> str:
+        fastest = max(float(np.percentile(np.sqrt(sum(v**2 for v in c.velocity_body_m_s)), 99.0)) for c in flights)
+        return "" if fastest > SPEED_M_S else "speed"
 
     def error_m(self, c: SensorConditions) -> Number:
         sides = ((self.forward, self.backward), (self.right, self.left), (self.down, self.up))
@@ -61,6 +72,12 @@ class GroundError(SensorError):
     at_ground_m: float = parameter(0.0, -10.0, 10.0, "m", "error at the ground in hover")
     fade_m: float = parameter(0.4, 0.02, 5.0, "m", "height over which it falls to 1/e")
 
+    @classmethod
+    def unshown(cls, flights: Sequence[SensorConditions]) -> str:
+        above = np.concatenate([np.atleast_1d(c.height_m) for c in flights])
+        low = float(np.percentile(above, 3)) < LOW_M
+        return "" if low and float(np.ptp(np.percentile(above, (3, 97)))) > STEEP_M else "height"
+
     def error_m(self, c: SensorConditions) -> Number:
         return self.at_ground_m * c.thrust_share * np.exp(-np.maximum(c.height_m, 0.0) / self.fade_m)
 
@@ -78,6 +95,10 @@ class ThrottleError(SensorError):
     mission: ClassVar[str] = "missions/vertical_runs.yaml"
 
     in_hover_m: float = parameter(0.0, -20.0, 20.0, "m", "error in hover")
+
+    @classmethod
+    def unshown(cls, flights: Sequence[SensorConditions]) -> str:
+        return "" if max(float(np.std(c.thrust_share)) for c in flights) > DRIVE else "thrust"
 
     def error_m(self, c: SensorConditions) -> Number:
         return self.in_hover_m * c.thrust_share

@@ -1,7 +1,8 @@
 """The base of all effects: a frozen dataclass of bounded parameters, and pure functions of the flight conditions.
 
 The same object predicts (arrays: a whole log), compensates (floats: one control tick) and simulates (floats: one
-physics step). An effect overrides the hooks of the ways in which it acts:
+physics step). An effect has three parts: `Physics`, what it does; `Prior`, what is likely before a flight is seen; and
+`Identifiability`, what flights must have to show it. Only the first is needed, by one of these methods:
 
 - `rotor_thrust`: it changes the thrust that each rotor gives at its speed (ground effect, inflow, ...);
 - `force`: it adds a force on the body that is not along the rotors' axes (drag, a tilted thrust axis, ...);
@@ -11,9 +12,9 @@ physics step). An effect overrides the hooks of the ways in which it acts:
 """
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Self, cast
 
 from quadctl.errors import SettingsError
 from quadctl.frames import Quaternion
@@ -79,6 +80,11 @@ VARIABLES = (
 `height_over_radius` beyond the heights of its data."""
 SPANS = (*VARIABLES, "heading", "speed", "thrust_share")
 """Variables whose span in the data an effect can ask for."""
+HOOKS = ("rotor_thrust", "force", "torque", "wind_ned_m_s", "sensed_m_s2")
+"""Methods by which an effect acts, of which it overrides at least one."""
+NUMBERS = ("thrust", "throttle", "exponent", "mass", "tilt", "lag")
+"""Numbers of a vehicle that an effect can correct: the thrust of all rotors by one factor, the line from throttle to
+thrust, the exponent of the thrust over the rotor speed, the mass, the tilt of the thrust and its lag."""
 
 
 @dataclass(frozen=True)
@@ -135,89 +141,31 @@ class Parametric:
     def values(self) -> dict[str, float]:
         return {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
 
-    def negligible(self) -> bool:
-        """True where it is smaller than the usual error of coefficients and trims: then it is not called missing."""
-        return False
 
-
-@dataclass(frozen=True)
-class Effect(Parametric):
-    """Base of all effects on the motion."""
+class Physics:
+    """Physics of an effect: what it does to the vehicle, and by which variables."""
 
     depends_on: ClassVar[tuple[str, ...]]
     """Variables that this effect varies with, of `VARIABLES`."""
-    needs: ClassVar[dict[str, float]] = {}
-    """Span of each variable, of `SPANS`, that the data must have for this effect to be told from its look-alikes."""
     affects_moment: ClassVar[bool] = False
-    """True: it changes the moments on the body by enough for the balance of moments to show it."""
-    affects_accelerometer: ClassVar[bool] = False
-    """True: it makes the accelerometer disagree with the change of velocity."""
+    """True: it changes the moments on the body by enough for the balance of moments to show it. Declared by an effect
+    that changes the thrust of the rotors unequally; what has a `torque` has it by itself."""
     adds_lag: ClassVar[bool] = False
     """True: it delays the thrust, so that the delay of the log must be estimated together with it."""
-    only_without_rotor_speeds: ClassVar[bool] = False
-    """True: it is an error of the way from a command to the thrust, which measured rotor speeds do not go."""
-    only_of_several_flights: ClassVar[bool] = False
-    """True: it says in what flights differ, so that one flight alone has nothing of it."""
-    essential: ClassVar[tuple[str, ...]] = ()
-    """Parameters of which data must show one to differ from 0: without them it is another effect, as a wind of 0 m/s is
-    a drag."""
-    reversible: ClassVar[bool] = False
-    """True: the effect with opposite sign explains as much at the start, so that a fit may go either way."""
     stands_back_for: ClassVar[tuple[str, ...]] = ()
     """Families that model a part of it better: in a stack with one of them, `standing_back` takes its place."""
-
-    candidate: ClassVar[bool] = True
-    """False: the lab does not propose it by itself; a model file may still name it."""
     not_for_flight: ClassVar[str] = ""
     """Reason why a compensator must not hold this effect; empty where it may."""
 
-    @classmethod
-    def applies_to(cls, vehicle: Vehicle) -> bool:
-        """True where `vehicle` can have this effect; the lab does not try it otherwise."""
-        return True
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        if cls.acts_by("torque"):
+            cls.affects_moment = True
 
     @classmethod
-    def starts(cls, flights: Sequence[Conditions], vehicle: Vehicle) -> "Sequence[Effect]":
-        """Initial guesses for a fit to these flights: several where the error has several local minima.
-
-        Parameters that are not fitted keep the value of the start that explains most.
-        """
-        return [cls()]
-
-    def closer(self, flights: Sequence[Conditions]) -> "Sequence[Effect]":
-        """Further initial guesses near this one, tried where it explains most: a fine search after the coarse one."""
-        return []
-
-    @classmethod
-    def joined(cls, explained: "Mapping[Effect, float]") -> "Sequence[Effect]":
-        """Further initial guesses that join several of those tried, of which each explains some squared error."""
-        return []
-
-    def believable(self, flights: Sequence[Conditions], vehicle: Vehicle) -> bool:
-        """True where the parameters fitted to these flights are physically possible for this effect; otherwise its form
-        stands in for another effect."""
-        return True
-
-    def distinct(self, flights: Sequence[Conditions], vehicle: Vehicle) -> bool:
-        """True where these flights can tell it, with the parameters fitted to them, from effects that look alike."""
-        return True
-
-    def implied_by(self, others: "Sequence[Effect]", flights: Sequence[Conditions], vehicle: Vehicle) -> bool:
-        """True where `others`, the other effects of the model, imply this one at about this size, or leave a constant
-        open that it stands for: then it is no discovery of its own."""
-        return False
-
-    def mismatch(self, vehicle: Vehicle) -> str:
-        """Reason why these parameters cannot be those of `vehicle`; empty where they can."""
-        return ""
-
-    def shows_in(self, vehicle: Vehicle) -> tuple[str, ...]:
-        """Axes (roll, pitch, yaw; up) whose error must fall, on each of them, for the effect to be accepted."""
-        return ()
-
-    def standing_back(self) -> Self:
-        """The same effect without the part that an effect of `stands_back_for` models better."""
-        return self
+    def acts_by(cls, hook: str) -> bool:
+        """True where it acts by this method, of `HOOKS`."""
+        return getattr(cls, hook) is not getattr(Physics, hook)
 
     def rotor_thrust(self, thrust_n: Sequence[Number], c: Conditions, vehicle: Vehicle) -> Sequence[Number]:
         """Thrust of each rotor, N, from `thrust_n`, the thrust without this effect."""
@@ -238,6 +186,98 @@ class Effect(Parametric):
     def sensed_m_s2(self, c: Conditions) -> Vector:
         """Reading of the accelerometer beyond the specific force, FRD."""
         return NO_BIAS
+
+    def standing_back(self) -> Self:
+        """The same effect without the part that an effect of `stands_back_for` models better."""
+        return self
+
+
+class Prior:
+    """Prior of an effect: the parameters that are possible and likely before a flight is seen, beside their bounds."""
+
+    reversible: ClassVar[bool] = False
+    """True: the effect with opposite sign explains as much at the start, so that a fit may go either way."""
+    corrects: ClassVar[tuple[str, ...]] = ()
+    """Numbers of the vehicle that it corrects, of `NUMBERS`, where it is nothing else. Of two effects that correct the
+    same number one is no alternative to the other."""
+
+    @classmethod
+    def applies_to(cls, vehicle: Vehicle) -> bool:
+        """True where `vehicle` can have this effect; the lab does not try it otherwise."""
+        return True
+
+    @classmethod
+    def starts(cls, flights: Sequence[Conditions], vehicle: Vehicle) -> "Sequence[Effect]":
+        """Initial guesses for a fit to these flights: several where the error has several local minima.
+
+        Parameters that are not fitted keep the value of the start that explains most.
+        """
+        return [cast("Effect", cls())]
+
+    def closer(self, flights: Sequence[Conditions]) -> "Sequence[Effect]":
+        """Further initial guesses near this one, tried where it explains most: a fine search after the coarse one."""
+        return []
+
+    @classmethod
+    def joined(cls, explained: "Mapping[Effect, float]") -> "Sequence[Effect]":
+        """Further initial guesses that join several of those tried, of which each explains some squared error."""
+        return []
+
+    def negligible(self) -> bool:
+        """True where it is smaller than the usual error of coefficients and trims: then it is not called missing."""
+        return False
+
+    def mismatch(self, vehicle: Vehicle) -> str:
+        """Reason why these parameters cannot be those of `vehicle`; empty where they can."""
+        return ""
+
+    def believable(self, flights: Sequence[Conditions], vehicle: Vehicle) -> bool:
+        """True where the parameters fitted to these flights are physically possible for this effect; otherwise its form
+        stands in for another effect."""
+        return True
+
+
+class Identifiability:
+    """Identifiability of an effect: what flights must have to show it, and what it is confounded with."""
+
+    candidate: ClassVar[bool] = True
+    """False: the lab does not propose it by itself; a model file may still name it."""
+    needs: ClassVar[dict[str, float]] = {}
+    """Span of each variable, of `SPANS`, that the data must have for this effect to be told from its look-alikes."""
+    only_without_rotor_speeds: ClassVar[bool] = False
+    """True: it is an error of the way from a command to the thrust, which measured rotor speeds do not go."""
+    only_of_several_flights: ClassVar[bool] = False
+    """True: it says in what flights differ, so that one flight alone has nothing of it."""
+    essential: ClassVar[tuple[str, ...]] = ()
+    """Parameters of which data must show one to differ from 0: without them it is another effect, as a wind of 0 m/s is
+    a drag."""
+
+    def distinct(self, flights: Sequence[Conditions], vehicle: Vehicle) -> bool:
+        """True where these flights can tell it, with the parameters fitted to them, from effects that look alike."""
+        return True
+
+    def implied_by(self, others: "Sequence[Effect]", flights: Sequence[Conditions], vehicle: Vehicle) -> bool:
+        """True where `others`, the other effects of the model, imply this one at about this size, or leave a constant
+        open that it stands for: then it is no discovery of its own."""
+        return False
+
+    def shows_in(self, vehicle: Vehicle) -> tuple[str, ...]:
+        """Axes (roll, pitch, yaw; up) whose error must fall, on each of them, for the effect to be accepted."""
+        return ()
+
+    def inseparable_from(
+        self, missing: Collection[str], ci95: Mapping[str, tuple[float, float]], span: Callable[[str], float]
+    ) -> Sequence[str]:
+        """Families that hardly any flight separates from this effect, which was found among the families `missing`.
+
+        `ci95` are the intervals of its parameters, and `span` gives the span of a variable, of `SPANS`, in the data.
+        """
+        return ()
+
+
+@dataclass(frozen=True)
+class Effect(Physics, Prior, Identifiability, Parametric):
+    """Base of all effects on the motion: its three parts, with the name and the parameters."""
 
 
 @dataclass(frozen=True)

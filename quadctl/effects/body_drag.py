@@ -1,12 +1,12 @@
 """Body drag: the pressure drag of frame and payload, quadratic in velocity."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
 from quadctl.effects.base import Conditions, Effect, parameter
-from quadctl.effects.rotor_drag import acts_sideways, is_of_inflow
+from quadctl.effects.rotor_drag import acts_sideways, is_of_inflow, may_be_inflow
 from quadctl.numeric import Vector, sqrt
 from quadctl.vehicle import Vehicle
 
@@ -39,6 +39,11 @@ class QuadraticDrag(Effect):
     def implied_by(self, others: Sequence[Effect], flights: Sequence[Conditions], vehicle: Vehicle) -> bool:
         """True where it acts along the thrust axis alone, beside an inflow: then the form of that one is off."""
         return is_of_inflow(self.area_x_m2, self.area_y_m2, self.area_z_m2, others)
+
+    def inseparable_from(
+        self, missing: Collection[str], ci95: Mapping[str, tuple[float, float]], span: Callable[[str], float]
+    ) -> Sequence[str]:
+        return may_be_inflow("area_z_m2", self, missing, ci95)
 
     def force(self, total_thrust_n: float, c: Conditions, vehicle: Vehicle) -> Vector:
         u, v, w = c.velocity_body_m_s

@@ -1,83 +1,41 @@
-"""The effects that the project knows, by name. A new effect is one class in one file and one line here."""
+"""The effects that the project knows, by name: every effect of every module of this package. A new effect is one file.
 
-from collections.abc import Mapping, Sequence
+The modules come in the order in which their effects are tried and shown, and within a module the effects do; a family
+is known by its first effect.
+"""
+
+import pkgutil
+from collections.abc import Iterator, Mapping, Sequence
+from importlib import import_module
 from pathlib import Path
 
 from quadctl.effects.base import Effect
-from quadctl.effects.battery_sag import LinearSag, PowerSag
-from quadctl.effects.body_drag import QuadraticDrag
-from quadctl.effects.ceiling_effect import MomentumCeiling
-from quadctl.effects.ground_effect import (
-    Cheeseman,
-    CheesemanForward,
-    Danjun,
-    Exponential,
-    Hayden,
-    Kan,
-    Nobahari,
-    Sanchez,
-    Surface,
-)
-from quadctl.effects.ground_effect_hexarotor import Hexarotor, HexarotorTilted
-from quadctl.effects.ground_effect_surfaces import Surfaces
-from quadctl.effects.ground_torque import Levelling
-from quadctl.effects.imu_bias import ConstantBias
-from quadctl.effects.inflow import AxialInflow
-from quadctl.effects.motor_lag import FirstOrderLag
-from quadctl.effects.payload import MassStep
-from quadctl.effects.rotor_drag import LinearDrag
-from quadctl.effects.rotor_fault import FailingRotor, WeakRotor
-from quadctl.effects.rotor_interaction import FrontWake
-from quadctl.effects.tether import HangingTether
-from quadctl.effects.thrust_curve import PowerCurve
-from quadctl.effects.thrust_map import LineMap
-from quadctl.effects.thrust_scale import ConstantScale
-from quadctl.effects.thrust_tilt import FixedTilt
-from quadctl.effects.translational_lift import HorizontalLift
 from quadctl.effects.user import effects_of, installed, load_installed
-from quadctl.effects.wind import Push, QuadraticWind, SteadyWind, WindOfEachFlight
 from quadctl.errors import SettingsError
 from quadctl.settings import nearest
 
+FIRST = (
+    *("thrust_scale", "thrust_map", "ground_effect", "ground_effect_hexarotor", "ground_effect_surfaces"),
+    *("ceiling_effect", "rotor_drag", "body_drag", "inflow", "thrust_tilt", "tether", "wind", "translational_lift"),
+    *("payload", "battery_sag", "thrust_curve", "motor_lag", "rotor_fault", "rotor_interaction", "ground_torque"),
+    "imu_bias",
+)
+"""Modules that come first; others follow by their names."""
+
+
+def effects_in(path: Sequence[str], package: str) -> Iterator[type[Effect]]:
+    """Effects that the modules of a package define, with the folders of its `path`."""
+    names = {module.name for module in pkgutil.iter_modules(path)} - {__name__.rpartition(".")[2]}
+    for name in sorted(names, key=lambda name: (FIRST.index(name) if name in FIRST else len(FIRST), name)):
+        module = import_module(f"{package}.{name}")
+        for kind in vars(module).values():
+            own = isinstance(kind, type) and issubclass(kind, Effect) and kind.__module__ == module.__name__
+            if own and "name" in vars(kind):
+                yield kind
+
+
 CATALOG: dict[str, type[Effect]] = {
-    effect.name: effect
-    for effect in (
-        ConstantScale,
-        LineMap,
-        Exponential,
-        Sanchez,
-        Cheeseman,
-        Hayden,
-        Danjun,
-        CheesemanForward,
-        Hexarotor,
-        HexarotorTilted,
-        Surface,
-        Surfaces,
-        Nobahari,
-        Kan,
-        MomentumCeiling,
-        LinearDrag,
-        QuadraticDrag,
-        AxialInflow,
-        FixedTilt,
-        HangingTether,
-        SteadyWind,
-        WindOfEachFlight,
-        QuadraticWind,
-        Push,
-        HorizontalLift,
-        MassStep,
-        LinearSag,
-        PowerSag,
-        PowerCurve,
-        FirstOrderLag,
-        WeakRotor,
-        FailingRotor,
-        FrontWake,
-        Levelling,
-        ConstantBias,
-    )
+    kind.name: kind for kind in effects_in([str(Path(__file__).parent)], __name__.rpartition(".")[0])
 }
 
 

@@ -70,136 +70,6 @@ def horizontal_speed_squared(c: Conditions) -> Number:
 
 
 @dataclass(frozen=True)
-class Cheeseman(GroundEffect):
-    """K = 1 / (1 - (R/4z)^2): an image source below one rotor."""
-
-    name: ClassVar[str] = "ground_effect.cheeseman"
-    source: ClassVar[str] = "Cheeseman & Bennett 1955, ARC R&M 3021, eq. for V = 0"
-    formula: ClassVar[str] = r"K = \bigl(1 - (R / 4z)^2\bigr)^{-1}"
-
-    def at_height(self, z: Number, vehicle: Vehicle) -> Number:
-        return 1.0 / (1.0 - (vehicle.rotor.radius_m / (4.0 * z)) ** 2)
-
-
-@dataclass(frozen=True)
-class CheesemanForward(NearGround):
-    """K = 1 / (1 - (R/4z)^2 / (1 + (V/v_h)^2)): forward flight carries the wake away before it is dammed up.
-
-    V is the horizontal speed, v_h the induced velocity in hover; at V = 0 this is `cheeseman`. The thesis (eq. 4)
-    prints the factor 1 / (1 + (V/v_h)^2) with one more square, which neither the source nor the thesis' code has.
-    """
-
-    name: ClassVar[str] = "ground_effect.cheeseman_forward"
-    source: ClassVar[str] = "Cheeseman & Bennett 1955, ARC R&M 3021"
-    depends_on: ClassVar[tuple[str, ...]] = ("height_over_radius", "speed_forward", "speed_right")
-    physics: ClassVar[str] = (
-        "Near the ground the downwash is dammed up and thrust grows; in forward flight the vehicle leaves it behind."
-    )
-    distinguished_by: ClassVar[str] = "low runs at several speeds: the gain near the ground fades with the speed"
-    mission: ClassVar[str] = "missions/forward_runs.yaml"
-    needs: ClassVar[dict[str, float]] = {"speed": 1.0}
-
-    def ratio(self, c: Conditions, vehicle: Vehicle) -> Number:
-        own = (vehicle.rotor.radius_m / (4.0 * clamped_height(c, vehicle))) ** 2
-        return 1.0 / (1.0 - own / (1.0 + horizontal_speed_squared(c) / vehicle.hover_induced_velocity_m_s**2))
-
-
-@dataclass(frozen=True)
-class Nobahari(NearGround):
-    """K = 1 / (1 - (R_eq/4z)^2), R_eq = 2.5 R: Cheeseman for one equivalent rotor in the place of a quadrotor's four.
-
-    Very strong: 1.64 at one rotor radius, and a pole at z = R_eq/4 = 0.625 R, below which it is negative. The check
-    before flight refuses it wherever the flight may come that low. It has no parameter that data could soften, so the
-    lab does not propose it.
-    """
-
-    name: ClassVar[str] = "ground_effect.nobahari"
-    source: ClassVar[str] = "Nobahari: Cheeseman & Bennett 1955 with an equivalent radius"
-    candidate: ClassVar[bool] = False
-
-    EQUIVALENT_RADII: ClassVar[float] = 2.5
-
-    def ratio(self, c: Conditions, vehicle: Vehicle) -> Number:
-        r = self.EQUIVALENT_RADII * vehicle.rotor.radius_m
-        return inverse(1.0 - (r / (4.0 * clamped_height(c, vehicle))) ** 2)
-
-
-@dataclass(frozen=True)
-class Danjun(GroundEffect):
-    """K = 1 / (1 - rho (R/4z)^2): Cheeseman with a weight that is fitted; rho = 1 gives `cheeseman`.
-
-    Dena et al. (eq. 13) print the inverse, which would lose thrust near the ground. The pole is at z = sqrt(rho) R/4;
-    rho stays below 4, so that it is below the lowest height at which this form is evaluated.
-    """
-
-    name: ClassVar[str] = "ground_effect.danjun"
-    source: ClassVar[str] = "Danjun et al. 2015; Dena et al. eq. 13 (printed inverted), rho = 3.6490"
-
-    rho: float = parameter(3.649, 0.0, 3.9, "", "weight of the image source")
-
-    def at_height(self, z: Number, vehicle: Vehicle) -> Number:
-        return 1.0 / (1.0 - self.rho * (vehicle.rotor.radius_m / (4.0 * z)) ** 2)
-
-
-@dataclass(frozen=True)
-class Hayden(GroundEffect):
-    """K = (0.9926 + 0.03794 / (z/2R)^2)^(2/3), from helicopter flight tests; tends to 0.995, not to 1, far away."""
-
-    name: ClassVar[str] = "ground_effect.hayden"
-    source: ClassVar[str] = "Hayden 1976, The effect of the ground on helicopter hovering power required"
-    formula: ClassVar[str] = r"K = \bigl(0.9926 + 0.03794 \, (2R / z)^2\bigr)^{2/3}"
-
-    def at_height(self, z: Number, vehicle: Vehicle) -> Number:
-        diameters = z / (2.0 * vehicle.rotor.radius_m)
-        return (0.9926 + 0.03794 / diameters**2) ** (2.0 / 3.0)
-
-
-@dataclass(frozen=True)
-class Sanchez(GroundEffect):
-    """Image sources below all rotors of a quadrotor, and the fountain between them, weighted with k_b, on its body."""
-
-    name: ClassVar[str] = "ground_effect.sanchez"
-    source: ClassVar[str] = "Sanchez-Cuevas et al. 2017, Int. J. Aerospace Eng.; Dena et al. eq. 15"
-
-    k_b: float = parameter(2.0, 0.0, 6.0, "", "weight of the fountain on the body (2 in the thesis, 0.4509 in Dena)")
-
-    def at_height(self, z: Number, vehicle: Vehicle) -> Number:
-        return quadrotor_ratio(z, vehicle, self.k_b)
-
-
-@dataclass(frozen=True)
-class Surface(GroundEffect):
-    """`sanchez` with k_b + k_s in the place of k_b: how much of the fountain the surface sends back.
-
-    In flights over one surface k_s cannot be told from k_b, so the lab proposes `sanchez` instead; `add` fits k_s for a
-    surface. The paper prints no k_s (turf, dirt, dry soil, irregular dry soil), so the default is none. Its equations
-    14 and 20 are typeset with terms outside the fraction; all belong in the denominator. k_b + k_s is taken as no less
-    than 0: a surface may swallow the fountain, but it does not pull.
-    """
-
-    name: ClassVar[str] = "ground_effect.surface"
-    source: ClassVar[str] = "Dena et al. eq. 20"
-    candidate: ClassVar[bool] = False
-
-    k_b: float = parameter(0.4509, 0.0, 6.0, "", "weight of the fountain on the body", fitted=False)
-    k_s: float = parameter(0.0, -6.0, 6.0, "", "what the surface adds to it")
-
-    def at_height(self, z: Number, vehicle: Vehicle) -> Number:
-        return quadrotor_ratio(z, vehicle, maximum(self.k_b + self.k_s, 0.0))
-
-
-def quadrotor_ratio(z: Number, vehicle: Vehicle, fountain_weight: Number) -> Number:
-    """K of image sources below four rotors in a square and of the fountain between them."""
-    r, d, b = vehicle.rotor.radius_m, vehicle.adjacent_distance_m, vehicle.opposite_distance_m
-    z4 = 4.0 * z * z
-    own = (r / (4.0 * z)) ** 2
-    neighbours = r * r * z / (d * d + z4) ** 1.5
-    opposite = 0.5 * r * r * z / (2.0 * d * d + z4) ** 1.5
-    fountain = 2.0 * r * r * z * fountain_weight / (b * b + z4) ** 1.5
-    return 1.0 / (1.0 - own - neighbours - opposite - fountain)
-
-
-@dataclass(frozen=True)
 class Exponential(GroundEffect):
     """K = c + a exp(-b z): the compact form found by sparse regression, made physical by c = 1 (no effect far away).
 
@@ -226,6 +96,136 @@ class Exponential(GroundEffect):
 
     def at_height(self, z: Number, vehicle: Vehicle) -> Number:
         return self.c + self.a * exp(-self.b * z)
+
+
+@dataclass(frozen=True)
+class Sanchez(GroundEffect):
+    """Image sources below all rotors of a quadrotor, and the fountain between them, weighted with k_b, on its body."""
+
+    name: ClassVar[str] = "ground_effect.sanchez"
+    source: ClassVar[str] = "Sanchez-Cuevas et al. 2017, Int. J. Aerospace Eng.; Dena et al. eq. 15"
+
+    k_b: float = parameter(2.0, 0.0, 6.0, "", "weight of the fountain on the body (2 in the thesis, 0.4509 in Dena)")
+
+    def at_height(self, z: Number, vehicle: Vehicle) -> Number:
+        return quadrotor_ratio(z, vehicle, self.k_b)
+
+
+def quadrotor_ratio(z: Number, vehicle: Vehicle, fountain_weight: Number) -> Number:
+    """K of image sources below four rotors in a square and of the fountain between them."""
+    r, d, b = vehicle.rotor.radius_m, vehicle.adjacent_distance_m, vehicle.opposite_distance_m
+    z4 = 4.0 * z * z
+    own = (r / (4.0 * z)) ** 2
+    neighbours = r * r * z / (d * d + z4) ** 1.5
+    opposite = 0.5 * r * r * z / (2.0 * d * d + z4) ** 1.5
+    fountain = 2.0 * r * r * z * fountain_weight / (b * b + z4) ** 1.5
+    return 1.0 / (1.0 - own - neighbours - opposite - fountain)
+
+
+@dataclass(frozen=True)
+class Cheeseman(GroundEffect):
+    """K = 1 / (1 - (R/4z)^2): an image source below one rotor."""
+
+    name: ClassVar[str] = "ground_effect.cheeseman"
+    source: ClassVar[str] = "Cheeseman & Bennett 1955, ARC R&M 3021, eq. for V = 0"
+    formula: ClassVar[str] = r"K = \bigl(1 - (R / 4z)^2\bigr)^{-1}"
+
+    def at_height(self, z: Number, vehicle: Vehicle) -> Number:
+        return 1.0 / (1.0 - (vehicle.rotor.radius_m / (4.0 * z)) ** 2)
+
+
+@dataclass(frozen=True)
+class Hayden(GroundEffect):
+    """K = (0.9926 + 0.03794 / (z/2R)^2)^(2/3), from helicopter flight tests; tends to 0.995, not to 1, far away."""
+
+    name: ClassVar[str] = "ground_effect.hayden"
+    source: ClassVar[str] = "Hayden 1976, The effect of the ground on helicopter hovering power required"
+    formula: ClassVar[str] = r"K = \bigl(0.9926 + 0.03794 \, (2R / z)^2\bigr)^{2/3}"
+
+    def at_height(self, z: Number, vehicle: Vehicle) -> Number:
+        diameters = z / (2.0 * vehicle.rotor.radius_m)
+        return (0.9926 + 0.03794 / diameters**2) ** (2.0 / 3.0)
+
+
+@dataclass(frozen=True)
+class Danjun(GroundEffect):
+    """K = 1 / (1 - rho (R/4z)^2): Cheeseman with a weight that is fitted; rho = 1 gives `cheeseman`.
+
+    Dena et al. (eq. 13) print the inverse, which would lose thrust near the ground. The pole is at z = sqrt(rho) R/4;
+    rho stays below 4, so that it is below the lowest height at which this form is evaluated.
+    """
+
+    name: ClassVar[str] = "ground_effect.danjun"
+    source: ClassVar[str] = "Danjun et al. 2015; Dena et al. eq. 13 (printed inverted), rho = 3.6490"
+
+    rho: float = parameter(3.649, 0.0, 3.9, "", "weight of the image source")
+
+    def at_height(self, z: Number, vehicle: Vehicle) -> Number:
+        return 1.0 / (1.0 - self.rho * (vehicle.rotor.radius_m / (4.0 * z)) ** 2)
+
+
+@dataclass(frozen=True)
+class CheesemanForward(NearGround):
+    """K = 1 / (1 - (R/4z)^2 / (1 + (V/v_h)^2)): forward flight carries the wake away before it is dammed up.
+
+    V is the horizontal speed, v_h the induced velocity in hover; at V = 0 this is `cheeseman`. The thesis (eq. 4)
+    prints the factor 1 / (1 + (V/v_h)^2) with one more square, which neither the source nor the thesis' code has.
+    """
+
+    name: ClassVar[str] = "ground_effect.cheeseman_forward"
+    source: ClassVar[str] = "Cheeseman & Bennett 1955, ARC R&M 3021"
+    depends_on: ClassVar[tuple[str, ...]] = ("height_over_radius", "speed_forward", "speed_right")
+    physics: ClassVar[str] = (
+        "Near the ground the downwash is dammed up and thrust grows; in forward flight the vehicle leaves it behind."
+    )
+    distinguished_by: ClassVar[str] = "low runs at several speeds: the gain near the ground fades with the speed"
+    mission: ClassVar[str] = "missions/forward_runs.yaml"
+    needs: ClassVar[dict[str, float]] = {"speed": 1.0}
+
+    def ratio(self, c: Conditions, vehicle: Vehicle) -> Number:
+        own = (vehicle.rotor.radius_m / (4.0 * clamped_height(c, vehicle))) ** 2
+        return 1.0 / (1.0 - own / (1.0 + horizontal_speed_squared(c) / vehicle.hover_induced_velocity_m_s**2))
+
+
+@dataclass(frozen=True)
+class Surface(GroundEffect):
+    """`sanchez` with k_b + k_s in the place of k_b: how much of the fountain the surface sends back.
+
+    In flights over one surface k_s cannot be told from k_b, so the lab proposes `sanchez` instead; `add` fits k_s for a
+    surface. The paper prints no k_s (turf, dirt, dry soil, irregular dry soil), so the default is none. Its equations
+    14 and 20 are typeset with terms outside the fraction; all belong in the denominator. k_b + k_s is taken as no less
+    than 0: a surface may swallow the fountain, but it does not pull.
+    """
+
+    name: ClassVar[str] = "ground_effect.surface"
+    source: ClassVar[str] = "Dena et al. eq. 20"
+    candidate: ClassVar[bool] = False
+
+    k_b: float = parameter(0.4509, 0.0, 6.0, "", "weight of the fountain on the body", fitted=False)
+    k_s: float = parameter(0.0, -6.0, 6.0, "", "what the surface adds to it")
+
+    def at_height(self, z: Number, vehicle: Vehicle) -> Number:
+        return quadrotor_ratio(z, vehicle, maximum(self.k_b + self.k_s, 0.0))
+
+
+@dataclass(frozen=True)
+class Nobahari(NearGround):
+    """K = 1 / (1 - (R_eq/4z)^2), R_eq = 2.5 R: Cheeseman for one equivalent rotor in the place of a quadrotor's four.
+
+    Very strong: 1.64 at one rotor radius, and a pole at z = R_eq/4 = 0.625 R, below which it is negative. The check
+    before flight refuses it wherever the flight may come that low. It has no parameter that data could soften, so the
+    lab does not propose it.
+    """
+
+    name: ClassVar[str] = "ground_effect.nobahari"
+    source: ClassVar[str] = "Nobahari: Cheeseman & Bennett 1955 with an equivalent radius"
+    candidate: ClassVar[bool] = False
+
+    EQUIVALENT_RADII: ClassVar[float] = 2.5
+
+    def ratio(self, c: Conditions, vehicle: Vehicle) -> Number:
+        r = self.EQUIVALENT_RADII * vehicle.rotor.radius_m
+        return inverse(1.0 - (r / (4.0 * clamped_height(c, vehicle))) ** 2)
 
 
 @dataclass(frozen=True)

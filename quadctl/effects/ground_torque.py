@@ -29,7 +29,6 @@ class Levelling(Effect):
     physics: ClassVar[str] = "Near the ground the lower rotors of a tilted vehicle lift more and turn it back to level."
     distinguished_by: ClassVar[str] = "the balance of moments in runs close to the ground"
     mission: ClassVar[str] = "missions/forward_runs.yaml"
-    affects_moment: ClassVar[bool] = True
     essential: ClassVar[tuple[str, ...]] = ("stiffness",)
 
     stiffness: float = parameter(0.5, 0.0, 50.0, "1/rad", "moment at the ground, over thrust and rotor radius")

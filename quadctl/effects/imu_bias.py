@@ -1,6 +1,7 @@
 """Accelerometer bias: the inertial unit measures a specific force that is not there."""
 
 import math
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -24,7 +25,6 @@ class ConstantBias(Effect):
     physics: ClassVar[str] = "The accelerometer reads a force that is not there: the velocity does not follow it."
     distinguished_by: ClassVar[str] = "accelerometer against the change of velocity: a real force moves both"
     mission: ClassVar[str] = "missions/hover_staircase_high.yaml"
-    affects_accelerometer: ClassVar[bool] = True
 
     x: float = parameter(0.0, -5.0, 5.0, "m/s^2", "bias forward")
     y: float = parameter(0.0, -5.0, 5.0, "m/s^2", "bias to the right")
@@ -32,6 +32,12 @@ class ConstantBias(Effect):
 
     def negligible(self) -> bool:
         return math.sqrt(self.x**2 + self.y**2 + self.z**2) < LEAST_M_S2
+
+    def inseparable_from(
+        self, missing: Collection[str], ci95: Mapping[str, tuple[float, float]], span: Callable[[str], float]
+    ) -> Sequence[str]:
+        """A tilted thrust beside it: the two may be one error of the attitude estimate."""
+        return ["thrust_tilt"] if "thrust_tilt" in missing else []
 
     def sensed_m_s2(self, c: Conditions) -> Vector:
         return self.x, self.y, self.z

@@ -1,5 +1,6 @@
 """Inflow: at the same rotor speed a climbing rotor gives less thrust, a sinking one more."""
 
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -9,6 +10,8 @@ from quadctl.vehicle import Vehicle
 
 RATIO_LIMIT = 0.5
 """The linear law is cut where it would change the thrust by more than half."""
+DRAG_SHOWS_M_S = 1.0
+"""Span of the horizontal speed above which a flight shows a drag, if there is one."""
 
 
 @dataclass(frozen=True)
@@ -30,6 +33,13 @@ class AxialInflow(ThrustRatio):
     mission: ClassVar[str] = "missions/vertical_runs.yaml"
 
     k: float = parameter(0.3, 0.0, 2.0, "", "loss of thrust, as a fraction, at a climb rate of v_h")
+
+    def inseparable_from(
+        self, missing: Collection[str], ci95: Mapping[str, tuple[float, float]], span: Callable[[str], float]
+    ) -> Sequence[str]:
+        """A drag along body z, unless the flights show that there is a drag along the other axes, or none."""
+        told = "rotor_drag" in missing or "body_drag" in missing or span("speed") >= DRAG_SHOWS_M_S
+        return [] if told else ["rotor_drag"]
 
     def ratio(self, c: Conditions, vehicle: Vehicle) -> Number:
         climb_m_s = -c.velocity_body_m_s[2]

@@ -31,6 +31,7 @@ class FirstOrderLag(Effect):
     distinguished_by: ClassVar[str] = "quick changes of thrust; slow flight does not show it"
     mission: ClassVar[str] = "missions/vertical_runs.yaml"
     adds_lag: ClassVar[bool] = True
+    corrects: ClassVar[tuple[str, ...]] = ("lag",)
 
     time_constant_s: float = parameter(0.05, 0.0, 1.0, "s", "after which 63 % of a change are there")
 

@@ -24,6 +24,7 @@ class MassStep(Sudden, ThrustRatio):
     distinguished_by: ClassVar[str] = "a step in time, at whatever height, speed and voltage"
     mission: ClassVar[str] = "missions/hover_staircase_high.yaml"
     reversible: ClassVar[bool] = True
+    corrects: ClassVar[tuple[str, ...]] = ("mass",)
     not_for_flight: ClassVar[str] = "the time of the change belongs to one flight"
 
     mass_kg: float = parameter(0.1, -20.0, 20.0, "kg", "mass picked up (+) or dropped (-)")

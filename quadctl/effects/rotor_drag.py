@@ -1,6 +1,6 @@
 """Rotor drag: blade flapping and induced drag give a force against the body's velocity, linear in it."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -17,6 +17,8 @@ SIDEWAYS = 0.1
 """Least drag along body x or y, as a share of that along z: a force along the thrust axis alone is an `inflow`."""
 FLOWN_M_S = 1.0
 """Span of the horizontal speed that shows whether there is a drag along body x and y."""
+LIKE_THE_OTHERS = 0.3
+"""Least drag along body z, as a share of the largest, that may be an inflow; blades and frame alone give less."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +54,11 @@ class LinearDrag(Effect):
         """True where it acts along the thrust axis alone, beside an inflow: then the form of that one is off."""
         return is_of_inflow(self.d_x, self.d_y, self.d_z, others)
 
+    def inseparable_from(
+        self, missing: Collection[str], ci95: Mapping[str, tuple[float, float]], span: Callable[[str], float]
+    ) -> Sequence[str]:
+        return may_be_inflow("d_z", self, missing, ci95)
+
     def force(self, total_thrust_n: Number, c: Conditions, vehicle: Vehicle) -> Vector:
         u, v, w = c.velocity_body_m_s
         m = vehicle.mass_kg
@@ -66,6 +73,15 @@ def acts_sideways(x: float, y: float, z: float, flights: Sequence[Conditions]) -
 def is_of_inflow(x: float, y: float, z: float, others: Sequence[Effect]) -> bool:
     """Tell whether a drag with these coefficients along the body axes is a part of an inflow of the model."""
     return max(x, y) < SIDEWAYS * z and any(effect.family() == "inflow" for effect in others)
+
+
+def may_be_inflow(
+    along_z: str, drag: Effect, missing: Collection[str], ci95: Mapping[str, tuple[float, float]]
+) -> Sequence[str]:
+    """Inflow, where the parameter `along_z` of a drag is too large for blades and frame, and no inflow was found."""
+    if "inflow" in missing or along_z not in ci95:
+        return []
+    return ["inflow"] if ci95[along_z][0] > LIKE_THE_OTHERS * max(drag.values().values()) else []
 
 
 def _span_m_s(c: Conditions) -> float:

@@ -4,6 +4,7 @@ An effect on the motion says what the vehicle does; an error of a sensor says wh
 predicts the reading of a whole log (arrays) and corrupts that of a simulated sensor (floats).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -38,6 +39,14 @@ class SensorError(Parametric):
     """Sensor that it acts on: `barometer` or `rangefinder`."""
     scales: ClassVar[dict[str, tuple[float, ...]]] = {}
     """Values to try of the parameters in which the error is not linear, in which all others are."""
+
+    feels_wind: ClassVar[bool] = False
+    """True: it goes with the velocity relative to the air, so that it is fitted together with the wind."""
+
+    @classmethod
+    def unshown(cls, flights: Sequence[SensorConditions]) -> str:
+        """Quantity that these flights do not span, which the error needs; empty where they do."""
+        return ""
 
     def error_m(self, c: SensorConditions) -> Number:
         """Reading beyond the true height, m."""

@@ -25,6 +25,7 @@ class PowerCurve(Effect):
     distinguished_by: ClassVar[str] = "strong and quick changes of thrust, away from the ground"
     mission: ClassVar[str] = "missions/vertical_runs.yaml"
     needs: ClassVar[dict[str, float]] = {"thrust_share": 0.1}
+    corrects: ClassVar[tuple[str, ...]] = ("exponent",)
 
     exponent: float = parameter(2.0, 1.0, 3.0, "", "2: the vehicle file's law")
 

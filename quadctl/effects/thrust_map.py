@@ -27,6 +27,7 @@ class LineMap(Effect):
     mission: ClassVar[str] = "missions/vertical_runs.yaml"
     needs: ClassVar[dict[str, float]] = {"thrust_share": 0.1}
     only_without_rotor_speeds: ClassVar[bool] = True
+    corrects: ClassVar[tuple[str, ...]] = ("thrust", "throttle")
 
     factor: float = parameter(1.0, 0.2, 5.0, "", "slope of the true thrust over the file's thrust")
     offset: float = parameter(0.0, -2.0, 2.0, "", "true thrust where the file's line gives none, over the weight")

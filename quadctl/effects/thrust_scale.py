@@ -26,6 +26,7 @@ class ConstantScale(ThrustRatio):
     )
     distinguished_by: ClassVar[str] = "being the same at all heights, speeds and voltages"
     mission: ClassVar[str] = "missions/hover_staircase_high.yaml"
+    corrects: ClassVar[tuple[str, ...]] = ("thrust",)
 
     factor: float = parameter(1.0, 0.4, 2.5, "", "true thrust over the vehicle file's thrust, per mass")
 

@@ -27,6 +27,7 @@ class FixedTilt(Effect):
     )
     distinguished_by: ClassVar[str] = "hovering at several headings: the push turns with the body, wind does not"
     mission: ClassVar[str] = "missions/headings.yaml"
+    corrects: ClassVar[tuple[str, ...]] = ("tilt",)
 
     roll_deg: float = parameter(0.0, -15.0, 15.0, "deg", "thrust leans to the right")
     pitch_deg: float = parameter(0.0, -15.0, 15.0, "deg", "thrust leans backward")

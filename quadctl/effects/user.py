@@ -14,7 +14,19 @@ from typing import Any
 
 import numpy as np
 
-from quadctl.effects.base import SPANS, VARIABLES, Conditions, Effect, Parametric, ThrustRatio
+from quadctl.effects.base import (
+    HOOKS,
+    NUMBERS,
+    SPANS,
+    VARIABLES,
+    Conditions,
+    Effect,
+    Identifiability,
+    Parametric,
+    Physics,
+    Prior,
+    ThrustRatio,
+)
 from quadctl.errors import SettingsError
 from quadctl.settings import nearest
 from quadctl.vehicle import Vehicle
@@ -25,18 +37,15 @@ GROUP = "quadctl.effects"
 MODULE = "quadctl_own_effects"
 """`__name__` of a user's file while it runs."""
 
-HOOKS = ("rotor_thrust", "force", "torque", "wind_ned_m_s", "sensed_m_s2")
-"""Methods of which an effect overrides at least one."""
-
 RENAMED = {
     "told_apart_by": "distinguished_by",
     "turns": "affects_moment",
     "retards": "adds_lag",
-    "senses": "affects_accelerometer",
 }
 """Former names of class variables, which users' files may still have, with the present names."""
 
-ATTRIBUTES = (*Parametric.__annotations__, *Effect.__annotations__)
+PARTS = (Parametric, Physics, Prior, Identifiability)
+ATTRIBUTES = tuple(name for part in PARTS for name in part.__annotations__)
 DECLARED = tuple(name for name in ATTRIBUTES if not hasattr(Effect, name))
 """Class variables that every effect must declare: its name, source, physics, ..."""
 
@@ -157,7 +166,11 @@ def _declaration_problem(kind: type[Effect]) -> str | None:
         return f"is named '{kind.name}', expected family.variant in small letters"
     if "__dataclass_params__" not in vars(kind):
         return "is no dataclass, expected @dataclass(frozen=True) above it"
-    for says, names, known in (("depends on", kind.depends_on, VARIABLES), ("needs a span of", kind.needs, SPANS)):
+    for says, names, known in (
+        ("depends on", kind.depends_on, VARIABLES),
+        ("needs a span of", kind.needs, SPANS),
+        ("corrects", kind.corrects, NUMBERS),
+    ):
         for name in names:
             if name not in known:
                 return f"{says} '{name}'{nearest(name, known)}, expected some of {', '.join(known)}"
@@ -175,15 +188,10 @@ def _parameter_problem(kind: type[Effect]) -> str | None:
 
 
 def _hook_problem(kind: type[Effect]) -> str | None:
-    if all(getattr(kind, hook) is getattr(Effect, hook) for hook in HOOKS):
+    if not any(kind.acts_by(hook) for hook in HOOKS):
         return f"does nothing, expected one of {', '.join(HOOKS)}"
-    if kind.sensed_m_s2 is not Effect.sensed_m_s2 and not kind.affects_accelerometer:
-        return "has sensed_m_s2, expected affects_accelerometer: ClassVar[bool] = True beside it"
-    if (
-        issubclass(kind, ThrustRatio)
-        and kind.ratio is ThrustRatio.ratio
-        and kind.rotor_thrust is ThrustRatio.rotor_thrust
-    ):
+    unsaid = issubclass(kind, ThrustRatio) and kind.ratio is ThrustRatio.ratio
+    if unsaid and kind.rotor_thrust is ThrustRatio.rotor_thrust:
         return "is a ThrustRatio without ratio, expected that method"
     try:
         if not kind.applies_to(SAMPLE):

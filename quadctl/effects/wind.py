@@ -87,41 +87,6 @@ class _Wind(Effect):
         return *self.of_flight_m_s(c.flight), 0.0
 
 
-@dataclass(frozen=True)
-class Push(Effect):
-    """A constant force over ground, F = m (north, east, 0): a wind on a vehicle that is slow beside it.
-
-    Flights that hover tell the product of the wind and the drag, and neither of the two.
-    """
-
-    name: ClassVar[str] = "wind.push"
-    source: ClassVar[str] = "Galilean relativity; drag of a speed that is small beside the wind's"
-    depends_on: ClassVar[tuple[str, ...]] = ()
-    physics: ClassVar[str] = (
-        "A steady wind on a vehicle that moves little: a push with its own direction over ground. How fast the wind is "
-        "these flights do not tell, only its product with the drag."
-    )
-    distinguished_by: ClassVar[str] = "headings that differ, and runs as fast as the wind, which tell its speed"
-    mission: ClassVar[str] = "missions/headings.yaml"
-    essential: ClassVar[tuple[str, ...]] = ("north_m_s2", "east_m_s2")
-    not_for_flight: ClassVar[str] = ANOTHER_DAY
-
-    north_m_s2: float = parameter(0.0, -8.0, 8.0, "m/s^2", "acceleration toward north")
-    east_m_s2: float = parameter(0.0, -8.0, 8.0, "m/s^2", "acceleration toward east")
-
-    def negligible(self) -> bool:
-        return math.hypot(self.north_m_s2, self.east_m_s2) < LEAST_PUSH_M_S2
-
-    def believable(self, flights: Sequence[Conditions], vehicle: Vehicle) -> bool:
-        """True for more than a frame that is askew gives: it has a part of the weight to the side, whatever the
-        heading."""
-        return math.hypot(self.north_m_s2, self.east_m_s2) > TILT_M_S2
-
-    def force(self, total_thrust_n: Number, c: Conditions, vehicle: Vehicle) -> Vector:
-        m = vehicle.mass_kg
-        return rotate_inverse(c.attitude, (m * self.north_m_s2, m * self.east_m_s2, 0.0))
-
-
 def _turned_deg(flights: Sequence[Conditions]) -> float:
     """Difference of the headings within these flights."""
     headings = [np.degrees(np.unwrap(euler_from_quaternion(c.attitude)[2])) for c in flights]
@@ -208,3 +173,38 @@ class QuadraticWind(_Wind):
         u, v, w = c.velocity_body_m_s
         half = -0.5 * vehicle.air_density_kg_m3 * sqrt(u * u + v * v + w * w)
         return half * self.area_x_m2 * u, half * self.area_y_m2 * v, half * self.area_z_m2 * w
+
+
+@dataclass(frozen=True)
+class Push(Effect):
+    """A constant force over ground, F = m (north, east, 0): a wind on a vehicle that is slow beside it.
+
+    Flights that hover tell the product of the wind and the drag, and neither of the two.
+    """
+
+    name: ClassVar[str] = "wind.push"
+    source: ClassVar[str] = "Galilean relativity; drag of a speed that is small beside the wind's"
+    depends_on: ClassVar[tuple[str, ...]] = ()
+    physics: ClassVar[str] = (
+        "A steady wind on a vehicle that moves little: a push with its own direction over ground. How fast the wind is "
+        "these flights do not tell, only its product with the drag."
+    )
+    distinguished_by: ClassVar[str] = "headings that differ, and runs as fast as the wind, which tell its speed"
+    mission: ClassVar[str] = "missions/headings.yaml"
+    essential: ClassVar[tuple[str, ...]] = ("north_m_s2", "east_m_s2")
+    not_for_flight: ClassVar[str] = ANOTHER_DAY
+
+    north_m_s2: float = parameter(0.0, -8.0, 8.0, "m/s^2", "acceleration toward north")
+    east_m_s2: float = parameter(0.0, -8.0, 8.0, "m/s^2", "acceleration toward east")
+
+    def negligible(self) -> bool:
+        return math.hypot(self.north_m_s2, self.east_m_s2) < LEAST_PUSH_M_S2
+
+    def believable(self, flights: Sequence[Conditions], vehicle: Vehicle) -> bool:
+        """True for more than a frame that is askew gives: it has a part of the weight to the side, whatever the
+        heading."""
+        return math.hypot(self.north_m_s2, self.east_m_s2) > TILT_M_S2
+
+    def force(self, total_thrust_n: Number, c: Conditions, vehicle: Vehicle) -> Vector:
+        m = vehicle.mass_kg
+        return rotate_inverse(c.attitude, (m * self.north_m_s2, m * self.east_m_s2, 0.0))

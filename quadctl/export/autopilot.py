@@ -7,13 +7,20 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
+from quadctl.effects import Effect
+from quadctl.effects.body_drag import QuadraticDrag
+from quadctl.effects.rotor_drag import LinearDrag
+from quadctl.effects.thrust_curve import PowerCurve
+from quadctl.effects.thrust_map import LineMap
+from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.errors import SettingsError
 from quadctl.export.estimate import Estimate, estimate
 from quadctl.export.hover import bend, hover_throttle
 from quadctl.model import Model, StackedEffect
 
 SEA_LEVEL_DENSITY_KG_M3 = 1.225
-THRUST, CURVE = ("thrust_scale", "thrust_map", "thrust_curve"), ("thrust_map", "thrust_curve")
+THRUST = tuple(kind.family() for kind in (ConstantScale, LineMap, PowerCurve))
+CURVE = THRUST[1:]
 """Families of effects between command and thrust, and those of them that bend it."""
 RUNS = "runs at several speeds, such as missions/forward_runs.yaml"
 AHEAD = "runs forward at several speeds, such as missions/forward_runs.yaml"
@@ -175,9 +182,25 @@ def parameters(model: Model, dialect: Dialect, present: Present | None = None) -
     """
     used = dialect.default_curve if present is None else present.values.get(dialect.curve, dialect.default_curve)
     drag = [
-        _Quantity(dialect.ballistic_x, "mass / area_x", ("body_drag",), AHEAD, lambda m: _ballistic(m, 0), "area_x_m2"),
-        _Quantity(dialect.ballistic_y, "mass / area_y", ("body_drag",), ASIDE, lambda m: _ballistic(m, 1), "area_y_m2"),
-        _Quantity(dialect.momentum_drag, "mean of d_x and d_y, at 1.225 kg/m³", ("rotor_drag",), RUNS, _momentum),
+        _Quantity(
+            dialect.ballistic_x,
+            "mass / area_x",
+            (QuadraticDrag.family(),),
+            AHEAD,
+            lambda m: _ballistic(m, 0),
+            "area_x_m2",
+        ),
+        _Quantity(
+            dialect.ballistic_y,
+            "mass / area_y",
+            (QuadraticDrag.family(),),
+            ASIDE,
+            lambda m: _ballistic(m, 1),
+            "area_y_m2",
+        ),
+        _Quantity(
+            dialect.momentum_drag, "mean of d_x and d_y, at 1.225 kg/m³", (LinearDrag.family(),), RUNS, _momentum
+        ),
     ]
     thrust = [
         _Quantity(dialect.hover, "throttle of hover, far from the ground", THRUST, HOVER, hover_throttle),
@@ -297,19 +320,19 @@ def _unbounded(quantity: _Quantity, item: StackedEffect, model: Model) -> str:
     return f"the {meaning} ({name}) is not told from zero: at most {most:.2g} m²{least}"
 
 
-def _values(model: Model, family: str) -> dict[str, float]:
-    return next((effect.values() for effect in model.effects if effect.family() == family), {})
+def _values(model: Model, kind: type[Effect]) -> dict[str, float]:
+    return next((effect.values() for effect in model.effects if isinstance(effect, kind)), {})
 
 
 def _ballistic(model: Model, axis: int) -> float:
     """Ballistic coefficient along body x or y, kg/m²: drag decelerates by half the dynamic pressure rho v² over it."""
-    area_m2 = list(_values(model, "body_drag").values())[axis]
+    area_m2 = list(_values(model, QuadraticDrag).values())[axis]
     return model.vehicle.mass_kg / area_m2 if area_m2 > 0.0 else math.inf  # an end of an interval may be 0
 
 
 def _momentum(model: Model) -> float:
     """Momentum drag at sea level, 1/s: the estimators multiply it by the root of the density over 1.225 kg/m³."""
-    drag = _values(model, "rotor_drag")
+    drag = _values(model, LinearDrag)
     denser = math.sqrt(SEA_LEVEL_DENSITY_KG_M3 / model.vehicle.air_density_kg_m3)
     return 0.5 * (drag["d_x"] + drag["d_y"]) * denser
 

@@ -123,7 +123,7 @@ def left_out(model: Model, stages: Actuation) -> tuple[str, ...]:
     """Parts of a model that its equations do not hold, each with the reason."""
     found = [*stages.left_out, *delay_left_out(model)]
     for effect in model.effects:
-        if effect.affects_accelerometer:
+        if effect.acts_by("sensed_m_s2"):
             found.append(f"{effect.name}: an error of the accelerometer, which moves nothing")
         flight = effect.values().get("flight", 0.0)
         if flight > 0.0:

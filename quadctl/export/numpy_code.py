@@ -387,15 +387,15 @@ class _Constants:
 def _hooks(effect: Effect, acting: Effect) -> Iterator[_Hook]:
     """Ways in which an effect acts."""
     kind = type(effect)
-    if kind.wind_ned_m_s is not Effect.wind_ned_m_s:
+    if kind.acts_by("wind_ned_m_s"):
         yield WIND
     if isinstance(effect, ThrustRatio) and kind.rotor_thrust is ThrustRatio.rotor_thrust:
         yield RATIO
-    elif kind.rotor_thrust is not Effect.rotor_thrust:
+    elif kind.acts_by("rotor_thrust"):
         yield THRUST
-    if type(acting).force is not Effect.force:
+    if acting.acts_by("force"):
         yield FORCE
-    if type(acting).torque is not Effect.torque:
+    if acting.acts_by("torque"):
         yield MOMENT
 
 

@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from quadctl.effects.barometer import RUNS
+from quadctl.effects.barometer import RUNS, AirspeedError, GroundError, ThrottleError
 from quadctl.export.autopilot import SEA_LEVEL_DENSITY_KG_M3, Dialect, Present, Row
 from quadctl.export.estimate import Estimate
 from quadctl.frames import GRAVITY_M_S2
@@ -122,9 +122,9 @@ def _intervals(one: FittedError) -> str:
 
 def _airspeed(name: str, of: tuple[str, ...], model: SensorModel, limit: float) -> Row:
     row = Row(name, f"static pressure error over dynamic pressure, {' and '.join(of)}")
-    one = model.of("barometer.airspeed")
+    one = model.of(AirspeedError.name)
     if one is None:
-        return row._replace(lacking=f"these flights do not show barometer.airspeed: {FLY}")
+        return row._replace(lacking=f"these flights do not show {AirspeedError.name}: {FLY}")
     known = [_estimate(one, parameter) for parameter in of]
     if len(known) > 1 and max(found.low for found in known) > min(found.high for found in known):
         each = ", ".join(f"{n} {e.value:.3g} [{e.low:.3g}, {e.high:.3g}]" for n, e in zip(of, known, strict=True))
@@ -161,7 +161,7 @@ def _joined(known: list[Estimate]) -> Estimate:
 
 def _throttle(name: str, model: SensorModel) -> Row:
     row = Row(name, "pressure error at full throttle, Pa")
-    one = _fitted(model, "barometer.throttle")
+    one = _fitted(model, ThrottleError.name)
     if isinstance(one, str):
         return row._replace(lacking=one)
     if model.hover_throttle is None:
@@ -176,7 +176,7 @@ def _ground(names: SensorDialect, model: SensorModel) -> list[Row]:
     """Dead-band and height of the ground's effect, where the autopilot has them."""
     rows = [Row(names.dead_band, "depth of the error at the ground, m")] if names.dead_band else []
     height = Row(names.dead_band_height, f"height above which less than {FADED_M:g} m of the ground's error is left, m")
-    one = _fitted(model, "barometer.ground")
+    one = _fitted(model, GroundError.name)
     if isinstance(one, str):
         return [row._replace(lacking=one) for row in (*rows, height)]
     found, fade_m = _estimate(one, "at_ground_m"), one.error.values()["fade_m"]

@@ -19,8 +19,8 @@ from quadctl.frames import GRAVITY_M_S2
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
 
-THRUST = {"thrust_scale", "thrust_map", "thrust_curve"}
-"""Families of effects that are in the thrust over the command."""
+THRUST = {"thrust", "throttle", "exponent"}
+"""Numbers that are in the thrust over the command."""
 REFERENCE_SPEED_M_S = 10.0
 SEA_LEVEL_PA, GAS_CONSTANT, KELVIN = 101325.0, 287.26, 273.15
 """Standard atmosphere of ArduPilot: pressure, Pa, gas constant, J/(kg K), and 0 °C in K."""
@@ -56,7 +56,7 @@ def sitl_frame(model: Model) -> tuple[str, tuple[str, ...]]:
         elif isinstance(effect, QuadraticDrag):
             each = (effect.area_x_m2, effect.area_y_m2, effect.area_z_m2)
             area_m2 += 0.5 * (effect.area_x_m2 + effect.area_y_m2)
-        elif effect.family() in THRUST:
+        elif THRUST & set(effect.corrects):
             continue
         else:
             left_out.append(f"{effect.name}: SITL has no parameter for it")

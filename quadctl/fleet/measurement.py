@@ -16,9 +16,6 @@ from quadctl.logs.quality import quality
 from quadctl.logs.read import read_log
 from quadctl.model import Model
 
-THRUST_FAMILIES = ("thrust_scale", "thrust_map")
-"""Families of effects that hold the mean thrust of a flight."""
-
 
 @dataclass(frozen=True)
 class FlightRecord:
@@ -67,7 +64,7 @@ def measure(vehicle: str, flight: str, key: str, path: Path, model: Model) -> Fl
 
 def with_thrust(model: Model) -> Model:
     """The model with an effect that holds the mean thrust of a flight, which is what most changes first."""
-    if any(effect.family() in THRUST_FAMILIES for effect in model.effects):
+    if any("thrust" in effect.corrects for effect in model.effects):
         return model
     return model.plus(ConstantScale(1.0))
 

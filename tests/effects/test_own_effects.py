@@ -13,11 +13,12 @@ from typer.testing import CliRunner
 import quadctl.sitl.run
 from quadctl.cli import app
 from quadctl.effects import CATALOG, Conditions, catalog, catalog_with, choose_effect, every_effect, find_effect
-from quadctl.effects.base import VARIABLES, Effect, Parametric
-from quadctl.effects.user import ATTRIBUTES, DECLARED, HOOKS, effects_of
+from quadctl.effects.base import HOOKS, VARIABLES, Effect, Identifiability, Physics, Prior
+from quadctl.effects.user import ATTRIBUTES, DECLARED, effects_of
 from quadctl.errors import SettingsError
 from quadctl.flight.preflight.preparation import prepare_flight
 from quadctl.lab.flights.flight import SPAN_UNITS
+from quadctl.lab.flights.prediction import GROUPS, concerns
 from quadctl.logs.convert import convert
 from quadctl.model import Model, load_model, save_model
 from quadctl.vehicle import Vehicle
@@ -42,7 +43,6 @@ class Warmth(Effect):
     physics: ClassVar[str] = "The accelerometer warms up."
     distinguished_by: ClassVar[str] = "a long flight"
     mission: ClassVar[str] = "missions/hover_staircase.yaml"
-    affects_accelerometer: ClassVar[bool] = True
     per_s: float = parameter(0.0, -0.1, 0.1, "m/s^3", "growth of the bias along body z")
 
     def sensed_m_s2(self, c: Conditions) -> Vector:
@@ -95,22 +95,22 @@ class TestItsDocumentation:
     def test_lists_the_required_attributes(self) -> None:
         assert described("Class attributes that every effect has") == list(DECLARED)
 
-    def test_lists_the_optional_attributes_with_their_defaults(self) -> None:
-        optional = [name for name in ATTRIBUTES if name not in DECLARED]
-        assert described("Optional class attributes") == optional
-        for name in optional:
-            default = repr(getattr(Effect, name)).replace("'", '"')
-            assert f"\n| `{name}` | `{default}` |" in PAGE.read_text()
-
     def test_lists_the_methods_by_which_an_effect_acts(self) -> None:
         assert described("Methods by which it acts") == list(HOOKS)
 
-    def test_lists_the_optional_methods(self) -> None:
-        given = {"family", "parameters", "from_values", "values"}  # what follows from the declarations
-        declared = {**vars(Parametric), **vars(Effect)}
-        methods = [name for name, value in declared.items() if callable(value) or isinstance(value, classmethod)]
-        optional = [name for name in methods if name[0] != "_" and name not in given | set(HOOKS)]
-        assert described("Optional methods") == optional
+    @pytest.mark.parametrize("part", [Physics, Prior, Identifiability])
+    def test_lists_what_is_optional_in_each_part(self, part: type) -> None:
+        methods = [n for n, value in vars(part).items() if callable(value) or isinstance(value, classmethod)]
+        given = {"acts_by", *HOOKS}  # listed elsewhere, or what follows from them
+        optional = [name for name in methods if name[0] != "_" and name not in given]
+        attributes = [name for name in part.__annotations__ if name not in DECLARED]
+        of_all = ["formula"] if part is Physics else []
+        assert described(part.__name__) == [*of_all, *attributes, *optional]
+
+    def test_lists_optional_attributes_with_their_defaults(self) -> None:
+        for name in (name for name in ATTRIBUTES if name not in DECLARED):
+            default = repr(getattr(Effect, name)).replace("'", '"')
+            assert f"\n| `{name}` | `{default}` |" in PAGE.read_text()
 
     def test_lists_what_needs_may_name(self) -> None:
         (row,) = re.findall(r"^\| `needs` (\|.*)$", PAGE.read_text(), re.MULTILINE)
@@ -181,12 +181,12 @@ class TestAFile:
         path = write(
             (
                 "    distinguished_by:",
-                "    turns: ClassVar[bool] = True\n    retards = senses = True\n    told_apart_by:",
+                "    turns: ClassVar[bool] = True\n    retards = True\n    told_apart_by:",
             )
         )
         kind = effects_of(path)["vortex_ring.bump"]
         assert kind.distinguished_by.startswith("descents at several rates")
-        assert kind.affects_moment and kind.adds_lag and kind.affects_accelerometer
+        assert kind.affects_moment and kind.adds_lag
 
     def test_may_act_on_the_accelerometer_alone(self, tmp_path: Path, raptor: Vehicle) -> None:
         path = tmp_path / "my_effect.py"
@@ -195,11 +195,24 @@ class TestAFile:
         level = Conditions(1.0, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), time_s=20.0)
         assert Model(raptor).plus(warm).sensed_ned_m_s2(level) == pytest.approx((0.0, 0.0, 0.02))
 
-    def test_that_acts_on_the_accelerometer_must_say_so(self, tmp_path: Path) -> None:
-        path = tmp_path / "my_effect.py"
-        path.write_text(WARM_ACCELEROMETER.replace("    affects_accelerometer: ClassVar[bool] = True\n", ""))
-        with pytest.raises(SettingsError, match=r"Warmth has sensed_m_s2, expected affects_accelerometer: .+"):
-            effects_of(path)
+    def test_what_it_affects_follows_from_its_methods(self, tmp_path: Path, write: WRITE) -> None:
+        path = tmp_path / "warm.py"
+        path.write_text(WARM_ACCELEROMETER)
+        warm, (wake,) = effects_of(path)["imu_warmth.ramp"], effects_of(write()).values()
+        assert [concerns(warm(), group) for group in GROUPS] == [True, False, True]
+        assert [concerns(wake(), group) for group in GROUPS] == [True, False, False]
+        path.write_text(
+            WARM_ACCELEROMETER
+            + "    def torque(self, thrust_n, c, vehicle):\n        return (0.0, 0.0, 0.1 * c.time_s)\n"
+        )
+        assert concerns(effects_of(path)["imu_warmth.ramp"](), "turning")
+
+    def test_may_declare_what_follows_from_its_methods(self, tmp_path: Path) -> None:
+        path = tmp_path / "warm.py"
+        path.write_text(
+            WARM_ACCELEROMETER.replace("    per_s", "    affects_accelerometer: ClassVar[bool] = True\n    per_s")
+        )
+        assert "imu_warmth.ramp" in effects_of(path)
 
     def test_that_is_missing(self, tmp_path: Path) -> None:
         with pytest.raises(

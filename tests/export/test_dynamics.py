@@ -318,7 +318,7 @@ def test_the_numpy_file_has_a_function_for_each_effect_and_needs_numpy_alone(eff
     assert imported == {"numpy", "types"}
     functions = [node for node in ast.walk(parsed) if isinstance(node, ast.FunctionDef)]
     own = [node for node in functions if node.name.startswith(effect.name.replace(".", "_"))]
-    acts = not (effect.adds_lag or effect.affects_accelerometer)
+    acts = not (effect.adds_lag or effect.acts_by("sensed_m_s2"))
     assert bool(own) == acts
     assert all(" = 0.0" not in (ast.get_docstring(node) or " = 0.0") for node in own)  # of words, not a signature
     assert max(map(len, code.splitlines())) < 170

@@ -2,7 +2,7 @@
 
 The standard error of a bin's mean is computed from the noise, i.e. from the residual minus the prediction of a flexible
 regression on the variables that can be a cause: the structure to be found must not count as noise, but drift must. The
-noise stays correlated for long (see `LongRangeNoise`).
+noise stays correlated for long (see `Noise`).
 """
 
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy import special
 
 from quadctl.lab.arrays import Floats, Mask
-from quadctl.lab.comparison.long_range import LongRangeNoise
+from quadctl.lab.fitting.noise import Noise
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.flights.prediction import AXES
 
@@ -124,7 +124,7 @@ class Profile:
 def profiles(residual: Floats, noise: Floats, dataset: Dataset) -> list[Profile]:
     """Profiles of every axis over every variable, sorted by the share of the squared residual that they hold."""
     found = []
-    correlated = LongRangeNoise(noise, dataset)
+    correlated = Noise(noise, dataset.parts)
     for name in dataset.flights[0].variables:
         x = dataset.variable(name)
         if x is None or np.ptp(x) < 1e-9:
@@ -152,7 +152,7 @@ def failures(residual: Floats, noise: Floats, dataset: Dataset, tried: list[Prof
     """Failures of the model: axes with an offset over the whole flight, then ranges, the profile with the largest share
     first; before those of the first profile of an axis the dependence on its variable."""
     found = []
-    correlated = LongRangeNoise(noise, dataset)
+    correlated = Noise(noise, dataset.parts)
     everywhere = _standard_errors(np.ones(len(residual), dtype=bool), correlated)
     for a, axis in enumerate(AXES):
         offset = _offset(residual[:, a], everywhere[a], axis, dataset)
@@ -281,12 +281,12 @@ def _profile(
     return Profile(*of, edges, centre, mean, error, count, p, spread)
 
 
-def _standard_errors(inside: Mask, noise: LongRangeNoise) -> Floats:
+def _standard_errors(inside: Mask, noise: Noise) -> Floats:
     """Standard error of the mean of each axis over the samples `inside`, shape (axes,)."""
     return np.maximum(np.sqrt(noise.variances_of_sum(inside / max(int(inside.sum()), 1))), LEAST_ERROR_M_S2)
 
 
-def _runs(profile: Profile, values: Floats, noise: LongRangeNoise, dataset: Dataset) -> list[Failure]:
+def _runs(profile: Profile, values: Floats, noise: Noise, dataset: Dataset) -> list[Failure]:
     """Failures of one profile: neighbouring bins with the same sign of the error, joined.
 
     An offset common to all bins is reported once, by `_offset`; here only the deviation from it counts.

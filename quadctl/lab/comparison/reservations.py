@@ -1,12 +1,11 @@
 """Reservations: what results cannot tell, since they rest on numbers of the vehicle that nobody has measured."""
 
+from quadctl.effects import Effect
 from quadctl.lab.comparison.wording import listed, sentence
 from quadctl.lab.flights.channels import ROTOR_SPEED
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.vehicle import Assumable, Vehicle
 
-OF_THE_THRUST = ("thrust_scale", "payload")
-"""Families that an error of the mass or of the thrust looks like."""
 _NAMES: dict[Assumable, str] = {
     "rotor.thrust_n_per_rpm2": "thrust coefficient",
     "throttle": "thrust over throttle",
@@ -25,6 +24,11 @@ def vehicle_in_words(vehicle: Vehicle) -> str:
 def on_condition(said: str, vehicle: Vehicle | None) -> str:
     """The sentence on the condition that `vehicle` flew; as it is where None."""
     return said if vehicle is None else f"{said[:-1]}, if the vehicle is {vehicle_in_words(vehicle)}."
+
+
+def is_of_the_thrust(effect: Effect) -> bool:
+    """Tell whether an error of the mass or of the thrust in the vehicle file looks like this effect."""
+    return bool(effect.corrects) and {"thrust", "mass"} >= set(effect.corrects)
 
 
 def thrust_reservation(vehicle: Vehicle, dataset: Dataset) -> str:

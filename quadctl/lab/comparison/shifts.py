@@ -2,7 +2,7 @@
 
 Errors of the same size can have opposite signs. So the means of the residuals are compared, over all samples and in
 ranges of the variables that both sets have flown. The uncertainty of a mean is that of noise which stays correlated for
-long (see `LongRangeNoise`); where the reference has several flights that differ by more than that, their spread is.
+long (see `Noise`); where the reference has several flights that differ by more than that, their spread is.
 """
 
 import math
@@ -17,8 +17,7 @@ from scipy import special
 
 from quadctl.frames import euler_from_quaternion
 from quadctl.lab.arrays import Floats, Mask
-from quadctl.lab.comparison.long_range import LongRangeNoise
-from quadctl.lab.fitting.noise import LEAST_VARIANCE
+from quadctl.lab.fitting.noise import LEAST_VARIANCE, Noise
 from quadctl.lab.fitting.significance import LEAST_FLIGHTS
 from quadctl.lab.flights.dataset import Dataset
 
@@ -66,10 +65,10 @@ class Signed:
         return Signed(self.residual[index], parts, {name: x[index] for name, x in self.variables.items()})
 
     @cached_property
-    def noise(self) -> LongRangeNoise:
-        return LongRangeNoise(self.residual, self)
+    def noise(self) -> Noise:
+        return Noise(self.residual, self.parts)
 
-    def noise_beside(self, name: str, edges: Floats) -> LongRangeNoise:
+    def noise_beside(self, name: str, edges: Floats) -> Noise:
         """Noise of the residual beside its means in the ranges of a variable, of each flight: what goes with the
         variable is no noise."""
         left = self.residual.copy()
@@ -78,7 +77,7 @@ class Signed:
             for number in np.unique(index[part]):
                 inside = index[part] == number
                 left[part][inside] -= left[part][inside].mean(axis=0)
-        return LongRangeNoise(left, self)
+        return Noise(left, self.parts)
 
 
 class Shift(NamedTuple):
@@ -162,7 +161,7 @@ class _Mean(NamedTuple):
     flights: int
 
 
-def _mean(of: Signed, inside: Mask, noise: LongRangeNoise | None = None, taken: int = 1) -> _Mean:
+def _mean(of: Signed, inside: Mask, noise: Noise | None = None, taken: int = 1) -> _Mean:
     """Mean residual at the samples `inside`; `taken` is the number of means that were taken out of the noise."""
     noise = of.noise if noise is None else noise
     degrees = max(noise.degrees - (taken - 1.0) * len(of.parts), 1.0)

@@ -16,7 +16,7 @@ from quadctl.lab.arrays import Floats, Mask
 from quadctl.lab.fitting.arrowhead import Arrow
 from quadctl.lab.fitting.consider_parameters import considered_changes
 from quadctl.lab.fitting.constrained_draws import constrained_draws
-from quadctl.lab.fitting.noise import LEAST_VARIANCE
+from quadctl.lab.fitting.noise import LEAST_VARIANCE, noise_scale
 from quadctl.lab.fitting.normal_equations import (
     axis_weights,
     gradient_covariance,
@@ -50,8 +50,6 @@ MAX_STEP = 0.3
 CONVERGED = 1e-3
 """Convergence: the iteration ends with a step that changes the prediction by less than this share of the noise
 (RMS)."""
-LEAST_NOISE = 1e-4
-"""Least noise scale of an axis relative to the largest of all axes."""
 UNIDENTIFIABLE = 4.0
 """A parameter is unidentifiable when its whole range changes the sum of squares (in units of the noise) by less than
 this."""
@@ -505,9 +503,3 @@ def _one_by_one(groups: Sequence[str]) -> Iterator[tuple[tuple[str], slice]]:
     """Each group by itself, with its axes: a Jacobian of all of a long flight takes hundreds of megabytes."""
     for number, group in enumerate(groups):
         yield (group,), slice(3 * number, 3 * number + 3)
-
-
-def noise_scale(residual: Floats) -> Floats:
-    """Robust standard deviation of each axis about its median, shape (axes,): a constant error is not noise."""
-    deviation = 1.4826 * np.median(np.abs(residual - np.median(residual, axis=0)), axis=0)
-    return np.asarray(np.maximum(deviation, LEAST_NOISE * max(float(deviation.max()), 1e-3)))

@@ -8,9 +8,9 @@ import numpy as np
 from quadctl.effects import Effect
 from quadctl.lab.arrays import Floats
 from quadctl.lab.fitting.fitted_model import FittedModel
-from quadctl.lab.fitting.fitter import noise_scale
 from quadctl.lab.fitting.form_errors import FormErrors
 from quadctl.lab.fitting.linearisation import Tangent, orthonormal
+from quadctl.lab.fitting.noise import noise_scale
 from quadctl.lab.fitting.parameters import free_parameters, parameter_jacobian
 from quadctl.lab.flights.dataset import AlignedDataset, Dataset
 from quadctl.lab.flights.prediction import predict_targets

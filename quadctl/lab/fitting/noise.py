@@ -1,6 +1,10 @@
-"""Autocorrelated noise: its spectrum, and the uncertainty of weighted sums and means."""
+"""Noise of residuals, as fit, intervals and tests take it: scale, spectrum, and the uncertainty of sums and means.
+
+Residuals stay correlated for tens of seconds and drift: at the lowest frequencies of a flight the noise is a power law.
+"""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,11 +16,93 @@ from quadctl.lab.flights.dataset import Dataset
 MAX_LAG_S = 3.0
 """Time lag beyond which residuals of a flight are taken as uncorrelated, s."""
 LEAST_VARIANCE = 1e-30
+LEAST_NOISE = 1e-4
+"""Least noise scale of an axis relative to the largest of all axes."""
 SLOPES = np.linspace(0.0, 2.0, 21)
 """Exponents of the power law of the noise: from white noise to a random walk."""
 CORNERS = np.array([0.0, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0])
 """Frequencies below which that noise is white, in units of the lowest one: a disturbance that a controller or an
 estimator answers within seconds does not grow over a minute."""
+
+
+def noise_scale(residual: Floats) -> Floats:
+    """Robust standard deviation of each axis about its median, shape (axes,): a constant error is not noise."""
+    deviation = 1.4826 * np.median(np.abs(residual - np.median(residual, axis=0)), axis=0)
+    return np.asarray(np.maximum(deviation, LEAST_NOISE * max(float(deviation.max()), 1e-3)))
+
+
+class Noise:
+    """Noise of several axes, shape (n, axes), with the spectra of `values` in each flight of `parts` (see `spectrum`).
+
+    With `fitted`, same shape, a fit has taken out of the noise what varies as that does.
+    """
+
+    def __init__(self, values: Floats, parts: Sequence[slice], fitted: Floats | None = None) -> None:
+        self._parts = parts
+        self.degrees = sum(_lowest(part.stop - part.start) for part in parts)
+        """Degrees of freedom of the spectra at the lowest frequencies."""
+        taken = np.zeros_like(values) if fitted is None else fitted
+        self._densities = [
+            np.column_stack([density(v, np.abs(rfft(t)) ** 2) for v, t in zip(values[p].T, taken[p].T, strict=True)])
+            for p in parts
+        ]
+        """Density of each axis, shape (frequencies, axes), of each flight."""
+
+    def variances_of_sum(self, weights: Floats) -> Floats:
+        """Variance of sum(weights * noise) on each axis, shape (axes,); `weights` have shape (n,) or (n, axes)."""
+        each = weights if weights.ndim > 1 else weights[:, None]
+        total = sum(
+            np.sum(np.abs(rfft(each[part], axis=0)) ** 2 * own, axis=0)
+            for part, own in zip(self._parts, self._densities, strict=True)
+        )
+        return np.asarray(np.maximum(total, LEAST_VARIANCE))
+
+    def errors_of_means(self, group: NDArray[np.intp], count: int) -> Floats:
+        """Standard error of the mean of each group of samples on each axis, shape (count, axes); `group` is the number
+        of the group of each sample, shape (n,)."""
+        size = np.maximum(np.bincount(group, minlength=count), 1)
+        return np.sqrt([self.variances_of_sum((group == number) / size[number]) for number in range(count)])
+
+
+def density(noise: Floats, taken: Floats) -> Floats:
+    """Contribution of the power of weights at each frequency of `rfft` to the variance of sum(weights * noise), for the
+    noise of one flight, shape (n,); `taken` as for `spectrum`."""
+    n, at = len(noise), np.arange(len(noise) // 2 + 1)
+    sides = np.where((at == 0) | (2 * at == n), 1.0, 2.0)
+    return np.asarray(sides / n * spectrum(noise, taken, _lowest(n)))
+
+
+def spectrum(noise: Floats, taken: Floats, low: int) -> Floats:
+    """Variance of the noise of one flight, shape (n,), at each frequency of `rfft`; white noise has its variance at
+    all.
+
+    The periodogram, but at the `low` lowest frequencies the mean of power laws that level off below a corner, (f^2 +
+    c^2)^(-slope / 2), each by its likelihood (Whittle's, with the best scale). A fit takes the noise out at the
+    frequencies at which its model varies, so a frequency counts the less the more of the power `taken` of the model is
+    there. The mean counts as half the lowest frequency.
+    """
+    found = np.abs(rfft(noise)) ** 2 / len(noise)
+    at = np.arange(1.0, min(low, len(found) - 1) + 1.0)
+    power = found[1 : len(at) + 1]
+    share = 1.0 / (1.0 + taken[1 : len(at) + 1] / max(float(taken[1 : len(at) + 1].mean()), LEAST_VARIANCE))
+    share /= share.sum()
+    shapes = _shapes(np.concatenate([[0.5], at]))
+    scales = np.maximum(shapes[:, 1:] ** -1.0 @ (share * power), LEAST_VARIANCE)
+    likelihoods = -(np.log(shapes[:, 1:]) @ share + np.log(scales)) / float(share @ share)
+    weights = np.exp(likelihoods - likelihoods.max())
+    found[: len(at) + 1] = (weights / weights.sum() * scales) @ shapes
+    return np.asarray(found)
+
+
+def _lowest(n: int) -> int:
+    """Number of the lowest frequencies, of `n` samples, at which the noise is taken for a power law."""
+    return max(2, round(math.sqrt(n)))
+
+
+def _shapes(at: Floats) -> Floats:
+    """Every shape of the spectrum at the frequencies `at`, in units of the lowest one; shape (shapes, frequencies)."""
+    corners = CORNERS[at[-1] > CORNERS]
+    return np.concatenate([(at**2 + corner**2) ** (-0.5 * SLOPES[:, None]) for corner in corners])
 
 
 def autocovariance(values: Floats, dataset: Dataset) -> list[Floats]:
@@ -48,53 +134,3 @@ class CorrelatedNoise:
             w = weights[part]
             total += sum(k * float(w[: len(w) - lag] @ w[lag:]) for lag, k in enumerate(kernel))
         return max(total, LEAST_VARIANCE)
-
-    def errors_of_means(self, group: NDArray[np.intp], count: int) -> Floats:
-        """Standard error of the mean of each group of samples, shape (count,); `group` is its number, shape (n,)."""
-        total = np.zeros(count)
-        for part, kernel in zip(self._parts, self._kernels, strict=True):
-            g = group[part]
-            for lag, k in enumerate(kernel):
-                first, later = g[: len(g) - lag], g[lag:]
-                total += k * np.bincount(first[first == later], minlength=count)
-        size = np.maximum(np.bincount(group, minlength=count), 1)
-        return np.asarray(np.sqrt(np.maximum(total / size**2, LEAST_VARIANCE)))
-
-
-def lowest(n: int) -> int:
-    """Number of the lowest frequencies, of `n` samples, at which the noise is taken for a power law."""
-    return max(2, round(math.sqrt(n)))
-
-
-def twice(n: int) -> Floats:
-    """Number of times that each frequency of `rfft` counts in a sum over all of `n` samples: once or twice."""
-    at = np.arange(n // 2 + 1)
-    return np.where((at == 0) | (2 * at == n), 1.0, 2.0)
-
-
-def spectrum(noise: Floats, taken: Floats, low: int) -> Floats:
-    """Variance of the noise of one flight, shape (n,), at each frequency of `rfft`; white noise has its variance at
-    all.
-
-    The periodogram, but at the `low` lowest frequencies the mean of power laws that level off below a corner, (f^2 +
-    c^2)^(-slope / 2), each by its likelihood (Whittle's, with the best scale). A fit takes the noise out at the
-    frequencies at which its model varies, so a frequency counts the less the more of the power `taken` of the model is
-    there. The mean counts as half the lowest frequency.
-    """
-    found = np.abs(rfft(noise)) ** 2 / len(noise)
-    at = np.arange(1.0, min(low, len(found) - 1) + 1.0)
-    power = found[1 : len(at) + 1]
-    share = 1.0 / (1.0 + taken[1 : len(at) + 1] / max(float(taken[1 : len(at) + 1].mean()), LEAST_VARIANCE))
-    share /= share.sum()
-    shapes = _shapes(np.concatenate([[0.5], at]))
-    scales = np.maximum(shapes[:, 1:] ** -1.0 @ (share * power), LEAST_VARIANCE)
-    likelihoods = -(np.log(shapes[:, 1:]) @ share + np.log(scales)) / float(share @ share)
-    weights = np.exp(likelihoods - likelihoods.max())
-    found[: len(at) + 1] = (weights / weights.sum() * scales) @ shapes
-    return np.asarray(found)
-
-
-def _shapes(at: Floats) -> Floats:
-    """Every shape of the spectrum at the frequencies `at`, in units of the lowest one; shape (shapes, frequencies)."""
-    corners = CORNERS[at[-1] > CORNERS]
-    return np.concatenate([(at**2 + corner**2) ** (-0.5 * SLOPES[:, None]) for corner in corners])

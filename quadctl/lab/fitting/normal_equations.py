@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.fft import rfft
 
 from quadctl.lab.arrays import Floats
-from quadctl.lab.fitting.noise import LEAST_VARIANCE, lowest, spectrum, twice
+from quadctl.lab.fitting.noise import LEAST_VARIANCE, density
 from quadctl.lab.fitting.nuisances import KINDS, nuisance_jacobian
 from quadctl.lab.fitting.parameters import free_parameters, parameter_jacobian
 from quadctl.lab.flights.flight import Flight
@@ -85,7 +85,7 @@ def gradient_covariance(columns: Floats, weights: Floats) -> Floats:
             waves[:, i] = rfft(columns[:, axis, i])
             power = np.abs(waves[:, i]) ** 2 / n
             taken += power / max(float(power.sum()), LEAST_VARIANCE)
-        size = twice(n) / n * spectrum(weights[:, axis] * columns[:, axis, -1], taken, lowest(n))
+        size = density(weights[:, axis] * columns[:, axis, -1], taken)
         for here in slices(len(waves)):
             total += ((np.conj(waves[here]) * size[here, None]).T @ waves[here]).real
     return total

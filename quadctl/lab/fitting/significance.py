@@ -9,7 +9,7 @@ from scipy.fft import rfft
 
 from quadctl.lab.arrays import Floats
 from quadctl.lab.fitting.form_errors import FormErrors
-from quadctl.lab.fitting.noise import LEAST_VARIANCE, lowest, spectrum, twice
+from quadctl.lab.fitting.noise import LEAST_VARIANCE, Noise
 from quadctl.lab.flights.dataset import Dataset
 
 NO_CHANGE = 1e-3
@@ -84,14 +84,8 @@ def _variance_of_sum(weights: Floats, noise: Floats, dataset: Dataset) -> tuple[
     `spectrum`). Where flights differ by more than that tells (F test), they are the unit; so are blocks of time where
     all evidence is in a few of them: noise has bursts, and what explains one of them is seen once only.
     """
-    variance, degrees = LEAST_VARIANCE, 0.0
-    for part in dataset.parts:
-        n = int(part.stop - part.start)
-        low = lowest(n)
-        degrees += low
-        for w, e in zip(weights[part].T, noise[part].T, strict=True):
-            power = np.abs(rfft(w)) ** 2 / n
-            variance += float(np.sum(twice(n) * power * spectrum(e, power, low)))
+    spectral = Noise(noise, dataset.parts, fitted=weights)
+    variance, degrees = float(spectral.variances_of_sum(weights).sum()), float(spectral.degrees)
     by_block, by_flight = (_batch_variance(weights, noise, unit) for unit in (dataset.block, dataset.flight_index))
     units = [by_block] if by_block[1] < FEW_BLOCKS - 1.0 else []
     units += [by_flight] if len(dataset.flights) >= LEAST_FLIGHTS else []

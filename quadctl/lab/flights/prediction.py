@@ -59,7 +59,7 @@ def predict_torque(model: Model, flight: Flight) -> Floats:
 
 def predict_imu_error(model: Model, flight: Flight) -> Floats:
     """Predict the filtered error of the accelerometer, north, east, up, m/s^2, shape (n, 3)."""
-    if not any(effect.affects_accelerometer for effect in model.effects):
+    if not any(concerns(effect, "sensing") for effect in model.effects):
         return np.zeros_like(flight.measured)
     sensed = ned_from_neu(model.sensed_ned_m_s2(flight.conditions))
     return flight.filtered_vector(sensed)
@@ -67,7 +67,7 @@ def predict_imu_error(model: Model, flight: Flight) -> Floats:
 
 def concerns(effect: Effect, group: str) -> bool:
     """Tell whether `effect` changes what `group` measures."""
-    return {"total": True, "turning": effect.affects_moment, "sensing": effect.affects_accelerometer}[group]
+    return {"total": True, "turning": effect.affects_moment, "sensing": effect.acts_by("sensed_m_s2")}[group]
 
 
 PREDICT = {"total": predict, "turning": predict_torque, "sensing": predict_imu_error}

@@ -1,8 +1,7 @@
 """Statement of a fitted model: every number that a paper needs, with the conditions under which it was computed."""
 
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -15,7 +14,7 @@ from quadctl.lab.fitting.fitted_model import FittedModel, fit_model
 from quadctl.lab.fitting.fitter import BOOTSTRAP_SEED
 from quadctl.lab.fitting.parameters import values_of
 from quadctl.lab.flights.dataset import Dataset
-from quadctl.lab.selection import rule
+from quadctl.lab.selection.rule import RULE
 from quadctl.model import Model
 
 AXES = ("north", "east", "up")
@@ -63,7 +62,7 @@ class Statement:
     """Per axis; axes of flights that are too short are absent."""
     command: str
     thresholds: dict[str, float]
-    """Numbers of the decision rule, by their names in `quadctl.lab.selection.rule`."""
+    """Numbers of the decision rule, by the names of `quadctl.lab.selection.rule.Rule`, in capitals."""
 
     @property
     def model(self) -> Model:
@@ -128,7 +127,7 @@ def state(model: Model, dataset: Dataset, command: str) -> Statement:
         rmse={name: float(fit.held_out_rmse[name]) for name in (*AXES, "total")},
         whiteness=_whiteness(residual, dataset),
         command=command,
-        thresholds=_thresholds(),
+        thresholds={name.upper(): float(value) for name, value in asdict(RULE).items()},
     )
 
 
@@ -181,11 +180,3 @@ def _whiteness(residual: Floats, dataset: Dataset) -> dict[str, Whiteness]:
         if (whiteness := ljung_box(flights)) is not None:
             found[axis] = whiteness
     return found
-
-
-def _thresholds() -> dict[str, float]:
-    return {
-        name: float(value)
-        for name, value in vars(rule).items()
-        if name.isupper() and isinstance(value, int | float) and math.isfinite(value)
-    }

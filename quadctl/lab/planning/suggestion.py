@@ -22,9 +22,8 @@ from quadctl.errors import QuadctlError
 from quadctl.installed import locate, name_of
 from quadctl.lab.arrays import Floats
 from quadctl.lab.fitting.fitted_model import FittedModel, fit_model
-from quadctl.lab.fitting.fitter import noise_scale
 from quadctl.lab.fitting.initial_guesses import Unmodelled
-from quadctl.lab.fitting.noise import CorrelatedNoise
+from quadctl.lab.fitting.noise import CorrelatedNoise, noise_scale
 from quadctl.lab.fitting.parameters import free_parameters, values_of
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.flights.flight import Flight

@@ -7,7 +7,7 @@ import numpy as np
 from quadctl.effects.ground_effect import NearGround
 from quadctl.lab import plots
 from quadctl.lab.comparison.failures import most_telling
-from quadctl.lab.comparison.reservations import OF_THE_THRUST, thrust_reservation
+from quadctl.lab.comparison.reservations import is_of_the_thrust, thrust_reservation
 from quadctl.lab.comparison.wording import (
     change_in_words,
     count,
@@ -104,7 +104,7 @@ def fitted_effects(r: Results) -> Section | None:
     for index in order:
         item = a.model.stack[index]
         ci95 = item.fitted.ci95 if item.fitted else {}
-        reservation = thrust_reservation(a.model.vehicle, a.dataset) if item.effect.family() in OF_THE_THRUST else ""
+        reservation = thrust_reservation(a.model.vehicle, a.dataset) if is_of_the_thrust(item.effect) else ""
         note = " ".join(said for said in (item.effect.source, reservation) if said)
         rows.append([Cell(item.effect.name, note), Cell(parameters_in_text(item.effect, ci95))])
         if isinstance(item.effect, NearGround):

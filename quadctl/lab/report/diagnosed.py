@@ -1,7 +1,7 @@
 """Section on missing effects."""
 
 from quadctl.lab import plots
-from quadctl.lab.comparison.reservations import OF_THE_THRUST, thrust_reservation
+from quadctl.lab.comparison.reservations import is_of_the_thrust, thrust_reservation
 from quadctl.lab.comparison.wording import (
     UNIT,
     change_in_words,
@@ -22,7 +22,7 @@ from quadctl.lab.report.parts import Cell, Section, Table, figure
 from quadctl.lab.report.results import Results
 from quadctl.lab.selection.candidate import Candidate
 from quadctl.lab.selection.diagnosis import Diagnosis
-from quadctl.lab.selection.rule import LEAST_M_S2, MATERIAL, MATERIAL_M_S2, SIGNIFICANT, is_supported
+from quadctl.lab.selection.rule import RULE, is_supported
 from quadctl.lab.selection.unseen import of_unseen
 from quadctl.lab.words import in_words
 
@@ -82,8 +82,8 @@ def _verdict_table(d: Diagnosis) -> Table:
     error = "remaining error" if d.missing else "error"
     left = f"the logged variables{_aside(d)} {explained} of the {error}"
     test = (
-        f"an effect has p < {SIGNIFICANT:g} and lowers the held-out error of one axis by more than {MATERIAL:.0%} and "
-        f"{LEAST_M_S2:g} m/s², or explains more than {MATERIAL_M_S2:g} m/s² on it"
+        f"an effect has p < {RULE.significant:g} and lowers the held-out error of one axis by more than "
+        f"{RULE.material:.0%} and {RULE.least_m_s2:g} m/s², or explains more than {RULE.material_m_s2:g} m/s² on it"
     )
     rows = {
         "missing": [Cell("missing", test), Cell(finding)],
@@ -126,7 +126,7 @@ def _ranking_table(d: Diagnosis) -> Table:
 
 def _candidate_note(c: Candidate, d: Diagnosis, with_physics: bool) -> str:
     said = [c.effect.physics] if with_physics else []
-    reservation = thrust_reservation(d.model.vehicle, d.dataset) if c.family in OF_THE_THRUST else ""
+    reservation = thrust_reservation(d.model.vehicle, d.dataset) if is_of_the_thrust(c.effect) else ""
     return " ".join([*said, *(f"Note: {remark}." for remark in c.remarks), *([reservation] if reservation else [])])
 
 

@@ -109,8 +109,8 @@ class Candidate:
 def measure_of(effects: Iterable[Effect], before: Mapping[str, float], after: Mapping[str, float]) -> str:
     """Name of the error by which a change of `effects` is judged: the acceleration's, unless they do not change it."""
     changed = list(effects)
-    turning, sensing = any(e.affects_moment for e in changed), any(e.affects_accelerometer for e in changed)
-    for group, possible in (("total", True), ("turning", turning), ("sensing", sensing)):
+    for group in GROUPS:
+        possible = group == "total" or any(concerns(effect, group) for effect in changed)
         if possible and group in after and abs(after[group] / max(before[group], LEAST_ERROR) - 1.0) >= IDLE:
             return group
     return "total"

@@ -10,6 +10,8 @@ from quadctl.lab.fitting.form_errors import FormErrors
 from quadctl.lab.fitting.significance import improvement_p_value
 from quadctl.lab.flights.channels import ROTOR_SPEED
 from quadctl.lab.selection.rule import (
+    RULE,
+    Rule,
     is_large,
     is_measured,
     is_mostly_drift,
@@ -37,7 +39,7 @@ class Choice:
 
 
 def choose_effects(
-    fit: FittedModel, candidates: Iterable[type[Effect]] | None, progress: Callable[[str], None]
+    fit: FittedModel, candidates: Iterable[type[Effect]] | None, progress: Callable[[str], None], rule: Rule = RULE
 ) -> Choice:
     """Choose the effects that a fitted model is missing, of `candidates` or of all that are known to the model."""
     model, dataset = fit.fitter.model, fit.dataset
@@ -49,21 +51,21 @@ def choose_effects(
     if len(dataset.flights) == 1:
         pool = [effect for effect in pool if not effect.only_of_several_flights]
     unfit = [e for e in pool if any(dataset.span(variable) < span for variable, span in e.needs.items())]
-    path = search(fit, [effect for effect in pool if effect not in unfit], progress)
+    path = search(fit, [effect for effect in pool if effect not in unfit], progress, rule)
     progress("analysing the remaining error")
     # The part explained by an effect that is too small to be called missing is not unexplained.
-    small = [c.residual for c in path.latest.values() if is_measured(c) and not is_supported(c)]
-    residual = min([path.residual, *small], key=score)[:, :3]
+    small = [c.residual for c in path.latest.values() if is_measured(c, rule) and not is_supported(c, rule)]
+    residual = min([path.residual, *small], key=lambda residual: score(residual, rule))[:, :3]
     flexible = flexible_residual(residual, dataset, dataset.causes)
     forms = FormErrors.of(path.current)
-    matters = is_unexplained(residual, flexible, improvement_p_value(residual, flexible, dataset, forms))
+    matters = is_unexplained(residual, flexible, improvement_p_value(residual, flexible, dataset, forms), rule)
     drift = drift_of(residual, dataset)
-    drifts = is_mostly_drift(residual, drift)
+    drifts = is_mostly_drift(residual, drift, rule)
     symbolic = explain(residual, dataset) if matters or drifts else None
     # A regression on many variables may explain a little of pure noise; a real cause has an expression or is large.
-    unexplained = drifts or (matters and (symbolic is not None or is_large(residual, flexible)))
+    unexplained = drifts or (matters and (symbolic is not None or is_large(residual, flexible, rule)))
     if drifts:
-        flexible = min(flexible, drift, key=lambda explained: score(residual - explained))
-    if unexplained and path.missing and is_mostly_left(fit.held_out_residual[:, :3], residual, flexible):
+        flexible = min(flexible, drift, key=lambda explained: score(residual - explained, rule))
+    if unexplained and path.missing and is_mostly_left(fit.held_out_residual[:, :3], residual, flexible, rule):
         path = emptied(path)
     return Choice(path, unfit, unexplained, symbolic)

@@ -22,7 +22,7 @@ from quadctl.lab.flights.timing import of_timing
 from quadctl.lab.results import Result
 from quadctl.lab.selection.candidate import Candidate
 from quadctl.lab.selection.choice import choose_effects
-from quadctl.lab.selection.rule import SIGNIFICANT, alternatives, is_measured, is_supported, is_trim
+from quadctl.lab.selection.rule import RULE, Rule, alternatives, is_measured, is_supported, is_trim
 from quadctl.lab.selection.search import Path, SelectionStep, judged_beside
 from quadctl.lab.selection.unseen import UnseenError, held_out_errors, nested_errors, of_unseen
 from quadctl.lab.selection.wording import candidate_to_dict, error_in_table, measured_to_dict, p_in_table
@@ -33,18 +33,9 @@ from quadctl.model import Model
 
 UNITS = {"total": "", "turning": " N m", "sensing": " (IMU)"}
 
-DRAG_ALONG_Z = {"rotor_drag": "d_z", "body_drag": "area_z_m2"}
-"""Parameter of each family of drag that acts along body z, as the inflow does."""
-
 MOST_SEARCHED = 6000
 """Number of samples of a search, some nine minutes of flight: every candidate is fitted many times, and a material
 effect shows in fewer. Parameters are fitted to all samples."""
-
-LIKE_THE_OTHERS = 0.3
-"""Least drag along body z, as a share of the largest, that may be an inflow; blades and frame alone give less."""
-
-DRAG_SHOWS_M_S = 1.0
-"""Span of the horizontal speed above which a flight shows a drag, if there is one."""
 
 Verdict = Literal["missing", "none", "unexplained"]
 
@@ -188,7 +179,7 @@ class Diagnosis(Result):
 
     def details(self) -> RenderableType:
         """Every candidate, with parameters and intervals, and the reasons why others were not tried."""
-        title = f"All candidates (* missing, in the order of adding; significant: p < {SIGNIFICANT:g})"
+        title = f"All candidates (* missing, in the order of adding; significant: p < {RULE.significant:g})"
         missing = {step.effect for step in self.steps}
         untried = [f"Not tried: {in_words(reason)}." for reason in self.untried]
         return Group(_table(title, self.ranking, missing), Text(on_terminal("\n".join(untried))))
@@ -240,11 +231,12 @@ def diagnose_fit(
     candidates: Iterable[type[Effect]] | None = None,
     progress: Callable[[str], None] = lambda text: None,
     nested: bool = False,
+    rule: Rule = RULE,
 ) -> Diagnosis:
     """Find the effects that are missing from a fitted model (see `diagnose`)."""
     model, dataset = fit.fitter.model, fit.dataset
     searched = dataset.spread_out(MOST_SEARCHED)
-    choice = choose_effects(fit if searched is dataset else fit_model(model, searched), candidates, progress)
+    choice = choose_effects(fit if searched is dataset else fit_model(model, searched), candidates, progress, rule)
     path = choice.path
     if searched is dataset:
         found = path.current
@@ -261,8 +253,7 @@ def diagnose_fit(
         steps=list(path.steps),
         best=found.model,
         confounded=[
-            list(pair)
-            for pair in dict.fromkeys((*path.confounded, *_inseparable(path.missing, ranking, dataset.span("speed"))))
+            list(pair) for pair in dict.fromkeys((*path.confounded, *_inseparable(path.missing, ranking, dataset.span)))
         ],
         suggested_mission=_suggestion(path.latest, path.confounded, choice.unfit),
         unexplained=choice.unexplained,
@@ -293,23 +284,12 @@ def _refitted(candidate: Candidate, fit: FittedModel, place: int) -> Candidate:
     return replace(candidate, effect=model.effects[-1], model=model, ci95=fit.ci95(place), remarks=fit.remarks(place))
 
 
-def _inseparable(missing: Sequence[str], ranking: Sequence[Candidate], speed_m_s: float) -> list[tuple[str, str]]:
-    """Pairs of families that hardly any flight separates: a drag along body z and the inflow, and the two signs of an
-    error of the attitude estimate.
-
-    An inflow is no drag where the flights show that nothing drags along the other axes: where their horizontal speed
-    spans `speed_m_s`.
-    """
-    pairs = [("imu_bias", "thrust_tilt")] if {"imu_bias", "thrust_tilt"} <= set(missing) else []
-    if "inflow" in missing and DRAG_ALONG_Z.keys().isdisjoint(missing) and speed_m_s < DRAG_SHOWS_M_S:
-        pairs.append(("inflow", "rotor_drag"))
-    for candidate in ranking[: len(missing)]:
-        name = DRAG_ALONG_Z.get(candidate.family)
-        if name is not None and name in candidate.ci95 and "inflow" not in missing:
-            low, _ = candidate.ci95[name]
-            if low > LIKE_THE_OTHERS * max(candidate.effect.values().values()):
-                pairs.append((candidate.family, "inflow"))
-    return pairs
+def _inseparable(
+    missing: Sequence[str], ranking: Sequence[Candidate], span: Callable[[str], float]
+) -> list[tuple[str, str]]:
+    """Pairs of families that hardly any flight separates, each beginning with one that was found."""
+    found = ranking[: len(missing)]
+    return [(c.family, other) for c in found for other in c.effect.inseparable_from(missing, c.ci95, span)]
 
 
 def _suggestion(

@@ -1,11 +1,12 @@
 """The decision rule: every threshold by which an effect is called missing, harmful, distinct, material or alike.
 
-A candidate holds data (`Candidate`); the predicates of this module decide. `docs/decision-rule.md` shows what happens
-on hidden-effect cases when a threshold is moved.
+A candidate holds data (`Candidate`) and a `Rule` the thresholds; the predicates of this module decide.
+`docs/decision-rule.md` shows what happens on hidden-effect cases when a threshold is moved.
 """
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,118 +14,134 @@ from quadctl.effects import Effect
 from quadctl.lab.arrays import Floats
 from quadctl.lab.fitting.significance import difference_p_value
 from quadctl.lab.flights.dataset import Dataset
-from quadctl.lab.flights.prediction import GROUPS, MOMENTS
+from quadctl.lab.flights.prediction import GROUPS, MOMENTS, concerns
 from quadctl.lab.selection.candidate import LEAST_ERROR, Candidate
 from quadctl.lab.selection.coincidence import coincides, is_of_wrong_height
 from quadctl.model import Model
 
-# --- there at all -----------------------------------------------------------------------------------------------------
 
-SIGNIFICANT = 0.01
-"""Largest p-value of a significant effect, corrected for autocorrelation and for the number of candidates
-(Bonferroni)."""
-MATERIAL = 0.05
-"""Least relative drop of the held-out error of one axis by a missing effect: unknown trims and coefficients of any real
-vehicle cause drops up to this."""
-MATERIAL_M_S2 = 0.1
-"""Acceleration explained on one axis above which an effect is material however noisy the log is: 1 % of g, as trims of
-0.6 degrees or a thrust that is off by 1 % make."""
+@dataclass(frozen=True)
+class Rule:
+    """Thresholds of the decision."""
 
-LEAST_M_S2 = 0.03
-"""Least acceleration that counts on any axis, 0.3 % of g: attitudes are off by 0.2 degrees, and rotor speeds by 0.15 %,
-as the motion goes, and quiet logs show what this does."""
-MOST_OF_ERROR = 0.5
-"""Relative drop of the error of the acceleration on an axis from which on an effect is missing even if it is as small
-as on any vehicle: it is what the model is wrong by."""
-TRIM_M_S2 = 0.07
-"""Acceleration by a trim of 0.4 degrees, the standard deviation of those of real vehicles (`KINDS`), and more than a
-thrust that is off by 0.5 % makes: attitudes that are off by as much depend on speed, acceleration and heading, and so
-does the error that they leave. A smaller dependence is not called unexplained."""
+    # there at all
+    significant: float = 0.01
+    """Largest p-value of a significant effect, corrected for autocorrelation and for the number of candidates
+    (Bonferroni)."""
+    material: float = 0.05
+    """Least relative drop of the held-out error of one axis by a missing effect: unknown trims and coefficients of any
+    real vehicle cause drops up to this."""
+    material_m_s2: float = 0.1
+    """Acceleration explained on one axis above which an effect is material however noisy the log is: 1 % of g, as trims
+    of 0.6 degrees or a thrust that is off by 1 % make."""
 
-# --- moments ----------------------------------------------------------------------------------------------------------
+    least_m_s2: float = 0.03
+    """Least acceleration that counts on any axis, 0.3 % of g: attitudes are off by 0.2 degrees, and rotor speeds by
+    0.15 %, as the motion goes, and quiet logs show what this does."""
+    most_of_error: float = 0.5
+    """Relative drop of the error of the acceleration on an axis from which on an effect is missing even if it is as
+    small as on any vehicle: it is what the model is wrong by."""
+    trim_m_s2: float = 0.07
+    """Acceleration by a trim of 0.4 degrees, the standard deviation of those of real vehicles (`KINDS`), and more than
+    a thrust that is off by 0.5 % makes: attitudes that are off by as much depend on speed, acceleration and heading,
+    and so does the error that they leave. A smaller dependence is not called unexplained."""
 
-HARMLESS = 0.01
-"""Largest relative increase of the held-out error of a moment by an effect on the moments (or `HARMLESS_BESIDE`)."""
-HARMLESS_BESIDE = 0.2
-"""Largest such increase as a share of the effect's largest drop on a moment; the larger of the two limits counts. With
-more, the effect stands in for another one."""
-LEAST_SHARE_OF_MOMENT = 0.1
-"""Least error of a moment, as a share of the error of all three, to which a change of it is compared."""
-SHOWN = 0.01
-"""Least relative drop of the error of each moment in which an effect must be visible, if there are several."""
-SHOWN_ALONE = 0.2
-"""Least relative drop where the effect must be visible in one moment only."""
-SHOWN_BESIDE = 0.2
-"""Least drop of each such moment as a share of the largest drop on any axis: nuisances can explain as much of a moment,
-and an effect that lowers only the error of the thrust belongs to another family."""
+    # moments
+    harmless: float = 0.01
+    """Largest relative increase of the held-out error of a moment by an effect on the moments (or
+    `harmless_beside`)."""
+    harmless_beside: float = 0.2
+    """Largest such increase as a share of the effect's largest drop on a moment; the larger of the two limits counts.
+    With more, the effect stands in for another one."""
+    least_share_of_moment: float = 0.1
+    """Least error of a moment, as a share of the error of all three, to which a change of it is compared."""
+    shown: float = 0.01
+    """Least relative drop of the error of each moment in which an effect must be visible, if there are several."""
+    shown_alone: float = 0.2
+    """Least relative drop where the effect must be visible in one moment only."""
+    shown_beside: float = 0.2
+    """Least drop of each such moment as a share of the largest drop on any axis: nuisances can explain as much of a
+    moment, and an effect that lowers only the error of the thrust belongs to another family."""
 
-# --- alike ------------------------------------------------------------------------------------------------------------
+    # alike
+    alike: float = 0.05
+    """Least p-value of the difference between the held-out errors of two candidates that the data do not
+    distinguish."""
+    equal_score: float = 0.01
+    """Largest difference of the scores (logarithms of the held-out error) of candidates that count as equally good: the
+    simplest of them is taken."""
+    replaced: int = 2
+    """Number of found effects that one look-alike can replace when it explains as much alone. One effect against one is
+    decided by the score; a single effect that matches three or more has more freedom than they have."""
+    left_by_a_lag: float = 0.5
+    """Largest share of the vertical error that a motor lag leaves, where no delay tells of it."""
+    rival: float = 0.5
+    """Least squared acceleration that a rival of an effect explains, as a share of that one's."""
 
-ALIKE = 0.05
-"""Least p-value of the difference between the held-out errors of two candidates that the data do not distinguish."""
-EQUAL_SCORE = 0.01
-"""Largest difference of the scores (logarithms of the held-out error) of candidates that count as equally good: the
-simplest of them is taken."""
-REPLACED = 2
-"""Number of found effects that one look-alike can replace when it explains as much alone. One effect against one is
-decided by the score; a single effect that matches three or more has more freedom than they have."""
-
-# --- unexplained ------------------------------------------------------------------------------------------------------
-
-LARGE = 0.1
-"""Relative drop of an axis' error that a regression on noise never reaches by chance: a larger one is unexplained even
-without an expression."""
-DRIFT = 0.5
-"""Relative drop of an axis' error by a prediction from time alone above which the error is no noise: that of real
-flights drifts by less."""
-MOSTLY = 0.5
-"""Share of the explainable error above which the effects found are rejected: then nothing is called missing, and all is
-unexplained."""
+    # unexplained
+    large: float = 0.1
+    """Relative drop of an axis' error that a regression on noise never reaches by chance: a larger one is unexplained
+    even without an expression."""
+    drift: float = 0.5
+    """Relative drop of an axis' error by a prediction from time alone above which the error is no noise: that of real
+    flights drifts by less."""
+    mostly: float = 0.5
+    """Share of the explainable error above which the effects found are rejected: then nothing is called missing, and
+    all is unexplained."""
 
 
-def is_significant(p_value: float) -> bool:
+RULE = Rule()
+"""Rule by which all results are made; a study passes another one."""
+
+
+def is_significant(p_value: float, rule: Rule = RULE) -> bool:
     """Tell whether a corrected p-value is significant."""
-    return p_value < SIGNIFICANT
+    return p_value < rule.significant
 
 
-def is_material(effect: Effect, largest_drop: float, explained_m_s2: float) -> bool:
+def is_material(effect: Effect, largest_drop: float, explained_m_s2: float, rule: Rule = RULE) -> bool:
     """Tell whether an effect that lowers the error of an axis by this share, and explains this acceleration, matters.
 
     What shows in the moments or in the accelerometer, and a lag, of which a delay explains most, may explain little.
     """
-    may_be_small = effect.affects_moment or effect.affects_accelerometer or effect.adds_lag
-    counts = may_be_small or explained_m_s2 > LEAST_M_S2
-    return (counts and largest_drop > MATERIAL) or explained_m_s2 > MATERIAL_M_S2
+    may_be_small = _shows_elsewhere(effect) or effect.adds_lag
+    counts = may_be_small or explained_m_s2 > rule.least_m_s2
+    return (counts and largest_drop > rule.material) or explained_m_s2 > rule.material_m_s2
 
 
-def is_harmful(c: Candidate) -> bool:
+def _shows_elsewhere(effect: Effect) -> bool:
+    """Tell whether an effect shows in the moments or in the accelerometer, too."""
+    return concerns(effect, "turning") or concerns(effect, "sensing")
+
+
+def is_harmful(c: Candidate, rule: Rule = RULE) -> bool:
     """Tell whether a candidate that acts on the moments makes one of them worse.
 
     Either in all flights together, or in one flight by more than it helps in all, as a stand-in for another effect
     does.
     """
-    drops = _moment_drops(c)
-    overall = min(drops) < -max(HARMLESS, HARMLESS_BESIDE * max(drops))
-    return c.effect.affects_moment and (overall or c.worst_flight < -max(HARMLESS, *drops))
+    drops = _moment_drops(c, rule)
+    overall = min(drops) < -max(rule.harmless, rule.harmless_beside * max(drops))
+    return c.effect.affects_moment and (overall or c.worst_flight < -max(rule.harmless, *drops))
 
 
-def moment_drops(before: Mapping[str, float], after: Mapping[str, float]) -> dict[str, float]:
-    """Drop of the error of each moment by a change, relative to that error, or to `LEAST_SHARE_OF_MOMENT` of the error
+def moment_drops(before: Mapping[str, float], after: Mapping[str, float], rule: Rule = RULE) -> dict[str, float]:
+    """Drop of the error of each moment by a change, relative to that error, or to `least_share_of_moment` of the error
     of all three where that is larger; a rise also relative to the moment that the change explains. So a moment that was
     right to a fraction of the others has no veto."""
-    least = max(LEAST_SHARE_OF_MOMENT * before["turning"], LEAST_ERROR)
+    least = max(rule.least_share_of_moment * before["turning"], LEAST_ERROR)
     explained = math.sqrt(sum(max(before[axis] ** 2 - after[axis] ** 2, 0.0) for axis in MOMENTS))
     scale = {axis: max(before[axis], least, explained if after[axis] > before[axis] else 0.0) for axis in MOMENTS}
     return {axis: (before[axis] - after[axis]) / scale[axis] for axis in MOMENTS}
 
 
-def _moment_drops(c: Candidate) -> list[float]:
+def _moment_drops(c: Candidate, rule: Rule = RULE) -> list[float]:
     """Drop of the held-out error of each moment (see `moment_drops`); 0 where the effect acts on none."""
     acts = "turning" in c.after and any(axis in c.drops for axis in MOMENTS)
-    return list(moment_drops(c.before, c.after).values()) if acts else [0.0, 0.0, 0.0]
+    return list(moment_drops(c.before, c.after, rule).values()) if acts else [0.0, 0.0, 0.0]
 
 
-def shows_in_moments(c: Candidate) -> bool:
+def shows_in_moments(c: Candidate, rule: Rule = RULE) -> bool:
     """Tell whether a candidate lowers the error of every moment that its physics must show in, and worsens neither roll
     nor pitch; and that of the thrust, where it must show there too.
 
@@ -133,119 +150,128 @@ def shows_in_moments(c: Candidate) -> bool:
     """
     axes, up = c.effect.shows_in(c.model.vehicle), c.drops.get("up", 0.0)
     shown = [c.drops.get(axis, 0.0) for axis in axes if axis in MOMENTS]
-    if "up" in axes and up < SHOWN:
+    if "up" in axes and up < rule.shown:
         return False
     if not shown:
         return True
-    enough = max(SHOWN if len(shown) > 1 else SHOWN_ALONE, SHOWN_BESIDE * c.largest_drop)
-    one_is_hidden = len(shown) > 1 and max(shown) > SHOWN_ALONE and up > MATERIAL
-    return (min(shown) > enough or one_is_hidden) and min(_moment_drops(c)[:2]) > -HARMLESS
+    enough = max(rule.shown if len(shown) > 1 else rule.shown_alone, rule.shown_beside * c.largest_drop)
+    one_is_hidden = len(shown) > 1 and max(shown) > rule.shown_alone and up > rule.material
+    return (min(shown) > enough or one_is_hidden) and min(_moment_drops(c, rule)[:2]) > -rule.harmless
 
 
-def is_there(c: Candidate) -> bool:
+def is_there(c: Candidate, rule: Rule = RULE) -> bool:
     """Tell whether held-out data show the effect of a candidate, even if it is too small to be called missing."""
-    return is_significant(c.p_value) and _is_possible(c)
+    return is_significant(c.p_value, rule) and _is_possible(c, rule)
 
 
-def _is_possible(c: Candidate) -> bool:
+def _is_possible(c: Candidate, rule: Rule = RULE) -> bool:
     """Tell whether a candidate helps, and has parameters that are possible, be it significant or not."""
-    helps = c.held_out_drop > 0.0 and not is_harmful(c) and shows_in_moments(c)
+    helps = c.held_out_drop > 0.0 and not is_harmful(c, rule) and shows_in_moments(c, rule)
     return helps and c.believable and c.determined and not c.at_bound
 
 
-def is_trim(c: Candidate) -> bool:
+def is_trim(c: Candidate, rule: Rule = RULE) -> bool:
     """Tell whether a candidate is significant, but no larger than the trim errors of any real vehicle."""
-    return c.held_out_drop > 0.0 and is_significant(c.p_value) and is_usual(c)
+    return c.held_out_drop > 0.0 and is_significant(c.p_value, rule) and is_usual(c, rule)
 
 
-def is_usual(c: Candidate) -> bool:
+def is_usual(c: Candidate, rule: Rule = RULE) -> bool:
     """Tell whether an effect is as small as on any vehicle, and not most of the error of the acceleration."""
-    return c.effect.negligible() and max(c.drops.get(axis, 0.0) for axis in GROUPS["total"]) < MOST_OF_ERROR
+    return c.effect.negligible() and max(c.drops.get(axis, 0.0) for axis in GROUPS["total"]) < rule.most_of_error
 
 
-def is_plausible(c: Candidate) -> bool:
+def is_plausible(c: Candidate, rule: Rule = RULE) -> bool:
     """Tell whether a candidate would be supported if the data distinguished it from its look-alikes."""
-    return is_there(c) and _matters(c)
+    return is_there(c, rule) and _matters(c, rule)
 
 
-def _matters(c: Candidate) -> bool:
-    material = is_material(c.effect, c.largest_drop, c.explained_m_s2)
-    return material and not is_usual(c) and not c.implied
+def _matters(c: Candidate, rule: Rule = RULE) -> bool:
+    material = is_material(c.effect, c.largest_drop, c.explained_m_s2, rule)
+    return material and not is_usual(c, rule) and not c.implied
 
 
-def is_supported(c: Candidate) -> bool:
+def is_supported(c: Candidate, rule: Rule = RULE) -> bool:
     """Tell whether held-out data support a candidate: it is there, larger than a trim, and not a look-alike."""
-    return c.distinct and is_plausible(c)
+    return c.distinct and is_plausible(c, rule)
 
 
-def is_masked(c: Candidate) -> bool:
+def is_masked(c: Candidate, rule: Rule = RULE) -> bool:
     """Tell whether a candidate lacks nothing but significance: what else is missing may be the noise that hides it."""
-    return c.distinct and _is_possible(c) and _matters(c) and not is_significant(c.p_value)
+    return c.distinct and _is_possible(c, rule) and _matters(c, rule) and not is_significant(c.p_value, rule)
 
 
-def is_look_alike(c: Candidate) -> bool:
+def is_look_alike(c: Candidate, rule: Rule = RULE) -> bool:
     """Tell whether a candidate is plausible, but not distinguished from its look-alikes by these data."""
-    return is_plausible(c) and not c.distinct
+    return is_plausible(c, rule) and not c.distinct
 
 
-def is_measured(c: Candidate) -> bool:
+def is_measured(c: Candidate, rule: Rule = RULE) -> bool:
     """Tell whether a candidate is there and distinguished from its look-alikes, even if too small to be called
     missing."""
-    return c.distinct and is_there(c)
+    return c.distinct and is_there(c, rule)
 
 
-def without_stand_ins(supported: Sequence[Candidate], tried: Sequence[Candidate]) -> list[Candidate]:
+def without_stand_ins(supported: Sequence[Candidate], tried: Sequence[Candidate], rule: Rule = RULE) -> list[Candidate]:
     """Supported candidates that explain more of the acceleration than any that is there, but too small to be missing.
 
     Where the best explanation is an exponent of the thrust within the usual, a battery that explains less stands in for
     it. What shows in the moments or in the accelerometer is judged by these.
     """
-    small = [c for c in tried if is_measured(c) and not is_supported(c)]
-    least = min((score(c.residual[:, :3]) for c in small), default=math.inf)
-    elsewhere = [c for c in supported if c.effect.affects_moment or c.effect.affects_accelerometer]
-    return [c for c in supported if c in elsewhere or score(c.residual[:, :3]) < least]
+    small = [c for c in tried if is_measured(c, rule) and not is_supported(c, rule)]
+    least = min((score(c.residual[:, :3], rule) for c in small), default=math.inf)
+    elsewhere = [c for c in supported if _shows_elsewhere(c.effect)]
+    return [c for c in supported if c in elsewhere or score(c.residual[:, :3], rule) < least]
 
 
-def without_needless_differences(supported: Sequence[Candidate], tried: Sequence[Candidate]) -> list[Candidate]:
+def without_needless_differences(
+    supported: Sequence[Candidate], tried: Sequence[Candidate], rule: Rule = RULE
+) -> list[Candidate]:
     """Supported candidates without those whose values differ from flight to flight, where the same family, supported or
     not, does as well with values that are common to all flights."""
     common = [c for c in tried if not c.effect.only_of_several_flights]
 
     def does_as_well(c: Candidate) -> bool:
-        return any(o.family == c.family and score(o.residual) < score(c.residual) + EQUAL_SCORE for o in common)
+        return any(
+            o.family == c.family and score(o.residual, rule) < score(c.residual, rule) + rule.equal_score
+            for o in common
+        )
 
     return [c for c in supported if not (c.effect.only_of_several_flights and does_as_well(c))]
 
 
-def is_left_out(c: Candidate) -> bool:
+def is_left_out(c: Candidate, rule: Rule = RULE) -> bool:
     """Tell whether a candidate is significant on held-out data, and larger than a trim, be it plausible beside the
     effects of the model or not."""
     fits = c.determined and not c.at_bound and not c.implied
-    return c.held_out_drop > 0.0 and is_significant(c.p_value) and fits and not is_usual(c)
+    return c.held_out_drop > 0.0 and is_significant(c.p_value, rule) and fits and not is_usual(c, rule)
 
 
-def is_replaceable(missing: Sequence[str]) -> bool:
+def is_replaceable(missing: Sequence[str], rule: Rule = RULE) -> bool:
     """Tell whether one look-alike may replace all the families that were found."""
-    return 0 < REPLACED == len(missing)
+    return 0 < rule.replaced == len(missing)
 
 
-def is_needed(effect: Effect, without: Floats, residual: Floats, p_value: float) -> bool:
+def is_needed(effect: Effect, without: Floats, residual: Floats, p_value: float, rule: Rule = RULE) -> bool:
     """Tell whether an effect is still needed beside the others, from the held-out residuals without and with it, shape
     (n, axes).
 
     It is not where, beside the others, it is as small as on any vehicle (see `is_usual`).
     """
     explained = explained_m_s2(without, residual)
-    usual = effect.negligible() and largest_gain(without[:, :3], residual[:, :3]) < MOST_OF_ERROR
-    return is_significant(p_value) and is_material(effect, largest_gain(without, residual), explained) and not usual
+    usual = effect.negligible() and largest_gain(without[:, :3], residual[:, :3]) < rule.most_of_error
+    return (
+        is_significant(p_value, rule)
+        and is_material(effect, largest_gain(without, residual), explained, rule)
+        and not usual
+    )
 
 
-def are_alike(one: Floats, other: Floats, dataset: Dataset) -> bool:
+def are_alike(one: Floats, other: Floats, dataset: Dataset, rule: Rule = RULE) -> bool:
     """Tell whether the data do not distinguish two held-out residuals."""
-    return difference_p_value(one, other, dataset) > ALIKE
+    return difference_p_value(one, other, dataset) > rule.alike
 
 
-def alternatives(candidates: Iterable[Candidate], dataset: Dataset) -> list[list[Candidate]]:
+def alternatives(candidates: Iterable[Candidate], dataset: Dataset, rule: Rule = RULE) -> list[list[Candidate]]:
     """Group candidates of which the data do not tell one from another; the simplest of each group first.
 
     Candidates that were read from a session have no residuals to compare: each is a group of its own.
@@ -253,8 +279,8 @@ def alternatives(candidates: Iterable[Candidate], dataset: Dataset) -> list[list
     if not dataset.flights:
         return [[c] for c in candidates]
     groups: list[list[Candidate]] = []
-    for c in sorted(candidates, key=lambda c: score(c.residual)):
-        alike = [group for group in groups if are_alike(group[0].residual, c.residual, dataset)]
+    for c in sorted(candidates, key=lambda c: score(c.residual, rule)):
+        alike = [group for group in groups if are_alike(group[0].residual, c.residual, dataset, rule)]
         if alike:
             alike[0].append(c)
         else:
@@ -262,14 +288,14 @@ def alternatives(candidates: Iterable[Candidate], dataset: Dataset) -> list[list
     return [sorted(group, key=lambda c: len(c.ci95)) for group in groups]
 
 
-def is_as_good(one: Floats, other: Floats, dataset: Dataset) -> bool:
+def is_as_good(one: Floats, other: Floats, dataset: Dataset, rule: Rule = RULE) -> bool:
     """Tell whether the held-out residual `one` is not significantly larger than `other`."""
-    worse_by = score(one) - score(other)
-    return worse_by < 0.0 or (worse_by < EQUAL_SCORE and are_alike(other, one, dataset))
+    worse_by = score(one, rule) - score(other, rule)
+    return worse_by < 0.0 or (worse_by < rule.equal_score and are_alike(other, one, dataset, rule))
 
 
 def choose(
-    supported: Sequence[Candidate], look_alikes: Sequence[Candidate], dataset: Dataset
+    supported: Sequence[Candidate], look_alikes: Sequence[Candidate], dataset: Dataset, rule: Rule = RULE
 ) -> tuple[Candidate, list[str]]:
     """Choose the candidate to add, and list the other families that do as well, `look_alikes` among them.
 
@@ -280,52 +306,56 @@ def choose(
     best = supported[0]
     every = [*supported, *look_alikes]
     leaders = [c for i, c in enumerate(every) if c.family not in {other.family for other in every[:i]}]
-    alike = [c for c in leaders if c is best or are_alike(best.residual, c.residual, dataset)]
-    as_good = [c for c in alike if is_supported(c) and score(c.residual) < score(best.residual) + EQUAL_SCORE]
-    chosen = min(as_good, key=lambda c: (c.n_seen, score(c.residual)))
+    alike = [c for c in leaders if c is best or are_alike(best.residual, c.residual, dataset, rule)]
+    as_good = [
+        c
+        for c in alike
+        if is_supported(c, rule) and score(c.residual, rule) < score(best.residual, rule) + rule.equal_score
+    ]
+    chosen = min(as_good, key=lambda c: (c.n_seen, score(c.residual, rule)))
     return chosen, sorted({c.family for c in alike} - {chosen.family})
 
 
-def is_unexplained(residual: Floats, flexible: Floats, p_value: float) -> bool:
+def is_unexplained(residual: Floats, flexible: Floats, p_value: float, rule: Rule = RULE) -> bool:
     """Tell whether the logged variables explain a significant and material part of a held-out residual: more than the
     trims of any flight.
 
     `flexible` is the held-out prediction of the residual by a regression on the variables, shape (n, 3).
     """
     left = residual - flexible
-    more_than_trims = explained_m_s2(residual, left) > TRIM_M_S2
-    return is_significant(p_value) and largest_gain(residual, left) > MATERIAL and more_than_trims
+    more_than_trims = explained_m_s2(residual, left) > rule.trim_m_s2
+    return is_significant(p_value, rule) and largest_gain(residual, left) > rule.material and more_than_trims
 
 
-def is_large(residual: Floats, flexible: Floats) -> bool:
+def is_large(residual: Floats, flexible: Floats, rule: Rule = RULE) -> bool:
     """Tell whether a regression explains more of the residual than is possible by chance."""
-    return largest_gain(residual, residual - flexible) > LARGE
+    return largest_gain(residual, residual - flexible) > rule.large
 
 
-def is_mostly_drift(residual: Floats, drift: Floats) -> bool:
+def is_mostly_drift(residual: Floats, drift: Floats, rule: Rule = RULE) -> bool:
     """Tell whether most of the error of an axis is a function of time: noise does not drift by so much.
 
     `drift` is the held-out prediction of the residual from time, shape (n, 3).
     """
-    return largest_gain(residual, residual - drift) > DRIFT
+    return largest_gain(residual, residual - drift) > rule.drift
 
 
-def is_mostly_left(first: Floats, residual: Floats, flexible: Floats) -> bool:
+def is_mostly_left(first: Floats, residual: Floats, flexible: Floats, rule: Rule = RULE) -> bool:
     """Tell whether the effects found leave most of what could be explained of the `first` residual."""
     floor = float(np.sum((residual - flexible) ** 2))
     left = (float(np.sum(residual**2)) - floor) / max(float(np.sum(first**2)) - floor, 1e-12)
-    return left > MOSTLY
+    return left > rule.mostly
 
 
-def score(residual: Floats) -> float:
+def score(residual: Floats, rule: Rule = RULE) -> float:
     """Logarithm of the held-out RMSE of the acceleration, plus the mean logarithms of the other measured groups.
 
     Logarithms make forces and moments, which have different units, comparable. An axis counts as no less than
-    `LEAST_SHARE_OF_MOMENT` of its group: a yaw moment that is right to a hundredth of the others would decide alone.
+    `least_share_of_moment` of its group: a yaw moment that is right to a hundredth of the others would decide alone.
     """
     power = np.maximum(np.mean(residual**2, axis=0), 1e-12)
     groups = [power[i : i + 3] for i in range(3, len(power), 3)]
-    others = [float(np.log(np.maximum(p, LEAST_SHARE_OF_MOMENT**2 * p.sum())).mean()) for p in groups]
+    others = [float(np.log(np.maximum(p, rule.least_share_of_moment**2 * p.sum())).mean()) for p in groups]
     return 0.5 * (float(np.log(power[:3].sum())) + sum(others))
 
 

@@ -23,7 +23,8 @@ from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.flights.prediction import rmse
 from quadctl.lab.selection.candidate import Candidate
 from quadctl.lab.selection.rule import (
-    EQUAL_SCORE,
+    RULE,
+    Rule,
     are_alike,
     choose,
     indistinct,
@@ -42,16 +43,11 @@ from quadctl.lab.selection.rule import (
 )
 from quadctl.lab.selection.trial import try_effect
 
-NESTED = ({"thrust_map", "thrust_scale"},)
-"""Families of which one is the other with a parameter more: that they do equally well is no doubt."""
-
 MOST_PROMISING = 12
 """Number of effects of which a round after the first one chooses: those that explain most to first order. The others
 are tried where none of these is supported."""
 MOST_MASKED = 2
 """Largest number of effects with which a search begins although they are not significant alone."""
-RIVAL = 0.5
-"""Least squared acceleration that a rival of an effect explains, as a share of that one's."""
 MOST_EXCHANGED = 3
 """Largest number of effects that are tried in the place of those found."""
 
@@ -88,6 +84,8 @@ class Path:
     implied: frozenset[str] = frozenset()
     """Families that were taken out because the other effects imply them, though their part of a moment is left."""
 
+    rule: Rule = RULE
+
     @property
     def dataset(self) -> Dataset:
         return self.start.dataset
@@ -95,13 +93,13 @@ class Path:
     @property
     def passed_over(self) -> list[Candidate]:
         """Look-alikes of the first round: plausible, but not distinguished from another effect."""
-        return [c for c in self.at_start.values() if is_look_alike(c)]
+        return [c for c in self.at_start.values() if is_look_alike(c, self.rule)]
 
     @property
     def first(self) -> list[Candidate]:
         """Supported candidates of the first round, the best first, and those that lack nothing but significance."""
         tried = list(self.at_start.values())
-        return [*_supported_of(tried), *(c for c in tried if is_masked(c))]
+        return [*_supported_of(tried, self.rule), *(c for c in tried if is_masked(c, self.rule))]
 
     @property
     def n_seen(self) -> int:
@@ -110,12 +108,16 @@ class Path:
 
     def restarted(self) -> "Path":
         """Path back at its start, with its trials."""
-        return replace(begun_at(self.start), latest=self.latest, at_start=self.at_start)
+        return replace(begun_at(self.start, self.rule), latest=self.latest, at_start=self.at_start)
 
     @property
     def residual(self) -> Floats:
         """Held-out residual of the current model, shape (n, 3 * groups)."""
         return self.current.held_out_residual
+
+    @property
+    def score(self) -> float:
+        return score(self.residual, self.rule)
 
 
 class _Round(NamedTuple):
@@ -128,18 +130,18 @@ class _Round(NamedTuple):
     look_alikes: list[Candidate]
 
 
-def search(start: FittedModel, pool: Sequence[type[Effect]], progress: Progress) -> Path:
+def search(start: FittedModel, pool: Sequence[type[Effect]], progress: Progress, rule: Rule = RULE) -> Path:
     """Search `pool` for the effects that the fitted model `start` is missing."""
-    path = pruned(forward(begun_at(start), pool, progress))
+    path = pruned(forward(begun_at(start, rule), pool, progress))
     path = with_one_dropped(with_masked_first(path, pool, progress), pool, progress)
     path = with_pair_replaced(path, pool, progress)
     return largest_first(with_one_exchanged(with_other_variant(path, pool), pool, progress), len(pool))
 
 
-def begun_at(start: FittedModel) -> Path:
+def begun_at(start: FittedModel, rule: Rule = RULE) -> Path:
     """Path without any step."""
     name, errors = start.fitter.model.name, rmse(start.held_out_residual, start.dataset.groups)
-    return Path(start, start, (SelectionStep("", name, errors),))
+    return Path(start, start, (SelectionStep("", name, errors),), rule=rule)
 
 
 def forward(path: Path, pool: Sequence[type[Effect]], progress: Progress, *, likely_only: bool = False) -> Path:
@@ -152,7 +154,7 @@ def forward(path: Path, pool: Sequence[type[Effect]], progress: Progress, *, lik
         path = _with_confounded(path, alike, [*supported, *look_alikes])
         if not supported:
             return path
-        chosen, alike = choose(supported, look_alikes, path.dataset)
+        chosen, alike = choose(supported, look_alikes, path.dataset, path.rule)
         path = taken(path, chosen)
 
 
@@ -182,10 +184,10 @@ def with_masked_first(path: Path, pool: Sequence[type[Effect]], progress: Progre
     an effect explains more of the acceleration than any that is supported, and lacks nothing but significance, it is
     taken first, and stays only if it is needed beside what is found on top of it.
     """
-    seen = [path.start.held_out_residual, *(c.residual for c in path.first if not is_masked(c))]
-    least = min(score(residual[:, :3]) for residual in seen)
-    masked = [c for c in path.first if is_masked(c) and score(c.residual[:, :3]) < least]
-    for candidate in sorted(masked, key=lambda c: score(c.residual))[:MOST_MASKED]:
+    seen = [path.start.held_out_residual, *(c.residual for c in path.first if not is_masked(c, path.rule))]
+    least = min(score(residual[:, :3], path.rule) for residual in seen)
+    masked = [c for c in path.first if is_masked(c, path.rule) and score(c.residual[:, :3], path.rule) < least]
+    for candidate in sorted(masked, key=lambda c: score(c.residual, path.rule))[:MOST_MASKED]:
         told = _prefixed(f"beginning with {candidate.effect.name}", progress)
         other = pruned(forward(taken(path.restarted(), candidate), pool, told, likely_only=True))
         if candidate.family in other.missing and len(other.missing) > 1 and is_better(other, path):
@@ -216,10 +218,18 @@ def _with_exchange_in_doubt(other: Path, path: Path) -> Path:
     """Path `other`, which took the place of `path`, with the one effect in which they differ, where the data do not
     tell the two apart."""
     new, old = set(other.missing) - set(path.missing), set(path.missing) - set(other.missing)
-    if len(new) != 1 or len(old) != 1 or new | old in NESTED or not are_alike(*_comparable(other, path), path.dataset):
+    if len(new) != 1 or len(old) != 1 or not are_alike(*_comparable(other, path), path.dataset, path.rule):
         return other
     pair = new.pop(), old.pop()
-    return other if pair in other.confounded else replace(other, confounded=(*other.confounded, pair))
+    known = pair in other.confounded or _correct_the_same(*pair, path)
+    return other if known else replace(other, confounded=(*other.confounded, pair))
+
+
+def _correct_the_same(one: str, other: str, path: Path) -> bool:
+    """Tell whether two families that were tried correct the same number of the vehicle, one with a parameter more: that
+    they do equally well is no doubt."""
+    numbers = {c.family: set(c.effect.corrects) for c in path.latest.values()}
+    return bool(numbers.get(one, set()) & numbers.get(other, set()))
 
 
 def is_better(other: Path, path: Path) -> bool:
@@ -227,13 +237,14 @@ def is_better(other: Path, path: Path) -> bool:
     other, corrected for the number tried; with more effects, where the data tell the two apart. One that explains as
     much by fewer parameters is better, too."""
     found = (c for c in other.chosen if c.family in other.missing)
-    if not _is_plausible(other) or not all(is_significant(judged_beside(c, other).p_value) for c in found):
+    if not _is_plausible(other) or not all(is_significant(judged_beside(c, other).p_value, path.rule) for c in found):
         return False
     new, old = _comparable(other, path)
-    if 0 < len(path.missing) < len(other.missing) and are_alike(new, old, path.dataset):
+    if 0 < len(path.missing) < len(other.missing) and are_alike(new, old, path.dataset, path.rule):
         return False
     simpler = len(other.missing) == len(path.missing) and other.n_seen < path.n_seen
-    return score(new) < score(old) + (EQUAL_SCORE if simpler else -EQUAL_SCORE)
+    margin = path.rule.equal_score if simpler else -path.rule.equal_score
+    return score(new, path.rule) < score(old, path.rule) + margin
 
 
 def _comparable(one: Path, other: Path) -> tuple[Floats, Floats]:
@@ -247,17 +258,17 @@ def _comparable(one: Path, other: Path) -> tuple[Floats, Floats]:
 def _has_rival(path: Path, family: str) -> bool:
     """Tell whether another family explains at least half as much of the acceleration, alone, as one that was found."""
     explained = {c.family: c.explained_m_s2**2 for c in reversed(path.first)}
-    least = RIVAL * explained.get(family, 0.0)
+    least = path.rule.rival * explained.get(family, 0.0)
     return any(other > least for name, other in explained.items() if name != family)
 
 
 def with_pair_replaced(path: Path, pool: Sequence[type[Effect]], progress: Progress) -> Path:
     """Path, or a path to a single look-alike of the first round that explains as much as the pair that was found."""
-    for candidate in sorted(path.passed_over, key=lambda c: score(c.residual)):
-        if not is_replaceable(path.missing) or candidate.family in path.missing:
+    for candidate in sorted(path.passed_over, key=lambda c: score(c.residual, path.rule)):
+        if not is_replaceable(path.missing, path.rule) or candidate.family in path.missing:
             continue
         other = taken(path.restarted(), candidate)
-        if not is_as_good(other.residual, path.residual, path.dataset):
+        if not is_as_good(other.residual, path.residual, path.dataset, path.rule):
             continue
         instead = f"with {candidate.effect.name} instead of {' and '.join(path.missing)}"
         other = pruned(forward(other, pool, _prefixed(instead, progress)))
@@ -274,17 +285,17 @@ def with_one_exchanged(path: Path, pool: Sequence[type[Effect]], progress: Progr
     search goes on from there. It encompasses that effect (Mizon & Richard 1986, Econometrica 54) where that one is not
     significant on top of the new path.
     """
-    significant = [c for c in path.latest.values() if c.family not in path.missing and is_left_out(c)]
-    for candidate in sorted(significant, key=lambda c: score(c.residual))[:MOST_EXCHANGED]:
+    significant = [c for c in path.latest.values() if c.family not in path.missing and is_left_out(c, path.rule)]
+    for candidate in sorted(significant, key=lambda c: score(c.residual, path.rule))[:MOST_EXCHANGED]:
         for family in path.missing:
             other = _exchanged(path, family, candidate, pool, progress)
             if other is None or family in other.missing or candidate.family not in other.missing:
                 continue
             new, old = _comparable(other, path)
-            if score(new) >= score(old) + EQUAL_SCORE:
+            if score(new, path.rule) >= score(old, path.rule) + path.rule.equal_score:
                 continue
             again = [_trial(other, effect, len(pool)) for effect in pool if effect.family() == family]
-            if not any(is_left_out(c) for c in again):
+            if not any(is_left_out(c, path.rule) for c in again):
                 return pruned(forward(other, pool, progress))
     return path
 
@@ -305,7 +316,7 @@ def with_other_variant(path: Path, pool: Sequence[type[Effect]]) -> Path:
                 other = path.restarted()
                 for kind in (variant if c is found else type(c.effect) for c in kept):
                     other = taken(other, _trial(other, kind, len(pool)))
-                if score(other.residual) < score(path.residual) + EQUAL_SCORE and _holds(other):
+                if other.score < path.score + path.rule.equal_score and _holds(other):
                     return other
     return path
 
@@ -320,12 +331,12 @@ def largest_first(path: Path, n_tried: int) -> Path:
     found = [c for c in path.chosen if c.family in path.missing]
     alone = {c.family: path.at_start[c.effect.name].explained_m_s2 ** 2 for c in found}
     ordered = sorted(found, key=lambda c: alone[c.family], reverse=True)
-    if not found or alone[found[0].family] >= RIVAL * alone[ordered[0].family]:
+    if not found or alone[found[0].family] >= path.rule.rival * alone[ordered[0].family]:
         return path
     other = path.restarted()
     for kind in (type(c.effect) for c in ordered):
         other = taken(other, _trial(other, kind, n_tried))
-    if score(other.residual) > score(path.residual) + EQUAL_SCORE:  # that way leads to another minimum
+    if other.score > path.score + path.rule.equal_score:  # that way leads to another minimum
         return path
     return replace(other, confounded=path.confounded, implied=path.implied)
 
@@ -353,7 +364,7 @@ def _exchanged(
     found = [c for c in path.chosen if c.family in path.missing and c.family != family]
     for kind in (type(c.effect) for c in (*found, candidate)):
         tried = _trial(other, kind, len(pool))
-        if not is_supported(tried):
+        if not is_supported(tried, path.rule):
             return None
         other = taken(other, tried)
     told = _prefixed(f"with {candidate.effect.name} instead of {family}", progress)
@@ -371,35 +382,38 @@ def _tried(path: Path, pool: Sequence[type[Effect]], progress: Progress, *, like
     open_ = [effect for effect in pool if effect.family() not in path.missing]
     n_tried = len(pool) * (len(path.chosen) + 1)
     if path.current is path.start:
-        known = path.at_start or {c.effect.name: c for c in _trials(open_, Unmodelled(path.start), n_tried, progress)}
+        begun = [] if path.at_start else _trials(open_, Unmodelled(path.start), n_tried, progress, path.rule)
+        known = path.at_start or {c.effect.name: c for c in begun}
         tried = [known[effect.name] for effect in open_]
         path = replace(path, at_start=known)
     else:
         left = Unmodelled(path.current)
         open_ = sorted(open_, key=lambda effect: promise(effect, left), reverse=True)
-        tried = _trials(open_[:MOST_PROMISING], left, n_tried, progress)
-        if not likely_only and not _supported_of(tried):
-            tried += _trials(open_[MOST_PROMISING:], left, n_tried, _prefixed("the unlikely ones", progress))
+        tried = _trials(open_[:MOST_PROMISING], left, n_tried, progress, path.rule)
+        if not likely_only and not _supported_of(tried, path.rule):
+            tried += _trials(open_[MOST_PROMISING:], left, n_tried, _prefixed("the unlikely ones", progress), path.rule)
     path = replace(path, latest={**path.latest, **{c.effect.name: c for c in tried}})
-    return _Round(path, _supported_of(tried), [c for c in tried if is_look_alike(c)])
+    return _Round(path, _supported_of(tried, path.rule), [c for c in tried if is_look_alike(c, path.rule)])
 
 
-def _supported_of(tried: Sequence[Candidate]) -> list[Candidate]:
+def _supported_of(tried: Sequence[Candidate], rule: Rule) -> list[Candidate]:
     """Supported candidates of a round, the best first."""
-    supported = without_stand_ins([c for c in tried if is_supported(c)], tried)
-    return sorted(without_needless_differences(supported, tried), key=lambda c: score(c.residual))
+    supported = without_stand_ins([c for c in tried if is_supported(c, rule)], tried, rule)
+    return sorted(without_needless_differences(supported, tried, rule), key=lambda c: score(c.residual, rule))
 
 
 def _trial(path: Path, effect: type[Effect], n_tried: int) -> Candidate:
     """Trial of one effect on top of the current model of a path."""
     if path.current is path.start and effect.name in path.at_start:
         return path.at_start[effect.name]
-    return try_effect(effect, Unmodelled(path.current), n_tried)
+    return try_effect(effect, Unmodelled(path.current), n_tried, path.rule)
 
 
-def _trials(effects: Sequence[type[Effect]], left: Unmodelled, n_tried: int, progress: Progress) -> list[Candidate]:
+def _trials(
+    effects: Sequence[type[Effect]], left: Unmodelled, n_tried: int, progress: Progress, rule: Rule
+) -> list[Candidate]:
     """Try each of `effects` by itself; parallel as `joblib.parallel_config` says, serial by default."""
-    work = Parallel(return_as="generator")(delayed(try_effect)(effect, left, n_tried) for effect in effects)
+    work = Parallel(return_as="generator")(delayed(try_effect)(effect, left, n_tried, rule) for effect in effects)
     tried = []
     began_s = time.monotonic()
     for number, (effect, candidate) in enumerate(zip(effects, work, strict=True), start=1):
@@ -427,10 +441,8 @@ def _prefixed(what: str, progress: Progress) -> Progress:
 def _with_confounded(path: Path, alike: Sequence[str], still_needed: Sequence[Candidate]) -> Path:
     """Path with the pairs that did equally well, where the one left out is not needed once the other is in."""
     needed = {candidate.family for candidate in still_needed}
-    pairs = tuple(
-        (path.missing[-1], other) for other in alike if other not in needed and {path.missing[-1], other} not in NESTED
-    )
-    return replace(path, confounded=(*path.confounded, *pairs))
+    others = [o for o in alike if o not in needed and not _correct_the_same(path.missing[-1], o, path)]
+    return replace(path, confounded=(*path.confounded, *((path.missing[-1], other) for other in others)))
 
 
 def _without_superfluous(path: Path, family: str) -> Path:
@@ -442,7 +454,7 @@ def _without_superfluous(path: Path, family: str) -> Path:
     doubtful = unbelievable(smaller.model, dataset) | indistinct(smaller.model, dataset)
     doubtful -= unbelievable(model, dataset) | indistinct(model, dataset)
     (effect,) = (effect for effect in model.effects if effect.family() == family)
-    needed = is_needed(effect, without, path.residual, p_value)
+    needed = is_needed(effect, without, path.residual, p_value, path.rule)
     implied = effect.implied_by(smaller.model.effects, [f.conditions for f in dataset.flights], model.vehicle)
     if (needed and not implied) or doubtful:
         return path
@@ -463,7 +475,7 @@ def _beside(path: Path, family: str) -> tuple[FittedModel, float]:
 
 def judged_beside(c: Candidate, path: Path) -> Candidate:
     """Candidate of a path: one that another effect hides has the p-value that it has beside the others, and says so."""
-    if is_significant(c.p_value):
+    if is_significant(c.p_value, path.rule):
         return c
     alone = f"alone it would not be significant (p {c.p_value:.2g}); beside the others it is"
     p_value = min(1.0, _beside(path, c.family)[1] * len(path.latest) * len(path.missing))

@@ -13,17 +13,15 @@ from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.flights.prediction import rmse
 from quadctl.lab.flights.timing import comes_too_early
 from quadctl.lab.selection.candidate import Candidate
-from quadctl.lab.selection.rule import indistinct, moment_drops, unbelievable
+from quadctl.lab.selection.rule import RULE, Rule, indistinct, moment_drops, unbelievable
 from quadctl.lab.threads import one_blas_thread
 
-LEFT_BY_A_LAG = 0.5
-"""Largest share of the vertical error that a motor lag leaves, where no delay tells of it."""
 REALIGNED = 3
 """Largest number of iterations between the fit of a lag and the alignment of the flights for it."""
 
 
 @one_blas_thread
-def try_effect(effect: type[Effect], left: Unmodelled, n_tried: int) -> Candidate:
+def try_effect(effect: type[Effect], left: Unmodelled, n_tried: int, rule: Rule = RULE) -> Candidate:
     """Fit `effect` on top of the fitted model of `left`; `n_tried` is the number of candidates tried on these data."""
     dataset, residual = left.dataset, left.residual
     fit, independent = fit_on_top(effect, left)
@@ -38,11 +36,11 @@ def try_effect(effect: type[Effect], left: Unmodelled, n_tried: int) -> Candidat
         after=rmse(after, dataset.groups),
         p_value=min(1.0, p_value * n_tried * independent),
         residual=after,
-        worst_flight=_worst_flight(residual, after, dataset),
+        worst_flight=_worst_flight(residual, after, dataset, rule),
         remarks=fit.remarks(last),
         believable=unbelievable(fit.model, dataset) <= unbelievable(left.model, dataset),
         distinct=effect.name not in indistinct(fit.model, dataset)
-        and (not effect.adds_lag or _is_no_delay(residual, after, dataset)),
+        and (not effect.adds_lag or _is_no_delay(residual, after, dataset, rule)),
         implied=fit.model.effects[last].implied_by(
             fit.model.effects[:last], [flight.conditions for flight in dataset.flights], fit.model.vehicle
         ),
@@ -73,19 +71,19 @@ def fit_on_top(effect: type[Effect], left: Unmodelled) -> tuple[FittedModel, int
     return FittedModel(fitter, fitted, left.dataset.targets - fitter.held_out(fitted)), independent
 
 
-def _is_no_delay(before: Floats, after: Floats, dataset: Dataset) -> bool:
+def _is_no_delay(before: Floats, after: Floats, dataset: Dataset, rule: Rule) -> bool:
     """Tell whether a lag is told from the delays and the noise of sensors.
 
     Either the signals come too early for these, or the lag explains most of what a delay leaves of the vertical
     acceleration: a lag also weakens the noise in the rotor signal, and explains some of it by that alone.
     """
-    most = rmse(after, dataset.groups)["up"] < LEFT_BY_A_LAG * rmse(before, dataset.groups)["up"]
+    most = rmse(after, dataset.groups)["up"] < rule.left_by_a_lag * rmse(before, dataset.groups)["up"]
     return most or comes_too_early(dataset.flights[0].timing)
 
 
-def _worst_flight(before: Floats, after: Floats, dataset: Dataset) -> float:
+def _worst_flight(before: Floats, after: Floats, dataset: Dataset, rule: Rule) -> float:
     """Smallest drop of the error of a moment in a single flight (see `moment_drops`); 0 where none is negative."""
     if "turning" not in dataset.groups:
         return 0.0
     errors = [(rmse(before[part], dataset.groups), rmse(after[part], dataset.groups)) for part in dataset.parts]
-    return min([0.0, *(drop for had, left in errors for drop in moment_drops(had, left).values())])
+    return min([0.0, *(drop for had, left in errors for drop in moment_drops(had, left, rule).values())])

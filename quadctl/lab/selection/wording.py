@@ -6,10 +6,7 @@ from quadctl.lab.finding import Finding, Kind
 from quadctl.lab.selection.candidate import Candidate
 from quadctl.lab.selection.effect_curves import EffectCurve
 from quadctl.lab.selection.rule import (
-    LEAST_M_S2,
-    MATERIAL,
-    MATERIAL_M_S2,
-    SIGNIFICANT,
+    RULE,
     is_harmful,
     is_plausible,
     is_significant,
@@ -63,7 +60,7 @@ def reason_against(c: Candidate, chosen: Candidate | None) -> Finding:
     if c.held_out_drop <= 0.0 or (c.held_out_drop < NO_GAIN and not is_significant(c.p_value)):
         return Finding(Kind.NO_DROP)
     if not is_significant(c.p_value):
-        return Finding(Kind.NOT_SIGNIFICANT, {"p": c.p_value, "limit": SIGNIFICANT})
+        return Finding(Kind.NOT_SIGNIFICANT, {"p": c.p_value, "limit": RULE.significant})
     if not c.determined:
         essential = list(c.effect.essential)
         return Finding(Kind.ZERO, {"parameters": essential}) if essential else Finding(Kind.UNDETERMINED)
@@ -79,7 +76,10 @@ def reason_against(c: Candidate, chosen: Candidate | None) -> Finding:
             return Finding(kind)
     if is_there(c) and not is_plausible(c):
         found = {"share": c.largest_drop, "explained": c.explained_m_s2}
-        return Finding(Kind.TOO_SMALL, {**found, "least_share": MATERIAL, "least": LEAST_M_S2, "enough": MATERIAL_M_S2})
+        return Finding(
+            Kind.TOO_SMALL,
+            {**found, "least_share": RULE.material, "least": RULE.least_m_s2, "enough": RULE.material_m_s2},
+        )
     if not c.distinct:
         return Finding(Kind.NOT_DISTINCT, {"distinguished_by": c.effect.distinguished_by})
     if chosen is None:

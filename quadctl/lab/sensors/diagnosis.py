@@ -30,10 +30,6 @@ MOST = 99.0
 """Percentile that counts as the largest value."""
 NO_EFFECT = 1e-9
 """Standard error, of a parameter, that only one has that acts on nothing in these flights."""
-SPEED_M_S, STEEP_M, DRIVE = 1.5, 0.5, 0.05
-"""Spans that show an error: speed through the air, height near the ground, share of thrust."""
-LOW_M = 1.0
-"""Height below which the error of the ground shows."""
 
 
 class Verdict(StrEnum):
@@ -154,7 +150,8 @@ def diagnose_sensor(flights: Sequence[Heights]) -> SensorDiagnosis:
     Raises LogError where its reading is not in metres: its scale is fitted, and would hide that.
     """
     kinds = [kind for kind in SENSOR_ERRORS.values() if kind.sensor == flights[0].sensor]
-    reasons = {kind.name: reason for kind in kinds if (reason := _unshown(kind, flights))}
+    conditions = [flight.conditions((0.0, 0.0)) for flight in flights]
+    reasons = {kind.name: reason for kind in kinds if (reason := kind.unshown(conditions))}
     tried = [kind() for kind in kinds if kind.name not in reasons]
     noise = learned(_rows(flights, tried, _no_wind(flights)))
     tried = [_with_best_scale(error, tried, flights, noise) for error in tried]
@@ -182,20 +179,6 @@ def diagnose_sensor(flights: Sequence[Heights]) -> SensorDiagnosis:
         _held_out(flights, [], noise),
         _held_out(flights, [one.error for one in matters], noise),
     )
-
-
-def _unshown(kind: type[SensorError], flights: Sequence[Heights]) -> str:
-    """Quantity that the flights do not span, which the error needs; empty where they do."""
-    if kind.name == "barometer.airspeed":
-        speed = max(float(np.percentile(np.sqrt(sum(v**2 for v in f.velocity_m_s)), MOST)) for f in flights)
-        return "" if speed > SPEED_M_S else "speed"
-    if kind.name == "barometer.ground":
-        above = np.concatenate([f.above_ground_m for f in flights])
-        low = float(np.percentile(above, 3)) < LOW_M
-        return "" if low and float(np.ptp(np.percentile(above, (3, 97)))) > STEEP_M else "height"
-    if kind.name == "barometer.throttle":
-        return "" if max(float(np.std(f.thrust_share)) for f in flights) > DRIVE else "thrust"
-    return ""
 
 
 Winds = tuple[tuple[float, float], ...]
@@ -275,7 +258,7 @@ def _fitted(flights: Sequence[Heights], errors: Sequence[SensorError], noise: No
     winds = _no_wind(flights)
     names = [(error.name, name) for error in errors for name in _linear(error)]
     places = {name: i for i, name in enumerate(names)}
-    windy = any(error.name == "barometer.airspeed" for error in errors)
+    windy = any(error.feels_wind for error in errors)
     fit = estimate(_rows(flights, errors, winds), noise)
     for _ in range(4 if windy else 0):
         rows = _rows(flights, errors, winds)

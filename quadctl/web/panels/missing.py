@@ -10,7 +10,7 @@ from nicegui import ui
 
 from quadctl.lab.comparison.agreement import flights_of_the_fit
 from quadctl.lab.comparison.remainder import Remainder
-from quadctl.lab.comparison.reservations import OF_THE_THRUST, on_condition
+from quadctl.lab.comparison.reservations import is_of_the_thrust, on_condition
 from quadctl.lab.comparison.wording import (
     ERRORS,
     change_in_words,
@@ -429,7 +429,7 @@ class Candidates(Panel):
                 tag("p", "note", why)
             for remark in candidate.remarks:
                 tag("p", "note", f"Note: {remark}.")
-            if self.thrust_reservation and candidate.family in OF_THE_THRUST:
+            if self.thrust_reservation and is_of_the_thrust(candidate.effect):
                 tag("p", "note", self.thrust_reservation)
             held = candidate.family in {effect.family() for effect in candidate.model.effects[:-1]}
             with tag("div", "line wrap actions"):

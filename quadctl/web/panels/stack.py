@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from nicegui import ui
 
-from quadctl.lab.comparison.reservations import OF_THE_THRUST
+from quadctl.lab.comparison.reservations import is_of_the_thrust
 from quadctl.lab.comparison.wording import (
     interval_in_text,
     listed,
@@ -51,8 +51,8 @@ BEYOND = {
 }
 """Cause of what is more than a nuisance can be, for the first of those that have the same one."""
 SAME_CAUSE = {"pitch_rad": "roll_rad", "slow_levelling": "levelling"}
-AS_EFFECT = {"thrust_scale": "thrust_scale", "roll_rad": "thrust_tilt", "delay_s": "motor_lag"}
-"""Family of effects that more of a nuisance would be, for those of which a search can tell."""
+CORRECTED = {"thrust_scale": "thrust", "roll_rad": "tilt", "delay_s": "lag"}
+"""Number of the vehicle that more of a nuisance would correct, for those of which a search can tell."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ class Stack(Panel):
             for item in model.stack:
                 alike = self.look_alikes.get(item.effect.family(), ())
                 _draw_effect(do, item, alike, on=item.effect.name not in self.off)
-                if self.thrust_reservation and item.effect.family() in OF_THE_THRUST:
+                if self.thrust_reservation and is_of_the_thrust(item.effect):
                     tag("p", "note", self.thrust_reservation)
             if self.evaluation is not None and len(self.evaluation.by_flight) > 1:
                 _draw_errors(self.evaluation)
@@ -169,10 +169,10 @@ def limited_in_words(evaluation: Evaluation, found: Diagnosed | None) -> str:
     sentences = [f"At the limit of what is usual for a flight: {listed(named)}."]
     causes = dict.fromkeys(SAME_CAUSE.get(name, name) for name in limited)
     ranking = [] if found is None else found.diagnosis.ranking
-    for family in (AS_EFFECT[cause] for cause in causes if cause in AS_EFFECT):
-        tried = [c.p_value for c in ranking if c.effect.family() == family]
+    for corrected in (CORRECTED[cause] for cause in causes if cause in CORRECTED):
+        tried = {c.p_value: c.family for c in ranking if c.effect.corrects == (corrected,)}
         if tried and not is_significant(p := min(tried)):
-            beyond = f"More than that would be a {plain(family)}"
+            beyond = f"More than that would be a {plain(tried[p])}"
             sentences.append(f"{beyond}, which these data do not establish (p {p_in_words(p)}).")
     return " ".join(sentences)
 

@@ -12,9 +12,9 @@ from scipy.signal import lfilter
 from quadctl.effects.ground_effect import Exponential
 from quadctl.lab.comparison.comparison import compare
 from quadctl.lab.comparison.failures import Failure, _adjusted, failures, profiles, stretches, told
-from quadctl.lab.comparison.long_range import LongRangeNoise
 from quadctl.lab.comparison.wording import followed_in_words, untold_in_words
 from quadctl.lab.fitting.flexible_regression import flexible_residual
+from quadctl.lab.fitting.noise import Noise
 from quadctl.lab.flights.dataset import Dataset, load_dataset
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
@@ -35,7 +35,7 @@ def test_sigma_counts_noise_that_drifts_for_long(raptor: Vehicle) -> None:
     for _ in range(30):
         noise = lfilter([np.sqrt(1.0 - keep**2)], [1.0, -keep], random.standard_normal((2 * len(data.measured), 3)), 0)
         noise = noise[-len(data.measured) :]
-        error = LongRangeNoise(noise, data).errors_of_means(np.zeros(len(noise), dtype=np.intp), 1)[0]
+        error = Noise(noise, data.parts).errors_of_means(np.zeros(len(noise), dtype=np.intp), 1)[0]
         sigmas += list(noise.mean(axis=0) / error)
     assert 0.5 < np.sqrt(np.mean(np.square(sigmas))) < 2.0
 

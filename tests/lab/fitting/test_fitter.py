@@ -23,9 +23,10 @@ from quadctl.frames import GRAVITY_M_S2
 from quadctl.lab.arrays import Floats
 from quadctl.lab.fitting.arrowhead import Arrow
 from quadctl.lab.fitting.fitted_model import fit_model
-from quadctl.lab.fitting.fitter import Fitter, Optimum, noise_scale
+from quadctl.lab.fitting.fitter import Fitter, Optimum
 from quadctl.lab.fitting.initial_guesses import Unmodelled, best_guesses, promise
 from quadctl.lab.fitting.linearisation import Tangent
+from quadctl.lab.fitting.noise import noise_scale
 from quadctl.lab.fitting.normal_equations import axis_weights
 from quadctl.lab.fitting.nuisances import BOUND, KINDS, LEVELLING, LOWEST, SLOW_LEVELLING, disturbed, rotor_moments_n_m
 from quadctl.lab.fitting.parameters import free_parameters, intervals, values_of

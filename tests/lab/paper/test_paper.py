@@ -16,7 +16,7 @@ from quadctl.lab.flights.dataset import load_dataset
 from quadctl.lab.paper import Statement, paper_files, state
 from quadctl.lab.paper.latex import citation_key, escape, symbol
 from quadctl.lab.paper.statement import ljung_box
-from quadctl.lab.selection import rule
+from quadctl.lab.selection.rule import RULE
 from quadctl.logs.csv_log import write_csv
 from quadctl.model import Model
 from tests.support.commands import Result
@@ -70,7 +70,7 @@ class TestFiles:
             assert f"{row.value:.4g}" in tex
         assert "Ljung--Box" in tex
         assert r"quadctl report raptor.yaml a\_b.csv -{}-paper out" in tex
-        assert f"SIGNIFICANT = {rule.SIGNIFICANT:g}" in tex
+        assert f"SIGNIFICANT = {RULE.significant:g}" in tex
         key = citation_key(Exponential.source)
         assert rf"\cite{{{key}}}" in tex
         assert f"@misc{{{key}," in files["model.bib"]
@@ -79,7 +79,7 @@ class TestFiles:
         found = json.loads(paper_files(of_ground_effect)["model.json"])
         assert [entry["value"] for entry in found["parameters"]] == [r.value for r in of_ground_effect.parameters]
         assert found["command"] == COMMAND
-        assert found["thresholds"]["SIGNIFICANT"] == rule.SIGNIFICANT
+        assert found["thresholds"]["SIGNIFICANT"] == RULE.significant
         assert set(found["whiteness"]) == {"north", "east", "up"}
         assert set(found) >= {"logs", "version", "seed", "correlation", "r_squared", "held_out"}
 

@@ -7,9 +7,9 @@ from quadctl.effects import Effect
 from quadctl.effects.body_drag import QuadraticDrag
 from quadctl.effects.motor_lag import FirstOrderLag
 from quadctl.effects.rotor_fault import WeakRotor
-from quadctl.lab.selection.rule import LEAST_M_S2, MATERIAL_M_S2, TRIM_M_S2, explained_m_s2, is_material, is_unexplained
+from quadctl.lab.selection.rule import RULE, explained_m_s2, is_material, is_unexplained
 
-LITTLE, ENOUGH, MUCH = 0.5 * LEAST_M_S2, 1.5 * LEAST_M_S2, 1.5 * MATERIAL_M_S2
+LITTLE, ENOUGH, MUCH = 0.5 * RULE.least_m_s2, 1.5 * RULE.least_m_s2, 1.5 * RULE.material_m_s2
 
 
 @pytest.mark.parametrize(
@@ -37,7 +37,7 @@ def test_the_explained_acceleration_is_that_of_the_axis_on_which_it_is_largest()
 
 @pytest.mark.parametrize(("times", "unexplained"), [(0.7, False), (1.5, True)])
 def test_what_no_more_than_trims_can_be_is_not_called_unexplained(times: float, unexplained: bool) -> None:
-    wave = times * TRIM_M_S2 * np.sqrt(2.0) * np.sin(np.linspace(0.0, 60.0, 2000))
+    wave = times * RULE.trim_m_s2 * np.sqrt(2.0) * np.sin(np.linspace(0.0, 60.0, 2000))
     flexible = np.column_stack([wave, 0.0 * wave, 0.0 * wave])
     residual = flexible + 0.05 * np.random.default_rng(0).standard_normal(flexible.shape)
     assert is_unexplained(residual, flexible, p_value=1e-9) is unexplained

@@ -7,8 +7,10 @@ import pytest
 
 from quadctl.effects import Effect
 from quadctl.effects.ground_effect import Hayden
+from quadctl.effects.imu_bias import ConstantBias
 from quadctl.effects.inflow import AxialInflow
 from quadctl.effects.rotor_drag import LinearDrag
+from quadctl.effects.thrust_tilt import FixedTilt
 from quadctl.lab.selection.candidate import Candidate
 from quadctl.lab.selection.diagnosis import _inseparable
 
@@ -26,13 +28,14 @@ class Found:
 
 
 def pairs(missing: list[str], *found: Any, speed_m_s: float = 3.0) -> list[tuple[str, str]]:
-    return _inseparable(missing, [cast(Candidate, each) for each in found], speed_m_s)
+    return _inseparable(missing, [cast(Candidate, each) for each in found], {"speed": speed_m_s}.__getitem__)
 
 
 DOWN = Found(LinearDrag(0.3, 0.3, 0.3), {"d_x": (0.28, 0.32), "d_y": (0.28, 0.32), "d_z": (0.25, 0.35)})
 LEVEL = Found(LinearDrag(0.3, 0.3, 0.02), {"d_x": (0.28, 0.32), "d_y": (0.28, 0.32), "d_z": (0.01, 0.03)})
 INFLOW = Found(AxialInflow(0.4), {"k": (0.3, 0.5)})
 GROUND = Found(Hayden(), {})
+BIAS, TILT = Found(ConstantBias(), {}), Found(FixedTilt(), {})
 
 
 def test_a_drag_along_body_z_may_be_inflow() -> None:
@@ -52,6 +55,6 @@ def test_an_inflow_may_be_a_drag_where_nobody_flew_sideward() -> None:
     assert pairs(["inflow"], INFLOW, speed_m_s=3.0) == []
 
 
-@pytest.mark.parametrize("missing", [["imu_bias", "thrust_tilt"], ["thrust_tilt", "ground_effect", "imu_bias"]])
-def test_a_bias_with_a_tilt_may_be_an_error_of_the_attitude(missing: list[str]) -> None:
-    assert pairs(missing, GROUND) == [("imu_bias", "thrust_tilt")]
+@pytest.mark.parametrize("found", [[BIAS, TILT], [TILT, GROUND, BIAS]])
+def test_a_bias_with_a_tilt_may_be_an_error_of_the_attitude(found: list[Found]) -> None:
+    assert pairs([each.family for each in found], *found) == [("imu_bias", "thrust_tilt")]
