@@ -8,9 +8,11 @@ import typer
 
 from quadctl.cli.app import app, console
 from quadctl.cli.inputs import find
-from quadctl.cli.output import print_saved, print_warning, write_text
+from quadctl.cli.output import print_saved, print_warning
 from quadctl.cli.overwriting import App, Reads, Writes
 from quadctl.errors import QuadctlError, SettingsError
+from quadctl.files import write_text
+from quadctl.logs.formats import suffixes_with_parameters
 from quadctl.vehicle import load_vehicle
 
 vehicles = App(no_args_is_help=True, help="Vehicle files: new, show.", rich_markup_mode=None)
@@ -26,7 +28,8 @@ def new(
         typer.Option(
             "--parameters",
             metavar="FILE",
-            help="The autopilot's parameters: .params, .param, .parm, or a log (.ulg, .bin).",
+            help="The autopilot's parameters: .params, .param, .parm, or a log "
+            f"({', '.join(suffixes_with_parameters())}).",
         ),
     ] = None,
     mass: Annotated[float | None, typer.Option("--mass", metavar="KG", help="Take-off mass with battery.")] = None,

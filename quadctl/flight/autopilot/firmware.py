@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from quadctl.thrust_chain.atmosphere import Version
-from quadctl.thrust_chain.chain import ThrustChain
+from quadctl.thrust_chain.chain import PLAIN, ThrustChain
 from quadctl.vehicle import Vehicle
 
 MAX_HOVER_DIFFERENCE = 0.15
@@ -110,7 +110,7 @@ class Firmware:
     """Beginning of the text that says at once that it is disarmed; empty where heartbeats come soon enough."""
     tells_aids: bool
     """True: SYS_STATUS and GPS_RAW_INT tell if GPS or motion capture work; its estimator does not."""
-    thrust_chain: ThrustChain
+    thrust_chain: ThrustChain = PLAIN
     """Functions between the throttle target and the motor outputs that it reports."""
     renamed: Mapping[str, Renamed] = field(default_factory=dict)
     """Newer names of parameters: an autopilot is asked for the name of its version first, and then for the other."""
