@@ -70,12 +70,11 @@ def new(
     write_text(output, draft(answers, known))
     print_saved(output)
     vehicle = load_vehicle(output)
-    hover = vehicle.throttle.offset + vehicle.throttle.per_newton * vehicle.weight_n
     most = vehicle.max_thrust_n / vehicle.weight_n
     console.print(
         f"{vehicle.n_rotors} rotors, {vehicle.mass_kg:g} kg, thrust up to {most:.1f} "
-        f"times the weight, throttle in hover {hover:.2f}. Read the comments in the file: what is assumed is worth "
-        "measuring (quadctl thrust-stand, or a flight and quadctl discover).",
+        f"times the weight, throttle in hover {vehicle.hover_throttle:.2f}. Read the comments in the file: what is "
+        "assumed is worth measuring (quadctl thrust-stand, or a flight and quadctl discover).",
         soft_wrap=True,
         markup=False,
         highlight=False,

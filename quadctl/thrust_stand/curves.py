@@ -159,10 +159,14 @@ def _power_law(rpm: Floats, thrust: Floats, k: float, rss_k: float, hover_n: flo
     x = rpm / rpm.max()
     found, covariance = curve_fit(
         lambda x, a, p: a * x**p,
-        *(x, thrust, (float(k * rpm.max() ** 2), 2.0)),
-        bounds=((-np.inf, EXPONENTS[0]), (np.inf, EXPONENTS[1])),
+        x,
+        thrust,
+        [float(k * rpm.max() ** 2), 2.0],
+        bounds=([-np.inf, EXPONENTS[0]], [np.inf, EXPONENTS[1]]),
         jac=lambda x, a, p: np.column_stack([x**p, a * x**p * np.log(x)]),
-        **dict.fromkeys(("ftol", "xtol", "gtol"), TOLERANCE),
+        ftol=TOLERANCE,
+        xtol=TOLERANCE,
+        gtol=TOLERANCE,
     )
     a, p = (float(value) for value in found)
     left = thrust - a * x**p

@@ -138,21 +138,16 @@ class Firmware:
         return next(names, self.unknown_mode(custom_mode))
 
 
-def hover_throttle(vehicle: Vehicle) -> float:
-    """Throttle at which the vehicle file hovers."""
-    return vehicle.throttle.offset + vehicle.throttle.per_newton * vehicle.weight_n
-
-
 def hover_throttle_check(parameter: str) -> Check:
     """Check of the `parameter` that holds the throttle of hover, 0..1, against the vehicle file."""
 
     return Check(
         parameter,
         lambda theirs, vehicle: (
-            f"{parameter}: hovers at {theirs:.2f}, the vehicle file at {hover_throttle(vehicle):.2f}"
+            f"{parameter}: hovers at {theirs:.2f}, the vehicle file at {vehicle.hover_throttle:.2f}"
         ),
         lambda theirs, vehicle: (
-            "one of them is wrong" if abs(theirs - hover_throttle(vehicle)) > MAX_HOVER_DIFFERENCE else None
+            "one of them is wrong" if abs(theirs - vehicle.hover_throttle) > MAX_HOVER_DIFFERENCE else None
         ),
     )
 

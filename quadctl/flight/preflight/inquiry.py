@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from quadctl.errors import FlightError
-from quadctl.flight.autopilot.firmware import Check, Requirement, hover_throttle
+from quadctl.flight.autopilot.firmware import Check, Requirement
 from quadctl.flight.autopilot.mavsdk_autopilot import MavsdkAutopilot
 from quadctl.flight.autopilot.port import Autopilot
 from quadctl.flight.pilot.guards import GuardLimits, defect, patience_s
@@ -142,7 +142,7 @@ async def inspect_autopilot(
         *await ask_about_lateral_force(plan, autopilot),
         *await ask_about_rate(needed_rate_rad_s(plan), autopilot),
         *([] if last is None else await ask_about_attitude(last, autopilot)),
-        *thrust_findings(autopilot.thrust_additions(hover_throttle(plan.body.vehicle))),
+        *thrust_findings(autopilot.thrust_additions(plan.body.vehicle.hover_throttle)),
     ]
 
 
