@@ -351,7 +351,7 @@ class SimulatedAutopilot:
         failed_s = self._battery_failed_s
         if failed_s is not None and self.armed and self.mode == "HOLD" and now - failed_s > BATTERY_HOLD_S:
             self._enter("LAND")
-        pushing = self.armed and self._active.throttle > 0.6 * self.vehicle.hover_throttle
+        pushing = self.armed and self._active.throttle > 0.6 * self._hover_throttle
         if not self.body.in_contact or pushing:
             self._on_ground_s = now
             if not self.body.in_contact and self.body.position[2] < -0.1:
@@ -389,6 +389,10 @@ class SimulatedAutopilot:
     def _after_disarming(self) -> None:
         if self.mode in ("LAND", "RTL"):
             self.mode = "HOLD"
+
+    @property
+    def _hover_throttle(self) -> float:
+        return self.vehicle.hover_throttle
 
     @property
     def _stands(self) -> bool:

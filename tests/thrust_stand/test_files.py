@@ -119,3 +119,11 @@ def test_what_is_no_csv_is_one_sentence(content: bytes | None, tmp_path: Path) -
 
 def test_noise_at_idle_is_no_fall_of_thrust() -> None:
     check_plausible([Point(0.1, 1010.0, 0.03), Point(0.15, 1000.0, -0.03)], VEHICLE, "idle")
+
+
+def test_without_the_lab_it_measures_and_says_how_to_fit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("quadctl.cli.thrust_stand.find_spec", lambda name: None)
+    monkeypatch.setattr("quadctl.cli.thrust_stand._measure", lambda *words: measured())
+    result = run(RAPTOR, "--link", "auto", "--yes-props-are-safe", "--raw", tmp_path / "raw.csv")
+    assert result.exit_code == 0, result.output
+    assert f"quadctl thrust-stand {RAPTOR} --from {tmp_path / 'raw.csv'}" in result.output
