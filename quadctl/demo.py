@@ -13,6 +13,7 @@ import yaml
 from rich.console import Console
 
 from quadctl.errors import QuadctlError
+from quadctl.files import write_text
 from quadctl.flight.pilot.outcome import Outcome
 from quadctl.flight.pilot.settings import DEFAULT_CONFIG
 from quadctl.flight.preflight.computer import lacking_to_fly
@@ -141,13 +142,7 @@ def _mission(name: str) -> Path:
 
 def _write_hidden(out: Path) -> Path:
     path = out / "hidden.yaml"
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        path.write_text(
-            "# What the simulated world hides; nothing but the simulator reads it.\n" + yaml.safe_dump(HIDDEN)
-        )
-    except OSError as error:
-        raise QuadctlError(f"{path}: cannot be written ({error.strerror})") from None
+    write_text(path, "# What the simulated world hides; nothing but the simulator reads it.\n" + yaml.safe_dump(HIDDEN))
     return path
 
 

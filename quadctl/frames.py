@@ -47,6 +47,13 @@ def body_rates(roll: Any, pitch: Any, roll_slope: Any, pitch_slope: Any, yaw_slo
     )
 
 
+def euler_rates(roll: Any, pitch: Any, p: Any, q: Any, r: Any) -> Vector:
+    """Derivatives of ZYX Euler angles of body rates, radians and rad/s: the inverse of `body_rates`."""
+    cr, sr, cp, sp = cos(roll), sin(roll), cos(pitch), sin(pitch)
+    yaw_slope = (q * sr + r * cr) / cp
+    return p + yaw_slope * sp, q * cr - r * sr, yaw_slope
+
+
 def rotate(q: Quaternion, v: Vector) -> Vector:
     """Body vector `v` in world axes."""
     w, x, y, z = q

@@ -13,6 +13,7 @@ from pydantic import Field
 from quadctl.effects import Conditions, Effect, catalog_with, find_effect
 from quadctl.effects.base import NO_TORQUE
 from quadctl.errors import SettingsError
+from quadctl.files import write_text
 from quadctl.frames import GRAVITY_M_S2, Quaternion, rotate, rotate_inverse
 from quadctl.installed import is_installed
 from quadctl.numeric import Number, Vector
@@ -295,11 +296,7 @@ def save_model(model: Model, path: Path | str) -> None:
     """Write `model` so that `load_model` gives it back; the vehicle is referred to where it came from a file."""
     path = Path(path)
     text = yaml.safe_dump(model_to_dict(model, path.parent), sort_keys=False)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise SettingsError(f"{path}: cannot be written ({error.strerror})") from None
+    write_text(path, text, SettingsError)
 
 
 def model_to_dict(model: Model, folder: Path | None) -> dict[str, Any]:

@@ -81,3 +81,15 @@ def known_or(value: Any, otherwise: float) -> Any:
     if SYMBOLIC and (apply := _algebra(value)):
         return apply("known_or", value, otherwise)
     return otherwise if math.isnan(value) else value
+
+
+def plus(a: Vector, b: Vector) -> Vector:
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+def minus(a: Vector, b: Vector) -> Vector:
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+def scaled(factor: Number, a: Vector) -> Vector:
+    return factor * a[0], factor * a[1], factor * a[2]

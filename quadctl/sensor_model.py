@@ -10,6 +10,7 @@ from pydantic import Field
 from quadctl.effects.sensor_error import SensorError
 from quadctl.effects.sensors import SENSOR_ERRORS
 from quadctl.errors import SettingsError
+from quadctl.files import write_text
 from quadctl.settings import Settings, nearest, read_yaml, validate
 
 
@@ -111,8 +112,4 @@ def save_sensors(model: SensorModel, path: Path) -> None:
     SettingsError
         The file cannot be written.
     """
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(yaml.safe_dump(sensors_to_dict(model), sort_keys=False), encoding="utf-8")
-    except OSError as error:
-        raise SettingsError(f"{path}: cannot be written ({error.strerror})") from None
+    write_text(path, yaml.safe_dump(sensors_to_dict(model), sort_keys=False), SettingsError)

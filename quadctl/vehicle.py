@@ -147,6 +147,11 @@ class Vehicle(Settings):
     def weight_n(self) -> float:
         return self.mass_kg * GRAVITY_M_S2
 
+    @property
+    def hover_throttle(self) -> float:
+        """Throttle that carries the weight, by the throttle curve."""
+        return self.throttle.offset + self.throttle.per_newton * self.weight_n
+
     @cached_property
     def max_thrust_n(self) -> float:
         """Largest thrust of all rotors together."""
@@ -266,7 +271,7 @@ def _thrust_problem(vehicle: Vehicle) -> str | None:
             f"throttle.max_thrust_per_rotor_n is {vehicle.throttle.max_thrust_per_rotor_n:g}, expected more than "
             f"{vehicle.weight_n / vehicle.n_rotors:.3g} N, a rotor's share of the weight"
         )
-    hover = vehicle.throttle.offset + vehicle.throttle.per_newton * vehicle.weight_n
+    hover = vehicle.hover_throttle
     if not 0.0 < hover < 1.0:
         return f"throttle is {hover:.3g} in hover (offset + per_newton * weight), expected between 0 and 1"
     rotor = vehicle.rotor

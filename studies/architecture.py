@@ -22,7 +22,7 @@ PAGE = ROOT / "docs" / "architecture.md"
 PACKAGES = ("quadctl", "quadctl.lab", "quadctl.flight", "quadctl.web", "quadctl.sitl")
 """Packages that have a picture."""
 BASE = "base"
-BASE_MODULES = ("errors", "frames", "numeric", "settings", "state")
+BASE_MODULES = ("errors", "files", "frames", "numeric", "settings", "state")
 """Small modules at the top level that nearly every room uses: one room in the picture."""
 
 Graph = Mapping[str, frozenset[str]]

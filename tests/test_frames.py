@@ -8,7 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from quadctl.frames import (
+    body_rates,
     euler_from_quaternion,
+    euler_rates,
     multiply,
     ned_from_neu,
     quaternion_from_euler,
@@ -154,3 +156,11 @@ def test_limits_do_not_hide_a_missing_value() -> None:
     assert math.isnan(clip(math.nan, 0.0, 1.0))
     assert math.isnan(maximum(math.nan, 0.06))
     np.testing.assert_array_equal(clip(np.array([math.nan, 2.0, -2.0]), 0.0, 1.0), [math.nan, 1.0, 0.0])
+
+
+def test_rates_of_the_body_and_of_its_angles_are_each_others_inverse() -> None:
+    roll, pitch, rates = 0.4, -0.7, (0.3, -1.1, 2.0)
+    assert body_rates(roll, pitch, *euler_rates(roll, pitch, *rates)) == pytest.approx(rates)
+    # Nose up by 60 deg, turning about the vertical at 1 rad/s: -sin 60 about the body's x axis, cos 60 about its z.
+    slopes = euler_rates(0.0, math.pi / 3.0, -math.sin(math.pi / 3.0), 0.0, math.cos(math.pi / 3.0))
+    assert slopes == pytest.approx((0.0, 0.0, 1.0))

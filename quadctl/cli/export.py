@@ -9,9 +9,10 @@ from rich.table import Table
 
 from quadctl.cli.app import app, console
 from quadctl.cli.inputs import find
-from quadctl.cli.output import JsonOption, print_saved, write_json, write_text
+from quadctl.cli.output import JsonOption, print_saved, write_json
 from quadctl.cli.overwriting import Reads, Writes, WritesInto
 from quadctl.errors import FlightError, QuadctlError
+from quadctl.files import write_text
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -11,9 +11,10 @@ import typer
 
 from quadctl.cli.app import app, console
 from quadctl.cli.inputs import find, find_missions
-from quadctl.cli.output import JsonOption, print_saved, write_json, write_text
+from quadctl.cli.output import JsonOption, print_saved, write_json
 from quadctl.cli.overwriting import Reads, Writes, WritesInto
 from quadctl.cli.sensors import PlotOption, SensorsOption, compare_sensors, diagnose_sensors, logs_among
+from quadctl.files import write_text
 from quadctl.logs.formats import CONVERTERS, suffixes
 
 if TYPE_CHECKING:

@@ -51,8 +51,8 @@ def mocap(
 ) -> None:
     """Forward motion-capture poses to the autopilot's estimator until Ctrl-C, and report their age."""
     from quadctl.flight.autopilot.ports import resolve
+    from quadctl.mocap.capture import open_source
     from quadctl.mocap.forward import forward
-    from quadctl.mocap.urls import open_source
 
     opened = open_source(source, body)
     place = None if origin is None else _origin(origin)

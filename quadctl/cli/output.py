@@ -8,7 +8,7 @@ import typer
 
 from quadctl.cli.app import console
 from quadctl.cli.overwriting import Writes
-from quadctl.errors import QuadctlError
+from quadctl.files import write_text
 
 JsonOption = Annotated[Path | None, Writes(), typer.Option("--json", metavar="OUT", help="Write the result as JSON.")]
 
@@ -24,11 +24,3 @@ def print_warning(sentence: str) -> None:
 def write_json(path: Path | None, result: dict[str, Any]) -> None:
     if path is not None:
         write_text(path, json.dumps(result, indent=1, allow_nan=False) + "\n")
-
-
-def write_text(path: Path, text: str) -> None:
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise QuadctlError(f"{path}: cannot be written ({error.strerror})") from None

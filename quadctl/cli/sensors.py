@@ -10,6 +10,7 @@ from quadctl.cli.app import console
 from quadctl.cli.output import print_saved, write_json
 from quadctl.cli.overwriting import Writes
 from quadctl.errors import LogError, QuadctlError
+from quadctl.files import writing
 from quadctl.logs.formats import suffixes
 
 if TYPE_CHECKING:
@@ -101,10 +102,8 @@ def _draw(plot: Path | None, flights: "Sequence[Heights]", errors: "Sequence[Sen
         return
     from quadctl.lab.plots.height_sensor import height_sensor
 
-    try:
+    with writing(plot, QuadctlError):
         height_sensor(flights, errors).savefig(plot, dpi=110)
-    except (OSError, ValueError) as error:
-        raise QuadctlError(f"{plot}: cannot be written ({error})") from None
     print_saved(plot)
 
 

@@ -3,6 +3,7 @@
 import math
 import sys
 import time
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,9 +11,10 @@ import typer
 
 from quadctl.cli.app import app, console
 from quadctl.cli.inputs import find
-from quadctl.cli.output import JsonOption, print_saved, write_json, write_text
+from quadctl.cli.output import JsonOption, print_saved, write_json
 from quadctl.cli.overwriting import Reads, Writes
 from quadctl.errors import FlightError, QuadctlError
+from quadctl.files import write_text
 from quadctl.vehicle import Vehicle, load_vehicle
 
 if TYPE_CHECKING:
@@ -86,9 +88,8 @@ def thrust_stand(
     force: Annotated[bool, typer.Option("--force", help="Overwrite files of earlier runs.")] = False,
 ) -> None:
     """Find a rotor's thrust over rpm and throttle, on a stand or from a CSV, and put it into the vehicle file."""
+    from quadctl.settings_text import with_numbers
     from quadctl.thrust_stand.measurement import read_points
-    from quadctl.thrust_stand.result import evaluate
-    from quadctl.thrust_stand.vehicle_file import with_values
 
     if (link is None) == (measured is None):
         raise typer.BadParameter("give --link to measure, or --from to fit an earlier measurement")
@@ -96,8 +97,12 @@ def thrust_stand(
         if path is not None and path.exists():
             raise QuadctlError(f"{path}: is there already, expected a new file (or --force)")
     loaded = load_vehicle(vehicle)
+    # The companion computer measures; the fit belongs to the desk. A missing package is told before anything turns.
+    fits = find_spec("scipy") is not None
+    if fits or measured is not None or output is not None or plot is not None or json_out is not None:
+        from quadctl.thrust_stand.result import evaluate
     if plot is not None:
-        from quadctl.thrust_stand.plot import draw  # a missing package is told before anything turns
+        from quadctl.thrust_stand.plot import draw
 
     if measured is not None:
         points, source = read_points(measured), str(measured)
@@ -113,27 +118,31 @@ def thrust_stand(
         schedule = _schedule(percents, settle, average, max_current)
         raw = raw or Path(f"thrust-stand-{time.strftime('%Y%m%d-%H%M%S')}-motor{motor}.csv")
         points, source = _measure(loaded, str(link), motor, scale, unit, reads_less, schedule, raw), str(raw)
+    if not fits:
+        _say(f"Fit it where the lab is installed: quadctl thrust-stand {vehicle} --from {source}")
+        return
     result = evaluate(points, loaded, source)
-    console.print("\n".join(result.lines()), soft_wrap=True, markup=False, highlight=False)
+    _say("\n".join(result.lines()))
     write_json(json_out, result.to_dict())
     if plot is not None:
         draw(result, plot)
         print_saved(plot)
     if output is not None:
-        write_text(output, with_values(vehicle, result.vehicle_values()))
+        write_text(output, with_numbers(vehicle, result.vehicle_values(), Vehicle, "vehicle file"))
         print_saved(output)
+
+
+def _say(text: str) -> None:
+    console.print(text, soft_wrap=True, markup=False, highlight=False)
 
 
 def _confirm(safe: bool, motor: int, vehicle: Vehicle) -> None:
     """Ask for confirmation that the vehicle is fixed; nothing turns before."""
     if safe:
         return
-    console.print(
+    _say(
         f"Motor {motor} of {vehicle.name} will run with its propeller on. Fix the vehicle, keep everybody out of the "
-        "propeller's plane and reach, and have the battery's plug at hand. Ctrl-C stops the motor.",
-        soft_wrap=True,
-        markup=False,
-        highlight=False,
+        "propeller's plane and reach, and have the battery's plug at hand. Ctrl-C stops the motor."
     )
     if not sys.stdin.isatty():
         raise FlightError("nobody is there to confirm that the vehicle is fixed: say --yes-props-are-safe")

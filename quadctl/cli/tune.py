@@ -11,8 +11,9 @@ from quadctl.cli.app import app, console
 from quadctl.cli.flight import ConfigOption, ModelOption
 from quadctl.cli.inputs import find_configuration
 from quadctl.cli.lab import LogArguments
-from quadctl.cli.output import JsonOption, print_saved, write_json, write_text
+from quadctl.cli.output import JsonOption, print_saved, write_json
 from quadctl.errors import LogError, SettingsError
+from quadctl.files import write_text
 from quadctl.installed import is_installed
 
 if TYPE_CHECKING:

@@ -8,9 +8,11 @@ import typer
 
 from quadctl.cli.app import app, console
 from quadctl.cli.inputs import find
-from quadctl.cli.output import print_saved, print_warning, write_text
+from quadctl.cli.output import print_saved, print_warning
 from quadctl.cli.overwriting import App, Reads, Writes
 from quadctl.errors import QuadctlError, SettingsError
+from quadctl.files import write_text
+from quadctl.logs.formats import suffixes_with_parameters
 from quadctl.vehicle import load_vehicle
 
 vehicles = App(no_args_is_help=True, help="Vehicle files: new, show.", rich_markup_mode=None)
@@ -26,7 +28,8 @@ def new(
         typer.Option(
             "--parameters",
             metavar="FILE",
-            help="The autopilot's parameters: .params, .param, .parm, or a log (.ulg, .bin).",
+            help="The autopilot's parameters: .params, .param, .parm, or a log "
+            f"({', '.join(suffixes_with_parameters())}).",
         ),
     ] = None,
     mass: Annotated[float | None, typer.Option("--mass", metavar="KG", help="Take-off mass with battery.")] = None,
@@ -67,12 +70,11 @@ def new(
     write_text(output, draft(answers, known))
     print_saved(output)
     vehicle = load_vehicle(output)
-    hover = vehicle.throttle.offset + vehicle.throttle.per_newton * vehicle.weight_n
     most = vehicle.max_thrust_n / vehicle.weight_n
     console.print(
         f"{vehicle.n_rotors} rotors, {vehicle.mass_kg:g} kg, thrust up to {most:.1f} "
-        f"times the weight, throttle in hover {hover:.2f}. Read the comments in the file: what is assumed is worth "
-        "measuring (quadctl thrust-stand, or a flight and quadctl discover).",
+        f"times the weight, throttle in hover {vehicle.hover_throttle:.2f}. Read the comments in the file: what is "
+        "assumed is worth measuring (quadctl thrust-stand, or a flight and quadctl discover).",
         soft_wrap=True,
         markup=False,
         highlight=False,

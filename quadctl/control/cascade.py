@@ -16,6 +16,7 @@ from quadctl.control.settings import ControllerSettings
 from quadctl.control.throttle import lateral_throttle, throttle_for_thrust
 from quadctl.control.velocity import VelocityMemory, acceleration_setpoint, thrust_factor, velocity_setpoint
 from quadctl.frames import GRAVITY_M_S2
+from quadctl.numeric import scaled
 from quadctl.state import AttitudeTarget, Motion, Setpoint, Vec3, VehicleState
 from quadctl.vehicle import Vehicle
 
@@ -140,7 +141,3 @@ def _along(position: Vec3, velocity: Vec3, time_s: float) -> Vec3:
 def between(a: Vec3, b: Vec3, share: float) -> Vec3:
     """Vector from `a` at a share of 0 to `b` at a share of 1."""
     return a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1]), a[2] + share * (b[2] - a[2])
-
-
-def scaled(factor: float, a: Vec3) -> Vec3:
-    return factor * a[0], factor * a[1], factor * a[2]

@@ -19,6 +19,7 @@ from typing import NamedTuple
 
 from quadctl.control.settings import AxisGains, ControllerSettings
 from quadctl.frames import GRAVITY_M_S2
+from quadctl.numeric import minus
 from quadctl.state import Setpoint, Vec3
 
 ORIGIN: Vec3 = (0.0, 0.0, 0.0)
@@ -81,7 +82,7 @@ def acceleration_setpoint(
     excess = _filtered_acceleration(velocity, not_wanted, memory, dt, settings.derivative_time_s)
     gains = (settings.velocity_horizontal, settings.velocity_horizontal, settings.velocity_vertical)
     shares = (easing.horizontal, easing.horizontal, easing.vertical)
-    error = _subtract(velocity_sp, velocity)
+    error = minus(velocity_sp, velocity)
     integral = memory.integral_m_s2
     north, east, down = (
         ahead + share * (k.p * e - k.d * a)
@@ -94,7 +95,7 @@ def acceleration_setpoint(
     if settings.horizontal_integral == "position":
         back = _limit_length(velocity_sp[0] - here_m_s[0], velocity_sp[1] - here_m_s[1], INTEGRAL_M_S)
         summed = (*back, error[2])
-    most, beyond = settings.max_integral_m_s2, _subtract(raw, limited)
+    most, beyond = settings.max_integral_m_s2, minus(raw, limited)
     new_integral = (
         _integrated(integral[0], summed[0], beyond[0], gains[0], dt, most),
         _integrated(integral[1], summed[1], beyond[1], gains[1], dt, most),
@@ -154,7 +155,3 @@ def _limit_length(x: float, y: float, longest: float) -> tuple[float, float]:
 
 def _clip(value: float, limit: float) -> float:
     return min(max(value, -limit), limit)
-
-
-def _subtract(a: Vec3, b: Vec3) -> Vec3:
-    return a[0] - b[0], a[1] - b[1], a[2] - b[2]

@@ -25,7 +25,7 @@ from quadctl.export.equations import (
 )
 from quadctl.frames import GRAVITY_M_S2, rotate, rotate_inverse
 from quadctl.model import Model
-from quadctl.numeric import SYMBOLIC, Vector
+from quadctl.numeric import SYMBOLIC, Vector, plus
 
 SAMPLE_STATE = (0.3, -0.2, -0.7, 1.1, -0.6, 0.4, 0.94, 0.14, -0.1, 0.295, 0.1, -0.2, 0.3)
 SAMPLE_PARAMETERS = (14.6, 12.3)
@@ -129,15 +129,11 @@ def _moved(model: Model, x: ca.SX, thrust: Sequence[ca.SX], here: Conditions) ->
     """Derivative of the state by the thrust of each rotor, all effects on it included."""
     velocity, attitude, rates = (x[3], x[4], x[5]), (x[6], x[7], x[8], x[9]), (x[10], x[11], x[12])
     vehicle = model.vehicle
-    force = _sum(vehicle.rotor_force(thrust), model.side_force(sum(thrust), here))
-    torque = _sum(vehicle.rotor_torque(thrust), model.side_torque(thrust, here))
+    force = plus(vehicle.rotor_force(thrust), model.side_force(sum(thrust), here))
+    torque = plus(vehicle.rotor_torque(thrust), model.side_torque(thrust, here))
     acceleration = [component / vehicle.mass_kg for component in rotate(attitude, force)]
     acceleration[2] += GRAVITY_M_S2
     return [*velocity, *acceleration, *_attitude_rate(attitude, rates), *_rates_rate(model, torque, rates)]
-
-
-def _sum(a: Vector, b: Vector) -> Vector:
-    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
 def _each(symbols: ca.SX) -> list[ca.SX]:

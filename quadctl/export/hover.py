@@ -6,10 +6,13 @@ from collections.abc import Callable
 from quadctl.effects.base import Conditions
 from quadctl.errors import SettingsError
 from quadctl.model import Model
+from quadctl.thrust_chain.chain import unbent
 
 FAR_M = 100.0
 """Height at which no ground effect is left."""
 ITERATIONS = 50
+POINTS = 21
+"""Commands at which the bend is fitted."""
 TOLERANCE = 1e-9
 
 
@@ -63,18 +66,8 @@ def bend(model: Model, present: float) -> float:
     numerator = denominator = 0.0
     for i in range(POINTS):
         command = min(hover * (0.5 + i / (POINTS - 1)), 1.0)
-        signal = _signal(command, present)
+        signal = unbent(command, max(present, 0.0))
         form = signal * signal - signal
         numerator += form * (lift_n(model, command) / full_n - signal)
         denominator += form * form
     return min(max(numerator / denominator, 0.0), 1.0)
-
-
-POINTS = 21
-
-
-def _signal(command: float, b: float) -> float:
-    """Signal that an autopilot with the bend `b` makes of a command."""
-    if b <= 0.0:
-        return command
-    return (b - 1.0 + math.sqrt((1.0 - b) ** 2 + 4.0 * b * command)) / (2.0 * b)

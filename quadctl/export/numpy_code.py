@@ -93,22 +93,22 @@ MOMENT = _Hook(
 WIND = _Hook("velocity", "Velocity of the air: north, east, down, m/s.", lambda e, s: e.wind_ned_m_s(s.here))
 
 
-def numpy_code(model: Model, title: str) -> str:
-    """Text of the Python file; `title` says where the model comes from.
+def numpy_code(model: Model) -> tuple[str, tuple[str, ...]]:
+    """Text of the Python file, and what of the model it leaves out.
 
     Raises
     ------
     SettingsError
         An effect cannot be evaluated with terms.
     """
-    return _File(model, title).text()
+    return _File(model).text(), left_out(model, actuation(model))
 
 
 class _File:
     """The parts of the file, which are found while the effects are written."""
 
-    def __init__(self, model: Model, title: str) -> None:
-        self._model, self._title = model, title
+    def __init__(self, model: Model) -> None:
+        self._model = model
         self._vehicle: Vehicle = model.vehicle
         self._used: dict[str, Any] = {}
         """Constants of the vehicle that the effects use."""
@@ -190,7 +190,7 @@ class _File:
     def _docstring(self) -> str:
         effects = ", ".join(effect.name for effect in self._model.effects) or "none: the rigid body"
         said = [
-            f"Equations of motion of {self._title}, written by quadctl. Effects: {effects}.",
+            f"Equations of motion of {self._model.name}, written by quadctl. Effects: {effects}.",
             "x_dot takes the nominal thrust of each rotor; x_dot_commanded takes their commands and holds their lag.",
             "World axes: north, east, down; body axes: forward, right, down; quaternions: body to world, scalar first.",
             *(f"Not in these equations: {reason}." for reason in left_out(self._model, self._stages)),

@@ -1,7 +1,9 @@
 """The targets of `quadctl export`; a new one is a file and a line here."""
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
+from pkgutil import resolve_name
 from tempfile import TemporaryDirectory
 
 from quadctl.export.ardupilot import ARDUPILOT
@@ -28,62 +30,21 @@ def _write_casadi(model: Model, path: Path) -> tuple[str, ...]:
     return equations.left_out
 
 
-def _write_numpy(model: Model, path: Path) -> tuple[str, ...]:
-    from quadctl.export.equations import actuation, left_out
-    from quadctl.export.numpy_code import numpy_code
-
-    path.write_text(numpy_code(model, model.name), encoding="utf-8")
-    return left_out(model, actuation(model))
-
-
-def _write_rotorpy(model: Model, path: Path) -> tuple[str, ...]:
-    from quadctl.export.rotorpy import rotorpy_code
-
-    text, left_out = rotorpy_code(model)
+def _of_text(source: str, model: Model, path: Path) -> tuple[str, ...]:
+    """Write the text of `source`, `module:function`; that takes a model and returns text and what it leaves out."""
+    text, left_out = resolve_name(f"quadctl.export.{source}")(model)
     path.write_text(text, encoding="utf-8")
-    return left_out
-
-
-def _write_crazyflow(model: Model, path: Path) -> tuple[str, ...]:
-    from quadctl.export.crazyflow import crazyflow_code
-
-    text, left_out = crazyflow_code(model)
-    path.write_text(text, encoding="utf-8")
-    return left_out
-
-
-def _write_gazebo(model: Model, path: Path) -> tuple[str, ...]:
-    from quadctl.export.gazebo import gazebo_sdf
-
-    text, left_out = gazebo_sdf(model)
-    path.write_text(text, encoding="utf-8")
-    return left_out
-
-
-def _write_sih(model: Model, path: Path) -> tuple[str, ...]:
-    from quadctl.export.sih import sih_parameters
-
-    text, left_out = sih_parameters(model)
-    path.write_text(text, encoding="utf-8")
-    return left_out
-
-
-def _write_sitl(model: Model, path: Path) -> tuple[str, ...]:
-    from quadctl.export.sitl_frame import sitl_frame
-
-    text, left_out = sitl_frame(model)
-    path.write_text(text, encoding="utf-8")
-    return left_out
+    return tuple(left_out)
 
 
 PROGRAMS: dict[str, Callable[[Model, Path], tuple[str, ...]]] = {
     "casadi": _write_casadi,
-    "numpy": _write_numpy,
-    "rotorpy": _write_rotorpy,
-    "crazyflow": _write_crazyflow,
-    "gazebo": _write_gazebo,
-    "sih": _write_sih,
-    "sitl": _write_sitl,
+    "numpy": partial(_of_text, "numpy_code:numpy_code"),
+    "rotorpy": partial(_of_text, "rotorpy:rotorpy_code"),
+    "crazyflow": partial(_of_text, "crazyflow:crazyflow_code"),
+    "gazebo": partial(_of_text, "gazebo:gazebo_sdf"),
+    "sih": partial(_of_text, "sih:sih_parameters"),
+    "sitl": partial(_of_text, "sitl_frame:sitl_frame"),
 }
 """Targets that are equations of motion, or a simulator's parameters, each with the function that writes a model into a
 file; it returns what of the model the file leaves out."""

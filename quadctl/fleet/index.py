@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from quadctl import __version__
 from quadctl.errors import LogError, SettingsError
+from quadctl.files import writing
 from quadctl.fleet.measurement import FlightRecord
 from quadctl.logs.formats import format_of_folder, suffixes
 from quadctl.model import Model, load_model
@@ -113,13 +114,12 @@ class Index:
         SettingsError
             The file cannot be written.
         """
-        try:
+        lines = "".join(json.dumps(asdict(record)) + "\n" for record in records)
+        with writing(self._path, SettingsError, "a file name"):
             # A line that was cut off when the work was stopped stays alone.
             cut = self._path.exists() and self._path.read_bytes()[-1:] not in (b"", b"\n")
             with self._path.open("a", encoding="utf-8") as file:
-                file.write("\n" * cut + "".join(json.dumps(asdict(record)) + "\n" for record in records))
-        except OSError as error:
-            raise SettingsError(f"{self._path}: cannot be written ({error.strerror}), expected a file name") from None
+                file.write("\n" * cut + lines)
         self.records |= {record.flight: record for record in records}
 
     def _read(self) -> Iterator[FlightRecord]:

@@ -8,6 +8,7 @@ from jinja2 import Environment, StrictUndefined
 
 from quadctl import __version__
 from quadctl.errors import SettingsError
+from quadctl.files import write_text
 from quadctl.fleet.changes import by_quantity
 from quadctl.fleet.figures import small_multiples
 from quadctl.fleet.summary import Fleet
@@ -34,11 +35,7 @@ def write_report(path: Path, fleet: Fleet, folder: Path, model: Path) -> None:
         software=f"quadctl {__version__}",
         written=f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC",
     )
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise SettingsError(f"{path}: the report cannot be written ({error.strerror}), expected a file name") from None
+    write_text(path, text, SettingsError, "a file name")
 
 
 def _panels(fleet: Fleet) -> list[tuple[str, str, str]]:

@@ -1,5 +1,6 @@
 """One flight in real time: connect to the autopilot, meet its requirements, fly the plan, record, report."""
 
+import math
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
@@ -12,6 +13,7 @@ from quadctl.flight.autopilot.mavsdk_autopilot import MavsdkAutopilot
 from quadctl.flight.autopilot.port import Autopilot
 from quadctl.flight.loop import fly, landing_on_signals
 from quadctl.flight.pilot.outcome import Outcome, Tally
+from quadctl.flight.pilot.tick import Tick
 from quadctl.flight.preflight.changed_parameters import ChangedParameters, left_behind, restore, still_changed
 from quadctl.flight.preflight.findings import Verdict, of_verdict
 from quadctl.flight.preflight.inquiry import CHECKS_OFF, NO_REMOTE, advisable_parameters
@@ -20,9 +22,12 @@ from quadctl.flight.preflight.plan import FlightPlan
 from quadctl.flight.preflight.requirements import requirements_met
 from quadctl.flight.realtime import privileges, run
 from quadctl.flight.record.display import Display
-from quadctl.flight.record.model_link import ModelLink
 from quadctl.flight.record.view_link import ViewEnd, ViewLink
 from quadctl.flight.watchdog import Watchdog
+
+RESIDUAL_EVERY_S = 0.5
+RESIDUAL = "residual"
+"""Name of the DEBUG_VECT, of at most ten characters: forward, right, down, m/s^2."""
 
 
 class Allowed(NamedTuple):
@@ -123,8 +128,8 @@ async def _fly_prepared(
     view: ViewEnd | None,
     real_time: Sequence[str],
 ) -> Outcome:
-    rate_hz = plan.settings.controller.rate_hz
-    pilot = plan.pilot(autopilot.takes_off_itself, autopilot.stays_up and not allowed.without_failsafe)
+    rate_hz, firmware = plan.settings.controller.rate_hz, autopilot.firmware
+    pilot = plan.pilot(firmware.takes_off_itself, firmware.stays_up and not allowed.without_failsafe)
     recorder = plan.recorder(log_dir, autopilot.description, real_time)
     tally = Tally(1.0 / rate_hz)
     with ExitStack() as stack:
@@ -135,3 +140,17 @@ async def _fly_prepared(
         watchdog = stack.enter_context(Watchdog())
         await fly(autopilot, pilot, rate_hz, [recorder, tally, display, *viewer, ModelLink(autopilot), watchdog])
     return tally.outcome(pilot, recorder.path, recorder.problem)
+
+
+class ModelLink:
+    """Listener of the loop that tells ground stations the residual of the model, twice a second."""
+
+    def __init__(self, autopilot: Autopilot) -> None:
+        self._autopilot = autopilot
+        self._due_s = -math.inf
+
+    def __call__(self, tick: Tick) -> None:
+        residual = tick.model_error.body_m_s2
+        if tick.time_s >= self._due_s and all(map(math.isfinite, residual)):
+            self._due_s = tick.time_s + RESIDUAL_EVERY_S
+            self._autopilot.tell(RESIDUAL, residual)

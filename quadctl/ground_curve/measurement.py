@@ -1,21 +1,18 @@
 """Measured thrusts near the ground, one row for each reading: from CSV, and checked for plausibility."""
 
-import csv
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import zip_longest
 from pathlib import Path
 from typing import NamedTuple
 
 from quadctl.errors import LogError
 from quadctl.settings import nearest
-from quadctl.thrust_stand.measurement import NEWTONS_PER
+from quadctl.thrust_stand.table import NEWTONS_PER, Row, read_rows, thrust_column
 from quadctl.vehicle import Vehicle
 
 MIN_HEIGHTS = 4
 """One more than the numbers that a formula may have (two, and the thrust far from the ground)."""
-MAX_ROWS = 10_000
 SAME_HEIGHT = 0.05
 """Rotor radii: heights no further apart than this are repeats of one height."""
 FAR = 8.0
@@ -77,24 +74,9 @@ def read_measurement(path: Path, vehicle: Vehicle) -> Measurement:
     LogError
         One sentence: the file, the line or column, the value and what was expected.
     """
-    try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            lines = csv.reader(file)
-            header = [cell.strip() for cell in next(lines, [])]
-            rows = [(lines.line_num, row) for row in lines if any(cell.strip() for cell in row)]
-    except FileNotFoundError:
-        raise LogError(f"{path}: there is no such file") from None
-    except (UnicodeDecodeError, csv.Error):
-        raise LogError(f"{path}: is not a text file, expected CSV") from None
-    except OSError as error:
-        raise LogError(f"{path}: cannot be read ({error.strerror})") from None
-    if len(rows) > MAX_ROWS:
-        raise LogError(f"{path}: holds {len(rows)} rows, expected one for each reading: is it a flight log?")
+    header, rows = read_rows(path, "reading")
     thrust = _checked_columns(path, header)
-    points = tuple(
-        _point(path, line, dict(zip_longest(header, row[: len(header)], fillvalue="")), thrust) for line, row in rows
-    )
-    measurement = Measurement(points, thrust == "thrust_ratio")
+    measurement = Measurement(tuple(_point(row, thrust) for row in rows), thrust == "thrust_ratio")
     _check(measurement, vehicle, path)
     return measurement
 
@@ -105,49 +87,28 @@ def _checked_columns(path: Path, header: Sequence[str]) -> str:
     for unit in METRES_PER:
         if f"height_{unit}" in header:
             raise LogError(f"{path}: has the column height_{unit}, expected height_m in metres")
-    thrusts = [column for column in THRUSTS if column in header]
     for column in header:
         if column not in known:
             hint = nearest(column, known) or f", expected some of: {', '.join(known)}"
             raise LogError(f"{path}: unknown column '{column}'{hint}")
         if header.count(column) > 1:
             raise LogError(f"{path}: has the column {column} twice, expected it once")
-    if "height_m" not in header or not thrusts:
-        raise LogError(
-            f"{path}: its columns are {', '.join(header)[:80] or 'none'}; expected height_m (rotor plane above the "
-            f"ground) and one of {', '.join(THRUSTS)}"
-        )
-    if len(thrusts) > 1:
-        raise LogError(f"{path}: has {' and '.join(thrusts)}, expected one column of thrust")
-    return thrusts[0]
+    expected = f"height_m (rotor plane above the ground) and one of {', '.join(THRUSTS)}"
+    return thrust_column(path, header, "height_m", THRUSTS, expected)
 
 
-def _point(path: Path, line: int, row: dict[str, str], thrust: str) -> Point:
-    def number(column: str, default: float | None = None) -> float:
-        text = row.get(column, "").strip()
-        if not text and default is not None:
-            return default
-        try:
-            value = float(text)
-        except ValueError:
-            value = math.nan
-        if not math.isfinite(value):
-            raise LogError(f"{path}, line {line}: {column} is '{text}', expected a number")
-        return value
-
-    height_m, measured = number("height_m"), number(thrust)
+def _point(row: Row, thrust: str) -> Point:
+    height_m, measured = row.number("height_m"), row.number(thrust)
     if height_m <= 0.0:
-        raise LogError(
-            f"{path}, line {line}: height_m is {height_m:g}, expected the rotors' height above the ground, above 0"
-        )
+        raise LogError(f"{row.where}: height_m is {height_m:g}, expected the rotors' height above the ground, above 0")
     if measured <= 0.0:
-        raise LogError(f"{path}, line {line}: {thrust} is {measured:g}, expected a thrust above 0")
-    surface = row.get("surface", "").strip()
-    if "surface" in row and not surface:
-        raise LogError(f"{path}, line {line}: surface is empty, expected its name in every row or no such column")
+        raise LogError(f"{row.where}: {thrust} is {measured:g}, expected a thrust above 0")
+    surface = row.cells.get("surface", "")
+    if "surface" in row.cells and not surface:
+        raise LogError(f"{row.where}: surface is empty, expected its name in every row or no such column")
     newtons = NEWTONS_PER.get(thrust.removeprefix("thrust_"), 1.0)
-    tilt = number("cant_deg", math.nan), number("dihedral_deg", math.nan)
-    return Point(height_m, newtons * measured, surface, *tilt, number("speed_m_s", 0.0))
+    tilt = row.number("cant_deg", math.nan), row.number("dihedral_deg", math.nan)
+    return Point(height_m, newtons * measured, surface, *tilt, row.number("speed_m_s", 0.0))
 
 
 def _check(measurement: Measurement, vehicle: Vehicle, path: Path) -> None:

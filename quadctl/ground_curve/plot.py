@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from quadctl.errors import LogError
+from quadctl.files import writing
 from quadctl.ground_curve.curves import LEVEL, Fit, Table, effects_of
 from quadctl.ground_curve.result import GroundCurve
 from quadctl.lab.plots.style import BLACK, FLIGHT_COLOURS, GREY, LIGHT, PANEL_PX, legend_above, panel, styled
@@ -26,11 +27,9 @@ def draw(result: GroundCurve, path: Path) -> None:
         It cannot be written.
     """
     figure = ratio_over_height(result)
-    try:
+    with writing(path, LogError):
         path.parent.mkdir(parents=True, exist_ok=True)
         figure.savefig(path, dpi=120)
-    except (OSError, ValueError) as error:  # ValueError: a suffix that is no picture
-        raise LogError(f"{path}: the picture cannot be written ({error})") from None
 
 
 @styled

@@ -8,6 +8,7 @@ import shutil
 from pathlib import Path
 
 from quadctl.errors import SettingsError
+from quadctl.files import writing
 
 _HERE = Path(__file__).parent
 FOLDERS = {
@@ -61,13 +62,11 @@ def write_copies(directory: Path) -> list[Path]:
     for target in targets:
         if target.exists():
             raise SettingsError(f"{target}: is there already and would be overwritten, expected another directory")
-    try:
+    with writing(directory, SettingsError):
         for target, folder in targets.items():
             for file in sorted(folder.rglob("*")):
                 if file.is_file() and file.suffix not in _CODE:
                     copy = target / file.relative_to(folder)
                     copy.parent.mkdir(parents=True, exist_ok=True)
                     shutil.copy(file, copy)
-    except OSError as error:
-        raise SettingsError(f"{directory}: cannot be written ({error.strerror or error})") from None
     return list(targets)

@@ -6,8 +6,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from quadctl.errors import LogError
-from quadctl.frames import GRAVITY_M_S2, quaternion_from_euler, rotate
-from quadctl.logs.flight_log import ATTITUDE, IMU, POSITION, RATES, VELOCITY, FlightLog, Floats
+from quadctl.files import writing
+from quadctl.frames import GRAVITY_M_S2, body_rates
+from quadctl.logs.flight_log import ATTITUDE, IMU, RATES, FlightLog, Floats
+from quadctl.logs.kinematics import MOTION, force_in_world
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,19 +30,13 @@ def draw(log: FlightLog, path: Path) -> None:
     figure = Figure(figsize=(11, 2.7 * rows), layout="constrained")
     axes = figure.subplots(rows, 3, sharex=True)
     roll, pitch, yaw = (np.radians(log[name]) for name in ATTITUDE)
-    turning = _slopes(log, [np.unwrap(np.nan_to_num(angle)) for angle in (roll, pitch, yaw)])
-    rates = (
-        turning[0] - turning[2] * np.sin(pitch),
-        turning[1] * np.cos(roll) + turning[2] * np.sin(roll) * np.cos(pitch),
-        turning[2] * np.cos(roll) * np.cos(pitch) - turning[1] * np.sin(roll),
-    )
-    moving = _slopes(log, [log[name] for name in POSITION])
+    rates = body_rates(roll, pitch, *_slopes(log, [np.unwrap(np.nan_to_num(angle)) for angle in (roll, pitch, yaw)]))
+    moving = _slopes(log, [log[name] for name in MOTION.levels])
     for column in range(3):
-        _pair(axes[0][column], log, VELOCITY[column], moving[column], "slope of the position")
+        _pair(axes[0][column], log, MOTION.needed[column], moving[column], "slope of the position")
         _pair(axes[1][column], log, RATES[column], rates[column], "slope of the attitude")
     if has_force:
-        north, east, down = rotate(quaternion_from_euler(roll, pitch, yaw), (log[IMU[0]], log[IMU[1]], log[IMU[2]]))
-        for axis, name, force in zip(axes[2], ("north", "east", "up"), (north, east, -down), strict=True):
+        for axis, name, force in zip(axes[2], ("north", "east", "up"), force_in_world(log.columns), strict=True):
             axis.plot(log.time_s, force, lw=0.8, label=f"specific force {name}, m/s²")
             axis.axhline(GRAVITY_M_S2 if name == "up" else 0.0, color="k", ls="--", lw=0.8, label="of hover")
             axis.legend(fontsize=7)
@@ -49,10 +45,8 @@ def draw(log: FlightLog, path: Path) -> None:
     for axis in axes.flat:
         _show_the_flight(axis)
     figure.suptitle(f"{log.name}: where the lines part, a frame or a unit is wrong")
-    try:
+    with writing(path, LogError):
         figure.savefig(path, dpi=100)
-    except (OSError, ValueError) as error:
-        raise LogError(f"{path}: cannot be written ({error})") from None
 
 
 def _show_the_flight(axis: "Axes") -> None:

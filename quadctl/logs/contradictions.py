@@ -16,6 +16,7 @@ from quadctl.frames import GRAVITY_M_S2
 from quadctl.logs.columns import LATERAL_COLUMNS
 from quadctl.logs.findings import Finding, Kind, finding
 from quadctl.logs.flight_log import ATTITUDE, IMU, POSITION, RATES, VELOCITY, FlightLog, Floats
+from quadctl.logs.kinematics import MOTION, PUSH, SPEED_UP, TURN, Identity, integral
 
 MAX_FACTOR = 2.0
 """Things that should be equal and differ by more are not in the units that they are said to be in."""
@@ -26,7 +27,6 @@ STRANGER_CORRELATION, TWIN_CORRELATION = 0.5, 0.9
 MIN_STRETCHES = 8
 LIVELY_SHARE = 0.125
 """Share of all stretches that is looked at: those with the largest changes."""
-POSITION_STRETCH_S, ATTITUDE_STRETCH_S = 1.0, 0.2
 MIN_MOVE_M, MIN_TURN_RAD, MIN_SPEED_UP_M_S = 0.02, 0.005, 0.15
 """Median change over the lively stretches from which on sensor noise is no matter."""
 SLOWEST_UPDATE_S = 5.0
@@ -148,14 +148,10 @@ def _stretches(time_s: Floats, values: Sequence[Floats], length_s: float) -> NDA
     return rows[::length]
 
 
-def _integral(time_s: Floats, values: Floats) -> Floats:
-    return np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(time_s))])
-
-
 def _changes(time_s: Floats, level: Floats, slope: Floats, length_s: float) -> tuple[Floats, Floats]:
     """Changes of `level` over stretches, and of the integral of `slope`, which they should equal."""
     ends = _stretches(time_s, [level], length_s)
-    return np.diff(level[ends]), np.diff(_integral(time_s, slope)[ends])
+    return np.diff(level[ends]), np.diff(integral(time_s, slope)[ends])
 
 
 def _known(log: FlightLog, names: Sequence[str]) -> list[Floats] | None:
@@ -187,15 +183,18 @@ def _lying_on_its_side(log: FlightLog) -> Iterator[Finding]:
         yield finding(Kind.LEANS, lean_deg=lean_deg, most_deg=MOST_LEAN_DEG)
 
 
+def _wrong_factors(log: FlightLog, identity: Identity, min_size: float) -> Iterator[tuple[str, str, float]]:
+    """Level, slope and factor of each axis, by itself, whose factor is wrong."""
+    for level, slope in zip(identity.levels, identity.needed, strict=True):
+        if found := _known(log, (level, slope)):
+            agreement = _agreement(*_changes(found[0], found[1], found[2], identity.stretch_s))
+            if agreement.is_wrong(min_size):
+                yield level, slope, agreement.factor
+
+
 def _position_against_velocity(log: FlightLog) -> Iterator[Finding]:
-    pairs = list(zip(POSITION, VELOCITY, strict=True))
-    wrong = {}
-    for position, velocity in pairs:
-        if found := _known(log, (position, velocity)):
-            agreement = _agreement(*_changes(found[0], found[1], found[2], POSITION_STRETCH_S))
-            if agreement.is_wrong(MIN_MOVE_M):
-                wrong[position, velocity] = agreement.factor
-    for (position, velocity), factor in wrong.items():
+    wrong = list(_wrong_factors(log, MOTION, MIN_MOVE_M))
+    for position, velocity, factor in wrong:
         sign = "one points down" if position == "z_m" else "one points the other way"
         likely = sign if factor < 0.0 else _likely(factor, _MOTION_UNITS, "not in metres and seconds")
         yield finding(Kind.ANOTHER_FACTOR, of=position, by=velocity, factor=factor, likely=likely)
@@ -209,8 +208,8 @@ def _swapped(log: FlightLog) -> Finding | None:
         return None
     time_s, x, y, vx, vy = found
     if _are_swapped(
-        [_changes(time_s, x, v, POSITION_STRETCH_S) for v in (vx, vy)],
-        [_changes(time_s, y, v, POSITION_STRETCH_S) for v in (vy, vx)],
+        [_changes(time_s, x, v, MOTION.stretch_s) for v in (vx, vy)],
+        [_changes(time_s, y, v, MOTION.stretch_s) for v in (vy, vx)],
         MIN_MOVE_M,
     ):
         return finding(Kind.SWAPPED, of="position")
@@ -236,30 +235,23 @@ def _are_swapped(
 
 def _velocity_against_tilt(log: FlightLog) -> Iterator[Finding]:
     """A vehicle speeds up to where its thrust leans: g tan(tilt), less drag and wind (which never turn the sign)."""
-    found = _known(log, (*VELOCITY[:2], *ATTITUDE))
+    found = _known(log, PUSH.columns)
     if found is None:
         return
-    time_s, north, east, *degrees = found
-    roll, pitch, yaw = np.radians(degrees)
-    ends = _stretches(time_s, [north, east], POSITION_STRETCH_S)
+    time_s, *values = found
+    columns = dict(zip(PUSH.columns, values, strict=True))
+    (north, east), pushes = PUSH.of(columns)
+    roll, pitch, yaw = (np.radians(columns[name]) for name in ATTITUDE)
+    ends = _stretches(time_s, [north, east], PUSH.stretch_s)
     if len(ends) < 2 * MIN_STRETCHES or np.any(np.abs(np.cos(roll) * np.cos(pitch)) < 0.1):
         return
-    heading = np.unwrap(yaw)[ends[:-1]]
-
-    def ahead_and_right(of_north: Floats, of_east: Floats) -> tuple[Floats, Floats]:
-        d_north, d_east = np.diff(of_north[ends]), np.diff(of_east[ends])
-        return d_north * np.cos(heading) + d_east * np.sin(heading), d_east * np.cos(heading) - d_north * np.sin(
-            heading
-        )
-
-    ahead, aside = -GRAVITY_M_S2 * np.tan(pitch) / np.cos(roll), GRAVITY_M_S2 * np.tan(roll)
-    by_pitch, by_roll = (np.diff(_integral(time_s, push)[ends]) for push in (ahead, aside))
-    forward, right = ahead_and_right(north, east)
+    heading = yaw[ends[:-1]]
+    push_north, push_east = pushes
+    by_pitch, by_roll = (np.diff(integral(time_s, push)[ends]) for push in _ahead_and_right(push_north, push_east, yaw))
+    forward, right = _ahead_and_right(np.diff(north[ends]), np.diff(east[ends]), heading)
     # A vehicle that turns within a stretch is pushed to the side of its first heading by its pitch, too.
-    pushed_forward, pushed_right = ahead_and_right(
-        _integral(time_s, ahead * np.cos(yaw) - aside * np.sin(yaw)),
-        _integral(time_s, ahead * np.sin(yaw) + aside * np.cos(yaw)),
-    )
+    pushed_north, pushed_east = (np.diff(integral(time_s, push)[ends]) for push in pushes)
+    pushed_forward, pushed_right = _ahead_and_right(pushed_north, pushed_east, heading)
     for name, change, expected, where in (
         ("pitch_deg", forward, pushed_forward, "forward"),
         ("roll_deg", right, pushed_right, "to the right"),
@@ -274,18 +266,20 @@ def _velocity_against_tilt(log: FlightLog) -> Iterator[Finding]:
         yield finding(Kind.SWAPPED, of="attitude")
 
 
+def _ahead_and_right(north: Floats, east: Floats, heading: Floats) -> tuple[Floats, Floats]:
+    return north * np.cos(heading) + east * np.sin(heading), east * np.cos(heading) - north * np.sin(heading)
+
+
 def _attitude_against_rates(log: FlightLog) -> Iterator[Finding]:
-    found = _known(log, (*ATTITUDE, *RATES))
+    found = _known(log, TURN.columns)
     if found is None:
         return
-    time_s, *degrees, p, q, r = found
-    roll, pitch, yaw = np.unwrap(np.radians(degrees), axis=1)
-    if np.any(np.abs(np.cos(pitch)) < 0.1):
+    time_s, *values = found
+    levels, slopes = TURN.of(dict(zip(TURN.columns, values, strict=True)))
+    if np.any(np.abs(np.cos(levels[1])) < 0.1):
         return
-    about_yaw = q * np.sin(roll) + r * np.cos(roll)
-    slopes = (p + about_yaw * np.tan(pitch), q * np.cos(roll) - r * np.sin(roll), about_yaw / np.cos(pitch))
-    for name, rate, level, slope in zip(ATTITUDE, RATES, (roll, pitch, yaw), slopes, strict=True):
-        agreement = _agreement(*_changes(time_s, level, slope, ATTITUDE_STRETCH_S))
+    for name, rate, level, slope in zip(ATTITUDE, RATES, levels, slopes, strict=True):
+        agreement = _agreement(*_changes(time_s, level, slope, TURN.stretch_s))
         if agreement.is_wrong(MIN_TURN_RAD):
             likely = "wrong sign of one"
             if agreement.factor > 0.0:
@@ -295,15 +289,11 @@ def _attitude_against_rates(log: FlightLog) -> Iterator[Finding]:
 
 
 def _acceleration_against_velocity(log: FlightLog) -> Iterator[Finding]:
-    for velocity, axis in zip(VELOCITY, "xyz", strict=True):
-        if found := _known(log, (velocity, f"a{axis}_m_s2")):
-            agreement = _agreement(*_changes(found[0], found[1], found[2], POSITION_STRETCH_S))
-            if agreement.is_wrong(MIN_SPEED_UP_M_S):
-                likely = "one points the other way"
-                if agreement.factor > 0.0:
-                    likely = _likely(agreement.factor, _ACCELERATION_UNITS, "acceleration not in m/s^2")
-                own = f"a{axis}_m_s2"
-                yield finding(Kind.ANOTHER_FACTOR, of=velocity, by=own, factor=agreement.factor, likely=likely)
+    for velocity, own, factor in _wrong_factors(log, SPEED_UP, MIN_SPEED_UP_M_S):
+        likely = "one points the other way"
+        if factor > 0.0:
+            likely = _likely(factor, _ACCELERATION_UNITS, "acceleration not in m/s^2")
+        yield finding(Kind.ANOTHER_FACTOR, of=velocity, by=own, factor=factor, likely=likely)
     if found := _known(log, IMU):
         size = float(np.median(np.linalg.norm(found[1:], axis=0)))
         if not SPECIFIC_FORCE_RANGE[0] < size / GRAVITY_M_S2 < SPECIFIC_FORCE_RANGE[1]:

@@ -1,7 +1,6 @@
 """Write a log in another format: CSV (docs/log-format.md), Parquet for tables, MCAP for PlotJuggler and Foxglove."""
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +9,7 @@ import polars as pl
 
 from quadctl import __version__
 from quadctl.errors import LogError
+from quadctl.files import written_aside
 from quadctl.logs.channel_groups import channel_groups, updates_of_any
 from quadctl.logs.columns import PHASE_COLUMN
 from quadctl.logs.flight_log import FlightLog
@@ -59,7 +59,8 @@ def write_parquet(log: FlightLog, path: Path) -> None:
     if log.phase is not None:
         table = table.with_columns(pl.Series(PHASE_COLUMN, log.phase.tolist(), dtype=pl.String))
     about = {"quadctl.meta": json.dumps(log.meta, default=str), "quadctl.notes": json.dumps(log.notes)}
-    _aside(path, lambda part: table.write_parquet(part, metadata=about))
+    with written_aside(path) as part:
+        table.write_parquet(part, metadata=about)
 
 
 def write_mcap(log: FlightLog, path: Path) -> None:
@@ -70,7 +71,8 @@ def write_mcap(log: FlightLog, path: Path) -> None:
     LogError
         The file cannot be written there.
     """
-    _aside(path, lambda part: _write_mcap(log, part))
+    with written_aside(path) as part:
+        _write_mcap(log, part)
 
 
 def _write_mcap(log: FlightLog, path: Path) -> None:
@@ -106,14 +108,3 @@ def _write_mcap(log: FlightLog, path: Path) -> None:
 def _schema(columns: tuple[str, ...], kind: str) -> bytes:
     properties = {column: {"type": kind} for column in columns}
     return json.dumps({"type": "object", "properties": properties}).encode()
-
-
-def _aside(path: Path, write: Callable[[Path], None]) -> None:
-    """Write beside `path` and move into place: a reader never meets half a file."""
-    part = path.with_name(path.name + ".part")
-    try:
-        write(part)
-        part.replace(path)
-    except OSError as error:
-        part.unlink(missing_ok=True)
-        raise LogError(f"{path}: cannot be written ({error.strerror or error})") from None

@@ -1,7 +1,6 @@
 """The lines of a CSV file, whole or damaged, and their fields."""
 
 import csv
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -14,6 +13,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from quadctl.errors import LogError
+from quadctl.files import reading
 from quadctl.logs.findings import Finding, Kind, finding
 
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"
@@ -117,20 +117,10 @@ def read_text(path: Path) -> RawText:
 
 @contextmanager
 def _opened(path: Path) -> Iterator[BinaryIO]:
-    try:
-        with path.open("rb") as file:
-            yield file
-    except FileNotFoundError:
-        raise LogError(f"{path}: there is no such file") from None
-    except IsADirectoryError:
-        raise LogError(f"{path}: is a directory, expected a CSV flight log") from None
-    except OSError as error:
-        raise LogError(f"{path}: cannot be read ({reason_of(error)})") from None
-
-
-def reason_of(error: OSError) -> str:
-    """The reason of a failure, in words."""
-    return error.strerror or (os.strerror(error.errno) if error.errno else str(error))
+    if path.is_dir():
+        raise LogError(f"{path}: is a directory, expected a CSV flight log")
+    with reading(path, LogError), path.open("rb") as file:
+        yield file
 
 
 def split_line(line: str) -> list[str]:

@@ -14,10 +14,11 @@ import yaml
 from numpy.typing import NDArray
 
 from quadctl.errors import LogError
+from quadctl.files import write_text, written_aside
 from quadctl.logs.cleaning import clean_log
 from quadctl.logs.columns import PHASE_COLUMN, column_order
 from quadctl.logs.csv_layout import Layout, layout_of
-from quadctl.logs.csv_lines import Lines, read_text, reason_of, split_line
+from quadctl.logs.csv_lines import Lines, read_text, split_line
 from quadctl.logs.findings import Finding, Kind, finding
 from quadctl.logs.flight_log import FlightLog, Floats
 from quadctl.logs.sidecar import meta_path
@@ -53,16 +54,10 @@ def write_csv(log: FlightLog, path: Path | str) -> None:
     table = pl.DataFrame({name: log.columns[name] for name in names}).fill_nan(None)
     if log.phase is not None:
         table = table.with_columns(pl.Series(PHASE_COLUMN, log.phase.tolist(), dtype=pl.String))
-    aside = path.with_name(path.name + ".part")
-    try:
-        # Written aside and moved into place: a reader never meets half a file.
+    with written_aside(path) as aside:
         table.write_csv(aside, null_value="nan")
-        aside.replace(path)
-        if log.meta:
-            meta_path(path).write_text(yaml.safe_dump(log.meta, sort_keys=False, allow_unicode=True), encoding="utf-8")
-    except OSError as error:
-        aside.unlink(missing_ok=True)
-        raise LogError(f"{path}: cannot be written ({reason_of(error)})") from None
+    if log.meta:
+        write_text(meta_path(path), yaml.safe_dump(log.meta, sort_keys=False, allow_unicode=True), LogError)
 
 
 # --- values -----------------------------------------------------------------------------------------------------------

@@ -18,6 +18,7 @@ from quadctl.logs.ardupilot import (
     motor_outputs,
     motors_of_frame,
     output_finding,
+    with_frame,
 )
 from quadctl.logs.dataflash_records import Message, Records, read_records
 from quadctl.logs.estimator_health import lane_switches, lost_fixes, rejections
@@ -97,25 +98,18 @@ def read_dataflash(path: Path) -> FlightLog:
 
 
 def parameters_in_dataflash(path: Path) -> dict[str, float]:
-    """Last value of each parameter in an ArduPilot DataFlash log.
+    """Last value of each parameter in an ArduPilot DataFlash log; {} where it holds none.
+
+    The frame that an older one tells in its messages is among them, as FRAME_CLASS and FRAME_TYPE.
 
     Raises
     ------
     LogError
         The file cannot be read, or is no DataFlash log.
     """
-    return _parameters(_described(path).messages).last
-
-
-def texts_in_dataflash(path: Path) -> list[str]:
-    """Texts of the messages in an ArduPilot DataFlash log.
-
-    Raises
-    ------
-    LogError
-        The file cannot be read, or is no DataFlash log.
-    """
-    return _texts(_described(path).messages)
+    messages = _described(path).messages
+    values = _parameters(messages).last
+    return with_frame(values, _texts(messages)) if values else {}
 
 
 def _described(path: Path) -> Records:

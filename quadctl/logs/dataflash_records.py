@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quadctl.errors import LogError
+from quadctl.files import reading
 from quadctl.logs.findings import Finding, Kind, finding
 from quadctl.logs.formats import HEAD_BYTES
 
@@ -70,10 +71,8 @@ def read_records(path: Path, wanted: Mapping[str, Sequence[str]]) -> Records:
     LogError
         The file cannot be read.
     """
-    try:
+    with reading(path, LogError):
         data = path.read_bytes()
-    except OSError as error:
-        raise LogError(f"{path}: cannot be read ({error.strerror})") from None
     return _of_text(data, wanted) if is_text(data[:HEAD_BYTES]) else _of_binary(data, wanted)
 
 

@@ -36,6 +36,8 @@ class LogFormat:
     one file."""
     other_suffixes: tuple[str, ...] = ()
     """Further suffixes of its files, as `suffix`."""
+    parameters: str | None = None
+    """(path) -> the last value of each parameter of the autopilot, by name; None where no log holds any."""
     shared_suffixes: tuple[str, ...] = ()
     """Suffixes that other files have, too: by these alone no format is recognised."""
 
@@ -60,10 +62,14 @@ class LogFormat:
 
 FORMATS: tuple[LogFormat, ...] = (
     LogFormat("CSV", ".csv", "quadctl.logs.csv_log:read_csv", None),
-    LogFormat("PX4 ULog", ".ulg", "quadctl.logs.ulog:read_ulog", "quadctl.logs.ulog:is_ulog"),
+    LogFormat(
+        *("PX4 ULog", ".ulg", "quadctl.logs.ulog:read_ulog", "quadctl.logs.ulog:is_ulog"),
+        parameters="quadctl.logs.ulog:parameters_in_ulog",
+    ),
     LogFormat(
         *("ArduPilot DataFlash", ".bin", "quadctl.logs.dataflash:read_dataflash"),
         "quadctl.logs.dataflash_records:is_dataflash",
+        parameters="quadctl.logs.dataflash:parameters_in_dataflash",
         shared_suffixes=(".log",),
     ),
     LogFormat("MAVLink telemetry", ".tlog", "quadctl.logs.tlog:read_tlog", "quadctl.logs.tlog:is_tlog"),
@@ -76,6 +82,7 @@ FORMATS: tuple[LogFormat, ...] = (
     LogFormat(
         *("folder of PX4 Flight Review 2", "", "quadctl.logs.flight_review:read_flight_review", None),
         folder_holds=("vehicle_attitude.parquet",),
+        parameters="quadctl.logs.flight_review:parameters_in_flight_review",
     ),
 )
 MAP_SUFFIX = ".map.yaml"
@@ -98,6 +105,11 @@ CONVERTERS: dict[str, str] = {
 def suffixes() -> tuple[str, ...]:
     """Suffixes of all formats that can be read."""
     return tuple(suffix for form in FORMATS for suffix in form.suffixes)
+
+
+def suffixes_with_parameters() -> tuple[str, ...]:
+    """Suffixes of the logs that hold the parameters of their autopilot."""
+    return tuple(suffix for form in FORMATS if form.parameters is not None for suffix in form.own_suffixes)
 
 
 def labels() -> str:

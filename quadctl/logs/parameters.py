@@ -2,22 +2,17 @@
 
 from contextlib import suppress
 from pathlib import Path
+from pkgutil import resolve_name
 
 from quadctl.errors import SettingsError
-from quadctl.logs.dataflash import parameters_in_dataflash, texts_in_dataflash
-from quadctl.logs.dataflash_records import is_dataflash
+from quadctl.files import reading
 from quadctl.logs.flight_log import FlightLog
-from quadctl.logs.flight_review import parameters_in_flight_review
-from quadctl.logs.formats import HEAD_BYTES
-from quadctl.logs.frame import with_frame
-from quadctl.logs.ulog import is_ulog, parameters_in_ulog
+from quadctl.logs.formats import FORMATS, HEAD_BYTES, format_of_folder
 from quadctl.parameter_file import read_parameters
 
 
 def read_present_parameters(path: Path) -> dict[str, float]:
-    """Values by name; of a PX4 ULog, a folder of Flight Review or an ArduPilot DataFlash log the last ones.
-
-    The frame that an older ArduPilot tells in its messages is among them, as FRAME_CLASS and FRAME_TYPE.
+    """Values by name; of a log, in any format that holds them, the last ones.
 
     Raises
     ------
@@ -26,19 +21,17 @@ def read_present_parameters(path: Path) -> dict[str, float]:
     LogError
         The log cannot be parsed.
     """
-    if path.is_dir() and (values := parameters_in_flight_review(path)):
-        return values
-    try:
-        with path.open("rb") as file:
+    form = format_of_folder(path)
+    if form is None:
+        with reading(path, SettingsError), path.open("rb") as file:
             head = file.read(HEAD_BYTES)
-    except OSError as error:
-        raise SettingsError(f"{path}: cannot be read ({error.strerror})") from None
-    if not (is_ulog(head) or is_dataflash(head)):
+        form = next((each for each in FORMATS if each.parameters is not None and each.recognises(head)), None)
+    if form is None or form.parameters is None:
         return read_parameters(path)
-    values = parameters_in_ulog(path) if is_ulog(head) else parameters_in_dataflash(path)
+    values: dict[str, float] = resolve_name(form.parameters)(path)
     if not values:
         raise SettingsError(f"{path}: is a log without parameters, expected an autopilot's parameters")
-    return values if is_ulog(head) else with_frame(values, texts_in_dataflash(path))
+    return values
 
 
 def parameters_of(log: FlightLog) -> dict[str, float]:

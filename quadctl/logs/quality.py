@@ -16,6 +16,7 @@ from rich.text import Text
 from quadctl.logs.channel_groups import channel_groups, updates_of_any
 from quadctl.logs.findings import Finding, Kind, Span, finding
 from quadctl.logs.flight_log import POSITION, VELOCITY, FlightLog
+from quadctl.logs.kinematics import integral
 from quadctl.logs.own_correction import correction_findings
 from quadctl.logs.record.record import Record, examine, mean_rate_hz
 from quadctl.logs.words import worded
@@ -272,14 +273,12 @@ def _time_scale(log: FlightLog) -> tuple[float, float]:
         return unknown
     per_second = len(rows) / float(log.time_s[rows[-1]] - log.time_s[rows[0]])
     ends = rows[:: max(1, round(per_second))]
-    steps = np.diff(log.time_s)
     ratios = []
     for position, velocity in zip(POSITION, VELOCITY, strict=True):
-        v = np.nan_to_num(log[velocity])
-        integral = np.concatenate([[0.0], np.cumsum(0.5 * (v[1:] + v[:-1]) * steps)])
         if len(log.updates(position)) < MIN_MOVING_STRETCHES:  # a position that is not known stands at 0
             continue
-        covered, integrated = np.diff(log[position][ends]), np.diff(integral[ends])
+        covered = np.diff(log[position][ends])
+        integrated = np.diff(integral(log.time_s, np.nan_to_num(log[velocity]))[ends])
         moving = np.abs(covered + integrated) > 2.0 * MOVING_M
         moving &= integrated != 0.0
         ratios.append(covered[moving] / integrated[moving])

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from quadctl.errors import LogError
-from quadctl.logs.csv_lines import reason_of
+from quadctl.files import reading
 from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.formats import HEAD_BYTES, MAP_SUFFIX, MAPPED, TABLES, format_of, format_of_folder
 
@@ -71,15 +71,10 @@ def require_file(path: Path) -> None:
 
 def _head(path: Path) -> bytes:
     """The first bytes of a file that may hold a flight log."""
-    try:
-        with path.open("rb") as file:
-            head = file.read(HEAD_BYTES)
-    except IsADirectoryError:
-        raise LogError(f"{path}: is a directory, expected a flight log") from None
-    except FileNotFoundError:
-        raise LogError(f"{path}: there is no such file") from None
-    except OSError as error:
-        raise LogError(f"{path}: cannot be read ({reason_of(error)})") from None
+    if path.is_dir():
+        raise LogError(f"{path}: is a directory, expected a flight log")
+    with reading(path, LogError), path.open("rb") as file:
+        head = file.read(HEAD_BYTES)
     if not head:
         raise LogError(f"{path}: is empty, expected a flight log")
     for start, problem in _NO_LOGS.items():

@@ -17,6 +17,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from quadctl.errors import LogError
+from quadctl.files import reading
 from quadctl.frames import GRAVITY_M_S2, euler_from_quaternion
 from quadctl.logs.ardupilot import CHAIN_PARAMETERS, PARAMETERS, motor_of_servo, motor_outputs, output_finding
 from quadctl.logs.events import Event, mode_changes, parameter_changes, said
@@ -120,10 +121,8 @@ def read_tlog(path: Path) -> FlightLog:
     LogError
         The file cannot be read, is no telemetry log, or holds no position, velocity or attitude.
     """
-    try:
+    with reading(path, LogError):
         data = path.read_bytes()
-    except OSError as error:
-        raise LogError(f"{path}: cannot be read ({error.strerror})") from None
     findings: list[Finding] = []
     senders = _records(path, data, findings)
     sender = _vehicle(senders, findings)

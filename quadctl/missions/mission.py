@@ -8,11 +8,11 @@ from typing import Any, NamedTuple
 from pydantic import Field
 
 from quadctl.frames import wrap_pi
+from quadctl.numeric import scaled
 from quadctl.settings import Settings
 from quadctl.state import Vec3
 from quadctl.surfaces import Place
 from quadctl.trajectories import Reference, Trajectory
-from quadctl.trajectories.base import scaled
 
 QUANTITIES = ("thrust", "drag", "inflow")
 """Quantities of a vehicle that a mission may be flown for."""

@@ -5,6 +5,7 @@ import math
 
 from quadctl.frames import wrap_pi
 from quadctl.mocap.axes import FRAMES, Frame, angle_between_verticals, to_ned, yaw
+from quadctl.numeric import minus
 from quadctl.state import Quat, Vec3
 
 MAX_TILT_DEG = 15.0
@@ -53,7 +54,7 @@ class Motion:
             return ""
         if self._start is None:
             self._start = position, autopilot
-        moves = [_minus(now, was) for now, was in zip((position, autopilot), self._start, strict=True)]
+        moves = [minus(now, was) for now, was in zip((position, autopilot), self._start, strict=True)]
         lengths = [math.hypot(*move) for move in moves]
         if min(lengths) < MOVED_M:
             return ""
@@ -69,10 +70,6 @@ class Motion:
 def _tilt_off_deg(raw: Quat, frame: Frame, autopilot: Quat) -> float:
     _, attitude = to_ned((0.0, 0.0, 0.0), raw, frame)
     return math.degrees(angle_between_verticals(attitude, autopilot))
-
-
-def _minus(a: Vec3, b: Vec3) -> Vec3:
-    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
 def _direction(move: Vec3) -> str:

@@ -12,16 +12,34 @@ import signal
 import socket
 import time
 from multiprocessing.connection import Connection
+from pathlib import Path
 from types import TracebackType
 from typing import Self
 
 from quadctl.errors import LinkError
 from quadctl.mocap.gate import Pose
-from quadctl.mocap.sources import UdpSource
+from quadctl.mocap.sources import ReplaySource, Source, UdpSource
 
 SYSTEMS = ("vicon", "optitrack", "qualisys", "vrpn")
+EXPECTED = "udp://0.0.0.0:5005, " + ", ".join(f"{system}://HOST" for system in SYSTEMS) + " or replay:FILE.jsonl"
+"""URLs of sources."""
 CONNECT_S = 8.0
 """For the package to load and the system to answer."""
+
+
+def open_source(url: str, body: str) -> Source:
+    """The source at `url` for the rigid body of that name; raises LinkError or LogError when there is no such."""
+    scheme, _, rest = url.partition(":")
+    place = rest.removeprefix("//")
+    if scheme == "udp":
+        host, _, port = place.rpartition(":")
+        if host and port.isdecimal() and 0 < int(port) < 65536:
+            return UdpSource(host, int(port), body)
+    elif scheme in SYSTEMS and place:
+        return CaptureSource(scheme, place, body)
+    elif scheme == "replay" and place:
+        return ReplaySource(Path(place), body)
+    raise LinkError(f"The source {url!r} is not one that can be opened: expected {EXPECTED}.")
 
 
 class CaptureSource:

@@ -1,13 +1,19 @@
 """Which poses may go to the autopilot: those that are numbers, new, fresh and possible."""
 
 import math
+from collections import deque
 from typing import NamedTuple
 
-from quadctl.mocap.sender_clock import SenderClock
 from quadctl.state import NAN, Quat, Vec3
 
 UNIT_TOLERANCE = 0.01
 STALE_S = 0.1
+WINDOW_S = 5.0
+"""Time after which the quickest pose is forgotten.
+
+So long, poses are late after the sender's clock was set back or stood still; and a delay that grows is noticed if it
+grows by `STALE_S` in less. A clock that runs wrong by 1 % moves by half of that.
+"""
 FROZEN_S = 0.1
 """A camera system that has lost a body repeats its last pose; a living one never is the same to the last bit."""
 FASTEST_M_S = 20.0
@@ -25,6 +31,28 @@ class Pose(NamedTuple):
     """Scalar first, body to world."""
     sent_s: float = NAN
     """On the sender's clock, where it tells."""
+
+
+class SenderClock:
+    """Compares the sender's time stamps with the arrivals.
+
+    The two clocks need not agree: the quickest pose of the last seconds stands for no delay. It is forgotten then,
+    because the clocks drift apart (50 ppm are 0.1 s in half an hour), and one of them may be set.
+    """
+
+    def __init__(self) -> None:
+        self._quickest: deque[tuple[float, float]] = deque()
+        """Arrival and difference of the quickest pose, then of the quickest after it, and so on: both increase."""
+
+    def late_s(self, sent_s: float, received_s: float) -> float:
+        """Time by which a pose took longer than the quickest one of the window, s. Poses in order of their arrival."""
+        quickest, difference_s = self._quickest, received_s - sent_s
+        while quickest and quickest[-1][1] >= difference_s:
+            quickest.pop()
+        quickest.append((received_s, difference_s))
+        while quickest[0][0] < received_s - WINDOW_S:
+            quickest.popleft()
+        return difference_s - quickest[0][1]
 
 
 class Gate:

@@ -61,6 +61,17 @@ class ThrustChain:
     """The table, for a vehicle that hovers at a thrust."""
 
 
+PLAIN = ThrustChain(
+    parameters=(),
+    defaults={},
+    boost=lambda upright, parameters: 1.0,
+    thrust_of_output=lambda output, parameters, ambient: output,
+    output_of_thrust=lambda thrust, parameters, ambient: thrust,
+    additions=lambda hover, parameters, ambient: [],
+)
+"""Chain of a firmware that leaves the thrust as it is."""
+
+
 def bent(output: Number, bend: float) -> Number:
     """Thrust of a motor whose thrust is part linear, part quadratic in its output: (1 - bend) u + bend u^2."""
     return (1.0 - bend) * output + bend * output * output

@@ -8,6 +8,7 @@ import math
 
 from quadctl.numeric import Number, clip, known_or, maximum
 from quadctl.thrust_chain.chain import (
+    PLAIN,
     TABLE_TILT_DEG,
     Addition,
     Ambient,
@@ -23,11 +24,6 @@ CURVE = "THR_MDL_FAC"
 BATTERY = "MC_BAT_SCALE_EN"
 BATTERY_SCALES = (1.0, 1.3)
 """Range of the factor that compensates the battery."""
-
-
-def no_boost(cos_tilt: Number, parameters: Parameters) -> Number:
-    """Factor on the thrust with the tilt: 1, as PX4 takes the thrust of a target along the body."""
-    return 1.0
 
 
 def battery_scale(ambient: Ambient, parameters: Parameters) -> Number:
@@ -77,7 +73,7 @@ def additions(hover: float, parameters: Parameters, ambient: Ambient) -> list[Ad
 CHAIN = ThrustChain(
     parameters=(CURVE, BATTERY, "MC_AIRMODE", "MPC_THR_HOVER"),
     defaults={},
-    boost=no_boost,
+    boost=PLAIN.boost,  # PX4 takes the thrust of a target along the body
     thrust_of_output=thrust_of_output,
     output_of_thrust=output_of_thrust,
     additions=additions,

@@ -10,10 +10,11 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from scipy.optimize import curve_fit
+from scipy.stats import f, t
 
 from quadctl.errors import LogError
 from quadctl.thrust_stand.measurement import Point
-from quadctl.thrust_stand.student import t_95, two_sided_p
 from quadctl.vehicle import Vehicle
 
 Floats = npt.NDArray[np.float64]
@@ -26,8 +27,9 @@ FLYING = (0.3, 2.0)
 """Total thrust over weight: where the throttle line is flown, and so where it is fitted."""
 MIN_FLYING = 4
 """With fewer points there, the line is fitted to all of them."""
-REFINEMENTS = 50
-"""Most Gauss-Newton steps of the exponent; some five are enough."""
+EXPONENTS = (0.1, 10.0)
+TOLERANCE = 1e-14
+"""Relative change of squared error, parameters and gradient at which the fit of the exponent ends."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +42,7 @@ class Estimate:
 
     @property
     def ci95(self) -> tuple[float, float]:
-        half = t_95(self.freedom) * self.standard_error
+        half = float(t.ppf(0.975, self.freedom)) * self.standard_error
         return self.value - half, self.value + half
 
 
@@ -153,20 +155,24 @@ def fit_throttle_line(points: Sequence[Point], vehicle: Vehicle) -> ThrottleLine
 
 
 def _power_law(rpm: Floats, thrust: Floats, k: float, rss_k: float, hover_n: float) -> Alternative:
-    """T = a (rpm / greatest rpm)^p, from p = 2 by Gauss and Newton."""
+    """T = a (rpm / greatest rpm)^p."""
     x = rpm / rpm.max()
-    a, p = float(k * rpm.max() ** 2), 2.0
-    for _ in range(REFINEMENTS):
-        jacobian = np.column_stack([x**p, a * x**p * np.log(x)])
-        (da, dp), *_ = np.linalg.lstsq(jacobian, thrust - a * x**p, rcond=None)
-        a, p = a + float(da), min(max(p + float(dp), 0.1), 10.0)
+    found, covariance = curve_fit(
+        lambda x, a, p: a * x**p,
+        x,
+        thrust,
+        [float(k * rpm.max() ** 2), 2.0],
+        bounds=([-np.inf, EXPONENTS[0]], [np.inf, EXPONENTS[1]]),
+        jac=lambda x, a, p: np.column_stack([x**p, a * x**p * np.log(x)]),
+        ftol=TOLERANCE,
+        xtol=TOLERANCE,
+        gtol=TOLERANCE,
+    )
+    a, p = (float(value) for value in found)
     left = thrust - a * x**p
-    rss, freedom = float(left @ left), len(rpm) - 2
-    jacobian = np.column_stack([x**p, a * x**p * np.log(x)])
-    covariance = np.linalg.pinv(jacobian.T @ jacobian) * rss / freedom
     hover_rpm = float(rpm.max()) * (hover_n / a) ** (1.0 / p) if a > 0.0 else math.nan
-    exponent = Estimate(p, math.sqrt(covariance[1, 1]), freedom)
-    return _tested("power", exponent, rss_k, rss, rpm, a * x**p - k * rpm**2, hover_n / hover_rpm**2)
+    exponent = Estimate(p, math.sqrt(covariance[1, 1]), len(rpm) - 2)
+    return _tested("power", exponent, rss_k, float(left @ left), rpm, a * x**p - k * rpm**2, hover_n / hover_rpm**2)
 
 
 def _with_offset(rpm: Floats, thrust: Floats, k: float, rss_k: float, hover_n: float) -> Alternative:
@@ -185,7 +191,7 @@ def _tested(
     variance = max(rss / freedom, 1e-20 * rss_k, 1e-30)
     f_ratio = max(rss_k - rss, 0.0) / variance
     worst = int(np.abs(difference).argmax())
-    p_value = two_sided_p(math.sqrt(f_ratio), freedom)
+    p_value = float(f.sf(f_ratio, 1, freedom))
     return Alternative(law, parameter, f_ratio, p_value, float(abs(difference[worst])), float(rpm[worst]), k_hover)
 
 

@@ -3,21 +3,18 @@
 import csv
 import math
 from collections.abc import Iterable, Sequence
-from itertools import zip_longest
 from pathlib import Path
 from typing import NamedTuple, TextIO
 
 from quadctl.errors import LogError
-from quadctl.frames import GRAVITY_M_S2
 from quadctl.settings import nearest
 from quadctl.state import NAN
+from quadctl.thrust_stand.table import NEWTONS_PER, Row, read_rows, thrust_column
 from quadctl.vehicle import Vehicle
 
-NEWTONS_PER = {"n": 1.0, "g": 0.001 * GRAVITY_M_S2, "kg": GRAVITY_M_S2}
-"""Newtons in one unit of thrust."""
+THRUSTS = tuple(f"thrust_{unit}" for unit in NEWTONS_PER)
 MIN_POINTS = 3
 """One more than the two numbers that a line has: what fits exactly says nothing about how well."""
-MAX_ROWS = 10_000
 DROP = 0.05
 """Share of the greatest thrust or rotor speed: a larger fall while the throttle rises is no noise."""
 NOISE = 0.2
@@ -71,24 +68,17 @@ def read_points(path: Path) -> list[Point]:
     LogError
         One sentence: the file, the line, the value and what was expected.
     """
-    try:
-        with path.open(encoding="utf-8", newline="") as file:
-            lines = csv.reader(file)
-            header = [cell.strip() for cell in next(lines, [])]
-            rows = [(lines.line_num, row) for row in lines if any(cell.strip() for cell in row)]
-    except FileNotFoundError:
-        raise LogError(f"{path}: there is no such file") from None
-    except (UnicodeDecodeError, csv.Error):
-        raise LogError(f"{path}: is not a text file, expected CSV") from None
-    except OSError as error:
-        raise LogError(f"{path}: cannot be read ({error.strerror})") from None
-    if len(rows) > MAX_ROWS:
-        raise LogError(f"{path}: holds {len(rows)} rows, expected one for each throttle step: is it a flight log?")
-    newtons_per = NEWTONS_PER[_checked_columns(path, header)]
-    return [
-        _point(path, line, dict(zip_longest(header, row[: len(header)], fillvalue="")), newtons_per)
-        for line, row in rows
-    ]
+    header, rows = read_rows(path, "throttle step")
+    known = (*Point._fields, *THRUSTS)
+    if "throttle" not in header or not any(thrust in header for thrust in THRUSTS):
+        for column in header:
+            if column not in known and (hint := nearest(column, known)):
+                raise LogError(f"{path}: unknown column '{column}'{hint}")
+    thrust = thrust_column(
+        *(path, header, "throttle", THRUSTS),
+        "throttle, rpm, thrust_n (or thrust_g, thrust_kg) and, where known, voltage_v and current_a",
+    )
+    return [_point(row, thrust) for row in rows]
 
 
 def check_points(points: Sequence[Point], vehicle: Vehicle, source: str) -> None:
@@ -145,40 +135,11 @@ def _check_rises(
             )
 
 
-def _checked_columns(path: Path, header: Sequence[str]) -> str:
-    """The unit of the thrust."""
-    units = [unit for unit in NEWTONS_PER if f"thrust_{unit}" in header]
-    known = [*Point._fields, *(f"thrust_{unit}" for unit in NEWTONS_PER)]
-    for column in header:
-        if column not in known and nearest(column, known) and ("throttle" not in header or not units):
-            raise LogError(f"{path}: unknown column '{column}'{nearest(column, known)}")
-    if "throttle" not in header or not units:
-        shown = ", ".join(header)[:80] or "none"
-        raise LogError(
-            f"{path}: its columns are {shown}; expected throttle, rpm, thrust_n (or thrust_g, thrust_kg) and, where "
-            "known, voltage_v and current_a"
-        )
-    if len(units) > 1:
-        raise LogError(f"{path}: has {' and '.join(f'thrust_{u}' for u in units)}, expected one column of thrust")
-    return units[0]
-
-
-def _point(path: Path, line: int, row: dict[str, str], newtons_per: float) -> Point:
-    def number(column: str, optional: bool = True) -> float:
-        text = row.get(column, "").strip()
-        try:
-            value = float(text) if text or not optional else NAN
-        except ValueError:
-            value = math.inf
-        if math.isinf(value) or (math.isnan(value) and not optional):
-            raise LogError(f"{path}, line {line}: {column} is '{text}', expected a number")
-        return value
-
-    thrust = next(column for column in row if column.startswith("thrust_"))
-    throttle, rpm = number("throttle", optional=False), number("rpm")
+def _point(row: Row, thrust: str) -> Point:
+    throttle, rpm = row.number("throttle"), row.number("rpm", NAN)
     if not 0.0 <= throttle <= 1.0:
-        raise LogError(f"{path}, line {line}: throttle is {throttle:g}, expected a share from 0 to 1 (not percent)")
+        raise LogError(f"{row.where}: throttle is {throttle:g}, expected a share from 0 to 1 (not percent)")
     if rpm < 0.0:
-        raise LogError(f"{path}, line {line}: rpm is {rpm:g}, expected 0 or more")
-    thrust_n = newtons_per * number(thrust, optional=False)
-    return Point(throttle, rpm, thrust_n, number("voltage_v"), number("current_a"))
+        raise LogError(f"{row.where}: rpm is {rpm:g}, expected 0 or more")
+    thrust_n = NEWTONS_PER[thrust.removeprefix("thrust_")] * row.number(thrust)
+    return Point(throttle, rpm, thrust_n, row.number("voltage_v", NAN), row.number("current_a", NAN))

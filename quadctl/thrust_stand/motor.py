@@ -38,7 +38,7 @@ class StandMotor(MavsdkAutopilot):
         await self.request_telemetry()
         if self.state().armed:
             raise FlightError(f"{self.description} is armed, expected a disarmed vehicle: a motor test needs it so.")
-        name = self._firmware.throttle_bent_by
+        name = self.firmware.throttle_bent_by
         bent = (await self.parameters([name])).get(name, 0.0) if name else 0.0
         if bent != 0.0:
             raise FlightError(
@@ -78,7 +78,7 @@ class StandMotor(MavsdkAutopilot):
 
     @property
     def _test_number(self) -> float:
-        return self._place if self._firmware.tests_motors_clockwise else self.number
+        return self._place if self.firmware.tests_motors_clockwise else self.number
 
     def _test(self, percent: int) -> tuple[float, ...]:
         return self._test_number, THROTTLE_PERCENT, percent, ALIVE_S

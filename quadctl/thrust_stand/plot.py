@@ -7,6 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from quadctl.errors import LogError
+from quadctl.files import writing
 from quadctl.thrust_stand.result import StandResult
 
 MEASURED, FITTED, BEFORE = "#1f77b4", "#d62728", "#999999"
@@ -28,11 +29,9 @@ def draw(result: StandResult, path: Path) -> None:
         panel.grid(alpha=0.3)
         panel.spines[["top", "right"]].set_visible(False)
         panel.legend(frameon=False)
-    try:
+    with writing(path, LogError):
         path.parent.mkdir(parents=True, exist_ok=True)
         figure.savefig(path, dpi=120)
-    except (OSError, ValueError) as error:  # ValueError: a suffix that is no picture
-        raise LogError(f"{path}: the picture cannot be written ({error})") from None
 
 
 def _draw_thrust(axes: Axes, result: StandResult) -> None:

@@ -15,7 +15,7 @@ from typing import Protocol, Self
 import serial
 
 from quadctl.errors import FlightError, LinkError
-from quadctl.thrust_stand.measurement import NEWTONS_PER
+from quadctl.thrust_stand.table import NEWTONS_PER
 
 READING = re.compile(r"(?<![\w.,])([-+]?)\s*(\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?)\s*([A-Za-z]*)(?![\w.,])")
 SILENCE_S = 2.0

@@ -49,9 +49,5 @@ def direction(start_m: Vec3, end_m: Vec3) -> Vec3:
     return x, y, z
 
 
-def scaled(factor: float, a: Vec3) -> Vec3:
-    return factor * a[0], factor * a[1], factor * a[2]
-
-
 def moved(start_m: Vec3, factor: float, along: Vec3) -> Vec3:
     return start_m[0] + factor * along[0], start_m[1] + factor * along[1], start_m[2] + factor * along[2]

@@ -5,8 +5,9 @@ from typing import ClassVar, Self
 
 from pydantic import Field
 
+from quadctl.numeric import scaled
 from quadctl.state import Vec3
-from quadctl.trajectories.base import Reference, Trajectory, direction, moved, raised, scaled
+from quadctl.trajectories.base import Reference, Trajectory, direction, moved, raised
 from quadctl.trajectories.trapezoid import Trapezoid
 
 

@@ -104,7 +104,7 @@ def answers_of(vehicle: Vehicle) -> Answers:
         propeller_m=2.0 * vehicle.rotor.radius_m,
         frame=next((frame for frame in FRAMES if are_alike(places, frame_places(frame, arm_m))), None),
         arm_m=None if "rotors" in assumed else arm_m,
-        hover_throttle=vehicle.throttle.offset + vehicle.throttle.per_newton * vehicle.weight_n,
+        hover_throttle=vehicle.hover_throttle,
         hover_rpm=None if "rotor.thrust_n_per_rpm2" in assumed else math.sqrt(each_n / vehicle.rotor.thrust_n_per_rpm2),
     )
 

@@ -392,7 +392,7 @@ class SimulatedAutopilot:
 
     @property
     def _hover_throttle(self) -> float:
-        return self.vehicle.throttle.offset + self.vehicle.throttle.per_newton * self.vehicle.weight_n
+        return self.vehicle.hover_throttle
 
     @property
     def _stands(self) -> bool:

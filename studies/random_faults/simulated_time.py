@@ -470,7 +470,7 @@ async def _flight(
     world.later(round_trips.EVERY_S, autopilot.keep_talking)
     await autopilot.request_telemetry()
     rate_hz = plan.settings.controller.rate_hz
-    pilot = plan.pilot(autopilot.takes_off_itself, autopilot.stays_up)
+    pilot = plan.pilot(autopilot.firmware.takes_off_itself, autopilot.firmware.stays_up)
     recorder = plan.recorder(log_dir, autopilot.description)
     recorder._file = _FullDisk(recorder._file, world)  # type: ignore[assignment]
     tally = Tally(1.0 / rate_hz)

@@ -294,7 +294,7 @@ def some_model(vehicle: Vehicle) -> Model:
 
 
 def test_the_numpy_file_reads_as_physics() -> None:
-    code = numpy_code(some_model(VEHICLE_OF[False]), "a test")
+    code, _ = numpy_code(some_model(VEHICLE_OF[False]))
     assert (
         "# --- ground_effect.exponential ---\n"
         "GROUND_EFFECT_A = 0.3  # gain in thrust at height 0, [0.25, 0.35]\n"
@@ -311,7 +311,7 @@ def test_the_numpy_file_reads_as_physics() -> None:
 @EVERY
 def test_the_numpy_file_has_a_function_for_each_effect_and_needs_numpy_alone(effect: type[Effect]) -> None:
     vehicle = vehicle_of(effect)
-    code = numpy_code(Model(vehicle).plus(drawn(effect, vehicle, np.random.default_rng(15))), "a test")
+    code, _ = numpy_code(Model(vehicle).plus(drawn(effect, vehicle, np.random.default_rng(15))))
     parsed = ast.parse(code)
     imported = {node.module if isinstance(node, ast.ImportFrom) else node.names[0].name for node in ast.walk(parsed)
                 if isinstance(node, ast.Import | ast.ImportFrom)}  # fmt: skip

@@ -4,8 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from quadctl.mocap.gate import STALE_S, Gate, Pose
-from quadctl.mocap.sender_clock import WINDOW_S, SenderClock
+from quadctl.mocap.gate import STALE_S, WINDOW_S, Gate, Pose, SenderClock
 
 RATE_HZ = 20.0
 DELAY_S = 0.01

@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 
 from quadctl.errors import LinkError, QuadctlError
+from quadctl.mocap.capture import open_source
 from quadctl.mocap.gate import Pose
 from quadctl.mocap.sources import ReplaySource, parse_pose
-from quadctl.mocap.urls import open_source
 from quadctl.state import Quat
 from tests.support.links import TIMEOUT_S
 from tests.support.mocap import datagram

@@ -32,7 +32,6 @@ from tests.support.links import (
     Link,
     connected,
     free_port,
-    hover_throttle,
     mock,
     streaming,
 )
@@ -318,7 +317,7 @@ def test_an_autopilot_that_does_not_answer_a_command(link: Link) -> None:
 
 def test_offboard_arm_climb_roll_land(link: Link) -> None:
     link.px.autopilot.parameters["COM_DISARM_LAND"] = 0.3
-    hover = hover_throttle(link.px.autopilot.vehicle)
+    hover = link.px.autopilot.vehicle.hover_throttle
 
     async def fly() -> None:
         await link.adapter.request_telemetry()

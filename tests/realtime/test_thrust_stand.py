@@ -18,14 +18,14 @@ from typer.testing import CliRunner, Result
 from quadctl.cli import app
 from quadctl.errors import QuadctlError
 from quadctl.frames import GRAVITY_M_S2
+from quadctl.settings_text import with_numbers
 from quadctl.sitl.rules.copter import SimulatedCopter
 from quadctl.sitl.rules.px4 import SimulatedAutopilot
 from quadctl.sitl.server.server import MavlinkMock
 from quadctl.sitl.vehicle.body import Battery
 from quadctl.thrust_stand.motor import StandMotor
 from quadctl.thrust_stand.scale import SerialScale
-from quadctl.thrust_stand.vehicle_file import with_values
-from quadctl.vehicle import load_vehicle
+from quadctl.vehicle import Vehicle, load_vehicle
 from tests.support.links import RAPTOR, TIMEOUT_S, free_port, mock
 from tests.support.places import ROOT
 from tests.support.thrust_stand import VEHICLE, K
@@ -101,7 +101,8 @@ def test_a_motor_is_measured_and_its_numbers_go_into_the_vehicle_file(
 ) -> None:
     """The mock obeys the vehicle file, but for the battery that sags; what is asked for is known to be wrong."""
     wrong = tmp_path / "wrong.yaml"
-    wrong.write_text(with_values(RAPTOR, {("rotor", "thrust_n_per_rpm2"): 1.4e-7, ("throttle", "per_newton"): 0.03}))
+    values = {("rotor", "thrust_n_per_rpm2"): 1.4e-7, ("throttle", "per_newton"): 0.03}
+    wrong.write_text(with_numbers(RAPTOR, values, Vehicle, "vehicle file"))
     port, raw, out = free_port(), tmp_path / "raw.csv", tmp_path / "new.yaml"
     with mock(kind(VEHICLE), port) as px, fake_scale(weighed(px, motor - 1)) as scale:
         link = f"udpin://127.0.0.1:{port}"

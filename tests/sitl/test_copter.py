@@ -7,7 +7,7 @@ import pytest
 from quadctl.sitl.rules.copter import SimulatedCopter, SimulatedCopter47
 from quadctl.state import AttitudeTarget
 from quadctl.vehicle import load_vehicle
-from tests.support.links import LEVEL, RAPTOR, hover_throttle
+from tests.support.links import LEVEL, RAPTOR
 
 VEHICLE = load_vehicle(RAPTOR)
 
@@ -42,7 +42,7 @@ def test_without_targets_it_levels_after_its_time_out_and_stays() -> None:
     copter.request_take_off(1.0)
     run(copter, 4.0)
     assert -copter.body.position[2] == pytest.approx(1.05, abs=0.15)
-    tilted = AttitudeTarget((math.cos(0.05), math.sin(0.05), 0.0, 0.0), hover_throttle(VEHICLE))
+    tilted = AttitudeTarget((math.cos(0.05), math.sin(0.05), 0.0, 0.0), VEHICLE.hover_throttle)
     run(copter, 0.5, tilted)
     run(copter, 2.9)
     assert abs(copter.body.attitude[1]) > 0.03
@@ -64,7 +64,7 @@ def test_thrust_is_a_climb_rate_with_the_bit_clear() -> None:
 
 def test_lifting_off_by_targets_blocks_the_next_arming() -> None:
     copter = copter_in_guided()
-    run(copter, 1.5, AttitudeTarget(LEVEL, 1.1 * hover_throttle(VEHICLE)))
+    run(copter, 1.5, AttitudeTarget(LEVEL, 1.1 * VEHICLE.hover_throttle))
     assert not copter.landed
     copter.request_mode("LAND")
     run(copter, 10.0)

@@ -14,7 +14,7 @@ from quadctl.sitl.vehicle.position_loop import Memory, acceleration_setpoint, le
 from quadctl.state import NAN, AttitudeTarget, Setpoint, Vec3
 from quadctl.vehicle import load_vehicle
 from studies.autopilots.measured import mock
-from tests.support.links import LEVEL, RAPTOR, hover_throttle
+from tests.support.links import LEVEL, RAPTOR
 from tests.support.places import ROOT
 
 REST: Vec3 = (0.0, 0.0, 0.0)
@@ -162,10 +162,10 @@ def test_an_attitude_target_takes_over_and_gives_back() -> None:
     copter.step(5.0)
     copter.set_position_target(Setpoint((0.0, 0.0, -1.0)))
     assert copter.guided is Guided.PLACES
-    copter.set_attitude_target(AttitudeTarget(LEVEL, hover_throttle(copter.vehicle)))
+    copter.set_attitude_target(AttitudeTarget(LEVEL, copter.vehicle.hover_throttle))
     assert copter.guided is Guided.TARGETS
     copter.step(copter.time_s + 0.1)
-    assert copter._active.throttle == pytest.approx(hover_throttle(copter.vehicle), rel=1e-3)
+    assert copter._active.throttle == pytest.approx(copter.vehicle.hover_throttle, rel=1e-3)
 
 
 def test_copter_stays_where_its_last_target_was_and_px4_fails_over() -> None:

@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterable
 
 from quadctl.errors import FlightError
 from quadctl.flight.autopilot.firmware import Requirement
+from quadctl.flight.autopilot.px4 import PX4
 from quadctl.flight.pilot.guards import GuardLimits
 from quadctl.flight.pilot.tick import Stage, Tick
 from quadctl.flight.preflight.plan import FlightPlan
@@ -24,8 +25,7 @@ class InProcess:
     def __init__(self) -> None:
         self.px = SimulatedAutopilot(plan().body.vehicle)
         self.warnings: list[str] = []
-        self.takes_off_itself = False
-        self.stays_up = False
+        self.firmware = PX4
         self.requirements: list[Requirement] = []
         self.asked: list[str] = []
         self.sent: list[AttitudeTarget] = []

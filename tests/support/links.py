@@ -15,7 +15,6 @@ from quadctl.sitl.server.ardupilot import MavlinkArduPilot
 from quadctl.sitl.server.px4 import MavlinkPx4
 from quadctl.sitl.server.server import MavlinkMock
 from quadctl.state import AttitudeTarget, VehicleState
-from quadctl.vehicle import Vehicle
 from tests.support.places import ROOT
 
 RAPTOR = ROOT / "config" / "vehicles" / "raptor.yaml"
@@ -28,10 +27,6 @@ def free_port() -> int:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])
-
-
-def hover_throttle(vehicle: Vehicle) -> float:
-    return vehicle.throttle.offset + vehicle.throttle.per_newton * vehicle.weight_n
 
 
 def meet_requirements(copter: SimulatedCopter) -> None:

@@ -4,19 +4,10 @@ import math
 from collections.abc import Sequence
 
 import pytest
-from scipy import stats
 
 from quadctl.thrust_stand.curves import fit_throttle_line, fit_thrust_curve
 from quadctl.thrust_stand.measurement import Point
-from quadctl.thrust_stand.student import t_95, two_sided_p
 from tests.support.thrust_stand import VEHICLE, K, measured
-
-
-@pytest.mark.parametrize("freedom", [1, 2, 3, 6, 11, 40])
-def test_students_distribution_is_that_of_scipy(freedom: int) -> None:
-    assert t_95(freedom) == pytest.approx(stats.t.ppf(0.975, freedom), rel=1e-7)
-    for t in (0.0, 0.7, -2.0, 9.0):
-        assert two_sided_p(t, freedom) == pytest.approx(2.0 * stats.t.sf(abs(t), freedom), abs=1e-13)
 
 
 def test_intervals_hold_the_truth_in_95_of_100_measurements() -> None:

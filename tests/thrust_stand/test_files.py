@@ -11,9 +11,9 @@ from typer.testing import CliRunner, Result
 from quadctl.cli import app
 from quadctl.errors import QuadctlError
 from quadctl.frames import GRAVITY_M_S2
+from quadctl.settings_text import with_numbers
 from quadctl.thrust_stand.measurement import Point, check_plausible
-from quadctl.thrust_stand.vehicle_file import with_values
-from quadctl.vehicle import load_vehicle
+from quadctl.vehicle import Vehicle, load_vehicle
 from tests.support.links import RAPTOR
 from tests.support.thrust_stand import VEHICLE, K, measured
 
@@ -62,7 +62,8 @@ def test_the_edit_of_a_vehicle_file_adds_a_key_that_it_had_not(throttle: str, tm
     lines = RAPTOR.read_text().splitlines()
     path = tmp_path / "vehicle.yaml"
     path.write_text("\n".join(throttle if line.startswith("throttle:") else line for line in lines))
-    text = with_values(path, {("throttle", "offset"): 0.125, ("rotor", "thrust_n_per_rpm2"): 1.2e-7})
+    values = {("throttle", "offset"): 0.125, ("rotor", "thrust_n_per_rpm2"): 1.2e-7}
+    text = with_numbers(path, values, Vehicle, "vehicle file")
     new = yaml.safe_load(text)
     assert (new["throttle"]["offset"], new["rotor"]["thrust_n_per_rpm2"]) == (0.125, 1.2e-7)
     assert throttle.partition("#")[2].partition("\n")[0] in text
@@ -118,3 +119,11 @@ def test_what_is_no_csv_is_one_sentence(content: bytes | None, tmp_path: Path) -
 
 def test_noise_at_idle_is_no_fall_of_thrust() -> None:
     check_plausible([Point(0.1, 1010.0, 0.03), Point(0.15, 1000.0, -0.03)], VEHICLE, "idle")
+
+
+def test_without_the_lab_it_measures_and_says_how_to_fit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("quadctl.cli.thrust_stand.find_spec", lambda name: None)
+    monkeypatch.setattr("quadctl.cli.thrust_stand._measure", lambda *words: measured())
+    result = run(RAPTOR, "--link", "auto", "--yes-props-are-safe", "--raw", tmp_path / "raw.csv")
+    assert result.exit_code == 0, result.output
+    assert f"quadctl thrust-stand {RAPTOR} --from {tmp_path / 'raw.csv'}" in result.output

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from quadctl.thrust_chain.atmosphere import Version
-from quadctl.thrust_chain.chain import ThrustChain
+from quadctl.thrust_chain.chain import PLAIN, ThrustChain
 from quadctl.vehicle import Vehicle
 
 MAX_HOVER_DIFFERENCE = 0.15
@@ -110,7 +110,7 @@ class Firmware:
     """Beginning of the text that says at once that it is disarmed; empty where heartbeats come soon enough."""
     tells_aids: bool
     """True: SYS_STATUS and GPS_RAW_INT tell if GPS or motion capture work; its estimator does not."""
-    thrust_chain: ThrustChain
+    thrust_chain: ThrustChain = PLAIN
     """Functions between the throttle target and the motor outputs that it reports."""
     renamed: Mapping[str, Renamed] = field(default_factory=dict)
     """Newer names of parameters: an autopilot is asked for the name of its version first, and then for the other."""
@@ -138,21 +138,16 @@ class Firmware:
         return next(names, self.unknown_mode(custom_mode))
 
 
-def hover_throttle(vehicle: Vehicle) -> float:
-    """Throttle at which the vehicle file hovers."""
-    return vehicle.throttle.offset + vehicle.throttle.per_newton * vehicle.weight_n
-
-
 def hover_throttle_check(parameter: str) -> Check:
     """Check of the `parameter` that holds the throttle of hover, 0..1, against the vehicle file."""
 
     return Check(
         parameter,
         lambda theirs, vehicle: (
-            f"{parameter}: hovers at {theirs:.2f}, the vehicle file at {hover_throttle(vehicle):.2f}"
+            f"{parameter}: hovers at {theirs:.2f}, the vehicle file at {vehicle.hover_throttle:.2f}"
         ),
         lambda theirs, vehicle: (
-            "one of them is wrong" if abs(theirs - hover_throttle(vehicle)) > MAX_HOVER_DIFFERENCE else None
+            "one of them is wrong" if abs(theirs - vehicle.hover_throttle) > MAX_HOVER_DIFFERENCE else None
         ),
     )
 

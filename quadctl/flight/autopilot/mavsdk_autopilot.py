@@ -14,7 +14,7 @@ from functools import partial
 
 from quadctl.errors import FlightError, LinkError, RefusalError
 from quadctl.flight.autopilot import mavlink, round_trips
-from quadctl.flight.autopilot.firmware import Check, Firmware, Renamed, Requirement, Stream
+from quadctl.flight.autopilot.firmware import Firmware, Renamed, Requirement, Stream
 from quadctl.flight.autopilot.firmwares import FIRMWARES
 from quadctl.flight.autopilot.mavsdk_link import MavsdkLink
 from quadctl.flight.autopilot.telemetry import Telemetry
@@ -75,32 +75,16 @@ class MavsdkAutopilot:
         return f"{name} (system {self._link.system_id}) at {self._link.url}"
 
     @property
-    def takes_off_itself(self) -> bool:
-        return self._firmware.takes_off_itself
-
-    @property
-    def stays_up(self) -> bool:
-        return self._firmware.stays_up
+    def firmware(self) -> Firmware:
+        """Description of its firmware; raises LinkError before it is connected."""
+        if self._telemetry.firmware is None:
+            raise LinkError(f"The link {self._link.url} is not open: connect first.")
+        return self._telemetry.firmware
 
     @property
     def requirements(self) -> Sequence[Requirement]:
-        return self._firmware.requirements(self._link.own_system_id)
-
-    @property
-    def checks(self) -> Sequence[Check]:
-        return self._firmware.checks
-
-    @property
-    def attitude_parameters(self) -> Sequence[str]:
-        return self._firmware.attitude_parameters
-
-    @property
-    def rate_limits(self) -> Sequence[str]:
-        return self._firmware.rate_limits
-
-    @property
-    def rotor_axis_parameters(self) -> Callable[[int], tuple[str, str, str]] | None:
-        return self._firmware.rotor_axis_parameters
+        """Parameters that must have certain values before a flight."""
+        return self.firmware.requirements(self._link.own_system_id)
 
     async def connect(self) -> None:
         """Open the link and wait for a heartbeat; raises LinkError when none comes."""
@@ -132,7 +116,7 @@ class MavsdkAutopilot:
 
         Raises FlightError when a message that control stands on is refused; others are noted in `warnings`.
         """
-        for stream in self._firmware.streams:
+        for stream in self.firmware.streams:
             result = await self._link.run(partial(self._request_stream, stream))
             if result == mavlink.ACCEPTED or stream.alternative:
                 continue
@@ -149,10 +133,10 @@ class MavsdkAutopilot:
                 f"{self._link.system_id}, which was heard first."
             )
         talker = mavlink.TALKERS.get(self._link.own_system_id)
-        if talker is not None and self.stays_up:
+        if talker is not None and self.firmware.stays_up:
             self.warnings.append(
                 f"This flight has the system id {self._link.own_system_id}, which {talker} too: heartbeats of that "
-                f"would keep {self._firmware.name} in the air after the flight has died."
+                f"would keep {self.firmware.name} in the air after the flight has died."
             )
         await self._ask_for_thrust_chain()
         if not await self._await(lambda: self._telemetry.has_rpm, ROTORS_WAIT_S):
@@ -205,7 +189,7 @@ class MavsdkAutopilot:
 
     def thrust_additions(self, hover: float) -> list[Addition]:
         """Table of what the firmware adds to thrust, for a vehicle that hovers at the throttle `hover`."""
-        return self._firmware.thrust_chain.additions(hover, self._thrust_parameters, self._telemetry.ambient)
+        return self.firmware.thrust_chain.additions(hover, self._thrust_parameters, self._telemetry.ambient)
 
     async def arm(self) -> None:
         """Arm the motors, asked for once; returns when the heartbeat shows it."""
@@ -216,12 +200,12 @@ class MavsdkAutopilot:
     async def start_offboard(self) -> None:
         """Enter the mode that follows our targets."""
         self._mode_before = self._telemetry.mode
-        await self._enter(self._firmware.offboard_mode)
+        await self._enter(self.firmware.offboard_mode)
 
     async def leave_offboard(self) -> None:
         """Enter the mode that it was in before, or its hold mode where that is not known."""
-        known = self._mode_before in self._firmware.modes.keys() - {self._firmware.offboard_mode}
-        await self._enter(self._mode_before if known else self._firmware.hold_mode)
+        known = self._mode_before in self.firmware.modes.keys() - {self.firmware.offboard_mode}
+        await self._enter(self._mode_before if known else self.firmware.hold_mode)
 
     async def take_off(self, height_m: float) -> None:
         """Have the armed autopilot climb to `height_m` above where it stands; asked for once, returns when accepted."""
@@ -230,11 +214,11 @@ class MavsdkAutopilot:
 
     async def land(self) -> None:
         """Enter the autopilot's own land mode: asked for once, as somebody may take the vehicle at any moment."""
-        await self._enter(self._firmware.land_mode, once=True)
+        await self._enter(self.firmware.land_mode, once=True)
 
     async def hold(self) -> None:
         """Hand over: enter the autopilot's own hold mode."""
-        await self._enter(self._firmware.hold_mode)
+        await self._enter(self.firmware.hold_mode)
 
     async def run_checks(self) -> None:
         """Have the autopilot run its own checks before arming, and say as texts which of them fail.
@@ -258,7 +242,7 @@ class MavsdkAutopilot:
 
         Raises FlightError when the autopilot does not confirm it.
         """
-        if name in self._firmware.renamed and name not in self._newer:
+        if name in self.firmware.renamed and name not in self._newer:
             await self._learn_names([name])
             await self._link.run(partial(self._read_parameter, name))
         known = self._newer.get(name, Renamed(name, (0, 0)))
@@ -273,15 +257,9 @@ class MavsdkAutopilot:
 
     # --- inside ------------------------------------------------------------------------------------------------
 
-    @property
-    def _firmware(self) -> Firmware:
-        if self._telemetry.firmware is None:
-            raise LinkError(f"The link {self._link.url} is not open: connect first.")
-        return self._telemetry.firmware
-
     async def _learn_names(self, names: Sequence[str]) -> None:
         """Ask for the version where it decides by which names to ask for parameters."""
-        if self._firmware.renamed.keys() & set(names):
+        if self.firmware.renamed.keys() & set(names):
             with contextlib.suppress(LinkError):  # then each name is tried
                 await self._ask_for_version()
 
@@ -296,7 +274,7 @@ class MavsdkAutopilot:
 
     def _names_of(self, name: str) -> Sequence[Renamed]:
         """Names by which to ask for a parameter, the likeliest first: a name that is not known is waited for."""
-        older, newer = Renamed(name, (0, 0)), self._firmware.renamed.get(name)
+        older, newer = Renamed(name, (0, 0)), self.firmware.renamed.get(name)
         if newer is None:
             return (older,)
         if name in self._newer:
@@ -323,14 +301,14 @@ class MavsdkAutopilot:
 
     async def _ask_for_thrust_chain(self) -> None:
         """Ask for the parameters between throttle and motors, and for the pressure where the firmware uses it."""
-        chain = self._firmware.thrust_chain
+        chain = self.firmware.thrust_chain
         self._thrust_parameters = await self.parameters(chain.parameters)
         self._telemetry.thrust_parameters = {**chain.defaults, **self._thrust_parameters}
         if missing := [name for name in chain.parameters if name not in self._thrust_parameters]:
             self.warnings.append(
                 f"{self.description} does not tell {', '.join(missing)}: what it adds to the thrust is not all known."
             )
-        if any(stream.name == "SCALED_PRESSURE" for stream in self._firmware.streams):
+        if any(stream.name == "SCALED_PRESSURE" for stream in self.firmware.streams):
             await self._ask_for_version()  # by which it takes the density of the air
             await self._await(lambda: self._telemetry.knows_air, AIR_WAIT_S)
 
@@ -339,12 +317,12 @@ class MavsdkAutopilot:
         upright = cos_tilt(self._telemetry.attitude)
         if not math.isfinite(upright):
             return 1.0
-        return float(self._firmware.thrust_chain.boost(upright, self._thrust_parameters))
+        return float(self.firmware.thrust_chain.boost(upright, self._thrust_parameters))
 
     def _ask_again(self) -> None:
         """Request the rates again after a silence of the line: an autopilot without power has forgotten them."""
         try:
-            for stream in self._firmware.streams:
+            for stream in self.firmware.streams:
                 self._request_stream(stream)
         except LinkError:
             return  # gone again; when it is back we are called again
@@ -366,7 +344,7 @@ class MavsdkAutopilot:
     def _show_station(self) -> None:
         """Send the heartbeat of a ground station where texts are sent to nobody else."""
         self._shown_s = time.monotonic()
-        if self._firmware.texts_for_stations:
+        if self.firmware.texts_for_stations:
             self._link.send("HEARTBEAT", mavlink.STATION_HEARTBEAT)
 
     async def _enter(self, mode: str, once: bool = False) -> None:
@@ -374,7 +352,7 @@ class MavsdkAutopilot:
             f"enter {mode}",
             mavlink.CMD_DO_SET_MODE,
             mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED,
-            *self._firmware.set_mode_parameters(self._firmware.modes[mode]),
+            *self.firmware.set_mode_parameters(self.firmware.modes[mode]),
             until=lambda: self._telemetry.mode == mode,
             once=once,
         )

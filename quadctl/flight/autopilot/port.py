@@ -1,9 +1,9 @@
 """The port to an autopilot: the operations that a flight needs, for a real autopilot and for a simulated one."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Protocol
 
-from quadctl.flight.autopilot.firmware import Check, Requirement
+from quadctl.flight.autopilot.firmware import Firmware, Requirement
 from quadctl.state import AttitudeTarget, Vec3, VehicleState
 from quadctl.thrust_chain.chain import Addition
 
@@ -23,39 +23,13 @@ class Autopilot(Protocol):
         ...
 
     @property
-    def takes_off_itself(self) -> bool:
-        """True: lift-off is `take_off`, before the first target; False: the targets lift it off."""
-        ...
-
-    @property
-    def stays_up(self) -> bool:
-        """True: without targets it stays in the air for as long as it hears our heartbeats."""
+    def firmware(self) -> Firmware:
+        """Description of its firmware; raises `LinkError` before it is connected."""
         ...
 
     @property
     def requirements(self) -> Sequence[Requirement]:
         """Parameters that must have certain values before a flight."""
-        ...
-
-    @property
-    def checks(self) -> Sequence[Check]:
-        """Parameters that are judged before a flight, besides the requirements."""
-        ...
-
-    @property
-    def attitude_parameters(self) -> Sequence[str]:
-        """Parameters on which the answer of the attitude to its setpoint depends."""
-        ...
-
-    @property
-    def rate_limits(self) -> Sequence[str]:
-        """Parameters that limit the rates about roll and pitch, deg/s; 0 is no limit."""
-        ...
-
-    @property
-    def rotor_axis_parameters(self) -> Callable[[int], tuple[str, str, str]] | None:
-        """Function from the number of a rotor, from 0, to the parameters of its thrust axis; None: the autopilot has no
-        setpoint of lateral force."""
         ...
 
     def thrust_additions(self, hover: float) -> list[Addition]:

@@ -20,6 +20,9 @@ from quadctl.settings import Settings
 from quadctl.state import AttitudeTarget, VehicleState
 
 DISARMED = "the vehicle was disarmed"
+READY_TIMEOUT_S, BOOT_TIMEOUT_S = 15.0, 60.0
+"""Longest wait for a state that a flight may use, and for an autopilot that reports that it is not ready, as it does
+for some time after boot."""
 
 
 class Answer(enum.Enum):
@@ -205,3 +208,8 @@ def inspect(
         empty = f"the battery is at {state.battery_v:.2f} V, allowed are {limits.min_battery_v:g} V"
         return Breach(Answer.LAND, empty, Guard.BATTERY)
     return None
+
+
+def patience_s(state: VehicleState) -> float:
+    """Longest wait for a better state than this one, s."""
+    return READY_TIMEOUT_S if state.ready_to_arm and state.estimator_ok else BOOT_TIMEOUT_S

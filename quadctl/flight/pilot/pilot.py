@@ -10,10 +10,9 @@ from collections.abc import Callable
 from quadctl.compensator import Compensator
 from quadctl.flight.model_watch.watch import NO_ERROR, ModelWatch
 from quadctl.flight.pilot.following import Following
-from quadctl.flight.pilot.guards import Answer, Breach, Guard, unfit
+from quadctl.flight.pilot.guards import Answer, Breach, Guard, patience_s, unfit
 from quadctl.flight.pilot.landing import Landing
 from quadctl.flight.pilot.model_guard import ModelGuard
-from quadctl.flight.pilot.patience import patience_s
 from quadctl.flight.pilot.progress import Progress
 from quadctl.flight.pilot.settings import FlightSettings
 from quadctl.flight.pilot.steering import Home, Steering

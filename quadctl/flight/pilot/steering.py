@@ -65,10 +65,8 @@ class Steering:
 
     def standing(self, share_of_hover: float) -> Decision:
         """Level target in the present heading, with a share of the throttle of hover; 0: no thrust."""
-        curve = self._vehicle.throttle
-        hover = curve.offset + curve.per_newton * self._vehicle.weight_n
-        half_rad = 0.5 * self._home.heading_rad
-        return Decision(AttitudeTarget((math.cos(half_rad), 0.0, 0.0, math.sin(half_rad)), share_of_hover * hover))
+        half_rad, throttle = 0.5 * self._home.heading_rad, share_of_hover * self._vehicle.hover_throttle
+        return Decision(AttitudeTarget((math.cos(half_rad), 0.0, 0.0, math.sin(half_rad)), throttle))
 
     def along(self, t_s: float, begin_s: float, state: VehicleState, dt: float) -> Decision:
         """Follow the mission, which began at `begin_s`, at its time `t_s`.

@@ -1,10 +1,11 @@
 """Lag of the attitude before a flight: the one configured, beside what a log shows and what has changed since."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from typing import NamedTuple, Protocol
+from collections.abc import Mapping
+from typing import NamedTuple
 
 from quadctl.control.lags import turn_lag_s
+from quadctl.flight.autopilot.port import Autopilot
 from quadctl.flight.preflight.findings import Finding, Verdict, judged
 from quadctl.flight.preflight.plan import FlightPlan
 from quadctl.vehicle import AttitudeResponse
@@ -23,15 +24,6 @@ class LastFlight(NamedTuple):
     """Answer of the attitude; None: the log does not show it."""
     parameters: Mapping[str, float] = {}
     """Parameters of the autopilot, as far as the log holds them."""
-
-
-class Asked(Protocol):
-    """Part of the port `Autopilot` that the question needs."""
-
-    @property
-    def attitude_parameters(self) -> Sequence[str]: ...
-
-    async def parameters(self, names: Iterable[str]) -> dict[str, float]: ...
 
 
 def check_look_ahead(plan: FlightPlan) -> Finding:
@@ -73,9 +65,9 @@ def compare_with_log(plan: FlightPlan, last: LastFlight) -> Finding:
     )
 
 
-async def ask_about_attitude(last: LastFlight, autopilot: Asked) -> list[Finding]:
+async def ask_about_attitude(last: LastFlight, autopilot: Autopilot) -> list[Finding]:
     """Findings about the parameters on which the lag depends, and whose value is not that of the log."""
-    names = [name for name in autopilot.attitude_parameters if name in last.parameters]
+    names = [name for name in autopilot.firmware.attitude_parameters if name in last.parameters]
     if not names:
         return [judged(EARLIER, f"{last.log} does not hold the parameters on which the lag depends")]
     now = await autopilot.parameters(names)

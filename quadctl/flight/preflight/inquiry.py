@@ -2,18 +2,16 @@
 
 import asyncio
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Protocol
 
 from quadctl.errors import FlightError
-from quadctl.flight.autopilot.firmware import Check, Requirement, hover_throttle
+from quadctl.flight.autopilot.firmware import Check, Requirement
 from quadctl.flight.autopilot.mavsdk_autopilot import MavsdkAutopilot
 from quadctl.flight.autopilot.port import Autopilot
-from quadctl.flight.pilot.guards import GuardLimits, defect
-from quadctl.flight.pilot.patience import patience_s
+from quadctl.flight.pilot.guards import GuardLimits, defect, patience_s
 from quadctl.flight.pilot.standing import not_standing, posture
 from quadctl.flight.preflight.attitude import LastFlight, ask_about_attitude
 from quadctl.flight.preflight.changed_parameters import ChangedParameters, left_behind, restore, still_changed
@@ -22,50 +20,15 @@ from quadctl.flight.preflight.findings import Finding, Verdict, judged
 from quadctl.flight.preflight.lateral import ask_about_lateral_force
 from quadctl.flight.preflight.plan import FlightPlan
 from quadctl.flight.preflight.rate import ask_about_rate
-from quadctl.flight.preflight.thrust_table import thrust_findings
 from quadctl.flight.realtime import run
 from quadctl.state import VehicleState
-from quadctl.thrust_chain.chain import Addition
+from quadctl.thrust_chain.chain import TABLE_TILT_DEG, Addition
 from quadctl.vehicle import Vehicle
 
 CHECKS_OFF = "its own checks before arming are off (ARMING_CHECK is 0): it arms whatever it would object to"
 NO_REMOTE = "the autopilot receives no remote control: nobody can take the vehicle with one"
 LOOK_EVERY_S = 0.002
 """Interval at which the state is read: shorter than that of the most frequent message, so that each is counted."""
-
-
-class Inspected(Protocol):
-    """Part of the port `Autopilot` that an inspection needs."""
-
-    warnings: list[str]
-
-    @property
-    def description(self) -> str: ...
-
-    @property
-    def requirements(self) -> Sequence[Requirement]: ...
-
-    @property
-    def checks(self) -> Sequence[Check]: ...
-
-    @property
-    def attitude_parameters(self) -> Sequence[str]: ...
-
-    @property
-    def rate_limits(self) -> Sequence[str]: ...
-
-    @property
-    def rotor_axis_parameters(self) -> Callable[[int], tuple[str, str, str]] | None: ...
-
-    async def request_telemetry(self) -> None: ...
-
-    def thrust_additions(self, hover: float) -> list[Addition]: ...
-
-    async def run_checks(self) -> None: ...
-
-    def state(self) -> VehicleState: ...
-
-    async def parameters(self, names: Iterable[str]) -> dict[str, float]: ...
 
 
 @dataclass
@@ -150,7 +113,7 @@ async def _left_behind(autopilot: Autopilot, kept: ChangedParameters, restore_pa
 
 async def inspect_autopilot(
     plan: FlightPlan,
-    autopilot: Inspected,
+    autopilot: Autopilot,
     seconds: float,
     without_failsafe: bool = False,
     last: LastFlight | None = None,
@@ -179,11 +142,19 @@ async def inspect_autopilot(
         *await ask_about_lateral_force(plan, autopilot),
         *await ask_about_rate(needed_rate_rad_s(plan), autopilot),
         *([] if last is None else await ask_about_attitude(last, autopilot)),
-        *thrust_findings(autopilot.thrust_additions(hover_throttle(plan.body.vehicle))),
+        *thrust_findings(autopilot.thrust_additions(plan.body.vehicle.hover_throttle)),
     ]
 
 
-async def _ready(autopilot: Inspected, guards: GuardLimits) -> None:
+def thrust_findings(additions: Sequence[Addition]) -> list[Finding]:
+    """Rows of the table of what the autopilot adds to the thrust, after a row that says what its columns are."""
+    width = max((len(addition.parameters) for addition in additions), default=0)
+    heading = f"{'your autopilot adds':{width}} at hover  at {TABLE_TILT_DEG:g} deg"
+    rows = [f"{a.parameters:{width}} {a.at_hover:+8.1%} {a.at_tilt:+10.1%}  {a.remark}" for a in additions]
+    return [judged("thrust chain", text) for text in (heading, *rows)]
+
+
+async def _ready(autopilot: Autopilot, guards: GuardLimits) -> None:
     """Wait as long as a flight does for a state that it may use, as the estimator needs some time after boot."""
     began_s = autopilot.state().time_s
     while True:
@@ -195,7 +166,7 @@ async def _ready(autopilot: Inspected, guards: GuardLimits) -> None:
         await asyncio.sleep(LOOK_EVERY_S)
 
 
-async def _listen(autopilot: Inspected, seconds: float) -> Counted:
+async def _listen(autopilot: Autopilot, seconds: float) -> Counted:
     counted = Counted(seconds)
     last = autopilot.state()
     end_s = last.time_s + seconds
@@ -281,19 +252,19 @@ def _remote(state: VehicleState) -> Iterator[Finding]:
         yield Finding(Verdict.WARNING, "remote", NO_REMOTE)
 
 
-async def _parameters(autopilot: Inspected, vehicle: Vehicle, without_failsafe: bool) -> list[Finding]:
+async def _parameters(autopilot: Autopilot, vehicle: Vehicle, without_failsafe: bool) -> list[Finding]:
     values = await autopilot.parameters(need.parameter for need in autopilot.requirements)
     required = [_required(need, values, without_failsafe) for need in autopilot.requirements]
     return [*required, *await advisable_parameters(autopilot, vehicle)]
 
 
-async def advisable_parameters(autopilot: Inspected, vehicle: Vehicle) -> list[Finding]:
+async def advisable_parameters(autopilot: Autopilot, vehicle: Vehicle) -> list[Finding]:
     """Findings about the parameters that a flight does not require."""
-    names = [check.parameter for check in autopilot.checks]
+    names = [check.parameter for check in autopilot.firmware.checks]
     values = await autopilot.parameters(names)
     if names and not values:
         return [judged("parameters", ", ".join(names), warning="the autopilot tells none of them")]
-    found = [(check, values[check.parameter]) for check in autopilot.checks if check.parameter in values]
+    found = [(check, values[check.parameter]) for check in autopilot.firmware.checks if check.parameter in values]
     return [_advised(check, value, vehicle) for check, value in found]
 
 

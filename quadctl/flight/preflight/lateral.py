@@ -1,9 +1,9 @@
 """Lateral force before a flight with `actuation: full`: can the rotors give it, and will the autopilot?"""
 
 import math
-from collections.abc import Callable, Iterable, Iterator
-from typing import Protocol
+from collections.abc import Iterator
 
+from quadctl.flight.autopilot.port import Autopilot
 from quadctl.flight.preflight.findings import Finding, judged
 from quadctl.flight.preflight.plan import FlightPlan
 from quadctl.vehicle import Vehicle
@@ -12,18 +12,6 @@ TOPIC = "actuation"
 MAX_AXIS_DIFFERENCE_DEG = 5.0
 """Largest angle between a rotor's axis in the autopilot's parameters and in the vehicle file: it is a side force of a
 tenth of that rotor's thrust."""
-
-
-class Asked(Protocol):
-    """Part of the port `Autopilot` that the question needs."""
-
-    @property
-    def description(self) -> str: ...
-
-    @property
-    def rotor_axis_parameters(self) -> Callable[[int], tuple[str, str, str]] | None: ...
-
-    async def parameters(self, names: Iterable[str]) -> dict[str, float]: ...
 
 
 def check_rotors(plan: FlightPlan) -> Iterator[Finding]:
@@ -46,11 +34,11 @@ def check_rotors(plan: FlightPlan) -> Iterator[Finding]:
     yield judged(TOPIC, text, refused=refused, warning=None if reach_n else "hover takes all that the rotors give")
 
 
-async def ask_about_lateral_force(plan: FlightPlan, autopilot: Asked) -> list[Finding]:
+async def ask_about_lateral_force(plan: FlightPlan, autopilot: Autopilot) -> list[Finding]:
     """Findings about what the autopilot will do with lateral force; none where the flight does not ask for it."""
     if plan.settings.controller.actuation != "full":
         return []
-    names = autopilot.rotor_axis_parameters
+    names = autopilot.firmware.rotor_axis_parameters
     if names is None:
         refused = "it has no setpoint of lateral force and would fly without it, expected PX4, or actuation: tilt"
         return [judged(TOPIC, f"full on {autopilot.description}", refused=refused)]

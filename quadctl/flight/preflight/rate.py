@@ -1,11 +1,11 @@
 """Rate with which a mission turns the thrust axis, beside what the attitude and the autopilot's limits follow."""
 
 import math
-from collections.abc import Iterable, Sequence
-from typing import Protocol
+from collections.abc import Sequence
 
 from quadctl.control import ControllerSettings
 from quadctl.control.lags import GAIN_TIMES_LAG
+from quadctl.flight.autopilot.port import Autopilot
 from quadctl.flight.preflight.findings import Finding, judged
 from quadctl.flight.preflight.plan import FlightPlan
 from quadctl.frames import GRAVITY_M_S2
@@ -20,15 +20,6 @@ USUAL_LAG_S = GAIN_TIMES_LAG / ControllerSettings().velocity_horizontal.p
 
 Axes = Sequence[tuple[float, Vec3]]
 """Directions of the thrust axis, NED, by time, s."""
-
-
-class Limited(Protocol):
-    """Part of the port `Autopilot` that the question needs."""
-
-    @property
-    def rate_limits(self) -> Sequence[str]: ...
-
-    async def parameters(self, names: Iterable[str]) -> dict[str, float]: ...
 
 
 def check_rate(axes: Axes, plan: FlightPlan) -> Finding:
@@ -82,9 +73,9 @@ def place(mission: Mission, time_s: float) -> str:
     return f"at {time_s:.1f} s ({mission.phase_at(time_s).name})"
 
 
-async def ask_about_rate(needed_rad_s: float, autopilot: Limited) -> list[Finding]:
+async def ask_about_rate(needed_rad_s: float, autopilot: Autopilot) -> list[Finding]:
     """Findings about the autopilot's own limits of the rates, beside the rate that the mission needs."""
-    values = await autopilot.parameters(autopilot.rate_limits)
+    values = await autopilot.parameters(autopilot.firmware.rate_limits)
     return [_within(name, most, math.degrees(needed_rad_s)) for name, most in values.items() if most > 0.0]
 
 

@@ -1,6 +1,7 @@
 """LaTeX and BibTeX of a statement. All text that comes from files or users is escaped."""
 
 import hashlib
+import json
 import re
 from collections.abc import Iterable, Sequence
 
@@ -39,6 +40,15 @@ def escape(text: str) -> str:
     spaced = re.sub(r"\s+", " ", text)
     printed = (_SPECIAL.get(c, c if c.isprintable() and c <= "\u00ff" else "?") for c in spaced)
     return "".join(printed).replace("--", "-{}-")  # two hyphens would become a dash
+
+
+def paper_files(statement: Statement) -> dict[str, str]:
+    """Contents by name of file: a LaTeX document that compiles alone, its BibTeX, and all numbers as JSON."""
+    return {
+        "model.tex": document(statement, "model"),
+        "model.bib": bibtex(statement.model.effects),
+        "model.json": json.dumps(statement.to_dict(), indent=1, allow_nan=False) + "\n",
+    }
 
 
 def document(statement: Statement, bibliography: str) -> str:

@@ -17,7 +17,7 @@ from quadctl.logs.flight_log import ATTITUDE, POSITION, VELOCITY, FlightLog
 from quadctl.missions import Mission
 from quadctl.missions.mission import Phase
 from quadctl.model import Model, conditions
-from quadctl.numeric import Vector, asin, atan2, sqrt
+from quadctl.numeric import Vector, asin, atan2, plus, scaled, sqrt
 
 STEP_S = 0.02
 JUMP_M = 0.005
@@ -54,7 +54,7 @@ def planned_flight(mission: Mission, model: Model, like: Dataset) -> Flight:
     heading = _heading(last.attitude)
     yaw = np.array([mission.yaw_rad(t, heading) for t in time.tolist()])
     battery = _falling(np.asarray(last.battery_v), np.asarray(last.time_s), time)
-    wanted = _times(vehicle.mass_kg, (acceleration[:, 0], acceleration[:, 1], -acceleration[:, 2] - GRAVITY_M_S2))
+    wanted = scaled(vehicle.mass_kg, (acceleration[:, 0], acceleration[:, 1], -acceleration[:, 2] - GRAVITY_M_S2))
     command = wanted
     for _ in range(ROUNDS):
         roll, pitch = _lean(command, yaw)
@@ -63,7 +63,7 @@ def planned_flight(mission: Mission, model: Model, like: Dataset) -> Flight:
         body = rotate_inverse(attitude, (velocity[:, 0], velocity[:, 1], -velocity[:, 2]))
         c = conditions(vehicle, position[:, 2], body, attitude, time, battery, (position[:, 0], position[:, 1]))
         given = rotate(attitude, model.body_force([each] * vehicle.n_rotors, c))
-        command = _plus(command, _plus(wanted, _times(-1.0, given)))
+        command = plus(command, plus(wanted, scaled(-1.0, given)))
     _check_forces(mission, model, roll, pitch, each)
     columns = {
         **dict(zip(POSITION, position.T, strict=True)),
@@ -152,14 +152,6 @@ def _check_forces(mission: Mission, model: Model, roll: Floats, pitch: Floats, e
     most, allowed = float(np.max(each_n)), MAX_THRUST_SHARE * model.vehicle.throttle.max_thrust_per_rotor_n
     if not most < allowed:
         raise SettingsError(f"{mission.name}: needs {most:.1f} N from each rotor, expected less than {allowed:.1f} N")
-
-
-def _plus(a: Vector, b: Vector) -> Vector:
-    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
-
-
-def _times(factor: float, a: Vector) -> Vector:
-    return factor * a[0], factor * a[1], factor * a[2]
 
 
 def _length(a: Vector) -> Floats:

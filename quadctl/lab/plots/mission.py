@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from quadctl.errors import SettingsError
+from quadctl.files import writing
 from quadctl.lab.arrays import Floats
 from quadctl.lab.plots.style import BLUE, GREY, LIGHT, STYLE, VERMILION
 from quadctl.missions import Mission
@@ -52,10 +53,8 @@ def save_mission_plot(mission: Mission, max_speed_m_s: float, max_tilt_deg: floa
     """Write the figure as PNG; raises SettingsError when `path` does not end in .png or cannot be written."""
     if path.suffix.lower() != ".png":
         raise SettingsError(f"{path}: ends in '{path.suffix}', expected .png")
-    try:
+    with writing(path, SettingsError):
         mission_figure(mission, max_speed_m_s, max_tilt_deg).savefig(path, dpi=110)
-    except OSError as error:
-        raise SettingsError(f"{path}: cannot be written ({error.strerror})") from None
 
 
 def _curve(ax: Axes, time: Floats, values: Floats, label: str, limits: dict[str, float]) -> None:

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from quadctl.errors import SettingsError
+from quadctl.files import writing
 from quadctl.lab.plots.style import BLUE, GREY, LIGHT, STYLE, VERMILION
 from quadctl.vehicle import Vehicle
 
@@ -33,10 +34,8 @@ def save_vehicle_plot(vehicle: Vehicle, path: Path) -> None:
     """Write the figure as PNG; raises SettingsError when `path` does not end in .png or cannot be written."""
     if path.suffix.lower() != ".png":
         raise SettingsError(f"{path}: ends in '{path.suffix}', expected .png")
-    try:
+    with writing(path, SettingsError):
         vehicle_figure(vehicle).savefig(path, dpi=110)
-    except OSError as error:
-        raise SettingsError(f"{path}: cannot be written ({error.strerror})") from None
 
 
 def _rotors(ax: Axes, vehicle: Vehicle) -> None:

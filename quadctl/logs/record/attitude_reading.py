@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from quadctl.frames import Quaternion, euler_from_quaternion, multiply, quaternion_from_euler
+from quadctl.frames import Quaternion, euler_from_quaternion, euler_rates, multiply, quaternion_from_euler
 from quadctl.logs.findings import Finding, Kind, finding
 from quadctl.logs.flight_log import ATTITUDE, RATES, VELOCITY, FlightLog, Floats
 from quadctl.logs.record.flight_time import STEP_S, averaged, clock_of, on_clock
@@ -25,6 +25,8 @@ BETTER = 0.5
 STRANGE_TURN_DEG, STRANGE_SHARE = 10.0, 0.1
 """Turn of the heading that the rates do not know, and the share of the time in which it happens, from which on the
 column is no heading: an estimator resets its heading now and then."""
+STEEPEST_RAD = 1.47
+"""Pitch beyond which a heading has no slope."""
 COURSE_M_S, COURSE_DEG, COURSE_SHARE = 0.5, 5.0, 0.8
 """Least speed over the ground at which a course is known, and how near and how often the column is to it."""
 
@@ -122,9 +124,8 @@ def _with_a_heading(log: FlightLog, grid: Floats, angles: Angles) -> tuple[Fligh
     """The log with the heading by its gyro where the column is none, and the finding; its direction is still open."""
     roll, pitch, _ = angles
     p, q, r = (averaged(on_clock(grid, log, name), 1) for name in RATES)
-    of_yaw = (q * np.sin(roll) + r * np.cos(roll)) / np.maximum(np.cos(pitch), 0.1)
-    by_gyro = np.cumsum(np.array([p + of_yaw * np.sin(pitch), q * np.cos(roll) - r * np.sin(roll), of_yaw]), axis=1)
-    by_gyro *= STEP_S
+    slopes = euler_rates(roll, np.clip(pitch, -STEEPEST_RAD, STEEPEST_RAD), p, q, r)
+    by_gyro = STEP_S * np.cumsum(np.array(slopes), axis=1)
     turned = by_gyro[:, TURNED_STEPS:] - by_gyro[:, :-TURNED_STEPS]
     strange = np.array(angles)[:, TURNED_STEPS:] - np.array(angles)[:, :-TURNED_STEPS] - turned
     share = float(np.mean(np.abs(strange[2]) > np.radians(STRANGE_TURN_DEG)))

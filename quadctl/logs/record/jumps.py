@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from quadctl.logs.findings import Finding, Kind, finding
 from quadctl.logs.flight_log import POSITION, RATES, VELOCITY, FlightLog, Floats
+from quadctl.logs.kinematics import integral
 
 LONGEST_GAP_S = 1.0
 """Time between updates over which a value may change by more than its slope says."""
@@ -138,6 +139,4 @@ def _unexplained(log: FlightLog, quantity: _Quantity, column: int, rows: NDArray
     known = np.isfinite(log[quantity.slopes[column]])
     unknown = np.diff(np.concatenate([[0], np.cumsum(~known)])[rows]) > 0
     slope = quantity.slope_factor * np.nan_to_num(log[quantity.slopes[column]])
-    steps = np.diff(log.time_s)
-    sums = np.concatenate([[0.0], np.cumsum(0.5 * (slope[1:] + slope[:-1]) * steps)])
-    return np.where(long | unknown, 0.0, change - np.diff(sums[rows]))
+    return np.where(long | unknown, 0.0, change - np.diff(integral(log.time_s, slope)[rows]))

@@ -11,6 +11,7 @@ import numpy as np
 from quadctl.frames import GRAVITY_M_S2, quaternion_from_euler, rotate
 from quadctl.logs.findings import Finding, Kind, Span, finding
 from quadctl.logs.flight_log import ATTITUDE, IMU, VELOCITY, FlightLog, Floats
+from quadctl.logs.kinematics import integral
 from quadctl.logs.record.flight_time import averaged, on_clock, thrust_drive
 
 STEP_S, SMOOTHED_STEPS, SLOW_S = 0.1, 5, 10.0
@@ -99,8 +100,8 @@ def _quick(values: Floats) -> Floats:
 def _mean_on(grid: Floats, log: FlightLog, name: str) -> Floats:
     """Mean of a fast channel between the times of a clock."""
     rows = log.updates(name)
-    time_s, values = log.time_s[rows], log[name][rows]
-    sums = np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(time_s))])
+    time_s = log.time_s[rows]
+    sums = integral(time_s, log[name][rows])
     edges = np.concatenate([grid - 0.5 * STEP_S, [grid[-1] + 0.5 * STEP_S]])
     return np.asarray(np.diff(np.interp(edges, time_s, sums)) / STEP_S)
 

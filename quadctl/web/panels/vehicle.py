@@ -12,6 +12,7 @@ from nicegui import ui
 from quadctl.frames import GRAVITY_M_S2
 from quadctl.lab.comparison.reservations import vehicle_in_words
 from quadctl.lab.comparison.wording import listed
+from quadctl.logs.formats import suffixes_with_parameters
 from quadctl.vehicle import Vehicle
 from quadctl.vehicle_draft.draft import THRUST_COEFFICIENT, Answers, answers_of, told
 from quadctl.vehicle_draft.frames import (
@@ -32,8 +33,6 @@ from quadctl.web.figures.rotors import rotors_svg
 from quadctl.web.panels.panel import Controls, Panel
 from quadctl.web.session.files import vehicle_in
 
-WITH_PARAMETERS = (".ulg", ".bin")
-"""Suffixes of the logs that hold the parameters of their autopilot."""
 AS_LOGGED = "as in the log"
 """Choice of the frame whose rotors are those of a log's parameters."""
 ASSUMED = (
@@ -110,7 +109,7 @@ class VehicleChoice(Panel):
                         tag("p", "muted", "Each number by itself: the others stay, also those worked out from it.")
                     _draw_numbers(do, vehicle, self.theme)
             with _form("A new vehicle"):
-                logs = [log for log in self.logs if log.suffix.lower() in WITH_PARAMETERS]
+                logs = [log for log in self.logs if log.suffix.lower() in suffixes_with_parameters()]
                 _NewVehicle(do, logs, TYPICAL, self.theme)
             with ui.expansion("As a file (YAML)").props("dense"):
                 upload = StreamedUpload()

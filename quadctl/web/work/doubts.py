@@ -2,6 +2,7 @@
 
 import math
 
+from quadctl.flight.autopilot.firmwares import FIRMWARES
 from quadctl.lab.comparison.wording import sentence
 from quadctl.lab.flights.preparation import BANDWIDTH_PER_UPDATE_RATE, MAX_BANDWIDTH_HZ
 from quadctl.logs.findings import Kind, of_kind
@@ -14,7 +15,6 @@ MASS_TOLERANCE = 0.02
 """Largest relative difference of two statements of the mass of one vehicle."""
 ENOUGH_HZ = math.ceil(MAX_BANDWIDTH_HZ / BANDWIDTH_PER_UPDATE_RATE)
 """Rate of the slowest channel from which on the filter has its full bandwidth."""
-FIRMWARES = ("PX4", "ArduPilot")
 
 
 def doubt_of(log: FlightLog, vehicle: Vehicle) -> str:
@@ -67,4 +67,4 @@ def cautions_of(report: QualityReport, bandwidth_hz: float, used_s: tuple[float,
 def firmware(log: FlightLog) -> str:
     """Firmware that the log names; empty where it names none that is known."""
     said = str(log.meta.get("autopilot", ""))
-    return next((name for name in FIRMWARES if name.lower() in said.lower()), "")
+    return next((known.name for known in FIRMWARES.values() if known.name.lower() in said.lower()), "")

@@ -46,9 +46,9 @@ from quadctl.web.session.files import without_folder
 from quadctl.web.session.findings import Findings
 from quadctl.web.session.session import Rung
 from quadctl.web.work.doubts import doubt_beside, doubt_of
-from quadctl.web.work.progress import Progress
 from quadctl.web.work.reading import OpenedLog, stamp_of
 from quadctl.web.work.simulated import Simulation
+from quadctl.web.work.worker import Progress
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.quality import QualityReport
 from quadctl.logs.read import read_log
 from quadctl.vehicle import Vehicle
-from quadctl.web.work.progress import Progress
+from quadctl.web.work.worker import Progress
 
 if TYPE_CHECKING:
     from quadctl.lab.flights.flight import Flight

@@ -14,7 +14,7 @@ from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.read import read_log
 from quadctl.model import Model, save_model
 from quadctl.vehicle import Vehicle
-from quadctl.web.work.progress import Progress
+from quadctl.web.work.worker import Progress
 
 MISSION, REFERENCE_MISSION = "step_response", "step_response_high"
 SAMPLE_MISSION, SAMPLE_SEED = "hover_staircase", 1

@@ -13,7 +13,9 @@ from typing import Any
 from quadctl.errors import QuadctlError
 from quadctl.logs.memory import give_memory_back, return_freed_memory
 from quadctl.web.work.exchange import Exchange
-from quadctl.web.work.progress import Progress
+
+Progress = Callable[[str], None]
+"""Callback by which a job reports the step that it begins, in a few words."""
 
 AT_ONCE_S = 0.2
 """Time that a new process waits for a job before it imports the module of the jobs."""

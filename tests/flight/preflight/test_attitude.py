@@ -67,7 +67,7 @@ def test_a_log_that_shows_no_lag_is_a_warning() -> None:
 
 class Told:
     def __init__(self, firmware: Firmware, **values: float) -> None:
-        self.attitude_parameters = firmware.attitude_parameters
+        self.firmware = firmware
         self.asked: list[str] = []
         self._values = values
 

@@ -175,9 +175,7 @@ class FakeAutopilot:
     warnings: list[str] = field(default_factory=list)
     description: str = "an autopilot"
     requirements: Sequence[Requirement] = field(default_factory=lambda: PX4.requirements(1))
-    checks: Sequence[Check] = PX4.checks
-    attitude_parameters: Sequence[str] = PX4.attitude_parameters
-    rate_limits: Sequence[str] = PX4.rate_limits
+    firmware: Firmware = PX4
 
     def __post_init__(self) -> None:
         self._looks = itertools.count()
@@ -277,7 +275,7 @@ def test_a_vehicle_without_a_remote_control_is_warned_of(tmp_path: Path) -> None
 def test_an_autopilot_that_drives_another_number_of_rotors_is_refused(
     tmp_path: Path, firmware: Firmware, values: dict[str, float], said: str | None
 ) -> None:
-    autopilot = FakeAutopilot(STANDING, values=GOOD | values, checks=firmware.checks)
+    autopilot = FakeAutopilot(STANDING, values=GOOD | values, firmware=firmware)
     assert found(asked(tmp_path, autopilot), Verdict.REFUSED).get("parameters") == said
 
 
@@ -352,7 +350,7 @@ def test_what_is_judged_of_a_parameter_belongs_to_the_autopilot(tmp_path: Path) 
         objection=lambda seconds, _: "expected 1 s" if seconds > 1.0 else None,
     )
     values = {"ACME_PATIENCE": 3.0, "COM_OF_LOSS_T": 5.0}
-    autopilot = FakeAutopilot(STANDING, values=values, requirements=(), checks=[patience])
+    autopilot = FakeAutopilot(STANDING, values=values, requirements=(), firmware=replace(PX4, checks=[patience]))
     findings = [finding for finding in asked(tmp_path, autopilot) if finding.topic == "parameters"]
     assert [str(finding) for finding in findings] == ["parameters: ACME_PATIENCE: waits 3 s: expected 1 s"]
 

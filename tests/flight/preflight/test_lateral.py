@@ -39,7 +39,7 @@ class Asked:
 
     def __init__(self, firmware: Firmware, parameters: dict[str, float]) -> None:
         self.description = firmware.name
-        self.rotor_axis_parameters = firmware.rotor_axis_parameters
+        self.firmware = firmware
         self._parameters = parameters
 
     async def parameters(self, names: Iterable[str]) -> dict[str, float]:

@@ -11,6 +11,7 @@ import pytest
 
 from quadctl.errors import SettingsError
 from quadctl.flight.autopilot.ardupilot import ARDUPILOT
+from quadctl.flight.autopilot.firmware import Firmware
 from quadctl.flight.autopilot.px4 import PX4
 from quadctl.flight.preflight.check import check_flight, needed_rate_rad_s
 from quadctl.flight.preflight.findings import Finding, Verdict
@@ -40,8 +41,8 @@ def about(findings: Sequence[Finding], topic: str) -> Finding:
 class Told:
     """An autopilot that tells these parameters."""
 
-    def __init__(self, rate_limits: Sequence[str], **values: float) -> None:
-        self.rate_limits = rate_limits
+    def __init__(self, firmware: Firmware, **values: float) -> None:
+        self.firmware = firmware
         self._values = values
 
     async def parameters(self, names: Iterable[str]) -> dict[str, float]:
@@ -86,11 +87,11 @@ def test_a_slow_attitude_leaves_more_than_the_mission_tolerates() -> None:
 
 def test_the_autopilots_own_limit_of_the_rates_is_compared() -> None:
     needed = needed_rate_rad_s(flight("lap_s=3"))
-    px4 = Told(PX4.rate_limits, MC_ROLLRATE_MAX=220.0, MC_PITCHRATE_MAX=400.0)
+    px4 = Told(PX4, MC_ROLLRATE_MAX=220.0, MC_PITCHRATE_MAX=400.0)
     roll, pitch = asyncio.run(ask_about_rate(needed, px4))
     assert (roll.verdict, pitch.verdict) == (Verdict.WARNING, Verdict.OK)
     assert roll.text.startswith("MC_ROLLRATE_MAX is 220 deg/s, the mission needs 28")
-    unlimited = Told(ARDUPILOT.rate_limits, ATC_RATE_R_MAX=0.0, ATC_RATE_P_MAX=0.0)
+    unlimited = Told(ARDUPILOT, ATC_RATE_R_MAX=0.0, ATC_RATE_P_MAX=0.0)
     assert asyncio.run(ask_about_rate(needed, unlimited)) == []
 
 

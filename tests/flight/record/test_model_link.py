@@ -3,7 +3,7 @@
 import math
 
 from quadctl.flight.model_watch.watch import NO_ERROR, ModelError
-from quadctl.flight.record.model_link import ModelLink
+from quadctl.flight.session import ModelLink
 from tests.flight.record.test_recorder import tick
 from tests.support.in_process import InProcess
 
