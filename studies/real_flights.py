@@ -22,9 +22,10 @@ RAPTOR = ROOT / "config/vehicles/raptor.yaml"
 
 INTRODUCTION = """# Real flights
 
-Results of `quadctl discover` on public logs, starting from the rigid body. Written by `make real`. Errors are root mean
-squares of the acceleration residual, m/s², on held-out blocks of time; intervals are 95 %. Trim and calibration of each
-flight are fitted at every step, so the first error is that of the rigid body with its best trim.
+Written by `make real`: `quadctl discover` on public logs, from the rigid body. Errors are root mean squares of the
+acceleration residual, m/s², on held-out blocks of time; the choice of effects has seen them. Intervals are 95 %.
+Per-flight bias is fitted at every step. The reference error is that of a nonparametric regression on all variables
+([terms](statistics.md#terms)). Effects that the flights cannot show were not tried.
 """
 
 
@@ -46,60 +47,54 @@ SETS = (
         "RAPTOR, hovering over the ground",
         RAPTOR,
         ("raptor/HOVERING.csv",),
-        "Appius' thesis fits a e^(-bz) + c with a = 0.114, b = 5.39, c = 1.028 to this flight: the c is a thrust "
-        "scale, which the thesis does not name. The frame is tilted against the floor by about 0.9 degrees, which "
-        "is found as a tilted thrust. Rotor speeds arrive at 3 Hz, so all signals are filtered to 1 Hz.",
+        "The thesis fits a e^(-bz) + c with a = 0.114, b = 5.39, c = 1.028: the c is a thrust scale. Rotor "
+        "speeds arrive at 3 Hz, so all signals are filtered to 1 Hz.",
     ),
     Flights(
         "RAPTOR, forward runs",
         RAPTOR,
         ("raptor/FORWARD_SPEED.csv",),
-        "The thesis finds no influence of the forward speed on the ground effect here; the effect of the speed is "
-        "drag along the runs. Sideward drag cannot be determined: nobody flew sideward.",
+        "The effect of the speed is drag along the runs; nobody flew sideward.",
     ),
     Flights(
         "RAPTOR, both together",
         RAPTOR,
         ("raptor/HOVERING.csv", "raptor/FORWARD_SPEED.csv"),
-        "One model for two flights whose trims differ by more than a degree, at one heading: the tilt is not the "
-        "same in both, and wind cannot be distinguished from it. Effects on the moments (a weak rotor, rotors in "
-        "each other's wake) depend on rotor speeds at 3 Hz and on an inertia that nobody measured: check the "
-        "propellers before you believe them.",
+        "The tilt is not the same in both, at one heading. Effects on the moments would depend on rotor "
+        "speeds at 3 Hz and an inertia that nobody measured.",
     ),
     Flights(
         "RAPTOR, steps while flying forward",
         RAPTOR,
         RAPTOR_STEPS,
-        "Step responses without compensation, and the same flights high above the ground, at 0.5 and 1.25 m/s.",
+        "Step responses without compensation, and the same high above the ground, at 0.5 and 1.25 m/s.",
     ),
     Flights(
         "RAPTOR, steps with commands only",
         RAPTOR,
         ("raptor/NO_COMPENSATION_01.csv", "raptor/NO_COMPENSATION_02.csv", "raptor/HIGH_ALTITUDE_01.csv"),
-        "These logs hold no rotor speeds: thrust is computed from the commanded throttle with the vehicle file's "
-        "line. A weak battery and a wrong line then look like a thrust scale.",
+        "No rotor speeds: thrust is computed from the throttle with the vehicle file's line. A weak battery "
+        "and a wrong line look like a thrust scale.",
     ),
     Flights(
         "PX4 in its own simulator, hover staircase",
         DATA / "px4/sih_quadx.yaml",
         ("px4/A_staircase.ulg",),
-        "No rotor speeds, thrust from motor outputs. In hover the estimator's velocity error is as large as the "
-        "speed itself, so the drag is weakened, which its interval allows for, and an attitude error looks like a "
-        "tilted thrust and a biased accelerometer at once. The simulator's own truth is not used.",
+        "No rotor speeds, thrust from motor outputs. In hover the estimator's velocity error is as large as "
+        "the speed, which weakens the drag; its interval allows for that.",
     ),
     Flights(
         "PX4 in its own simulator, forward runs",
         DATA / "px4/sih_quadx.yaml",
         ("px4/B_forward.ulg",),
-        "The simulator's drag is linear with 1 1/s in all directions. Sideward the vehicle hardly moves, so that "
-        "errors of the estimated velocity weaken d_y: its interval is drawn towards what they may have taken.",
+        "The simulator's drag is 1 1/s in all directions. Sideward the vehicle hardly moves, so errors of the "
+        "estimated velocity weaken d_y.",
     ),
     Flights(
         "ArduPilot in its own simulator, hover staircase",
         RAPTOR,
         ("ardupilot/stair_eq0.bin",),
-        "There is no vehicle file for this simulated vehicle: RAPTOR's is wrong by a factor, which is found as a "
-        "thrust scale.",
+        "RAPTOR's vehicle file is wrong by a factor here, which is found as a thrust scale.",
     ),
 )
 
@@ -125,13 +120,20 @@ def section(flights: Flights, found: Discovery, seconds: float) -> str:
         effect = words.get(step.effect)
         parameters = parameters_in_words(effect, intervals[effect.name]) if effect else ""
         rows.append((step.effect or "rigid body", f"{step.rmse['total']:.3f}", parameters))
-    rows.append(("noise floor of all variables together", f"{found.noise_floor['total']:.3f}", ""))
+    rows.append(("nonparametric reference error", f"{found.noise_floor['total']:.3f}", ""))
     table = _table(("model", "held-out error", "parameters in the end [95 %]"), rows)
-    said = [line for line in found.diagnosis.lines() if "->" not in line and not line.startswith("Missing")]
+    diagnosis = found.diagnosis
+    said = (
+        ["Part of the remaining error depends on the logged variables, unexplained."] if diagnosis.unexplained else []
+    )
+    said += [
+        f"Measured, but small: {c.effect.name}, {parameters_in_words(c.effect, c.ci95)}." for c in diagnosis.measured
+    ]
+    said += [f"Confounded: {' and '.join(pair)}." for pair in diagnosis.confounded]
     logs = ", ".join(f"`{Path(name).name}`" for name in flights.logs)
     about = textwrap.fill(f"{logs}; {seconds:.0f} s of one processor. {flights.about}", 120)
     listed = "\n".join(textwrap.fill(f"- {line}", 120, subsequent_indent="  ") for line in said)
-    return f"## {flights.title}\n\n{about}\n\n{table}\n\n{listed}\n"
+    return f"## {flights.title}\n\n{about}\n\n{table}\n" + (f"\n{listed}\n" if listed else "")
 
 
 def _table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

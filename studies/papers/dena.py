@@ -156,33 +156,26 @@ def section(vehicle: Vehicle, draws: int = DRAWS) -> str:
     worst = 0.5 / draws**0.5
     return f"""## Dena et al.: M1 to M4 and PM on four surfaces
 
-The flights are not public, and the paper gives neither k_s nor the noise nor the spacing of the 13 heights. The flights
-are therefore simulated: {len(SURFACES)} surfaces ({", ".join(SURFACES)}), {FLIGHTS} flights over each, the rotor plane
-at 13 evenly spaced heights from 1.00 to 0.21 m, and RAPTOR's geometry
-(d = {vehicle.adjacent_distance_m / vehicle.rotor.radius_m:.1f} R). The true thrust ratio K obeys eq. 20 with
-k_b = {K_B}; the values of k_s are evenly spaced over the surfaces, between minus and plus the number given below. Each
-model is fitted to two flights over every surface, and its error is computed on the third. We assume that M1 to M4 are
-eq. 12 to 15.
+The flights are not public, and the paper gives neither k_s nor noise nor spacing. Simulated are
+{len(SURFACES)} surfaces, {FLIGHTS} flights over each, 13 heights from 1.00 to 0.21 m and RAPTOR's geometry
+(d = {vehicle.adjacent_distance_m / vehicle.rotor.radius_m:.1f} R); K obeys eq. 20 with k_b = {K_B} and k_s evenly
+spaced between minus and plus the number given. Each model is fitted to two flights over every surface and judged on the
+third. M1 to M4 are taken as eq. 12 to 15.
 
 Without noise, k_s = ±{SPREADS[1]}:
 
 {table(["model", "RMSE of K, held-out"], models)}
 
-With noise, {draws} times drawn: share of the draws in which PM has the smallest error / in which the errors have the
-order {" > ".join(ORDER)} (standard error at most {worst:.1%}). The noise is the standard deviation of the mean
-thrust of one hover, relative to the thrust far from the ground.
+With noise, {draws} draws: share in which PM has the smallest error / in which the order is {" > ".join(ORDER)}
+(standard error at most {worst:.1%}). The noise is that of the mean thrust of one hover.
 
 {table(["noise", *(f"k_s = ±{s}" for s in SPREADS)], rows)}
 
 {_figure(outcomes)}
 
-- PM has the smallest error and M1 the largest while the noise is small compared to the difference between the
-  surfaces. {_kept(outcomes)} With more noise the four parameters of PM fit the noise, and the single parameter of M4
-  predicts the next flight as well or better: PM is still the true model, but 12 data sets cannot show it.
-- M2 has a smaller error than M3 in these simulations, although M3 describes more of the physics: the fitted rho of M2
-  also represents the neighbouring rotors and the fountain, and M3 has no fountain. M3 is better than M2 only if k_b is
-  below {names_in_order_below(vehicle, rivals):.2f}.
-- The fitted rho is about {rho:.2f} in these simulations (Dena et al.: 3.65).
+- {_kept(outcomes)} With more noise 12 data sets cannot show that PM is the true model.
+- M2 beats M3 here: its fitted rho ({rho:.2f}; Dena et al.: 3.65) also represents neighbouring rotors and fountain. M3
+  is better only if k_b is below {names_in_order_below(vehicle, rivals):.2f}.
 """
 
 
@@ -191,7 +184,7 @@ def _kept(outcomes: dict[tuple[float, float], Outcome]) -> str:
     for spread in SPREADS:
         kept = [noise for noise in NOISES if outcomes[spread, noise].pm_best >= 0.95]
         parts.append(f"{max(kept):.1%} for k_s = ±{spread}")
-    return f"The largest noise of the table at which PM is best in 95 % of the draws is {', '.join(parts)}."
+    return f"PM is best in 95 % of the draws up to a noise of {', '.join(parts)}."
 
 
 def _figure(outcomes: dict[tuple[float, float], Outcome]) -> str:
