@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 from quadctl.effects.ground_effect import Cheeseman, Danjun, Surface, quadrotor_ratio
 from quadctl.logs.flight_log import Floats
 from quadctl.vehicle import Vehicle
-from studies.papers.page import save, table
+from studies.papers.page import save
 
 MODELS = ("M1", "M2", "M3", "M4", "PM")
 MEANING = {
@@ -148,28 +148,14 @@ def section(vehicle: Vehicle, draws: int = DRAWS) -> str:
     outcomes = {(s, n): simulate(vehicle, rivals, s, n, draws) for s in SPREADS for n in NOISES}
     clean = outcomes[SPREADS[1], 0.0]
     rho = rivals.danjun.parameter[rivals.danjun.nearest(world(vehicle, 0.0)[0])]
-    models = [[f"{m}: {MEANING[m]}", f"{rmse:.4f}"] for m, rmse in zip(MODELS, clean.rmse, strict=True)]
-    rows = [
-        [f"{noise:.1%}", *(f"{outcomes[s, noise].pm_best:.0%} / {outcomes[s, noise].whole_order:.0%}" for s in SPREADS)]
-        for noise in NOISES
-    ]
-    worst = 0.5 / draws**0.5
+    models = [f"{m} ({MEANING[m]}) {rmse:.4f}" for m, rmse in zip(MODELS, clean.rmse, strict=True)]
     return f"""## Dena et al.: M1 to M4 and PM on four surfaces
 
-The flights are not public, and the paper gives neither k_s nor noise nor spacing. Simulated are
-{len(SURFACES)} surfaces, {FLIGHTS} flights over each, 13 heights from 1.00 to 0.21 m and RAPTOR's geometry
-(d = {vehicle.adjacent_distance_m / vehicle.rotor.radius_m:.1f} R); K obeys eq. 20 with k_b = {K_B} and k_s evenly
-spaced between minus and plus the number given. Each model is fitted to two flights over every surface and judged on the
-third. M1 to M4 are taken as eq. 12 to 15.
+The flights are not public. Simulated are {len(SURFACES)} surfaces, {FLIGHTS} flights over each, 13 heights from 1.00 to
+0.21 m and RAPTOR's geometry; K obeys eq. 20 with k_b = {K_B} and k_s evenly spaced. Each model is fitted to two flights
+over every surface and judged on the third.
 
-Without noise, k_s = ±{SPREADS[1]}:
-
-{table(["model", "RMSE of K, held-out"], models)}
-
-With noise, {draws} draws: share in which PM has the smallest error / in which the order is {" > ".join(ORDER)}
-(standard error at most {worst:.1%}). The noise is that of the mean thrust of one hover.
-
-{table(["noise", *(f"k_s = ±{s}" for s in SPREADS)], rows)}
+RMSE of K on unseen flights without noise, k_s = ±{SPREADS[1]}: {"; ".join(models)}.
 
 {_figure(outcomes)}
 
@@ -184,7 +170,7 @@ def _kept(outcomes: dict[tuple[float, float], Outcome]) -> str:
     for spread in SPREADS:
         kept = [noise for noise in NOISES if outcomes[spread, noise].pm_best >= 0.95]
         parts.append(f"{max(kept):.1%} for k_s = ±{spread}")
-    return f"PM is best in 95 % of the draws up to a noise of {', '.join(parts)}."
+    return f"PM is best in 95 % of {DRAWS} draws up to a noise of one hover of {', '.join(parts)}."
 
 
 def _figure(outcomes: dict[tuple[float, float], Outcome]) -> str:

@@ -159,14 +159,14 @@ def choices(log: FlightLog, vehicle: Vehicle, draws: int = DRAWS) -> list[Choice
     whole = of_flight(flight)
     full = whole.where(kept)
     ways = (
-        ("as the thesis' script: every row, three rotors smoothed, hover assumed", of_rows(log, vehicle, smooth=True)),
+        ("the thesis' script", of_rows(log, vehicle, smooth=True)),
         ("without smoothing", of_rows(log, vehicle, smooth=False)),
         ("one point for each update of the rotor speeds instead of every row", of_updates(log, vehicle)),
         ("delay taken out, 1 Hz filter", of_flight(flight, tilt=False, acceleration=False).where(kept)),
         ("as 4, and the tilt accounted for", of_flight(flight, acceleration=False).where(kept)),
-        ("as 5, and the vertical acceleration", full),
+        ("delay, tilt and vertical acceleration accounted for", full),
         (f"as 6, z > {CONTACT_M} m", full.where(full.z_m > CONTACT_M)),
-        ("as 6, take-off and landing not cut off", whole),
+        ("as 6, with take-off and landing", whole),
     )
     return [Choice(name, points, fit_exponential(points, draws)) for name, points in ways]
 
@@ -187,7 +187,7 @@ def joint_fit(log: FlightLog, vehicle: Vehicle) -> tuple[Curve, float, float]:
     return Curve(a * c, b, c, item.ci95["a"], item.ci95["b"]), added.before["total"], added.after["total"]
 
 
-SHOWN = (1, 3, 6, 8)
+SHOWN = (1, 6, 8)
 """Numbers of the choices that the page shows."""
 
 
@@ -207,8 +207,7 @@ def section(logs: dict[str, FlightLog], vehicle: Vehicle) -> str:
     tilt, acceleration, landing = (panels["FORWARD_SPEED"][i].curve.b for i in (4, 5, 7))
     return f"""## Thesis: eq. 14 and 16, T = a e^(-b z) + c
 
-Intervals are from resampled blocks of 5 s. Row 1 is the thesis' script, row 6 the evaluation of quadctl, row 8 without
-the cut; quadctl's own fit is `thrust_scale` with `ground_effect.exponential`.
+Intervals are from resampled blocks of 5 s. quadctl's own fit is `thrust_scale` with `ground_effect.exponential`.
 
 {table(["from the public log", "a/c", "b, 1/m", "c"], rows)}
 
@@ -216,9 +215,9 @@ the cut; quadctl's own fit is `thrust_scale` with `ground_effect.exponential`.
 
 - **Eq. 14 is reproduced**: a/c {hover.a / hover.c:.3f} (printed {0.114 / 1.028:.3f}), b {hover.b:.2f} (printed 5.39).
   The close agreement of b is a coincidence: with 500 or 1000 rows more or fewer at the ends, b is {min(cuts):.1f} to
-  {max(cuts):.1f}. The script fits {len(panels["HOVERING"][0].points.z_m)} rows, but rotor speeds were updated
-  {len(panels["HOVERING"][2].points.z_m)} times: counted as independent rows, the standard error of b is {naive:.2f};
-  from blocks it is {(hover.rate[1] - hover.rate[0]) / 3.92:.1f}.
+  {max(cuts):.1f}. Of {len(panels["HOVERING"][0].points.z_m)} rows
+  {len(panels["HOVERING"][2].points.z_m)} are updates of the rotor speeds: the
+  standard error of b is {naive:.2f} with independent rows, {(hover.rate[1] - hover.rate[0]) / 3.92:.1f} from blocks.
 - **Eq. 16 is reproduced approximately**: a/c {forward.a / forward.c:.3f}, b {forward.b:.2f} (printed
   {0.147 / 0.988:.3f}, 4.37). The thesis does not say which rows it used. b is {tilt:.1f} without the vertical
   acceleration, {acceleration:.1f} with it, {landing:.1f} with take-off and landing: the flight is hardly ever below

@@ -194,18 +194,14 @@ def section(flight: Flight) -> str:
     expression = " ".join(parts)
     return f"""## Thesis: SINDy on HOVERING (eq. 13)
 
-pysindy (forward orthogonal least squares) selects terms for the thrust ratio K from powers, inverse powers and
-exponentials of the height z (in rotor radii), climb rate w, horizontal speed v and their products; the functions may
-differ from those of the thesis. The number of terms is the smallest whose error on held-out blocks of 5 s is within one
-standard error of the best.
+pysindy (forward orthogonal least squares) selects terms for the thrust ratio K from powers and exponentials of the
+height z (in rotor radii), climb rate w, horizontal speed v and products, as many as held-out blocks of 5 s support.
 
 **K = {expression.lstrip("+")}**
 
-- RMSE of K on held-out blocks, ± one standard error over {FOLDS} folds: {"; ".join(scores)}.
-- Selected in {DRAWS} resampled flights: {", ".join(others)}; exactly these terms in {found.same_terms:.0%}.
-- An exponential of the height is selected in {exponential:.0%}, which supports the form a e^(-b z) + c: e^(-z/2) means
-  b = {0.5 / radius_m:.1f} per metre, e^(-z) b = {1.0 / radius_m:.1f}. The term of w is uncertain: a delay between
-  height and rotor speed has the same effect.
-- Sequential thresholding, SINDy's first optimizer, keeps {found.thresholded_terms} of {len(TERMS)} terms, large ones of
-  opposite sign.
+- RMSE of K on held-out blocks: {"; ".join(scores)}.
+- Selected in {DRAWS} resampled flights: {", ".join(others)}; exactly these terms in {found.same_terms:.0%}. An
+  exponential of the height is in {exponential:.0%}, which supports a e^(-b z) + c. The term of w is uncertain: a delay
+  between height and rotor speed has the same effect.
+- Sequential thresholding, SINDy's first optimizer, keeps {found.thresholded_terms} of {len(TERMS)} terms.
 """

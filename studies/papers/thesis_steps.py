@@ -24,11 +24,10 @@ WINDOW = Window(15.0, 44.04)
 SETPOINT_M = 0.2
 
 HEADINGS = (
-    *("flight", "M_A printed", "M_A signed", "M_A absolute"),
+    *("flight", "M_A printed", "M_A signed"),
     *("M_B printed", "M_B signed", "M_B absolute"),
 )
 
-FORWARD_HEADINGS = ("", "M_B signed", "M_B absolute")
 
 SPEEDS = ("050", "125")
 FORWARD = ("NO_COMPENSATION_V", "APPIUS_FWD_V")
@@ -38,8 +37,8 @@ FORWARD_SETPOINTS_M = 0.1, 1.1
 """Low and high: the flights before the step stand at 1.2 and 2.2 m, and the high one settles at 1.1 m."""
 ALIGNED_ABOVE_M = 0.6
 """A run is measured from where it comes down through this height above its setpoint, out of ground effect."""
-FORWARD_WINDOW, NOMINAL_WINDOW = Window(0.0, 6.0), Window(0.0, 10.0)
-"""From there, and from `FORWARD_STARTS_S`."""
+FORWARD_WINDOW = Window(0.0, 6.0)
+"""From there."""
 
 
 def names() -> list[str]:
@@ -55,20 +54,17 @@ def table_2(logs: dict[str, FlightLog]) -> MetricsTable:
     return metrics([log for flown in runs.values() for log in flown], high, window=WINDOW, setpoint_m=SETPOINT_M)
 
 
-def table_3(logs: dict[str, FlightLog], name: str, speed: str, *, aligned: bool = True) -> list[tuple[float, float]]:
-    """M_B of each run along x, signed and absolute, m s.
-
-    Against the mean of the three runs of the high flight; not `aligned`, against the same run at the same nominal time.
-    """
+def table_3(logs: dict[str, FlightLog], name: str, speed: str) -> list[tuple[float, float]]:
+    """M_B of each run along x, signed and absolute, m s, against the mean of the three runs of the high flight."""
     low, high = FORWARD_SETPOINTS_M
     flight, high_flight = logs[f"{name}_{speed}"], logs[f"{REFERENCE}_V_{speed}"]
     references = [descent(high_flight, start, high) for start in FORWARD_STARTS_S]
     found = []
     for start in FORWARD_STARTS_S:
         result = metrics(
-            [descent(flight, start, low) if aligned else since(flight, start)],
-            references if aligned else [since(high_flight, start)],
-            window=FORWARD_WINDOW if aligned else NOMINAL_WINDOW,
+            [descent(flight, start, low)],
+            references,
+            window=FORWARD_WINDOW,
             setpoint_m=low,
             reference_setpoint_m=high,
         ).flights[0]
@@ -121,7 +117,6 @@ def section(logs: dict[str, FlightLog]) -> str:
     absolute = {name: group.m_b_absolute_of_mean or 0.0 for name, group in groups.items()}
     floor = noise_floor(result)
     rows = [_row_2(name, result) for name in PUBLISHED]
-    forward = [_row_3(logs, name, speed) for speed in SPEEDS for name in FORWARD]
     return f"""## Thesis: table 2, step response from 1.2 m to 0.2 m
 
 Integrals in m s over the nominal {WINDOW}. The reference of M_B is HIGH_ALTITUDE, flown 0.9 m higher. The thesis gives
@@ -136,11 +131,9 @@ means of three runs; two are public: mean ± population standard deviation. The 
 
 ## Thesis: table 3, the same with forward speed
 
-Each flight steps down three times along x. The logs lack the reference that was flown, so M_A cannot be computed. The
-steps are triggered by position: each run is aligned where it passes 0.6 m above its setpoint, and measured for
-{FORWARD_WINDOW.to_s:.0f} s. Mean ± standard deviation of three runs of one flight; the printed numbers are not at hand.
-
-{table(FORWARD_HEADINGS, forward)}
+Each flight steps down three times along x. The logs lack the reference, so M_A cannot be computed. Each run is aligned
+where it passes 0.6 m above its setpoint, and measured for {FORWARD_WINDOW.to_s:.0f} s; means of three runs of one
+flight. The printed numbers are not at hand.
 
 - {_forward_words(logs)}
 """
@@ -153,17 +146,10 @@ def _row_2(name: str, result: MetricsTable) -> list[str]:
         name,
         f"{m_a:.3f}",
         with_deviation([run.m_a_signed for run in runs]),
-        with_deviation([run.m_a_absolute for run in runs]),
         f"{m_b:.3f}",
         with_deviation([run.m_b_signed or 0.0 for run in runs]),
         with_deviation([run.m_b_absolute or 0.0 for run in runs]),
     ]
-
-
-def _row_3(logs: dict[str, FlightLog], name: str, speed: str) -> list[str]:
-    runs = table_3(logs, name, speed)
-    what = f"{name}_{speed}, {int(speed) / 100:.2f} m/s"
-    return [what, *(with_deviation([run[i] for run in runs]) for i in (0, 1))]
 
 
 def _forward_words(logs: dict[str, FlightLog]) -> str:
