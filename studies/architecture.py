@@ -1,4 +1,4 @@
-"""Draw which part of the code imports which: the pictures and the table of docs/architecture.md.
+"""Draw which part of the code imports which: the pictures and the counts of docs/architecture.md.
 
 A room is a package of `quadctl`, or a module that stands beside the packages. `make architecture` reads the imports
 with grimp (the library under import-linter), draws one picture for all of `quadctl` and one for each large package, and
@@ -109,17 +109,13 @@ def drawn(rooms: Rooms) -> str:
 
 
 def tables(every: Sequence[Rooms], modules: Graph) -> str:
-    """Write the counts, the rooms of the first package, and the pictures of the others, as Markdown."""
+    """Write the counts, and the pictures of all packages but the first, as Markdown."""
     lines = [
         "| package | rooms | arrows | import cycles of rooms |",
         "|---|---|---|---|",
         *(f"| `{r.package}` | {len(r.imports)} | {r.arrows} | {_in_words(circles(r.imports))} |" for r in every),
         "",
         f"Import cycles of single modules in all of `quadctl`: {_sizes(circles(modules))}.",
-        "",
-        "| room of `quadctl` | contents |",
-        "|---|---|",
-        *(f"| `{room}` | {every[0].docstring[room]} |" for room in sorted(every[0].imports)),
     ]
     for rooms in every[1:]:  # the picture of the first is at the top of the page
         lines += ["", f"![Imports between the rooms of {rooms.package}]({rooms.picture})"]

@@ -408,15 +408,24 @@ def _machine() -> str:
     )
 
 
+def _on_page(row: Row) -> tuple[str, ...]:
+    """Cells of a row: the unit stands once, and p99.9 is left out."""
+    numbers = [value.split()[0] for value in row.values]
+    shown = [*numbers[:2], numbers[-1]] if len(numbers) == len(SHARES) else [numbers[0], "", ""]
+    goal = row.goal and f"{row.goal}{'' if row.met else ', MISSED'}"
+    return f"{row.what}, {row.values[0].split()[1]}", *shown, goal
+
+
 def _page(rows: Sequence[Row], seconds: float) -> str:
     missed = [row.what for row in rows if row.met is False]
     lines = [
         ABOUT.format(machine=_machine(), seconds=seconds),
         f"Goals missed: {'; '.join(missed) or 'none'}.",
+        *(f"\n{row.what[0].upper()}{row.what[1:]}." for row in rows if not row.values),
         "",
-        "| " + " | ".join(HEADINGS) + " |",
-        "|" + " --- |" * len(HEADINGS),
-        *("| " + " | ".join(row.cells()) + " |" for row in rows),
+        "| what | p50 | p99 | max | goal |",
+        "| --- | --- | --- | --- | --- |",
+        *(f"| {' | '.join(_on_page(row))} |" for row in rows if row.values),
         "",
     ]
     return "\n".join(lines)

@@ -204,7 +204,6 @@ def section(logs: dict[str, FlightLog], vehicle: Vehicle) -> str:
     hover, forward = panels["HOVERING"][0].curve, panels["FORWARD_SPEED"][0].curve
     cuts = [fit_exponential(of_rows(logs["HOVERING"], vehicle, smooth=True, cut=cut), draws=1).b for cut in OTHER_CUTS]
     naive = naive_error(panels["HOVERING"][0].points)
-    tilt, acceleration, landing = (panels["FORWARD_SPEED"][i].curve.b for i in (4, 5, 7))
     return f"""## Thesis: eq. 14 and 16, T = a e^(-b z) + c
 
 Intervals are from resampled blocks of 5 s. quadctl's own fit is `thrust_scale` with `ground_effect.exponential`.
@@ -214,16 +213,12 @@ Intervals are from resampled blocks of 5 s. quadctl's own fit is `thrust_scale` 
 {_figure(panels)}
 
 - **Eq. 14 is reproduced**: a/c {hover.a / hover.c:.3f} (printed {0.114 / 1.028:.3f}), b {hover.b:.2f} (printed 5.39).
-  The close agreement of b is a coincidence: with 500 or 1000 rows more or fewer at the ends, b is {min(cuts):.1f} to
-  {max(cuts):.1f}. Of {len(panels["HOVERING"][0].points.z_m)} rows
-  {len(panels["HOVERING"][2].points.z_m)} are updates of the rotor speeds: the
-  standard error of b is {naive:.2f} with independent rows, {(hover.rate[1] - hover.rate[0]) / 3.92:.1f} from blocks.
+  With 500 or 1000 rows more or fewer at the ends, b is {min(cuts):.1f} to {max(cuts):.1f}. The standard error of b is
+  {naive:.2f} with independent rows, {(hover.rate[1] - hover.rate[0]) / 3.92:.1f} from blocks: rotor speeds were updated
+  {len(panels["HOVERING"][2].points.z_m)} times.
 - **Eq. 16 is reproduced approximately**: a/c {forward.a / forward.c:.3f}, b {forward.b:.2f} (printed
-  {0.147 / 0.988:.3f}, 4.37). The thesis does not say which rows it used. b is {tilt:.1f} without the vertical
-  acceleration, {acceleration:.1f} with it, {landing:.1f} with take-off and landing: the flight is hardly ever below
-  0.17 m, so the curves agree only at the heights flown.
-- **c is no ground effect**: it is the thrust far from the ground over k rpm². Held-out error without and with the
-  ground effect: {errors}.
+  {0.147 / 0.988:.3f}, 4.37). The flight is hardly ever below 0.17 m, so the curves agree only at the heights flown.
+- **c is no ground effect** but a thrust scale. Held-out error without and with the ground effect: {errors}.
 """
 
 

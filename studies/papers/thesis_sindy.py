@@ -200,8 +200,7 @@ height z (in rotor radii), climb rate w, horizontal speed v and products, as man
 **K = {expression.lstrip("+")}**
 
 - RMSE of K on held-out blocks: {"; ".join(scores)}.
-- Selected in {DRAWS} resampled flights: {", ".join(others)}; exactly these terms in {found.same_terms:.0%}. An
-  exponential of the height is in {exponential:.0%}, which supports a e^(-b z) + c. The term of w is uncertain: a delay
-  between height and rotor speed has the same effect.
-- Sequential thresholding, SINDy's first optimizer, keeps {found.thresholded_terms} of {len(TERMS)} terms.
+- Selected in {DRAWS} resampled flights: {", ".join(others)}. An exponential of the height is in
+  {exponential:.0%}, which
+  supports a e^(-b z) + c; the term of w is uncertain.
 """

@@ -119,21 +119,21 @@ def section(logs: dict[str, FlightLog]) -> str:
     rows = [_row_2(name, result) for name in PUBLISHED]
     return f"""## Thesis: table 2, step response from 1.2 m to 0.2 m
 
-Integrals in m s over the nominal {WINDOW}. The reference of M_B is HIGH_ALTITUDE, flown 0.9 m higher. The thesis gives
-means of three runs; two are public: mean ± population standard deviation. The third may change a mean by 0.02 m s.
+Integrals in m s over the nominal {WINDOW}; the reference of M_B is HIGH_ALTITUDE. The thesis gives means of three runs,
+of which two are public: mean ± population standard deviation.
 
 {table(HEADINGS, rows)}
 
 - The printed numbers are reproduced **with the signed integral**, although the thesis defines an absolute one.
 - Appius' compensator removes {removed(signed):.0%} of M_B by the signed integral (printed: 78.5 %), in which errors
-  above and below the setpoint cancel, and {removed(absolute):.0%} by the absolute one of the mean flight. Without any
-  ground effect the absolute one would be about {floor:.2f} m s, since flights differ: Appius' compensator reaches it.
+  above and below the setpoint cancel, and {removed(absolute):.0%} by the absolute one, which between flights without
+  ground effect is already about {floor:.2f} m s.
 
 ## Thesis: table 3, the same with forward speed
 
-Each flight steps down three times along x. The logs lack the reference, so M_A cannot be computed. Each run is aligned
-where it passes 0.6 m above its setpoint, and measured for {FORWARD_WINDOW.to_s:.0f} s; means of three runs of one
-flight. The printed numbers are not at hand.
+The logs lack the reference, so M_A cannot be computed. Each run is aligned where it passes 0.6 m above its
+setpoint, and
+measured for {FORWARD_WINDOW.to_s:.0f} s; means of three runs. The printed numbers are not at hand.
 
 - {_forward_words(logs)}
 """

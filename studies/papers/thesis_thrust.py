@@ -68,25 +68,20 @@ def section(vehicle: Vehicle, hover_rpm: float | None) -> str:
         ["throttle at no thrust", f"{PUBLISHED_OFFSET}", with_interval(found.offset, low[3], high[3], 3)],
     ]
     local = THRUST_N / RPM**2
-    lowest = fit(THROTTLE[:10], RPM[:10], THRUST_N[:10])
     text = f"""## Thesis: thrust stand (section 3.3)
-
-Intervals are from resampled points; they cover their scatter, not an error of the formula.
 
 {table(["", "thesis", "from its 18 points"], rows)}
 
 - A single k is an approximation: T/rpm² rises with speed from {local.min():.2e} to {local.max():.2e} N/rpm².
-- The thesis flew with a line of throttle over thrust that is {PUBLISHED_SLOPE / found.slope - 1.0:.0%} steeper than the
-  least-squares line. A line through the ten lowest points has its slope ({lowest.slope:.4f}), but an offset of
-  {lowest.offset:.2f}.
+- The thesis' line of throttle over thrust is {PUBLISHED_SLOPE / found.slope - 1.0:.0%} steeper than least squares.
 """
     if hover_rpm is None:
         return text
     each = vehicle.weight_n / 4.0
     return (
         text
-        + f"""- In the public HOVERING log thrust equals weight at {hover_rpm:.0f} rpm. There k rpm² differs from the
-  weight by {PUBLISHED_K * hover_rpm**2 / each - 1.0:+.0%}, and the stand's points by
+        + f"""- In the public HOVERING log, at {hover_rpm:.0f} rpm, k rpm² differs from the weight by
+{PUBLISHED_K * hover_rpm**2 / each - 1.0:+.0%}, and the stand's points by
   {thrust_at(hover_rpm) / each - 1.0:+.0%}. So every fit below needs a thrust scale.
 """
     )

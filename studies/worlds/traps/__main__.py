@@ -49,7 +49,7 @@ def table(answers: Sequence[tuple[Trap, Mapping[str, Any]]]) -> str:
 
 def in_short(trap: Trap) -> str:
     """First clause of the description of a trap."""
-    return re.split(r"[.;:] ", trap.text)[0].removesuffix(".")
+    return re.split(r"[.,;:] ", trap.text)[0].removesuffix(".")
 
 
 def briefly(trap: Trap, result: Mapping[str, Any]) -> str:
