@@ -5,7 +5,6 @@
 
 import sys
 import textwrap
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -105,14 +104,13 @@ def main(data: Path) -> None:
     pieces = [INTRODUCTION]
     for flights in SETS:
         print(flights.title, flush=True)
-        began = time.process_time()
         found = discover(flights.vehicle, [data / name for name in flights.logs])
-        pieces.append(section(flights, found, time.process_time() - began))
+        pieces.append(section(flights, found))
     PAGE.write_text("\n".join(pieces), encoding="utf-8")
     print(f"written: {PAGE}")
 
 
-def section(flights: Flights, found: Discovery, seconds: float) -> str:
+def section(flights: Flights, found: Discovery) -> str:
     words = {effect.name: effect for effect in found.model.effects}
     intervals = {item.effect.name: item.fitted.ci95 if item.fitted else {} for item in found.model.stack}
     rows = []
@@ -120,8 +118,8 @@ def section(flights: Flights, found: Discovery, seconds: float) -> str:
         effect = words.get(step.effect)
         parameters = parameters_in_words(effect, intervals[effect.name]) if effect else ""
         rows.append((step.effect or "rigid body", f"{step.rmse['total']:.3f}", parameters))
-    rows.append(("nonparametric reference error", f"{found.noise_floor['total']:.3f}", ""))
-    table = _table(("model", "held-out error", "parameters in the end [95 %]"), rows)
+    rows.append(("reference error", f"{found.noise_floor['total']:.3f}", ""))
+    table = _table(("model", "held-out error", "parameters [95 %]"), rows)
     diagnosis = found.diagnosis
     said = (
         ["Part of the remaining error depends on the logged variables, unexplained."] if diagnosis.unexplained else []
@@ -131,7 +129,7 @@ def section(flights: Flights, found: Discovery, seconds: float) -> str:
     ]
     said += [f"Confounded: {' and '.join(pair)}." for pair in diagnosis.confounded]
     logs = ", ".join(f"`{Path(name).name}`" for name in flights.logs)
-    about = textwrap.fill(f"{logs}; {seconds:.0f} s of one processor. {flights.about}", 120)
+    about = textwrap.fill(f"{logs}. {flights.about}", 120)
     listed = "\n".join(textwrap.fill(f"- {line}", 120, subsequent_indent="  ") for line in said)
     return f"## {flights.title}\n\n{about}\n\n{table}\n" + (f"\n{listed}\n" if listed else "")
 

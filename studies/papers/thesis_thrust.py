@@ -81,7 +81,7 @@ def section(vehicle: Vehicle, hover_rpm: float | None) -> str:
     return (
         text
         + f"""- In the public HOVERING log, at {hover_rpm:.0f} rpm, k rpm² differs from the weight by
-{PUBLISHED_K * hover_rpm**2 / each - 1.0:+.0%}, and the stand's points by
+  {PUBLISHED_K * hover_rpm**2 / each - 1.0:+.0%}, and the stand's points by
   {thrust_at(hover_rpm) / each - 1.0:+.0%}. So every fit below needs a thrust scale.
 """
     )
