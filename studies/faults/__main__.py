@@ -24,12 +24,11 @@ is a setpoint sent that is not a number or beyond the limits, and none after the
 those of `config/flight.yaml`, with a battery guarded at 13.5 V; a landing that does not end is given up after 2 s. The
 vehicle is RAPTOR; rows with six motors or rotors fly the F550.
 
-The figures are seconds after the fault began, as the autopilot saw them: the last setpoint (*before*: before the
-fault), and the vehicle at rest on the ground. PX4's failsafe is return (`COM_OBL_RC_ACT` 3); ArduPilot levels first and
-lands 3 s after the last heartbeat of quadctl. In rows about a person, that person lands the vehicle one or two seconds
-later. Real autopilots are slower: a PX4 needed 5 to 9 s from 1.5 m to the ground and 2 to 4 s more to disarm, an
-ArduPilot's failsafe comes down 4 s later than a landing that was asked for. With one of four motors at half its pulse
-(a fifth of its thrust) a real ArduPilot was on the ground after 1.1 s at 3.2 m/s, and stayed armed in LAND for 85 s.
+The figures are seconds after the fault began: the last setpoint (*before* the fault), and at rest on the ground. PX4's
+failsafe is return (`COM_OBL_RC_ACT` 3); ArduPilot lands 3 s after the last heartbeat. In rows about a person, that
+person lands the vehicle. Real autopilots are slower: a PX4 needed 5 to 9 s from 1.5 m to the ground and 2 to 4 s more
+to disarm, an ArduPilot's failsafe 4 s more than a landing that was asked for. With one of four motors at half its pulse
+a real ArduPilot was on the ground after 1.1 s at 3.2 m/s, and stayed armed in LAND for 85 s.
 
 | fault | answer | PX4 | ArduPilot |
 |---|---|---|---|

@@ -151,9 +151,9 @@ def section(vehicle: Vehicle, draws: int = DRAWS) -> str:
     models = [f"{m} ({MEANING[m]}) {rmse:.4f}" for m, rmse in zip(MODELS, clean.rmse, strict=True)]
     return f"""## Dena et al.: M1 to M4 and PM on four surfaces
 
-The flights are not public. Simulated are {len(SURFACES)} surfaces, {FLIGHTS} flights over each, 13 heights from 1.00 to
-0.21 m and RAPTOR's geometry; K obeys eq. 20 with k_b = {K_B} and k_s evenly spaced. Each model is fitted to two flights
-over every surface and judged on the third.
+Simulated, as the flights are not public: {len(SURFACES)} surfaces, {FLIGHTS} flights over each, 13 heights,
+k_b = {K_B},
+k_s evenly spaced.
 
 RMSE of K on unseen flights without noise, k_s = ±{SPREADS[1]}: {"; ".join(models)}.
 

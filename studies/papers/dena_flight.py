@@ -88,9 +88,9 @@ def section(folder: Path) -> str:
     fitted = ", ".join(f"{name} {k:.2f}" for name, k in zip(compared.names, compared.weights, strict=True))
     return f"""## Dena et al.: table 5, tracking over surfaces and over an edge
 
-The Pelican flies z = 0.55 + 0.45 cos(2πt/5) over each surface, and at 0.15 m over the edge of concrete and turf, in a
-world that obeys eq. 20 with weights of our own ({weights}). M4 and PM are fitted to one hover staircase over each
-surface; PM finds {fitted}. Mean ± standard deviation over {len(SEEDS)} seeds. Only the order can be compared.
+The Pelican flies z = 0.55 + 0.45 cos(2πt/5) over each surface, and over an edge, in a world that obeys eq. 20
+with weights
+of our own ({weights}). PM, fitted to one hover staircase over each surface, finds {fitted}. {len(SEEDS)} seeds.
 
 {table(["RMSE of height, cm", *MODELS], rows)}
 """

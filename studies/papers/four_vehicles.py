@@ -88,9 +88,11 @@ def section(folder: Path) -> str:
     worst = max(_share(*pair) for outcome in outcomes.values() for pair in (outcome.lockstep, outcome.wire))
     return f"""## All four vehicles in a ground effect of no catalogue
 
-`quadctl discover` gets {len(STAIRCASE_SEEDS)} flights of `missions/hover_staircase.yaml` in the world of the cushion.
-Its model predicts {len(UNSEEN_SEEDS)} unseen flights of `missions/{MISSION}.yaml` (error over that of the true model),
-then flies as the compensator: RMSE of the height in cm, {len(SEEDS)} seeds in lockstep, one flight over MAVLink.
+`quadctl discover` gets {len(STAIRCASE_SEEDS)} hover staircases in the world of the cushion. Unseen error: over
+that of the
+true model, on {len(UNSEEN_SEEDS)} flights of `missions/{MISSION}.yaml`. Then the model flies as the
+compensator: RMSE of
+the height in cm.
 
 {table(HEADINGS, rows)}
 

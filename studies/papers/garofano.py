@@ -80,16 +80,14 @@ def section() -> str:
     peak = int(np.argmax(flat))
     return f"""## Garofano-Soldado et al.: figure 6 from tables I to III
 
-Only formulas are evaluated (R = {RADIUS_M} m, d = {ADJACENT_M} m); K consists of sections in z.
-
 {_figure()}
 
-- Where cant and dihedral are alike, K jumps by at most {alike:.4f} at 2.5 R and 3 R, the rounding of the tables. Where
-  they differ, by up to {unequal:.2f}: never use the formula with only one of the two angles.
+- Where cant and dihedral are alike, K jumps by at most {alike:.4f} at 2.5 R and 3 R; where they differ, by up to
+  {unequal:.2f}: never use the formula with only one of the two angles.
 - At 8 R the firmware switches the effect off: without tilt a step of {end.below - 1.0:.1%} of the weight.
-- Eq. 9 has its maximum, K = {flat[peak]:.3f}, at {radii[peak]:.2f} R and falls to {flat[0]:.3f} at 0.25 R, as it lacks
-  the image of the rotor itself. It must not be used below {radii[peak]:.2f} R.
-- Without tilt, eq. 10 to 13 do not become eq. 9: K at 1 R is {ratio(np.array([1.0]), 0.0, 0.0)[0]:.3f} and not
+- Eq. 9 has its maximum, K = {flat[peak]:.3f}, at {radii[peak]:.2f} R: it must not be used below. Without tilt,
+  eq. 10 to
+  13 do not become eq. 9: K at 1 R is {ratio(np.array([1.0]), 0.0, 0.0)[0]:.3f} and not
   {flat_ratio(np.array([1.0]))[0]:.3f}.
 """
 

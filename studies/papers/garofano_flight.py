@@ -76,11 +76,10 @@ def section(folder: Path) -> str:
     published = "; ".join(f"{v.name} {v.published_cm[0]} to {v.published_cm[1]} cm" for v in VEHICLES)
     return f"""## Garofano-Soldado et al.: table IV in closed loop
 
-Each vehicle follows z = 0.55 + 0.45 cos(2πt/5) m in two worlds: one of the paper's formula, and one of a cushion of no
-catalogue, K = 1 + 0.25 / (1 + (z/1.8R)²)^1.5. *{FOUND}* is `ground_effect.exponential`, fitted to
-{len(STAIRCASE_SEEDS)} hover staircases in the same world; *{HIGH}* is the error of the controller itself. RMSE of the
-height in cm over {len(SEEDS)} seeds. The paper: {published}; only shares can be compared. The largest share that
-remains with *{FOUND}* is {worst:.0%}; the goal is a fifth.
+The same cosine in two worlds: the paper's formula, and a cushion of no catalogue, K = 1 + 0.25 / (1 + (z/1.8R)²)^1.5.
+*{FOUND}* is `ground_effect.exponential`, fitted to {len(STAIRCASE_SEEDS)} hover staircases in that world. RMSE of the
+height in cm, {len(SEEDS)} seeds. The paper: {published}. The largest share that remains with *{FOUND}* is {worst:.0%};
+the goal is a fifth.
 
 {table(HEADINGS, rows)}
 """

@@ -187,7 +187,7 @@ def joint_fit(log: FlightLog, vehicle: Vehicle) -> tuple[Curve, float, float]:
     return Curve(a * c, b, c, item.ci95["a"], item.ci95["b"]), added.before["total"], added.after["total"]
 
 
-SHOWN = (1, 6, 8)
+SHOWN = (1, 6)
 """Numbers of the choices that the page shows."""
 
 

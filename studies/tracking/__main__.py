@@ -42,9 +42,8 @@ only); 15 % more mass than in the vehicle file; a fifth of all states and setpoi
 those of linear models along the horizontal axes. The law lowers its gains with a delay that it
 measures, which is not counted: without lag and drag it is then worse on PX4 than the thesis' law.
 """
-GROUND = """The thesis' step and the swoop in a world with a drag and a ground effect of no catalogue
-(`hidden.ground_cushion`). Both models hold the drag and the lag that the lab found, one also an
-exponential ground effect. M_B in m s as in [the papers](papers.md), RMSE in cm, means of two seeds.
+GROUND = """In a world with a drag and a ground effect of no catalogue; both models hold drag and lag as found, one
+also an exponential ground effect. M_B in m s as in [the papers](papers.md), RMSE in cm.
 """
 NEVER = """Tracking in a world with one effect of each family, without a model of it and with the true one, over
 waves in three axes at 0.5 m. Beside a drag both models know the drag. Worse means by more than 2 %.
@@ -73,7 +72,7 @@ def write(results: Results, grounds: Sequence[ground.Ground], pairs: Sequence[ne
         "## Robustness and margins\n",
         ROBUST,
         robustness(results) + "\n",
-        margin_table(loops) + "\n",
+        margins_said(loops) + "\n",
         f"![Sensitivity of the loops, and the distance from the reference along the figure 8]({FIGURE})\n",
         *((f"Broken off: {'; '.join(results.broken_off)}.\n",) if results.broken_off else ()),
         "## In ground effect\n",
@@ -82,7 +81,7 @@ def write(results: Results, grounds: Sequence[ground.Ground], pairs: Sequence[ne
         "## Never worse than no model\n",
         NEVER,
         never_said(pairs) + "\n",
-        f"Not flown: {'; '.join(f'{family} ({why})' for family, why in never_worse.NOT_FLOWN.items())}.",
+        f"Not flown: {', '.join(never_worse.NOT_FLOWN)}.",
         never_words(),
     ]
     PAGE.write_text(wrapped("\n".join(parts)), encoding="utf-8")
@@ -151,18 +150,14 @@ def open_loops() -> Mapping[tuple[str, str], Axes]:
     return loops
 
 
-def margin_table(loops: Mapping[tuple[str, str], Axes]) -> str:
-    rows = []
+def margins_said(loops: Mapping[tuple[str, str], Axes]) -> str:
+    """Peak of the sensitivity, gain, phase and delay margin of the horizontal loops."""
+    words = []
     for (title, law), axes in loops.items():
-        found = margins(axes.horizontal)
-        cells = [
-            f"{found.sensitivity_peak:.2f}",
-            f"{found.gain:.1f}",
-            f"{found.phase_deg:.0f}",
-            f"{1e3 * found.delay_s:.0f}",
-        ]
-        rows.append([f"{title}, {TITLES[law]}", *cells])
-    return table(["loop", "sensitivity peak", "gain margin", "phase margin, deg", "delay margin, ms"], rows)
+        m = margins(axes.horizontal)
+        figures = f"{m.sensitivity_peak:.2f}, {m.gain:.1f}, {m.phase_deg:.0f} deg, {1e3 * m.delay_s:.0f} ms"
+        words.append(f"{title}, {TITLES[law]} {figures}")
+    return f"Peak of the sensitivity, gain, phase and delay margin: {'; '.join(words)}."
 
 
 def ground_table(grounds: Sequence[ground.Ground]) -> str:

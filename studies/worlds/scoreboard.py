@@ -145,12 +145,16 @@ def side_by_side(worlds: Mapping[str, Sequence[Answer]]) -> str:
     return "\n".join([*lines, f"| goal at strength 1 / 0.5 / 0.3 | {GOALS[0]} | {GOALS[1]} | | 0 |", ""])
 
 
+MOST = 6
+"""Number of families that the page names for each world."""
+
+
 def wrong_families(worlds: Mapping[str, Sequence[Answer]]) -> str:
-    """Hidden families of the wrong answers, by the titles of the worlds, the most frequent first."""
-    lines = ["Wrong answers, by what was hidden:", ""]
+    """The most frequent hidden families of the wrong answers, by the titles of the worlds."""
+    lines = ["Wrong answers, the most frequent by what was hidden:", ""]
     for title, answers in worlds.items():
         counts = Counter(" + ".join(a.families) or "nothing" for a in answers if not a.exact)
-        lines.append(f"- {title}: {', '.join(f'{family} {n}' for family, n in counts.most_common()) or 'none'}")
+        lines.append(f"- {title}: {', '.join(f'{family} {n}' for family, n in counts.most_common(MOST)) or 'none'}")
     return "\n".join([*lines, ""])
 
 

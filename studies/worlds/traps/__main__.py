@@ -89,8 +89,10 @@ def page(
     second: Sequence[tuple[Trap, Mapping[str, Any]]],
 ) -> str:
     """Markdown of the study, without its notes."""
-    groups = (("The ten", traps), ("The second ten", second), ("Controls", controls))
-    return "\n".join([INTRODUCTION, *(section(title, group) for title, group in groups)])
+    groups = (("The ten", traps), ("The second ten", second))
+    fooled = sum(judge(trap.honest, result) is Outcome.FOOLED for trap, result in controls)
+    plain = f"Of {len(controls)} plain flights, which check the simulation, {fooled} fooled it.\n"
+    return "\n".join([INTRODUCTION, *(section(title, group) for title, group in groups), plain])
 
 
 def main() -> None:
