@@ -16,11 +16,9 @@ AXES = 3
 TITLES = {"px4": "PX4", "ardupilot": "ArduPilot Copter"}
 HEAD = """# The simulated autopilots beside the real ones
 
-Written by `make autopilots`. The tests fly simulated autopilots (mocks), compared here with recordings of real ones in
-their own simulators. `sitl/px4/measured.yaml` and `sitl/ardupilot/measured.yaml` hold all facts with their sources,
-also those that no mock is compared with. A mock behaves as in these tables with `--hidden sitl/px4/like_sih.yaml` or
-`--hidden sitl/ardupilot/like_sitl.yaml`; without such a file it is ready at once, climbs and lands faster, and has a
-better estimate.
+Written by `make autopilots`: simulated autopilots (mocks) beside recordings of real ones in their own simulators.
+`sitl/px4/measured.yaml` and `sitl/ardupilot/measured.yaml` hold all facts with their sources, also those without a
+mock's value. Mocks behave like this with `--hidden sitl/px4/like_sih.yaml` or `sitl/ardupilot/like_sitl.yaml`.
 """
 
 

@@ -56,12 +56,10 @@ SHARES = (50.0, 99.0, 99.9, 100.0)
 ABOUT = """# The control loop
 
 Written by `make bench-loop` on one machine: {machine}.
-*Idle* and *all cores busy* are flights of {seconds:g} s over MAVLink with the compensator `sanchez` at 50 ticks per
-second, on an idle machine and beside one process on each core that computes without pause. A *control tick* is one
-computation of the controller, repeated without pause, without compensator and with the slowest effect of the catalogue.
-*Tick lateness* is the delay of the start of a tick, beside the excess of a sleep of 20 ms in another process and in the
-simplest loop. *Compute of a tick in flight* goes from state to setpoint, *tick to setpoint out* includes reading and
-sending.
+*Idle* and *all cores busy* are flights of {seconds:g} s over MAVLink with `sanchez` at 50 ticks per second, on an idle
+machine and beside one computing process on each core. A *control tick* is one computation of the controller, without
+compensator and with the slowest effect. *Lateness* is that of the start of a tick, beside the excess of a sleep of
+20 ms in another process.
 """
 HEADINGS = ("what", "p50", "p99", "p99.9", "max", "goal", "")
 

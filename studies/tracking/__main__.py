@@ -77,7 +77,7 @@ def write(results: Results, grounds: Sequence[ground.Ground], pairs: Sequence[ne
         *((f"Broken off: {'; '.join(results.broken_off)}.\n",) if results.broken_off else ()),
         "## In ground effect\n",
         GROUND,
-        ground_table(grounds) + "\n",
+        ground_said(grounds) + "\n",
         "## Never worse than no model\n",
         NEVER,
         never_said(pairs) + "\n",
@@ -160,16 +160,13 @@ def margins_said(loops: Mapping[tuple[str, str], Axes]) -> str:
     return f"Peak of the sensitivity, gain, phase and delay margin: {'; '.join(words)}."
 
 
-def ground_table(grounds: Sequence[ground.Ground]) -> str:
-    rows = [
-        [
-            f"{LAWS_OF_GROUND[row.law]}, {row.model}",
-            *(f"{value:.3f}" for value in (row.m_b_signed, row.m_b_absolute)),
-            *(f"{100.0 * value:.2f}" for value in (row.swoop_up_m, row.swoop_m)),
-        ]
-        for row in grounds
-    ]
-    return table(["", "step: M_B signed", "M_B absolute", "swoop: RMSE of the height", "3D"], rows)
+def ground_said(grounds: Sequence[ground.Ground]) -> str:
+    lines = []
+    for row in grounds:
+        step = f"M_B {row.m_b_signed:.3f} signed, {row.m_b_absolute:.3f} absolute"
+        swoop = f"swoop {100.0 * row.swoop_m:.2f}, its height {100.0 * row.swoop_up_m:.2f}"
+        lines.append(f"- {LAWS_OF_GROUND[row.law]}, {row.model}: {step}; {swoop}")
+    return "\n".join(lines)
 
 
 def never_said(pairs: Sequence[never_worse.Compared]) -> str:

@@ -39,7 +39,7 @@ def table(answers: Sequence[tuple[Trap, Mapping[str, Any]]]) -> str:
     for trap, result in answers:
         cells = (
             f"**{trap.name}**: {in_short(trap)}",
-            trap.honest.words,
+            trap.honest.words.removesuffix(", or unexplained"),
             briefly(trap, result),
             judge(trap.honest, result),
         )
@@ -70,7 +70,7 @@ Written by `python -m studies.worlds.traps --page docs/traps.md`. Flights that a
 something false with confidence: name an effect that is not there, give a 95 % interval without the truth, or call a
 clean vehicle faulty. Two authors who had not read the lab wrote ten each, in a
 [simulation of their own](../studies/worlds/traps/simulation.py), with the honest answers, before the lab had seen a
-flight. A confounded pair is honest where one of the two is true. *Missed* says nothing false and overlooks the effect.
+flight. `unexplained` is always honest, and so is a confounded pair where one of the two is true.
 """
 
 
