@@ -194,8 +194,7 @@ def section(flight: Flight) -> str:
     expression = " ".join(parts)
     return f"""## Thesis: SINDy on HOVERING (eq. 13)
 
-pysindy (forward orthogonal least squares) selects terms for the thrust ratio K from powers and exponentials of the
-height z (in rotor radii), climb rate w, horizontal speed v and products, as many as held-out blocks of 5 s support.
+By pysindy (forward orthogonal least squares), with as many terms as held-out blocks support:
 
 **K = {expression.lstrip("+")}**
 

@@ -145,7 +145,7 @@ def side_by_side(worlds: Mapping[str, Sequence[Answer]]) -> str:
     return "\n".join([*lines, f"| goal at strength 1 / 0.5 / 0.3 | {GOALS[0]} | {GOALS[1]} | | 0 |", ""])
 
 
-MOST = 6
+MOST = 3
 """Number of families that the page names for each world."""
 
 
