@@ -18,7 +18,8 @@ HEAD = """# The simulated autopilots beside the real ones
 
 Written by `make autopilots`: simulated autopilots (mocks) beside recordings of real ones in their own simulators.
 `sitl/px4/measured.yaml` and `sitl/ardupilot/measured.yaml` hold all facts with their sources, also those without a
-mock's value. Mocks behave like this with `--hidden sitl/px4/like_sih.yaml` or `sitl/ardupilot/like_sitl.yaml`.
+mock's value, and what is not known. Mocks behave like this with `--hidden sitl/px4/like_sih.yaml` or
+`sitl/ardupilot/like_sitl.yaml`.
 """
 
 
@@ -38,7 +39,6 @@ def section(name: str) -> Iterator[str]:
         mock = {mission: simulated(name, mission, Path(folder)) for mission in MISSIONS}
         yield from tracking(real, mock)
     yield from errors(list(real.values()), list(mock.values()))
-    yield "\nNot known, and not simulated: " + "; ".join(measured.unknown) + ".\n"
 
 
 def facts(name: str, measured: Measured) -> Iterator[str]:
@@ -54,7 +54,7 @@ def said(value: str | float, fact: Fact) -> str:
 
 
 def tracking(real: dict[str, Flown], mock: dict[str, Flown]) -> Iterator[str]:
-    yield "\nTracking error: RMSE of the position against the reference, cm (north, east, up).\n"
+    yield "\nTracking error, RMSE in cm (north, east, up):\n"
     yield "| mission | real | mock |\n|---|---|---|"
     for mission in MISSIONS:
         yield f"| `{mission}` | {centimetres(real[mission])} | {centimetres(mock[mission])} |"
@@ -65,7 +65,7 @@ def centimetres(flown: Flown) -> str:
 
 
 def errors(real: Sequence[Flown], mock: Sequence[Flown]) -> Iterator[str]:
-    yield "\nError of the estimate against the truth of the simulator: standard deviation over the three missions.\n"
+    yield "\nStandard deviation of the error of the estimate:\n"
     yield "| channels | real | mock |\n|---|---|---|"
     for first in range(0, len(CHANNELS), AXES):
         part = range(first, first + AXES)

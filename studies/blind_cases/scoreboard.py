@@ -37,8 +37,8 @@ Written by `make hidden`. Flights are simulated in worlds whose hidden physics i
 (`studies/blind_cases`); the lab gets the logs and the vehicle file and must name what is missing. Strength 1 is that of
 real vehicles. Every world also has rotor coefficients off by 1 % each, an attitude bias of up to 0.3 degrees, a height
 datum off by up to 1 cm, ground that slopes by up to 1 degree, gusts, an estimator that lags by 20 to 40 ms, rotor
-speeds at 10 to 25 Hz with an additional delay, and held and lost samples. These are the seeds of the set `final`, which
-is run for this report only; the lab was tuned on the set `tuning`.
+speeds at 10 to 25 Hz, and lost samples. The seeds are of the set `final`, run for this report only; the lab was tuned
+on the set `tuning`.
 """
 HEADINGS = ("cases", "strength 1", "0.5", "0.3", "goal")
 
@@ -87,15 +87,13 @@ def scores(results: Sequence[Result]) -> list[tuple[str, ...]]:
     for kind, goals in GOALS.items():
         label = {
             "single": "one effect: named, and nothing else",
-            "pair": "two effects: both named, and nothing else",
+            "pair": "two effects: the same",
         }[kind]
         shares = [_share([r.right for r in results if _is(r, kind, s)]) for s in STRENGTHS]
         rows.append((label, *shares, " / ".join(f">= {goal:.0%}" for goal in goals)))
     kinds = [[r for r in results if _is(r, "unexplained", s)] for s in STRENGTHS]
     shares = [_share([r.right for r in group]) for group in kinds]
-    rows.append(
-        ("physics outside of the catalogue: called unexplained", *shares, f">= {UNEXPLAINED[0]} of {UNEXPLAINED[1]}")
-    )
+    rows.append(("outside of the catalogue: called unexplained", *shares, f">= {UNEXPLAINED[0]} of {UNEXPLAINED[1]}"))
     none = [r for r in results if r.case.kind == "none"]
     alarms = f"{sum(not r.right for r in none)} of {len(none)}" if none else "-"
     rows.append(("false alarms where nothing is hidden", alarms, "", "", f"{FALSE_ALARMS} of 24"))
@@ -105,12 +103,10 @@ def scores(results: Sequence[Result]) -> list[tuple[str, ...]]:
             for s in STRENGTHS
         ]
         cells = [f"{_quantile(values, quantile):.3f}" if values else "-" for values in left]
-        rows.append(
-            (f"error on a held-out flight, divided by that of the true effect: {label}", *cells, f"<= {ERROR_LEFT:.2f}")
-        )
+        rows.append((f"held-out error over the true effect's, {label}", *cells, f"<= {ERROR_LEFT:.2f}"))
     inside = [[c for r in results if r.case.strength == s for c in r.covered] for s in STRENGTHS]
     low, high = COVERAGE
-    rows.append(("true parameters inside their 95 % intervals", *map(_share, inside), f"{low:.0%} to {high:.0%}"))
+    rows.append(("true parameters inside their intervals", *map(_share, inside), f"{low:.0%} to {high:.0%}"))
     seconds = [[r.seconds for r in results if r.case.strength == s] for s in STRENGTHS]
     cells = [f"{statistics.median(values):.1f} s" if values else "-" for values in seconds]
     rows.append(("processor time per case, median", *cells, f"<= {SECONDS:g} s"))

@@ -148,14 +148,14 @@ def section(vehicle: Vehicle, draws: int = DRAWS) -> str:
     outcomes = {(s, n): simulate(vehicle, rivals, s, n, draws) for s in SPREADS for n in NOISES}
     clean = outcomes[SPREADS[1], 0.0]
     rho = rivals.danjun.parameter[rivals.danjun.nearest(world(vehicle, 0.0)[0])]
-    models = [f"{m} ({MEANING[m]}) {rmse:.4f}" for m, rmse in zip(MODELS, clean.rmse, strict=True)]
+    models = [f"{m} {rmse:.4f}" for m, rmse in zip(MODELS, clean.rmse, strict=True)]
     return f"""## Dena et al.: M1 to M4 and PM on four surfaces
 
 Simulated, as the flights are not public: {len(SURFACES)} surfaces, {FLIGHTS} flights over each, 13 heights,
 k_b = {K_B},
 k_s evenly spaced.
 
-RMSE of K on unseen flights without noise, k_s = ±{SPREADS[1]}: {"; ".join(models)}.
+RMSE of K on unseen flights without noise, k_s = ±{SPREADS[1]}: {", ".join(models)}.
 
 {_figure(outcomes)}
 

@@ -30,9 +30,8 @@ on two to four sides, and ground errors of 0.2 to 0.4 m that fade over 0.3 to 0.
 force. *Within* counts true values in their 95 % intervals. The command prints each case.
 
 The method was mended once after a first, blind table: 6 of 12 and 11 of 12 named, and 6 false names of the ground, all
-with GPS. Known limits: beside motion capture each run at 4 m/s lies within one block of the cross-validation, so that
-no fit sees its side; with GPS the wander of the climb rate hides errors; the interval at the ground takes the fading
-height as known, and with a range finder it is that where the range is 0; without drag the wind is not identified.
+with GPS. Known limits: beside motion capture no fit sees the side of a run at 4 m/s; with GPS the wander of the climb
+rate hides errors; the interval at the ground takes the fading height as known.
 """
 
 
