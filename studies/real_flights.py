@@ -46,54 +46,49 @@ SETS = (
         "RAPTOR, hovering over the ground",
         RAPTOR,
         ("raptor/HOVERING.csv",),
-        "The thesis fits a e^(-bz) + c with a = 0.114, b = 5.39, c = 1.028: the c is a thrust scale. Rotor "
-        "speeds arrive at 3 Hz, so all signals are filtered to 1 Hz.",
+        "The thesis fits a e^(-bz) + c with a = 0.114, b = 5.39, c = 1.028: the c is a thrust scale.",
     ),
     Flights(
         "RAPTOR, forward runs",
         RAPTOR,
         ("raptor/FORWARD_SPEED.csv",),
-        "The effect of the speed is drag along the runs; nobody flew sideward.",
+        "Nobody flew sideward.",
     ),
     Flights(
         "RAPTOR, both together",
         RAPTOR,
         ("raptor/HOVERING.csv", "raptor/FORWARD_SPEED.csv"),
-        "The tilt is not the same in both, at one heading. Effects on the moments would depend on rotor "
-        "speeds at 3 Hz and an inertia that nobody measured.",
+        "The tilt is not the same in both.",
     ),
     Flights(
         "RAPTOR, steps while flying forward",
         RAPTOR,
         RAPTOR_STEPS,
-        "Step responses without compensation, and the same high above the ground, at 0.5 and 1.25 m/s.",
+        "With and without ground effect, at 0.5 and 1.25 m/s.",
     ),
     Flights(
         "RAPTOR, steps with commands only",
         RAPTOR,
         ("raptor/NO_COMPENSATION_01.csv", "raptor/NO_COMPENSATION_02.csv", "raptor/HIGH_ALTITUDE_01.csv"),
-        "No rotor speeds: thrust is computed from the throttle with the vehicle file's line. A weak battery "
-        "and a wrong line look like a thrust scale.",
+        "No rotor speeds: a weak battery and a wrong throttle line look like a thrust scale.",
     ),
     Flights(
         "PX4 in its own simulator, hover staircase",
         DATA / "px4/sih_quadx.yaml",
         ("px4/A_staircase.ulg",),
-        "No rotor speeds, thrust from motor outputs. In hover the estimator's velocity error is as large as "
-        "the speed, which weakens the drag; its interval allows for that.",
+        "Thrust from motor outputs; the estimator's velocity error weakens the drag.",
     ),
     Flights(
         "PX4 in its own simulator, forward runs",
         DATA / "px4/sih_quadx.yaml",
         ("px4/B_forward.ulg",),
-        "The simulator's drag is 1 1/s in all directions. Sideward the vehicle hardly moves, so errors of the "
-        "estimated velocity weaken d_y.",
+        "The true drag is 1 1/s in all directions; sideward the vehicle hardly moves.",
     ),
     Flights(
         "ArduPilot in its own simulator, hover staircase",
         RAPTOR,
         ("ardupilot/stair_eq0.bin",),
-        "RAPTOR's vehicle file is wrong by a factor here, which is found as a thrust scale.",
+        "RAPTOR's vehicle file is wrong by a factor here.",
     ),
 )
 
