@@ -5,7 +5,6 @@
 
 import sys
 import textwrap
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -108,13 +107,13 @@ def main(data: Path) -> None:
 def section(flights: Flights, found: Discovery) -> str:
     words = {effect.name: effect for effect in found.model.effects}
     intervals = {item.effect.name: item.fitted.ci95 if item.fitted else {} for item in found.model.stack}
-    rows = []
-    for step in found.diagnosis.steps:
+    steps = found.diagnosis.steps
+    begin = f"Rigid body {steps[0].rmse['total']:.3f}, reference error {found.noise_floor['total']:.3f}."
+    listed = []
+    for step in steps[1:]:
         effect = words.get(step.effect)
-        parameters = parameters_in_words(effect, intervals[effect.name]) if effect else ""
-        rows.append((step.effect or "rigid body", f"{step.rmse['total']:.3f}", parameters))
-    rows.append(("reference error", f"{found.noise_floor['total']:.3f}", ""))
-    table = _table(("model", "held-out error", "parameters [95 %]"), rows)
+        parameters = f": {parameters_in_words(effect, intervals[effect.name])}" if effect else ""
+        listed.append(f"`{step.effect}` {step.rmse['total']:.3f}{parameters}")
     diagnosis = found.diagnosis
     said = (
         ["Part of the remaining error depends on the logged variables, unexplained."] if diagnosis.unexplained else []
@@ -124,13 +123,9 @@ def section(flights: Flights, found: Discovery) -> str:
     ]
     said += [f"Confounded: {' and '.join(pair)}." for pair in diagnosis.confounded]
     logs = ", ".join(f"`{Path(name).name}`" for name in flights.logs)
-    about = textwrap.fill(f"{logs}. {flights.about}", 120)
-    listed = "\n".join(textwrap.fill(f"- {line}", 120, subsequent_indent="  ") for line in said)
-    return f"## {flights.title}\n\n{about}\n\n{table}\n" + (f"\n{listed}\n" if listed else "")
-
-
-def _table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    return "\n".join("| " + " | ".join(cells) + " |" for cells in (headings, ("---", "---:", "---"), *rows))
+    about = textwrap.fill(f"{logs}. {flights.about} {begin}", 120)
+    lines = "\n".join(textwrap.fill(f"- {line}", 120, subsequent_indent="  ") for line in [*listed, *said])
+    return f"## {flights.title}\n\n{about}\n\n{lines}\n"
 
 
 if __name__ == "__main__":

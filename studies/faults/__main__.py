@@ -18,17 +18,15 @@ ADDRESS = re.compile(r" \(system \d+\) at \S+")
 PAGE = ROOT / "docs" / "faults.md"
 HEAD = """# Faults
 
-Written by `make faults`. Every fault begins in a hover at 0.5 m, in real time over MAVLink, with quadctl and the
-[simulated autopilot](autopilots.md) in processes of their own. [Safety](safety.md) explains the answers. In no flight
-is a setpoint sent that is not a number or beyond the limits, and none after the last one of this table. Limits are
-those of `config/flight.yaml`, with a battery guarded at 13.5 V; a landing that does not end is given up after 2 s. The
-vehicle is RAPTOR; rows with six motors or rotors fly the F550.
+Written by `make faults`. Every fault begins in a hover at 0.5 m, in real time over MAVLink, on the
+[simulated autopilots](autopilots.md). [Safety](safety.md) explains the answers. In no flight is a setpoint sent that is
+not a number or beyond the limits, and none after the last one of this table. Limits are those of `config/flight.yaml`,
+with a battery guarded at 13.5 V. The vehicle is RAPTOR; rows with six motors or rotors fly the F550.
 
-The figures are seconds after the fault began: the last setpoint (*before* the fault), and at rest on the ground. PX4's
-failsafe is return (`COM_OBL_RC_ACT` 3); ArduPilot lands 3 s after the last heartbeat. In rows about a person, that
-person lands the vehicle. Real autopilots are slower: a PX4 needed 5 to 9 s from 1.5 m to the ground and 2 to 4 s more
-to disarm, an ArduPilot's failsafe 4 s more than a landing that was asked for. With one of four motors at half its pulse
-a real ArduPilot was on the ground after 1.1 s at 3.2 m/s, and stayed armed in LAND for 85 s.
+The figures are seconds after the fault began: the last setpoint (*before* the fault), and at rest on the ground. In
+rows about a person, that person lands the vehicle. Real autopilots are slower: a PX4 needed 5 to 9 s from 1.5 m to the
+ground and 2 to 4 s more to disarm, an ArduPilot's failsafe 4 s more than a landing that was asked for. With one of four
+motors at half its pulse a real ArduPilot was on the ground after 1.1 s at 3.2 m/s, and stayed armed in LAND for 85 s.
 
 | fault | answer | PX4 | ArduPilot |
 |---|---|---|---|

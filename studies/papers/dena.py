@@ -16,13 +16,6 @@ from quadctl.vehicle import Vehicle
 from studies.papers.page import save
 
 MODELS = ("M1", "M2", "M3", "M4", "PM")
-MEANING = {
-    "M1": "Cheeseman & Bennett, nothing to fit",
-    "M2": "Danjun, eq. 13: one rho for all surfaces",
-    "M3": "images of four rotors, eq. 14, nothing to fit",
-    "M4": "with the fountain, eq. 15: one k_b for all surfaces",
-    "PM": "eq. 20: k_b + k_s, fitted to each surface",
-}
 SURFACES = ("turf", "dirt", "dry soil", "irregular dry soil")
 FLIGHTS = 3
 """Number of flights over each surface: 12 data sets in all."""

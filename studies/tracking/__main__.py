@@ -118,9 +118,11 @@ def seconds(time_s: float) -> str:
 
 
 def robustness(results: Results) -> str:
+    """Errors with each defect, of quadctl and of the autopilot's own control, and whether the goals are met."""
     judged_ = {f"{w.title}: {name}": [*judged(results, w.title, name)] for w in ROBUST_MOCKS for name in DEFECTS}
-    rows = [[name, *cells[: len(LAWS)]] for name, cells in judged_.items()]
-    return f"{table(['', *(TITLES[law] for law in LAWS)], rows)}\n\n{goals(judged_)}"
+    found, own = (list(LAWS).index(law) for law in (FOUND, OWN))
+    errors = "; ".join(f"{name} {cells[found]} and {cells[own]}" for name, cells in judged_.items())
+    return f"RMSE of quadctl and the autopilot's own: {errors}.\n\n{goals(judged_)}"
 
 
 def found_words(results: Results) -> Iterator[str]:
