@@ -8,7 +8,7 @@ import multiprocessing
 import os
 import random
 import textwrap
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import ExitStack, contextmanager
@@ -126,7 +126,8 @@ def remembered() -> Iterator[None]:
 def page(right: Mapping[Setting, Counter[Cell]], totals: Mapping[Cell, int]) -> str:
     """The page, with a row for each setting that changes a verdict."""
     kinds, dashes = " | ".join(KINDS.values()), "|".join(["---:"] * len(KINDS))
-    rows, without_effect = [], []
+    rows: list[str] = []
+    without_effect: dict[str, list[str]] = defaultdict(list)
     for name, value in settings():
         cells = []
         for kind in KINDS:
@@ -135,7 +136,7 @@ def page(right: Mapping[Setting, Counter[Cell]], totals: Mapping[Cell, int]) -> 
             strengths = STRENGTHS[:1] if kind == "none" else STRENGTHS
             cells.append(", ".join(f"{n} of {totals[kind, s]}" for n, s in zip(counts, strengths, strict=False)))
         if name and right[name, value] == right["", 0.0]:
-            without_effect.append(f"`{name}` {value:g}")
+            without_effect[name].append(f"{value:g}")
             continue
         words = f"`{name}`" if name else "unchanged"
         moved = f"{getattr(rule, name):g} -> {value:g}" if name else ""
@@ -145,9 +146,10 @@ def page(right: Mapping[Setting, Counter[Cell]], totals: Mapping[Cell, int]) -> 
     )
 
 
-def without(settings_: Sequence[str]) -> str:
+def without(values: Mapping[str, Sequence[str]]) -> str:
     """Sentence on the settings that change no verdict."""
-    said = f"No verdict changes with {', '.join(settings_)}." if settings_ else "Every other setting changes a verdict."
+    listed = ", ".join(f"`{name}` {' or '.join(tried)}" for name, tried in values.items())
+    said = f"No verdict changes with {listed}."
     return textwrap.fill(said, 120, break_long_words=False, break_on_hyphens=False) + "\n"
 
 

@@ -22,8 +22,7 @@ INTRODUCTION = """# Real flights
 
 Written by `make real`: `quadctl discover` on public logs, from the rigid body. Errors are root mean squares of the
 acceleration residual, m/s², on held-out blocks of time; the choice of effects has seen them. Intervals are 95 %.
-Per-flight bias is fitted at every step. The reference error is that of a nonparametric regression on all variables
-([terms](statistics.md#terms)). Effects that the flights cannot show were not tried.
+[Reference error and other terms](statistics.md#terms).
 """
 
 

@@ -153,9 +153,8 @@ RMSE of K on unseen flights without noise, k_s = ±{SPREADS[1]}: {", ".join(mode
 {_figure(outcomes)}
 
 - {_kept(outcomes)} With more noise 12 data sets cannot show that PM is the true model.
-- M3 is better than M2 only if k_b is below {names_in_order_below(vehicle, rivals):.2f}: the fitted rho of M2
-  ({rho:.2f};
-  Dena et al.: 3.65) also represents neighbouring rotors and fountain.
+- M3 is better than M2 only if k_b is below {names_in_order_below(vehicle, rivals):.2f}. The fitted rho of M2 is
+  {rho:.2f} (Dena et al.: 3.65).
 """
 
 

@@ -179,17 +179,12 @@ def _rms(values: Floats) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-LEAST_SHOWN = 0.1
-"""Least share of the resampled flights of a term that the page names."""
-
-
 def section(flight: Flight) -> str:
     """The part of the page, from the prepared HOVERING log."""
     radius_m = flight.vehicle.rotor.radius_m
     found = identify(data_of(flight), radius_m)
     exponential = found.frequency["e^(-z/2)"] + found.frequency["e^(-z)"] - found.both_exponentials
-    others = [f"{name} {share:.0%}" for name, share in found.frequency.items() if name != "1" and share >= LEAST_SHOWN]
-    scores = [f"{name} {mean:.4f} ± {error:.4f}" for name, (mean, error) in found.rmse.items()]
+    scores = [f"{name} {mean:.4f}" for name, (mean, _) in found.rmse.items()]
     parts = [f"{value:+.3f} {'' if name == '1' else name}".strip() for name, value in found.coefficients.items()]
     expression = " ".join(parts)
     return f"""## Thesis: SINDy on HOVERING (eq. 13)
@@ -199,7 +194,6 @@ By pysindy (forward orthogonal least squares), with as many terms as held-out bl
 **K = {expression.lstrip("+")}**
 
 - RMSE of K on held-out blocks: {"; ".join(scores)}.
-- Selected in {DRAWS} resampled flights: {", ".join(others)}. An exponential of the height is in
-  {exponential:.0%}, which
-  supports a e^(-b z) + c; the term of w is uncertain.
+- An exponential of the height is in {exponential:.0%} of {DRAWS} resampled flights, which supports a e^(-b z) + c; the
+  term of w is uncertain.
 """

@@ -126,8 +126,8 @@ of which two are public: mean ± population standard deviation.
 
 - The printed numbers are reproduced **with the signed integral**, although the thesis defines an absolute one.
 - Appius' compensator removes {removed(signed):.0%} of M_B by the signed integral (printed: 78.5 %), in which errors
-  above and below the setpoint cancel, and {removed(absolute):.0%} by the absolute one, which between flights without
-  ground effect is already about {floor:.2f} m s.
+  above and below the setpoint cancel, and {removed(absolute):.0%} by the absolute one; between flights
+  without ground effect that is {floor:.2f} m s.
 
 ## Thesis: table 3, the same with forward speed
 
