@@ -110,9 +110,8 @@ def drawn(rooms: Rooms) -> str:
 
 def tables(every: Sequence[Rooms], modules: Graph) -> str:
     """Write the counts, and the pictures of all packages but the first, as Markdown."""
-    counted = ", ".join(f"`{r.package}` {len(r.imports)} rooms, {r.arrows} arrows" for r in every)
     cycles = ", ".join(f"`{r.package}` {_in_words(circles(r.imports))}" for r in every if circles(r.imports)) or "none"
-    lines = [f"{counted}. Import cycles of rooms: {cycles}; of single modules: {_sizes(circles(modules))}."]
+    lines = [f"Import cycles of rooms: {cycles}; of single modules: {_sizes(circles(modules))}."]
     for rooms in every[1:]:  # the picture of the first is at the top of the page
         lines += ["", f"![Imports between the rooms of {rooms.package}]({rooms.picture})"]
     return "\n".join(lines)

@@ -34,11 +34,10 @@ PAGE = ROOT / "docs" / "hidden-effects.md"
 HEAD = """# Hidden effects: how often the lab is right
 
 Written by `make hidden`. Flights are simulated in worlds whose hidden physics is not the code of the catalogue
-(`studies/blind_cases`); the lab gets the logs and the vehicle file and must name what is missing. Strength 1 is that of
-real vehicles. Every world also has rotor coefficients off by 1 % each, an attitude bias of up to 0.3 degrees, a height
-datum off by up to 1 cm, ground that slopes by up to 1 degree, gusts, an estimator that lags by 20 to 40 ms, rotor
-speeds at 10 to 25 Hz, and lost samples. The seeds are of the set `final`, run for this report only; the lab was tuned
-on the set `tuning`.
+(`studies/blind_cases`); the lab gets the logs and the vehicle file. Strength 1 is that of real vehicles. Every world
+also has rotor coefficients off by 1 %, an attitude bias of up to 0.3 degrees, a height datum off by up to 1 cm, sloping
+ground, gusts, an estimator that lags by 20 to 40 ms, slow rotor speeds and lost samples. The seeds are of the set
+`final`, run for this report only; the lab was tuned on the set `tuning`.
 """
 HEADINGS = ("cases", "strength 1", "0.5", "0.3", "goal")
 

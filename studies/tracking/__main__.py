@@ -5,7 +5,6 @@ import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from quadctl.vehicle import AxisResponse
 from studies.autopilots.measured import ROOT, mock
 from studies.papers.page import table, wrapped
 
@@ -68,7 +67,6 @@ def write(results: Results, grounds: Sequence[ground.Ground], pairs: Sequence[ne
         RMSE,
         *(f"### {where.title}\n\n{courses(results, where)}\n" for where in MOCKS),
         STOCK,
-        f"Lag found: {'; '.join(found_words(results))}.\n",
         "## Robustness and margins\n",
         ROBUST,
         robustness(results) + "\n",
@@ -123,21 +121,6 @@ def robustness(results: Results) -> str:
     found, own = (list(LAWS).index(law) for law in (FOUND, OWN))
     errors = "; ".join(f"{name} {cells[found]} and {cells[own]}" for name, cells in judged_.items())
     return f"RMSE of quadctl and the autopilot's own: {errors}.\n\n{goals(judged_)}"
-
-
-def found_words(results: Results) -> Iterator[str]:
-    """Lag found of each mock, beside the truth of its vehicle file."""
-    for where in MOCKS:
-        model, truth = results.models[where.title], mock(where.name).vehicle.attitude_response
-        response = model.vehicle.attitude_response
-        assert truth is not None
-        lag = "none" if response is None else lag_words(response.roll)
-        yield f"{where.title} {lag}, true {truth.lag_s:.3f} s"
-
-
-def lag_words(axis: AxisResponse) -> str:
-    low, high = axis.lag_interval_s or (axis.lag_s, axis.lag_s)
-    return f"{axis.lag_s:.3f} s [{low:.3f}, {high:.3f}]"
 
 
 def open_loops() -> Mapping[tuple[str, str], Axes]:
