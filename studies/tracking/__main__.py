@@ -79,7 +79,6 @@ def write(results: Results, grounds: Sequence[ground.Ground], pairs: Sequence[ne
         "## Never worse than no model\n",
         NEVER,
         never_said(pairs) + "\n",
-        f"Not flown: {', '.join(never_worse.NOT_FLOWN)}.",
         never_words(),
     ]
     PAGE.write_text(wrapped("\n".join(parts)), encoding="utf-8")
