@@ -1,8 +1,8 @@
-"""Draw which part of the code imports which: the pictures and the tables of docs/architecture.md.
+"""Draw which part of the code imports which: the pictures and the counts of docs/architecture.md.
 
 A room is a package of `quadctl`, or a module that stands beside the packages. `make architecture` reads the imports
 with grimp (the library under import-linter), draws one picture for all of `quadctl` and one for each large package, and
-writes the tables between the marks on the page.
+writes what stands between the marks on the page.
 """
 
 import ast
@@ -109,33 +109,19 @@ def drawn(rooms: Rooms) -> str:
 
 
 def tables(every: Sequence[Rooms], modules: Graph) -> str:
-    """Write the counts and, for each package, its picture and the table of its rooms, as Markdown."""
-    circling = circles(modules)
-    lines = [
-        "| package | rooms | arrows | import cycles of rooms |",
-        "|---|---|---|---|",
-        *(f"| `{r.package}` | {len(r.imports)} | {r.arrows} | {_in_words(circles(r.imports))} |" for r in every),
-        "",
-        f"Import cycles of single modules in all of `quadctl`: {_sizes(circling)}.",
-    ]
-    for rooms in every:
-        lines += ["", f"### {rooms.package}"]
-        if rooms.package != "quadctl":  # its picture is at the top of the page
-            lines += ["", f"![Imports between the rooms of {rooms.package}]({rooms.picture})"]
-        lines += ["", "| room | contents | imports |", "|---|---|---|"]
-        for room in sorted(rooms.imports):
-            imported = ", ".join(f"`{other}`" for other in sorted(rooms.imports[room])) or "none"
-            lines.append(f"| `{room}` | {rooms.docstring[room]} | {imported} |")
+    """Write the counts, and the pictures of all packages but the first, as Markdown."""
+    cycles = ", ".join(f"`{r.package}` {_in_words(circles(r.imports))}" for r in every if circles(r.imports)) or "none"
+    lines = [f"Import cycles of rooms: {cycles}; of single modules: {_sizes(circles(modules))}."]
+    for rooms in every[1:]:  # the picture of the first is at the top of the page
+        lines += ["", f"![Imports between the rooms of {rooms.package}]({rooms.picture})"]
     return "\n".join(lines)
 
 
-def shown_on(page: str) -> dict[str, Graph]:
-    """Read the tables of the page back: what each room of each package imports."""
-    shown: dict[str, Graph] = {}
-    for part in page.split("\n### ")[1:]:
-        rows = re.findall(r"^\| `(\w+)` \|.*\| ([^|]*) \|$", part, re.MULTILINE)
-        shown[part.split("\n")[0]] = {room: frozenset(re.findall(r"`(\w+)`", imported)) for room, imported in rows}
-    return shown
+def written(page: str, text: str) -> str:
+    """The page with `text` between its marks."""
+    before, begin, rest = page.partition("<!-- rooms: written by `make architecture` -->")
+    _, end, after = rest.partition("<!-- end of rooms -->")
+    return f"{before}{begin}\n\n{text}\n\n{end}{after}"
 
 
 def main() -> None:
@@ -144,10 +130,7 @@ def main() -> None:
     every = [rooms_of(package, modules) for package in PACKAGES]
     for rooms in every:
         (PAGE.parent / rooms.picture).write_text(drawn(rooms), encoding="utf-8")
-    before, _, rest = PAGE.read_text(encoding="utf-8").partition("<!-- rooms: written by `make architecture` -->")
-    _, mark, after = rest.partition("<!-- end of rooms -->")
-    text = f"{before}<!-- rooms: written by `make architecture` -->\n\n{tables(every, modules)}\n\n{mark}{after}"
-    PAGE.write_text(text, encoding="utf-8")
+    PAGE.write_text(written(PAGE.read_text(encoding="utf-8"), tables(every, modules)), encoding="utf-8")
     for rooms in every:
         print(
             f"{rooms.package}: {len(rooms.imports)} rooms, {rooms.arrows} arrows, {len(circles(rooms.imports))} circles"

@@ -7,8 +7,9 @@ import argparse
 import multiprocessing
 import os
 import random
-from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+import textwrap
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
@@ -62,17 +63,10 @@ Cell = tuple[str, float]
 
 HEAD = """# The decision rule, and what its thresholds do
 
-Written by `make decision-rule`. The rule by which an effect is called missing is one file,
-`quadctl/lab/selection/rule.py`, which says for each threshold what it is and why. Here each threshold is changed
-alone, to about half and about twice its value, on {count} hidden-effect cases of the set `tuning` at strengths 1
-and 0.3 ([hidden effects](hidden-effects.md)). The columns count the right verdicts for each kind of case at each
-strength; numbers in bold differ from those of the unchanged rule. The lab was tuned on these seeds, so the
-first row says nothing about other data; the other rows show how much the verdicts depend on each threshold.
-
-Not moved are two of its thresholds, the share of the vertical error that a motor lag may leave (`left_by_a_lag`) and
-what a rival explains (`rival`), and what stands elsewhere: how far a variable must move to count as a cause (`MOVED`
-and `MANOEUVRES` in `flights/dataset.py`), the share of drag along body z that may be an inflow (`LIKE_THE_OTHERS` in
-`effects/rotor_drag.py`), and what an effect calls believable.
+Written by `make decision-rule`. The rule by which an effect is called missing is `quadctl/lab/selection/rule.py`, which
+says for each threshold what it is and why. Each is changed alone, to about half and about twice its value, on {count}
+[hidden-effect cases](hidden-effects.md) of the set `tuning` at strengths 1 and 0.3. The columns count right verdicts at
+each strength; bold differs from the unchanged rule. The lab was tuned on these seeds.
 
 | threshold | value | {kinds} |
 |---|---|{dashes}|
@@ -142,9 +136,10 @@ def remembered() -> Iterator[None]:
 
 
 def page(right: Mapping[Setting, Counter[Cell]], totals: Mapping[Cell, int]) -> str:
-    """The page, with one row for each setting."""
+    """The page, with a row for each setting that changes a verdict."""
     kinds, dashes = " | ".join(KINDS.values()), "|".join(["---:"] * len(KINDS))
-    rows = []
+    rows: list[str] = []
+    without_effect: dict[str, list[str]] = defaultdict(list)
     for name, value in settings():
         cells = []
         for kind in KINDS:
@@ -152,10 +147,22 @@ def page(right: Mapping[Setting, Counter[Cell]], totals: Mapping[Cell, int]) -> 
             counts = [str(n) if n == before else f"**{n}**" for n, before in zip(now, standing, strict=True)]
             strengths = STRENGTHS[:1] if kind == "none" else STRENGTHS
             cells.append(", ".join(f"{n} of {totals[kind, s]}" for n, s in zip(counts, strengths, strict=False)))
+        if name and right[name, value] == right["", 0.0]:
+            without_effect[name].append(f"{value:g}")
+            continue
         words = f"`{name}`" if name else "unchanged"
         moved = f"{getattr(RULE, name):g} -> {value:g}" if name else ""
         rows.append(f"| {words} | {moved} | {' | '.join(cells)} |")
-    return HEAD.format(count=sum(totals.values()), kinds=kinds, dashes=dashes) + "\n".join(rows) + "\n"
+    return HEAD.format(count=sum(totals.values()), kinds=kinds, dashes=dashes) + "\n".join(
+        [*rows, "", without(without_effect)]
+    )
+
+
+def without(values: Mapping[str, Sequence[str]]) -> str:
+    """Sentence on the settings that change no verdict."""
+    listed = ", ".join(f"`{name}` {' or '.join(tried)}" for name, tried in values.items())
+    said = f"No verdict changes with {listed}."
+    return textwrap.fill(said, 120, break_long_words=False, break_on_hyphens=False) + "\n"
 
 
 def main() -> None:

@@ -210,14 +210,11 @@ def _page(names: list[str], each: int, nulls: Nulls, coverage: dict[str, Coverag
     )
     return f"""# Residuals of real flights
 
-Written by `python -m studies.real_residuals`. {each} surrogates of each of these real flights:
-{", ".join(name.removesuffix(".csv") for name in names)}.
-
-Each is
-changed until a known model is true of it, with the residual that the best model of another of these flights leaves:
-real motion, real sensors, and noise as correlated as in reality. Effects that only moments or an accelerometer show are
-not tried. Nothing is hidden in the flights of the first three rows, though what no effect explains in the real flights
-is still in their residuals. The others contain {truths}; counted are parameters that the flight determines.
+Written by `python -m studies.real_residuals`. {each} surrogates of each of {len(names)} real flights: changed
+until a known model is
+true of them, with the residual that the best model of another of these flights leaves, so with noise as
+correlated as in
+reality. Nothing is hidden in the flights of the first three rows. The others contain {truths}.
 
 | in surrogate flights | result |
 |---|---|

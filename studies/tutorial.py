@@ -178,8 +178,7 @@ def main() -> None:
         for part in ("config", "missions"):
             shutil.copytree(ROOT / part, folder / part)
         tutorial = Tutorial(folder)
-        has_hidden_page = (DOCS / "hidden-effects.md").exists()
-        page = environment.get_template("tutorial.md.j2").render(t=tutorial, hidden_page=has_hidden_page)
+        page = environment.get_template("tutorial.md.j2").render(t=tutorial)
     PAGE.write_text(page, encoding="utf-8")
     print(f"Written: {PAGE}")
 

@@ -7,20 +7,19 @@ from pathlib import Path
 
 import numpy as np
 
-from .flights import CHANNELS, DATA, MISSIONS, UNITS, Error, Flown, recorded, simulated
+from .flights import CHANNELS, DATA, MISSIONS, UNITS, Flown, recorded, simulated
 from .measured import NAMES, ROOT, Fact, Measured, load_measured
 from .probes import PROBES
 
 PAGE = ROOT / "docs" / "autopilots.md"
+AXES = 3
 TITLES = {"px4": "PX4", "ardupilot": "ArduPilot Copter"}
 HEAD = """# The simulated autopilots beside the real ones
 
-The tests fly simulated autopilots (mocks). This page compares them with recordings of real ones, which flew in their
-own simulators. `make autopilots` writes it. The facts are in `sitl/px4/measured.yaml` and
-`sitl/ardupilot/measured.yaml`, with their sources. The mock behaves like that with `--hidden sitl/px4/like_sih.yaml` or
-`--hidden sitl/ardupilot/like_sitl.yaml`.
-Without such a file it is quicker than a real autopilot: it is ready at once, climbs and lands faster, and its estimate
-is better. The tests compare each value that has one for the mock.
+Written by `make autopilots`: simulated autopilots (mocks) beside recordings of real ones in their own simulators.
+`sitl/px4/measured.yaml` and `sitl/ardupilot/measured.yaml` hold all facts with their sources, also those without a
+mock's value, and what is not known. Mocks behave like this with `--hidden sitl/px4/like_sih.yaml` or
+`sitl/ardupilot/like_sitl.yaml`.
 """
 
 
@@ -40,14 +39,13 @@ def section(name: str) -> Iterator[str]:
         mock = {mission: simulated(name, mission, Path(folder)) for mission in MISSIONS}
         yield from tracking(real, mock)
     yield from errors(list(real.values()), list(mock.values()))
-    yield "\nNot known, and not simulated: " + "; ".join(measured.unknown) + ".\n"
 
 
 def facts(name: str, measured: Measured) -> Iterator[str]:
-    yield "| fact | real | mock | source |\n|---|---|---|---|"
+    yield "| fact | real | mock |\n|---|---|---|"
     for fact in measured.facts:
-        found = said(PROBES[fact.probe](name), fact) if fact.probe else "not compared"
-        yield f"| {fact.what} | {said(fact.value, fact)} | {found} | {fact.source} |"
+        if fact.probe:
+            yield f"| {fact.what} | {said(fact.value, fact)} | {said(PROBES[fact.probe](name), fact)} |"
 
 
 def said(value: str | float, fact: Fact) -> str:
@@ -56,7 +54,7 @@ def said(value: str | float, fact: Fact) -> str:
 
 
 def tracking(real: dict[str, Flown], mock: dict[str, Flown]) -> Iterator[str]:
-    yield "\nTracking error: RMSE of the position against the reference, cm (north, east, up).\n"
+    yield "\nTracking error, RMSE in cm (north, east, up):\n"
     yield "| mission | real | mock |\n|---|---|---|"
     for mission in MISSIONS:
         yield f"| `{mission}` | {centimetres(real[mission])} | {centimetres(mock[mission])} |"
@@ -67,21 +65,17 @@ def centimetres(flown: Flown) -> str:
 
 
 def errors(real: Sequence[Flown], mock: Sequence[Flown]) -> Iterator[str]:
-    yield "\nError of the estimate against the truth of the simulator, over the three missions: standard deviation in a"
-    yield "flight, and the time in which its correlation falls to 1/e.\n"
-    yield "| channel | real | mock |\n|---|---|---|"
-    for i, (channel, unit) in enumerate(zip(CHANNELS, UNITS, strict=True)):
-        yield f"| {channel} | {error(mean_error(real, i), unit)} | {error(mean_error(mock, i), unit)} |"
+    yield "\nStandard deviation of the error of the estimate:\n"
+    yield "| channels | real | mock |\n|---|---|---|"
+    for first in range(0, len(CHANNELS), AXES):
+        part = range(first, first + AXES)
+        cells = (", ".join(f"{mean_std(flights, i):.2g}" for i in part) for flights in (real, mock))
+        yield f"| {', '.join(CHANNELS[i] for i in part)}, {UNITS[first]} | {' | '.join(cells)} |"
 
 
-def mean_error(flights: Sequence[Flown], channel: int) -> Error:
-    """Root mean square of the sizes, and mean of the times, of the errors of several flights."""
-    found = [flown.errors[channel] for flown in flights]
-    return Error(float(np.sqrt(np.mean([e.std**2 for e in found]))), float(np.mean([e.time_s for e in found])))
-
-
-def error(found: Error, unit: str) -> str:
-    return f"{found.std:.2g} {unit}, {found.time_s:.1f} s"
+def mean_std(flights: Sequence[Flown], channel: int) -> float:
+    """Root mean square of the errors of several flights."""
+    return float(np.sqrt(np.mean([flown.errors[channel].std ** 2 for flown in flights])))
 
 
 if __name__ == "__main__":

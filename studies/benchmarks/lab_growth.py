@@ -35,7 +35,7 @@ from quadctl.vehicle import Vehicle, load_vehicle
 
 ROWS_PER_FLIGHT = 50_000
 RATE_HZ = 50.0
-SIZES = (50_000, 200_000, 1_000_000)
+SIZES = (50_000, 1_000_000)
 ONE_LOG = (50_000, 1_000_000)
 CANDIDATES = (ConstantScale, Exponential, LinearDrag, AxialInflow)
 RAPTOR = Path(__file__).parents[2] / "config/vehicles/raptor.yaml"

@@ -19,9 +19,8 @@ HEADINGS = ("what", "measured", "relative to another time of the same run")
 ABOUT = """# Benchmarks
 
 Written by `make bench` on one machine: {machine}.
-Times depend on the machine, so each row also gives the time relative to another time of the same run. A *control tick*
-is one computation of the controller with a compensator that contains the effect named; *all* is one effect of each
-family. The last column of these rows is the number of calls of an empty Python function that take as long.
+Each row also gives the time relative to another time of the same run. A *control tick* is one computation of the
+controller, without compensator, with the slowest effect of the catalogue, and with one effect of each family (*all*).
 """
 
 

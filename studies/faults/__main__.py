@@ -4,7 +4,7 @@ import argparse
 import math
 import re
 import sys
-from collections.abc import Iterable
+from collections.abc import Sequence
 from pathlib import Path
 
 from rich.console import Console
@@ -18,36 +18,18 @@ ADDRESS = re.compile(r" \(system \d+\) at \S+")
 PAGE = ROOT / "docs" / "faults.md"
 HEAD = """# Faults
 
-Every fault begins in a hover at 0.5 m, in real time over MAVLink, with quadctl in a process of its own and the
-simulated autopilot in another. Times are seconds after the fault began, as the autopilot saw them. In no flight is a
-setpoint sent that is not a number or beyond the limits, and none is sent after the last one in this table.
-`make faults` writes this page; the tests fly the faults that only show in real time. [docs/safety.md](safety.md) gives
-the reason for each answer. A flight that a busy machine disturbed is flown again alone, and is marked with its attempt.
+Written by `make faults`. Every fault begins in a hover at 0.5 m, in real time over MAVLink, on the
+[simulated autopilots](autopilots.md). [Safety](safety.md) explains the answers. In no flight is a setpoint sent that is
+not a number or beyond the limits, and none after the last one of this table. Limits are those of `config/flight.yaml`,
+with a battery guarded at 13.5 V. The vehicle is RAPTOR; rows with six motors or rotors fly the F550.
 
-The limits are those of `config/flight.yaml`, with a battery guarded at 13.5 V; a landing that does not end is given up
-after 2 s (`max_over_time_s`), and the vehicle comes down a second later. In the faults of delay, jitter and loss a
-line that holds back, loses and repeats datagrams lies between the two.
+The figures are seconds after the fault began: the last setpoint (*before* the fault), and at rest on the ground. In
+rows about a person, that person lands the vehicle. Real autopilots are slower: a PX4 needed 5 to 9 s from 1.5 m to the
+ground and 2 to 4 s more to disarm, an ArduPilot's failsafe 4 s more than a landing that was asked for. With one of four
+motors at half its pulse a real ArduPilot was on the ground after 1.1 s at 3.2 m/s, and stayed armed in LAND for 85 s.
 
-The vehicle is the quadrotor of `config/vehicles/raptor.yaml`; rows that say *of six* or *six rotors* fly the hexarotor
-of `config/vehicles/f550.yaml`. With one motor at half thrust PX4's mock hovers, as a real PX4 did, whose figure 8 was
-handed over after 2.8 s; ArduPilot's leaves its place, and the fence lands it. A real ArduPilot with a motor "at half"
-was on the ground after 1.1 s, at 3.2 m/s, and stayed armed in LAND for 85 s. Its simulator weakens a motor by its
-pulse: a fifth of the thrust is left, and the mock is on the ground from 1.5 m after 0.74 s, and disarms
-([docs/autopilots.md](autopilots.md)). At 80 % the real one leaned by 10 deg, 1.1 m off, the mock by 11 deg, 1.1 m
-off. A real hexarotor of ArduPilot flew on with a motor at half, and was on the ground after 1.4 s with one at a
-tenth.
-
-ArduPilot's own answer to missing setpoints is to level and hold its height, in GUIDED, without reporting it. Its
-ground-station failsafe lands it 3 s after the last heartbeat of quadctl, as a flight requires (`SYSID_MYGCS`). PX4's
-is `COM_OBL_RC_ACT`, here 3 (return). The mocks land faster than real autopilots: a PX4 needed 5 to 9 s from 1.5 m to
-the ground, and another 2 to 4 s to disarm; an ArduPilot's failsafe comes down 4 s later than a landing that was asked
-for. Times of an answer that waits for a message, such as PX4's heartbeats at 1 Hz,
-are those of one flight. In rows about a person, that person also lands the vehicle, one or two seconds later. A
-restarted autopilot may still be asked to land once: its state is old before it is known to have restarted. A vehicle
-that neither of the two lands is landed by a simulated pilot with the switch after 14 s.
-
-| fault | autopilot | answer | last setpoint | mode of the autopilot | at rest | how the log says it ended |
-|---|---|---|---|---|---|---|
+| fault | answer | PX4 | ArduPilot |
+|---|---|---|---|
 """
 
 
@@ -72,20 +54,48 @@ def main() -> None:
     sys.exit(any(verdict.wrong for verdict in verdicts))
 
 
-def page(verdicts: Iterable[Verdict]) -> str:
-    return HEAD + "".join(row(verdict) + "\n" for verdict in verdicts)
+def page(verdicts: Sequence[Verdict]) -> str:
+    """Page with a row for each fault."""
+    faults = dict.fromkeys(verdict.fault for verdict in verdicts)
+    return HEAD + "".join(line([v for v in verdicts if v.fault == fault]) + "\n" for fault in faults)
+
+
+def line(verdicts: Sequence[Verdict]) -> str:
+    """Row of the page: one fault on both autopilots."""
+    answers = " / ".join(dict.fromkeys(answers_of(verdict) for verdict in verdicts))
+    times = " | ".join(f"{last_setpoint(verdict)}, {at_rest(verdict)}" for verdict in verdicts)
+    again = f" (attempt {attempts})" if (attempts := max(v.attempts for v in verdicts)) > 1 else ""
+    return f"| {verdicts[0].fault}{again} | {answers} | {times} |"
+
+
+def answers_of(verdict: Verdict) -> str:
+    answers = dict.fromkeys(answer for _, answer in verdict.seen.events if answer)
+    return ", ".join(answers) or "none: the process is gone"
+
+
+def last_setpoint(verdict: Verdict) -> str:
+    return f"{verdict.seen.last_setpoint_s:.2f}" if verdict.seen.setpoints else "before"
+
+
+def at_rest(verdict: Verdict) -> str:
+    return "not" if math.isnan(verdict.seen.at_rest_s) else f"{verdict.seen.at_rest_s:.1f}"
 
 
 def row(verdict: Verdict) -> str:
-    """A line of the table."""
+    """One flight, for the terminal: with the modes of the autopilot and the end in the log."""
     seen = verdict.seen
-    answer = ", ".join(dict.fromkeys(answer for _, answer in seen.events if answer)) or "none: the process is gone"
     modes = ", ".join(f"{mode} at {after_s:.1f} s" for mode, after_s in seen.modes) or "unchanged"
-    last = f"{seen.last_setpoint_s:.2f} s" if seen.setpoints else "before it"
-    rest = "not" if math.isnan(seen.at_rest_s) else f"{seen.at_rest_s:.1f} s"
     ended = ADDRESS.sub("", seen.ended) + (f" ({seen.problem.partition(': ')[2]})" if seen.problem else "")
-    again = f" (attempt {verdict.attempts})" if verdict.attempts > 1 else ""
-    return f"| {verdict.fault}{again} | {verdict.autopilot} | {answer} | {last} | {modes} | {rest} | {ended} |"
+    cells = (
+        verdict.fault,
+        verdict.autopilot,
+        answers_of(verdict),
+        last_setpoint(verdict),
+        modes,
+        at_rest(verdict),
+        ended,
+    )
+    return " | ".join(cells)
 
 
 if __name__ == "__main__":

@@ -27,8 +27,8 @@ from studies.papers.raptor import LOGS, log, raptor
 
 INTRODUCTION = """# The papers, computed again
 
-Written by `make papers` from the public flight logs of the thesis (github.com/aurelappius/quad_logs) and from the
-simulator; every number comes from the code in `studies/papers/`. Intervals are 95 %.
+Written by `make papers`, with the code in `studies/papers/`, from the public flight logs of the thesis
+(github.com/aurelappius/quad_logs) and from the simulator.
 
 - Appius, *Modeling and Control of Quadcopters in Ground Effect using Physics Informed Machine Learning* (the thesis)
 - Dena et al., ground effect of a quadrotor over several surfaces

@@ -13,16 +13,9 @@ from scipy.optimize import brentq
 from quadctl.effects.ground_effect import Cheeseman, Danjun, Surface, quadrotor_ratio
 from quadctl.logs.flight_log import Floats
 from quadctl.vehicle import Vehicle
-from studies.papers.page import save, table
+from studies.papers.page import save
 
 MODELS = ("M1", "M2", "M3", "M4", "PM")
-MEANING = {
-    "M1": "Cheeseman & Bennett, nothing to fit",
-    "M2": "Danjun, eq. 13: one rho for all surfaces",
-    "M3": "images of four rotors, eq. 14, nothing to fit",
-    "M4": "with the fountain, eq. 15: one k_b for all surfaces",
-    "PM": "eq. 20: k_b + k_s, fitted to each surface",
-}
 SURFACES = ("turf", "dirt", "dry soil", "irregular dry soil")
 FLIGHTS = 3
 """Number of flights over each surface: 12 data sets in all."""
@@ -148,41 +141,20 @@ def section(vehicle: Vehicle, draws: int = DRAWS) -> str:
     outcomes = {(s, n): simulate(vehicle, rivals, s, n, draws) for s in SPREADS for n in NOISES}
     clean = outcomes[SPREADS[1], 0.0]
     rho = rivals.danjun.parameter[rivals.danjun.nearest(world(vehicle, 0.0)[0])]
-    models = [[f"{m}: {MEANING[m]}", f"{rmse:.4f}"] for m, rmse in zip(MODELS, clean.rmse, strict=True)]
-    rows = [
-        [f"{noise:.1%}", *(f"{outcomes[s, noise].pm_best:.0%} / {outcomes[s, noise].whole_order:.0%}" for s in SPREADS)]
-        for noise in NOISES
-    ]
-    worst = 0.5 / draws**0.5
+    models = [f"{m} {rmse:.4f}" for m, rmse in zip(MODELS, clean.rmse, strict=True)]
     return f"""## Dena et al.: M1 to M4 and PM on four surfaces
 
-The flights are not public, and the paper gives neither k_s nor the noise nor the spacing of the 13 heights. The flights
-are therefore simulated: {len(SURFACES)} surfaces ({", ".join(SURFACES)}), {FLIGHTS} flights over each, the rotor plane
-at 13 evenly spaced heights from 1.00 to 0.21 m, and RAPTOR's geometry
-(d = {vehicle.adjacent_distance_m / vehicle.rotor.radius_m:.1f} R). The true thrust ratio K obeys eq. 20 with
-k_b = {K_B}; the values of k_s are evenly spaced over the surfaces, between minus and plus the number given below. Each
-model is fitted to two flights over every surface, and its error is computed on the third. We assume that M1 to M4 are
-eq. 12 to 15.
+Simulated, as the flights are not public: {len(SURFACES)} surfaces, {FLIGHTS} flights over each, 13 heights,
+k_b = {K_B},
+k_s evenly spaced.
 
-Without noise, k_s = ±{SPREADS[1]}:
-
-{table(["model", "RMSE of K, held-out"], models)}
-
-With noise, {draws} times drawn: share of the draws in which PM has the smallest error / in which the errors have the
-order {" > ".join(ORDER)} (standard error at most {worst:.1%}). The noise is the standard deviation of the mean
-thrust of one hover, relative to the thrust far from the ground.
-
-{table(["noise", *(f"k_s = ±{s}" for s in SPREADS)], rows)}
+RMSE of K on unseen flights without noise, k_s = ±{SPREADS[1]}: {", ".join(models)}.
 
 {_figure(outcomes)}
 
-- PM has the smallest error and M1 the largest while the noise is small compared to the difference between the
-  surfaces. {_kept(outcomes)} With more noise the four parameters of PM fit the noise, and the single parameter of M4
-  predicts the next flight as well or better: PM is still the true model, but 12 data sets cannot show it.
-- M2 has a smaller error than M3 in these simulations, although M3 describes more of the physics: the fitted rho of M2
-  also represents the neighbouring rotors and the fountain, and M3 has no fountain. M3 is better than M2 only if k_b is
-  below {names_in_order_below(vehicle, rivals):.2f}.
-- The fitted rho is about {rho:.2f} in these simulations (Dena et al.: 3.65).
+- {_kept(outcomes)} With more noise 12 data sets cannot show that PM is the true model.
+- M3 is better than M2 only if k_b is below {names_in_order_below(vehicle, rivals):.2f}. The fitted rho of M2 is
+  {rho:.2f} (Dena et al.: 3.65).
 """
 
 
@@ -191,7 +163,7 @@ def _kept(outcomes: dict[tuple[float, float], Outcome]) -> str:
     for spread in SPREADS:
         kept = [noise for noise in NOISES if outcomes[spread, noise].pm_best >= 0.95]
         parts.append(f"{max(kept):.1%} for k_s = ±{spread}")
-    return f"The largest noise of the table at which PM is best in 95 % of the draws is {', '.join(parts)}."
+    return f"PM is best in 95 % of {DRAWS} draws up to a noise of one hover of {', '.join(parts)}."
 
 
 def _figure(outcomes: dict[tuple[float, float], Outcome]) -> str:

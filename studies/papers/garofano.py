@@ -9,7 +9,7 @@ from quadctl.effects.ground_effect_hexarotor import HIGHEST_HEIGHT_OVER_RADIUS, 
 from quadctl.logs.flight_log import Floats
 from quadctl.settings import validate
 from quadctl.vehicle import Vehicle
-from studies.papers.page import save, table
+from studies.papers.page import save
 
 RADIUS_M, ADJACENT_M = 0.1194, 0.28
 """Table I."""
@@ -72,10 +72,6 @@ def jumps(cant_deg: float, dihedral_deg: float) -> list[Jump]:
 
 def section() -> str:
     """The part of the page."""
-    rows = []
-    for cant, dihedral in (*((t, t) for t in TILTS_DEG), *UNEQUAL):
-        cells = [f"{j.below:.4f}, {j.above:.4f} ({j.size:+.4f})" for j in jumps(cant, dihedral)]
-        rows.append([f"{cant:.0f}°, {dihedral:.0f}°", *cells])
     alike = max(abs(j.size) for tilt in TILTS_DEG for j in jumps(tilt, tilt)[:2])
     unequal = max(abs(j.size) for pair in UNEQUAL for j in jumps(*pair)[:2])
     end = jumps(0.0, 0.0)[2]
@@ -84,25 +80,15 @@ def section() -> str:
     peak = int(np.argmax(flat))
     return f"""## Garofano-Soldado et al.: figure 6 from tables I to III
 
-R = {RADIUS_M} m, d = {ADJACENT_M} m. Only formulas are evaluated here, so the only uncertainty is the rounding of the
-coefficients in the paper's tables. The formula consists of sections in z. K just below and just above each boundary
-between two sections, and the jump:
-
-{table(["cant, dihedral", *(f"{b:g} R" for b in BOUNDARIES)], rows)}
-
 {_figure()}
 
-- Where cant and dihedral are alike, as on the authors' vehicle, the jumps at 2.5 R and 3 R are at most {alike:.4f},
-  which is the rounding of the tables. Where they differ, K jumps by up to {unequal:.2f}, so the formula must not
-  be used with only one of the two angles.
-- At 8 R the authors' firmware switches the effect off. Without tilt, K falls there from {end.below:.4f} to 1: a step of
-  about {end.below - 1.0:.1%} of the weight from one tick to the next.
-- Eq. 9 has its maximum, K = {flat[peak]:.3f}, at {radii[peak]:.2f} R and falls to {flat[0]:.3f} at 0.25 R, below which
-  the firmware keeps it constant. The cause is that it does not contain the image of the rotor itself, and that the
-  influence of the other rotors' images vanishes as z goes to 0. It must not be used below {radii[peak]:.2f} R.
-- Without tilt, eq. 10 to 13 do not become eq. 9: their first section multiplies the images by
-  {HexarotorTilted.SECTION_LOW[0]}, so that K at 1 R is
-  {ratio(np.array([1.0]), 0.0, 0.0)[0]:.3f} and not {flat_ratio(np.array([1.0]))[0]:.3f}.
+- Where cant and dihedral are alike, K jumps by at most {alike:.4f} at 2.5 R and 3 R; where they differ, by up to
+  {unequal:.2f}: never use the formula with only one of the two angles.
+- At 8 R the firmware switches the effect off: without tilt a step of {end.below - 1.0:.1%} of the weight.
+- Eq. 9 has its maximum, K = {flat[peak]:.3f}, at {radii[peak]:.2f} R: it must not be used below. Without tilt,
+  eq. 10 to
+  13 do not become eq. 9: K at 1 R is {ratio(np.array([1.0]), 0.0, 0.0)[0]:.3f} and not
+  {flat_ratio(np.array([1.0]))[0]:.3f}.
 """
 
 

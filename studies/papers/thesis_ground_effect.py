@@ -159,14 +159,14 @@ def choices(log: FlightLog, vehicle: Vehicle, draws: int = DRAWS) -> list[Choice
     whole = of_flight(flight)
     full = whole.where(kept)
     ways = (
-        ("as the thesis' script: every row, three rotors smoothed, hover assumed", of_rows(log, vehicle, smooth=True)),
+        ("the thesis' script", of_rows(log, vehicle, smooth=True)),
         ("without smoothing", of_rows(log, vehicle, smooth=False)),
         ("one point for each update of the rotor speeds instead of every row", of_updates(log, vehicle)),
         ("delay taken out, 1 Hz filter", of_flight(flight, tilt=False, acceleration=False).where(kept)),
         ("as 4, and the tilt accounted for", of_flight(flight, acceleration=False).where(kept)),
-        ("as 5, and the vertical acceleration", full),
+        ("delay, tilt and vertical acceleration accounted for", full),
         (f"as 6, z > {CONTACT_M} m", full.where(full.z_m > CONTACT_M)),
-        ("as 6, take-off and landing not cut off", whole),
+        ("as 6, with take-off and landing", whole),
     )
     return [Choice(name, points, fit_exponential(points, draws)) for name, points in ways]
 
@@ -187,57 +187,45 @@ def joint_fit(log: FlightLog, vehicle: Vehicle) -> tuple[Curve, float, float]:
     return Curve(a * c, b, c, item.ci95["a"], item.ci95["b"]), added.before["total"], added.after["total"]
 
 
+SHOWN = (1, 6)
+"""Numbers of the choices that the page shows."""
+
+
 def section(logs: dict[str, FlightLog], vehicle: Vehicle) -> str:
     """The part of the page, for the logs of `PUBLISHED`."""
     rows = []
     panels = {name: choices(logs[name], vehicle) for name in PUBLISHED}
     joint = {name: joint_fit(logs[name], vehicle) for name in PUBLISHED}
     for name, (equation, a, b, c) in PUBLISHED.items():
-        rows.append([f"**{name}**, printed as eq. {equation}", f"{a / c:.3f}", f"{b:.2f}", f"{c:.3f}", ""])
-        for number, (what, points, curve) in enumerate(panels[name], start=1):
-            rows.append(_row(f"{number}. {what}", curve, str(len(points.z_m))))
-        rows.append(_row("quadctl: `thrust_scale`, `ground_effect.exponential`, c = 1", joint[name][0], ""))
+        rows.append([f"**{name}**, printed as eq. {equation}", f"{a / c:.3f}", f"{b:.2f}", f"{c:.3f}"])
+        rows += [_row(f"{number}. {panels[name][number - 1].name}", panels[name][number - 1].curve) for number in SHOWN]
+        rows.append(_row("quadctl, c = 1", joint[name][0]))
     errors = "; ".join(f"{name} {before:.3f} -> {after:.3f} m/s²" for name, (_, before, after) in joint.items())
     hover, forward = panels["HOVERING"][0].curve, panels["FORWARD_SPEED"][0].curve
-    rates = [choice.curve.b for choice in panels["HOVERING"]]
     cuts = [fit_exponential(of_rows(logs["HOVERING"], vehicle, smooth=True, cut=cut), draws=1).b for cut in OTHER_CUTS]
     naive = naive_error(panels["HOVERING"][0].points)
-    tilt, acceleration, landing = (panels["FORWARD_SPEED"][i].curve.b for i in (4, 5, 7))
     return f"""## Thesis: eq. 14 and 16, T = a e^(-b z) + c
 
-a/c and b have 95 % intervals from resampled blocks of 5 s; c is computed with the k and the mass of the thesis. Each
-row changes one more step of the evaluation: row 1 is the thesis' script, row 6 the evaluation of quadctl.
+Intervals are from resampled blocks of 5 s. quadctl's own fit is `thrust_scale` with `ground_effect.exponential`.
 
-{table(["from the public log", "a/c", "b, 1/m", "c", "points"], rows)}
+{table(["from the public log", "a/c", "b, 1/m", "c"], rows)}
 
 {_figure(panels)}
 
-- **Eq. 14 is reproduced** by what the thesis' public script does: a/c {hover.a / hover.c:.3f} (printed
-  {0.114 / 1.028:.3f}), b {hover.b:.2f} (printed 5.39). Its c = 1.028 follows from the reference thrust,
-  {vehicle.weight_n * 1.028 / hover.c:.1f} N, which the script takes from a separate hover log. It is about the thrust
-  k rpm² at 1.7 m, the greatest height of this log. The close agreement of b is a coincidence: if 500 or 1000 rows more
-  or fewer are cut off at the ends, b is {min(cuts):.1f} to {max(cuts):.1f}.
-- **Eq. 16 is reproduced only approximately**: the same steps on FORWARD_SPEED give a/c {forward.a / forward.c:.3f} and
-  b {forward.b:.2f} (printed {0.147 / 0.988:.3f} and 4.37, which are inside the intervals). The thesis does not say
-  which rows it used.
-- **In HOVERING the rows of the table differ by less than the intervals**, which are wide: b is {min(rates):.1f} to
-  {max(rates):.1f}. The script fits {len(panels["HOVERING"][0].points.z_m)} rows, but the rotor speeds in them were
-  updated only {len(panels["HOVERING"][2].points.z_m)} times. If all rows are counted as independent, the standard error
-  of b is {naive:.2f}; from resampled blocks it is {(hover.rate[1] - hover.rate[0]) / 3.92:.1f}.
-- **In FORWARD_SPEED the vertical acceleration matters, and so do take-off and landing**: b changes from {tilt:.1f} to
-  {acceleration:.1f} if the vertical acceleration is accounted for, and to {landing:.1f} if take-off and landing are
-  included. The flight is hardly ever below 0.17 m, so a, the gain extrapolated to z = 0, is poorly determined: the
-  curves agree only at the heights flown.
-- **c is no ground effect.** It is the ratio of the thrust far from the ground to k rpm², and does not depend on the
-  height. quadctl models it separately as `thrust_scale` and keeps c at 1. Held-out error of the acceleration without
-  and with the ground effect: {errors}.
+- **Eq. 14 is reproduced**: a/c {hover.a / hover.c:.3f} (printed {0.114 / 1.028:.3f}), b {hover.b:.2f} (printed 5.39).
+  With 500 or 1000 rows more or fewer at the ends, b is {min(cuts):.1f} to {max(cuts):.1f}. The standard error of b is
+  {naive:.2f} with independent rows, {(hover.rate[1] - hover.rate[0]) / 3.92:.1f} from blocks: rotor speeds were updated
+  {len(panels["HOVERING"][2].points.z_m)} times.
+- **Eq. 16 is reproduced approximately**: a/c {forward.a / forward.c:.3f}, b {forward.b:.2f} (printed
+  {0.147 / 0.988:.3f}, 4.37). The flight is hardly ever below 0.17 m, so the curves agree only at the heights flown.
+- **c is no ground effect** but a thrust scale. Held-out error without and with the ground effect: {errors}.
 """
 
 
-def _row(name: str, curve: Curve, n: str) -> list[str]:
+def _row(name: str, curve: Curve) -> list[str]:
     a = with_interval(curve.a / curve.c, *curve.relative)
     b = with_interval(curve.b, *curve.rate, digits=1)
-    return [name, a, b, f"{curve.c:.3f}", n]
+    return [name, a, b, f"{curve.c:.3f}"]
 
 
 def _figure(panels: dict[str, list[Choice]]) -> str:

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from quadctl.lab.flights.dataset import FOLDS
 from quadctl.lab.flights.flight import Flight
 from quadctl.logs.flight_log import Floats
-from studies.papers.page import table
 from studies.papers.thesis_ground_effect import Points, fit_exponential, of_flight
 
 NAMES = ("z", "w", "v")
@@ -185,35 +184,16 @@ def section(flight: Flight) -> str:
     radius_m = flight.vehicle.rotor.radius_m
     found = identify(data_of(flight), radius_m)
     exponential = found.frequency["e^(-z/2)"] + found.frequency["e^(-z)"] - found.both_exponentials
-    terms = [
-        [name, f"{found.coefficients[name]:+.4f}" if name in found.coefficients else "", f"{share:.0%}"]
-        for name, share in found.frequency.items()
-    ]
-    scores = [[name, f"{mean:.4f} ± {error:.4f}"] for name, (mean, error) in found.rmse.items()]
+    scores = [f"{name} {mean:.4f}" for name, (mean, _) in found.rmse.items()]
     parts = [f"{value:+.3f} {'' if name == '1' else name}".strip() for name, value in found.coefficients.items()]
     expression = " ".join(parts)
     return f"""## Thesis: SINDy on HOVERING (eq. 13)
 
-The thesis finds the form of its equation by SINDy with the functions of its table 1; the functions used here may differ
-from those. pysindy (forward orthogonal least squares) selects terms for the thrust ratio K from powers, inverse powers
-and exponentials of the height z (in rotor radii), the climb rate w, the horizontal speed v and products of them. The
-number of terms is the smallest whose error on held-out blocks of 5 s is within one standard error of the best.
+By pysindy (forward orthogonal least squares), with as many terms as held-out blocks support:
 
 **K = {expression.lstrip("+")}**
 
-{table(["term", "coefficient", f"selected in {DRAWS} resampled flights"], terms)}
-
-Error of K on held-out blocks, ± one standard error over {FOLDS} folds:
-
-{table(["model", "RMSE of K"], scores)}
-
-- Sequential thresholding, SINDy's first optimizer, does not give a sparse expression here: with its threshold chosen in
-  the same way, {found.thresholded_terms} of {len(TERMS)} terms remain, with large coefficients of opposite sign that
-  cancel each other.
-- An exponential of the height is selected in {exponential:.0%} of the resampled flights, which supports the form
-  a e^(-b z) + c of the thesis: e^(-z/2) means b = {0.5 / radius_m:.1f} per metre, e^(-z) means
-  b = {1.0 / radius_m:.1f} per metre. Neither fitting b nor adding terms lowers the held-out error further.
-- Exactly these terms are selected in {found.same_terms:.0%} of the resampled flights. The term of the climb rate is
-  uncertain: the climb rate in HOVERING is small, and a delay between height and rotor speed would have the same effect
-  on K.
+- RMSE of K on held-out blocks: {"; ".join(scores)}.
+- An exponential of the height is in {exponential:.0%} of {DRAWS} resampled flights, which supports a e^(-b z) + c; the
+  term of w is uncertain.
 """

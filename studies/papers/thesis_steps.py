@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from quadctl.lab.tracking.metrics import GroupMetrics, MetricsTable, Window, metrics
+from quadctl.lab.tracking.metrics import MetricsTable, Window, metrics
 from quadctl.logs.flight_log import FlightLog
 from studies.papers.page import table, with_deviation
 
@@ -24,11 +24,10 @@ WINDOW = Window(15.0, 44.04)
 SETPOINT_M = 0.2
 
 HEADINGS = (
-    *("flight", "M_A printed", "M_A signed", "M_A absolute"),
-    *("M_B printed", "M_B signed", "M_B absolute", "M_B absolute of the mean flight"),
+    *("flight", "M_A printed", "M_A signed"),
+    *("M_B printed", "M_B signed", "M_B absolute"),
 )
 
-FORWARD_HEADINGS = ("", "M_B signed", "M_B absolute", "not aligned, signed", "not aligned, absolute")
 
 SPEEDS = ("050", "125")
 FORWARD = ("NO_COMPENSATION_V", "APPIUS_FWD_V")
@@ -38,8 +37,8 @@ FORWARD_SETPOINTS_M = 0.1, 1.1
 """Low and high: the flights before the step stand at 1.2 and 2.2 m, and the high one settles at 1.1 m."""
 ALIGNED_ABOVE_M = 0.6
 """A run is measured from where it comes down through this height above its setpoint, out of ground effect."""
-FORWARD_WINDOW, NOMINAL_WINDOW = Window(0.0, 6.0), Window(0.0, 10.0)
-"""From there, and from `FORWARD_STARTS_S`."""
+FORWARD_WINDOW = Window(0.0, 6.0)
+"""From there."""
 
 
 def names() -> list[str]:
@@ -55,20 +54,17 @@ def table_2(logs: dict[str, FlightLog]) -> MetricsTable:
     return metrics([log for flown in runs.values() for log in flown], high, window=WINDOW, setpoint_m=SETPOINT_M)
 
 
-def table_3(logs: dict[str, FlightLog], name: str, speed: str, *, aligned: bool = True) -> list[tuple[float, float]]:
-    """M_B of each run along x, signed and absolute, m s.
-
-    Against the mean of the three runs of the high flight; not `aligned`, against the same run at the same nominal time.
-    """
+def table_3(logs: dict[str, FlightLog], name: str, speed: str) -> list[tuple[float, float]]:
+    """M_B of each run along x, signed and absolute, m s, against the mean of the three runs of the high flight."""
     low, high = FORWARD_SETPOINTS_M
     flight, high_flight = logs[f"{name}_{speed}"], logs[f"{REFERENCE}_V_{speed}"]
     references = [descent(high_flight, start, high) for start in FORWARD_STARTS_S]
     found = []
     for start in FORWARD_STARTS_S:
         result = metrics(
-            [descent(flight, start, low) if aligned else since(flight, start)],
-            references if aligned else [since(high_flight, start)],
-            window=FORWARD_WINDOW if aligned else NOMINAL_WINDOW,
+            [descent(flight, start, low)],
+            references,
+            window=FORWARD_WINDOW,
             setpoint_m=low,
             reference_setpoint_m=high,
         ).flights[0]
@@ -120,64 +116,37 @@ def section(logs: dict[str, FlightLog]) -> str:
     signed = {name: group.mean["m_b_signed"] or 0.0 for name, group in groups.items()}
     absolute = {name: group.m_b_absolute_of_mean or 0.0 for name, group in groups.items()}
     floor = noise_floor(result)
-    rows = [_row_2(name, groups[name], result) for name in PUBLISHED]
-    forward = [_row_3(logs, name, speed) for speed in SPEEDS for name in FORWARD]
+    rows = [_row_2(name, result) for name in PUBLISHED]
     return f"""## Thesis: table 2, step response from 1.2 m to 0.2 m
 
-Integrals in m s over the nominal {WINDOW}. The reference of M_B is HIGH_ALTITUDE, flown 0.9 m higher. The thesis gives
-means of three runs, of which two are public. The numbers computed here are mean ± population standard deviation of
-these two; the third run may change a mean by about 0.02 m s.
+Integrals in m s over the nominal {WINDOW}; the reference of M_B is HIGH_ALTITUDE. The thesis gives means of three runs,
+of which two are public: mean ± population standard deviation.
 
 {table(HEADINGS, rows)}
 
-- The printed numbers and their order are reproduced **with the signed integral**, although the text of the thesis
-  defines an absolute one.
-- The share of M_B that Appius' compensator removes depends on this choice: {removed(signed):.0%} with the signed
-  integral (printed: 78.5 %), {removed(absolute):.0%} with the absolute one (of the mean flight). In the signed
-  integral, errors above and below the setpoint cancel each other. We report both.
-- In absolute M_B, Cheeseman, Hayden and Sanchez hardly differ from no compensation. But absolute M_B is not zero even
-  without ground effect, because flights differ. Judged by the two flights out of ground effect, it would be about
-  {floor:.2f} m s for the mean of two flights (a rough estimate from two runs). Appius' compensator reaches this value,
-  so the absolute share underestimates its benefit. Signed M_B does not have this limit, but errors cancel in it.
+- The printed numbers are reproduced **with the signed integral**, although the thesis defines an absolute one.
+- Appius' compensator removes {removed(signed):.0%} of M_B by the signed integral (printed: 78.5 %), in which errors
+  above and below the setpoint cancel, and {removed(absolute):.0%} by the absolute one; between flights
+  without ground effect that is {floor:.2f} m s.
 
 ## Thesis: table 3, the same with forward speed
 
-Each flight steps down three times while it runs along x. The logs do not contain the reference that was flown, and it
-differs from the published one, so M_A cannot be computed reliably. M_B needs only the height difference between the low
-and the high flight: 1.0 m, from the heights of both before the step. The steps are triggered by position, and their
-times scatter by 0.1 s. Therefore each run is aligned at the time at which it passes 0.6 m above its setpoint, and
-measured for {FORWARD_WINDOW.to_s:.0f} s. The columns "not aligned" use the nominal time and
-{NOMINAL_WINDOW.to_s:.0f} s; there the scatter of the step times hides much of the difference. The numbers are mean ±
-standard deviation of the three runs of one flight, which does not include the difference between flights. We do not
-have the printed numbers of table 3, so this is not a comparison with the thesis.
-
-{table(FORWARD_HEADINGS, forward)}
-
-- {_forward_words(logs)}
+M_B alone, as the logs lack the reference; each run aligned where it passes 0.6 m above its setpoint, over
+{FORWARD_WINDOW.to_s:.0f} s; means of three runs, the printed numbers not at hand. {_forward_words(logs)}
 """
 
 
-def _row_2(name: str, group: GroupMetrics, result: MetricsTable) -> list[str]:
+def _row_2(name: str, result: MetricsTable) -> list[str]:
     m_a, m_b = PUBLISHED[name]
     runs = [flight for flight in result.flights if flight.group == name]
-    of_mean = "" if name == REFERENCE else f"{group.m_b_absolute_of_mean:.3f}"
     return [
         name,
         f"{m_a:.3f}",
         with_deviation([run.m_a_signed for run in runs]),
-        with_deviation([run.m_a_absolute for run in runs]),
         f"{m_b:.3f}",
         with_deviation([run.m_b_signed or 0.0 for run in runs]),
         with_deviation([run.m_b_absolute or 0.0 for run in runs]),
-        of_mean,
     ]
-
-
-def _row_3(logs: dict[str, FlightLog], name: str, speed: str) -> list[str]:
-    runs = table_3(logs, name, speed)
-    what = f"{name}_{speed}, {int(speed) / 100:.2f} m/s"
-    nominal = table_3(logs, name, speed, aligned=False)
-    return [what, *(with_deviation([run[i] for run in found]) for found in (runs, nominal) for i in (0, 1))]
 
 
 def _forward_words(logs: dict[str, FlightLog]) -> str:

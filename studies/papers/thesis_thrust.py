@@ -68,30 +68,20 @@ def section(vehicle: Vehicle, hover_rpm: float | None) -> str:
         ["throttle at no thrust", f"{PUBLISHED_OFFSET}", with_interval(found.offset, low[3], high[3], 3)],
     ]
     local = THRUST_N / RPM**2
-    lowest = fit(THROTTLE[:10], RPM[:10], THRUST_N[:10])
     text = f"""## Thesis: thrust stand (section 3.3)
-
-95 % intervals from resampled points. They cover the scatter of the points, not an error of the formula itself.
 
 {table(["", "thesis", "from its 18 points"], rows)}
 
-- k agrees with the thesis in all digits that the points allow. A single k is still an approximation: T/rpm² rises with
-  speed from {local.min():.2e} to {local.max():.2e} N/rpm², in agreement with an exponent above 2.
-- The thesis flew with another line of throttle over thrust than the least-squares line through these points: its slope
-  is {PUBLISHED_SLOPE / found.slope - 1.0:.0%} steeper. Throttle grows as the square root of thrust, so the slope is
-  larger at low thrust: a line through the ten lowest points has about the slope of the thesis ({lowest.slope:.4f}), but
-  an offset of {lowest.offset:.2f}.
+- A single k is an approximation: T/rpm² rises with speed from {local.min():.2e} to {local.max():.2e} N/rpm².
+- The thesis' line of throttle over thrust is {PUBLISHED_SLOPE / found.slope - 1.0:.0%} steeper than least squares.
 """
     if hover_rpm is None:
         return text
     each = vehicle.weight_n / 4.0
     return (
         text
-        + f"""- In the public HOVERING log the rotors turn at {hover_rpm:.0f} rpm above 0.85 m, where thrust equals
-  weight. At this speed the thrust k rpm² differs from the weight by {PUBLISHED_K * hover_rpm**2 / each - 1.0:+.0%}, and
-  the thrust interpolated between the points of the stand by {thrust_at(hover_rpm) / each - 1.0:+.0%}. The difference
-  between the two is the error of a single k. The remaining difference has causes that a thrust stand does not
-  have (the body in the wake of the rotors, the battery, the mass). Because of it, every fit below needs a thrust
-  scale in addition to the ground effect.
+        + f"""- In the public HOVERING log, at {hover_rpm:.0f} rpm, k rpm² differs from the weight by
+  {PUBLISHED_K * hover_rpm**2 / each - 1.0:+.0%}, and the stand's points by
+  {thrust_at(hover_rpm) / each - 1.0:+.0%}. So every fit below needs a thrust scale.
 """
     )

@@ -5,8 +5,6 @@ import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from quadctl.model import Model
-from quadctl.vehicle import AxisResponse
 from studies.autopilots.measured import ROOT, mock
 from studies.papers.page import table, wrapped
 
@@ -18,41 +16,36 @@ from .margins import Axes, margins, of_autopilot, of_quadctl
 
 PAGE = ROOT / "docs" / "tracking.md"
 FIGURE = "tracking.png"
-TITLES = {BEFORE: "the law before", UNKNOWN: "quadctl, nothing known", FOUND: "quadctl", OWN: "the autopilot's own"}
+TITLES = {BEFORE: "thesis' law", UNKNOWN: "quadctl, nothing known", FOUND: "quadctl", OWN: "autopilot's own"}
+LAWS_OF_GROUND = {"now": TITLES[FOUND], "before": TITLES[BEFORE]}
 HEAD = """# Tracking, beside the autopilots' own control
 
-Written by `make tracking`, in lockstep on the simulated autopilots ([as measured](autopilots.md)), one seed. The same
-references are flown by the thesis' law (`config/flight_thesis.yaml`), which was the product before; by the present law,
-without knowledge of the vehicle and with the attitude's lag and the drag that `quadctl fit` finds in one other flight
-of excitation; and by the autopilot itself, which is sent position, velocity and acceleration at 50 Hz.
+Written by `make tracking`, in lockstep on the simulated autopilots ([as measured](autopilots.md)). The same
+references are
+flown by the thesis' law (`config/flight_thesis.yaml`), by quadctl's without and with the lag and the drag that
+`quadctl fit` finds in another flight, and by the autopilot itself, which is sent position, velocity and acceleration.
 
-These are mocks: their own control is built from the firmwares' sources (gains, form of D, square root, filters) with
-speed and jerk limits raised, on their own estimate at 100 Hz and without a delay of the link. What shapes a target in a
-firmware, and the hover thrust that PX4 learns, are left out. By their own control the real ones (Copter 4.7-dev, PX4
-main of March 2026 with the noise of a real IMU) flew the courses in the order of the tables with 9.4, 20.5, 13.3, 9.7,
-9.0 cm and, from the second on, with 44.0, 58.6, 44.0, 36.3 cm: more than their mocks, so the goals here are no easier.
+These are mocks: their own control is built from the firmwares' sources, without a delay of the link. The real ones
+(Copter 4.7-dev, PX4 main of March 2026) flew the courses in the order of the tables with 9.4, 20.5, 13.3, 9.7, 9.0 cm
+and, from the second on, with 44.0, 58.6, 44.0, 36.3 cm, so the goals here are no easier.
 """
-RMSE = f"""3D RMSE in cm of the autopilot's estimate, as a log has it, against the reference of its time. Goals: at most
-{HALF:g} times the law before, and at most {BEATEN:g} times the autopilot's own. The step is 1 m to the east: overshoot
-in cm, and the time after which it stays within 10 cm.
+RMSE = f"""3D RMSE in cm of the autopilot's estimate against the reference of its time. Goals: at most {HALF:g}
+times the thesis' law, and at most {BEATEN:g} times the autopilot's own. The step is 1 m: overshoot in
+cm, and time until within 10 cm.
 """
-STOCK = """The IMU of the stock SIH is far worse than a real one: the estimated velocity is off by 0.3 m/s for seconds,
-which no controller can see. That error is a part of every figure there, so that half of the law before is not reached.
+STOCK = """The IMU of the stock SIH puts the estimated velocity off by 0.3 m/s for seconds, which no controller can
+see.
 """
-ROBUST = """The same figure 8 with defects: states 80 ms old and setpoints 80 ms late (the autopilot's own control only
-has the late setpoints, those of the present, not of later); 15 % more mass than the vehicle file says (ArduPilot's mock
-takes it on in the air before); a fifth of all states and setpoints lost. The margins are those of linear models: the
-peak of the sensitivity, the factor on the gain, the phase, and the further delay at which the loop becomes unstable.
-The law lowers its gains with a delay that it measures, which is not counted: without the lag and the drag, which keep
-it from looking ahead, it is then worse on PX4 than the law before.
+ROBUST = """The figure 8 with defects: states and setpoints 80 ms late each (the autopilot's own control: setpoints
+only); 15 % more mass than in the vehicle file; a fifth of all states and setpoints lost. Margins are
+those of linear models along the horizontal axes. The law lowers its gains with a delay that it
+measures, which is not counted: without lag and drag it is then worse on PX4 than the thesis' law.
 """
-GROUND = """The thesis' step into the ground effect, and the swoop, in a world with a drag and a ground effect of no
-catalogue (`hidden.ground_cushion`). Both models hold the drag and the lag that the lab found, one also an exponential
-ground effect. M_B in m s as in [the papers](papers.md), RMSE in cm, means of two seeds.
+GROUND = """In a world with a drag and a ground effect of no catalogue; both models hold drag and lag as found, one
+also an exponential ground effect. M_B in m s as in [the papers](papers.md), RMSE in cm.
 """
-NEVER = """For every family of the catalogue: tracking in a world with that effect, without a model of it and with the
-true one, RMSE in cm over waves in three axes at 0.5 m, heading 35 deg. *Beside a drag* both models know the drag, and
-the reference is fed forward ahead. Worse means by more than 2 %.
+NEVER = """Tracking in a world with one effect of each family, without a model of it and with the true one, over
+waves in three axes at 0.5 m. Beside a drag both models know the drag. Worse means by more than 2 %.
 """
 
 
@@ -74,31 +67,39 @@ def write(results: Results, grounds: Sequence[ground.Ground], pairs: Sequence[ne
         RMSE,
         *(f"### {where.title}\n\n{courses(results, where)}\n" for where in MOCKS),
         STOCK,
-        f"What the lab found: {'; '.join(found_words(results))}.\n",
         "## Robustness and margins\n",
         ROBUST,
         robustness(results) + "\n",
-        margin_table(loops) + "\n",
+        margins_said(loops) + "\n",
         f"![Sensitivity of the loops, and the distance from the reference along the figure 8]({FIGURE})\n",
         *((f"Broken off: {'; '.join(results.broken_off)}.\n",) if results.broken_off else ()),
         "## In ground effect\n",
         GROUND,
-        ground_table(grounds) + "\n",
+        ground_said(grounds) + "\n",
         "## Never worse than no model\n",
         NEVER,
-        never_table(pairs) + "\n",
-        f"Not flown: {'; '.join(f'{family} ({why})' for family, why in never_worse.NOT_FLOWN.items())}.",
+        never_said(pairs) + "\n",
         never_words(),
     ]
     PAGE.write_text(wrapped("\n".join(parts)), encoding="utf-8")
 
 
 def courses(results: Results, where: Mock) -> str:
-    """Table of one mock: the courses, judged, and the step."""
-    rows = [[name, *judged(results, where.title, name)] for name in COURSES]
+    """Table of one mock: the courses and the step; and the goals."""
+    judged_ = {name: [*judged(results, where.title, name)] for name in COURSES}
+    rows = [[name, *cells[: len(LAWS)]] for name, cells in judged_.items()]
     steps = (results.steps[where.title, law] for law in LAWS)
-    rows.append(["step", *(f"{100.0 * step.overshoot_m:.0f}, {seconds(step.settled_s)}" for step in steps), "", ""])
-    return table(["", *(TITLES[law] for law in LAWS), "goal, before", "goal, own"], rows)
+    rows.append(["step", *(f"{100.0 * step.overshoot_m:.0f}, {seconds(step.settled_s)}" for step in steps)])
+    return f"{table(['', *(TITLES[law] for law in LAWS)], rows)}\n\n{goals(judged_)}"
+
+
+def goals(judged_: Mapping[str, Sequence[str]]) -> str:
+    """Whether both goals are met by each course or defect, with the shares of those that are not."""
+    parts = []
+    for other, cell in (("thesis' law", len(LAWS)), ("autopilot's own", len(LAWS) + 1)):
+        missed = [f"{name} {cells[cell].split()[-1]}" for name, cells in judged_.items() if "not met" in cells[cell]]
+        parts.append(f"Goal against the {other}: {'**not met** by ' + ', '.join(missed) if missed else 'met'}.")
+    return " ".join(parts)
 
 
 def judged(results: Results, mock_title: str, name: str) -> Iterator[str]:
@@ -114,31 +115,11 @@ def seconds(time_s: float) -> str:
 
 
 def robustness(results: Results) -> str:
-    rows = [
-        [f"{where.title}: {name}", *judged(results, where.title, name)] for where in ROBUST_MOCKS for name in DEFECTS
-    ]
-    return table(["", *(TITLES[law] for law in LAWS), "goal, before", "goal, own"], rows)
-
-
-def found_words(results: Results) -> Iterator[str]:
-    """Lag and drag found of each mock, beside the truth of its vehicle file."""
-    for where in MOCKS:
-        model, truth = results.models[where.title], mock(where.name).vehicle.attitude_response
-        response = model.vehicle.attitude_response
-        assert truth is not None
-        lag = "no lag" if response is None else f"lag {lag_words(response.roll)}, of which {truth.lag_s:.3f} s are true"
-        yield f"{where.title}: {lag}; {drag_words(model)}"
-
-
-def lag_words(axis: AxisResponse) -> str:
-    low, high = axis.lag_interval_s or (axis.lag_s, axis.lag_s)
-    return f"{axis.lag_s:.3f} s [{low:.3f}, {high:.3f}]"
-
-
-def drag_words(model: Model) -> str:
-    """Effects with their parameters along x."""
-    effects = [(effect.name, next(iter(effect.values().items()))) for effect in model.effects]
-    return ", ".join(f"`{name}` {key} {value:.2f}" for name, (key, value) in effects) or "no drag"
+    """Errors with each defect, of quadctl and of the autopilot's own control, and whether the goals are met."""
+    judged_ = {f"{w.title}: {name}": [*judged(results, w.title, name)] for w in ROBUST_MOCKS for name in DEFECTS}
+    found, own = (list(LAWS).index(law) for law in (FOUND, OWN))
+    errors = "; ".join(f"{name} {cells[found]} and {cells[own]}" for name, cells in judged_.items())
+    return f"RMSE of quadctl and the autopilot's own: {errors}.\n\n{goals(judged_)}"
 
 
 def open_loops() -> Mapping[tuple[str, str], Axes]:
@@ -153,53 +134,44 @@ def open_loops() -> Mapping[tuple[str, str], Axes]:
     return loops
 
 
-def margin_table(loops: Mapping[tuple[str, str], Axes]) -> str:
-    rows = []
+def margins_said(loops: Mapping[tuple[str, str], Axes]) -> str:
+    """Peak of the sensitivity, gain, phase and delay margin of the horizontal loops."""
+    words = []
     for (title, law), axes in loops.items():
-        for axis, loop in zip(Axes._fields, axes, strict=True):
-            found = margins(loop)
-            cells = [
-                f"{found.sensitivity_peak:.2f}",
-                f"{found.gain:.1f}",
-                f"{found.phase_deg:.0f}",
-                f"{1e3 * found.delay_s:.0f}",
-            ]
-            rows.append([f"{title}, {TITLES[law]}, {axis}", *cells])
-    return table(["loop", "sensitivity peak", "gain margin", "phase margin, deg", "delay margin, ms"], rows)
+        m = margins(axes.horizontal)
+        figures = f"{m.sensitivity_peak:.2f}, {m.gain:.1f}, {m.phase_deg:.0f} deg, {1e3 * m.delay_s:.0f} ms"
+        words.append(f"{title}, {TITLES[law]} {figures}")
+    return f"Peak of the sensitivity, gain, phase and delay margin: {'; '.join(words)}."
 
 
-def ground_table(grounds: Sequence[ground.Ground]) -> str:
-    rows = [
-        [
-            f"law {row.law}, {row.model}",
-            *(f"{value:.3f}" for value in (row.m_b_signed, row.m_b_absolute)),
-            *(f"{100.0 * value:.2f}" for value in (row.swoop_up_m, row.swoop_m)),
-        ]
-        for row in grounds
-    ]
-    return table(["", "step: M_B signed", "M_B absolute", "swoop: RMSE of the height", "3D"], rows)
+def ground_said(grounds: Sequence[ground.Ground]) -> str:
+    lines = []
+    for row in grounds:
+        step = f"M_B {row.m_b_signed:.3f} signed, {row.m_b_absolute:.3f} absolute"
+        swoop = f"swoop {100.0 * row.swoop_m:.2f}, its height {100.0 * row.swoop_up_m:.2f}"
+        lines.append(f"- {LAWS_OF_GROUND[row.law]}, {row.model}: {step}; {swoop}")
+    return "\n".join(lines)
 
 
-def never_table(pairs: Sequence[never_worse.Compared]) -> str:
-    rows = [
-        [f"`{pair.effect.name}`", *cells(pair.alone), *(cells(pair.beside_drag) if pair.beside_drag else ("", "", ""))]
-        for pair in pairs
-    ]
-    return table(["effect", "alone: without", "with", "", "beside a drag: without", "with", ""], rows)
-
-
-def cells(pair: never_worse.Pair) -> tuple[str, str, str]:
-    verdict = "**worse**" if pair.worse else "not worse"
-    return f"{100.0 * pair.without_m:.2f}", f"{100.0 * pair.with_m:.2f}", verdict
+def never_said(pairs: Sequence[never_worse.Compared]) -> str:
+    """The families whose true model makes tracking worse, and the change of the error by the true models."""
+    alone = {pair.effect.name: pair.alone for pair in pairs}
+    beside = {pair.effect.name: pair.beside_drag for pair in pairs if pair.beside_drag}
+    worse = {f"`{name}`": None for found in (alone, beside) for name, pair in found.items() if pair.worse}
+    said = f"Worse with the true model, of {len(pairs)} families: {', '.join(worse) or 'none'}."
+    for where, found in (("alone", alone), ("beside a drag", beside)):
+        change = {name: pair.with_m / pair.without_m - 1.0 for name, pair in found.items()}
+        best, least = min(change, key=change.__getitem__), max(change, key=change.__getitem__)
+        said += f" The error changes {where} by {change[best]:+.0%} (`{best}`) to {change[least]:+.1%} (`{least}`)."
+    return said
 
 
 def never_words() -> str:
     """Words on the case in which a true model is worse."""
     pair = never_worse.late_drag()
     return f"""
-One case is worse, in a world that no real autopilot was measured to be: where the estimate is 20 ms old and nothing
-tells it, the small drag of `body_drag.quadratic` beside a known one makes {100.0 * pair.without_m:.2f} cm without its
-model and {100.0 * pair.with_m:.2f} cm with it. The drag that nobody models pulls back by what the estimate lags."""
+One case is worse: where the estimate is 20 ms old and nothing tells it, the small drag of `body_drag.quadratic` beside
+a known one makes {100.0 * pair.without_m:.2f} cm without its model and {100.0 * pair.with_m:.2f} cm with it."""
 
 
 if __name__ == "__main__":

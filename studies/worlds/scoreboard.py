@@ -6,6 +6,7 @@ answer is compared with the truth beside them, which no command of quadctl reads
 
 import argparse
 import json
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -99,7 +100,7 @@ def _share(answers: Sequence[Answer], right: Iterable[bool]) -> str:
 
 
 def section(title: str, answers: Sequence[Answer]) -> str:
-    """Lines of the page on one world at one strength."""
+    """Lines for the terminal on one world at one strength, with every wrong answer."""
     single, several, nothing = ([a for a in answers if len(a.families) in n] for n in ((1,), (2, 3), (0,)))
     rows = [
         ("one effect: right family first", _share(single, (a.right_first for a in single))),
@@ -144,12 +145,25 @@ def side_by_side(worlds: Mapping[str, Sequence[Answer]]) -> str:
     return "\n".join([*lines, f"| goal at strength 1 / 0.5 / 0.3 | {GOALS[0]} | {GOALS[1]} | | 0 |", ""])
 
 
+MOST = 3
+"""Number of families that the page names for each world."""
+
+
+def wrong_families(worlds: Mapping[str, Sequence[Answer]]) -> str:
+    """The most frequent hidden families of the wrong answers, by the titles of the worlds."""
+    lines = ["Wrong answers, the most frequent by what was hidden:", ""]
+    for title, answers in worlds.items():
+        counts = Counter(" + ".join(a.families) or "nothing" for a in answers if not a.exact)
+        lines.append(f"- {title}: {', '.join(f'{family} {n}' for family, n in counts.most_common(MOST)) or 'none'}")
+    return "\n".join([*lines, ""])
+
+
 INTRODUCTION = """# Worlds that share nothing with the lab
 
-Written by `python -m studies.worlds.scoreboard`. Each world (`studies/worlds`) is a generator of flights with hidden
-effects, written from published descriptions by somebody who had not read the lab: its own rotors, controllers,
-estimators, sensors, missions and forms of the effects. The figure in brackets is the root mean square of the
-acceleration by the hidden effect. [How the numbers are computed](statistics.md) says what the lab was tuned on.
+Written by `python -m studies.worlds.scoreboard`. Each world (`studies/worlds`) generates flights with hidden effects.
+Somebody who had not read the lab wrote it from published descriptions: its own rotors, controllers, estimators,
+sensors, missions and forms of the effects. A row is a world, its seed and the strength of the effects; 1 is that of
+real vehicles. [What was tuned on what](statistics.md#what-was-tuned-on-what).
 
 """
 
@@ -169,8 +183,7 @@ def main() -> None:
         title = folder.name.replace("_", " ")
         worlds[title] = judge_world(folder, arguments.jobs)
         print(section(title, worlds[title]), flush=True)
-    parts = [side_by_side(worlds), *(section(title, answers) for title, answers in worlds.items())]
-    write_page(arguments.page, INTRODUCTION + "\n".join(parts))
+    write_page(arguments.page, INTRODUCTION + f"{side_by_side(worlds)}\n{wrong_families(worlds)}")
 
 
 if __name__ == "__main__":

@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import re
 import subprocess
 import sys
 import tempfile
@@ -12,7 +13,7 @@ from typing import Any
 from quadctl.logs.csv_log import write_csv
 from studies.benchmarks.page import write_page
 from studies.worlds.traps.flights import CONTROLS, TRAPS
-from studies.worlds.traps.judgement import Outcome, Trap, judge, said
+from studies.worlds.traps.judgement import Outcome, Trap, intervals, judge, said
 from studies.worlds.traps.second import SECOND
 from studies.worlds.traps.simulation import VEHICLES
 
@@ -36,36 +37,50 @@ def table(answers: Sequence[tuple[Trap, Mapping[str, Any]]]) -> str:
     """Rows of the page."""
     lines = ["| trap | honest answer | what it said | fooled |", "|---|---|---|---|"]
     for trap, result in answers:
-        outcome = judge(trap.honest, result)
-        cells = (f"**{trap.name}** ({trap.vehicle}): {trap.text}", trap.honest.words, said(result), outcome)
+        cells = (
+            f"**{trap.name}**: {in_short(trap)}",
+            trap.honest.words.removesuffix(", or unexplained"),
+            briefly(trap, result),
+            judge(trap.honest, result),
+        )
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines)
 
 
+def in_short(trap: Trap) -> str:
+    """First clause of the description of a trap."""
+    return re.split(r"[.,;:] ", trap.text)[0].removesuffix(".")
+
+
+def briefly(trap: Trap, result: Mapping[str, Any]) -> str:
+    """Verdict or families, and the intervals by which the answer is judged."""
+    judged = {*trap.honest.intervals, *trap.honest.either}
+    parts = [" + ".join(result["missing"]) or str(result["verdict"])]
+    parts += [
+        f"{name} " + (f"{low:.3g}" if low == high else f"[{low:.3g}, {high:.3g}]")
+        for effect, name, (low, high) in intervals(result)
+        if f"{effect} {name}" in judged
+    ]
+    return ", ".join(parts)
+
+
 INTRODUCTION = """# Traps
 
-Written by `python -m studies.worlds.traps --page docs/traps.md`. Ten flights that are meant to make `quadctl
-diagnose` say something false with confidence: name an effect that is not there, give a 95 % interval that leaves out
-the truth, or call a clean vehicle faulty. They were written by somebody who had not read the lab, in a simulation of
-their own ([studies/worlds/traps](../studies/worlds/traps/simulation.py)), and so were the honest answers, before the
-lab had seen a flight. A pair that these data do not distinguish is honest where one of the two is true. *Missed* is an
-answer that says nothing false and overlooks the effect. An effect that is there but too small to be called missing is
-shown and not judged.
+Written by `python -m studies.worlds.traps --page docs/traps.md`. Flights that are meant to make `quadctl diagnose` say
+something false with confidence: name an effect that is not there, give a 95 % interval without the truth, or call a
+clean vehicle faulty. Two authors who had not read the lab wrote ten each, in a
+[simulation of their own](../studies/worlds/traps/simulation.py), with the honest answers, before the lab had seen a
+flight. `unexplained` is always honest, and so is a confounded pair where one of the two is true.
 """
 
 
-SECOND_INTRODUCTION = """Written later, of other kinds, by somebody else who had not read the lab; the honest answers
-were committed before the lab had seen one of the flights. Two traps are two flights of one vehicle.
-"""
-
-
-def section(title: str, traps: Sequence[tuple[Trap, Mapping[str, Any]]], introduction: str = "") -> str:
-    """Heading, count and table of ten traps."""
+def section(title: str, traps: Sequence[tuple[Trap, Mapping[str, Any]]]) -> str:
+    """Heading, count and table of a group of flights."""
     outcomes = [judge(trap.honest, result) for trap, result in traps]
-    counts = f"Fooled by **{outcomes.count(Outcome.FOOLED)} of {len(outcomes)}**"
-    counts += f"; {outcomes.count(Outcome.MISSED)} missed.\n"
-    before = f"{introduction}\n" if introduction else ""
-    return f"## {title}\n\n{before}{counts}\n{table(traps)}\n"
+    counts = (
+        f"Fooled by **{outcomes.count(Outcome.FOOLED)} of {len(outcomes)}**; {outcomes.count(Outcome.MISSED)} missed."
+    )
+    return f"## {title}\n\n{counts}\n\n{table(traps)}\n"
 
 
 def page(
@@ -74,8 +89,10 @@ def page(
     second: Sequence[tuple[Trap, Mapping[str, Any]]],
 ) -> str:
     """Markdown of the study, without its notes."""
-    shown = f"{section('The ten', traps)}\n{section('The second ten', second, SECOND_INTRODUCTION)}"
-    return f"{INTRODUCTION}\n{shown}\n## Controls\n\nPlain flights, to check the simulation.\n\n{table(controls)}\n"
+    groups = (("The ten", traps), ("The second ten", second))
+    fooled = sum(judge(trap.honest, result) is Outcome.FOOLED for trap, result in controls)
+    plain = f"Of {len(controls)} plain flights, which check the simulation, {fooled} fooled it.\n"
+    return "\n".join([INTRODUCTION, *(section(title, group) for title, group in groups), plain])
 
 
 def main() -> None:

@@ -110,8 +110,8 @@ def over_deck(time_s: float, body: Body) -> Floats:
     ),
 )
 def landing_deck(name: str, vehicle: str) -> FlightLog:
-    """After 50 s at 1.15 m to 2 m above the floor, the vehicle hovers close above a landing deck 1 m high until the log
-    ends, in the deck's ground effect, K = 1 + 0.35 exp(-0.9 h/R). Thrust grows by 11 %, as if a load was dropped."""
+    """A hover close above a landing deck 1 m high, after 50 s at 1.15 m to 2 m above the floor, until the log ends; in
+    the deck's ground effect, K = 1 + 0.35 exp(-0.9 h/R), thrust grows by 11 %, as if a load was dropped."""
     before = [*staircase((1.4, 1.15, 1.6, 1.25, 2.0, 1.15), 2.5, 4.5), *back_and_forth(0.6, 1.3, 2.5, 1.5, 1)]
     heights = (1.3, 1.17, 1.14, 1.18, 1.15, 1.13, 1.16, 1.14)
     after = [Leg(2.0, 0.1 * (-1) ** i, height, 2.5, 4.0) for i, height in enumerate(heights)]
