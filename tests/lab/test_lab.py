@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 from scipy import stats
+from scipy.signal import lfilter
 
 from quadctl.effects.ground_effect import Exponential, Sanchez
 from quadctl.effects.rotor_drag import LinearDrag
@@ -329,12 +330,8 @@ def _motion(n: int, seed: int, size: float = 3.0) -> np.ndarray:
 def _correlated(n: int, rho: float, seed: int) -> np.ndarray:
     """An AR(1) process of unit variance."""
     steps = np.random.default_rng(seed).standard_normal(n) * math.sqrt(1.0 - rho * rho)
-    values = np.empty(n)
-    last = steps[0] / math.sqrt(1.0 - rho * rho)
-    for i, step in enumerate(steps):
-        last = rho * last + step
-        values[i] = last
-    return values
+    values, _ = lfilter([1.0], [1.0, -rho], steps, zi=[rho * steps[0] / math.sqrt(1.0 - rho * rho)])
+    return np.asarray(values)
 
 
 def test_a_dataset_knows_the_heights_it_covers(rigid: Model) -> None:

@@ -20,7 +20,7 @@ from quadctl.model import load_model
 from quadctl.web.figures.downsample import POINTS
 from tests.support.flights import obedient
 from tests.support.lab_pages import CUT, PARTS, served, stand_on
-from tests.support.lab_sessions import ADDED, VEHICLE, fly_over_a_cushion, one_step_up, searched, unexplained
+from tests.support.lab_sessions import ADDED, VEHICLE, flown_and_searched, one_step_up, unexplained
 from tests.support.other_site import attacking
 from tests.support.visitors import (
     DESK,
@@ -47,13 +47,15 @@ MOST_CLICKS = 10
 
 
 @pytest.fixture(scope="module")
-def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return fly_over_a_cushion(tmp_path_factory.mktemp("flown"))
+def flown(shared: Path) -> Path:
+    return flown_and_searched(shared)[0]
 
 
 @pytest.fixture(scope="module")
-def session(flown: Path) -> Path:
-    return searched(flown)
+def session(shared: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("searched") / "one.lab.yaml"
+    path.write_text(flown_and_searched(shared)[1], encoding="utf-8")
+    return path
 
 
 @pytest.fixture(scope="module")
@@ -403,9 +405,9 @@ def test_how_fast_the_page_is_on_a_real_flight(browser: Browser, tmp_path: Path)
 @pytest.mark.parametrize("theme", ["light", "dark"])
 @pytest.mark.parametrize("size", [DESK, PHONE], ids=["desk", "phone"])
 def test_pictures_of_every_part(
-    browser: Browser, session: Path, tmp_path: Path, size: dict[str, int], theme: str
+    browser: Browser, flown: Path, session: Path, tmp_path: Path, size: dict[str, int], theme: str
 ) -> None:
-    climbed, hidden = one_step_up(session), session.with_name("hidden.yaml")
+    climbed, hidden = one_step_up(session), flown.with_name("hidden.yaml")
     with served(tmp_path / "lab", "--session", str(climbed), "--hidden", str(hidden)) as (url, _):
         visitor = Visitor(browser, url, size, theme)
         visitor.sees("#error-now")

@@ -30,12 +30,13 @@ from quadctl.lab.tracking.step_response import StepResponses, step_responses
 from quadctl.logs.flight_log import FlightLog
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
-from tests.support.flights import CUSHION, flown_once, obedient, simulated, to_and_fro
+from tests.support.flights import CUSHION, SHORTER, flown_once, obedient, simulated, to_and_fro
 
 Worded: TypeAlias = Callable[[Results], "Page"]
 CANDIDATES = (ConstantScale, Exponential, LinearDrag)
 NASTY = '<script>alert("x")</script>&_$a$.csv'
 VOID = {"meta", "br", "link", "img", "input", "hr"}
+STEP = SHORTER["step_response"]
 UNIT = re.compile(r" / (m/s²|m/s|m s|N|V|deg|s|m|mm|%|rotor radii)$")
 
 
@@ -108,9 +109,9 @@ def flown(raptor: Vehicle, shared: Path, tmp_path_factory: pytest.TempPathFactor
 
 def _step_logs(where: Path) -> dict[str, FlightLog]:
     return {
-        "none": simulated("step_response", [CUSHION], 3, where),
-        "models/found.yaml": simulated("step_response", [], 3, where),
-        "out of ground effect": simulated("step_response_high", [], 4, where),
+        "none": simulated("step_response", [CUSHION], 3, where, STEP),
+        "models/found.yaml": simulated("step_response", [], 3, where, STEP),
+        "out of ground effect": simulated("step_response_high", [], 4, where, STEP),
     }
 
 
