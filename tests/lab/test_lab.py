@@ -243,9 +243,8 @@ class TestDiagnose:
         assert first.family == "ground_effect"
         assert first.held_out_drop > 0.5 and first.p_value < 1e-6
 
-    def test_without_an_effect_nothing_is_missing(self, plain_runs: list[FlightLog], rigid: Model) -> None:
-        result = diagnose(rigid, load_dataset(plain_runs, rigid.vehicle))
-        assert (result.verdict, result.missing) == ("none", [])
+    def test_without_an_effect_nothing_is_missing(self, nothing: Diagnosis) -> None:
+        assert (nothing.verdict, nothing.missing) == ("none", [])
 
     @pytest.mark.long
     def test_two_effects_are_found_and_nothing_else(self, tmp_path: Path, rigid: Model) -> None:

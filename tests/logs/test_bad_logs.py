@@ -38,15 +38,15 @@ Damage = Callable[[FlightLog], FlightLog]
 
 
 @pytest.fixture(scope="module")
-def runs(plain_runs: list[FlightLog]) -> FlightLog:
+def runs(tmp_path_factory: pytest.TempPathFactory) -> FlightLog:
     """A simulated flight of runs along north and east: everything moves."""
-    return plain_runs[0]
+    return simulated("forward_runs", [], 1, tmp_path_factory.mktemp("runs"))
 
 
 @pytest.fixture(scope="module")
-def climbs(plain_runs: list[FlightLog]) -> FlightLog:
+def climbs(tmp_path_factory: pytest.TempPathFactory) -> FlightLog:
     """A simulated flight up and down."""
-    return plain_runs[1]
+    return simulated("vertical_runs", [], 1, tmp_path_factory.mktemp("climbs"))
 
 
 def having(log: FlightLog, columns: Mapping[str, Floats]) -> FlightLog:

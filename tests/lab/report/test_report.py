@@ -131,9 +131,13 @@ def page(html: str) -> Page:
 
 
 @pytest.fixture
-def worded(monkeypatch: pytest.MonkeyPatch) -> Worded:
-    """Pages whose figures are empty: drawing them takes most of the time."""
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Figures are empty: drawing them takes most of the time."""
     monkeypatch.setattr(plots, "to_svg", lambda figure, name: "<svg></svg>")
+
+
+@pytest.fixture
+def worded(undrawn: None) -> Worded:
     return lambda results: Page(render_report(results))
 
 
@@ -334,6 +338,7 @@ class TestWhatThePageNeverDoes:
         assert "script" not in {tag for tag, _ in page.tags}
 
 
+@pytest.mark.usefixtures("undrawn")
 class TestWriting:
     def test_the_page_is_whole_and_nothing_else_is_left(self, made: Comparison, tmp_path: Path) -> None:
         path = tmp_path / "new" / "report.html"
@@ -445,6 +450,7 @@ def _fitted_drag(raptor: Vehicle) -> Addition:
     return add(LinearDrag, Model(raptor).plus(ConstantScale()), load_dataset([log], raptor))
 
 
+@pytest.mark.usefixtures("undrawn")
 class TestFirstPage:
     def test_it_stands_alone(self, raptor: Vehicle) -> None:
         truth = Model(raptor).plus(Exponential(a=0.3, b=5.0))
@@ -462,6 +468,7 @@ class TestFirstPage:
         assert "as given, trim included" not in Page(render_report(Results(compare(Model(raptor), flown)))).text
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_equation_names_parameters_without_markup(raptor: Vehicle) -> None:
     log = obedient(Model(raptor).plus(ConstantScale(factor=1.1)), noise_m_s=0.01)
     html = render_report(Results(compare(Model(raptor).plus(ConstantScale(1.1)), load_dataset([log], raptor))))
