@@ -145,14 +145,13 @@ def test_files_are_chosen_in_the_window_of_the_browser(browser: Browser, flown: 
 
 
 @pytest.mark.long
-@on_each_screen
 def test_a_long_log_is_shown_before_it_is_searched_in_as_many_points_as_a_screen_has(
-    browser: Browser, screen: Screen, empty: str, tmp_path: Path
+    browser: Browser, empty: str, tmp_path: Path
 ) -> None:
     long = tmp_path / "long.csv"
     flown = obedient(load_model(VEHICLE).plus(Exponential(a=0.3, b=5.0)), 600.0, noise_m_s=0.01)
     pl.DataFrame(flown.columns).write_csv(long)
-    visitor = at_the_start(browser, empty, screen)
+    visitor = at_the_start(browser, empty)
     visitor.drops(long)
     visitor.sees(".banner.search")
     figure = visitor.figure("Measured and predicted acceleration over time")
@@ -355,13 +354,10 @@ def test_what_no_effect_explains_is_said_as_an_expression_that_can_be_added(
 
 @pytest.mark.long
 @pytest.mark.skipif(not REAL_PX4.is_dir(), reason="the flights of real autopilots are not here")
-@on_each_screen
-def test_modes_and_messages_of_a_real_autopilot_stand_on_the_axis_of_time(
-    browser: Browser, screen: Screen, tmp_path: Path
-) -> None:
+def test_modes_and_messages_of_a_real_autopilot_stand_on_the_axis_of_time(browser: Browser, tmp_path: Path) -> None:
     words = [str(REAL_PX4 / "vertical_runs.ulg"), "--model", str(REAL_PX4 / "vehicle.yaml")]
     with served(tmp_path / "lab", *words) as (url, _):
-        visitor = Visitor(browser, url, *screen)
+        visitor = Visitor(browser, url)
         visitor.sees("#error-now")
         visitor.click("[role=tab]:has-text('Over time')")
         channels = visitor.figure("Channels over time: z_m")
