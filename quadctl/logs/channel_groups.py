@@ -54,9 +54,9 @@ def come_in_turn(log: FlightLog, columns: Sequence[str]) -> bool:
     changed = np.zeros((len(known), len(log)), dtype=bool)
     for own, column in zip(changed, known, strict=True):
         own[log.updates(column)] = True
-    any_of_them = np.count_nonzero(changed.any(axis=0))
-    together = np.count_nonzero(changed[1:] & changed[:-1]) / max(np.count_nonzero(changed[1:]), 1)
-    return bool(together < IN_TURN * (np.count_nonzero(changed) / len(known)) / max(any_of_them, 1))
+    any_of_them = int(changed.any(axis=0).sum())
+    together = int((changed[1:] & changed[:-1]).sum()) / max(int(changed[1:].sum()), 1)
+    return together < IN_TURN * (int(changed.sum()) / len(known)) / max(any_of_them, 1)
 
 
 def updates_of_any(log: FlightLog, columns: Sequence[str]) -> NDArray[np.intp]:
