@@ -17,7 +17,7 @@ from quadctl.vehicle import Vehicle, load_vehicle
 from studies.faults.witness import Witness
 from tests.support.commands import Result
 from tests.support.flights import CUSHION, flown_once
-from tests.support.places import ROOT
+from tests.support.places import NO_CHROMIUM, ROOT
 
 pytest.register_assert_rewrite("watched", "log_files")
 
@@ -49,6 +49,13 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if item.get_closest_marker("realtime"):
             item.add_marker(again)
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    left_out = [report for report in terminalreporter.stats.get("skipped", []) if NO_CHROMIUM in str(report.longrepr)]
+    if left_out:
+        how = "put `chromium` on the PATH (Debian and Ubuntu: apt-get install chromium fonts-dejavu-core)"
+        terminalreporter.write_line(f"Left out: {len(left_out)} tests of pages, as {NO_CHROMIUM}. To have them, {how}.")
 
 
 @pytest.fixture(autouse=True)

@@ -1,6 +1,5 @@
 """Channels of a log: columns that arrive together."""
 
-import itertools
 import re
 from collections.abc import Sequence
 
@@ -52,10 +51,12 @@ def come_in_turn(log: FlightLog, columns: Sequence[str]) -> bool:
     known = [column for column in columns if log.has(column)]
     if len(known) < 2:
         return False
-    changed = [set(log.updates(column).tolist()) for column in known]
-    any_of_them = len(set().union(*changed))
-    together = sum(len(a & b) for a, b in itertools.pairwise(changed)) / max(sum(map(len, changed[1:])), 1)
-    return together < IN_TURN * float(np.mean([len(own) for own in changed])) / max(any_of_them, 1)
+    changed = np.zeros((len(known), len(log)), dtype=bool)
+    for own, column in zip(changed, known, strict=True):
+        own[log.updates(column)] = True
+    any_of_them = int(changed.any(axis=0).sum())
+    together = int((changed[1:] & changed[:-1]).sum()) / max(int(changed[1:].sum()), 1)
+    return together < IN_TURN * (int(changed.sum()) / len(known)) / max(any_of_them, 1)
 
 
 def updates_of_any(log: FlightLog, columns: Sequence[str]) -> NDArray[np.intp]:

@@ -98,11 +98,11 @@ class FlightLog:
         Several names are one channel whose parts arrive together (`log.updates(*POSITION)`): a row counts when any part
         changed. A row in which a part is not finite holds no update; the first finite row does.
         """
-        values = np.column_stack([self[name] for name in names])
-        rows = np.flatnonzero(np.isfinite(values).all(axis=1))
-        known = values[rows]
+        values = [self[name] for name in names]
+        rows = np.flatnonzero(np.logical_and.reduce([np.isfinite(part) for part in values]))
+        known = [part[rows] for part in values]
         new = np.ones(len(rows), dtype=bool)
-        new[1:] = (known[1:] != known[:-1]).any(axis=1)
+        new[1:] = np.logical_or.reduce([part[1:] != part[:-1] for part in known])
         return rows[new]
 
     def rows(self, selection: slice | NDArray[Any]) -> "FlightLog":

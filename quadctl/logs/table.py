@@ -276,6 +276,8 @@ def _named(path: Path, rows: pl.DataFrame, names: list[str]) -> pl.DataFrame:
 
 def _numbers(path: Path, table: pl.DataFrame, name: str) -> Floats:
     column = table[name]
+    if column.dtype.is_numeric():
+        return column.cast(pl.Float64).to_numpy().astype(np.float64)
     if column.dtype == pl.String:
         column = column.str.strip_chars()
     if column.dtype.is_temporal():

@@ -11,7 +11,7 @@ from pydantic import Field
 from quadctl.errors import SettingsError
 from quadctl.missions.expansion import RawPhase, Value, check_size, expanded, known, names_in, put_in
 from quadctl.missions.mission import QUANTITIES, Mission, MissionLimits, Phase, Turn
-from quadctl.missions.profile import sampled
+from quadctl.missions.profile import references
 from quadctl.settings import Settings, read_value, read_yaml, validate
 from quadctl.state import Vec3
 from quadctl.surfaces import read_place
@@ -209,15 +209,15 @@ def _check_limits(mission: Mission, path: Path) -> None:
             f"{path}: the mission lasts {mission.duration_s:.0f} s, "
             f"expected at most limits.max_duration_s = {limits.max_duration_s:g}{lifted}"
         )
-    for phase, samples in zip(mission.phases, sampled(mission), strict=True):
-        for sample in samples:
-            x, y, z = sample.reference.position_m
-            where = f"{path}: phase '{phase.name}' goes to"
+    for phase in mission.phases:
+        where, along = f"{path}: phase '{phase.name}' goes to", references(phase)
+        for reference in along:
+            x, y, z = reference.position_m
             if z > limits.max_z_m + 1e-9:
                 raise SettingsError(
                     f"{where} z = {z:.2f} m, expected at most limits.max_z_m = {limits.max_z_m:g}{lifted}"
                 )
-            rising = phase is mission.phases[0] and sample is not samples[-1]  # from the ground
+            rising = phase is mission.phases[0] and reference is not along[-1]  # from the ground
             if z < limits.min_z_m - 1e-9 and not rising:
                 raise SettingsError(
                     f"{where} z = {z:.2f} m, expected at least limits.min_z_m = {limits.min_z_m:g}{lifted}"

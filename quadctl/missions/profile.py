@@ -51,14 +51,17 @@ def sampled(mission: Mission) -> list[list[Sample]]:
     found: list[list[Sample]] = []
     before = Reference(mission.phases[0].start_m)
     for phase in mission.phases:
-        duration_s = phase.end_s - phase.start_s
-        steps = max(1, math.ceil(duration_s / STEP_S - 1e-9))
-        times = [duration_s * i / steps for i in range(steps + 1)]
+        times = _times(phase)
         references = [phase.reference_after(t) for t in times]
         jumps = [_jump(a, b, dt) for (a, b), dt in zip(pairwise([before, *references]), _steps(times), strict=True)]
         found.append([Sample(phase.start_s + t, r, j) for t, r, j in zip(times, references, jumps, strict=True)])
         before = references[-1]
     return found
+
+
+def references(phase: Phase) -> list[Reference]:
+    """The reference of a phase at the instants of `sampled`."""
+    return [phase.reference_after(t) for t in _times(phase)]
 
 
 def profiles(mission: Mission, samples: Sequence[Sequence[Sample]]) -> list[PhaseProfile]:
@@ -85,6 +88,13 @@ def _profile(phase: Phase, samples: Sequence[Sample]) -> PhaseProfile:
         top_tilt_rad=max(sample.tilt_rad for sample in samples),
         longest_jump_m=max(math.hypot(*sample.jump_m) for sample in samples),
     )
+
+
+def _times(phase: Phase) -> list[float]:
+    """Instants of the samples, s after the begin of the phase."""
+    duration_s = phase.end_s - phase.start_s
+    steps = max(1, math.ceil(duration_s / STEP_S - 1e-9))
+    return [duration_s * i / steps for i in range(steps + 1)]
 
 
 def _steps(times: Sequence[float]) -> list[float]:

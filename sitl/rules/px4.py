@@ -240,24 +240,26 @@ class SimulatedAutopilot:
 
     def step(self, until_s: float) -> None:
         """Advance to `until_s` in steps of the physics."""
-        steps = round(until_s / STEP_S)
+        steps, body, motor_outputs = round(until_s / STEP_S), self.body, self.loops.motor_outputs
         while self._steps < steps:
-            if self.time_s < self._motor_test.until_s:
-                self.body.step_on_stand(self._motor_test.rotor, self._motor_test.output)
+            if self._steps * STEP_S < self._motor_test.until_s:
+                body.step_on_stand(self._motor_test.rotor, self._motor_test.output)
                 self._end_step()
                 continue
             self._obey_rules()
             if self._steps % 2 == 0:  # attitude loop at 250 Hz, rate loop at 500 Hz
                 self._attitude_loop()
-            airborne, active = not self.body.in_contact, self._active
-            throttle, lateral = (active.throttle, active.lateral) if self.armed else (0.0, None)
-            self.outputs = self.loops.motor_outputs(self._rate_sp, self.body.rates, throttle, STEP_S, airborne, lateral)
-            self.body.step(self.outputs, self.armed)
+            throttle, lateral = 0.0, None
+            if self.armed:
+                _, throttle, lateral = self._active
+            airborne = not body.in_contact
+            self.outputs = motor_outputs(self._rate_sp, body.rates, throttle, STEP_S, airborne, lateral)
+            body.step(self.outputs, self.armed)
             self._end_step()
 
     def _end_step(self) -> None:
         self._steps += 1
-        self.body.time_s = self.time_s
+        self.body.time_s = self._steps * STEP_S
         self.estimator.observe(self.body.motion())
 
     def estimate(self) -> VehicleState:
@@ -351,10 +353,10 @@ class SimulatedAutopilot:
         failed_s = self._battery_failed_s
         if failed_s is not None and self.armed and self.mode == "HOLD" and now - failed_s > BATTERY_HOLD_S:
             self._enter("LAND")
-        pushing = self.armed and self._active.throttle > 0.6 * self._hover_throttle
-        if not self.body.in_contact or pushing:
+        in_contact = self.body.in_contact
+        if not in_contact or (self.armed and self._active.throttle > 0.6 * self._hover_throttle):
             self._on_ground_s = now
-            if not self.body.in_contact and self.body.position[2] < -0.1:
+            if not in_contact and self.body.position[2] < -0.1:
                 self._flown, self.landed = True, False
         elif now - self._on_ground_s > 0.3:
             self.landed = True

@@ -252,10 +252,11 @@ class MavlinkMock(ABC):
 
     def _send_streams(self) -> None:
         estimate = self.faults.distort(self.autopilot.estimate())
-        for stream in self._streams.values():
-            if stream.take(estimate):
-                for message in stream.build(self._stamped(estimate)):
-                    self._send(message)
+        due = [stream for stream in self._streams.values() if stream.take(estimate)]
+        stamped = self._stamped(estimate) if due else estimate
+        for stream in due:
+            for message in stream.build(stamped):
+                self._send(message)
 
     @property
     def _clock_s(self) -> float:

@@ -81,6 +81,7 @@ class SimulatedBody:
         torque = vehicle.rotor.thrust_n_per_rpm2 * vehicle.rotor.torque_to_thrust_m
         self._watts_per_rpm3 = torque * (math.pi / 30.0) * 1.6  # electrical over mechanical
         self._stopped: tuple[float | None, ...] = (None,) * vehicle.n_rotors
+        self._output_per_newton = vehicle.throttle.per_newton * vehicle.n_rotors
         lag = vehicle.rotor.time_constant_s
         self._rotor_share = 1.0 if lag < 1e-6 else 1.0 - math.exp(-STEP_S / lag)
 
@@ -122,18 +123,19 @@ class SimulatedBody:
 
     def _turn_rotors(self, outputs: Sequence[float | None]) -> None:
         """Advance the rotor speeds by STEP_S. An output of None stops a motor; at an output of 0 it idles."""
-        vehicle, curve, rpm = self.vehicle, self.vehicle.throttle, self.rpm
-        k, n, share = vehicle.rotor.thrust_n_per_rpm2, vehicle.n_rotors, self._rotor_share
+        vehicle, rpm, share, per_newton = self.vehicle, self.rpm, self._rotor_share, self._output_per_newton
+        k, offset = vehicle.rotor.thrust_n_per_rpm2, vehicle.throttle.offset
         # Rotor speed follows the voltage: half of a change shows, the rest is the load line of the motor.
         scale = 1.0 + 0.5 * (self.battery.voltage_v / Battery.REFERENCE_V - 1.0)
         power = 0.0
         for i, output in enumerate(outputs):
             wanted = 0.0
             if output is not None:
-                thrust = (output - curve.offset) / (curve.per_newton * n)
-                wanted = max(IDLE_RPM, math.sqrt(thrust / k) * scale if thrust > 0.0 else 0.0)
-            rpm[i] += share * (wanted - rpm[i])
-            power += rpm[i] ** 3
+                thrust = (output - offset) / per_newton
+                wanted = math.sqrt(thrust / k) * scale if thrust > 0.0 else 0.0
+                wanted = max(wanted, IDLE_RPM)
+            rpm[i] = turned = rpm[i] + share * (wanted - rpm[i])
+            power += turned**3
         self.battery.draw(power * self._watts_per_rpm3, STEP_S)
 
     def _force_and_torque(self) -> tuple[Vec3, Vec3]:

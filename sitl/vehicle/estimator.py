@@ -50,6 +50,7 @@ class Estimator:
         self._telemetry = telemetry
         self._random = random.Random(seed)
         self._past: deque[Motion] = deque()
+        self._kept_s = max(telemetry.delay_s, telemetry.rpm_delay_s) + UPDATE_S
         self._position_drift = _Drift((noise.position_drift_m,) * 3, noise.drift_time_s)
         self._velocity_drift = _Drift(noise.velocity_drift_m_s, noise.velocity_drift_time_s)
         self._attitude_drift = _Drift(noise.attitude_drift_deg, noise.attitude_drift_time_s)
@@ -83,8 +84,7 @@ class Estimator:
         """Take in the true motion, and update the parts that are due."""
         past, now = self._past, motion.time_s
         past.append(motion)
-        longest = max(self._telemetry.delay_s, self._telemetry.rpm_delay_s)
-        while past[0].time_s < now - longest - UPDATE_S:
+        while past[0].time_s < now - self._kept_s:
             past.popleft()
         if now >= self._next_update_s - 1e-9:
             self._next_update_s += UPDATE_S

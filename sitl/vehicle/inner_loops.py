@@ -75,10 +75,9 @@ class InnerLoops:
         self._model = AttitudeModel(response, LOOP_S) if response is not None else None
         self._acceleration: Vec3 = (0.0, 0.0, 0.0)
         self._inertia = vehicle.principal_inertia_kg_m2
-        self._curve = vehicle.throttle
-        self._n = vehicle.n_rotors
-        self._allocation = allocation(vehicle)
-        self._lateral_mix = vehicle.allocation.lateral_mix
+        self._output_per_newton = vehicle.throttle.per_newton * vehicle.n_rotors
+        rows = zip(allocation(vehicle), vehicle.allocation.lateral_mix, strict=True)
+        self._rows = [(*of_torque, *of_lateral) for of_torque, of_lateral in rows]
         self.max_integral_rad_s2 = gains.max_integral_rad_s2
         self.integral: Vec3 = (0.0, 0.0, 0.0)
 
@@ -107,21 +106,23 @@ class InnerLoops:
         lateral: tuple[float, float] | None = None,
     ) -> list[float]:
         """Motor outputs 0..1 that give the thrust of throttle and lateral throttle, and the torque of the rate loop."""
-        torque = []
-        integral = []
-        for i in range(3):
-            error = rate_sp[i] - rates[i]
-            total = self.integral[i] + self._gains.rate_i[i] * error * dt if airborne else 0.0
-            total = min(max(total, -self.max_integral_rad_s2), self.max_integral_rad_s2)
-            integral.append(total)
-            torque.append(self._inertia[i] * (self._gains.rate_p[i] * error + total + self._acceleration[i]))
-        self.integral = (integral[0], integral[1], integral[2])
-        per_thrust = self._curve.per_newton * self._n
-        tx, ty, tz = torque
+        (p_roll, p_pitch, p_yaw), (i_roll, i_pitch, i_yaw) = self._gains.rate_p, self._gains.rate_i
+        roll, pitch, yaw = rate_sp[0] - rates[0], rate_sp[1] - rates[1], rate_sp[2] - rates[2]
+        kept_roll = kept_pitch = kept_yaw = 0.0
+        if airborne:
+            most, (x, y, z) = self.max_integral_rad_s2, self.integral
+            kept_roll = min(max(x + i_roll * roll * dt, -most), most)
+            kept_pitch = min(max(y + i_pitch * pitch * dt, -most), most)
+            kept_yaw = min(max(z + i_yaw * yaw * dt, -most), most)
+        self.integral = (kept_roll, kept_pitch, kept_yaw)
+        (ix, iy, iz), (ax, ay, az), per_newton = self._inertia, self._acceleration, self._output_per_newton
+        tx = ix * (p_roll * roll + kept_roll + ax)
+        ty = iy * (p_pitch * pitch + kept_pitch + ay)
+        tz = iz * (p_yaw * yaw + kept_yaw + az)
         forward, right = lateral or (0.0, 0.0)
         return [
-            min(max(throttle + per_thrust * (a * tx + b * ty + c * tz) + forward * x + right * y, 0.0), 1.0)
-            for (a, b, c), (x, y) in zip(self._allocation, self._lateral_mix, strict=True)
+            min(max(throttle + per_newton * (a * tx + b * ty + c * tz) + forward * x + right * y, 0.0), 1.0)
+            for a, b, c, x, y in self._rows
         ]
 
     def _limited_rates(self, ahead: Vec3, off: Vec3) -> Vec3:

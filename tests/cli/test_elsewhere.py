@@ -6,6 +6,7 @@ What needs none of it works, and what does says in one sentence what is missing.
 import http.client
 import json
 import os
+import shutil
 import signal
 import socket
 import subprocess
@@ -64,7 +65,7 @@ compare config/vehicles/raptor.yaml one.csv --html compared.html
 diagnose curved.yaml one.csv --html diagnosed.html
 discover curved.yaml one.csv -o found.yaml --jobs 2
 surfaces curved.yaml one.csv two.csv -o surfaces.yaml
-suggest drag.yaml one.csv
+suggest drag.yaml one.csv --missions few
 demo
 """
 """Further lines, of some seconds each; the last leaves out a flight in real time."""
@@ -124,6 +125,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory, raptor: Vehicle) -> Path:
     drag = Model(raptor).plus(LinearDrag(0.4, 0.4, 0.0), Provenance(logs=("one.csv",), ci95={"d_x": (0.35, 0.45)}))
     save_model(drag, made / "drag.yaml")
     save_model(truth, made / "curved.yaml")
+    (made / "few").mkdir()
+    for name in ("forward_runs.yaml", "vertical_runs.yaml"):
+        shutil.copy(ROOT / "missions" / name, made / "few")
     heights = (0.1, 0.14, 0.19, 0.27, 0.4, 0.55, 0.8, 1.2)
     rows = (f"{z},{1.0 + 0.3 * 2.718 ** (-6.0 * z)}\n" for z in heights for _ in range(2))
     (made / "heights.csv").write_text("height_m,thrust_ratio\n" + "".join(rows))

@@ -112,17 +112,9 @@ class TestEstimator:
 
 class TestFlights:
     def test_logs_paths_and_prepared_flights_are_the_same(self, here: Path, raptor: Vehicle) -> None:
-        results = [
-            compare(model, flights).rmse
-            for model in (Model(raptor), "raptor.yaml", Path("raptor.yaml"))
-            for flights in (
-                "flight.csv",
-                Path("flight.csv"),
-                [read_log("flight.csv")],
-                read_log("flight.csv"),
-                prepare_flights("flight.csv", raptor),
-            )
-        ]
+        prepared, log = prepare_flights("flight.csv", raptor), read_log("flight.csv")
+        results = [compare(model, prepared).rmse for model in (Model(raptor), "raptor.yaml", Path("raptor.yaml"))]
+        results += [compare(Model(raptor), flights).rmse for flights in ("flight.csv", Path("flight.csv"), [log], log)]
         assert all(result == results[0] for result in results)
 
     def test_bad_ones_are_sentences(self, here: Path) -> None:
@@ -142,7 +134,10 @@ class TestFlights:
 
 @pytest.fixture(scope="module")
 def results(folder: Path, raptor: Vehicle) -> dict[str, Result]:
-    flights = prepare_flights(folder / "flight.csv", raptor)
+    flights, missions = prepare_flights(folder / "flight.csv", raptor), folder / "missions"
+    missions.mkdir()
+    for name in ("forward_runs.yaml", "vertical_runs.yaml"):
+        shutil.copy(MISSIONS / name, missions)
     some = ["thrust_scale", GROUND]
     added = add(GROUND, Model(raptor), flights)
     return {
@@ -152,7 +147,7 @@ def results(folder: Path, raptor: Vehicle) -> dict[str, Result]:
         "fit": fit(added.model, flights),
         "remove": remove(GROUND, added.model, flights),
         "discover": discover(Model(raptor), flights, some),
-        "suggest": suggest(Model(raptor), flights, MISSIONS, ["rotor_drag", "inflow"]),
+        "suggest": suggest(Model(raptor), flights, missions, ["rotor_drag", "inflow"]),
     }
 
 

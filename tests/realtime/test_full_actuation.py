@@ -49,12 +49,11 @@ def largest_tilt_deg(log: FlightLog) -> float:
     return float(np.degrees(np.arccos(np.cos(roll) * np.cos(pitch))).max())
 
 
-def test_a_step_to_the_side_stays_within_2_deg_of_level_where_tilt_leans_more(tmp_path: Path) -> None:
-    level, leaning = flown(tmp_path / "full", "full"), flown(tmp_path / "tilt", "tilt")
-    for log in (level, leaning):
-        assert log["y_m"][log.phase == "east"].max() > 0.45
-    assert largest_tilt_deg(level) < 2.0
-    assert largest_tilt_deg(leaning) > 3.0
+def test_a_step_to_the_side_stays_within_2_deg_of_level(tmp_path: Path) -> None:
+    """With tilt it leans more: tests/sitl/test_full_actuation.py flies both in simulated time."""
+    log = flown(tmp_path / "full", "full")
+    assert log["y_m"][log.phase == "east"].max() > 0.45
+    assert largest_tilt_deg(log) < 2.0
 
 
 def test_lateral_throttle_arrives_as_thrust_in_three_dimensions_and_a_target_without_it_as_before() -> None:

@@ -98,7 +98,7 @@ def test_an_autopilot_that_does_not_answer_is_a_warning() -> None:
     asyncio.run(look())
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", [SimulatedAutopilot, pytest.param(SimulatedCopter, marks=pytest.mark.long)])
 def test_no_flight_begins_over_a_link_with_250_ms_each_way(kind: type[SimulatedAutopilot], tmp_path: Path) -> None:
     """On the real autopilots such flights swung by metres; the age of the state was logged as 5 ms."""
     autopilot, line = kind(VEHICLE), Line(free_port(), free_port())

@@ -30,6 +30,7 @@ class Usage:
         return float(times.user + times.system)
 
 
+@pytest.mark.long
 def test_a_flight_over_a_serial_line_takes_about_as_much_of_the_processor_as_one_over_udp(tmp_path: Path) -> None:
     """Both fly at the same time; with VMIN 0, the one over the line takes a whole core, some eight times as much."""
     vehicle = load_vehicle(RAPTOR)

@@ -37,6 +37,13 @@ def flown(where: Path, actuation: str, step_m: float = 0.5, hidden: dict[str, ob
     return read_log(outcome.log)
 
 
+@pytest.fixture(scope="module")
+def both(tmp_path_factory: pytest.TempPathFactory) -> tuple[FlightLog, FlightLog]:
+    """The same mission by full actuation and by tilt."""
+    where = tmp_path_factory.mktemp("both")
+    return flown(where, "full"), flown(where, "tilt")
+
+
 def tilt_deg(log: FlightLog) -> Floats:
     """Tilt while the mission is flown, deg."""
     flying = np.isin(log.phase, ["settle", "east", "back"])
@@ -44,17 +51,16 @@ def tilt_deg(log: FlightLog) -> Floats:
     return np.degrees(np.arccos(np.cos(roll) * np.cos(pitch)))
 
 
-def test_a_step_to_the_side_is_flown_level_and_leans_with_tilt(tmp_path: Path) -> None:
-    level, leaning = flown(tmp_path, "full"), flown(tmp_path, "tilt")
+def test_a_step_to_the_side_is_flown_level_and_leans_with_tilt(both: tuple[FlightLog, FlightLog]) -> None:
+    level, leaning = both
     for log in (level, leaning):
         assert log["y_m"][log.phase == "east"][-1] == pytest.approx(0.5, abs=0.05)
     assert tilt_deg(level).max() < 1.0
     assert tilt_deg(leaning).max() > 3.0
 
 
-@pytest.mark.long
-def test_the_log_tells_the_lateral_commands_and_a_log_of_tilt_is_what_it_was(tmp_path: Path) -> None:
-    level, leaning = flown(tmp_path, "full"), flown(tmp_path, "tilt")
+def test_the_log_tells_the_lateral_commands_and_a_log_of_tilt_is_what_it_was(both: tuple[FlightLog, FlightLog]) -> None:
+    level, leaning = both
     flying = level.phase == "east"
     force, throttle = level["thrust_y_cmd_n"][flying], level["throttle_y_cmd"][flying]
     # the answer to 0.5 m: 0.8 * 2.0 * 0.5 m/s^2 of 2.2 kg

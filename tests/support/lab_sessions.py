@@ -1,5 +1,6 @@
 """Data of the tests of the lab page: a simulated flight, sessions with findings in it, wrong files."""
 
+import fcntl
 import shutil
 from pathlib import Path
 
@@ -30,8 +31,8 @@ STAIRCASE = {
     "name": "short_staircase",
     "phases": [
         {"name": "takeoff", "kind": "move", "to_m": [0, 0, 0.9], "speed_m_s": 0.5},
-        {"name": "down", "kind": "staircase", "to_z_m": 0.1, "step_m": 0.1, "hold_s": 3},
-        {"name": "up", "kind": "staircase", "to_z_m": 0.9, "step_m": 0.1, "hold_s": 3},
+        {"name": "down", "kind": "staircase", "to_z_m": 0.1, "step_m": 0.1, "hold_s": 2},
+        {"name": "up", "kind": "staircase", "to_z_m": 0.9, "step_m": 0.1, "hold_s": 2},
     ],
     "limits": {"min_z_m": 0.08, "max_z_m": 1.2, "max_distance_m": 1.0, "max_duration_s": 120},
 }
@@ -46,6 +47,21 @@ def fly_over_a_cushion(where: Path, name: str = "flight.csv", seed: int = 1) -> 
         prepare_flight(mission, ROOT / "config" / "flight_thesis.yaml", "none", None), where, hidden, seed
     )
     return Path(shutil.move(outcome.log, where / name))
+
+
+def flown_and_searched(shared: Path) -> tuple[Path, str]:
+    """The log of such a flight, in a folder that all processes of a test run share, and the text of its session.
+
+    The first to ask flies and searches; the truth is beside the log.
+    """
+    where = shared / "cushion"
+    where.mkdir(parents=True, exist_ok=True)
+    log, session = where / "flight.csv", where / "one.lab.yaml"
+    with (where / "lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not session.exists():
+            searched(fly_over_a_cushion(where))
+    return log, session.read_text(encoding="utf-8")
 
 
 def searched(log: Path) -> Path:

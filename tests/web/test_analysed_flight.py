@@ -14,7 +14,7 @@ import pytest
 from quadctl.web.session.files import sha256_of
 from quadctl.web.session.session import load_session
 from tests.support.lab_pages import CUT, PARTS, served, stand_on
-from tests.support.lab_sessions import ADDED, fly_over_a_cushion, one_step_up, searched, wrong_files
+from tests.support.lab_sessions import ADDED, flown_and_searched, one_step_up, wrong_files
 from tests.support.visitors import (
     DESK,
     PATIENCE_MS,
@@ -32,8 +32,10 @@ pytestmark = [needs_chromium, pytest.mark.long]
 
 
 @pytest.fixture(scope="module")
-def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return searched(fly_over_a_cushion(tmp_path_factory.mktemp("flown")))
+def session(shared: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("searched") / "one.lab.yaml"
+    path.write_text(flown_and_searched(shared)[1], encoding="utf-8")
+    return path
 
 
 @pytest.fixture(scope="module")
@@ -46,6 +48,10 @@ def analysed(session: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterato
         shutil.copy(ROOT / "missions" / name, missions)
     with served(where / "lab", "--session", str(one_step_up(session)), "--missions", str(missions)) as (url, _):
         yield url
+
+
+at_the_desk = pytest.mark.parametrize("stays", SCREENS[:1], indirect=True)
+"""For what does not depend on the screen."""
 
 
 @pytest.fixture(scope="module", params=SCREENS)
@@ -64,6 +70,7 @@ def visitor(stays: Visitor) -> Iterator[Visitor]:
     stays.has_no_complaint()
 
 
+@at_the_desk
 def test_an_effect_is_switched_off_and_on_and_removed(visitor: Visitor) -> None:
     stand_on(visitor, "+ ground effect")
     after = visitor.error_now()
@@ -85,6 +92,7 @@ def test_an_effect_is_switched_off_and_on_and_removed(visitor: Visitor) -> None:
     assert visitor.error_now() == after
 
 
+@at_the_desk
 def test_what_is_selected_with_the_mouse_stands_out_in_time_and_space(visitor: Visitor) -> None:
     stand_on(visitor, "rigid body")
     visitor.click("[role=tab]:has-text('Where it fails')")
@@ -124,6 +132,7 @@ def test_work_and_its_cancel_button_stay_in_sight(visitor: Visitor) -> None:
     assert "was cancelled; nothing is lost" in visitor.sees(".banner.done")
 
 
+@at_the_desk
 def test_back_and_forward_move_between_the_parts_of_the_page(visitor: Visitor) -> None:
     for part in ("Over time", "Flights"):
         visitor.click(f"[role=tab]:has-text('{part}')")
@@ -136,6 +145,7 @@ def test_back_and_forward_move_between_the_parts_of_the_page(visitor: Visitor) -
     visitor.sees("text=Drop flight logs here")
 
 
+@at_the_desk
 def test_what_is_said_is_shown_in_the_flight_without_a_mouse(visitor: Visitor) -> None:
     stand_on(visitor, "rigid body")
     visitor.click("[role=tab]:has-text('Where it fails')")
@@ -155,6 +165,7 @@ def test_every_part_is_clean_for_axe(visitor: Visitor) -> None:
         assert visitor.barriers() == [], part
 
 
+@at_the_desk
 def test_any_channel_is_found_by_its_name(visitor: Visitor) -> None:
     visitor.click("[role=tab]:has-text('Over time')")
     visitor.figure("Channels over time: z_m and z_ref_m")
@@ -166,6 +177,7 @@ def test_any_channel_is_found_by_its_name(visitor: Visitor) -> None:
     assert visitor.points(visitor.figure("Spectrum of motor3_rpm"), "filter of the analysis: gain") > 0
 
 
+@at_the_desk
 def test_two_models_lie_over_each_other(visitor: Visitor, session: Path, tmp_path: Path) -> None:
     stand_on(visitor, "+ ground effect")
     exported = visitor.keeps_file("header button:has-text('Export model')", tmp_path)
@@ -183,6 +195,7 @@ def test_two_models_lie_over_each_other(visitor: Visitor, session: Path, tmp_pat
     assert "is a session, expected a model" in visitor.sees("[role=alert]")
 
 
+@at_the_desk
 def test_the_flight_is_played_back_and_the_vehicle_follows_the_cursor(visitor: Visitor) -> None:
     stand_on(visitor, "rigid body")
     visitor.click("[role=tab]:has-text('Over time')")
@@ -202,6 +215,7 @@ def test_the_flight_is_played_back_and_the_vehicle_follows_the_cursor(visitor: V
     expect(visitor.page.locator(".replay .mono")).to_have_text(re.compile(r"[0-9.]+ s"))
 
 
+@at_the_desk
 def test_a_link_leads_to_the_same_state(browser: Browser, analysed: str, visitor: Visitor) -> None:
     stand_on(visitor, "rigid body")
     visitor.click("button[aria-label^='Evidence for ground_effect']")
@@ -220,6 +234,7 @@ def test_a_link_leads_to_the_same_state(browser: Browser, analysed: str, visitor
     other.leaves()
 
 
+@at_the_desk
 def test_keys_move_through_the_page_and_undo(visitor: Visitor) -> None:
     stand_on(visitor, "rigid body")
     keys = visitor.page.keyboard
@@ -260,6 +275,7 @@ def test_the_verdict_leads_to_its_evidence(visitor: Visitor) -> None:
     expect(visitor.page.locator("#evidence")).to_have_count(0)
 
 
+@at_the_desk
 def test_an_effect_in_the_model_leads_to_its_evidence_from_any_part_of_the_page(visitor: Visitor) -> None:
     stand_on(visitor, "+ ground effect")
     visitor.click("[role=tab]:has-text('Flights')")
@@ -306,6 +322,7 @@ def test_all_can_be_taken_along(visitor: Visitor, tmp_path: Path) -> None:
     assert again.view.startswith("show=missing")
 
 
+@at_the_desk
 def test_the_next_flight_is_suggested_with_its_command(visitor: Visitor) -> None:
     stand_on(visitor, "rigid body")
     visitor.sees("#verdict[data-verdict=missing]")
@@ -314,6 +331,7 @@ def test_the_next_flight_is_suggested_with_its_command(visitor: Visitor) -> None
     visitor.keeps("suggested")
 
 
+@at_the_desk
 def test_what_goes_wrong_is_said_in_a_sentence_and_costs_nothing(visitor: Visitor, tmp_path: Path) -> None:
     error = visitor.error_now()
     visitor.click("[role=tab]:has-text('Flights')")

@@ -14,7 +14,7 @@ import psutil
 import pytest
 
 from tests.support.lab_pages import served, stand_on
-from tests.support.lab_sessions import fly_over_a_cushion, one_step_up, searched
+from tests.support.lab_sessions import flown_and_searched, fly_over_a_cushion, one_step_up
 from tests.support.visitors import PATIENCE_MS, SCREENS, Browser, Visitor, expect, needs_chromium
 
 pytestmark = [needs_chromium, pytest.mark.long]
@@ -25,17 +25,23 @@ INTERVAL = re.compile(r"(-?[\d.]+(?:e-?\d+)?) ?\S* \[(\S+), (\S+)\]")
 
 
 @pytest.fixture(scope="module")
-def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The flight that the model is fitted to."""
-    return fly_over_a_cushion(tmp_path_factory.mktemp("flown"))
+def session(shared: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A session with the flight that the model is fitted to, searched."""
+    path = tmp_path_factory.mktemp("searched") / "one.lab.yaml"
+    path.write_text(flown_and_searched(shared)[1], encoding="utf-8")
+    return path
 
 
 @pytest.fixture(scope="module")
-def lab(log: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, subprocess.Popen[bytes]]]:
+def lab(session: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, subprocess.Popen[bytes]]]:
     """The address of a lab with that flight, and its process."""
     where = tmp_path_factory.mktemp("fitted")
-    with served(where / "lab", "--session", str(one_step_up(searched(log)))) as at:
+    with served(where / "lab", "--session", str(one_step_up(session))) as at:
         yield at
+
+
+at_the_desk = pytest.mark.parametrize("stays", SCREENS[:1], indirect=True)
+"""For what does not depend on the screen."""
 
 
 @pytest.fixture(scope="module", params=SCREENS)
@@ -95,6 +101,7 @@ def numbers_in(text: str, pattern: str) -> list[float]:
     return [float(number) for number in re.findall(pattern, text)]
 
 
+@at_the_desk
 def test_the_model_has_one_error(visitor: Visitor) -> None:
     for step in ("rigid body", FITTED):
         stand_on(visitor, step)
@@ -108,6 +115,7 @@ def test_the_model_has_one_error(visitor: Visitor) -> None:
     visitor.keeps("one-error")
 
 
+@at_the_desk
 def test_every_parameter_lies_in_its_interval(visitor: Visitor) -> None:
     stack = visitor.sees(".stack")
     stand_on(visitor, "rigid body")
@@ -118,6 +126,7 @@ def test_every_parameter_lies_in_its_interval(visitor: Visitor) -> None:
         assert all(low <= value <= high for value, low, high in found)
 
 
+@at_the_desk
 def test_a_flight_that_was_not_in_the_fit_is_named_with_its_error_and_a_refit_is_offered(
     visitor: Visitor, others: list[Path]
 ) -> None:

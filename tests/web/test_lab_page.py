@@ -20,7 +20,7 @@ from quadctl.model import load_model
 from quadctl.web.figures.downsample import POINTS
 from tests.support.flights import obedient
 from tests.support.lab_pages import CUT, PARTS, served, stand_on
-from tests.support.lab_sessions import ADDED, VEHICLE, fly_over_a_cushion, one_step_up, searched, unexplained
+from tests.support.lab_sessions import ADDED, VEHICLE, flown_and_searched, one_step_up, unexplained
 from tests.support.other_site import attacking
 from tests.support.visitors import (
     DESK,
@@ -47,13 +47,15 @@ MOST_CLICKS = 10
 
 
 @pytest.fixture(scope="module")
-def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return fly_over_a_cushion(tmp_path_factory.mktemp("flown"))
+def flown(shared: Path) -> Path:
+    return flown_and_searched(shared)[0]
 
 
 @pytest.fixture(scope="module")
-def session(flown: Path) -> Path:
-    return searched(flown)
+def session(shared: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("searched") / "one.lab.yaml"
+    path.write_text(flown_and_searched(shared)[1], encoding="utf-8")
+    return path
 
 
 @pytest.fixture(scope="module")
@@ -143,14 +145,13 @@ def test_files_are_chosen_in_the_window_of_the_browser(browser: Browser, flown: 
 
 
 @pytest.mark.long
-@on_each_screen
 def test_a_long_log_is_shown_before_it_is_searched_in_as_many_points_as_a_screen_has(
-    browser: Browser, screen: Screen, empty: str, tmp_path: Path
+    browser: Browser, empty: str, tmp_path: Path
 ) -> None:
     long = tmp_path / "long.csv"
     flown = obedient(load_model(VEHICLE).plus(Exponential(a=0.3, b=5.0)), 600.0, noise_m_s=0.01)
     pl.DataFrame(flown.columns).write_csv(long)
-    visitor = at_the_start(browser, empty, screen)
+    visitor = at_the_start(browser, empty)
     visitor.drops(long)
     visitor.sees(".banner.search")
     figure = visitor.figure("Measured and predicted acceleration over time")
@@ -353,13 +354,10 @@ def test_what_no_effect_explains_is_said_as_an_expression_that_can_be_added(
 
 @pytest.mark.long
 @pytest.mark.skipif(not REAL_PX4.is_dir(), reason="the flights of real autopilots are not here")
-@on_each_screen
-def test_modes_and_messages_of_a_real_autopilot_stand_on_the_axis_of_time(
-    browser: Browser, screen: Screen, tmp_path: Path
-) -> None:
+def test_modes_and_messages_of_a_real_autopilot_stand_on_the_axis_of_time(browser: Browser, tmp_path: Path) -> None:
     words = [str(REAL_PX4 / "vertical_runs.ulg"), "--model", str(REAL_PX4 / "vehicle.yaml")]
     with served(tmp_path / "lab", *words) as (url, _):
-        visitor = Visitor(browser, url, *screen)
+        visitor = Visitor(browser, url)
         visitor.sees("#error-now")
         visitor.click("[role=tab]:has-text('Over time')")
         channels = visitor.figure("Channels over time: z_m")
@@ -403,9 +401,9 @@ def test_how_fast_the_page_is_on_a_real_flight(browser: Browser, tmp_path: Path)
 @pytest.mark.parametrize("theme", ["light", "dark"])
 @pytest.mark.parametrize("size", [DESK, PHONE], ids=["desk", "phone"])
 def test_pictures_of_every_part(
-    browser: Browser, session: Path, tmp_path: Path, size: dict[str, int], theme: str
+    browser: Browser, flown: Path, session: Path, tmp_path: Path, size: dict[str, int], theme: str
 ) -> None:
-    climbed, hidden = one_step_up(session), session.with_name("hidden.yaml")
+    climbed, hidden = one_step_up(session), flown.with_name("hidden.yaml")
     with served(tmp_path / "lab", "--session", str(climbed), "--hidden", str(hidden)) as (url, _):
         visitor = Visitor(browser, url, size, theme)
         visitor.sees("#error-now")

@@ -41,8 +41,7 @@ def errors(name: str, of: Signed) -> Errors:
 
 
 class TestShifts:
-    @pytest.mark.parametrize("turns", [0.5, 6.0])
-    @pytest.mark.parametrize("memory", [0.0, 0.8, 0.98])
+    @pytest.mark.parametrize(("memory", "turns"), [(0.0, 6.0), (0.8, 6.0), (0.98, 6.0), (0.98, 0.5)])
     def test_noise_that_drifts_is_no_shift(self, memory: float, turns: float) -> None:
         """The level is 5 %, which 400 pairs show to 1.1 %; three times that is allowed."""
         pairs = [[signed(0.0, 2 * seed + i, memory=memory, turns=turns) for i in (0, 1)] for seed in range(400)]

@@ -51,6 +51,7 @@ from tests.support.places import ROOT
 NOISE_M_S = 0.01
 HEXAROTOR = load_vehicle(ROOT / "studies/blind_cases/vehicles/hexarotor.yaml")
 WIND = [("wind.steady", {"north_m_s": 0.7, "east_m_s": -0.5, "drag": 0.35})]
+TWO_HEADINGS = ("headings_deg=[0, 90]",)
 DRAG_AND_TILT = [
     ("rotor_drag.linear", {"d_x": 0.45, "d_y": 0.25}),
     ("thrust_tilt.fixed", {"roll_deg": 0.9, "pitch_deg": -1.2}),
@@ -443,6 +444,7 @@ class TestToldApart:
         result = diagnose(Model(raptor), load_dataset([blind], raptor), self.PAIR)
         assert result.missing == ["thrust_scale"]
 
+    @pytest.mark.long
     def test_a_rotor_that_fails_half_way_is_no_payload(self, raptor: Vehicle) -> None:
         """Both cost thrust from one moment on; only the weak rotor turns faster than the others."""
         whole = with_weak_rotor(raptor, 3, 0.15)
@@ -481,7 +483,8 @@ class TestToldApart:
         missing: list[str],
         confounded: list[list[str]],
     ) -> None:
-        data = load_dataset([simulated(mission, truth, 3, tmp_path)], raptor)
+        shorter = TWO_HEADINGS if mission == "headings" else ()
+        data = load_dataset([simulated(mission, truth, 3, tmp_path, shorter)], raptor)
         found = diagnose(Model(raptor), data, [SteadyWind, LinearDrag, FixedTilt])
         assert (found.missing, found.confounded) == (missing, confounded)
         assert found.suggested_mission == ("missions/headings.yaml" if confounded else None)
@@ -505,13 +508,14 @@ class TestToldApart:
         self, raptor: Vehicle, tmp_path: Path, second: tuple[float, float], name: str
     ) -> None:
         later = [("wind.steady", {"north_m_s": second[0], "east_m_s": second[1], "drag": 0.35})]
-        logs = [simulated("headings", truth, seed, tmp_path) for seed, truth in ((2, WIND), (3, later))]
+        logs = [simulated("headings", truth, seed, tmp_path, TWO_HEADINGS) for seed, truth in ((2, WIND), (3, later))]
         found = diagnose(Model(raptor), load_dataset(logs, raptor), [SteadyWind, WindOfEachFlight, LinearDrag])
         (effect,) = found.best.effects
         assert effect.name == name
         winds = [[float(w) for w in effect.wind_ned_m_s(f.conditions)[:2]] for f in found.dataset.flights]
         assert winds == [pytest.approx((0.7, -0.5), abs=0.15), pytest.approx(second, abs=0.15)]
 
+    @pytest.mark.long
     def test_more_is_found_beside_a_wind_that_the_data_do_not_tell_from_a_tilt(
         self, raptor: Vehicle, tmp_path: Path
     ) -> None:

@@ -37,6 +37,7 @@ def test_two_processes_find_the_same(raptor: Vehicle, alone: Diagnosis) -> None:
     assert together.to_dict() == alone.to_dict()
 
 
+@pytest.mark.long
 def test_a_dask_cluster_finds_the_same(raptor: Vehicle, alone: Diagnosis) -> None:
     with (
         LocalCluster(n_workers=1, threads_per_worker=2, processes=False, dashboard_address=None) as cluster,

@@ -20,7 +20,7 @@ from quadctl.logs.columns import rpm_columns
 from quadctl.logs.flight_log import FlightLog
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
-from tests.support.flights import obedient, simulated, with_late_rotors
+from tests.support.flights import SHORTER, obedient, simulated, with_late_rotors
 
 
 def with_noisy_speeds(log: FlightLog) -> FlightLog:
@@ -97,7 +97,7 @@ class TestPrepare:
             prepare(dataclasses.replace(log, columns=frozen), rigid.vehicle)
 
     def test_only_the_flight_is_used(self, raptor: Vehicle, tmp_path: Path) -> None:
-        log = simulated("step_response", [], 1, tmp_path)
+        log = simulated("step_response", [], 1, tmp_path, SHORTER["step_response"])
         flight = prepare(log, raptor)
         assert log["z_m"].min() < 0.05  # on the ground
         assert flight.filtered(flight.conditions.height_m).min() > 0.15

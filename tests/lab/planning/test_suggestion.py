@@ -2,6 +2,7 @@
 
 import json
 import math
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -38,6 +39,11 @@ SQUARE = [UP] + [
 ]
 """Mission at a single speed."""
 LIMITS = {"max_z_m": 2.5, "max_distance_m": 4.0}
+FEW = (
+    *("excitation", "excitation_east", "forward_runs", "forward_sweep", "headings", "hover_staircase"),
+    *("hover_staircase_high", "step_response", "vertical_runs"),
+)
+"""Missions of every kind to choose from; each is planned, which takes its time."""
 
 
 def write_mission(where: Path, name: str, phases: list[dict[str, Any]], **keys: Any) -> Path:
@@ -67,6 +73,19 @@ class World:
         return self.flown("hover", HOVER, [])
 
 
+def some(where: Path, *names: str) -> Path:
+    """The folder `where` with these missions of the repository."""
+    where.mkdir(exist_ok=True)
+    for name in names:
+        shutil.copy(MISSIONS / f"{name}.yaml", where)
+    return where
+
+
+@pytest.fixture(scope="module")
+def few(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return some(tmp_path_factory.mktemp("few"), *FEW)
+
+
 @pytest.fixture(scope="module")
 def world(tmp_path_factory: pytest.TempPathFactory, raptor: Vehicle) -> World:
     return World(tmp_path_factory.mktemp("suggest"), raptor)
@@ -76,7 +95,7 @@ def option(result: Suggestion, name: str) -> Option:
     return next(o for o in result.options if o.mission.name == name)
 
 
-def asked(model: Model, dataset: Dataset, candidates: list[str], *pair: str, missions: Path = MISSIONS) -> Suggestion:
+def asked(model: Model, dataset: Dataset, candidates: list[str], *pair: str, missions: Path) -> Suggestion:
     """Suggestion after a diagnosis with `candidates`, in which the `pair` counts as not distinguished."""
     diagnosis = diagnose(model, dataset, candidates)
     return suggest(replace(diagnosis, confounded=[list(pair)] if pair else []), missions)
@@ -86,33 +105,32 @@ def asked(model: Model, dataset: Dataset, candidates: list[str], *pair: str, mis
 
 
 @pytest.mark.long
-def test_wind_or_a_tilted_thrust_asks_for_another_heading(world: World) -> None:
+def test_wind_or_a_tilted_thrust_asks_for_another_heading(world: World, few: Path) -> None:
     data = world.flown("leaning", HOVER, [("thrust_tilt.fixed", {"roll_deg": 2.0, "pitch_deg": -2.0})])
-    result = asked(world.rigid, data, ["thrust_tilt", "wind"], "thrust_tilt", "wind")
+    result = asked(world.rigid, data, ["thrust_tilt", "wind"], "thrust_tilt", "wind", missions=few)
     assert result.pairs == [("thrust_tilt", "wind")]
     assert result.best is not None
-    turned = ("headings", "excitation_east", "excitation_west")
-    assert result.best.command in {f"quadctl fly {MISSIONS / f'{name}.yaml'}" for name in turned}
+    assert result.best.command in {f"quadctl fly {few / f'{name}.yaml'}" for name in ("headings", "excitation_east")}
     assert result.best.sigmas[0] > option(result, "excitation").sigmas[0] + 3
 
 
 @pytest.mark.long
-def test_a_breeze_that_drag_and_tilt_explain_too_asks_for_another_heading(world: World) -> None:
+def test_a_breeze_that_drag_and_tilt_explain_too_asks_for_another_heading(world: World, few: Path) -> None:
     breeze = {"north_m_s": 0.7, "east_m_s": -0.5, "drag": 0.35}
     found = diagnose(
         world.rigid, world.flown("breeze", SQUARE, [("wind.steady", breeze)]), ["wind", "rotor_drag", "thrust_tilt"]
     )
-    result = suggest(found, MISSIONS)
+    result = suggest(found, few)
     assert result.pairs == [("wind", "thrust_tilt")]
     assert result.best is not None
-    assert result.best.mission.name in ("headings", "excitation_east", "excitation_west")
+    assert result.best.mission.name in ("headings", "excitation_east")
     assert option(result, "excitation").sigmas[0] < 0.5 * result.best.sigmas[0]
 
 
 @pytest.mark.long
-def test_linear_or_quadratic_drag_asks_for_several_speeds(world: World) -> None:
+def test_linear_or_quadratic_drag_asks_for_several_speeds(world: World, few: Path) -> None:
     data = world.flown("square", SQUARE, [("rotor_drag.linear", {"d_x": 0.3, "d_y": 0.3})])
-    result = asked(world.rigid, data, ["rotor_drag", "body_drag"], "rotor_drag", "body_drag")
+    result = asked(world.rigid, data, ["rotor_drag", "body_drag"], "rotor_drag", "body_drag", missions=few)
     assert result.best is not None
     flight = planned_flight(result.best.mission, world.rigid, data)
     low, high = flight.span("speed")
@@ -122,9 +140,9 @@ def test_linear_or_quadratic_drag_asks_for_several_speeds(world: World) -> None:
 
 
 @pytest.mark.long
-def test_an_unknown_ground_effect_asks_for_a_flight_near_the_ground(world: World) -> None:
+def test_an_unknown_ground_effect_asks_for_a_flight_near_the_ground(world: World, few: Path) -> None:
     model = world.rigid.plus(find_effect("ground_effect.exponential", "test")())
-    result = asked(model, world.hover(), [])
+    result = asked(model, world.hover(), [], missions=few)
     assert result.parameter is not None
     assert "ground_effect" in result.parameter
     assert result.best is not None
@@ -137,8 +155,8 @@ def test_an_unknown_ground_effect_asks_for_a_flight_near_the_ground(world: World
 
 
 @pytest.mark.long
-def test_an_unknown_inflow_asks_for_climbs_and_descents(world: World) -> None:
-    result = asked(world.rigid.plus(find_effect("inflow", "test")()), world.hover(), [])
+def test_an_unknown_inflow_asks_for_climbs_and_descents(world: World, few: Path) -> None:
+    result = asked(world.rigid.plus(find_effect("inflow", "test")()), world.hover(), [], missions=few)
     assert result.parameter == "k of inflow.axial"
     assert result.best is not None
     assert result.best.mission.name.startswith("vertical_")
@@ -149,8 +167,8 @@ def test_an_unknown_inflow_asks_for_climbs_and_descents(world: World) -> None:
 
 
 @pytest.mark.long
-def test_with_nothing_else_open_the_flight_lets_more_effects_be_tried(world: World) -> None:
-    result = asked(world.rigid, world.hover(), [])
+def test_with_nothing_else_open_the_flight_lets_more_effects_be_tried(world: World, few: Path) -> None:
+    result = asked(world.rigid, world.hover(), [], missions=few)
     assert (result.pairs, result.parameter) == ([], None)
     assert "body_drag.quadratic" in result.untried
     assert result.best is not None
@@ -216,7 +234,8 @@ def test_the_interval_after_the_flight_is_as_expected(world: World, tmp_path: Pa
     """Expected widths are within a factor of two of those after the mission is flown in the simulator."""
     model = world.rigid.plus(find_effect("inflow", "test")(k=0.4))
     before = world.flown("hover_inflow", HOVER, [("inflow.axial", {"k": 0.4})])
-    expected = option(asked(model, before, []), "vertical_runs").width
+    missions = some(tmp_path / "missions", "vertical_runs")
+    expected = option(asked(model, before, [], missions=missions), "vertical_runs").width
     log = simulated("vertical_runs", [("inflow.axial", {"k": 0.4})], 2, tmp_path)
     both = Dataset((*before.flights, *load_dataset([log], model.vehicle).flights))
     fitter = Fitter(model, both)
@@ -295,11 +314,10 @@ def test_the_command_prints_what_to_run_and_writes_it(world: World, tmp_path: Pa
     assert "Expected result of each mission" in result.output
 
 
-@pytest.mark.long
-def test_a_result_needs_no_more_than_a_diagnosis(world: World) -> None:
+def test_a_result_needs_no_more_than_a_diagnosis(world: World, tmp_path: Path) -> None:
     diagnosis = diagnose(world.rigid, prepare_flights(world.hover(), world.rigid.vehicle), [])
     assert isinstance(diagnosis, Diagnosis)
-    assert isinstance(suggest(diagnosis, MISSIONS), Suggestion)
+    assert isinstance(suggest(diagnosis, some(tmp_path, "short_hop")), Suggestion)
 
 
 @pytest.mark.parametrize(
@@ -315,7 +333,8 @@ def test_what_it_tells_of_a_parameter_is_a_share_of_its_interval(now: float, the
     assert Suggestion([option], [], "b", now, [], [], unexplained=False).reasons() == said
 
 
-def test_a_look_alike_that_is_not_known_here_is_no_question(world: World) -> None:
+def test_a_look_alike_that_is_not_known_here_is_no_question(world: World, tmp_path: Path) -> None:
     """A session names what its search knew, effects of somebody else's file among them."""
     scaled = world.rigid.plus(ConstantScale(1.0))
-    assert asked(scaled, world.hover(), ["tether"], "thrust_scale", "of_somebody_else").pairs == []
+    missions = some(tmp_path, "short_hop")
+    assert asked(scaled, world.hover(), ["tether"], "thrust_scale", "of_somebody_else", missions=missions).pairs == []

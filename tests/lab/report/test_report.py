@@ -30,12 +30,13 @@ from quadctl.lab.tracking.step_response import StepResponses, step_responses
 from quadctl.logs.flight_log import FlightLog
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
-from tests.support.flights import CUSHION, flown_once, obedient, simulated, to_and_fro
+from tests.support.flights import CUSHION, SHORTER, flown_once, obedient, simulated, to_and_fro
 
 Worded: TypeAlias = Callable[[Results], "Page"]
 CANDIDATES = (ConstantScale, Exponential, LinearDrag)
 NASTY = '<script>alert("x")</script>&_$a$.csv'
 VOID = {"meta", "br", "link", "img", "input", "hr"}
+STEP = SHORTER["step_response"]
 UNIT = re.compile(r" / (m/s²|m/s|m s|N|V|deg|s|m|mm|%|rotor radii)$")
 
 
@@ -108,9 +109,9 @@ def flown(raptor: Vehicle, shared: Path, tmp_path_factory: pytest.TempPathFactor
 
 def _step_logs(where: Path) -> dict[str, FlightLog]:
     return {
-        "none": simulated("step_response", [CUSHION], 3, where),
-        "models/found.yaml": simulated("step_response", [], 3, where),
-        "out of ground effect": simulated("step_response_high", [], 4, where),
+        "none": simulated("step_response", [CUSHION], 3, where, STEP),
+        "models/found.yaml": simulated("step_response", [], 3, where, STEP),
+        "out of ground effect": simulated("step_response_high", [], 4, where, STEP),
     }
 
 
@@ -130,9 +131,13 @@ def page(html: str) -> Page:
 
 
 @pytest.fixture
-def worded(monkeypatch: pytest.MonkeyPatch) -> Worded:
-    """Pages whose figures are empty: drawing them takes most of the time."""
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Figures are empty: drawing them takes most of the time."""
     monkeypatch.setattr(plots, "to_svg", lambda figure, name: "<svg></svg>")
+
+
+@pytest.fixture
+def worded(undrawn: None) -> Worded:
     return lambda results: Page(render_report(results))
 
 
@@ -333,6 +338,7 @@ class TestWhatThePageNeverDoes:
         assert "script" not in {tag for tag, _ in page.tags}
 
 
+@pytest.mark.usefixtures("undrawn")
 class TestWriting:
     def test_the_page_is_whole_and_nothing_else_is_left(self, made: Comparison, tmp_path: Path) -> None:
         path = tmp_path / "new" / "report.html"
@@ -444,6 +450,7 @@ def _fitted_drag(raptor: Vehicle) -> Addition:
     return add(LinearDrag, Model(raptor).plus(ConstantScale()), load_dataset([log], raptor))
 
 
+@pytest.mark.usefixtures("undrawn")
 class TestFirstPage:
     def test_it_stands_alone(self, raptor: Vehicle) -> None:
         truth = Model(raptor).plus(Exponential(a=0.3, b=5.0))
@@ -461,6 +468,7 @@ class TestFirstPage:
         assert "as given, trim included" not in Page(render_report(Results(compare(Model(raptor), flown)))).text
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_equation_names_parameters_without_markup(raptor: Vehicle) -> None:
     log = obedient(Model(raptor).plus(ConstantScale(factor=1.1)), noise_m_s=0.01)
     html = render_report(Results(compare(Model(raptor).plus(ConstantScale(1.1)), load_dataset([log], raptor))))

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from quadctl.effects.wind import WindOfEachFlight
-from quadctl.lab.flights.dataset import Dataset, load_dataset
+from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.selection.candidate import Candidate
-from quadctl.lab.selection.diagnosis import diagnose
+from quadctl.lab.selection.diagnosis import Diagnosis
 from quadctl.lab.selection.rule import (
     alternatives,
     choose,
@@ -17,22 +17,20 @@ from quadctl.lab.selection.rule import (
     without_needless_differences,
     without_stand_ins,
 )
-from quadctl.logs.flight_log import FlightLog
-from quadctl.model import Model
 
 ACROSS = (0.0, 1.1)
 """Interval of a lateral drag, 1/s, that a vertical flight does not show: it begins at the parameter's lower bound."""
 
 
 @pytest.fixture(scope="module")
-def dataset(rigid: Model, plain_runs: list[FlightLog]) -> Dataset:
-    return load_dataset(plain_runs, rigid.vehicle)
+def dataset(nothing: Diagnosis) -> Dataset:
+    return nothing.dataset
 
 
 @pytest.fixture(scope="module")
-def tried(rigid: Model, dataset: Dataset) -> dict[str, Candidate]:
+def tried(nothing: Diagnosis) -> dict[str, Candidate]:
     """Candidates by the name of their effect, as if each took 40 % off the same error."""
-    ranking = diagnose(rigid, dataset).ranking
+    ranking = nothing.ranking
     after = {axis: 0.6 * error for axis, error in ranking[0].before.items()}
     same = {"after": after, "residual": ranking[0].residual, "p_value": 1e-6, "believable": True, "distinct": True}
     return {c.effect.name: replace(c, **same, determined=True, at_bound=False, implied=False) for c in ranking}

@@ -74,7 +74,7 @@ def test_the_exit_status_is_a_gate(rigid: Model, fitted: Model, tmp_path: Path) 
     statuses = []
     for name, a in (("same", 0.3), ("other", 0.5)):
         path = tmp_path / f"{name}.csv"
-        write_csv(obedient(rigid.plus(Exponential(a, 5.0)), 80.0, noise_m_s=NOISE_M_S, seed=7, name=path.name), path)
+        write_csv(obedient(rigid.plus(Exponential(a, 5.0)), 50.0, noise_m_s=NOISE_M_S, seed=7, name=path.name), path)
         shown = CliRunner().invoke(app, ["verify", str(model), str(path), "--json", str(out)])
         statuses.append(shown.exit_code)
         assert json.loads(out.read_text())["holds"] is (name == "same"), shown.output

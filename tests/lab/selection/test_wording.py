@@ -10,19 +10,10 @@ from quadctl.effects.rotor_fault import WeakRotor
 from quadctl.effects.rotor_interaction import FrontWake
 from quadctl.lab.comparison.wording import parameters_in_words, share_of_g
 from quadctl.lab.finding import Finding, Kind
-from quadctl.lab.flights.dataset import load_dataset
 from quadctl.lab.selection.candidate import Candidate
-from quadctl.lab.selection.diagnosis import Diagnosis, diagnose
+from quadctl.lab.selection.diagnosis import Diagnosis
 from quadctl.lab.selection.rule import alternatives
 from quadctl.lab.selection.wording import error_in_table, reason_against
-from quadctl.logs.flight_log import FlightLog
-from quadctl.model import Model
-
-
-@pytest.fixture(scope="module")
-def nothing(rigid: Model, plain_runs: list[FlightLog]) -> Diagnosis:
-    """Diagnosis of flights in which nothing is missing."""
-    return diagnose(rigid, load_dataset(plain_runs, rigid.vehicle))
 
 
 def test_parameters_that_the_data_choose_stand_beside_those_that_are_fitted() -> None:
