@@ -101,7 +101,7 @@ def run(out: Path, console: Console, simulator: Simulator, real_time: bool) -> N
     drop = 1.0 - new.rmse["total"] / old.rmse["total"]
     demo.say(
         f"Error on the unseen flight: {old.rmse['total']:.4f} -> [bold]{new.rmse['total']:.4f} m/s^2[/] "
-        f"({drop:.0%} less; noise floor {new.noise_floor['total']:.4f})"
+        f"({drop:.0%} less; reference error {new.noise_floor['total']:.4f})"
     )
 
     demo.say("\n[bold]6. Fly again[/]: step responses into the ground effect.")

@@ -69,7 +69,7 @@ def compare(
     sensors: SensorsOption = False,
     plot: PlotOption = None,
 ) -> None:
-    """Compare a model with flights: its acceleration error, where it fails, and the noise floor."""
+    """Compare a model with flights: its acceleration error, where it fails, and the reference error."""
     logs = logs_among(model, logs, sensors)
     if sensors:
         compare_sensors(logs, json_out, plot)

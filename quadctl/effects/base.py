@@ -243,7 +243,7 @@ class Identifiability:
     candidate: ClassVar[bool] = True
     """False: the lab does not propose it by itself; a model file may still name it."""
     needs: ClassVar[dict[str, float]] = {}
-    """Span of each variable, of `SPANS`, that the data must have for this effect to be told from its look-alikes."""
+    """Span of each variable, of `SPANS`, that the data must have to tell this effect from others."""
     only_without_rotor_speeds: ClassVar[bool] = False
     """True: it is an error of the way from a command to the thrust, which measured rotor speeds do not go."""
     only_of_several_flights: ClassVar[bool] = False

@@ -36,7 +36,7 @@ AnyModel: TypeAlias = Model | Path | str
 
 
 def compare(model: AnyModel, flights: Flights) -> Comparison:
-    """Compare `model` with flights: its error, the noise floor, and where it fails. No parameter is fitted.
+    """Compare `model` with flights: its error, the reference error, and where it fails. No parameter is fitted.
 
     Examples
     --------

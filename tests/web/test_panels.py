@@ -563,7 +563,7 @@ class TestOpenTab:
         tab.follow(views["the evidence for an effect"])
         assert len(tab.figures) == before + 1
         assert "What else was tried, and why it lost" in str(tab.shown)
-        assert "Ground effect is told from its look-alikes by hovering at many heights" in str(tab.shown)
+        assert "Ground effect is told from its confounded effects by hovering at many heights" in str(tab.shown)
         tab.follow(views["at first"])
         assert len(tab.figures) == before
 
@@ -576,7 +576,7 @@ class TestOpenTab:
         suggestion = views["a suggestion"].results.suggestion
         known = str(tabs("missing", replace(view, results=replace(view.results, suggestion=suggestion))).shown)
         assert "this mission tells most" in known
-        assert "Ground effect is told from its look-alikes" not in known  # which is another question
+        assert "Ground effect is told from its confounded effects" not in known  # which is another question
         assert command not in known
 
     def test_an_effect_in_the_model_has_evidence_too(
@@ -690,7 +690,7 @@ class TestOpenTab:
         whole = replace(view.seen, hold_out="flights")
         found = evaluate(Current(view.session.model), whole, None, lambda text: None)
         there = replace(view, opened=replace(view.opened, seen=whole), results=Results(found))
-        assert found.kind_by_flight.endswith("trim included")
+        assert found.kind_by_flight.endswith("per-flight bias included")
         blocks, flights = (str(tabs("missing", each).shown) for each in (view, there))
         assert " included: on held-out flights" in flights and "apart from the" not in flights
         assert ", apart from the " in blocks and " included" not in blocks
@@ -1188,7 +1188,7 @@ class TestOpenTab:
         everywhere = "".join(
             str(tabs(tab, views[name]).shown) for tab in TABS for name in ("at first", "steps that were flown")
         )
-        for word in ("fold", "noise floor", "M_A", "M_B", "trim"):
+        for word in ("fold", "reference error", "M_A", "M_B", "per-flight bias"):
             assert GLOSSARY[word] in everywhere, word
 
     def test_each_of_several_flights_has_its_error(

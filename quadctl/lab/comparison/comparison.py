@@ -1,4 +1,4 @@
-"""Comparison of a model with flights: its error, the noise floor, and the conditions under which it fails."""
+"""Comparison of a model with flights: its error, the reference error, and the conditions under which it fails."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -44,8 +44,8 @@ class Comparison(Result):
     """Residual acceleration, north, east, up, m/s^2, shape (n, 3)."""
     rmse: dict[str, float]
     noise_floor: dict[str, float]
-    """Noise floor per axis and total, m/s^2: held-out error of a flexible regression on all logged variables. A model
-    of these variables comes close to it, and can be below it."""
+    """Reference error per axis and total, m/s^2: held-out error of a flexible regression on all logged variables. A
+    model of these variables comes close to it, and can be below it."""
     explained: float
     """Share of the acceleration's variance that the model explains (R^2); negative where the model is worse than
     predicting the mean."""
@@ -90,7 +90,7 @@ class Comparison(Result):
         widths = ", ".join(sorted({f"{flight.bandwidth_hz:.1f}" for flight in self.dataset.flights}))
         error, floor = quantity(self.rmse["total"]), roughly(self.noise_floor["total"])
         of = f"Acceleration error of {self.model.name}"
-        lines = [f"{of}: {error}; noise floor {floor}. {variance_in_words(self.explained)}"]
+        lines = [f"{of}: {error}; reference error {floor}. {variance_in_words(self.explained)}"]
         if self.agreement is not None:
             lines.append(agreement_in_words(self.agreement))
         if self.fails_where:
@@ -107,7 +107,7 @@ class Comparison(Result):
         lines += reservations(self.model.vehicle, self.dataset)
         lines += [open_loop_in_words(errors) for errors in self.open_loop if errors.horizon_s == TOLD_HORIZON_S]
         title = f"On {', '.join(self.dataset.names)}: {len(self.residual)} samples, filtered to {widths} Hz"
-        table = errors_table(title, (("error (RMSE)", self.rmse), ("noise floor", self.noise_floor)))
+        table = errors_table(title, (("error (RMSE)", self.rmse), ("reference error", self.noise_floor)))
         tables = [table, open_loop_table(self.open_loop)] if self.open_loop else [table]
         return Group(Text(on_terminal("\n".join(lines))), *tables)
 
@@ -152,7 +152,7 @@ def values_of_other_flights(model: Model, flights: Sequence[str]) -> list[str]:
 
 
 def floor_on(dataset: Dataset, residual: Floats) -> dict[str, float]:
-    """Noise floor per axis and total, m/s^2, on `dataset`, from the residual of a model, shape (n, 3)."""
+    """Reference error per axis and total, m/s^2, on `dataset`, from the residual of a model, shape (n, 3)."""
     return rmse(noise_floor(residual, flexible_residual(residual, dataset)))
 
 

@@ -1,4 +1,4 @@
-"""Remaining error of a model: how far it is above the noise floor, and which logged variables explain that part."""
+"""Remaining error of a model: how far it is above the reference error, and which logged variables explain that part."""
 
 from dataclasses import dataclass
 
@@ -17,7 +17,7 @@ class Remainder:
     by_causes_m_s2: float
     """Error that a regression on the variables that can be a cause leaves (see `Dataset.causes`)."""
     floor_m_s2: float
-    """Noise floor: what a regression on all logged variables leaves."""
+    """Reference error: what a regression on all logged variables leaves."""
     others: tuple[str, ...]
     """Logged variables that only the second regression sees: they pass by themselves or follow disturbances."""
     axis: str
@@ -25,12 +25,12 @@ class Remainder:
 
     @property
     def is_near_the_floor(self) -> bool:
-        """Tell whether the error is the noise floor, as nearly as two errors are called the same."""
+        """Tell whether the error is the reference error, as nearly as two errors are called the same."""
         return self.error_m_s2 <= (1.0 + CLOSE) * self.floor_m_s2
 
     @property
     def above_the_floor(self) -> float:
-        """Error above the noise floor, as a share of that; negative below it."""
+        """Error above the reference error, as a share of that; negative below it."""
         return self.error_m_s2 / self.floor_m_s2 - 1.0
 
     @property
@@ -50,7 +50,7 @@ class Remainder:
 def remainder(residual: Floats, dataset: Dataset, floor: dict[str, float]) -> Remainder:
     """Remainder of a held-out residual acceleration, m/s^2, shape (n, 3).
 
-    `floor` is the noise floor per axis and total, m/s^2.
+    `floor` is the reference error per axis and total, m/s^2.
     """
     error, causes = rmse(residual), dataset.causes
     by_causes = rmse(noise_floor(residual, flexible_residual(residual, dataset, causes))) if causes else error

@@ -14,7 +14,7 @@ from quadctl.lab.flights.preparation import BLOCK_S
 
 UNIT = "m/s²"
 FLOOR = "held-out error of a regression on all logged variables, the lowest over all steps"
-"""Meaning of the noise floor; the steps are the models that were compared on these flights."""
+"""Meaning of the reference error; the steps are the models that were compared on these flights."""
 TWO_DECIMALS_M_S2 = 0.05
 """Difference of two mean residuals from which on they are told with two decimals instead of three."""
 NAMED_FLIGHTS = 2
@@ -41,7 +41,7 @@ def quantity(value: float) -> str:
 
 
 def roughly(value: float) -> str:
-    """Format an acceleration that is known roughly, as a noise floor is, with two digits and its unit."""
+    """Format an acceleration that is known roughly, as a reference error is, with two digits and its unit."""
     return f"{float(f'{value:.2g}'):g} {UNIT}"
 
 
@@ -132,7 +132,7 @@ def where_in_words(seen: Dataset, held_out_flights: Sequence[str], as_it_stands:
     """Data that an error is computed on: the flights held out of all fits, or else held-out parts of `seen`, or all
     of `seen` for a model `as_it_stands`."""
     if held_out_flights:
-        return f"trim included, on the held-out {listed(held_out_flights)}"
+        return f"per-flight bias included, on the held-out {listed(held_out_flights)}"
     if as_it_stands:
         return f"as it stands, {trim_in_words(seen)}, on {flights_in_words(seen.names)}"
     return f"{trim_in_words(seen)}, on {held_out(seen)}"
@@ -140,7 +140,7 @@ def where_in_words(seen: Dataset, held_out_flights: Sequence[str], as_it_stands:
 
 def trim_in_words(seen: Dataset) -> str:
     """Trims in an error on held-out parts of `seen`: that of a flight which no fit has seen is not known."""
-    return "trim included" if seen.whole_flights else "apart from the trim of each flight"
+    return "per-flight bias included" if seen.whole_flights else "apart from the per-flight bias"
 
 
 def flights_in_words(names: Sequence[str]) -> str:
@@ -264,19 +264,19 @@ def _range_of(ci95: tuple[float, float]) -> str:
 
 
 def remainder_in_words(found: Remainder, where: str = "") -> str:
-    """Sentences on the error that remains: how far above the noise floor, and what explains the difference.
+    """Sentences on the error that remains: how far above the reference error, and what explains the difference.
 
     `where` names the flights, as in ` on the held-out A.csv`.
     """
     error, floor = quantity(found.error_m_s2), roughly(found.floor_m_s2)
     if found.above_the_floor <= 0.0:
-        return f"An error of {error} remains{where}, no more than the noise floor of {floor}."
+        return f"An error of {error} remains{where}, no more than the reference error of {floor}."
     if found.is_near_the_floor:
-        above = f"{percent(found.above_the_floor)} above the noise floor of {floor}"
+        above = f"{percent(found.above_the_floor)} above the reference error of {floor}"
         return f"An error of {error} remains{where}, {above}; the difference is mostly {found.axis}."
     share, by_causes = percent(found.explained), percent(found.explained_by_causes)
     remains = f"An error of {error} remains{where}. A regression on all logged variables explains {share} of its square"
-    remains = f"{remains}, mostly {found.axis}, and leaves {floor}, the noise floor"
+    remains = f"{remains}, mostly {found.axis}, and leaves {floor}, the reference error"
     if found.explained_by_causes > 0.5 * found.explained or not found.others:
         return f"{remains}."
     others = listed([VARIABLE_NAMES[name] for name in found.others])

@@ -1,7 +1,7 @@
-"""Noise floor: held-out error of a flexible regression of the residual on all logged variables.
+"""Reference error: held-out error of a flexible regression of the residual on all logged variables.
 
-The regression is not a physical model and is never used in flight. Its held-out error is the noise floor. Its held-out
-gain over the model tells whether something is missing, also when no effect of the catalogue explains it.
+The regression is not a physical model and is never used in flight. Its held-out error is the reference error. Its
+held-out gain over the model tells whether something is missing, also when no effect of the catalogue explains it.
 """
 
 from collections.abc import Collection

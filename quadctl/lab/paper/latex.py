@@ -98,7 +98,7 @@ def methods(statement: Statement) -> str:
     return (
         f"The model was compared with {n} samples of {flights} flight{'s' if flights != 1 else ''}. "
         f"Thrust was computed from the {sources}. Measured and predicted acceleration went through the same "
-        f"Gaussian low-pass filter with a bandwidth of {width} Hz. {fitted}; small errors of trim and calibration "
+        f"Gaussian low-pass filter with a bandwidth of {width} Hz. {fitted}; small per-flight biases "
         "of each flight were fitted beside them, with priors, and are part of the prediction. Errors and coefficients "
         f"of determination are those on {statement.hold_out}. Intervals are 95 % percentile intervals of a bootstrap "
         "over blocks of time, one-sided where a parameter is at a bound of what is physically possible, and the "

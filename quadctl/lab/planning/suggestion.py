@@ -38,7 +38,7 @@ from quadctl.missions import Mission, load_mission, mission_files
 from quadctl.model import Model
 
 ENOUGH_SIGMAS = 15.0
-"""Expected distance of look-alikes, in standard deviations, at which they count as separated, with a margin for
+"""Expected distance of confounded effects, in standard deviations, at which they count as separated, with a margin for
 unforeseen errors."""
 NARROW = 0.1
 """Relative width below which an interval is narrow enough."""
@@ -57,13 +57,13 @@ class Option:
     mission: Mission
     command: str
     sigmas: list[float]
-    """Expected distance of each pair of look-alikes by its data, in standard deviations."""
+    """Expected distance of each pair of confounded effects by its data, in standard deviations."""
     width: float | None
     """Expected width of the parameter's 95 % interval, relative to its value."""
     tries: list[str]
     """Effects that could be tried with its data, but not with those so far."""
     gains: tuple[float, float, float]
-    """Gain for each open question, from 0 to 1 (fully answered): look-alikes, interval, untried effects."""
+    """Gain for each open question, from 0 to 1 (fully answered): confounded effects, interval, untried effects."""
 
     @property
     def tells_more(self) -> bool:
@@ -197,7 +197,7 @@ class _Form:
 def suggest(diagnosis: Diagnosis, missions: Path | str = Path("missions")) -> Suggestion:
     """Suggest which of the `missions` (YAML files of a folder) best answers what `diagnosis` leaves open.
 
-    There are three kinds of open questions, in the order of their weight: look-alikes that the data do not distinguish,
+    There are three kinds of open questions, in the order of their weight: effects that the data do not distinguish,
     a wide interval of a parameter, and effects that could not be tried because the data vary too little.
 
     Raises
@@ -282,7 +282,7 @@ class _Rivals:
 
 
 def _rivals(diagnosis: Diagnosis, form: _Form, noise: Floats) -> list[_Rivals]:
-    """Pairs of look-alikes that concern the best model: with one or the other of the two in it, refitted."""
+    """Pairs of confounded effects that concern the best model: with one or the other of the two in it, refitted."""
     dataset, best = diagnosis.dataset, diagnosis.best
     kinds = {effect.family(): effect for effect in reversed(every_effect(best.effect_files).values())}
     kinds |= {

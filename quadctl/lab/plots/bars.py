@@ -18,7 +18,7 @@ from quadctl.lab.plots.style import (
 
 @styled
 def before_after(before: Mapping[str, float], after: Mapping[str, float], floor: Mapping[str, float] | None) -> Figure:
-    """Error per axis and total, before and after; the noise floor where it is known for these data."""
+    """Error per axis and total, before and after; the reference error where it is known for these data."""
     figure, ax = panel()
     names = (*AXES, "total")
     x = np.arange(len(names))
@@ -29,7 +29,8 @@ def before_after(before: Mapping[str, float], after: Mapping[str, float], floor:
         for place, height, top in zip(x + offset, heights, tops, strict=True):
             ax.annotate(f"{height:#.2g}", (place, top), (0, 2), textcoords="offset points", ha="center", fontsize=9.5)
     if floor is not None:
-        ax.hlines([floor[name] for name in names], x - 0.42, x + 0.42, color=FLOOR, linewidth=2.2, label="noise floor")
+        heights = [floor[name] for name in names]
+        ax.hlines(heights, x - 0.42, x + 0.42, color=FLOOR, linewidth=2.2, label="reference error")
     ax.set_xticks(x, names)
     ax.grid(axis="x", visible=False)
     ax.margins(y=0.1)

@@ -16,14 +16,14 @@ def chosen(diagnosis: Diagnosis) -> set[str]:
 
 @styled
 def ranking(diagnosis: Diagnosis, floor_total: float) -> Figure:
-    """Drop of the held-out error with each candidate, and the drop that the noise floor allows."""
+    """Drop of the held-out error with each candidate, and the drop that the reference error allows."""
     candidates = diagnosis.ranking
     figure, ax = panel(0.9 + 0.36 * (len(candidates) + 1))
     drops = [*(100.0 * c.held_out_drop for c in candidates), 0.0]
     low = max(-20.0, min(0.0, *drops) - 2.0)
     colours = [AFTER if c.effect.name in chosen(diagnosis) else SKY if is_supported(c) else LIGHT for c in candidates]
     possible = 100.0 * (1.0 - floor_total / diagnosis.steps[0].rmse["total"])
-    ax.axvline(possible, color=FLOOR, linestyle="--", label="drop to the noise floor")
+    ax.axvline(possible, color=FLOOR, linestyle="--", label="drop to the reference error")
     ax.axvline(0.0, color=BLACK, linewidth=0.8)
     ax.barh(range(len(drops)), np.maximum(drops, low), color=[*colours, LIGHT], height=0.66)
     notes = [f"{change_in_words(c.held_out_drop)}, p {p_in_words(c.p_value)}" for c in candidates]

@@ -17,7 +17,7 @@ def ladder(diagnosis: Diagnosis, floor_total: float) -> Figure:
     ax.barh(rows, totals, color=[BEFORE] + [AFTER] * (len(totals) - 1), height=0.62)
     for row, total in enumerate(totals):
         beside(ax, total, row, f"{total:#.3g}")
-    ax.axvline(floor_total, color=FLOOR, linestyle="--", label="noise floor")
+    ax.axvline(floor_total, color=FLOOR, linestyle="--", label="reference error")
     ax.set_yticks(rows, names)
     ax.set_ylim(len(rows) - 0.5, -0.6)
     ax.set_xlim(0.0, 1.14 * max(*totals, floor_total))

@@ -7,7 +7,7 @@ from quadctl.lab.planning.suggestion import Suggestion
 from quadctl.lab.plots.style import BLUE, GREEN, ORANGE, panel, styled
 
 QUESTIONS = (
-    ("look-alikes distinguished", BLUE),
+    ("confounded effects distinguished", BLUE),
     ("widest interval narrowed", ORANGE),
     ("untried effects shown", GREEN),
 )

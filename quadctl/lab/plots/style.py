@@ -2,7 +2,7 @@
 
 Sizes are in CSS pixels and fonts are drawn at their size on screen, so that text stays legible where a figure is shown
 at its own width. The colours are those of Okabe and Ito, which colour-blind readers can distinguish: black is measured,
-vermilion is before, blue is after (with the added effect), green is the noise floor.
+vermilion is before, blue is after (with the added effect), green is the reference error.
 """
 
 from collections.abc import Callable

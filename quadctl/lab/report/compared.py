@@ -82,11 +82,11 @@ def over_time(r: Results) -> Section:
         f"The difference between the coloured and the black line is the acceleration error of {c.model.name}: "
         f"{quantity(c.rmse['total'])} (RMSE over all axes, 95% interval {low:.3g} to {high:.3g}), largest on the "
         f"{worst} axis ({quantity(c.rmse[worst])}).",
-        f"{variance_in_words(c.explained)} The noise floor is {roughly(floor_total(r))}: {FLOOR}.",
+        f"{variance_in_words(c.explained)} The reference error is {roughly(floor_total(r))}: {FLOOR}.",
     ]
     if r.shown.errors_m_s2 is not None:
         text.append(
-            "This is the error of the model as it stands, with the trim of each flight; the number at the top is "
+            "This is the error of the model as it stands, with the per-flight bias; the number at the top is "
             f"{r.shown.where}."
         )
     models = {c.model.name: c}

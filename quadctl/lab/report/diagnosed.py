@@ -72,7 +72,7 @@ def _diagnosis_text(d: Diagnosis, floor: float) -> list[str]:
     said = [f for f in d.answer if f.kind not in (Kind.EFFECT, Kind.CONFOUNDED, Kind.NEXT_FLIGHT)]
     if d.verdict == "missing":
         said += of_unseen(d.unseen, any_missing=True)
-        text.append(f"The noise floor is {roughly(floor)}.")
+        text.append(f"The reference error is {roughly(floor)}.")
     return [*map(in_words, said), *text]
 
 

@@ -19,8 +19,8 @@ def rmse_interval(residual: Floats, dataset: Dataset) -> tuple[float, float]:
 
 
 def lowest_floors(r: Results) -> dict[str, float]:
-    """Noise floor per axis and total on the flights of the fit, m/s^2: the lowest of all models that were compared, as
-    each estimate is an upper bound."""
+    """Reference error per axis and total on the flights of the fit, m/s^2: the lowest of all models that were compared,
+    as each estimate is an upper bound."""
     models = [r.diagnosis.best] if r.diagnosis is not None and r.diagnosis.missing else []
     models += [r.addition.model] if r.addition is not None else []
     aligned = [(model, r.comparison.dataset.aligned_for(model)) for model in models]
@@ -31,12 +31,12 @@ def lowest_floors(r: Results) -> dict[str, float]:
 
 
 def floor_total(r: Results) -> float:
-    """Noise floor of all axes on the flights of the fit, m/s^2."""
+    """Reference error of all axes on the flights of the fit, m/s^2."""
     return (r.floors or r.comparison.noise_floor)["total"]
 
 
 def unseen_floor(r: Results) -> float:
-    """Noise floor of all axes on the flights of `after`, m/s^2."""
+    """Reference error of all axes on the flights of `after`, m/s^2."""
     if r.shown.on_unseen and r.shown.floor_m_s2 is not None:
         return r.shown.floor_m_s2
     return min(c.noise_floor["total"] for c in (r.before_unseen, r.after) if c is not None)

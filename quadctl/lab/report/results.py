@@ -20,7 +20,7 @@ class Shown(NamedTuple):
     condition: Vehicle | None = None
     """Vehicle of which nobody has said that it flew, or that the flights contradict."""
     floor_m_s2: float | None = None
-    """Lowest noise floor of all steps of the error ladder."""
+    """Lowest reference error of all steps of the error ladder."""
     errors_m_s2: tuple[float, float | None] | None = None
     """Errors of the first and of the current step; None for the second where there is only one step."""
     where: str = ""
@@ -42,7 +42,7 @@ class Results(NamedTuple):
     improved: Comparison | None = None
     """Model with what was added, on the flights of `comparison`; None without an addition."""
     floors: dict[str, float] | None = None
-    """Noise floor of the flights of the fit per axis and total, m/s^2; see `lowest_floors`."""
+    """Reference error of the flights of the fit per axis and total, m/s^2; see `lowest_floors`."""
 
     def titled_last(self, title: str) -> str:
         """`title` of a section on the last model, which says so where the page also has the model given."""

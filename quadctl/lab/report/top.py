@@ -98,18 +98,20 @@ def _what_is_left(r: Results) -> list[str]:
         return [
             f"The error on the unseen data falls by {percent(1.0 - total(new) / total(old))} "
             f"(95% interval {percent(low)} to {percent(high)}).",
-            f"The remaining error is {r.after.rmse['total'] / floor:.2f} times the noise floor of {roughly(floor)}.",
+            f"The remaining error is {r.after.rmse['total'] / floor:.2f} times the reference error of "
+            f"{roughly(floor)}.",
         ]
     floor = floor_total(r)
     if r.diagnosis is not None and r.diagnosis.verdict == "missing":
         left = r.diagnosis.steps[-1].rmse["total"]
         if left < floor:
             return [
-                f"With these effects, the remaining error is {quantity(left)}, below the noise floor of "
+                f"With these effects, the remaining error is {quantity(left)}, below the reference error of "
                 f"{roughly(floor)}."
             ]
         return [
-            f"With these effects, the remaining error is {left / floor:.2f} times the noise floor of {roughly(floor)}."
+            f"With these effects, the remaining error is {left / floor:.2f} times the reference error of "
+            f"{roughly(floor)}."
         ]
     low, high = rmse_interval(r.comparison.residual, r.comparison.dataset)
     return [
@@ -123,7 +125,7 @@ def _tiles(r: Results) -> list[Tile]:
     tiles = [
         Tile(
             roughly(unseen_floor(r) if r.shown.on_unseen or r.after is not None else floor_total(r)),
-            f"noise floor: {FLOOR}",
+            f"reference error: {FLOOR}",
         ),
     ]
     if c.explained > 0.0:

@@ -43,7 +43,7 @@ class Candidate:
     believable: bool = True
     """False where fitted parameters of this effect, or of others because of it, are not physically plausible."""
     distinct: bool = True
-    """False where these data do not distinguish the effect from its look-alikes."""
+    """False where these data do not distinguish the effect from its confounded effects."""
     implied: bool = False
     """True where the other effects of the model imply this one, so that it is no discovery of its own."""
     at_bound: bool = False

@@ -31,7 +31,7 @@ class Choice:
 
     path: Path
     unfit: list[type[Effect]]
-    """Effects that were not tried because these data do not distinguish them from their look-alikes."""
+    """Effects that were not tried because these data do not distinguish them from their confounded effects."""
     unexplained: bool
     """True where the logged variables explain a significant and material part of what the effects leave."""
     symbolic: Symbolic | None

@@ -58,7 +58,7 @@ class Diagnosis(Result):
     confounded: list[list[str]] = field(default_factory=list)
     suggested_mission: str | None = None
     untried: list[Finding] = field(default_factory=list)
-    """Effects that were not tried because these data do not distinguish them from their look-alikes, with the
+    """Effects that were not tried because these data do not distinguish them from their confounded effects, with the
     reason."""
     unexplained: bool = False
     """True where the logged variables still explain a significant and material part of the error after all missing
@@ -295,7 +295,7 @@ def _inseparable(
 def _suggestion(
     tried: Mapping[str, Candidate], confounded: Sequence[tuple[str, str]], unfit: list[type[Effect]]
 ) -> str | None:
-    """Mission that best answers what these data leave open: look-alikes first, then effects that could not be tried."""
+    """Mission that best answers what these data leave open: confounded effects first, then those not tried."""
     by_family = {candidate.family: candidate.effect.mission for candidate in reversed(list(tried.values()))}
     missions = [by_family[pair[-1]] for pair in confounded] + [effect.mission for effect in unfit]
     return missions[0] if missions else None

@@ -58,8 +58,8 @@ class Discovery(Result):
 
     @cached_property
     def noise_floor(self) -> dict[str, float]:
-        """Noise floor as RMSE per axis, the lower of two: of the model as given, and of the model found. So it is never
-        above the error of the model found."""
+        """Reference error as RMSE per axis, the lower of two: of the model as given, and of the model found. So it is
+        never above the error of the model found."""
         floors = [self.before.noise_floor]
         if self.diagnosis.fit is not None:
             residual = self.diagnosis.fit.held_out_residual[:, :3]
@@ -74,7 +74,7 @@ class Discovery(Result):
 
     def __rich__(self) -> RenderableType:
         ladder = [(f"+ {step.effect}" if step.family else step.effect, step.rmse) for step in self.diagnosis.steps]
-        floor = ("noise floor", self.noise_floor)
+        floor = ("reference error", self.noise_floor)
         table = errors_table("Held-out acceleration error after each selection step", [*ladder, floor])
         effects = [self._effects_table()] if self.model.stack else []
         answer, notes = (

@@ -196,7 +196,7 @@ def sketch(model: Model, dataset: Dataset) -> Sketch | None:
     """Sketch the last effect of `model` along its largest axis, over the variable that it follows most closely; None
     where it has no force.
 
-    The effect was fitted together with the trim of each flight, which is a constant: so the residual is drawn with the
+    The effect was fitted together with the per-flight bias, which is a constant: so the residual is drawn with the
     mean of the effect in each flight.
     """
     index = len(model.stack) - 1

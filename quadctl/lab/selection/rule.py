@@ -71,8 +71,8 @@ class Rule:
     """Largest difference of the scores (logarithms of the held-out error) of candidates that count as equally good: the
     simplest of them is taken."""
     replaced: int = 2
-    """Number of found effects that one look-alike can replace when it explains as much alone. One effect against one is
-    decided by the score; a single effect that matches three or more has more freedom than they have."""
+    """Number of found effects that one confounded effect can replace when it explains as much alone. One effect against one
+    is decided by the score; a single effect that matches three or more has more freedom than they have."""
     left_by_a_lag: float = 0.5
     """Largest share of the vertical error that a motor lag leaves, where no delay tells of it."""
     rival: float = 0.5
@@ -171,7 +171,7 @@ def _is_possible(c: Candidate, rule: Rule = RULE) -> bool:
 
 
 def is_trim(c: Candidate, rule: Rule = RULE) -> bool:
-    """Tell whether a candidate is significant, but no larger than the trim errors of any real vehicle."""
+    """Tell whether a candidate is significant, but no larger than the per-flight biases of any real vehicle."""
     return c.held_out_drop > 0.0 and is_significant(c.p_value, rule) and is_usual(c, rule)
 
 
@@ -181,7 +181,7 @@ def is_usual(c: Candidate, rule: Rule = RULE) -> bool:
 
 
 def is_plausible(c: Candidate, rule: Rule = RULE) -> bool:
-    """Tell whether a candidate would be supported if the data distinguished it from its look-alikes."""
+    """Tell whether a candidate would be supported if the data distinguished it from its confounded effects."""
     return is_there(c, rule) and _matters(c, rule)
 
 
@@ -191,7 +191,7 @@ def _matters(c: Candidate, rule: Rule = RULE) -> bool:
 
 
 def is_supported(c: Candidate, rule: Rule = RULE) -> bool:
-    """Tell whether held-out data support a candidate: it is there, larger than a trim, and not a look-alike."""
+    """Tell whether held-out data support a candidate: it is there, larger than a trim, and not a confounded effect."""
     return c.distinct and is_plausible(c, rule)
 
 
@@ -201,12 +201,12 @@ def is_masked(c: Candidate, rule: Rule = RULE) -> bool:
 
 
 def is_look_alike(c: Candidate, rule: Rule = RULE) -> bool:
-    """Tell whether a candidate is plausible, but not distinguished from its look-alikes by these data."""
+    """Tell whether a candidate is plausible, but not distinguished from its confounded effects by these data."""
     return is_plausible(c, rule) and not c.distinct
 
 
 def is_measured(c: Candidate, rule: Rule = RULE) -> bool:
-    """Tell whether a candidate is there and distinguished from its look-alikes, even if too small to be called
+    """Tell whether a candidate is there and distinguished from its confounded effects, even if too small to be called
     missing."""
     return c.distinct and is_there(c, rule)
 
@@ -247,7 +247,7 @@ def is_left_out(c: Candidate, rule: Rule = RULE) -> bool:
 
 
 def is_replaceable(missing: Sequence[str], rule: Rule = RULE) -> bool:
-    """Tell whether one look-alike may replace all the families that were found."""
+    """Tell whether one confounded effect may replace all the families that were found."""
     return 0 < rule.replaced == len(missing)
 
 
@@ -377,7 +377,7 @@ def unbelievable(model: Model, dataset: Dataset) -> set[str]:
 
 
 def indistinct(model: Model, dataset: Dataset) -> set[str]:
-    """Names of the effects of a fitted model that `dataset` does not distinguish from their look-alikes."""
+    """Names of the effects of a fitted model that `dataset` does not distinguish from their confounded effects."""
     flights = [flight.conditions for flight in dataset.flights]
     return {
         effect.name

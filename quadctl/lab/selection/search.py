@@ -2,8 +2,8 @@
 
 Forward selection tries every effect on top of the model, judges it on held-out data, adds the best supported one, and
 repeats until none is supported. Pruning then removes effects that the later ones made superfluous. A pair of effects is
-replaced where one look-alike explains as much alone, and an effect where another one encompasses it. A path is a value:
-each of these is a function from a path to a path.
+replaced where one confounded effect explains as much alone, and an effect where another one encompasses it. A path is a
+value: each of these is a function from a path to a path.
 """
 
 import time
@@ -92,7 +92,7 @@ class Path:
 
     @property
     def passed_over(self) -> list[Candidate]:
-        """Look-alikes of the first round: plausible, but not distinguished from another effect."""
+        """Confounded effects of the first round: plausible, but not distinguished from another effect."""
         return [c for c in self.at_start.values() if is_look_alike(c, self.rule)]
 
     @property
@@ -263,7 +263,7 @@ def _has_rival(path: Path, family: str) -> bool:
 
 
 def with_pair_replaced(path: Path, pool: Sequence[type[Effect]], progress: Progress) -> Path:
-    """Path, or a path to a single look-alike of the first round that explains as much as the pair that was found."""
+    """Path, or a path to a single confounded effect of the first round that explains as much as the pair found."""
     for candidate in sorted(path.passed_over, key=lambda c: score(c.residual, path.rule)):
         if not is_replaceable(path.missing, path.rule) or candidate.family in path.missing:
             continue

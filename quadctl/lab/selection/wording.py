@@ -42,9 +42,9 @@ def candidate_in_words(c: Candidate) -> str:
     verdict = (
         helps
         if is_supported(c)
-        else f"{helps} These data do not separate it from look-alikes (distinguished by {c.effect.distinguished_by})."
+        else f"{helps} These data do not separate it from others (distinguished by {c.effect.distinguished_by})."
         if is_plausible(c)
-        else "It is no larger than the trim errors of any real vehicle."
+        else "It is no larger than the per-flight biases of any real vehicle."
         if is_trim(c)
         else "The held-out data do not support it."
     )

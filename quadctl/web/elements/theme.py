@@ -1,7 +1,7 @@
 """Colours of the page and its figures, light and dark: Okabe and Ito's, which colour-blind readers tell apart.
 
 They mean the same as in the report: measured is black (white on dark), the model before is vermilion, the model after
-is blue, the noise floor is green.
+is blue, the reference error is green.
 """
 
 from dataclasses import dataclass

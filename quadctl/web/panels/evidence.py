@@ -92,7 +92,7 @@ class Evidence(Panel):
             draw_suggestion(self.suggestion)
         else:
             name = sentence(plain(shown.effect.family()))
-            tag("p", "", f"{name} is told from its look-alikes by {shown.effect.distinguished_by}.")
+            tag("p", "", f"{name} is told from its confounded effects by {shown.effect.distinguished_by}.")
             tag("p", "muted", "A mission that does so, whatever these flights have shown already:")
             tag("code", "command", f"quadctl fly {shown.effect.mission}")
             ask = ui.button("Compare all missions", on_click=lambda: do.act(do.bench.suggest()))
@@ -102,7 +102,7 @@ class Evidence(Panel):
 def _fit_in_words(shown: Found) -> str:
     """Sentences on the fit that the figures and the errors of the evidence belong to."""
     others = [plain(family) for family in shown.beside]
-    beside = f"with {listed(others)} and the trim of each flight" if others else "with the trim of each flight"
+    beside = f"with {listed(others)} and the trim of each flight" if others else "with the per-flight bias"
     return (
         f"Figures and errors are of one fit of all parameters together: the effect {beside}. Without it, all else is "
         "fitted again for the errors, and stays as it is in the figures."

@@ -69,7 +69,7 @@ class Failures(Panel):
             with tag("p", "muted"):
                 explained(
                     "Sigma says how certain a difference is, not how large. The model is taken as it is exported: the "
-                    "trim of a flight, which cross-validation leaves out, counts here."
+                    "per-flight bias, which cross-validation leaves out, counts here."
                 )
             if self.thrust_reservation:
                 tag("p", "note", self.thrust_reservation)

@@ -11,7 +11,7 @@ GLOSSARY = {
         "One part of the flights, a few seconds or a whole flight, that is set aside: the model is fitted to the rest "
         "and predicts this part. Every part is set aside once, so no error is computed on data that the fit has seen."
     ),
-    "noise floor": (
+    "reference error": (
         "What remains, on data not used in its fit, when a flexible regression predicts acceleration from everything "
         "that was logged: sensor noise, vibration, gusts that nobody measured. A good model comes close to it; one "
         "that holds the right physics can be below it."
@@ -29,10 +29,10 @@ GLOSSARY = {
         "How far the step near the ground was from the same step flown high up, added up over time: metres times "
         "seconds. It leaves out the lag of the controller itself; 0 means that the ground no longer shows."
     ),
-    "trim": (
+    "per-flight bias": (
         "The constant tilt and thrust offset that this vehicle needs on this day to hover: the battery is not where it "
         "was, the level of the autopilot is off by a fraction of a degree. It is fitted for each flight by itself, "
-        "within 1.5% of the thrust and 0.8°: what is more is no trim, but an effect."
+        "within 1.5% of the thrust and 0.8°: what is more is an effect."
     ),
     "far from the ground": (
         "So high, 30 rotor radii, that the ground changes the thrust by less than 0.01%. A factor other than 1 there "
@@ -42,7 +42,7 @@ GLOSSARY = {
     "enough to matter": (
         "An effect is called missing where chance does not give its gain (p below 0.01, for all that were tried "
         "together) and it lowers the held-out error of one axis by more than 5% and 0.03 m/s², or by more than "
-        "0.1 m/s² (1% of g). What is as small as the trim of any flight is listed as there, but too small to matter."
+        "0.1 m/s² (1% of g). What is as small as the bias of any flight is listed as there, but too small to matter."
     ),
     "lean taken for level": (
         "An attitude estimator that levels itself by its accelerometer takes a part of the lean that accelerates the "
@@ -58,7 +58,7 @@ GLOSSARY = {
         "beside it, run quadctl lab with another --out folder and --port."
     ),
 }
-_FORMS = {"folds": "fold", "Trim": "trim", "Sigma": "sigma", "Far from the ground": "far from the ground"}
+_FORMS = {"folds": "fold", "Sigma": "sigma", "Far from the ground": "far from the ground"}
 _WORD = re.compile(rf"\b({'|'.join(map(re.escape, sorted([*GLOSSARY, *_FORMS], key=len, reverse=True)))})\b")
 
 

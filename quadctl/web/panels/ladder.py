@@ -81,7 +81,7 @@ class Ladder(Panel):
                 with tag("p", "floor-key"):
                     tag("span", "floor-mark")
                     with tag("span"):
-                        explained(f"noise floor {roughly(least)}: {FLOOR}")
+                        explained(f"reference error {roughly(least)}: {FLOOR}")
 
     def _stands(self, rung: Rung) -> bool:
         """Tell whether the error of a step is that of a model that was not fitted to these flights."""
@@ -105,7 +105,7 @@ class Ladder(Panel):
             known = [name for name in names if name in used]
             if known:
                 return f"{said}, on {listed(names)}; the model was fitted to {listed(known)} before it was held out."
-            return f"{said}, trim included, on the held-out {listed(names)}."
+            return f"{said}, per-flight bias included, on the held-out {listed(names)}."
         if self.evaluation.kind == "as it stands":
             used = flights_of_the_fit(self.evaluation.comparison.model, self.seen.names)[0]
             fitted = f"it is fitted to {listed(used)}" if used else "it has the parameters of its file"
@@ -121,7 +121,7 @@ class _Bars:
     largest: float
     """Error of a bar of full length, m/s²."""
     floor: float | None
-    """Noise floor, as a share of the full length."""
+    """Reference error, as a share of the full length."""
     idle: bool
 
     def draw(

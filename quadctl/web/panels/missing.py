@@ -130,7 +130,7 @@ def as_drawn(error_m_s2: float, model: Model, flight: Flight, axis: str) -> str:
     off = rmse(flight.measured - predictions({"": model}, flight)[""])[axis]
     if off < TRIM_SEEN * error_m_s2:
         return ""
-    return f" The line is drawn without the trim, as the model flies: it is off by {quantity(off)} {axis}."
+    return f" The line is drawn without the per-flight bias, as the model flies: it is off by {quantity(off)} {axis}."
 
 
 def on_whole_flights(unseen: Sequence[UnseenError]) -> str:
@@ -266,7 +266,7 @@ class Verdict(Panel):
         return more + [in_words(found) for found in diagnosis.answer if found.kind is Kind.PART_UNEXPLAINED]
 
     def _remainder(self) -> Remainder | None:
-        """The remaining error, beside the noise floor that the ladder shows."""
+        """The remaining error, beside the reference error that the ladder shows."""
         if self.evaluation is None or self.floor_m_s2 is None:
             return None
         return replace(self.evaluation.remainder, floor_m_s2=self.floor_m_s2)
@@ -359,7 +359,7 @@ class Candidates(Panel):
                     looks = [other for other, first in alike.items() if first == candidate.family]
                     self._draw_card(do, found, candidate, looks, primary=i == 0)
         for title, text, group in (
-            ("Other forms and look-alikes", NOT_NEEDED, near),
+            ("Other forms and confounded effects", NOT_NEEDED, near),
             ("Not supported by these data", NO_HELP, others),
         ):
             if group:
@@ -411,7 +411,7 @@ class Candidates(Panel):
                         tag(
                             "figcaption",
                             "muted",
-                            f"{sketch.component} over {VARIABLE_NAMES[sketch.variable]}, without trims",
+                            f"{sketch.component} over {VARIABLE_NAMES[sketch.variable]}, without per-flight biases",
                         )
                 with tag("div", "grow"):
                     tag("h3", "", plain(candidate.family).capitalize())

@@ -280,7 +280,7 @@ class View:
 
     @property
     def floor_m_s2(self) -> float | None:
-        """Lowest noise floor of all steps of the ladder, m/s^2; None before the first is known."""
+        """Lowest reference error of all steps of the ladder, m/s^2; None before the first is known."""
         floors = [self.session.floor_m_s2, None if self.evaluation is None else self.evaluation.floor_m_s2]
         return min((floor for floor in floors if floor is not None), default=None)
 

@@ -32,7 +32,7 @@ class Rung:
     error_m_s2: float | None = None
     """Acceleration error (RMSE) of all axes on held-out data; None until it is known."""
     floor_m_s2: float | None = None
-    """Noise floor, estimated with this model."""
+    """Reference error, estimated with this model."""
     found: Findings | None = None
     """Findings of the search for what this model is missing; None before its end."""
 
@@ -90,7 +90,7 @@ class Session:
 
     @property
     def floor_m_s2(self) -> float | None:
-        """Lowest noise floor of all steps, m/s²: each estimate is an upper bound."""
+        """Lowest reference error of all steps, m/s²: each estimate is an upper bound."""
         return min((rung.floor_m_s2 for rung in self.rungs if rung.floor_m_s2 is not None), default=None)
 
     def begun_with(self, model: Model) -> "Session":
@@ -120,12 +120,12 @@ class Session:
         return replace(self, off=self.off ^ {effect})
 
     def judged(self, error_m_s2: float, floor_m_s2: float | None = None) -> "Session":
-        """Session with the error and the noise floor of the current step, m/s²."""
+        """Session with the error and the reference error of the current step, m/s²."""
         rung = replace(self.rungs[self.current], error_m_s2=error_m_s2, floor_m_s2=floor_m_s2)
         return replace(self, rungs=(*self.rungs[: self.current], rung, *self.rungs[self.current + 1 :]))
 
     def with_errors(self, errors: Mapping[int, tuple[float, float]]) -> "Session":
-        """Session with the error and the noise floor, m/s², of some of its steps, by their numbers."""
+        """Session with the error and the reference error, m/s², of some of its steps, by their numbers."""
         rungs = list(self.rungs)
         for step, (error, floor) in errors.items():
             rungs[step] = replace(rungs[step], error_m_s2=error, floor_m_s2=floor)
@@ -138,7 +138,7 @@ class Session:
         )
 
     def unjudged(self) -> "Session":
-        """Session without errors, noise floors and findings, for when the flights change."""
+        """Session without errors, reference errors and findings, for when the flights change."""
         return replace(self, rungs=tuple(Rung(rung.name, rung.model) for rung in self.rungs))
 
     def with_logs(self, logs: Sequence[Path]) -> "Session":

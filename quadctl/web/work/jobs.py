@@ -72,7 +72,7 @@ class Opened:
 _KINDS_BY_FLIGHT = {
     "cross-validated": "cross-validated",
     "as it stands": "of the model as it stands",
-    "held out": "of the model as it is exported, trim included",
+    "held out": "of the model as it is exported, per-flight bias included",
 }
 
 
@@ -283,7 +283,7 @@ def _evaluated(model: Model, fit: FittedModel, unseen: Dataset | None) -> Evalua
 def errors_of(
     models: Sequence[Model], seen: Dataset, unseen: Dataset | None, progress: Progress
 ) -> list[tuple[float, float]]:
-    """Error of each model, m/s^2, as `Evaluation.error_m_s2`, and its noise floor on the same flights."""
+    """Error of each model, m/s^2, as `Evaluation.error_m_s2`, and its reference error on the same flights."""
     found = []
     for number, model in enumerate(models, start=1):
         progress(f"step {number} of {len(models)} on these flights")

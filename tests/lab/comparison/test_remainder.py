@@ -36,5 +36,5 @@ def test_noise_is_near_the_floor(flown: Dataset) -> None:
     residual = np.random.default_rng(1).normal(0.0, 0.05, flown.measured.shape)
     found = remainder(residual, flown, rmse(residual))
     assert found.is_near_the_floor
-    assert remainder_in_words(found).endswith(f"no more than the noise floor of {found.floor_m_s2:.3f} m/s².")
-    assert "5% above the noise floor" in remainder_in_words(replace(found, floor_m_s2=found.error_m_s2 / 1.05))
+    assert remainder_in_words(found).endswith(f"no more than the reference error of {found.floor_m_s2:.3f} m/s².")
+    assert "5% above the reference error" in remainder_in_words(replace(found, floor_m_s2=found.error_m_s2 / 1.05))

@@ -172,7 +172,7 @@ class TestWhatThePageHolds:
         assert flown.after.dataset.names[0] in headline
         assert "Missing from rigid body: ground effect." in headline
         floor = min(flown.before_unseen.noise_floor["total"], flown.after.noise_floor["total"])
-        assert f"{after / floor:.2f} times the noise floor" in headline
+        assert f"{after / floor:.2f} times the reference error" in headline
 
     def test_what_is_of_the_model_before_anything_was_added_says_so(self, worded: Worded, flown: Flown) -> None:
         said = ": rigid body, before anything was added"
@@ -196,9 +196,9 @@ class TestWhatThePageHolds:
         lowest = lowest_floors(shown)["total"]
         assert lowest < 0.9 * first["total"]
         text = worded(shown).text
-        assert f"noise floor: {FLOOR} {roughly(lowest)}" in text
-        assert f"The noise floor is {roughly(lowest)}: {FLOOR}." in text
-        assert f"noise floor is {roughly(first['total'])}" not in text
+        assert f"reference error: {FLOOR} {roughly(lowest)}" in text
+        assert f"The reference error is {roughly(lowest)}: {FLOOR}." in text
+        assert f"reference error is {roughly(first['total'])}" not in text
 
     def test_a_report_of_the_page_repeats_its_numbers_and_its_words(self, worded: Worded, flown: Flown) -> None:
         said = ("Nothing significant is missing, if the vehicle is raptor (1.5 kg).", "An error remains.")
@@ -209,8 +209,8 @@ class TestWhatThePageHolds:
         assert "Acceleration error (RMSE over all axes), on blocks" in top
         assert " ".join(said) in top
         assert "Added to rigid body: ground effect." in top
-        assert "the model as it stands, with the trim of each flight; the number at the top is on blocks." in text
-        assert f"noise floor: {FLOOR} {roughly(0.0321)}" in top
+        assert "the model as it stands, with the per-flight bias; the number at the top is on blocks." in text
+        assert f"reference error: {FLOOR} {roughly(0.0321)}" in top
 
     def test_the_verdict_is_on_the_condition_that_the_vehicle_flew_where_nobody_has_said_so(
         self, worded: Worded, flown: Flown
@@ -465,7 +465,8 @@ class TestFirstPage:
 
     def test_it_names_one_error_only(self, raptor: Vehicle) -> None:
         flown = load_dataset([obedient(Model(raptor).plus(Exponential(a=0.3, b=5.0)), 30.0)], raptor)
-        assert "as given, trim included" not in Page(render_report(Results(compare(Model(raptor), flown)))).text
+        text = Page(render_report(Results(compare(Model(raptor), flown)))).text
+        assert "as given, per-flight bias included" not in text
 
 
 @pytest.mark.usefixtures("undrawn")
