@@ -116,8 +116,8 @@ def fitted_effects(r: Results) -> Section | None:
     figures.sort(key=lambda figure: not figure.whole_width)
     if any(not isinstance(effect, NearGround) for effect in a.model.effects):
         text.append(
-            "For effects that are not a ratio over height: residual without and with the effect, apart from the trim "
-            "of each flight, and its contribution (band: 95% of its parameters' bootstrap draws); forward and right "
+            "For effects that are not a ratio over height: residual without and with the effect, apart from the "
+            "per-flight bias, and its contribution (band: 95% of its parameters' bootstrap draws); forward and right "
             "are those of the vehicle's heading."
         )
     return Section(

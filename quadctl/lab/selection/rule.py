@@ -71,8 +71,8 @@ class Rule:
     """Largest difference of the scores (logarithms of the held-out error) of candidates that count as equally good: the
     simplest of them is taken."""
     replaced: int = 2
-    """Number of found effects that one confounded effect can replace when it explains as much alone. One effect against one
-    is decided by the score; a single effect that matches three or more has more freedom than they have."""
+    """Number of found effects that one confounded effect can replace when it explains as much alone. One effect
+    against one is decided by the score; a single effect that matches three or more has more freedom than they have."""
     left_by_a_lag: float = 0.5
     """Largest share of the vertical error that a motor lag leaves, where no delay tells of it."""
     rival: float = 0.5
