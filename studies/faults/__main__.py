@@ -21,7 +21,7 @@ HEAD = """# Faults
 Every fault begins in a hover at 0.5 m, in real time over MAVLink, with quadctl in a process of its own and the
 simulated autopilot in another. Times are seconds after the fault began, as the autopilot saw them. In no flight is a
 setpoint sent that is not a number or beyond the limits, and none is sent after the last one in this table.
-`make faults` writes this page; the tests fly the faults that only show in real time. [docs/safety.md](safety.md) gives
+`make faults` writes this page; `make test` flies three of them. [docs/safety.md](safety.md) gives
 the reason for each answer. A flight that a busy machine disturbed is flown again alone, and is marked with its attempt.
 
 The limits are those of `config/flight.yaml`, with a battery guarded at 13.5 V; a landing that does not end is given up
