@@ -90,6 +90,7 @@ def check(
     from quadctl.flight.preflight.findings import Verdict, of_verdict
     from quadctl.flight.preflight.plan import read_flight
     from quadctl.flight.preflight.time_scale import with_time_scale
+    from quadctl.logs.words import count
 
     if len(files) > 2:
         raise typer.BadParameter(f"{len(files)} files are given, expected a mission, or a vehicle and a mission")
@@ -114,10 +115,14 @@ def check(
         url = resolve(link, console)
         with console.status(f"listening to {url}"):
             findings += ask_autopilot(plan, url, seconds, log_dir, without_failsafe, restore_params, last)
-    for finding in findings:
+    refused, warnings = (len(of_verdict(findings, verdict)) for verdict in (Verdict.REFUSED, Verdict.WARNING))
+    if not refused:
+        console.print(
+            f"{plan.mission.name} may be flown: {count(len(findings), 'check')}, {count(warnings, 'warning')}."
+        )
+    for finding in sorted(findings, key=lambda f: list(reversed(Verdict)).index(f.verdict)):
         line = Text(f"{finding.verdict.value:8}", style=STYLES[finding.verdict.value])
         console.print(line.append(f" {finding.topic:12} {finding.text}", style="default not bold"), soft_wrap=True)
     write_json(json_out, {"mission": plan.mission.name, "findings": [finding.to_dict() for finding in findings]})
-    refused = len(of_verdict(findings, Verdict.REFUSED))
     if refused:
         raise FlightError(f"{mission} must not be flown like this: {refused} of {len(findings)} checks refuse it")
