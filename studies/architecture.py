@@ -12,13 +12,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from graphlib import TopologicalSorter
 from itertools import pairwise
-from pathlib import Path
 from xml.sax.saxutils import escape
 
 import grimp
 
-ROOT = Path(__file__).resolve().parents[1]
-PAGE = ROOT / "docs" / "architecture.md"
+from studies.page import DOCS, ROOT, write_part
+
+PAGE = DOCS / "architecture.md"
 PACKAGES = ("quadctl", "quadctl.lab", "quadctl.flight", "quadctl.web", "quadctl.sitl")
 """Packages that have a picture."""
 BASE = "base"
@@ -144,10 +144,8 @@ def main() -> None:
     every = [rooms_of(package, modules) for package in PACKAGES]
     for rooms in every:
         (PAGE.parent / rooms.picture).write_text(drawn(rooms), encoding="utf-8")
-    before, _, rest = PAGE.read_text(encoding="utf-8").partition("<!-- rooms: written by `make architecture` -->")
-    _, mark, after = rest.partition("<!-- end of rooms -->")
-    text = f"{before}<!-- rooms: written by `make architecture` -->\n\n{tables(every, modules)}\n\n{mark}{after}"
-    PAGE.write_text(text, encoding="utf-8")
+    marks = "<!-- rooms: written by `make architecture` -->", "<!-- end of rooms -->"
+    write_part(PAGE, *marks, tables(every, modules))
     for rooms in every:
         print(
             f"{rooms.package}: {len(rooms.imports)} rooms, {rooms.arrows} arrows, {len(circles(rooms.imports))} circles"

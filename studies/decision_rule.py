@@ -24,9 +24,9 @@ from quadctl.model import load_model
 from studies.blind_cases.cases import Case, all_cases
 from studies.blind_cases.fly import fly_case, generator_digest
 from studies.blind_cases.judge import Result
+from studies.page import DOCS, ROOT, table
 
-ROOT = Path(__file__).parents[1]
-PAGE = ROOT / "docs" / "decision-rule.md"
+PAGE = DOCS / "decision-rule.md"
 MOVED: dict[str, tuple[float, ...]] = {
     "SIGNIFICANT": (0.003, 0.03),
     "MATERIAL": (0.03, 0.08),
@@ -69,9 +69,6 @@ Not moved is what stands elsewhere: the share of the vertical error that a motor
 `selection/trial.py`), how far a variable must move to count as a cause (`MOVED` and `MANOEUVRES` in
 `flights/dataset.py`), the share of drag along body z that may be an inflow (`LIKE_THE_OTHERS` in
 `selection/diagnosis.py`), and what an effect calls believable.
-
-| threshold | value | {kinds} |
-|---|---|{dashes}|
 """
 
 
@@ -131,7 +128,6 @@ def remembered() -> Iterator[None]:
 
 def page(right: Mapping[Setting, Counter[Cell]], totals: Mapping[Cell, int]) -> str:
     """The page, with one row for each setting."""
-    kinds, dashes = " | ".join(KINDS.values()), "|".join(["---:"] * len(KINDS))
     rows = []
     for name, value in settings():
         cells = []
@@ -142,8 +138,9 @@ def page(right: Mapping[Setting, Counter[Cell]], totals: Mapping[Cell, int]) -> 
             cells.append(", ".join(f"{n} of {totals[kind, s]}" for n, s in zip(counts, strengths, strict=False)))
         words = f"`{name}`" if name else "unchanged"
         moved = f"{getattr(rule, name):g} -> {value:g}" if name else ""
-        rows.append(f"| {words} | {moved} | {' | '.join(cells)} |")
-    return HEAD.format(count=sum(totals.values()), kinds=kinds, dashes=dashes) + "\n".join(rows) + "\n"
+        rows.append([words, moved, *cells])
+    shown = table(["threshold", "value", *KINDS.values()], rows, texts=(0, 1))
+    return f"{HEAD.format(count=sum(totals.values()))}\n{shown}\n"
 
 
 def main() -> None:

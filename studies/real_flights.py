@@ -6,7 +6,6 @@
 import sys
 import textwrap
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,10 +13,10 @@ from quadctl.errors import QuadctlError
 from quadctl.lab import discover
 from quadctl.lab.comparison.wording import parameters_in_words
 from quadctl.lab.selection.discovery import Discovery
+from studies.page import DOCS, ROOT, table
 
-ROOT = Path(__file__).parents[1]
 DATA = ROOT / "../shared/data"
-PAGE = ROOT / "docs" / "real-flights.md"
+PAGE = DOCS / "real-flights.md"
 RAPTOR = ROOT / "config/vehicles/raptor.yaml"
 
 INTRODUCTION = """# Real flights
@@ -126,16 +125,12 @@ def section(flights: Flights, found: Discovery, seconds: float) -> str:
         parameters = parameters_in_words(effect, intervals[effect.name]) if effect else ""
         rows.append((step.effect or "rigid body", f"{step.rmse['total']:.3f}", parameters))
     rows.append(("noise floor of all variables together", f"{found.noise_floor['total']:.3f}", ""))
-    table = _table(("model", "held-out error", "parameters in the end [95 %]"), rows)
+    shown = table(("model", "held-out error", "parameters in the end [95 %]"), rows, texts=(0, 2))
     said = [line for line in found.diagnosis.lines() if "->" not in line and not line.startswith("Missing")]
     logs = ", ".join(f"`{Path(name).name}`" for name in flights.logs)
     about = textwrap.fill(f"{logs}; {seconds:.0f} s of one processor. {flights.about}", 120)
     listed = "\n".join(textwrap.fill(f"- {line}", 120, subsequent_indent="  ") for line in said)
-    return f"## {flights.title}\n\n{about}\n\n{table}\n\n{listed}\n"
-
-
-def _table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    return "\n".join("| " + " | ".join(cells) + " |" for cells in (headings, ("---", "---:", "---"), *rows))
+    return f"## {flights.title}\n\n{about}\n\n{shown}\n\n{listed}\n"
 
 
 if __name__ == "__main__":

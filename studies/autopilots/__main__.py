@@ -7,11 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
+from studies.page import DOCS, table
+
 from .flights import CHANNELS, DATA, MISSIONS, UNITS, Error, Flown, recorded, simulated
-from .measured import NAMES, ROOT, Fact, Measured, load_measured
+from .measured import NAMES, Fact, Measured, load_measured
 from .probes import PROBES
 
-PAGE = ROOT / "docs" / "autopilots.md"
+PAGE = DOCS / "autopilots.md"
 TITLES = {"px4": "PX4", "ardupilot": "ArduPilot Copter"}
 HEAD = """# The simulated autopilots beside the real ones
 
@@ -44,10 +46,9 @@ def section(name: str) -> Iterator[str]:
 
 
 def facts(name: str, measured: Measured) -> Iterator[str]:
-    yield "| fact | real | mock | source |\n|---|---|---|---|"
-    for fact in measured.facts:
-        found = said(PROBES[fact.probe](name), fact) if fact.probe else "not compared"
-        yield f"| {fact.what} | {said(fact.value, fact)} | {found} | {fact.source} |"
+    found = [said(PROBES[fact.probe](name), fact) if fact.probe else "not compared" for fact in measured.facts]
+    rows = [(f.what, said(f.value, f), mock, f.source) for f, mock in zip(measured.facts, found, strict=True)]
+    yield table(("fact", "real", "mock", "source"), rows, range(4))
 
 
 def said(value: str | float, fact: Fact) -> str:
@@ -57,9 +58,8 @@ def said(value: str | float, fact: Fact) -> str:
 
 def tracking(real: dict[str, Flown], mock: dict[str, Flown]) -> Iterator[str]:
     yield "\nTracking error: RMSE of the position against the reference, cm (north, east, up).\n"
-    yield "| mission | real | mock |\n|---|---|---|"
-    for mission in MISSIONS:
-        yield f"| `{mission}` | {centimetres(real[mission])} | {centimetres(mock[mission])} |"
+    rows = [(f"`{mission}`", centimetres(real[mission]), centimetres(mock[mission])) for mission in MISSIONS]
+    yield table(("mission", "real", "mock"), rows, range(3))
 
 
 def centimetres(flown: Flown) -> str:
@@ -69,9 +69,11 @@ def centimetres(flown: Flown) -> str:
 def errors(real: Sequence[Flown], mock: Sequence[Flown]) -> Iterator[str]:
     yield "\nError of the estimate against the truth of the simulator, over the three missions: standard deviation in a"
     yield "flight, and the time in which its correlation falls to 1/e.\n"
-    yield "| channel | real | mock |\n|---|---|---|"
-    for i, (channel, unit) in enumerate(zip(CHANNELS, UNITS, strict=True)):
-        yield f"| {channel} | {error(mean_error(real, i), unit)} | {error(mean_error(mock, i), unit)} |"
+    rows = [
+        (channel, error(mean_error(real, i), unit), error(mean_error(mock, i), unit))
+        for i, (channel, unit) in enumerate(zip(CHANNELS, UNITS, strict=True))
+    ]
+    yield table(("channel", "real", "mock"), rows, range(3))
 
 
 def mean_error(flights: Sequence[Flown], channel: int) -> Error:

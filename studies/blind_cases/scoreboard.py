@@ -17,6 +17,8 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
+from studies.page import share, table
+
 from .cases import HERE, STRENGTHS, Case, all_cases
 from .fly import generator_digest
 from .judge import Result, judge
@@ -75,10 +77,10 @@ def scores(results: Sequence[Result]) -> list[tuple[str, ...]]:
             "single": "one effect: named, and nothing else",
             "pair": "two effects: both named, and nothing else",
         }[kind]
-        shares = [_share([r.right for r in results if _is(r, kind, s)]) for s in STRENGTHS]
+        shares = [share([r.right for r in results if _is(r, kind, s)]) for s in STRENGTHS]
         rows.append((label, *shares, " / ".join(f">= {goal:.0%}" for goal in goals)))
     kinds = [[r for r in results if _is(r, "unexplained", s)] for s in STRENGTHS]
-    shares = [_share([r.right for r in group]) for group in kinds]
+    shares = [share([r.right for r in group]) for group in kinds]
     rows.append(
         ("physics outside of the catalogue: called unexplained", *shares, f">= {UNEXPLAINED[0]} of {UNEXPLAINED[1]}")
     )
@@ -96,7 +98,7 @@ def scores(results: Sequence[Result]) -> list[tuple[str, ...]]:
         )
     inside = [[c for r in results if r.case.strength == s for c in r.covered] for s in STRENGTHS]
     low, high = COVERAGE
-    rows.append(("true parameters inside their 95 % intervals", *map(_share, inside), f"{low:.0%} to {high:.0%}"))
+    rows.append(("true parameters inside their 95 % intervals", *map(share, inside), f"{low:.0%} to {high:.0%}"))
     seconds = [[r.seconds for r in results if r.case.strength == s] for s in STRENGTHS]
     cells = [f"{statistics.median(values):.1f} s" if values else "-" for values in seconds]
     rows.append(("processor time per case, median", *cells, f"<= {SECONDS:g} s"))
@@ -105,10 +107,6 @@ def scores(results: Sequence[Result]) -> list[tuple[str, ...]]:
 
 def _is(result: Result, kind: str, strength: float) -> bool:
     return result.case.kind == kind and result.case.strength == strength
-
-
-def _share(right: Sequence[bool]) -> str:
-    return f"{sum(right)}/{len(right)} = {sum(right) / len(right):.0%}" if right else "-"
 
 
 def _quantile(values: Sequence[float], q: float) -> float:
@@ -135,8 +133,7 @@ def _as_json(result: Result) -> dict[str, object]:
 def _write_page(path: Path, seeds: str, rows: Sequence[tuple[str, ...]], wrong: Sequence[str], count: int) -> Path:
     """The page of one set of seeds; the other set's part of the page stays."""
     begin, end = f"<!-- begin {seeds} -->", f"<!-- end {seeds} -->"
-    lines = [f"## Seeds of the set `{seeds}`", "", "| " + " | ".join(HEADINGS) + " |", "|" + "---|" * len(HEADINGS)]
-    lines += ["| " + " | ".join(row) + " |" for row in rows]
+    lines = [f"## Seeds of the set `{seeds}`", "", table(HEADINGS, rows, range(len(HEADINGS)))]
     lines += ["", f"{len(wrong)} of {count} cases are wrong:", "", *wrong]
     part = "\n".join([begin, *lines, end])
     old = path.read_text(encoding="utf-8") if path.exists() else PAGE

@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 from quadctl.effects.ground_effect import Cheeseman, Danjun, Surface, quadrotor_ratio
 from quadctl.logs.flight_log import Floats
 from quadctl.vehicle import Vehicle
-from studies.papers.page import save, table
+from studies.page import save, table
 
 MODELS = ("M1", "M2", "M3", "M4", "PM")
 MEANING = {

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from quadctl.lab.flights.dataset import FOLDS
 from quadctl.lab.flights.flight import Flight
 from quadctl.logs.flight_log import Floats
-from studies.papers.page import table
+from studies.page import table
 from studies.papers.thesis_ground_effect import Points, fit_exponential, of_flight
 
 NAMES = ("z", "w", "v")

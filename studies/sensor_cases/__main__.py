@@ -11,11 +11,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from quadctl.vehicle import load_vehicle
+from studies.page import DOCS, ROOT, row, table
 
-from .cases import ROOT, Case, all_cases, write_case
+from .cases import Case, all_cases, write_case
 from .world import SIDES
 
-PAGE = ROOT / "docs" / "sensor-cases.md"
+PAGE = DOCS / "sensor-cases.md"
 VEHICLE = ROOT / "config" / "vehicles" / "raptor.yaml"
 REST_M = 0.05
 """Height of the logged position where the vehicle stands on the ground."""
@@ -114,9 +115,7 @@ def page(judged: Sequence[Judged]) -> str:
         f"- Where no air speed error is hidden, {sum(zeros)} of {len(zeros)} intervals of its coefficients hold 0.",
         *(f"- Without a reference (case {j.case.seed}): *{_short(j.answer)}*" for j in judged if j not in scored),
         "",
-        "| case | reference | forces | hidden | named | within |",
-        "|---|---|---|---|---|---|",
-        *map(_row, scored),
+        table(["case", "reference", "forces", "hidden", "named", "within"], map(_cells, scored), range(6)),
     ]
     return "\n".join(lines) + "\n"
 
@@ -126,7 +125,7 @@ def _short(answer: str) -> str:
     return answer[answer.find("nothing tells") :] if "nothing tells" in answer else answer
 
 
-def _row(j: Judged) -> str:
+def _cells(j: Judged) -> list[str]:
     case, forces = j.case, j.case.forces
     acting = {
         "rotor drag": forces.rotor_drag_per_s,
@@ -143,8 +142,7 @@ def _row(j: Judged) -> str:
     named = [f"**{name}, false**" if name in j.false else name for name in named]
     within = ", ".join(f"{sum(ok)} of {len(ok)}" for ok in j.within.values() if ok)
     cells = [str(case.seed), case.reference, ", ".join(name for name, value in acting.items() if value)]
-    cells += ["; ".join(hidden) or "none", ", ".join(named) or j.answer or "none", within]
-    return f"| {' | '.join(cells)} |"
+    return [*cells, "; ".join(hidden) or "none", ", ".join(named) or j.answer or "none", within]
 
 
 def main() -> None:
@@ -159,7 +157,7 @@ def main() -> None:
     for case in all_cases():
         if not options.only or case.seed in options.only:
             judged.append(judge(case, folder))
-            print(_row(judged[-1]), flush=True)
+            print(row(_cells(judged[-1])), flush=True)
     if not options.only:
         options.out.write_text(page(judged), encoding="utf-8")
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from quadctl.model import Model
 from quadctl.vehicle import AxisResponse
-from studies.autopilots.measured import ROOT, mock
-from studies.papers.page import table, wrapped
+from studies.autopilots.measured import mock
+from studies.page import DOCS, table, wrapped
 
 from . import ground, never_worse
 from .comparison import BEATEN, DEFECTS, HALF, ROBUST_MOCKS, Results, compared
@@ -16,7 +16,7 @@ from .figure import figure
 from .flights import BEFORE, COURSES, FOUND, LAWS, MOCKS, OWN, STEP, UNKNOWN, Mock, planned, unknown_model
 from .margins import Axes, margins, of_autopilot, of_quadctl
 
-PAGE = ROOT / "docs" / "tracking.md"
+PAGE = DOCS / "tracking.md"
 FIGURE = "tracking.png"
 TITLES = {BEFORE: "the law before", UNKNOWN: "quadctl, nothing known", FOUND: "quadctl", OWN: "the autopilot's own"}
 HEAD = """# Tracking, beside the autopilots' own control

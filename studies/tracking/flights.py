@@ -33,7 +33,8 @@ from quadctl.sitl.run import fly_lockstep
 from quadctl.sitl.vehicle.hidden import HiddenTruth, load_hidden
 from quadctl.state import AttitudeTarget, Setpoint, Vec3, VehicleState
 from studies.autopilots.flights import recorded_law
-from studies.autopilots.measured import ROOT, mock
+from studies.autopilots.measured import mock
+from studies.page import ROOT
 
 SEEDS = (1,)
 FIT_SEED = 11

@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from quadctl.logs.csv_log import write_csv
-from studies.benchmarks.page import write_page
+from studies.page import table as page_table
+from studies.page import write_page
 from studies.worlds.traps.flights import CONTROLS, TRAPS
 from studies.worlds.traps.judgement import Outcome, Trap, judge, said
 from studies.worlds.traps.second import SECOND
@@ -34,12 +35,11 @@ def diagnosed(trap: Trap, folder: Path) -> dict[str, Any]:
 
 def table(answers: Sequence[tuple[Trap, Mapping[str, Any]]]) -> str:
     """Rows of the page."""
-    lines = ["| trap | honest answer | what it said | fooled |", "|---|---|---|---|"]
+    rows = []
     for trap, result in answers:
         outcome = judge(trap.honest, result)
-        cells = (f"**{trap.name}** ({trap.vehicle}): {trap.text}", trap.honest.words, said(result), outcome)
-        lines.append(f"| {' | '.join(cells)} |")
-    return "\n".join(lines)
+        rows.append((f"**{trap.name}** ({trap.vehicle}): {trap.text}", trap.honest.words, said(result), outcome))
+    return page_table(["trap", "honest answer", "what it said", "fooled"], rows, range(4))
 
 
 INTRODUCTION = """# Traps
