@@ -141,9 +141,13 @@ def side_by_side(worlds: Mapping[str, Sequence[Answer]]) -> str:
 INTRODUCTION = """# Worlds that share nothing with the lab
 
 Written by `python -m studies.worlds.scoreboard`. Each world (`studies/worlds`) is a generator of flights with hidden
-effects, written from published descriptions by somebody who had not read the lab: its own rotors, controllers,
-estimators, sensors, missions and forms of the effects. The figure in brackets is the root mean square of the
-acceleration by the hidden effect. [How the numbers are computed](statistics.md) says what the lab was tuned on.
+effects. `blade` was written from published descriptions by somebody who had not read the lab: its own rotors,
+controllers, estimators, sensors, missions and forms of the effects. `rotorpy` and `drone models` fly in simulators of
+others, [RotorPy](https://github.com/spencerfolk/rotorpy) and
+[drone-models](https://github.com/utiasDSL/drone-models), with the vehicles that these publish; drag, inflow, lift,
+wind, motor lag and thrust curve are the simulator's own where it has them, all else is injected as forces and moments,
+in published forms. The figure in brackets is the root mean square of the acceleration by the hidden effect. [How the
+numbers are computed](statistics.md) says what the lab was tuned on.
 
 """
 

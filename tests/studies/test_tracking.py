@@ -81,7 +81,7 @@ def test_own_control_gets_positions_and_no_attitudes() -> None:
 
 def track(east_m: list[float]) -> Track:
     errors = np.column_stack([np.zeros(len(east_m)), east_m, np.zeros(len(east_m))])
-    return Track(0.1 * np.arange(len(east_m)), errors, errors, "completed")
+    return Track(0.1 * np.arange(len(east_m)), errors, "completed")
 
 
 def test_a_step_has_an_overshoot_and_a_time_after_which_it_stays() -> None:

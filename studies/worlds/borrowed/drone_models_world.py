@@ -17,7 +17,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from studies.worlds.borrowed.craft import GRAVITY_M_S2, RPM, Array, Kind
-from studies.worlds.borrowed.flight import Aim, Flight, Goal, Simulator, Slope, State
+from studies.worlds.borrowed.flight import Aim, Flight, Simulator, Slope, State
+from studies.worlds.borrowed.missions import Reference
 
 
 def _dynamics() -> Callable[..., tuple[Array, ...]]:
@@ -93,7 +94,7 @@ class DroneModels(Simulator):
             )[:, :, None],
         }
 
-    def aim(self, state: State, goal: Goal) -> Aim:
+    def aim(self, state: State, goal: Reference) -> Aim:
         """Thrust and Euler angles of a cascade of position and velocity."""
         slow = 0.26 * self.bandwidth[:, None] * np.array([1.0, 1.0, 1.5])
         wish = slow**2 * (goal.position - state.position) + 1.7 * slow * (goal.velocity - state.velocity)

@@ -109,16 +109,6 @@ class State:
 
 
 @dataclass(frozen=True)
-class Goal:
-    """What is asked of all flights at one time."""
-
-    position: Array
-    velocity: Array
-    acceleration: Array
-    yaw: Array
-
-
-@dataclass(frozen=True)
 class Aim:
     """What a controller of positions asks: thrusts, and rotations from body to world."""
 
@@ -152,7 +142,7 @@ class Simulator(ABC):
         self.bandwidth = np.array([f.stiffness * bandwidth(lag) for f, lag in zip(flights, self.lags, strict=True)])
 
     @abstractmethod
-    def aim(self, state: State, goal: Goal) -> Aim:
+    def aim(self, state: State, goal: Reference) -> Aim:
         """Aim of the controllers of positions."""
 
     @abstractmethod
@@ -251,7 +241,7 @@ def fly(simulator: type[Simulator], flights: Sequence[Flight]) -> list[Record]:
     """Fly all flights of a case side by side."""
     world = simulator(flights)
     fleet, motors, hidden = world.fleet, Motors(flights, world.fleet), flights[0].hidden
-    goals = [_rows(flights, [getattr(f.reference, name) for f in flights]) for name in Goal.__dataclass_fields__]
+    goals = [_rows(flights, [getattr(f.reference, name) for f in flights]) for name in Reference.__dataclass_fields__]
     gust, twist, hand = (_rows(flights, [getattr(f, name) for f in flights]) for name in ("gust", "twist", "hand"))
     n, yaw = len(flights), goals[3][0]
     still = np.zeros((n, 3))
@@ -267,7 +257,7 @@ def fly(simulator: type[Simulator], flights: Sequence[Flight]) -> list[Record]:
         time, i = tick * TICK_S - SETTLE_S, int(tick * TICK_S / STEP_S + 1e-9)
         rotation = state.rotation
         integral = np.clip(integral + stiff * (goals[0][i] - state.position) * TICK_S, -3.0, 3.0)
-        goal = Goal(goals[0][i], goals[1][i], goals[2][i] + hand[i] + integral, goals[3][i])
+        goal = Reference(goals[0][i], goals[1][i], goals[2][i] + hand[i] + integral, goals[3][i])
         if tick % OUTER == 0:
             aim = world.aim(state, goal)
         command = motors.step(aim.thrust, turning(aim.rotation, state, rotation, fleet.inertia_kg_m2, world.bandwidth))

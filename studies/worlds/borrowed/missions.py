@@ -36,7 +36,10 @@ class Mission:
 
 @dataclass(frozen=True)
 class Reference:
-    """Path at steps of `STEP_S`, north, west, up, with its derivatives and the heading; it begins with a hover."""
+    """Path at steps of `STEP_S`, north, west, up, with its derivatives and the heading; it begins with a hover.
+
+    Also the paths of all flights at one time.
+    """
 
     position: Array
     velocity: Array

@@ -15,7 +15,8 @@ from rotorpy.vehicles.multirotor import Multirotor
 from scipy.spatial.transform import Rotation
 
 from studies.worlds.borrowed.craft import DENSITY_KG_M3, GRAVITY_M_S2, Array, Kind
-from studies.worlds.borrowed.flight import Aim, Flight, Goal, Simulator, Slope, State
+from studies.worlds.borrowed.flight import Aim, Flight, Simulator, Slope, State
+from studies.worlds.borrowed.missions import Reference
 
 
 def _kind(
@@ -53,7 +54,7 @@ class RotorPy(Simulator):
         self.winds = np.array([_wind(f) for f in flights])
         self.controllers = [_controller(v, w) for v, w in zip(self.vehicles, self.bandwidth, strict=True)]
 
-    def aim(self, state: State, goal: Goal) -> Aim:
+    def aim(self, state: State, goal: Reference) -> Aim:
         """Thrust and attitude of `SE3Control`."""
         asked = []
         for i, controller in enumerate(self.controllers):
