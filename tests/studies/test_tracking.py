@@ -100,7 +100,6 @@ def test_errors_are_those_at_the_time_of_the_reference_in_the_phases_asked_for()
             "run" if k > 2 else "hold",
             0.1 * k,
             (0.0, 0.2 * k, 0.0),
-            (0, 0, 0),
         )
         for k in range(10)
     ]

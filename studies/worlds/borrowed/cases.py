@@ -167,7 +167,7 @@ DRONE_MODELS = [
         ceiling_m=2.2),
     Case("ceiling_effect_2", B, (under(70), under(60, "fixed")), {"ceiling_effect.throttled": {"a": 3.0}},
         ceiling_m=2.5),
-    Case("ground_torque_1", T, (shakes(65, 1.4, 2.3), shakes(50, 1.3, 2.1)), {"ground_torque": {"stiffness": 55.0}},
+    Case("ground_torque_1", T, (shakes(65, 1.4, 2.3), shakes(50, 1.3, 2.1)), {"ground_torque": {"stiffness": 160.0}},
         quick=True),
     Case("rotor_drag_1", L, (eight(65, 1.5, 6.0, 1.3), roam(60, 1.6, 0.8, 1.8)),
         {"rotor_drag.measured": {"size": 1.0}}),
