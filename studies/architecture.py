@@ -12,13 +12,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from graphlib import TopologicalSorter
 from itertools import pairwise
-from pathlib import Path
 from xml.sax.saxutils import escape
 
 import grimp
 
-ROOT = Path(__file__).resolve().parents[1]
-PAGE = ROOT / "docs" / "architecture.md"
+from studies.page import DOCS, ROOT
+
+PAGE = DOCS / "architecture.md"
 PACKAGES = ("quadctl", "quadctl.lab", "quadctl.flight", "quadctl.web", "quadctl.sitl")
 """Packages that have a picture."""
 BASE = "base"

@@ -27,9 +27,9 @@ from quadctl.model import load_model
 from studies.blind_cases.cases import Case, all_cases
 from studies.blind_cases.fly import fly_case, generator_digest
 from studies.blind_cases.judge import Result
+from studies.page import DOCS, ROOT
 
-ROOT = Path(__file__).parents[1]
-PAGE = ROOT / "docs" / "decision-rule.md"
+PAGE = DOCS / "decision-rule.md"
 MOVED: dict[str, tuple[float, ...]] = {
     "significant": (0.003, 0.03),
     "material": (0.03, 0.08),

@@ -21,8 +21,8 @@ import yaml
 
 from quadctl.flight.preflight.preparation import prepare_flight
 from quadctl.sitl.run import simulate
+from studies.page import ROOT
 
-ROOT = Path(__file__).parents[1]
 MODEL = ROOT / "config/vehicles/raptor.yaml"
 MISSION = ROOT / "missions/excitation.yaml"
 VEHICLE_STD, TRIM_STD, TRIM_DEG = 0.02, 0.004, 0.3

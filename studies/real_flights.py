@@ -12,10 +12,10 @@ from quadctl.errors import QuadctlError
 from quadctl.lab import discover
 from quadctl.lab.comparison.wording import parameters_in_words
 from quadctl.lab.selection.discovery import Discovery
+from studies.page import DOCS, ROOT
 
-ROOT = Path(__file__).parents[1]
 DATA = ROOT / "../shared/data"
-PAGE = ROOT / "docs" / "real-flights.md"
+PAGE = DOCS / "real-flights.md"
 RAPTOR = ROOT / "config/vehicles/raptor.yaml"
 
 INTRODUCTION = """# Real flights

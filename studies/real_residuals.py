@@ -33,8 +33,9 @@ from quadctl.logs.flight_log import ATTITUDE, POSITION, VELOCITY, FlightLog
 from quadctl.logs.read import read_log
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle, load_vehicle
+from studies.page import DOCS, table
 
-PAGE = Path(__file__).parents[1] / "docs" / "real-residuals.md"
+PAGE = DOCS / "real-residuals.md"
 TRUTHS: tuple[Effect, ...] = (Exponential(a=0.2, b=4.0), LinearDrag(d_x=0.2, d_y=0.2))
 LOW_P = 0.01
 ITERATIONS = 4
@@ -204,7 +205,9 @@ def _page(names: list[str], each: int, nulls: Nulls, coverage: dict[str, Coverag
         ("verdict `unexplained`", nulls.unexplained, nulls.flights),
     ]
     rows += [(f"95 % interval of {name} holds the truth", c.held, c.fits) for name, c in coverage.items() if c.fits]
-    table = "\n".join(f"| {text} | {count} of {of} = {count / of:.0%} |" for text, count, of in rows)
+    shown = table(
+        ["in surrogate flights", "result"], [(text, f"{n} of {of} = {n / of:.0%}") for text, n, of in rows], range(2)
+    )
     truths = ", or ".join(
         f"{t.name} with " + ", ".join(f"{name} = {value:g}" for name, value in t.values().items()) for t in TRUTHS
     )
@@ -216,9 +219,7 @@ true of them, with the residual that the best model of another of these flights 
 correlated as in
 reality. Nothing is hidden in the flights of the first three rows. The others contain {truths}.
 
-| in surrogate flights | result |
-|---|---|
-{table}
+{shown}
 """
 
 

@@ -8,9 +8,9 @@ sees build/docs, so that another one can take its place.
 import posixpath
 import re
 import shutil
-from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[1]
+from studies.page import ROOT
+
 GATHERED = ROOT / "build" / "docs"
 ELSEWHERE = {
     "README.md": "index.md",

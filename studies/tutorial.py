@@ -29,8 +29,8 @@ from quadctl.lab.selection.effect_curves import effect_curves
 from quadctl.lab.tracking.metrics import MetricsTable, Tracking, Window, metrics, tracking
 from quadctl.logs.read import read_logs
 from quadctl.sitl.vehicle.hidden import load_hidden, true_model
+from studies.page import ROOT
 
-ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
 PAGE = DOCS / "find-the-missing-effect.md"
 COLUMNS = 100

@@ -30,9 +30,9 @@ from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.read import read_log
 from quadctl.model import Model, load_model, save_model
 from quadctl.sitl.run import simulate
+from studies.page import DOCS, ROOT, write_part
 
-ROOT = Path(__file__).parents[1]
-PAGE = ROOT / "docs/verify.md"
+PAGE = DOCS / "verify.md"
 BEGIN, END = "<!-- measured: written by `python -m studies.verification` -->", "<!-- end of measured -->"
 TRIM_THRUST, TRIM_TILT_DEG = 0.004, 0.3
 """Standard deviations of what flights of one vehicle differ by."""
@@ -176,15 +176,6 @@ def section(found: Mapping[Case, Sequence[Outcome]]) -> str:
     return "\n".join([*heading, *(row(case, each) for case, each in found.items()), "", rate])
 
 
-def write_page(page: Path, text: str) -> None:
-    """Put `text` between the marks of `page`."""
-    before, _, rest = page.read_text(encoding="utf-8").partition(BEGIN)
-    _, mark, after = rest.partition(END)
-    if not mark:
-        raise ValueError(f"{page} has no {BEGIN} and {END}")
-    page.write_text(f"{before}{BEGIN}\n\n{text}\n\n{mark}{after}", encoding="utf-8")
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m studies.verification", description=__doc__)
     parser.add_argument("--flights", type=int, default=1000, help="flights without a change")
@@ -211,7 +202,7 @@ def main() -> None:
             jobs = [Job(case, 1000 * (i + 1) + seed) for seed in range(n)]
             found[case] = list(outcomes(jobs, arguments.folder / "outcomes.jsonl", run).values())
             print(row(case, found[case]), flush=True)
-    write_page(arguments.page, section(found))
+    write_part(arguments.page, BEGIN, END, section(found))
 
 
 if __name__ == "__main__":

@@ -7,11 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
+from studies.page import DOCS
+
 from .flights import CHANNELS, DATA, MISSIONS, UNITS, Flown, recorded, simulated
-from .measured import NAMES, ROOT, Fact, Measured, load_measured
+from .measured import NAMES, Fact, Measured, load_measured
 from .probes import PROBES
 
-PAGE = ROOT / "docs" / "autopilots.md"
+PAGE = DOCS / "autopilots.md"
 AXES = 3
 TITLES = {"px4": "PX4", "ardupilot": "ArduPilot Copter"}
 HEAD = """# The simulated autopilots beside the real ones

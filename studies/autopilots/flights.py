@@ -17,8 +17,9 @@ from quadctl.frames import euler_from_quaternion
 from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.read import read_log
 from quadctl.sitl.run import fly_lockstep
+from studies.page import ROOT
 
-from .measured import ROOT, mock
+from .measured import mock
 
 DATA = ROOT / "../shared/data/real"
 MISSIONS = ("vertical_runs", "forward_runs", "excitation")

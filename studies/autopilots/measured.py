@@ -1,7 +1,5 @@
 """The files of measured behaviour, one for each autopilot, beside the scripts that start the real simulators."""
 
-from pathlib import Path
-
 from quadctl.settings import Settings, load
 from quadctl.sitl.rules.copter import SimulatedCopter
 from quadctl.sitl.rules.px4 import SimulatedAutopilot
@@ -10,8 +8,8 @@ from quadctl.sitl.server.px4 import MavlinkPx4
 from quadctl.sitl.server.server import MavlinkMock
 from quadctl.sitl.vehicle.hidden import HiddenTruth, load_hidden
 from quadctl.vehicle import load_vehicle
+from studies.page import ROOT
 
-ROOT = Path(__file__).parents[2]
 NAMES = ("px4", "ardupilot")
 _RULES = {"px4": SimulatedAutopilot, "ardupilot": SimulatedCopter}
 _WIRE = {"px4": MavlinkPx4, "ardupilot": MavlinkArduPilot}

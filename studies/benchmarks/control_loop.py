@@ -41,10 +41,9 @@ from quadctl.state import AttitudeTarget, Setpoint, VehicleState
 from quadctl.vehicle import load_vehicle
 from quadctl.web.live.history import Brief
 from quadctl.web.live.viewer import Viewer, live_view
-from studies.benchmarks.page import write_page
+from studies.page import ROOT, write_page
 from studies.serial_line import SerialLine
 
-ROOT = Path(__file__).parents[2]
 CONFIG = ROOT / "config/flight.yaml"
 RAPTOR = ROOT / "config/vehicles/raptor.yaml"
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")

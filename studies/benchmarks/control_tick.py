@@ -2,15 +2,14 @@
 
 import timeit
 from collections.abc import Callable, Iterator
-from pathlib import Path
 
 from quadctl.compensator import Compensator
 from quadctl.control import ControllerSettings, Memory, control
 from quadctl.effects import CATALOG
 from quadctl.model import Model, load_model
 from quadctl.state import Setpoint, VehicleState
+from studies.page import ROOT
 
-ROOT = Path(__file__).parents[2]
 Row = tuple[str, str, str]
 
 

@@ -11,8 +11,8 @@ from quadctl.lab.flights.dataset import load_dataset
 from quadctl.lab.selection.diagnosis import diagnose
 from quadctl.logs.read import read_log
 from quadctl.model import load_model
+from studies.page import ROOT
 
-ROOT = Path(__file__).parents[2]
 HOVERING = ROOT / "../shared/data/raptor/HOVERING.csv"
 Row = tuple[str, str, str]
 

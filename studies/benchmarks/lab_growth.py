@@ -32,13 +32,14 @@ from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.read import read_log
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle, load_vehicle
+from studies.page import ROOT
 
 ROWS_PER_FLIGHT = 50_000
 RATE_HZ = 50.0
 SIZES = (50_000, 1_000_000)
 ONE_LOG = (50_000, 1_000_000)
 CANDIDATES = (ConstantScale, Exponential, LinearDrag, AxialInflow)
-RAPTOR = Path(__file__).parents[2] / "config/vehicles/raptor.yaml"
+RAPTOR = ROOT / "config/vehicles/raptor.yaml"
 Row = tuple[str, str, str]
 
 

@@ -6,15 +6,14 @@ make bench
 
 import os
 import platform
-from pathlib import Path
 
 from rich.console import Console
 from rich.table import Table
 
 from studies.benchmarks import control_tick, lab, lab_growth, simulator
-from studies.benchmarks.page import write_page
+from studies.page import DOCS, table, write_page
 
-PAGE = Path(__file__).parents[2] / "docs/benchmarks.md"
+PAGE = DOCS / "benchmarks.md"
 HEADINGS = ("what", "measured", "relative to another time of the same run")
 ABOUT = """# Benchmarks
 
@@ -26,15 +25,15 @@ controller, without compensator, with the slowest effect of the catalogue, and w
 
 def main() -> None:
     machine = f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}"
-    table = Table(*HEADINGS, title=machine)
-    lines = ["| " + " | ".join(HEADINGS) + " |", "| --- | --- | --- |"]
+    shown = Table(*HEADINGS, title=machine)
+    lines: list[tuple[str, ...]] = []
     benches = (lab.rows, lab_growth.rows, lab_growth.rows_of_one_log, simulator.rows, control_tick.rows)
     for rows in benches:
         for row in rows():
-            table.add_row(*row)
-            lines.append("| " + " | ".join(row) + " |")
-    Console().print(table)
-    write_page(PAGE, "\n".join([ABOUT.format(machine=machine), *lines]))
+            shown.add_row(*row)
+            lines.append(row)
+    Console().print(shown)
+    write_page(PAGE, f"{ABOUT.format(machine=machine)}\n{table(HEADINGS, lines, texts=range(3))}")
 
 
 if __name__ == "__main__":

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import quadctl.sitl.run
 from quadctl.flight.preflight.preparation import prepare_flight
+from studies.page import ROOT
 
-ROOT = Path(__file__).parents[2]
 Row = tuple[str, str, str]
 
 

@@ -19,7 +19,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from studies.benchmarks.page import write_page
+from studies.page import share, write_page
 
 from .cases import HERE, STRENGTHS, Case, all_cases
 from .fly import generator_digest
@@ -88,10 +88,10 @@ def scores(results: Sequence[Result]) -> list[tuple[str, ...]]:
             "single": "one effect: named, and nothing else",
             "pair": "two effects: the same",
         }[kind]
-        shares = [_share([r.right for r in results if _is(r, kind, s)]) for s in STRENGTHS]
+        shares = [share([r.right for r in results if _is(r, kind, s)]) for s in STRENGTHS]
         rows.append((label, *shares, " / ".join(f">= {goal:.0%}" for goal in goals)))
     kinds = [[r for r in results if _is(r, "unexplained", s)] for s in STRENGTHS]
-    shares = [_share([r.right for r in group]) for group in kinds]
+    shares = [share([r.right for r in group]) for group in kinds]
     rows.append(("outside of the catalogue: called unexplained", *shares, f">= {UNEXPLAINED[0]} of {UNEXPLAINED[1]}"))
     none = [r for r in results if r.case.kind == "none"]
     alarms = f"{sum(not r.right for r in none)} of {len(none)}" if none else "-"
@@ -105,7 +105,7 @@ def scores(results: Sequence[Result]) -> list[tuple[str, ...]]:
         rows.append((f"held-out error over the true effect's, {label}", *cells, f"<= {ERROR_LEFT:.2f}"))
     inside = [[c for r in results if r.case.strength == s for c in r.covered] for s in STRENGTHS]
     low, high = COVERAGE
-    rows.append(("true parameters inside their intervals", *map(_share, inside), f"{low:.0%} to {high:.0%}"))
+    rows.append(("true parameters inside their intervals", *map(share, inside), f"{low:.0%} to {high:.0%}"))
     seconds = [[r.seconds for r in results if r.case.strength == s] for s in STRENGTHS]
     cells = [f"{statistics.median(values):.1f} s" if values else "-" for values in seconds]
     rows.append(("processor time per case, median", *cells, f"<= {SECONDS:g} s"))
@@ -114,10 +114,6 @@ def scores(results: Sequence[Result]) -> list[tuple[str, ...]]:
 
 def _is(result: Result, kind: str, strength: float) -> bool:
     return result.case.kind == kind and result.case.strength == strength
-
-
-def _share(right: Sequence[bool]) -> str:
-    return f"{sum(right)}/{len(right)} = {sum(right) / len(right):.0%}" if right else "-"
 
 
 def _quantile(values: Sequence[float], q: float) -> float:

@@ -9,13 +9,15 @@ from pathlib import Path
 
 from rich.console import Console
 
+from studies.page import DOCS
+
 from .cases import CASES
 from .flights import JOBS, Verdict, fly_all
-from .scene import PROFILES, ROOT
+from .scene import PROFILES
 
 ADDRESS = re.compile(r" \(system \d+\) at \S+")
 """Address of the simulated autopilot in a message: another one in every flight."""
-PAGE = ROOT / "docs" / "faults.md"
+PAGE = DOCS / "faults.md"
 HEAD = """# Faults
 
 Written by `make faults`. Every fault begins in a hover at 0.5 m, in real time over MAVLink, on the

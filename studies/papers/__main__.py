@@ -11,6 +11,7 @@ from quadctl.errors import QuadctlError
 from quadctl.lab.flights.preparation import prepare
 from quadctl.logs.columns import rpm_columns
 from quadctl.logs.flight_log import FlightLog
+from studies.page import DOCS, wrapped
 from studies.papers import (
     dena,
     dena_flight,
@@ -22,7 +23,6 @@ from studies.papers import (
     thesis_steps,
     thesis_thrust,
 )
-from studies.papers.page import DOCS, PAGE, wrapped
 from studies.papers.raptor import LOGS, log, raptor
 
 INTRODUCTION = """# The papers, computed again
@@ -34,6 +34,7 @@ Written by `make papers`, with the code in `studies/papers/`, from the public fl
 - Dena et al., ground effect of a quadrotor over several surfaces
 - Garofano-Soldado et al., ground effect of hexarotors with tilted rotors
 """
+PAGE = DOCS / "papers.md"
 HOVER_ABOVE_M = 0.85
 
 

@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 from quadctl.effects.ground_effect import Cheeseman, Danjun, Surface, quadrotor_ratio
 from quadctl.logs.flight_log import Floats
 from quadctl.vehicle import Vehicle
-from studies.papers.page import save
+from studies.page import save
 
 MODELS = ("M1", "M2", "M3", "M4", "PM")
 SURFACES = ("turf", "dirt", "dry soil", "irregular dry soil")

@@ -20,8 +20,8 @@ from quadctl.logs.flight_log import FlightLog
 from quadctl.missions import load_mission
 from quadctl.model import Model, save_model
 from quadctl.sitl.run import simulate
+from studies.page import table, with_deviation
 from studies.papers.four_vehicles import CONFIGS
-from studies.papers.page import table, with_deviation
 from studies.papers.world import MISSIONS, Errors, World, completed
 
 WEIGHTS = {"turf": 0.2, "dirt": 0.5, "concrete": 1.4}

@@ -15,8 +15,8 @@ from quadctl.lab.flights.dataset import load_dataset
 from quadctl.lab.selection.discovery import discover
 from quadctl.model import Model, save_model
 from quadctl.sitl.vehicle.hidden import load_hidden, true_model
+from studies.page import table
 from studies.papers.garofano_flight import CONFIG, CUSHION
-from studies.papers.page import table
 from studies.papers.world import STAIRCASE_SEEDS, Errors, World
 
 CONFIGS = {

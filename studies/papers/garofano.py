@@ -9,7 +9,7 @@ from quadctl.effects.ground_effect_hexarotor import HIGHEST_HEIGHT_OVER_RADIUS, 
 from quadctl.logs.flight_log import Floats
 from quadctl.settings import validate
 from quadctl.vehicle import Vehicle
-from studies.papers.page import save
+from studies.page import save
 
 RADIUS_M, ADJACENT_M = 0.1194, 0.28
 """Table I."""

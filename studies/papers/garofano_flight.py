@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from quadctl.effects.ground_effect import Exponential
-from studies.papers.page import REPOSITORY, table, with_deviation
+from studies.page import ROOT, table, with_deviation
 from studies.papers.world import STAIRCASE_SEEDS, Errors, World
 
 CUSHION = "hidden.ground_cushion"
@@ -34,7 +34,7 @@ class Hexarotor(NamedTuple):
     """RMSE of the paper's table IV without and with its compensation."""
 
 
-CONFIG = REPOSITORY / "config"
+CONFIG = ROOT / "config"
 VEHICLES = (
     Hexarotor("upright rotors", CONFIG / "flight_f550.yaml", "hexarotor", "eq. 9", (6.77, 3.43)),
     Hexarotor(

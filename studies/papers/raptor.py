@@ -5,14 +5,14 @@ from pathlib import Path
 from quadctl.logs.flight_log import FlightLog
 from quadctl.logs.read import read_log
 from quadctl.vehicle import Vehicle, load_vehicle
-from studies.papers.page import REPOSITORY
+from studies.page import ROOT
 
-LOGS = REPOSITORY.parent / "shared" / "data" / "raptor"
+LOGS = ROOT.parent / "shared" / "data" / "raptor"
 """From github.com/aurelappius/quad_logs."""
 
 
 def raptor() -> Vehicle:
-    return load_vehicle(REPOSITORY / "config" / "vehicles" / "raptor.yaml")
+    return load_vehicle(ROOT / "config" / "vehicles" / "raptor.yaml")
 
 
 def log(name: str, folder: Path = LOGS) -> FlightLog:

@@ -25,7 +25,7 @@ from quadctl.logs.columns import rpm_columns
 from quadctl.logs.flight_log import FlightLog, Floats
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
-from studies.papers.page import save, table, with_interval
+from studies.page import save, table, with_interval
 
 PUBLISHED = {"HOVERING": ("14", 0.114, 5.388, 1.028), "FORWARD_SPEED": ("16", 0.147, 4.368, 0.988)}
 """Equation, a, b (1/m), c; which log belongs to eq. 16 is our reading."""

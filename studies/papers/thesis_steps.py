@@ -7,7 +7,7 @@ import numpy as np
 
 from quadctl.lab.tracking.metrics import MetricsTable, Window, metrics
 from quadctl.logs.flight_log import FlightLog
-from studies.papers.page import table, with_deviation
+from studies.page import table, with_deviation
 
 PUBLISHED = {  # table 2: M_A and M_B, m s, means of three runs
     "NO_COMPENSATION": (1.441, 0.409),

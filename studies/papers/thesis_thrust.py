@@ -6,7 +6,7 @@ import numpy as np
 
 from quadctl.logs.flight_log import Floats
 from quadctl.vehicle import Vehicle
-from studies.papers.page import table, with_interval
+from studies.page import table, with_interval
 
 GRAM_N = 9.81e-3
 THROTTLE = np.arange(0.15, 1.001, 0.05)

@@ -20,9 +20,9 @@ from quadctl.logs.read import read_log
 from quadctl.model import Model, save_model
 from quadctl.sitl.run import simulate
 from quadctl.vehicle import load_vehicle
-from studies.papers.page import REPOSITORY
+from studies.page import ROOT
 
-MISSIONS = REPOSITORY / "missions"
+MISSIONS = ROOT / "missions"
 STAIRCASE_SEEDS = (101, 102)
 LONGEST_FLIGHT_S = 300.0
 

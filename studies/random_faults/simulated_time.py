@@ -55,8 +55,6 @@ HORIZON_S = 170.0
 """Longest time from the boot until all must be over: longer than any flight, its landing and its patience together."""
 PATIENCE_S = 90.0
 """Longest time of the flight after which no vehicle may be in the air."""
-OVERSIGHT_S = 5.0
-"""Time for which the world is watched after the end of the flight and of all faults."""
 COMMAND_TRIES, COMMAND_WAIT_S = 4, 0.5
 """MAVSDK's repetitions of a command that is not acknowledged."""
 QUEUE = 600

@@ -11,11 +11,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from quadctl.vehicle import load_vehicle
+from studies.page import DOCS, ROOT, row
 
-from .cases import ROOT, Case, all_cases, write_case
+from .cases import Case, all_cases, write_case
 from .world import SIDES
 
-PAGE = ROOT / "docs" / "sensor-cases.md"
+PAGE = DOCS / "sensor-cases.md"
 VEHICLE = ROOT / "config" / "vehicles" / "raptor.yaml"
 REST_M = 0.05
 """Height of the logged position where the vehicle stands on the ground."""
@@ -129,7 +130,7 @@ def _by_reference(reference: str, judged: Sequence[Judged]) -> str:
     return f"| {' | '.join(cells)} |"
 
 
-def _row(j: Judged) -> str:
+def _cells(j: Judged) -> list[str]:
     """One case, for the terminal."""
     case, forces = j.case, j.case.forces
     acting = {
@@ -147,8 +148,7 @@ def _row(j: Judged) -> str:
     named = [f"**{name}, false**" if name in j.false else name for name in named]
     within = ", ".join(f"{sum(ok)} of {len(ok)}" for ok in j.within.values() if ok)
     cells = [str(case.seed), case.reference, ", ".join(name for name, value in acting.items() if value)]
-    cells += ["; ".join(hidden) or "none", ", ".join(named) or j.answer or "none", within]
-    return f"| {' | '.join(cells)} |"
+    return [*cells, "; ".join(hidden) or "none", ", ".join(named) or j.answer or "none", within]
 
 
 def main() -> None:
@@ -163,7 +163,7 @@ def main() -> None:
     for case in all_cases():
         if not options.only or case.seed in options.only:
             judged.append(judge(case, folder))
-            print(_row(judged[-1]), flush=True)
+            print(row(_cells(judged[-1])), flush=True)
     if not options.only:
         options.out.write_text(page(judged), encoding="utf-8")
 

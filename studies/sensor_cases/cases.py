@@ -11,10 +11,10 @@ from quadctl.flight.preflight.preparation import prepare_flight
 from quadctl.logs.csv_log import write_csv
 from quadctl.logs.read import read_log
 from quadctl.sitl.run import simulate
+from studies.page import ROOT
 
 from .world import SIDES, Forces, Form, Ground, Nuisance, Reference, Truth, observed
 
-ROOT = Path(__file__).parents[2]
 MISSION = ROOT / "missions" / "barometer_runs.yaml"
 CONFIG = ROOT / "config" / "flight.yaml"
 REFERENCES: tuple[Reference, ...] = ("motion capture", "range finder", "GPS")

@@ -5,8 +5,8 @@ import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from studies.autopilots.measured import ROOT, mock
-from studies.papers.page import table, wrapped
+from studies.autopilots.measured import mock
+from studies.page import DOCS, table, wrapped
 
 from . import ground, never_worse
 from .comparison import BEATEN, DEFECTS, HALF, ROBUST_MOCKS, Results, compared
@@ -14,7 +14,7 @@ from .figure import figure
 from .flights import BEFORE, COURSES, FOUND, LAWS, MOCKS, OWN, STEP, UNKNOWN, Mock, planned, unknown_model
 from .margins import Axes, margins, of_autopilot, of_quadctl
 
-PAGE = ROOT / "docs" / "tracking.md"
+PAGE = DOCS / "tracking.md"
 FIGURE = "tracking.png"
 TITLES = {BEFORE: "thesis' law", UNKNOWN: "quadctl, nothing known", FOUND: "quadctl", OWN: "autopilot's own"}
 LAWS_OF_GROUND = {"now": TITLES[FOUND], "before": TITLES[BEFORE]}

@@ -33,7 +33,8 @@ from quadctl.sitl.run import fly_lockstep
 from quadctl.sitl.vehicle.hidden import HiddenTruth, load_hidden
 from quadctl.state import AttitudeTarget, Setpoint, Vec3, VehicleState
 from studies.autopilots.flights import recorded_law
-from studies.autopilots.measured import ROOT, mock
+from studies.autopilots.measured import mock
+from studies.page import ROOT
 
 SEEDS = (1,)
 FIT_SEED = 11
@@ -156,18 +157,12 @@ class Track(NamedTuple):
     """Time of the reference, from the begin of the first measured phase."""
     error_m: Floats
     """Estimate less reference, shape (n, 3)."""
-    true_error_m: Floats
-    """The same by the true position."""
     ended: str
 
     @property
     def rmse_m(self) -> float:
         """3D error, RMS."""
         return rmse(self.error_m)
-
-    @property
-    def true_rmse_m(self) -> float:
-        return rmse(self.true_error_m)
 
 
 def rmse(error_m: Floats) -> float:
@@ -234,7 +229,7 @@ def flown(
             linked.send(tick.setpoint)
         now_s, at = tick.state.time_s, autopilot.estimator.position
         age_s = max(0.0, tick.state.age_s("position")) if plan.settings.controller.look_ahead else 0.0
-        rows.append(Row(now_s - age_s, tick.setpoint.position_ned_m, tick.phase, now_s, at, autopilot.body.position))
+        rows.append(Row(now_s - age_s, tick.setpoint.position_ned_m, tick.phase, now_s, at))
 
     listeners: list[Callable[[Tick], None]] = [witness]
     recorder = plan.recorder(log_dir, f"simulated {autopilot.name}") if log_dir is not None else None
@@ -247,14 +242,13 @@ def flown(
 
 
 class Row(NamedTuple):
-    """One tick: the reference at its time, and the positions at the time of the tick."""
+    """One tick: the reference at its time, and the estimate at the time of the tick."""
 
     reference_s: float
     reference: Vec3
     phase: str
     time_s: float
     estimate: Vec3
-    truth: Vec3
 
 
 def _track(rows: Sequence[Row], phases: tuple[str, ...], ended: str) -> Track:
@@ -265,15 +259,10 @@ def _track(rows: Sequence[Row], phases: tuple[str, ...], ended: str) -> Track:
     reference_s, time_s = np.array([row.reference_s for row in rows]), np.array([row.time_s for row in rows])
     reference = np.array([row.reference for row in rows])
 
-    def error(path: Sequence[Vec3]) -> Floats:
-        """Errors at the times of the references."""
-        at = np.column_stack([np.interp(reference_s, time_s, axis) for axis in zip(*path, strict=True)])
-        off: Floats = (at - reference)[measured]
-        return off
-
+    path = [row.estimate for row in rows]
+    at = np.column_stack([np.interp(reference_s, time_s, axis) for axis in zip(*path, strict=True)])
     from_s = reference_s[measured]
-    estimates, truths = error([row.estimate for row in rows]), error([row.truth for row in rows])
-    return Track(from_s - from_s[0], estimates, truths, ended)
+    return Track(from_s - from_s[0], (at - reference)[measured], ended)
 
 
 def planned(course: Course, where: Mock, law: str, model: Model) -> FlightPlan:

@@ -19,8 +19,8 @@ from quadctl.lab.tracking.attitude_response import attitude_response, with_respo
 from quadctl.lab.tracking.metrics import Window, metrics
 from quadctl.logs.flight_log import FlightLog
 from quadctl.model import Model, load_model, save_model
+from studies.page import ROOT
 from studies.papers.garofano_flight import CUSHION
-from studies.papers.page import REPOSITORY
 from studies.papers.world import STAIRCASE_SEEDS, World
 
 CONFIGS = {"before": "flight_thesis.yaml", "now": "flight.yaml"}
@@ -48,7 +48,7 @@ class _World(World):
     """World with a drag beside its ground effect."""
 
     def __init__(self, folder: Path, config: str) -> None:
-        super().__init__(folder, REPOSITORY / "config" / config, CUSHION)
+        super().__init__(folder, ROOT / "config" / config, CUSHION)
         hidden = yaml.safe_load(self.hidden.read_text(encoding="utf-8"))
         hidden["effects"].append({"effect": DRAG.name, "parameters": DRAG.values()})
         self.hidden.write_text(yaml.safe_dump(hidden), encoding="utf-8")

@@ -26,7 +26,7 @@ from quadctl.model import EffectEntry, Model, StackedEffect
 from quadctl.sitl.rules.px4 import SimulatedAutopilot
 from quadctl.sitl.vehicle.hidden import AutopilotTruth, HiddenTruth, Telemetry
 from quadctl.vehicle import AttitudeResponse, AxisResponse, Vehicle
-from studies.autopilots.measured import ROOT
+from studies.page import ROOT
 
 from .flights import flown
 

@@ -7,7 +7,7 @@ answer is compared with the truth beside them, which no command of quadctl reads
 import argparse
 import json
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ from joblib import Parallel, delayed
 
 from quadctl.errors import QuadctlError
 from quadctl.lab import diagnose, load_model
-from studies.benchmarks.page import write_page
+from studies.page import share, table, write_page
 
 
 @dataclass(frozen=True)
@@ -94,32 +94,26 @@ def judge_world(folder: Path, jobs: int) -> list[Answer]:
     return list(Parallel(n_jobs=jobs)(delayed(judge)(case) for case in cases_of(folder)))
 
 
-def _share(answers: Sequence[Answer], right: Iterable[bool]) -> str:
-    count = sum(right)
-    return f"{count}/{len(answers)} = {count / len(answers):.0%}" if answers else "-"
-
-
 def section(title: str, answers: Sequence[Answer]) -> str:
     """Lines for the terminal on one world at one strength, with every wrong answer."""
     single, several, nothing = ([a for a in answers if len(a.families) in n] for n in ((1,), (2, 3), (0,)))
     rows = [
-        ("one effect: right family first", _share(single, (a.right_first for a in single))),
-        ("one effect: named, and nothing else", _share(single, (a.exact for a in single))),
+        ("one effect: right family first", share([a.right_first for a in single])),
+        ("one effect: named, and nothing else", share([a.exact for a in single])),
         (
             "one effect: nothing named, and the right family first of those that are there but small",
-            _share(single, (not a.missing and a.measured[:1] == a.families for a in single)),
+            share([not a.missing and a.measured[:1] == a.families for a in single]),
         ),
-        ("two effects: both named, and nothing else", _share(several, (a.exact for a in several))),
+        ("two effects: both named, and nothing else", share([a.exact for a in several])),
         ("false alarms where nothing is hidden", f"{sum(not a.exact for a in nothing)} of {len(nothing)}"),
     ]
-    table = "\n".join(f"| {name} | {value} |" for name, value in rows)
     wrong = "\n".join(
         f"- {a.case} ({' + '.join(a.families) or 'nothing'}, {a.effect_rms_m_s2:g} m/s²): "
         f"{', '.join(a.missing) or a.verdict}" + ("; there but small: " + ", ".join(a.measured) if a.measured else "")
         for a in answers
         if not a.exact
     )
-    return f"## {title}\n\n| cases | result |\n|---|---|\n{table}\n\nWrong:\n\n{wrong}\n"
+    return f"## {title}\n\n{table(('cases', 'result'), rows, range(2))}\n\nWrong:\n\n{wrong}\n"
 
 
 GOALS = ("98 / 95 / 75 %", "95 / 85 / 60 %")
@@ -128,21 +122,21 @@ GOALS = ("98 / 95 / 75 %", "95 / 85 / 60 %")
 
 def side_by_side(worlds: Mapping[str, Sequence[Answer]]) -> str:
     """Table of all worlds and strengths, by their titles."""
-    lines = [
-        "| world | one effect: named, and nothing else | two effects | named, and not there | false alarms |",
-        "|---|---|---|---|---|",
-    ]
+    rows = []
     for title, answers in worlds.items():
         single, several, nothing = ([a for a in answers if len(a.families) in n] for n in ((1,), (2, 3), (0,)))
-        cells = (
-            title,
-            _share(single, (a.exact for a in single)),
-            _share(several, (a.exact for a in several)),
-            _share([*single, *several], (a.says_false for a in (*single, *several))),
-            f"{sum(not a.exact for a in nothing)} of {len(nothing)}",
+        rows.append(
+            (
+                title,
+                share([a.exact for a in single]),
+                share([a.exact for a in several]),
+                share([a.says_false for a in (*single, *several)]),
+                f"{sum(not a.exact for a in nothing)} of {len(nothing)}",
+            )
         )
-        lines.append(f"| {' | '.join(cells)} |")
-    return "\n".join([*lines, f"| goal at strength 1 / 0.5 / 0.3 | {GOALS[0]} | {GOALS[1]} | | 0 |", ""])
+    rows.append(("goal at strength 1 / 0.5 / 0.3", *GOALS, "", "0"))
+    headings = ("world", "one effect: named, and nothing else", "two effects", "named, and not there", "false alarms")
+    return table(headings, rows, range(5)) + "\n"
 
 
 MOST = 3
@@ -161,9 +155,11 @@ def wrong_families(worlds: Mapping[str, Sequence[Answer]]) -> str:
 INTRODUCTION = """# Worlds that share nothing with the lab
 
 Written by `python -m studies.worlds.scoreboard`. Each world (`studies/worlds`) generates flights with hidden effects.
-Somebody who had not read the lab wrote it from published descriptions: its own rotors, controllers, estimators,
-sensors, missions and forms of the effects. A row is a world, its seed and the strength of the effects; 1 is that of
-real vehicles. [What was tuned on what](statistics.md#what-was-tuned-on-what).
+`blade` was written from published descriptions by somebody who had not read the lab. `rotorpy` and `drone models` fly
+in simulators of others, [RotorPy](https://github.com/spencerfolk/rotorpy) and
+[drone-models](https://github.com/utiasDSL/drone-models): what these lack is injected as forces and moments, in
+published forms. A row is a world, its seed and the strength of the effects; 1 is that of real vehicles. [What was tuned on
+what](statistics.md#what-was-tuned-on-what).
 
 """
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from studies.benchmarks import control_loop, run
 from studies.benchmarks.control_loop import Row
-from studies.benchmarks.page import NOTES, write_page
+from studies.page import NOTES, write_page
 from tests.support.places import ROOT
 
 PAGES = {"benchmarks.md": run.ABOUT, "control-loop.md": control_loop.ABOUT}

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from quadctl.logs.flight_log import FlightLog, Floats
+from studies import page
 from studies.papers import (
     dena,
     garofano,
     garofano_flight,
-    page,
     thesis_ground_effect,
     thesis_sindy,
     thesis_steps,

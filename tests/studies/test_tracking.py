@@ -81,7 +81,7 @@ def test_own_control_gets_positions_and_no_attitudes() -> None:
 
 def track(east_m: list[float]) -> Track:
     errors = np.column_stack([np.zeros(len(east_m)), east_m, np.zeros(len(east_m))])
-    return Track(0.1 * np.arange(len(east_m)), errors, errors, "completed")
+    return Track(0.1 * np.arange(len(east_m)), errors, "completed")
 
 
 def test_a_step_has_an_overshoot_and_a_time_after_which_it_stays() -> None:
@@ -100,7 +100,6 @@ def test_errors_are_those_at_the_time_of_the_reference_in_the_phases_asked_for()
             "run" if k > 2 else "hold",
             0.1 * k,
             (0.0, 0.2 * k, 0.0),
-            (0, 0, 0),
         )
         for k in range(10)
     ]

@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from studies.verification import BEGIN, CASES, END, PAGE, UNCHANGED, Job, Outcome, outcomes, section, share, write_page
+from studies.page import write_part
+from studies.verification import BEGIN, CASES, END, PAGE, UNCHANGED, Job, Outcome, outcomes, section, share
 
 JOBS = [Job(UNCHANGED, seed) for seed in range(4)]
 
@@ -61,6 +62,6 @@ def test_the_table_says_the_rate_with_its_interval() -> None:
 def test_it_is_written_into_the_page_and_leaves_the_rest(tmp_path: Path) -> None:
     page = tmp_path / "verify.md"
     page.write_text(PAGE.read_text())
-    write_page(page, "the table")
+    write_part(page, BEGIN, END, "the table")
     before, after = PAGE.read_text().partition(BEGIN)[0], PAGE.read_text().partition(END)[2]
     assert page.read_text() == f"{before}{BEGIN}\n\nthe table\n\n{END}{after}"

@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from quadctl.logs.csv_log import write_csv
-from studies.benchmarks.page import write_page
+from studies.page import table as page_table
+from studies.page import write_page
 from studies.worlds.traps.flights import CONTROLS, TRAPS
 from studies.worlds.traps.judgement import Outcome, Trap, intervals, judge, said
 from studies.worlds.traps.second import SECOND
@@ -35,7 +36,7 @@ def diagnosed(trap: Trap, folder: Path) -> dict[str, Any]:
 
 def table(answers: Sequence[tuple[Trap, Mapping[str, Any]]]) -> str:
     """Rows of the page."""
-    lines = ["| trap | honest answer | what it said | fooled |", "|---|---|---|---|"]
+    rows: list[tuple[str, ...]] = []
     for trap, result in answers:
         cells = (
             f"**{trap.name}**: {in_short(trap)}",
@@ -43,8 +44,8 @@ def table(answers: Sequence[tuple[Trap, Mapping[str, Any]]]) -> str:
             briefly(trap, result),
             judge(trap.honest, result),
         )
-        lines.append(f"| {' | '.join(cells)} |")
-    return "\n".join(lines)
+        rows.append(cells)
+    return page_table(["trap", "honest answer", "what it said", "fooled"], rows, range(4))
 
 
 def in_short(trap: Trap) -> str:

@@ -14,6 +14,7 @@ from quadctl.effects.inflow import AxialInflow
 from quadctl.effects.rotor_drag import LinearDrag
 from quadctl.effects.tether import HangingTether
 from quadctl.effects.thrust_scale import ConstantScale
+from quadctl.effects.wind import QuadraticWind
 from quadctl.lab.arrays import Floats
 from quadctl.lab.fitting.fitted_model import fit_model
 from quadctl.lab.fitting.initial_guesses import Unmodelled
@@ -41,8 +42,7 @@ from quadctl.model import Model, load_model
 from quadctl.vehicle import Vehicle
 from studies.blind_cases.cases import all_cases
 from studies.blind_cases.fly import fly_case
-from studies.worlds.field.__main__ import write_world
-from studies.worlds.field.draws import draw_world
+from studies.worlds.borrowed.cases import Case, roam, stairs
 from tests.support.flights import obedient, to_and_fro
 from tests.support.places import ROOT
 
@@ -67,10 +67,9 @@ def test_a_wind_with_its_drag_gives_way_to_a_drag_and_a_tilted_thrust(tmp_path: 
 def test_what_a_ground_effect_implies_counts_for_no_other_explanation(tmp_path: Path) -> None:
     """Rotors that each feel their own height give a levelling moment, which a ground effect at one height leaves. A
     cable in the place of the ground effect, beside a levelling moment of its own, is no better for that."""
-    name = "pair_ground_effect_thrust_scale"
-    write_world(draw_world(1.0, 21, name), tmp_path)
-    model = load_model(tmp_path / name / "vehicle.yaml")
-    flown = load_dataset(read_logs(sorted((tmp_path / name).glob("*.csv"))), model.vehicle)
+    hidden = {"ground_effect.images": {"rho": 2.5}, "thrust_scale": {"error": -0.07}}
+    case = Case("pair", "hummingbird", (stairs(60.0), stairs(45.0, "steps")), hidden, quick=True)
+    model, flown = in_rotorpy(case, tmp_path)
     found = diagnose(model, flown, of_families("ground_effect", "thrust_scale", "tether", "ground_torque"))
     assert sorted(found.missing) == ["ground_effect", "thrust_scale"]
 
@@ -78,16 +77,23 @@ def test_what_a_ground_effect_implies_counts_for_no_other_explanation(tmp_path: 
 def test_a_drag_that_stands_for_the_form_of_the_wind_gives_way_to_the_other_form(tmp_path: Path) -> None:
     """With a wrong mass, a wind on a drag linear in the airspeed explains most; the mass, and a quadratic drag for what
     the linear one lacks, come on top."""
-    name = "pair_wind_thrust_scale"
-    write_world(draw_world(1.0, 24, name), tmp_path)
-    vehicle = load_model(tmp_path / name / "vehicle.yaml").vehicle
-    flown = load_dataset(read_logs(sorted((tmp_path / name).glob("*.csv"))), vehicle)
+    missions = (roam(60.0, 2.0, 6.0, 12.0), roam(45.0, 2.5, 5.0, 9.0, "steps"))
+    hidden = {"wind": {"speed": 6.0, "course_deg": -110.0, "area": 0.03}, "thrust_scale": {"error": 0.06}}
+    _, flown = in_rotorpy(Case("pair", "px4_quadx", missions, hidden, outdoors=True), tmp_path)
     pool = of_families("wind", "thrust_scale", "body_drag")
-    first = greedy(flown, *pool)
+    first = greedy(flown, *(effect for effect in pool if effect is not QuadraticWind))
     assert sorted(first.missing) == ["body_drag", "thrust_scale", "wind"]
     found = with_other_variant(first, pool)
     assert [c.effect.name for c in found.chosen] == ["wind.quadratic_drag", "thrust_scale.constant"]
     assert with_other_variant(found, pool) is found
+
+
+def in_rotorpy(case: Case, folder: Path) -> tuple[Model, Dataset]:
+    """Model of the vehicle file, and the flights of a case, flown in RotorPy."""
+    worlds = pytest.importorskip("studies.worlds.borrowed.__main__", exc_type=ImportError)
+    worlds.make_case(worlds.SIMULATORS["rotorpy"], case, [1.0], 1, [folder])
+    model = load_model(folder / case.name / "vehicle.yaml")
+    return model, load_dataset(read_logs(sorted((folder / case.name).glob("*.csv"))), model.vehicle)
 
 
 def of_families(*families: str) -> list[type[Effect]]:

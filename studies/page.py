@@ -1,23 +1,34 @@
-"""Pieces of the page: tables in Markdown, and numbers with their intervals."""
+"""Pieces of the pages that studies write: tables in Markdown, numbers with their intervals, and the files."""
 
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Container, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-REPOSITORY = Path(__file__).parents[2]
-DOCS = REPOSITORY / "docs"
-PAGE = DOCS / "papers.md"
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs"
 WIDTH = 120
+NOTES = "## Notes"
+"""Heading of what is written by hand below a page."""
 
 
-def table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A Markdown table; the first column is text, the others are numbers."""
-    rule = ["---", *["---:"] * (len(headings) - 1)]
-    return "\n".join("| " + " | ".join(cells) + " |" for cells in (headings, rule, *rows))
+def table(headings: Sequence[str], rows: Iterable[Sequence[str]], texts: Container[int] = (0,)) -> str:
+    """A Markdown table; the columns `texts` are text, the others numbers."""
+    rule = ["---" if i in texts else "---:" for i in range(len(headings))]
+    return "\n".join(map(row, (headings, rule, *rows)))
+
+
+def row(cells: Iterable[str]) -> str:
+    """One line of a table."""
+    return f"| {' | '.join(cells)} |"
+
+
+def share(right: Sequence[bool]) -> str:
+    """Count and share of what is right."""
+    return f"{sum(right)}/{len(right)} = {sum(right) / len(right):.0%}" if right else "-"
 
 
 def with_interval(value: float, low: float, high: float, digits: int = 3) -> str:
@@ -54,6 +65,21 @@ def _wrapped_block(block: str) -> str:
         )
         for item in items
     )
+
+
+def write_page(path: Path, text: str) -> None:
+    """Write a page, and keep the notes of the page that is there."""
+    _, heading, notes = path.read_text(encoding="utf-8").partition(NOTES) if path.exists() else ("", "", "")
+    path.write_text(text.rstrip() + "\n" + (f"\n{heading}{notes}" if heading else ""), encoding="utf-8")
+
+
+def write_part(path: Path, begin: str, end: str, text: str) -> None:
+    """Put `text` between the marks of a page."""
+    before, _, rest = path.read_text(encoding="utf-8").partition(begin)
+    _, mark, after = rest.partition(end)
+    if not mark:
+        raise ValueError(f"{path} has no {begin} and {end}")
+    path.write_text(f"{before}{begin}\n\n{text}\n\n{mark}{after}", encoding="utf-8")
 
 
 def save(figure: "Figure", name: str, alt: str) -> str:

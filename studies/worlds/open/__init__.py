@@ -1,1 +1,0 @@
-"""World whose physics, sizes, controllers, estimators and sensors come from open publications on real multirotors."""
