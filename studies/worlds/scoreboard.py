@@ -158,8 +158,8 @@ Written by `python -m studies.worlds.scoreboard`. Each world (`studies/worlds`) 
 `blade` was written from published descriptions by somebody who had not read the lab. `rotorpy` and `drone models` fly
 in simulators of others, [RotorPy](https://github.com/spencerfolk/rotorpy) and
 [drone-models](https://github.com/utiasDSL/drone-models): what these lack is injected as forces and moments, in
-published forms. A row is a world, its seed and the strength of the effects; 1 is that of real vehicles. [What was tuned on
-what](statistics.md#what-was-tuned-on-what).
+published forms. A row is a world, its seed and the strength of the effects; 1 is that of real vehicles.
+[What was tuned on what](statistics.md#what-was-tuned-on-what).
 
 """
 
