@@ -307,7 +307,7 @@ def test_all_can_be_taken_along(visitor: Visitor, tmp_path: Path) -> None:
     stand_on(visitor, "+ ground effect")
     report = visitor.keeps_file("button:has-text('Report')", tmp_path).read_text(encoding="utf-8")
     assert "saved as report.html in the downloads folder" in visitor.sees(".banner.done")
-    assert "Missing, in the order of adding: ground effect" in report
+    assert "Missing: ground effect." in report
     assert "The fitted effect" in report
     visitor.reads(report)
     begins = {"png": b"\x89PNG", "svg": b"<svg", "csv": b"measured: time in the log / s,"}
