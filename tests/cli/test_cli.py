@@ -59,7 +59,18 @@ class TestCommands:
         assert {"north", "east", "up", "total"} == found["rmse"].keys() == found["noise_floor"].keys()
         assert isinstance(found["n_samples"], int) and isinstance(found["explained"], float)
         first = found["fails_where"][0]
-        assert {"axis", "variable", "from", "to", "mean_residual", "sigma", "n", "text", "most_in"} == first.keys()
+        assert {
+            "axis",
+            "variable",
+            "from",
+            "to",
+            "mean_residual",
+            "sigma",
+            "n",
+            "kind",
+            "text",
+            "most_in",
+        } == first.keys()
         assert [most["flight"] for most in first["most_in"]] == ["waves.csv"]
         assert found["agreement"] is None
 

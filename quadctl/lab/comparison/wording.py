@@ -192,8 +192,9 @@ def agreement_in_short(found: Agreement) -> str:
 
 
 def agreement_in_words(found: Agreement) -> str:
-    """Sentence that answers whether two flights agree: `The model fitted to A predicts B as well as A; ...`."""
-    return f"{'; '.join(agreement_parts(found))}."
+    """Sentence that answers whether two flights agree: `The model fitted to A predicts B as well as A: ...`."""
+    answer, *reasons = agreement_parts(found)
+    return f"{answer}: {'; '.join(reasons)}."
 
 
 def agreement_parts(found: Agreement) -> list[str]:

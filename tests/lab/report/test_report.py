@@ -170,7 +170,7 @@ class TestWhatThePageHolds:
         before, after = flown.before_unseen.rmse["total"], flown.after.rmse["total"]
         assert f"{number(before)} → {number(after)} m/s² \u2212{round(100 * (1 - after / before))}%" in headline
         assert flown.after.dataset.names[0] in headline
-        assert "Missing from rigid body: ground effect." in headline
+        assert "Missing: ground effect." in headline
         floor = min(flown.before_unseen.noise_floor["total"], flown.after.noise_floor["total"])
         assert f"{after / floor:.2f} times the reference error" in headline
 
@@ -217,7 +217,7 @@ class TestWhatThePageHolds:
     ) -> None:
         shown = Shown(condition=flown.before.model.vehicle)
         text = worded(flown.results._replace(shown=shown)).text
-        assert "Missing from rigid body: ground effect, if the vehicle is raptor (1.5 kg)." in text
+        assert "Missing: ground effect, if the vehicle is raptor (1.5 kg)." in text
 
     def test_before_on_unseen_flights_is_worked_out_where_it_is_not_given(self, worded: Worded, flown: Flown) -> None:
         text = worded(Results(flown.before, after=flown.after)).text
