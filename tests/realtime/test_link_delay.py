@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from quadctl.flight.autopilot.mavsdk_autopilot import MavsdkAutopilot
-from quadctl.flight.pilot.guards import GuardLimits, defect
+from quadctl.flight.pilot.guards import Guard, GuardLimits, defect
 from quadctl.sitl.rules.copter import SimulatedCopter
 from quadctl.sitl.rules.px4 import SimulatedAutopilot
 from quadctl.vehicle import load_vehicle
@@ -61,7 +61,9 @@ def test_a_constant_delay_is_measured(kind: type[SimulatedAutopilot]) -> None:
             # The delay is the least of several answers: what a busy machine adds to the first goes again.
             state = await link.until(lambda s: s.finite and abs(s.setpoint_delay_s - 0.15) < 0.03)
             assert state.control_age_s == pytest.approx(0.16, abs=0.04)
-            assert "the link is slow" in (defect(state, GuardLimits()) or "")
+            found = defect(state, GuardLimits())
+            assert found is not None and found.guard is Guard.STATE_AGE
+            assert "the link is slow" in found.reason
 
     asyncio.run(look())
 

@@ -58,7 +58,7 @@ def test_the_residual_of_the_model_reaches_the_autopilot_for_the_stations_behind
 @pytest.fixture
 def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
     """Check without waiting for what does not come."""
-    monkeypatch.setattr("quadctl.flight.pilot.patience.BOOT_TIMEOUT_S", 1.5)
+    monkeypatch.setattr("quadctl.flight.pilot.guards.BOOT_TIMEOUT_S", 1.5)
 
 
 @pytest.mark.usefixtures("impatient")
