@@ -17,9 +17,10 @@ flights = prepare_flights(log, rigid_body.vehicle)
 # How wrong is it, and where?
 comparison = compare(rigid_body, flights)
 print(f"acceleration error of the rigid body: {comparison.rmse['total']:.3f} m/s^2")
-print(f"noise floor:                          {comparison.noise_floor['total']:.3f} m/s^2")
+print(f"reference error:                      {comparison.noise_floor['total']:.3f} m/s^2")
 for failure in comparison.fails_where[:3]:
-    print(f"it fails: {failure.text}")
+    where = f"{failure.variable} from {failure.low:.3g} to {failure.high:.3g}"
+    print(f"it fails {failure.axis} at a {where}: {failure.mean_residual:+.2f} m/s^2 ({abs(failure.sigma):.0f} sigma)")
 
 # What is missing? Without the third argument every effect of the catalogue is tried, which takes longer.
 candidates = ["thrust_scale", "rotor_drag", "inflow", "battery_sag", "ground_effect.exponential"]

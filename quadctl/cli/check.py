@@ -64,7 +64,7 @@ def check(
         str | None, typer.Option("--link", metavar="URL", help="Ask the autopilot too: auto, udpin://..., serial://...")
     ] = None,
     seconds: Annotated[
-        float, typer.Option("--seconds", metavar="S", min=1.0, max=60.0, help="How long its messages are counted.")
+        float, typer.Option("--seconds", metavar="S", min=1.0, max=60.0, help="How long to count its messages.")
     ] = 3.0,
     system_id: SystemIdOption = None,
     without_failsafe: WithoutFailsafeOption = False,

@@ -65,9 +65,10 @@ def export(
     ] = Path("exported"),
     json_out: JsonOption = None,
 ) -> None:
-    """Turn a fitted model into an autopilot's parameters, with intervals, or into equations of motion for a program.
+    """Turn a fitted model into an autopilot's parameters, with 95 % intervals, or into equations of motion.
 
-    What the flights do not tell, and what the target cannot say, is listed.
+    Parameters that the flights do not determine, and effects that the target cannot
+    represent, are listed.
     """
     from quadctl.export.autopilot import (
         WHOLE,

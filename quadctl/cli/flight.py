@@ -65,7 +65,7 @@ TimeScaleOption = Annotated[
     typer.Option(
         "--time-scale",
         metavar="FACTOR|fit",
-        help="Fly the mission in FACTOR times its time; fit: in the least factor, from 1 on, within its limits.",
+        help="Fly the mission in FACTOR times its time; fit: the least factor of 1 or more within the limits.",
     ),
 ]
 
@@ -83,7 +83,8 @@ SystemIdOption = Annotated[
 WithoutFailsafeOption = Annotated[
     bool,
     typer.Option(
-        "--without-failsafe", help="Accept that nobody lands the vehicle if quadctl dies: stay at the switch."
+        "--without-failsafe",
+        help="Fly although the autopilot does not land by itself when quadctl stops: keep a hand on the mode switch.",
     ),
 ]
 

@@ -33,12 +33,12 @@ TEMPLATES: Mapping[Kind, str] = {
     Kind.EFFECT: "{effect}: {parameters:parameters}",
     Kind.ERROR: "Held-out acceleration error: {before:number} → {after:m/s²} ({drop:change}).",
     Kind.PART_UNEXPLAINED: "Part of the remaining error depends on the logged variables; no known effect explains it.",
-    Kind.CONFOUNDED: "These data do not distinguish {family:family} from {others:others}.",
+    Kind.CONFOUNDED: "These data do not distinguish {family:family} from {others:others}: it may be that instead.",
     Kind.NEXT_FLIGHT: "Next flight: {mission}; `quadctl suggest` compares all missions.",
     Kind.UNSEEN_BY_CHOICE: "On data that neither the fit nor the choice of effects has seen: {before:number} → "
     "{after:m/s²} on {data} ({searches} searches; {found:counts}).",
-    Kind.SEEN_BY_CHOICE: "No fit has seen the data of these errors, but the choice of effects has: `quadctl diagnose "
-    "--nested` repeats it.",
+    Kind.SEEN_BY_CHOICE: "These errors are of held-out data, but the effects were chosen with the same data: `quadctl "
+    "diagnose --nested` repeats the choice without them.",
     Kind.WHOLE_FLIGHTS: "With whole flights held out: {before:number} → {after:m/s²}.",
     Kind.PART_SEARCHED: "The search has seen {searched} of {all} samples, in stretches spread over the flights, and so "
     "have its errors; the parameters of what is missing are fitted to all samples.",

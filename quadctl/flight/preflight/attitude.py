@@ -34,12 +34,12 @@ def check_look_ahead(plan: FlightPlan) -> Finding:
     lag_s = turn_lag_s(plan.compensator, controller)
     if lag_s is not None:
         return judged(TOPIC, f"the force to the side follows {lag_s:.2f} s later, and the reference is looked at ahead")
-    off = "look-ahead is off, and the vehicle follows a reference later"
+    off = "look-ahead is off, and the vehicle lags behind its reference"
     if vehicle.attitude_response is None:
         return judged(
             TOPIC,
-            f"'{vehicle.name}' has no attitude_response: {off}; `quadctl fit` finds it in the log of a flight of "
-            "excitation",
+            f"'{vehicle.name}' has no attitude_response: {off}; `quadctl fit` finds it in a log of the mission "
+            "`excitation`",
         )
     return judged(TOPIC, f"lag {vehicle.attitude_response.lag_s:.2f} s, but no drag in the model: {off}")
 

@@ -238,7 +238,7 @@ def _ceiling(mission: Mission, samples: Sequence[Sequence[Sample]], vehicle: Veh
 def _fence(mission: Mission, samples: Sequence[Sample]) -> Finding:
     farthest = max(math.hypot(*sample.reference.position_m[:2]) for sample in samples)
     fence = mission.limits.max_distance_m + mission.limits.margin_m
-    return judged("fence", f"{farthest:.2f} m from take-off at most, the guard lands at {fence:g} m")
+    return judged("fence", f"{farthest:.2f} m from take-off at most; beyond {fence:g} m quadctl lands")
 
 
 def _speed(demands: Sequence[Demand], plan: FlightPlan) -> Finding:
@@ -261,8 +261,8 @@ def _speed(demands: Sequence[Demand], plan: FlightPlan) -> Finding:
     near = f"closer than {1.0 - SPEED_MARGIN:.0%} to the guard" if top > SPEED_MARGIN * guard else None
     return judged(
         "speed",
-        f"up to {top:.2f} m/s (climb {climb:.2f}, descent {sink:.2f}) {place(plan.mission, fastest.time_s)}, the guard "
-        f"lands at {guard:g} m/s",
+        f"up to {top:.2f} m/s (climb {climb:.2f}, descent {sink:.2f}) {place(plan.mission, fastest.time_s)}; above "
+        f"{guard:g} m/s quadctl lands",
         refused="the guard would end the mission" if top >= guard else None,
         warning="; ".join(lags) or near,
     )
@@ -277,7 +277,7 @@ def _tilt(demands: Sequence[Demand], plan: FlightPlan) -> Finding:
         refused = "the controller may lean further than the guard allows, expected a guard above its limit"
     elif top > limit:
         warning = "the controller leans less and falls behind"
-    reach = f"the controller leans {limit:g} deg at most, the guard hands over at {guard:g} deg"
+    reach = f"the controller leans {limit:g} deg at most; above {guard:g} deg quadctl hands over to the autopilot"
     return judged("tilt", f"up to {top:.0f} deg {where}, {reach}", refused=refused, warning=warning)
 
 

@@ -90,7 +90,10 @@ class Comparison(Result):
         widths = ", ".join(sorted({f"{flight.bandwidth_hz:.1f}" for flight in self.dataset.flights}))
         error, floor = quantity(self.rmse["total"]), roughly(self.noise_floor["total"])
         of = f"Acceleration error of {self.model.name}"
-        lines = [f"{of}: {error}; reference error {floor}. {variance_in_words(self.explained)}"]
+        lines = [
+            f"{of}: {error}; reference error (a regression on all logged variables): {floor}.",
+            variance_in_words(self.explained),
+        ]
         if self.agreement is not None:
             lines.append(agreement_in_words(self.agreement))
         if self.fails_where:

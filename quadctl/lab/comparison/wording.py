@@ -302,7 +302,7 @@ def _offset_in_words(failure: Failure) -> str:
 def _range_in_words(failure: Failure) -> str:
     name, unit = VARIABLE_NAMES[failure.variable], VARIABLE_UNITS[failure.variable]
     begins, ends = failure.at_edge
-    low, high = (f"{end:.4g}".replace("-", "\u2212") for end in (failure.low, failure.high))
+    low, high = (f"{end:.3g}".replace("-", "\u2212") for end in (failure.low, failure.high))
     where = f"from {low} to {high}"
     if begins != ends:
         where = f"below {high}" if begins else f"above {low}"
@@ -310,7 +310,7 @@ def _range_in_words(failure: Failure) -> str:
     if failure.average:
         on_average = abs(failure.average)
         by = f"{on_average / GRAVITY_M_S2:.1%}" if failure.axis == "up" else f"{on_average:.2f} {UNIT}"
-        average = f", on average by {by}"
+        average = f" (over all ranges by {by})"
     return f"at a {name} {where} {unit} {_push_in_words(failure)}{average}{_most_in_words(failure.stretches)}"
 
 
@@ -357,7 +357,7 @@ def followed_in_words(found: Sequence[Failure], dataset: Dataset) -> str:
     verb, them = ("follows", "it") if len(names) == 1 else ("follow", "them")
     return (
         f"{flights} the {listed(list(names))} {verb} disturbances, which the controller counters, more than the "
-        f"motion: what goes with {them} may be that answer, and no missing effect."
+        f"motion: a residual that depends on {them} may come from the controller, and not from a missing effect."
     )
 
 

@@ -165,9 +165,10 @@ class Diagnosis(Result):
         return [in_words(finding) for finding in (*self.answer, *self.notes)]
 
     def __rich__(self) -> RenderableType:
-        supported = [c for c in self.ranking if c.family in self.missing or is_supported(c)]
         missing = {step.effect for step in self.steps}
-        tables = [_table("Effects that these data support (* missing)", supported, missing)] if supported else []
+        supported = [c for c in self.ranking if c.effect.name in missing or is_supported(c)]
+        title = "Missing effects (*), each beside those before it, and others that explain as much"
+        tables = [_table(title, supported, missing)] if supported else []
         rest = len(self.ranking) - len(supported)
         more = f"Not supported are {rest} further effects, and {len(self.untried)} were not tried: --all tells why."
         return Group(

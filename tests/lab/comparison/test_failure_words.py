@@ -18,7 +18,7 @@ def test_a_range_tells_where_and_by_how_much_of_the_weight() -> None:
     )
     assert failure_in_words(LOW) == said
     beside = replace(LOW, average=0.49, stretches=(IN_LOW,))
-    assert failure_in_words(beside) == f"{said}, on average by 5.0%, mostly in low-1.csv between 4 and 21 s"
+    assert failure_in_words(beside) == f"{said} (over all ranges by 5.0%), mostly in low-1.csv between 4 and 21 s"
 
 
 @pytest.mark.parametrize(

@@ -283,7 +283,7 @@ class TestWhatThePageHolds:
     ) -> None:
         confounded = dataclasses.replace(flown.diagnosis, confounded=[["ground_effect", "thrust_scale"]])
         text = worded(Results(made, confounded)).text
-        assert "These data do not distinguish ground effect from thrust scale." in text
+        assert "These data do not distinguish ground effect from thrust scale: " in text
         assert ConstantScale.distinguished_by in text
 
     def test_the_table_of_step_responses_labels_signed_and_absolute(self, flown: Flown, page: Page) -> None:
