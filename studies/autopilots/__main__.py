@@ -5,11 +5,9 @@ import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-import numpy as np
-
 from studies.page import DOCS
 
-from .flights import CHANNELS, DATA, MISSIONS, UNITS, Flown, recorded, simulated
+from .flights import CHANNELS, DATA, MISSIONS, UNITS, Flown, mean_error, recorded, simulated
 from .measured import NAMES, Fact, Measured, load_measured
 from .probes import PROBES
 
@@ -71,13 +69,8 @@ def errors(real: Sequence[Flown], mock: Sequence[Flown]) -> Iterator[str]:
     yield "| channels | real | mock |\n|---|---|---|"
     for first in range(0, len(CHANNELS), AXES):
         part = range(first, first + AXES)
-        cells = (", ".join(f"{mean_std(flights, i):.2g}" for i in part) for flights in (real, mock))
+        cells = (", ".join(f"{mean_error(flights, i).std:.2g}" for i in part) for flights in (real, mock))
         yield f"| {', '.join(CHANNELS[i] for i in part)}, {UNITS[first]} | {' | '.join(cells)} |"
-
-
-def mean_std(flights: Sequence[Flown], channel: int) -> float:
-    """Root mean square of the errors of several flights."""
-    return float(np.sqrt(np.mean([flown.errors[channel].std ** 2 for flown in flights])))
 
 
 if __name__ == "__main__":

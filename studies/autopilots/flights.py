@@ -1,6 +1,6 @@
 """The same missions on the real autopilots, as recorded, and on the mocks: tracking, and the error of the estimate."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -192,3 +192,9 @@ def _messages(reader: Any, kinds: list[str]) -> Iterator[Any]:
     receive: Callable[..., Any] = reader.recv_match
     while (message := receive(type=kinds)) is not None:
         yield message
+
+
+def mean_error(flights: Sequence[Flown], channel: int) -> Error:
+    """Root mean square of the sizes, and mean of the times, of the errors of several flights."""
+    found = [flown.errors[channel] for flown in flights]
+    return Error(float(np.sqrt(np.mean([e.std**2 for e in found]))), float(np.mean([e.time_s for e in found])))

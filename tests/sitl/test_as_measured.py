@@ -9,8 +9,7 @@ from quadctl.errors import SettingsError
 from quadctl.sitl.rules.px4 import SimulatedAutopilot
 from quadctl.sitl.vehicle.hidden import AutopilotTruth, HiddenTruth
 from quadctl.vehicle import load_vehicle
-from studies.autopilots.__main__ import mean_error
-from studies.autopilots.flights import CHANNELS, DATA, MISSIONS, Flown, recorded, simulated
+from studies.autopilots.flights import CHANNELS, DATA, MISSIONS, Flown, mean_error, recorded, simulated
 from studies.autopilots.measured import NAMES, Fact, load_measured
 from studies.autopilots.probes import PROBES
 from tests.support.places import ROOT
