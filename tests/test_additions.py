@@ -1,4 +1,4 @@
-"""What CONTRIBUTING.md names is all that an addition takes: one of each, in a copy of the package."""
+"""One addition of each kind, in a copy of the package, by the steps of CONTRIBUTING.md and no others."""
 
 import os
 import shutil

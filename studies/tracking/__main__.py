@@ -94,7 +94,7 @@ def courses(results: Results, where: Mock) -> str:
 
 
 def goals(judged_: Mapping[str, Sequence[str]]) -> str:
-    """Whether both goals are met by each course or defect, with the shares of those that are not."""
+    """Sentence on the goals: the courses and defects that meet both, and the shares of those that do not."""
     parts = []
     for other, cell in (("thesis' law", len(LAWS)), ("autopilot's own", len(LAWS) + 1)):
         missed = [f"{name} {cells[cell].split()[-1]}" for name, cells in judged_.items() if "not met" in cells[cell]]

@@ -78,9 +78,9 @@ class Failure:
     at_edge: tuple[bool, bool] = (False, False)
     """True where the range begins, and where it ends, at the edge of what was flown."""
     extremes: tuple[tuple[float, float], ...] = ()
-    """Of a dependence the bins with the least and the largest mean residual: (value of the variable, mean)."""
+    """Bins with the least and the largest mean residual, of a dependence: (value of the variable, mean)."""
     share: float = 0.0
-    """Of a dependence its share of the squared error on its axis."""
+    """Share of the squared error on its axis, of a dependence."""
 
     def to_dict(self) -> dict[str, object]:
         return {

@@ -147,7 +147,7 @@ class Diagnosis(Result):
 
     @property
     def notes(self) -> list[Finding]:
-        """What the errors stand on, and what is there but small."""
+        """Findings on the data behind the errors, on small effects, and on the record."""
         found = of_unseen(self.unseen, any_missing=bool(self.missing))
         if self.dataset.flights and 0 < self.searched < len(self.dataset.targets):
             found.append(Finding(Kind.PART_SEARCHED, {"searched": self.searched, "all": len(self.dataset.targets)}))

@@ -72,7 +72,7 @@ class Air:
     """From body to world, (N, 3, 3)."""
     rates: Array
     speeds: Array
-    """Of the rotors, rad/s, (N, n)."""
+    """Speeds of the rotors, rad/s, (N, n)."""
     gain: Array
     """Factor on the thrust of each rotor, (N, n)."""
     body_force: Array

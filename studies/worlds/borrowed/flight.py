@@ -92,7 +92,7 @@ class State:
     """x, y, z, w."""
     rates: Array
     speeds: Array
-    """Of the rotors, rad/s."""
+    """Speeds of the rotors, rad/s."""
     spin_up: Array
     """Angular acceleration, of the step before."""
 
@@ -110,7 +110,7 @@ class State:
 
 @dataclass(frozen=True)
 class Aim:
-    """What a controller of positions asks: thrusts, and rotations from body to world."""
+    """Demand of a position controller: thrusts, and rotations from body to world."""
 
     thrust: Array
     rotation: Array
@@ -118,7 +118,7 @@ class Aim:
 
 @dataclass(frozen=True)
 class Slope:
-    """What a simulator answers: accelerations, angular accelerations, and those of the rotors."""
+    """Answer of a simulator: accelerations, angular accelerations, and those of the rotors."""
 
     acceleration: Array
     spin_up: Array

@@ -21,7 +21,7 @@ class Equipment:
     outdoors: bool
     """Satellites; motion capture otherwise."""
     source: str
-    """Of the thrust: `speeds`, `outputs` or `throttle`."""
+    """Source of the thrust: `speeds`, `outputs` or `throttle`."""
     imu: bool
     log_hz: float
     rpm_hz: float

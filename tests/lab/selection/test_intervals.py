@@ -70,7 +70,7 @@ def require_inside(text: str) -> int:
 
 
 def printed(diagnosis: Diagnosis) -> str:
-    """What `diagnose --all` prints."""
+    """Output of `diagnose --all`."""
     console = Console(width=120)
     with console.capture() as capture:
         console.print(diagnosis, diagnosis.details())
