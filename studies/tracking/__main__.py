@@ -22,7 +22,7 @@ HEAD = """# Tracking, beside the autopilots' own control
 
 Written by `make tracking`, in lockstep on the simulated autopilots ([as measured](autopilots.md)). The same
 references are
-flown by the thesis' law (`config/flight_thesis.yaml`), by quadctl's without and with the lag and the drag that
+flown by the thesis' law (`config/flight_thesis.yaml`; *before* in the figure), by quadctl's without and with the lag and the drag that
 `quadctl fit` finds in another flight, and by the autopilot itself, which is sent position, velocity and acceleration.
 
 These are mocks: their own control is built from the firmwares' sources, without a delay of the link. The real ones
