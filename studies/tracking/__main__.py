@@ -20,10 +20,10 @@ TITLES = {BEFORE: "thesis' law", UNKNOWN: "quadctl, nothing known", FOUND: "quad
 LAWS_OF_GROUND = {"now": TITLES[FOUND], "before": TITLES[BEFORE]}
 HEAD = """# Tracking, beside the autopilots' own control
 
-Written by `make tracking`, in lockstep on the simulated autopilots ([as measured](autopilots.md)). The same
-references are
-flown by the thesis' law (`config/flight_thesis.yaml`; *before* in the figure), by quadctl's without and with the lag and the drag that
-`quadctl fit` finds in another flight, and by the autopilot itself, which is sent position, velocity and acceleration.
+Written by `make tracking`, in lockstep on the simulated autopilots ([as measured](autopilots.md)). The same references
+are flown by the thesis' law (`config/flight_thesis.yaml`; *before* in the figure), by quadctl's without and with the
+lag and the drag that `quadctl fit` finds in another flight, and by the autopilot itself, which is sent position,
+velocity and acceleration.
 
 These are mocks: their own control is built from the firmwares' sources, without a delay of the link. The real ones
 (Copter 4.7-dev, PX4 main of March 2026) flew the courses in the order of the tables with 9.4, 20.5, 13.3, 9.7, 9.0 cm

@@ -129,9 +129,9 @@ class Diagnosis(Result):
         """Verdict; what is missing, with the error before and after; what these data leave open; the next flight."""
         kinds = {"missing": Kind.MISSING, "none": Kind.NONE, "unexplained": Kind.UNEXPLAINED}
         found = [Finding(kinds[self.verdict], {"families": self.missing} if self.missing else {})]
-        for step in self.steps[1:]:
-            c = next(c for c in self.ranking if c.effect.name == step.effect)
-            found.append(Finding(Kind.EFFECT, {"effect": step.effect, "parameters": parameters_of(c.effect, c.ci95)}))
+        for c in self.ranking[: len(self.missing)]:
+            effect = {"effect": c.effect.name, "parameters": parameters_of(c.effect, c.ci95)}
+            found.append(Finding(Kind.EFFECT, effect))
         if len(self.steps) > 1:
             before, after = self.steps[0].rmse["total"], self.steps[-1].rmse["total"]
             found.append(Finding(Kind.ERROR, {"before": before, "after": after, "drop": 1.0 - after / before}))

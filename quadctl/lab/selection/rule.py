@@ -276,10 +276,11 @@ def alternatives(candidates: Iterable[Candidate], dataset: Dataset, rule: Rule =
 
     Candidates that were read from a session have no residuals to compare: each is a group of its own.
     """
-    if not dataset.flights:
-        return [[c] for c in candidates]
+    compared = list(candidates)
+    if not all(c.residual.size for c in compared):
+        return [[c] for c in compared]
     groups: list[list[Candidate]] = []
-    for c in sorted(candidates, key=lambda c: score(c.residual, rule)):
+    for c in sorted(compared, key=lambda c: score(c.residual, rule)):
         alike = [group for group in groups if are_alike(group[0].residual, c.residual, dataset, rule)]
         if alike:
             alike[0].append(c)
