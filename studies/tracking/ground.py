@@ -70,23 +70,24 @@ class _World(World):
         return files
 
 
-def results(folder: Path) -> list[Ground]:
-    """Flights of both laws in the same world; files go to `folder`."""
+def results(folder: Path, laws: Sequence[str] = tuple(reversed(CONFIGS)), seeds: Sequence[int] = SEEDS) -> list[Ground]:
+    """Flights of these laws in the same world; files go to `folder`."""
     found: dict[str, Path] = {}
     rows = []
-    for law, config in reversed(CONFIGS.items()):
+    for law in laws:
+        config = CONFIGS[law]
         world = _World(folder / law, config)
         found = found or world.found()
-        rows += [_flown(world, law, name, str(path)) for name, path in found.items()]
+        rows += [_flown(world, law, name, str(path), seeds) for name, path in found.items()]
     return rows
 
 
-def _flown(world: _World, law: str, name: str, model: str) -> Ground:
-    steps = [world.fly("step_response", model, seed) for seed in SEEDS]
-    high = [world.fly("step_response_high", model, seed) for seed in SEEDS]
+def _flown(world: _World, law: str, name: str, model: str, seeds: Sequence[int]) -> Ground:
+    steps = [world.fly("step_response", model, seed) for seed in seeds]
+    high = [world.fly("step_response_high", model, seed) for seed in seeds]
     table = metrics(steps, high, window=Window(phase="step"))
     low = [flight for flight in table.flights if not flight.is_reference]
-    swoops = [world.fly("swoop", model, seed) for seed in SEEDS]
+    swoops = [world.fly("swoop", model, seed) for seed in seeds]
     return Ground(
         law,
         name,

@@ -31,8 +31,8 @@ STAIRCASE = {
     "name": "short_staircase",
     "phases": [
         {"name": "takeoff", "kind": "move", "to_m": [0, 0, 0.9], "speed_m_s": 0.5},
-        {"name": "down", "kind": "staircase", "to_z_m": 0.1, "step_m": 0.1, "hold_s": 2},
-        {"name": "up", "kind": "staircase", "to_z_m": 0.9, "step_m": 0.1, "hold_s": 2},
+        {"name": "down", "kind": "staircase", "to_z_m": 0.1, "step_m": 0.1, "hold_s": 3},
+        {"name": "up", "kind": "staircase", "to_z_m": 0.9, "step_m": 0.1, "hold_s": 3},
     ],
     "limits": {"min_z_m": 0.08, "max_z_m": 1.2, "max_distance_m": 1.0, "max_duration_s": 120},
 }
