@@ -150,7 +150,7 @@ class Stand:
             stderr=subprocess.PIPE,
             text=True,
         )
-        assert px.wait_until(lambda: px.autopilot.body.rpm[0] > 1000.0, TIMEOUT_S), self.process.poll()
+        assert px.wait_until(lambda: px.autopilot.body.rpm[0] > 1000.0, 4 * TIMEOUT_S), self.process.poll()
 
     def stopped_after_s(self) -> float:
         """Time of the mock from now until the rotor has nearly stopped."""

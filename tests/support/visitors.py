@@ -22,7 +22,7 @@ from tests.support.places import NO_CHROMIUM, ROOT
 
 sync_api = pytest.importorskip("playwright.sync_api")
 Axe = pytest.importorskip("axe_playwright_python.sync_playwright").Axe
-from playwright.sync_api import Browser, Page, expect  # noqa: E402, F401 - for the tests, which would have to look whether it is there
+from playwright.sync_api import Browser, Page, expect  # noqa: E402 - for the tests, which would have to look whether it is there
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason=NO_CHROMIUM)
@@ -37,6 +37,7 @@ on_each_screen = pytest.mark.parametrize("screen", SCREENS)
 MOST_SCREENS = {False: 2.0, True: 4.0}
 """Most screens that a report with its details folded may fill, by whether it is read on a telephone."""
 PATIENCE_MS = 120_000.0
+expect.set_options(timeout=PATIENCE_MS)
 IN_DOCS = {
     "2-missing-desk-light": "lab-page-see.png",
     "3-added-desk-light": "lab-page-added.png",

@@ -41,7 +41,7 @@ def stairs(seconds: float, turn: str = "slow", low: float = 0.75, across: tuple[
     return M(seconds, across, part("stairs", low=low, high=8.0, steps=6), turn, "radii")
 
 
-def under(seconds: float, turn: str = "slow", low: float = 1.0) -> M:
+def under(seconds: float, turn: str = "slow", low: float = 1.6) -> M:
     """Staircase of hovers under the ceiling."""
     return M(seconds, SWAY, part("stairs", low=low, high=7.0, steps=6, ramp=2.6), turn, "below")
 
@@ -152,7 +152,7 @@ ROTORPY = [
     Case("clean_1", H, (stairs(70), stairs(60, "steps"))),
     Case("clean_2", P, (runs(80, 9.0, "slow", 15.0, 3.0), eight(60, 16.0, 17.0, 10.0, "fixed"))),
     Case("clean_3", P, (climbs(80, 4.0, 15.0, 3.0), roam(60, 1.0, 4.0, 12.0)), outdoors=True),
-    Case("clean_4", C, (eight(65, 1.5, 6.0, 1.3), under(60, low=1.8)), ceiling_m=2.4),
+    Case("clean_4", C, (eight(65, 1.5, 6.0, 1.3), under(60)), ceiling_m=2.4),
     Case("clean_5", H, (roam(70, 3.0, 5.0, 9.0), runs(60, 5.0)), outdoors=True, imu=True),
     Case("clean_6", P, (swings(75, 3.0, 2.8, 2.6),), source="outputs", endurance_s=280.0),
     Case("clean_7", H, (roam(75, 1.5, 1.5, 3.5), swings(55, 2.5, 3.0, 2.5)), source="throttle"),
@@ -227,7 +227,7 @@ DRONE_MODELS = [
     Case("clean_1", L, (stairs(70, low=0.9), stairs(60, "steps"))),
     Case("clean_2", B, (runs(75, 4.0, "slow", 2.0), eight(60, 2.5, 6.5, 1.6, "fixed"))),
     Case("clean_3", T, (climbs(70, 0.8, 4.0, 1.8), roam(60, 1.0, 0.8, 3.0))),
-    Case("clean_4", S, (eight(65, 1.4, 6.0, 1.3), under(60, low=1.8)), ceiling_m=2.2),
+    Case("clean_4", S, (eight(65, 1.4, 6.0, 1.3), under(60)), ceiling_m=2.2),
     Case("clean_5", B, (roam(65, 1.5, 0.8, 2.0), eight(55, 1.5, 6.0, 1.4)), imu=True),
     Case("clean_6", B, (swings(75, 1.8, 2.5, 2.4),), source="outputs", endurance_s=280.0),
     Case("clean_7", T, (roam(70, 1.2, 1.0, 2.0), swings(55, 1.6, 2.8, 2.3)), source="throttle"),
