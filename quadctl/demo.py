@@ -20,7 +20,7 @@ from quadctl.flight.preflight.computer import lacking_to_fly
 from quadctl.flight.preflight.plan import FlightPlan
 from quadctl.flight.preflight.preparation import prepare_flight
 from quadctl.installed import describe, locate
-from quadctl.lab.comparison.comparison import compare
+from quadctl.lab.comparison.unseen_flights import judge
 from quadctl.lab.flights.dataset import load_dataset
 from quadctl.lab.report.page import write_report
 from quadctl.lab.selection.discovery import discover
@@ -97,12 +97,8 @@ def run(out: Path, console: Console, simulator: Simulator, real_time: bool) -> N
     demo.say(f"Saved: {found}")
 
     demo.say("\n[bold]5. Judge[/]: the third flight, which no fit has seen.")
-    old, new = compare(rigid, unseen), compare(discovery.model, unseen)
-    drop = 1.0 - new.rmse["total"] / old.rmse["total"]
-    demo.say(
-        f"Error on the unseen flight: {old.rmse['total']:.4f} -> [bold]{new.rmse['total']:.4f} m/s^2[/] "
-        f"({drop:.0%} less; reference error {new.noise_floor['total']:.4f})"
-    )
+    judged = judge(rigid, discovery.model, unseen)
+    console.print(judged)
 
     demo.say("\n[bold]6. Fly again[/]: step responses into the ground effect.")
     steps = _fly_steps(demo, found)
@@ -120,8 +116,8 @@ def run(out: Path, console: Console, simulator: Simulator, real_time: bool) -> N
         comparison=discovery.before,
         diagnosis=discovery.diagnosis,
         addition=discovery.additions[-1],
-        before_unseen=old,
-        after=new,
+        before_unseen=judged.before,
+        after=judged.after,
         steps=step_responses(steps.logs, steps.table),
     )
     demo.say(f"\nReport: [bold]{report}[/]")

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from quadctl import lab
 from quadctl.cli.app import app, console
 from quadctl.cli.inputs import find, find_missions
 from quadctl.cli.output import JsonOption, print_saved, write_json
@@ -54,6 +55,13 @@ NestedOption = Annotated[
 AllOption = Annotated[
     bool, typer.Option("--all", help="Also print what was tried without a result, and what was not tried.")
 ]
+UnseenOption = Annotated[
+    list[Path] | None,
+    Reads(),
+    typer.Option(
+        "--unseen", metavar="LOG", help="A flight kept from all fits, on which before and after are judged (repeat)."
+    ),
+]
 JobsOption = Annotated[
     int,
     typer.Option("--jobs", metavar="N", min=1, help="Number of processes; more than one is worth it with many logs."),
@@ -74,17 +82,10 @@ def compare(
     if sensors:
         compare_sensors(logs, json_out, plot)
         return
-    from quadctl.lab.comparison.comparison import compare as run
-    from quadctl.lab.report.page import write_report
-
     loaded, data = _model_and_data(model, logs, "blocks")
-    result = run(loaded, data)
-    console.print(result)
-    _print_notes(data)
-    write_json(json_out, result.to_dict())
-    if html is not None:
-        write_report(html, comparison=result)
-        console.print(f"Report: {html}")
+    result = lab.compare(loaded, data)
+    _answer(result, data, json_out)
+    _report(html, comparison=result)
 
 
 @app.command()
@@ -121,15 +122,12 @@ def diagnose(
         return
     from joblib import parallel_config
 
-    from quadctl.lab.comparison.comparison import compare as run_compare
-    from quadctl.lab.report.page import write_report
-    from quadctl.lab.selection.diagnosis import diagnose as run
     from quadctl.lab.symbolic.effect_file import as_effect_file
 
     with parallel_config("loky", n_jobs=jobs):
         loaded, data = _model_and_data(model, logs, hold_out)
         with console.status("diagnosing") as status:
-            result = run(loaded, data, progress=status.update, nested=nested)
+            result = lab.diagnose(loaded, data, progress=status.update, nested=nested)
     console.print(result)
     if everything:
         console.print(result.details())
@@ -142,8 +140,7 @@ def diagnose(
     _point_to_verify(loaded, data, model, logs)
     write_json(json_out, result.to_dict())
     if html is not None:
-        write_report(html, comparison=run_compare(loaded, data), diagnosis=result)
-        console.print(f"Report: {html}")
+        _report(html, comparison=lab.compare(loaded, data), diagnosis=result)
 
 
 @app.command()
@@ -163,18 +160,15 @@ def suggest(
     """Suggest the mission that would best answer what these logs leave open."""
     from quadctl.lab.comparison.wording import on_terminal
     from quadctl.lab.planning.suggestion import suggest as run
-    from quadctl.lab.selection.diagnosis import diagnose as run_diagnose
 
     loaded, data = _model_and_data(model, logs, hold_out)
     with console.status("diagnosing") as status:
-        diagnosis = run_diagnose(loaded, data, progress=status.update)
+        diagnosis = lab.diagnose(loaded, data, progress=status.update)
         status.update("flying the missions in thought")
         result = run(diagnosis, missions)
     found = replace(diagnosis, suggested_mission=None)  # its guess is from the effects' names alone
     console.print(on_terminal("\n".join(found.lines())), soft_wrap=True, markup=False, highlight=False)
-    console.print(result)
-    _print_notes(data)
-    write_json(json_out, result.to_dict())
+    _answer(result, data, json_out)
 
 
 @app.command()
@@ -192,25 +186,19 @@ def add(
     json_out: JsonOption = None,
     html: HtmlOption = None,
     hold_out: HoldOutOption = "blocks",
+    unseen: UnseenOption = None,
 ) -> None:
     """Add an effect to a model, fit it, and see how the held-out error changes."""
     from quadctl.effects import choose_effect
-    from quadctl.lab.comparison.comparison import compare as run_compare
-    from quadctl.lab.report.page import write_report
-    from quadctl.lab.selection.addition import add as run
-    from quadctl.model import load_model, save_model
+    from quadctl.model import load_model
 
     kind, files = choose_effect(effect, "EFFECT", load_model(model).effect_files)
     loaded, data = _model_and_data(model, logs, hold_out)
-    result = run(kind, replace(loaded, effect_files=files), data)
-    save_model(result.model, output)
-    console.print(result)
-    _print_notes(data)
-    print_saved(output)
-    write_json(json_out, result.to_dict())
+    kept = _kept(unseen, logs, loaded)
+    result = lab.add(kind, replace(loaded, effect_files=files), data)
+    _answer(result, data, json_out, saved=(result.model, output), judged=_judged(loaded, result.model, kept))
     if html is not None:
-        write_report(html, comparison=run_compare(loaded, data), addition=result)
-        console.print(f"Report: {html}")
+        _report(html, comparison=lab.compare(loaded, data), addition=result)
 
 
 @app.command()
@@ -244,15 +232,10 @@ def surfaces(
 ) -> None:
     """Compare the ground effect over the surfaces that flights passed over, and fit one weight for each of them."""
     from quadctl.lab.selection.surfaces import compare_surfaces
-    from quadctl.model import save_model
 
     loaded, data = _model_and_data(model, logs, hold_out)
     result = compare_surfaces(loaded, data)
-    save_model(result.model, output)
-    console.print(result)
-    _print_notes(data)
-    print_saved(output)
-    write_json(json_out, result.to_dict())
+    _answer(result, data, json_out, saved=(result.model, output))
 
 
 @app.command()
@@ -262,12 +245,12 @@ def fit(
     output: Annotated[Path, Writes(), typer.Option("-o", "--output", metavar="NEW.yaml", help="The new model file.")],
     json_out: JsonOption = None,
     hold_out: HoldOutOption = "blocks",
+    unseen: UnseenOption = None,
 ) -> None:
     """Refit all effects of a model and the attitude's lag, and see how the held-out error changes.
 
     Of a bare vehicle file it finds the lag alone: `discover` finds its effects.
     """
-    from quadctl.lab.selection.refit import fit as run
     from quadctl.lab.tracking.attitude_response import attitude_response, with_response
     from quadctl.logs.read import read_log
     from quadctl.model import load_model, save_model
@@ -281,14 +264,12 @@ def fit(
         write_json(json_out, {"attitude_response": response.model_dump(mode="json")})
         return
     loaded, data = _model_and_data(model, logs, hold_out)
-    result = run(loaded, data)
-    save_model(result.model if response is None else with_response(result.model, response), output)
-    console.print(result)
+    kept = _kept(unseen, logs, loaded)
+    result = lab.fit(loaded, data)
+    fitted = result.model if response is None else with_response(result.model, response)
+    _answer(result, data, json_out, saved=(fitted, output), judged=_judged(loaded, result.model, kept))
     if response is not None:
         _print_lag(response.lag_s, output)
-    _print_notes(data)
-    print_saved(output)
-    write_json(json_out, result.to_dict())
 
 
 def _print_lag(lag_s: float, output: Path) -> None:
@@ -309,7 +290,6 @@ def remove(
 ) -> None:
     """Remove an effect from a model; with logs, refit the others and see how the held-out error changes."""
     from quadctl.lab.selection.removal import held_effect, without
-    from quadctl.lab.selection.removal import remove as run
     from quadctl.model import load_model, save_model
 
     if not logs:
@@ -323,12 +303,8 @@ def remove(
         return
     held_effect(effect, load_model(model))  # a wrong name is said before the logs are read
     loaded, data = _model_and_data(model, logs, hold_out)
-    result = run(effect, loaded, data)
-    save_model(result.model, output)
-    console.print(result)
-    _print_notes(data)
-    print_saved(output)
-    write_json(json_out, {**result.to_dict(), "refitted": True})
+    result = lab.remove(effect, loaded, data)
+    _answer(result, data, json_out, saved=(result.model, output), refitted=True)
 
 
 @app.command()
@@ -346,28 +322,23 @@ def discover(
     nested: NestedOption = False,
     jobs: JobsOption = 1,
     everything: AllOption = False,
+    unseen: UnseenOption = None,
 ) -> None:
     """Compare, diagnose and add in one go, until nothing significant is missing."""
     from joblib import parallel_config
 
-    from quadctl.lab.report.page import write_report
-    from quadctl.lab.selection.discovery import discover as run
-    from quadctl.model import save_model
-
     with parallel_config("loky", n_jobs=jobs):
         loaded, data = _model_and_data(model, logs, hold_out)
+        kept = _kept(unseen, logs, loaded)
         with console.status("discovering") as status:
-            result = run(loaded, data, progress=status.update, nested=nested)
-    save_model(result.model, output)
-    console.print(result)
+            result = lab.discover(loaded, data, progress=status.update, nested=nested)
+    judged = _judged(loaded, result.model, kept)
+    _answer(result, data, json_out, saved=(result.model, output), judged=judged)
     if everything:
         console.print(result.diagnosis.details())
-    print_saved(output)
-    write_json(json_out, result.to_dict())
-    if html is not None:
-        last = result.additions[-1] if result.additions else None
-        write_report(html, comparison=result.before, diagnosis=result.diagnosis, addition=last)
-        console.print(f"Report: {html}", soft_wrap=True, markup=False, highlight=False)
+    last = result.additions[-1] if result.additions else None
+    seen = {} if judged is None else {"before_unseen": judged.before, "after": judged.after}
+    _report(html, comparison=result.before, diagnosis=result.diagnosis, addition=last, **seen)
 
 
 @app.command()
@@ -527,6 +498,57 @@ def _point_to_verify(loaded: Any, dataset: Any, model: Path, logs: Sequence[Path
             markup=False,
             highlight=False,
         )
+
+
+def _answer(
+    result: Any,
+    data: Any,
+    json_out: Path | None,
+    *,
+    saved: tuple[Any, Path] | None = None,
+    judged: Any = None,
+    **more: Any,
+) -> None:
+    """Save the model of a result where it has one, print the result, the notes on its flights and the judgement on
+    unseen ones, and write all of it as JSON."""
+    if saved is not None:
+        from quadctl.model import save_model
+
+        save_model(*saved)
+    console.print(result)
+    if judged is not None:
+        console.print(judged)
+        more["unseen"] = judged.to_dict()
+    _print_notes(data)
+    if saved is not None:
+        print_saved(saved[1])
+    write_json(json_out, {**result.to_dict(), **more})
+
+
+def _kept(unseen: list[Path] | None, logs: list[Path], loaded: Any) -> Any:
+    """Flights kept from the fits to `logs`; None where there are none."""
+    if not unseen:
+        return None
+    from quadctl.logs.read import read_logs
+    from quadctl.logs.record.copies import refuse_copies
+
+    kept = read_logs(unseen)
+    refuse_copies(kept, read_logs(logs))
+    return lab.prepare_flights(kept, loaded.vehicle)
+
+
+def _judged(before: Any, after: Any, kept: Any) -> Any:
+    return None if kept is None else lab.judge(before, after, kept)
+
+
+def _report(html: Path | None, **results: Any) -> None:
+    """Write a report, where one is asked for."""
+    if html is None:
+        return
+    from quadctl.lab.report.page import write_report
+
+    write_report(html, **results)
+    console.print(f"Report: {html}", soft_wrap=True, markup=False, highlight=False)
 
 
 def _print_notes(dataset: Any) -> None:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from quadctl.lab.estimator import FlightModel
-    from quadctl.lab.interface import add, compare, diagnose, discover, fit, prepare_flights, remove, suggest
+    from quadctl.lab.interface import add, compare, diagnose, discover, fit, judge, prepare_flights, remove, suggest
     from quadctl.logs.read import read_log, read_logs
     from quadctl.model import Model, load_model, save_model
 
@@ -26,6 +26,7 @@ __all__ = [
     "diagnose",
     "discover",
     "fit",
+    "judge",
     "load_model",
     "prepare_flights",
     "read_log",

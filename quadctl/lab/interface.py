@@ -9,6 +9,8 @@ from quadctl.effects import Effect, catalog_with, find_effect
 from quadctl.errors import SettingsError
 from quadctl.lab.comparison.comparison import Comparison
 from quadctl.lab.comparison.comparison import compare as run_compare
+from quadctl.lab.comparison.unseen_flights import Judgement
+from quadctl.lab.comparison.unseen_flights import judge as run_judge
 from quadctl.lab.flights.dataset import Dataset, HoldOut, load_dataset
 from quadctl.lab.planning.suggestion import Suggestion
 from quadctl.lab.planning.suggestion import suggest as run_suggest
@@ -153,6 +155,12 @@ def discover(
     model = open_model(model)
     kinds = None if candidates is None else [_kind(candidate, model) for candidate in candidates]
     return run_discover(model, prepare_flights(flights, model.vehicle, hold_out), kinds, progress, nested)
+
+
+def judge(before: AnyModel, after: AnyModel, unseen: Flights) -> Judgement:
+    """Compare two models with flights that no fit has seen: the error of both, and the interval of its change."""
+    before = open_model(before)
+    return run_judge(before, open_model(after), prepare_flights(unseen, before.vehicle))
 
 
 def open_model(model: AnyModel) -> Model:

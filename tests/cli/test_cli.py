@@ -237,6 +237,12 @@ class TestBadInput:
         one_sentence(quadctl("compare", "empty.yaml", log), "empty.yaml", "is empty")
         one_sentence(quadctl("compare", "gone.yaml", log), "gone.yaml", "no such file")
 
+    def test_of_a_flight_to_judge_on_that_the_fit_uses(self, quadctl: Callable[..., Result], log: Path) -> None:
+        twin = shutil.copy(log, Path(log).with_name("twin.csv"))
+        add = ("add", "exponential", VEHICLE, log, "-o", "n.yaml", "--unseen", twin)
+        one_sentence(quadctl(*add), "twin.csv", "same flight as", "expected one that no fit uses")
+        assert not Path("n.yaml").exists()
+
     def test_of_effects(self, quadctl: Callable[..., Result], log: Path) -> None:
         one_sentence(quadctl("add", "ground_efect.exponential", VEHICLE, log, "-o", "n.yaml"), "did you mean")
         Path("m.yaml").write_text(f"vehicle: {VEHICLE}\neffects: [{{effect: rotor_drga.linear}}]\n")

@@ -22,6 +22,7 @@ from quadctl.lab import (
     diagnose,
     discover,
     fit,
+    judge,
     load_model,
     prepare_flights,
     read_log,
@@ -188,3 +189,21 @@ def test_every_public_name_is_there() -> None:
 def test_a_name_that_is_not_public_is_said_to_be_none() -> None:
     with pytest.raises(AttributeError, match="has no attribute 'improve'"):
         quadctl.lab.improve  # noqa: B018
+
+
+class TestUnseenFlights:
+    def test_both_models_are_judged_as_they_stand_with_the_interval_of_the_change(self, here: Path) -> None:
+        found = judge(
+            "raptor.yaml", Model(load_model("raptor.yaml").vehicle).plus(Exponential(a=0.3, b=6.0)), "flight.csv"
+        )
+        before, after = (
+            compare(model, "flight.csv").rmse["total"] for model in (found.before.model, found.after.model)
+        )
+        assert found.drop == pytest.approx(1.0 - after / before)
+        low, high = found.drop_ci95
+        assert 0.5 < low < found.drop < high < 1.0
+        assert "On flight.csv, which no fit has seen: " in str(found)
+
+    def test_two_like_models_have_an_interval_that_holds_no_change(self, here: Path) -> None:
+        found = judge("raptor.yaml", "raptor.yaml", "flight.csv")
+        assert found.drop == 0.0 and found.drop_ci95 == (0.0, 0.0)

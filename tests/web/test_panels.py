@@ -49,11 +49,12 @@ from quadctl.web.panels.glossary import GLOSSARY
 from quadctl.web.panels.help import KEYS
 from quadctl.web.panels.missing import OF_BLOCKS, Verdict, as_drawn, beside_the_motion, on_whole_flights
 from quadctl.web.panels.panel import Bench, Controls, Panel
-from quadctl.web.panels.stack import BEYOND, NUISANCES, SAME_CAUSE, apart_in_words, limited_in_words
+from quadctl.web.panels.stack import BEYOND, NUISANCES, SAME_CAUSE, apart_in_words, kind_in_words, limited_in_words
 from quadctl.web.panels.view import View
 from quadctl.web.session.findings import Diagnosed, Findings
 from quadctl.web.session.session import Rung, Session
-from quadctl.web.work.jobs import Current, Opened, evaluate
+from quadctl.web.work.jobs import Current, Opened
+from quadctl.web.work.jobs import evaluated as evaluate
 from quadctl.web.work.reading import OpenedLog
 from quadctl.web.work.simulated import FAR, WITH, WITHOUT
 from quadctl.web.work.state import Gathered, Message, Results, Work
@@ -690,7 +691,7 @@ class TestOpenTab:
         whole = replace(view.seen, hold_out="flights")
         found = evaluate(Current(view.session.model), whole, None, lambda text: None)
         there = replace(view, opened=replace(view.opened, seen=whole), results=Results(found))
-        assert found.kind_by_flight.endswith("per-flight bias included")
+        assert kind_in_words(found).endswith("per-flight bias included")
         blocks, flights = (str(tabs("missing", each).shown) for each in (view, there))
         assert " included: on held-out flights" in flights and "apart from the" not in flights
         assert ", apart from the " in blocks and " included" not in blocks

@@ -242,7 +242,7 @@ class TestFitOnce:
     def test_a_step_that_was_climbed_is_evaluated_without_another_fit(
         self, raptor: Vehicle, flight: Dataset, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        before = jobs.evaluate(jobs.Current(Model(raptor)), flight, None, lambda text: None)
+        before = jobs.evaluated(jobs.Current(Model(raptor)), flight, None, lambda text: None)
         fitted: list[tuple[str, ...]] = []
 
         def counted(self: Fitter, *arguments: Any, **named: Any) -> Optimum:
@@ -263,7 +263,7 @@ class TestFitOnce:
     ) -> None:
         path = tmp_path / "own.py"
         path.write_text(OWN_EFFECT)
-        before = jobs.evaluate(jobs.Current(Model(raptor)), flight, None, lambda text: None)
+        before = jobs.evaluated(jobs.Current(Model(raptor)), flight, None, lambda text: None)
         current = jobs.Current(Model(raptor), before.solution)
         climbed = jobs.add_expression(path, current, flight, None, lambda text: None)
         assert climbed.model.effect_files == (path,)

@@ -20,6 +20,7 @@ from quadctl.cli import app
 from quadctl.effects.ground_effect import Exponential, Hayden
 from quadctl.effects.thrust_scale import ConstantScale
 from quadctl.errors import SettingsError
+from quadctl.lab.evaluation import Evaluation, errors_of
 from quadctl.lab.flights.dataset import Dataset, load_dataset
 from quadctl.lab.flights.preparation import MAX_BANDWIDTH_HZ
 from quadctl.lab.selection.diagnosis import diagnose
@@ -655,8 +656,8 @@ class TestErrorsOfAllSteps:
         truth, seen, unseen = flown
         models = [Model(truth.vehicle), truth]
         for held_out in (None, unseen):
-            found = jobs.errors_of(models, seen, held_out, lambda text: None)
-            evaluated = [jobs.evaluate(jobs.Current(model), seen, held_out, lambda text: None) for model in models]
+            found = errors_of(models, seen, held_out, lambda text: None)
+            evaluated = [jobs.evaluated(jobs.Current(model), seen, held_out, lambda text: None) for model in models]
             assert found == [pytest.approx((each.error_m_s2, each.floor_m_s2)) for each in evaluated]
 
     def test_a_model_fitted_to_other_flights_is_judged_as_it_stands_not_by_refits(
@@ -666,10 +667,10 @@ class TestErrorsOfAllSteps:
         truth, seen, _ = flown
         wrong = Exponential(a=1.2, b=5.0)
 
-        def judged(logs: tuple[str, ...] | None) -> jobs.Evaluation:
+        def judged(logs: tuple[str, ...] | None) -> Evaluation:
             item = StackedEffect(wrong, None if logs is None else Provenance(logs=logs))
             model = replace(truth, stack=(item,))
-            evaluation = jobs.evaluate(jobs.Current(model), seen, None, lambda text: None)
+            evaluation = jobs.evaluated(jobs.Current(model), seen, None, lambda text: None)
             assert evaluation.by_flight["0.csv"]["total"] == pytest.approx(evaluation.error_m_s2)
             assert evaluation.remainder.error_m_s2 == pytest.approx(evaluation.error_m_s2)
             return evaluation

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from quadctl.errors import LogError
 from quadctl.logs.findings import Kind, finding
 from quadctl.logs.flight_log import ATTITUDE, POSITION, VELOCITY, FlightLog, Floats
 from quadctl.logs.record.interpolation import resolution
@@ -36,6 +37,14 @@ def without_copies(logs: Sequence[FlightLog]) -> list[FlightLog]:
             told = [finding(Kind.COPY, other=name, left_out=True) for name in own]
             kept.append(replace(log, findings=[*log.findings, *told]))
     return kept
+
+
+def refuse_copies(unseen: Sequence[FlightLog], seen: Sequence[FlightLog]) -> None:
+    """Raise LogError where a flight to judge on is one that fits use, under whatever name, whole or in part."""
+    for a, b in copies([*unseen, *seen]):
+        if a < len(unseen) <= b:
+            other = seen[b - len(unseen)].name
+            raise LogError(f"{unseen[a].name}: holds the same flight as {other}, expected one that no fit uses")
 
 
 def marked(logs: Sequence[FlightLog]) -> list[FlightLog]:

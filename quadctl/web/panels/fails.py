@@ -20,6 +20,7 @@ from quadctl.lab.comparison.wording import (
     sentence,
     untold_in_words,
 )
+from quadctl.lab.evaluation import Evaluation
 from quadctl.lab.flights.flight import Flight
 from quadctl.web.elements.html import empty, heading, loading, plot, tag
 from quadctl.web.elements.theme import Theme
@@ -30,7 +31,6 @@ from quadctl.web.panels.glossary import explained
 from quadctl.web.panels.panel import Controls, Panel, Tab
 from quadctl.web.panels.stack import apart_in_words
 from quadctl.web.panels.view import Brush
-from quadctl.web.work.jobs import Evaluation
 
 _SCROLL = "document.querySelector('#selected').scrollIntoView()"
 _SCROLL_WHEN_DRAWN = """

@@ -20,6 +20,7 @@ from quadctl.lab.comparison.wording import (
     trim_in_words,
     where_in_words,
 )
+from quadctl.lab.evaluation import Evaluation
 from quadctl.lab.fitting.fitted_model import is_fitted_to
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.web.elements.html import tag
@@ -27,7 +28,6 @@ from quadctl.web.panels.glossary import explained
 from quadctl.web.panels.panel import Controls, Panel
 from quadctl.web.panels.vehicle import WhichVehicle
 from quadctl.web.session.session import Rung, Session
-from quadctl.web.work.jobs import Evaluation
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,7 @@ from quadctl.lab.comparison.wording import (
     remainder_in_words,
     sentence,
 )
+from quadctl.lab.evaluation import Evaluation
 from quadctl.lab.finding import Finding, Kind
 from quadctl.lab.flights.dataset import Dataset, HoldOut
 from quadctl.lab.flights.flight import VARIABLE_NAMES, Flight
@@ -46,10 +47,10 @@ from quadctl.web.figures.timeline import short_timeline
 from quadctl.web.panels.evidence import Evidence, chosen_of, draw_suggestion, rival_of
 from quadctl.web.panels.glossary import explained
 from quadctl.web.panels.panel import Controls, Panel, Tab
+from quadctl.web.panels.stack import kind_in_words
 from quadctl.web.panels.zoomed import zoomed_plot
 from quadctl.web.session.findings import Diagnosed
 from quadctl.web.session.session import Rung
-from quadctl.web.work.jobs import Evaluation
 from quadctl.web.work.predictions import predictions
 
 OPEN = "info"
@@ -116,7 +117,7 @@ class ErrorsByAxis(Panel):
         where = "Error" if len(self.evaluation.by_flight) == 1 else "Error in this flight"
         shown = f"{where}, all axes: {quantity(errors['total'])}; shown is {self.axis}, {quantity(errors[self.axis])}"
         largest = f". It is largest {worst}: {quantity(errors[worst])}"
-        kind = sentence(self.evaluation.kind_by_flight)
+        kind = sentence(kind_in_words(self.evaluation))
         with tag("p", "muted"):
             at_worst = ", the axis with the largest error"
             drawn = "" if self.model is None else as_drawn(errors[self.axis], self.model, self.flight, self.axis)

@@ -15,8 +15,10 @@ from quadctl.lab.comparison.wording import (
     p_in_words,
     plain,
     plus,
+    trim_in_words,
     value_in_text,
 )
+from quadctl.lab.evaluation import Evaluation
 from quadctl.lab.fitting.nuisances import KINDS, Kind
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.selection.rule import is_significant
@@ -26,7 +28,6 @@ from quadctl.web.panels.glossary import explained
 from quadctl.web.panels.panel import Controls, Panel
 from quadctl.web.session.findings import Diagnosed
 from quadctl.web.session.session import Rung
-from quadctl.web.work.jobs import Evaluation
 
 AT_LIMIT = 0.98
 """Share of its bound at which an offset is said to be at its limit."""
@@ -53,6 +54,12 @@ BEYOND = {
 SAME_CAUSE = {"pitch_rad": "roll_rad", "slow_levelling": "levelling"}
 CORRECTED = {"thrust_scale": "thrust", "roll_rad": "tilt", "delay_s": "lag"}
 """Number of the vehicle that more of a nuisance would correct, for those of which a search can tell."""
+
+_KINDS_BY_FLIGHT = {
+    "cross-validated": "cross-validated",
+    "as it stands": "of the model as it stands",
+    "held out": "of the model as it is exported, per-flight bias included",
+}
 
 
 @dataclass(frozen=True)
@@ -134,7 +141,7 @@ def _draw_effect(do: Controls, item: StackedEffect, alike: Sequence[str], on: bo
 
 def _draw_errors(evaluation: Evaluation) -> None:
     with tag("p", "muted what"):
-        explained(f"Errors {evaluation.kind_by_flight}:")
+        explained(f"Errors {kind_in_words(evaluation)}:")
     with tag("table", "small by-flight"):
         with tag("tr"):
             tag("th", "", "flight")
@@ -143,6 +150,12 @@ def _draw_errors(evaluation: Evaluation) -> None:
             with tag("tr"):
                 tag("td", "", flight)
                 tag("td", "number", number(errors["total"]))
+
+
+def kind_in_words(evaluation: Evaluation) -> str:
+    """Return the kind of the errors by flight."""
+    said = _KINDS_BY_FLIGHT[evaluation.kind]
+    return said if evaluation.kind == "held out" else f"{said}, {trim_in_words(evaluation.comparison.dataset)}"
 
 
 def apart_in_words(evaluation: Evaluation) -> str:

@@ -9,6 +9,7 @@ from quadctl.lab.comparison.agreement import Agreement
 from quadctl.lab.comparison.comparison import Comparison, values_of_other_flights
 from quadctl.lab.comparison.reservations import reservations, thrust_reservation
 from quadctl.lab.comparison.wording import listed, sentence
+from quadctl.lab.evaluation import Evaluation
 from quadctl.lab.flights.dataset import Dataset, HoldOut
 from quadctl.lab.flights.flight import Flight
 from quadctl.lab.planning.suggestion import Suggestion
@@ -21,7 +22,7 @@ from quadctl.web.session.earlier import Earlier, earlier_sessions
 from quadctl.web.session.findings import Diagnosed
 from quadctl.web.session.session import Rung, Session
 from quadctl.web.work.doubts import cautions_of, firmware, names_its_vehicle
-from quadctl.web.work.jobs import Evaluation, Opened
+from quadctl.web.work.jobs import Opened
 from quadctl.web.work.state import Gathered, Message, Results, Work
 
 CURRENT = "with added effects"

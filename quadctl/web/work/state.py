@@ -4,11 +4,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
+from quadctl.lab.evaluation import Evaluation
 from quadctl.lab.planning.suggestion import Suggestion
 from quadctl.lab.selection.evidence import Evidence
 from quadctl.lab.tracking.step_response import StepResponses
 from quadctl.web.session.findings import Diagnosed
-from quadctl.web.work.jobs import Evaluation
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from typing import Any, Literal
 
 from quadctl.errors import QuadctlError, SettingsError
 from quadctl.lab.comparison.wording import ended, listed, plain, quantity
+from quadctl.lab.evaluation import Evaluation, errors_of
 from quadctl.lab.flights.dataset import Dataset, HoldOut
 from quadctl.lab.report.results import Shown
 from quadctl.logs.flight_log import FlightLog
@@ -413,7 +414,7 @@ class Workbench:
             return jobs.Current(model)
         return jobs.Current(model, evaluation.solution)
 
-    async def _judge(self, progress: Callable[[str], None], evaluation: jobs.Evaluation | None = None) -> None:
+    async def _judge(self, progress: Callable[[str], None], evaluation: Evaluation | None = None) -> None:
         """Evaluate the current model where that is not done yet, and begin to look for what it lacks."""
         self.results = Results(before=self.results.found or self.results.before)
         self.cancel_search()
@@ -425,7 +426,7 @@ class Workbench:
         self._changed()
         if evaluation is None:
             current = jobs.Current(model)
-            evaluation = await self._quick.run(jobs.evaluate, current, opened.seen, opened.unseen, progress=progress)
+            evaluation = await self._quick.run(jobs.evaluated, current, opened.seen, opened.unseen, progress=progress)
         evaluation = replace(
             evaluation, comparison=replace(evaluation.comparison, dataset=opened.seen.aligned_for(model))
         )
@@ -445,11 +446,11 @@ class Workbench:
         if steps:
             self._changed()
             models = [self.session.rungs[i].model for i in steps]
-            errors = await self._quick.run(jobs.errors_of, models, seen, unseen, progress=progress)
+            errors = await self._quick.run(errors_of, models, seen, unseen, progress=progress)
             self.session = self.session.with_errors(dict(zip(steps, errors, strict=True)))
             self._autosave()
 
-    def _judged(self, evaluation: jobs.Evaluation) -> None:
+    def _judged(self, evaluation: Evaluation) -> None:
         """Keep the error of the current step; where a saved one differs from it, drop all saved results."""
         rung = self.session.rung
         known = None if rung is None else rung.error_m_s2
