@@ -518,7 +518,7 @@ def _answer(
     console.print(result)
     if judged is not None:
         console.print(judged)
-        more["unseen"] = judged.to_dict()
+        more["unseen_flights"] = judged.to_dict()
     _print_notes(data)
     if saved is not None:
         print_saved(saved[1])
