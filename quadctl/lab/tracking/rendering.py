@@ -22,9 +22,28 @@ _HEADINGS = {
 }
 
 
+_DEFINITION = {
+    "m_b_absolute": "absolute M_B, the integral of the difference from the reference flight, m s",
+    "rmse_m": "RMSE of the error, m",
+}
+
+
 def render(result: MetricsTable) -> RenderableType:
-    """The metrics as a table: one line per flight, then mean and deviation of flights flown more than once."""
-    return Group(_table(result), *(Text(f"{note}.") for note in result.notes))
+    """The metrics: which flight follows best, then a table, one line per flight and mean and deviation of flights flown
+    more than once."""
+    said = filter(None, [_answer(result)])
+    notes = ("M_A: integral of the error.", *(f"{note}." for note in result.notes))
+    return Group(*(Text(sentence) for sentence in said), _table(result), *(Text(note) for note in notes))
+
+
+def _answer(result: MetricsTable) -> str:
+    """Order of what was flown by the error that is most to the point, the least first; empty of a single flight."""
+    flown = [group for group in result.groups if not group.is_reference]
+    value = "m_b_absolute" if all(group.mean.get("m_b_absolute") is not None for group in flown) else "rmse_m"
+    errors = sorted((group.mean[value] or 0.0, group.group) for group in flown)
+    if len(errors) < 2:
+        return ""
+    return f"Least first by {_DEFINITION[value]}: " + "; ".join(f"{name} {error:.3f}" for error, name in errors) + "."
 
 
 def _table(result: MetricsTable) -> Table:

@@ -333,6 +333,16 @@ class TestOutput:
         assert data["groups"][0]["mean"]["m_b_signed"] == 0.25
         assert data["groups"][0]["mean"]["m_b_absolute"] == 0.5
 
+    def test_the_flights_are_ranked_first_by_the_difference_from_the_reference_flight(self) -> None:
+        worse, better = flight(np.full(3, 1.75), name="worse.csv"), flight(np.full(3, 1.5), name="better.csv")
+        high = flight(np.full(3, 1.25), name="high.csv")
+        window = Window(0.0, 1.0)
+        ranked = metrics([worse, better], [high], window=window, setpoint_m=0.0, reference_setpoint_m=0.0)
+        first = " ".join(on_a_narrow_terminal(ranked).split("Tracking")[0].split())
+        assert first.endswith("m s: better 0.250; worse 0.500.")
+        without = metrics([worse, better], window=window, setpoint_m=0.0)
+        assert "RMSE of the error, m: better 1.500; worse 1.750." in " ".join(on_a_narrow_terminal(without).split())
+
     def test_table_shows_every_number_on_a_narrow_terminal(self) -> None:
         shown = on_a_narrow_terminal(self.result)
         assert "…" not in shown
