@@ -120,7 +120,14 @@ def run(out: Path, console: Console, simulator: Simulator, real_time: bool) -> N
         after=judged.after,
         steps=step_responses(steps.logs, steps.table),
     )
-    demo.say(f"\nReport: [bold]{report}[/]")
+    before, after = (comparison.rmse["total"] for comparison in (judged.before, judged.after))
+    differences = [f"{flight.m_b_absolute:.3f}" for flight in steps.table.flights if not flight.is_reference]
+    demo.say(
+        f"\nIn short: {', '.join(discovery.diagnosis.missing)} is missing; error on the unseen flight {before:.3f} -> "
+        f"[bold]{after:.3f} m/s^2[/]; absolute M_B of the step without, with the textbook's and with the found effect "
+        f"{' -> '.join(differences)} m s."
+    )
+    demo.say(f"Report: [bold]{report}[/]")
     flights = " ".join(str(log.path) for log in logs)
     demo.say(f"The same in your browser, click by click: [bold]quadctl lab {flights} --hidden {demo.hidden}[/]")
 
