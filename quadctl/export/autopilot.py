@@ -346,8 +346,8 @@ def parameter_file(rows: Sequence[Row], dialect: Dialect, title: str) -> str:
         The model tells none of the parameters.
     """
     if all(row.estimate is None for row in rows):
-        reasons = "; ".join(f"{row.name}: {row.lacking}" for row in rows)
-        raise SettingsError(f"{title}: tells no parameter of {dialect.name} ({reasons})")
+        reasons = "".join(f"\n  {row.name}: {row.lacking}" for row in rows)
+        raise SettingsError(f"{title}: tells no parameter of {dialect.name}, for a reason each:{reasons}")
     lines = [f"# Parameters for {dialect.name} from {title}, with 95 % confidence intervals"]
     for row in rows:
         lines.append(f"# {row.name}: {said(row)}")
