@@ -26,7 +26,7 @@ from quadctl.lab.fitting.normal_equations import (
     robust_weights,
     soft_l1_loss,
 )
-from quadctl.lab.fitting.nuisances import AGE, BOUND, KINDS, LOWEST, PRIOR_STD, acceleration_jacobian, predicted_with
+from quadctl.lab.fitting.nuisances import AGE, KINDS, acceleration_jacobian, bounds, predicted_with, prior_std
 from quadctl.lab.fitting.parameters import (
     HELD,
     free_parameters,
@@ -105,12 +105,13 @@ class Fitter:
         self.dataset = dataset.aligned_for(model)
         self.model = model
         self.free = free_parameters(model)
-        count = len(dataset.flights)
-        lowest = np.tile(LOWEST, (count, 1))
+        lowest, highest = map(np.array, zip(*map(bounds, self.dataset.flights), strict=True))
+        self._prior_std = np.array([prior_std(flight) for flight in self.dataset.flights])
+        self._bound = highest
         # A rotor signal that comes earlier than positions are late has rotors that follow it late, and no delay.
-        lowest[:, AGE] = [np.clip(f.timing.earliest_s - f.delay_s, -BOUND[AGE], 0.0) for f in self.dataset.flights]
+        lowest[:, AGE] = [np.clip(f.timing.earliest_s - f.delay_s, -highest[0, AGE], 0.0) for f in self.dataset.flights]
         self._low = np.concatenate([[f.parameter.low for f in self.free], lowest.ravel()])
-        self._high = np.concatenate([[f.parameter.high for f in self.free], np.tile(BOUND, count)])
+        self._high = np.concatenate([[f.parameter.high for f in self.free], highest.ravel()])
         self._unit = self._high - self._low
         self._last: tuple[Optimum, _Linearisation] | None = None
 
@@ -200,7 +201,7 @@ class Fitter:
         times, alike = np.empty((BOOTSTRAPS, count), dtype=np.uint16), np.full(runs, 1.0 / runs)
         for now in parts:
             times[now] = random.multinomial(runs, alike, now.stop - now.start)[:, run]
-        centres = PRIOR_STD * random.standard_normal((BOOTSTRAPS, *fitted.nuisances.shape))
+        centres = self._prior_std * random.standard_normal((BOOTSTRAPS, *fitted.nuisances.shape))
         # The spread is estimated from few runs: Student's t instead of the normal distribution, n - 1 instead of n.
         wider = float(special.stdtrit(runs - 1, 0.975)) / 1.96 * math.sqrt(runs / (runs - 1)) if runs > 1 else 1.0
         first = np.flatnonzero(np.diff(self.dataset.flight_index[tangent.starts], prepend=-1))
@@ -249,19 +250,20 @@ class Fitter:
 
     # --- steps: vectors of the parameters and the nuisances of all flights --------------------------------------------
 
-    def _equations(self, gram: Floats, prior_offset: Floats, prior_std: Floats = PRIOR_STD) -> Arrow:
+    def _equations(self, gram: Floats, prior_offset: Floats, stds: Floats | None = None) -> Arrow:
         """Normal equations, in units of the range of each parameter and nuisance.
 
         `gram` holds the Gram matrix of each flight (see `gram_matrix`), `prior_offset` the prior mean minus the present
-        value of the nuisances, shape (flights, kinds), and `prior_std` their standard deviation; the first two may have
-        a leading axis of draws.
+        value of the nuisances, shape (flights, kinds), and `stds` their standard deviations, by default those of the
+        prior; the first two may have a leading axis of draws.
         """
         p, kinds = len(self.free), np.arange(len(KINDS))
-        unit = np.concatenate([self._unit[: p + len(KINDS)], [1.0]])
-        scaled = gram * np.outer(unit, unit)
-        own = unit[p:-1]
-        scaled[..., p + kinds, p + kinds] += (own / prior_std) ** 2
-        scaled[..., p:-1, -1] += own / prior_std**2 * prior_offset
+        stds = self._prior_std if stds is None else stds
+        unit = np.column_stack([self._unit_by_flight, np.ones(len(stds))])
+        scaled = gram * (unit[:, :, None] * unit[:, None, :])
+        own = unit[:, p:-1]
+        scaled[..., p + kinds, p + kinds] += (own / stds) ** 2
+        scaled[..., p:-1, -1] += own / stds**2 * prior_offset
         return Arrow.of_gram_matrices(scaled, p).ridged()
 
     def _moves_of_held(
@@ -308,19 +310,19 @@ class Fitter:
         return np.asarray(equations.solve(free_mask)[:, : len(self.free)])
 
     def _step_beyond_bounds(self, fitted: Optimum, gram: Floats, free_mask: Mask) -> Floats:
-        """Step of the parameters, in units of their ranges, where the nuisances that `BOUND` holds go beyond it, shape
-        (p,); 0 where it holds none.
+        """Step of the parameters, in units of their ranges, where the nuisances that are held by their bounds go beyond
+        them, shape (p,); 0 where none is.
 
-        It is what usual vehicles and estimators have, and no law of physics. A nuisance that it holds belongs to an
+        A bound is what usual vehicles and estimators have, and no law of physics. What it holds belongs to an
         unusual one, of which nobody knows how far it goes: its prior is then as wide as the bound.
         """
         p = len(self.free)
-        unusual = np.abs(fitted.nuisances) > (1.0 - HELD) * BOUND
+        unusual = np.abs(fitted.nuisances) > (1.0 - HELD) * self._bound
         released = free_mask | np.concatenate([np.zeros(p, dtype=bool), unusual.ravel()])
         if np.array_equal(released, free_mask):
             return np.zeros(p)
-        prior_std = np.where(unusual, BOUND, PRIOR_STD)
-        return np.asarray(self._equations(gram, -fitted.nuisances, prior_std).solve(released)[:p])
+        stds = np.where(unusual, self._bound, self._prior_std)
+        return np.asarray(self._equations(gram, -fitted.nuisances, stds).solve(released)[:p])
 
     def _variance_beyond_runs(
         self, fitted: Optimum, gram: Floats, tangent: _Linearisation, run: NDArray[np.intp], free_mask: Mask
@@ -329,7 +331,7 @@ class Fitter:
         more than runs of blocks that are taken for independent, shape (p,); 0 where it says less."""
         p, k, count = len(self.free), len(KINDS), len(gram)
         equations = self._equations(gram, -fitted.nuisances)
-        unit = self._unit[: p + k]
+        unit = self._unit_by_flight
         flight = self.dataset.flight_index[tangent.starts]
         more = np.zeros(p)
         for i in range(p):
@@ -342,6 +344,12 @@ class Fitter:
             of_spectrum = np.einsum("fm,fmn,fn->", by_gradient, tangent.gradient_covariance, by_gradient)
             more[i] = max(of_spectrum - float(by_run @ by_run), 0.0)
         return more
+
+    @property
+    def _unit_by_flight(self) -> Floats:
+        """Range of each parameter and of each nuisance of a flight, shape (flights, p + kinds)."""
+        p, own = len(self.free), self._unit[len(self.free) :].reshape(-1, len(KINDS))
+        return np.column_stack([np.tile(self._unit[:p], (len(own), 1)), own])
 
     def _free_mask(self, fitted: Optimum) -> Mask:
         """Mask of the unknowns that are not at a bound; those at a bound stay there, as they would in a refit."""
@@ -422,7 +430,7 @@ class Fitter:
     def _objective(self, fitted: Optimum, residual: Floats, scale: Floats, rows: Mask) -> float:
         """Objective: soft-L1 loss of the residual in units of the noise, plus the squared prior terms of the
         nuisances."""
-        total = float(np.sum((fitted.nuisances / PRIOR_STD) ** 2))
+        total = float(np.sum((fitted.nuisances / self._prior_std) ** 2))
         for flight, part in zip(self.dataset.flights, self.dataset.parts, strict=True):
             total += soft_l1_loss(residual[part][rows[part]] / scale, axis_weights(flight, self.dataset.groups))
         return total

@@ -14,10 +14,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from quadctl.frames import GRAVITY_M_S2, multiply, quaternion_from_euler
+from quadctl.frames import GRAVITY_M_S2, multiply, quaternion_from_euler, rotate, rotate_inverse
 from quadctl.lab.arrays import Floats
 from quadctl.lab.flights.flight import Flight
 from quadctl.lab.flights.prediction import PREDICT, predict
+from quadctl.logs.flight_log import MOTION_CAPTURE
 from quadctl.model import Model
 from quadctl.vehicle import Vehicle
 
@@ -52,18 +53,55 @@ small; a large negative one would stand for a drag, as it did in RAPTOR's forwar
 root of the summed squares of the rotors' moments: 0.01 is the standard deviation of the moment of rotors whose
 coefficients are independently 1 % off each, and whose motors lean by `LEAN`. Like these errors, they grow with the
 thrust. A centre of mass that is 1 % of the arms off gives 0.02; three flights of RAPTOR have roll and pitch moments of
-0.002 to 0.051, 0.03 in the root mean square."""
+0.002 to 0.051, 0.03 in the root mean square. Bounds of roll and pitch and of their moments may be wider: `bounds`."""
 LEAN = np.radians(0.3)
 """Lean of each motor on its arm, standard deviation, rad; about yaw it matters much more than coefficients that are 1 %
 off."""
+CENTRE_OF_MASS_M = 2e-3
+"""Offset of the centre of mass up to which a moment is a nuisance, where that is more than the bound in `KINDS`: hands
+that strap in a battery leave a millimetre or two on any vehicle, which is much of the arms of a small one. On a vehicle
+with arms of 33 mm it takes away the faults of one rotor by less than a quarter of its thrust; above arms of 0.1 m it
+changes nothing."""
+CAPTURED_STD, CAPTURED_BOUND = np.radians(1.5), np.radians(5.0)
+"""Prior standard deviation and bound of roll and pitch by a motion capture: the axes of its rigid body are those that
+the vehicle had on the floor when the markers were named. An estimator that its accelerometer levels is never that far
+off. It takes away a tilted thrust that no accelerometer tells from such an error."""
 PRIOR_STD = np.array([kind.prior_std for kind in KINDS])
+"""Prior standard deviation of each kind, as the flight of an estimator has it (see `prior_std`)."""
 BOUND = np.array([kind.bound for kind in KINDS])
 LOWEST = np.array([-kind.prior_std if kind.positive else -kind.bound for kind in KINDS])
 FORCES = 7
 """Number of the kinds that act on the acceleration; the others act on the moments."""
+TRIM = slice(1, 3)
+"""Place of roll and pitch."""
 HEIGHT, AGE, LEVELLING, SLOW_LEVELLING = (
     [kind.name for kind in KINDS].index(name) for name in ("height_m", "delay_s", "levelling", "slow_levelling")
 )
+
+
+def is_captured(flight: Flight) -> bool:
+    """Tell whether the attitude of a flight is that of a motion capture."""
+    return flight.attitude_by == MOTION_CAPTURE
+
+
+def prior_std(flight: Flight) -> Floats:
+    """Prior standard deviation of each nuisance of a flight, shape (kinds,)."""
+    found = PRIOR_STD.copy()
+    if is_captured(flight):
+        found[TRIM] = CAPTURED_STD
+    return found
+
+
+def bounds(flight: Flight) -> tuple[Floats, Floats]:
+    """Lowest and highest value of each nuisance of a flight, shape (kinds,) each."""
+    low, high = LOWEST.copy(), BOUND.copy()
+    if is_captured(flight):
+        high[TRIM] = CAPTURED_BOUND
+    # Roll and pitch only: a centre of mass does not turn about yaw.
+    by_offset = CENTRE_OF_MASS_M * flight.vehicle.weight_n / moment_per_load(flight.vehicle)[:2]
+    high[FORCES : FORCES + 2] = np.maximum(high[FORCES : FORCES + 2], by_offset)
+    symmetric = np.array([not kind.positive for kind in KINDS])
+    return np.where(symmetric, -high, low), high
 
 
 def disturbed(flight: Flight, nuisance: Floats) -> Flight:
@@ -110,6 +148,11 @@ def nuisance_jacobian(
         first = 3 * groups.index("turning")
         for i, moment in enumerate(rotor_moments_n_m(flight).T):
             found[:, first + i, FORCES + i] = moment
+    if "sensing" in groups and is_captured(flight):
+        first = 3 * groups.index("sensing")
+        for i in range(TRIM.start, TRIM.stop):
+            nuisance = np.diag(PRIOR_STD)[i]
+            found[:, first : first + 3, i] = sensed_by_wrong_attitude(flight, nuisance) / PRIOR_STD[i]
     return found
 
 
@@ -147,11 +190,28 @@ def predicted_with(model: Model, flight: Flight, nuisance: Floats, groups: Seque
     predicted = {group: PREDICT[group](model, flight) for group in groups if group != "total"}
     if "turning" in predicted:
         predicted["turning"] = predicted["turning"] + nuisance[FORCES:] * rotor_moments_n_m(flight)
+    if "sensing" in predicted and is_captured(flight) and nuisance[TRIM].any():
+        predicted["sensing"] = predicted["sensing"] + sensed_by_wrong_attitude(flight, nuisance)
     total = predict(model, disturbed(flight, nuisance))
     total = _leant(total, float(nuisance[LEVELLING]))
     # An estimator that averages its accelerometer over seconds is wrong by what lasts so long, whatever the model says.
     total[:, :2] += nuisance[SLOW_LEVELLING] * flight.lasting_acceleration
     return np.column_stack([total, *predicted.values()])
+
+
+def sensed_by_wrong_attitude(flight: Flight, nuisance: Floats) -> Floats:
+    """Error of the accelerometer's acceleration that is turned into the world by an attitude with these trims, north,
+    east, up, m/s^2, shape (n, 3).
+
+    Only an attitude that does not come from the accelerometer itself has it: an estimator that is levelled by a biased
+    one reads no error in hover.
+    """
+    roll, pitch = (float(value) for value in nuisance[TRIM])
+    north, east, up = flight.measured.T
+    force = (north, east, -up - GRAVITY_M_S2)
+    logged = flight.sampled_attitude
+    read = rotate(logged, rotate_inverse(multiply(logged, quaternion_from_euler(roll, pitch, 0.0)), force))
+    return np.column_stack([read[0] - force[0], read[1] - force[1], force[2] - read[2]])
 
 
 def rotor_moments_n_m(flight: Flight) -> Floats:

@@ -13,7 +13,7 @@ from scipy.ndimage import correlate1d
 from scipy.sparse import csr_matrix
 
 from quadctl.effects import Conditions
-from quadctl.frames import GRAVITY_M_S2, euler_from_quaternion, rotate_inverse
+from quadctl.frames import GRAVITY_M_S2, Quaternion, euler_from_quaternion, rotate_inverse
 from quadctl.lab.arrays import Floats, Mask
 from quadctl.logs.findings import Finding, Kind, of_kind
 from quadctl.logs.words import worded
@@ -163,6 +163,8 @@ class Flight:
     changes_s: tuple[float, ...] = ()
     """Times at which something of the record changes: the flight mode, a parameter on which the thrust depends, the
     estimator's state."""
+    attitude_by: str = ""
+    """Source of the attitude, of `ATTITUDE_SOURCES`; empty where the log does not say."""
     sha256: str = ""
     """Hash of the log file; empty for a log without a file."""
     timing: Timing = UNKNOWN_TIMING
@@ -328,6 +330,13 @@ class Flight:
     def heading_rad(self) -> Floats:
         """Filtered yaw, unwrapped, at the samples, shape (n,)."""
         return self.filtered(np.unwrap(euler_from_quaternion(self.conditions.attitude)[2]))
+
+    @cached_property
+    def sampled_attitude(self) -> Quaternion:
+        """Filtered attitude, body to world, at the samples, shape (n,) each part."""
+        parts = np.array([self.filtered(part) for part in self.conditions.attitude])
+        w, x, y, z = parts / np.linalg.norm(parts, axis=0)
+        return w, x, y, z
 
     @cached_property
     def manoeuvres(self) -> dict[str, Floats]:

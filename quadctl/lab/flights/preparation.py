@@ -30,7 +30,7 @@ from quadctl.lab.flights.timing import timed
 from quadctl.lab.flights.vehicle_match import motion_problem, sidecar_problem, thrust_problem, weight_doubt
 from quadctl.lab.flights.velocity_scale import scale_finding
 from quadctl.logs.findings import Finding, Kind, finding
-from quadctl.logs.flight_log import FlightLog, doubt_of_copy
+from quadctl.logs.flight_log import FlightLog, attitude_source, doubt_of_copy
 from quadctl.logs.record.flight_time import total
 from quadctl.logs.record.record import LEFT_OUT_S, MIN_FLIGHT_S, Record, examine
 from quadctl.logs.words import worded
@@ -79,7 +79,7 @@ def prepare(log: FlightLog, vehicle: Vehicle) -> Flight:
     flight = _over_surfaces(
         _assemble(log.name, vehicle, signals, grid, smooth, derivative, time, bandwidth, findings), log
     )
-    flight = replace(flight, changes_s=record.changes_s)
+    flight = replace(flight, changes_s=record.changes_s, attitude_by=attitude_source(log))
     flight = flight.by_accelerometer(tuple(AXES.index(axis) for axis in record.velocity_doubted))
     del signals, grid, smooth, derivative  # of a long log they need as much memory as the flight
     (flight,) = timed([replace(flight, sha256=_sha256(log))], Model(vehicle))
