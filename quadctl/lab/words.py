@@ -47,8 +47,8 @@ TEMPLATES: Mapping[Kind, str] = {
     "{parameters:parameters}.",
     Kind.LATE_POSITION: "The position comes {delay_ms:.0f} ms [{low_ms:.0f}, {high_ms:.0f}] after the rotors' signal, "
     "and no lag of the motors explains it: what brings or filters the position is slow. It has been taken out.",
-    Kind.ATTITUDE_OFF: "The attitude by motion capture is off by up to {largest_deg:.1f}° ({flights:leans}): the motion "
-    "and the accelerometer agree on that. It has been taken out.",
+    Kind.ATTITUDE_OFF: "The attitude by motion capture is off by up to {largest_deg:.1f}° ({flights:leans}): the "
+    "motion and the accelerometer agree on that. It has been taken out.",
     Kind.ATTITUDE_OR_TILT: "The attitude by motion capture is off, or the thrust is tilted, by up to "
     "{largest_deg:.1f}° ({flights:leans}): without an accelerometer the two are alike. It has been taken out.",
     Kind.UNTRIED: "{effect} (to distinguish it from others, {variable:span} must span {needed:g} {unit}; in these data "

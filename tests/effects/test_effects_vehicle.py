@@ -429,7 +429,7 @@ def test_interaction_pitches_the_nose_up_in_forward_flight(raptor: Vehicle) -> N
 
 
 def test_an_airspeed_moment_by_hand(raptor: Vehicle) -> None:
-    """10 N in all, rolled and pitched and heading east: the moment is that of the airspeed in the body, and no force."""
+    """10 N in all, rolled, pitched and heading east: a moment by the airspeed in the body, and no force."""
     turned = multiply(HEADING_EAST, quaternion_from_euler(0.2, -0.3, 0.0))
     effect = LinearMoment(roll=-0.8, pitch=1.1)
     moment = effect.torque([1.0, 2.0, 3.0, 4.0], at((3.0, -2.0, 0.7), attitude=turned), raptor)

@@ -105,8 +105,8 @@ def bounds(flight: Flight) -> tuple[Floats, Floats]:
 
 
 def captured_leans_deg(flights: Sequence[Flight], nuisances: Floats) -> dict[str, tuple[float, float]]:
-    """Roll and pitch by which the vehicle leans more than its motion capture says, deg, by the name of the flight, where
-    it is more than the trim of any estimator; `nuisances` has shape (flights, kinds)."""
+    """Roll and pitch by which the vehicle leans more than its motion capture says, deg, by the name of the flight,
+    where it is more than the trim of any estimator; `nuisances` has shape (flights, kinds)."""
     return {
         flight.name: (float(np.degrees(roll)), float(np.degrees(pitch)))
         for flight, (roll, pitch) in zip(flights, nuisances[:, TRIM], strict=True)
