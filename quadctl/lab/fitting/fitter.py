@@ -26,7 +26,7 @@ from quadctl.lab.fitting.normal_equations import (
     robust_weights,
     soft_l1_loss,
 )
-from quadctl.lab.fitting.nuisances import AGE, KINDS, acceleration_jacobian, bounds, predicted_with, prior_std
+from quadctl.lab.fitting.nuisances import AGE, KINDS, PRIOR_STD, acceleration_jacobian, bounds, predicted_with
 from quadctl.lab.fitting.parameters import (
     HELD,
     free_parameters,
@@ -106,7 +106,6 @@ class Fitter:
         self.model = model
         self.free = free_parameters(model)
         lowest, highest = map(np.array, zip(*map(bounds, self.dataset.flights), strict=True))
-        self._prior_std = np.array([prior_std(flight) for flight in self.dataset.flights])
         self._bound = highest
         # A rotor signal that comes earlier than positions are late has rotors that follow it late, and no delay.
         lowest[:, AGE] = [np.clip(f.timing.earliest_s - f.delay_s, -highest[0, AGE], 0.0) for f in self.dataset.flights]
@@ -201,7 +200,7 @@ class Fitter:
         times, alike = np.empty((BOOTSTRAPS, count), dtype=np.uint16), np.full(runs, 1.0 / runs)
         for now in parts:
             times[now] = random.multinomial(runs, alike, now.stop - now.start)[:, run]
-        centres = self._prior_std * random.standard_normal((BOOTSTRAPS, *fitted.nuisances.shape))
+        centres = PRIOR_STD * random.standard_normal((BOOTSTRAPS, *fitted.nuisances.shape))
         # The spread is estimated from few runs: Student's t instead of the normal distribution, n - 1 instead of n.
         wider = float(special.stdtrit(runs - 1, 0.975)) / 1.96 * math.sqrt(runs / (runs - 1)) if runs > 1 else 1.0
         first = np.flatnonzero(np.diff(self.dataset.flight_index[tangent.starts], prepend=-1))
@@ -250,20 +249,19 @@ class Fitter:
 
     # --- steps: vectors of the parameters and the nuisances of all flights --------------------------------------------
 
-    def _equations(self, gram: Floats, prior_offset: Floats, stds: Floats | None = None) -> Arrow:
+    def _equations(self, gram: Floats, prior_offset: Floats, prior_std: Floats = PRIOR_STD) -> Arrow:
         """Normal equations, in units of the range of each parameter and nuisance.
 
         `gram` holds the Gram matrix of each flight (see `gram_matrix`), `prior_offset` the prior mean minus the present
-        value of the nuisances, shape (flights, kinds), and `stds` their standard deviations, by default those of the
-        prior; the first two may have a leading axis of draws.
+        value of the nuisances, shape (flights, kinds), and `prior_std` their standard deviation; the first two may have
+        a leading axis of draws.
         """
         p, kinds = len(self.free), np.arange(len(KINDS))
-        stds = self._prior_std if stds is None else stds
-        unit = np.column_stack([self._unit_by_flight, np.ones(len(stds))])
+        unit = np.column_stack([self._unit_by_flight, np.ones(len(self.dataset.flights))])
         scaled = gram * (unit[:, :, None] * unit[:, None, :])
         own = unit[:, p:-1]
-        scaled[..., p + kinds, p + kinds] += (own / stds) ** 2
-        scaled[..., p:-1, -1] += own / stds**2 * prior_offset
+        scaled[..., p + kinds, p + kinds] += (own / prior_std) ** 2
+        scaled[..., p:-1, -1] += own / prior_std**2 * prior_offset
         return Arrow.of_gram_matrices(scaled, p).ridged()
 
     def _moves_of_held(
@@ -321,8 +319,8 @@ class Fitter:
         released = free_mask | np.concatenate([np.zeros(p, dtype=bool), unusual.ravel()])
         if np.array_equal(released, free_mask):
             return np.zeros(p)
-        stds = np.where(unusual, self._bound, self._prior_std)
-        return np.asarray(self._equations(gram, -fitted.nuisances, stds).solve(released)[:p])
+        prior_std = np.where(unusual, self._bound, PRIOR_STD)
+        return np.asarray(self._equations(gram, -fitted.nuisances, prior_std).solve(released)[:p])
 
     def _variance_beyond_runs(
         self, fitted: Optimum, gram: Floats, tangent: _Linearisation, run: NDArray[np.intp], free_mask: Mask
@@ -430,7 +428,7 @@ class Fitter:
     def _objective(self, fitted: Optimum, residual: Floats, scale: Floats, rows: Mask) -> float:
         """Objective: soft-L1 loss of the residual in units of the noise, plus the squared prior terms of the
         nuisances."""
-        total = float(np.sum((fitted.nuisances / self._prior_std) ** 2))
+        total = float(np.sum((fitted.nuisances / PRIOR_STD) ** 2))
         for flight, part in zip(self.dataset.flights, self.dataset.parts, strict=True):
             total += soft_l1_loss(residual[part][rows[part]] / scale, axis_weights(flight, self.dataset.groups))
         return total

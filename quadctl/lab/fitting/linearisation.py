@@ -4,7 +4,7 @@ flights."""
 import numpy as np
 
 from quadctl.lab.arrays import Floats
-from quadctl.lab.fitting.nuisances import FORCES, KINDS, nuisance_jacobian, prior_std
+from quadctl.lab.fitting.nuisances import FORCES, PRIOR_STD, nuisance_jacobian
 from quadctl.lab.fitting.parameters import free_parameters, parameter_jacobian
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.flights.prediction import predict_targets
@@ -30,14 +30,13 @@ class Tangent:
         self._parts = dataset.parts
         self._own: list[_WidenedNoise] = []
         of_forces = UNCONSTRAINED if trims_unknown else 1.0
-        factors = np.where(np.arange(len(KINDS)) < FORCES, of_forces, 1.0)
+        prior_stds = np.where(np.arange(len(PRIOR_STD)) < FORCES, of_forces, 1.0) * PRIOR_STD
         ranges = np.array([f.parameter.high - f.parameter.low for f in free_parameters(model)])
         size, beside = 0.0, []
         for flight in dataset.flights:
             predicted = predict_targets(model, flight, dataset.groups)
-            stds = factors * prior_std(flight)
             own = _WidenedNoise(
-                _flat(nuisance_jacobian(model, flight, dataset.groups, predicted) / scale[:, None] * stds)
+                _flat(nuisance_jacobian(model, flight, dataset.groups, predicted) / scale[:, None] * prior_stds)
             )
             parameters = _flat(parameter_jacobian(model, flight, dataset.groups, predicted) / scale[:, None] * ranges)
             size = max(size, float(np.linalg.norm(parameters)))
