@@ -26,7 +26,15 @@ from quadctl.lab.fitting.normal_equations import (
     robust_weights,
     soft_l1_loss,
 )
-from quadctl.lab.fitting.nuisances import AGE, KINDS, PRIOR_STD, acceleration_jacobian, bounds, predicted_with
+from quadctl.lab.fitting.nuisances import (
+    AGE,
+    CAPTURED,
+    KINDS,
+    PRIOR_STD,
+    acceleration_jacobian,
+    bounds,
+    predicted_with,
+)
 from quadctl.lab.fitting.parameters import (
     HELD,
     free_parameters,
@@ -200,7 +208,13 @@ class Fitter:
         times, alike = np.empty((BOOTSTRAPS, count), dtype=np.uint16), np.full(runs, 1.0 / runs)
         for now in parts:
             times[now] = random.multinomial(runs, alike, now.stop - now.start)[:, run]
-        centres = PRIOR_STD * random.standard_normal((BOOTSTRAPS, *fitted.nuisances.shape))
+        count_flights, usual = len(fitted.nuisances), CAPTURED.start
+        centres = np.empty((BOOTSTRAPS, *fitted.nuisances.shape))
+        centres[..., :usual] = random.standard_normal((BOOTSTRAPS, count_flights, usual))
+        # Drawn apart: flights without a motion capture keep the draws of the others, and so the intervals of the pages.
+        apart = np.random.default_rng([seed, usual])
+        centres[..., usual:] = apart.standard_normal((BOOTSTRAPS, count_flights, len(KINDS) - usual))
+        centres *= PRIOR_STD
         # The spread is estimated from few runs: Student's t instead of the normal distribution, n - 1 instead of n.
         wider = float(special.stdtrit(runs - 1, 0.975)) / 1.96 * math.sqrt(runs / (runs - 1)) if runs > 1 else 1.0
         first = np.flatnonzero(np.diff(self.dataset.flight_index[tangent.starts], prepend=-1))

@@ -154,8 +154,8 @@ class TestForceByTheAccelerometer:
         assert np.abs(flight.measured - flight.sensed).max() > 1e-3
 
     def test_an_attitude_that_is_wrong_with_the_speed_is_no_drag(self, raptor: Vehicle) -> None:
-        """Runs at up to 2 m/s heading east of north, logged as pitched by 1 degree less for each m/s: a drag of 0.17 1/s,
-        were the force that of the velocity."""
+        """Runs at up to 2 m/s, logged as pitched by 1 degree less for each m/s: a drag of 0.17 1/s, were the force that
+        of the velocity."""
         log, drag = runs(raptor, -1.0), Model(raptor).plus(LinearDrag())
         by_force = fit_model(drag, load_dataset([log], raptor))
         assert by_force.model.effects[0].values()["d_x"] == pytest.approx(0.0, abs=0.02)
