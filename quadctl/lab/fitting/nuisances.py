@@ -2,8 +2,8 @@
 
 Each flight has its own nuisances: the scale of its thrust (rotors, battery), the trim of its attitude estimate, the
 datum of its height, the delay of its rotor signal, the share of a lean that accelerates the vehicle which the attitude
-estimate takes for level, now and over some seconds, and a moment from rotors that are not all alike and a centre of
-mass that is off. They are
+estimate takes for level, now and over some seconds, a moment from rotors that are not all alike and a centre of
+mass that is off, and the error of an attitude by motion capture. They are
 fitted together with the effects, so that an effect does not explain them, and held by priors and bounds, so that they
 do not explain an effect. An effect of the same kind, such as a thrust scale or a tilt, is the mean of the vehicle,
 about which its flights scatter by the priors; so its interval knows how flights differ.
