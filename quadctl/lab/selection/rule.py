@@ -144,8 +144,8 @@ def _moment_drops(c: Candidate, rule: Rule = RULE) -> list[float]:
 
 def shows_in_moments(c: Candidate, rule: Rule = RULE) -> bool:
     """Tell whether a candidate lowers the error of every moment that its physics must show in, and worsens neither roll
-    nor pitch; and that of the thrust, where it must show there too: by `shown_beside` of its largest drop, where it need
-    not show in a certain moment.
+    nor pitch; and that of the thrust, where it must show there too: by `shown_beside` of its largest drop where it
+    need not show in a certain moment.
 
     Of several moments a centre of mass that is off may hide all but one, where the thrust shows the effect as well. Yaw
     may get a little worse (see `is_harmful`): a damaged propeller loses another share of its drag than of its thrust.
