@@ -18,7 +18,7 @@ FIRST = (
     *("thrust_scale", "thrust_map", "ground_effect", "ground_effect_hexarotor", "ground_effect_surfaces"),
     *("ceiling_effect", "rotor_drag", "body_drag", "inflow", "thrust_tilt", "tether", "wind", "translational_lift"),
     *("payload", "battery_sag", "thrust_curve", "motor_lag", "rotor_fault", "rotor_interaction", "ground_torque"),
-    "imu_bias",
+    *("airspeed_moment", "imu_bias"),
 )
 """Modules that come first; others follow by their names."""
 

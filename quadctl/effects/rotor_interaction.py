@@ -34,6 +34,10 @@ class FrontWake(Effect):
     def negligible(self) -> bool:
         return self.loss < 0.03
 
+    def shows_in(self, vehicle: Vehicle) -> tuple[str, ...]:
+        """The vertical axis: the moment alone is that of any drag that acts off the centre of mass."""
+        return ("up",)
+
     def rotor_thrust(self, thrust_n: Sequence[Number], c: Conditions, vehicle: Vehicle) -> Sequence[Number]:
         u, v, _ = c.velocity_body_m_s
         speed = sqrt(u * u + v * v)

@@ -47,6 +47,11 @@ class Kind(StrEnum):
     """`effect`, `parameters`, `p`."""
     LATE_POSITION = "late position"
     """`delay_ms`, `low_ms`, `high_ms`."""
+    ATTITUDE_OFF = "attitude off"
+    """`flights`: by name, `roll_deg` and `pitch_deg` by which the vehicle leans more than its motion capture says, as
+    its motion and its accelerometer show; `largest_deg`."""
+    ATTITUDE_OR_TILT = "attitude off or thrust tilted"
+    """The same where no accelerometer tells it from a tilted thrust."""
     UNTRIED = "untried"
     """`effect`, `variable`, `needed`, `unit`, `span`."""
     UNTRIED_FOLLOWS = "untried, follows disturbances"

@@ -47,6 +47,10 @@ TEMPLATES: Mapping[Kind, str] = {
     "{parameters:parameters}.",
     Kind.LATE_POSITION: "The position comes {delay_ms:.0f} ms [{low_ms:.0f}, {high_ms:.0f}] after the rotors' signal, "
     "and no lag of the motors explains it: what brings or filters the position is slow. It has been taken out.",
+    Kind.ATTITUDE_OFF: "The attitude by motion capture is off by up to {largest_deg:.1f}° ({flights:leans}): the "
+    "motion and the accelerometer agree on that. It has been taken out.",
+    Kind.ATTITUDE_OR_TILT: "The attitude by motion capture is off, or the thrust is tilted, by up to "
+    "{largest_deg:.1f}° ({flights:leans}): without an accelerometer the two are alike. It has been taken out.",
     Kind.UNTRIED: "{effect} (to distinguish it from others, {variable:span} must span {needed:g} {unit}; in these data "
     "it spans {span:.2g})",
     Kind.UNTRIED_FOLLOWS: "{effect} (to distinguish it from others, {variable:span} must span {needed:g} {unit}; in "
@@ -78,6 +82,15 @@ def in_words(finding: Finding) -> str:
     return _WORDS.vformat(TEMPLATES[finding.kind], (), finding.facts)
 
 
+def _leans(flights: Mapping[str, Mapping[str, float]]) -> str:
+    """Roll and pitch of each flight; of many, of the first three."""
+    shown = [
+        f"{name}: roll {lean['roll_deg']:+.1f}°, pitch {lean['pitch_deg']:+.1f}°" for name, lean in flights.items()
+    ]
+    more = [f"{len(shown) - 3} more"] if len(shown) > 3 else []
+    return "; ".join([*shown[:3], *more])
+
+
 def _parameters(values: Mapping[str, Mapping[str, Any]]) -> str:
     lines = [
         f"{name} = {p['value']:.4g}" + (f" {interval_in_words(p['value'], tuple(p['ci95']))}" if p["ci95"] else "")
@@ -96,6 +109,7 @@ _FORMATS: Mapping[str, Callable[[Any], str]] = {
     "counts": lambda found: ", ".join(f"{plain(f)} in {n}" for f, n in found.items()) or "nothing in any",
     "flights": flights_in_words,
     "parameters": _parameters,
+    "leans": _leans,
     "span": lambda name: SPAN_NAMES.get(name, name),
     "number": number,
     "m/s²": quantity,

@@ -96,6 +96,7 @@ class Kind(StrEnum):
     # --- the vehicle ---
     WEIGHT_DOUBT = "weight_doubt"
     VELOCITY_SCALE = "velocity_scale"
+    FORCE_BY_ACCELEROMETER = "force_by_accelerometer"
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,10 @@ VELOCITY = ("vx_m_s", "vy_m_s", "vz_m_s")
 ATTITUDE = ("roll_deg", "pitch_deg", "yaw_deg")
 RATES = ("roll_rate_rad_s", "pitch_rate_rad_s", "yaw_rate_rad_s")
 IMU = ("imu_x_m_s2", "imu_y_m_s2", "imu_z_m_s2")
+MOTION_CAPTURE, ESTIMATOR = "motion_capture", "estimator"
+ATTITUDE_SOURCES = (MOTION_CAPTURE, ESTIMATOR)
+"""Sources of a logged attitude: cameras that see markers, or an estimator that the vehicle's own inertial unit
+levels."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,6 +113,23 @@ class FlightLog:
         """The same log with the selected rows only (a slice, a mask or indices)."""
         columns = {name: values[selection] for name, values in self.columns.items()}
         return replace(self, columns=columns, phase=None if self.phase is None else self.phase[selection])
+
+
+def attitude_source(log: FlightLog) -> str:
+    """Source of the attitude, of `ATTITUDE_SOURCES`, as the sidecar or the map of a log says it; empty where neither
+    does.
+
+    Raises
+    ------
+    LogError
+        The sidecar names another source.
+    """
+    source = log.meta.get("attitude_by", "")
+    if source not in ("", *ATTITUDE_SOURCES):
+        raise LogError(
+            f"{log.name}: attitude_by in its meta file is {source!r}, expected {' or '.join(ATTITUDE_SOURCES)}"
+        )
+    return str(source)
 
 
 def doubt_of_copy(findings: Iterable[Finding]) -> str:

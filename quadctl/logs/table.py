@@ -151,7 +151,7 @@ def mapped(table: pl.DataFrame, by: TableMap, path: Path, findings: list[Finding
         column: _clock(path, table, clocks[column]) if column in clocks else _numbers(path, table, column)
         for _, column in by.named_columns()
     }
-    meta: dict[str, Any] = {}
+    meta: dict[str, Any] = {} if by.attitude.by is None else {"attitude_by": by.attitude.by}
     named = {name: _updates(group, by, cells) for name, group in by.groups()}
     turn_s, turned = _attitude(by.attitude, *named["attitude"])
     channels = [Channel("attitude", turn_s, dict(zip(ATTITUDE, euler_deg(turned), strict=True)))]

@@ -114,6 +114,8 @@ class Attitude(Several):
     world: AttitudeWorld
     inverse: bool = False
     """True for a quaternion that rotates `world` to `body`."""
+    by: Literal["motion_capture", "estimator"] | None = None
+    """Source of the attitude, where it is known: the axes of a motion capture's rigid body may be off by degrees."""
 
     @model_validator(mode="after")
     def _says_what_it_needs(self) -> "Attitude":

@@ -443,6 +443,10 @@ WORDS: dict[Kind, _Words] = {
         "by the {source} the rotors of '{vehicle}' give {factor:.2g} times the thrust that carries its {mass_kg:g} kg: "
         "is it the vehicle that flew, with this mass and these propellers{line}?"
     ),
+    Kind.FORCE_BY_ACCELEROMETER: (
+        "the force on the body is that of the accelerometer, so that errors of motion capture's attitude do not turn "
+        "it; the velocity checks it"
+    ),
     Kind.VELOCITY_SCALE: (
         "{position} changes {factor:.2f} times as fast as {velocity} says: a clock, a unit or an estimator is off, and "
         "the acceleration may be wrong by as much"

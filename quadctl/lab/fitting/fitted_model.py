@@ -7,6 +7,7 @@ from functools import cached_property
 from quadctl.effects import Effect
 from quadctl.lab.arrays import Floats
 from quadctl.lab.fitting.fitter import Fitter, Optimum
+from quadctl.lab.fitting.nuisances import captured_leans_deg
 from quadctl.lab.fitting.parameters import (
     Free,
     free_parameters,
@@ -94,6 +95,11 @@ class FittedModel:
     def intervals(self) -> list[tuple[float, float]]:
         """95 % interval of each fitted parameter."""
         return intervals(self.free, values_of(self.model, self.free), self.draws)
+
+    @property
+    def captured_leans_deg(self) -> dict[str, tuple[float, float]]:
+        """Errors of the attitudes of a motion capture (see `nuisances.captured_leans_deg`)."""
+        return captured_leans_deg(self.flights, self.optimum.nuisances)
 
     def relabelled(self, model: Model) -> "FittedModel":
         """The same fit as that of `model`, which differs in its name and files only."""

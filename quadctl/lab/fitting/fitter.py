@@ -26,7 +26,15 @@ from quadctl.lab.fitting.normal_equations import (
     robust_weights,
     soft_l1_loss,
 )
-from quadctl.lab.fitting.nuisances import AGE, BOUND, KINDS, LOWEST, PRIOR_STD, acceleration_jacobian, predicted_with
+from quadctl.lab.fitting.nuisances import (
+    AGE,
+    CAPTURED,
+    KINDS,
+    PRIOR_STD,
+    acceleration_jacobian,
+    bounds,
+    predicted_with,
+)
 from quadctl.lab.fitting.parameters import (
     HELD,
     free_parameters,
@@ -105,12 +113,12 @@ class Fitter:
         self.dataset = dataset.aligned_for(model)
         self.model = model
         self.free = free_parameters(model)
-        count = len(dataset.flights)
-        lowest = np.tile(LOWEST, (count, 1))
+        lowest, highest = map(np.array, zip(*map(bounds, self.dataset.flights), strict=True))
+        self._bound = highest
         # A rotor signal that comes earlier than positions are late has rotors that follow it late, and no delay.
-        lowest[:, AGE] = [np.clip(f.timing.earliest_s - f.delay_s, -BOUND[AGE], 0.0) for f in self.dataset.flights]
+        lowest[:, AGE] = [np.clip(f.timing.earliest_s - f.delay_s, -highest[0, AGE], 0.0) for f in self.dataset.flights]
         self._low = np.concatenate([[f.parameter.low for f in self.free], lowest.ravel()])
-        self._high = np.concatenate([[f.parameter.high for f in self.free], np.tile(BOUND, count)])
+        self._high = np.concatenate([[f.parameter.high for f in self.free], highest.ravel()])
         self._unit = self._high - self._low
         self._last: tuple[Optimum, _Linearisation] | None = None
 
@@ -200,7 +208,13 @@ class Fitter:
         times, alike = np.empty((BOOTSTRAPS, count), dtype=np.uint16), np.full(runs, 1.0 / runs)
         for now in parts:
             times[now] = random.multinomial(runs, alike, now.stop - now.start)[:, run]
-        centres = PRIOR_STD * random.standard_normal((BOOTSTRAPS, *fitted.nuisances.shape))
+        count_flights, usual = len(fitted.nuisances), CAPTURED.start
+        centres = np.empty((BOOTSTRAPS, *fitted.nuisances.shape))
+        centres[..., :usual] = random.standard_normal((BOOTSTRAPS, count_flights, usual))
+        # Drawn apart: flights without a motion capture keep the draws of the others, and so the intervals of the pages.
+        apart = np.random.default_rng([seed, usual])
+        centres[..., usual:] = apart.standard_normal((BOOTSTRAPS, count_flights, len(KINDS) - usual))
+        centres *= PRIOR_STD
         # The spread is estimated from few runs: Student's t instead of the normal distribution, n - 1 instead of n.
         wider = float(special.stdtrit(runs - 1, 0.975)) / 1.96 * math.sqrt(runs / (runs - 1)) if runs > 1 else 1.0
         first = np.flatnonzero(np.diff(self.dataset.flight_index[tangent.starts], prepend=-1))
@@ -257,9 +271,9 @@ class Fitter:
         a leading axis of draws.
         """
         p, kinds = len(self.free), np.arange(len(KINDS))
-        unit = np.concatenate([self._unit[: p + len(KINDS)], [1.0]])
-        scaled = gram * np.outer(unit, unit)
-        own = unit[p:-1]
+        unit = np.column_stack([self._unit_by_flight, np.ones(len(self.dataset.flights))])
+        scaled = gram * (unit[:, :, None] * unit[:, None, :])
+        own = unit[:, p:-1]
         scaled[..., p + kinds, p + kinds] += (own / prior_std) ** 2
         scaled[..., p:-1, -1] += own / prior_std**2 * prior_offset
         return Arrow.of_gram_matrices(scaled, p).ridged()
@@ -308,18 +322,18 @@ class Fitter:
         return np.asarray(equations.solve(free_mask)[:, : len(self.free)])
 
     def _step_beyond_bounds(self, fitted: Optimum, gram: Floats, free_mask: Mask) -> Floats:
-        """Step of the parameters, in units of their ranges, where the nuisances that `BOUND` holds go beyond it, shape
-        (p,); 0 where it holds none.
+        """Step of the parameters, in units of their ranges, where the nuisances that are held by their bounds go beyond
+        them, shape (p,); 0 where none is.
 
-        It is what usual vehicles and estimators have, and no law of physics. A nuisance that it holds belongs to an
+        A bound is what usual vehicles and estimators have, and no law of physics. What it holds belongs to an
         unusual one, of which nobody knows how far it goes: its prior is then as wide as the bound.
         """
         p = len(self.free)
-        unusual = np.abs(fitted.nuisances) > (1.0 - HELD) * BOUND
+        unusual = np.abs(fitted.nuisances) > (1.0 - HELD) * self._bound
         released = free_mask | np.concatenate([np.zeros(p, dtype=bool), unusual.ravel()])
         if np.array_equal(released, free_mask):
             return np.zeros(p)
-        prior_std = np.where(unusual, BOUND, PRIOR_STD)
+        prior_std = np.where(unusual, self._bound, PRIOR_STD)
         return np.asarray(self._equations(gram, -fitted.nuisances, prior_std).solve(released)[:p])
 
     def _variance_beyond_runs(
@@ -329,7 +343,7 @@ class Fitter:
         more than runs of blocks that are taken for independent, shape (p,); 0 where it says less."""
         p, k, count = len(self.free), len(KINDS), len(gram)
         equations = self._equations(gram, -fitted.nuisances)
-        unit = self._unit[: p + k]
+        unit = self._unit_by_flight
         flight = self.dataset.flight_index[tangent.starts]
         more = np.zeros(p)
         for i in range(p):
@@ -342,6 +356,12 @@ class Fitter:
             of_spectrum = np.einsum("fm,fmn,fn->", by_gradient, tangent.gradient_covariance, by_gradient)
             more[i] = max(of_spectrum - float(by_run @ by_run), 0.0)
         return more
+
+    @property
+    def _unit_by_flight(self) -> Floats:
+        """Range of each parameter and of each nuisance of a flight, shape (flights, p + kinds)."""
+        p, own = len(self.free), self._unit[len(self.free) :].reshape(-1, len(KINDS))
+        return np.column_stack([np.tile(self._unit[:p], (len(own), 1)), own])
 
     def _free_mask(self, fitted: Optimum) -> Mask:
         """Mask of the unknowns that are not at a bound; those at a bound stay there, as they would in a refit."""

@@ -13,7 +13,7 @@ from scipy.ndimage import correlate1d
 from scipy.sparse import csr_matrix
 
 from quadctl.effects import Conditions
-from quadctl.frames import GRAVITY_M_S2, euler_from_quaternion, rotate_inverse
+from quadctl.frames import GRAVITY_M_S2, Quaternion, euler_from_quaternion, rotate_inverse
 from quadctl.lab.arrays import Floats, Mask
 from quadctl.logs.findings import Finding, Kind, of_kind
 from quadctl.logs.words import worded
@@ -158,11 +158,16 @@ class Flight:
     """Filtered kinematic acceleration by the accelerometer, north, east, up, m/s^2, shape (n, 3); None without one."""
     velocity_lag_s: float = 0.0
     """Lag of the logged velocity behind the position, s, which has been taken out."""
+    trajectory: Floats | None = None
+    """Filtered kinematic acceleration by the velocity, as `measured`, where that is by the accelerometer (see
+    `by_force`); None where it is by the velocity itself."""
     doubted_axes: tuple[int, ...] = ()
     """Axes of `measured` along which the velocity is wrong, so that the accelerometer tells the acceleration."""
     changes_s: tuple[float, ...] = ()
     """Times at which something of the record changes: the flight mode, a parameter on which the thrust depends, the
     estimator's state."""
+    attitude_by: str = ""
+    """Source of the attitude, of `ATTITUDE_SOURCES`; empty where the log does not say."""
     sha256: str = ""
     """Hash of the log file; empty for a log without a file."""
     timing: Timing = UNKNOWN_TIMING
@@ -205,6 +210,7 @@ class Flight:
             block=self.block[kept],
             torque=None if self.torque is None else self.torque[kept],
             sensed=None if self.sensed is None else self.sensed[kept],
+            trajectory=None if self.trajectory is None else self.trajectory[kept],
         )
 
     def shifted(self, delay_s: float) -> "Flight":
@@ -226,12 +232,27 @@ class Flight:
             return self
         north, east, up = (self.later(v, lag_s) for v in self.velocity_neu)
         c = self.conditions
-        return replace(
+        later = replace(
             self,
             conditions=replace(c, velocity_body_m_s=rotate_inverse(c.attitude, (north, east, -up))),
             measured=np.column_stack([self.derivative @ v for v in (north, east, up)]),
+            trajectory=None,
             velocity_lag_s=lag_s,
-        ).by_accelerometer(self.doubted_axes)
+        )
+        return later.by_accelerometer(self.doubted_axes) if self.trajectory is None else later.by_force()
+
+    def by_force(self) -> "Flight":
+        """Copy of the flight whose acceleration is that of the accelerometer: the force on the body over its mass.
+
+        The logged attitude turns it into the world as it turns the predicted force, so that errors of the attitude
+        cancel. The acceleration by the velocity is kept as `trajectory`, for `imu_error`.
+        """
+        return self if self.sensed is None else replace(self, measured=self.sensed, trajectory=self.motion)
+
+    @property
+    def motion(self) -> Floats:
+        """Filtered kinematic acceleration by the velocity, north, east, up, m/s^2, shape (n, 3)."""
+        return self.measured if self.trajectory is None else self.trajectory
 
     def by_accelerometer(self, axes: tuple[int, ...]) -> "Flight":
         """Copy of the flight whose acceleration along some axes is that of the accelerometer; its mean stays that of
@@ -250,9 +271,9 @@ class Flight:
 
     @property
     def imu_error(self) -> Floats | None:
-        """Filtered acceleration by the accelerometer minus `measured`, north, east, up, m/s^2, shape (n, 3); None
+        """Filtered acceleration by the accelerometer minus `motion`, north, east, up, m/s^2, shape (n, 3); None
         without one, or where it tells the acceleration itself."""
-        return None if self.sensed is None or self.doubted_axes else self.sensed - self.measured
+        return None if self.sensed is None or self.doubted_axes else self.sensed - self.motion
 
     @property
     def velocity_up(self) -> Floats:
@@ -328,6 +349,13 @@ class Flight:
     def heading_rad(self) -> Floats:
         """Filtered yaw, unwrapped, at the samples, shape (n,)."""
         return self.filtered(np.unwrap(euler_from_quaternion(self.conditions.attitude)[2]))
+
+    @cached_property
+    def sampled_attitude(self) -> Quaternion:
+        """Filtered attitude, body to world, at the samples, shape (n,) each part."""
+        parts = np.array([self.filtered(part) for part in self.conditions.attitude])
+        w, x, y, z = parts / np.linalg.norm(parts, axis=0)
+        return w, x, y, z
 
     @cached_property
     def manoeuvres(self) -> dict[str, Floats]:

@@ -26,8 +26,10 @@ GROUPS = {"total": AXES, "turning": MOMENTS, "sensing": SENSED}
 
 
 def predict(model: Model, flight: Flight) -> Floats:
-    """Predict the filtered kinematic acceleration of one flight, north, east, up, m/s^2, shape (n, 3)."""
-    return _filtered(model, flight, lambda nominal, c: ned_from_neu(model.acceleration_ned(nominal, c)))
+    """Predict `measured` of one flight, north, east, up, m/s^2, shape (n, 3): the filtered kinematic acceleration, with
+    the error of the accelerometer where that measures it."""
+    found = _filtered(model, flight, lambda nominal, c: ned_from_neu(model.acceleration_ned(nominal, c)))
+    return found if flight.trajectory is None else found + predict_imu_error(model, flight)
 
 
 def _filtered(model: Model, flight: Flight, at: Callable[[Sequence[Number], Conditions], Vector]) -> Floats:

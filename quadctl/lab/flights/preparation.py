@@ -30,7 +30,7 @@ from quadctl.lab.flights.timing import timed
 from quadctl.lab.flights.vehicle_match import motion_problem, sidecar_problem, thrust_problem, weight_doubt
 from quadctl.lab.flights.velocity_scale import scale_finding
 from quadctl.logs.findings import Finding, Kind, finding
-from quadctl.logs.flight_log import FlightLog, doubt_of_copy
+from quadctl.logs.flight_log import MOTION_CAPTURE, FlightLog, attitude_source, doubt_of_copy
 from quadctl.logs.record.flight_time import total
 from quadctl.logs.record.record import LEFT_OUT_S, MIN_FLIGHT_S, Record, examine
 from quadctl.logs.words import worded
@@ -41,6 +41,10 @@ from quadctl.vehicle import Vehicle
 MAX_BANDWIDTH_HZ = 3.0
 BANDWIDTH_PER_UPDATE_RATE = 0.35
 """Filter bandwidth over the update rate of the slowest channel: well below the Nyquist frequency, half that rate."""
+SAME_FORCE_M_S2 = 0.5
+"""Largest difference of the forces by the accelerometer and by the velocity, over the mass, root mean square: 5 % of
+the weight, as a bias and a scale of a small accelerometer make. An offset of its clock by 0.1 s makes less in
+manoeuvres of 1 m/s^2 at 0.5 Hz."""
 BLOCK_S = 5.0
 """Length of the blocks of time that are held out and resampled as a whole."""
 
@@ -79,8 +83,11 @@ def prepare(log: FlightLog, vehicle: Vehicle) -> Flight:
     flight = _over_surfaces(
         _assemble(log.name, vehicle, signals, grid, smooth, derivative, time, bandwidth, findings), log
     )
-    flight = replace(flight, changes_s=record.changes_s)
+    flight = replace(flight, changes_s=record.changes_s, attitude_by=attitude_source(log))
     flight = flight.by_accelerometer(tuple(AXES.index(axis) for axis in record.velocity_doubted))
+    if _tells_force(flight, signals, segments):
+        flight = flight.by_force()
+        findings.append(finding(Kind.FORCE_BY_ACCELEROMETER))
     del signals, grid, smooth, derivative  # of a long log they need as much memory as the flight
     (flight,) = timed([replace(flight, sha256=_sha256(log))], Model(vehicle))
     thrust = np.column_stack([flight.filtered(nominal) for nominal in flight.nominal_n])
@@ -90,6 +97,23 @@ def prepare(log: FlightLog, vehicle: Vehicle) -> Flight:
     carried = float(np.median(np.sum(flight.logged_n, axis=0) * upright)) / vehicle.weight_n
     doubts = (weight_doubt(carried, vehicle, flight.thrust_source), scale_finding(flight))
     return replace(flight, findings=[*findings, *(doubt for doubt in doubts if doubt is not None)])
+
+
+def _tells_force(flight: Flight, signals: Signals, segments: Sequence[tuple[float, float]]) -> bool:
+    """Tell whether the accelerometer is trusted to measure the force on the body.
+
+    The attitude is that of a motion capture, whose errors by place would turn a force that is derived from the
+    velocity; an estimator has attitude and velocity from this accelerometer, so that nothing would be gained. Its
+    updates come as often as those of other channels must. And the size of its force, which needs no attitude, follows
+    that of the velocity. It takes away forces that only the velocity shows: those are errors of the accelerometer here.
+    """
+    if flight.sensed is None or flight.doubted_axes or flight.attitude_by != MOTION_CAPTURE:
+        return False
+    if BANDWIDTH_PER_UPDATE_RATE * signals.imu[0].rate_hz(segments) < flight.bandwidth_hz:
+        return False
+    gravity = np.array([0.0, 0.0, GRAVITY_M_S2])
+    sizes = (np.linalg.norm(acceleration + gravity, axis=1) for acceleration in (flight.sensed, flight.motion))
+    return bool(np.sqrt(np.mean(np.square(np.subtract(*sizes)))) < SAME_FORCE_M_S2)
 
 
 def _over_surfaces(flight: Flight, log: FlightLog) -> Flight:

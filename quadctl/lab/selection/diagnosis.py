@@ -1,5 +1,6 @@
 """Diagnosis: every effect of the catalogue is tried on top of the model, and judged on held-out data."""
 
+import math
 from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
@@ -158,7 +159,7 @@ class Diagnosis(Result):
             if is_trim(c) and c.family not in self.missing and c not in self.measured:
                 usual = {"effect": c.effect.name, "parameters": parameters_of(c.effect, c.ci95), "p": c.p_value}
                 found.append(Finding(Kind.USUAL, usual))
-        return found + of_timing(self.timing)
+        return [*found, *of_timing(self.timing), *_of_attitudes(self.fit)]
 
     def lines(self) -> list[str]:
         """Answer and notes in words."""
@@ -184,6 +185,18 @@ class Diagnosis(Result):
         missing = {step.effect for step in self.steps}
         untried = [f"Not tried: {in_words(reason)}." for reason in self.untried]
         return Group(_table(title, self.ranking, missing), Text(on_terminal("\n".join(untried))))
+
+
+def _of_attitudes(fit: FittedModel | None) -> list[Finding]:
+    """Finding on the attitudes of a motion capture that are off; none where the diagnosis was read from a session."""
+    leans = {} if fit is None else fit.captured_leans_deg
+    if fit is None or not leans:
+        return []
+    facts = {
+        "flights": {name: {"roll_deg": roll, "pitch_deg": pitch} for name, (roll, pitch) in leans.items()},
+        "largest_deg": max(math.hypot(*lean) for lean in leans.values()),
+    }
+    return [Finding(Kind.ATTITUDE_OFF if "sensing" in fit.dataset.groups else Kind.ATTITUDE_OR_TILT, facts)]
 
 
 def _told(answer: Sequence[Finding]) -> str:

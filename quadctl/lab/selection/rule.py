@@ -61,7 +61,8 @@ class Rule:
     """Least relative drop where the effect must be visible in one moment only."""
     shown_beside: float = 0.2
     """Least drop of each such moment as a share of the largest drop on any axis: nuisances can explain as much of a
-    moment, and an effect that lowers only the error of the thrust belongs to another family."""
+    moment, and an effect that lowers only the error of the thrust belongs to another family. The same for the thrust,
+    of an effect that must show there and whose moments others have, too: one that lowers only theirs is another one."""
 
     # alike
     alike: float = 0.05
@@ -143,14 +144,16 @@ def _moment_drops(c: Candidate, rule: Rule = RULE) -> list[float]:
 
 def shows_in_moments(c: Candidate, rule: Rule = RULE) -> bool:
     """Tell whether a candidate lowers the error of every moment that its physics must show in, and worsens neither roll
-    nor pitch; and that of the thrust, where it must show there too.
+    nor pitch; and that of the thrust, where it must show there too: by `shown_beside` of its largest drop where it
+    need not show in a certain moment.
 
     Of several moments a centre of mass that is off may hide all but one, where the thrust shows the effect as well. Yaw
     may get a little worse (see `is_harmful`): a damaged propeller loses another share of its drag than of its thrust.
     """
     axes, up = c.effect.shows_in(c.model.vehicle), c.drops.get("up", 0.0)
     shown = [c.drops.get(axis, 0.0) for axis in axes if axis in MOMENTS]
-    if "up" in axes and up < rule.shown:
+    least = rule.shown if shown else max(rule.shown, rule.shown_beside * c.largest_drop)
+    if "up" in axes and up < least:
         return False
     if not shown:
         return True

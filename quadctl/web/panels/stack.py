@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from nicegui import ui
 
+from quadctl.lab.arrays import Mask
 from quadctl.lab.comparison.reservations import is_of_the_thrust
 from quadctl.lab.comparison.wording import (
     interval_in_text,
@@ -19,7 +20,7 @@ from quadctl.lab.comparison.wording import (
     value_in_text,
 )
 from quadctl.lab.evaluation import Evaluation
-from quadctl.lab.fitting.nuisances import KINDS, Kind
+from quadctl.lab.fitting.nuisances import KINDS, bounds
 from quadctl.lab.flights.dataset import Dataset
 from quadctl.lab.selection.rule import is_significant
 from quadctl.model import StackedEffect
@@ -167,7 +168,7 @@ def apart_in_words(evaluation: Evaluation) -> str:
         apart = float(np.ptp(fitted[:, place]))
         if kind.name in NUISANCES and apart > APART * kind.prior_std:
             name, factor, unit = NUISANCES[kind.name]
-            least = "at least " if any(_is_limited(value, kind) for value in fitted[:, place]) else ""
+            least = "at least " if _limited(evaluation)[:, place].any() else ""
             found.append(f"{name} by {least}{factor * apart:.2g} {unit}".replace(" %", "%").replace(" °", "°"))
     return f"What is fitted to each flight by itself differs beside that: {listed(found)}." if found else ""
 
@@ -192,23 +193,26 @@ def limited_in_words(evaluation: Evaluation, found: Diagnosed | None) -> str:
 
 def _at_limit(evaluation: Evaluation) -> dict[str, list[str]]:
     """Names of the flights with a trim or calibration at its limit, by the name of its kind."""
-    fitted, names = evaluation.solution.optimum.nuisances, evaluation.comparison.dataset.names
+    names = evaluation.comparison.dataset.names
+    limited = _limited(evaluation)
     found = {
-        kind.name: [name for name, value in zip(names, fitted[:, place], strict=True) if _is_limited(value, kind)]
+        kind.name: [name for name, at_limit in zip(names, limited[:, place], strict=True) if at_limit]
         for place, kind in enumerate(KINDS)
         if kind.name in NUISANCES
     }
     return {kind: flights for kind, flights in found.items() if flights}
 
 
-def _is_limited(value: float, kind: Kind) -> bool:
-    return abs(value) > AT_LIMIT * kind.bound
+def _limited(evaluation: Evaluation) -> Mask:
+    """Mask of the offsets that are at the limit of their flight, shape (flights, kinds)."""
+    highest = np.array([bounds(flight)[1] for flight in evaluation.comparison.dataset.flights])
+    return np.asarray(np.abs(evaluation.solution.optimum.nuisances) > AT_LIMIT * highest)
 
 
 def _draw_nuisances(evaluation: Evaluation, seen: Dataset, found: Diagnosed | None) -> None:
     fitted = evaluation.solution.optimum.nuisances
     shown = [(place, kind) for place, kind in enumerate(KINDS) if kind.name in NUISANCES]
-    at_limit = _at_limit(evaluation)
+    at_limit, at_limits = _at_limit(evaluation), _limited(evaluation)
     if at_limit:
         tag("p", "note", limited_in_words(evaluation, found))
     with ui.expansion("Trim and calibration").classes("nuisances").props("dense"):
@@ -227,8 +231,7 @@ def _draw_nuisances(evaluation: Evaluation, seen: Dataset, found: Diagnosed | No
                 with tag("tr"):
                     with tag("td"):
                         explained(f"{name} / {unit}")
-                    for value in fitted[:, place]:
-                        limited = _is_limited(value, kind)
+                    for value, limited in zip(fitted[:, place], at_limits[:, place], strict=True):
                         text = plus(factor * value, decimals=2)
                         tag("td", "number limited" if limited else "number", f"{text} *" if limited else text)
         if at_limit:

@@ -11,6 +11,7 @@ from scipy.optimize import lsq_linear
 from scipy.signal import lfilter
 
 from quadctl.effects import CATALOG, Effect
+from quadctl.effects.airspeed_moment import LinearMoment
 from quadctl.effects.ground_effect import Exponential
 from quadctl.effects.payload import MassStep
 from quadctl.effects.rotor_drag import LinearDrag
@@ -619,6 +620,16 @@ class TestOtherAxes:
         assert not is_supported(self.candidate(HEXAROTOR, weak, roll=0.09, turning=0.168, **lighter))
         assert is_supported(self.candidate(HEXAROTOR, weak, roll=0.04, turning=0.147, **lighter))
         assert not is_supported(self.candidate(HEXAROTOR, weak, roll=0.04, turning=0.147))
+
+    @pytest.mark.parametrize(("up", "supported"), [(0.85, True), (0.95, False)])
+    def test_a_wake_takes_thrust_and_what_only_turns_the_vehicle_is_an_airspeed_moment(
+        self, raptor: Vehicle, up: float, supported: bool
+    ) -> None:
+        """Of the moments 60 % is explained: of the thrust a fifth of that, 12 %, is asked of a wake."""
+        turned = {"roll": 0.04, "pitch": 0.04, "turning": 0.1149, "up": up, "total": (2.0 + up**2) ** 0.5}
+        assert is_supported(self.candidate(raptor, FrontWake(0.2), **turned)) is supported
+        only = turned | {"up": 1.0, "total": ERRORS["total"]}
+        assert is_supported(self.candidate(raptor, LinearMoment(roll=-0.8, pitch=1.0), **only))
 
     def test_what_is_not_about_moments_is_not_judged_by_them(self, raptor: Vehicle) -> None:
         assert not is_supported(self.candidate(raptor, ConstantScale(0.9), yaw=0.05, turning=0.15))
