@@ -335,26 +335,36 @@ def _blocks(flights: Sequence[Heights]) -> list[np.ndarray]:
     return [number == block for block in range(BLOCKS)]
 
 
-def _residuals(flights: Sequence[Heights], errors: Sequence[SensorError], noise: Noise) -> list[Rows]:
-    """Rest of each part where the parameters are those of the others; beside it the nuisances' columns."""
-    rows, n_errors = _rows(flights, errors, _no_wind(flights)), sum(len(_linear(error)) for error in errors)
+def _unseen(flights: Sequence[Heights], errors: Sequence[SensorError], noise: Noise) -> list[Estimate]:
+    """What the parameters by all other parts leave of each part, in the unit of its rows.
+
+    These parameters are as uncertain as those parts leave them: a side to which the only fast run is in the part itself
+    is not told by the others, and no prediction of it can fail. So their errors are estimated again with the covariance
+    of the others as the prior, which makes `log_likelihood` the predictive density of the part.
+    """
+    rows, n = _rows(flights, errors, _no_wind(flights)), sum(len(_linear(error)) for error in errors)
     found = []
     for block in _blocks(flights):
         seen = Rows(rows.time_s[~block], rows.flight[~block], rows.columns[~block], rows.target[~block])
-        value = estimate(seen, noise).value
-        left = rows.target[block] - rows.columns[block, :n_errors] @ value[:n_errors]
-        found.append(Rows(rows.time_s[block], rows.flight[block], rows.columns[block, n_errors:], left))
+        others = estimate(seen, noise)
+        variances, axes = np.linalg.eigh(others.covariance[:n, :n])
+        spread = rows.columns[block, :n] @ (axes * np.sqrt(np.maximum(variances, 0.0)))
+        nuisances = rows.columns[block, n:]
+        nuisances = nuisances[:, np.any(nuisances != 0.0, axis=0)]
+        left = rows.target[block] - rows.columns[block, :n] @ others.value[:n]
+        part = Rows(rows.time_s[block], rows.flight[block], np.hstack([spread, nuisances]), left)
+        found.append(estimate(part, noise, np.repeat([1.0, 0.0], [n, nuisances.shape[1]])))
     return found
 
 
 def _foretells(flights: Sequence[Heights], errors: Sequence[SensorError], i: int, noise: Noise) -> bool:
-    """Tell whether an error beside the others lowers the weighted squares of blocks that no fit saw."""
+    """Tell whether parts that no fit saw are likelier with an error beside the others."""
     without = [error for j, error in enumerate(errors) if j != i]
 
-    def squares(each: Sequence[SensorError]) -> float:
-        return sum(estimate(block, noise).misfit for block in _residuals(flights, each, noise))
+    def likelihood(each: Sequence[SensorError]) -> float:
+        return sum(part.log_likelihood for part in _unseen(flights, each, noise))
 
-    return squares(errors) < squares(without)
+    return likelihood(errors) > likelihood(without)
 
 
 def _held_out(flights: Sequence[Heights], errors: Sequence[SensorError], noise: Noise) -> float:
@@ -362,8 +372,7 @@ def _held_out(flights: Sequence[Heights], errors: Sequence[SensorError], noise: 
 
     These are the innovations: of the weighted squares, in the unit of the rows.
     """
-    blocks = _residuals(flights, errors, noise)
-    fits = [estimate(block, noise) for block in blocks]
-    n = sum(len(block.target) for block in blocks)
-    size = np.exp(0.5 * sum(fit.log_determinant for fit in fits) / n)
-    return float(size * np.sqrt(sum(fit.misfit for fit in fits) / n))
+    parts = _unseen(flights, errors, noise)
+    n = sum(len(flight.time_s) for flight in flights)
+    size = np.exp(0.5 * sum(part.log_determinant for part in parts) / n)
+    return float(size * np.sqrt(sum(part.misfit for part in parts) / n))
