@@ -64,10 +64,10 @@ def judge(case: Case, folder: Path) -> Judged:
     out.unlink(missing_ok=True)
     command = [sys.executable, "-m", "quadctl", "diagnose", "--sensors", str(log), "--json", str(out)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
-    if not out.exists():
+    sensors = json.loads(out.read_text(encoding="utf-8"))["sensors"] if out.exists() else []
+    found: dict[str, Any] | None = next((sensor for sensor in sensors if sensor["sensor"] == "barometer"), None)
+    if found is None or found["verdict"] == "cannot tell":
         return Judged(case, set(), {}, [], done.stderr.strip().partition(": ")[2])
-    sensors = json.loads(out.read_text(encoding="utf-8"))["sensors"]
-    found: dict[str, Any] = next(sensor for sensor in sensors if sensor["sensor"] == "barometer")
     tried = {entry["error"]: entry for key in ("missing", "small", "absent") for entry in found[key]}
     within = {error: _within(case, error, tried[error]) for error in sorted(case.truth.errors & set(tried))}
     airspeed = tried.get("barometer.airspeed", {"parameters": {}})

@@ -9,11 +9,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.stats import chi2
 
+from quadctl.effects.barometer import GroundError
 from quadctl.effects.sensor_error import SensorError
 from quadctl.effects.sensors import SENSOR_ERRORS
 from quadctl.errors import LogError
 from quadctl.lab.arrays import Floats
-from quadctl.lab.sensors.heights import READINGS, Heights
+from quadctl.lab.sensors.heights import READINGS, Heights, NoReference, Reference
 from quadctl.lab.sensors.wander import Estimate, Noise, Rows, estimate, learned, stacked
 from quadctl.logs.contradictions import MAX_FACTOR
 from quadctl.sensor_model import FittedError, SensorModel
@@ -37,6 +38,8 @@ class Verdict(StrEnum):
 
     MISSING = "missing"
     NONE = "none"
+    CANNOT_TELL = "cannot tell"
+    """No log has a reference."""
 
 
 class Told(NamedTuple):
@@ -112,7 +115,18 @@ class SensorDiagnosis:
         throttle = float(np.median([flight.hover_throttle for flight in self.flights]))
         logs = tuple(flight.name for flight in self.flights)
         of_barometer = self.scatter_m if self.sensor == "barometer" else None
-        return SensorModel(errors, logs, of_barometer, throttle if np.isfinite(throttle) else None)
+        hover = throttle if np.isfinite(throttle) else None
+        return SensorModel(errors, logs, of_barometer, hover, self._near_ground_s())
+
+    def _near_ground_s(self) -> tuple[float, ...]:
+        """Time of each flight from lift-off to the height at which the error of the ground has faded."""
+        grounds = [one.error for one in self.missing if isinstance(one.error, GroundError)]
+        return tuple(
+            float(flight.time_s[above][0] - flight.time_s[0])
+            for ground in grounds
+            for flight in self.flights
+            if (above := flight.above_ground_m > ground.faded_at_m).any() and not above[0]
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """The facts, as docs/sensors.md describes them."""
@@ -127,6 +141,26 @@ class SensorDiagnosis:
             "held_out_m": {"before": self.before_m, "after": self.after_m},
             "scatter_m": self.scatter_m,
             "noise": self.noise._asdict(),
+        }
+
+
+@dataclass(frozen=True)
+class Untold:
+    """Answer about a sensor of which no log has a reference."""
+
+    sensor: str
+    reasons: tuple[tuple[str, NoReference], ...]
+    """Name of each log, and why it has none."""
+    verdict: Verdict = Verdict.CANNOT_TELL
+
+    def to_dict(self) -> dict[str, Any]:
+        """The facts, as docs/sensors.md describes them."""
+        return {
+            "sensor": self.sensor,
+            "verdict": str(self.verdict),
+            "logs": [name for name, _ in self.reasons],
+            "reasons": [str(reason) for _, reason in self.reasons],
+            "needs": [str(reference) for reference in Reference],
         }
 
 
