@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from rich.table import Table
 
-from quadctl.lab.sensors.comparison import SensorComparison
+from quadctl.lab.sensors.comparison import UNITS, SensorComparison
 from quadctl.lab.sensors.diagnosis import Named, SensorDiagnosis, Untold, Verdict
 from quadctl.lab.sensors.heights import Heights, NoReference, Reference
 
@@ -24,7 +24,6 @@ SPANS = {
     "height": "hovers below 1 m and above",
     "thrust": "climbs that change the thrust",
 }
-UNITS = {"height": "m", "speed forward": "m/s", "speed right": "m/s", "climb": "m/s", "thrust": "", "temperature": "K"}
 
 
 def comparison_table(compared: SensorComparison) -> Table:
