@@ -34,7 +34,8 @@ MATTERS_M_S2 = 0.02
 """Least root mean square of the acceleration that the error stands for."""
 BLOCK_S = 10.0
 """Blocks of time of the two halves, of which each must foretell the other."""
-LEAST_S = 20.0
+LEAST_S, LONGEST_S = 20.0, 36000.0
+"""Time in flight that is needed, and length of a log, with its pauses, that is looked at."""
 
 
 class HeightError(NamedTuple):
@@ -70,7 +71,10 @@ def without_height_error(
         return log, []
     if sum(end - begin for begin, end in spans) < LEAST_S:
         return log, []
-    clock = np.arange(log.time_s[0], log.time_s[-1], STEP_S)
+    begin, end = spans[0][0], spans[-1][1]
+    if end - begin > LONGEST_S:
+        return log, []
+    clock = np.arange(begin, end, STEP_S)
     drive = thrust_drive(log, thrust_source)
     lift = np.ones(len(clock)) if drive is None else np.interp(clock, log.time_s, np.nan_to_num(drive))
     inside = np.any([(clock >= begin) & (clock <= end) for begin, end in spans], axis=0)
@@ -109,17 +113,21 @@ def _forms(log: FlightLog, clock: Floats) -> Floats:
 
 def _followed(forms: Floats, frequency_rad_s: float) -> tuple[Floats, Floats, Floats]:
     """Errors of height, climb rate and its change of an estimator that follows these readings, each (n, 4)."""
-    height, climb = np.empty((2, *forms.shape))
-    x, v = forms[0].copy(), np.zeros(forms.shape[1])
+    from scipy.signal import lfilter  # heavy, and needed only where a height leans on a barometer
+
     w, parts = frequency_rad_s, max(round(frequency_rad_s * STEP_S * 5.0), 1)
     dt = STEP_S / parts
-    for i, reading in enumerate(forms):
-        for _ in range(parts):
-            apart = reading - x
-            v = v + dt * w * w * apart
-            x = x + dt * (v + 2.0 * DAMPING * w * (reading - x))
-        height[i], climb[i] = x, v
-    return height, climb, np.gradient(climb, STEP_S, axis=0)
+    step = np.array([[1.0 - 2.0 * DAMPING * w * dt - (w * dt) ** 2, dt], [-w * w * dt, 1.0]])
+    push, whole = np.zeros(2), np.eye(2)
+    for _ in range(parts):
+        push = step @ push + [2.0 * DAMPING * w * dt + (w * dt) ** 2, w * w * dt]
+        whole = step @ whole
+    below = [1.0, -float(np.trace(whole)), float(np.linalg.det(whole))]
+    of_height = [push[0], whole[0, 1] * push[1] - whole[1, 1] * push[0]]
+    of_climb = [push[1], whole[1, 0] * push[0] - whole[0, 0] * push[1]]
+    apart = forms - forms[0]
+    height, climb = (np.asarray(lfilter(above, below, apart, axis=0)) for above in (of_height, of_climb))
+    return height + forms[0], climb, np.gradient(climb, STEP_S, axis=0)
 
 
 def _fitted(
@@ -127,6 +135,8 @@ def _fitted(
 ) -> HeightError | None:
     """The error that the forms explain best; None where it is not clear, or of no matter."""
     up, others = _accelerations(log, clock, forms, lift)
+    if not (np.all(np.isfinite(up)) and np.all(np.isfinite(forms)) and np.all(np.isfinite(others))):
+        return None
     best: tuple[float, HeightError] | None = None
     for frequency in FREQUENCIES_RAD_S:
         *_, change = _followed(forms, frequency)
@@ -143,6 +153,8 @@ def _regression(columns: Floats, target: Floats, k: int, time_s: Floats) -> tupl
     they are not clear."""
     products, along = columns.T @ columns, columns.T @ target
     left = target - columns @ (np.linalg.pinv(products) @ along)
+    if not left.any():  # made, not measured
+        return None
     variance = float(np.mean(left**2)) * _alike(left)
     prior = np.diag(np.where(np.arange(len(products)) < k, variance / USUAL**2, 0.0))
     inverse = np.linalg.pinv(products + prior)
